@@ -10,6 +10,14 @@
         loop.step(frames=5)
         print(loop.finish()["passed"])
 
+A simulator outside is the plant of a bench with plant.kind = "outside" (lockstep, src/guide/lockstep.md): it sends attitudes
+ahead of the steps, of any instants, and every run repeats bit for bit:
+
+    with Starloop.start("target/release/starloop", "configs/benches/lockstep.toml") as loop:
+        loop.attitude([attitude_sample(0.01 * k, (1, 0, 0, 0), (0, 0, 0)) for k in range(30)])
+        loop.step(until_s=0.25)
+        print(loop.tracker()["valid"], loop.frame_facts()["meta"]["attitude_wxyz"])
+
 Simulated time does not advance between calls. All times are seconds after the first exposure. The protocol, one line of
 JSON each way, is described in src/run/wiring/control/protocol.rs. The program answers only a client that knows its token,
 which it prints and writes to a file that only the user may read: this client reads that file. Run this file for a
@@ -31,7 +39,7 @@ import socket
 import subprocess
 import sys
 import threading
-from typing import Any, Dict, Iterable, NamedTuple, Optional, Union
+from typing import Any, Dict, Iterable, List, NamedTuple, Optional, Sequence, Union
 
 try:
     import numpy
@@ -62,6 +70,48 @@ class Frame(NamedTuple):
     """DN row by row from the top: a numpy array of shape (height, width), or array('H') without numpy."""
     info: Dict[str, Any]
     """Number, mid_exposure_s, faults, crc32, and all that is known about the frame under "meta"."""
+
+
+LINE_BYTES = 60_000
+"""Longest line that is sent: the program takes 65,536 bytes."""
+
+Row = Sequence[float]
+"""Numbers of one instant, the first of which is seconds after the first exposure."""
+
+
+def attitude_sample(
+    t_s: float, q_wxyz: Row, rate_rad_s: Row, acceleration_rad_s2: Optional[Row] = None
+) -> List[float]:
+    """Returns a row for `Starloop.attitude`.
+
+    `q_wxyz` turns ICRF axes into body axes, v_body = q v_icrf q*: the conjugate of what Basilisk, Orekit, ROS and SciPy write.
+
+    >>> attitude_sample(0.5, (1, 0, 0, 0), (0, 0, 0.01))
+    [0.5, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.01]
+    """
+    row = [t_s, *q_wxyz, *rate_rad_s, *(acceleration_rad_s2 if acceleration_rad_s2 is not None else ())]
+    return [float(number) for number in row]
+
+
+def wxyz_of_mrp(sigma_bn: Row) -> List[float]:
+    """Returns the quaternion of modified Rodrigues parameters as Basilisk writes them (sigma_BN).
+
+    >>> wxyz_of_mrp((0.0, 0.0, 0.0))
+    [1.0, 0.0, 0.0, 0.0]
+    """
+    s2 = sum(part * part for part in sigma_bn)
+    return [(1.0 - s2) / (1.0 + s2), *(-2.0 * part / (1.0 + s2) + 0.0 for part in sigma_bn)]
+
+
+def mrp_of_wxyz(q_wxyz: Row) -> List[float]:
+    """Returns the modified Rodrigues parameters (sigma_BN of Basilisk) of a quaternion, of the shorter rotation.
+
+    >>> mrp_of_wxyz((-1.0, 0.0, 0.0, 0.0))
+    [0.0, 0.0, 0.0]
+    """
+    w, *xyz = (float(part) for part in q_wxyz)
+    sign = -1.0 if w < 0.0 else 1.0
+    return [-sign * part / (1.0 + sign * w) + 0.0 for part in xyz]
 
 
 class Starloop:
@@ -125,10 +175,14 @@ class Starloop:
 
     def request(self, name: str, **keys: Any) -> Dict[str, Any]:
         """Sends one request and returns its reply without "ok" and "id". Raises StarloopError when it is refused."""
+        return self._ask(name, "{", keys)
+
+    def _ask(self, name: str, begin: str, keys: Dict[str, Any]) -> Dict[str, Any]:
+        """Sends a request whose line begins with `begin`, which has keys that are JSON already."""
         if self._is_over:
             raise StarloopError(f"{name}: the run is over")
         self._id += 1
-        line = json.dumps({"id": self._id, "request": name, **keys}, allow_nan=False)
+        line = begin + json.dumps({"id": self._id, "request": name, **keys}, allow_nan=False)[1:]
         # A step takes as long as it takes: only sending and connecting have a time limit.
         try:
             self._connection.settimeout(60.0)
@@ -168,8 +222,142 @@ class Starloop:
         given = {} if at_s is None else {"at_s": at_s}
         return self.request("trigger", number=number, **given)
 
+    def event(self, event: Optional[Dict[str, Any]] = None, **keys: Any) -> Dict[str, Any]:
+        """The same as `inject`: adds a fault or command, now or at its at_s.
+
+        >>> with Starloop.start(binary, "configs/benches/lockstep.toml") as loop:
+        ...     loop.event(do="frame_blank", at_s=0.5, for_s=0.2)["from_s"]
+        0.5
+        """
+        return self.request("event", event={**(event or {}), **keys})
+
+    def attitude(self, samples: Iterable[Row]) -> Dict[str, Any]:
+        """Sends attitudes of a plant outside, of any instants after the run's present: see `attitude_sample`.
+
+        They wait, and reach the run at their own instants: batches of any size give the same frames. A long list goes in
+        several requests; a request with a bad or old sample is refused as a whole. Returns taken, waiting and
+        attitude_until_s, the instant of the last attitude that waits.
+
+        >>> with Starloop.start(binary, "configs/benches/lockstep.toml") as loop:
+        ...     loop.attitude(attitude_sample(0.01 * k, (1, 0, 0, 0), (0, 0, 0)) for k in range(21))["taken"]
+        ...     loop.step(until_s=0.1)["now_s"]
+        ...     try:
+        ...         _ = loop.attitude([attitude_sample(0.05, (1, 0, 0, 0), (0, 0, 0))])
+        ...     except StarloopError as refused:
+        ...         "an old attitude is never shown" in str(refused)
+        21
+        0.1
+        True
+        """
+        return self._send_samples("attitude", samples)
+
+    def observer(self, samples: Iterable[Row], unit: str = "km") -> Dict[str, Any]:
+        """Sends states of the observer: rows of t_s, position and velocity in ICRF axes, by `unit` "km" (km/s) or "m" (m/s).
+
+        They are relative to the body that the bench's observer is about. See `attitude` for when they are taken.
+
+        >>> with Starloop.start(binary, "configs/benches/lockstep.toml") as loop:
+        ...     loop.observer([(0.0, 7000.0, 0.0, 0.0, 0.0, 7.5, 0.0)])["waiting"]
+        1
+        """
+        return self._send_samples("observer", samples, unit=unit)
+
+    def jitter(self, samples: Iterable[Row], unit: str = "arcsec") -> Dict[str, Any]:
+        """Sends jitter of the line of sight beside the attitude: rows of t_s and a rotation vector about the body axes.
+
+        `unit` is "arcsec" or "rad". See `attitude` for when they are taken.
+
+        >>> with Starloop.start(binary, "configs/benches/lockstep.toml") as loop:
+        ...     loop.jitter([(0.001 * k, 0.2, -0.1, 0.0) for k in range(1000)])["waiting"]
+        1000
+        """
+        return self._send_samples("jitter", samples, unit=unit)
+
+    def _send_samples(self, name: str, samples: Iterable[Row], **keys: Any) -> Dict[str, Any]:
+        rows = [json.dumps([float(number) for number in row], allow_nan=False) for row in samples]
+        total, taken, first = 0, {}, 0
+        while first < len(rows) or not taken:
+            size, last = 0, first
+            while last < len(rows) and (size + len(rows[last]) < LINE_BYTES or last == first):
+                size, last = size + len(rows[last]) + 2, last + 1
+            taken = self._ask(name, f'{{"samples": [{", ".join(rows[first:last])}], ', keys)
+            total, first = total + taken["taken"], last
+        return {**taken, "taken": total}
+
+    def tracker(self, head: int = 0) -> Dict[str, Any]:
+        """What the built-in star tracker of a head says of the newest frame that it is done with.
+
+        valid, stars, frame and mid_exposure_s; with an attitude also sensor_from_icrf, body_from_icrf, ra_deg, dec_deg,
+        roll_deg, residual_rms_px and found_by; else reason.
+
+        >>> with Starloop.start(binary, "configs/benches/lockstep.toml") as loop:
+        ...     loop.tracker()["valid"]
+        ...     _ = loop.attitude(attitude_sample(0.01 * k, (1, 0, 0, 0), (0, 0, 0)) for k in range(60))
+        ...     _ = loop.step(until_s=0.5)
+        ...     seen = loop.tracker()
+        ...     seen["valid"], seen["frame"], round(seen["mid_exposure_s"], 6)
+        False
+        (True, 3, 0.35)
+        """
+        return self.request("tracker", head=head)
+
+    def control(self, by: Optional[str] = None, trackers: Optional[str] = None) -> Dict[str, Any]:
+        """Hands the wheels of a spacecraft inside, or the sight of its stars, over to "outside" or back to "inside".
+
+        >>> with Starloop.start(binary, "configs/scenarios/acquisition.toml", settings=small) as loop:
+        ...     loop.control(by="outside")["control"]
+        'outside'
+        """
+        given = {"by": by, "trackers": trackers}
+        return self.request("control", **{key: value for key, value in given.items() if value is not None})
+
+    def wheels(self, torques_n_m: Row, at_s: Optional[float] = None) -> Dict[str, Any]:
+        """Drives the wheels of a spacecraft inside: each motor's torque on its rotor, until the next such request.
+
+        The body feels the opposite. The wheels must be handed over first.
+
+        >>> with Starloop.start(binary, "configs/scenarios/acquisition.toml", settings=small) as loop:
+        ...     _ = loop.control(by="outside")
+        ...     _ = loop.wheels([0.01, 0.0, 0.0, -0.01])
+        ...     _ = loop.step(until_s=0.5)
+        ...     len(loop.truth()["wheel_speeds_rad_s"])
+        4
+        """
+        given = {} if at_s is None else {"at_s": at_s}
+        return self.request("wheels", torques_n_m=[float(torque) for torque in torques_n_m], **given)
+
+    def torque(self, torque_n_m: Row, for_s: float, at_s: Optional[float] = None) -> Dict[str, Any]:
+        """Turns a spacecraft inside by a torque on its body (body axes), now or from `at_s` on, on top of all others.
+
+        >>> with Starloop.start(binary, "configs/scenarios/acquisition.toml", settings=small) as loop:
+        ...     _ = loop.torque([0.1, 0.0, 0.0], for_s=0.5)
+        ...     loop.step(until_s=0.5)["now_s"]
+        0.5
+        """
+        given = {} if at_s is None else {"at_s": at_s}
+        return self.request("torque", torque_n_m=[float(part) for part in torque_n_m], for_s=for_s, **given)
+
+    def tracker_attitude(
+        self, at_s: float, body_from_icrf: Row, sigma_arcsec: Union[float, Row]
+    ) -> Dict[str, Any]:
+        """Gives an attitude of a tracker outside, with the time of its mid-exposure, to the estimator inside.
+
+        It comes beside those of the trackers inside; control(trackers="outside") switches them off.
+
+        >>> with Starloop.start(binary, "configs/scenarios/acquisition.toml", settings=small) as loop:
+        ...     _ = loop.control(trackers="outside")
+        ...     _ = loop.step(until_s=0.5)
+        ...     _ = loop.tracker_attitude(0.45, (1, 0, 0, 0), sigma_arcsec=5.0)
+        ...     _ = loop.step(until_s=0.7)
+        ...     loop.estimate()["estimate"] is not None
+        True
+        """
+        sigma = sigma_arcsec if isinstance(sigma_arcsec, (int, float)) else [float(part) for part in sigma_arcsec]
+        wxyz = [float(part) for part in body_from_icrf]
+        return self.request("tracker_attitude", at_s=at_s, body_from_icrf=wxyz, sigma_arcsec=sigma)
+
     def truth(self, at_s: Optional[float] = None) -> Dict[str, Any]:
-        """True attitude, body rate and wheel speeds, now or within the last two seconds."""
+        """True attitude, body rate and wheel speeds, now or within the last two seconds; of a plant outside, the attitude by its samples."""
         return self.request("truth") if at_s is None else self.request("truth", at_s=at_s)
 
     def state(self) -> Dict[str, Any]:
@@ -184,6 +372,18 @@ class Starloop:
         """The newest frame of a head, with its pixels."""
         info = self.request("frame", head=head)
         return Frame(info["width"], info["height"], pixels_of(info), info)
+
+    def frame_facts(self, head: int = 0) -> Dict[str, Any]:
+        """What is known of the newest frame of a head, with the CRC-32 of its pixels and without the pixels.
+
+        >>> with Starloop.start(binary, "configs/benches/lockstep.toml") as loop:
+        ...     _ = loop.attitude(attitude_sample(0.01 * k, (1, 0, 0, 0), (0, 0, 0)) for k in range(30))
+        ...     _ = loop.step(frames=1)
+        ...     facts = loop.frame_facts()
+        ...     facts["number"], facts["meta"]["origin"], "pixels_base64_u16_le" in facts
+        (0, 'interpolated', False)
+        """
+        return self.request("frame", head=head, pixels=False)
 
     def write_frame(self, path: Union[str, os.PathLike], head: int = 0) -> Dict[str, Any]:
         """Lets the program write the newest frame of a head as a new FITS file; `path` is relative to its output folder (`--out`)."""

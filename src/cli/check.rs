@@ -114,6 +114,7 @@ fn report(bench: &Bench, plant: &Plant, only_built_in: bool) -> Result<String> {
     text.push('\n');
     check_files::write_files(&mut text, bench, plant, &params)?;
     crate::cli::check_attitude::write_attitude(&mut text, bench, &params, motion_scale(plant, bench))?;
+    crate::cli::check_jitter::write_jitter(&mut text, bench, &params)?;
     let computer = || FlightComputer::new(bench_parts::flight_computer_of(plant, bench, start, params.first_exposure));
     check_targets::write_targets(&mut text, &params, &computer())?;
     plans(&mut text, bench, computer(), (&params, limits.as_ref()), (&imager, &sky))?;

@@ -11,7 +11,7 @@ use core::f64::consts::TAU;
 use core::fmt::{Error, Write};
 use firmware_protocol::can::CanFrame;
 use glam::DVec3;
-use link::{CHUNK_MAX, Packet, SerialChunk};
+use link::{CHUNK_MAX, Datagram, Packet, SerialChunk};
 use plan::attitude::{
     AttitudeAssessment, AttitudeMethod, AttitudeVerdict, MotionScale, PredictionErrors, Reach, Sinusoid,
     assess_methods, cheapest,
@@ -115,6 +115,7 @@ fn record_on_wire(bench: &Bench) -> Span {
         Wire::CanClassic => CanFrame::classic(0, &[0; 8]).map(Packet::Can),
         Wire::CanFd => CanFrame::fd(0, &[0; 64]).map(Packet::Can),
         Wire::Serial => SerialChunk::new(&[0; CHUNK_MAX]).map(Packet::Serial),
+        Wire::Plain => Datagram::new(&[0; 64]).map(Packet::Datagram),
     };
     let one = packet.and_then(|packet| timing.duration(&packet)).unwrap_or(Span::ZERO);
     Span::from_ns(one.ns().saturating_mul(frames))
@@ -254,7 +255,7 @@ const BURST_SAMPLES: u32 = 14;
 mod tests {
     use super::*;
     use base::time::Tai;
-    use run::wiring::motion::slew_scale;
+    use run::wiring::motion::script_scale;
 
     fn report(bench: &Bench) -> String {
         report_drawn_ahead(bench, 0)
@@ -264,7 +265,7 @@ mod tests {
         let mut params = bench_parts::run_params(bench, Tai::from_ns(0)).unwrap();
         params.ahead = Span::from_ms(ahead_ms);
         let mut text = String::new();
-        write_attitude(&mut text, bench, &params, slew_scale(bench)).unwrap();
+        write_attitude(&mut text, bench, &params, script_scale(bench)).unwrap();
         text
     }
 

@@ -11,7 +11,7 @@ use outputs::display::calibration::Calibration;
 use outputs::display::latency::LatencySource;
 use run::runtime::RunParams;
 use run::wiring::display_parts::{CLOCKS_PPM, NO_CALIBRATION, NO_LATENCY, beat, calibrated_display, latency};
-use run::wiring::motion::slew_scale;
+use run::wiring::motion::script_scale;
 
 /// Writes what there is to say of the displays of a bench.
 ///
@@ -75,7 +75,7 @@ fn write_times(text: &mut String, bench: &Bench, params: &RunParams, calibration
         1e3 * refresh_s
     )?;
     let half_s = 0.5 * refresh_s;
-    let off_arcsec = half_s * slew_scale(bench).rate_rad_s / ARCSEC;
+    let off_arcsec = half_s * script_scale(bench).rate_rad_s / ARCSEC;
     writeln!(
         text,
         "               light leaves within +-{:.2} ms of when it was drawn for, {:.2} ms rms: up to {off_arcsec:.2} arcsec \

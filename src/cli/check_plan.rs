@@ -11,7 +11,6 @@ use plan::exposure::cost::CostModel;
 use plan::exposure::plan::{Assessment, MOTION_SHARE, Verdict};
 use plan::exposure::sampling::sampling_error;
 use plan::exposure::{ExposurePlan, PsfSampling, Rung};
-use plan::optics::PsfModel;
 use run::runtime::{Imager, RunParams};
 
 /// What the plans are judged by.
@@ -60,7 +59,7 @@ pub(super) fn write_sampling(text: &mut String, params: &RunParams) -> Result<()
     for sampling in PsfSampling::CHARTED.into_iter().chain(uncharted) {
         let error = sampling_error(&camera.psf, sampling);
         let pixel_sigma = error.peak * full_well_e / noise_e;
-        let verdict = if !sampling.is_exact() && !matches!(camera.psf, PsfModel::Gaussian { .. }) {
+        let verdict = if !sampling.is_exact() && !camera.psf.is_gaussian() {
             "refused: for Gaussian PSFs alone"
         } else if error.centroid_px > MOTION_SHARE * budget.centroid_px {
             "refused: centroid error over the budget"
@@ -124,7 +123,7 @@ pub(super) fn write_plan(text: &mut String, number: u32, plan: &ExposurePlan, pl
     write_classes(text, plan)?;
     let side_px = 2 * plan.half_px + 1;
     let lost = plan.psf.lost_flux(plan.half_px);
-    if let PsfModel::Field(field) = &plan.psf {
+    if let Some(field) = plan.psf.as_field() {
         let [columns, rows] = field.cells().map(|cells| cells + 1);
         writeln!(text, "  PSF          {columns} x {rows} over the field; every star is a blend of the four about it")?;
     }

@@ -19,7 +19,9 @@ fn make_once(scenario: &Scenario) -> Result<()> {
     if needs_real_clock(&scenario.bench).is_some() {
         Run::assemble(scenario, RunOptions::real(Outputs::Made(&mut nothing)))?;
     } else {
-        SteppedRun::of(Run::assemble(scenario, RunOptions::stepped(Outputs::Made(&mut nothing)))?)?;
+        let is_controlled = scenario.bench.is_lockstep();
+        let options = RunOptions { is_controlled, ..RunOptions::stepped(Outputs::Made(&mut nothing)) };
+        SteppedRun::of(Run::assemble(scenario, options)?)?;
     }
     Ok(())
 }
@@ -47,6 +49,12 @@ pub(super) fn report(scenario: &Scenario) -> Result<String> {
     make_once(scenario)?;
     let mut text = String::new();
     let Some(vehicle) = scenario.vehicle() else {
+        if scenario.bench.is_lockstep() {
+            writeln!(
+                text,
+                "plant outside, in lockstep: run it with --clock virtual --control ADDRESS; the client sends attitudes"
+            )?;
+        }
         writeln!(text, "events of \"{}\"", scenario.name)?;
         write_events(&mut text, &scenario.events)?;
         write_frames_expected(&mut text, &scenario.expect.frames)?;

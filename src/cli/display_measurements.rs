@@ -9,7 +9,6 @@ use base::time::Tai;
 use config::Camera;
 use frames::sink::fits::FitsImage;
 use frames::sink::fits::read::OwnedPixels;
-use image::detector::DetectorParams;
 use outputs::display::calibration::measurement::read_csv;
 use outputs::display::calibration::spots::{FrameScale, sights_of_frame};
 use outputs::display::calibration::{Pattern, Plan, Sight};
@@ -107,9 +106,9 @@ fn frame_of(path: &Path, camera: &Camera) -> Result<Frame> {
 
 fn scale_of(camera: &Camera, exposure_s: f64) -> FrameScale {
     let detector = &camera.detector;
-    let largest_dn = DetectorParams { bits: detector.bits, ..DetectorParams::QUIET }.largest_dn();
-    let (gain_e_per_dn, black_level_dn) = (detector.gain_e_per_dn, detector.black_level_dn);
-    FrameScale { gain_e_per_dn, black_level_dn, exposure_s, largest_dn, full_well_e: detector.full_well_e }
+    let largest_dn = detector.params.largest_dn();
+    let (gain_e_per_dn, black_level_dn) = (detector.params.gain_e_per_dn, detector.params.black_level_dn);
+    FrameScale { gain_e_per_dn, black_level_dn, exposure_s, largest_dn, full_well_e: detector.params.full_well_e }
 }
 
 /// A date of a FITS header: UTC without its letter, or a day.

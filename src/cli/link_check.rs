@@ -125,7 +125,9 @@ impl LinkCheckArgs {
     fn simulated(&self, clock: &Arc<dyn Clock>) -> Ends {
         let timing = match self.format() {
             WireFormat::CanFd => BusTiming::CanFd { arbitration_bps: 1_000_000, data_bps: 8_000_000 },
-            WireFormat::CanClassic | WireFormat::Serial => BusTiming::CanClassic { bit_rate_bps: 1_000_000 },
+            WireFormat::CanClassic | WireFormat::Serial | WireFormat::Plain => {
+                BusTiming::CanClassic { bit_rate_bps: 1_000_000 }
+            }
         };
         let params = BusParams { name: "simulated".into(), timing, latency: Span::ZERO, queue_packets: 2048 };
         let (near, far) = simulated_pair(params, clock);

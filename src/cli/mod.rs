@@ -25,6 +25,7 @@ mod check_bodies;
 mod check_display;
 mod check_display_stars;
 mod check_files;
+mod check_jitter;
 mod check_light;
 mod check_observer;
 mod check_plan;
@@ -37,6 +38,7 @@ pub mod degrees;
 pub mod export;
 mod export_source;
 mod frame_plan;
+pub mod fmu;
 pub mod init;
 pub mod keys;
 pub mod link_check;
@@ -150,6 +152,8 @@ enum Command {
     Psf(psf::PsfArgs),
     /// Write attitudes, the observer's orbit and places of stars as AEM, OEM, STK files, CSV
     Export(export::ExportArgs),
+    /// Write a bench as an FMI 3.0 co-simulation unit, for simulators that import such units
+    Fmu(fmu::FmuArgs),
     /// Print every key of the configuration files with unit, range, default and meaning, as Markdown
     Keys(keys::KeysArgs),
     /// Print the JSON Schema of a kind of configuration files
@@ -224,6 +228,7 @@ fn run_command(command: Command) -> anyhow::Result<u8> {
         Command::LinkCheck(arguments) => link_check::run(&arguments),
         Command::Psf(arguments) => psf::run(&arguments).map(|()| EXIT_DONE),
         Command::Export(arguments) => export::run(&arguments).map(|()| EXIT_DONE),
+        Command::Fmu(arguments) => fmu::run(&arguments).map(|()| EXIT_DONE),
         Command::Keys(arguments) => keys::run(&arguments).map(|()| EXIT_DONE),
         Command::Schema(arguments) => schema::run(&arguments).map(|()| EXIT_DONE),
         Command::Init(arguments) => init::run(&arguments).map(|()| EXIT_DONE),

@@ -11,7 +11,7 @@ use plan::optics::chain_light::ChainLight;
 use plan::optics::chain_psf::{ChainPsf, Drawing};
 use plan::optics::energy::{self, Centring};
 use plan::optics::mtf::MtfChain;
-use plan::optics::{Band, PsfGrid, PsfModel};
+use plan::optics::{Band, PsfForm, PsfGrid, PsfModel};
 use run::wiring::camera_parts::camera_params;
 use std::path::PathBuf;
 
@@ -126,7 +126,7 @@ impl Star {
         if !(-0.5..=size[0] - 0.5).contains(&x) || !(-0.5..=size[1] - 0.5).contains(&y) {
             bail!("--place is {x},{y}; wanted a place on the detector of {} x {} px", size[0], size[1]);
         }
-        if !matches!(self.psf, PsfModel::Field(_)) {
+        if self.psf.as_field().is_none() {
             bail!("--place is {x},{y}, but \"{}\" has one PSF for all places: leave it out", self.camera.name);
         }
         let half_px = self.psf.half_px(GRID_OUTSIDE).max(2);
@@ -239,9 +239,10 @@ fn energies(text: &mut String, star: &Star) -> Result<()> {
     let psf = &star.psf;
     let chain = star.chain.as_ref().map(|(chain, _)| ChainLight::of(chain));
     // Samples of what pixels see say nothing of the light before.
-    let light = |of_model: &dyn Fn(&PsfModel) -> f64, of_chain: &dyn Fn(&ChainLight) -> f64| match (&chain, psf) {
+    let light = |of_model: &dyn Fn(&PsfModel) -> f64, of_chain: &dyn Fn(&ChainLight) -> f64| match (&chain, psf.form())
+    {
         (Some(chain), _) => format!("{:.4}", of_chain(chain)),
-        (None, PsfModel::Grid(_) | PsfModel::Field(_)) => "-".into(),
+        (None, PsfForm::Grid(_) | PsfForm::Field(_)) => "-".into(),
         _ => format!("{:.4}", of_model(psf)),
     };
     writeln!(text, "{:<32}{:>18}{:>20}", "star on a pixel's centre", "before the pixel", "as pixels see it")?;

@@ -18,8 +18,8 @@ use clap::{Args, ValueEnum};
 use config::STAR_MEMORY_MB;
 use frames::sink::SentFrame;
 use glam::DVec3;
-use image::detector::Seeds;
 use image::detector::window::OutputGeometry;
+use image::detector::{DetectorConditions, Seeds};
 use plan::attitude::LosPath;
 use plan::exposure::{ExposurePlan, MethodChoice, Motion, Planner, Source};
 use run::runtime::Imager;
@@ -258,22 +258,23 @@ impl Scene {
         &self.frame
     }
 
-    /// Finds the sources and plans; the wall time of both.
-    fn plan(&mut self) -> Result<[Span; 2]> {
+    /// Finds the sources and plans; the detector's conditions, and the wall time of both.
+    fn plan(&mut self) -> Result<(DetectorConditions, [Span; 2])> {
         let mut watch = Stopwatch::start();
         let sources = match &mut self.sky {
             Some(sky) => sky.in_view(&self.planner.latest().motion.los)?,
             None => &self.sources,
         };
-        self.imager.set_background(self.light.at(&self.planner.latest().motion.los)?.0);
+        let los = &self.planner.latest().motion.los;
+        let conditions = DetectorConditions::lit(los.exposure_s, self.light.at(los)?.0);
         let sky = watch.lap();
         self.planner.plan(sources);
-        Ok([sky, watch.lap()])
+        Ok((conditions, [sky, watch.lap()]))
     }
 
     /// Draws up to `stage`; wall times: sky, plan, render, detector.
     pub(super) fn draw(&mut self, stage: StageName) -> Result<[Span; 4]> {
-        let [sky, planning] = self.plan()?;
+        let (conditions, [sky, planning]) = self.plan()?;
         let plan: &ExposurePlan = self.planner.latest();
         let mut watch = Stopwatch::start();
         let times = match stage {
@@ -282,7 +283,7 @@ impl Scene {
                 [sky, planning, watch.lap(), Span::ZERO]
             }
             StageName::Dn => {
-                let times = self.imager.image(plan, self.number, &mut self.frame.image)?;
+                let times = self.imager.image(plan, self.number, &conditions, &mut self.frame.image)?;
                 [sky, planning, times.render, times.detector]
             }
         };

@@ -141,8 +141,10 @@ fn say_left_out(scenario: &Scenario) {
 fn check_capture(arguments: &RunArgs, scenario: &Scenario) -> Result<()> {
     let mut links = core::iter::once(&scenario.bench.link).chain(&scenario.bench.extra_links);
     let is_candump = arguments.capture.is_some() && arguments.capture_format == CaptureFormatName::Candump;
-    if is_candump && links.any(|link| link.wire == Wire::Serial) {
-        bail!("--capture-format candump: got a serial bench; wanted pcapng: a candump log holds CAN only");
+    if is_candump && links.any(|link| matches!(link.wire, Wire::Serial | Wire::Plain)) {
+        bail!(
+            "--capture-format candump: got a bench with a serial line or a plain link; wanted pcapng: a candump log holds CAN only"
+        );
     }
     Ok(())
 }

@@ -14,7 +14,7 @@ use batch::verify::{DataSheet, Procedure, StarField, characterise, table};
 use clap::Args;
 use frames::report::to_svg;
 use frames::sink::write_file_atomically;
-use image::detector::{Detector, DetectorParams, Nonlinearity, Patterns, SpatialParams};
+use image::detector::{Detector, DetectorConditions, DetectorParams, Nonlinearity, Patterns, SpatialParams};
 use plan::attitude::LosPath;
 use plan::exposure::{MethodChoice, Planner};
 use plan::optics::Illumination;
@@ -107,7 +107,7 @@ fn photon_transfer(camera: &CameraParams, seed: u64) -> DataSheet {
     characterise([FLAT_PX; 2], &Procedure::new(camera.exposure_s, longest_dark_s), &mut |flat, image| {
         #[allow(clippy::cast_possible_truncation, reason = "electron images are single precision")]
         light.pixels_mut().fill(flat.light_e as f32);
-        detector.collect(&light, flat.frame, flat.exposure_s, image);
+        detector.collect(&light, flat.frame, &DetectorConditions::dark(flat.exposure_s), image);
     })
 }
 
@@ -142,8 +142,9 @@ fn stars(camera: &CameraParams, arguments: &VerifyArgs) -> Result<String> {
     let mut planner =
         Planner::new(camera.instrument(), AccuracyBudget::default(), imager.cost(), MethodChoice::Auto, los);
     let plan = planner.plan(&field.sources());
+    let conditions = DetectorConditions::dark(camera.exposure_s);
     let measured = fidelity::measure(&field, &truth, size_px, arguments.frames, |frame, image: &mut DnImage| {
-        imager.image(plan, frame, image).map(|_| ())
+        imager.image(plan, frame, &conditions, image).map(|_| ())
     })?;
     let mag_of =
         |electrons| camera.radiometry.mag_g_of_electrons(electrons, 0.0, camera.exposure_s).unwrap_or(f64::NAN);

@@ -9,11 +9,13 @@ use crate::event_word::EventKeys;
 use crate::expect::ExpectKeys;
 use crate::flight_computer::{FlightComputer, FlightComputerKeys, JitterSource};
 use crate::head::{HEADS_MAX, Head, HeadKeys, check_heads};
+use crate::jitter::{JitterInput, JitterKeys};
 use crate::key::{Section, section};
 use crate::key_type::{Any, Numbers, Raw, Shape, Whole, Word};
-use crate::link::{Carrier, Doors, Link, Wire};
+use crate::link::{Carrier, Link, Wire};
 use crate::link_keys::LinkKeys;
 use crate::observer::{Observer, ObserverKeys};
+use crate::plain_link;
 use crate::plant::{PlantKeys, PlantKind};
 use crate::scenario::Scenario;
 use crate::session::{Session, SessionKeys};
@@ -69,6 +71,8 @@ pub struct Bench {
     pub bodies: bool,
     /// The simulated flight computer.
     pub flight_computer: FlightComputer,
+    /// Jitter from a file, which is added to all other.
+    pub jitter: Option<JitterInput>,
     /// History, prediction, time correlation.
     pub attitude: AttitudeSettings,
     /// How wrong a frame may be.
@@ -127,6 +131,8 @@ section! {
         sky: SkyKeys;
         /// The simulated flight computer at the other end of the link.
         flight_computer: FlightComputerKeys;
+        /// Measured jitter that is added to the line of sight of every head.
+        jitter: JitterKeys;
         /// History, prediction and time correlation of attitudes.
         attitude: AttitudeKeys;
         /// How wrong a frame may be.
@@ -227,19 +233,16 @@ fn check_not_stale(
     Err(check.invalid("timing.ahead_ms", ahead_ms, wanted, advice))
 }
 
-/// Every link has somebody at its other end, and one link at most has pulses.
+/// Every extra link has somebody at its other end, and one link at most has pulses. Whether somebody is at the other end of
+/// the first one depends on how the run is started ([`Bench::is_lockstep`]).
 fn check_both_ends(
     link: &Link,
     extra_links: &[Link],
     computer: &FlightComputer,
     check: &Checker<'_>,
 ) -> Result<(), ConfigError> {
-    let has_no_door = |link: &Link| matches!(&link.carrier, Carrier::Simulated(doors) if *doors == Doors::default());
-    let doors = "slcan_tcp, slcan_pty or socketcand: nobody else is on a bus inside this program";
-    if computer.is_external && has_no_door(link) {
-        return Err(check.invalid("link.kind", "\"simulated\" without gateways", doors, "or a real bus"));
-    }
-    if let Some(i) = extra_links.iter().position(has_no_door) {
+    if let Some(i) = extra_links.iter().position(Link::has_no_door) {
+        let doors = "slcan_tcp, slcan_pty or socketcand: nobody else is on a bus inside this program";
         let key = format!("extra_link[{i}].kind");
         return Err(check.invalid(&key, "\"simulated\" without gateways", doors, "or a real bus"));
     }
@@ -250,7 +253,7 @@ fn check_both_ends(
     }
     let far_port = |link: &Link| match &link.carrier {
         Carrier::SerialPort(settings) => Some(settings.far_port.is_some()),
-        Carrier::Simulated(_) | Carrier::SocketCan { .. } => None,
+        Carrier::Simulated(_) | Carrier::SocketCan { .. } | Carrier::Udp { .. } | Carrier::Tcp { .. } => None,
     };
     if far_port(link) == Some(false) && !computer.is_external {
         let advice = "a serial port has another program, or machine, at its other end; link.far_port names a second port at \
@@ -272,6 +275,13 @@ fn check_both_ends(
 }
 
 impl Bench {
+    /// Returns true when the plant is outside and no bus leads out of the program: its samples can only come from whoever
+    /// steps the run, over the control socket or as a library.
+    #[must_use]
+    pub fn is_lockstep(&self) -> bool {
+        self.flight_computer.is_external && self.link.has_no_door()
+    }
+
     /// Reads and checks a bench file and what it names.
     ///
     /// # Errors
@@ -328,8 +338,11 @@ impl Bench {
         let flight_computer = FlightComputer::check(&keys.flight_computer, keys.plant.is_outside(), &mut check)?;
         let plant_kind = keys.plant.mover(keys.spacecraft().is_given(), flight_computer.is_external, &check)?;
         flight_computer.check_slew_begins_before(timing.duration_s, &check)?;
+        let is_moved_by_plant = plant_kind != PlantKind::FlightComputer && flight_computer.motion.is_some();
+        check.unused("flight_computer.motion", is_moved_by_plant, "plant.kind = \"flight_computer\"")?;
         check_classic_jitter(&link, &flight_computer, &check)?;
         check_both_ends(&link, &extra_links, &flight_computer, &check)?;
+        plain_link::check_bench((&link, &extra_links), &flight_computer, &session, &check)?;
         let (attitude_hz, jitter_hz) = (flight_computer.attitude_hz, flight_computer.jitter_sample_hz);
         if keys.attitude.link_delay_us().is_given() && link.latency_us > 0.0 {
             let wanted = "not given beside link.latency_us";
@@ -348,6 +361,7 @@ impl Bench {
         } else {
             keys.target_overlap().check(&mut check)?
         };
+        let jitter = JitterInput::check(&keys.jitter, timing.duration_s, &mut check)?;
         let bench = Self {
             targets,
             target_overlap,
@@ -367,6 +381,7 @@ impl Bench {
             star_memory_mb,
             bodies,
             flight_computer,
+            jitter,
             attitude,
             accuracy,
             budget,

@@ -12,8 +12,8 @@ use crate::file_kind::{FileKind, must_be};
 use crate::illumination::IlluminationKeys;
 use crate::key::section;
 use crate::mtf::{MtfKeys, belongs_to_chain};
-use crate::optics::{Distortion, DistortionKeys, Optics, OpticsKeys, Psf};
-use crate::psf::PsfKeys;
+use crate::optics::{Distortion, DistortionKeys, Optics, OpticsKeys};
+use crate::psf::{Psf, PsfKeys};
 use crate::radiometry::{Exposure, ExposureKeys, Radiometry, RadiometryKeys, RadiometryModel};
 use crate::several::check_all;
 use base::units::{ARCSEC, DEG};
@@ -117,7 +117,7 @@ impl Camera {
         let radiometry = Radiometry::check(&keys.radiometry, &detector, &mut check)?;
         let band = check_band(keys.band.as_ref(), optics.transmission, radiometry.model, &psf, &mut check)?;
         let exposure = Exposure::check(&keys.exposure, &mut check)?;
-        let exposure = tdi_exposure(exposure, &detector.spatial, &check)?;
+        let exposure = tdi_exposure(exposure, &detector.params.spatial, &check)?;
         if let Psf::Chain(chain) = &mut psf {
             chain.take_light(band.as_ref(), &check)?;
         }
@@ -143,7 +143,7 @@ impl Camera {
     #[must_use]
     pub fn image_px(&self) -> [u32; 2] {
         let detector = &self.detector;
-        let output = detector.spatial.output([detector.width_px as usize, detector.height_px as usize]);
+        let output = detector.params.spatial.output([detector.width_px as usize, detector.height_px as usize]);
         output.size_px.map(|side| u32::try_from(side).unwrap_or(u32::MAX))
     }
 

@@ -11,7 +11,7 @@ use crate::detector_readout::{Converter, GainRule, NonlinearityKeys, Readout, Ro
 use crate::error::ConfigError;
 use crate::key::section;
 use crate::key_type::{Whole, Word};
-use image::detector::{DarkLaw, LinePattern, Nonlinearity, Patterns, PoissonMethod, Rounding, RowNoise, SpatialParams};
+use image::detector::{DarkLaw, DetectorParams, Patterns, PoissonMethod, Rounding};
 
 /// Most columns or rows.
 pub(super) const LARGEST_SIDE_PX: i64 = 16_384;
@@ -26,44 +26,12 @@ pub struct Detector {
     pub height_px: u32,
     /// Pitch of the square pixels, um.
     pub pixel_pitch_um: f64,
-    /// Saturation capacity, electrons.
-    pub full_well_e: f64,
-    /// Electrons per digital number.
-    pub gain_e_per_dn: f64,
-    /// Bits of the converter, 1 to 16.
-    pub bits: u32,
-    /// Digital number of no charge.
-    pub black_level_dn: f64,
-    /// Temporal noise of one read, electrons rms.
-    pub read_noise_e_rms: f64,
-    /// Noise of the amplifiers after the pixel, electrons rms.
-    pub amplifier_noise_e_rms: f64,
-    /// Mean dark current, electrons per second and pixel, at the law's reference temperature.
-    pub dark_e_per_s: f64,
-    /// The detector's temperature and what it makes of the dark current.
-    pub dark_law: DarkLaw,
-    /// Dark-current non-uniformity, rms share of the mean.
-    pub dark_nonuniformity: f64,
-    /// Photo-response non-uniformity, rms fraction.
-    pub prnu: f64,
-    /// Dark-signal non-uniformity of one frame, electrons rms: an offset, whatever exposure and temperature.
-    pub dsnu_e_rms: f64,
     /// Patterns given as maps, in place of drawn ones.
     pub maps: Patterns,
-    /// Fixed patterns of columns and rows.
-    pub line_pattern: LinePattern,
-    /// Noise that a row shares.
-    pub row_noise: RowNoise,
-    /// Response to charge.
-    pub nonlinearity: Nonlinearity,
-    /// How the converter makes a whole number.
-    pub rounding: Rounding,
     /// Electrons per photon, averaged over the band, fill factor included.
     pub quantum_efficiency: f64,
-    /// How shot noise is drawn.
-    pub poisson: PoissonMethod,
-    /// Defects, protons, and what needs more than one pixel or one frame.
-    pub spatial: SpatialParams,
+    /// Charge, conversion, noise and effects.
+    pub params: DetectorParams,
 }
 
 section! {
@@ -150,19 +118,6 @@ section! {
 }
 
 impl Detector {
-    /// The largest digital number.
-    #[must_use]
-    pub fn largest_dn(&self) -> u32 {
-        (1 << self.bits) - 1
-    }
-
-    /// Electrons at which the converter clips, when that is below the full well.
-    #[must_use]
-    pub fn converter_clips_at_e(&self) -> Option<f64> {
-        let range_e = (f64::from(self.largest_dn()) - self.black_level_dn) * self.gain_e_per_dn;
-        (range_e < self.full_well_e).then_some(range_e)
-    }
-
     pub(super) fn check(keys: &DetectorKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
         let (width_px, height_px) = (keys.width_px().check(check)?, keys.height_px().check(check)?);
         let bits = keys.bits().check(check)?;
@@ -180,10 +135,7 @@ impl Detector {
         let quantum_efficiency = keys.quantum_efficiency().check(check)?;
         let fits = Fits { size_px: [width_px, height_px], pixel_pitch_um, full_well_e, bits };
         let spatial = check_effects(keys, fits, check)?;
-        Ok(Self {
-            width_px,
-            height_px,
-            pixel_pitch_um,
+        let params = DetectorParams {
             full_well_e,
             gain_e_per_dn: readout.gain_e_per_dn,
             bits,
@@ -195,14 +147,13 @@ impl Detector {
             dark_nonuniformity: dark.nonuniformity,
             prnu: patterns.prnu,
             dsnu_e_rms: patterns.dsnu_e_rms,
-            maps: patterns.maps,
+            nonlinearity: readout.nonlinearity,
             line_pattern: patterns.lines,
             row_noise: readout.row_noise,
-            nonlinearity: readout.nonlinearity,
             rounding: readout.rounding,
-            quantum_efficiency,
             poisson,
             spatial,
-        })
+        };
+        Ok(Self { width_px, height_px, pixel_pitch_um, maps: patterns.maps, quantum_efficiency, params })
     }
 }

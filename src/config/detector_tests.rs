@@ -17,41 +17,41 @@ fn detector(lines: &str) -> Result<Detector, String> {
 #[test]
 fn what_is_not_asked_for_is_off() {
     let plain = detector("").expect("a camera");
-    assert_eq!(plain.dark_law, DarkLaw { reference_c: 20.0, operating_c: 20.0, ..DarkLaw::AT_REFERENCE });
-    assert_eq!((plain.line_pattern, plain.row_noise), (LinePattern::OFF, RowNoise::OFF));
-    assert_eq!((plain.rounding, plain.nonlinearity.is_on()), (Rounding::Nearest, false));
-    assert_eq!((plain.amplifier_noise_e_rms, plain.dark_nonuniformity), (0.0, 0.0));
+    assert_eq!(plain.params.dark_law, DarkLaw { reference_c: 20.0, operating_c: 20.0, ..DarkLaw::AT_REFERENCE });
+    assert_eq!((plain.params.line_pattern, plain.params.row_noise), (LinePattern::OFF, RowNoise::OFF));
+    assert_eq!((plain.params.rounding, plain.params.nonlinearity.is_on()), (Rounding::Nearest, false));
+    assert_eq!((plain.params.amplifier_noise_e_rms, plain.params.dark_nonuniformity), (0.0, 0.0));
     assert_eq!(plain.maps, image::detector::Patterns::default());
 }
 
 #[test]
 fn the_dark_current_is_a_rate_or_a_density_at_a_temperature() {
     let found = detector("dark_e_per_s = 40\ndark_temperature_c = 25").expect("today's keys");
-    assert_eq!((found.dark_e_per_s, found.dark_law.factor()), (40.0, 1.0), "nothing is scaled");
+    assert_eq!((found.params.dark_e_per_s, found.params.dark_law.factor()), (40.0, 1.0), "nothing is scaled");
     let found =
         detector("dark_current_na_per_cm2 = 0.1\npixel_pitch_um = 18.0\ntemperature_c = 6.0").expect("a density");
     // 0.1e-9 * (18e-4)^2 / 1.602176634e-19, and two doublings of 7 K colder.
-    assert!((found.dark_e_per_s / 2022.2488 - 1.0).abs() < 1e-6, "{}", found.dark_e_per_s);
-    assert!((found.dark_law.factor() - 0.25).abs() < 1e-12, "{:?}", found.dark_law);
+    assert!((found.params.dark_e_per_s / 2022.2488 - 1.0).abs() < 1e-6, "{}", found.params.dark_e_per_s);
+    assert!((found.params.dark_law.factor() - 0.25).abs() < 1e-12, "{:?}", found.params.dark_law);
     let found = detector("temperature_c = 30.0\ndark_doubling_k = 5.0").expect("a law");
-    assert!((found.dark_law.factor() - 4.0).abs() < 1e-12);
+    assert!((found.params.dark_law.factor() - 4.0).abs() < 1e-12);
 }
 
 #[test]
 fn spreads_are_rms_or_peak_to_peak() {
     let found = detector("prnu_pp = 0.06\ndsnu_e_pp = 30.0").expect("six sigmas");
-    assert!((found.prnu - 0.01).abs() < 1e-15 && (found.dsnu_e_rms - 5.0).abs() < 1e-12);
+    assert!((found.params.prnu - 0.01).abs() < 1e-15 && (found.params.dsnu_e_rms - 5.0).abs() < 1e-12);
     let found = detector("prnu_pp = 0.05\npp_sigmas = 5.0").expect("five");
-    assert!((found.prnu - 0.01).abs() < 1e-15 && found.dsnu_e_rms == 1.0);
+    assert!((found.params.prnu - 0.01).abs() < 1e-15 && found.params.dsnu_e_rms == 1.0);
 }
 
 #[test]
 fn the_gain_follows_a_rule_or_is_given() {
     let of = |lines: &str| detector(&format!("full_well_e = 40960.0\nblack_level_dn = 95.0\n{lines}"));
-    assert!((of("").expect("fills the range").gain_e_per_dn - 10.24).abs() < 1e-12);
-    assert!((of("gain_rule = \"lsb\"").expect("the paper's").gain_e_per_dn - 10.0).abs() < 1e-12);
+    assert!((of("").expect("fills the range").params.gain_e_per_dn - 10.24).abs() < 1e-12);
+    assert!((of("gain_rule = \"lsb\"").expect("the paper's").params.gain_e_per_dn - 10.0).abs() < 1e-12);
     let found = of("gain_e_per_dn = 3.0\nrounding = \"truncate\"").expect("given");
-    assert_eq!((found.gain_e_per_dn, found.rounding), (3.0, Rounding::Truncate));
+    assert_eq!((found.params.gain_e_per_dn, found.params.rounding), (3.0, Rounding::Truncate));
 }
 
 #[test]
@@ -61,10 +61,10 @@ fn tables_switch_effects_on() {
          nonlinearity = { knots_e = [[10000, 9990], [20000, 19500]] }\namplifier_noise_e_rms = 3.0",
     )
     .expect("a camera");
-    assert_eq!(found.line_pattern, LinePattern { column_e_rms: 2.0, column_gain_rms: 0.0, row_e_rms: 1.0 });
-    assert_eq!(found.row_noise, RowNoise { e_rms: 1.5, corner_cycles_per_row: 0.02 });
-    assert_eq!(found.nonlinearity.knots_e(), [[10_000.0, 9990.0], [20_000.0, 19_500.0]]);
-    assert_eq!(found.amplifier_noise_e_rms, 3.0);
+    assert_eq!(found.params.line_pattern, LinePattern { column_e_rms: 2.0, column_gain_rms: 0.0, row_e_rms: 1.0 });
+    assert_eq!(found.params.row_noise, RowNoise { e_rms: 1.5, corner_cycles_per_row: 0.02 });
+    assert_eq!(found.params.nonlinearity.knots_e(), [[10_000.0, 9990.0], [20_000.0, 19_500.0]]);
+    assert_eq!(found.params.amplifier_noise_e_rms, 3.0);
 }
 
 #[test]
@@ -134,7 +134,11 @@ fn maps_are_read_from_beside_the_camera_and_held_to_its_size() {
     write_map(&map, [64, 48], |i| i as f32 * 1e-5);
     let found = read("maps = { prnu = \"map.fits\", dark_factor = \"map.fits\" }").expect("maps");
     let prnu = found.maps.prnu.as_deref().expect("read");
-    assert_eq!((prnu.len(), prnu[64], found.prnu), (64 * 48, 64.0 * 1e-5, 0.0), "row by row, and nothing is drawn");
+    assert_eq!(
+        (prnu.len(), prnu[64], found.params.prnu),
+        (64 * 48, 64.0 * 1e-5, 0.0),
+        "row by row, and nothing is drawn"
+    );
     assert!(found.maps.dark_factor.is_some() && found.maps.dsnu_e.is_none());
 
     let refused = |lines: &str, parts: &[&str]| {

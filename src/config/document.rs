@@ -12,6 +12,7 @@ use toml::de::{DeTable, DeValue};
 
 /// Configurations that are part of the binary, by their path below `configs/`.
 const BUILT_IN: &[(&str, &str)] = &[
+    ("benches/lockstep.toml", include_str!("../../configs/benches/lockstep.toml")),
     ("benches/loopback.toml", include_str!("../../configs/benches/loopback.toml")),
     ("benches/galactic_slew.toml", include_str!("../../configs/benches/galactic_slew.toml")),
     ("cameras/crowded_field_10deg.toml", include_str!("../../configs/cameras/crowded_field_10deg.toml")),
@@ -40,6 +41,7 @@ const BUILT_IN: &[(&str, &str)] = &[
     ("benches/grabber.toml", include_str!("../../configs/benches/grabber.toml")),
     ("benches/serial.toml", include_str!("../../configs/benches/serial.toml")),
     ("benches/socketcan.toml", include_str!("../../configs/benches/socketcan.toml")),
+    ("benches/udp.toml", include_str!("../../configs/benches/udp.toml")),
     ("links/serial_port.toml", include_str!("../../configs/links/serial_port.toml")),
     ("links/socketcan.toml", include_str!("../../configs/links/socketcan.toml")),
     ("links/simulated_can_fd.toml", include_str!("../../configs/links/simulated_can_fd.toml")),

@@ -4,12 +4,15 @@ use crate::check::Checker;
 use crate::error::ConfigError;
 use crate::key::{Section, listed, section, taken};
 use crate::key_type::Word;
+use crate::motion::{Motion, MotionKeys};
 use base::units::{ARCSEC, DEG};
 use glam::DVec3;
 use plan::attitude::JitterLine;
 
 /// Least and largest right ascension that is taken, degrees: one turn to either side.
 pub const RIGHT_ASCENSION_DEG: [f64; 2] = [-360.0, 360.0];
+/// When the first waypoint is.
+const FIRST_WAYPOINT: &str = "flight_computer.motion.waypoint[0].t_s";
 /// Highest rate of attitude messages the protocol takes, Hz.
 const HIGHEST_ATTITUDE_HZ: f64 = 100.0;
 /// Highest rate of jitter samples the protocol takes, Hz.
@@ -75,6 +78,8 @@ pub struct FlightComputer {
     pub roll_deg: f64,
     /// A turn during the run.
     pub slew: Option<Slew>,
+    /// Another motion.
+    pub motion: Option<Motion>,
     /// Jitter of the line of sight.
     pub jitter_lines: Vec<JitterLineSettings>,
     /// How it reaches the stimulator.
@@ -109,6 +114,8 @@ section! {
         tables:
         /// A turn during the run, from rest to rest.
         slew: Option<SlewKeys>;
+        /// A motion in place of a turn: a constant rate, sinusoids, or waypoints.
+        motion: Option<MotionKeys>;
         /// A line of the spectrum of jitter of the line of sight.
         jitter_line: Vec<JitterLineKeys>;
     }
@@ -154,13 +161,25 @@ impl FlightComputer {
             let of_simulated = ["ra_deg", "dec_deg", "roll_deg"];
             keys.refuse(&of_simulated, "kind = \"simulated\"", check)?;
             check.unused("flight_computer.slew", keys.slew.is_some(), "kind = \"simulated\"")?;
+            check.unused("flight_computer.motion", keys.motion.is_some(), "kind = \"simulated\"")?;
             keys.refuse(&["clock_drift_ppm"], "kind = \"simulated\"", check)?;
         }
         let jitter_source = keys.jitter_source().check(check)?;
         let lines = listed(&keys.jitter_line, "flight_computer.jitter_line");
         let jitter_lines = lines.iter().map(|line| jitter_line(line, check)).collect::<Result<_, _>>()?;
         let slew = keys.slew.as_ref().map(|slew| Slew::check(slew, check)).transpose()?;
+        if keys.motion.is_some() {
+            check.unused("flight_computer.slew", keys.slew.is_some(), "a bench without [flight_computer.motion]")?;
+        }
         taken!(check, keys => attitude_hz, ra_deg, dec_deg, roll_deg, jitter_sample_hz, clock_drift_ppm);
+        let motion = keys.motion.as_ref().map(|keys| Motion::check(keys, attitude_hz, check)).transpose()?;
+        if matches!(motion, Some(Motion::Waypoints { .. })) {
+            keys.refuse(
+                &["ra_deg", "dec_deg", "roll_deg"],
+                "another motion than waypoints, which are pointings",
+                check,
+            )?;
+        }
         let checked = Self {
             is_external,
             attitude_hz,
@@ -168,6 +187,7 @@ impl FlightComputer {
             dec_deg,
             roll_deg,
             slew,
+            motion,
             jitter_lines,
             jitter_source,
             jitter_sample_hz,
@@ -177,11 +197,13 @@ impl FlightComputer {
         Ok(checked)
     }
 
-    /// Refuses a slew that would never begin.
+    /// Refuses a slew or a path that would never begin.
     pub(super) fn check_slew_begins_before(&self, duration_s: f64, check: &Checker<'_>) -> Result<(), ConfigError> {
-        let Some(slew) = self.slew.as_ref().filter(|slew| slew.start_s >= duration_s) else { return Ok(()) };
+        let slew = self.slew.as_ref().map(|slew| ("flight_computer.slew.start_s", slew.start_s));
+        let path = self.motion.as_ref().and_then(Motion::first_s).map(|first_s| (FIRST_WAYPOINT, first_s));
+        let Some((key, begin_s)) = slew.or(path).filter(|(_, begin_s)| *begin_s >= duration_s) else { return Ok(()) };
         let wanted = format!("a time before the run ends, at {duration_s} s");
-        Err(check.invalid("flight_computer.slew.start_s", slew.start_s, wanted, "it would never begin"))
+        Err(check.invalid(key, begin_s, wanted, "it would never begin"))
     }
 
     /// Samples must be able to carry the lines.

@@ -5,6 +5,7 @@ use crate::error::ConfigError;
 use crate::key::{Given, Section, taken};
 use crate::key_type::Raw;
 use crate::link_keys::{Address, Kind, LinkKeys, LinkTable, WIRES};
+use crate::plain_link::{self, Plain};
 use core::net::SocketAddr;
 use link::gateway::TcpAddress;
 use std::path::PathBuf;
@@ -18,6 +19,8 @@ pub enum Wire {
     CanClassic,
     /// Framed bytes on a serial line.
     Serial,
+    /// Plain numbers of an outside simulator.
+    Plain,
 }
 
 /// What carries the wire.
@@ -32,6 +35,18 @@ pub enum Carrier {
     },
     /// A serial port of the system.
     SerialPort(SerialPort),
+    /// Datagrams over UDP.
+    Udp {
+        /// Where they are received.
+        listen: SocketAddr,
+    },
+    /// Records or lines over TCP.
+    Tcp {
+        /// Where it listens, or what it connects to.
+        address: SocketAddr,
+        /// Whether it connects.
+        connects: bool,
+    },
 }
 
 /// Gateways of a simulated bus.
@@ -102,9 +117,17 @@ pub struct Link {
     pub id_base: u16,
     /// Folder of a pulse-per-second source in sysfs; its pulses mark the flight computer's whole seconds.
     pub pps: Option<PathBuf>,
+    /// What is in plain messages; `None`: the wire carries the protocol.
+    pub plain: Option<Plain>,
 }
 
 impl Link {
+    /// Returns true for a bus inside this program that no other program can reach.
+    #[must_use]
+    pub fn has_no_door(&self) -> bool {
+        matches!(&self.carrier, Carrier::Simulated(doors) if *doors == Doors::default())
+    }
+
     pub(super) fn check(keys: &LinkKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
         Self::check_named(keys, "link", check)
     }
@@ -135,12 +158,19 @@ impl Link {
         let wires = match kind {
             Kind::Simulated => &WIRES[..],
             Kind::SocketCan => &WIRES[..2],
-            Kind::Serial => &WIRES[2..],
+            Kind::Serial => &WIRES[2..3],
+            Kind::Udp | Kind::Tcp => &WIRES[3..],
         };
         let wire = keys.wire().or(wires[0].0).within(wires).check(check)?;
         let latency_us = keys.latency_us().check(check)?;
-        let usual = if wire == Wire::Serial { 921_600.0 } else { 500_000.0 };
-        let bit_rate = keys.bit_rate().or(usual).check(check)?;
+        if matches!(kind, Kind::Udp | Kind::Tcp) {
+            keys.refuse(&["bit_rate"], "a bus, which has one", check)?;
+        }
+        let bit_rate = match wire {
+            Wire::Plain => keys.bit_rate().or_silently(100e6).check(check)?,
+            Wire::Serial => keys.bit_rate().or(921_600.0).check(check)?,
+            Wire::CanFd | Wire::CanClassic => keys.bit_rate().or(500_000.0).check(check)?,
+        };
         if kind == Kind::Serial && bit_rate.fract() != 0.0 {
             let rate = keys.bit_rate().advised("such as 921600");
             return Err(rate.invalid(bit_rate, "a whole number of baud", check));
@@ -157,12 +187,13 @@ impl Link {
         }
         let queue = keys.queue().check(check)?;
         let carrier = carrier(keys, kind, check)?;
+        let plain = plain_link::plain(keys, kind, wire, check)?;
         let (node, id_base) = identifiers(keys, wire, check)?;
-        if kind == Kind::Simulated {
+        if !matches!(kind, Kind::SocketCan | Kind::Serial) {
             keys.refuse(&["pps"], "kind = \"socketcan\" or \"serial\"", check)?;
         }
         let pps = keys.pps().raw().map(PathBuf::from);
-        Ok(Self { carrier, wire, latency_us, bit_rate, data_bit_rate, queue, node, id_base, pps })
+        Ok(Self { carrier, wire, latency_us, bit_rate, data_bit_rate, queue, node, id_base, pps, plain })
     }
 }
 
@@ -176,8 +207,12 @@ fn carrier(keys: &LinkTable, kind: Kind, check: &mut Checker<'_>) -> Result<Carr
             keys.refuse(names, owner, check)?;
         }
     }
+    if let Some(carrier) = plain_link::carrier(keys, kind, check)? {
+        return Ok(carrier);
+    }
+    keys.refuse(&["listen", "connect"], "kind = \"udp\" or \"tcp\"", check)?;
     Ok(match kind {
-        Kind::Simulated => Carrier::Simulated(Doors {
+        Kind::Simulated | Kind::Udp | Kind::Tcp => Carrier::Simulated(Doors {
             slcan_tcp: address(&keys.slcan_tcp(), check)?,
             slcan_pty: keys.slcan_pty().raw().map(PathBuf::from),
             socketcand: address(&keys.socketcand(), check)?,
@@ -202,8 +237,13 @@ fn named(given: &Given<'_, String>, wanted: &str, check: &Checker<'_>) -> Result
     }
 }
 
+/// An address that must be given.
+pub(super) fn named_address(given: &Given<'_, Raw<Address>>, check: &Checker<'_>) -> Result<SocketAddr, ConfigError> {
+    address(given, check)?.ok_or_else(|| given.missing("a port (on loopback) or \"address:port\"", check))
+}
+
 /// `PORT`, on loopback, or `ADDRESS:PORT`.
-fn address(given: &Given<'_, Raw<Address>>, check: &Checker<'_>) -> Result<Option<SocketAddr>, ConfigError> {
+pub(super) fn address(given: &Given<'_, Raw<Address>>, check: &Checker<'_>) -> Result<Option<SocketAddr>, ConfigError> {
     let Some(text) = given.raw().map(ToString::to_string) else { return Ok(None) };
     let wanted = "a port (on loopback) or \"address:port\"";
     let address = text.parse::<TcpAddress>();
@@ -211,7 +251,7 @@ fn address(given: &Given<'_, Raw<Address>>, check: &Checker<'_>) -> Result<Optio
 }
 
 fn identifiers(keys: &LinkTable, wire: Wire, check: &mut Checker<'_>) -> Result<(u8, u16), ConfigError> {
-    if wire == Wire::Serial {
+    if matches!(wire, Wire::Serial | Wire::Plain) {
         keys.refuse(&["node", "id_base"], "a CAN wire", check)?;
         return Ok((0, 0));
     }

@@ -4,7 +4,9 @@ use crate::declared::{Declared, Inner, Presence};
 use crate::key::section;
 use crate::key_type::{Raw, Shape, Whole, Word};
 use crate::link::{FlowControl, Parity, Wire};
+use crate::plain_link::{Form, SENSES, TIMES};
 use core::fmt;
+use link::plain::{FIELD_NAMES, QuaternionSense, TimeMeaning};
 use serde::Deserialize;
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Deserializer, MapAccess, Visitor};
@@ -12,15 +14,16 @@ use serde::de::{Deserializer, MapAccess, Visitor};
 section! {
     /// A bus to the flight computer.
     LinkTable at "link" {
-        /// The bus inside this program, a CAN interface, a serial port.
+        /// The bus inside this program, a CAN interface, a serial port; udp and tcp take plain numbers of any simulator.
         kind: Word<Kind> = "simulated",
-            [("simulated", Kind::Simulated), ("socketcan", Kind::SocketCan), ("serial", Kind::Serial)];
-        /// What the bytes travel on; all three carry the same messages.
-        wire: Word<Wire> = Computed("\"serial\" on a serial port, else \"can_fd\""), WIRES;
+            [("simulated", Kind::Simulated), ("socketcan", Kind::SocketCan), ("serial", Kind::Serial),
+             ("udp", Kind::Udp), ("tcp", Kind::Tcp)];
+        /// What the bytes travel on: CAN and serial lines carry the same messages, plain is numbers and nothing else.
+        wire: Word<Wire> = Computed("\"serial\" on a serial port, \"plain\" over udp and tcp, else \"can_fd\""), WIRES;
         /// Microseconds on top of the time on the wire; 0 for none.
         latency_us: f64 = 0.0, Within(0.0, 1e7);
         /// Bits per second: 500000 on CAN, 921600 on a serial line.
-        bit_rate: f64 = Computed("500000 on CAN, 921600 on a serial line"), Within(1_000.0, 1e9);
+        bit_rate: f64 = Computed("500000 on CAN, 921600 on a serial line, 1e8 on a plain wire"), Within(1_000.0, 1e9);
         /// Bits per second of the data phase of CAN FD, not below bit_rate: 5000000 is usual.
         data_bit_rate: f64 = Computed("5000000, or bit_rate when that is higher"), Within(1_000.0, 1e9);
         /// Messages that may wait in each direction of a simulated bus, such as 64.
@@ -49,6 +52,32 @@ section! {
         slcan_pty: String = Optional, "path";
         /// Door for socketcand over TCP: a port on loopback such as 29536, or "address:port"; 0 takes a free one.
         socketcand: Raw<Address> = Optional, port_or_address();
+        /// Where a plain link receives: a port on loopback such as 29700, or "address:port"; 0 takes a free one.
+        listen: Raw<Address> = Optional, port_or_address();
+        /// The server that a plain TCP link connects to: a port on loopback such as 10001, or "address:port".
+        connect: Raw<Address> = Optional, port_or_address();
+        /// Form of plain numbers: packed doubles, JSON, text, or the lines that the simulator 42 writes.
+        encoding: Word<Form> = "f64_le", [
+            ("f64_le", Form::F64Le), ("f64_be", Form::F64Be), ("json", Form::Json), ("text", Form::Text),
+            ("42", Form::FortyTwo),
+        ];
+        /// The numbers of a plain message in their order: t time, q quaternion, w rate, a acceleration, j jitter (arcsec), r and
+        /// v position and velocity of the observer (km, km/s), seq, skip. Without the key: t q_w q_x q_y q_z w_x w_y w_z.
+        layout: Raw<Vec<String>> = Optional,
+            Shape::list(Shape::Words(FIELD_NAMES.iter().map(|(name, _)| *name).collect()));
+        /// Sense of a plain quaternion; of a body turned by +a about x, x is -sin(a/2) in starloop's, +sin(a/2) in its conjugate.
+        quaternion: Word<QuaternionSense> = "starloop", SENSES;
+        /// Unit of plain rates; accelerations have it per second.
+        rate_unit: Word<f64> = "rad_s", [("rad_s", 1.0), ("deg_s", core::f64::consts::PI / 180.0)];
+        /// Unit of plain times.
+        time_unit: Word<f64> = "s", [("s", 1e9), ("ms", 1e6), ("us", 1e3), ("ns", 1.0)];
+        /// Time of a plain message: tag is a clock of any epoch, whose offset and drift are estimated (0: the arrival), arrival
+        /// is when it came.
+        time: Word<TimeMeaning> = "tag", TIMES;
+        /// Number of the spacecraft in the lines of 42.
+        spacecraft_number: Whole<u16> = 0, 0..=9999;
+        /// Seconds of silence after which another sender of datagrams may take the place of the first.
+        sender_timeout_s: f64 = 2.0, Within(0.0, 3600.0);
     }
 }
 
@@ -58,11 +87,13 @@ pub(super) enum Kind {
     Simulated,
     SocketCan,
     Serial,
+    Udp,
+    Tcp,
 }
 
 /// Every wire by its word, those of CAN first.
-pub(super) const WIRES: [(&str, Wire); 3] =
-    [("can_fd", Wire::CanFd), ("can_classic", Wire::CanClassic), ("serial", Wire::Serial)];
+pub(super) const WIRES: [(&str, Wire); 4] =
+    [("can_fd", Wire::CanFd), ("can_classic", Wire::CanClassic), ("serial", Wire::Serial), ("plain", Wire::Plain)];
 
 fn port_or_address() -> Shape {
     Shape::either(Shape::Whole(0..=65_535), Shape::Text("address:port"))

@@ -8,7 +8,8 @@ use crate::detector::Detector;
 use crate::error::ConfigError;
 use crate::key::{Section, section};
 use crate::key_type::{Whole, Word};
-use crate::optics::{Optics, Psf};
+use crate::optics::Optics;
+use crate::psf::Psf;
 use crate::psf::PsfKeys;
 use image::detector::tdi::Tdi;
 use plan::optics::mtf::circuit::{Circuit, LOWEST_CUTOFF};
@@ -98,7 +99,7 @@ impl Chain {
             fabrication_um,
             diffusion: diffusion(keys, check)?,
             aperture_px,
-            tdi: tdi(keys, detector.spatial.tdi, check)?,
+            tdi: tdi(keys, detector.params.spatial.tdi, check)?,
             circuit: circuit(keys, check)?,
             band: Vec::new(),
         };

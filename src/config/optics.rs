@@ -1,4 +1,4 @@
-//! `[optics]`, `[distortion]`, `[psf]`.
+//! `[optics]`, `[distortion]`.
 
 use crate::check::{Checker, Rule};
 use crate::detector::Detector;
@@ -6,10 +6,6 @@ use crate::distortion::{Terms, check_polynomial};
 use crate::error::ConfigError;
 use crate::key::{Given, Section, section};
 use crate::key_type::{Numbers, Raw, Shape, Word};
-use crate::mtf::{Chain, MtfKeys};
-use crate::psf::{self, Model, PsfKeys};
-use plan::exposure::PsfSampling;
-use plan::optics::PsfModel;
 use sky::astrometry::PolynomialDistortion;
 
 /// Shortest focal length, mm: a tenth of that, and one pixel sees most of the sky.
@@ -49,29 +45,6 @@ pub struct Distortion {
     pub p2: f64,
     /// In place of all these.
     pub polynomial: Option<PolynomialDistortion>,
-}
-
-/// Point-spread function of the optics, checked.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Psf {
-    /// A round Gaussian.
-    Gaussian {
-        /// Standard deviation on one axis, px.
-        sigma_px: f64,
-    },
-    /// Diffraction by a circular aperture.
-    Airy {
-        /// Focal length over aperture.
-        f_number: f64,
-        /// Wavelength, nm.
-        wavelength_nm: f64,
-        /// Linear central obscuration.
-        obscuration: f64,
-    },
-    /// A chain of transfer functions.
-    Chain(Box<Chain>),
-    /// A Moffat profile, a measured PSF, or a field of PSFs, as it is drawn.
-    Made(PsfModel),
 }
 
 section! {
@@ -174,60 +147,5 @@ impl Distortion {
             p2: keys.p2().check(check)?,
             polynomial,
         })
-    }
-}
-
-impl Psf {
-    pub(super) fn check(
-        keys: &PsfKeys,
-        mtf: Option<&MtfKeys>,
-        detector: &Detector,
-        optics: &Optics,
-        check: &mut Checker<'_>,
-    ) -> Result<Self, ConfigError> {
-        let model = keys.model().check(check)?;
-        let is_chain = matches!(model, Model::Chain);
-        if !is_chain {
-            keys.refuse(&["bp_rp"], "model = \"chain\"", check)?;
-        }
-        if !matches!(model, Model::Airy | Model::Chain) {
-            keys.refuse(&["f_number", "wavelength_nm", "obscuration"], "model = \"airy\"", check)?;
-        }
-        if !matches!(model, Model::Gaussian) {
-            keys.refuse(&["sigma_px"], "model = \"gaussian\"", check)?;
-        }
-        if !matches!(model, Model::Field) {
-            keys.refuse(&["nodes"], "model = \"field\"", check)?;
-            check.unused("psf.node", !keys.node.is_empty(), "model = \"field\"")?;
-        }
-        let own = keys.of_node();
-        if !matches!(model, Model::Moffat | Model::Measured) {
-            own.unused_by("", check)?;
-        }
-        match model {
-            Model::Moffat => Ok(Self::Made(own.moffat(check)?)),
-            Model::Measured => Ok(Self::Made(own.measured(check)?)),
-            Model::Field => Ok(Self::Made(psf::field(keys, [detector.width_px, detector.height_px], check)?)),
-            Model::Gaussian => Ok(Self::Gaussian { sigma_px: keys.sigma_px().check(check)? }),
-            Model::Chain => Ok(Self::Chain(Box::new(Chain::check(keys, mtf, optics, detector, check)?))),
-            Model::Airy => Ok(Self::Airy {
-                f_number: keys.f_number().or(optics.f_number()).check(check)?,
-                wavelength_nm: keys.wavelength_nm().check(check)?,
-                obscuration: keys.obscuration().or(optics.obscuration).check(check)?,
-            }),
-        }
-    }
-
-    /// How pixel values are had from the PSF.
-    pub(super) fn check_sampling(keys: &PsfKeys, check: &mut Checker<'_>) -> Result<PsfSampling, ConfigError> {
-        let word = keys.sampling().check(check)?;
-        let refuse = |wanted: &str| keys.sampling().invalid(format!("\"{word}\""), wanted, check);
-        let sampling: PsfSampling =
-            word.parse().map_err(|_| refuse("auto, table:S, supersampled:N, point or bicubic"))?;
-        let tabled = keys.model().raw().is_some_and(|model| ["moffat", "measured", "field"].contains(&model.as_str()));
-        if tabled && !sampling.is_exact() {
-            return Err(refuse("auto or table:S for this model (the others take points of a Gaussian)"));
-        }
-        Ok(sampling)
     }
 }

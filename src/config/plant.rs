@@ -2,6 +2,7 @@
 //!
 //! A scenario file that names a bench has the same tables at its top level. Tests: `plant_tests`.
 
+use crate::bench::Bench;
 use crate::check::Checker;
 use crate::error::ConfigError;
 use crate::event::Pointing;
@@ -25,6 +26,24 @@ pub enum Plant {
     File(FilePlant),
     /// A simulated spacecraft: rigid body, wheels, star tracker, estimator and attitude control.
     Vehicle(Box<Vehicle>),
+}
+
+/// The built-in star trackers beside a plant outside, one for each head.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OutsideTrackers {
+    /// How long a tracker thinks: end of readout to attitude.
+    pub delay: Span,
+    /// Error of the trackers' time tags, unknown to whoever reads them.
+    pub tag_error: Span,
+    /// Most stars a tracker measures in a frame.
+    pub most_stars: usize,
+}
+
+impl Default for OutsideTrackers {
+    /// What `[plant.tracker]` gives without a key.
+    fn default() -> Self {
+        Self { delay: Span::from_ms(50), tag_error: Span::ZERO, most_stars: 40 }
+    }
 }
 
 /// A spacecraft that is flown inside the program, checked.
@@ -80,7 +99,7 @@ section! {
         initial: Option<InitialKeys>;
         /// Where the first head of a spacecraft is to point.
         pointing: Option<PointingKeys>;
-        /// Star trackers of a spacecraft.
+        /// Star trackers of a spacecraft, or beside a plant outside in lockstep.
         tracker: Option<TrackerKeys>;
         /// Attitude control of a spacecraft.
         control: Option<ControlKeys>;
@@ -199,14 +218,40 @@ impl PlantKeys {
             for (name, is_given) in [
                 ("initial", self.initial.is_some()),
                 ("pointing", self.pointing.is_some()),
-                ("tracker", self.tracker.is_some()),
+                ("tracker", self.tracker.is_some() && kind != PlantKind::Outside),
                 ("control", self.control.is_some()),
                 ("telemetry", self.telemetry.is_some()),
             ] {
-                check.unused(&format!("plant.{name}"), is_given, "kind = \"vehicle\"")?;
+                let wanted = if name == "tracker" { "kind = \"vehicle\" or \"outside\"" } else { "kind = \"vehicle\"" };
+                check.unused(&format!("plant.{name}"), is_given, wanted)?;
             }
         }
         Ok(kind)
+    }
+
+    /// Reads the trackers beside a plant outside, if it has any.
+    pub(super) fn outside_trackers(
+        &self,
+        bench: &Bench,
+        check: &mut Checker<'_>,
+    ) -> Result<Option<OutsideTrackers>, ConfigError> {
+        let Some(tracker) = self.tracker.as_ref() else { return Ok(None) };
+        check.unused(
+            "plant.tracker",
+            !bench.is_lockstep(),
+            "a plant outside in lockstep, without a bus that leads out",
+        )?;
+        let heads = || (0..bench.head_count()).map(|number| bench.of_head(number));
+        if heads().any(|head| head.camera.distortion.polynomial.is_some()) {
+            let advice =
+                "the built-in tracker knows no other distortion: leave plant.tracker out, or choose another camera";
+            let wanted = "a camera whose distortion.model is \"brown-conrady\"";
+            return Err(check.invalid("plant.tracker", "given", wanted, advice));
+        }
+        let tracker = tracker.at("plant.tracker");
+        let delay = tracker.delay_ms().ms(check)?;
+        let tag_error = tracker.tag_error_ms().ms(check)?;
+        Ok(Some(OutsideTrackers { delay, tag_error, most_stars: tracker.stars().check(check)? }))
     }
 
     /// Returns the tables of the flight.

@@ -31,6 +31,15 @@ fn a_bench_has_the_plant_that_it_names_or_the_usual_one() {
 }
 
 #[test]
+fn trackers_beside_a_plant_outside_have_the_defaults_of_their_table() {
+    let outside = "[link]\nkind = \"simulated\"\n[plant]\nkind = \"outside\"\n";
+    let trackers = |keys: &str| run_file(&format!("{outside}{keys}")).unwrap().trackers;
+    assert_eq!(trackers("[plant.tracker]\n"), Some(OutsideTrackers::default()));
+    assert_ne!(trackers("[plant.tracker]\ndelay_ms = 60.0\n"), Some(OutsideTrackers::default()));
+    assert_eq!(trackers(""), None);
+}
+
+#[test]
 fn a_bench_with_a_spacecraft_is_a_scenario_in_one_file() {
     let scenario = run_file(FLOWN).unwrap();
     let vehicle = scenario.vehicle().expect("flown");
@@ -88,10 +97,20 @@ fn kinds_that_contradict_the_file_are_refused() {
         ("[plant]\nkind = \"outside\"\n[flight_computer]\nkind = \"simulated\"\n", "say different things"),
         ("[plant]\nkind = \"flight_computer\"\n[plant.pointing]\nra_deg = 1.0\n", "plant.pointing is given"),
         ("[plant]\nkind = \"vehicel\"\n", "did you mean \"vehicle\""),
-        ("[plant]\nkind = \"outside\"\n", "link.kind"),
     ] {
         assert!(refused(text).contains(part), "{text}: {}", refused(text));
     }
+}
+
+#[test]
+fn a_plant_outside_without_a_bus_that_leads_out_is_flown_in_lockstep() {
+    for (link, is_lockstep) in [("", true), ("[link]\nkind = \"simulated\"\nslcan_tcp = 0\n", false)] {
+        let outside = run_file(&format!("{link}[plant]\nkind = \"outside\"\n")).unwrap();
+        assert_eq!(outside.bench.is_lockstep(), is_lockstep, "{link}");
+        assert!(!run_file(link).unwrap().bench.is_lockstep(), "control: a flight computer inside");
+    }
+    let door = refused("[plant]\nkind = \"outside\"\n[[extra_link]]\nkind = \"simulated\"\n");
+    assert!(door.contains("extra_link[0].kind"), "{door}");
 }
 
 #[test]

@@ -1,16 +1,20 @@
-//! `[psf]`; beyond Gaussian and Airy there are `moffat` (`fwhm_px`, `beta`), `measured` (a FITS image and how to take it),
+//! `[psf]`; beyond Gaussian and Airy there are `halo` (`halo_sigma_px`, `halo_share`), `moffat` (`fwhm_px`, `beta`), `measured` (a FITS image and how to take it),
 //! `field` (`nodes = [columns, rows]` and that many `[[psf.node]]`, row by row from the top left, each a PSF of its own).
 //!
 //! A measured PSF's file is read when the camera is; its path is relative to the camera file. It is no part of a packed
 //! configuration: a replay reads it where it was.
 
-use crate::check::Checker;
+use crate::check::{Checker, Rule};
+use crate::detector::Detector;
 use crate::error::ConfigError;
 use crate::key::{Section, listed, section};
 use crate::key_type::{Raw, Shape, Whole, Word};
-use crate::optics::LARGEST_OBSCURATION;
+use crate::mtf::{Chain, MtfKeys};
+use crate::optics::{LARGEST_OBSCURATION, Optics};
 use frames::sink::fits::FitsImage;
+use plan::exposure::PsfSampling;
 use plan::optics::measured::{Background, Holds, MeasuredError, Measurement, StarAt};
+use plan::optics::moffat::Moffat;
 use plan::optics::psf_field::{MOST_NODES, PsfField};
 use plan::optics::{PsfGrid, PsfModel};
 use serde::Deserialize;
@@ -21,6 +25,9 @@ const DEFAULT_BETA: f64 = 4.765;
 const DEFAULT_WAVELENGTH_NM: f64 = 620.0;
 /// Default width of a Gaussian, px: centroids of 5 x 5 windows are near their best.
 const DEFAULT_SIGMA_PX: f64 = 0.7;
+
+/// Least standard deviation of the core of a Gaussian with a halo, px.
+const LEAST_HALO_CORE_PX: f64 = 0.3;
 
 /// A table of a PSF: keys of its own, and those of a Moffat profile or measured star.
 macro_rules! psf_section {
@@ -63,12 +70,16 @@ psf_section! {
         /// The form of a star's image.
         model: Word<Model> = "gaussian", [
             ("gaussian", Model::Gaussian), ("airy", Model::Airy), ("moffat", Model::Moffat),
-            ("measured", Model::Measured), ("field", Model::Field), ("chain", Model::Chain),
-        ], "gaussian takes sigma_px; airy takes f_number, wavelength_nm, obscuration; moffat takes fwhm_px, beta; \
+            ("measured", Model::Measured), ("field", Model::Field), ("chain", Model::Chain), ("halo", Model::Halo),
+        ], "gaussian takes sigma_px; halo takes that, halo_sigma_px and halo_share; airy takes f_number, wavelength_nm, obscuration; moffat takes fwhm_px, beta; \
             measured takes file, samples_per_px; field takes nodes and [[psf.node]]; chain takes what airy does, bp_rp \
             and [mtf]";
         /// Standard deviation of a Gaussian in pixels, such as 0.7; a star must spread over a few pixels.
         sigma_px: f64 = DEFAULT_SIGMA_PX, Within(0.05, 20.0);
+        /// Standard deviation of a Gaussian halo in pixels, wider than the core's.
+        halo_sigma_px: f64 = 3.0, Within(0.3, 20.0);
+        /// Share of the light in the halo: 10 % is 0.1.
+        halo_share: f64 = 0.1, Within(0.0, 0.9);
         /// Focal length over aperture of an Airy pattern or chain; leave it out to take that of [optics].
         f_number: f64 = Computed("that of [optics]"), Within(0.3, 1000.0);
         /// Effective wavelength in nanometres, such as 620.
@@ -108,6 +119,7 @@ pub(super) enum Model {
     Moffat,
     Measured,
     Field,
+    Halo,
 }
 
 /// `background`: a level, or `"none"`, `"border"`.
@@ -132,6 +144,94 @@ pub(super) enum NodeModel {
     Gaussian,
     Moffat,
     Measured,
+}
+
+/// Point-spread function of the optics, checked.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Psf {
+    /// A round Gaussian.
+    Gaussian {
+        /// Standard deviation on one axis, px.
+        sigma_px: f64,
+    },
+    /// Diffraction by a circular aperture.
+    Airy {
+        /// Focal length over aperture.
+        f_number: f64,
+        /// Wavelength, nm.
+        wavelength_nm: f64,
+        /// Linear central obscuration.
+        obscuration: f64,
+    },
+    /// A chain of transfer functions.
+    Chain(Box<Chain>),
+    /// A Moffat profile, a measured PSF, or a field of PSFs, as it is drawn.
+    Made(PsfModel),
+}
+
+impl Psf {
+    pub(super) fn check(
+        keys: &PsfKeys,
+        mtf: Option<&MtfKeys>,
+        detector: &Detector,
+        optics: &Optics,
+        check: &mut Checker<'_>,
+    ) -> Result<Self, ConfigError> {
+        let model = keys.model().check(check)?;
+        let is_chain = matches!(model, Model::Chain);
+        if !is_chain {
+            keys.refuse(&["bp_rp"], "model = \"chain\"", check)?;
+        }
+        if !matches!(model, Model::Airy | Model::Chain) {
+            keys.refuse(&["f_number", "wavelength_nm", "obscuration"], "model = \"airy\"", check)?;
+        }
+        if !matches!(model, Model::Gaussian | Model::Halo) {
+            keys.refuse(&["sigma_px"], "model = \"gaussian\"", check)?;
+        }
+        if !matches!(model, Model::Halo) {
+            keys.refuse(&["halo_sigma_px", "halo_share"], "model = \"halo\"", check)?;
+        }
+        if !matches!(model, Model::Field) {
+            keys.refuse(&["nodes"], "model = \"field\"", check)?;
+            check.unused("psf.node", !keys.node.is_empty(), "model = \"field\"")?;
+        }
+        let own = keys.of_node();
+        if !matches!(model, Model::Moffat | Model::Measured) {
+            own.unused_by("", check)?;
+        }
+        match model {
+            Model::Moffat => Ok(Self::Made(own.moffat(check)?)),
+            Model::Measured => Ok(Self::Made(own.measured(check)?)),
+            Model::Field => Ok(Self::Made(field(keys, [detector.width_px, detector.height_px], check)?)),
+            Model::Halo => {
+                // A table is made of it, which takes a core of 0.3 px or more.
+                let sigma_px = keys.sigma_px().within(Rule::Within(LEAST_HALO_CORE_PX, 20.0)).check(check)?;
+                let halo_sigma_px = keys.halo_sigma_px().within(Rule::Within(sigma_px, 20.0)).check(check)?;
+                Ok(Self::Made(PsfModel::halo(sigma_px, halo_sigma_px, keys.halo_share().check(check)?)))
+            }
+            Model::Gaussian => Ok(Self::Gaussian { sigma_px: keys.sigma_px().check(check)? }),
+            Model::Chain => Ok(Self::Chain(Box::new(Chain::check(keys, mtf, optics, detector, check)?))),
+            Model::Airy => Ok(Self::Airy {
+                f_number: keys.f_number().or(optics.f_number()).check(check)?,
+                wavelength_nm: keys.wavelength_nm().check(check)?,
+                obscuration: keys.obscuration().or(optics.obscuration).check(check)?,
+            }),
+        }
+    }
+
+    /// How pixel values are had from the PSF.
+    pub(super) fn check_sampling(keys: &PsfKeys, check: &mut Checker<'_>) -> Result<PsfSampling, ConfigError> {
+        let word = keys.sampling().check(check)?;
+        let refuse = |wanted: &str| keys.sampling().invalid(format!("\"{word}\""), wanted, check);
+        let sampling: PsfSampling =
+            word.parse().map_err(|_| refuse("auto, table:S, supersampled:N, point or bicubic"))?;
+        let tabled =
+            keys.model().raw().is_some_and(|model| ["moffat", "measured", "field", "halo"].contains(&model.as_str()));
+        if tabled && !sampling.is_exact() {
+            return Err(refuse("auto or table:S for this model (the others take points of a Gaussian)"));
+        }
+        Ok(sampling)
+    }
 }
 
 impl PsfKeys {
@@ -169,8 +269,7 @@ impl NodeKeys {
     pub(super) fn moffat(&self, check: &mut Checker<'_>) -> Result<PsfModel, ConfigError> {
         self.unused_by("moffat", check)?;
         let (fwhm_px, beta) = (self.fwhm_px().check(check)?, self.beta().check(check)?);
-        let alpha_px = 0.5 * fwhm_px / (2.0_f64.powf(1.0 / beta) - 1.0).sqrt();
-        Ok(PsfModel::moffat(alpha_px, beta))
+        Ok(PsfModel::Moffat(Moffat::of_fwhm(fwhm_px, beta)))
     }
 
     /// The image of a star.

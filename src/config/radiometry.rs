@@ -133,7 +133,7 @@ impl RadiometryKeys {
         let scale = self.grey_scale().check(check)?;
         let brightest_mag = self.brightest_mag().check(check)?;
         let faintest_mag = self.faintest_mag().or(limiting_mag).check(check)?;
-        let range_dn = f64::from(detector.largest_dn()) - detector.black_level_dn;
+        let range_dn = f64::from(detector.params.largest_dn()) - detector.params.black_level_dn;
         let brightest_grey_dn = self.brightest_grey_dn().or(range_dn).check(check)?;
         let faintest_grey_dn = self.faintest_grey_dn().check(check)?;
         if faintest_mag <= brightest_mag {
@@ -144,7 +144,7 @@ impl RadiometryKeys {
             let wanted = format!("at most brightest_grey_dn, {brightest_grey_dn}");
             return Err(self.faintest_grey_dn().invalid(faintest_grey_dn, wanted, check));
         }
-        let gain_e_per_dn = detector.gain_e_per_dn;
+        let gain_e_per_dn = detector.params.gain_e_per_dn;
         Ok(GreyMap { brightest_mag, faintest_mag, brightest_grey_dn, faintest_grey_dn, scale, gain_e_per_dn })
     }
 }
@@ -180,7 +180,7 @@ mod tests {
             camera("model = \"linear_grey\"\nbrightest_mag = 1\nfaintest_mag = 6\nbrightest_grey_dn = 1000").unwrap();
         let light = grey.star_light();
         assert_eq!(light.zero_point_e_per_s(), None);
-        let gain = grey.detector.gain_e_per_dn;
+        let gain = grey.detector.params.gain_e_per_dn;
         assert!((light.electrons(1.0, 0.0, 0.1) - 1000.0 * gain).abs() < 1e-6);
         assert_eq!(light.electrons(1.0, 0.0, 0.1), light.electrons(1.0, 2.0, 9.0), "no exposure, no colour");
     }

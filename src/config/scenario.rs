@@ -16,8 +16,8 @@ use crate::key::{Given, section};
 use crate::key_type::Whole;
 use crate::observer::Observer;
 use crate::plant::{
-    ControlKeys, FlightKeys, IN_BENCH, IN_SCENARIO, InitialKeys, Plant, PlantKind, PointingKeys, TelemetryKeys,
-    TrackerKeys, Vehicle,
+    ControlKeys, FlightKeys, IN_BENCH, IN_SCENARIO, InitialKeys, OutsideTrackers, Plant, PlantKind, PointingKeys,
+    TelemetryKeys, TrackerKeys, Vehicle,
 };
 use crate::plant_file::FilePlant;
 use crate::session::SessionStart;
@@ -35,6 +35,8 @@ pub struct Scenario {
     pub bench: Bench,
     /// Who moves the spacecraft.
     pub plant: Plant,
+    /// Star trackers beside a plant outside.
+    pub trackers: Option<OutsideTrackers>,
     /// Commands and faults, in order of time.
     pub events: Vec<Event>,
     /// Events of the file that do not come, because a setting made the run shorter than the file has it.
@@ -156,6 +158,10 @@ impl Scenario {
         let mut check = Checker::new(document);
         let BesideBench { plant_kind, spacecraft, plant, event, expect } = beside;
         let is_flown = plant_kind == PlantKind::Vehicle;
+        let trackers = match plant_kind {
+            PlantKind::Outside => plant.outside_trackers(&bench, &mut check)?,
+            PlantKind::FlightComputer | PlantKind::File | PlantKind::Vehicle => None,
+        };
         let plant = match plant_kind {
             PlantKind::Outside => Plant::Outside,
             PlantKind::FlightComputer => Plant::FlightComputer,
@@ -173,6 +179,7 @@ impl Scenario {
             events_left_out: event.len() - events.len(),
             bench,
             plant,
+            trackers,
             events,
             expect,
             defaulted: check.defaulted,
@@ -206,6 +213,7 @@ impl Scenario {
             events_left_out: keys.event.len() - events.len(),
             bench,
             plant: Plant::Vehicle(Box::new(vehicle)),
+            trackers: None,
             events,
             expect,
             defaulted: check.defaulted,

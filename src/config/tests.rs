@@ -103,7 +103,7 @@ fn shipped_cameras_have_the_scale_they_claim_and_do_not_clip() {
     let telescope = load("cameras/wide_field_telescope.toml");
     assert!((telescope.ifov_arcsec() - 1.0).abs() < 1e-3, "{} arcsec", telescope.ifov_arcsec());
     for camera in [tracker, telescope, load("cameras/cubesat_tracker.toml")] {
-        assert_eq!(camera.detector.converter_clips_at_e(), None, "{}", camera.name);
+        assert_eq!(camera.detector.params.converter_clips_at_e(), None, "{}", camera.name);
         assert!(camera.zero_point_e_per_s() > 1e6, "{}: {}", camera.name, camera.zero_point_e_per_s());
     }
 }
@@ -114,7 +114,7 @@ fn a_minimal_camera_is_completed_and_says_so() {
     assert_eq!(camera.name, "cam");
     assert_eq!(camera.optics.principal_point_px, [319.5, 239.5]);
     assert_eq!(camera.psf, Psf::Gaussian { sigma_px: 0.7 });
-    assert_eq!(camera.detector.converter_clips_at_e(), None, "the default gain fits");
+    assert_eq!(camera.detector.params.converter_clips_at_e(), None, "the default gain fits");
     for key in ["name", "detector.gain_e_per_dn", "optics.aperture_mm", "psf.sigma_px", "exposure.exposure_s"] {
         assert!(camera.defaulted.iter().any(|d| d.key == key), "{key} in {:?}", camera.defaulted);
     }
@@ -124,7 +124,7 @@ fn a_minimal_camera_is_completed_and_says_so() {
 #[test]
 fn a_camera_that_clips_says_where() {
     let camera = camera_with("detector", "gain_e_per_dn = 1.0").expect("allowed, and told");
-    assert_eq!(camera.detector.converter_clips_at_e(), Some(4095.0 - 64.0));
+    assert_eq!(camera.detector.params.converter_clips_at_e(), Some(4095.0 - 64.0));
 }
 
 #[test]
@@ -161,7 +161,7 @@ fn wrong_types_and_broken_toml_show_the_line() {
 #[test]
 fn shot_noise_is_drawn_as_the_camera_file_says() {
     use image::detector::PoissonMethod;
-    let of = |line: &str| camera_with("detector", line).expect("a camera").detector.poisson;
+    let of = |line: &str| camera_with("detector", line).expect("a camera").detector.params.poisson;
     assert_eq!(of(""), PoissonMethod::Auto, "the default");
     for method in PoissonMethod::ALL {
         assert_eq!(of(&format!("poisson = \"{method}\"")), method);

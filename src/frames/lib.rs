@@ -1,7 +1,9 @@
 //! Frames and the records about them.
 //!
 //! * [`sink`]: trait `Sink`: recorder (FITS, SER, PNG, tables), shared memory, several at once;
-//! * [`report`]: stage histograms, timing budget, run summary, tables, charts as SVG.
+//! * [`report`]: stage histograms, timing budget, run summary, tables, charts as SVG;
+//! * [`zip_archive`]: files in a zip archive.
 
 pub mod report;
 pub mod sink;
+pub mod zip_archive;

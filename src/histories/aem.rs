@@ -14,7 +14,7 @@ use crate::attitude_methods::{AttitudeInterpolation, rate_of_derivative};
 use crate::epoch::TimeSystem;
 use crate::error::{HistoryError, Source};
 use crate::message::{Kind, Message, Segment};
-use crate::metadata::{Metadata, numbers};
+use crate::metadata::{Metadata, Wanted, numbers};
 use crate::reference_axes::{ReferenceAxes, WANTED_AXES};
 use base::axes::Rotation;
 use glam::{DQuat, DVec3};
@@ -111,7 +111,7 @@ fn direction(metadata: &Metadata<'_>) -> Result<bool, HistoryError> {
     }
 }
 
-/// What stands beside the quaternion in a row.
+/// What follows the quaternion in a row.
 #[derive(Clone, Copy, PartialEq)]
 enum Beside {
     Nothing,
@@ -231,14 +231,14 @@ fn state(
             Some(frames.body_rate(rate_rad_s, is_in_body, quaternion.normalize()))
         }
     };
-    let body_from_icrf = Rotation::from_quat(quaternion.normalize() * frames.axes.from_icrf());
+    let body_from_icrf = Rotation::from_quat(quaternion.normalize() * frames.axes.rotation_from_icrf());
     Some(AttitudeState { t_ns, body_from_icrf, rate_rad_s })
 }
 
 /// The interpolation that the file asks for.
 fn method(metadata: &Metadata<'_>, has_rates: bool) -> Result<AttitudeInterpolation, HistoryError> {
     let usual = if has_rates { AttitudeInterpolation::CubicHermite } else { AttitudeInterpolation::Slerp };
-    let Some((name, degree, entry)) = metadata.interpolation()? else { return Ok(usual) };
+    let Some(Wanted { name, degree, entry }) = metadata.interpolation()? else { return Ok(usual) };
     match (name.as_str(), degree) {
         ("LINEAR" | "SLERP", None | Some(1)) => Ok(AttitudeInterpolation::Slerp),
         ("HERMITE", Some(3)) if has_rates => Ok(AttitudeInterpolation::CubicHermite),

@@ -168,7 +168,7 @@ fn state(
     };
     let body_from_icrf = match axes {
         ReferenceAxes::Icrf => Rotation::from_quat(body_from_axes),
-        ReferenceAxes::Eme2000 => Rotation::from_quat(body_from_axes * axes.from_icrf()),
+        ReferenceAxes::Eme2000 => Rotation::from_quat(body_from_axes * axes.rotation_from_icrf()),
     };
     let rate_rad_s = columns.rate.map(|_| DVec3::new(rate[0], rate[1], rate[2]));
     Ok(AttitudeState { t_ns, body_from_icrf, rate_rad_s })

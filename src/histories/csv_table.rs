@@ -140,7 +140,8 @@ impl<'a> Table<'a> {
                 is_counted.then(|| Span::from_s(t_s).ns()).ok_or_else(|| self.refuse(line, word, WANTED_S))
             }
             TimeColumn::TaiNs => {
-                word.parse().map_err(|_| self.refuse(line, word, "nanoseconds of TAI since 1970, a whole number"))
+                let t_ns = word.parse().ok().filter(|t_ns| COUNTED_NS.contains(t_ns));
+                t_ns.ok_or_else(|| self.refuse(line, word, "nanoseconds of TAI since 1970, years 1682 to 2258"))
             }
             TimeColumn::UnixS => {
                 unix_ns(word).map(|ns| Tai::from_unix_ns(ns).ns()).ok_or_else(|| self.refuse(line, word, WANTED_S))
@@ -152,6 +153,8 @@ impl<'a> Table<'a> {
     }
 }
 
+/// Nanoseconds since 1970 whose dates can be written and read in every time system.
+pub(crate) const COUNTED_NS: core::ops::Range<i64> = -9_100_000_000_000_000_000..9_100_000_000_000_000_000;
 /// Longest time from a zero, s: 158 years.
 const MOST_S: f64 = 5e9;
 const WANTED_S: &str = "seconds, fewer than 5e9";

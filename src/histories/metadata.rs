@@ -6,6 +6,14 @@ use crate::error::{HistoryError, Source};
 use crate::message::{Entry, Row, Segment};
 use base::time::Tai;
 
+/// The interpolation that a segment asks for.
+pub(crate) struct Wanted<'m> {
+    /// In capitals.
+    pub(crate) name: String,
+    pub(crate) degree: Option<usize>,
+    pub(crate) entry: &'m Entry<'m>,
+}
+
 /// The metadata of one segment.
 #[derive(Clone, Copy)]
 pub(crate) struct Metadata<'m> {
@@ -60,7 +68,7 @@ impl<'m> Metadata<'m> {
     }
 
     /// Reads the optional name and degree of the interpolation, the name in capitals.
-    pub(crate) fn interpolation(&self) -> Result<Option<(String, Option<usize>, &'m Entry<'m>)>, HistoryError> {
+    pub(crate) fn interpolation(&self) -> Result<Option<Wanted<'m>>, HistoryError> {
         let Some(method) = self.find("INTERPOLATION_METHOD").or_else(|| self.find("INTERPOLATION")) else {
             return Ok(None);
         };
@@ -72,7 +80,7 @@ impl<'m> Metadata<'m> {
                 Some(degree.ok_or_else(|| self.refuse(entry, &wanted))?)
             }
         };
-        Ok(Some((method.value.to_ascii_uppercase(), degree, method)))
+        Ok(Some(Wanted { name: method.value.to_ascii_uppercase(), degree, entry: method }))
     }
 }
 

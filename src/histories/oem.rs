@@ -3,7 +3,7 @@
 use crate::epoch::TimeSystem;
 use crate::error::{HistoryError, Source};
 use crate::message::{Kind, Message};
-use crate::metadata::{Metadata, numbers};
+use crate::metadata::{Metadata, Wanted, numbers};
 use crate::orbit::{Centre, OrbitHistory, OrbitInterpolation, OrbitSegment, OrbitState, WANTED_CENTRE};
 use crate::reference_axes::{ReferenceAxes, WANTED_AXES};
 use base::time::Tai;
@@ -69,7 +69,7 @@ fn states(metadata: &Metadata<'_>, notes: &mut Vec<String>) -> Result<OrbitSegme
 
 /// The interpolation that the file asks for.
 fn method(metadata: &Metadata<'_>) -> Result<OrbitInterpolation, HistoryError> {
-    let Some((name, degree, entry)) = metadata.interpolation()? else { return Ok(OrbitInterpolation::CUBIC) };
+    let Some(Wanted { name, degree, entry }) = metadata.interpolation()? else { return Ok(OrbitInterpolation::CUBIC) };
     match (name.as_str(), degree) {
         ("HERMITE", Some(degree)) if degree % 2 == 1 && degree > 1 => {
             Ok(OrbitInterpolation::Hermite { rows: degree.div_ceil(2) })

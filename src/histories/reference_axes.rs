@@ -40,7 +40,7 @@ impl ReferenceAxes {
     }
 
     /// Returns the passive rotation from ICRF axes into these.
-    pub(crate) fn from_icrf(self) -> DQuat {
+    pub(crate) fn rotation_from_icrf(self) -> DQuat {
         match self {
             Self::Icrf => DQuat::IDENTITY,
             Self::Eme2000 => bias(),
@@ -87,7 +87,7 @@ mod tests {
             [7.078_279_477_857_338e-8, 0.999_999_999_999_996_9, 3.306_041_454_222_136_4e-8],
             [-8.056_217_380_986_972e-8, -3.306_040_883_980_552e-8, 0.999_999_999_999_996_2],
         ];
-        let eme2000_from_icrf = ReferenceAxes::Eme2000.from_icrf();
+        let eme2000_from_icrf = ReferenceAxes::Eme2000.rotation_from_icrf();
         for (column, axis) in [DVec3::X, DVec3::Y, DVec3::Z].into_iter().enumerate() {
             let wanted = DVec3::new(RB[0][column], RB[1][column], RB[2][column]);
             let got = eme2000_from_icrf * axis;

@@ -1,6 +1,7 @@
 //! STK's text files: `stk.v.N`, one block of keywords, then rows up to its end. Remarks begin with `#`.
 
 use crate::attitude_methods::MOST_DEGREE;
+use crate::csv_table::COUNTED_NS;
 use crate::epoch::read_stk_date;
 use crate::error::{HistoryError, Source};
 use crate::message::{Entry, Row};
@@ -103,10 +104,11 @@ impl<'a> Block<'a> {
         for value in &mut values {
             *value = next(&wanted)?;
         }
-        if words.next().is_some() || t_s.abs() > 5e9 {
+        let t_ns = (epoch + Span::from_s(t_s)).ns();
+        if words.next().is_some() || !COUNTED_NS.contains(&t_ns) {
             return Err(self.source.refuse(row.offset, &row.text, &wanted));
         }
-        Ok(((epoch + Span::from_s(t_s)).ns(), values))
+        Ok((t_ns, values))
     }
 }
 

@@ -35,7 +35,7 @@ pub(crate) fn read(source: &Source<'_>) -> Result<AttitudeHistory, HistoryError>
         if (given.length() - 1.0).abs() > NORM_TOLERANCE {
             return Err(source.refuse(row.offset, &row.text, "a quaternion whose norm is 1 within 0.001"));
         }
-        let body_from_icrf = Rotation::from_quat(given.normalize().conjugate() * axes.from_icrf());
+        let body_from_icrf = Rotation::from_quat(given.normalize().conjugate() * axes.rotation_from_icrf());
         let rate_rad_s = has_rates.then(|| DVec3::new(wx, wy, wz).map(f64::to_radians));
         Ok(AttitudeState { t_ns, body_from_icrf, rate_rad_s })
     });

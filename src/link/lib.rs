@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! Link::receive -> Stamped<Packet> -> Port (codec, reject counters) -> Stamped<Message>
+//!                                     Port (plain codec)           -> Stamped<PlainRecord>
 //! ```
 //!
 //! A [`Link`] moves packets and knows nothing of messages; a [`Port`] knows the wire format. Wrappers (fault, capture)
@@ -18,6 +19,8 @@ mod packet;
 mod port;
 #[cfg(test)]
 mod port_tests;
+/// Plain datagrams of outside simulators: which numbers, in which order, form and units.
+pub mod plain;
 /// Pulses per second from the kernel.
 pub mod pps;
 mod readiness;
@@ -29,12 +32,16 @@ pub mod simulated;
 pub mod socketcan;
 /// Wrappers that see or change what passes.
 pub mod tap;
+/// Records or lines over TCP.
+pub mod tcp;
+/// Datagrams over UDP.
+pub mod udp;
 
 use base::time::Tai;
 use firmware_protocol::EncodeError;
 
-pub use packet::{CHUNK_MAX, Packet, SerialChunk};
-pub use port::{Polled, Port, WireFormat};
+pub use packet::{Bytes, CHUNK_MAX, DATAGRAM_MAX, Datagram, Packet, SerialChunk};
+pub use port::{Input, Polled, Port, WireFormat};
 
 /// A value with the instant at which it was received.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -68,6 +75,10 @@ pub struct LinkCounters {
     pub lost: u64,
     /// Times it came back.
     pub regained: u64,
+    /// Packets, or connections, of another sender than the one that came first: refused.
+    pub foreign: u64,
+    /// Datagrams, records or lines that are longer than any message: refused.
+    pub oversize: u64,
 }
 
 /// Why a link cannot do what is asked.

@@ -1,4 +1,4 @@
-//! What a link moves: one CAN frame, or one run of serial bytes.
+//! What a link moves: one CAN frame, one run of serial bytes, or one datagram.
 
 use firmware_protocol::can::CanFrame;
 use firmware_protocol::serial::ENCODED_MAX;
@@ -7,32 +7,44 @@ use firmware_protocol::serial::ENCODED_MAX;
 pub const CHUNK_MAX: usize = 80;
 const _: () = assert!(ENCODED_MAX <= CHUNK_MAX, "a serial message must fit one chunk");
 
-/// Bytes that were read or written together. Their borders mean nothing.
+/// Longest datagram: holds any plain message of an outside simulator, and any line of one.
+pub const DATAGRAM_MAX: usize = 512;
+
+/// At most `MOST` bytes, in place.
 #[derive(Debug, Clone, Copy)]
-pub struct SerialChunk {
-    bytes: [u8; CHUNK_MAX],
+pub struct Bytes<const MOST: usize> {
+    bytes: [u8; MOST],
     len: usize,
 }
 
+/// Bytes that were read or written together. Their borders mean nothing.
+pub type SerialChunk = Bytes<CHUNK_MAX>;
+
+/// Bytes of one datagram, or of one record or line of a stream. Their borders mean the border of a message.
+pub type Datagram = Bytes<DATAGRAM_MAX>;
+
 /// One thing on the wire.
 #[derive(Debug, Clone, Copy)]
+#[allow(clippy::large_enum_variant, reason = "a box would be an allocation for each packet of the receiving thread")]
 pub enum Packet {
     /// A CAN or CAN FD frame.
     Can(CanFrame),
     /// Bytes on a serial line.
     Serial(SerialChunk),
+    /// A plain datagram.
+    Datagram(Datagram),
 }
 
-impl SerialChunk {
+impl<const MOST: usize> Bytes<MOST> {
     /// No bytes.
-    pub const EMPTY: Self = Self { bytes: [0; CHUNK_MAX], len: 0 };
+    pub const EMPTY: Self = Self { bytes: [0; MOST], len: 0 };
 
-    /// A chunk of at most [`CHUNK_MAX`] bytes; `None` for more.
+    /// Returns at most `MOST` bytes; `None` for more.
     #[must_use]
     pub fn new(bytes: &[u8]) -> Option<Self> {
-        let mut chunk = Self { len: bytes.len(), ..Self::EMPTY };
-        chunk.bytes.get_mut(..bytes.len())?.copy_from_slice(bytes);
-        Some(chunk)
+        let mut all = Self { len: bytes.len(), ..Self::EMPTY };
+        all.bytes.get_mut(..bytes.len())?.copy_from_slice(bytes);
+        Some(all)
     }
 
     /// The bytes.
@@ -42,7 +54,7 @@ impl SerialChunk {
     }
 }
 
-impl PartialEq for SerialChunk {
+impl<const MOST: usize> PartialEq for Bytes<MOST> {
     fn eq(&self, other: &Self) -> bool {
         self.as_slice() == other.as_slice()
     }
@@ -53,6 +65,7 @@ impl PartialEq for Packet {
         match (self, other) {
             (Self::Can(a), Self::Can(b)) => a == b,
             (Self::Serial(a), Self::Serial(b)) => a == b,
+            (Self::Datagram(a), Self::Datagram(b)) => a == b,
             _ => false,
         }
     }
@@ -66,6 +79,17 @@ impl Packet {
             Self::Can(frame) if frame.is_fd() => "CAN FD",
             Self::Can(_) => "classic CAN",
             Self::Serial(_) => "serial",
+            Self::Datagram(_) => "datagram",
+        }
+    }
+
+    /// Bytes that the packet carries, without those of its frame.
+    #[must_use]
+    pub fn data(&self) -> &[u8] {
+        match self {
+            Self::Can(frame) => frame.data(),
+            Self::Serial(chunk) => chunk.as_slice(),
+            Self::Datagram(datagram) => datagram.as_slice(),
         }
     }
 }
@@ -80,5 +104,13 @@ mod tests {
         assert!(SerialChunk::new(&[0; CHUNK_MAX]).is_some());
         assert!(SerialChunk::new(&[0; CHUNK_MAX + 1]).is_none());
         assert_ne!(SerialChunk::new(&[1]), SerialChunk::new(&[1, 0]), "length counts");
+        assert!(Datagram::new(&[7; DATAGRAM_MAX]).is_some() && Datagram::new(&[7; DATAGRAM_MAX + 1]).is_none());
+    }
+
+    #[test]
+    fn packets_of_two_kinds_are_never_equal() {
+        let (chunk, datagram) = (SerialChunk::new(&[1]).unwrap(), Datagram::new(&[1]).unwrap());
+        assert_ne!(Packet::Serial(chunk), Packet::Datagram(datagram));
+        assert_eq!(Packet::Serial(chunk).data(), Packet::Datagram(datagram).data(), "of the same bytes");
     }
 }

@@ -1,8 +1,11 @@
 //! A link with a codec: packets <-> messages, rejections counted.
 
-use super::{CHUNK_MAX, Departure, Link, LinkCounters, LinkError, Packet, SerialChunk, Stamped};
+use super::plain::{PlainAttitude, PlainCodec, PlainLayout, PlainRecord, PlainRejectCounters, PlainTime};
+use super::{CHUNK_MAX, Datagram, Departure, Link, LinkCounters, LinkError, Packet, SerialChunk, Stamped};
 use base::time::{Span, Tai};
 use firmware_protocol::can::{self, CanFrame, Format, IdMap};
+use firmware_protocol::message::AttitudeRecord;
+use firmware_protocol::ticks::ticks_diff;
 use firmware_protocol::{Message, Reject, RejectCounters, serial};
 
 /// How messages look on the wire.
@@ -14,13 +17,24 @@ pub enum WireFormat {
     CanFd,
     /// Serial: COBS packets.
     Serial,
+    /// Plain datagrams of an outside simulator: attitudes, jitter and the observer, and nothing else.
+    Plain,
+}
+
+/// What a port receives.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Input {
+    /// A message of the protocol.
+    Message(Message),
+    /// A plain message of an outside simulator.
+    Plain(PlainRecord),
 }
 
 /// What [`Port::poll`] came back with.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Polled {
-    /// A message.
-    Message(Stamped<Message>),
+    /// A message, of either kind.
+    Input(Stamped<Input>),
     /// A packet that is no message yet, or was refused and counted.
     Packet,
     /// Nothing came in time.
@@ -36,10 +50,18 @@ pub struct Port {
     ids: IdMap,
     can: can::Decoder,
     serial: SerialCodec,
+    plain: PlainCodec,
+    plain_clock: PlainClock,
     rejects: RejectCounters,
     packets_sent: u64,
     /// Taken off every stamp.
     delay: Span,
+}
+
+/// The clock of a flight computer that sends plain messages: its ticks wrap, times in plain messages do not.
+#[derive(Default)]
+struct PlainClock {
+    last: Option<(u32, i64)>,
 }
 
 struct SerialCodec {
@@ -54,8 +76,25 @@ impl Port {
     #[must_use]
     pub fn new(link: Box<dyn Link>, format: WireFormat, ids: IdMap) -> Self {
         let can = can::Decoder::new(ids);
-        let rejects = RejectCounters::default();
-        Self { link, format, ids, can, serial: SerialCodec::new(), rejects, packets_sent: 0, delay: Span::ZERO }
+        Self {
+            link,
+            format,
+            ids,
+            can,
+            serial: SerialCodec::new(),
+            plain: PlainCodec::new(PlainLayout::default()),
+            plain_clock: PlainClock::default(),
+            rejects: RejectCounters::default(),
+            packets_sent: 0,
+            delay: Span::ZERO,
+        }
+    }
+
+    /// The same with another layout of plain messages than the default.
+    #[must_use]
+    pub fn with_layout(mut self, layout: PlainLayout) -> Self {
+        self.plain = PlainCodec::new(layout);
+        self
     }
 
     /// The same with a constant delay taken off every stamp: how much longer this link's stamps are on their way than
@@ -78,42 +117,63 @@ impl Port {
         &self.rejects
     }
 
+    /// Why and how often plain messages were refused.
+    #[must_use]
+    pub fn plain_rejects(&self) -> &PlainRejectCounters {
+        self.plain.rejects()
+    }
+
     /// What went over the link.
     #[must_use]
     pub fn counters(&self) -> LinkCounters {
         self.link.counters()
     }
 
-    /// The next message; waits as [`Link::receive`] does. Refused input is counted and skipped.
+    /// The next message of the protocol; waits as [`Link::receive`] does. Refused input is counted and skipped.
     ///
     /// # Errors
     /// When the link is no longer able to receive.
     pub fn receive(&mut self, until: Tai) -> Result<Option<Stamped<Message>>, LinkError> {
         loop {
             match self.poll(until)? {
-                Polled::Message(message) => return Ok(Some(message)),
+                Polled::Input(Stamped { at, value: Input::Message(value) }) => return Ok(Some(Stamped { at, value })),
+                Polled::Input(Stamped { value: Input::Plain(_), .. }) | Polled::Packet => {}
+                Polled::Nothing => return Ok(None),
+            }
+        }
+    }
+
+    /// The next message of either kind; waits as [`Link::receive`] does. Refused input is counted and skipped.
+    ///
+    /// # Errors
+    /// When the link is no longer able to receive.
+    pub fn receive_any(&mut self, until: Tai) -> Result<Option<Stamped<Input>>, LinkError> {
+        loop {
+            match self.poll(until)? {
+                Polled::Input(input) => return Ok(Some(input)),
                 Polled::Packet => {}
                 Polled::Nothing => return Ok(None),
             }
         }
     }
 
-    /// As [`Self::receive`], for one packet at most: a bus that is full of what is not for this port holds nobody up.
+    /// As [`Self::receive_any`], for one packet at most: a bus that is full of what is not for this port holds nobody up.
     ///
     /// # Errors
     /// When the link is no longer able to receive.
     pub fn poll(&mut self, until: Tai) -> Result<Polled, LinkError> {
         if let Some(message) = self.serial.next(&mut self.rejects) {
-            return Ok(Polled::Message(message));
+            return Ok(Polled::Input(message));
         }
         let Some(mut packet) = self.link.receive(until)? else {
             return Ok(Polled::Nothing);
         };
         packet.at = packet.at - self.delay;
-        Ok(self.read(packet).map_or(Polled::Packet, Polled::Message))
+        Ok(self.read(packet).map_or(Polled::Packet, Polled::Input))
     }
 
-    /// Sends a message; returns when its last packet leaves, as [`Link::send`] does.
+    /// Sends a message; returns when its last packet leaves, as [`Link::send`] does. A plain link carries attitudes only:
+    /// other messages have no plain form, and are left out.
     ///
     /// # Errors
     /// When the wire format cannot carry it, or the link refuses it.
@@ -125,7 +185,27 @@ impl Port {
                 let chunk = self.serial.encode(message)?;
                 self.send_packet(&Packet::Serial(chunk))
             }
+            WireFormat::Plain => self.send_plain(message),
         }
+    }
+
+    fn send_plain(&mut self, message: &Message) -> Result<Tai, LinkError> {
+        let datagram = match message {
+            Message::Attitude(record) => self.plain.write(&self.plain_clock.record(record)),
+            Message::Sync(_)
+            | Message::TimeFollowUp(_)
+            | Message::Jitter(_)
+            | Message::JitterPair(_)
+            | Message::Wheels(_)
+            | Message::Exposure(_)
+            | Message::Status(_)
+            | Message::Command(_)
+            | Message::Response(_)
+            | Message::Table(_)
+            | Message::Heartbeat(_) => None,
+        };
+        let send = |datagram: Datagram| self.send_packet(&Packet::Datagram(datagram));
+        datagram.map_or(Ok(Tai::from_ns(i64::MIN)), send)
     }
 
     /// Packets that the link took so far: right after [`Self::send`], the last packet of that message is number
@@ -155,24 +235,46 @@ impl Port {
     }
 
     /// A CAN frame gives its message at once; a chunk is put aside for [`SerialCodec::next`].
-    fn read(&mut self, packet: Stamped<Packet>) -> Option<Stamped<Message>> {
+    fn read(&mut self, packet: Stamped<Packet>) -> Option<Stamped<Input>> {
         match packet.value {
             Packet::Can(frame) => self.read_frame(packet.at, &frame),
             Packet::Serial(chunk) => {
                 self.serial.put(Stamped { at: packet.at, value: chunk });
                 None
             }
+            Packet::Datagram(datagram) => {
+                let record = self.plain.read(datagram.as_slice())?;
+                Some(Stamped { at: packet.at, value: Input::Plain(record) })
+            }
         }
     }
 
-    fn read_frame(&mut self, at: Tai, frame: &CanFrame) -> Option<Stamped<Message>> {
+    fn read_frame(&mut self, at: Tai, frame: &CanFrame) -> Option<Stamped<Input>> {
         let message = self.can.read(frame);
         message
             .unwrap_or_else(|reject: Reject| {
                 self.rejects.count(reject);
                 None
             })
-            .map(|value| Stamped { at, value })
+            .map(|message| Stamped { at, value: Input::Message(message) })
+    }
+}
+
+impl PlainClock {
+    /// The attitude of a message as a plain record, in double precision of its single precision.
+    fn record(&mut self, record: &AttitudeRecord) -> PlainRecord {
+        let unwrapped_us = match self.last {
+            Some((t_us, unwrapped_us)) => unwrapped_us.saturating_add(i64::from(ticks_diff(record.t_us, t_us))),
+            None => i64::from(record.t_us),
+        };
+        self.last = Some((record.t_us, unwrapped_us));
+        let attitude = PlainAttitude {
+            q_wxyz: record.q_wxyz.map(f64::from),
+            rate_rad_s: record.rate_rad_s.map(f64::from),
+            acceleration_rad_s2: record.acceleration_rad_s2.map(f64::from),
+        };
+        let time = PlainTime::Tag(unwrapped_us.saturating_mul(1000));
+        PlainRecord { time, attitude: Some(attitude), jitter_rad: None, observer: None }
     }
 }
 
@@ -188,13 +290,13 @@ impl SerialCodec {
     }
 
     /// The next message in the chunk at hand.
-    fn next(&mut self, rejects: &mut RejectCounters) -> Option<Stamped<Message>> {
+    fn next(&mut self, rejects: &mut RejectCounters) -> Option<Stamped<Input>> {
         let bytes = self.chunk.value.as_slice();
         let mut rest = &bytes[self.taken..];
         let message = core::iter::from_fn(|| self.decoder.read(&mut rest))
             .find_map(|outcome| outcome.map_err(|reject| rejects.count(reject)).ok());
         self.taken = bytes.len() - rest.len();
-        message.map(|value| Stamped { at: self.chunk.at, value })
+        message.map(|message| Stamped { at: self.chunk.at, value: Input::Message(message) })
     }
 
     fn encode(&mut self, message: &Message) -> Result<SerialChunk, LinkError> {

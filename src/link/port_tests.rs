@@ -83,6 +83,7 @@ impl<L> Corrupting<L> {
             Packet::Can(frame) if frame.is_fd() => Packet::Can(CanFrame::fd(frame.id(), &flip(frame.data())).unwrap()),
             Packet::Can(frame) => Packet::Can(CanFrame::classic(frame.id(), &flip(frame.data())).unwrap()),
             Packet::Serial(chunk) => Packet::Serial(SerialChunk::new(&flip(chunk.as_slice())).unwrap()),
+            Packet::Datagram(datagram) => Packet::Datagram(Datagram::new(&flip(datagram.as_slice())).unwrap()),
         }
     }
 }

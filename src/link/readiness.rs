@@ -15,15 +15,27 @@ pub(super) enum Readiness {
 }
 
 /// Returns when it is so, after `span` at the latest, or when a signal came.
-pub(super) fn wait_for(fd: BorrowedFd<'_>, wanted: Readiness, span: Span) -> io::Result<()> {
+/// Returns whether it is so.
+pub(super) fn wait_for(fd: BorrowedFd<'_>, wanted: Readiness, span: Span) -> io::Result<bool> {
     let flags = match wanted {
         Readiness::Read => PollFlags::IN,
         Readiness::Write => PollFlags::OUT,
     };
+    wait(&mut [PollFd::from_borrowed_fd(fd, flags)], span)
+}
+
+/// Returns when one of them can be read, after `span` at the latest, or when a signal came.
+pub(super) fn wait_for_any(fds: &[BorrowedFd<'_>], span: Span) -> io::Result<()> {
+    let mut polled: Vec<PollFd<'_>> = fds.iter().map(|fd| PollFd::from_borrowed_fd(*fd, PollFlags::IN)).collect();
+    wait(&mut polled, span).map(drop)
+}
+
+fn wait(polled: &mut [PollFd<'_>], span: Span) -> io::Result<bool> {
     let ns = span.ns().max(0);
     let limit = Timespec { tv_sec: ns / 1_000_000_000, tv_nsec: ns % 1_000_000_000 };
-    match poll(&mut [PollFd::from_borrowed_fd(fd, flags)], Some(&limit)) {
-        Ok(_) | Err(rustix::io::Errno::INTR) => Ok(()),
+    match poll(polled, Some(&limit)) {
+        Ok(count) => Ok(count > 0),
+        Err(rustix::io::Errno::INTR) => Ok(false),
         Err(error) => Err(error.into()),
     }
 }

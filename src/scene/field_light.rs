@@ -56,6 +56,11 @@ impl FieldLight {
         Ok((self.electrons(&self.light.rates(boresight_icrf, sun_icrf, &glare)), glare))
     }
 
+    /// Returns the observer that it follows, for states from outside; `None` where the light needs none.
+    pub fn observer_mut(&mut self) -> Option<&mut ObserverTrack> {
+        self.observer.as_mut()
+    }
+
     /// Least and most electrons of the modelled sky in a pixel on the axis, were it in these directions (sensor axes).
     ///
     /// # Errors

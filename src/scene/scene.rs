@@ -9,11 +9,12 @@ use crate::field_light::FieldLight;
 use crate::sky_bodies::{BodyCounts, SkyBodies};
 use crate::sky_targets::{SkyTarget, SkyTargets};
 use crate::sky_view::SkyView;
+use base::time::Tai;
 use image::detector::Background;
 use plan::attitude::LosPath;
 use plan::exposure::Source;
 use sky::almanac::Almanac;
-use sky::observer::{Observer, ObserverTrack};
+use sky::observer::{BarycentricState, Observer, ObserverTrack};
 use stars::Sky;
 use stars::tiles::Shortfall;
 
@@ -85,6 +86,26 @@ impl Scene {
             has_stars: false,
             has_lost_reader: false,
         }
+    }
+
+    /// Takes in the observer's state at an instant, from outside, relative to the body it is about: km and km/s, ICRF axes.
+    ///
+    /// # Errors
+    /// When a number is not finite, too large, or below the surface of the body.
+    pub fn follow_observer(&mut self, at: Tai, state: BarycentricState) -> Result<(), SceneError> {
+        let bodies = self.bodies.as_mut().map(SkyBodies::observer_mut);
+        let light = self.light.observer_mut();
+        let tracks = [self.stars.observer_mut(), self.targets.observer_mut()].into_iter().chain(bodies).chain(light);
+        for track in tracks {
+            track.follow(at, state)?;
+        }
+        Ok(())
+    }
+
+    /// Returns true when the observer's states come from outside, and the nearest is far from an instant.
+    #[must_use]
+    pub fn is_observer_far(&self, at: Tai) -> bool {
+        self.stars.observer().is_far(at)
     }
 
     /// Finds all of it for an exposure; without stars its background only.

@@ -121,6 +121,11 @@ impl SkyBodies {
         }
     }
 
+    /// Returns the observer that it follows, for states from outside.
+    pub fn observer_mut(&mut self) -> &mut ObserverTrack {
+        &mut self.observer
+    }
+
     /// Everything to draw in the latest frame.
     #[must_use]
     pub fn sources(&self) -> &[Source] {

@@ -23,7 +23,7 @@ use plan::exposure::{LightCurve, Shutter, SkyPath, Target, TargetWay};
 use plan::optics::StarLight;
 use sky::ObserverError;
 use sky::astrometry::{CameraGeometry, aberrated};
-use sky::observer::{BarycentricState, Observer, ObserverTrack};
+use sky::observer::{BarycentricState, ObserverTrack};
 use sky::orbit::{CentralBody, EARTH_GM_KM3_S2};
 use sky::target::{Brightness, Orbit, Sighting, limb_clearance_km, sunlight};
 
@@ -193,6 +193,11 @@ impl SkyTargets {
         self.is_coarse
     }
 
+    /// Returns the observer that it follows, for states from outside.
+    pub fn observer_mut(&mut self) -> &mut ObserverTrack {
+        &mut self.observer
+    }
+
     /// What is told of target `place` at `at`, wherever it stands.
     ///
     /// # Errors
@@ -216,7 +221,7 @@ impl SkyTargets {
         for (state, t_s) in observers.iter_mut().zip(SkyPath::instants_s(half_s)) {
             let at = vantage.at + Span::from_s(t_s);
             *state = self.observer.geocentric_state(at)?.ok_or(ObserverError::NoBodies)?;
-            fall = nearer(fall, fall_of(self.observer.observer(), state, at)?);
+            fall = nearer(fall, fall_of(&self.observer, state, at)?);
         }
         let observer_km = Cubic::through(observers.map(|state| state.position_km), half_s);
         Ok(Exposure { vantage, half_s, observers, observer_km, fall })
@@ -290,7 +295,7 @@ impl SkyTargets {
 }
 
 /// What an observer falls about, and how far from its centre it is.
-fn fall_of(observer: &Observer, geocentric: &BarycentricState, at: Tai) -> Result<Fall, ObserverError> {
+fn fall_of(observer: &ObserverTrack, geocentric: &BarycentricState, at: Tai) -> Result<Fall, ObserverError> {
     let radius_km = match observer.about() {
         None => 0.0,
         Some(CentralBody::Earth) => geocentric.position_km.length(),

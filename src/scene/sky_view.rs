@@ -134,6 +134,17 @@ impl SkyView {
         self.shortfall
     }
 
+    /// Returns the observer that it follows.
+    #[must_use]
+    pub fn observer(&self) -> &ObserverTrack {
+        &self.observer
+    }
+
+    /// Returns the observer that it follows, for states from outside.
+    pub fn observer_mut(&mut self) -> &mut ObserverTrack {
+        &mut self.observer
+    }
+
     /// Returns what the observer did to directions at the latest exposure; `None` before the first.
     #[must_use]
     pub fn sight(&self) -> Option<&Sight> {

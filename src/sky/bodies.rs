@@ -9,7 +9,7 @@
 //! Tests: below; `tests/physics/bodies.rs`; the Moon in [`crate::moon`].
 
 use crate::ObserverError;
-use crate::observer::{BarycentricState, Observer, ObserverTrack};
+use crate::observer::{BarycentricState, ObserverTrack};
 use crate::planets::Planet;
 use crate::spheroid::Spheroid;
 use crate::{ephemeris, moon, orbit};
@@ -83,7 +83,7 @@ impl ObserverTrack {
     pub fn bodies(&self, at: Tai) -> Result<Bodies, ObserverError> {
         let observer_km = self.geocentric_state(at)?.ok_or(ObserverError::NoBodies)?.position_km;
         let from_barycentre_km = self.barycentric_state(at)?.position_km;
-        let is_there = matches!(self.observer(), Observer::Geocentre);
+        let is_there = self.is_geocentre();
         Ok(Bodies {
             sun_km: self.sun_state(at).position_km - from_barycentre_km,
             moon_km: moon::geocentric_km(at) - observer_km,
@@ -115,6 +115,7 @@ impl ObserverTrack {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::observer::Observer;
     use crate::orbit::CircularOrbit;
     use base::units::{AU_KM, DEG};
 

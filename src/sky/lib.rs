@@ -9,6 +9,7 @@
 //! * [`spheroid`]: limb and surface of a body, seen from near or far;
 //! * [`bodies`]: Sun, Moon and Earth as the observer sees them;
 //! * [`orbit`]: the spacecraft about the Earth (two-line elements, circular), or on a conic about Earth, Moon or Sun;
+//! * [`followed`]: states of the observer that come from outside;
 //! * [`observer`]: Earth and orbit together;
 //! * [`target`]: targets about the Earth: sightings, sunlight, brightness;
 //! * [`astrometry`]: catalog places -> apparent directions -> pixels.
@@ -19,6 +20,7 @@ pub mod bodies;
 pub mod earth;
 pub mod ephemeris;
 mod error;
+pub mod followed;
 pub mod magnitude;
 pub mod moon;
 pub mod observer;

@@ -8,6 +8,7 @@
 
 use crate::ObserverError;
 use crate::almanac::Almanac;
+use crate::followed::FollowedStates;
 use crate::moon;
 use crate::orbit::{CentralBody, CircularOrbit, TleOrbit, TwoBodyOrbit};
 pub use crate::state::BarycentricState;
@@ -84,7 +85,11 @@ fn tabulated(history: &OrbitHistory, at: Tai) -> Result<BarycentricState, Observ
     body_of(history.centre).map_or(Ok(state), |about| above_surface(about, at, state))
 }
 
-fn above_surface(about: CentralBody, at: Tai, state: BarycentricState) -> Result<BarycentricState, ObserverError> {
+pub(crate) fn above_surface(
+    about: CentralBody,
+    at: Tai,
+    state: BarycentricState,
+) -> Result<BarycentricState, ObserverError> {
     let (distance_km, surface_km) = (state.position_km.length(), about.surface_km());
     if distance_km < surface_km {
         return Err(ObserverError::BelowSurface { about, at, distance_km, surface_km });
@@ -96,6 +101,8 @@ fn above_surface(about: CentralBody, at: Tai, state: BarycentricState) -> Result
 #[derive(Debug, Clone)]
 pub struct ObserverTrack {
     observer: Observer,
+    /// States from outside, which go before the orbit from the first one on.
+    followed: Option<Box<FollowedStates>>,
     pub(super) almanac: Almanac,
 }
 
@@ -109,13 +116,50 @@ impl ObserverTrack {
     /// Follows `observer` over the days of `almanac`.
     #[must_use]
     pub fn with_almanac(observer: Observer, almanac: Almanac) -> Self {
-        Self { observer, almanac }
+        Self { observer, followed: None, almanac }
     }
 
-    /// Where the star sensor flies.
+    /// Takes in the observer's state at an instant, from outside, relative to the body it is about: km and km/s, ICRF axes.
+    /// From the first one on the orbit is not used any more. The first call allocates.
+    ///
+    /// # Errors
+    /// When a number is not finite, too large, or below the surface of the body.
+    pub fn follow(&mut self, at: Tai, state: BarycentricState) -> Result<(), ObserverError> {
+        let about = self.observer.about();
+        self.followed.get_or_insert_with(|| Box::new(FollowedStates::new(about))).take(at, state)
+    }
+
+    /// Returns true when states come from outside, and the nearest is so far from an instant that its state is predicted.
     #[must_use]
-    pub fn observer(&self) -> &Observer {
-        &self.observer
+    pub fn is_far(&self, at: Tai) -> bool {
+        self.followed.as_ref().is_some_and(|states| states.is_far(at))
+    }
+
+    /// Returns the body the observer is about; `None` at the barycentre.
+    #[must_use]
+    pub fn about(&self) -> Option<CentralBody> {
+        self.observer.about()
+    }
+
+    /// Returns true for an observer at rest at the barycentre, for whom no light is bent and no body is near.
+    #[must_use]
+    pub fn is_barycentre(&self) -> bool {
+        self.followed.is_none() && matches!(self.observer, Observer::Barycentre)
+    }
+
+    /// Returns true for an observer at the Earth's centre, for whom there is no Earth.
+    #[must_use]
+    pub fn is_geocentre(&self) -> bool {
+        self.followed.is_none() && matches!(self.observer, Observer::Geocentre)
+    }
+
+    /// Returns the state from the centre of the body the observer is about. Does not allocate.
+    ///
+    /// # Errors
+    /// As for [`Observer::relative_state`].
+    pub fn relative_state(&self, at: Tai) -> Result<BarycentricState, ObserverError> {
+        let followed = self.followed.as_ref().map(|states| states.at(at)).transpose()?.flatten();
+        followed.map_or_else(|| self.observer.relative_state(at), Ok)
     }
 
     /// State at `at`; depends on the time only. Does not allocate.
@@ -123,7 +167,7 @@ impl ObserverTrack {
     /// # Errors
     /// As for [`Observer::relative_state`].
     pub fn barycentric_state(&self, at: Tai) -> Result<BarycentricState, ObserverError> {
-        let relative = self.observer.relative_state(at)?;
+        let relative = self.relative_state(at)?;
         Ok(relative
             + match self.observer.about() {
                 None => BarycentricState::default(),
@@ -138,7 +182,7 @@ impl ObserverTrack {
     /// # Errors
     /// As for [`Observer::relative_state`].
     pub fn geocentric_state(&self, at: Tai) -> Result<Option<BarycentricState>, ObserverError> {
-        let relative = self.observer.relative_state(at)?;
+        let relative = self.relative_state(at)?;
         Ok(self.observer.about().map(|about| match about {
             CentralBody::Earth => relative,
             CentralBody::Moon => relative + moon::geocentric_state(at),

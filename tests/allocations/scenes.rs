@@ -10,7 +10,9 @@ use image::detector::charge_transfer::ChargeTransfer;
 use image::detector::defects::{Defect, DefectKind, DefectPlace, DefectPopulation, Rates};
 use image::detector::image_lag::ImageLag;
 use image::detector::protons::{ProtonDirection, ProtonFlux};
-use image::detector::{Detector, DetectorParams, LinePattern, Nonlinearity, RowNoise, SpatialParams};
+use image::detector::{
+    Detector, DetectorConditions, DetectorParams, LinePattern, Nonlinearity, RowNoise, SpatialParams,
+};
 use image::gpu::Electrons;
 use image::render::Backend;
 use image::render::cpu::Cpu;
@@ -157,12 +159,12 @@ impl Drawn {
         let plan = self.planner.plan(&self.sources[..stars]);
         self.backend.render(plan).unwrap();
         let Electrons::Host(mean) = self.backend.electrons() else { panic!("the CPU draws in memory") };
-        self.detector.collect(mean, number, EXPOSURE_S, &mut self.image);
+        self.detector.collect(mean, number, &DetectorConditions::dark(EXPOSURE_S), &mut self.image);
     }
 
     /// A column comes, the oldest commanded defect goes.
     fn change_defects(&mut self, number: u32) {
-        let defects = self.detector.defects_mut();
+        let defects = self.detector.disturbances_mut().defects_mut();
         let (place, kind) = (DefectPlace::Column(number), DefectKind::Hot { extra_e_per_s: 100.0 });
         let oldest = defects.iter().find(|(_, defect)| matches!(defect.place, DefectPlace::Column(_)));
         defects.insert(Defect { place, kind }).unwrap();

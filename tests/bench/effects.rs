@@ -3,7 +3,7 @@
 
 use base::image::{DnImage, Image};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use starloop_image::detector::{Detector, DetectorParams, LinePattern, Nonlinearity, RowNoise};
+use starloop_image::detector::{Detector, DetectorConditions, DetectorParams, LinePattern, Nonlinearity, RowNoise};
 
 const SIZE: usize = 1000;
 
@@ -42,12 +42,12 @@ fn effects(c: &mut Criterion) {
     for (name, params) in cases() {
         let mut detector = Detector::new(params, SIZE, SIZE, 1);
         group.bench_function(name, |b| {
-            b.iter(|| one_thread.install(|| detector.collect(&mean, 1, 0.1, &mut dn)));
+            b.iter(|| one_thread.install(|| detector.collect(&mean, 1, &DetectorConditions::dark(0.1), &mut dn)));
         });
         if name == "none" {
             detector.keep_charge();
             group.bench_function("two passes", |b| {
-                b.iter(|| one_thread.install(|| detector.collect(&mean, 1, 0.1, &mut dn)));
+                b.iter(|| one_thread.install(|| detector.collect(&mean, 1, &DetectorConditions::dark(0.1), &mut dn)));
             });
         }
     }

@@ -14,7 +14,7 @@ use plan::exposure::{MethodChoice, PixelPath, PixelPoint, PsfSampling, Shutter};
 use plan::optics::{Illumination, PsfModel};
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 use starloop_image::detector::gpu::GpuDetector;
-use starloop_image::detector::{Detector, DetectorParams};
+use starloop_image::detector::{Detector, DetectorConditions, DetectorParams};
 use starloop_image::gpu::{AdapterChoice, Electrons, GpuDevice};
 use starloop_image::render::Backend;
 use starloop_image::render::cpu::Cpu;
@@ -134,7 +134,7 @@ fn gpu_frames(c: &mut Criterion) {
         group.bench_function(BenchmarkId::new("noise", &id), |b| {
             b.iter(|| {
                 gpu.render(planner.plan(&sources)).expect("draws");
-                readout.collect(gpu.device_electrons(), 1, 0.1, &mut dn).expect("reads out");
+                readout.collect(gpu.device_electrons(), 1, &DetectorConditions::dark(0.1), &mut dn).expect("reads out");
             });
         });
     }
@@ -161,7 +161,7 @@ fn frames(c: &mut Criterion) {
                     b.iter(|| {
                         cpu.render(planner.plan(&sources)).expect("draws");
                         let Electrons::Host(mean) = cpu.electrons() else { unreachable!("the CPU draws on the host") };
-                        detector.collect(mean, 1, 0.1, &mut dn);
+                        detector.collect(mean, 1, &DetectorConditions::dark(0.1), &mut dn);
                     });
                 });
             }

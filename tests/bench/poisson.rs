@@ -4,7 +4,7 @@
 
 use base::image::{DnImage, Image};
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use starloop_image::detector::{Detector, DetectorParams, PoissonMethod};
+use starloop_image::detector::{Detector, DetectorConditions, DetectorParams, PoissonMethod};
 
 const SIZE: usize = 1000;
 
@@ -33,7 +33,7 @@ fn methods(c: &mut Criterion) {
         let mut mean = Image::new(SIZE, SIZE);
         mean.pixels_mut().fill(lambda);
         group.bench_function(BenchmarkId::new(method.name(), lambda), |b| {
-            b.iter(|| one_thread.install(|| detector.collect(&mean, 1, 0.1, &mut dn)));
+            b.iter(|| one_thread.install(|| detector.collect(&mean, 1, &DetectorConditions::dark(0.1), &mut dn)));
         });
     }
     group.finish();

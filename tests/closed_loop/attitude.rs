@@ -18,7 +18,7 @@ fn the_attitude_rendered_is_the_attitude_sent() {
         assert!(run.outcome.error.is_none(), "{wire:?}: {:?}", run.outcome.error.map(|e| e.to_string()));
         assert_eq!(run.frames.len(), 40, "{wire:?}");
         for frame in &run.frames {
-            let truth = run.computer.truth(frame.meta.mid_exposure);
+            let truth = run.computer.truth(frame.meta.mid_exposure).unwrap();
             let rendered: Rotation<Sensor, Icrf> = Rotation::from_wxyz(frame.meta.attitude_wxyz, 1e-9).unwrap();
             let sent = Rotation::<Sensor, Icrf>::from_quat(truth.body_from_icrf.quat());
             let off_arcsec = sent.rotation_vector_to(&rendered).length() / ARCSEC;
@@ -26,7 +26,8 @@ fn the_attitude_rendered_is_the_attitude_sent() {
             assert!(frame.stars > 100, "{wire:?}: {} stars", frame.stars);
         }
         // The negative control: half a frame later the slew has moved on.
-        let (first, last) = (&run.frames[20], run.computer.truth(run.frames[20].meta.mid_exposure + Span::from_ms(50)));
+        let (first, last) =
+            (&run.frames[20], run.computer.truth(run.frames[20].meta.mid_exposure + Span::from_ms(50)).unwrap());
         let rendered: Rotation<Sensor, Icrf> = Rotation::from_wxyz(first.meta.attitude_wxyz, 1e-9).unwrap();
         let later = Rotation::<Sensor, Icrf>::from_quat(last.body_from_icrf.quat());
         assert!(later.rotation_vector_to(&rendered).length() / ARCSEC > WIRE_ARCSEC, "a shift of 50 ms is seen");
@@ -47,7 +48,7 @@ fn frames_drawn_ahead_show_where_the_sensor_will_point() {
         let horizon = frame.meta.horizon;
         assert!(horizon >= Span::from_ms(70) && horizon < Span::from_ms(90), "{horizon:?}");
         assert!(now.meta.horizon <= Span::ZERO, "{:?}", now.meta.horizon);
-        let truth = ahead.computer.truth(frame.meta.mid_exposure);
+        let truth = ahead.computer.truth(frame.meta.mid_exposure).unwrap();
         let rendered: Rotation<Sensor, Icrf> = Rotation::from_wxyz(frame.meta.attitude_wxyz, 1e-9).unwrap();
         let sent = Rotation::<Sensor, Icrf>::from_quat(truth.body_from_icrf.quat());
         let off_arcsec = sent.rotation_vector_to(&rendered).length() / ARCSEC;

@@ -185,7 +185,7 @@ fn status_echoes_the_pointing_of_each_frame_at_the_time_told_for_it() {
                 if angle != PointingAngle::Roll {
                     continue;
                 }
-                let truth = run.computer.truth(at).body_from_icrf;
+                let truth = run.computer.truth(at).unwrap().body_from_icrf;
                 let [ra, dec, roll] = ra_dec_roll(&Rotation::<Sensor, Icrf>::from_quat(truth.quat()));
                 let wrapped = |angle: f64| angle.sin().atan2(angle.cos()).abs() / ARCSEC;
                 let off = [(angles[0] - ra) * dec.cos(), angles[1] - dec, angles[2] - roll].map(wrapped);

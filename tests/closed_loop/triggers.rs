@@ -135,7 +135,7 @@ fn a_captured_run_has_the_same_triggers_when_it_is_replayed() {
         let received = packets.iter().filter(|packet| packet.direction == Direction::Received);
         let mut messages = received.filter_map(|captured| match captured.packet {
             Packet::Can(frame) => decoder.read(&frame).unwrap().map(|value| Stamped { at: captured.at, value }),
-            Packet::Serial(_) => None,
+            Packet::Serial(_) | Packet::Datagram(_) => None,
         });
         let mut next = messages.next();
         let mut numbers = Vec::new();

@@ -214,6 +214,28 @@ def elements():
     yield "values_of_two", head(3, 7) + bytes([1, 1, 11, 1]) + b"7" + bytes([1, 4, 3]) + b"0.7"
 
 
+def plain():
+    # Form, meaning of time, sense, fields beyond the usual ones; angle and rate of the good message.
+    head = lambda form, fields=b"": bytes([form, 0, 0, len(fields)]) + fields + bytes([0, 4, 1, 0])
+    numbers = (1.5, 1.0, 0.0, 0.0, 0.0, 0.01, -0.02, 0.03)
+    yield "little", head(0) + struct.pack("<8d", *numbers)
+    yield "big", head(1) + struct.pack(">8d", *numbers)
+    yield "json", head(2) + b'{"t":1.5,"q":[1,0,0,0],"w_x":0.01,"w_y":-2e-2,"w_z":0}'
+    yield "array", head(2) + json.dumps(numbers).encode()
+    yield "text", head(3) + b"1.5, 1 0 0 0; 0.01 -0.02 0.03\n"
+    yield "jitter", head(0, bytes([0, 14, 13, 12, 20])) + struct.pack("<5d", 1, 2, 3, 4, 5)
+    yield "lines", head(4) + (b"TIME 2025-079-12:00:00.010000000\nSC[0].qn = [ 0.0 0.0 0.0 1.0]\nSC[0].wn = [ 0 0 0]\n"
+                              b"SC[0].PosR = [1 2 3]\nOrb[0].PosN = [7e6 0 0]\nOrb[0].VelN = [0 7e3 0]\n[ENDMSG]\n")
+
+
+def jitter_table():
+    yield "series", b"\0# shaker\nt_s,x_arcsec,y_urad\n0.0,1.5,-2\n0.1,1e-3,4 # later\n0.2,0,0\n"
+    yield "series_ms", b"\0t_ms,z_deg\n0,9\n1,-9\n2,11\n"
+    yield "series_steps", b"\0time_s,x_mas\n0,1\n1,2\n2.4,3\n"
+    yield "density", b"\1frequency_hz,x_arcsec2_hz,y_rad2_hz\n1,2,0\n10,1e-3,1e-12\n1e4,0,0\n"
+    yield "density_falling", b"\1f_hz,x_deg2_hz\n2,1\n1,1\n"
+
+
 def histories():
     metadata = b"META_START\nOBJECT_NAME = S\nOBJECT_ID = 1\n%sTIME_SYSTEM = UTC\nSTART_TIME = 2026-03-01T00:00:00\nSTOP_TIME = 2026-060T00:01:00\n"
     frames = b"REF_FRAME_A = EME2000\nREF_FRAME_B = SC_BODY_1\n"
@@ -262,8 +284,8 @@ def spice():
     yield "text", b"\2KPL/LSK\n\\begindata\nDELTET/K = 1.657D-3\nA += ( 'x' @2026-JAN-1\n 5 )\n\\begintext\n"
 
 
-for target in (can_decode, serial_resync, slcan, socketcand, captures, network_camera, session, layer, star_lines,
-               elements, histories, spice):
+for target in (can_decode, serial_resync, slcan, socketcand, captures, plain, network_camera, session, layer, star_lines,
+               elements, jitter_table, histories, spice):
     folder = HERE / "corpus" / target.__name__
     folder.mkdir(parents=True, exist_ok=True)
     for name, seed in target():

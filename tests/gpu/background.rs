@@ -3,8 +3,8 @@
 use crate::scene::{DnDifference, EXPOSURE_S, Motion, Scene, detector, device, draw_cpu, draw_gpu};
 use base::image::DnImage;
 use plan::optics::PsfModel;
-use starloop_image::detector::Background;
 use starloop_image::detector::gpu::GpuDetector;
+use starloop_image::detector::{Background, DetectorConditions};
 use starloop_image::render::gpu::Gpu;
 
 /// As for the detector's other stages.
@@ -39,18 +39,16 @@ fn shaped_backgrounds_agree() {
             let mut readout = GpuDetector::new(device.clone(), &detector, size[0], size[1]).expect("a detector");
             for (frame, background) in (0..).zip(cases) {
                 let [mut on_cpu, mut on_gpu] = [DnImage::new(size[0], size[1]), DnImage::new(size[0], size[1])];
-                detector.set_background(background);
-                detector.set_stray_light_e(3.0);
-                detector.collect(&mean, frame, EXPOSURE_S, &mut on_cpu);
-                readout.set_background(background);
-                readout.set_stray_light_e(3.0);
-                readout.collect(gpu.device_electrons(), frame, EXPOSURE_S, &mut on_gpu).expect("reads out");
+                let conditions = DetectorConditions::lit(EXPOSURE_S, background.and_uniform(3.0));
+                detector.collect(&mean, frame, &conditions, &mut on_cpu);
+                readout.collect(gpu.device_electrons(), frame, &conditions, &mut on_gpu).expect("reads out");
                 let difference = DnDifference::between(&on_cpu, &on_gpu);
                 println!("{size:?}, map {has_map}, apart {is_apart}, case {frame}: {difference:?}");
                 assert!(difference.within(share), "{background:?}: {difference:?}");
                 // Negative control: the same frame under another light.
-                readout.set_background(Background { gradient_e: [40.0, -70.0], ..background });
-                readout.collect(gpu.device_electrons(), frame, EXPOSURE_S, &mut on_gpu).expect("reads out");
+                let turned = Background { gradient_e: [40.0, -70.0], ..conditions.background };
+                let conditions = DetectorConditions::lit(EXPOSURE_S, turned);
+                readout.collect(gpu.device_electrons(), frame, &conditions, &mut on_gpu).expect("reads out");
                 assert!(!DnDifference::between(&on_cpu, &on_gpu).within(share), "a turned gradient shows");
             }
         }
@@ -69,8 +67,8 @@ fn a_map_given_later_is_the_map_given_at_once() {
     let map: Vec<f32> = (0..size[0] * size[1]).map(|i| (i % 7) as f32 / 7.0).collect();
     let read = |readout: &mut GpuDetector| {
         let mut dn = DnImage::new(size[0], size[1]);
-        readout.set_background(Background { sky_e: 400.0, ..Background::DARK });
-        readout.collect(gpu.device_electrons(), 1, EXPOSURE_S, &mut dn).expect("reads out");
+        let conditions = DetectorConditions::lit(EXPOSURE_S, Background { sky_e: 400.0, ..Background::DARK });
+        readout.collect(gpu.device_electrons(), 1, &conditions, &mut dn).expect("reads out");
         dn
     };
     let mut detector = detector(size, 1.0, 5);

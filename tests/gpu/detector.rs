@@ -5,7 +5,7 @@ use base::image::{DnImage, Image};
 use plan::exposure::Source;
 use plan::optics::PsfModel;
 use starloop_image::detector::gpu::GpuDetector;
-use starloop_image::detector::{Detector, DetectorParams, PoissonMethod};
+use starloop_image::detector::{Detector, DetectorConditions, DetectorParams, PoissonMethod};
 use starloop_image::gpu::{DeviceElectrons, GpuDevice, GpuError};
 use starloop_image::render::gpu::Gpu;
 use std::sync::Arc;
@@ -22,9 +22,11 @@ fn both(device: &Arc<GpuDevice>, scene: &Scene, stars: &[Source], detector: &mut
     let mut planner = scene.planner();
     let plan = planner.plan(stars);
     let [mut on_cpu, mut on_gpu] = [DnImage::new(width, height), DnImage::new(width, height)];
-    detector.collect(&draw_cpu(plan, scene.size), frame, EXPOSURE_S, &mut on_cpu);
+    detector.collect(&draw_cpu(plan, scene.size), frame, &DetectorConditions::dark(EXPOSURE_S), &mut on_cpu);
     draw_gpu(&mut gpu, plan, scene.size);
-    readout.collect(gpu.device_electrons(), frame, EXPOSURE_S, &mut on_gpu).expect("reads out");
+    readout
+        .collect(gpu.device_electrons(), frame, &DetectorConditions::dark(EXPOSURE_S), &mut on_gpu)
+        .expect("reads out");
     [on_cpu, on_gpu]
 }
 
@@ -110,7 +112,7 @@ fn images_of_another_size_are_refused() {
     let Some(device) = device() else { return };
     let mut readout = GpuDetector::new(device.clone(), &detector([64, 32], 1.0, 1), 64, 32).expect("a detector");
     let electrons = DeviceElectrons::new(&device, 64, 31).expect("an image");
-    let refused = readout.collect(&electrons, 0, EXPOSURE_S, &mut DnImage::new(64, 32));
+    let refused = readout.collect(&electrons, 0, &DetectorConditions::dark(EXPOSURE_S), &mut DnImage::new(64, 32));
     assert!(matches!(refused, Err(GpuError::Size { got: [64, 31], wanted: [64, 32], .. })), "{refused:?}");
     let mut gpu = Gpu::new(device, 64, 32).expect("a backend");
     assert!(gpu.read_electrons(&mut Image::new(32, 64)).is_err(), "rows and columns swapped");

@@ -3,6 +3,7 @@
 use crate::scene::{DnDifference, EXPOSURE_S, Motion, Scene, detector, device, draw_cpu, draw_gpu, star};
 use base::image::DnImage;
 use plan::optics::PsfModel;
+use starloop_image::detector::DetectorConditions;
 use starloop_image::detector::gpu::GpuDetector;
 use starloop_image::detector::{
     DarkLaw, Detector, DetectorParams, LinePattern, Nonlinearity, Patterns, Rounding, RowNoise,
@@ -60,7 +61,9 @@ fn every_effect_agrees_with_the_cpu_and_changes_the_image() {
         let mut readout = GpuDetector::new(device.clone(), detector, SIZE[0], SIZE[1]).expect("a detector");
         // Two frames through the same buffers: the second is looked at.
         for frame in [2, 3] {
-            readout.collect(gpu.device_electrons(), frame, EXPOSURE_S, &mut dn).expect("reads out");
+            readout
+                .collect(gpu.device_electrons(), frame, &DetectorConditions::dark(EXPOSURE_S), &mut dn)
+                .expect("reads out");
         }
         dn
     };
@@ -76,7 +79,7 @@ fn every_effect_agrees_with_the_cpu_and_changes_the_image() {
     for (name, mut detector) in cases {
         for passes in ["one pass", "passes apart"] {
             let mut on_cpu = DnImage::new(SIZE[0], SIZE[1]);
-            detector.collect(&mean, 3, EXPOSURE_S, &mut on_cpu);
+            detector.collect(&mean, 3, &DetectorConditions::dark(EXPOSURE_S), &mut on_cpu);
             let on_device = on_gpu(&detector);
             let difference = DnDifference::between(&on_cpu, &on_device);
             println!("{name}, {passes}: {difference:?}");
@@ -102,13 +105,12 @@ fn a_temperature_step_is_the_same_on_both_sides() {
     let mut dn = [DnImage::new(SIZE[0], SIZE[1]), DnImage::new(SIZE[0], SIZE[1])];
     let mean = draw_cpu(plan, SIZE);
     let mut totals = Vec::new();
-    for operating_c in [20.0, 48.0] {
-        detector.set_temperature_c(operating_c);
-        readout.set_temperature_c(operating_c);
-        detector.collect(&mean, 1, EXPOSURE_S, &mut dn[0]);
-        readout.collect(gpu.device_electrons(), 1, EXPOSURE_S, &mut dn[1]).expect("reads out");
+    for warmer_k in [0.0, 28.0] {
+        let conditions = DetectorConditions { warmer_k, ..DetectorConditions::dark(EXPOSURE_S) };
+        detector.collect(&mean, 1, &conditions, &mut dn[0]);
+        readout.collect(gpu.device_electrons(), 1, &conditions, &mut dn[1]).expect("reads out");
         let difference = DnDifference::between(&dn[0], &dn[1]);
-        assert!(difference.within(SHARE), "{operating_c} C: {difference:?}");
+        assert!(difference.within(SHARE), "{warmer_k} K: {difference:?}");
         totals.push(dn[1].pixels().iter().map(|dn| f64::from(*dn)).sum::<f64>());
     }
     // Four doublings of 30 e-/s: 15 times 3 e- more in every pixel.

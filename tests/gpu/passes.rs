@@ -3,6 +3,7 @@
 use crate::scene::{DnDifference, EXPOSURE_S, Motion, Scene, detector, device, draw_cpu, draw_gpu, star};
 use base::image::DnImage;
 use plan::optics::PsfModel;
+use starloop_image::detector::DetectorConditions;
 use starloop_image::detector::gpu::GpuDetector;
 use starloop_image::render::gpu::Gpu;
 
@@ -24,14 +25,16 @@ fn passes_apart_agree_with_one_pass_and_with_the_cpu() {
         let read_out = |detector: &_, frame| {
             let mut dn = DnImage::new(size[0], size[1]);
             let mut readout = GpuDetector::new(device.clone(), detector, size[0], size[1]).expect("a detector");
-            readout.collect(gpu.device_electrons(), frame, EXPOSURE_S, &mut dn).expect("reads out");
+            readout
+                .collect(gpu.device_electrons(), frame, &DetectorConditions::dark(EXPOSURE_S), &mut dn)
+                .expect("reads out");
             dn
         };
         let one = read_out(&detector, 3);
         detector.keep_charge();
         let apart = read_out(&detector, 3);
         let mut on_cpu = DnImage::new(size[0], size[1]);
-        detector.collect(&draw_cpu(plan, size), 3, EXPOSURE_S, &mut on_cpu);
+        detector.collect(&draw_cpu(plan, size), 3, &DetectorConditions::dark(EXPOSURE_S), &mut on_cpu);
         // Under the brightest star a mean is known to a hundredth of an electron: some of its 49 counts round the other way.
         let share = SHARE.max(5.0 / (size[0] * size[1]) as f64);
         let [to_one, to_cpu] = [&one, &on_cpu].map(|other| DnDifference::between(&apart, other));

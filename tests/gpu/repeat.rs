@@ -4,6 +4,7 @@ use crate::scene::{EXPOSURE_S, Motion, Scene, detector, device, draw_gpu};
 use base::image::DnImage;
 use plan::exposure::ExposurePlan;
 use plan::optics::PsfModel;
+use starloop_image::detector::DetectorConditions;
 use starloop_image::detector::gpu::GpuDetector;
 use starloop_image::render::Backend;
 use starloop_image::render::gpu::Gpu;
@@ -21,7 +22,9 @@ fn frames_repeat_bit_for_bit() {
         let mut shoot = |gpu: &mut Gpu, plan: &ExposurePlan, frame| {
             gpu.render(plan).expect("draws");
             let mut dn = DnImage::new(width, height);
-            readout.collect(gpu.device_electrons(), frame, EXPOSURE_S, &mut dn).expect("reads out");
+            readout
+                .collect(gpu.device_electrons(), frame, &DetectorConditions::dark(EXPOSURE_S), &mut dn)
+                .expect("reads out");
             dn
         };
         let first = shoot(&mut gpu, &plan, 5);

@@ -14,7 +14,7 @@ use starloop_image::detector::gpu::GpuDetector;
 use starloop_image::detector::image_lag::ImageLag;
 use starloop_image::detector::protons::{ProtonDirection, ProtonFlux};
 use starloop_image::detector::window::Window;
-use starloop_image::detector::{Detector, DetectorParams, SpatialParams};
+use starloop_image::detector::{Detector, DetectorConditions, DetectorParams, SpatialParams};
 use starloop_image::gpu::{DeviceElectrons, GpuDevice};
 
 /// Odd, so that pairs of pixels lie across the ends of rows; 4 divides one side less one.
@@ -61,7 +61,12 @@ fn params(spatial: SpatialParams) -> DetectorParams {
 }
 
 /// Three frames by both, and the detector on the CPU.
-fn both(spatial: SpatialParams, size: [usize; 2], command: impl Fn(&mut Detector)) -> Option<Vec<[DnImage; 2]>> {
+fn both(
+    spatial: SpatialParams,
+    size: [usize; 2],
+    conditions: &DetectorConditions,
+    command: impl Fn(&mut Detector),
+) -> Option<Vec<[DnImage; 2]>> {
     let gpu = device()?;
     let mut cpu = Detector::new(params(spatial), size[0], size[1], 3);
     command(&mut cpu);
@@ -70,8 +75,8 @@ fn both(spatial: SpatialParams, size: [usize; 2], command: impl Fn(&mut Detector
     let frames = (0..3).map(|frame| {
         let mean = mean(frame, size);
         let mut out = [DnImage::new(width, height), DnImage::new(width, height)];
-        cpu.collect(&mean, frame, EXPOSURE_S, &mut out[0]);
-        device.collect(&upload(&gpu, &mean), frame, EXPOSURE_S, &mut out[1]).expect("collected");
+        cpu.collect(&mean, frame, conditions, &mut out[0]);
+        device.collect(&upload(&gpu, &mean), frame, conditions, &mut out[1]).expect("collected");
         out
     });
     Some(frames.collect())
@@ -79,12 +84,13 @@ fn both(spatial: SpatialParams, size: [usize; 2], command: impl Fn(&mut Detector
 
 /// Both agree in all frames, and the effect is seen in the last one.
 fn agree(name: &str, spatial: SpatialParams, size: [usize; 2], command: impl Fn(&mut Detector)) {
-    let Some(frames) = both(spatial, size, command) else { return };
+    let at = DetectorConditions::dark(EXPOSURE_S);
+    let Some(frames) = both(spatial, size, &at, command) else { return };
     for (number, [cpu, gpu]) in frames.iter().enumerate() {
         let difference = DnDifference::between(cpu, gpu);
         assert!(difference.within(SHARE), "{name}, frame {number}: {difference:?}");
     }
-    let Some(plain) = both(SpatialParams::OFF, size, |_| {}) else { return };
+    let Some(plain) = both(SpatialParams::OFF, size, &at, |_| {}) else { return };
     let (with, without) = (&frames[2][1], &plain[2][0]);
     if with.pixels().len() == without.pixels().len() {
         assert!(!DnDifference::between(without, with).within(SHARE), "{name}: nothing is seen of it");
@@ -94,7 +100,7 @@ fn agree(name: &str, spatial: SpatialParams, size: [usize; 2], command: impl Fn(
 const RATES: Rates = Rates { up_per_s: 3.0, down_per_s: 3.0 };
 
 fn defects(detector: &mut Detector) {
-    let list = detector.defects_mut();
+    let list = detector.disturbances_mut().defects_mut();
     let mut insert = |place, kind| list.insert(Defect { place, kind }).expect("room");
     insert(DefectPlace::Column(17), DefectKind::Stuck { dn: 999 });
     insert(DefectPlace::Row(3), DefectKind::Dead { response: 0.3 });
@@ -102,10 +108,8 @@ fn defects(detector: &mut Detector) {
     insert(DefectPlace::Row(50), DefectKind::Rts { extra_e_per_s: 9000.0, rates: RATES });
 }
 
-fn protons(detector: &mut Detector) {
-    let flux = ProtonFlux { per_cm2_s: 3e4, energy_mev: 40.0, direction: ProtonDirection::Isotropic };
-    detector.set_proton_flux(Some(flux)).expect("a flux");
-}
+const STORM: ProtonFlux = ProtonFlux { per_cm2_s: 3e4, energy_mev: 40.0, direction: ProtonDirection::Isotropic };
+const PROTONS: SpatialParams = SpatialParams { protons: Some(STORM), ..SpatialParams::OFF };
 
 #[test]
 fn defects_agree() {
@@ -124,7 +128,11 @@ fn defects_agree() {
 
 #[test]
 fn protons_agree() {
-    agree("protons", SpatialParams::OFF, SIZE, protons);
+    agree("protons", PROTONS, SIZE, |_| {});
+    let of_frame = DetectorConditions { protons: Some(STORM), ..DetectorConditions::dark(EXPOSURE_S) };
+    let by_frame = both(SpatialParams::OFF, SIZE, &of_frame, |_| {});
+    let Some(by_params) = both(PROTONS, SIZE, &DetectorConditions::dark(EXPOSURE_S), |_| {}) else { return };
+    assert_eq!(by_frame, Some(by_params), "protons of a frame are those of the parameters");
 }
 
 #[test]
@@ -149,7 +157,7 @@ fn binning_and_windows_agree() {
         let binning = Some(Binning { factor: 2, kind });
         let size = [122, 86];
         agree("binning", SpatialParams { binning, ..SpatialParams::OFF }, size, defects);
-        agree("both", SpatialParams { binning, window, ..SpatialParams::OFF }, size, protons);
+        agree("both", SpatialParams { binning, window, ..PROTONS }, size, |_| {});
     }
 }
 
@@ -167,23 +175,21 @@ fn everything_at_once_agrees() {
         window: Some(Window { left_px: 4, top_px: 2, width_px: 100, height_px: 80 }),
         ..SpatialParams::OFF
     };
-    agree("everything", all, [122, 86], |detector| {
-        defects(detector);
-        protons(detector);
-    });
+    agree("everything", SpatialParams { protons: Some(STORM), ..all }, [122, 86], defects);
 }
 
 #[test]
 fn the_comparison_sees_a_defect_more_and_another_share() {
     let spatial = SpatialParams { image_lag: Some(ImageLag { share: 0.05 }), ..SpatialParams::OFF };
     let other = SpatialParams { image_lag: Some(ImageLag { share: 0.051 }), ..SpatialParams::OFF };
-    let (Some(a), Some(b)) = (both(spatial, SIZE, |_| {}), both(other, SIZE, |_| {})) else { return };
+    let at = DetectorConditions::dark(EXPOSURE_S);
+    let (Some(a), Some(b)) = (both(spatial, SIZE, &at, |_| {}), both(other, SIZE, &at, |_| {})) else { return };
     assert!(!DnDifference::between(&a[2][0], &b[2][1]).within(SHARE), "another share");
     let one = |detector: &mut Detector| {
         let (place, kind) = (DefectPlace::Pixel(60, 40), DefectKind::Hot { extra_e_per_s: 1e5 });
-        detector.defects_mut().insert(Defect { place, kind }).expect("room");
+        detector.disturbances_mut().defects_mut().insert(Defect { place, kind }).expect("room");
     };
-    let Some(c) = both(spatial, SIZE, one) else { return };
+    let Some(c) = both(spatial, SIZE, &at, one) else { return };
     assert!(!DnDifference::between(&a[2][0], &c[2][1]).within(SHARE), "a hot pixel");
 }
 
@@ -193,15 +199,15 @@ fn a_reset_forgets_on_both() {
     let spatial = SpatialParams { image_lag: Some(ImageLag { share: 0.5 }), ..SpatialParams::OFF };
     let mut cpu = Detector::new(params(spatial), SIZE[0], SIZE[1], 3);
     let mut on_device = GpuDetector::new(gpu.clone(), &cpu, SIZE[0], SIZE[1]).expect("a detector");
-    let dark = Image::new(SIZE[0], SIZE[1]);
+    let (dark, at) = (Image::new(SIZE[0], SIZE[1]), DetectorConditions::dark(EXPOSURE_S));
     let mut frame = |number: u32, image: &Image<f32>, reset: bool| {
         let mut out = [DnImage::new(SIZE[0], SIZE[1]), DnImage::new(SIZE[0], SIZE[1])];
         if reset {
             cpu.reset();
             on_device.reset();
         }
-        cpu.collect(image, number, EXPOSURE_S, &mut out[0]);
-        on_device.collect(&upload(&gpu, image), number, EXPOSURE_S, &mut out[1]).expect("collected");
+        cpu.collect(image, number, &at, &mut out[0]);
+        on_device.collect(&upload(&gpu, image), number, &at, &mut out[1]).expect("collected");
         assert!(DnDifference::between(&out[0], &out[1]).within(SHARE), "frame {number}");
         out[0].clone()
     };

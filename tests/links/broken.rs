@@ -4,7 +4,7 @@ use crate::ends::{clock, simulated};
 use base::clock::Clock;
 use base::time::{Span, Tai};
 use starloop_link::conformance::{Ends, check_link};
-use starloop_link::{Link, LinkCounters, LinkError, Packet, SerialChunk, Stamped, WireFormat};
+use starloop_link::{Datagram, Link, LinkCounters, LinkError, Packet, SerialChunk, Stamped, WireFormat};
 use std::sync::Arc;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -51,6 +51,7 @@ fn spoilt(packet: Packet, alter: bool) -> Packet {
             Packet::Can(made.unwrap())
         }
         Packet::Serial(chunk) => Packet::Serial(SerialChunk::new(&spoil(chunk.as_slice())).unwrap()),
+        Packet::Datagram(datagram) => Packet::Datagram(Datagram::new(&spoil(datagram.as_slice())).unwrap()),
     }
 }
 

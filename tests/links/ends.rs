@@ -18,6 +18,7 @@ pub(crate) fn simulated(format: WireFormat, clock: &Arc<dyn Clock>) -> Result<En
         WireFormat::CanClassic => BusTiming::CanClassic { bit_rate_bps: 1_000_000 },
         WireFormat::CanFd => BusTiming::CanFd { arbitration_bps: 1_000_000, data_bps: 8_000_000 },
         WireFormat::Serial => BusTiming::Serial { baud: 3_000_000 },
+        WireFormat::Plain => BusTiming::Datagram { bit_rate_bps: 100_000_000 },
     };
     let params = BusParams { name: "simulated".into(), timing, latency: Span::ZERO, queue_packets: 2048 };
     let (near, far) = simulated_pair(params, clock);

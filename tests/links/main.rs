@@ -4,5 +4,6 @@
 
 mod broken;
 mod ends;
+mod plain;
 mod simulated;
 mod terminal;

@@ -40,7 +40,7 @@ fn mean_and_shot_noise_follow_density_exposure_and_temperature() {
 fn a_temperature_step_shows_in_the_next_frame() {
     let mut flats = Flats::new(warm(20.0), SIZE);
     let before = mean(&flats.frame_e(0.0, 1, 0.4));
-    flats.detector.set_temperature_c(33.0);
+    flats.warmer_k = 13.0;
     let after = mean(&flats.frame_e(0.0, 2, 0.4));
     assert!((after / before - 4.0).abs() < 0.02, "two doublings: {before} e-, then {after} e-");
 }

@@ -9,6 +9,7 @@ use base::source::ra_dec_rad;
 use base::time::{Span, Tai};
 use base::units::{DEG, MAS};
 use config::{Camera, Document};
+use image::detector::DetectorConditions;
 use plan::attitude::LosPath;
 use plan::exposure::{MethodChoice, Planner, Source, SourcePlace};
 use run::runtime::{BackendChoice, Imager};
@@ -198,7 +199,7 @@ fn count(name: &str, mag_g: f64) -> Counts {
         let plan = planner.plan(view.in_view(&los).unwrap());
         assert_eq!(plan.stars.len(), pixels.len(), "every star is drawn");
         let mut dn = DnImage::new(width, height);
-        imager.image(plan, 0, &mut dn).unwrap();
+        imager.image(plan, 0, &DetectorConditions::dark(camera.exposure_s), &mut dn).unwrap();
         let (gain, black) = (camera.detector.gain_e_per_dn, camera.detector.black_level_dn);
         let e = |x: usize, y: usize| (f64::from(dn.get(x, y).unwrap()) - black) * gain;
         for [x, y] in &pixels {
@@ -218,7 +219,7 @@ fn count(name: &str, mag_g: f64) -> Counts {
 /// The case of a limiting magnitude: what is counted against the file's numbers, by formulae of this file.
 fn hold_case(name: &str, mag_g: f64, sigma_px: f64, zero_point_e_per_s: f64) {
     let (_, file) = camera(name);
-    let (d, t) = (&file.detector, file.exposure.exposure_s);
+    let (d, t) = (&file.detector.params, file.exposure.exposure_s);
     let share = libm::erf(1.5 / (sigma_px * core::f64::consts::SQRT_2)).powi(2);
     let signal = zero_point_e_per_s * t * share * 10_f64.powf(-0.4 * mag_g);
     let dark_e = d.dark_e_per_s * t;

@@ -10,7 +10,7 @@ use image::detector::image_lag::ImageLag;
 use image::detector::protons::{ProtonDirection, ProtonFlux};
 use image::detector::tdi::Tdi;
 use image::detector::window::Window;
-use image::detector::{Detector, DetectorParams, SpatialParams};
+use image::detector::{Detector, DetectorConditions, DetectorParams, SpatialParams};
 
 const SIZE: [usize; 2] = [128, 96];
 const EXPOSURE_S: f64 = 0.5;
@@ -38,9 +38,13 @@ fn star(at_px: [f64; 2], electrons: f64) -> Image<f32> {
 }
 
 fn frame(detector: &mut Detector, mean: &Image<f32>, number: u32) -> DnImage {
+    frame_under(detector, mean, number, &DetectorConditions::dark(EXPOSURE_S))
+}
+
+fn frame_under(detector: &mut Detector, mean: &Image<f32>, number: u32, conditions: &DetectorConditions) -> DnImage {
     let [width, height] = detector.output().geometry().size_px;
     let mut out = DnImage::new(width, height);
-    detector.collect(mean, number, EXPOSURE_S, &mut out);
+    detector.collect(mean, number, conditions, &mut out);
     out
 }
 
@@ -186,7 +190,7 @@ fn defects_show_in_the_numbers_and_go_with_a_command() {
     let light = flat(1000.0);
     let plain = frame(&mut detector, &light, 0);
     let rates = Rates { up_per_s: 1.0, down_per_s: 3.0 };
-    let list = detector.defects_mut();
+    let list = detector.disturbances_mut().defects_mut();
     list.set_frame_period_s(1.0);
     let mut insert = |place, kind| list.insert(Defect { place, kind }).unwrap();
     let hot = insert(DefectPlace::Pixel(10, 10), DefectKind::Hot { extra_e_per_s: 8000.0 });
@@ -218,10 +222,10 @@ fn defects_show_in_the_numbers_and_go_with_a_command() {
         high.windows(2).filter(|w| w[0] && !w[1]).count() as f64 / high.iter().filter(|high| **high).count() as f64;
     let wanted = 0.75 * (1.0 - (-4.0_f64).exp());
     assert!((left - wanted).abs() < 5.0 * (wanted * (1.0 - wanted) / (0.25 * n)).sqrt(), "{left} for {wanted}");
-    assert!(detector.defects_mut().remove(hot));
+    assert!(detector.disturbances_mut().defects_mut().remove(hot));
     let without = frame(&mut detector, &light, 0);
     assert_eq!(without.get(10, 10), plain.get(10, 10), "as before");
-    detector.defects_mut().clear();
+    detector.disturbances_mut().defects_mut().clear();
     assert_eq!(frame(&mut detector, &light, 0), plain, "all as before");
 }
 
@@ -231,12 +235,12 @@ fn protons_leave_the_charge_of_their_tracks() {
     let dark = flat(0.0);
     let flux = ProtonFlux { per_cm2_s: 4000.0, energy_mev: 100.0, direction: BEAM };
     assert_eq!(electrons(&frame(&mut detector, &dark, 0)).iter().sum::<f64>(), 0.0);
-    detector.set_proton_flux(Some(flux)).unwrap();
+    let storm = DetectorConditions { protons: Some(flux), ..DetectorConditions::dark(EXPOSURE_S) };
     let (mut seen_e, mut told_e, mut tracks) = (0.0, 0.0, 0);
     for number in 0..200 {
-        seen_e += electrons(&frame(&mut detector, &dark, number)).iter().sum::<f64>();
-        told_e += detector.proton_tracks().iter().map(|track| track.electrons).sum::<f64>();
-        tracks += u32::try_from(detector.proton_tracks().len()).unwrap();
+        seen_e += electrons(&frame_under(&mut detector, &dark, number, &storm)).iter().sum::<f64>();
+        told_e += detector.disturbances().proton_tracks().iter().map(|track| track.electrons).sum::<f64>();
+        tracks += u32::try_from(detector.disturbances().proton_tracks().len()).unwrap();
     }
     // Half a track's width may lie outside; numbers are rounded.
     assert!((seen_e / told_e - 1.0).abs() < 0.02, "{seen_e} {told_e}");
@@ -246,7 +250,6 @@ fn protons_leave_the_charge_of_their_tracks() {
     // Their number is Poisson's, and Bohr's straggling is as large as the mean in so thin a layer.
     let spread = 5.0 * (2.0 / f64::from(tracks)).sqrt();
     assert!((told_e / wanted_e - 1.0).abs() < spread, "{told_e} for {wanted_e} of {tracks} tracks");
-    detector.set_proton_flux(None).unwrap();
     assert_eq!(electrons(&frame(&mut detector, &dark, 0)).iter().sum::<f64>(), 0.0);
 }
 

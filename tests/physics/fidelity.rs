@@ -7,7 +7,7 @@ use base::axes::Rotation;
 use base::time::Tai;
 use batch::verify::fidelity::{Fidelity, LEAST_CENTROID_SNR, Truth, measure};
 use batch::verify::star_field::StarField;
-use image::detector::{Detector, DetectorParams, LinePattern, RowNoise};
+use image::detector::{Detector, DetectorConditions, DetectorParams, LinePattern, RowNoise};
 use plan::attitude::LosPath;
 use plan::exposure::{Instrument, MethodChoice, Planner, PsfSampling, Shutter};
 use plan::optics::{Illumination, PsfModel};
@@ -55,7 +55,10 @@ fn fidelity(drawn: (&PsfModel, DetectorParams), believed: (&PsfModel, DetectorPa
     let field = StarField::new([SIZE; 2], ELECTRONS.to_vec(), 21);
     let plan = planner.plan(&field.sources());
     let truth = Truth::of(&Detector::new(believed.1, SIZE, SIZE, SEED), believed.0.clone(), exposure_s);
-    measure(&field, &truth, [SIZE; 2], FRAMES, |frame, image| imager.image(plan, frame, image).map(|_| ())).unwrap()
+    measure(&field, &truth, [SIZE; 2], FRAMES, |frame, image| {
+        imager.image(plan, frame, &DetectorConditions::dark(exposure_s), image).map(|_| ())
+    })
+    .unwrap()
 }
 
 /// What is beyond its bound.

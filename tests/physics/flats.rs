@@ -1,7 +1,7 @@
 //! Flat images through a detector, and the moments of what comes out.
 
 use base::image::{DnImage, ElectronImage, Image};
-use image::detector::{Detector, DetectorParams};
+use image::detector::{Detector, DetectorConditions, DetectorParams};
 
 /// Seed of every detector.
 pub(crate) const SEED: u64 = 20_240_601;
@@ -9,12 +9,13 @@ pub(crate) const SEED: u64 = 20_240_601;
 /// A detector and the exposures it makes of flat light.
 pub(crate) struct Flats {
     pub(crate) detector: Detector,
+    pub(crate) warmer_k: f64,
     size_px: [usize; 2],
 }
 
 impl Flats {
     pub(crate) fn new(params: DetectorParams, size_px: [usize; 2]) -> Self {
-        Self { detector: Detector::new(params, size_px[0], size_px[1], SEED), size_px }
+        Self { detector: Detector::new(params, size_px[0], size_px[1], SEED), warmer_k: 0.0, size_px }
     }
 
     /// One frame of so many electrons in every pixel: electrons by the detector's own gain and black level.
@@ -24,7 +25,8 @@ impl Flats {
         #[allow(clippy::cast_possible_truncation, reason = "electron images are f32")]
         mean.pixels_mut().fill(electrons as f32);
         let mut dn = DnImage::new(width, height);
-        self.detector.collect(&mean, frame, exposure_s, &mut dn);
+        let conditions = DetectorConditions { warmer_k: self.warmer_k, ..DetectorConditions::dark(exposure_s) };
+        self.detector.collect(&mean, frame, &conditions, &mut dn);
         let DetectorParams { gain_e_per_dn, black_level_dn, .. } = *self.detector.params();
         dn.pixels().iter().map(|dn| (f64::from(*dn) - black_level_dn) * gain_e_per_dn).collect()
     }

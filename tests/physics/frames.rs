@@ -6,7 +6,7 @@ use base::accuracy::AccuracyBudget;
 use base::axes::sensor_from_ra_dec_roll;
 use base::image::DnImage;
 use base::time::{Span, Tai};
-use image::detector::{DetectorParams, Patterns};
+use image::detector::{DetectorConditions, DetectorParams, Patterns};
 use image::gpu::Electrons;
 use plan::attitude::LosPath;
 use plan::exposure::{Instrument, MethodChoice, Planner};
@@ -104,7 +104,7 @@ fn draw(ra_dec_roll_deg: [f64; 3], backend: BackendChoice) -> Frame {
     let boresight = attitude.inverse().apply(glam::DVec3::Z);
     let plan = planner.plan(sky.sources(boresight, 0.0, at).unwrap());
     let mut dn = DnImage::new(SIZE, SIZE);
-    imager.image(plan, 0, &mut dn).unwrap();
+    imager.image(plan, 0, &DetectorConditions::dark(camera.exposure_s), &mut dn).unwrap();
     let mean_sum_e = match imager.render(plan).unwrap() {
         Electrons::Host(mean) => mean.pixels().iter().map(|e| f64::from(*e)).sum(),
         Electrons::Precise(mean) => mean.pixels().iter().sum(),

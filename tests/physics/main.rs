@@ -10,6 +10,7 @@ mod bodies;
 mod bounds;
 mod bus_jitter;
 mod bus_jitter_frames;
+mod measured_jitter;
 mod chart;
 mod dark_current;
 mod deep_sky;

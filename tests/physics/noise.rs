@@ -4,7 +4,7 @@
 //! [`STANDARD_ERRORS`] (false alarm 6e-7 each), chi-square at [`FALSE_ALARM_Z`].
 
 use base::image::{DnImage, ElectronImage, Image};
-use image::detector::{Detector, DetectorParams, PoissonMethod};
+use image::detector::{Detector, DetectorConditions, DetectorParams, PoissonMethod};
 
 /// Side of the images, px.
 const SIZE: usize = 512;
@@ -39,7 +39,7 @@ fn detector(params: DetectorParams) -> Detector {
 
 fn read_out(detector: &mut Detector, mean: &ElectronImage, frame: u32) -> DnImage {
     let mut dn = DnImage::new(SIZE, SIZE);
-    detector.collect(mean, frame, EXPOSURE_S, &mut dn);
+    detector.collect(mean, frame, &DetectorConditions::dark(EXPOSURE_S), &mut dn);
     dn
 }
 

@@ -7,7 +7,7 @@ use base::image::{DnImage, ElectronImage, Image};
 use batch::verify::data_sheet::{Stated, response_error};
 use batch::verify::{DataSheet, Flat, Procedure, characterise};
 use config::{Camera, Document};
-use image::detector::{DarkLaw, Detector, DetectorParams, LinePattern, Nonlinearity, RowNoise};
+use image::detector::{DarkLaw, Detector, DetectorConditions, DetectorParams, LinePattern, Nonlinearity, RowNoise};
 use run::wiring::camera_parts::camera_params;
 
 /// What the procedure must find, relative.
@@ -35,7 +35,7 @@ fn sheet_by(procedure: &Procedure, params: DetectorParams, seed: u64) -> DataShe
     let mut light: ElectronImage = Image::new(SIZE, SIZE);
     characterise([SIZE; 2], procedure, &mut |flat: Flat, image: &mut DnImage| {
         light.pixels_mut().fill(flat.light_e as f32);
-        detector.collect(&light, flat.frame, flat.exposure_s, image);
+        detector.collect(&light, flat.frame, &DetectorConditions::dark(flat.exposure_s), image);
     })
 }
 

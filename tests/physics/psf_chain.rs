@@ -8,7 +8,7 @@ use plan::optics::mtf::circuit::Circuit;
 use plan::optics::mtf::diffusion::Diffusion;
 use plan::optics::mtf::{ChainParams, Defocus, DefocusForm, MtfChain, TdiBlur, Wavefront, diffraction};
 use plan::optics::quadrature::gauss_legendre;
-use plan::optics::{SpectralWeight, energy};
+use plan::optics::{RoundPsf, SpectralWeight, energy};
 use std::f64::consts::{PI, TAU};
 use std::path::{Path, PathBuf};
 

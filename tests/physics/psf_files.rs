@@ -3,7 +3,7 @@
 use config::{Camera, ConfigError, Document, Psf};
 use frames::sink::fits::card::Header;
 use frames::sink::fits::{Pixels, write_image};
-use plan::optics::PsfModel;
+use plan::optics::{PsfModel, RoundPsf};
 use std::path::Path;
 
 /// Share of a Gaussian's light in the pixel `x` from its middle.
@@ -44,6 +44,23 @@ fn write_star(path: &Path, level: f64) {
 fn a_moffat_profile_has_the_width_asked_for() {
     let PsfModel::Moffat(moffat) = made("model = \"moffat\"\nfwhm_px = 2.4\nbeta = 3") else { panic!("a Moffat") };
     assert!((moffat.irradiance(1.2) / moffat.irradiance(0.0) - 0.5).abs() < 1e-12);
+}
+
+#[test]
+fn a_halo_is_read_and_its_keys_belong_to_its_model() {
+    let keys = "sigma_px = 0.8\nhalo_sigma_px = 2.5\nhalo_share = 0.2";
+    let psf = made(&format!("model = \"halo\"\n{keys}"));
+    assert_eq!(psf, PsfModel::halo(0.8, 2.5, 0.2));
+    assert_ne!(psf, PsfModel::halo(0.8, 2.5, 0.3), "control");
+    for (text, key) in [
+        (keys.to_owned(), "halo_sigma_px"),
+        ("model = \"halo\"\nsigma_px = 0.2".into(), "sigma_px"),
+        ("model = \"halo\"\nsigma_px = 4.0\nhalo_sigma_px = 3.0".into(), "halo_sigma_px"),
+        ("model = \"halo\"\nsampling = \"point\"".into(), "sampling"),
+    ] {
+        let refused = camera_in(Path::new("lab"), &text).expect_err(&text).to_string();
+        assert!(refused.contains(key), "{text}: {refused}");
+    }
 }
 
 #[test]

@@ -83,6 +83,7 @@ fn methods_draw_what_the_reference_draws() {
         ("grid 6", grid(6, lopsided), TABLE_PIXEL),
         ("grid 16", grid(16, lopsided), TABLE_PIXEL),
         ("Moffat", PsfModel::moffat(2.0, 6.0), WINGS_PIXEL),
+        ("halo", PsfModel::halo(0.8, 2.0, 0.2), WINGS_PIXEL),
     ] {
         for (method, (los, path)) in cases.clone() {
             // The reference integrates a Moffat profile pixel by pixel: one star is enough.

@@ -5,7 +5,7 @@ use crate::noise::STANDARD_ERRORS;
 use crate::scene::{EXPOSURE_S, draw_cpu, planner, star};
 use base::image::{DnImage, ElectronImage, Image};
 use config::{Camera, Document};
-use image::detector::{Detector, DetectorParams};
+use image::detector::{Detector, DetectorConditions, DetectorParams};
 use plan::optics::PsfModel;
 use plan::optics::snr::{PixelNoise, Window, electrons_for_snr};
 use run::wiring::sensitivity::{Conditions, Sensitivity};
@@ -25,7 +25,7 @@ fn sensitivity(camera: &Camera, bp_rp: f64) -> Sensitivity {
 
 /// Limiting magnitude of the sum over 3 x 3 pixels, from the camera file's numbers and a zero point.
 fn limit_by_hand(camera: &Camera, sigma_px: f64, zero_point_e_per_s: f64, snr: f64) -> f64 {
-    let d = &camera.detector;
+    let d = &camera.detector.params;
     let t = camera.exposure.exposure_s;
     let share = libm::erf(1.5 / (sigma_px * core::f64::consts::SQRT_2)).powi(2);
     let noise = 9.0 * (d.dark_e_per_s * t + d.read_noise_e_rms.powi(2) + d.gain_e_per_dn.powi(2) / 12.0);
@@ -116,7 +116,7 @@ fn sums(params: DetectorParams, electrons: f64, side_px: usize, weight: impl Fn(
     let mut dn = DnImage::new(SIZE, SIZE);
     let mut out = Vec::new();
     for frame in 0..FRAMES {
-        detector.collect(&mean, frame, EXPOSURE_S, &mut dn);
+        detector.collect(&mean, frame, &DetectorConditions::dark(EXPOSURE_S), &mut dn);
         out.extend(places().map(|[x, y]| {
             let pixels = (y - half..=y + half).flat_map(|y| (x - half..=x + half).map(move |x| [x, y]));
             let electrons = pixels.map(|[x, y]| {

@@ -13,7 +13,7 @@ use crate::chart::timing::median;
 use base::clock::Stopwatch;
 use base::image::{DnImage, Image};
 use image::detector::gpu::GpuDetector;
-use image::detector::{Background, Detector, DetectorParams};
+use image::detector::{Background, Detector, DetectorConditions, DetectorParams};
 use image::render::RenderError;
 use image::render::gpu::Gpu;
 use plan::exposure::MethodChoice;
@@ -134,6 +134,7 @@ fn by_turns<E>(turns: usize, mut frame: impl FnMut(usize) -> Result<(), E>) -> R
 /// A detector in front of the same light.
 struct Readout {
     detector: OnBackend,
+    conditions: DetectorConditions,
     out: DnImage,
     frame: u32,
 }
@@ -155,14 +156,14 @@ impl Readout {
                 OnBackend::Cpu { detector: Box::new(detector), light }
             }
             Drawer::Gpu { device, .. } => {
-                let mut on_device = GpuDetector::new(Arc::clone(device), &detector, size_px, size_px)?;
-                // Nothing is drawn: the light comes as stray light.
-                on_device.set_stray_light_e(LIGHT_E);
+                let on_device = GpuDetector::new(Arc::clone(device), &detector, size_px, size_px)?;
                 let light = Box::new(Gpu::new(Arc::clone(device), size_px, size_px)?);
                 OnBackend::Gpu { detector: Box::new(on_device), light }
             }
         };
-        Ok(Self { detector, out, frame: 0 })
+        let mut made = Self { detector, conditions: DetectorConditions::dark(EXPOSURE_S), out, frame: 0 };
+        made.light_up(Background::DARK, None)?;
+        Ok(made)
     }
 
     /// Lights the detector; unevenly where a size is given.
@@ -170,11 +171,12 @@ impl Readout {
         let map = uneven_px.map(|side| vec![0.9_f32; side * side]);
         match &mut self.detector {
             OnBackend::Cpu { detector, .. } => {
-                detector.set_background(background);
+                self.conditions.background = background;
                 detector.set_illumination_map(map);
             }
             OnBackend::Gpu { detector, .. } => {
-                detector.set_background(background);
+                // Nothing is drawn: the light comes as stray light.
+                self.conditions.background = background.and_uniform(LIGHT_E);
                 detector.set_illumination_map(map.as_deref())?;
             }
         }
@@ -185,11 +187,11 @@ impl Readout {
         self.frame += 1;
         match &mut self.detector {
             OnBackend::Cpu { detector, light } => {
-                detector.collect(light, self.frame, EXPOSURE_S, &mut self.out);
+                detector.collect(light, self.frame, &self.conditions, &mut self.out);
                 Ok(())
             }
             OnBackend::Gpu { detector, light } => {
-                Ok(detector.collect(light.device_electrons(), self.frame, EXPOSURE_S, &mut self.out)?)
+                Ok(detector.collect(light.device_electrons(), self.frame, &self.conditions, &mut self.out)?)
             }
         }
     }

@@ -6,7 +6,7 @@ use base::image::{DnImage, Image};
 use core::convert::Infallible;
 use frames::report::plot::{Axis, Chart, Series, Style};
 use image::detector::poisson::distance::distance;
-use image::detector::{Detector, DetectorParams, PoissonMethod};
+use image::detector::{Detector, DetectorConditions, DetectorParams, PoissonMethod};
 use serde::{Deserialize, Serialize};
 
 /// One method at one mean.
@@ -73,7 +73,7 @@ fn ns_per_pixel(detector: &mut Detector, lambda_e: f64, side_px: usize, effort: 
     #[allow(clippy::cast_possible_truncation, reason = "detectors draw from means in f32")]
     mean.pixels_mut().fill(lambda_e as f32);
     let collected = effort.time(|| {
-        detector.collect(&mean, 1, 0.1, &mut dn);
+        detector.collect(&mean, 1, &DetectorConditions::dark(0.1), &mut dn);
         Ok::<_, Infallible>(())
     });
     collected.map_or(f64::NAN, |time| time.median_ms * 1e6 / (side_px * side_px) as f64)

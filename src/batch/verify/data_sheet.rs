@@ -113,7 +113,6 @@ impl Stated {
         let dark_e_per_s = params.operating_dark_e_per_s();
         let LinePattern { column_e_rms, column_gain_rms, row_e_rms } = params.line_pattern;
         let uneven_dark_e = params.dark_nonuniformity * dark_e_per_s * exposure_s;
-        let converter_e = (f64::from(params.largest_dn()) - params.black_level_dn) * params.gain_e_per_dn;
         Self {
             gain_e_per_dn: params.gain_e_per_dn,
             black_level_dn: params.black_level_dn,
@@ -121,7 +120,7 @@ impl Stated {
             dark_e_per_s,
             dsnu_e_rms: params.dsnu_e_rms.hypot(column_e_rms).hypot(row_e_rms).hypot(uneven_dark_e),
             prnu: params.prnu.hypot(column_gain_rms),
-            saturation_e: params.full_well_e.min(converter_e),
+            saturation_e: params.full_well_e.min(params.converter_full_e()),
         }
     }
 }

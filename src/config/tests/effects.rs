@@ -34,7 +34,7 @@ fn each_effect_rule_has_a_failing_example() {
 fn effects_are_off_until_their_table_is_given() {
     use image::detector::SpatialParams;
     let plain = camera(MINIMAL_CAMERA).expect("a camera");
-    let spatial = plain.detector.spatial;
+    let spatial = plain.detector.params.spatial;
     let layer = spatial.layer;
     assert_eq!(spatial, SpatialParams { layer, ..SpatialParams::OFF });
     assert_eq!(layer.pixel_pitch_um, plain.detector.pixel_pitch_um);
@@ -49,7 +49,7 @@ fn effects_of_neighbours_are_as_the_camera_file_says() {
     use image::detector::protons::{ProtonDirection, ProtonFlux};
     use image::detector::tdi::Tdi;
     use image::detector::window::Window;
-    let of = |section: &str, lines: &str| camera_with(section, lines).expect("a camera").detector.spatial;
+    let of = |section: &str, lines: &str| camera_with(section, lines).expect("a camera").detector.params.spatial;
     assert_eq!(of("detector.blooming", "drained_share = 0.25").blooming, Some(Blooming { drained_share: 0.25 }));
     assert_eq!(of("detector.blooming", "").blooming, Some(Blooming { drained_share: 0.0 }), "an empty table is on");
     assert_eq!(of("detector.image_lag", "share = 0.01").image_lag, Some(ImageLag { share: 0.01 }));
@@ -87,7 +87,7 @@ fn windows_begin_on_whole_binned_pixels() {
         camera(&format!("{MINIMAL_CAMERA}\n[detector.binning]\nfactor = 4\n[detector.window]\n{window}"))
     };
     let camera = of("left_px = 8\nwidth_px = 64").expect("a camera");
-    assert_eq!(camera.detector.spatial.output([640, 480]).size_px, [16, 120]);
+    assert_eq!(camera.detector.params.spatial.output([640, 480]).size_px, [16, 120]);
     assert_refused(of("left_px = 10"), "detector.window.left_px", &["multiple of detector.binning.factor = 4"]);
     assert_refused(of("height_px = 30"), "detector.window.height_px", &["multiple of", "whole output pixels"]);
 }

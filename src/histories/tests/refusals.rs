@@ -76,6 +76,7 @@ fn tables_are_refused_with_line_and_reason() {
         ("t_s,w,x,y,z\n0,1,0,0\n", [":2:", "5 values in a row"]),
         ("t_s,w,x,y,z\n0,1,0,0,x\n", [":2:", "column 5"]),
         ("t_s,w,x,y,z\n1e300,1,0,0,0\n", [":2:", "fewer than 5e9"]),
+        ("tai_ns,w,x,y,z\n9200000000000000000,1,0,0,0\n", [":2:", "1682 to 2258"]),
         ("t_s,w,x,y,z,w_x,w_y,w_z\n", [":1:", "a unit in the rate's names"]),
         ("t_s,w,x,y,z,w_x_rad_s,w_y_rad_s,z\n", [":1:", "w_z_rad_s"]),
         ("# sense: both\n0 1 0 0 0\n", [":1:", "body_from_icrf or icrf_from_body"]),
@@ -123,6 +124,7 @@ fn stk_files_are_refused_with_line_and_reason() {
         ("TimeQuaternions", "TimeEulerAngles", [":6:", "angles and matrices are not read"]),
         ("0 0 0 0 1", "0 0 0 1", [":7:", "4 finite numbers"]),
         ("0 0 0 0 1", "0 0 0 0 2", [":7:", "norm is 1"]),
+        ("0 0 0 0 1", "9e99 0 0 0 1", [":7:", "seconds and 4 finite numbers"]),
         ("END Attitude", "", ["cut short", "END Attitude"]),
         ("BEGIN Attitude", "BEGIN Ephemeris", [":2:", "BEGIN Attitude"]),
     ] {

@@ -100,7 +100,7 @@ fn add_row(background: &Background, offset: [f32; 2], scale: f32, [x, y]: [usize
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::detector::{Detector, DetectorParams};
+    use crate::detector::{Detector, DetectorConditions, DetectorParams};
     use base::image::{DnImage, Image};
 
     const SIZE: [usize; 2] = [301, 203];
@@ -157,26 +157,24 @@ mod tests {
         let mean = Image::<f32>::new(SIZE[0], SIZE[1]);
         let mut dn = DnImage::new(SIZE[0], SIZE[1]);
         let sum = |dn: &DnImage| dn.pixels().iter().map(|dn| f64::from(*dn)).sum::<f64>();
-        let mut draw = |detector: &mut Detector| {
-            detector.collect(&mean, 1, 0.1, &mut dn);
+        let mut draw = |detector: &mut Detector, background| {
+            detector.collect(&mean, 1, &DetectorConditions::lit(0.1, background), &mut dn);
             sum(&dn)
         };
-        assert_eq!(draw(&mut detector), 0.0, "no light, no dark signal");
-        detector.set_background(LIT);
+        assert_eq!(draw(&mut detector, Background::DARK), 0.0, "no light, no dark signal");
         let pixels = (SIZE[0] * SIZE[1]) as f64;
         let wanted = |lit: &dyn Fn(usize) -> f32| -> f64 {
             (0..SIZE[0] * SIZE[1]).map(|i| wanted_e(&LIT, i % SIZE[0], i / SIZE[0], lit(i))).sum()
         };
         // Five standard deviations of the sum of Poisson numbers.
-        let (got, flat) = (draw(&mut detector), wanted(&|_| 1.0));
+        let (got, flat) = (draw(&mut detector, LIT), wanted(&|_| 1.0));
         assert!((got - flat).abs() < 5.0 * flat.sqrt(), "without a map the sky is even: {got} {flat}");
         let lit = map();
         detector.set_illumination_map(Some(lit.clone()));
-        let (got, vignetted) = (draw(&mut detector), wanted(&|i| lit[i]));
+        let (got, vignetted) = (draw(&mut detector, LIT), wanted(&|i| lit[i]));
         assert!((got - vignetted).abs() < 5.0 * vignetted.sqrt(), "{got} {vignetted}");
         assert!((flat - vignetted).abs() > 20.0 * flat.sqrt(), "control: the map shows");
-        detector.set_stray_light_e(7.0);
-        let more = draw(&mut detector);
+        let more = draw(&mut detector, LIT.and_uniform(7.0));
         assert!((more - vignetted - 7.0 * pixels).abs() < 5.0 * more.sqrt(), "stray light comes on top");
     }
 
@@ -184,15 +182,14 @@ mod tests {
     fn a_level_background_is_the_stray_light_it_always_was() {
         let params = DetectorParams { read_noise_e_rms: 5.0, ..DetectorParams::QUIET };
         let mean = Image::<f32>::new(SIZE[0], SIZE[1]);
-        let read = |set: &dyn Fn(&mut Detector)| {
-            let mut detector = Detector::new(params, SIZE[0], SIZE[1], 3);
-            set(&mut detector);
+        let read = |background: Background| {
             let mut dn = DnImage::new(SIZE[0], SIZE[1]);
-            detector.collect(&mean, 1, 0.1, &mut dn);
+            let conditions = DetectorConditions::lit(0.1, background);
+            Detector::new(params, SIZE[0], SIZE[1], 3).collect(&mean, 1, &conditions, &mut dn);
             dn
         };
-        let stray = read(&|detector| detector.set_stray_light_e(12.5));
-        assert_eq!(read(&|detector| detector.set_background(Background::uniform(12.5))), stray);
-        assert_ne!(read(&|detector| detector.set_background(Background::uniform(12.6))), stray, "control");
+        let stray = read(Background::DARK.and_uniform(12.5));
+        assert_eq!(read(Background::uniform(12.5)), stray);
+        assert_ne!(read(Background::uniform(12.6)), stray, "control");
     }
 }

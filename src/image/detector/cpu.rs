@@ -1,9 +1,9 @@
 //! The detector on the CPU: in one pass, every stage over a block of pixels while it is in the first-level cache; or,
 //! when neighbour stages are on, a pass that makes charge, the neighbour stages, and a pass that reads out.
 
-use crate::detector::background::{Background, Shape};
+use crate::detector::background::Shape;
 use crate::detector::binning::{Binning, BinningKind, sums_of_squares};
-use crate::detector::defects::Defects;
+use crate::detector::conditions::DetectorConditions;
 use crate::detector::disturbances::Disturbances;
 use crate::detector::effect::{ORDER, Part, effects_of};
 use crate::detector::ends::{ChargeToDn, Mean, MeanToCharge, MeanToDn};
@@ -12,7 +12,6 @@ use crate::detector::neighbours::{self, FrameAt, NeighbourStage};
 use crate::detector::output::Output;
 use crate::detector::params::Constants;
 use crate::detector::pattern::{PatternSizeError, Patterns};
-use crate::detector::protons::{ProtonFlux, ProtonFluxError, ProtonTrack};
 use crate::detector::seeds::Seeds;
 use crate::detector::stages::Stages;
 use crate::detector::{DetectorParams, Effect};
@@ -26,8 +25,6 @@ use pulp::Arch;
 pub struct Detector {
     params: DetectorParams,
     seeds: Seeds,
-    stray_light_e: f32,
-    background: Background,
     /// Relative illumination of every pixel, for the sky's part of the background; `None`: even.
     illumination: Option<Vec<f32>>,
     patterns: Patterns,
@@ -39,8 +36,6 @@ pub struct Detector {
     /// Electrons between the passes; no pixels while one pass does.
     charge: Image<f32>,
     disturbances: Disturbances,
-    /// Of the temperature that the camera file says: rates of defects hold there.
-    dark_factor_at_start: f64,
     output: Output,
     size_px: [usize; 2],
     arch: Arch,
@@ -59,8 +54,6 @@ impl Detector {
         let mut made = Self {
             params,
             seeds,
-            stray_light_e: 0.0,
-            background: Background::DARK,
             illumination: None,
             patterns: params.spatial.tdi.map_or(drawn.clone(), |tdi| tdi.patterns(&drawn, width_px)),
             lines: Lines::draw(&params.line_pattern, adc_px, seed),
@@ -69,7 +62,6 @@ impl Detector {
             keeps_charge: false,
             charge: Image::new(0, 0),
             disturbances: Disturbances::new(&params, size_px, seeds),
-            dark_factor_at_start: params.dark_law.factor(),
             output,
             size_px,
             arch: Arch::new(),
@@ -115,11 +107,6 @@ impl Detector {
         &self.params
     }
 
-    /// Background of the frames from here on. Does not allocate.
-    pub fn set_background(&mut self, background: Background) {
-        self.background = background;
-    }
-
     /// Relative illumination of every pixel, row by row, for the sky's part of the background; `None`, or a map of
     /// another size: even.
     pub fn set_illumination_map(&mut self, map: Option<Vec<f32>>) {
@@ -132,34 +119,15 @@ impl Detector {
         self.illumination.as_deref()
     }
 
-    /// Stray light of the frames from here on, on top of the background: mean electrons more in every pixel.
-    pub fn set_stray_light_e(&mut self, stray_light_e: f32) {
-        self.stray_light_e = stray_light_e;
-    }
-
-    /// Defects, to be changed from the next frame on.
-    pub fn defects_mut(&mut self) -> &mut Defects {
-        self.disturbances.defects_mut()
-    }
-
-    /// Protons of the frames from here on; `None`: none.
-    ///
-    /// # Errors
-    /// When a value means nothing; the flux stays as it was.
-    pub fn set_proton_flux(&mut self, flux: Option<ProtonFlux>) -> Result<(), ProtonFluxError> {
-        self.disturbances.protons_mut().set_flux(flux)
-    }
-
-    /// Proton tracks of the latest frame, in sensor pixels.
-    #[must_use]
-    pub fn proton_tracks(&self) -> &[ProtonTrack] {
-        self.disturbances.proton_tracks()
-    }
-
     /// Defects and protons.
     #[must_use]
     pub fn disturbances(&self) -> &Disturbances {
         &self.disturbances
+    }
+
+    /// Defects and protons, to be changed from the next frame on.
+    pub fn disturbances_mut(&mut self) -> &mut Disturbances {
+        &mut self.disturbances
     }
 
     /// Columns and rows of the ADC's image: charge binning makes it smaller than the sensor.
@@ -177,11 +145,6 @@ impl Detector {
     /// Forgets what is kept from frame to frame: the next frame is as the first.
     pub fn reset(&mut self) {
         self.neighbours.iter_mut().for_each(|stage| stage.reset());
-    }
-
-    /// The detector's temperature in the frames from here on, degrees Celsius: scales the dark current.
-    pub fn set_temperature_c(&mut self, operating_c: f64) {
-        self.params.dark_law.operating_c = operating_c;
     }
 
     /// Returns the seeds of its patterns and of its noise.
@@ -226,27 +189,38 @@ impl Detector {
         (!self.neighbours.is_empty()).then_some(&self.charge)
     }
 
-    /// Reads `mean` electrons out as frame `frame`.
-    pub fn collect(&mut self, mean: &Image<f32>, frame: u32, exposure_s: f64, out: &mut DnImage) {
-        self.collect_from(mean, frame, exposure_s, out);
+    /// Reads `mean` electrons out as frame `frame`. Does not allocate.
+    pub fn collect(&mut self, mean: &Image<f32>, frame: u32, conditions: &DetectorConditions, out: &mut DnImage) {
+        self.collect_from(mean, frame, conditions, out);
     }
 
     /// The same from an image in double precision.
-    pub fn collect_precise(&mut self, mean: &Image<f64>, frame: u32, exposure_s: f64, out: &mut DnImage) {
-        self.collect_from(mean, frame, exposure_s, out);
+    pub fn collect_precise(
+        &mut self,
+        mean: &Image<f64>,
+        frame: u32,
+        conditions: &DetectorConditions,
+        out: &mut DnImage,
+    ) {
+        self.collect_from(mean, frame, conditions, out);
     }
 
-    fn collect_from<T: Mean>(&mut self, mean: &Image<T>, frame: u32, exposure_s: f64, out: &mut DnImage) {
+    fn collect_from<T: Mean>(
+        &mut self,
+        mean: &Image<T>,
+        frame: u32,
+        conditions: &DetectorConditions,
+        out: &mut DnImage,
+    ) {
         let key = key(self.seeds.noise);
-        let warmer = self.params.dark_law.factor() / self.dark_factor_at_start;
-        self.disturbances.advance(frame, exposure_s, warmer);
+        self.disturbances.advance(frame, conditions, self.params.dark_law);
         if !self.rows_e.is_empty() {
             self.params.row_noise.draw(frame, key, &mut self.rows_e);
         }
         let illumination = self.illumination.as_deref();
-        let background = self.background.and_uniform(self.stray_light_e);
+        let background = conditions.background;
         let stages = Stages {
-            constants: Constants::new(&self.params, exposure_s, background.level_e(illumination.is_some())),
+            constants: Constants::new(&self.params, conditions, background.level_e(illumination.is_some())),
             background: background.is_shaped(illumination.is_some()).then_some(Shape {
                 background,
                 size_px: self.size_px,
@@ -267,7 +241,7 @@ impl Detector {
         } else {
             let before = effects_of(Part::Charge);
             stages.run(MeanToCharge(PhantomData::<T>), self.arch, before, mean.pixels(), self.charge.pixels_mut());
-            let at = FrameAt { frame, exposure_s, key };
+            let at = FrameAt { frame, exposure_s: conditions.exposure_s, key };
             let charge = self.neighbours.iter_mut().fold(&mut self.charge, |charge, stage| stage.apply(charge, &at));
             stages.run(ChargeToDn, self.arch, effects_of(Part::Readout), charge.pixels(), adc.pixels_mut());
         }
@@ -279,9 +253,10 @@ impl Detector {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::detector::PoissonMethod;
+    use crate::detector::{Background, PoissonMethod};
 
     const SIZE: [usize; 2] = [301, 203];
+    const LIT: DetectorConditions = DetectorConditions::lit(0.1, Background::uniform(3.5));
 
     fn params(poisson: PoissonMethod) -> DetectorParams {
         DetectorParams {
@@ -312,8 +287,7 @@ mod tests {
 
     fn read_out(detector: &mut Detector) -> DnImage {
         let mut dn = DnImage::new(SIZE[0], SIZE[1]);
-        detector.set_stray_light_e(3.5);
-        detector.collect(&mean(), 5, 0.1, &mut dn);
+        detector.collect(&mean(), 5, &LIT, &mut dn);
         dn
     }
 
@@ -362,7 +336,7 @@ mod tests {
         precise.pixels_mut().iter_mut().zip(mean().pixels()).for_each(|(p, e)| *p = f64::from(*e));
         let mut dn = DnImage::new(SIZE[0], SIZE[1]);
         for _ in 0..2 {
-            detector.collect_precise(&precise, 5, 0.1, &mut dn);
+            detector.collect_precise(&precise, 5, &LIT, &mut dn);
             assert_eq!(dn, single);
             detector.keep_charge();
         }

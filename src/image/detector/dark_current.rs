@@ -33,6 +33,12 @@ impl DarkLaw {
     /// The detector is as warm as when the rate was measured.
     pub const AT_REFERENCE: Self = Self { reference_c: 20.0, operating_c: 20.0, doubling_k: DOUBLING_K };
 
+    /// The law of a detector that is warmer than this one.
+    #[must_use]
+    pub fn warmer_by(self, warmer_k: f64) -> Self {
+        Self { operating_c: self.operating_c + warmer_k, ..self }
+    }
+
     /// Rate over the rate at the reference; exactly 1 there.
     #[must_use]
     pub fn factor(&self) -> f64 {

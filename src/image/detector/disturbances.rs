@@ -2,11 +2,13 @@
 //!
 //! Both backends own one; the same seed and the same commands give the same list. Nothing is allocated after the start.
 
-use crate::detector::DetectorParams;
 use crate::detector::binning::{Binning, BinningKind};
+use crate::detector::conditions::DetectorConditions;
+use crate::detector::dark_current::DarkLaw;
 use crate::detector::defects::{DefectRoom, Defects};
 use crate::detector::outliers::{Outlier, Outliers};
-use crate::detector::protons::{ProtonTrack, Protons};
+use crate::detector::params::DetectorParams;
+use crate::detector::protons::{ProtonFlux, ProtonTrack, Protons};
 use crate::detector::seeds::Seeds;
 use base::image::DnImage;
 
@@ -26,6 +28,7 @@ const FRAME_PERIOD_S: f64 = 1.0;
 pub struct Disturbances {
     defects: Defects,
     protons: Protons,
+    own_flux: Option<ProtonFlux>,
     outliers: Outliers,
 }
 
@@ -44,11 +47,9 @@ impl Disturbances {
         let mut defects = Defects::new(room, seeds.noise, FRAME_PERIOD_S);
         // There is room for all of them, and all are on the detector.
         let _ = defects.insert_all(spatial.defects.draw(size_px, seeds.sensor));
-        let mut protons = Protons::new(size_px, spatial.layer, seeds.noise, MOST_TRACKS, MOST_TRACK_PX);
-        // The configuration has checked it; without one it would stay off.
-        let _ = protons.set_flux(spatial.protons);
+        let protons = Protons::new(size_px, spatial.layer, seeds.noise, MOST_TRACKS, MOST_TRACK_PX);
         let outliers = Outliers::with_capacity(room.pixels + MOST_TRACK_PX);
-        Self { defects, protons, outliers }
+        Self { defects, protons, own_flux: spatial.protons, outliers }
     }
 
     /// Defects.
@@ -62,12 +63,7 @@ impl Disturbances {
         &mut self.defects
     }
 
-    /// Protons, to be changed from the next frame on.
-    pub fn protons_mut(&mut self) -> &mut Protons {
-        &mut self.protons
-    }
-
-    /// Proton tracks of the latest frame.
+    /// Proton tracks of the latest frame, in sensor pixels.
     #[must_use]
     pub fn proton_tracks(&self) -> &[ProtonTrack] {
         self.protons.tracks()
@@ -80,10 +76,12 @@ impl Disturbances {
     }
 
     /// Makes the outliers of a frame; there is room for all of both lists.
-    pub fn advance(&mut self, frame: u32, exposure_s: f64, warmer: f64) {
+    pub fn advance(&mut self, frame: u32, conditions: &DetectorConditions, dark: DarkLaw) {
+        let exposure_s = conditions.exposure_s;
         // What more dark current leaves grows with temperature as all dark current does.
+        let warmer = dark.warmer_by(conditions.warmer_k).factor() / dark.factor();
         let defects: &[Outlier] = self.defects.at_frame(frame, exposure_s * warmer);
-        let tracks = self.protons.at_frame(frame, exposure_s);
+        let tracks = self.protons.at_frame(frame, exposure_s, conditions.protons.or(self.own_flux));
         self.outliers.merge(defects, tracks);
     }
 

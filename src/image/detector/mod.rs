@@ -10,6 +10,7 @@ pub mod binning;
 pub mod block;
 pub mod blooming;
 pub mod charge_transfer;
+pub mod conditions;
 pub mod cost;
 pub mod cpu;
 pub mod dark_current;
@@ -40,6 +41,7 @@ pub mod window;
 
 pub use adc::Rounding;
 pub use background::Background;
+pub use conditions::DetectorConditions;
 pub use cpu::Detector;
 pub use dark_current::DarkLaw;
 pub use effect::{Effect, ORDER};

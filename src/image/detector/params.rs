@@ -1,6 +1,7 @@
 //! Detector parameters in the terms of EMVA 1288 and ECSS.
 
 use crate::detector::adc::Rounding;
+use crate::detector::conditions::DetectorConditions;
 use crate::detector::dark_current::DarkLaw;
 use crate::detector::line_pattern::LinePattern;
 use crate::detector::nonlinearity::{Nonlinearity, Pieces};
@@ -75,6 +76,18 @@ impl DetectorParams {
         u16::try_from((1_u32 << self.bits.min(16)) - 1).unwrap_or(u16::MAX)
     }
 
+    /// Electrons at which the converter clips.
+    #[must_use]
+    pub fn converter_full_e(&self) -> f64 {
+        (f64::from(self.largest_dn()) - self.black_level_dn) * self.gain_e_per_dn
+    }
+
+    /// The same, when that is below the full well.
+    #[must_use]
+    pub fn converter_clips_at_e(&self) -> Option<f64> {
+        Some(self.converter_full_e()).filter(|e| *e < self.full_well_e)
+    }
+
     /// Electrons of one LSB of a converter that ends where the pixel does: `full well / 2^bits`.
     #[must_use]
     pub fn lsb_e(full_well_e: f64, bits: u32) -> f64 {
@@ -128,13 +141,14 @@ pub struct Constants {
 }
 
 impl Constants {
-    /// For one exposure with so many electrons of stray light in every pixel.
+    /// For one exposure with so many electrons of background in every pixel.
     #[must_use]
     #[allow(clippy::cast_possible_truncation, reason = "the inner loops work in single precision")]
-    pub fn new(params: &DetectorParams, exposure_s: f64, stray_light_e: f32) -> Self {
+    pub fn new(params: &DetectorParams, conditions: &DetectorConditions, stray_light_e: f32) -> Self {
+        let dark_e_per_s = params.dark_e_per_s * params.dark_law.warmer_by(conditions.warmer_k).factor();
         Self {
             stray_light_e,
-            dark_e: (params.operating_dark_e_per_s() * exposure_s) as f32,
+            dark_e: (dark_e_per_s * conditions.exposure_s) as f32,
             full_well_e: params.full_well_e as f32,
             read_noise_e: params.readout_noise_e_rms() as f32,
             dn_per_e: (1.0 / params.gain_e_per_dn) as f32,

@@ -21,7 +21,7 @@ impl From<u64> for Seeds {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::detector::{Detector, DetectorParams};
+    use crate::detector::{Detector, DetectorConditions, DetectorParams};
     use base::image::{DnImage, Image};
 
     const SIZE: [usize; 2] = [160, 120];
@@ -32,7 +32,7 @@ mod tests {
         let mut mean = Image::new(SIZE[0], SIZE[1]);
         mean.pixels_mut().fill(20_000.0);
         let mut dn = DnImage::new(SIZE[0], SIZE[1]);
-        Detector::new(params, SIZE[0], SIZE[1], seeds).collect(&mean, frame, 0.1, &mut dn);
+        Detector::new(params, SIZE[0], SIZE[1], seeds).collect(&mean, frame, &DetectorConditions::dark(0.1), &mut dn);
         dn
     }
 

@@ -62,7 +62,7 @@ impl PlanTables {
         let kernels = self.list_of_kernel.len();
         let is_drawn = plan.lists.iter().any(|list| matches!(list.drawing, Drawing::Once | Drawing::Nodes));
         // The kernel of a Gaussian is made of Gaussians.
-        let needs_base = (is_drawn && !self.is_analytic(plan)) || (kernels > 0 && !is_gaussian(plan));
+        let needs_base = (is_drawn && !self.is_analytic(plan)) || (kernels > 0 && !plan.psf.is_gaussian());
         let base_rebuilt = needs_base && self.rebuild_base(plan);
         if kernels > 0 {
             self.build_kernels(plan, kernels);
@@ -95,7 +95,7 @@ impl PlanTables {
             let list = &plan.lists[lists[i]];
             if let Drawing::Kernel(at) = &list.drawing {
                 let path = plan.kernel_trace(plan.nodes_of(list), at);
-                table.rebuild_kernel(&plan.psf, half_px, s, path, psfs_at(plan, list.psf_px), bases);
+                table.rebuild_kernel(&plan.psf, half_px, s, path, plan.psf.around(list.psf_px), bases);
             }
         };
         if kernels == 1 {
@@ -119,7 +119,7 @@ impl PlanTables {
     /// Index of the table of the PSF that a list is drawn with.
     #[must_use]
     pub fn psf_of(&self, plan: &ExposurePlan, list: usize) -> usize {
-        let psfs = plan.lists.get(list).map(|list| psfs_at(plan, list.psf_px));
+        let psfs = plan.lists.get(list).map(|list| plan.psf.around(list.psf_px));
         psfs.and_then(|psfs| psfs.into_iter().max_by(|a, b| a.1.total_cmp(&b.1))).map_or(0, |(psf, _)| psf)
     }
 
@@ -139,17 +139,7 @@ impl PlanTables {
     #[must_use]
     pub fn is_analytic(&self, plan: &ExposurePlan) -> bool {
         let tabled = matches!(plan.sampling, PsfSampling::Table { .. });
-        is_gaussian(plan) && plan.half_px <= self.analytic_half_px && !tabled
-    }
-}
-
-/// The PSFs that make that of a place, and their shares.
-fn psfs_at(plan: &ExposurePlan, px: [f64; 2]) -> [(usize, f64); 4] {
-    match &plan.psf {
-        PsfModel::Field(field) => field.around(px),
-        PsfModel::Gaussian { .. } | PsfModel::Airy(_) | PsfModel::Moffat(_) | PsfModel::Grid(_) => {
-            [(0, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)]
-        }
+        plan.psf.is_gaussian() && plan.half_px <= self.analytic_half_px && !tabled
     }
 }
 
@@ -174,8 +164,4 @@ fn grid_points(plan: &ExposurePlan) -> usize {
             oversampling(&plan.psf)
         }
     }
-}
-
-fn is_gaussian(plan: &ExposurePlan) -> bool {
-    matches!(plan.psf, PsfModel::Gaussian { .. })
 }

@@ -1,20 +1,21 @@
 //! Samples of a PSF on the grid of its table.
 //!
-//! In: a round profile (irradiance against distance), or a [`PsfGrid`]; step `1 / S` px. Out: pixel integrals, or at once
+//! In: a round PSF, or a [`PsfGrid`]; step `1 / S` px. Out: pixel integrals, or at once
 //! the coefficients of the spline through them. Pixels are sums of `S x S` subcells, each integrated by Gauss-Legendre:
 //! for an Airy pattern of `L >= 0.2` and a Moffat profile of `alpha >= 0.3` px the error is below that of single
 //! precision. A grid whose knots are among the table's is refined exactly, by the two-scale relation of the cubic
 //! B-spline (Unser, IEEE Signal Processing Magazine 16 (1999), 22). Held by the table's tests.
 
 use crate::render::table::Grid;
+use plan::optics::RoundPsf;
 use plan::optics::psf_grid::PsfGrid;
 use plan::optics::quadrature::gauss_legendre;
 
 /// Gauss-Legendre nodes per axis and subcell.
 const SUBCELL_NODES: usize = 4;
 
-/// Pixel integrals of a round profile on the grid, by summing subcells of side `1 / S`.
-pub(super) fn of_profile(irradiance: impl Fn(f64) -> f64 + Sync, oversampling: usize, grid: &mut Grid) {
+/// Pixel integrals of a round PSF on the grid, by summing subcells of side `1 / S`.
+pub(super) fn of_profile(psf: &dyn RoundPsf, oversampling: usize, grid: &mut Grid) {
     let (side, half, stride) = (grid.columns(), grid.half[0], grid.stride);
     let margin = oversampling / 2;
     let cells = side - 1 + oversampling; // subcell c spans grid coordinate (c - half - margin) .. + 1
@@ -32,7 +33,7 @@ pub(super) fn of_profile(irradiance: impl Fn(f64) -> f64 + Sync, oversampling: u
                 }
                 let value = |nx: f64, ny: f64| {
                     let (x, y) = ((cx as f64 + 0.5 + nx) * step, (cy as f64 + 0.5 + ny) * step);
-                    irradiance(x.hypot(y))
+                    psf.irradiance(x.hypot(y))
                 };
                 let sum: f64 = nodes
                     .iter()

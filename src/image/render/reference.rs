@@ -15,9 +15,9 @@ use plan::exposure::nodes::for_each_segment;
 use plan::exposure::target_plan::seen_after_mid_s;
 use plan::exposure::track::{StarPlace, turned};
 use plan::exposure::{ExposurePlan, Motion, PixelPath, PixelPoint, PlannedStar, PlannedTarget, Shutter};
-use plan::optics::PsfModel;
 use plan::optics::gaussian;
 use plan::optics::quadrature::gauss_legendre;
+use plan::optics::{PsfForm, PsfModel};
 use rayon::prelude::*;
 
 /// Nodes per panel.
@@ -131,7 +131,7 @@ fn add_star(
     px: [f64; 2],
     electrons: f64,
 ) {
-    let PsfModel::Field(field) = &plan.psf else { return add_row(&plan.psf, half, row, y, px, electrons) };
+    let Some(field) = plan.psf.as_field() else { return add_row(&plan.psf, half, row, y, px, electrons) };
     for (node, share) in field.around(star.mean_px) {
         if share > 0.0 {
             add_row(&field.nodes()[node], half, row, y, px, share * electrons);
@@ -149,17 +149,11 @@ fn add_row(psf: &PsfModel, half: usize, row: &mut [f64], y: usize, px: [f64; 2],
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the row")]
     let clamp = |x: f64| x.clamp(0.0, row.len() as f64) as usize;
     let (first, end) = (clamp((px[0] - reach).ceil()), clamp((px[0] + reach).floor() + 1.0));
-    let scale = match psf {
-        PsfModel::Gaussian { sigma_px } => electrons * gaussian::cell(dy, *sigma_px),
-        PsfModel::Airy(_) | PsfModel::Moffat(_) | PsfModel::Grid(_) | PsfModel::Field(_) => electrons,
-    };
+    let sigma_px = if let PsfForm::Gaussian(sigma_px) = psf.form() { Some(sigma_px) } else { None };
+    let scale = sigma_px.map_or(electrons, |sigma_px| electrons * gaussian::cell(dy, sigma_px));
     for (x, pixel) in row.iter_mut().enumerate().take(end).skip(first) {
         let dx = x as f64 - px[0];
-        *pixel += scale
-            * match psf {
-                PsfModel::Gaussian { sigma_px } => gaussian::cell(dx, *sigma_px),
-                PsfModel::Airy(_) | PsfModel::Moffat(_) | PsfModel::Grid(_) | PsfModel::Field(_) => psf.pixel(dx, dy),
-            };
+        *pixel += scale * sigma_px.map_or_else(|| psf.pixel(dx, dy), |sigma_px| gaussian::cell(dx, sigma_px));
     }
 }
 

@@ -11,7 +11,7 @@ use crate::render::kernel::{GaussianPath, accumulate};
 use crate::render::products::{Phases, Products};
 use crate::render::{psf_samples, spline};
 use plan::exposure::moments::TracePoint;
-use plan::optics::PsfModel;
+use plan::optics::{PsfForm, PsfModel};
 
 /// Columns of every stored image are a multiple of this.
 pub const LANES: usize = 16;
@@ -122,27 +122,23 @@ impl PsfTable {
     pub fn of_psf(psf: &PsfModel, half_px: usize, s: usize, form: Form) -> Self {
         let mut table = Self::empty(form);
         table.size([half_px; 2], s);
-        match psf {
-            PsfModel::Gaussian { sigma_px } => {
+        match psf.form() {
+            PsfForm::Gaussian(sigma_px) => {
                 table.path.trace([[1.0, 0.0, 0.0]].into_iter());
-                accumulate(&mut table.path, &mut table.grid, *sigma_px, s);
+                accumulate(&mut table.path, &mut table.grid, sigma_px, s);
             }
-            PsfModel::Airy(airy) => {
-                psf_samples::of_profile(|r_px| airy.irradiance(r_px), s, &mut table.grid);
+            PsfForm::Round(psf) => {
+                psf_samples::of_profile(psf, s, &mut table.grid);
                 table.prefilter();
             }
-            PsfModel::Moffat(moffat) => {
-                psf_samples::of_profile(|r_px| moffat.irradiance(r_px), s, &mut table.grid);
-                table.prefilter();
-            }
-            PsfModel::Grid(grid) => {
+            PsfForm::Grid(grid) => {
                 if !psf_samples::refine(grid, s, &mut table.grid) {
                     psf_samples::of_grid(grid, s, &mut table.grid);
                     table.prefilter();
                 }
             }
             // A field has a table for every node.
-            PsfModel::Field(_) => {}
+            PsfForm::Field(_) => {}
         }
         table.finish();
         table
@@ -160,12 +156,12 @@ impl PsfTable {
         bases: &[Self],
     ) {
         self.size(half_px, s);
-        match psf {
-            PsfModel::Gaussian { sigma_px } => {
+        match psf.form() {
+            PsfForm::Gaussian(sigma_px) => {
                 self.path.trace(path);
-                accumulate(&mut self.path, &mut self.grid, *sigma_px, s);
+                accumulate(&mut self.path, &mut self.grid, sigma_px, s);
             }
-            PsfModel::Airy(_) | PsfModel::Moffat(_) | PsfModel::Grid(_) | PsfModel::Field(_) => {
+            PsfForm::Round(_) | PsfForm::Grid(_) | PsfForm::Field(_) => {
                 for [weight, dx, dy] in path {
                     for (base, share) in shares.iter().filter(|(_, share)| *share > 0.0) {
                         let Some(base) = bases.get(*base) else { continue };

@@ -9,7 +9,9 @@ pub enum CaptureError {
     #[error("capture cannot be written: {0}")]
     Write(#[source] std::io::Error),
     /// A packet that the format has no form for.
-    #[error("capture: got a serial packet, wanted CAN: a candump log holds CAN only; use pcapng")]
+    #[error(
+        "capture: got a packet of a serial line or of a plain link, wanted CAN: a candump log holds CAN only; use pcapng"
+    )]
     NotCan,
     /// The system refused to read.
     #[error("capture cannot be read at byte {offset}: {source}")]

@@ -8,7 +8,8 @@
 //! holds several interfaces: pcapng blocks named link0, link1, ..., the interface column can0, can1, ... of a candump log. A
 //! file of someone else has the number in the name, or the place of the interface in its section. Stamps are Unix time to the nanosecond in
 //! both formats; pcapng keeps the instant (TAI) beside it, a candump log cannot tell a leap second from the second after
-//! it. A candump log holds CAN only; pcapng holds CAN (link type 227, SocketCAN) and serial bytes (link type 147, USER0).
+//! it. A candump log holds CAN only; pcapng holds CAN (link type 227, SocketCAN) serial bytes (link type 147,
+//! USER0) and plain datagrams (link type 148, USER1).
 //! Readers take any bytes: what they refuse they refuse with line or offset, a file that was cut off is read up to the
 //! cut, memory is bounded by `BLOCK_MAX` and `LINE_MAX` whatever a file says. Frames that have no [`Packet`] (29-bit
 //! identifiers, remote and error frames) are skipped and counted.
@@ -41,7 +42,7 @@ pub const BLOCK_MAX: usize = 256 * 1024;
 pub enum CaptureFormat {
     /// candump's log text: CAN only.
     Candump,
-    /// pcapng: CAN and serial.
+    /// pcapng: CAN, serial and plain datagrams.
     Pcapng,
 }
 

@@ -2,7 +2,7 @@
 //! an error with its place, or reads as something, and never panics.
 
 use super::*;
-use crate::{CHUNK_MAX, SerialChunk};
+use crate::{CHUNK_MAX, DATAGRAM_MAX, Datagram, SerialChunk};
 use base::time::Span;
 use firmware_protocol::can::CanFrame;
 use proptest::prelude::*;
@@ -33,6 +33,11 @@ fn frames() -> Vec<CapturedPacket> {
 fn serial(ns: i64, bytes: &[u8]) -> CapturedPacket {
     let packet = Packet::Serial(SerialChunk::new(bytes).unwrap());
     CapturedPacket { at: at(ns), direction: Direction::Sent, interface: 0, packet }
+}
+
+fn datagram(ns: i64, bytes: &[u8]) -> CapturedPacket {
+    let packet = Packet::Datagram(Datagram::new(bytes).unwrap());
+    CapturedPacket { at: at(ns), direction: Direction::Received, interface: 0, packet }
 }
 
 fn written(format: CaptureFormat, packets: &[CapturedPacket]) -> Vec<u8> {
@@ -72,6 +77,16 @@ fn what_is_written_is_read_again() {
     }
     let mixed = [frames()[0], serial(5, &[0; CHUNK_MAX]), serial(6, &[1]), frames()[3]];
     assert_eq!(read(&written(CaptureFormat::Pcapng, &mixed)).0, mixed);
+    let plain = [datagram(1, &[7; DATAGRAM_MAX]), serial(2, &[7; 8]), datagram(3, &[7; 8])];
+    let (packets, error, skipped) = read(&written(CaptureFormat::Pcapng, &plain));
+    assert!(error.is_none() && skipped == 0 && packets == plain, "{packets:?}");
+}
+
+#[test]
+fn candump_log_refuses_datagrams() {
+    let mut bytes = Vec::new();
+    let mut writer = CaptureWriter::new(&mut bytes, CaptureFormat::Candump).unwrap();
+    assert!(matches!(writer.write(&datagram(0, &[1])), Err(CaptureError::NotCan)));
 }
 
 /// The same packets as if each came by another link, the last one by a link beyond all numbers.

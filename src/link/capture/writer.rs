@@ -37,7 +37,7 @@ impl<W: Write> CaptureWriter<W> {
             (Form::Candump(out), Packet::Can(frame)) => {
                 candump::write_line(out, captured, frame).map_err(CaptureError::Write)
             }
-            (Form::Candump(_), Packet::Serial(_)) => Err(CaptureError::NotCan),
+            (Form::Candump(_), Packet::Serial(_) | Packet::Datagram(_)) => Err(CaptureError::NotCan),
             (Form::Pcapng(writer), _) => writer.write(captured).map_err(CaptureError::Write),
         }
     }

@@ -1,7 +1,7 @@
 //! Packets made from numbers; sending them and holding what arrives against them.
 
 use super::{PATIENCE, Suite};
-use crate::{CHUNK_MAX, Link, Packet, SerialChunk, Stamped, WireFormat};
+use crate::{CHUNK_MAX, DATAGRAM_MAX, Datagram, Link, Packet, SerialChunk, Stamped, WireFormat};
 use base::time::Tai;
 use firmware_protocol::can::CanFrame;
 
@@ -9,13 +9,16 @@ use firmware_protocol::can::CanFrame;
 const FD_LENGTHS: [usize; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
 /// Bytes that a serial line holds without anybody reading: half of a pseudo terminal's 4 KiB.
 const SERIAL_ROOM: usize = 2048;
+/// Datagrams that any receive buffer holds without anybody reading.
+const DATAGRAMS_AT_ONCE: usize = 32;
 
 /// Every length a packet can have on this wire, shortest first.
-pub(super) fn lengths(format: WireFormat) -> Vec<usize> {
+pub(super) fn all_lengths(format: WireFormat) -> Vec<usize> {
     match format {
         WireFormat::CanClassic => (0..=8).collect(),
         WireFormat::CanFd => FD_LENGTHS.to_vec(),
         WireFormat::Serial => (1..=CHUNK_MAX).collect(),
+        WireFormat::Plain => (1..=DATAGRAM_MAX).collect(),
     }
 }
 
@@ -28,6 +31,7 @@ pub(super) fn packet(format: WireFormat, number: usize, len: usize) -> Result<Pa
         WireFormat::CanClassic => CanFrame::classic(id, &bytes).map(Packet::Can),
         WireFormat::CanFd => CanFrame::fd(id, &bytes).map(Packet::Can),
         WireFormat::Serial => SerialChunk::new(&bytes).map(Packet::Serial),
+        WireFormat::Plain => Datagram::new(&bytes).map(Packet::Datagram),
     };
     made.ok_or_else(|| format!("the suite made an impossible packet of {len} bytes"))
 }
@@ -43,7 +47,11 @@ fn scrambled(number: usize, at: usize) -> u8 {
 impl Suite<'_> {
     /// Sends all of them and receives them at the other end. On a serial line no more than it holds is under way.
     pub(super) fn carry(&self, from: &mut dyn Link, to: &mut dyn Link, packets: &[Packet]) -> Result<(), String> {
-        let at_once = if self.format == WireFormat::Serial { SERIAL_ROOM / CHUNK_MAX } else { packets.len().max(1) };
+        let at_once = match self.format {
+            WireFormat::Serial => SERIAL_ROOM / CHUNK_MAX,
+            WireFormat::Plain => DATAGRAMS_AT_ONCE,
+            WireFormat::CanClassic | WireFormat::CanFd => packets.len().max(1),
+        };
         for some in packets.chunks(at_once) {
             for packet in some {
                 from.send(packet).map_err(|error| error.to_string())?;
@@ -100,7 +108,7 @@ impl Suite<'_> {
 fn joined(packets: &[Packet]) -> Vec<u8> {
     let bytes = packets.iter().filter_map(|packet| match packet {
         Packet::Serial(chunk) => Some(chunk.as_slice()),
-        Packet::Can(_) => None,
+        Packet::Can(_) | Packet::Datagram(_) => None,
     });
     bytes.flatten().copied().collect()
 }

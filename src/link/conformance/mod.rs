@@ -7,6 +7,7 @@
 
 mod exchange;
 mod filters;
+mod plain;
 mod protocol;
 mod raw;
 
@@ -48,6 +49,8 @@ pub struct Check {
 /// What every check needs.
 struct Suite<'a> {
     format: WireFormat,
+    /// Lengths of packets that the link carries, shortest first.
+    lengths: Vec<usize>,
     clock: &'a Arc<dyn Clock>,
     make: &'a mut dyn FnMut() -> Result<Ends, LinkError>,
 }
@@ -59,6 +62,29 @@ struct Suite<'a> {
 pub fn check_link(
     link: &str,
     format: WireFormat,
+    clock: &Arc<dyn Clock>,
+    make: impl FnMut() -> Result<Ends, LinkError>,
+) -> Result<Report, String> {
+    check_lengths(link, format, exchange::all_lengths(format), clock, make)
+}
+
+/// The same for a link that carries plain records of one length.
+///
+/// # Errors
+/// As [`check_link`].
+pub fn check_records(
+    link: &str,
+    length: usize,
+    clock: &Arc<dyn Clock>,
+    make: impl FnMut() -> Result<Ends, LinkError>,
+) -> Result<Report, String> {
+    check_lengths(link, WireFormat::Plain, vec![length], clock, make)
+}
+
+fn check_lengths(
+    link: &str,
+    format: WireFormat,
+    lengths: Vec<usize>,
     clock: &Arc<dyn Clock>,
     mut make: impl FnMut() -> Result<Ends, LinkError>,
 ) -> Result<Report, String> {
@@ -77,7 +103,7 @@ pub fn check_link(
     if !clock.is_real() {
         return Err("the suite needs a real clock: it waits".into());
     }
-    let mut suite = Suite { format, clock, make: &mut make };
+    let mut suite = Suite { format, lengths, clock, make: &mut make };
     let mut checks = Vec::new();
     for (promise, step) in steps {
         let seen = step(&mut suite).map_err(|broken| format!("{link}: not so: {promise}: {broken}"))?;
@@ -87,6 +113,15 @@ pub fn check_link(
 }
 
 impl Suite<'_> {
+    /// A length of some eight bytes, or the nearest that the link carries.
+    fn usual_length(&self) -> usize {
+        self.lengths.iter().copied().min_by_key(|length| length.abs_diff(8)).unwrap_or(8)
+    }
+
+    fn longest(&self) -> usize {
+        self.lengths.last().copied().unwrap_or(0)
+    }
+
     fn pair(&mut self) -> Result<Ends, String> {
         (self.make)().map_err(|error| error.to_string())
     }

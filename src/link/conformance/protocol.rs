@@ -1,6 +1,6 @@
 //! Messages through ports over the link, and damaged ones.
 
-use super::{PATIENCE, Suite};
+use super::{PATIENCE, Suite, plain};
 use crate::{Packet, Port, SerialChunk, WireFormat};
 use firmware_protocol::can::{CanFrame, Format, IdMap, encode};
 use firmware_protocol::message::{
@@ -46,6 +46,9 @@ fn every_message(format: WireFormat) -> Vec<Message> {
 }
 
 pub(super) fn messages(suite: &mut Suite<'_>) -> Result<String, String> {
+    if suite.format == WireFormat::Plain {
+        return plain::messages(suite);
+    }
     let (near, far) = suite.pair()?;
     let (mut near, mut far) = (Port::new(near, suite.format, ids()?), Port::new(far, suite.format, ids()?));
     let messages = every_message(suite.format);
@@ -73,10 +76,13 @@ struct Damage {
 
 /// After each piece of damage a mark is sent; it must be the next message that arrives.
 pub(super) fn damage(suite: &mut Suite<'_>) -> Result<String, String> {
+    if suite.format == WireFormat::Plain {
+        return plain::damage(suite);
+    }
     let (mut near, far) = suite.pair()?;
     let mut far = Port::new(far, suite.format, ids()?);
     let pieces = match suite.format {
-        WireFormat::Serial => serial_damage()?,
+        WireFormat::Serial | WireFormat::Plain => serial_damage()?,
         WireFormat::CanClassic => can_damage(Format::Classic)?,
         WireFormat::CanFd => can_damage(Format::Fd)?,
     };
@@ -109,7 +115,7 @@ fn mark(format: WireFormat, counter: u8) -> Result<Vec<Packet>, String> {
     match format {
         // A delimiter first: whatever stands before the mark ends there.
         WireFormat::Serial => Ok(vec![chunk(&[0])?, chunk(&encoded(&message)?)?]),
-        WireFormat::CanClassic | WireFormat::CanFd => frames(&message, Format::Fd).map(packets),
+        WireFormat::CanClassic | WireFormat::CanFd | WireFormat::Plain => frames(&message, Format::Fd).map(packets),
     }
 }
 

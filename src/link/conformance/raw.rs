@@ -1,8 +1,8 @@
 //! Packets: order, bytes, stamps, limits, counters.
 
-use super::exchange::{lengths, packet};
+use super::exchange::packet;
 use super::{BURST, PATIENCE, Suite};
-use crate::{Link, LinkCounters, LinkError, Packet, SerialChunk, WireFormat};
+use crate::{Datagram, Link, LinkCounters, LinkError, Packet, SerialChunk, WireFormat};
 use base::time::{Span, Tai};
 use firmware_protocol::can::CanFrame;
 
@@ -13,7 +13,7 @@ const ECHOES: usize = 300;
 
 pub(super) fn lengths_and_order(suite: &mut Suite<'_>) -> Result<String, String> {
     let (mut near, mut far) = suite.pair()?;
-    let lengths = lengths(suite.format);
+    let lengths = suite.lengths.clone();
     for direction in ["there", "back"] {
         // Up and down again: no packet may profit from what the one before it left behind.
         for (number, len) in lengths.iter().chain(lengths.iter().rev()).enumerate() {
@@ -35,7 +35,7 @@ pub(super) fn stamps(suite: &mut Suite<'_>) -> Result<String, String> {
     let (mut near, mut far) = suite.pair()?;
     let (mut newest, mut oldest_age) = (Tai::from_ns(i64::MIN), Span::ZERO);
     for number in 0..STAMPED {
-        let packet = packet(suite.format, number, 8)?;
+        let packet = packet(suite.format, number, suite.usual_length())?;
         let before = suite.clock.now();
         let leaves = near.send(&packet).map_err(|error| error.to_string())?;
         let at = suite.expect(&mut *far, &[packet])?.ok_or("no stamp")?;
@@ -76,7 +76,7 @@ pub(super) fn timeouts(suite: &mut Suite<'_>) -> Result<String, String> {
 
 pub(super) fn waiting_packet(suite: &mut Suite<'_>) -> Result<String, String> {
     let (mut near, mut far) = suite.pair()?;
-    let packet = packet(suite.format, 1, 8)?;
+    let packet = packet(suite.format, 1, suite.usual_length())?;
     near.send(&packet).map_err(|error| error.to_string())?;
     let sent = suite.clock.now();
     suite.clock.sleep_until(sent + Span::from_ms(50));
@@ -91,10 +91,12 @@ pub(super) fn wrong_kind(suite: &mut Suite<'_>) -> Result<String, String> {
     let (mut near, mut far) = suite.pair()?;
     let (classic, fd) = (CanFrame::classic(1, &[1]).map(Packet::Can), CanFrame::fd(1, &[1; 12]).map(Packet::Can));
     let serial = SerialChunk::new(&[1]).map(Packet::Serial);
+    let datagram = Datagram::new(&[1]).map(Packet::Datagram);
     let wrong = match suite.format {
-        WireFormat::CanClassic => vec![fd, serial],
-        WireFormat::CanFd => vec![serial],
-        WireFormat::Serial => vec![classic, fd],
+        WireFormat::CanClassic => vec![fd, serial, datagram],
+        WireFormat::CanFd => vec![serial, datagram],
+        WireFormat::Serial => vec![classic, fd, datagram],
+        WireFormat::Plain => vec![classic, fd, serial],
     };
     for packet in wrong.iter().flatten() {
         match near.send(packet) {
@@ -102,7 +104,7 @@ pub(super) fn wrong_kind(suite: &mut Suite<'_>) -> Result<String, String> {
             other => return Err(format!("a {} packet: wanted a refusal, got {other:?}", packet.kind())),
         }
     }
-    let right = packet(suite.format, 1, 8)?;
+    let right = packet(suite.format, 1, suite.usual_length())?;
     suite.carry(&mut *near, &mut *far, &[right])?;
     if near.counters().sent != 1 {
         return Err(format!("refused packets count as sent: {:?}", near.counters()));
@@ -112,7 +114,7 @@ pub(super) fn wrong_kind(suite: &mut Suite<'_>) -> Result<String, String> {
 
 pub(super) fn burst(suite: &mut Suite<'_>) -> Result<String, String> {
     let (mut near, mut far) = suite.pair()?;
-    let longest = lengths(suite.format).last().copied().unwrap_or(0);
+    let longest = suite.longest();
     let packets: Result<Vec<_>, _> = (0..BURST).map(|number| packet(suite.format, number, longest)).collect();
     let began = suite.clock.now();
     suite.carry(&mut *near, &mut *far, &packets?)?;
@@ -133,7 +135,7 @@ pub(super) fn burst(suite: &mut Suite<'_>) -> Result<String, String> {
 pub(super) fn echo(suite: &mut Suite<'_>) -> Result<String, String> {
     // The far end outlives the exchange: closing a pseudo terminal throws away what is under way.
     let (mut near, mut far) = suite.pair()?;
-    let len = lengths(suite.format).last().copied().unwrap_or(0);
+    let len = suite.longest();
     let packets: Result<Vec<_>, _> = (0..ECHOES).map(|number| packet(suite.format, number, len)).collect();
     let (packets, bytes, clock) = (packets?, ECHOES * len, suite.clock);
     let far = &mut *far;
@@ -170,11 +172,7 @@ fn send_back(link: &mut dyn Link, mut bytes: usize, limit: impl Fn() -> Tai) -> 
         if link.counters().unsent != 0 || link.counters().lost != 0 {
             return Err(format!("{:?}", link.counters()));
         }
-        let len = match &packet.value {
-            Packet::Can(frame) => frame.data().len(),
-            Packet::Serial(chunk) => chunk.as_slice().len(),
-        };
-        bytes = bytes.saturating_sub(len);
+        bytes = bytes.saturating_sub(packet.value.data().len());
     }
     Ok(())
 }

@@ -157,7 +157,9 @@ impl SerialLink {
             self.clock.sleep_until(until.min(self.retry_at));
             return Ok(());
         };
-        wait_for(port.as_fd(), Readiness::Read, until - now).map_err(|error| self.failed("wait for bytes", error))
+        wait_for(port.as_fd(), Readiness::Read, until - now)
+            .map(drop)
+            .map_err(|error| self.failed("wait for bytes", error))
     }
 
     /// Writes all of `bytes`, or what goes out before `limit`.

@@ -75,7 +75,7 @@ impl Wire {
 fn priority(packet: &Packet) -> Priority {
     match packet {
         Packet::Can(frame) => (frame.id(), frame.is_fd()),
-        Packet::Serial(_) => (0, false),
+        Packet::Serial(_) | Packet::Datagram(_) => (0, false),
     }
 }
 

@@ -29,7 +29,17 @@ pub enum BusTiming {
         /// Bit rate, bit/s.
         baud: u32,
     },
+    /// Datagrams over Ethernet, each direction on its own wire.
+    Datagram {
+        /// Bit rate, bit/s.
+        bit_rate_bps: u32,
+    },
 }
+
+/// Bytes around a UDP datagram on Ethernet: preamble 8, header 14, check sequence 4, gap 12, IPv4 20, UDP 8.
+const AROUND_DATAGRAM: u64 = 66;
+/// Least bytes of an Ethernet frame with preamble and gap.
+const LEAST_FRAME: u64 = 84;
 
 /// Bits of one serial byte: start, 8 data, stop.
 const BITS_PER_BYTE: u64 = 10;
@@ -38,7 +48,7 @@ impl BusTiming {
     /// True when both directions share the wire.
     #[must_use]
     pub fn is_shared(&self) -> bool {
-        !matches!(self, Self::Serial { .. })
+        !matches!(self, Self::Serial { .. } | Self::Datagram { .. })
     }
 
     /// Kind of packet carried, for messages.
@@ -48,6 +58,7 @@ impl BusTiming {
             Self::CanClassic { .. } => "classic CAN",
             Self::CanFd { .. } => "CAN FD or classic CAN",
             Self::Serial { .. } => "serial",
+            Self::Datagram { .. } => "datagram",
         }
     }
 
@@ -57,6 +68,7 @@ impl BusTiming {
         match self {
             Self::CanClassic { bit_rate_bps: rate } | Self::CanFd { arbitration_bps: rate, .. } => span(1, *rate),
             Self::Serial { baud } => span(1, *baud),
+            Self::Datagram { bit_rate_bps } => span(1, *bit_rate_bps),
         }
     }
 
@@ -82,6 +94,10 @@ impl BusTiming {
             }
             (Self::Serial { baud }, Packet::Serial(chunk)) => {
                 Some(span(chunk.as_slice().len() as u64 * BITS_PER_BYTE, *baud))
+            }
+            (Self::Datagram { bit_rate_bps }, Packet::Datagram(datagram)) => {
+                let bytes = (datagram.as_slice().len() as u64 + AROUND_DATAGRAM).max(LEAST_FRAME);
+                Some(span(8 * bytes, *bit_rate_bps))
             }
             _ => None,
         }

@@ -137,7 +137,7 @@ impl SocketCanLink {
     fn frame_of<'a>(&self, packet: &'a Packet) -> Result<&'a CanFrame, LinkError> {
         match packet {
             Packet::Can(frame) if self.params.fd || !frame.is_fd() => Ok(frame),
-            Packet::Can(_) | Packet::Serial(_) => Err(LinkError::WrongPacket {
+            Packet::Can(_) | Packet::Serial(_) | Packet::Datagram(_) => Err(LinkError::WrongPacket {
                 link: self.params.interface.clone(),
                 wanted: if self.params.fd { "CAN FD or classic CAN" } else { "classic CAN" },
                 got: packet.kind(),

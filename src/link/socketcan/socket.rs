@@ -75,7 +75,7 @@ impl Socket {
 
     /// Waits until there is something to read or to be told, for `span` at most.
     pub(super) fn wait(&self, span: Span) -> io::Result<()> {
-        wait_for(self.inner.as_fd(), Readiness::Read, span)
+        wait_for(self.inner.as_fd(), Readiness::Read, span).map(drop)
     }
 }
 

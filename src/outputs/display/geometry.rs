@@ -88,7 +88,7 @@ impl DisplayGeometry {
     }
 
     /// The camera that a renderer draws this display's frames with: directions in *drawn* axes -> display px, columns
-    /// not yet mirrored. Error against the fitted map: [`CAMERA_PX`], [`Self::camera_error_arcsec`].
+    /// not yet mirrored. Error against the fitted map: [`CAMERA_PX`].
     #[must_use]
     pub fn camera(&self) -> &CameraGeometry {
         &self.camera
@@ -143,12 +143,6 @@ impl DisplayGeometry {
             }
             _ => self.camera.ifov_rad()[0] / ARCSEC,
         }
-    }
-
-    /// [`CAMERA_PX`] as an angle, arcsec.
-    #[must_use]
-    pub fn camera_error_arcsec(&self) -> f64 {
-        CAMERA_PX * self.arcsec_per_px()
     }
 }
 

@@ -10,7 +10,7 @@
 //! Tests below.
 
 use base::least_squares::median;
-use base::time::{Span, Tai};
+use base::time::Span;
 use serde::{Deserialize, Serialize};
 use std::io::Read;
 
@@ -210,18 +210,6 @@ impl Latency {
         Span::from_ns(self.median_ns) + self.scan_after_marker(row_share)
     }
 
-    /// When light of a row (its number over the number of rows, 0 to 1) that was submitted at `submit` is expected.
-    #[must_use]
-    pub fn photon_time(&self, submit: Tai, row_share: f64) -> Tai {
-        submit + self.at_row(row_share)
-    }
-
-    /// When to submit for light of a row at `photons`: what a prediction's horizon has to cover.
-    #[must_use]
-    pub fn submit_time(&self, photons: Tai, row_share: f64) -> Tai {
-        photons - self.at_row(row_share)
-    }
-
     fn scan_after_marker(&self, row_share: f64) -> Span {
         Span::from_s((row_share - self.marker_row_share) * self.scan_ns as f64 * 1e-9)
     }
@@ -296,12 +284,9 @@ mod tests {
     #[test]
     fn photons_come_after_submit_and_scan() {
         let latency = measured(&table(|_| Some(25.0), 20)).unwrap();
-        let submit = Tai::from_ns(1_000_000_000);
-        let seen = latency.photon_time(submit, 0.5);
-        assert!(((seen - submit).ms() - 33.0).abs() < 1e-3, "{}", (seen - submit).ms());
-        assert_eq!(latency.submit_time(seen, 0.5), submit);
+        assert!((latency.at_row(0.5).ms() - 33.0).abs() < 1e-3, "{}", latency.at_row(0.5).ms());
         let given = Latency::given(Span::from_ms(20), Span::from_ms(4));
-        assert_eq!((given.photon_time(submit, 1.0) - submit).ms(), 20.0);
+        assert_eq!(given.at_row(1.0).ms(), 20.0);
         assert!(given.told().contains("not measured"), "{}", given.told());
     }
 

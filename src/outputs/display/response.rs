@@ -176,36 +176,6 @@ impl Response {
         }
     }
 
-    /// Fractional greys of `entries` luminances, entry i that of (i / (entries - 1))^2: dense where a display has most
-    /// greys. For shaders, which interpolate between entries; see [`Self::table_error`].
-    #[must_use]
-    pub fn inverse_table(&self, entries: usize) -> Vec<f32> {
-        let last = entries.max(2) as f64 - 1.0;
-        let entry = |i: usize| {
-            let (grey, share) = self.grey_of((i as f64 / last).powi(2));
-            #[allow(clippy::cast_possible_truncation, reason = "shaders have single precision")]
-            let entry = (grey as f64 + share) as f32;
-            entry
-        };
-        (0..entries.max(2)).map(entry).collect()
-    }
-
-    /// Largest error of an interpolated [`Self::inverse_table`], grey steps: looked for at four places per entry.
-    #[must_use]
-    pub fn table_error(&self, table: &[f32]) -> f64 {
-        let last = table.len() as f64 - 1.0;
-        let error = |k: usize| {
-            let root = k as f64 / (4.0 * last);
-            let place = (root * last).min(last - 1.0).floor();
-            let share = root * last - place;
-            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to the last entry")]
-            let [low, high] = [0, 1].map(|next| f64::from(table[place as usize + next]));
-            let (grey, part) = self.grey_of(root * root);
-            (low + share * (high - low) - grey as f64 - part).abs()
-        };
-        (0..=4 * (table.len() - 1)).map(error).fold(0.0, f64::max)
-    }
-
     /// Standard error of the measured greys above 1 % of full, magnitudes, their median.
     #[must_use]
     pub fn sigma_mag(&self) -> f64 {
@@ -375,9 +345,6 @@ mod tests {
         }
         assert_eq!(response.grey_of(-1.0), (0, 0.0));
         assert_eq!(response.grey_of(7.0), (255, 0.0));
-        let error = response.table_error(&response.inverse_table(4096));
-        assert!(error < 0.05, "{error} grey steps");
-        assert!(response.table_error(&response.inverse_table(256)) > error, "fewer entries, more error");
     }
 
     #[test]

@@ -19,11 +19,11 @@
 //! Discovery is answered to the device's own subnet only: who hears of it can also get its frames. Frames go to the
 //! controller's own address, unless the bench allows others. At the end of a run what waits is sent for one second more.
 //!
-//! Tests: `device_tests` (the protocol with virtual time, no sockets), `pixel_format`, `gvsp`, `xml`, `zip` beside their
+//! Tests: `device_tests` (the protocol with virtual time, no sockets), `pixel_format`, `gvsp`, `xml` beside their
 //! code, `tests` (loopback, stalled clients), `tests/network_camera` (any bytes), and `hil_scripts/test_network_camera.py`
 //! (Aravis, GStreamer, the reference GenApi; bit-exact).
 //!
-//! Tour: `params` -> `pixel_format`, `chunk` (what a frame becomes) -> `gvcp`, `gvsp` (bytes) -> `registers`, `xml`, `zip`
+//! Tour: `params` -> `pixel_format`, `chunk` (what a frame becomes) -> `gvcp`, `gvsp` (bytes) -> `registers`, `xml`
 //! (memory) -> `acquisition`, `control`, `repeats`, `device` (the state machine) -> `shared`, `slots` (between threads) ->
 //! `interface`, `pacing`, `packets`, `stream`, `listener` (sockets and threads) -> `camera` (the sink).
 
@@ -55,7 +55,6 @@ mod unreachable;
 #[cfg(test)]
 mod tests;
 mod xml;
-mod zip;
 
 pub use acquisition::Wanted;
 pub use camera::NetworkCamera;

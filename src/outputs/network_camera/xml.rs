@@ -7,9 +7,9 @@
 use crate::network_camera::chunk::{self, Field};
 use crate::network_camera::device::DeviceParams;
 use crate::network_camera::params::{Identity, PACKET_BYTES_MIN};
-use crate::network_camera::zip;
 use core::fmt::Write;
 use frames::sink::facts::FeatureKind;
+use frames::zip_archive::archive;
 
 const TEMPLATE: &str = include_str!("camera.xml");
 
@@ -22,7 +22,7 @@ pub(super) fn plain(identity: &Identity, place: &DeviceParams) -> Vec<u8> {
 
 /// The XML in a zip archive of whole words.
 pub(super) fn zipped(identity: &Identity, place: &DeviceParams) -> std::io::Result<Vec<u8>> {
-    zip::archive("starloop.xml", filled_in(identity, place).as_bytes())
+    archive(&[("starloop.xml", filled_in(identity, place).as_bytes())])
 }
 
 fn filled_in(identity: &Identity, place: &DeviceParams) -> String {

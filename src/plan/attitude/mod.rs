@@ -38,8 +38,10 @@ pub use exposure_path::{PathOutcome, PathReport, compose};
 pub use history::AttitudeHistory;
 pub use interpolate::{hermite_error_bound_rad, interpolate};
 pub use jitter::{
-    BUS_LINES_MAX, HARMONICS_MAX, JitterCoverage, JitterHistory, LINES_PER_AXIS, PSD_POINTS_MAX, PsdPoint,
-    UPLOADED_LINES_MAX, WHEELS, WheelHarmonic, psd_variance,
+    BUS_LINES_MAX, DENSITY_ROWS_MAX, DensityError, HARMONICS_MAX, JitterCoverage, JitterHistory, JitterRecord,
+    JitterTableError, LINES_PER_AXIS, PSD_POINTS_MAX, PsdPoint, RECORD_SAMPLES_MAX, RecordEnd, RecordError,
+    RecordedJitter, SpectrumBin, UPLOADED_LINES_MAX, WHEELS, WheelHarmonic, band_power_rad2, psd_variance,
+    read_density, read_series, smear_power_rad2,
 };
 pub use los::{JitterLine, JitterPoint, JitterTrack, LosPath, PathOrigin};
 pub use measured::{AnalyticMotion, MeasuredError, SinusoidTurn, measured_prediction_errors};

@@ -448,8 +448,7 @@ impl Chooser {
     ) -> (Assessment, f64) {
         let Weighed { method, error, verdict, tried } = *weighed;
         let psf = &self.instrument.psf;
-        let tabulated =
-            method.kernels() > 0 || !matches!(psf, PsfModel::Gaussian { .. }) || self.half_px > ANALYTIC_HALF_PX;
+        let tabulated = method.kernels() > 0 || !psf.is_gaussian() || self.half_px > ANALYTIC_HALF_PX;
         let (drawn_px, drawn_peak) = if tabulated { (TABLE_CENTROID_PX, TABLE_ERROR) } else { (F32_CENTROID_PX, 0.0) };
         // Without probes nothing is known of the motion, and nothing is promised.
         let unknown_px = if probes.probes.len() < SIDE * SIDE { f64::INFINITY } else { 0.0 };

@@ -144,11 +144,8 @@ impl CostModel {
     #[must_use]
     pub fn stars_ms(&self, method: Method, load: &Load<'_>) -> f64 {
         let stars = load.stars as f64;
-        let star_node_ns = if matches!(load.psf, PsfModel::Gaussian { .. }) {
-            self.splat_ns
-        } else {
-            self.base_pixel_ns * padded_pixels(load.half_px)
-        };
+        let star_node_ns =
+            if load.psf.is_gaussian() { self.splat_ns } else { self.base_pixel_ns * padded_pixels(load.half_px) };
         let drawing_ns = if method.kernels() > 0 {
             let half_px = kernel_half_px(load.half_px, load.extent_px);
             let stamp_ns = self.table_pixel_ns * padded_pixels(half_px);
@@ -166,7 +163,7 @@ impl CostModel {
         let s = oversampling(psf);
         let grid = ((2 * half_px + 1) * s) as f64;
         // A shifted table is 16 taps; a Gaussian is an outer product.
-        let per_node = if matches!(psf, PsfModel::Gaussian { .. }) { 1.0 } else { 16.0 };
+        let per_node = if psf.is_gaussian() { 1.0 } else { 16.0 };
         let entries = (table_images(s) as f64) * padded_pixels(half_px);
         let each =
             grid * grid * per_node * method.nodes() as f64 * self.kernel_node_ns + entries * self.kernel_entry_ns;

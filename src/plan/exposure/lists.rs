@@ -10,7 +10,7 @@ use crate::exposure::pose::{PathNode, Pose, mean_pose};
 use crate::exposure::probes::{Probes, SIDE};
 use crate::exposure::share::Share;
 use crate::exposure::track::{StarPlace, StarTrack};
-use crate::optics::{PsfField, PsfModel};
+use crate::optics::PsfField;
 use sky::astrometry::CameraGeometry;
 use std::sync::Arc;
 
@@ -70,7 +70,7 @@ pub fn fill(plan: &mut ExposurePlan, probes: &Probes, camera: &CameraGeometry, b
             | Method::Samples { .. }
             | Method::EffectivePsf { .. } => {
                 let bands = bands.max(1);
-                let field = field_of(&plan.psf);
+                let field = plan.psf.as_field().cloned();
                 for band in 0..bands {
                     let own = plan.lists.len();
                     push_band(plan, probes, camera, method, [band, bands]);
@@ -84,11 +84,6 @@ pub fn fill(plan: &mut ExposurePlan, probes: &Probes, camera: &CameraGeometry, b
             }
         }
     }
-}
-
-/// The field of PSFs, where there is one.
-fn field_of(psf: &PsfModel) -> Option<Arc<PsfField>> {
-    if let PsfModel::Field(field) = psf { Some(Arc::clone(field)) } else { None }
 }
 
 /// Makes of the list `own`, the last, one for every node of the field, and a blend for every cell.

@@ -5,7 +5,7 @@
 //! by its splines' fourth-order remainder. Held against drawn images by `tests/physics/stability/sampling.rs`.
 
 use crate::exposure::moments::window_sensitivity;
-use crate::optics::{PsfModel, gaussian};
+use crate::optics::{PsfForm, PsfModel, gaussian};
 use core::f64::consts::PI;
 use core::fmt;
 use core::str::FromStr;
@@ -28,15 +28,6 @@ const REACH_PX: i32 = 9;
 const WINDOW_HALF_PX: i32 = 2;
 /// Centroid error of a table per unit of its peak error and of the window's sensitivity (measured at most 0.8).
 const TABLE_CENTROID_SAFETY: f64 = 2.0;
-
-/// Error of a cubic spline on a grid of step h for a function whose third derivative steps by J at knots h apart,
-/// anywhere between the grid's: at most `J h^3` times this (Peano's kernel, summed over all knots without regard to
-/// sign; steps that change slowly give a quarter).
-const OWN_KNOTS: f64 = 1.0 / 48.0;
-/// The same for knots at least 2 h apart.
-const FINER_KNOTS: f64 = 1.0 / 80.0;
-/// Interpolation along x, then along y: one error, and the other times the spline's norm `(1 + 3 sqrt 3) / 4`.
-const BOTH_AXES: f64 = 2.55;
 
 /// How pixel values are had from the PSF.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
@@ -130,55 +121,22 @@ impl FromStr for PsfSampling {
 #[must_use]
 pub fn oversampling(psf: &PsfModel) -> usize {
     let enough = |s: &usize| table_error(psf, *s) <= TABLE_ERROR - PRODUCTS_ERROR;
-    match psf {
+    match psf.form() {
         // The knots of a grid are knots of its table, which then is the same spline.
-        PsfModel::Grid(grid) => {
+        PsfForm::Grid(grid) => {
             let finer = || (0..).map(|k| grid.oversampling() << k).take_while(|s| *s <= MOST_OVERSAMPLING);
             finer().find(enough).or(finer().last()).unwrap_or(MOST_OVERSAMPLING)
         }
         // One for all nodes.
-        PsfModel::Field(field) => field.nodes().iter().map(oversampling).max().unwrap_or(MOST_OVERSAMPLING),
-        PsfModel::Gaussian { .. } | PsfModel::Airy(_) | PsfModel::Moffat(_) => {
-            [4, 8, 16].into_iter().find(enough).unwrap_or(MOST_OVERSAMPLING)
-        }
+        PsfForm::Field(field) => field.nodes().iter().map(oversampling).max().unwrap_or(MOST_OVERSAMPLING),
+        PsfForm::Gaussian(_) | PsfForm::Round(_) => [4, 8, 16].into_iter().find(enough).unwrap_or(MOST_OVERSAMPLING),
     }
 }
 
-/// Interpolation error of a table with `s` grid points per pixel, relative to the peak: `h^4 |f''''| / 384` along both
-/// axes. A Gaussian's `f''''` at its peak is `3 / sigma^4` of it, and a pixel adds its own variance. The spline of a
-/// grid has steps of its third derivative instead: a table whose knots hold the grid's is that spline, and a kernel,
-/// which displaces it, errs by this bound.
+/// Interpolation error of a table with `s` grid points per pixel, relative to the peak.
 #[must_use]
 pub fn table_error(psf: &PsfModel, s: usize) -> f64 {
-    let s = s as f64;
-    match psf {
-        PsfModel::Gaussian { sigma_px } => {
-            let variance = sigma_px * sigma_px;
-            // A pixel much wider than the PSF has two edges instead: the Gaussian's own third derivative.
-            let fourth = (3.0 / (variance + 1.0 / 12.0).powi(2)).max(0.56 / variance.powi(2));
-            2.0 * fourth / (384.0 * s.powi(4))
-        }
-        // Band limit 1 / L cycles per px: the pattern's own fourth derivative at the peak, (2 pi / L)^4 / 24.
-        PsfModel::Airy(airy) => (2.0 * PI / (airy.lambda_n_px() * s)).powi(4) / (24.0 * 384.0),
-        // Once in the table, and once more where a kernel displaces it.
-        PsfModel::Moffat(moffat) => 2.0 * BOTH_AXES * moffat.fourth_derivative() / (384.0 * s.powi(4)),
-        PsfModel::Grid(grid) => {
-            let own = grid.oversampling() as f64;
-            let knots = if s >= 2.0 * own {
-                FINER_KNOTS
-            } else if s > own {
-                OWN_KNOTS
-            } else {
-                OWN_KNOTS * own / s
-            };
-            BOTH_AXES * knots * grid.third_step() / s.powi(3)
-        }
-        PsfModel::Field(field) =>
-        {
-            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the number that came in")]
-            field.nodes().iter().map(|node| table_error(node, s as usize)).fold(0.0, f64::max)
-        }
-    }
+    psf.table_error(s as f64)
 }
 
 /// Images of a table: phases along both axes, with the taps' margin.
@@ -201,7 +159,7 @@ pub struct SamplingError {
 pub fn sampling_error(psf: &PsfModel, sampling: PsfSampling) -> SamplingError {
     let sigma_px = psf.core_sigma_px();
     let s = match sampling {
-        PsfSampling::Auto if matches!(psf, PsfModel::Gaussian { .. }) => return SamplingError::default(),
+        PsfSampling::Auto if psf.is_gaussian() => return SamplingError::default(),
         PsfSampling::Auto => oversampling(psf),
         PsfSampling::Table { oversampling } => oversampling,
         PsfSampling::Supersampled { .. } | PsfSampling::Point | PsfSampling::Bicubic => {

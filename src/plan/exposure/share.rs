@@ -1,21 +1,17 @@
 //! Share of a star's light that lands on the detector: what the truth table calls its electrons.
 //!
 //! Inside the detector: the footprint's share. Across an edge: the mean over the path nodes of the share inside.
-//! Gaussian: exact products of error functions, within the footprint. Airy: products of its line-spread function's integral, exact at one
-//! edge, at a corner off by what the pattern is not separable (< 3e-3 of the star; none for a star on the corner). A
-//! Moffat profile likewise; a grid by the sums of its own samples, each side for itself.
+//! Gaussian: exact products of error functions, within the footprint. Round PSFs: products of the line-spread function's integral,
+//! exact at one edge, at a corner off by what the PSF is not separable (Airy: < 3e-3 of the star; none for a star on the
+//! corner). A grid by the sums of its own samples, each side for itself.
 
 use crate::exposure::plan::PlannedStar;
 use crate::exposure::pose::{PathNode, mean_pose};
 use crate::exposure::track::StarTrack;
-use crate::optics::{PsfField, PsfGrid, PsfModel};
+use crate::optics::{PsfField, PsfForm, PsfGrid, PsfModel};
 use sky::astrometry::CameraGeometry;
 use std::sync::Arc;
 
-/// Step of the integral of an Airy line-spread function, px.
-const LINE_STEP: f64 = 1.0 / 16.0;
-/// Step of that of a Moffat profile, px: linear interpolation errs by `step^2 / 8` of its slope, 1e-4 for alpha 0.5 px.
-const MOFFAT_STEP: f64 = 1.0 / 32.0;
 /// Step of the sums of a grid, px; half a pixel is a whole number of them.
 const GRID_STEP: f64 = 1.0 / 128.0;
 /// Such steps in half a pixel.
@@ -36,8 +32,7 @@ impl Share {
     #[must_use]
     pub fn new(psf: &PsfModel, half_px: usize, size_px: [usize; 2]) -> Self {
         let nodes = psf.nodes().iter().map(|psf| NodeShare::new(psf, half_px, size_px)).collect();
-        let field = if let PsfModel::Field(field) = psf { Some(Arc::clone(field)) } else { None };
-        Self { nodes, field }
+        Self { nodes, field: psf.as_field().cloned() }
     }
 
     /// Share of `star`'s electrons on the detector.
@@ -72,23 +67,21 @@ impl NodeShare {
             Self { half_px, size_px, footprint, lines: [sides(), sides()], step_px }
         };
         let footprint = || square_sum(half_px, |x, y| psf.pixel(x, y));
-        match psf {
-            PsfModel::Gaussian { sigma_px } => {
-                let within = gaussian_within(half_px as f64 + 0.5, *sigma_px);
-                round(within * within, gaussian_line(half_px, *sigma_px), GAUSSIAN_STEP * sigma_px)
+        match psf.form() {
+            PsfForm::Gaussian(sigma_px) => {
+                let within = gaussian_within(half_px as f64 + 0.5, sigma_px);
+                round(within * within, gaussian_line(half_px, sigma_px), GAUSSIAN_STEP * sigma_px)
             }
-            PsfModel::Airy(airy) => {
-                round(footprint(), line_integral(|r_px| airy.irradiance(r_px), half_px, LINE_STEP), LINE_STEP)
+            PsfForm::Round(psf) => {
+                let step_px = psf.line_step_px();
+                round(footprint(), line_integral(|r_px| psf.irradiance(r_px), half_px, step_px), step_px)
             }
-            PsfModel::Moffat(moffat) => {
-                round(footprint(), line_integral(|r_px| moffat.irradiance(r_px), half_px, MOFFAT_STEP), MOFFAT_STEP)
-            }
-            PsfModel::Grid(grid) => {
+            PsfForm::Grid(grid) => {
                 let (footprint, lines) = grid_lines(grid, half_px);
                 Self { half_px, size_px, footprint, lines, step_px: GRID_STEP }
             }
             // A field has one for every node.
-            PsfModel::Field(_) => round(0.0, vec![0.0; 2], 1.0),
+            PsfForm::Field(_) => round(0.0, vec![0.0; 2], 1.0),
         }
     }
 

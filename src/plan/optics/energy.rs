@@ -1,8 +1,8 @@
 //! How a star's light is gathered: encircled and ensquared energy, energy on one pixel, width at half height.
 //!
 //! In: a PSF model, lengths in px. Out: shares of the star's light (of all of it, over the infinite plane), px.
-//! * [`encircled_energy`] and [`fwhm_px`] tell of the *light* on the detector: Gaussian `1 - exp(-r^2 / 2 s^2)`, Moffat
-//!   `1 - [1 + (r/a)^2]^(1 - b)`, Airy a radial integral (Rayleigh 1881 without obscuration). A grid of samples knows
+//! * [`encircled_energy`] and [`fwhm_px`] describe the *light* on the detector: Gaussian `1 - exp(-r^2 / 2 s^2)`, a
+//!   round PSF's own answer. A grid of samples knows
 //!   only what pixels *see*, the light blurred by a pixel, and tells of that, as a field does for its middle: [`seen_encircled_energy`] and
 //!   [`seen_fwhm_px`] do so for every model, and are what models are compared by.
 //! * [`ensquared_energy`] and [`energy_on_detector`] are sums of whole pixels, the same for every model.
@@ -10,8 +10,8 @@
 //! Errors below 1e-9 of the flux for closed forms and Airy, 1e-6 for what is seen. Definitions: Strojnik, Optical
 //! Engineering (2023), for energy on detector; ISO 15529 for the others. The tests hold closed forms against sums.
 
-use crate::optics::PsfModel;
-use crate::optics::quadrature::gauss_legendre;
+use crate::optics::quadrature::{bisected, gauss_legendre, half_width, ringed};
+use crate::optics::{PsfForm, PsfModel};
 use core::f64::consts::{PI, TAU};
 
 /// Where the star stands on its pixel.
@@ -26,11 +26,10 @@ pub enum Centring {
 /// Share of the light within `radius_px` of the star; of what pixels see for a grid and a field.
 #[must_use]
 pub fn encircled_energy(psf: &PsfModel, radius_px: f64) -> f64 {
-    match psf {
-        PsfModel::Gaussian { sigma_px } => -(-0.5 * (radius_px / sigma_px).powi(2)).exp_m1(),
-        PsfModel::Moffat(moffat) => 1.0 - moffat.lost_flux(radius_px),
-        PsfModel::Airy(airy) => ringed(radius_px, 0.25 * airy.lambda_n_px(), |r| TAU * airy.irradiance(r)),
-        PsfModel::Grid(_) | PsfModel::Field(_) => seen_encircled_energy(psf, radius_px),
+    match psf.form() {
+        PsfForm::Gaussian(sigma_px) => -(-0.5 * (radius_px / sigma_px).powi(2)).exp_m1(),
+        PsfForm::Round(psf) => psf.encircled_energy(radius_px),
+        PsfForm::Grid(_) | PsfForm::Field(_) => seen_encircled_energy(psf, radius_px),
     }
 }
 
@@ -38,20 +37,6 @@ pub fn encircled_energy(psf: &PsfModel, radius_px: f64) -> f64 {
 #[must_use]
 pub fn seen_encircled_energy(psf: &PsfModel, radius_px: f64) -> f64 {
     ringed(radius_px, 0.25, |r| around(psf, r))
-}
-
-/// Integral of `r around(r)` from 0 to `radius_px`, in panels no wider than `panel_px`.
-fn ringed(radius_px: f64, panel_px: f64, around: impl Fn(f64) -> f64) -> f64 {
-    const NODES: usize = 6;
-    let nodes = gauss_legendre(NODES);
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a radius over a panel's width")]
-    let panels = (radius_px / panel_px).ceil().clamp(1.0, 1e4) as u32;
-    let width = radius_px / f64::from(panels);
-    let panel = |k: u32| -> f64 {
-        let at = |x: f64| (f64::from(k) + 0.5 + x) * width;
-        nodes.iter().map(|node| node.weight * width * at(node.x) * around(at(node.x))).sum()
-    };
-    (0..panels).map(panel).sum()
 }
 
 /// Integral of what pixels see over the angle, at a distance.
@@ -86,11 +71,10 @@ pub fn energy_on_detector(psf: &PsfModel, centring: Centring) -> f64 {
 /// Full width at half height of the light, px, mean of x and y; of what pixels see for a grid and a field.
 #[must_use]
 pub fn fwhm_px(psf: &PsfModel) -> f64 {
-    match psf {
-        PsfModel::Gaussian { sigma_px } => 2.0 * (2.0 * core::f64::consts::LN_2).sqrt() * sigma_px,
-        PsfModel::Moffat(moffat) => 2.0 * moffat.alpha_px() * (2.0_f64.powf(1.0 / moffat.beta()) - 1.0).sqrt(),
-        PsfModel::Airy(airy) => 2.0 * half_width(0.05 * airy.lambda_n_px(), |r| airy.irradiance(r)),
-        PsfModel::Grid(_) | PsfModel::Field(_) => seen_fwhm_px(psf),
+    match psf.form() {
+        PsfForm::Gaussian(sigma_px) => 2.0 * (2.0 * core::f64::consts::LN_2).sqrt() * sigma_px,
+        PsfForm::Round(psf) => psf.fwhm_px(),
+        PsfForm::Grid(_) | PsfForm::Field(_) => seen_fwhm_px(psf),
     }
 }
 
@@ -99,16 +83,6 @@ pub fn fwhm_px(psf: &PsfModel) -> f64 {
 pub fn seen_fwhm_px(psf: &PsfModel) -> f64 {
     let toward = |x: f64, y: f64| half_width(0.05, |r| psf.pixel(r * x, r * y));
     0.5 * (toward(1.0, 0.0) + toward(-1.0, 0.0) + toward(0.0, 1.0) + toward(0.0, -1.0))
-}
-
-/// Distance at which a profile first falls to half of what it is at 0, found in steps and then halved.
-fn half_width(step_px: f64, profile: impl Fn(f64) -> f64) -> f64 {
-    let half = 0.5 * profile(0.0);
-    let mut low = 0.0;
-    while profile(low + step_px) > half && low < 1e3 {
-        low += step_px;
-    }
-    bisected([low, low + step_px], |r| half - profile(r))
 }
 
 /// Radius of the circle that holds `share` of what pixels see; `None`: more than the circle of `most_px` does.
@@ -131,16 +105,6 @@ fn within_ring(psf: &PsfModel, from_px: f64, to_px: f64) -> f64 {
     let (middle, width) = (0.5 * (from_px + to_px), to_px - from_px);
     let ring = |x: f64| (middle + width * x) * around(psf, middle + width * x);
     gauss_legendre(6).iter().map(|node| node.weight * width * ring(node.x)).sum()
-}
-
-/// Where a function that is negative at the first place becomes positive.
-fn bisected(between: [f64; 2], f: impl Fn(f64) -> f64) -> f64 {
-    let [mut low, mut high] = between;
-    for _ in 0..50 {
-        let middle = 0.5 * (low + high);
-        if f(middle) < 0.0 { low = middle } else { high = middle }
-    }
-    0.5 * (low + high)
 }
 
 /// Radius of the first dark ring of a clear pupil, px: `1.22 lambda N` over the pitch.

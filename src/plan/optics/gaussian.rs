@@ -29,6 +29,16 @@ pub fn lost_flux(half_px: usize, sigma_px: f64) -> f64 {
     libm::erfc(edge) + libm::erfc(far)
 }
 
+/// Interpolation error of a cubic spline table with `per_px` grid points per pixel, relative to the peak: `h^4 |f''''| /
+/// 384` along both axes. `f''''` at the peak is `3 / sigma^4` of it, and a pixel adds its own variance.
+#[must_use]
+pub fn table_error(sigma_px: f64, per_px: f64) -> f64 {
+    let variance = sigma_px * sigma_px;
+    // A pixel much wider than the PSF has two edges instead: the Gaussian's own third derivative.
+    let fourth = (3.0 / (variance + 1.0 / 12.0).powi(2)).max(0.56 / variance.powi(2));
+    2.0 * fourth / (384.0 * per_px.powi(4))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

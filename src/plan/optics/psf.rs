@@ -1,10 +1,14 @@
-//! The PSF of a camera and its exact (f64) integral over a pixel.
+//! The PSF of a camera, and all that is asked of it: its exact (f64) integral over a pixel, its extent, its widths, how fine
+//! a table must be. Other files ask here; where images are drawn differently they ask for its [`PsfForm`].
 
 use crate::optics::airy::Airy;
 use crate::optics::gaussian;
+use crate::optics::halo::Halo;
 use crate::optics::moffat::Moffat;
 use crate::optics::psf_field::PsfField;
+pub use crate::optics::psf_grid::LARGEST_HALF_PX;
 use crate::optics::psf_grid::PsfGrid;
+use crate::optics::round_psf::RoundPsf;
 use std::sync::Arc;
 
 /// PSF model: optics only, unit flux over the infinite plane, 100 % fill factor.
@@ -19,15 +23,26 @@ pub enum PsfModel {
     Airy(Airy),
     /// A core with wings.
     Moffat(Moffat),
+    /// A Gaussian with a halo.
+    Halo(Halo),
     /// Samples of the pixel integral, and the spline through them.
     Grid(Arc<PsfGrid>),
     /// Another at every place of the detector.
     Field(Arc<PsfField>),
 }
 
-/// No footprint reaches further from its star than this, px: beyond it an Airy pattern's wings are given up and
-/// reported as lost flux.
-pub const LARGEST_HALF_PX: usize = 48;
+/// How a PSF is drawn: all that backends and the planner distinguish.
+#[derive(Debug, Clone, Copy)]
+pub enum PsfForm<'a> {
+    /// A product of two error functions, by standard deviation in px.
+    Gaussian(f64),
+    /// A function of the distance from the star.
+    Round(&'a dyn RoundPsf),
+    /// A spline through samples.
+    Grid(&'a PsfGrid),
+    /// A blend of those at the nodes about the star.
+    Field(&'a Arc<PsfField>),
+}
 
 impl PsfModel {
     /// A circular Gaussian.
@@ -48,6 +63,12 @@ impl PsfModel {
         Self::Moffat(Moffat::new(alpha_px, beta))
     }
 
+    /// A Gaussian with a halo; see [`Halo::new`].
+    #[must_use]
+    pub fn halo(sigma_px: f64, halo_sigma_px: f64, halo_share: f64) -> Self {
+        Self::Halo(Halo::new(sigma_px, halo_sigma_px, halo_share))
+    }
+
     /// Samples of the pixel integral.
     #[must_use]
     pub fn grid(grid: PsfGrid) -> Self {
@@ -60,77 +81,98 @@ impl PsfModel {
         Self::Field(Arc::new(field))
     }
 
+    /// How it is drawn.
+    #[must_use]
+    pub fn form(&self) -> PsfForm<'_> {
+        match self {
+            Self::Gaussian { sigma_px } => PsfForm::Gaussian(*sigma_px),
+            Self::Airy(airy) => PsfForm::Round(airy),
+            Self::Moffat(moffat) => PsfForm::Round(moffat),
+            Self::Halo(halo) => PsfForm::Round(halo),
+            Self::Grid(grid) => PsfForm::Grid(grid),
+            Self::Field(field) => PsfForm::Field(field),
+        }
+    }
+
+    /// Whether it is a Gaussian, which needs no table.
+    #[must_use]
+    pub fn is_gaussian(&self) -> bool {
+        matches!(self, Self::Gaussian { .. })
+    }
+
+    /// The field, where the PSF depends on the place.
+    #[must_use]
+    pub fn as_field(&self) -> Option<&Arc<PsfField>> {
+        if let Self::Field(field) = self { Some(field) } else { None }
+    }
+
     /// The PSFs that this one is made of: itself, or those at the nodes of a field.
     #[must_use]
     pub fn nodes(&self) -> &[Self] {
-        match self {
-            Self::Field(field) => field.nodes(),
-            Self::Gaussian { .. } | Self::Airy(_) | Self::Moffat(_) | Self::Grid(_) => core::slice::from_ref(self),
-        }
+        self.as_field().map_or(core::slice::from_ref(self), |field| field.nodes())
     }
 
     /// PSFs that one star is drawn from.
     #[must_use]
     pub fn blended(&self) -> usize {
-        if matches!(self, Self::Field(_)) { 4 } else { 1 }
+        if self.as_field().is_some() { 4 } else { 1 }
+    }
+
+    /// The PSFs among [`Self::nodes`] that make that of a place, and their shares.
+    #[must_use]
+    pub fn around(&self, px: [f64; 2]) -> [(usize, f64); 4] {
+        self.as_field().map_or([(0, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)], |field| field.around(px))
     }
 
     /// Share of the light in the pixel whose centre lies (`x_px`, `y_px`) from a star at `star_px`.
     #[must_use]
     pub fn pixel_of(&self, star_px: [f64; 2], x_px: f64, y_px: f64) -> f64 {
-        match self {
-            Self::Field(field) => field.pixel(star_px, x_px, y_px),
-            Self::Gaussian { .. } | Self::Airy(_) | Self::Moffat(_) | Self::Grid(_) => self.pixel(x_px, y_px),
-        }
+        self.as_field().map_or_else(|| self.pixel(x_px, y_px), |field| field.pixel(star_px, x_px, y_px))
     }
 
     /// Share of the light in the pixel whose centre lies (`x_px`, `y_px`) from the star, which in a field stands in the
     /// middle of the detector.
     #[must_use]
     pub fn pixel(&self, x_px: f64, y_px: f64) -> f64 {
-        match self {
-            Self::Gaussian { sigma_px } => gaussian::cell(x_px, *sigma_px) * gaussian::cell(y_px, *sigma_px),
-            Self::Airy(airy) => airy.pixel(x_px, y_px),
-            Self::Moffat(moffat) => moffat.pixel(x_px, y_px),
-            Self::Grid(grid) => grid.pixel(x_px, y_px),
-            Self::Field(field) => field.pixel(field.middle_px(), x_px, y_px),
+        match self.form() {
+            PsfForm::Gaussian(sigma_px) => gaussian::cell(x_px, sigma_px) * gaussian::cell(y_px, sigma_px),
+            PsfForm::Round(psf) => psf.pixel(x_px, y_px),
+            PsfForm::Grid(grid) => grid.pixel(x_px, y_px),
+            PsfForm::Field(field) => field.pixel(field.middle_px(), x_px, y_px),
         }
     }
 
     /// Largest share any pixel can receive (the star at its centre, where the PSF is symmetric), anywhere in a field.
     #[must_use]
     pub fn peak(&self) -> f64 {
-        match self {
-            Self::Grid(grid) => grid.peak(),
-            Self::Field(field) => field.nodes().iter().map(Self::peak).fold(0.0, f64::max),
-            Self::Gaussian { .. } | Self::Airy(_) | Self::Moffat(_) => self.pixel(0.0, 0.0),
+        match self.form() {
+            PsfForm::Grid(grid) => grid.peak(),
+            PsfForm::Field(field) => field.nodes().iter().map(Self::peak).fold(0.0, f64::max),
+            PsfForm::Gaussian(_) | PsfForm::Round(_) => self.pixel(0.0, 0.0),
         }
     }
 
     /// Standard deviation of the Gaussian with the same core, px: the scale against which motion is short or long.
-    /// Airy: 0.42 L / 1 matches the core to 3 % (Zhang et al. 2007); never used as an image of the PSF.
     #[must_use]
     pub fn core_sigma_px(&self) -> f64 {
-        match self {
-            Self::Gaussian { sigma_px } => *sigma_px,
-            Self::Airy(airy) => 0.42 * airy.lambda_n_px(),
-            Self::Moffat(moffat) => moffat.core_sigma_px(),
-            Self::Grid(grid) => grid.core_sigma_px(),
+        match self.form() {
+            PsfForm::Gaussian(sigma_px) => sigma_px,
+            PsfForm::Round(psf) => psf.core_sigma_px(),
+            PsfForm::Grid(grid) => grid.core_sigma_px(),
             // The sharpest: what is good for it is good for the others.
-            Self::Field(field) => field.nodes().iter().map(Self::core_sigma_px).fold(f64::INFINITY, f64::min),
+            PsfForm::Field(field) => field.nodes().iter().map(Self::core_sigma_px).fold(f64::INFINITY, f64::min),
         }
     }
 
     /// Share of the light outside a square footprint of half-width `half_px + 1/2` px (upper bound).
     #[must_use]
     pub fn lost_flux(&self, half_px: usize) -> f64 {
-        match self {
-            Self::Gaussian { sigma_px } => gaussian::lost_flux(half_px, *sigma_px),
-            Self::Airy(airy) => airy.lost_flux((half_px as f64).max(0.5)).min(1.0),
+        match self.form() {
+            PsfForm::Gaussian(sigma_px) => gaussian::lost_flux(half_px, sigma_px),
             // The circle that the footprint holds wherever the star stands on its pixel.
-            Self::Moffat(moffat) => moffat.lost_flux(half_px as f64),
-            Self::Grid(grid) => grid.lost_flux(half_px),
-            Self::Field(field) => field.nodes().iter().map(|node| node.lost_flux(half_px)).fold(0.0, f64::max),
+            PsfForm::Round(psf) => psf.lost_flux(half_px as f64),
+            PsfForm::Grid(grid) => grid.lost_flux(half_px),
+            PsfForm::Field(field) => field.nodes().iter().map(|node| node.lost_flux(half_px)).fold(0.0, f64::max),
         }
     }
 
@@ -142,26 +184,37 @@ impl PsfModel {
         const LOST_FLUX: f64 = 1e-13;
         /// Half-width of a Gaussian, sigma.
         const GAUSSIAN_SIGMAS: f64 = 8.0;
-        match self {
+        match self.form() {
             #[allow(
                 clippy::cast_possible_truncation,
                 clippy::cast_sign_loss,
                 reason = "a PSF is narrower than a detector"
             )]
-            Self::Gaussian { sigma_px } => (GAUSSIAN_SIGMAS * sigma_px).ceil().max(0.0) as usize + 1,
-            Self::Airy(_) | Self::Moffat(_) | Self::Grid(_) | Self::Field(_) => self.half_px(LOST_FLUX),
+            PsfForm::Gaussian(sigma_px) => (GAUSSIAN_SIGMAS * sigma_px).ceil().max(0.0) as usize + 1,
+            PsfForm::Round(_) | PsfForm::Grid(_) | PsfForm::Field(_) => self.half_px(LOST_FLUX),
         }
     }
 
     /// Smallest footprint half-width that loses no more than `flux_rel`, at most [`LARGEST_HALF_PX`] and a grid's own.
     #[must_use]
     pub fn half_px(&self, flux_rel: f64) -> usize {
-        let most = match self {
-            Self::Grid(grid) => grid.half_px(),
-            Self::Field(field) => return field.nodes().iter().map(|node| node.half_px(flux_rel)).max().unwrap_or(1),
-            Self::Gaussian { .. } | Self::Airy(_) | Self::Moffat(_) => LARGEST_HALF_PX,
+        let most = match self.form() {
+            PsfForm::Grid(grid) => grid.half_px(),
+            PsfForm::Field(field) => return field.nodes().iter().map(|node| node.half_px(flux_rel)).max().unwrap_or(1),
+            PsfForm::Gaussian(_) | PsfForm::Round(_) => LARGEST_HALF_PX,
         };
         (1..most).find(|&half| self.lost_flux(half) <= flux_rel).unwrap_or(most)
+    }
+
+    /// Interpolation error of a cubic spline table with `per_px` grid points per pixel, relative to the peak.
+    #[must_use]
+    pub fn table_error(&self, per_px: f64) -> f64 {
+        match self.form() {
+            PsfForm::Gaussian(sigma_px) => gaussian::table_error(sigma_px, per_px),
+            PsfForm::Round(psf) => psf.table_error(per_px),
+            PsfForm::Grid(grid) => grid.table_error(per_px),
+            PsfForm::Field(field) => field.nodes().iter().map(|node| node.table_error(per_px)).fold(0.0, f64::max),
+        }
     }
 }
 

@@ -63,7 +63,7 @@ impl PsfField {
         if psfs.len() != columns * rows {
             return Err(PsfFieldError::Count { got: psfs.len(), columns, rows });
         }
-        if let Some(node) = psfs.iter().position(|psf| matches!(psf, PsfModel::Field(_))) {
+        if let Some(node) = psfs.iter().position(|psf| psf.as_field().is_some()) {
             return Err(PsfFieldError::Nested { node });
         }
         Ok(Self { cells: [columns - 1, rows - 1], size_px: size_px.map(|n| n as f64), nodes: psfs })

@@ -1,7 +1,7 @@
 //! Gauss-Legendre nodes and weights on [-1/2, 1/2], by Newton's method on the Legendre recurrence.
 //!
-//! Source: Abramowitz and Stegun, section 25.4.29. Exact for polynomials of degree `2 n - 1`; the tests below
-//! integrate such polynomials.
+//! Source: Abramowitz and Stegun, section 25.4.29. Exact for polynomials of degree `2 n - 1`; the tests below integrate such
+//! polynomials. Integrals and half widths of profiles that depend on the distance alone are built on them.
 
 /// One node: position in [-1/2, 1/2] and weight; weights sum to 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -60,6 +60,40 @@ fn legendre(n: usize, x: f64) -> (f64, f64) {
         (before, value) = (value, ((2.0 * k - 1.0) * x * value - (k - 1.0) * before) / k);
     }
     (value, n as f64 * (x * value - before) / (x * x - 1.0))
+}
+
+/// Integral of `r around(r)` from 0 to `radius_px`, in panels no wider than `panel_px`.
+pub(super) fn ringed(radius_px: f64, panel_px: f64, around: impl Fn(f64) -> f64) -> f64 {
+    const NODES: usize = 6;
+    let nodes = gauss_legendre(NODES);
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a radius over a panel's width")]
+    let panels = (radius_px / panel_px).ceil().clamp(1.0, 1e4) as u32;
+    let width = radius_px / f64::from(panels);
+    let panel = |k: u32| -> f64 {
+        let at = |x: f64| (f64::from(k) + 0.5 + x) * width;
+        nodes.iter().map(|node| node.weight * width * at(node.x) * around(at(node.x))).sum()
+    };
+    (0..panels).map(panel).sum()
+}
+
+/// Distance at which a profile first falls to half of what it is at 0, found in steps and then halved.
+pub(super) fn half_width(step_px: f64, profile: impl Fn(f64) -> f64) -> f64 {
+    let half = 0.5 * profile(0.0);
+    let mut low = 0.0;
+    while profile(low + step_px) > half && low < 1e3 {
+        low += step_px;
+    }
+    bisected([low, low + step_px], |r| half - profile(r))
+}
+
+/// Where a function that is negative at the first place becomes positive.
+pub(super) fn bisected(between: [f64; 2], f: impl Fn(f64) -> f64) -> f64 {
+    let [mut low, mut high] = between;
+    for _ in 0..50 {
+        let middle = 0.5 * (low + high);
+        if f(middle) < 0.0 { low = middle } else { high = middle }
+    }
+    0.5 * (low + high)
 }
 
 #[cfg(test)]

@@ -17,7 +17,7 @@ use base::clock::Stopwatch;
 use base::image::DnImage;
 use base::random::philox;
 use base::time::Tai;
-use image::detector::DetectorParams;
+use image::detector::{DetectorConditions, DetectorParams};
 use plan::attitude::LosPath;
 use plan::exposure::cost::{CostModel, Load};
 use plan::exposure::cost_fit::{Timing, fit};
@@ -192,17 +192,18 @@ impl MeasuredScene {
 fn measure(scene: &Scene, side_px: usize, repeats: usize, imager: &mut Imager) -> Result<MeasuredScene, RunError> {
     let mut planner = planner(scene, side_px, imager.cost())?;
     let sources = sources(scene.stars, side_px);
+    let conditions = DetectorConditions::dark(planner.latest().motion.los.exposure_s);
     let mut out = DnImage::new(side_px, side_px);
     let mut times: Vec<[f64; 2]> = Vec::with_capacity(repeats);
     for number in 0..WARM_UP {
-        imager.image(planner.plan(&sources), number, &mut out)?;
+        imager.image(planner.plan(&sources), number, &conditions, &mut out)?;
     }
     let mut spent_s = 0.0;
     while times.len() < repeats && (times.len() < 3 || spent_s < SCENE_S) {
         let mut watch = Stopwatch::start();
         let plan = planner.plan(&sources);
         let plan_ms = watch.lap().ms();
-        let taken = imager.image(plan, WARM_UP, &mut out)?;
+        let taken = imager.image(plan, WARM_UP, &conditions, &mut out)?;
         let (render_ms, readout_ms) = (plan_ms + taken.render.ms(), taken.detector.ms());
         times.push([if imager.is_on_device() { render_ms + readout_ms } else { render_ms }, readout_ms]);
         spent_s += plan_ms * 1e-3 + watch.lap().s();

@@ -6,8 +6,8 @@
 
 use base::axes::{Icrf, Rotation, Sensor};
 use base::random::{key, philox};
-use image::detector::Background;
 use image::detector::protons::ProtonFlux;
+use image::detector::{Background, DetectorConditions};
 use plan::exposure::target::FIRST_BODY_ID;
 use plan::exposure::track::StarPlace;
 use plan::exposure::{Source, SourcePlace};
@@ -91,10 +91,16 @@ impl Conditions {
         self.missing = Missing::default();
     }
 
-    /// The background that comes through.
-    #[must_use]
+    /// Those of the detector, under a background of which only a part comes through.
     #[allow(clippy::cast_possible_truncation, reason = "electrons are single precision")]
-    pub(super) fn dimmed(&self, background: Background) -> Background {
+    pub(super) fn of_detector(&self, exposure_s: f64, background: Background) -> DetectorConditions {
+        let stray_light_e = (self.throughput * self.stray_e_per_s * exposure_s + self.flood_e) as f32;
+        let background = self.dimmed(background).and_uniform(stray_light_e);
+        DetectorConditions { exposure_s, background, warmer_k: self.warmer_k, protons: self.protons }
+    }
+
+    #[allow(clippy::cast_possible_truncation, reason = "electrons are single precision")]
+    fn dimmed(&self, background: Background) -> Background {
         let share = self.throughput as f32;
         let Background { uniform_e, gradient_e, quadratic_e, sky_e } = background;
         Background {

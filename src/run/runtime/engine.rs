@@ -15,12 +15,13 @@ use crate::runtime::slot::Slot;
 use base::axes::{Rotation, Sensor, ra_dec_roll};
 use base::clock::Stopwatch;
 use base::time::{Span, Tai};
+use base::units::SPEED_OF_LIGHT_KM_S;
 use frames::report::{Stage, StageTimes};
 use frames::sink::{ActiveFaults, FaultFlags, FrameMeta, SentFrame};
 use glam::DVec3;
 use image::detector::binning::Levels;
 use image::detector::defects::Defects;
-use image::detector::{DetectorParams, Seeds};
+use image::detector::{DetectorConditions, DetectorParams, Seeds};
 use plan::attitude::{
     AttitudeMethod, EstimateLimits, JitterTrack, LosPath, MotionScale, PathOrigin, PathOutcome, PathReport, compose,
 };
@@ -28,6 +29,7 @@ use plan::exposure::cost::CostModel;
 use plan::exposure::{ExposurePlan, Instrument, Planner, Rung, Source, SourcePlace};
 use plan::optics::PsfModel;
 use scene::Scene;
+use scene::error::SceneError;
 use scene::field_light::illumination_map;
 use scene::truth::{add_tracks, fill_targets, fill_truth};
 use scene::wcs::WcsMaker;
@@ -82,7 +84,7 @@ impl FrameEngine {
     /// # Errors
     /// When the imager refuses what the parameters want of it.
     pub fn with_sky(params: RunParams, mut imager: Imager, sky: &Sky, almanac: &Almanac) -> Result<Self, RunError> {
-        imager.set_frame_period(params.frame_period);
+        imager.disturbances_mut().defects_mut().set_frame_period_s(params.frame_period.s());
         let camera = &params.camera;
         let mut los = LosPath::commanded(Rotation::IDENTITY, params.first_exposure, camera.exposure_s);
         let attitude = &params.attitude;
@@ -148,21 +150,13 @@ impl FrameEngine {
 
     /// Defects of the detector, to be changed from the next frame on.
     pub fn defects_mut(&mut self) -> &mut Defects {
-        self.imager.defects_mut()
+        self.imager.disturbances_mut().defects_mut()
     }
 
-    /// Brings the conditions to the planner and the detector.
+    /// Brings the conditions to the planner.
     pub fn take_conditions(&mut self) {
         self.use_optics(self.conditions.optics);
-        let Conditions { stray_e_per_s, flood_e, throughput, .. } = self.conditions;
-        #[allow(clippy::cast_possible_truncation, reason = "electrons are single precision")]
-        let stray_light_e = (throughput * stray_e_per_s * self.params.camera.exposure_s + flood_e) as f32;
-        self.imager.set_stray_light_e(stray_light_e);
-        let detector = &self.params.camera.detector;
-        self.imager.set_temperature_c(detector.dark_law.operating_c + self.conditions.warmer_k);
-        // Both fluxes have been checked where they were given.
-        let _ = self.imager.set_proton_flux(self.conditions.protons.or(detector.spatial.protons));
-        self.planner.set_target_light(throughput);
+        self.planner.set_target_light(self.conditions.throughput);
     }
 
     fn use_optics(&mut self, number: usize) {
@@ -293,7 +287,7 @@ impl FrameEngine {
     pub fn warm_up(&mut self, frame: &mut SentFrame) -> Result<(), RunError> {
         let sources = self.scene.stars.in_view(&self.planner.latest().motion.los)?;
         let plan = self.planner.plan(sources);
-        self.imager.image(plan, 0, &mut frame.image)?;
+        self.imager.image(plan, 0, &DetectorConditions::dark(plan.motion.los.exposure_s), &mut frame.image)?;
         // What it left in the pixels is no frame's.
         self.imager.reset_detector();
         Ok(())
@@ -318,6 +312,7 @@ impl FrameEngine {
             self.planner.set_time_budget_ms(limit_ms - wait_ms);
         }
         let mut watch = Stopwatch::start();
+        self.follow_observer(receiver, slot, ledger);
         let has_stars = match self.compose(slot, receiver, ledger)? {
             Shown::Stars => true,
             Shown::Dark => false,
@@ -327,7 +322,7 @@ impl FrameEngine {
         let los = &self.planner.latest().motion.los;
         let found = self.scene.find(los, has_stars)?;
         scene_events::note(&found, slot, ledger);
-        self.imager.set_background(self.conditions.dimmed(found.background));
+        let conditions = self.conditions.of_detector(los.exposure_s, found.background);
         let (camera, sensor_from_icrf) = (&self.params.camera.geometry, los.mid_sensor_from_icrf);
         let sources = if has_stars {
             self.conditions.seen(self.scene.sources(), camera, &sensor_from_icrf, self.params.seed)
@@ -347,9 +342,9 @@ impl FrameEngine {
             let (at, frame) = (slot.release, Some(slot.number));
             ledger.note(Event { kind: EventKind::Degraded, at, frame, span: predicted, rung: plan.rung, what: "" });
         }
-        let left_out = self.imager.protons_left_out();
-        let imaging = self.imager.image(plan, slot.number, &mut frame.image)?;
-        if self.imager.protons_left_out() > left_out {
+        let left_out = self.imager.disturbances().protons_left_out();
+        let imaging = self.imager.image(plan, slot.number, &conditions, &mut frame.image)?;
+        if self.imager.disturbances().protons_left_out() > left_out {
             note(ledger, EventKind::ProtonsLeftOut, slot, Span::ZERO);
         }
         times.merge(&imaging.by_stage());
@@ -358,7 +353,7 @@ impl FrameEngine {
         fill_truth(plan, &output, sight, &mut frame.truth);
         self.scene.stars.name_stars(&mut frame.truth);
         fill_targets(plan, self.scene.targets.facts(), &output, &mut frame.targets);
-        add_tracks(self.imager.proton_tracks(), &output, &mut frame.truth);
+        add_tracks(self.imager.disturbances().proton_tracks(), &output, &mut frame.truth);
         let (seeds, detector) = (self.params.seeds(), &self.params.camera.detector);
         fill_meta(plan, slot.number, seeds, detector, self.imager.name(), &mut frame.meta);
         if let Some(drawn_from_sensor) = &self.params.drawn_from_sensor {
@@ -380,6 +375,26 @@ impl FrameEngine {
             marks.put(FrameMark { frame: slot.number, messages: receiver.messages_by_port(), load, rung });
         }
         Ok(Some(times))
+    }
+
+    /// Brings the observer's states from outside to the scene, and notes those that no orbit has and slots far from all.
+    fn follow_observer(&mut self, receiver: &mut Receiver, slot: Slot, ledger: &mut Ledger) {
+        for (at, state) in receiver.take_observers() {
+            if self.scene.follow_observer(at, state).is_err() {
+                note(ledger, EventKind::SampleRefused, slot, slot.release - at);
+            }
+        }
+        if self.scene.is_observer_far(slot.exposure_end) {
+            note(ledger, EventKind::ObserverPredicted, slot, Span::ZERO);
+        }
+    }
+
+    /// Returns the observer's velocity about the barycentre over the speed of light, ICRF axes, as frames are drawn with it.
+    ///
+    /// # Errors
+    /// When the observer's orbit cannot be computed at that time.
+    pub fn observer_beta(&self, at: Tai) -> Result<DVec3, SceneError> {
+        Ok(self.scene.stars.observer().barycentric_state(at)?.velocity_km_s / SPEED_OF_LIGHT_KM_S)
     }
 
     /// Line of sight of the slot into the planner.

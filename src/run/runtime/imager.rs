@@ -4,10 +4,9 @@ use base::clock::Stopwatch;
 use base::image::{DnImage, Image};
 use base::time::Span;
 use frames::report::{Stage, StageTimes};
-use image::detector::defects::Defects;
+use image::detector::disturbances::Disturbances;
 use image::detector::gpu::GpuDetector;
-use image::detector::protons::{ProtonFlux, ProtonFluxError, ProtonTrack};
-use image::detector::{Background, Detector, DetectorParams, PoissonMethod};
+use image::detector::{Detector, DetectorConditions, DetectorParams, PoissonMethod};
 use image::gpu::{AdapterChoice, Electrons, GpuDevice};
 use image::render::cpu::Cpu;
 use image::render::gpu::Gpu;
@@ -240,14 +239,6 @@ impl Imager {
         self.apart.as_ref().map_or(0.0, |apart| apart.lost_e())
     }
 
-    /// The detector's temperature in the frames from here on, degrees Celsius.
-    pub fn set_temperature_c(&mut self, operating_c: f64) {
-        match &mut self.drawing {
-            Drawing::Host { detector, .. } => detector.set_temperature_c(operating_c),
-            Drawing::Device { detector, .. } => detector.set_temperature_c(operating_c),
-        }
-    }
-
     fn backend(&self) -> &dyn Backend {
         match &self.drawing {
             Drawing::Host { backend, .. } => &**backend,
@@ -297,14 +288,6 @@ impl Imager {
         matches!(self.drawing, Drawing::Device { .. })
     }
 
-    /// Background of the frames from here on.
-    pub fn set_background(&mut self, background: Background) {
-        match &mut self.drawing {
-            Drawing::Host { detector, .. } => detector.set_background(background),
-            Drawing::Device { detector, .. } => detector.set_background(background),
-        }
-    }
-
     /// Relative illumination of every pixel, row by row, for the sky's part of the background.
     ///
     /// # Errors
@@ -317,54 +300,21 @@ impl Imager {
         Ok(())
     }
 
-    /// Stray light of the frames from here on, on top of the background: mean electrons more in every pixel.
-    pub fn set_stray_light_e(&mut self, stray_light_e: f32) {
-        match &mut self.drawing {
-            Drawing::Host { detector, .. } => detector.set_stray_light_e(stray_light_e),
-            Drawing::Device { detector, .. } => detector.set_stray_light_e(stray_light_e),
-        }
-    }
-
-    /// Defects, to be changed from the next frame on; places are sensor pixels.
-    pub fn defects_mut(&mut self) -> &mut Defects {
-        match &mut self.drawing {
-            Drawing::Host { detector, .. } => detector.defects_mut(),
-            Drawing::Device { detector, .. } => detector.defects_mut(),
-        }
-    }
-
-    /// Protons of the frames from here on; `None`: none.
-    ///
-    /// # Errors
-    /// When a value means nothing; the flux stays as it was.
-    pub fn set_proton_flux(&mut self, flux: Option<ProtonFlux>) -> Result<(), ProtonFluxError> {
-        match &mut self.drawing {
-            Drawing::Host { detector, .. } => detector.set_proton_flux(flux),
-            Drawing::Device { detector, .. } => detector.set_proton_flux(flux),
-        }
-    }
-
-    /// Proton tracks of the latest frame, in sensor pixels.
+    /// Defects and protons; places are sensor pixels.
     #[must_use]
-    pub fn proton_tracks(&self) -> &[ProtonTrack] {
+    pub fn disturbances(&self) -> &Disturbances {
         match &self.drawing {
-            Drawing::Host { detector, .. } => detector.proton_tracks(),
-            Drawing::Device { detector, .. } => detector.proton_tracks(),
+            Drawing::Host { detector, .. } => detector.disturbances(),
+            Drawing::Device { detector, .. } => detector.disturbances(),
         }
     }
 
-    /// Protons that no longer fitted into their frames, since the start.
-    #[must_use]
-    pub fn protons_left_out(&self) -> u64 {
-        match &self.drawing {
-            Drawing::Host { detector, .. } => detector.disturbances().protons_left_out(),
-            Drawing::Device { detector, .. } => detector.disturbances().protons_left_out(),
+    /// Defects and protons, to be changed from the next frame on.
+    pub fn disturbances_mut(&mut self) -> &mut Disturbances {
+        match &mut self.drawing {
+            Drawing::Host { detector, .. } => detector.disturbances_mut(),
+            Drawing::Device { detector, .. } => detector.disturbances_mut(),
         }
-    }
-
-    /// Frames come every so often: how often telegraph pixels are looked at.
-    pub fn set_frame_period(&mut self, period: Span) {
-        self.defects_mut().set_frame_period_s(period.s());
     }
 
     /// Forgets what the detector keeps from frame to frame: the next frame is as the first.
@@ -422,9 +372,14 @@ impl Imager {
     ///
     /// # Errors
     /// When the device failed.
-    pub fn image(&mut self, plan: &ExposurePlan, frame: u32, out: &mut DnImage) -> Result<ImagingTimes, RenderError> {
+    pub fn image(
+        &mut self,
+        plan: &ExposurePlan,
+        frame: u32,
+        conditions: &DetectorConditions,
+        out: &mut DnImage,
+    ) -> Result<ImagingTimes, RenderError> {
         let mut watch = Stopwatch::start();
-        let exposure_s = plan.motion.los.exposure_s;
         let render;
         let mut on_device = None;
         let mut apart = Self::apart_for(&mut self.apart, plan);
@@ -438,8 +393,8 @@ impl Imager {
                 render = watch.lap();
                 let electrons = apart.as_ref().map_or_else(|| backend.electrons(), |apart| apart.electrons());
                 match electrons {
-                    Electrons::Host(mean) => detector.collect(mean, frame, exposure_s, out),
-                    Electrons::Precise(mean) => detector.collect_precise(mean, frame, exposure_s, out),
+                    Electrons::Host(mean) => detector.collect(mean, frame, conditions, out),
+                    Electrons::Precise(mean) => detector.collect_precise(mean, frame, conditions, out),
                     Electrons::Device(_) => return Err(RenderError::Device("a host backend drew on a device".into())),
                 }
             }
@@ -455,7 +410,7 @@ impl Imager {
                     }
                 };
                 render = watch.lap();
-                detector.collect(electrons, frame, exposure_s, out)?;
+                detector.collect(electrons, frame, conditions, out)?;
                 let times = detector.times();
                 let upload = render + times.submit;
                 on_device = Some(DeviceTimes { upload, wait: times.wait, readback: times.copy });

@@ -79,7 +79,9 @@ events! {
     ClockStepped = "clock_stepped",
     /// The flight computer's clock began again: its attitudes and dated triggers are forgotten; the span is the step.
     ClockRestarted = "clock_restarted",
-    /// An attitude or jitter sample was refused by its history.
+    /// The observer's states come from outside, and none is near the exposure: its state is predicted.
+    ObserverPredicted = "observer_predicted",
+    /// An attitude or jitter sample, or an observer's state, was refused by its history.
     SampleRefused = "sample_refused",
     /// The queue from the receiving thread was full.
     QueueOverflow = "queue_overflow",
@@ -93,6 +95,8 @@ events! {
     LinkErrors = "link_errors",
     /// Packets were lost in a full queue of the link, or could not be sent.
     LinkOverflow = "link_overflow",
+    /// A plain link refused messages: of another layout, of another sender, or too long. The summary counts them by reason.
+    InputRefused = "input_refused",
     /// Frames show stars from here on: a RUN was accepted.
     SessionRun = "session_run",
     /// Frames show no stars from here on: a STOP, or a peer of another major version.

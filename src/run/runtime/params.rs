@@ -5,7 +5,7 @@ use base::accuracy::AccuracyBudget;
 use base::axes::{Body, Rotation, Sensor};
 use base::time::{Span, Tai};
 use image::detector::Seeds;
-use plan::attitude::{EstimateLimits, HistoryLimits, JitterLine, RemoteClockLimits};
+use plan::attitude::{EstimateLimits, HistoryLimits, JitterLine, RecordedJitter, RemoteClockLimits};
 use plan::exposure::cost::CostModel;
 use plan::exposure::{MethodChoice, Rung, Target};
 use scene::SceneParams;
@@ -47,6 +47,8 @@ pub struct AttitudeParams {
     pub jitter_lines: Vec<JitterLine>,
     /// When the lines' phases hold.
     pub jitter_epoch: Tai,
+    /// A record that is added to all other jitter.
+    pub jitter_record: Option<RecordedJitter>,
     /// Mounting.
     pub sensor_from_body: Rotation<Sensor, Body>,
 }

@@ -8,11 +8,14 @@ use base::time::{Span, Tai};
 use core::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use firmware_protocol::Reject;
 use frames::report::{NAMES_MAX, PortCounts};
+use link::plain::PlainReject;
 use link::{LinkCounters, Port};
 
 /// Reasons to refuse input.
 pub const REASONS: usize = Reject::ALL.len();
-const COUNTS: usize = 12;
+/// Reasons to refuse plain messages.
+pub const PLAIN_REASONS: usize = PlainReject::ALL.len();
+const COUNTS: usize = 14;
 
 /// One count of a reading.
 #[derive(Debug, Clone, Copy)]
@@ -38,12 +41,14 @@ const ALL: [Count; COUNTS] = [
     sometimes("packets_unstamped", |reading| &mut reading.counters.unstamped),
     sometimes("link_lost", |reading| &mut reading.counters.lost),
     sometimes("link_regained", |reading| &mut reading.counters.regained),
+    sometimes("packets_foreign", |reading| &mut reading.counters.foreign),
+    sometimes("packets_oversize", |reading| &mut reading.counters.oversize),
 ];
 
 // A counter that is added to a link must be added above.
 const _: () = assert!(size_of::<LinkCounters>() == (COUNTS - 2) * size_of::<u64>());
 // All of them have room in what a watcher of the run is told.
-const _: () = assert!(COUNTS <= NAMES_MAX && REASONS <= NAMES_MAX);
+const _: () = assert!(COUNTS <= NAMES_MAX && REASONS + PLAIN_REASONS <= NAMES_MAX);
 
 const fn always(name: &'static str, place: fn(&mut PortReading) -> &mut u64) -> Count {
     Count { name, is_always_told: true, place }
@@ -60,6 +65,8 @@ pub struct PortReading {
     pub counters: LinkCounters,
     /// Rejections, by the reason's code.
     pub rejects: [u32; REASONS],
+    /// Rejections of plain messages, by the reason's place.
+    pub plain_rejects: [u32; PLAIN_REASONS],
     /// Messages lost between the receiving thread and the frame thread.
     pub queue_overflows: u64,
     /// Messages to the flight computer lost between the frame thread and the sending thread.
@@ -74,7 +81,11 @@ impl PortReading {
         for (count, (_, counted)) in rejects.iter_mut().zip(port.rejects().iter()) {
             *count = counted;
         }
-        Self { counters: port.counters(), rejects, queue_overflows, send_overflows: 0 }
+        let mut plain_rejects = [0; PLAIN_REASONS];
+        for (count, (_, counted)) in plain_rejects.iter_mut().zip(port.plain_rejects().iter()) {
+            *count = counted;
+        }
+        Self { counters: port.counters(), rejects, plain_rejects, queue_overflows, send_overflows: 0 }
     }
 
     /// Rejections of several ports together.
@@ -88,18 +99,33 @@ impl PortReading {
         Reject::ALL.into_iter().zip(self.rejects)
     }
 
+    /// Each reason to refuse plain messages with its count.
+    pub fn plain_rejects(&self) -> impl Iterator<Item = (PlainReject, u32)> + '_ {
+        PlainReject::ALL.into_iter().zip(self.plain_rejects)
+    }
+
+    /// What a plain link refused: messages of another layout, other senders, messages that are too long.
+    fn refused(&self) -> u64 {
+        let rejects = self.plain_rejects.iter().map(|count| u64::from(*count)).sum::<u64>();
+        rejects + self.counters.foreign + self.counters.oversize
+    }
+
     /// Names and counts for a report; most only when they are not zero.
     pub fn told(&self) -> impl Iterator<Item = (&'static str, u64)> {
         let named = ALL.into_iter().zip(self.counts());
         named.filter(|(count, value)| count.is_always_told || *value > 0).map(|(count, value)| (count.name, value))
     }
 
-    /// All counts with their names, zeros included.
+    /// All counts with their names, zeros included except those of plain messages.
     #[must_use]
     pub fn named(&self) -> PortCounts {
         PortCounts {
             counters: ALL.into_iter().map(|count| count.name).zip(self.counts()).collect(),
-            rejects: self.rejects().map(|(reason, count)| (reason.name(), u64::from(count))).collect(),
+            rejects: {
+                let plain = self.plain_rejects().filter(|(_, count)| *count > 0);
+                let plain = plain.map(|(reason, count)| (reason.name(), u64::from(count)));
+                self.rejects().map(|(reason, count)| (reason.name(), u64::from(count))).chain(plain).collect()
+            },
         }
     }
 
@@ -118,6 +144,7 @@ impl PortReading {
             (EventKind::LinkOverflow, now.overflows + now.unsent, then.overflows + then.unsent),
             (EventKind::QueueOverflow, self.queue_overflows, earlier.queue_overflows),
             (EventKind::LinkOverflow, self.send_overflows, earlier.send_overflows),
+            (EventKind::InputRefused, self.refused(), earlier.refused()),
         ];
         for (kind, _, _) in risen.into_iter().filter(|(_, now, then)| now > then) {
             ledger.note(Event::new(kind, at, None, Span::ZERO));
@@ -130,6 +157,7 @@ impl PortReading {
 pub struct SharedReading {
     counts: [AtomicU64; COUNTS],
     rejects: [AtomicU32; REASONS],
+    plain_rejects: [AtomicU32; PLAIN_REASONS],
 }
 
 impl SharedReading {
@@ -138,7 +166,8 @@ impl SharedReading {
         for (shared, count) in self.counts.iter().zip(reading.counts()) {
             shared.store(count, Ordering::Relaxed);
         }
-        for (shared, count) in self.rejects.iter().zip(reading.rejects) {
+        let rejects = self.rejects.iter().chain(&self.plain_rejects);
+        for (shared, count) in rejects.zip(reading.rejects.into_iter().chain(reading.plain_rejects)) {
             shared.store(count, Ordering::Relaxed);
         }
     }
@@ -147,7 +176,8 @@ impl SharedReading {
     #[must_use]
     pub fn read(&self) -> PortReading {
         let rejects = self.rejects.each_ref().map(|count| count.load(Ordering::Relaxed));
-        let mut reading = PortReading { rejects, ..PortReading::default() };
+        let plain_rejects = self.plain_rejects.each_ref().map(|count| count.load(Ordering::Relaxed));
+        let mut reading = PortReading { rejects, plain_rejects, ..PortReading::default() };
         for (count, shared) in ALL.iter().zip(&self.counts) {
             *(count.place)(&mut reading) = shared.load(Ordering::Relaxed);
         }
@@ -171,10 +201,14 @@ mod tests {
             regained: 8,
             restarted: 11,
             unstamped: 12,
+            foreign: 14,
+            oversize: 15,
         };
         let mut rejects = [0; REASONS];
         rejects[Reject::BadCrc as usize] = 9;
-        PortReading { counters, rejects, queue_overflows: 10, send_overflows: 13 }
+        let mut plain_rejects = [0; PLAIN_REASONS];
+        plain_rejects[PlainReject::Json as usize] = 16;
+        PortReading { counters, rejects, plain_rejects, queue_overflows: 10, send_overflows: 13 }
     }
 
     #[test]
@@ -191,12 +225,13 @@ mod tests {
         let always = ["packets_received", "packets_sent", "packets_overflowed", "queue_overflowed"];
         assert_eq!(told, always.map(|name| (name, 0)));
         let told: Vec<_> = reading().told().map(|(_, count)| count).collect();
-        // Each of the twelve once: 9 is the rejections' own.
-        assert_eq!(told, [1, 2, 3, 10, 13, 4, 5, 6, 11, 12, 7, 8]);
+        // Each of the fourteen once: 9 and 16 are the rejections' own.
+        assert_eq!(told, [1, 2, 3, 10, 13, 4, 5, 6, 11, 12, 7, 8, 14, 15]);
         let named = reading().named();
         assert!(named.counters.iter().map(|(_, count)| count).eq(told), "the same with all names");
         let refused: Vec<_> = named.rejects.iter().filter(|(_, count)| *count > 0).collect();
-        assert_eq!((refused, named.rejects.iter().count()), (vec![("BadCrc", 9)], REASONS));
+        let wanted = vec![("BadCrc", 9), ("plain_not_json", 16)];
+        assert_eq!((refused, named.rejects.iter().count()), (wanted, REASONS + 1));
     }
 
     #[test]
@@ -209,5 +244,9 @@ mod tests {
         later.counters.received += 100;
         later.tell(&reading(), Tai::from_ns(0), &mut ledger);
         assert_eq!((ledger.count(EventKind::BusOff), ledger.count(EventKind::LinkLost)), (1, 0));
+        assert_eq!(ledger.count(EventKind::InputRefused), 0);
+        later.plain_rejects[0] += 1;
+        later.tell(&reading(), Tai::from_ns(0), &mut ledger);
+        assert_eq!(ledger.count(EventKind::InputRefused), 1);
     }
 }

@@ -12,7 +12,7 @@ use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use crossbeam_channel::{Receiver as Queue, RecvTimeoutError, Sender, TryIter, bounded};
 use firmware_protocol::Message;
 use link::pps::Pps;
-use link::{Polled, Port, Stamped};
+use link::{Input, Polled, Port, Stamped};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -35,7 +35,7 @@ pub(super) enum Heard {
         /// Number of the port by which it came, from 0.
         port: usize,
         /// The message.
-        message: Stamped<Message>,
+        message: Stamped<Input>,
     },
     /// A pulse of the flight computer's clock at one of its whole seconds.
     Pulse(Tai),
@@ -196,7 +196,7 @@ impl Own {
                 self.port.send(&message)?;
             }
             let polled = self.port.poll(self.clock.now() + SEND_POLL)?;
-            if let Polled::Message(message) = polled {
+            if let Polled::Input(message) = polled {
                 overflows += u64::from(self.arrived.try_send(Heard::Message { port: self.number, message }).is_err());
             }
             shared.publish(&PortReading::of(&self.port, overflows));

@@ -349,7 +349,7 @@ impl Bench<'_> {
             match heard {
                 Heard::Pulse(at) => head.receiver.accept_pulse(*at),
                 Heard::Message { port, message } => {
-                    let answer = head.receiver.accept_from(*port, message, ledger);
+                    let answer = head.receiver.accept_input(*port, message, ledger);
                     if let Some(answer) = answer.filter(|_| head.number == 0) {
                         self.shared.radio.send(*port, answer);
                     }

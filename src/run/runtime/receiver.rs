@@ -4,6 +4,7 @@ use crate::runtime::error::RunError;
 use crate::runtime::jitter_tables;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::params::AttitudeParams;
+use crate::runtime::plant_sample::{PlantAttitude, PlantSample};
 use crate::runtime::session::{Session, SessionParams};
 use crate::runtime::slot::Slot;
 use crate::runtime::triggers::FiredTrigger;
@@ -19,6 +20,7 @@ use link::Stamped;
 use plan::attitude::{
     AttitudeHistory, AttitudeSample, ClockEstimate, JitterHistory, JitterPoint, Observed, ObservedPps, RemoteClock,
 };
+use sky::observer::BarycentricState;
 use std::collections::VecDeque;
 
 /// Period of classic jitter pairs' samples.
@@ -30,6 +32,8 @@ const NORM_TOLERANCE: f64 = 2e-3;
 
 /// Attitudes whose tags are kept: more than an exposure and a readout bring.
 const TAGS: usize = 256;
+/// States of the observer that wait for an exposure: 10 s of 100 Hz.
+const OBSERVERS: usize = 1024;
 /// Ports whose time marks and messages are kept apart.
 pub const PORTS_MAX: usize = 8;
 /// Tables are put into effect this often at most.
@@ -65,6 +69,12 @@ pub struct Receiver {
     late_jitter: u64,
     /// Messages taken in by each port.
     messages: [u64; PORTS_MAX],
+    /// Times of the last plain message and of the newest one, by their sender's clock.
+    plain_tags: Option<(i64, i64)>,
+    /// States of the observer for the next exposure.
+    observers: VecDeque<(Tai, BarycentricState)>,
+    /// Number of the latest attitude of a plant outside.
+    plant_seq: u8,
 }
 
 impl Receiver {
@@ -75,6 +85,9 @@ impl Receiver {
     pub fn new(params: AttitudeParams) -> Result<Self, RunError> {
         let mut jitter = JitterHistory::new(params.jitter_history, params.jitter_max_gap);
         jitter.set_lines(&params.jitter_lines, params.jitter_epoch)?;
+        if let Some(record) = &params.jitter_record {
+            jitter.set_record(record.clone());
+        }
         Ok(Self {
             clock: RemoteClock::new(params.clock),
             history: AttitudeHistory::new(params.history),
@@ -89,6 +102,9 @@ impl Receiver {
             drawn_until: None,
             late_jitter: 0,
             messages: [0; PORTS_MAX],
+            plain_tags: None,
+            observers: VecDeque::with_capacity(OBSERVERS),
+            plant_seq: 0,
             params,
         })
     }
@@ -358,6 +374,49 @@ impl Receiver {
         }
     }
 
+    /// Takes in what a plant outside says of an instant; `arrived` is when it came. Returns false when a part of it was
+    /// refused, which the ledger counts. Jitter is taken as single samples: a stream of them has no period, and no frame
+    /// waits for it. Does not allocate.
+    pub fn take_plant(&mut self, sample: &PlantSample, arrived: Tai, ledger: &mut Ledger) -> bool {
+        let at = sample.at;
+        let attitude = sample.attitude.is_none_or(|attitude| self.take_plant_attitude(at, &attitude, arrived));
+        let jitter = sample.jitter_rad.is_none_or(|body_rad| {
+            let rotation_rad = self.params.sensor_from_body.apply(body_rad);
+            let is_taken = self.jitter.insert(JitterPoint { at, rotation_rad }, arrived).is_ok();
+            self.late_jitter += u64::from(is_taken && self.drawn_until.is_some_and(|until| at <= until));
+            is_taken
+        });
+        let observer = sample.observer.is_none_or(|state| {
+            let has_place = self.observers.len() < OBSERVERS;
+            if has_place {
+                self.observers.push_back((at, state));
+            }
+            has_place
+        });
+        for _ in [attitude, jitter, observer].into_iter().filter(|is_taken| !is_taken) {
+            ledger.note(Event::new(EventKind::SampleRefused, arrived, None, arrived - at));
+        }
+        attitude && jitter && observer
+    }
+
+    fn take_plant_attitude(&mut self, at: Tai, attitude: &PlantAttitude, arrived: Tai) -> bool {
+        let PlantAttitude { body_from_icrf, rate_rad_s, acceleration_rad_s2 } = *attitude;
+        self.plant_seq = self.plant_seq.wrapping_add(1);
+        let seq = self.plant_seq;
+        let sample = AttitudeSample { at, seq, body_from_icrf, rate_rad_s, acceleration_rad_s2 };
+        let is_taken = self.history.insert(sample, arrived).is_ok();
+        if is_taken {
+            self.newest_epoch = self.newest_epoch.max(Some(at));
+            self.newest_arrival = self.newest_arrival.max(Some(arrived));
+        }
+        is_taken
+    }
+
+    /// Returns the states of the observer that came since the last call, by arrival, each once.
+    pub fn take_observers(&mut self) -> impl Iterator<Item = (Tai, BarycentricState)> + use<'_> {
+        core::iter::from_fn(|| self.observers.pop_front())
+    }
+
     fn take_burst(&mut self, burst: &JitterBurst, at: Tai, ledger: &mut Ledger) {
         let period = Span::from_ns(i64::from(burst.period_us) * 1000);
         match self.clock.to_tai(burst.t_first_us, at) {
@@ -394,6 +453,9 @@ impl Receiver {
         }
     }
 }
+
+#[path = "plain_intake.rs"]
+mod plain_intake;
 
 #[cfg(test)]
 #[path = "receiver_tests.rs"]

@@ -8,6 +8,22 @@ use plan::attitude::{EstimateLimits, HistoryLimits, RemoteClockLimits, StalePoli
 /// Attitudes and time marks come this far apart.
 const PERIOD_NS: i64 = NS_PER_S / 100;
 
+/// What a receiver of these tests believes.
+pub(super) fn params() -> AttitudeParams {
+    AttitudeParams {
+        estimate: EstimateLimits { policy: StalePolicy::Hold, ..EstimateLimits::default() },
+        history: HistoryLimits::default(),
+        jitter_history: HistoryLimits::default(),
+        jitter_max_gap: Span::from_ms(100),
+        jitter_wait: Span::from_ms(20),
+        clock: RemoteClockLimits::default(),
+        jitter_lines: Vec::new(),
+        jitter_epoch: Tai::from_ns(0),
+        jitter_record: None,
+        sensor_from_body: Rotation::IDENTITY,
+    }
+}
+
 /// A flight computer whose clock may restart and step, the decoder of its port, and what receives it.
 struct Cable {
     decoder: Decoder,
@@ -24,19 +40,8 @@ struct Cable {
 impl Cable {
     /// Its clock reads `scet_s` at the beginning.
     fn new(scet_s: i64) -> Self {
-        let params = AttitudeParams {
-            estimate: EstimateLimits { policy: StalePolicy::Hold, ..EstimateLimits::default() },
-            history: HistoryLimits::default(),
-            jitter_history: HistoryLimits::default(),
-            jitter_max_gap: Span::from_ms(100),
-            jitter_wait: Span::from_ms(20),
-            clock: RemoteClockLimits::default(),
-            jitter_lines: Vec::new(),
-            jitter_epoch: Tai::from_ns(0),
-            sensor_from_body: Rotation::IDENTITY,
-        };
         let now_ns = 1000 * NS_PER_S;
-        let mut receiver = Receiver::new(params).unwrap();
+        let mut receiver = Receiver::new(params()).unwrap();
         receiver.expect_trigger(5);
         Self {
             decoder: Decoder::new(IdMap::new(0, 0).unwrap()),
@@ -235,4 +240,30 @@ fn pairs_are_counted_since_the_start_and_those_left_out_by_reason() {
         cable.ahead_ns -= off_ms * 1_000_000;
         assert_eq!(counts(&cable), wanted, "{off_ms} ms");
     }
+}
+
+#[test]
+fn samples_of_a_plant_outside_keep_double_precision_and_their_instants() {
+    let mut cable = Cable::new(5);
+    let (now, mut ledger) = (Tai::from_ns(cable.now_ns), Ledger::default());
+    let turned = Rotation::IDENTITY.rotated_by(DVec3::new(1e-9, 2e-9, 0.3));
+    let attitude =
+        PlantAttitude { body_from_icrf: turned, rate_rad_s: DVec3::Z * 1e-9, acceleration_rad_s2: DVec3::ZERO };
+    let state = BarycentricState { position_km: DVec3::X * 7000.0, velocity_km_s: DVec3::Y * 7.5 };
+    let sample =
+        PlantSample { at: now, attitude: Some(attitude), jitter_rad: Some(DVec3::X * 1e-7), observer: Some(state) };
+    assert!(cable.receiver.take_plant(&sample, now, &mut ledger));
+    let newest = cable.receiver.history().newest().unwrap();
+    assert_eq!((newest.at, newest.rate_rad_s.z), (now, 1e-9));
+    assert!(newest.body_from_icrf.rotation_vector_to(&turned).length() < 1e-15, "single precision would be 1e-8 off");
+    assert_eq!(cable.receiver.take_observers().collect::<Vec<_>>(), [(now, state)]);
+    assert_eq!(cable.receiver.take_observers().count(), 0, "each state once");
+    assert_eq!(ledger.count(EventKind::SampleRefused), 0);
+    // The same instant again, an instant of long ago: counted, each part of it.
+    assert!(!cable.receiver.take_plant(&sample, now, &mut ledger));
+    let old = PlantSample { attitude: Some(attitude), ..PlantSample::at(now - Span::from_s(60.0)) };
+    let refused = ledger.count(EventKind::SampleRefused);
+    assert!(!cable.receiver.take_plant(&old, now, &mut ledger));
+    assert_eq!(ledger.count(EventKind::SampleRefused), refused + 1);
+    assert_eq!(cable.receiver.age_at(now), Some(Span::ZERO));
 }

@@ -261,6 +261,9 @@ fn count_port(counts: &mut LinkCounts, number: usize, port: &PortReading) {
     for (reason, count) in port.rejects().filter(|(_, count)| *count > 0) {
         *counts.rejects.entry(reject_name(reason)).or_default() += u64::from(count);
     }
+    for (reason, count) in port.plain_rejects().filter(|(_, count)| *count > 0) {
+        *counts.rejects.entry(reason.name().into()).or_default() += u64::from(count);
+    }
 }
 
 fn reject_name(reason: Reject) -> String {

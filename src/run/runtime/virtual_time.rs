@@ -1,16 +1,19 @@
 //! The loop on the virtual clock: one thread, events in order of time, bit-identical whatever the machine does.
 //!
-//! Three kinds of events: the other end of the cable has something to do; a slot's exposure ends and its frame is drawn;
-//! a frame has been read out and goes out. At one instant they come in that order, save that a frame goes out before the
-//! next one is drawn. Drawing takes no simulated time, so nothing is late; wall times per stage are measured all the same.
+//! Four kinds of events: a sample of a plant outside reaches its instant; the other end of the cable has something to do; a
+//! slot's exposure ends and its frame is drawn; a frame has been read out and goes out. At one instant they come in that
+//! order, except that a frame goes out before the next one is drawn. Drawing takes no simulated time, so nothing is late; wall times per stage are measured all the same.
 //! [`VirtualLoop`] can be advanced step by step; [`run`] takes it to the end.
 
 use crate::runtime::engine::FrameEngine;
 use crate::runtime::error::{FarEndError, RunError};
 use crate::runtime::frame_faults::{Fate, FrameFaults};
 use crate::runtime::head_step::HeadStep;
-use crate::runtime::ledger::Ledger;
+use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::outcome::{RunOutcome, lines_of_head};
+use crate::runtime::outside_tracker::OutsideTracker;
+use crate::runtime::plant_queue::{PlantQueue, PlantRefusal};
+use crate::runtime::plant_sample::PlantSample;
 use crate::runtime::port_reading::PortReading;
 use crate::runtime::receiver::Receiver;
 use crate::runtime::record::RunRecord;
@@ -63,6 +66,10 @@ pub struct VirtualLoop {
     record: RunRecord,
     /// When the other end next has something to do; `None` before the start.
     far_due: Option<Tai>,
+    /// Samples of a plant outside.
+    plant: PlantQueue,
+    /// The tracker of each head beside a plant outside, where it has one.
+    trackers: Vec<Option<OutsideTracker>>,
     /// Each head's next slot.
     slots: Vec<u32>,
     /// Until when each head's next slot waits for jitter samples; `None` when it is drawn at its release.
@@ -80,6 +87,7 @@ pub struct VirtualLoop {
 /// What comes next.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Next {
+    Plant,
     FarEnd,
     Deliver,
     Draw(usize),
@@ -93,6 +101,8 @@ impl VirtualLoop {
             clock,
             record: RunRecord::default(),
             far_due: None,
+            plant: PlantQueue::default(),
+            trackers: Vec::new(),
             slots: Vec::new(),
             waits_until: Vec::new(),
             pending: VecDeque::new(),
@@ -119,6 +129,39 @@ impl VirtualLoop {
     /// The same, for events that others bring.
     pub fn record_mut(&mut self) -> &mut RunRecord {
         &mut self.record
+    }
+
+    /// Lets samples of a plant outside wait for their instants, all of a list or none. Those of an instant that has passed are
+    /// refused; what is refused is counted.
+    ///
+    /// # Errors
+    /// The place in the list of the first bad sample, counted from 0, and what is wrong with it.
+    pub fn put_plant(&mut self, samples: &[PlantSample]) -> Result<(), (usize, PlantRefusal)> {
+        let now = self.clock.now();
+        let is_fresh = self.far_due.is_none();
+        let put = self.plant.put(samples, if is_fresh { now } else { now + Span::from_ns(1) });
+        if put.is_err() {
+            let refused = |sample: &PlantSample| Event::new(EventKind::SampleRefused, now, None, now - sample.at);
+            samples.iter().for_each(|sample| self.record.ledger.note(refused(sample)));
+        }
+        put
+    }
+
+    /// Lets these trackers, one place for each head, see the frames as they go out; before the first frame.
+    pub fn set_trackers(&mut self, trackers: Vec<Option<OutsideTracker>>) {
+        self.trackers = trackers;
+    }
+
+    /// The tracker of a head beside a plant outside, if it has one.
+    #[must_use]
+    pub fn tracker(&self, head: usize) -> Option<&OutsideTracker> {
+        self.trackers.get(head).and_then(Option::as_ref)
+    }
+
+    /// Samples of a plant outside that wait.
+    #[must_use]
+    pub fn plant(&self) -> &PlantQueue {
+        &self.plant
     }
 
     /// True when `progress` ended the run.
@@ -153,6 +196,7 @@ impl VirtualLoop {
             self.clock.advance_to(at);
             self.receive(at, heads, world.port)?;
             match next {
+                Next::Plant => self.take_plant(at, heads),
                 Next::FarEnd => self.far_due = Some((world.far_end)(at).map_err(RunError::FarEnd)?),
                 Next::Deliver => self.deliver(at, heads, world)?,
                 Next::Draw(head) => self.draw(head, heads, world.port)?,
@@ -204,10 +248,10 @@ impl VirtualLoop {
 
     /// Takes in what has arrived by `now`: every head hears everything, the first one answers and notes.
     fn receive(&mut self, now: Tai, heads: &mut [Head<'_>], port: &mut Port) -> Result<(), RunError> {
-        while let Some(message) = port.receive(now)? {
+        while let Some(message) = port.receive_any(now)? {
             for (i, head) in heads.iter_mut().enumerate() {
                 let ledger = if i == 0 { &mut self.record.ledger } else { &mut self.said_already };
-                let answer = head.receiver.accept(&message, ledger);
+                let answer = head.receiver.accept_input(0, &message, ledger);
                 if let Some(answer) = answer.filter(|_| i == 0) {
                     port.send(&answer)?;
                 }
@@ -216,8 +260,19 @@ impl VirtualLoop {
         Ok(())
     }
 
+    /// Hands every head the samples whose instant has come; the first one notes what is refused.
+    fn take_plant(&mut self, at: Tai, heads: &mut [Head<'_>]) {
+        while let Some(sample) = self.plant.take(at) {
+            for (i, head) in heads.iter_mut().enumerate() {
+                let ledger = if i == 0 { &mut self.record.ledger } else { &mut self.said_already };
+                head.receiver.take_plant(&sample, at, ledger);
+            }
+        }
+    }
+
     /// The earliest event; of simultaneous ones the first by kind.
     fn next(&self, heads: &[Head<'_>]) -> Option<(Tai, Next)> {
+        let plant = self.plant.next_at().map(|at| (at, Next::Plant));
         let far_end = self.far_due.map(|at| (at, Next::FarEnd));
         let delivery = self.pending.iter().map(|pending| pending.deliver_at).min().map(|at| (at, Next::Deliver));
         let draw = |(i, (head, slot)): (usize, (&Head<'_>, &u32))| {
@@ -225,7 +280,7 @@ impl VirtualLoop {
             (*slot < head.engine.params().frames).then(|| (release(), Next::Draw(i)))
         };
         let draws = heads.iter().zip(&self.slots).enumerate().filter_map(draw);
-        draws.chain(delivery).chain(far_end).min()
+        draws.chain(delivery).chain(far_end).chain(plant).min()
     }
 
     fn draw(&mut self, i: usize, heads: &mut [Head<'_>], port: &mut Port) -> Result<(), RunError> {
@@ -327,6 +382,10 @@ impl VirtualLoop {
             let sent = head.sink.send(&pending.frame);
             self.note_losses(head.sink);
             sent?;
+            if let Some(tracker) = self.trackers.get_mut(pending.head).and_then(Option::as_mut) {
+                let beta = head.engine.observer_beta(pending.frame.meta.mid_exposure).map_err(RunError::Scene)?;
+                tracker.take_frame(&pending.frame, at, beta);
+            }
             self.record.count_outgoing(&pending.frame.meta);
             self.record.frames.delivered += 1;
             let sending = watch.lap();

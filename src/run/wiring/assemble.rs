@@ -20,7 +20,7 @@ use crate::wiring::faults::Inventory;
 use crate::wiring::heads::{CostsHere, HeadSetting, RunHead, make_heads, take_sink};
 use crate::wiring::live_tap::{LiveOptions, LiveTap};
 use crate::wiring::memory::{RunForm, RunMemory};
-use crate::wiring::ports::needs_real_clock;
+use crate::wiring::ports::{is_unreachable, needs_real_clock};
 use crate::wiring::real;
 use crate::wiring::run_end::RunEnd;
 use crate::wiring::run_times::RunTimes;
@@ -78,7 +78,7 @@ pub struct RunOptions<'a> {
     pub live: Option<LiveOptions>,
     /// What steers the run from outside on the real clock.
     pub steering: Option<Steering>,
-    /// Events may come from outside while the run goes on, also on the virtual clock.
+    /// Events may come from outside while the run goes on, also on the virtual clock; so may the samples of a plant outside.
     pub is_controlled: bool,
 }
 
@@ -156,6 +156,10 @@ impl Run {
             let why = "which has a time of its own; wanted --clock real";
             return Err(anyhow::anyhow!("--clock virtual: got a bench with {what}, {why}").into());
         }
+        if let Some(why) = is_unreachable(&scenario.bench, is_controlled && clock == RunClockKind::Virtual) {
+            return Err(anyhow::anyhow!(why).into());
+        }
+        check_lockstep_capture(&scenario, capture.is_some())?;
         check_memory(&scenario, &outputs, clock, live.is_some())?;
         let start = start_of(&scenario);
         let cards = match &outputs {
@@ -323,6 +327,16 @@ impl Run {
         let cable = self.cable.as_ref().map(Cable::notes).unwrap_or_default();
         self.taps.live.as_ref().map(LiveTap::notes).unwrap_or_default().into_iter().chain(cable).collect()
     }
+}
+
+/// Refuses a capture without the attitudes that its frames are drawn from.
+fn check_lockstep_capture(scenario: &Scenario, has_capture: bool) -> Result<(), LoopError> {
+    if has_capture && scenario.bench.is_lockstep() {
+        let why = "--capture holds what came over a bus; this plant's attitudes come from whoever steps the run: leave --capture \
+                   out, and keep the samples that are sent";
+        return Err(anyhow::anyhow!(why).into());
+    }
+    Ok(())
 }
 
 /// When the clock of a run starts.

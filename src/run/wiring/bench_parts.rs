@@ -8,17 +8,16 @@ use anyhow::{Context, Result, bail};
 use base::axes::{Body, Icrf, Rotation, sensor_from_ra_dec_roll};
 use base::time::{Span, Tai};
 use config::{
-    self, Bench, JitterSource, OrbitSettings, OrbitStart, Overlap, Plant, TargetCourse, TargetLight, TargetSettings,
-    Wire,
+    self, Bench, JitterAxes, JitterSource, Motion, OrbitSettings, OrbitStart, Overlap, Plant, SwingSettings,
+    TargetCourse, TargetLight, TargetSettings, Wire,
 };
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use link::WireFormat;
 use link::simulated::{BusParams, BusTiming};
-use plan::attitude::{JitterLine, RemoteClockLimits};
+use plan::attitude::{JitterLine, RecordedJitter, RemoteClockLimits};
 use plan::exposure::cost::CostModel;
 use plan::exposure::target::FIRST_TARGET_ID;
 use plan::exposure::{Target, TargetWay};
-use plan::optics::PsfModel;
 use plan::optics::snr::electrons_for_snr;
 use scene::camera::CameraParams;
 use scene::sky_targets::SkyTarget;
@@ -28,7 +27,8 @@ use sky::orbit::{CircularOrbit, EARTH_GM_KM3_S2, TleOrbit, TwoBodyOrbit};
 use sky::target::Orbit;
 use std::sync::Arc;
 use testbed::flight_computer::{
-    Faults, FlightComputerParams, JitterLineParams, JitterStream, Profile, RampShape, Slew, SlewProfile,
+    Faults, FlightComputerParams, JitterLineParams, JitterStream, Profile, RampShape, Slew, SlewProfile, SteadyMotion,
+    Swing,
 };
 
 /// Time before the first exposure: the bus carries its first time marks and attitudes.
@@ -42,7 +42,10 @@ pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
     let camera = camera_params(&bench.camera)?;
     let first_exposure = start + LEAD + bench.timing.phase;
     let params = RunParams {
-        attitude: attitude_params(bench, start),
+        attitude: AttitudeParams {
+            jitter_record: jitter_record(bench, first_exposure, camera.exposure_s)?,
+            ..attitude_params(bench, start)
+        },
         targets: scripted(bench, &camera, first_exposure)?,
         sky_targets: on_sky(bench, &camera, first_exposure)?,
         keeps_brighter: bench.target_overlap == Overlap::Brighter,
@@ -164,7 +167,7 @@ fn bodies(bench: &Bench, camera: &CameraParams) -> Result<bool> {
 
 /// Targets by script with their light in electrons and their times in TAI.
 fn scripted(bench: &Bench, camera: &CameraParams, first_exposure: Tai) -> Result<Vec<Target>> {
-    if !bench.targets.is_empty() && matches!(camera.psf, PsfModel::Field(_)) {
+    if !bench.targets.is_empty() && camera.psf.as_field().is_some() {
         bail!(
             "bench \"{}\" has [[target]], and camera \"{}\" a PSF that changes over the field: targets are drawn with one PSF; \
              choose a camera with one, or leave the targets out",
@@ -245,8 +248,21 @@ fn attitude_params(bench: &Bench, boot: Tai) -> AttitudeParams {
         clock: RemoteClockLimits { constant_delay, ..settings.clock },
         jitter_lines: lines.map(|line| mount(line.line())).collect(),
         jitter_epoch: boot,
+        jitter_record: None,
         sensor_from_body: bench.sensor_from_body,
     }
+}
+
+/// The record that the bench names, as this head turns it.
+fn jitter_record(bench: &Bench, first_exposure: Tai, exposure_s: f64) -> Result<Option<RecordedJitter>> {
+    let Some(input) = &bench.jitter else { return Ok(None) };
+    let sensor_from_record = match input.axes {
+        JitterAxes::Sensor => DQuat::IDENTITY,
+        JitterAxes::Body => bench.sensor_from_body.quat(),
+    };
+    let record = input.record(bench.seed).with_context(|| format!("[jitter] {}", input.path))?;
+    let start = first_exposure + Span::from_s(input.start_s);
+    Ok(Some(RecordedJitter { record, start, sensor_from_record, exposure_s }))
 }
 
 fn observer(observer: &config::Observer, epoch: Tai) -> Result<Observer> {
@@ -310,6 +326,7 @@ pub fn bus_of(link: &config::Link) -> (BusParams, WireFormat) {
         }
         Wire::CanClassic => (BusTiming::CanClassic { bit_rate_bps: link.bit_rate as u32 }, WireFormat::CanClassic),
         Wire::Serial => (BusTiming::Serial { baud: link.bit_rate as u32 }, WireFormat::Serial),
+        Wire::Plain => (BusTiming::Datagram { bit_rate_bps: link.bit_rate as u32 }, WireFormat::Plain),
     };
     let latency = Span::from_s(link.latency_us * 1e-6);
     (BusParams { name: "simulated".into(), timing, latency, queue_packets: link.queue as usize }, format)
@@ -333,20 +350,7 @@ pub fn flight_computer(bench: &Bench, boot: Tai) -> FlightComputerParams {
     let settings = &bench.flight_computer;
     let [ra, dec, roll] = [settings.ra_deg, settings.dec_deg, settings.roll_deg].map(f64::to_radians);
     let initial: Rotation<Body, Icrf> = bench.sensor_from_body.inverse() * sensor_from_ra_dec_roll(ra, dec, roll);
-    let profile = match &settings.slew {
-        None => SlewProfile::hold(initial),
-        Some(slew) => {
-            let turn = Slew {
-                axis_body: DVec3::from_array(slew.axis),
-                angle_rad: slew.angle_deg.to_radians(),
-                // A versine ramp up and one down: the mean of each is half the peak.
-                peak_rate_rad_s: 2.0 * slew.angle_deg.to_radians().abs() / slew.duration_s,
-                ramp_s: 0.5 * slew.duration_s,
-                shape: RampShape::Versine,
-            };
-            SlewProfile::slew(initial, boot + LEAD + Span::from_s(slew.start_s), &turn)
-        }
-    };
+    let profile = profile(bench, initial, boot + LEAD);
     let line = |line: &config::JitterLineSettings| JitterLineParams {
         frequency_hz: line.frequency_hz,
         amplitude_arcsec: line.amplitude_arcsec,
@@ -362,12 +366,45 @@ pub fn flight_computer(bench: &Bench, boot: Tai) -> FlightComputerParams {
         clock_drift_ppm: settings.clock_drift_ppm,
         stream_start: boot,
         attitude_hz: settings.attitude_hz as u32,
-        profile: profile.into(),
+        profile,
         attitude_noise_arcsec: 0.0,
         gyro_noise_rad_s: 0.0,
         seed: bench.seed,
         jitter_lines: settings.jitter_lines.iter().map(line).collect(),
         jitter,
         faults: Faults::default(),
+    }
+}
+
+/// The scripted motion that starts at `start` from `initial`.
+fn profile(bench: &Bench, initial: Rotation<Body, Icrf>, start: Tai) -> Profile {
+    let settings = &bench.flight_computer;
+    if let Some(Motion::Steady { rate_deg_s, swings }) = &settings.motion {
+        let rate_rad_s = DVec3::from_array(rate_deg_s.map(f64::to_radians));
+        let swings = swings.iter().map(swing).collect();
+        return Profile::Steady(SteadyMotion { initial, zero: start, rate_rad_s, swings });
+    }
+    let path = settings.motion.as_ref().and_then(|motion| motion.path(bench.sensor_from_body));
+    if let Some(Ok(path)) = path {
+        return Profile::Waypoints(path, start);
+    }
+    let Some(slew) = &settings.slew else { return SlewProfile::hold(initial).into() };
+    let turn = Slew {
+        axis_body: DVec3::from_array(slew.axis),
+        angle_rad: slew.angle_deg.to_radians(),
+        // A versine ramp up and one down: the mean of each is half the peak.
+        peak_rate_rad_s: 2.0 * slew.angle_deg.to_radians().abs() / slew.duration_s,
+        ramp_s: 0.5 * slew.duration_s,
+        shape: RampShape::Versine,
+    };
+    SlewProfile::slew(initial, start + Span::from_s(slew.start_s), &turn).into()
+}
+
+fn swing(settings: &SwingSettings) -> Swing {
+    Swing {
+        axis_body: DVec3::from_array(settings.axis),
+        amplitude_rad: settings.amplitude_deg.to_radians(),
+        frequency_hz: settings.frequency_hz,
+        phase_rad: settings.phase_deg.to_radians(),
     }
 }

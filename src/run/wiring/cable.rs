@@ -26,6 +26,7 @@ pub struct Cable {
     /// Pulses of the flight computer's clock.
     pub pulses: Option<Pps>,
     gateways: Vec<Gateways>,
+    notes: Vec<String>,
 }
 
 /// What a cable is opened for.
@@ -44,8 +45,8 @@ impl Cable {
     pub(super) fn open(setting: &CableSetting<'_>) -> Result<Self, LoopError> {
         let bench = &setting.scenario.bench;
         let mut tap = |end, link| setting.tapped(end, link);
-        let Ports { near, far, pulses, gateways } = open_ports(bench, &setting.clock.shared(), &mut tap)?;
-        Ok(Self { near, far, pulses, gateways })
+        let Ports { near, far, pulses, gateways, notes } = open_ports(bench, &setting.clock.shared(), &mut tap)?;
+        Ok(Self { near, far, pulses, gateways, notes })
     }
 
     /// What gateways did, for the summary of a run.
@@ -58,9 +59,9 @@ impl Cable {
         self.gateways.iter_mut().map(Gateways::finish).sum()
     }
 
-    /// Where the gateways are, and whether other machines can reach them.
+    /// Where the gateways and plain links are, and whether other machines can reach them.
     pub(super) fn notes(&self) -> Vec<String> {
-        self.gateways.iter().flat_map(gateway_notes).collect()
+        self.notes.iter().cloned().chain(self.gateways.iter().flat_map(gateway_notes)).collect()
     }
 }
 

@@ -3,7 +3,6 @@
 use crate::wiring::light_parts::background_light;
 use anyhow::{Context, Result};
 use config;
-use image::detector::DetectorParams;
 use plan::exposure::Shutter;
 use plan::optics::chain_psf::{ChainPsf, Drawing};
 use plan::optics::mtf::MtfChain;
@@ -40,25 +39,7 @@ pub fn camera_params(camera: &config::Camera) -> Result<CameraParams> {
         radiometry: camera.star_light(),
         illumination: camera.illumination,
         background: BackgroundLight::default(),
-        detector: DetectorParams {
-            full_well_e: detector.full_well_e,
-            gain_e_per_dn: detector.gain_e_per_dn,
-            bits: detector.bits,
-            black_level_dn: detector.black_level_dn,
-            read_noise_e_rms: detector.read_noise_e_rms,
-            amplifier_noise_e_rms: detector.amplifier_noise_e_rms,
-            dark_e_per_s: detector.dark_e_per_s,
-            dark_law: detector.dark_law,
-            dark_nonuniformity: detector.dark_nonuniformity,
-            prnu: detector.prnu,
-            dsnu_e_rms: detector.dsnu_e_rms,
-            nonlinearity: detector.nonlinearity,
-            line_pattern: detector.line_pattern,
-            row_noise: detector.row_noise,
-            rounding: detector.rounding,
-            poisson: detector.poisson,
-            spatial: detector.spatial,
-        },
+        detector: detector.params,
         patterns: detector.maps.clone(),
         pixel_pitch_um: detector.pixel_pitch_um,
         focal_length_mm: optics.focal_length_mm,

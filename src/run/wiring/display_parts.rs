@@ -118,6 +118,10 @@ pub fn take_display(params: &mut RunParams, bench: &Bench, now: Tai) -> Result<O
     params.drawn_from_sensor = Some(turn);
     let refresh = params.frame_period;
     let exposure = Span::from_s(refresh.s() * settings.duty.map_or(1.0, |duty| duty.max(LEAST_DUTY)));
+    if let Some(record) = &mut params.attitude.jitter_record {
+        record.sensor_from_record = turn.quat() * record.sensor_from_record;
+        record.exposure_s = exposure.s();
+    }
     let latency = latency(settings, Some(&calibration)).unwrap_or(Span::ZERO);
     let half = Span::from_ns(refresh.ns() / 2);
     params.ahead = exposure + refresh + half + COMPOSING.min(half) + latency;

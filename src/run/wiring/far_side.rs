@@ -90,7 +90,8 @@ impl FarSide {
         self.simulated.as_ref().and_then(|(_, computer)| computer.vehicle())
     }
 
-    fn vehicle_mut(&mut self) -> Option<&mut Vehicle> {
+    /// The same, to act on it.
+    pub(super) fn vehicle_mut(&mut self) -> Option<&mut Vehicle> {
         self.simulated.as_mut().and_then(|(_, computer)| computer.vehicle_mut())
     }
 

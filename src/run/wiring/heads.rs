@@ -10,7 +10,7 @@ use crate::runtime::{FrameEngine, Imager, RunParams};
 use crate::wiring::bench_parts;
 use crate::wiring::display_parts::{calibrated_display, take_display};
 use crate::wiring::faults::HeadSize;
-use crate::wiring::motion::slew_scale;
+use crate::wiring::motion::script_scale;
 use anyhow::Result;
 use base::axes::{Body, Rotation, Sensor};
 use base::clock::{Clock, Monotonic};
@@ -97,7 +97,7 @@ pub(super) fn make_heads(setting: HeadSetting<'_>) -> Result<Vec<RunHead>> {
         triggers.for_each(|number| receiver.expect_trigger(number));
         let mut engine = shared.engine(params, imager)?;
         if scenario.plant == Plant::FlightComputer {
-            engine.expect_motion(slew_scale(bench));
+            engine.expect_motion(script_scale(bench));
         }
         let (tracker, sink) = with_tap(&engine, has_tracker);
         let (mounting, faults) = (own.sensor_from_body, FrameFaults::default());

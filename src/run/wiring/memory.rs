@@ -265,13 +265,13 @@ fn detector_bytes(camera: &Camera, is_reference: bool) -> u64 {
 /// Numbers per sensor pixel and head: the drawn image, maps, and the images of stages with neighbours.
 fn detector_numbers(camera: &Camera, is_reference: bool) -> u64 {
     let detector = &camera.detector;
-    let spatial = &detector.spatial;
+    let spatial = &detector.params.spatial;
     let drawn = if is_reference { 2 } else { 1 };
     let of_file = &detector.maps;
     let maps = [
-        detector.prnu != 0.0 || of_file.prnu.is_some(),
-        detector.dsnu_e_rms != 0.0 || of_file.dsnu_e.is_some(),
-        detector.dark_nonuniformity != 0.0 || of_file.dark_factor.is_some(),
+        detector.params.prnu != 0.0 || of_file.prnu.is_some(),
+        detector.params.dsnu_e_rms != 0.0 || of_file.dsnu_e.is_some(),
+        detector.params.dark_nonuniformity != 0.0 || of_file.dark_factor.is_some(),
         !camera.illumination.is_even(),
     ];
     let maps = maps.into_iter().filter(|is_on| *is_on).count() as u64;
@@ -358,7 +358,7 @@ mod tests {
             bench.extra_heads.push(head);
         };
         assert!(grown(&larger) >= plain + 16 * 4 * frame, "a head with a larger camera of its own");
-        assert!(grown(&|bench| bench.camera.detector.prnu += 0.01) >= plain);
+        assert!(grown(&|bench| bench.camera.detector.params.prnu += 0.01) >= plain);
         let ring = Sink::SharedMemory { path: "/dev/shm/x".into(), slots: 64 };
         let ring = SinkSettings { sink: ring, queue_frames: 1 };
         assert!(grown(&|bench| bench.sinks.push(ring.clone())) >= plain + 65 * frame);

@@ -21,6 +21,8 @@ pub mod light_parts;
 pub mod live_tap;
 pub mod memory;
 pub mod motion;
+mod outside_trackers;
+mod plain_ends;
 pub mod ports;
 mod real;
 pub mod replay;

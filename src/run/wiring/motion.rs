@@ -14,13 +14,16 @@ pub fn motion_scale(plant: &Plant, bench: &Bench) -> MotionScale {
             let [rate_rad_s, acceleration_rad_s2, jerk_rad_s3] = file.history.motion_limits();
             MotionScale { rate_rad_s, acceleration_rad_s2, jerk_rad_s3, sinusoids: Vec::new() }
         }
-        Plant::Outside | Plant::FlightComputer | Plant::Vehicle(_) => slew_scale(bench),
+        Plant::Outside | Plant::FlightComputer | Plant::Vehicle(_) => script_scale(bench),
     }
 }
 
-/// Returns the scripted slew at its fastest: ramps of half its length, `rate = peak (1 - cos(pi t / ramp)) / 2`.
+/// Returns the scripted motion at its fastest; of a slew: ramps of half its length, `rate = peak (1 - cos(pi t / ramp)) / 2`.
 #[must_use]
-pub fn slew_scale(bench: &Bench) -> MotionScale {
+pub fn script_scale(bench: &Bench) -> MotionScale {
+    if let Some(motion) = &bench.flight_computer.motion {
+        return motion.scale();
+    }
     let Some(slew) = &bench.flight_computer.slew else { return MotionScale::default() };
     let (peak_rad_s, ramp_s) = (2.0 * slew.angle_deg.abs() * DEG / slew.duration_s, 0.5 * slew.duration_s);
     MotionScale {

@@ -1,6 +1,6 @@
 //! The links of a checked bench -> the stimulator's ports, and the far end's where it is simulated too.
 
-use crate::wiring::bench_parts;
+use crate::wiring::{bench_parts, plain_ends};
 use anyhow::{Context, Result};
 use base::clock::{Clock, PairedReading};
 use base::time::Span;
@@ -11,6 +11,7 @@ use link::pps::Pps;
 use link::serial::{FlowControl, Parity, SerialLink, SerialParams, StopBits};
 use link::simulated::SimulatedBus;
 use link::socketcan::{Hears, SocketCanLink, SocketCanParams};
+use link::udp::UdpLink;
 use link::{Link as LinkEnd, LinkError, Port};
 use std::path::Path;
 use std::sync::Arc;
@@ -25,6 +26,8 @@ pub struct Ports {
     pub near: Vec<Port>,
     /// The simulated flight computer's; `None` for one that is no part of this program.
     pub far: Option<Port>,
+    /// Where outside simulators find a plain link: what people read.
+    pub notes: Vec<String>,
 }
 
 /// Which end of which link.
@@ -46,7 +49,7 @@ pub type Tap<'a> = &'a mut dyn FnMut(End, Box<dyn LinkEnd>) -> Box<dyn LinkEnd>;
 pub fn open_ports(bench: &Bench, clock: &Arc<dyn Clock>, tap: Tap<'_>) -> Result<Ports> {
     let wants_far = !bench.flight_computer.is_external;
     let first = open(&bench.link, 0, wants_far, clock, tap).context("[link]")?;
-    let mut ports = Ports { gateways: Vec::new(), pulses: None, near: Vec::new(), far: first.far };
+    let mut ports = Ports { gateways: Vec::new(), pulses: None, near: Vec::new(), far: first.far, notes: first.notes };
     ports.near.push(first.near);
     ports.gateways.extend(first.gateways);
     for (i, link) in bench.extra_links.iter().enumerate() {
@@ -65,33 +68,61 @@ struct Opened {
     near: Port,
     far: Option<Port>,
     gateways: Option<Gateways>,
+    notes: Vec<String>,
+}
+
+/// A port over an end of a link, with the link's identifiers and layout.
+///
+/// # Errors
+/// Never for a checked link.
+pub(super) fn port_over(end: Box<dyn LinkEnd>, link: &Link) -> Result<Port> {
+    let (_, format) = bench_parts::bus_of(link);
+    let port = Port::new(end, format, identifiers(link)?);
+    Ok(match &link.plain {
+        Some(plain) => port.with_layout(plain.layout.clone()),
+        None => port,
+    })
 }
 
 fn open(link: &Link, number: usize, wants_far: bool, clock: &Arc<dyn Clock>, tap: Tap<'_>) -> Result<Opened> {
     let ids = identifiers(link)?;
-    let (params, format) = bench_parts::bus_of(link);
+    let (params, _) = bench_parts::bus_of(link);
     let near_end = End::Near(number);
     match &link.carrier {
         Carrier::Simulated(doors) => {
             let bus = SimulatedBus::new(params, clock);
-            let near = Port::new(tap(near_end, Box::new(bus.attach())), format, ids);
-            let far = wants_far.then(|| Port::new(tap(End::Far, Box::new(bus.attach())), format, ids));
-            Ok(Opened { near, far, gateways: gateways(doors, &bus, clock)? })
+            let near = port_over(tap(near_end, Box::new(bus.attach())), link)?;
+            let far = wants_far.then(|| port_over(tap(End::Far, Box::new(bus.attach())), link)).transpose()?;
+            Ok(Opened { near, far, gateways: gateways(doors, &bus, clock)?, notes: Vec::new() })
         }
         Carrier::SocketCan { interface } => {
             let end = |hears| can_link(interface, ids, hears, link.wire, clock);
             let near = tap(near_end, Box::new(end(Hears::FlightComputer)?));
             let far = wants_far.then(|| end(Hears::Stimulator)).transpose()?;
-            let far = far.map(|far| Port::new(tap(End::Far, Box::new(far)), format, ids));
-            Ok(Opened { near: Port::new(near, format, ids), far, gateways: None })
+            let far = far.map(|far| port_over(tap(End::Far, Box::new(far)), link)).transpose()?;
+            Ok(Opened { near: port_over(near, link)?, far, gateways: None, notes: Vec::new() })
         }
         Carrier::SerialPort(settings) => {
             let end = |path: &Path| SerialLink::open(serial_params(settings, path, link.bit_rate), clock);
-            let near = Port::new(tap(near_end, Box::new(end(&settings.port)?)), format, ids);
+            let near = port_over(tap(near_end, Box::new(end(&settings.port)?)), link)?;
             let far_port = settings.far_port.as_deref().filter(|_| wants_far);
             let far = far_port.map(end).transpose()?;
-            let far = far.map(|far| Port::new(tap(End::Far, Box::new(far)), format, ids));
-            Ok(Opened { near, far, gateways: None })
+            let far = far.map(|far| port_over(tap(End::Far, Box::new(far)), link)).transpose()?;
+            Ok(Opened { near, far, gateways: None, notes: Vec::new() })
+        }
+        Carrier::Udp { listen } => {
+            let end = UdpLink::open(plain_ends::udp(*listen, link), clock)?;
+            let far = wants_far.then(|| plain_ends::far_udp(end.address(), clock)).transpose()?;
+            let notes = plain_ends::notes("udp", end.address());
+            let far = far.map(|far| port_over(tap(End::Far, Box::new(far)), link)).transpose()?;
+            Ok(Opened { near: port_over(tap(near_end, Box::new(end)), link)?, far, gateways: None, notes })
+        }
+        Carrier::Tcp { address, connects } => {
+            let near = plain_ends::tcp(*address, *connects, link);
+            let (end, far) = plain_ends::open_tcp(near, wants_far, clock)?;
+            let notes = if *connects { Vec::new() } else { plain_ends::notes("tcp", end.address()) };
+            let far = far.map(|far| port_over(tap(End::Far, Box::new(far)), link)).transpose()?;
+            Ok(Opened { near: port_over(tap(near_end, Box::new(end)), link)?, far, gateways: None, notes })
         }
     }
 }
@@ -153,9 +184,17 @@ pub fn needs_real_clock(bench: &Bench) -> Option<&'static str> {
         Some("a real bus")
     } else if any(&has_doors) {
         Some("gateways")
-    } else if bench.flight_computer.is_external {
-        Some("an external flight computer")
     } else {
         None
     }
+}
+
+/// Returns why nobody can move the spacecraft of a bench, if nobody can: its plant is outside, no bus leads there, and the
+/// run is not stepped by whoever could send its attitudes.
+#[must_use]
+pub fn is_unreachable(bench: &Bench, is_stepped_from_outside: bool) -> Option<&'static str> {
+    let why = "link.kind is \"simulated\" without gateways, and the plant is outside: nobody else is on a bus inside this \
+               program; wanted slcan_tcp, slcan_pty or socketcand, or a real bus, or --clock virtual with --control ADDRESS, \
+               whose client sends the attitudes (lockstep)";
+    (bench.is_lockstep() && !is_stepped_from_outside).then_some(why)
 }

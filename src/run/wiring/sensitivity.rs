@@ -69,8 +69,7 @@ impl Sensitivity {
             Some(side_px) => Window::new(&params.psf, side_px),
             None => Window::best(&params.psf, &pixel, WINDOW_SNR, MOST_WINDOW_PX),
         };
-        let converter_e = (f64::from(detector.largest_dn()) - detector.black_level_dn) * detector.gain_e_per_dn;
-        let full_e = detector.full_well_e.min(converter_e);
+        let full_e = detector.full_well_e.min(detector.converter_full_e());
         Ok(Self { light: params.radiometry, window, pixel, exposure_s, bp_rp: conditions.bp_rp, full_e })
     }
 

@@ -4,8 +4,9 @@
 //! nothing else does. The same scenario and seed give the same bits, however it is advanced.
 //! Tests: `tests/closed_loop/pixels.rs`, `campaign.rs`, `control.rs`.
 
+use crate::runtime::ledger::{Event as LedgerEvent, EventKind};
 use crate::runtime::virtual_time::{Head, VirtualLoop, World};
-use crate::runtime::{PortReading, RunError, RunParams, RunRecord, lines_of_head};
+use crate::runtime::{PlantSample, PortReading, RunError, RunParams, RunRecord, TrackerOutput, lines_of_head};
 use crate::wiring::assemble::{Outputs, Run, RunClock, RunOptions};
 use crate::wiring::cable::Cable;
 use crate::wiring::error::LoopError;
@@ -13,17 +14,19 @@ use crate::wiring::far_side::FarSide;
 use crate::wiring::fault_desk::{FaultDesk, make_ready};
 use crate::wiring::faults::FaultLine;
 use crate::wiring::heads::RunHead;
+use crate::wiring::outside_trackers::outside_trackers;
 use crate::wiring::run_end::{Flown, LoopView, RunEnd, keep_first, losses};
 use crate::wiring::run_times::RunTimes;
 use crate::wiring::taps::Taps;
 use base::axes::{Body, Rotation, Sensor};
 use base::clock::{Clock, Virtual};
 use base::time::{Span, Tai};
-use config::{Event, Scenario};
+use config::{Event, Plant, Scenario};
 use core::cell::RefCell;
 use frames::sink::{SentFrame, Sink};
+use plan::attitude::{EstimatedAttitude, state_at};
 use std::sync::Arc;
-use testbed::vehicle::{TelemetryRow, Vehicle};
+use testbed::vehicle::{HeadReport, TelemetryRow, Vehicle};
 
 /// A run on the virtual clock.
 pub struct SteppedRun {
@@ -36,6 +39,7 @@ pub struct SteppedRun {
     taps: Taps,
     mounting: Rotation<Sensor, Body>,
     times: RunTimes,
+    is_outside: bool,
 }
 
 impl SteppedRun {
@@ -61,9 +65,10 @@ impl SteppedRun {
             going.record_mut().ledger.note(note);
         }
         let Run { scenario, times, heads, desk, taps, cable, .. } = run;
+        going.set_trackers(outside_trackers(&scenario, times.start)?);
         let cable = cable.ok_or_else(|| anyhow::anyhow!("a run without a cable"))?;
-        let mounting = scenario.bench.sensor_from_body;
-        Ok(Self { clock, going, heads, cable, far: RefCell::new(far), desk, taps, mounting, times })
+        let (mounting, is_outside) = (scenario.bench.sensor_from_body, scenario.plant == Plant::Outside);
+        Ok(Self { clock, going, heads, cable, far: RefCell::new(far), desk, taps, mounting, times, is_outside })
     }
 
     /// Calls `on_row` with every row of telemetry from here on.
@@ -99,6 +104,76 @@ impl SteppedRun {
     pub fn send_trigger(&mut self, number: u16, at: Option<Tai>) -> Result<(), LoopError> {
         let now = self.clock.now();
         self.far.get_mut().send_trigger(number, at, now)
+    }
+
+    /// Takes samples of a plant outside, of any instants that have not passed: each reaches the receivers at its own instant,
+    /// so that batches of any size give the same frames. All of a list are taken or none; what is refused is counted.
+    ///
+    /// # Errors
+    /// When the plant is inside, or a sample is bad.
+    pub fn take_plant(&mut self, samples: &[PlantSample]) -> Result<(), LoopError> {
+        let refuse = |why: String| LoopError::Event { what: "plant", why };
+        if !self.is_outside {
+            let why = "the spacecraft is moved inside the program; wanted a bench with plant.kind = \"outside\"";
+            return Err(refuse(why.into()));
+        }
+        let zero = self.times.zero;
+        self.going.put_plant(samples).map_err(|(place, why)| {
+            let t_s = samples.get(place).map_or(f64::NAN, |sample| (sample.at - zero).s());
+            let now_s = (self.going.now() - zero).s();
+            refuse(format!("sample {place} of {} (t_s {t_s}, it is {now_s} s now): {why}", samples.len()))
+        })
+    }
+
+    /// Counts a list of samples that could not be read.
+    pub(super) fn note_bad_samples(&mut self) {
+        let now = self.now();
+        self.going.record_mut().ledger.note(LedgerEvent::new(EventKind::SampleRefused, now, None, Span::ZERO));
+    }
+
+    /// Whether the plant is outside.
+    #[must_use]
+    pub fn is_outside(&self) -> bool {
+        self.is_outside
+    }
+
+    /// Samples of a plant outside that wait for their instants, and the instant of the last attitude among them.
+    #[must_use]
+    pub fn plant_waiting(&self) -> (usize, Option<Tai>) {
+        (self.going.plant().len(), self.going.plant().last_attitude_at())
+    }
+
+    /// What the built-in tracker of a head says of the newest frame that it is done with; `None` before the first.
+    ///
+    /// # Errors
+    /// When the head has no tracker.
+    pub fn tracker_output(&self, head: usize) -> Result<Option<TrackerOutput>, LoopError> {
+        if let Some(tracker) = self.going.tracker(head) {
+            return Ok(tracker.output(self.now()));
+        }
+        let of_report = |report: &HeadReport| {
+            let (frame, mid_exposure) = report.frame?;
+            report.last.map(|outcome| TrackerOutput { frame, mid_exposure, outcome })
+        };
+        let found = self.with_vehicle(|vehicle| vehicle.head_reports().nth(head).map(of_report)).flatten();
+        found.ok_or_else(|| {
+            let heads = self.heads.len();
+            let why = format!(
+                "head {head} of {heads} has no tracker inside; wanted a head below {heads}, and [plant.tracker] with a plant \
+                 outside, or a spacecraft"
+            );
+            LoopError::Event { what: "tracker", why }
+        })
+    }
+
+    /// Attitude of the body that frames of the first head are drawn with, by the samples taken in so far.
+    ///
+    /// # Errors
+    /// When no sample is near: before the first one, or before what is kept.
+    pub fn attitude_at(&self, at: Tai) -> Result<EstimatedAttitude, LoopError> {
+        let receiver = &self.heads[0].receiver;
+        let estimated = state_at(receiver.history(), at, &receiver.params().estimate);
+        estimated.map_err(|error| LoopError::Parts(error.into()))
     }
 
     /// Time from one frame to the next.
@@ -144,10 +219,25 @@ impl SteppedRun {
         self.far.borrow().vehicle().map(look)
     }
 
+    /// Does something with the vehicle, at the run's time, which `act` gets.
+    ///
+    /// # Errors
+    /// When no spacecraft is flown inside.
+    pub fn with_vehicle_mut<T>(&mut self, act: impl FnOnce(&mut Vehicle, Tai) -> T) -> Result<T, LoopError> {
+        let now = self.now();
+        self.far.get_mut().vehicle_mut().map(|vehicle| act(vehicle, now)).ok_or(LoopError::NothingFlown)
+    }
+
     /// Mounting of the first head.
     #[must_use]
     pub fn mounting(&self) -> Rotation<Sensor, Body> {
         self.mounting
+    }
+
+    /// Mounting of a head; of the first one where there is no such head.
+    #[must_use]
+    pub fn mounting_of(&self, head: usize) -> Rotation<Sensor, Body> {
+        self.heads.get(head).map_or(self.mounting, |head| head.mounting)
     }
 
     /// The end of a frame's readout in the first head, the number counted from 0.

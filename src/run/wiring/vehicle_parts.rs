@@ -186,10 +186,10 @@ fn head_params(scenario: &Scenario, flown: &Vehicle) -> Vec<HeadParams> {
     (0..scenario.bench.head_count()).map(head).collect()
 }
 
-fn tracker_params(camera: &Camera, most_stars: usize) -> TrackerParams {
+pub(super) fn tracker_params(camera: &Camera, most_stars: usize) -> TrackerParams {
     let (detector, optics, d) = (&camera.detector, &camera.optics, &camera.distortion);
     let focal_px = optics.focal_length_mm * 1e3 / detector.pixel_pitch_um;
-    let output = detector.spatial.output([detector.width_px, detector.height_px].map(|side| side as usize));
+    let output = detector.params.spatial.output([detector.width_px, detector.height_px].map(|side| side as usize));
     let binning = f64::from(output.binning);
     let geometry = Geometry {
         width_px: output.size_px[0],
@@ -199,15 +199,19 @@ fn tracker_params(camera: &Camera, most_stars: usize) -> TrackerParams {
         distortion: [d.k1, d.k2, d.p1, d.p2, d.k3],
     };
     let levels = Levels {
-        gain_e_per_dn: detector.gain_e_per_dn,
-        black_level_dn: detector.black_level_dn,
+        gain_e_per_dn: detector.params.gain_e_per_dn,
+        black_level_dn: detector.params.black_level_dn,
         // What a calibration would find: read noise and the fixed pattern that is not corrected aboard.
-        read_noise_e_rms: detector.read_noise_e_rms.hypot(detector.amplifier_noise_e_rms).hypot(detector.dsnu_e_rms),
-        full_well_e: detector.full_well_e,
-        largest_dn: f64::from((1_u32 << detector.bits) - 1),
+        read_noise_e_rms: detector
+            .params
+            .read_noise_e_rms
+            .hypot(detector.params.amplifier_noise_e_rms)
+            .hypot(detector.params.dsnu_e_rms),
+        full_well_e: detector.params.full_well_e,
+        largest_dn: f64::from(detector.params.largest_dn()),
         pixels: 1.0,
     };
-    let levels = detector.spatial.binning.map_or(levels, |binning| levels.binned(binning));
+    let levels = detector.params.spatial.binning.map_or(levels, |binning| levels.binned(binning));
     let full_dn = levels.black_level_dn + levels.full_well_e / levels.gain_e_per_dn;
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the converter's range")]
     let saturation_dn = (0.98 * full_dn).min(levels.largest_dn).clamp(0.0, 65535.0) as u16;
@@ -229,7 +233,7 @@ fn tracker_params(camera: &Camera, most_stars: usize) -> TrackerParams {
         config::Psf::Made(psf) => psf.core_sigma_px(),
     };
     TrackerParams {
-        prnu: detector.prnu / levels.pixels.sqrt(),
+        prnu: detector.params.prnu / levels.pixels.sqrt(),
         limiting_mag: camera.radiometry.limiting_mag.min(7.0),
         exposure_s: camera.exposure.exposure_s,
         most_stars,

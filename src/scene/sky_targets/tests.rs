@@ -5,6 +5,7 @@ use plan::exposure::Shutter;
 use plan::optics::Radiometry;
 use sky::astrometry::{BrownConrady, CameraParameters};
 use sky::earth;
+use sky::observer::Observer;
 use sky::orbit::{CircularOrbit, TleOrbit};
 
 /// SGP4's time is a number of seconds since 1970 in f64: 2.4e-7 s, at 10 km/s, twice.

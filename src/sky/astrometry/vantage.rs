@@ -5,7 +5,7 @@
 use super::aberration::Aberration;
 use super::deflection::{Deflection, MOST_RAD};
 use crate::ObserverError;
-use crate::observer::{BarycentricState, Observer, ObserverTrack};
+use crate::observer::{BarycentricState, ObserverTrack};
 use base::time::Tai;
 use base::units::{AU_KM, MAS, SPEED_OF_LIGHT_KM_S};
 use glam::DVec3;
@@ -66,7 +66,7 @@ impl Vantage {
     /// When the observer's orbit cannot be computed at that time.
     pub fn of(track: &ObserverTrack, at: Tai, light_deflection: bool) -> Result<Self, ObserverError> {
         let observer = track.barycentric_state(at)?;
-        let bends = light_deflection && !matches!(track.observer(), Observer::Barycentre);
+        let bends = light_deflection && !track.is_barycentre();
         let heliocentric_km = bends.then(|| observer.position_km - track.sun_state(at).position_km);
         Ok(Self { observer, heliocentric_km })
     }

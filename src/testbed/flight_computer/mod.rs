@@ -7,6 +7,7 @@
 //! `tests.rs` holds the wire round trip (0.02 arcsec), the time marks, jitter, faults and determinism.
 
 mod jitter;
+mod motion;
 mod received;
 mod remote_clock;
 mod schedule;
@@ -18,6 +19,7 @@ mod tests;
 
 pub use crate::attitude_truth::AttitudeTruth;
 pub use jitter::{JitterLineParams, JitterStream};
+pub use motion::{AtWaypoints, SteadyMotion, Swing, Waypoint, WaypointError, WaypointMotion};
 pub use received::Received;
 pub use remote_clock::RemoteClock;
 pub use slew::{RampShape, Slew, SlewProfile, body_from_ra_dec_roll};
@@ -302,7 +304,7 @@ impl FlightComputer {
     fn send_sync(&mut self, count: u64, port: &mut Port) -> Result<(), LinkError> {
         let counter = low_byte(count);
         let left_at = port.send(&Message::Sync(Sync { counter }))?;
-        self.sent_sync = Some(SentSync { counter, left_at, packet: port.packets_sent() - 1 });
+        self.sent_sync = Some(SentSync { counter, left_at, packet: port.packets_sent().saturating_sub(1) });
         Ok(())
     }
 

@@ -4,6 +4,7 @@
 //! Before its first row and after its last one the body rests, or there is none, as the plant says.
 
 use crate::attitude_truth::AttitudeTruth;
+use crate::flight_computer::motion::{SteadyMotion, WaypointMotion};
 use crate::flight_computer::slew::SlewProfile;
 use base::time::Tai;
 use glam::DVec3;
@@ -50,6 +51,10 @@ pub enum Profile {
     Script(SlewProfile),
     /// Attitudes of a file.
     File(FileProfile),
+    /// A constant rate with sinusoids on top of it.
+    Steady(SteadyMotion),
+    /// A path through waypoints whose zero is at this instant.
+    Waypoints(WaypointMotion, Tai),
 }
 
 impl Profile {
@@ -59,6 +64,8 @@ impl Profile {
         match self {
             Self::Script(profile) => Some(profile.at(at)),
             Self::File(profile) => profile.at(at),
+            Self::Steady(motion) => Some(motion.at(at)),
+            Self::Waypoints(motion, zero) => Some(motion.at_s((at - *zero).s())),
         }
     }
 }

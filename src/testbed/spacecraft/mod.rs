@@ -66,6 +66,8 @@ pub struct Spacecraft {
     walk_torque_n_m: DVec3,
     noise: Gaussian,
     test_torques: Vec<TestTorque>,
+    /// Torques from outside: from when to when, and body axes, N m.
+    pushes: Vec<(Tai, Tai, DVec3)>,
     start: Tai,
     step: Span,
     state: State,
@@ -101,6 +103,7 @@ impl Spacecraft {
             walk_torque_n_m: DVec3::ZERO,
             noise: Gaussian::new(seed),
             test_torques: Vec::new(),
+            pushes: Vec::new(),
             start,
             step: params.step,
             state: State { q: body_from_icrf.quat(), rate: rate_rad_s, speeds, modal: still, modal_rate: still },
@@ -157,6 +160,22 @@ impl Spacecraft {
         self.motors.demand(torque_body_n_m);
         let motor = self.motors.torques(&self.equations, &self.state, self.step.s());
         self.equations.rotors.iter().zip(motor).map(|(rotor, torque)| rotor.axis * -torque).sum()
+    }
+
+    /// Commands a torque on each rotor about its axis (N m), held from [`Self::time`] until the next command of either kind.
+    /// Limits apply wheel by wheel; a dead motor gives nothing.
+    pub fn command_wheels(&mut self, torques_n_m: &[f64; WHEELS_MAX]) {
+        self.motors.demand_of_each(torques_n_m);
+    }
+
+    /// Turns the body by a torque (body axes, N m) between two instants, on top of all others; over an integration step that it
+    /// covers in part it acts with that share. Returns false when `most` wait or act already.
+    pub fn push(&mut self, torque_n_m: DVec3, from: Tai, until: Tai, most: usize) -> bool {
+        let has_place = self.pushes.len() < most;
+        if has_place {
+            self.pushes.push((from, until, torque_n_m));
+        }
+        has_place
     }
 
     /// Momentum unloading on or off, from [`Self::time`] on.
@@ -224,6 +243,8 @@ impl Spacecraft {
         let t_s = self.since_start_s(self.time());
         self.state = self.equations.step(&step.from, &step.held, t_s, self.step.s());
         self.steps.push(step);
+        let now = self.time();
+        self.pushes.retain(|(_, until, _)| *until > now);
         if self.walk_per_step_n_m > 0.0 {
             self.walk_torque_n_m += self.noise.vector(self.walk_per_step_n_m);
         }
@@ -234,13 +255,20 @@ impl Spacecraft {
         let unloading = if self.is_unloading { self.unloading_torque_n_m() } else { DVec3::ZERO };
         Held {
             motor: self.motors.torques(&self.equations, &self.state, self.step.s()),
-            outside: self.walk_torque_n_m + unloading + self.test_torque_n_m(),
+            outside: self.walk_torque_n_m + unloading + self.test_torque_n_m() + self.pushed_n_m(),
         }
     }
 
     fn test_torque_n_m(&self) -> DVec3 {
         let middle_s = self.since_start_s(self.time()) + 0.5 * self.step.s();
         self.test_torques.iter().map(|torque| torque.at_n_m(middle_s)).sum()
+    }
+
+    /// The mean of the torques from outside over the next step.
+    fn pushed_n_m(&self) -> DVec3 {
+        let (begin, end) = (self.time(), self.time() + self.step);
+        let share = |from: Tai, until: Tai| (until.min(end) - from.max(begin)).s().max(0.0) / self.step.s();
+        self.pushes.iter().map(|(from, until, torque_n_m)| *torque_n_m * share(*from, *until)).sum()
     }
 
     fn unloading_torque_n_m(&self) -> DVec3 {

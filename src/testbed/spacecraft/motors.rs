@@ -47,6 +47,11 @@ impl Motors {
         }
     }
 
+    /// Demands a torque on each rotor about its axis, N m.
+    pub(super) fn demand_of_each(&mut self, torques_n_m: &[f64; WHEELS_MAX]) {
+        self.demand = *torques_n_m;
+    }
+
     /// The wheel coasts from now on; the others share what is demanded next.
     pub(super) fn fail(&mut self, wheel: usize, equations: &Equations) {
         self.healthy[wheel] = false;

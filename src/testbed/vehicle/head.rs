@@ -23,6 +23,8 @@ const FRESH: Span = Span::from_ms(1500);
 pub struct HeadReport {
     /// Attitude, or why there is none; `None` before the first frame.
     pub last: Option<Outcome>,
+    /// Number of the frame of which it was said, and the middle of its exposure.
+    pub frame: Option<(u32, Tai)>,
     /// Frames without a time tag.
     pub untagged: u64,
     /// Frames that came while the tracker was off.
@@ -53,7 +55,7 @@ impl Head {
             ready: VecDeque::with_capacity(TAGS),
             off: 0,
             last_frame: None,
-            report: HeadReport { last: None, untagged: 0, ignored: 0 },
+            report: HeadReport { last: None, frame: None, untagged: 0, ignored: 0 },
         }
     }
 
@@ -86,6 +88,7 @@ impl Head {
         let rate = self.params.sensor_from_body.apply(rate_body);
         let outcome = self.tracker.measure(image, mid_exposure, beta, Some(rate));
         self.report.last = Some(outcome);
+        self.report.frame = Some((number, mid_exposure));
         if let Outcome::Solved(solution) = outcome {
             self.ready.push_back((at + self.params.delay, solution));
         }

@@ -13,12 +13,14 @@
 
 mod fault;
 mod head;
+mod outside;
 mod params;
 mod telemetry;
 
 use fault::ActiveFaults;
 pub use fault::VehicleFault;
 pub use head::HeadReport;
+pub use outside::OutsideError;
 pub use params::{HeadParams, VehicleParams};
 pub use telemetry::{ROW_BYTES, Telemetry, TelemetryRow};
 
@@ -34,7 +36,8 @@ use base::image::DnImage;
 use base::time::{Span, Tai};
 use base::units::DEG;
 use glam::DVec3;
-use head::Head;
+use head::{BodyAttitude, Head};
+use outside::Drive;
 use stars::catalog::{Catalog, CatalogError};
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -86,7 +89,13 @@ pub struct Vehicle {
     last: (Tai, Rotation<Body, Icrf>),
     faults: ActiveFaults,
     /// Torques on their way to the wheels.
-    torques: VecDeque<(Tai, DVec3)>,
+    torques: VecDeque<(Tai, Drive)>,
+    /// A control outside drives the wheels.
+    is_driven_outside: bool,
+    /// A tracker outside takes the place of those inside.
+    is_sighted_outside: bool,
+    /// Attitudes of a tracker outside for the next control step.
+    fixes: Vec<BodyAttitude>,
     control_steps: u64,
     known_since: Option<Tai>,
     safe_since: Option<Tai>,
@@ -127,6 +136,9 @@ impl Vehicle {
             last: (start, params.initial),
             faults: ActiveFaults::default(),
             torques: VecDeque::with_capacity(64),
+            is_driven_outside: false,
+            is_sighted_outside: false,
+            fixes: Vec::new(),
             control_steps: 0,
             known_since: None,
             safe_since: None,
@@ -219,9 +231,11 @@ impl Vehicle {
         self.take_attitudes(at);
         let output = self.control(at, &truth);
         let apply_at = at + self.params.actuation_delay;
-        self.torques.push_back((apply_at, output.torque_n_m));
+        if !self.is_driven_outside {
+            self.torques.push_back((apply_at, Drive::Body(output.torque_n_m)));
+        }
         self.fly_to(at);
-        self.spacecraft.command_unloading(output.unload);
+        self.spacecraft.command_unloading(output.unload && !self.is_driven_outside);
         self.telemetry.mode_events.extend(output.event);
         self.resume(at, output.mode);
         self.control_steps += 1;
@@ -349,9 +363,14 @@ impl Vehicle {
 
     /// Moves the smooth motion to the first step boundary not before `at`, with each torque from its time on.
     fn fly_to(&mut self, at: Tai) {
-        while let Some((from, torque)) = self.torques.front().copied().filter(|(from, _)| *from <= at) {
+        while let Some((from, drive)) = self.torques.front().copied().filter(|(from, _)| *from <= at) {
             self.spacecraft.advance_to(from);
-            self.spacecraft.command_torques(torque);
+            match drive {
+                Drive::Body(torque_n_m) => {
+                    self.spacecraft.command_torques(torque_n_m);
+                }
+                Drive::Wheels(torques_n_m) => self.spacecraft.command_wheels(&torques_n_m),
+            }
             self.torques.pop_front();
         }
         self.spacecraft.advance_to(at);
@@ -376,6 +395,9 @@ impl Vehicle {
             while let Some(measured) = head.next_ready(at) {
                 self.estimator.measure(measured.at, &measured.body_from_icrf, &measured.covariance_rad2);
             }
+        }
+        for fix in self.fixes.drain(..) {
+            self.estimator.measure(fix.at, &fix.body_from_icrf, &fix.covariance_rad2);
         }
     }
 

@@ -12,8 +12,8 @@ use link::capture::{
 use link::{CHUNK_MAX, Packet, SerialChunk};
 use starloop_fuzz::{Input, control};
 
-/// One block, the packets that its serial bytes become (more than twice their size, in a queue that doubles), buffers.
-const MEMORY_MAX: u64 = 8 * BLOCK_MAX as u64;
+/// One block, the packets that its serial bytes become (seven times their size, in a queue that doubles), buffers.
+const MEMORY_MAX: u64 = 24 * BLOCK_MAX as u64;
 /// Most packets per byte: a line of a frame without data.
 const SHORTEST: usize = 8;
 

@@ -18,13 +18,12 @@ mod image_lag;
 pub mod neighbours;
 mod passes;
 
-use crate::detector::background::{Background, normalisation};
-use crate::detector::defects::Defects;
+use crate::detector::background::normalisation;
+use crate::detector::conditions::DetectorConditions;
 use crate::detector::disturbances::Disturbances;
 use crate::detector::neighbours::FrameAt;
 use crate::detector::output::Output;
 use crate::detector::params::Constants;
-use crate::detector::protons::{ProtonFlux, ProtonFluxError, ProtonTrack};
 use crate::detector::{Detector, DetectorParams, PoissonMethod};
 use crate::gpu::buffers::GrowableBuffer;
 use crate::gpu::readback::ReadbackRing;
@@ -88,13 +87,9 @@ pub struct GpuDetector {
     gpu: Arc<GpuDevice>,
     model: DetectorParams,
     noise_seed: u64,
-    stray_light_e: f32,
-    background: Background,
     has_map: bool,
     size: [usize; 2],
     disturbances: Disturbances,
-    /// Of the temperature that the camera file says: rates of defects hold there.
-    dark_factor_at_start: f64,
     output: Output,
     passes: Passes,
     params: GrowableBuffer,
@@ -127,20 +122,12 @@ impl GpuDetector {
             times: FrameTimes::default(),
             size: [width_px, height_px],
             disturbances: detector.disturbances().clone(),
-            dark_factor_at_start: detector.params().dark_law.factor(),
             output,
             model: *detector.params(),
             noise_seed: detector.seeds().noise,
-            stray_light_e: 0.0,
-            background: Background::DARK,
             has_map: detector.illumination_map().is_some(),
             gpu,
         })
-    }
-
-    /// Background of the frames from here on.
-    pub fn set_background(&mut self, background: Background) {
-        self.background = background;
     }
 
     /// As [`Detector::set_illumination_map`].
@@ -157,34 +144,15 @@ impl GpuDetector {
         Ok(())
     }
 
-    /// Stray light of the frames from here on, on top of the background: mean electrons more in every pixel.
-    pub fn set_stray_light_e(&mut self, stray_light_e: f32) {
-        self.stray_light_e = stray_light_e;
-    }
-
-    /// Defects, to be changed from the next frame on.
-    pub fn defects_mut(&mut self) -> &mut Defects {
-        self.disturbances.defects_mut()
-    }
-
-    /// Protons of the frames from here on; `None`: none.
-    ///
-    /// # Errors
-    /// When a value means nothing; the flux stays as it was.
-    pub fn set_proton_flux(&mut self, flux: Option<ProtonFlux>) -> Result<(), ProtonFluxError> {
-        self.disturbances.protons_mut().set_flux(flux)
-    }
-
     /// Defects and protons.
     #[must_use]
     pub fn disturbances(&self) -> &Disturbances {
         &self.disturbances
     }
 
-    /// Proton tracks of the latest frame, in sensor pixels.
-    #[must_use]
-    pub fn proton_tracks(&self) -> &[ProtonTrack] {
-        self.disturbances.proton_tracks()
+    /// Defects and protons, to be changed from the next frame on.
+    pub fn disturbances_mut(&mut self) -> &mut Disturbances {
+        &mut self.disturbances
     }
 
     /// Forgets what is kept from frame to frame: the next frame is as the first.
@@ -192,11 +160,6 @@ impl GpuDetector {
         if let Passes::Apart { neighbours, .. } = &mut self.passes {
             neighbours.stages.iter_mut().for_each(|stage| stage.reset());
         }
-    }
-
-    /// The detector's temperature in the frames from here on, degrees Celsius: scales the dark current.
-    pub fn set_temperature_c(&mut self, operating_c: f64) {
-        self.model.dark_law.operating_c = operating_c;
     }
 
     /// Wall time of the latest frame.
@@ -213,13 +176,13 @@ impl GpuDetector {
         &mut self,
         electrons: &DeviceElectrons,
         frame: u32,
-        exposure_s: f64,
+        conditions: &DetectorConditions,
         out: &mut DnImage,
     ) -> Result<(), GpuError> {
         check_size("electrons to read out", [electrons.width(), electrons.height()], self.size)?;
         check_size("digital numbers", [out.width(), out.height()], self.output.geometry().size_px)?;
         let mut watch = Stopwatch::start();
-        self.submit(electrons, frame, exposure_s)?;
+        self.submit(electrons, frame, conditions)?;
         let submit = watch.lap();
         let adc = self.output.adc_image(out);
         let wait = self.readback.receive(&self.gpu, |bytes| {
@@ -237,16 +200,20 @@ impl GpuDetector {
     }
 
     #[allow(clippy::cast_possible_truncation, reason = "images hold fewer than 2^32 pixels")]
-    fn submit(&mut self, electrons: &DeviceElectrons, frame: u32, exposure_s: f64) -> Result<(), GpuError> {
-        let background = self.background.and_uniform(self.stray_light_e);
-        let constants = Constants::new(&self.model, exposure_s, background.level_e(self.has_map));
+    fn submit(
+        &mut self,
+        electrons: &DeviceElectrons,
+        frame: u32,
+        conditions: &DetectorConditions,
+    ) -> Result<(), GpuError> {
+        let background = conditions.background;
+        let constants = Constants::new(&self.model, conditions, background.level_e(self.has_map));
         let (offset, scale) = normalisation(self.size);
         let pixels = (self.size[0] * self.size[1]) as u32;
-        let warmer = self.model.dark_law.factor() / self.dark_factor_at_start;
-        self.disturbances.advance(frame, exposure_s, warmer);
+        self.disturbances.advance(frame, conditions, self.model.dark_law);
         let [adc_width, adc_height] = self.output.adc_px();
         let adc_pixels = (adc_width * adc_height) as u32;
-        let at = FrameAt { frame, exposure_s, key: key(self.noise_seed) };
+        let at = FrameAt { frame, exposure_s: conditions.exposure_s, key: key(self.noise_seed) };
         let uniform = FrameUniform {
             pixels,
             frame,

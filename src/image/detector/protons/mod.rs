@@ -143,7 +143,6 @@ pub struct Protons {
     size_px: [usize; 2],
     layer: SensitiveLayer,
     seed: u64,
-    flux: Option<ProtonFlux>,
     most_tracks: usize,
     tracks: Vec<ProtonTrack>,
     charge: Vec<Outlier>,
@@ -157,26 +156,11 @@ impl Clone for Protons {
 }
 
 impl Protons {
-    /// No flux yet; room for so many tracks and pixels with charge per frame.
+    /// With capacity for so many tracks and pixels with charge per frame.
     #[must_use]
     pub fn new(size_px: [usize; 2], layer: SensitiveLayer, seed: u64, most_tracks: usize, most_px: usize) -> Self {
         let (tracks, charge) = (Vec::with_capacity(most_tracks), Vec::with_capacity(most_px));
-        Self { size_px, layer, seed, flux: None, most_tracks, tracks, charge, left_out: 0 }
-    }
-
-    /// The flux of the frames from here on; `None`: none.
-    ///
-    /// # Errors
-    /// When a value means nothing; the flux stays as it was.
-    pub fn set_flux(&mut self, flux: Option<ProtonFlux>) -> Result<(), ProtonFluxError> {
-        self.flux = flux.map(ProtonFlux::checked).transpose()?.filter(|flux| flux.per_cm2_s > 0.0);
-        Ok(())
-    }
-
-    /// The flux, when there is one.
-    #[must_use]
-    pub fn flux(&self) -> Option<ProtonFlux> {
-        self.flux
+        Self { size_px, layer, seed, most_tracks, tracks, charge, left_out: 0 }
     }
 
     /// Tracks of the latest frame.
@@ -198,11 +182,12 @@ impl Protons {
         self.size_px[0] as f64 * self.size_px[1] as f64 * pitch_cm * pitch_cm
     }
 
-    /// Draws the tracks of frame `frame`; the charge by pixel, sorted.
-    pub fn at_frame(&mut self, frame: u32, exposure_s: f64) -> &[Outlier] {
+    /// Draws the tracks of frame `frame` from a flux; the charge by pixel, sorted. A flux that is refused is none.
+    pub fn at_frame(&mut self, frame: u32, exposure_s: f64, flux: Option<ProtonFlux>) -> &[Outlier] {
         self.tracks.clear();
         self.charge.clear();
-        let Some(flux) = self.flux else { return &[] };
+        let flux = flux.and_then(|flux| flux.checked().ok()).filter(|flux| flux.per_cm2_s > 0.0);
+        let Some(flux) = flux else { return &[] };
         let rate_per_s = flux.rate_per_s(self.area_cm2());
         // Times between protons are exponential: as many as fit into the exposure are Poisson.
         let mut at_s = 0.0;

@@ -18,10 +18,9 @@ fn beam(incidence_deg: f64) -> ProtonDirection {
 /// All tracks of so many frames of 0.5 s.
 fn tracks(direction: ProtonDirection, frames: u32) -> Vec<ProtonTrack> {
     let mut protons = protons();
-    protons.set_flux(Some(flux(direction))).unwrap();
     (0..frames)
         .flat_map(|frame| {
-            protons.at_frame(frame, 0.5);
+            protons.at_frame(frame, 0.5, Some(flux(direction)));
             protons.tracks().to_vec()
         })
         .collect()
@@ -34,11 +33,10 @@ fn the_rate_is_that_of_the_flux() {
     let frames = 400;
     for (direction, share) in [(ProtonDirection::Isotropic, 0.5), (beam(0.0), 1.0), (beam(60.0), 0.5)] {
         let mut protons = protons();
-        protons.set_flux(Some(flux(direction))).unwrap();
         assert!((protons.area_cm2() - area_cm2).abs() < 1e-12);
         let counts: Vec<f64> = (0..frames)
             .map(|frame| {
-                protons.at_frame(frame, 0.5);
+                protons.at_frame(frame, 0.5, Some(flux(direction)));
                 protons.tracks().len() as f64
             })
             .collect();
@@ -103,9 +101,8 @@ fn a_slanted_beam_has_longer_tracks() {
 #[test]
 fn charge_is_what_the_tracks_say() {
     let mut protons = protons();
-    protons.set_flux(Some(flux(ProtonDirection::Isotropic))).unwrap();
     for frame in 0..20 {
-        let list = protons.at_frame(frame, 0.5).to_vec();
+        let list = protons.at_frame(frame, 0.5, Some(flux(ProtonDirection::Isotropic))).to_vec();
         assert!(list.windows(2).all(|w| w[0].pixel < w[1].pixel), "sorted, one each");
         let charge_e: f64 = list.iter().map(|o| f64::from(o.charge_e)).sum();
         let inside = |t: &&ProtonTrack| [t.start_px, t.end_px].iter().flatten().all(|at| (0.0..511.0).contains(at));
@@ -118,14 +115,13 @@ fn charge_is_what_the_tracks_say() {
 #[test]
 fn frames_repeat_and_the_excess_is_counted() {
     let mut few = Protons::new(SIZE, LAYER, 11, 4, 10_000);
-    few.set_flux(Some(flux(beam(0.0)))).unwrap();
-    let first = few.at_frame(3, 0.5).to_vec();
+    let many = Some(flux(beam(0.0)));
+    let first = few.at_frame(3, 0.5, many).to_vec();
     assert_eq!(few.tracks().len(), 4, "bounded");
     assert!((10..=40).contains(&few.left_out()), "about 22: {}", few.left_out());
-    assert_ne!(few.at_frame(4, 0.5), first, "another frame");
-    assert_eq!(few.at_frame(3, 0.5), first, "the same again");
-    few.set_flux(None).unwrap();
-    assert!(few.at_frame(5, 0.5).is_empty() && few.tracks().is_empty());
+    assert_ne!(few.at_frame(4, 0.5, many), first, "another frame");
+    assert_eq!(few.at_frame(3, 0.5, many), first, "the same again");
+    assert!(few.at_frame(5, 0.5, None).is_empty() && few.tracks().is_empty());
 }
 
 #[test]
@@ -140,11 +136,11 @@ fn fluxes_without_a_meaning_are_refused() {
         ProtonFlux { direction: beam(90.0), ..good },
         ProtonFlux { direction: ProtonDirection::Beam { incidence_deg: 0.0, azimuth_deg: f64::INFINITY }, ..good },
     ] {
-        let refused = protons.set_flux(Some(bad)).unwrap_err();
+        let refused = bad.checked().unwrap_err();
         assert!(refused.to_string().contains("wanted"), "{refused}");
+        assert!(protons.at_frame(1, 0.5, Some(bad)).is_empty(), "a flux that is refused draws nothing: {bad:?}");
     }
-    assert_eq!(protons.flux(), None);
-    protons.set_flux(Some(ProtonFlux { per_cm2_s: 0.0, ..good })).unwrap();
-    assert_eq!(protons.flux(), None, "no flux is none");
-    protons.set_flux(Some(ProtonFlux { energy_mev: 1.0, ..good })).unwrap();
+    assert!(!protons.at_frame(1, 0.5, Some(good)).is_empty(), "control");
+    assert!(protons.at_frame(1, 0.5, Some(ProtonFlux { per_cm2_s: 0.0, ..good })).is_empty(), "no flux is none");
+    assert!(ProtonFlux { energy_mev: 1.0, ..good }.checked().is_ok());
 }

@@ -35,6 +35,8 @@ const OPTION_PROGRAM: u16 = 4;
 const LINK_CAN: u16 = 227;
 /// LINKTYPE_USER0: here, bytes of a serial line.
 const LINK_SERIAL: u16 = 147;
+/// LINKTYPE_USER1: here, a plain datagram, or a record or line of a plain stream.
+const LINK_DATAGRAM: u16 = 148;
 
 /// Flags in the identifier of a SocketCAN header: extended, remote, error.
 const CAN_NOT_PLAIN: u32 = 0xE000_0000;

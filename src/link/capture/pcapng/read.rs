@@ -1,12 +1,12 @@
 //! pcapng -> packets: either byte order, any number of sections and interfaces, any units of stamps.
 
 use super::{
-    CAN_FD_STRUCTURE, CAN_FDF, CAN_HEADER, CAN_NOT_PLAIN, ENHANCED_PACKET, INTERFACE, LINK_CAN, LINK_SERIAL,
-    NAME_BEFORE, OBSOLETE_PACKET, OPTION_COMMENT, OPTION_END, OPTION_FLAGS, OPTION_NAME, OPTION_OFFSET,
+    CAN_FD_STRUCTURE, CAN_FDF, CAN_HEADER, CAN_NOT_PLAIN, ENHANCED_PACKET, INTERFACE, LINK_CAN, LINK_DATAGRAM,
+    LINK_SERIAL, NAME_BEFORE, OBSOLETE_PACKET, OPTION_COMMENT, OPTION_END, OPTION_FLAGS, OPTION_NAME, OPTION_OFFSET,
     OPTION_RESOLUTION, ORDER_MAGIC, OUTBOUND, SECTION, SIMPLE_PACKET, TAI_AFTER, TAI_BEFORE,
 };
 use crate::capture::{BLOCK_MAX, CaptureError, CapturedPacket, Direction};
-use crate::{CHUNK_MAX, Packet, SerialChunk};
+use crate::{CHUNK_MAX, Datagram, Packet, SerialChunk};
 use base::time::Tai;
 use firmware_protocol::can::CanFrame;
 use std::collections::VecDeque;
@@ -280,6 +280,10 @@ impl<R: Read> PcapngReader<R> {
                 let chunks = data.chunks(CHUNK_MAX).filter_map(SerialChunk::new);
                 ready.extend(chunks.map(|chunk| captured(Packet::Serial(chunk))));
             }
+            LINK_DATAGRAM => match Datagram::new(data) {
+                Some(datagram) => ready.push_back(captured(Packet::Datagram(datagram))),
+                None => self.skipped += 1,
+            },
             _ => self.skipped += 1,
         }
         Ok(())

@@ -1,9 +1,9 @@
 //! Packets -> pcapng, little-endian.
 
 use super::{
-    CAN_BRS, CAN_FDF, ENHANCED_PACKET, INBOUND, INTERFACE, LINK_CAN, LINK_SERIAL, NAME_BEFORE, OPTION_COMMENT,
-    OPTION_END, OPTION_FLAGS, OPTION_NAME, OPTION_PROGRAM, OPTION_RESOLUTION, ORDER_MAGIC, OUTBOUND, SECTION,
-    TAI_AFTER, TAI_BEFORE,
+    CAN_BRS, CAN_FDF, ENHANCED_PACKET, INBOUND, INTERFACE, LINK_CAN, LINK_DATAGRAM, LINK_SERIAL, NAME_BEFORE,
+    OPTION_COMMENT, OPTION_END, OPTION_FLAGS, OPTION_NAME, OPTION_PROGRAM, OPTION_RESOLUTION, ORDER_MAGIC, OUTBOUND,
+    SECTION, TAI_AFTER, TAI_BEFORE,
 };
 use crate::Packet;
 use crate::capture::{CapturedPacket, Direction};
@@ -45,6 +45,7 @@ impl<W: Write> PcapngWriter<W> {
         let link_type = match captured.packet {
             Packet::Can(_) => LINK_CAN,
             Packet::Serial(_) => LINK_SERIAL,
+            Packet::Datagram(_) => LINK_DATAGRAM,
         };
         let wanted = (captured.interface, link_type);
         let place = match self.described.iter().position(|described| *described == wanted) {
@@ -54,9 +55,9 @@ impl<W: Write> PcapngWriter<W> {
         self.data.clear();
         match &captured.packet {
             Packet::Can(frame) => put_can(&mut self.data, frame),
-            Packet::Serial(chunk) => self.data.extend(chunk.as_slice()),
+            Packet::Serial(_) | Packet::Datagram(_) => self.data.extend(captured.packet.data()),
         }
-        #[allow(clippy::cast_possible_truncation, reason = "512 interfaces at most")]
+        #[allow(clippy::cast_possible_truncation, reason = "768 interfaces at most")]
         self.put_packet(place as u32, captured);
         self.finish_block(ENHANCED_PACKET)
     }
@@ -68,7 +69,7 @@ impl<W: Write> PcapngWriter<W> {
         // The upper half of the stamp comes first.
         body.extend(unix_ns.to_le_bytes()[4..].iter());
         body.extend(unix_ns.to_le_bytes()[..4].iter());
-        #[allow(clippy::cast_possible_truncation, reason = "a packet has at most 80 bytes")]
+        #[allow(clippy::cast_possible_truncation, reason = "a packet has at most 512 bytes")]
         let length = (self.data.len() as u32).to_le_bytes();
         body.extend(length); // captured
         body.extend(length); // on the wire

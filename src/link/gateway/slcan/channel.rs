@@ -41,7 +41,7 @@ impl Channel {
         let rates_bps = match timing {
             BusTiming::CanClassic { bit_rate_bps } => (*bit_rate_bps, *bit_rate_bps),
             BusTiming::CanFd { arbitration_bps, data_bps } => (*arbitration_bps, *data_bps),
-            BusTiming::Serial { baud } => (*baud, *baud),
+            BusTiming::Serial { baud: rate } | BusTiming::Datagram { bit_rate_bps: rate } => (*rate, *rate),
         };
         Self { parser: Parser::default(), rates_bps, is_silent: false, may_send: false, told: (0, 0) }
     }

@@ -1,6 +1,6 @@
 //! Packets with a wrong bit, packets without their tail, packets of nonsense.
 
-use crate::{CHUNK_MAX, Packet, SerialChunk, WireFormat};
+use crate::{CHUNK_MAX, Datagram, Packet, SerialChunk, WireFormat};
 use firmware_protocol::can::CanFrame;
 use rand::RngExt;
 use rand::rngs::StdRng;
@@ -29,15 +29,17 @@ pub(super) fn flip_a_bit(packet: &mut Packet, dice: &mut StdRng) {
             flip(&mut bytes, dice);
             *chunk = SerialChunk::new(&bytes).unwrap_or(*chunk);
         }
+        Packet::Datagram(datagram) => {
+            let mut bytes = datagram.as_slice().to_vec();
+            flip(&mut bytes, dice);
+            *datagram = Datagram::new(&bytes).unwrap_or(*datagram);
+        }
     }
 }
 
 /// Cuts the content to a random shorter length (of those that a frame can have); false when there is nothing to cut.
 pub(super) fn cut_the_tail(packet: &mut Packet, dice: &mut StdRng) -> bool {
-    let length = match packet {
-        Packet::Can(frame) => frame.data().len(),
-        Packet::Serial(chunk) => chunk.as_slice().len(),
-    };
+    let length = packet.data().len();
     if length == 0 {
         return false;
     }
@@ -45,6 +47,7 @@ pub(super) fn cut_the_tail(packet: &mut Packet, dice: &mut StdRng) -> bool {
     match packet {
         Packet::Can(frame) => *frame = can(frame.id(), frame.is_fd(), &frame.data()[..kept]).unwrap_or(*frame),
         Packet::Serial(chunk) => *chunk = SerialChunk::new(&chunk.as_slice()[..kept]).unwrap_or(*chunk),
+        Packet::Datagram(datagram) => *datagram = Datagram::new(&datagram.as_slice()[..kept]).unwrap_or(*datagram),
     }
     true
 }
@@ -58,6 +61,7 @@ pub(super) fn babble(format: WireFormat, id: u16, bytes: u8, dice: &mut StdRng) 
         WireFormat::CanClassic => can(id, false, content(CLASSIC_MAX)).map(Packet::Can),
         WireFormat::CanFd => can(id, true, content(FD_MAX)).map(Packet::Can),
         WireFormat::Serial => SerialChunk::new(content(CHUNK_MAX)).map(Packet::Serial),
+        WireFormat::Plain => Datagram::new(content(CHUNK_MAX)).map(Packet::Datagram),
     }
 }
 

@@ -101,7 +101,7 @@ fn delayed_packets_arrive_later_by_as_much_as_said_and_may_overtake() {
     assert!(arrived.is_sorted_by_key(|packet| packet.at), "handed on in order of arrival");
     let number = |packet: &Stamped<Packet>| match packet.value {
         Packet::Can(frame) => i64::from(u16::from_le_bytes([frame.data()[0], frame.data()[1]])),
-        Packet::Serial(_) => -1,
+        Packet::Serial(_) | Packet::Datagram(_) => -1,
     };
     let mut overtaken = 0;
     for pair in arrived.windows(2) {
@@ -140,7 +140,7 @@ fn the_seed_decides() {
 fn number_of(packet: &Stamped<Packet>) -> u16 {
     match packet.value {
         Packet::Can(frame) => u16::from_le_bytes([frame.data()[0], frame.data()[1]]),
-        Packet::Serial(_) => panic!("a CAN frame"),
+        Packet::Serial(_) | Packet::Datagram(_) => panic!("a CAN frame"),
     }
 }
 
@@ -302,4 +302,22 @@ fn a_fault_says_how_much_of_it_there_is_and_when_packets_come() {
     ] {
         assert_eq!((fault.to_string().as_str(), fault.arrival(ms(20_000))), (text, arrival));
     }
+}
+
+#[test]
+fn datagrams_are_damaged_as_other_packets_are() {
+    use super::damage::{babble, cut_the_tail, flip_a_bit};
+    use crate::{Datagram, WireFormat};
+    use rand::SeedableRng;
+    use rand::rngs::StdRng;
+    let mut dice = StdRng::seed_from_u64(1);
+    let whole = Packet::Datagram(Datagram::new(&[0; 64]).unwrap());
+    let mut flipped = whole;
+    flip_a_bit(&mut flipped, &mut dice);
+    let ones: u32 = flipped.data().iter().map(|byte| byte.count_ones()).sum();
+    assert_eq!((flipped.data().len(), ones), (64, 1));
+    let mut cut = whole;
+    assert!(cut_the_tail(&mut cut, &mut dice) && cut.data().len() < 64);
+    let noise = babble(WireFormat::Plain, 0, 20, &mut dice).unwrap();
+    assert!(matches!(noise, Packet::Datagram(_)) && noise.data().len() == 20);
 }

@@ -7,6 +7,7 @@
 //! | PSD and seed | Gaussian noise as 32 sinusoids per axis (`psd`) | continuous, by the remote clock |
 //! | wheel harmonics and speeds | sinusoids of the wheels' angles (`wheels`) | continuous; speed frozen at mid-exposure |
 //! | sampled bursts | points | linear between points |
+//! | a record of the bench (`record`) | a series, measured or of a density (`spectrum`) | points, and lines with the moments of what is faster |
 //!
 //! Nothing is averaged beforehand: all of it is a function of time ([`JitterTrack::rotation_at`]), integrated inside the image
 //! by the planner's quadrature. Its node count follows the highest line's frequency and every sampled point, and its
@@ -21,10 +22,17 @@
 
 mod lines;
 mod psd;
+mod record;
+mod spectrum;
 mod stream;
+mod table;
 mod wheels;
 
 pub use psd::{LINES_PER_AXIS, PSD_POINTS_MAX, PsdPoint, psd_variance};
+pub use record::{JitterRecord, RECORD_SAMPLES_MAX, RecordEnd, RecordError, RecordedJitter};
+pub(super) use record::{RECORD_LINES, RECORD_POINTS_MAX};
+pub use spectrum::{DENSITY_ROWS_MAX, DensityError, SpectrumBin, band_power_rad2, smear_power_rad2};
+pub use table::{JitterTableError, read_density, read_series};
 pub use wheels::{HARMONICS_MAX, WHEELS, WheelHarmonic};
 
 use crate::attitude::error::{HistoryReject, JitterReject};
@@ -33,6 +41,7 @@ use crate::attitude::remote_clock::ClockEstimate;
 use crate::attitude::ring::{EpochRing, HistoryCounts, HistoryLimits};
 use base::time::{Span, Tai};
 use glam::DVec3;
+use record::RecordReader;
 use stream::Stream;
 use wheels::WheelHarmonics;
 
@@ -56,6 +65,7 @@ pub struct JitterHistory {
     noise: Vec<JitterLine>,
     wheels: WheelHarmonics,
     remote: Option<ClockEstimate>,
+    record: Option<RecordReader>,
 }
 
 /// How much of a window the received points cover.
@@ -87,6 +97,7 @@ impl JitterHistory {
             noise: Vec::with_capacity(3 * LINES_PER_AXIS),
             wheels: WheelHarmonics::new(),
             remote: None,
+            record: None,
         }
     }
 
@@ -102,6 +113,11 @@ impl JitterHistory {
         self.lines.extend_from_slice(lines);
         self.lines_epoch = epoch;
         Ok(())
+    }
+
+    /// Adds a record to all other jitter, in place of a former one. Makes the tables of its filter: for set-up.
+    pub fn set_record(&mut self, jitter: RecordedJitter) {
+        self.record = Some(RecordReader::new(jitter));
     }
 
     /// Replaces the uploaded lines, whose phases hold at remote time 0 and whose frequencies are per remote second. An
@@ -244,10 +260,10 @@ impl JitterHistory {
         let last = self.ring.count_until(until);
         let bearing = (first..=last).filter_map(|place| self.ring.get(place));
         track.points.extend(bearing.filter(|point| point.at >= earliest && point.at <= latest));
-        JitterCoverage {
-            missing: self.stream.missing(&track.points, from, until),
-            ..coverage(&track.points, from, until)
-        }
+        let received = coverage(&track.points, from, until);
+        let missing = self.stream.missing(&track.points, from, until);
+        let beyond = self.record.as_ref().map_or(Span::ZERO, |record| record.add_to(from, until, track));
+        JitterCoverage { missing: missing.max(beyond), ..received }
     }
 
     /// With tables of the bus in effect all phases are moved to mid-exposure: short times keep their digits.

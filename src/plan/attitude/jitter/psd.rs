@@ -39,22 +39,22 @@ pub struct PsdPoint {
 
 /// One piece between two breakpoints: `S = s (f / low)^slope`.
 #[derive(Debug, Clone, Copy)]
-struct Piece {
+pub(super) struct Piece {
     low_hz: f64,
-    high_hz: f64,
+    pub(super) high_hz: f64,
     density: f64,
     slope: f64,
 }
 
 impl Piece {
-    fn between(a: (f64, f64), b: (f64, f64)) -> Self {
+    pub(super) fn between(a: (f64, f64), b: (f64, f64)) -> Self {
         let is_empty = a.1 <= 0.0 || b.1 <= 0.0;
         let slope = if is_empty { 0.0 } else { libm::log(b.1 / a.1) / libm::log(b.0 / a.0) };
         Self { low_hz: a.0, high_hz: b.0, density: if is_empty { 0.0 } else { a.1 }, slope }
     }
 
     /// Integral of the density from the low end to `frequency_hz`.
-    fn power_to(&self, frequency_hz: f64) -> f64 {
+    pub(super) fn power_to(&self, frequency_hz: f64) -> f64 {
         let octaves = libm::log(frequency_hz.clamp(self.low_hz, self.high_hz) / self.low_hz);
         let steps = (self.slope + 1.0) * octaves;
         // expm1(x) / x, which is 1 where the density falls as 1/f.
@@ -139,6 +139,12 @@ pub(super) fn check(points: &[PsdPoint]) -> Result<(), JitterReject> {
     if points.len() > PSD_POINTS_MAX {
         return Err(JitterReject::TooMany { got: points.len(), most: PSD_POINTS_MAX });
     }
+    check_rows(points)
+}
+
+/// # Errors
+/// Which point is no part of a density.
+pub(super) fn check_rows(points: &[PsdPoint]) -> Result<(), JitterReject> {
     for (row, point) in points.iter().enumerate() {
         let is_legal =
             point.frequency_hz.is_finite() && point.density.is_finite() && point.density.min_element() >= 0.0;

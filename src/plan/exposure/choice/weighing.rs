@@ -9,7 +9,6 @@ use crate::exposure::pixel_path::PixelPath;
 use crate::exposure::plan::{LONGEST_KERNEL_PX, MOST_KERNEL_BYTES, MOST_KERNELS, Verdict};
 use crate::exposure::probes::{Probes, SIDE, gauss_legendre_count};
 use crate::exposure::weigh::{NodeError, ShapeOf};
-use crate::optics::PsfModel;
 
 /// The order in which methods are weighed: those whose need of nodes tells that of others come first.
 const ORDER: [MethodName; 6] = [
@@ -224,10 +223,8 @@ impl Chooser {
         let size = [camera.width_px() as f64, camera.height_px() as f64];
         let enough = self.weighed.iter().filter(|weighed| self.is_enough(weighed.error, brightest_e, probes));
         let cheapest_ms = enough.map(|weighed| self.stars_ms(weighed.method, probes)).fold(f64::INFINITY, f64::min);
-        let field = match &self.instrument.psf {
-            PsfModel::Field(field) => field.cells().map(|n| u16::try_from(n).unwrap_or(u16::MAX)),
-            PsfModel::Gaussian { .. } | PsfModel::Airy(_) | PsfModel::Moffat(_) | PsfModel::Grid(_) => [1; 2],
-        };
+        let field = self.instrument.psf.as_field().map_or([1; 2], |field| field.cells());
+        let field = field.map(|n| u16::try_from(n).unwrap_or(u16::MAX));
         for zones in ZONES {
             let [columns, rows] = field.map(|cells| cells * zones);
             let bands = if rolling { u16::try_from(self.bands).unwrap_or(u16::MAX) } else { 1 };
@@ -242,7 +239,7 @@ impl Chooser {
             if !motion.is_still() {
                 for i in [probes.centre_index(), probes.widest_index()] {
                     let (Some(probe), Some(list)) = (probes.probes.get(i), self.lists.first()) else { continue };
-                    let varies = matches!(self.instrument.psf, PsfModel::Field(_));
+                    let varies = self.instrument.psf.as_field().is_some();
                     error = error.worst(self.scales.cell_error(list, probe, cell_px, varies, probes));
                 }
             }

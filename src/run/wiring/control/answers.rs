@@ -1,7 +1,11 @@
 //! What a closed loop answers to each request: times in seconds after the first exposure, angles in deg or rad as named.
 
+use crate::runtime::TrackerOutput;
+use crate::runtime::engine::origin_name;
 use crate::wiring::assessment::mode_name;
-use crate::wiring::control::protocol::{PROTOCOL_VERSION, StepBy};
+use crate::wiring::control::protocol::{PROTOCOL_VERSION, REQUESTS, StepBy};
+use crate::wiring::control::samples::SampleList;
+use crate::wiring::error::LoopError;
 use crate::wiring::stepped::SteppedRun;
 use base::axes::{Body, Icrf, Rotation, Sensor, ra_dec_roll};
 use base::time::{Span, Tai};
@@ -9,7 +13,7 @@ use config::{Event, Scenario};
 use frames::report::RunNumbers;
 use serde_json::{Map, Value, json};
 use testbed::acs::Mode;
-use testbed::tracker::{Mode as TrackerMode, Outcome};
+use testbed::tracker::{Mode as TrackerMode, Outcome, Solution};
 use testbed::vehicle::{HeadReport, Vehicle};
 
 /// Where a step goes.
@@ -49,7 +53,7 @@ impl Instants {
 pub(super) fn hello(scenario: &Scenario, instants: &Instants, clock: &str) -> Value {
     let (camera, timing) = (&scenario.bench.camera, &scenario.bench.timing);
     let sensor_px = [camera.detector.width_px, camera.detector.height_px].map(|side| side as usize);
-    let [width, height] = camera.detector.spatial.output(sensor_px).size_px;
+    let [width, height] = camera.detector.params.spatial.output(sensor_px).size_px;
     json!({
         "protocol": PROTOCOL_VERSION,
         "scenario": scenario.name,
@@ -64,6 +68,7 @@ pub(super) fn hello(scenario: &Scenario, instants: &Instants, clock: &str) -> Va
         "width": width,
         "height": height,
         "heads": scenario.bench.head_count(),
+        "requests": REQUESTS.map(|(name, _)| name),
     })
 }
 
@@ -136,6 +141,64 @@ pub(super) fn inject(keys: &Map<String, Value>, going: &mut SteppedRun) -> Resul
     Ok(json!({ "event": event.action.word(), "from_s": from_s, "for_s": event.lasts.s() }))
 }
 
+/// Lets samples of a plant outside wait for their instants.
+pub(super) fn plant(samples: &SampleList, going: &mut SteppedRun) -> Result<Value, String> {
+    let samples = samples.since(going.zero());
+    going.take_plant(&samples).map_err(|error| error.to_string())?;
+    let (waiting, attitude_until) = going.plant_waiting();
+    let attitude_until_s = attitude_until.map(|at| s(at, going));
+    Ok(json!({ "taken": samples.len(), "waiting": waiting, "attitude_until_s": attitude_until_s }))
+}
+
+/// The attitude that frames of the first head are drawn with, by the samples of a plant outside.
+pub(super) fn received_truth(at_s: Option<f64>, going: &SteppedRun) -> Result<Value, String> {
+    let at = at_s.map_or(going.now(), |at_s| going.zero() + Span::from_s(at_s));
+    if at > going.now() {
+        let (asked, now_s) = (s(at, going), now_s(going));
+        return Err(format!("at_s is {asked} s; wanted a time not after now, which is {now_s} s"));
+    }
+    let refuse = |error: LoopError| format!("at_s is {}: {error}", s(at, going));
+    let estimated = going.attitude_at(at).map_err(refuse)?;
+    let mut answer = attitude(&(going.mounting() * estimated.state.body_from_icrf));
+    answer["at_s"] = s(at, going).into();
+    answer["body_rate_rad_s"] = estimated.state.rate_rad_s.to_array().to_vec().into();
+    answer["origin"] = origin_name(estimated.origin).into();
+    Ok(answer)
+}
+
+/// What the built-in tracker of a head says of the newest frame that it is done with.
+pub(super) fn tracker(head: usize, going: &SteppedRun) -> Result<Value, String> {
+    let output = going.tracker_output(head).map_err(|error| error.to_string())?;
+    let Some(TrackerOutput { frame, mid_exposure, outcome }) = output else {
+        return Ok(json!({ "valid": false, "stars": 0, "reason": "no frame yet" }));
+    };
+    let mut answer = match outcome {
+        Outcome::Solved(solution) => {
+            let mut answer = solved(&solution);
+            let body_from_sensor = going.mounting_of(head).inverse();
+            answer["body_from_icrf"] = (body_from_sensor * solution.sensor_from_icrf).wxyz().into();
+            answer["valid"] = true.into();
+            answer
+        }
+        Outcome::NoSolution(reason) => json!({ "valid": false, "stars": 0, "reason": reason.to_string() }),
+    };
+    answer["frame"] = frame.into();
+    answer["mid_exposure_s"] = s(mid_exposure, going).into();
+    Ok(answer)
+}
+
+/// An attitude that a tracker has found.
+fn solved(solution: &Solution) -> Value {
+    let mut answer = attitude(&solution.sensor_from_icrf);
+    answer["stars"] = solution.stars.into();
+    answer["residual_rms_px"] = solution.residual_rms_px.into();
+    answer["found_by"] = match solution.mode {
+        TrackerMode::LostInSpace => "lost_in_space".into(),
+        TrackerMode::Tracking => "tracking".into(),
+    };
+    answer
+}
+
 /// A trigger goes over the bus: whether the stimulator takes it, the events in its report tell.
 pub(super) fn trigger(number: u16, at_s: Option<f64>, going: &mut SteppedRun) -> Result<Value, String> {
     let at = at_s.map(|at_s| going.zero() + Span::from_s(at_s));
@@ -188,15 +251,9 @@ fn head(report: &HeadReport, instants: &Instants) -> Value {
         None => json!({ "outcome": "no_frame_yet" }),
         Some(Outcome::NoSolution(reason)) => json!({ "outcome": "no_attitude", "reason": reason.to_string() }),
         Some(Outcome::Solved(solution)) => {
-            let mut answer = attitude(&solution.sensor_from_icrf);
+            let mut answer = solved(&solution);
             answer["outcome"] = "attitude".into();
             answer["at_s"] = instants.s(solution.at).into();
-            answer["stars"] = solution.stars.into();
-            answer["residual_rms_px"] = solution.residual_rms_px.into();
-            answer["found_by"] = match solution.mode {
-                TrackerMode::LostInSpace => "lost_in_space".into(),
-                TrackerMode::Tracking => "tracking".into(),
-            };
             answer
         }
     };

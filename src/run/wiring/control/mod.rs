@@ -14,6 +14,8 @@ mod lines;
 mod newest;
 mod output;
 pub mod protocol;
+mod reaction;
+mod samples;
 mod steered;
 #[cfg(test)]
 mod tests;
@@ -251,7 +253,20 @@ impl ControlSession {
             Request::Trigger { number, at_s } => Ok(answers::trigger(*number, *at_s, going)?),
             Request::Truth { at_s } => Ok(truth(*at_s, going)?),
             Request::Estimate => Ok(estimate(going)),
-            Request::Frame { head, path } => Ok(self.newest.answer(*head, path.as_deref(), going.zero())?),
+            Request::Frame { head, path, pixels } => {
+                Ok(self.newest.answer(*head, path.as_deref(), *pixels, going.zero())?)
+            }
+            Request::React(reaction) => {
+                let zero = going.zero();
+                let done = going.with_vehicle_mut(|vehicle, now| reaction.act(vehicle, zero, now));
+                Ok(done.map_err(|error| error.to_string())??)
+            }
+            Request::Tracker { head } => Ok(answers::tracker(*head, going)?),
+            Request::BadSamples(why) => {
+                going.note_bad_samples();
+                Err(Refusal::Request(why.clone()))
+            }
+            Request::Plant(samples) => Ok(answers::plant(samples, going)?),
             Request::Summary => {
                 let report = going.look(self.newest.frames_crc32(), &mut *stage.report);
                 Ok(json!({ "finished": going.is_finished(), "report": report }))
@@ -289,6 +304,9 @@ fn state(going: &SteppedRun) -> Value {
 }
 
 fn truth(at_s: Option<f64>, going: &SteppedRun) -> Result<Value, String> {
+    if going.is_outside() {
+        return answers::received_truth(at_s, going);
+    }
     let (mounting, instants) = (going.mounting(), Instants::of(going));
     let looked = going.with_vehicle(|vehicle| answers::truth(at_s, Some(vehicle), mounting, &instants));
     looked.unwrap_or_else(|| answers::truth(at_s, None, mounting, &instants))

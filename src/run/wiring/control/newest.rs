@@ -61,13 +61,14 @@ impl NewestFrames {
         self.heads.first().map_or(0, |head| head.out)
     }
 
-    /// The newest frame of a head, its pixels in the reply or in a new FITS file below the output folder.
-    pub(super) fn answer(&self, head: usize, path: Option<&str>, zero: Tai) -> Result<Value, String> {
+    /// The newest frame of a head, its pixels in the reply, in a new FITS file below the output folder, or nowhere.
+    pub(super) fn answer(&self, head: usize, path: Option<&str>, pixels: bool, zero: Tai) -> Result<Value, String> {
         let heads = self.heads.len();
         let kept = self.heads.get(head).ok_or_else(|| format!("head is {head}; there are {heads}, counted from 0"))?;
         let frame = kept.newest.as_ref().ok_or("no frame has gone out yet; step first")?;
         let mut answer = described(frame, zero);
         match path {
+            None if !pixels => {}
             None => {
                 let bytes: Vec<u8> = frame.image.pixels().iter().flat_map(|dn| dn.to_le_bytes()).collect();
                 answer["pixels_base64_u16_le"] = base64::encode(&bytes).into();

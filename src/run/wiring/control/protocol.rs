@@ -12,11 +12,24 @@
 //!                                                  path may be left out: pixels come as base64
 //! {"request": "summary"}
 //! {"request": "finish"}
+//! {"request": "attitude", "samples": [[0.01, 1, 0, 0, 0, 0, 0, 0]]}   of a plant outside: see `samples`
+//! {"request": "observer", "samples": [[0, 7000, 0, 0, 0, 7.5, 0]], "unit": "km"}
+//! {"request": "jitter", "samples": [[0.001, 0.2, -0.1, 0]], "unit": "arcsec"}
+//! {"request": "tracker", "head": 0}                what the built-in star tracker says of its newest frame
+//! {"request": "control", "by": "outside"}          who drives the wheels of a spacecraft inside; see `reaction`
+//! {"request": "wheels", "torques_n_m": [0.01, 0, 0, 0]}
+//! {"request": "torque", "torque_n_m": [0.1, 0, 0], "for_s": 2.0}
+//! {"request": "tracker_attitude", "at_s": 1.05, "body_from_icrf": [1, 0, 0, 0], "sigma_arcsec": 10}
+//! {"request": "event", "event": {...}}             the same as inject
 //! ```
+//!
+//! Requests are added within a version: the answer to hello lists them.
 //!
 //! Times are seconds after the first exposure. An event has the keys of `[[event]]` in a scenario file; without `at_s` it
 //! begins now.
 
+use crate::wiring::control::reaction::Reaction;
+use crate::wiring::control::samples::{SampleList, Subject};
 use serde_json::{Map, Value, json};
 
 /// Version of the protocol: a client that meets another one should not go on.
@@ -57,8 +70,21 @@ pub enum Request {
     Frame {
         /// Of this head.
         head: usize,
-        /// FITS file to write below the output folder; `None`: pixels in the reply.
+        /// FITS file to write below the output folder; `None`: pixels in the reply, or nowhere.
         path: Option<String>,
+        /// Whether pixels are wanted without a path.
+        pixels: bool,
+    },
+    /// Samples of a plant outside.
+    Plant(SampleList),
+    /// Samples that cannot be read, and why: they are counted.
+    BadSamples(String),
+    /// What a controller or a tracker outside does to a spacecraft that is flown inside.
+    React(Reaction),
+    /// What the built-in star tracker says of its newest frame.
+    Tracker {
+        /// Of this head.
+        head: usize,
     },
     /// Report so far.
     Summary,
@@ -78,7 +104,7 @@ pub enum StepBy {
 }
 
 /// Every request by name, with the keys that it takes.
-const REQUESTS: [(&str, &[&str]); 10] = [
+pub(super) const REQUESTS: [(&str, &[&str]); 19] = [
     ("hello", &["token"]),
     ("state", &[]),
     ("step", &["s", "frames", "until_s"]),
@@ -86,9 +112,18 @@ const REQUESTS: [(&str, &[&str]); 10] = [
     ("trigger", &["number", "at_s"]),
     ("truth", &["at_s"]),
     ("estimate", &[]),
-    ("frame", &["head", "path"]),
+    ("frame", &["head", "path", "pixels"]),
     ("summary", &[]),
     ("finish", &[]),
+    ("attitude", &["samples"]),
+    ("observer", &["samples", "unit"]),
+    ("jitter", &["samples", "unit"]),
+    ("event", &["event"]),
+    ("tracker", &["head"]),
+    ("control", &["by", "trackers"]),
+    ("wheels", &["torques_n_m", "at_s"]),
+    ("torque", &["torque_n_m", "at_s", "for_s"]),
+    ("tracker_attitude", &["at_s", "body_from_icrf", "sigma_arcsec"]),
 ];
 
 /// Reads one line: the request's id, when there is one, and the request, or what is wrong with it in plain words.
@@ -151,12 +186,17 @@ impl Keys {
         Ok(match name.as_str() {
             "hello" => Request::Hello { token: self.token()? },
             "step" => Request::Step(self.step()?),
-            "inject" => Request::Inject(self.event()?),
+            "inject" | "event" => Request::Inject(self.event()?),
             "trigger" => Request::Trigger { number: self.trigger_number()?, at_s: self.number("at_s")? },
             "truth" => Request::Truth { at_s: self.number("at_s")? },
             "state" => Request::State,
             "estimate" => Request::Estimate,
-            "frame" => Request::Frame { head: self.head()?, path: self.path()? },
+            "frame" => Request::Frame { head: self.head()?, path: self.path()?, pixels: self.pixels()? },
+            "attitude" => self.samples(Subject::Attitude),
+            "observer" => self.samples(Subject::Observer),
+            "jitter" => self.samples(Subject::Jitter),
+            "tracker" => Request::Tracker { head: self.head()? },
+            "control" | "wheels" | "torque" | "tracker_attitude" => Request::React(Reaction::read(&name, &self.keys)?),
             "summary" => Request::Summary,
             _ => Request::Finish,
         })
@@ -214,6 +254,18 @@ impl Keys {
             None => Ok(None),
             Some(Value::String(path)) if !path.is_empty() => Ok(Some(path.clone())),
             Some(other) => Err(format!("path is {}; wanted the path of a FITS file to write", shown(other))),
+        }
+    }
+
+    fn samples(&self, subject: Subject) -> Request {
+        SampleList::read(subject, &self.keys).map_or_else(Request::BadSamples, Request::Plant)
+    }
+
+    fn pixels(&self) -> Result<bool, String> {
+        match self.keys.get("pixels") {
+            None => Ok(true),
+            Some(Value::Bool(pixels)) => Ok(*pixels),
+            Some(other) => Err(format!("pixels is {}; wanted true or false", shown(other))),
         }
     }
 

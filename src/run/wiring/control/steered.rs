@@ -5,6 +5,7 @@
 
 use crate::wiring::control::answers::{self, Instants};
 use crate::wiring::control::protocol::Request;
+use crate::wiring::error::LoopError;
 use crate::wiring::steering::Steering;
 use base::time::Span;
 use config::{Event, Plant, Scenario};
@@ -63,10 +64,26 @@ pub(super) fn answer(request: &Request, scenario: &Scenario, steering: &Steering
                 move |far: &mut crate::wiring::far_side::FarSide| answers::estimate(far.vehicle(), mounting, &instants);
             steering.on_far_end(look).map_err(|error| error.to_string())
         }
-        Request::Frame { head, path } => {
+        Request::React(reaction) => {
+            let (reaction, instants) = (reaction.clone(), instants(steering)?);
+            let act = move |far: &mut crate::wiring::far_side::FarSide| {
+                let vehicle = far.vehicle_mut().ok_or_else(|| LoopError::NothingFlown.to_string())?;
+                reaction.act(vehicle, instants.zero, instants.now)
+            };
+            steering.on_far_end(act).map_err(|error| error.to_string())?
+        }
+        Request::Tracker { .. } => {
+            Err("the real clock goes on meanwhile: ask for estimate, or run with --clock virtual".into())
+        }
+        Request::Plant(_) | Request::BadSamples(_) => {
+            let why = "the real clock takes a plant outside by a link, such as a bus or link.kind = \"udp\"; run with --clock \
+                       virtual to send samples here";
+            Err(why.into())
+        }
+        Request::Frame { head, path, pixels } => {
             let ended = steering.ended().map(|(times, _)| times.zero);
             let zero = ended.map_or_else(|| instants(steering).map(|instants| instants.zero), Ok)?;
-            steering.newest().answer(*head, path.as_deref(), zero)
+            steering.newest().answer(*head, path.as_deref(), *pixels, zero)
         }
         Request::Finish => Ok(Value::Null),
     }

@@ -38,7 +38,7 @@ fn requests_are_read() {
     assert_eq!(read(r#"{"request": "trigger", "number": 65535}"#), trigger(None));
     assert_eq!(read(r#"{"request": "trigger", "number": 65535, "at_s": 2.5}"#), trigger(Some(2.5)));
     assert_eq!(read(r#"{"request": "truth"}"#), Request::Truth { at_s: None });
-    assert_eq!(read(r#"{"request": "frame", "head": 1}"#), Request::Frame { head: 1, path: None });
+    assert_eq!(read(r#"{"request": "frame", "head": 1}"#), Request::Frame { head: 1, path: None, pixels: true });
     let (id, _) = parse(r#"{"id": [1, "a"], "request": "dance"}"#);
     assert_eq!(id, Some(json!([1, "a"])), "an id is echoed whatever it is and whatever is wrong");
 }
@@ -68,11 +68,78 @@ fn what_is_wrong_with_a_request_is_said() {
         (r#"{"request": "truth", "at_s": null}"#, "at_s is null"),
         (r#"{"request": "frame", "head": -1}"#, "head is -1"),
         (r#"{"request": "frame", "path": ""}"#, "path is \"\""),
+        (r#"{"request": "frame", "pixels": 0}"#, "pixels is 0; wanted true or false"),
+        (r#"{"request": "attitude", "samples": [[0, 1, 0, 0, 0, 0, 0, 1e999]]}"#, "not JSON"),
+        (r#"{"request": "attitude", "samples": [], "unit": "km"}"#, "unknown key \"unit\" in attitude"),
     ];
     for (line, part) in cases {
         let error = parse(line).1.expect_err(line);
         assert!(error.contains(part), "{line}: no \"{part}\" in: {error}");
     }
+}
+
+#[test]
+fn samples_that_cannot_be_read_are_requests_to_be_counted() {
+    for (line, part) in [
+        (r#"{"request": "attitude"}"#, "samples is missing"),
+        (r#"{"request": "attitude", "samples": [[0, 1, 0, 0]]}"#, "samples[0] has 4 numbers"),
+        (r#"{"request": "observer", "samples": [[0]], "unit": 1}"#, "unit is 1; wanted \"km\" or \"m\""),
+    ] {
+        let request = parse(line).1.expect(line);
+        assert!(matches!(&request, Request::BadSamples(why) if why.contains(part)), "{line}: {request:?}");
+    }
+    let good = r#"{"request": "attitude", "samples": [[0, 1, 0, 0, 0, 0, 0, 0]]}"#;
+    assert!(matches!(parse(good).1, Ok(Request::Plant(_))), "control");
+}
+
+/// Lines of every request with numbers, damaged in one to four bytes: each is read or refused in words, and what is read is
+/// within its bounds.
+#[test]
+fn damaged_lines_are_read_or_refused() {
+    let lines = [
+        r#"{"request": "attitude", "samples": [[0.5, 0.6, 0, 0.8, 0, 1e-3, 0, 0], [1, 1, 0, 0, 0, 0, 0, 0, 1, 2, 3]]}"#,
+        r#"{"request": "observer", "samples": [[0, 7e3, 0, 0, 0, 7.5, 0]], "unit": "m"}"#,
+        r#"{"request": "jitter", "samples": [[0.001, 0.2, -0.1, 0]], "unit": "rad"}"#,
+        r#"{"request": "wheels", "torques_n_m": [0.01, 0, -0.01], "at_s": 1.5}"#,
+        r#"{"request": "torque", "torque_n_m": [0.1, 0, 0], "for_s": 2.0}"#,
+        r#"{"request": "tracker_attitude", "at_s": 1, "body_from_icrf": [1, 0, 0, 0], "sigma_arcsec": [1, 2, 3]}"#,
+    ];
+    let (mut word, mut read, mut refused) = (1_u64, 0, 0);
+    let mut random = |below: usize| {
+        word = word.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (word >> 33) as usize % below
+    };
+    let damage = br#"0123456789.-+eE,[]{}" nulltr"#;
+    for round in 0..6000 {
+        let mut bytes = lines[round % lines.len()].as_bytes().to_vec();
+        for _ in 0..=random(4) {
+            let place = random(bytes.len());
+            match random(3) {
+                0 => {
+                    bytes.remove(place);
+                }
+                1 => bytes.insert(place, damage[random(damage.len())]),
+                _ => bytes[place] = damage[random(damage.len())],
+            }
+        }
+        let line = String::from_utf8(bytes).expect("ASCII");
+        match parse(&line).1 {
+            Ok(Request::Plant(list)) => {
+                read += 1;
+                for sample in list.since(base::time::Tai::from_ns(0)) {
+                    assert!(sample.at.ns().abs() <= 100_000_000 * 1_000_000_000, "{line}");
+                    let norm = sample.attitude.map_or(1.0, |attitude| attitude.body_from_icrf.quat().length());
+                    assert!((norm - 1.0).abs() < 1e-12, "{line}");
+                }
+            }
+            Ok(_) => read += 1,
+            Err(why) => {
+                refused += 1;
+                assert!(!why.is_empty(), "{line}");
+            }
+        }
+    }
+    assert!(read > 50 && refused > 50, "control: {read} read, {refused} refused");
 }
 
 #[test]

@@ -2,13 +2,11 @@
 
 use super::ReplayError;
 use crate::runtime::RunError;
-use crate::wiring::bench_parts;
-use crate::wiring::ports::identifiers;
+use crate::wiring::ports::port_over;
 use base::time::{Span, Tai};
 use config::{Bench, Link as LinkSettings, Wire};
-use firmware_protocol::Message;
 use link::capture::{CaptureError, CaptureReader, CapturedPacket, Direction};
-use link::{Link, LinkCounters, LinkError, Packet, Port, Stamped};
+use link::{Input, Link, LinkCounters, LinkError, Packet, Port, Stamped};
 use std::fs::File;
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -105,7 +103,7 @@ struct CapturedLink {
     /// What the port takes off the stamps of arrival.
     delay: Span,
     /// The message that was read last, if it has not been taken.
-    next: Option<Stamped<Message>>,
+    next: Option<Stamped<Input>>,
     is_over: bool,
 }
 
@@ -119,23 +117,22 @@ impl CapturedLink {
         let played = Arc::<Mutex<Played>>::default();
         let link = PlaybackLink {
             reader: source.open()?,
-            // On a serial line both directions would be one stream of bytes.
-            takes_sent: source.takes_sent && settings.wire != Wire::Serial,
+            // On a serial line both directions would be one stream of bytes; on a plain link nothing of use is sent.
+            takes_sent: source.takes_sent && !matches!(settings.wire, Wire::Serial | Wire::Plain),
             interface,
             counters: LinkCounters::default(),
             played: Arc::clone(&played),
         };
-        let (_, format) = bench_parts::bus_of(settings);
-        let ids = identifiers(settings).map_err(|error| ReplayError::Parts(format!("{error:#}")))?;
         let delay = Span::from_s((settings.latency_us - bench.link.latency_us) * 1e-6);
-        let port = Port::new(Box::new(link), format, ids).less_delay(delay);
+        let port = port_over(Box::new(link), settings).map_err(|error| ReplayError::Parts(format!("{error:#}")))?;
+        let port = port.less_delay(delay);
         Ok(Self { port, played, delay, next: None, is_over: false })
     }
 
     /// When the next message arrived; `None` at the end.
     fn arrival(&mut self) -> Result<Option<Tai>, ReplayError> {
         if self.next.is_none() && !self.is_over {
-            self.next = self.port.receive(Tai::from_ns(i64::MAX)).map_err(RunError::from)?;
+            self.next = self.port.receive_any(Tai::from_ns(i64::MAX)).map_err(RunError::from)?;
             self.is_over = self.next.is_none();
         }
         Ok(self.next.map(|message| message.at + self.delay))
@@ -162,7 +159,7 @@ impl CapturedLinks {
         &mut self,
         until: Tai,
         is_wanted: impl Fn(usize) -> bool,
-    ) -> Result<Option<(usize, Stamped<Message>)>, ReplayError> {
+    ) -> Result<Option<(usize, Stamped<Input>)>, ReplayError> {
         let mut earliest: Option<(Tai, usize)> = None;
         for (number, link) in self.links.iter_mut().enumerate().filter(|(number, _)| is_wanted(*number)) {
             let Some(at) = link.arrival()?.filter(|at| *at <= until) else { continue };

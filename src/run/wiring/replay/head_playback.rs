@@ -180,7 +180,7 @@ impl HeadPlayback {
                 return Ok(());
             }
             match self.links.take(Tai::from_ns(i64::MAX), is_wanted)? {
-                Some((link, message)) => drop(self.receiver.accept_from(link, &message, &mut self.ledger)),
+                Some((link, message)) => drop(self.receiver.accept_input(link, &message, &mut self.ledger)),
                 None => {
                     self.has_run_out = true;
                     let (wanted, held) = (messages.iter().sum::<u64>(), self.receiver.messages());
@@ -195,7 +195,7 @@ impl HeadPlayback {
     pub(super) fn draw_at_release(&mut self, number: u32) -> Result<bool, ReplayError> {
         let slot = self.engine.slot(number);
         while let Some((link, message)) = self.links.take(slot.release, |_| true)? {
-            self.receiver.accept_from(link, &message, &mut self.ledger);
+            self.receiver.accept_input(link, &message, &mut self.ledger);
         }
         if self.links.are_over() && self.links.last_at().is_none_or(|at| at < slot.release) {
             return Ok(false);

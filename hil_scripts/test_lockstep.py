@@ -1,0 +1,184 @@
+"""A plant outside in lockstep, and control outside, through the Python client: python3 hil_scripts/test_lockstep.py
+
+STARLOOP_BINARY names the program (default target/release/starloop). The examples of starloop_client.py are executed too.
+"""
+
+import doctest
+import math
+import os
+import socket
+import sys
+import unittest
+from pathlib import Path
+
+sys.dont_write_bytecode = True
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+import starloop_client
+from starloop_client import Starloop, StarloopError, attitude_sample, mrp_of_wxyz, wxyz_of_mrp
+
+ROOT = Path(__file__).resolve().parent.parent
+BINARY = os.environ.get("STARLOOP_BINARY", str(ROOT / "target/release/starloop"))
+BENCH = ROOT / "configs/benches/lockstep.toml"
+#: A flight inside that is over soon.
+SMALL = {"duration_s": 3.0, "expect.window_s": 1.0, "bench.camera": "../cameras/small_tracker.toml"}
+#: Turn of the samples, rad/s about the body's y axis.
+RATE = 0.01
+
+
+def turned(t_s):
+    """Attitude and rate: a body that is turned by +a about an axis has the quaternion (cos a/2, -sin a/2)."""
+    half = 0.5 * RATE * t_s
+    return [math.cos(half), 0.0, -math.sin(half), 0.0], [0.0, RATE, 0.0]
+
+
+def samples(count=130):
+    return [attitude_sample(round(0.01 * k - 0.1, 9), *turned(round(0.01 * k - 0.1, 9))) for k in range(count)]
+
+
+def start(**changes):
+    return Starloop.start(BINARY, BENCH, **{"settings": {"timing.duration_s": 1.0}, **changes})
+
+
+def frames(batch, steps, rows=None):
+    """Flies a second in batches and steps of other sizes; number, CRC-32 and attitude of each frame."""
+    rows, seen = rows or samples(), {}
+    with start() as loop:
+        steps, now_s = iter(steps), -1.0
+        while now_s < 1.0:
+            until_s = min(1.0, now_s + next(steps))
+            while rows and rows[0][0] <= until_s:
+                loop.attitude(rows[:batch])
+                rows = rows[batch:]
+            step = loop.step(until_s=until_s)
+            now_s = until_s
+            if loop.state()["frames"]["delivered"]:
+                facts = loop.frame_facts()
+                seen[facts["number"]] = (facts["crc32"], facts["meta"]["attitude_wxyz"], facts["mid_exposure_s"])
+            if step["finished"]:
+                break
+        loop.finish()
+    return {number: crc32 for number, (crc32, *_) in seen.items()}, seen
+
+
+def cycle(*lengths):
+    while True:
+        yield from lengths
+
+
+class PlantOutside(unittest.TestCase):
+    def test_batches_and_steps_of_any_size_give_the_same_bits(self):
+        crc32, seen = frames(1, cycle(0.05))
+        self.assertEqual(sorted(crc32), list(range(10)))
+        self.assertEqual(frames(1000, cycle(0.05))[0], crc32)
+        odd = frames(17, cycle(0.033, 0.1, 0.0007))[0]
+        self.assertGreaterEqual(len(odd), 9, "a step to the end may bring two frames")
+        self.assertEqual(odd, {number: crc32[number] for number in odd})
+        for number, (_, wxyz, mid_s) in seen.items():
+            wanted, _ = turned(mid_s)
+            nearest = min(math.dist(wxyz, [sign * part for part in wanted]) for sign in (1.0, -1.0))
+            self.assertLess(math.degrees(2.0 * nearest) * 3600.0, 1e-3, f"frame {number}")
+            conjugated = [wanted[0], *(-part for part in wanted[1:])]
+            self.assertGreater(math.degrees(2.0 * math.dist(wxyz, conjugated)) * 3600.0, 50.0, "control")
+        moved = samples()
+        moved[60] = attitude_sample(moved[60][0], turned(moved[60][0] + 0.01)[0], turned(0.0)[1])
+        self.assertNotEqual(frames(17, cycle(0.05), moved)[0], crc32, "control: one other sample, other bits")
+
+    def test_bad_samples_are_refused_and_counted_and_the_session_goes_on(self):
+        with start() as loop:
+            self.assertIn("attitude", loop.hello["requests"])
+            loop.attitude(samples())
+            loop.step(until_s=0.3)
+            good = attitude_sample(1.5, (1, 0, 0, 0), (0, 0, 0))
+            for rows, part in (
+                ([attitude_sample(0.3, (1, 0, 0, 0), (0, 0, 0))], "an old attitude is never shown as a new one"),
+                ([good, attitude_sample(1.6, (1, 0, 0, 0.1), (0, 0, 0))], r"samples\[1\] has a quaternion of norm 1.00498"),
+                ([good, good], "of this instant already"),
+                ([[1.0, 2.0]], "has 2 numbers"),
+            ):
+                with self.assertRaisesRegex(StarloopError, part):
+                    loop.attitude(rows)
+            with self.assertRaises(ValueError):
+                loop.attitude([attitude_sample(1.5, (1, 0, 0, math.nan), (0, 0, 0))])
+            with self.assertRaisesRegex(StarloopError, "unit is \"mile\""):
+                loop.observer([(1.0, 7000, 0, 0, 0, 7, 0)], unit="mile")
+            self.assertEqual(loop.state()["events"]["sample_refused"], 1 + 1 + 2 + 1 + 1)
+            loop.step(until_s=1.0)
+            self.assertEqual(loop.frame_facts()["meta"]["origin"], "interpolated")
+            loop.finish()
+
+    def test_long_lists_go_in_several_requests(self):
+        with start() as loop:
+            rows = [attitude_sample(round(1e-4 * k, 9), *turned(1e-4 * k)) for k in range(5000)]
+            self.assertEqual(loop.attitude(rows)["taken"], 5000)
+            self.assertEqual(loop.jitter((0.001 * k, 0.1, 0.2, 0.0) for k in range(900))["waiting"], 5900)
+
+    def test_a_plant_inside_takes_no_samples(self):
+        with Starloop.start(BINARY, ROOT / "configs/scenarios/acquisition.toml", settings=SMALL) as loop:
+            with self.assertRaisesRegex(StarloopError, 'wanted a bench with plant.kind = "outside"'):
+                loop.attitude(samples())
+
+    def test_mrp_and_quaternion_are_each_others_inverse(self):
+        # The case of the convention: turned by +a about x, q = (cos a/2, -sin a/2, 0, 0), sigma = (tan a/4, 0, 0).
+        a = 0.7
+        for got, wanted in zip(wxyz_of_mrp((math.tan(a / 4), 0, 0)), (math.cos(a / 2), -math.sin(a / 2), 0, 0)):
+            self.assertAlmostEqual(got, wanted, places=15)
+        for got, wanted in zip(mrp_of_wxyz(wxyz_of_mrp((0.1, -0.2, 0.3))), (0.1, -0.2, 0.3)):
+            self.assertAlmostEqual(got, wanted, places=15)
+
+
+class ControlOutside(unittest.TestCase):
+    def test_wheels_want_a_hand_over(self):
+        with Starloop.start(BINARY, ROOT / "configs/scenarios/acquisition.toml", settings=SMALL) as loop:
+            with self.assertRaisesRegex(StarloopError, "wanted a hand-over"):
+                loop.wheels([0.01, 0.0, 0.0, 0.0])
+            self.assertEqual(loop.control(by="outside", trackers="outside")["control"], "outside")
+            before = loop.step(until_s=1.0) and loop.truth()
+            loop.wheels([0.01, 0.0, 0.0, 0.0])
+            with self.assertRaisesRegex(StarloopError, "wanted those of 4"):
+                loop.wheels([0.01])
+            loop.torque([0.05, 0.0, 0.0], for_s=0.5, at_s=1.2)
+            after = loop.step(until_s=2.0) and loop.truth()
+            speeds = [b - a for a, b in zip(before["wheel_speeds_rad_s"], after["wheel_speeds_rad_s"])]
+            self.assertAlmostEqual(speeds[0], 0.01 / 1.6e-3, delta=1.0)
+            self.assertLess(max(abs(speed) for speed in speeds[1:]), 1.0, "control: the others coast")
+
+
+    def test_the_real_clock_takes_commands_and_no_samples(self):
+        command = [BINARY, "run", str(ROOT / "configs/scenarios/acquisition.toml"), "--clock", "real", "--quiet"]
+        command += ["--control", "127.0.0.1:0", "--set", "duration_s=20.0"]
+        command += [word for key, value in SMALL.items() if key != "duration_s" for word in ("--set", f"{key}={value}")]
+        program = starloop_client._Program(command, 60.0)
+        connection = socket.create_connection(program.address, timeout=60.0)
+        with Starloop(connection, program, token=program.token) as loop:
+            self.assertEqual(loop.hello["clock"], "real")
+            with self.assertRaisesRegex(StarloopError, "--clock virtual to send samples"):
+                loop.attitude(samples())
+            with self.assertRaisesRegex(StarloopError, "wanted a hand-over"):
+                loop.wheels([0.0, 0.0, 0.0, 0.0])
+            self.assertEqual(loop.control(by="outside")["control"], "outside")
+            self.assertEqual(loop.wheels([0.01, 0.0, 0.0, 0.0])["control"], "outside")
+            self.assertEqual(loop.control(by="inside")["control"], "inside", "control: it can be given back")
+            loop.finish()
+
+
+class Examples(unittest.TestCase):
+    def test_every_method_has_an_example_that_runs(self):
+        names = {**vars(starloop_client), "binary": BINARY, "small": {**SMALL, "tracker.delay_ms": 20.0}}
+        flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+        finder, runner, here = doctest.DocTestFinder(recurse=True), doctest.DocTestRunner(optionflags=flags), os.getcwd()
+        os.chdir(ROOT)
+        try:
+            tests = [test for test in finder.find(starloop_client, globs=names) if test.examples]
+            report = []
+            failed = sum(runner.run(test, out=report.append).failed for test in tests)
+        finally:
+            os.chdir(here)
+        self.assertEqual(failed, 0, "".join(report))
+        shown = {test.name.rsplit(".", 1)[-1] for test in tests}
+        wanted = {"attitude", "observer", "jitter", "event", "tracker", "control", "wheels", "torque", "tracker_attitude"}
+        self.assertEqual(wanted - shown, set(), "methods without an example")
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

@@ -1,0 +1,85 @@
+//! A run file and the library -> an .fmu file: a zip archive laid out as section 2.5 of the standard says.
+//!
+//! ```text
+//! modelDescription.xml
+//! binaries/x86_64-linux/starloop.so        the library that importers load
+//! resources/run.json                       the run file with every configuration file that it names
+//! documentation/index.html
+//! ```
+//!
+//! The same run file and library give the same bytes.
+
+use crate::description::{MODEL_IDENTIFIER, Model, description};
+use crate::error::FmuError;
+use crate::variables::variables;
+use config::{Document, Plant, Scenario};
+use frames::sink::replace_own_file;
+use frames::zip_archive::archive;
+use std::path::Path;
+
+/// The packed run file, below the resources.
+pub const RUN_FILE: &str = "run.json";
+/// Folder of the library, by the standard's names of architecture and system.
+const PLATFORM: &str = concat_platform();
+
+const fn concat_platform() -> &'static str {
+    if cfg!(target_arch = "aarch64") { "aarch64-linux" } else { "x86_64-linux" }
+}
+
+/// Refuses a run whose spacecraft is flown inside.
+pub(crate) fn check_plant(scenario: &Scenario, file: &str) -> Result<(), FmuError> {
+    match scenario.plant {
+        Plant::Outside | Plant::FlightComputer => Ok(()),
+        Plant::File(_) | Plant::Vehicle(_) => Err(FmuError::FliesInside { file: file.to_owned() }),
+    }
+}
+
+/// Returns what binds description and resources together: a checksum of both.
+#[must_use]
+pub fn token(run_json: &str, heads: usize) -> String {
+    let of_run = crc32fast::hash(run_json.as_bytes());
+    format!("starloop-{}-{of_run:08x}-{heads}", env!("CARGO_PKG_VERSION"))
+}
+
+/// Writes the unit of a run file, whole or not at all; returns its size in bytes.
+///
+/// # Errors
+/// When the run file is refused, flies its spacecraft inside, or a file cannot be read or written.
+pub fn write_unit(document: &Document, library: &Path, out: &Path) -> Result<u64, FmuError> {
+    let scenario = Scenario::from_document(document)?;
+    check_plant(&scenario, &document.name())?;
+    let run_json = serde_json::to_string_pretty(&document.pack()?)
+        .map_err(|error| FmuError::Resource { path: out.to_path_buf(), why: error.to_string() })?;
+    let heads = scenario.bench.head_count();
+    let timing = &scenario.bench.timing;
+    let model = Model {
+        name: scenario.bench.name.clone(),
+        token: token(&run_json, heads),
+        stop_s: timing.duration_s,
+        step_s: 1.0 / timing.frame_rate_hz,
+    };
+    let unit = |doing| move |source| FmuError::File { path: library.to_path_buf(), doing, source };
+    let binary = std::fs::read(library).map_err(unit("read the library"))?;
+    let xml = description(&model, &variables(heads));
+    let files: [(String, &[u8]); 4] = [
+        ("modelDescription.xml".into(), xml.as_bytes()),
+        (format!("binaries/{PLATFORM}/{MODEL_IDENTIFIER}.so"), &binary),
+        (format!("resources/{RUN_FILE}"), run_json.as_bytes()),
+        ("documentation/index.html".into(), DOCUMENTATION.as_bytes()),
+    ];
+    let files: Vec<(&str, &[u8])> = files.iter().map(|(name, bytes)| (name.as_str(), *bytes)).collect();
+    let refuse = |source| FmuError::File { path: out.to_path_buf(), doing: "make the archive", source };
+    let bytes = archive(&files).map_err(refuse)?;
+    Ok(replace_own_file(out, |file| file.write_all(&bytes))?)
+}
+
+const DOCUMENTATION: &str = "<!DOCTYPE html>
+<html lang=\"en\"><head><meta charset=\"utf-8\"><title>starloop</title></head><body>
+<h1>Star sensor stimulator</h1>
+<p>Set the attitude at the begin of each step; read frames, the true attitude and the star tracker after it.</p>
+<p>Quaternions are scalar first, Hamilton, passive: v_body = q v_icrf q*. SPICE's m2q gives this form; most other tools give
+its conjugate.</p>
+<p>With the parameter <code>predict</code> false (the default) frames are drawn one step later, from attitudes on both sides of
+their exposures; outputs lag by one step. With true they are predicted over the step from attitude, rate and acceleration.</p>
+</body></html>
+";

@@ -1,0 +1,173 @@
+//! The table of variables -> `modelDescription.xml` of FMI 3.0.2 (sections 2.4 and 4.3 of the standard).
+
+use crate::variables::{Kind, Role, Variable};
+use core::fmt::Write as _;
+
+/// Name of the library in the archive, without its ending.
+pub const MODEL_IDENTIFIER: &str = "starloop";
+
+/// What the description says beside the variables.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Model {
+    /// Name of the run.
+    pub name: String,
+    /// What binds description and resources together.
+    pub token: String,
+    /// Length of the run, s.
+    pub stop_s: f64,
+    /// Length of a step that suits it, s.
+    pub step_s: f64,
+}
+
+/// Returns the description of a unit.
+#[must_use]
+pub fn description(model: &Model, variables: &[Variable]) -> String {
+    let mut out = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n");
+    write_description(&mut out, model, variables);
+    out
+}
+
+fn write_description(out: &mut String, model: &Model, variables: &[Variable]) {
+    let Model { name, token, stop_s, step_s } = model;
+    let version = env!("CARGO_PKG_VERSION");
+    line(
+        out,
+        &format!(
+            "<fmiModelDescription fmiVersion=\"3.0\" modelName=\"{}\" instantiationToken=\"{}\" \
+             description=\"Star sensor stimulator: attitude in, frames and star tracker out\" version=\"{version}\" \
+             license=\"MIT OR Apache-2.0\" generationTool=\"starloop {version}\" variableNamingConvention=\"flat\">",
+            escaped(name),
+            escaped(token)
+        ),
+    );
+    line(
+        out,
+        &format!(
+            "  <CoSimulation modelIdentifier=\"{MODEL_IDENTIFIER}\" canHandleVariableCommunicationStepSize=\"true\" \
+             canBeInstantiatedOnlyOncePerProcess=\"false\" canGetAndSetFMUState=\"false\" \
+             canSerializeFMUState=\"false\" providesDirectionalDerivatives=\"false\" hasEventMode=\"false\" \
+             canReturnEarlyAfterIntermediateUpdate=\"false\" providesIntermediateUpdate=\"false\"/>"
+        ),
+    );
+    write_units(out);
+    line(out, "  <LogCategories>");
+    line(out, "    <Category name=\"logStatusError\" description=\"Why a call failed\"/>");
+    line(out, "    <Category name=\"logEvents\" description=\"How the run ended\"/>");
+    line(out, "  </LogCategories>");
+    line(out, &format!("  <DefaultExperiment startTime=\"0\" stopTime=\"{stop_s}\" stepSize=\"{step_s}\"/>"));
+    line(out, "  <ModelVariables>");
+    variables.iter().for_each(|variable| write_variable(out, variable));
+    line(out, "  </ModelVariables>");
+    line(out, "  <ModelStructure>");
+    for element in ["Output", "InitialUnknown"] {
+        for variable in variables.iter().filter(|variable| variable.role == Role::Output) {
+            line(out, &format!("    <{element} valueReference=\"{}\"/>", variable.reference));
+        }
+    }
+    line(out, "  </ModelStructure>");
+    line(out, "</fmiModelDescription>");
+}
+
+fn write_units(out: &mut String) {
+    line(out, "  <UnitDefinitions>");
+    for (unit, base) in [
+        ("s", "s=\"1\""),
+        ("m", "m=\"1\""),
+        ("m/s", "m=\"1\" s=\"-1\""),
+        ("rad", "rad=\"1\""),
+        ("rad/s", "rad=\"1\" s=\"-1\""),
+        ("rad/s2", "rad=\"1\" s=\"-2\""),
+    ] {
+        line(out, &format!("    <Unit name=\"{unit}\"><BaseUnit {base}/></Unit>"));
+    }
+    line(out, "  </UnitDefinitions>");
+}
+
+fn write_variable(out: &mut String, variable: &Variable) {
+    let element = element(variable.kind);
+    let (causality, variability) = match variable.role {
+        Role::Time => ("independent", "continuous"),
+        Role::Parameter => ("parameter", "fixed"),
+        Role::Input => ("input", "discrete"),
+        Role::Output => ("output", "discrete"),
+    };
+    let mut head = format!(
+        "    <{element} name=\"{}\" valueReference=\"{}\" causality=\"{causality}\" variability=\"{variability}\" \
+         description=\"{}\"",
+        escaped(&variable.name),
+        variable.reference,
+        escaped(&variable.description)
+    );
+    if let Some(unit) = variable.unit {
+        let _a_string_takes_all = write!(head, " unit=\"{unit}\"");
+    }
+    let is_text = variable.kind == Kind::String;
+    let start = variable.start.as_deref().map(escaped);
+    if let Some(start) = start.as_ref().filter(|_| !is_text) {
+        let _a_string_takes_all = write!(head, " start=\"{start}\"");
+    }
+    let inner = [
+        variable.elements.map(|count| format!("<Dimension start=\"{count}\"/>")),
+        start.filter(|_| is_text).map(|start| format!("<Start value=\"{start}\"/>")),
+    ];
+    let inner: String = inner.into_iter().flatten().collect();
+    line(out, &if inner.is_empty() { format!("{head}/>") } else { format!("{head}>{inner}</{element}>") });
+}
+
+const fn element(kind: Kind) -> &'static str {
+    match kind {
+        Kind::Float64 => "Float64",
+        Kind::Int32 => "Int32",
+        Kind::UInt16 => "UInt16",
+        Kind::UInt32 => "UInt32",
+        Kind::UInt64 => "UInt64",
+        Kind::Boolean => "Boolean",
+        Kind::String => "String",
+    }
+}
+
+fn line(out: &mut String, text: &str) {
+    out.push_str(text);
+    out.push('\n');
+}
+
+/// Returns a text as an attribute's value takes it.
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::variables::variables;
+
+    fn of(name: &str, heads: usize) -> String {
+        let model = Model { name: name.into(), token: "{1}".into(), stop_s: 10.0, step_s: 0.1 };
+        description(&model, &variables(heads))
+    }
+
+    #[test]
+    fn every_variable_is_declared_and_every_output_is_in_the_structure() {
+        let text = of("a \"b\" & <c>", 3);
+        let document = roxmltree::Document::parse(&text).unwrap();
+        assert_eq!(document.root_element().attribute("modelName"), Some("a \"b\" & <c>"));
+        let of_tag = |tag: &str| document.descendants().filter(|node| node.has_tag_name(tag)).count();
+        let declared = document.descendants().filter(|node| node.has_attribute("causality")).count();
+        let outputs = variables(3).iter().filter(|variable| variable.role == Role::Output).count();
+        assert_eq!(declared, variables(3).len());
+        assert_eq!((of_tag("Output"), of_tag("InitialUnknown")), (outputs, outputs));
+    }
+
+    #[test]
+    fn units_that_variables_use_are_defined() {
+        let text = of("bench", 1);
+        let document = roxmltree::Document::parse(&text).unwrap();
+        let defined: Vec<_> = document
+            .descendants()
+            .filter(|node| node.has_tag_name("Unit"))
+            .filter_map(|n| n.attribute("name"))
+            .collect();
+        let used: Vec<_> = document.descendants().filter_map(|node| node.attribute("unit")).collect();
+        assert!(!used.is_empty() && used.iter().all(|unit| defined.contains(unit)), "{used:?} of {defined:?}");
+    }
+}

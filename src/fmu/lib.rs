@@ -1,0 +1,33 @@
+//! A run as an FMI 3.0 co-simulation unit (FMU): an outside simulator is the plant, in lockstep.
+//!
+//! ```text
+//! run file -> archive (.fmu: description, library, packed run file)          written by `starloop fmu`
+//! archive  -> importer -> fmu_library (C interface) -> Slave -> SteppedRun   in the simulator's process
+//! ```
+//!
+//! * [`variables`]: every variable with its reference, type, unit and meaning, in one table;
+//! * [`description`]: `modelDescription.xml`;
+//! * [`archive`]: the .fmu file;
+//! * [`slave`]: one instance: inputs, steps, outputs.
+//!
+//! Standard: FMI 3.0.2, <https://fmi-standard.org/docs/3.0.2/>. Tests: below, and with FMPy in `hil_scripts/test_fmu.py`.
+
+#![cfg_attr(
+    test,
+    allow(
+        clippy::unwrap_used,
+        clippy::panic,
+        clippy::float_cmp,
+        reason = "a test may stop at the first surprise and compares exact values where exactness is the claim"
+    )
+)]
+
+pub mod archive;
+pub mod description;
+mod error;
+pub mod slave;
+mod state;
+pub mod variables;
+
+pub use error::FmuError;
+pub use slave::Slave;

@@ -1,0 +1,77 @@
+//! Packets -> records, with what is remembered from one to the next; and back.
+
+use super::forty_two::FortyTwo;
+use super::layout::{Encoding, PlainLayout};
+use super::sequence::Sequence;
+use super::{PlainRecord, PlainReject, PlainRejectCounters, numbers};
+use crate::Datagram;
+
+/// Reads and writes the plain messages of one link.
+#[derive(Debug, Clone)]
+pub struct PlainCodec {
+    layout: PlainLayout,
+    sequence: Sequence,
+    forty_two: FortyTwo,
+    rejects: PlainRejectCounters,
+    sent: u32,
+}
+
+impl PlainCodec {
+    /// A codec that has read nothing.
+    #[must_use]
+    pub fn new(layout: PlainLayout) -> Self {
+        let (sequence, rejects) = (Sequence::default(), PlainRejectCounters::default());
+        Self { layout, sequence, forty_two: FortyTwo::default(), rejects, sent: 0 }
+    }
+
+    /// Which numbers it reads.
+    #[must_use]
+    pub fn layout(&self) -> &PlainLayout {
+        &self.layout
+    }
+
+    /// How often and why messages were refused.
+    #[must_use]
+    pub fn rejects(&self) -> &PlainRejectCounters {
+        &self.rejects
+    }
+
+    /// Reads a message; `None` for one that is refused and counted, and for a line of 42 before the last of its message.
+    pub fn read(&mut self, bytes: &[u8]) -> Option<PlainRecord> {
+        let record = match self.layout.encoding {
+            Encoding::FortyTwo(spacecraft) => self.forty_two.take(bytes, spacecraft, self.layout.time),
+            Encoding::F64Le | Encoding::F64Be | Encoding::Json | Encoding::Text => self.read_message(bytes).map(Some),
+        };
+        record.unwrap_or_else(|reject| {
+            self.rejects.count(reject);
+            None
+        })
+    }
+
+    fn read_message(&mut self, bytes: &[u8]) -> Result<PlainRecord, PlainReject> {
+        let values = numbers::read(&self.layout, bytes)?;
+        let record = self.layout.record(&values)?;
+        if let Some(number) = values.sequence {
+            self.sequence.take(number)?;
+        }
+        Ok(record)
+    }
+
+    /// Writes the message of a record; `None` where the form is not written (42), or it would be too long.
+    #[must_use]
+    pub fn write(&mut self, record: &PlainRecord) -> Option<Datagram> {
+        let values = self.layout.values(record, self.sent);
+        let bytes = numbers::write(&self.layout, &values);
+        let datagram = Datagram::new(&bytes).filter(|_| !bytes.is_empty())?;
+        self.sent = self.sent.wrapping_add(1);
+        Some(datagram)
+    }
+}
+
+impl PlainLayout {
+    /// Whether these bytes are a message of this layout: what a sender is known by.
+    #[must_use]
+    pub fn is_message(&self, bytes: &[u8]) -> bool {
+        numbers::read(self, bytes).and_then(|values| self.record(&values)).is_ok()
+    }
+}

@@ -1,0 +1,283 @@
+//! Which numbers a plain message has, in which order, form and units.
+
+use super::field::Field;
+use super::{FIELDS_MAX, NORM_TOLERANCE, PlainAttitude, PlainRecord, PlainReject, PlainState, PlainTime};
+
+/// Form of the numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Encoding {
+    /// Packed IEEE 754 doubles, little-endian.
+    F64Le,
+    /// Packed IEEE 754 doubles, big-endian.
+    F64Be,
+    /// A JSON object with the names of the fields, or an array in the order of the layout.
+    Json,
+    /// Numbers between blanks or commas, in the order of the layout.
+    Text,
+    /// Lines of the simulator 42, of the spacecraft with this number.
+    FortyTwo(u16),
+}
+
+/// Sense of the quaternion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum QuaternionSense {
+    /// As starloop and SPICE have it: a body turned by +a about x has x = -sin(a/2).
+    Starloop,
+    /// As most others have it: a body turned by +a about x has x = +sin(a/2).
+    Conjugate,
+}
+
+/// What the time of a message means.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TimeMeaning {
+    /// The sender's clock since any epoch, Unix time or another; its offset and drift are estimated. 0: the arrival.
+    Tag,
+    /// Nothing: values hold when their message arrives.
+    Arrival,
+}
+
+/// A layout that cannot be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum LayoutError {
+    /// There is no such field.
+    #[error("no field has this name")]
+    Unknown,
+    /// A field is there twice.
+    #[error("the field \"{0}\" is there twice")]
+    Twice(&'static str),
+    /// A vector is there in part.
+    #[error("the field \"{0}\" is missing beside its neighbours")]
+    Torn(&'static str),
+    /// Nothing that a frame needs is in it.
+    #[error("it has neither an attitude nor jitter nor an observer")]
+    Empty,
+    /// The time is missing.
+    #[error("it has no \"t\", which the meaning of time wants")]
+    NoTime,
+    /// Too many fields.
+    #[error("it has more than {FIELDS_MAX} fields")]
+    TooLong,
+}
+
+/// Which numbers, in which order, form and units.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlainLayout {
+    /// The numbers in their order.
+    pub fields: Vec<Field>,
+    /// Their form.
+    pub encoding: Encoding,
+    /// Sense of the quaternion.
+    pub sense: QuaternionSense,
+    /// Radians in a unit of angle of rate and acceleration: 1 or pi/180.
+    pub angle_unit_rad: f64,
+    /// Nanoseconds in a unit of time.
+    pub time_unit_ns: f64,
+    /// What the time means.
+    pub time: TimeMeaning,
+}
+
+impl Default for PlainLayout {
+    /// Eight little-endian doubles: seconds of any clock or 0, quaternion w x y z, rate in rad/s.
+    fn default() -> Self {
+        use Field::{Quaternion, Rate, Time};
+        let quaternion = (0..4).map(Quaternion);
+        let fields = [Time].into_iter().chain(quaternion).chain((0..3).map(Rate)).collect();
+        Self {
+            fields,
+            encoding: Encoding::F64Le,
+            sense: QuaternionSense::Starloop,
+            angle_unit_rad: 1.0,
+            time_unit_ns: 1e9,
+            time: TimeMeaning::Tag,
+        }
+    }
+}
+
+/// The numbers of one message by their field.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Values {
+    time: f64,
+    q: [f64; 4],
+    rate: [f64; 3],
+    acceleration: [f64; 3],
+    jitter: [f64; 3],
+    position: [f64; 3],
+    velocity: [f64; 3],
+    pub(super) sequence: Option<f64>,
+}
+
+impl Values {
+    pub(super) const NONE: Self = Self {
+        time: 0.0,
+        q: [0.0; 4],
+        rate: [0.0; 3],
+        acceleration: [0.0; 3],
+        jitter: [0.0; 3],
+        position: [0.0; 3],
+        velocity: [0.0; 3],
+        sequence: None,
+    };
+
+    pub(super) fn put(&mut self, field: Field, value: f64) {
+        match field {
+            Field::Time => self.time = value,
+            Field::Quaternion(i) => self.q[i] = value,
+            Field::Rate(i) => self.rate[i] = value,
+            Field::Acceleration(i) => self.acceleration[i] = value,
+            Field::Jitter(i) => self.jitter[i] = value,
+            Field::Position(i) => self.position[i] = value,
+            Field::Velocity(i) => self.velocity[i] = value,
+            Field::Sequence => self.sequence = Some(value),
+            Field::Skip => {}
+        }
+    }
+
+    pub(super) fn get(&self, field: Field) -> f64 {
+        match field {
+            Field::Time => self.time,
+            Field::Quaternion(i) => self.q[i],
+            Field::Rate(i) => self.rate[i],
+            Field::Acceleration(i) => self.acceleration[i],
+            Field::Jitter(i) => self.jitter[i],
+            Field::Position(i) => self.position[i],
+            Field::Velocity(i) => self.velocity[i],
+            Field::Sequence => self.sequence.unwrap_or(0.0),
+            Field::Skip => 0.0,
+        }
+    }
+}
+
+const ARCSEC_RAD: f64 = core::f64::consts::PI / 648_000.0;
+
+impl PlainLayout {
+    /// Reads a list of names of fields.
+    ///
+    /// # Errors
+    /// What is wrong with it, and the place of the name in the list.
+    pub fn fields_of(names: &[String]) -> Result<Vec<Field>, (usize, LayoutError)> {
+        let mut fields = Vec::new();
+        for (place, name) in names.iter().enumerate() {
+            let field = Field::of_name(name.trim()).ok_or((place, LayoutError::Unknown))?;
+            if field != Field::Skip && fields.contains(&field) {
+                return Err((place, LayoutError::Twice(field.name())));
+            }
+            if place >= FIELDS_MAX {
+                return Err((place, LayoutError::TooLong));
+            }
+            fields.push(field);
+        }
+        Ok(fields)
+    }
+
+    /// Checks that vectors are whole and that something of use is in it.
+    ///
+    /// # Errors
+    /// What is missing.
+    pub fn check(&self) -> Result<(), LayoutError> {
+        let torn = |fields: &[Field]| fields.iter().find(|field| !self.has(**field)).map(|field| field.name());
+        let (q, w) = ([0, 1, 2, 3].map(Field::Quaternion), [0, 1, 2].map(Field::Rate));
+        let a = [0, 1, 2].map(Field::Acceleration);
+        let j = [0, 1, 2].map(Field::Jitter);
+        let (r, v) = ([0, 1, 2].map(Field::Position), [0, 1, 2].map(Field::Velocity));
+        let attitude: Vec<Field> = q.into_iter().chain(w).collect();
+        let state: Vec<Field> = r.into_iter().chain(v).collect();
+        for group in [&attitude[..], &a, &j, &state] {
+            let has_any = group.iter().any(|field| self.has(*field));
+            if let Some(name) = torn(group).filter(|_| has_any) {
+                return Err(LayoutError::Torn(name));
+            }
+        }
+        if self.has(a[0]) && !self.has(q[0]) {
+            return Err(LayoutError::Torn("q_w"));
+        }
+        if ![q[0], j[0], r[0]].into_iter().any(|field| self.has(field)) {
+            return Err(LayoutError::Empty);
+        }
+        if self.time != TimeMeaning::Arrival && !self.has(Field::Time) {
+            return Err(LayoutError::NoTime);
+        }
+        Ok(())
+    }
+
+    fn has(&self, field: Field) -> bool {
+        self.fields.contains(&field)
+    }
+
+    /// Bytes of each message, where all have the same; `None` for text.
+    #[must_use]
+    pub fn record_bytes(&self) -> Option<usize> {
+        match self.encoding {
+            Encoding::F64Le | Encoding::F64Be => Some(self.fields.len() * size_of::<f64>()),
+            Encoding::Json | Encoding::Text | Encoding::FortyTwo(_) => None,
+        }
+    }
+
+    /// Values as the message has them -> a record in starloop's units and conventions.
+    pub(super) fn record(&self, values: &Values) -> Result<PlainRecord, PlainReject> {
+        if self.fields.iter().any(|field| !values.get(*field).is_finite()) {
+            return Err(PlainReject::NotFinite);
+        }
+        let attitude = self.has(Field::Quaternion(0)).then(|| self.attitude(values)).transpose()?;
+        let jitter_rad = self.has(Field::Jitter(0)).then(|| values.jitter.map(|arcsec| arcsec * ARCSEC_RAD));
+        let state = || PlainState { position_km: values.position, velocity_km_s: values.velocity };
+        let observer = self.has(Field::Position(0)).then(state);
+        Ok(PlainRecord { time: self.time_of(values.time)?, attitude, jitter_rad, observer })
+    }
+
+    fn attitude(&self, values: &Values) -> Result<PlainAttitude, PlainReject> {
+        let norm = values.q.iter().map(|component| component * component).sum::<f64>().sqrt();
+        if (norm - 1.0).abs() > NORM_TOLERANCE {
+            return Err(PlainReject::QuaternionNorm);
+        }
+        let radians = |vector: [f64; 3]| vector.map(|component| component * self.angle_unit_rad);
+        Ok(PlainAttitude {
+            q_wxyz: self.turned(values.q),
+            rate_rad_s: radians(values.rate),
+            acceleration_rad_s2: radians(values.acceleration),
+        })
+    }
+
+    /// From the message's sense of the quaternion to starloop's, and back.
+    fn turned(&self, [w, x, y, z]: [f64; 4]) -> [f64; 4] {
+        match self.sense {
+            QuaternionSense::Starloop => [w, x, y, z],
+            QuaternionSense::Conjugate => [w, -x, -y, -z],
+        }
+    }
+
+    #[allow(clippy::cast_possible_truncation, reason = "within the range of i64, as is checked")]
+    fn time_of(&self, time: f64) -> Result<PlainTime, PlainReject> {
+        const MOST_NS: f64 = 9.2e18;
+        let ns = (time * self.time_unit_ns).round();
+        // NaN is no time either.
+        let is_possible = ns.abs() <= MOST_NS;
+        match self.time {
+            TimeMeaning::Arrival => Ok(PlainTime::Arrival),
+            TimeMeaning::Tag if !is_possible => Err(PlainReject::Time),
+            TimeMeaning::Tag if time == 0.0 => Ok(PlainTime::Arrival),
+            TimeMeaning::Tag => Ok(PlainTime::Tag(ns as i64)),
+        }
+    }
+
+    /// A record -> the values of its message.
+    pub(super) fn values(&self, record: &PlainRecord, sequence: u32) -> Values {
+        let mut values = Values { sequence: Some(f64::from(sequence)), ..Values::NONE };
+        values.time = match record.time {
+            PlainTime::Arrival => 0.0,
+            PlainTime::Tag(ns) => ns as f64 / self.time_unit_ns,
+        };
+        if let Some(attitude) = &record.attitude {
+            let units = |vector: [f64; 3]| vector.map(|component| component / self.angle_unit_rad);
+            values.q = self.turned(attitude.q_wxyz);
+            values.rate = units(attitude.rate_rad_s);
+            values.acceleration = units(attitude.acceleration_rad_s2);
+        }
+        if let Some(jitter_rad) = record.jitter_rad {
+            values.jitter = jitter_rad.map(|rad| rad / ARCSEC_RAD);
+        }
+        if let Some(state) = &record.observer {
+            (values.position, values.velocity) = (state.position_km, state.velocity_km_s);
+        }
+        values
+    }
+}

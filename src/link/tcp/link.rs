@@ -1,0 +1,233 @@
+//! `Link` over a TCP connection: one client or server at a time, whole messages, counters.
+
+use super::framing::Reassembly;
+use super::stream::{Got, Stream};
+use super::{Framing, RETRY, TcpParams, TcpRole};
+use crate::plain::{ACKNOWLEDGE, END_OF_MESSAGE};
+use crate::readiness::wait_for_any;
+use crate::{Datagram, Link, LinkCounters, LinkError, Packet, Stamped};
+use base::clock::Clock;
+use base::time::{Span, Tai};
+use std::io;
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::os::fd::{AsFd, BorrowedFd};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Bytes of one read.
+const READ_BYTES: usize = 4096;
+/// A server that does not answer is given up after this long.
+const CONNECT_LIMIT: Duration = Duration::from_millis(200);
+
+/// Messages over one connection.
+pub struct TcpLink {
+    params: TcpParams,
+    clock: Arc<dyn Clock>,
+    listener: Option<TcpListener>,
+    address: SocketAddr,
+    stream: Option<Stream>,
+    was_connected: bool,
+    retry_at: Tai,
+    reassembly: Reassembly,
+    /// What was read last, how much of it, how much of that is taken, and when it was read.
+    bytes: Box<[u8; READ_BYTES]>,
+    read: usize,
+    taken: usize,
+    read_at: Tai,
+    counters: LinkCounters,
+}
+
+impl TcpLink {
+    /// Listens, or gets ready to connect: a server that is not there yet is waited for.
+    ///
+    /// # Errors
+    /// When the address of a server is not one of this machine, or another program has it.
+    pub fn open(params: TcpParams, clock: &Arc<dyn Clock>) -> Result<Self, LinkError> {
+        let (listener, address) = match params.role {
+            TcpRole::Server(address) => listen(address).map(|(listener, address)| (Some(listener), address))?,
+            TcpRole::Client(address) => (None, address),
+        };
+        Ok(Self {
+            params,
+            clock: Arc::clone(clock),
+            listener,
+            address,
+            stream: None,
+            was_connected: false,
+            retry_at: Tai::from_ns(i64::MIN),
+            reassembly: Reassembly::new(params.framing),
+            bytes: Box::new([0; READ_BYTES]),
+            read: 0,
+            taken: 0,
+            read_at: Tai::from_ns(0),
+            counters: LinkCounters::default(),
+        })
+    }
+
+    /// Returns the address at which it listens, or to which it connects.
+    #[must_use]
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Returns true while there is a connection.
+    #[must_use]
+    pub fn is_connected(&self) -> bool {
+        self.stream.is_some()
+    }
+
+    /// Takes a client, and refuses all others; or connects when it is time to.
+    fn connect(&mut self) -> Result<(), LinkError> {
+        while let Some(listener) = &self.listener {
+            match listener.accept() {
+                Ok((stream, _)) if self.stream.is_none() => self.begin(stream),
+                // Dropped, which closes it.
+                Ok(_) => self.counters.foreign += 1,
+                Err(error) if may_pass(&error) => return Ok(()),
+                Err(error) => return Err(failed(self.address, "accept a client", error, "")),
+            }
+        }
+        let now = self.clock.now();
+        if self.stream.is_none() && now >= self.retry_at {
+            self.retry_at = now + RETRY;
+            if let Ok(stream) = TcpStream::connect_timeout(&self.address, CONNECT_LIMIT) {
+                self.begin(stream);
+            }
+        }
+        Ok(())
+    }
+
+    fn begin(&mut self, stream: TcpStream) {
+        // One that cannot be set up is gone already.
+        self.stream = Stream::over(stream).ok();
+        self.counters.regained += u64::from(self.was_connected && self.stream.is_some());
+        self.was_connected |= self.stream.is_some();
+    }
+
+    fn lose(&mut self) {
+        self.stream = None;
+        self.reassembly.clear();
+        self.counters.lost += 1;
+        self.retry_at = self.clock.now() + RETRY;
+    }
+
+    /// The next whole message of what was read.
+    fn take(&mut self) -> Option<Datagram> {
+        let mut rest = self.bytes.get(self.taken..self.read).unwrap_or(&[]);
+        let message = self.reassembly.next(&mut rest);
+        self.taken = self.read - rest.len();
+        self.counters.oversize = self.reassembly.oversize;
+        message
+    }
+
+    /// Reads what is there, when all that was read before is taken; true when something was read.
+    fn fill(&mut self) -> bool {
+        let Some(stream) = &mut self.stream else { return false };
+        let got = stream.read(&mut self.bytes[..]);
+        (self.read, self.taken, self.read_at) = (0, 0, self.clock.now());
+        match got {
+            Got::Bytes(count) => self.read = count,
+            Got::Nothing => {}
+            Got::End => self.lose(),
+        }
+        self.read > 0
+    }
+
+    fn acknowledge(&mut self, message: &Datagram) {
+        if self.params.acknowledges
+            && message.as_slice().trim_ascii() == END_OF_MESSAGE
+            && let Some(stream) = &mut self.stream
+            && !stream.write(ACKNOWLEDGE)
+        {
+            self.lose();
+        }
+    }
+
+    fn wait(&self, now: Tai, until: Tai) -> Result<(), LinkError> {
+        let listener = self.listener.as_ref().map(AsFd::as_fd);
+        let fds: Vec<BorrowedFd<'_>> = self.stream.as_ref().map(AsFd::as_fd).into_iter().chain(listener).collect();
+        if fds.is_empty() {
+            self.clock.sleep_until(until.min(self.retry_at));
+            return Ok(());
+        }
+        wait_for_any(&fds, until - now).map_err(|error| failed(self.address, "wait for bytes", error, ""))
+    }
+
+    /// The bytes of a message as they go over the stream.
+    fn framed(&self, datagram: &Datagram) -> Result<Vec<u8>, LinkError> {
+        let wrong = |wanted| {
+            let (link, got) = (format!("tcp {}", self.address), "datagram of another length or with a line's end");
+            LinkError::WrongPacket { link, wanted, got }
+        };
+        let bytes = datagram.as_slice();
+        match self.params.framing {
+            Framing::Records(length) if bytes.len() != length => Err(wrong("record of the stream's length")),
+            Framing::Records(_) => Ok(bytes.to_vec()),
+            Framing::Lines if bytes.contains(&b'\n') => Err(wrong("line")),
+            Framing::Lines => Ok([bytes, b"\n"].concat()),
+        }
+    }
+}
+
+fn listen(address: SocketAddr) -> Result<(TcpListener, SocketAddr), LinkError> {
+    const ADVICE: &str = "; wanted an address of this machine that no other program has: `ss -tlpn` lists them";
+    let opened = TcpListener::bind(address).and_then(|listener| {
+        listener.set_nonblocking(true)?;
+        let address = listener.local_addr()?;
+        Ok((listener, address))
+    });
+    opened.map_err(|error| failed(address, "listen there", error, ADVICE))
+}
+
+/// Nobody is there now, or was there and has gone again.
+fn may_pass(error: &io::Error) -> bool {
+    use io::ErrorKind::{ConnectionAborted, ConnectionReset, Interrupted, WouldBlock};
+    matches!(error.kind(), WouldBlock | Interrupted | ConnectionAborted | ConnectionReset)
+}
+
+fn failed(address: SocketAddr, doing: &'static str, source: io::Error, advice: &'static str) -> LinkError {
+    LinkError::System { link: format!("tcp {address}"), doing, source, advice }
+}
+
+impl Link for TcpLink {
+    fn receive(&mut self, until: Tai) -> Result<Option<Stamped<Packet>>, LinkError> {
+        loop {
+            if let Some(message) = self.take() {
+                self.acknowledge(&message);
+                self.counters.received += 1;
+                return Ok(Some(Stamped { at: self.read_at, value: Packet::Datagram(message) }));
+            }
+            self.connect()?;
+            if self.fill() {
+                continue;
+            }
+            let now = self.clock.now();
+            if !self.clock.is_real() || now >= until {
+                return Ok(None);
+            }
+            self.wait(now, until.min(now + Span::from_ms(1000)))?;
+        }
+    }
+
+    fn send(&mut self, packet: &Packet) -> Result<Tai, LinkError> {
+        let Packet::Datagram(datagram) = packet else {
+            let (wanted, got) = ("datagram", packet.kind());
+            return Err(LinkError::WrongPacket { link: format!("tcp {}", self.address), wanted, got });
+        };
+        let bytes = self.framed(datagram)?;
+        self.connect()?;
+        match self.stream.as_mut().map(|stream| stream.write(&bytes)) {
+            Some(true) => self.counters.sent += 1,
+            None => self.counters.unsent += 1,
+            Some(false) => {
+                self.counters.unsent += 1;
+                self.lose();
+            }
+        }
+        Ok(self.clock.now())
+    }
+
+    fn counters(&self) -> LinkCounters {
+        self.counters
+    }
+}

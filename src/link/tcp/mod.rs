@@ -1,0 +1,45 @@
+//! Records or lines over TCP: what an outside simulator writes to a connection <-> `Link`.
+//!
+//! * Server: listens, and takes one client at a time; another one is refused and counted. Client: connects, also again after
+//!   the connection is lost, every [`RETRY`]. A connection that ends counts as lost, the next one as regained.
+//! * A stream has no borders: [`Framing`] finds them again, in bounded memory. Lines longer than [`crate::DATAGRAM_MAX`] are
+//!   refused and counted. The rest of a message whose connection ended is forgotten.
+//! * Stamps are the instant of reading: the kernel gives none for a stream.
+//! * Where wanted ([`TcpParams::acknowledges`]), the answer of a receiver of 42 goes out after each `[ENDMSG]`.
+//!
+//! Nothing is read from a client that has not been taken. Tests: `tests` here, `tests/links/plain.rs`.
+
+mod framing;
+mod link;
+mod stream;
+#[cfg(test)]
+mod tests;
+
+use base::time::Span;
+use std::net::SocketAddr;
+
+pub use framing::Framing;
+pub use link::TcpLink;
+
+/// A lost connection is tried again this often.
+pub const RETRY: Span = Span::from_ms(200);
+
+/// Who connects.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TcpRole {
+    /// The other end, to this address.
+    Server(SocketAddr),
+    /// This end, to that address.
+    Client(SocketAddr),
+}
+
+/// How the connection is made and divided.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TcpParams {
+    /// Who connects.
+    pub role: TcpRole,
+    /// Where messages end.
+    pub framing: Framing,
+    /// Answers each message of 42.
+    pub acknowledges: bool,
+}

@@ -1,0 +1,97 @@
+//! One UDP socket: datagrams with their sender, the kernel's stamps and its count of drops.
+
+use crate::readiness::{Readiness, wait_for};
+use crate::{DATAGRAM_MAX, Datagram};
+use base::time::Span;
+use nix::sys::socket::sockopt::{RcvBuf, RcvBufForce, ReceiveTimestampns, RxqOvfl};
+use nix::sys::socket::{ControlMessageOwned, MsgFlags, SockaddrStorage, recvmsg, setsockopt};
+use nix::sys::time::TimeSpec;
+use std::io::{self, IoSliceMut};
+use std::net::{SocketAddr, SocketAddrV4, SocketAddrV6, UdpSocket};
+use std::os::fd::{AsFd, AsRawFd};
+
+/// Receive buffer asked for: seconds of any sender that a bench has.
+const RECEIVE_BUFFER_BYTES: usize = 4 << 20;
+/// Room for the control messages asked for: one stamp and the count of drops.
+const CONTROL_BYTES: usize = 128;
+
+/// An open socket.
+pub(super) struct Socket {
+    inner: UdpSocket,
+    control: Box<[u8; CONTROL_BYTES]>,
+    drops: u32,
+}
+
+/// What one look at the socket gave.
+pub(super) struct Arrived {
+    /// `None`: longer than any message.
+    pub(super) datagram: Option<Datagram>,
+    pub(super) from: Option<SocketAddr>,
+    /// CLOCK_REALTIME at which the kernel received it, ns.
+    pub(super) kernel_ns: Option<i64>,
+    /// Datagrams the kernel dropped since the last look.
+    pub(super) drops: u64,
+}
+
+impl Socket {
+    pub(super) fn bind(listen: SocketAddr) -> io::Result<Self> {
+        let inner = UdpSocket::bind(listen)?;
+        inner.set_nonblocking(true)?;
+        setsockopt(&inner, ReceiveTimestampns, &true)?;
+        setsockopt(&inner, RxqOvfl, &1)?;
+        // Beyond the system's limit where the rights suffice, else up to it.
+        setsockopt(&inner, RcvBufForce, &RECEIVE_BUFFER_BYTES)
+            .or_else(|_| setsockopt(&inner, RcvBuf, &RECEIVE_BUFFER_BYTES))?;
+        Ok(Self { inner, control: Box::new([0; CONTROL_BYTES]), drops: 0 })
+    }
+
+    pub(super) fn address(&self) -> io::Result<SocketAddr> {
+        self.inner.local_addr()
+    }
+
+    /// The next datagram in the kernel's queue; `None` when it is empty.
+    pub(super) fn read(&mut self) -> io::Result<Option<Arrived>> {
+        let mut bytes = [0; DATAGRAM_MAX + 1];
+        let mut slices = [IoSliceMut::new(&mut bytes)];
+        let control = Some(&mut self.control[..]);
+        let flags = MsgFlags::MSG_DONTWAIT;
+        let message = match recvmsg::<SockaddrStorage>(self.inner.as_raw_fd(), &mut slices, control, flags) {
+            Ok(message) => message,
+            // An ICMP answer to what was sent before: the other end was not there yet.
+            Err(nix::Error::EAGAIN | nix::Error::EINTR | nix::Error::ECONNREFUSED) => return Ok(None),
+            Err(error) => return Err(error.into()),
+        };
+        let mut arrived = Arrived { datagram: None, from: None, kernel_ns: None, drops: 0 };
+        for control in message.cmsgs()? {
+            if let ControlMessageOwned::ScmTimestampns(stamp) = control {
+                arrived.kernel_ns = nonzero_ns(stamp);
+            } else if let ControlMessageOwned::RxqOvfl(total) = control {
+                arrived.drops = u64::from(total.wrapping_sub(self.drops));
+                self.drops = total;
+            }
+        }
+        arrived.from = message.address.as_ref().and_then(address_of);
+        let length = message.bytes;
+        arrived.datagram = bytes.get(..length).and_then(Datagram::new);
+        Ok(Some(arrived))
+    }
+
+    pub(super) fn send(&self, bytes: &[u8], to: SocketAddr) -> io::Result<usize> {
+        self.inner.send_to(bytes, to)
+    }
+
+    /// Waits until there is something to read, for `span` at most.
+    pub(super) fn wait(&self, span: Span) -> io::Result<()> {
+        wait_for(self.inner.as_fd(), Readiness::Read, span).map(drop)
+    }
+}
+
+fn address_of(address: &SockaddrStorage) -> Option<SocketAddr> {
+    let v4 = address.as_sockaddr_in().map(|v4| SocketAddr::V4(SocketAddrV4::from(*v4)));
+    v4.or_else(|| address.as_sockaddr_in6().map(|v6| SocketAddr::V6(SocketAddrV6::from(*v6))))
+}
+
+fn nonzero_ns(stamp: TimeSpec) -> Option<i64> {
+    let ns = stamp.tv_sec().checked_mul(1_000_000_000)?.checked_add(stamp.tv_nsec())?;
+    (ns != 0).then_some(ns)
+}

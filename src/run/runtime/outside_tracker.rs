@@ -1,0 +1,73 @@
+//! The built-in star tracker at the other end of the cable where no spacecraft is flown inside: frames -> attitudes.
+//!
+//! In: a frame of one head as it goes out, and the observer's velocity that it was drawn with. Out: an attitude, or why there
+//! is none, so long after the frame as a tracker thinks. It sees pixels only, and has no gyro: it takes its rate from its last
+//! two attitudes. Frames come in order; the same frames give the same bits. Tests: `tests/closed_loop/lockstep.rs`.
+
+use base::time::{Span, Tai};
+use frames::sink::SentFrame;
+use glam::DVec3;
+use std::collections::VecDeque;
+use std::sync::Arc;
+use testbed::tracker::{GuideStars, Outcome, Tracker, TrackerParams};
+
+/// Outputs that wait to be ready: more than a tracker thinks about.
+const WAITING_MAX: usize = 64;
+
+/// What a tracker says of one frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TrackerOutput {
+    /// Number of the frame.
+    pub frame: u32,
+    /// Middle of its exposure, by the tracker's time tag.
+    pub mid_exposure: Tai,
+    /// Attitude, or why there is none.
+    pub outcome: Outcome,
+}
+
+/// A tracker with its outputs.
+#[derive(Debug)]
+pub struct OutsideTracker {
+    tracker: Tracker,
+    delay: Span,
+    tag_error: Span,
+    /// When each is ready.
+    waiting: VecDeque<(Tai, TrackerOutput)>,
+    ready: Option<TrackerOutput>,
+}
+
+impl OutsideTracker {
+    /// Returns a tracker that is lost in space. It thinks for `delay`, and its time tags are late by `tag_error`.
+    #[must_use]
+    pub fn new(params: TrackerParams, guide: Arc<GuideStars>, delay: Span, tag_error: Span) -> Self {
+        let waiting = VecDeque::with_capacity(WAITING_MAX);
+        Self { tracker: Tracker::new(params, guide), delay, tag_error, waiting, ready: None }
+    }
+
+    /// Measures a frame that goes out at `at`. `beta` is the observer's velocity about the barycentre over the speed of light,
+    /// ICRF axes.
+    pub fn take_frame(&mut self, frame: &SentFrame, at: Tai, beta: DVec3) {
+        let mid_exposure = frame.meta.mid_exposure + self.tag_error;
+        let outcome = self.tracker.measure(&frame.image, mid_exposure, beta, None);
+        self.take_ready(at);
+        if self.waiting.len() >= WAITING_MAX {
+            self.ready = self.waiting.pop_front().map(|(_, output)| output);
+        }
+        let output = TrackerOutput { frame: frame.meta.number, mid_exposure, outcome };
+        self.waiting.push_back((at + self.delay, output));
+    }
+
+    fn take_ready(&mut self, now: Tai) {
+        while let Some((_, output)) = self.waiting.front().filter(|(ready_at, _)| *ready_at <= now).copied() {
+            self.waiting.pop_front();
+            self.ready = Some(output);
+        }
+    }
+
+    /// Returns the newest output that is ready at `now`; `None` before the first.
+    #[must_use]
+    pub fn output(&self, now: Tai) -> Option<TrackerOutput> {
+        let waiting = self.waiting.iter().rev().find(|(ready_at, _)| *ready_at <= now);
+        waiting.map(|(_, output)| *output).or(self.ready)
+    }
+}

@@ -1,0 +1,119 @@
+//! Times of plain messages: tags of any epoch, arrival; jumps and repeats.
+
+use super::super::tests::params;
+use super::*;
+use crate::runtime::ledger::EventKind;
+
+const START: Tai = Tai::from_ns(1_800_000_000_000_000_000);
+const RATE: f64 = 0.01;
+
+struct Bench {
+    receiver: Receiver,
+    ledger: Ledger,
+}
+
+fn bench() -> Bench {
+    Bench { receiver: Receiver::new(params()).unwrap(), ledger: Ledger::default() }
+}
+
+fn record(time: PlainTime, turned_rad: f64) -> Stamped<Input> {
+    let half = 0.5 * turned_rad;
+    let attitude = PlainAttitude {
+        q_wxyz: [half.cos(), -half.sin(), 0.0, 0.0],
+        rate_rad_s: [RATE, 0.0, 0.0],
+        acceleration_rad_s2: [0.0; 3],
+    };
+    let value = PlainRecord { time, attitude: Some(attitude), jitter_rad: None, observer: None };
+    Stamped { at: START, value: Input::Plain(value) }
+}
+
+impl Bench {
+    /// Sends an attitude that arrives so many milliseconds after the start, of a body that turns evenly.
+    fn send(&mut self, arrives_ms: i64, time: impl Fn(Tai) -> PlainTime) {
+        let arrives = START + Span::from_ms(arrives_ms);
+        let input = record(time(arrives), RATE * (arrives - START).s());
+        let input = Stamped { at: arrives, ..input };
+        assert_eq!(self.receiver.accept_input(0, &input, &mut self.ledger), None);
+    }
+
+    fn accepted(&self) -> u64 {
+        self.receiver.history().counts().accepted
+    }
+
+    fn newest(&self) -> Tai {
+        self.receiver.history().newest().unwrap().at
+    }
+
+    fn count(&self, kind: EventKind) -> u64 {
+        self.ledger.count(kind)
+    }
+}
+
+#[test]
+fn without_a_time_an_attitude_holds_when_it_arrives() {
+    let mut bench = bench();
+    bench.send(200, |_| PlainTime::Arrival);
+    assert_eq!((bench.newest(), bench.accepted()), (START + Span::from_ms(200), 1));
+    assert_eq!(bench.receiver.messages(), 1);
+}
+
+#[test]
+fn tag_of_any_epoch_is_placed_by_its_estimated_clock() {
+    for epoch_ns in [0, -7_000_000_000_000, 1_700_000_000_000_000_000] {
+        let mut bench = bench();
+        for i in 0..200 {
+            // Delays of 1 ms and more; the floor is taken for the sending.
+            let late = Span::from_ms(1 + i % 7);
+            let tag = |at: Tai| PlainTime::Tag((at - late - START).ns() + epoch_ns);
+            bench.send(10 * i + late.ns() / 1_000_000, tag);
+        }
+        let error = bench.newest() - (START + Span::from_ms(1990 + 1));
+        assert!(error.ns().abs() < 200_000, "epoch {epoch_ns}: {} ns", error.ns());
+        assert_eq!((bench.accepted(), bench.count(EventKind::ClockStepped)), (200, 0));
+    }
+}
+
+#[test]
+fn jump_of_the_tags_is_an_event_and_no_old_attitude_is_shown_as_new() {
+    for (jump_ms, kind) in [(60_000, EventKind::ClockStepped), (-100_000, EventKind::ClockRestarted)] {
+        let mut bench = bench();
+        let tag = |offset_ms: i64| move |at: Tai| PlainTime::Tag((at - START).ns() + (offset_ms + 100_000) * 1_000_000);
+        (0..50).for_each(|i| bench.send(10 * i, tag(0)));
+        assert_eq!(bench.count(kind), 0, "control");
+        (50..100).for_each(|i| bench.send(10 * i, tag(jump_ms)));
+        assert_eq!(bench.count(kind), 1, "{jump_ms} ms");
+        let error = bench.newest() - (START + Span::from_ms(990));
+        assert!(error.ns().abs() < 1_000_000, "{jump_ms} ms: {} ns", error.ns());
+    }
+}
+
+#[test]
+fn overtaken_message_is_taken_and_its_tag_is_no_mark() {
+    let mut bench = bench();
+    let tag = |late_ms: i64| move |at: Tai| PlainTime::Tag((at - START).ns() + 5 - late_ms * 1_000_000);
+    for i in 0..50 {
+        // Of every ten messages two arrive after a newer one.
+        let late_ms = match i % 10 {
+            7 => 25,
+            8 => 15,
+            _ => 0,
+        };
+        bench.send(10 * i, tag(late_ms));
+    }
+    assert_eq!((bench.accepted(), bench.count(EventKind::ClockStepped)), (50, 0));
+    assert_eq!(bench.receiver.history().counts().out_of_order, 10);
+}
+
+#[test]
+fn repeated_message_is_refused_and_its_attitude_stays_as_old_as_it_is() {
+    let mut bench = bench();
+    let tag = |at: Tai| PlainTime::Tag((at - START).ns() + 5);
+    (0..50).for_each(|i| bench.send(10 * i, tag));
+    let newest = bench.newest();
+    // The sender hangs: the same message again and again.
+    let hung = tag(START + Span::from_ms(490));
+    (50..250).for_each(|i| bench.send(10 * i, |_| hung));
+    assert_eq!((bench.accepted(), bench.count(EventKind::SampleRefused)), (50, 200));
+    assert_eq!(bench.count(EventKind::ClockStepped), 0, "nothing of it is a mark");
+    assert_eq!(bench.newest(), newest);
+}

@@ -1,0 +1,33 @@
+//! The built-in star trackers beside a plant outside: a checked scenario -> a tracker for each head.
+
+use crate::runtime::OutsideTracker;
+use crate::wiring::error::LoopError;
+use crate::wiring::vehicle_parts::tracker_params;
+use base::time::Tai;
+use config::{OutsideTrackers, Scenario};
+use stars::catalog::Catalog;
+use std::sync::Arc;
+use testbed::tracker::{GuideStars, TrackerParams};
+use testbed::vehicle::VehicleError;
+
+/// Returns the tracker of each head, where the scenario has any; equal trackers share one list of guide stars.
+pub(super) fn outside_trackers(scenario: &Scenario, start: Tai) -> Result<Vec<Option<OutsideTracker>>, LoopError> {
+    let Some(OutsideTrackers { delay, tag_error, most_stars }) = scenario.trackers else { return Ok(Vec::new()) };
+    let catalog = Catalog::built_in().map_err(VehicleError::from)?;
+    let mut guides: Vec<(TrackerParams, Arc<GuideStars>)> = Vec::new();
+    let mut trackers = Vec::with_capacity(scenario.bench.head_count());
+    for number in 0..scenario.bench.head_count() {
+        let params = tracker_params(&scenario.bench.of_head(number).camera, most_stars);
+        let known = guides.iter().find(|(known, _)| *known == params).map(|(_, guide)| Arc::clone(guide));
+        let guide = match known {
+            Some(guide) => guide,
+            None => {
+                let guide = Arc::new(GuideStars::new(&catalog, &params, start).map_err(VehicleError::from)?);
+                guides.push((params, Arc::clone(&guide)));
+                guide
+            }
+        };
+        trackers.push(Some(OutsideTracker::new(params, guide, delay, tag_error)));
+    }
+    Ok(trackers)
+}

@@ -1,0 +1,127 @@
+//! The C interface of a co-simulation unit, called as an importer calls it: what is wrong is an error and a message, never a
+//! crash. FMPy flies whole units in `hil_scripts/test_fmu.py`.
+
+#![allow(unsafe_code, reason = "the importer's side of a C interface")]
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+
+use core::ffi::{CStr, c_char, c_void};
+use core::ptr::{null, null_mut};
+use starloop_fmu_library::calls::*;
+use starloop_fmu_library::denied::*;
+use starloop_fmu_library::instance::Status;
+use starloop_fmu_library::values::*;
+use std::ffi::CString;
+use std::path::Path;
+
+/// Keeps what is logged in the strings behind the environment.
+unsafe extern "C" fn keep(environment: *mut c_void, _status: Status, _category: *const c_char, message: *const c_char) {
+    // SAFETY: the environment is the list that the test handed over, and the message ends with a zero.
+    let (said, message) = unsafe { (&mut *environment.cast::<Vec<String>>(), CStr::from_ptr(message)) };
+    said.push(message.to_str().unwrap().to_owned());
+}
+
+fn instantiate(token: &str, resources: &Path, said: &mut Vec<String>) -> *mut c_void {
+    let (token, resources) = (CString::new(token).unwrap(), CString::new(resources.to_str().unwrap()).unwrap());
+    let environment = core::ptr::from_mut(said).cast();
+    let (name, log) = (c"one".as_ptr(), Some(keep as _));
+    let (token, resources) = (token.as_ptr(), resources.as_ptr());
+    fmi3InstantiateCoSimulation(name, token, resources, false, true, false, false, null(), 0, environment, log, None)
+}
+
+/// Resources of a small bench, and the token that belongs to them.
+fn resources() -> (tempfile::TempDir, String) {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("camera.toml"), CAMERA).unwrap();
+    std::fs::write(folder.path().join("bench.toml"), BENCH).unwrap();
+    let document = config::Document::open(&folder.path().join("bench.toml")).unwrap();
+    let text = serde_json::to_string_pretty(&document.pack().unwrap()).unwrap();
+    std::fs::write(folder.path().join(fmu::archive::RUN_FILE), &text).unwrap();
+    let token = fmu::archive::token(&text, 1);
+    (folder, token)
+}
+
+const CAMERA: &str = "[detector]\nwidth_px = 64\nheight_px = 64\n[optics]\nfocal_length_mm = 25\n";
+const BENCH: &str = "camera = \"camera.toml\"\n[timing]\nframe_rate_hz = 10\nduration_s = 1\n\
+                     start = \"2026-03-01T12:00:00Z\"\n[link]\nkind = \"simulated\"\nwire = \"can_fd\"\n";
+
+#[test]
+fn the_version_is_three() {
+    // SAFETY: a text that ends with a zero, as the standard promises.
+    assert_eq!(unsafe { CStr::from_ptr(fmi3GetVersion()) }, c"3.0");
+}
+
+#[test]
+fn null_is_refused_everywhere() {
+    let none = null_mut();
+    assert_eq!(fmi3ExitInitializationMode(none), Status::Error);
+    assert_eq!(fmi3GetFloat64(none, null(), 0, null_mut(), 0), Status::Error);
+    assert_eq!(fmi3GetFMUState(none, null_mut()), Status::Error);
+    assert_eq!(fmi3Terminate(none), Status::Error);
+    // SAFETY: null may be freed.
+    unsafe { fmi3FreeInstance(none) };
+    let mut said = Vec::<String>::new();
+    let environment = core::ptr::from_mut(&mut said).cast();
+    let log = Some(keep as _);
+    let made = fmi3InstantiateCoSimulation(
+        null(),
+        null(),
+        null(),
+        false,
+        false,
+        false,
+        false,
+        null(),
+        0,
+        environment,
+        log,
+        None,
+    );
+    assert!(made.is_null() && said[0].contains("got null"), "{said:?}");
+}
+
+#[test]
+fn resources_that_are_not_those_of_the_description_are_refused() {
+    let (folder, token) = resources();
+    let mut said = Vec::new();
+    assert!(instantiate("another", folder.path(), &mut said).is_null());
+    assert!(said[0].contains(&token) && said[0].contains("another"), "{said:?}");
+    assert!(instantiate(&token, Path::new("/nonexistent"), &mut said).is_null());
+    assert!(said[1].contains("/nonexistent"), "{said:?}");
+}
+
+#[test]
+fn an_instance_is_set_stepped_read_and_freed() {
+    let (folder, token) = resources();
+    let mut said = Vec::new();
+    let unit = instantiate(&token, folder.path(), &mut said);
+    assert!(!unit.is_null(), "{said:?}");
+    let empty = c"".as_ptr();
+    assert_eq!(fmi3SetString(unit, &raw const OUTPUT_DIR, 1, &raw const empty, 1), Status::Ok);
+    assert_eq!(fmi3EnterInitializationMode(unit, false, 0.0, 0.0, false, 0.0), Status::Ok);
+    assert_eq!(fmi3ExitInitializationMode(unit), Status::Ok, "{said:?}");
+    let q = [1.0, 0.0, 0.0, 0.0];
+    assert_eq!(fmi3SetFloat64(unit, &raw const Q, 1, q.as_ptr(), 4), Status::Ok);
+    assert_eq!(fmi3SetFloat64(unit, &raw const Q, 1, q.as_ptr(), 3), Status::Error, "three of four numbers");
+    let (mut flags, mut until_s) = ([false; 3], 0.0);
+    let [a, b, c] = &mut flags;
+    for step in 0..8 {
+        let status = fmi3DoStep(unit, 0.1 * f64::from(step), 0.1, true, a, b, c, &raw mut until_s);
+        assert_eq!(status, Status::Ok, "{said:?}");
+    }
+    assert!((until_s - 0.8).abs() < 1e-12);
+    let mut frames = 0_u64;
+    assert_eq!(fmi3GetUInt64(unit, &raw const FRAMES, 1, &raw mut frames, 1), Status::Ok);
+    assert!(frames > 3, "{frames}");
+    let mut small = 0_u8;
+    assert_eq!(fmi3GetUInt8(unit, &raw const Q, 1, &raw mut small, 1), Status::Error, "a quaternion is no UInt8");
+    assert_eq!(fmi3GetFMUState(unit, null_mut()), Status::Error);
+    assert!(said.last().unwrap().contains("fmi3GetFMUState"), "{said:?}");
+    assert_eq!(fmi3Terminate(unit), Status::Ok, "{said:?}");
+    assert_eq!(fmi3DoStep(unit, 0.8, 0.1, true, a, b, c, &raw mut until_s), Status::Error, "after the end");
+    // SAFETY: made above and not yet freed.
+    unsafe { fmi3FreeInstance(unit) };
+}
+
+static OUTPUT_DIR: u32 = fmu::variables::reference::OUTPUT_DIR;
+static Q: u32 = fmu::variables::reference::Q_BODY_FROM_ICRF;
+static FRAMES: u32 = fmu::variables::reference::HEADS + fmu::variables::reference::FRAMES;
