@@ -118,7 +118,7 @@ class Stimulator:
                 header = fits.getheader(path)
             except (OSError, ValueError):
                 continue
-            if header.get("QW") is not None and header["ORIGIN"] in ("measured", "predicted"):
+            if header.get("QW") is not None and header["ORIGIN"] in ("measured", "interpolated", "predicted"):
                 found.append(header)
         return found
 
