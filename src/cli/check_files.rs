@@ -97,7 +97,8 @@ mod tests {
         let mut rows = String::from("t_s,q_w,q_x,q_y,q_z\n");
         let count = (seconds / step_s) as u32;
         for t_s in (0..=count).map(|i| f64::from(i) * step_s) {
-            let (sin, cos) = (0.5 * 1e-4 * t_s * t_s).sin_cos();
+            // Half of the angle that 1e-4 rad/s^2 make.
+            let (sin, cos) = (0.5 * 0.5 * 1e-4 * t_s * t_s).sin_cos();
             rows += &format!("{t_s},{cos},0,{},0\n", -sin);
         }
         std::fs::write(folder.path().join("x.csv"), rows).unwrap();
