@@ -38,7 +38,7 @@ seed = 3
 [timing]
 frame_rate_hz = 10
 duration_s = 2
-start = "2026-03-01T12:00:00Z"
+start_utc = "2026-03-01T12:00:00Z"
 [link]
 kind = "simulated"
 wire = "can_fd"

@@ -181,7 +181,7 @@ fn a_message_is_laid_upon_the_run_by_its_own_times_or_at_the_first_exposure() {
     };
     let file = |lines: &str| match read(lines).unwrap_or_else(|error| panic!("{error}")).plant {
         Plant::File(file) => file,
-        other => panic!("{other:?}"),
+        other @ (Plant::Outside | Plant::FlightComputer | Plant::Vehicle(_)) => panic!("{other:?}"),
     };
     let [first, later] =
         ["2026-03-01T00:00:00Z", "2026-03-01T00:00:05Z"].map(|text| base::time::Tai::from_rfc3339(text).unwrap());

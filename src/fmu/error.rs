@@ -28,10 +28,10 @@ pub enum FmuError {
     Archive(#[from] frames::sink::SinkError),
     /// The run file is refused.
     #[error(transparent)]
-    Config(#[from] config::ConfigError),
+    Config(Box<config::ConfigError>),
     /// The run cannot be put together or has failed.
     #[error(transparent)]
-    Run(#[from] run::wiring::error::LoopError),
+    Run(Box<run::wiring::error::LoopError>),
     /// A variable has a value that it cannot take.
     #[error("variable {name}: wanted {wanted}, got {got}")]
     Value {
@@ -71,4 +71,16 @@ pub enum FmuError {
         /// The run file.
         file: String,
     },
+}
+
+impl From<run::wiring::error::LoopError> for FmuError {
+    fn from(error: run::wiring::error::LoopError) -> Self {
+        Self::Run(Box::new(error))
+    }
+}
+
+impl From<config::ConfigError> for FmuError {
+    fn from(error: config::ConfigError) -> Self {
+        Self::Config(Box::new(error))
+    }
 }

@@ -5,10 +5,10 @@
 //! archive  -> importer -> fmu_library (C interface) -> Slave -> SteppedRun   in the simulator's process
 //! ```
 //!
-//! * [`variables`]: every variable with its reference, type, unit and meaning, in one table;
-//! * [`description`]: `modelDescription.xml`;
-//! * [`archive`]: the .fmu file;
-//! * [`slave`]: one instance: inputs, steps, outputs.
+//! * [`variables`] has every variable with its reference, type, unit and meaning, in one table;
+//! * [`description`] writes `modelDescription.xml`;
+//! * [`archive`] writes the .fmu file;
+//! * [`slave`] is one instance: inputs, steps, outputs.
 //!
 //! Standard: FMI 3.0.2, <https://fmi-standard.org/docs/3.0.2/>. Tests: below, and with FMPy in `hil_scripts/test_fmu.py`.
 

@@ -174,7 +174,7 @@ impl Slave {
         self.state.wants(&[State::Stepping], "fmi3DoStep")?;
         let at_s = self.time_s[0];
         let is_in_order = (from_s - at_s).abs() <= STEP_TOLERANCE_S * at_s.abs().max(1.0);
-        if !is_in_order || !(step_s > 0.0 && step_s.is_finite()) {
+        if !(is_in_order && step_s > 0.0 && step_s.is_finite()) {
             return Err(FmuError::Step { from_s, step_s, at_s });
         }
         let attitude = self.attitude()?;

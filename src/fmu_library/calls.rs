@@ -44,6 +44,10 @@ pub extern "C" fn fmi3InstantiateCoSimulation(
     }
 }
 
+/// Frees an instance; null is allowed.
+///
+/// # Safety
+/// The pointer is null, or one that `fmi3InstantiateCoSimulation` returned and that is not freed yet.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3FreeInstance(instance: *mut c_void) {
     if !instance.is_null() {

@@ -99,6 +99,9 @@ impl FollowedStates {
     /// Returns a state moved to another instant: on a conic about the body, or on a straight line at the barycentre.
     fn moved(&self, from: (Tai, BarycentricState), at: Tai) -> Result<BarycentricState, ObserverError> {
         let (epoch, state) = from;
+        if epoch == at {
+            return Ok(state);
+        }
         let Some(about) = self.about else {
             let position_km = state.position_km + state.velocity_km_s * (at - epoch).s();
             return Ok(BarycentricState { position_km, ..state });

@@ -42,7 +42,7 @@ fn resources() -> (tempfile::TempDir, String) {
 
 const CAMERA: &str = "[detector]\nwidth_px = 64\nheight_px = 64\n[optics]\nfocal_length_mm = 25\n";
 const BENCH: &str = "camera = \"camera.toml\"\n[timing]\nframe_rate_hz = 10\nduration_s = 1\n\
-                     start = \"2026-03-01T12:00:00Z\"\n[link]\nkind = \"simulated\"\nwire = \"can_fd\"\n";
+                     start_utc = \"2026-03-01T12:00:00Z\"\n[link]\nkind = \"simulated\"\nwire = \"can_fd\"\n";
 
 #[test]
 fn the_version_is_three() {

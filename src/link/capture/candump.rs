@@ -15,6 +15,7 @@ const DATA_MAX: usize = 64;
 
 /// What a line says.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(clippy::large_enum_variant, reason = "one at a time, on the stack: a packet is its bytes")]
 pub enum Line {
     /// A frame.
     Packet(CapturedPacket),

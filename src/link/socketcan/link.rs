@@ -29,6 +29,7 @@ pub struct SocketCanLink {
 }
 
 /// What one look at the socket came to.
+#[allow(clippy::large_enum_variant, reason = "one at a time, on the stack: a packet is its bytes")]
 enum Look {
     Packet(Stamped<Packet>),
     /// An error frame, or a frame that is none of ours.

@@ -26,6 +26,7 @@ pub struct UdpLink {
 }
 
 /// What one look at the socket came to.
+#[allow(clippy::large_enum_variant, reason = "one at a time, on the stack: a packet is its bytes")]
 enum Look {
     Packet(Stamped<Packet>),
     Refused,

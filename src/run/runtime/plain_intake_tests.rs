@@ -94,8 +94,7 @@ fn overtaken_message_is_taken_and_its_tag_is_no_mark() {
     for i in 0..50 {
         // Of every ten messages two arrive after a newer one.
         let late_ms = match i % 10 {
-            7 => 25,
-            8 => 15,
+            7 | 8 => 25,
             _ => 0,
         };
         bench.send(10 * i, tag(late_ms));
