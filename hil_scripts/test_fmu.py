@@ -42,8 +42,8 @@ start_utc = "2026-03-01T12:00:00Z"
 [link]
 kind = "simulated"
 wire = "can_fd"
-[[sink]]
-kind = "fits"
+[sink]
+kind = "recorder"
 """
 RATE_DEG_S = 1.0
 ARCSEC = math.pi / 648000

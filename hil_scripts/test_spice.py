@@ -44,8 +44,8 @@ SCLK01_OFFSETS_82        = ( 0 0 )
 SCLK01_OUTPUT_DELIM_82   = ( 1 )
 SCLK_PARTITION_START_82  = ( 0.0 )
 SCLK_PARTITION_END_82    = ( 2.8147497671065E+14 )
-SCLK01_COEFFICIENTS_82   = ( 0.0                 825638469.18   1.0
-                             3.93216E+06         825638529.18   1.0000001 )
+SCLK01_COEFFICIENTS_82   = ( 0.0                 825595269.18   1.0
+                             3.93216E+06         825595329.18   1.0000001 )
 \\begintext
 """
 BENCH = """camera = "{camera}"

@@ -194,7 +194,8 @@ impl Slave {
             observer: self.inputs.has_observer.then(|| self.inputs.observer()),
         };
         run.take_plant(&[sample])?;
-        let until = if self.inputs.predict { at + Span::from_s(step_s) } else { at };
+        // The sample of the next step comes at the end of this one, and must not lie in the past then.
+        let until = if self.inputs.predict { at + Span::from_s(step_s) - Span::from_ns(1) } else { at };
         let (heads, zero) = (&mut self.heads, run.zero());
         let outcome = run.advance_to(until, &mut |head, frame, _record| {
             if let Some(outputs) = heads.get_mut(head) {

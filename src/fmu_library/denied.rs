@@ -50,6 +50,20 @@ denied! { "variables of that type":
     fmi3SetBinary(References, usize, *const usize, Any, usize);
 }
 
+denied! { "model exchange or scheduled execution":
+    fmi3EnterContinuousTimeMode();
+    fmi3CompletedIntegratorStep(bool, *mut bool, *mut bool);
+    fmi3SetTime(f64);
+    fmi3SetContinuousStates(*const f64, usize);
+    fmi3GetContinuousStateDerivatives(*mut f64, usize);
+    fmi3GetEventIndicators(*mut f64, usize);
+    fmi3GetContinuousStates(*mut f64, usize);
+    fmi3GetNominalsOfContinuousStates(*mut f64, usize);
+    fmi3GetNumberOfEventIndicators(*mut usize);
+    fmi3GetNumberOfContinuousStates(*mut usize);
+    fmi3ActivateModelPartition(u32, f64);
+}
+
 denied! { "clocks":
     fmi3GetClock(References, usize, *mut bool);
     fmi3SetClock(References, usize, *const bool);

@@ -6,8 +6,8 @@
 //! *Slow part.* The record is low-passed below what straight lines between the points can follow, and evaluated at points
 //! 1/128 of the exposure apart (windowed sinc, Blackman, 16 lobes to either side): nothing faster is folded down into them.
 //! *Fast part.* What the points leave out moves the image to and fro many times within an exposure. Its effect there is its
-//! covariance: that of the record's samples in the exposure less that of the points. It goes into [`RECORD_LINES`] sinusoids
-//! with whole numbers of periods per exposure, above the band of the points: their mean is zero, they are orthogonal to each
+//! covariance: that of the record's samples in the exposure less that of the points (none, where the points have its whole
+//! band). It goes into [`RECORD_LINES`] sinusoids with whole numbers of periods per exposure, above the band of the points: their mean is zero, they are orthogonal to each
 //! other, and first and second moments of the path are those of the record. *Limits.* Of the fast part only the moments are
 //! kept, per exposure: its own course within the exposure is not. Ends of the window count by halves of samples.
 //! Tests: below, and `tests/physics/measured_jitter.rs`.
@@ -187,6 +187,8 @@ struct Grid {
     step_s: f64,
     /// Highest frequency in the points, Hz.
     band_hz: f64,
+    /// The record has higher frequencies than the points. Without them its few samples say less of the moments than the points.
+    leaves_out: bool,
 }
 
 impl RecordReader {
@@ -199,7 +201,8 @@ impl RecordReader {
         let (record, exposure_s) = (&self.jitter.record, self.jitter.exposure_s);
         let by_window_s = window_s / (RECORD_POINTS_MAX - 4) as f64;
         let step_s = (exposure_s / POINTS_PER_EXPOSURE).max(by_window_s).max(record.period_s / POINTS_PER_SAMPLE);
-        Grid { step_s, band_hz: (POINTS_BAND / step_s).min(RECORD_BAND / record.period_s) }
+        let (of_points_hz, of_record_hz) = (POINTS_BAND / step_s, RECORD_BAND / record.period_s);
+        Grid { step_s, band_hz: of_points_hz.min(of_record_hz), leaves_out: of_points_hz < of_record_hz }
     }
 
     /// Adds what bears on `from..=until` to a track whose lines' phases hold at `lines_epoch`; how much of the window lies
@@ -230,7 +233,9 @@ impl RecordReader {
             track.points.sort_unstable_by_key(|point| point.at);
             track.points.dedup_by_key(|point| point.at);
         }
-        self.add_lines(self.all_of(window).covariance() - seen.covariance(), &grid, (from, until), track);
+        if grid.leaves_out {
+            self.add_lines(self.all_of(window).covariance() - seen.covariance(), &grid, (from, until), track);
+        }
         self.missing(window)
     }
 

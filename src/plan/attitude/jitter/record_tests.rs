@@ -93,8 +93,13 @@ fn a_record_of_every_tenth_sample_and_a_scaled_one_are_found_out() {
     assert!((scaled - 1.21).abs() < 0.03, "{scaled}");
 }
 
-/// Straight lines between the points, and lines of a thousandth of the power: a share of the amplitude.
-const OFF_SHARE: f64 = 0.04;
+/// Straight lines between points lack `(2 pi f step)^2 / 6` of a tone's power. The lines that give it back are four in phase
+/// for each column of the covariance, each of them its root times `sqrt(1/2)`: at most this, arcsec.
+fn largest_of_lines_arcsec(tones: Tones<'_>, step_s: f64) -> f64 {
+    let lacking =
+        |([x, y], f_hz, _): &([f64; 2], f64, f64)| (TAU * f_hz * step_s).powi(2) / 6.0 * (x * x + y * y) / 2.0;
+    4.0 * (0.5 * tones.iter().map(lacking).sum::<f64>()).sqrt()
+}
 
 #[test]
 fn what_is_slow_is_followed_point_by_point() {
@@ -106,8 +111,10 @@ fn what_is_slow_is_followed_point_by_point() {
         for i in 0..200 {
             let t_s = f64::from(i) * 1e-3;
             let off = track.rotation_at(from + Span::from_s(t_s)) - signal(slow, 5.0 + t_s);
+            let limit_arcsec = largest_of_lines_arcsec(slow, exposure_s / 128.0);
+            assert!(limit_arcsec < 0.15, "a tenth of the signal: {limit_arcsec}");
             assert!(
-                off.length() < OFF_SHARE * 1.48 * ARCSEC,
+                off.length() < limit_arcsec * ARCSEC,
                 "{rate_hz} Hz, {t_s} s: off by {} arcsec",
                 off.length() / ARCSEC
             );
@@ -153,7 +160,7 @@ fn a_record_and_samples_of_the_bus_add_up() {
     for i in 0..50 {
         let t_s = f64::from(i) * 1e-3;
         let off = track.rotation_at(from + Span::from_s(t_s)) - signal(slow, 5.0 + t_s) - bus(t_s);
-        assert!(off.length() < OFF_SHARE * 1.12 * ARCSEC, "{t_s} s: off by {} arcsec", off.length() / ARCSEC);
+        assert!(off.length() < 0.02 * ARCSEC, "{t_s} s: off by {} arcsec", off.length() / ARCSEC);
     }
 }
 
