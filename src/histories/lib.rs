@@ -17,7 +17,7 @@
 //! | `epoch`, `reference_axes` | time systems; axes, and the frame bias |
 //! | [`attitude`], [`orbit`] | the histories, their interpolation and its error |
 //! | `spice` | SPICE kernels: CK and SPK, with their clocks (feature `spice`) |
-//! | [`write`] | all formats out |
+//! | [mod@write] | all formats out |
 
 mod aem;
 pub mod attitude;

@@ -19,7 +19,6 @@ mod packet;
 mod port;
 #[cfg(test)]
 mod port_tests;
-/// Plain datagrams of outside simulators: which numbers, in which order, form and units.
 pub mod plain;
 /// Pulses per second from the kernel.
 pub mod pps;
@@ -32,9 +31,7 @@ pub mod simulated;
 pub mod socketcan;
 /// Wrappers that see or change what passes.
 pub mod tap;
-/// Records or lines over TCP.
 pub mod tcp;
-/// Datagrams over UDP.
 pub mod udp;
 
 use base::time::Tai;

@@ -1,6 +1,6 @@
 //! A PSF that depends only on the distance from the star, and what it must answer to be planned and drawn.
 //!
-//! A new one is a file beside this one that implements [`RoundPsf`] and passes [`checks`], a variant of
+//! A new one is a file beside this one that implements [`RoundPsf`] and passes `checks`, a variant of
 //! [`PsfModel`](crate::optics::PsfModel) and a word of `[psf] model`: every backend draws it from its table.
 
 use core::fmt::Debug;
