@@ -79,7 +79,6 @@ const DOCUMENTATION: &str = "<!DOCTYPE html>
 <p>Set the attitude at the begin of each step; read frames, the true attitude and the star tracker after it.</p>
 <p>Quaternions are scalar first, Hamilton, passive: v_body = q v_icrf q*. SPICE's m2q gives this form; most other tools give
 its conjugate.</p>
-<p>With the parameter <code>predict</code> false (the default) frames are drawn one step later, from attitudes on both sides of
-their exposures; outputs lag by one step. With true they are predicted over the step from attitude, rate and acceleration.</p>
+<p>What a frame needs beyond the begin of a step is predicted from attitude, rate and acceleration.</p>
 </body></html>
 ";

@@ -1,8 +1,8 @@
 //! One instance of a unit: inputs, steps, outputs. The C interface calls this; a test can as well.
 //!
-//! The importer sets inputs for the begin of a step, and the run goes on to there (or, with `predict`, to the end of the
-//! step). Life: new, [`Slave::enter`], [`Slave::exit`], [`Slave::step`] ..., [`Slave::terminate`]; [`Slave::reset`] begins
-//! again.
+//! The importer sets inputs for the begin of a step, and the run goes on to its end: what a frame needs beyond the begin of a
+//! step is predicted from attitude, rate and acceleration. Life: new, [`Slave::enter`], [`Slave::exit`], [`Slave::step`] ...,
+//! [`Slave::terminate`]; [`Slave::reset`] begins again.
 
 use crate::archive::{RUN_FILE, check_plant, token};
 use crate::error::FmuError;
@@ -31,7 +31,6 @@ const STEP_TOLERANCE_S: f64 = 1e-9;
 #[derive(Debug, Clone, PartialEq)]
 struct Inputs {
     output_dir: String,
-    predict: bool,
     q: [f64; 4],
     rate: [f64; 3],
     acceleration: [f64; 3],
@@ -47,7 +46,6 @@ impl Default for Inputs {
     fn default() -> Self {
         Self {
             output_dir: "starloop_fmu".into(),
-            predict: false,
             q: [1.0, 0.0, 0.0, 0.0],
             rate: [0.0; 3],
             acceleration: [0.0; 3],
@@ -195,7 +193,7 @@ impl Slave {
         };
         run.take_plant(&[sample])?;
         // The sample of the next step comes at the end of this one, and must not lie in the past then.
-        let until = if self.inputs.predict { at + Span::from_s(step_s) - Span::from_ns(1) } else { at };
+        let until = at + Span::from_s(step_s) - Span::from_ns(1);
         let (heads, zero) = (&mut self.heads, run.zero());
         let outcome = run.advance_to(until, &mut |head, frame, _record| {
             if let Some(outputs) = heads.get_mut(head) {
@@ -344,7 +342,6 @@ impl Slave {
     #[must_use]
     pub fn boolean(&self, reference: u32) -> Option<bool> {
         match reference {
-            reference::PREDICT => Some(self.inputs.predict),
             reference::HAS_OBSERVER => Some(self.inputs.has_observer),
             other => self
                 .head(other)
@@ -356,7 +353,6 @@ impl Slave {
     /// Sets whether something is true; false for any other variable.
     pub fn set_boolean(&mut self, reference: u32, value: bool) -> bool {
         match reference {
-            reference::PREDICT if self.is_before_start() => self.inputs.predict = value,
             reference::HAS_OBSERVER => self.inputs.has_observer = value,
             _no_input => return false,
         }

@@ -62,8 +62,6 @@ pub mod reference {
     pub const TIME: u32 = 0;
     /// Folder for frames and reports.
     pub const OUTPUT_DIR: u32 = 1;
-    /// Whether frames are drawn from attitudes up to the begin of a step.
-    pub const PREDICT: u32 = 2;
     /// Attitude, w x y z.
     pub const Q_BODY_FROM_ICRF: u32 = 10;
     /// Rate, rad/s.
@@ -138,34 +136,17 @@ pub fn variables(heads: usize) -> Vec<Variable> {
     all
 }
 
-fn parameters() -> [Variable; 2] {
-    let parameter = |name: &str, reference, kind, start: &str, description: &str| Variable {
-        name: name.into(),
-        reference,
-        kind,
+fn parameters() -> [Variable; 1] {
+    [Variable {
+        name: "output_dir".into(),
+        reference: reference::OUTPUT_DIR,
+        kind: Kind::String,
         role: Role::Parameter,
         elements: None,
         unit: None,
-        start: Some(start.into()),
-        description: description.into(),
-    };
-    [
-        parameter(
-            "output_dir",
-            reference::OUTPUT_DIR,
-            Kind::String,
-            "starloop_fmu",
-            "New folder for the frames and tables of the run; empty: frames are drawn and not kept",
-        ),
-        parameter(
-            "predict",
-            reference::PREDICT,
-            Kind::Boolean,
-            "false",
-            "False: a frame is drawn one step later, from attitudes on both sides of its exposure. True: at once, predicted from \
-             the attitude, rate and acceleration at the begin of the step",
-        ),
-    ]
+        start: Some("starloop_fmu".into()),
+        description: "New folder for the frames and tables of the run; empty: frames are drawn and not kept".into(),
+    }]
 }
 
 fn inputs() -> Vec<Variable> {
