@@ -22,7 +22,7 @@ mod outgoing;
 #[cfg(test)]
 mod parser_checks;
 mod pty;
-mod screen;
+pub(crate) mod screen;
 /// The protocol of serial CAN adapters.
 pub mod slcan;
 /// The protocol of the daemon of that name.

@@ -38,6 +38,19 @@ impl Foreign {
     }
 }
 
+/// Bytes after which [`opens_another_protocol`] knows.
+pub(crate) const OPENING_BYTES: usize = METHOD_MAX + 1;
+
+/// Returns true when a connection that begins with these bytes is HTTP (a method and a space, in either case) or TLS. For
+/// streams of any bytes, in which a later line may look like a header.
+pub(crate) fn opens_another_protocol(first: &[u8]) -> bool {
+    let is_method = |method: &&[u8]| {
+        let rest = first.get(..method.len()).filter(|begin| begin.eq_ignore_ascii_case(method));
+        rest.is_some() && first.get(method.len()) == Some(&b' ')
+    };
+    METHODS.iter().any(is_method) || first.starts_with(&TLS)
+}
+
 /// Where in a line the screen is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Place {
@@ -194,6 +207,16 @@ mod tests {
             "[1]\nhello\nPOSTER\nGETTING ON\n:\nV:\n",
         ] {
             assert_eq!(found(text.as_bytes()), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn openings_of_other_protocols_are_known_by_their_first_bytes() {
+        for foreign in [&b"GET / HTTP"[..], b"post /x", b"OPTIONS ", b"\x16\x03\x01"] {
+            assert!(opens_another_protocol(foreign.get(..OPENING_BYTES).unwrap_or(foreign)), "{foreign:?}");
+        }
+        for ours in [&b""[..], b"GE", b"GETAWAY ", b"{\"t\":1}", b"1.5, 1 0", b"TIME 2025", &1.5_f64.to_le_bytes()] {
+            assert!(!opens_another_protocol(ours), "{ours:?}");
         }
     }
 

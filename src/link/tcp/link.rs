@@ -3,6 +3,7 @@
 use super::framing::Reassembly;
 use super::stream::{Got, Stream};
 use super::{Framing, RETRY, TcpParams, TcpRole};
+use crate::gateway::screen::{OPENING_BYTES, opens_another_protocol};
 use crate::plain::{ACKNOWLEDGE, END_OF_MESSAGE};
 use crate::readiness::wait_for_any;
 use crate::{Datagram, Link, LinkCounters, LinkError, Packet, Stamped};
@@ -34,6 +35,9 @@ pub struct TcpLink {
     read: usize,
     taken: usize,
     read_at: Tai,
+    /// First bytes of the connection: a web page can make a browser connect.
+    opening: [u8; OPENING_BYTES],
+    opened: usize,
     counters: LinkCounters,
 }
 
@@ -60,6 +64,8 @@ impl TcpLink {
             read: 0,
             taken: 0,
             read_at: Tai::from_ns(0),
+            opening: [0; OPENING_BYTES],
+            opened: 0,
             counters: LinkCounters::default(),
         })
     }
@@ -98,6 +104,7 @@ impl TcpLink {
     }
 
     fn begin(&mut self, stream: TcpStream) {
+        self.opened = 0;
         // One that cannot be set up is gone already.
         self.stream = Stream::over(stream).ok();
         self.counters.regained += u64::from(self.was_connected && self.stream.is_some());
@@ -126,11 +133,24 @@ impl TcpLink {
         let got = stream.read(&mut self.bytes[..]);
         (self.read, self.taken, self.read_at) = (0, 0, self.clock.now());
         match got {
+            Got::Bytes(count) if self.is_foreign(count) => {
+                self.counters.foreign += 1;
+                self.lose();
+            }
             Got::Bytes(count) => self.read = count,
             Got::Nothing => {}
             Got::End => self.lose(),
         }
         self.read > 0
+    }
+
+    /// Returns true when a client of the server begins as a browser does: what follows may be lines of ours in its body.
+    fn is_foreign(&mut self, count: usize) -> bool {
+        for (place, byte) in self.opening.iter_mut().skip(self.opened).zip(&self.bytes[..count]) {
+            *place = *byte;
+            self.opened += 1;
+        }
+        self.listener.is_some() && opens_another_protocol(&self.opening[..self.opened])
     }
 
     fn acknowledge(&mut self, message: &Datagram) {

@@ -154,3 +154,26 @@ proptest! {
         prop_assert_eq!(reassembly.oversize, lines.iter().filter(|line| line.len() > DATAGRAM_MAX).count() as u64);
     }
 }
+
+#[test]
+fn web_page_cannot_send_messages_in_the_body_of_a_request() {
+    let clock = clock();
+    let mut link = server(Framing::Lines, false, &clock);
+    let mut page = client(&link);
+    page.write_all(b"POST / HTTP/1.1\r\nHost: x\r\n\r\n1.5, 1 0 0 0\n").unwrap();
+    assert_eq!(next(&mut link, &clock), None, "not even the lines of its body");
+    assert_eq!(link.counters().foreign, 1);
+    let mut simulator = client(&link);
+    simulator.write_all(b"1.5, 1 0 0 0\n").unwrap();
+    assert_eq!(next(&mut link, &clock).as_deref(), Some(&b"1.5, 1 0 0 0"[..]), "control: a client of ours");
+    // In pieces, the first too short to tell.
+    drop(simulator);
+    assert_eq!(next(&mut link, &clock), None);
+    let mut page = client(&link);
+    page.set_nodelay(true).unwrap();
+    page.write_all(b"GE").unwrap();
+    assert_eq!(next(&mut link, &clock), None);
+    page.write_all(b"T / HTTP/1.1\r\n\r\n1.5, 1 0 0 0\n").unwrap();
+    assert_eq!(next(&mut link, &clock), None);
+    assert_eq!(link.counters().foreign, 2);
+}
