@@ -19,6 +19,8 @@ import brahe
 import jpype
 import numpy
 import orekit_jpype
+import pyarrow
+import pyarrow.parquet
 from brahe.ccsds import AEM, OEM
 from ccsds_ndm.ndm_io import NdmIo
 
@@ -468,6 +470,24 @@ class Files(unittest.TestCase):
         self.assertEqual(places[0].keys(), places[1].keys())
         worst = max(math.dist(places[0][star], places[1][star]) for star in places[0])
         self.assertLess(worst, 1e-6)
+
+    def test_parquet_table_is_the_table_of_text(self):
+        names = ["t_s", "q_w", "q_x", "q_y", "q_z"]
+        rows = [[t_s, *(float(v) for v in attitude(t_s))] for t_s in ROWS_S]
+        text = [",".join(names)] + [",".join(map(repr, row)) for row in rows]
+        (self.folder / "rows.csv").write_text("\n".join(text) + "\n")
+        columns = {name: [row[place] for row in rows] for place, name in enumerate(names)}
+        table = pyarrow.table(columns | {"remark": ["x"] * len(rows)})
+        pyarrow.parquet.write_table(table, self.folder / "rows.parquet")
+        other = table.replace_schema_metadata({"sense": "icrf_from_body"})
+        pyarrow.parquet.write_table(other, self.folder / "other.parquet")
+
+        def exported(name):
+            keys = f'[plant]\nkind = "file"\nattitude = "{name}"\nbegins = "first_exposure"'
+            return self.exported(self.bench(name.replace(".", "_"), keys), "--attitude")
+
+        self.assertEqual(exported("rows.parquet"), exported("rows.csv"))
+        self.assertNotEqual(exported("other.parquet"), exported("rows.csv"), "control: the metadata say its sense")
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@
 //! | `aem`, `oem` | that form to attitudes and orbits |
 //! | `stk` | STK's attitude and ephemeris files |
 //! | `csv_attitude`, `csv_orbit` | tables with a header, and rows without one |
+//! | `parquet_table` | tables in Parquet files (feature `parquet`) |
 //! | `epoch`, `reference_axes` | time systems; axes, and the frame bias |
 //! | [`attitude`], [`orbit`] | the histories, their interpolation and its error |
 //! | `spice` | SPICE kernels: CK and SPK, with their clocks (feature `spice`) |
@@ -34,6 +35,8 @@ mod metadata;
 mod newton;
 mod oem;
 pub mod orbit;
+#[cfg(feature = "parquet")]
+mod parquet_table;
 pub mod read;
 mod reference_axes;
 #[cfg(feature = "spice")]

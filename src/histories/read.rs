@@ -31,11 +31,14 @@ fn format_of(text: &str) -> Format {
     }
 }
 
-/// Reads the whole of a file of at most [`MOST_BYTES`] as text.
+/// Reads the whole of a file of at most [`MOST_BYTES`] as text; a table in a Parquet file as the text of a table.
 ///
 /// # Errors
 /// When it cannot be read, is larger, or is not UTF-8.
 pub fn text_of(path: &Path) -> Result<String, HistoryError> {
+    if begins_with(path, b"PAR1") {
+        return parquet_text(path);
+    }
     let file = path.display().to_string();
     let refuse = |why: String| HistoryError { file: file.clone(), line: None, why };
     let opened = File::open(path).map_err(|error| refuse(format!("cannot be opened: {error}")))?;
@@ -49,6 +52,23 @@ pub fn text_of(path: &Path) -> Result<String, HistoryError> {
         let line = 1 + error.as_bytes()[..error.utf8_error().valid_up_to()].iter().filter(|b| **b == b'\n').count();
         HistoryError { file: file.clone(), line: Some(line), why: "got bytes that are not UTF-8, wanted text".into() }
     })
+}
+
+fn begins_with<const N: usize>(path: &Path, bytes: &[u8; N]) -> bool {
+    let mut begin = [0; N];
+    let read = File::open(path).and_then(|mut file| file.read_exact(&mut begin));
+    read.is_ok() && begin == *bytes
+}
+
+#[cfg(feature = "parquet")]
+fn parquet_text(path: &Path) -> Result<String, HistoryError> {
+    crate::parquet_table::text_of(path, MOST_BYTES)
+}
+
+#[cfg(not(feature = "parquet"))]
+fn parquet_text(path: &Path) -> Result<String, HistoryError> {
+    let why = "a Parquet file; wanted a build with `--features parquet`, or the table as CSV";
+    Err(HistoryError { file: path.display().to_string(), line: None, why: why.into() })
 }
 
 /// Returns true for a file that begins as a binary SPICE kernel, or its transfer form.
