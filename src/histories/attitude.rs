@@ -62,6 +62,14 @@ pub struct AttitudeHistory {
     segments: Vec<AttitudeSegment>,
 }
 
+/// Fastest rate of a row, rad/s: far beyond any spacecraft.
+pub(crate) const MOST_RATE_RAD_S: f64 = 1e3;
+
+/// Returns true for a rate that a row may have.
+pub(crate) fn is_slow_enough(rate_rad_s: DVec3) -> bool {
+    rate_rad_s.length() <= MOST_RATE_RAD_S
+}
+
 /// Why rows make no segment, or segments no history.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub(crate) enum Unfit {
@@ -74,6 +82,10 @@ pub(crate) enum Unfit {
         next = row + 1, most = MOST_TURN_RAD.to_degrees()
     )]
     TurnsTooFar { row: usize, turn_deg: f64 },
+    #[error(
+        "the rate of row {row} is above {MOST_RATE_RAD_S} rad/s or no number; wanted that of a spacecraft: check the unit"
+    )]
+    TooFast { row: usize },
     #[error("segment {segment} begins before the one before it ends; wanted usable times that do not overlap")]
     Overlap { segment: usize },
     #[error("the usable interval has no row of the segment; wanted one that lies within its rows")]
@@ -87,6 +99,11 @@ impl AttitudeSegment {
         method: AttitudeInterpolation,
         usable_ns: [Option<i64>; 2],
     ) -> Result<Self, Unfit> {
+        // A product with a length of time must stay a number.
+        let is_too_fast = |state: &AttitudeState| state.rate_rad_s.is_some_and(|rate| !is_slow_enough(rate));
+        if let Some(place) = states.iter().position(is_too_fast) {
+            return Err(Unfit::TooFast { row: place + 1 });
+        }
         let (Some(first), Some(last)) = (states.first(), states.last()) else { return Err(Unfit::NoRows) };
         let usable_ns = [
             usable_ns[0].map_or(first.t_ns, |ns| ns.max(first.t_ns)),

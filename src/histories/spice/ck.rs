@@ -7,7 +7,7 @@
 use super::clock::SpacecraftClock;
 use super::daf::{Daf, Summary, whole};
 use super::{check_axes, chosen};
-use crate::attitude::{AttitudeHistory, AttitudeSegment, AttitudeState, Times};
+use crate::attitude::{AttitudeHistory, AttitudeSegment, AttitudeState, Times, is_slow_enough};
 use crate::attitude_methods::AttitudeInterpolation;
 use crate::error::{HistoryError, Source};
 use base::axes::{Body, Icrf, Rotation};
@@ -125,10 +125,10 @@ impl Reader<'_> {
                 .whole(format!("the quaternion at tick {ticks} is {quaternion:?}; wanted a unit one")));
         };
         let rate_rad_s = record.get(4..7).map(|v| body_from_icrf.apply(DVec3::new(v[0], v[1], v[2])));
-        if rate_rad_s.is_some_and(|rate| !rate.is_finite()) {
-            return Err(self
-                .source
-                .whole(format!("the angular velocity at tick {ticks} is not finite; wanted numbers")));
+        if rate_rad_s.is_some_and(|rate| !is_slow_enough(rate)) {
+            return Err(self.source.whole(format!(
+                "the angular velocity at tick {ticks} is above 1000 rad/s or no number; wanted that of a spacecraft"
+            )));
         }
         Ok(AttitudeState { t_ns: self.instant(ticks)?, body_from_icrf, rate_rad_s })
     }
