@@ -4,6 +4,7 @@
 //! segment's usable interval, it is not available.
 
 use crate::attitude_methods::{AttitudeInterpolation, MOST_TURN_RAD, s_between};
+use crate::segments;
 use base::axes::{Body, Icrf, Rotation};
 use base::time::Tai;
 use glam::DVec3;
@@ -105,10 +106,7 @@ impl AttitudeSegment {
             return Err(Unfit::TooFast { row: place + 1 });
         }
         let (Some(first), Some(last)) = (states.first(), states.last()) else { return Err(Unfit::NoRows) };
-        let usable_ns = [
-            usable_ns[0].map_or(first.t_ns, |ns| ns.max(first.t_ns)),
-            usable_ns[1].map_or(last.t_ns, |ns| ns.min(last.t_ns)),
-        ];
+        let usable = segments::usable([first.t_ns, last.t_ns], usable_ns);
         for (place, pair) in states.windows(2).enumerate() {
             if pair[0].t_ns >= pair[1].t_ns {
                 return Err(Unfit::NotRising { row: place + 2 });
@@ -118,9 +116,7 @@ impl AttitudeSegment {
                 return Err(Unfit::TurnsTooFar { row: place + 1, turn_deg: turn_rad.to_degrees() });
             }
         }
-        if usable_ns[0] > usable_ns[1] {
-            return Err(Unfit::NotUsable);
-        }
+        let usable_ns = usable.ok_or(Unfit::NotUsable)?;
         Ok(Self { states, method, usable_ns })
     }
 
@@ -140,10 +136,6 @@ impl AttitudeSegment {
     #[must_use]
     pub fn usable_ns(&self) -> [i64; 2] {
         self.usable_ns
-    }
-
-    fn has(&self, t_ns: i64) -> bool {
-        (self.usable_ns[0]..=self.usable_ns[1]).contains(&t_ns)
     }
 
     /// The motion at an instant within the rows.
@@ -180,10 +172,8 @@ impl AttitudeHistory {
         if segments.is_empty() {
             return Err(Unfit::NoRows);
         }
-        for (place, pair) in segments.windows(2).enumerate() {
-            if pair[0].usable_ns[1] > pair[1].usable_ns[0] {
-                return Err(Unfit::Overlap { segment: place + 2 });
-            }
+        if let Some(segment) = segments::overlapping(&segments, AttitudeSegment::usable_ns) {
+            return Err(Unfit::Overlap { segment });
         }
         Ok(Self { format: format.into(), name: None, times, notes: Vec::new(), segments })
     }
@@ -222,9 +212,7 @@ impl AttitudeHistory {
     /// Returns the attitude and its motion at an instant; `None` where the file has none. Does not allocate.
     #[must_use]
     pub fn at_ns(&self, t_ns: i64) -> Option<AttitudeMotion> {
-        let after = self.segments.partition_point(|segment| segment.usable_ns[0] <= t_ns);
-        let segment = self.segments.get(after.checked_sub(1)?)?;
-        segment.has(t_ns).then(|| segment.at(t_ns))
+        segments::containing(&self.segments, t_ns, AttitudeSegment::usable_ns).map(|segment| segment.at(t_ns))
     }
 
     /// Returns the attitude at an instant of TAI, of a history with absolute times.

@@ -39,6 +39,7 @@ pub mod orbit;
 mod parquet_table;
 pub mod read;
 mod reference_axes;
+mod segments;
 #[cfg(feature = "spice")]
 pub mod spice;
 mod stk;

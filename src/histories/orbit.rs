@@ -6,6 +6,7 @@
 
 use crate::attitude_methods::{around, s_between};
 use crate::newton::Newton;
+use crate::segments;
 use core::fmt;
 use glam::DVec3;
 
@@ -129,16 +130,11 @@ impl OrbitSegment {
         let ([first, .., last], true) = (states.as_slice(), states.len() > 1) else {
             return Err(UnfitOrbit::TooFew { rows: states.len() });
         };
-        let usable_ns = [
-            usable_ns[0].map_or(first.t_ns, |ns| ns.max(first.t_ns)),
-            usable_ns[1].map_or(last.t_ns, |ns| ns.min(last.t_ns)),
-        ];
+        let usable = segments::usable([first.t_ns, last.t_ns], usable_ns);
         if let Some(place) = states.windows(2).position(|pair| pair[0].t_ns >= pair[1].t_ns) {
             return Err(UnfitOrbit::NotRising { row: place + 2 });
         }
-        if usable_ns[0] > usable_ns[1] {
-            return Err(UnfitOrbit::NotUsable);
-        }
+        let usable_ns = usable.ok_or(UnfitOrbit::NotUsable)?;
         Ok(Self { states, method, usable_ns })
     }
 
@@ -211,10 +207,8 @@ impl OrbitHistory {
         if segments.is_empty() {
             return Err(UnfitOrbit::TooFew { rows: 0 });
         }
-        for (place, pair) in segments.windows(2).enumerate() {
-            if pair[0].usable_ns[1] > pair[1].usable_ns[0] {
-                return Err(UnfitOrbit::Overlap { segment: place + 2 });
-            }
+        if let Some(segment) = segments::overlapping(&segments, |segment| segment.usable_ns) {
+            return Err(UnfitOrbit::Overlap { segment });
         }
         Ok(Self { format: format.into(), name: None, centre, notes: Vec::new(), segments })
     }
@@ -247,9 +241,7 @@ impl OrbitHistory {
     /// Returns the state at an instant; `None` where the file has none. Does not allocate.
     #[must_use]
     pub fn at_ns(&self, t_ns: i64) -> Option<OrbitState> {
-        let after = self.segments.partition_point(|segment| segment.usable_ns[0] <= t_ns);
-        let segment = self.segments.get(after.checked_sub(1)?)?;
-        (t_ns <= segment.usable_ns[1]).then(|| segment.at(t_ns))
+        segments::containing(&self.segments, t_ns, |segment| segment.usable_ns).map(|segment| segment.at(t_ns))
     }
 
     /// Returns the largest error of the interpolation, km and km/s, as the file itself shows it: every second row is left

@@ -36,7 +36,7 @@ fn format_of(text: &str) -> Format {
 /// # Errors
 /// When it cannot be read, is larger, or is not UTF-8.
 pub fn text_of(path: &Path) -> Result<String, HistoryError> {
-    if begins_with(path, b"PAR1") {
+    if beginning::<4>(path).is_some_and(|begin| begin == *b"PAR1") {
         return parquet_text(path);
     }
     let file = path.display().to_string();
@@ -54,10 +54,10 @@ pub fn text_of(path: &Path) -> Result<String, HistoryError> {
     })
 }
 
-fn begins_with<const N: usize>(path: &Path, bytes: &[u8; N]) -> bool {
+/// The first bytes of a file; `None` where it has fewer or cannot be read.
+fn beginning<const N: usize>(path: &Path) -> Option<[u8; N]> {
     let mut begin = [0; N];
-    let read = File::open(path).and_then(|mut file| file.read_exact(&mut begin));
-    read.is_ok() && begin == *bytes
+    File::open(path).and_then(|mut file| file.read_exact(&mut begin)).ok().map(|()| begin)
 }
 
 #[cfg(feature = "parquet")]
@@ -74,9 +74,8 @@ fn parquet_text(path: &Path) -> Result<String, HistoryError> {
 /// Returns true for a file that begins as a binary SPICE kernel, or its transfer form.
 #[must_use]
 pub fn is_kernel(path: &Path) -> bool {
-    let mut begin = [0; 8];
-    let read = File::open(path).and_then(|mut file| file.read_exact(&mut begin));
-    read.is_ok() && (begin.starts_with(b"DAF/") || begin.starts_with(b"NAIF/DAF") || begin.starts_with(b"DAFETF"))
+    let is_one = |begin: [u8; 8]| [&b"DAF/"[..], b"NAIF/DAF", b"DAFETF"].iter().any(|known| begin.starts_with(known));
+    beginning(path).is_some_and(is_one)
 }
 
 /// Reads a text of attitudes: CSV, AEM (KVN or XML), STK `.a`. `file` is what errors call it; `sense` is that of a table
