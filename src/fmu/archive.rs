@@ -20,11 +20,7 @@ use std::path::Path;
 /// The packed run file, below the resources.
 pub const RUN_FILE: &str = "run.json";
 /// Folder of the library, by the standard's names of architecture and system.
-const PLATFORM: &str = concat_platform();
-
-const fn concat_platform() -> &'static str {
-    if cfg!(target_arch = "aarch64") { "aarch64-linux" } else { "x86_64-linux" }
-}
+const PLATFORM: &str = if cfg!(target_arch = "aarch64") { "aarch64-linux" } else { "x86_64-linux" };
 
 /// Refuses a run whose spacecraft is flown inside.
 pub(crate) fn check_plant(scenario: &Scenario, file: &str) -> Result<(), FmuError> {
@@ -58,16 +54,16 @@ pub fn write_unit(document: &Document, library: &Path, out: &Path) -> Result<u64
         stop_s: timing.duration_s,
         step_s: 1.0 / timing.frame_rate_hz,
     };
-    let unit = |doing| move |source| FmuError::File { path: library.to_path_buf(), doing, source };
-    let binary = std::fs::read(library).map_err(unit("read the library"))?;
+    let unread = |source| FmuError::File { path: library.to_path_buf(), doing: "read the library", source };
+    let binary = std::fs::read(library).map_err(unread)?;
     let xml = description(&model, &variables(heads));
-    let files: [(String, &[u8]); 4] = [
-        ("modelDescription.xml".into(), xml.as_bytes()),
-        (format!("binaries/{PLATFORM}/{MODEL_IDENTIFIER}.so"), &binary),
-        (format!("resources/{RUN_FILE}"), run_json.as_bytes()),
-        ("documentation/index.html".into(), DOCUMENTATION.as_bytes()),
+    let (of_library, of_run) = (format!("binaries/{PLATFORM}/{MODEL_IDENTIFIER}.so"), format!("resources/{RUN_FILE}"));
+    let files = [
+        ("modelDescription.xml", xml.as_bytes()),
+        (&of_library, &binary),
+        (&of_run, run_json.as_bytes()),
+        ("documentation/index.html", DOCUMENTATION.as_bytes()),
     ];
-    let files: Vec<(&str, &[u8])> = files.iter().map(|(name, bytes)| (name.as_str(), *bytes)).collect();
     let refuse = |source| FmuError::File { path: out.to_path_buf(), doing: "make the archive", source };
     let bytes = archive(&files).map_err(refuse)?;
     Ok(replace_own_file(out, |file| file.write_all(&bytes))?)

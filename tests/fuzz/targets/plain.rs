@@ -59,7 +59,11 @@ fn read_any(layout: &PlainLayout, bytes: &[u8]) {
     assert_eq!(memory.bytes_current, 0, "nothing is kept");
     assert_legal(record.as_ref());
     let is_lines = matches!(layout.encoding, Encoding::FortyTwo(_));
-    assert_eq!(u64::from(record.is_none() && !is_lines), codec.rejects().total().min(u64::from(!is_lines)), "one outcome");
+    assert_eq!(
+        u64::from(record.is_none() && !is_lines),
+        codec.rejects().total().min(u64::from(!is_lines)),
+        "one outcome"
+    );
     assert!(is_lines || layout.is_message(bytes) == record.is_some(), "known by its messages");
     let is_packed = matches!(layout.encoding, Encoding::F64Le | Encoding::F64Be);
     assert!(!is_packed || memory.count_total == 0, "packed numbers take no memory");
@@ -68,7 +72,8 @@ fn read_any(layout: &PlainLayout, bytes: &[u8]) {
 fn read_lines(layout: &PlainLayout, bytes: &[u8]) {
     let mut codec = PlainCodec::new(layout.clone());
     let lines = bytes.split(|byte| *byte == b'\n');
-    let records = lines.clone().filter_map(|line| codec.read(line)).inspect(|record| assert_legal(Some(record))).count();
+    let records =
+        lines.clone().filter_map(|line| codec.read(line)).inspect(|record| assert_legal(Some(record))).count();
     assert!(records <= lines.count());
 }
 

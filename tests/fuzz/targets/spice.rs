@@ -2,8 +2,8 @@
 
 #![no_main]
 
-use histories::spice::{KernelFile, attitudes, orbit};
 use histories::HistoryError;
+use histories::spice::{KernelFile, attitudes, orbit};
 use libfuzzer_sys::fuzz_target;
 use starloop_fuzz::{Input, control};
 
