@@ -301,6 +301,31 @@ class Starloop:
         """
         return self.request("tracker", head=head)
 
+    def camera(self, head: int = 0, at_s: Optional[float] = None, **settings: Any) -> Dict[str, Any]:
+        """Sets what the next exposures of a head are taken with: from the first one that starts at or after `at_s`, or now.
+
+        Settings: exposure_us, gain_db, black_level_dn, frame_rate_hz (None: as fast as exposure and readout allow), regions
+        (lists of left, top, width, height), trigger_mode, trigger_source, trigger_delay_us, trigger_overlap, burst,
+        exposure_mode, exposure_auto, gain_auto. Returns the settings of the next exposure.
+
+        >>> with Starloop.start(binary, "configs/benches/lockstep.toml") as loop:
+        ...     loop.camera(exposure_us=20000, gain_db=6)["next"]["exposure_us"]
+        20000.0
+        """
+        given = {} if at_s is None else {"at_s": at_s}
+        return self.request("camera", head=head, **given, **settings)
+
+    def camera_trigger(self, head: int = 0, at_s: Optional[float] = None) -> Dict[str, Any]:
+        """Starts an exposure of a camera that waits for triggers (`camera(trigger_mode=True)`), at `at_s`, or now.
+
+        >>> with Starloop.start(binary, "configs/benches/lockstep.toml") as loop:
+        ...     _ = loop.camera(trigger_mode=True)
+        ...     loop.camera_trigger(at_s=0.25)["next"]["start_s"]
+        0.25
+        """
+        given = {} if at_s is None else {"at_s": at_s}
+        return self.request("camera_trigger", head=head, **given)
+
     def control(self, by: Optional[str] = None, trackers: Optional[str] = None) -> Dict[str, Any]:
         """Hands the wheels of a spacecraft inside, or the sight of its stars, over to "outside" or back to "inside".
 

@@ -72,7 +72,12 @@ impl CameraParams {
     /// Returns what readers of its images want to know besides.
     #[must_use]
     pub fn facts(&self) -> CameraFacts {
-        let levels = Levels::of_output(&self.detector);
+        self.facts_of(&Levels::of_output(&self.detector))
+    }
+
+    /// Returns the same of an image with these levels.
+    #[must_use]
+    pub fn facts_of(&self, levels: &Levels) -> CameraFacts {
         let full_dn = levels.black_level_dn + levels.full_well_e / levels.gain_e_per_dn;
         CameraFacts {
             pixel_pitch_um: self.pixel_pitch_um,

@@ -15,7 +15,6 @@ use sky::observer::ObserverTrack;
 pub struct FieldLight {
     light: BackgroundLight,
     observer: Option<ObserverTrack>,
-    exposure_s: f64,
 }
 
 impl FieldLight {
@@ -24,7 +23,7 @@ impl FieldLight {
     pub fn new(camera: &CameraParams, observer: ObserverTrack) -> Self {
         let light = camera.background.clone();
         let observer = light.needs_bodies().then_some(observer);
-        Self { light, observer, exposure_s: camera.exposure_s }
+        Self { light, observer }
     }
 
     /// The glare at mid-exposure, and the background it makes; what is there without any sky when no attitude is known.
@@ -36,7 +35,7 @@ impl FieldLight {
             return Ok((Background::DARK, Glare::default()));
         }
         if los.origin == PathOrigin::Absent {
-            return Ok((self.electrons(&self.light.constant()), Glare::default()));
+            return Ok((electrons(&self.light.constant(), los.exposure_s), Glare::default()));
         }
         let sensor_from_icrf = los.mid_sensor_from_icrf;
         let boresight_icrf = sensor_from_icrf.inverse().apply(DVec3::Z);
@@ -53,7 +52,7 @@ impl FieldLight {
                 });
             }
         }
-        Ok((self.electrons(&self.light.rates(boresight_icrf, sun_icrf, &glare)), glare))
+        Ok((electrons(&self.light.rates(boresight_icrf, sun_icrf, &glare), los.exposure_s), glare))
     }
 
     /// Returns the observer that it follows, for states from outside; `None` where the light needs none.
@@ -75,20 +74,20 @@ impl FieldLight {
             None => DVec3::Z,
         };
         let icrf_from_sensor = los.mid_sensor_from_icrf.inverse();
-        let here = |v: DVec3| self.light.sky.e_per_s(icrf_from_sensor.apply(v), sun_icrf) * self.exposure_s;
+        let here = |v: DVec3| self.light.sky.e_per_s(icrf_from_sensor.apply(v), sun_icrf) * los.exposure_s;
         let all = directions.into_iter().flatten().map(here);
         Ok(all.fold((f64::INFINITY, 0.0), |(least, most), e| (least.min(e), most.max(e))))
     }
+}
 
-    #[allow(clippy::cast_possible_truncation, reason = "electrons are single precision")]
-    fn electrons(&self, rates: &BackgroundRates) -> Background {
-        let e = |e_per_s: f64| (e_per_s * self.exposure_s) as f32;
-        Background {
-            uniform_e: e(rates.uniform),
-            gradient_e: rates.gradient.to_array().map(e),
-            quadratic_e: e(rates.quadratic),
-            sky_e: e(rates.sky),
-        }
+#[allow(clippy::cast_possible_truncation, reason = "electrons are single precision")]
+fn electrons(rates: &BackgroundRates, exposure_s: f64) -> Background {
+    let e = |e_per_s: f64| (e_per_s * exposure_s) as f32;
+    Background {
+        uniform_e: e(rates.uniform),
+        gradient_e: rates.gradient.to_array().map(e),
+        quadratic_e: e(rates.quadratic),
+        sky_e: e(rates.sky),
     }
 }
 

@@ -55,6 +55,8 @@ pub enum CommandSource {
     Tracker,
     /// A line of this machine.
     Line,
+    /// The camera itself: automatic exposure or gain.
+    Automatic,
 }
 
 /// A command with its instant and its sender.

@@ -4,6 +4,17 @@ use crate::camera_control::command::CameraCommand;
 use crate::camera_control::region::Regions;
 use base::time::Span;
 
+/// Shortest integration time that a command may ask for.
+pub const EXPOSURE_LEAST: Span = Span::from_ns(10_000);
+/// Largest gain beyond that of the camera's file, dB: that of usual CMOS cameras.
+pub const GAIN_MAX_DB: f64 = 48.0;
+
+/// Returns the longest integration time that a command may ask of a camera with such an own one, s.
+#[must_use]
+pub fn longest_exposure_s(own_s: f64) -> f64 {
+    own_s.max(1.0)
+}
+
 /// Limits of the settings of one camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraRange {
@@ -33,6 +44,9 @@ pub enum SettingRefusal {
     /// This camera does not have what the command sets.
     #[error("this camera cannot do that")]
     Unsupported,
+    /// Too many commands wait.
+    #[error("too many commands wait for an exposure")]
+    TooMany,
 }
 
 impl CameraRange {

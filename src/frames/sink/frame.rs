@@ -1,5 +1,6 @@
 //! One frame on its way out: pixels, the stars that are truly in it, and how it came about.
 
+use crate::camera_control::Regions;
 use crate::sink::active_fault::ActiveFaults;
 use crate::sink::faults::FaultFlags;
 use crate::sink::target_table::TargetRow;
@@ -163,6 +164,14 @@ pub struct FrameMeta {
     pub mid_exposure: Tai,
     /// Integration time, s.
     pub exposure_s: f64,
+    /// What started the exposure: `rate`, or the source of its trigger.
+    pub started_by: &'static str,
+    /// From the trigger to the start of the exposure; zero without one.
+    pub trigger_delay: Span,
+    /// Gain beyond that of the camera's file, dB.
+    pub gain_db: f64,
+    /// Parts of the image that were read out.
+    pub regions: Regions,
     /// Attitude at mid-exposure, `sensor_from_icrf`: Hamilton, passive (`v_sensor = q v_icrf q*`), scalar first.
     pub attitude_wxyz: [f64; 4],
     /// Right ascension of the boresight, deg.
@@ -248,6 +257,10 @@ impl FrameMeta {
             number: 0,
             mid_exposure: Tai::from_ns(0),
             exposure_s: 0.0,
+            started_by: "rate",
+            trigger_delay: Span::ZERO,
+            gain_db: 0.0,
+            regions: Regions::WHOLE,
             attitude_wxyz: [1.0, 0.0, 0.0, 0.0],
             ra_deg: 0.0,
             dec_deg: 0.0,

@@ -6,6 +6,7 @@
 
 use base::axes::{Icrf, Rotation, Sensor};
 use base::random::{key, philox};
+use frames::camera_control::CameraSettings;
 use image::detector::protons::ProtonFlux;
 use image::detector::{Background, DetectorConditions};
 use plan::exposure::target::FIRST_BODY_ID;
@@ -38,6 +39,10 @@ pub struct Conditions {
     pub(super) stray_e_per_s: f64,
     /// Light on top of everything, e- in every pixel.
     pub(super) flood_e: f64,
+    /// Electrons of the sources over those of the camera's own exposure time.
+    light_factor: f64,
+    /// Factor of the image's numbers, and black level, DN.
+    gain_and_black: (f64, f64),
     /// Share of the light of stars, targets and sky that comes through.
     pub(super) throughput: f64,
     /// Temperature beyond the camera's own, K.
@@ -61,6 +66,8 @@ impl Conditions {
         Self {
             stray_e_per_s: 0.0,
             flood_e: 0.0,
+            light_factor: 1.0,
+            gain_and_black: (1.0, 0.0),
             throughput: 1.0,
             warmer_k: 0.0,
             protons: None,
@@ -77,6 +84,12 @@ impl Conditions {
         self.false_stars.reserve(FALSE_STARS_MAX);
         self.sources.reserve(SOURCES_RESERVED + FALSE_STARS_MAX);
         self.on_detector_e.reserve(SOURCES_RESERVED);
+    }
+
+    /// The next exposure lasts so much longer than the camera's own, and has these settings.
+    pub(super) fn set_exposing(&mut self, light_factor: f64, settings: &CameraSettings) {
+        self.light_factor = light_factor;
+        self.gain_and_black = (settings.gain_factor(), settings.black_level_dn);
     }
 
     /// Nothing is wrong any more.
@@ -96,7 +109,9 @@ impl Conditions {
     pub(super) fn of_detector(&self, exposure_s: f64, background: Background) -> DetectorConditions {
         let stray_light_e = (self.throughput * self.stray_e_per_s * exposure_s + self.flood_e) as f32;
         let background = self.dimmed(background).and_uniform(stray_light_e);
-        DetectorConditions { exposure_s, background, warmer_k: self.warmer_k, protons: self.protons }
+        let (gain_factor, black_level_dn) = self.gain_and_black;
+        let (warmer_k, protons, black_level_dn) = (self.warmer_k, self.protons, Some(black_level_dn));
+        DetectorConditions { exposure_s, background, warmer_k, protons, gain_factor, black_level_dn }
     }
 
     #[allow(clippy::cast_possible_truncation, reason = "electrons are single precision")]
@@ -112,7 +127,7 @@ impl Conditions {
     }
 
     fn leaves_sources(&self) -> bool {
-        let all_light = self.throughput >= 1.0;
+        let all_light = self.throughput >= 1.0 && self.light_factor == 1.0;
         all_light && self.missing == Missing::default() && self.false_stars.is_empty()
     }
 
@@ -154,7 +169,7 @@ impl Conditions {
         self.sources.extend(seen.filter(stays));
         self.sources.extend_from_slice(&self.false_stars);
         for source in &mut self.sources {
-            source.electrons *= self.throughput;
+            source.electrons *= self.throughput * self.light_factor;
         }
         &self.sources
     }

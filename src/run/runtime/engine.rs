@@ -2,7 +2,10 @@
 //! touches no file and takes no lock.
 
 use crate::runtime::conditions::Conditions;
+use crate::runtime::describe::{describe_exposure, tell_pointing};
+pub use crate::runtime::describe::{fill_meta, origin_name};
 use crate::runtime::error::RunError;
+use crate::runtime::exposing::Exposing;
 use crate::runtime::imager::Imager;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::load::{LoadChange, LoadEstimate};
@@ -12,21 +15,21 @@ use crate::runtime::path_facts::PathFacts;
 use crate::runtime::receiver::Receiver;
 use crate::runtime::scene_events;
 use crate::runtime::slot::Slot;
-use base::axes::{Rotation, Sensor, ra_dec_roll};
+use base::axes::Rotation;
 use base::clock::Stopwatch;
 use base::time::{Span, Tai};
 use base::units::SPEED_OF_LIGHT_KM_S;
 use frames::report::{Stage, StageTimes};
-use frames::sink::{ActiveFaults, FaultFlags, FrameMeta, SentFrame};
+use frames::sink::{FaultFlags, SentFrame};
 use glam::DVec3;
+use image::detector::DetectorConditions;
 use image::detector::binning::Levels;
 use image::detector::defects::Defects;
-use image::detector::{DetectorConditions, DetectorParams, Seeds};
 use plan::attitude::{
     AttitudeMethod, EstimateLimits, JitterTrack, LosPath, MotionScale, PathOrigin, PathOutcome, PathReport, compose,
 };
 use plan::exposure::cost::CostModel;
-use plan::exposure::{ExposurePlan, Instrument, Planner, Rung, Source, SourcePlace};
+use plan::exposure::{Instrument, Planner, Rung, Source, SourcePlace};
 use plan::optics::PsfModel;
 use scene::Scene;
 use scene::error::SceneError;
@@ -46,6 +49,7 @@ enum Shown {
 /// Draws frames.
 pub struct FrameEngine {
     params: RunParams,
+    exposing: Exposing,
     planner: Planner,
     /// Planners of other optics; the place of the one in use is empty.
     optics: Vec<Option<Planner>>,
@@ -102,6 +106,7 @@ impl FrameEngine {
             imager.set_illumination_map(map)?;
         }
         Ok(Self {
+            exposing: Exposing::new(&params),
             planner,
             optics: vec![None],
             in_use: 0,
@@ -243,14 +248,21 @@ impl FrameEngine {
         &self.params
     }
 
-    /// The slot of frame `number`.
+    /// The slot of frame `number` of a run without commands to its camera.
     #[must_use]
     pub fn slot(&self, number: u32) -> Slot {
-        let exposure_start = self.params.exposure_start(number);
-        let exposure_end = exposure_start + Span::from_s(self.params.camera.exposure_s);
-        let release = exposure_end - self.params.ahead;
-        let due = release + Span::from_s(self.params.camera.readout_s);
-        Slot { number, exposure_start, exposure_end, release, due }
+        self.exposing.nominal(number)
+    }
+
+    /// Times and settings of its exposures.
+    #[must_use]
+    pub fn exposing(&self) -> &Exposing {
+        &self.exposing
+    }
+
+    /// The same, for commands.
+    pub fn exposing_mut(&mut self) -> &mut Exposing {
+        &mut self.exposing
     }
 
     /// Returns how long a slot waits for jitter samples that are under way, at most: nothing without a stream of them or for frames
@@ -306,6 +318,8 @@ impl FrameEngine {
         frame: &mut SentFrame,
     ) -> Result<Option<StageTimes>, RunError> {
         let mut times = bus_times(slot, receiver);
+        receiver.set_exposure_s(self.exposing.exposure_s());
+        self.conditions.set_exposing(self.exposing.light_factor(), self.exposing.settings());
         if let Some(load) = self.load {
             let limit_ms = self.params.drawing_budget_under_ms(&self.cost, load.ratio());
             let wait_ms = self.jitter_wait(slot, receiver).ms() / load.ratio();
@@ -356,13 +370,17 @@ impl FrameEngine {
         add_tracks(self.imager.disturbances().proton_tracks(), &output, &mut frame.truth);
         let (seeds, detector) = (self.params.seeds(), &self.params.camera.detector);
         fill_meta(plan, slot.number, seeds, detector, self.imager.name(), &mut frame.meta);
+        let levels = Levels::of_exposure(detector, &conditions);
+        (frame.meta.gain_e_per_dn, frame.meta.black_level_dn) = (levels.gain_e_per_dn, levels.black_level_dn);
         if let Some(drawn_from_sensor) = &self.params.drawn_from_sensor {
             tell_pointing(&plan.motion.los, &drawn_from_sensor.inverse(), &mut frame.meta);
         }
-        frame.meta.facts = self.params.drawn_from_sensor.is_none().then(|| self.params.camera.facts());
+        frame.meta.facts = self.params.drawn_from_sensor.is_none().then(|| self.params.camera.facts_of(&levels));
         let maker = self.wcs.as_mut().filter(|_| has_stars).zip(sight);
         frame.meta.wcs = maker.and_then(|(maker, sight)| maker.at(&plan.motion.los.mid_sensor_from_icrf, sight));
         self.path.describe(&mut frame.meta);
+        describe_exposure(&slot, self.exposing.settings(), &mut frame.meta);
+        self.exposing.see(&frame.image, slot.release, ledger);
         receiver.note_drawn(slot.exposure_end);
         frame.meta.left_out_stars += found.missing_stars();
         frame.meta.occulted_stars = found.bodies.occulted;
@@ -405,21 +423,20 @@ impl FrameEngine {
         if !receiver.session().is_rendering() {
             note(ledger, EventKind::NotRunning, slot, Span::ZERO);
             self.pointing_bound_rad = None;
-            show_nothing(los, slot.exposure_start);
+            show_nothing(los, slot.exposure_start, self.exposing.exposure_s());
             return Ok(Shown::Dark);
         }
-        let camera = &self.params.camera;
         let outcome = compose(
             receiver.history(),
             receiver.jitter(),
             params.sensor_from_body,
             slot.exposure_start - Span::from_s(0.5 * rows_s),
-            camera.exposure_s + rows_s,
+            self.exposing.exposure_s() + rows_s,
             &params.estimate,
             los,
         );
         los.exposure_start = slot.exposure_start;
-        los.exposure_s = camera.exposure_s;
+        los.exposure_s = self.exposing.exposure_s();
         self.pointing_bound_rad = match (&outcome, &self.motion) {
             (Ok(PathOutcome::Show(report)), Some(motion)) => bound_rad(los.origin, report, motion, &params.estimate),
             _ => None,
@@ -450,7 +467,7 @@ impl FrameEngine {
             }
             Err(_nothing_received_yet) => {
                 note(ledger, EventKind::NoAttitude, slot, Span::ZERO);
-                show_nothing(los, slot.exposure_start);
+                show_nothing(los, slot.exposure_start, self.exposing.exposure_s());
                 Ok(Shown::Dark)
             }
         }
@@ -482,9 +499,10 @@ fn new_planner(params: &RunParams, imager: &Imager, los: LosPath, psf: Option<Ps
 }
 
 /// A line of sight that stands still and is nobody's.
-fn show_nothing(los: &mut LosPath, exposure_start: Tai) {
+fn show_nothing(los: &mut LosPath, exposure_start: Tai, exposure_s: f64) {
     los.mid_sensor_from_icrf = Rotation::IDENTITY;
     los.exposure_start = exposure_start;
+    los.exposure_s = exposure_s;
     los.rate_rad_s = DVec3::ZERO;
     los.acceleration_rad_s2 = DVec3::ZERO;
     los.jitter.lines.clear();
@@ -524,61 +542,4 @@ fn bound_rad(origin: PathOrigin, report: &PathReport, motion: &MotionScale, limi
 
 fn note(ledger: &mut Ledger, kind: EventKind, slot: Slot, span: Span) {
     ledger.note(Event::new(kind, slot.release, Some(slot.number), span));
-}
-
-/// Name of an attitude's origin in files.
-#[must_use]
-pub fn origin_name(origin: PathOrigin) -> &'static str {
-    match origin {
-        PathOrigin::Interpolated => "interpolated",
-        PathOrigin::Predicted => "predicted",
-        PathOrigin::Held => "held",
-        PathOrigin::Commanded => "commanded",
-        PathOrigin::Absent => "none",
-    }
-}
-
-/// Attitude and rate in the sensor's own axes, of a frame that is drawn in others, for a display. Its numbers are codes of
-/// luminance, which no gain makes electrons of.
-fn tell_pointing(los: &LosPath, sensor_from_drawn: &Rotation<Sensor, Sensor>, meta: &mut FrameMeta) {
-    let sensor_from_icrf = *sensor_from_drawn * los.mid_sensor_from_icrf;
-    let [ra, dec, roll] = ra_dec_roll(&sensor_from_icrf).map(f64::to_degrees);
-    meta.attitude_wxyz = sensor_from_icrf.wxyz();
-    (meta.ra_deg, meta.dec_deg, meta.roll_deg) = (ra, dec, roll);
-    meta.rate_deg_s = sensor_from_drawn.apply(los.rate_rad_s).to_array().map(f64::to_degrees);
-    meta.gain_e_per_dn = f64::NAN;
-}
-
-/// Everything a plan says about a frame.
-pub fn fill_meta(
-    plan: &ExposurePlan,
-    number: u32,
-    seeds: Seeds,
-    detector: &DetectorParams,
-    backend: &'static str,
-    meta: &mut FrameMeta,
-) {
-    let los = &plan.motion.los;
-    let [ra, dec, roll] = ra_dec_roll(&los.mid_sensor_from_icrf).map(f64::to_degrees);
-    meta.number = number;
-    meta.mid_exposure = los.mid_exposure();
-    meta.exposure_s = los.exposure_s;
-    meta.attitude_wxyz = los.mid_sensor_from_icrf.wxyz();
-    (meta.ra_deg, meta.dec_deg, meta.roll_deg) = (ra, dec, roll);
-    meta.rate_deg_s = los.rate_rad_s.to_array().map(f64::to_degrees);
-    (meta.seed, meta.noise_seed) = (seeds.sensor, seeds.noise);
-    meta.lateness = Span::ZERO;
-    meta.horizon = los.horizon;
-    PathFacts::default().describe(meta);
-    meta.backend = backend;
-    // The reference integrates the exact motion, whatever method was planned.
-    meta.method = if backend == "reference" { "exact" } else { plan.chosen.method.name().name() };
-    meta.rung = plan.rung.name();
-    (meta.left_out_stars, meta.left_out_e) = (plan.cut_off.stars, plan.cut_off.electrons);
-    meta.origin = origin_name(los.origin);
-    meta.faults = FaultFlags::NONE;
-    meta.active = ActiveFaults::NONE;
-    let levels = Levels::of_output(detector);
-    meta.gain_e_per_dn = levels.gain_e_per_dn;
-    meta.black_level_dn = levels.black_level_dn;
 }

@@ -123,6 +123,14 @@ events! {
     TriggerFired = "trigger_fired",
     /// A trigger was forgotten before its instant: a STOP, a peer of another major version, or a restarted clock.
     TriggerForgotten = "trigger_forgotten",
+    /// A command to the camera was taken in.
+    CameraCommand = "camera_command",
+    /// A command to the camera was refused: outside its range, or too many wait.
+    CameraRefused = "camera_refused",
+    /// A trigger of the camera came before it was ready: it starts no exposure.
+    CameraTriggerMissed = "camera_trigger_missed",
+    /// A trigger of the camera came while its exposures do not wait for triggers of that source.
+    CameraTriggerIgnored = "camera_trigger_ignored",
     /// The flight computer's heartbeat has stopped; the span is the silence.
     HeartbeatLost = "heartbeat_lost",
     /// The flight computer's heartbeat is back; the span is the silence.

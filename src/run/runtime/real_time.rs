@@ -20,6 +20,7 @@ use crate::runtime::real_head::RealHead;
 use crate::runtime::receiver::Receiver;
 use crate::runtime::record::RunRecord;
 use crate::runtime::reply::{Reply, ToldFrame};
+use crate::runtime::shutter::NextSlot;
 use crate::runtime::slot::Slot;
 use base::clock::Clock;
 use base::time::{Span, Tai};
@@ -34,6 +35,8 @@ use std::time::Duration;
 
 /// A sleeping frame thread notices a stop within this.
 const STOP_POLL: Span = Span::from_ms(50);
+/// Where clients command a camera, the frame thread looks for commands this often.
+const DESK_POLL: Span = Span::from_ms(1);
 /// A slot that waits for jitter samples looks for them this often.
 const JITTER_POLL: Span = Span::from_ms(1);
 
@@ -225,29 +228,30 @@ impl Bench<'_> {
         record: &mut RunRecord,
         progress: &mut dyn FnMut(usize, &SentFrame, &RunRecord),
     ) -> Result<(), RunError> {
-        let mut next = vec![0; self.heads.len()];
-        while let Some(release) = self.next_release(&next) {
+        while let Some(release) = self.next_release() {
             let mut asked = self.shared.clock.now();
             self.take_orders(setting.orders, release, record);
+            self.poll_desks(record);
             if !self.listen_until(release, setting.stop, record) {
                 break;
+            }
+            if self.released(release).next().is_none() {
+                continue; // A command has moved it, or a trigger is waited for.
             }
             let mut begun = self.shared.clock.now();
             if self.shared.radio.is_finished() {
                 break; // its error is reported when the run ends
             }
-            if !self.await_jitter(release, &next, setting.stop, record) {
+            if !self.await_jitter(release, setting.stop, record) {
                 break;
             }
             self.receive(record);
             let received = self.shared.clock.now() - begun;
             let mut is_first = true;
-            for (head, next) in self.heads.iter_mut().zip(&mut next) {
-                let slot = head.engine.slot(*next);
-                if *next >= head.engine.params().frames || slot.release != release {
-                    continue;
-                }
-                *next += 1;
+            for head in &mut self.heads {
+                let next = head.engine.exposing().next().slot().filter(|slot| slot.release == release);
+                let Some(slot) = next else { continue };
+                head.engine.exposing_mut().begin(&mut record.ledger);
                 let mut timed =
                     FrameRecord::released(slot.number, [slot.exposure_start, slot.release, slot.due], [asked, begun]);
                 timed.head = head.number;
@@ -266,10 +270,32 @@ impl Bench<'_> {
         Ok(())
     }
 
-    /// When the next slot of any head is released; `None` when all are over.
-    fn next_release(&self, next: &[u32]) -> Option<Tai> {
-        let left = self.heads.iter().zip(next).filter(|(head, next)| **next < head.engine.params().frames);
-        left.map(|(head, next)| head.engine.slot(*next).release).min()
+    /// When the next slot of any head is released, or a wait for triggers ends; `None` when all are over.
+    fn next_release(&self) -> Option<Tai> {
+        let now = self.shared.clock.now();
+        let left = self.heads.iter().map(|head| head.engine.exposing().next()).filter(|next| !next.is_over(now));
+        let release = |next: NextSlot| match next {
+            NextSlot::Slot(slot) => Some(slot.release),
+            // Orders and commands are looked for meanwhile.
+            NextSlot::Waiting(until) => Some(until.min(now + STOP_POLL)),
+            NextSlot::Over => None,
+        };
+        left.filter_map(release).min()
+    }
+
+    /// Takes in what clients of the cameras command; true when that has moved the next release.
+    fn poll_desks(&mut self, record: &mut RunRecord) -> bool {
+        let (before, now) = (self.forecast(), self.shared.clock.now());
+        for head in self.heads.iter_mut().filter(|head| head.engine.exposing().has_desks()) {
+            head.engine.exposing_mut().poll(now, &mut record.ledger);
+        }
+        self.forecast() != before
+    }
+
+    /// The earliest release that is known of.
+    fn forecast(&self) -> Option<Tai> {
+        let slots = self.heads.iter().filter_map(|head| head.engine.exposing().next().slot());
+        slots.map(|slot| slot.release).min()
     }
 
     /// Does what was ordered from outside.
@@ -280,15 +306,17 @@ impl Bench<'_> {
         }
     }
 
-    /// Takes messages in as they come, and sleeps in between, until `at`; false when the run is to stop.
+    /// Takes messages and commands in as they come, and sleeps in between, until `at`, or a command has moved the next
+    /// release; false when the run is to stop.
     fn listen_until(&mut self, at: Tai, stop: &AtomicBool, record: &mut RunRecord) -> bool {
         let (clock, radio) = (self.shared.clock, self.shared.radio);
         while !stop.load(Ordering::Relaxed) {
             let now = clock.now();
-            if now >= at {
+            if now >= at || self.has_desks() && self.poll_desks(record) {
                 return true;
             }
-            let span = at.min(now + STOP_POLL) - now;
+            let look = if self.has_desks() { DESK_POLL } else { STOP_POLL };
+            let span = at.min(now + look) - now;
             if let Some(heard) = radio.wait(Duration::from_nanos(span.ns().unsigned_abs())) {
                 self.take_in(&heard, record);
             }
@@ -298,15 +326,14 @@ impl Bench<'_> {
 
     /// Waits for jitter samples of the exposures released at `release` that are under way, as long as every head of them has
     /// time for it; false when the run is to stop.
-    fn await_jitter(&mut self, release: Tai, next: &[u32], stop: &AtomicBool, record: &mut RunRecord) -> bool {
+    fn await_jitter(&mut self, release: Tai, stop: &AtomicBool, record: &mut RunRecord) -> bool {
         let limit = |bench: &Self| {
-            let waits = bench.released(release, next).map(|(head, slot)| head.engine.jitter_wait(slot, head.receiver));
+            let waits = bench.released(release).map(|(head, slot)| head.engine.jitter_wait(slot, head.receiver));
             release + waits.min().unwrap_or(Span::ZERO)
         };
         let until = limit(self);
-        let lacks = |bench: &Self| {
-            bench.released(release, next).any(|(head, slot)| head.engine.lacks_jitter(slot, head.receiver))
-        };
+        let lacks =
+            |bench: &Self| bench.released(release).any(|(head, slot)| head.engine.lacks_jitter(slot, head.receiver));
         while lacks(self) {
             let now = self.shared.clock.now();
             if now >= until {
@@ -320,9 +347,13 @@ impl Bench<'_> {
     }
 
     /// Heads with a slot that is released at this instant, and that slot.
-    fn released<'s>(&'s self, release: Tai, next: &'s [u32]) -> impl Iterator<Item = (&'s RealHead<'s>, Slot)> {
-        let slots = self.heads.iter().zip(next).filter(|(head, next)| **next < head.engine.params().frames);
-        slots.map(|(head, next)| (head, head.engine.slot(*next))).filter(move |(_, slot)| slot.release == release)
+    fn released(&self, release: Tai) -> impl Iterator<Item = (&RealHead<'_>, Slot)> {
+        let slots = self.heads.iter().filter_map(|head| Some((head, head.engine.exposing().next().slot()?)));
+        slots.filter(move |(_, slot)| slot.release == release)
+    }
+
+    fn has_desks(&self) -> bool {
+        self.heads.iter().any(|head| head.engine.exposing().has_desks())
     }
 
     /// What has arrived and was not waited for; and what became of the ports.

@@ -160,6 +160,11 @@ impl Receiver {
         &self.jitter
     }
 
+    /// The next exposures last so long, s.
+    pub fn set_exposure_s(&mut self, exposure_s: f64) {
+        self.jitter.set_exposure_s(exposure_s);
+    }
+
     /// Takes note that an exposure is drawn, which ends at `until`: samples of it that arrive from now on are late.
     pub fn note_drawn(&mut self, until: Tai) {
         self.drawn_until = self.drawn_until.max(Some(until));

@@ -30,6 +30,7 @@ pub(super) fn note(report: &SceneReport, slot: Slot, ledger: &mut Ledger) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::runtime::slot::Started;
     use base::time::Tai;
     use image::detector::Background;
     use scene::sky_bodies::BodyCounts;
@@ -38,7 +39,8 @@ mod tests {
     #[test]
     fn lost_reader_and_late_series_are_events_with_names_of_their_own() {
         let at = Tai::from_ns(0);
-        let slot = Slot { number: 3, exposure_start: at, exposure_end: at, release: at, due: at };
+        let slot =
+            Slot { number: 3, exposure_start: at, exposure_end: at, release: at, due: at, started: Started::Rate };
         let report = SceneReport {
             background: Background::default(),
             is_excluded: false,

@@ -18,6 +18,7 @@ use crate::runtime::port_reading::PortReading;
 use crate::runtime::receiver::Receiver;
 use crate::runtime::record::RunRecord;
 use crate::runtime::reply::{Reply, ToldFrame};
+use crate::runtime::shutter::NextSlot;
 use crate::runtime::slot::Slot;
 use base::clock::{Clock, Stopwatch, Virtual};
 use base::time::{Span, Tai};
@@ -70,8 +71,6 @@ pub struct VirtualLoop {
     plant: PlantQueue,
     /// The tracker of each head beside a plant outside, where it has one.
     trackers: Vec<Option<OutsideTracker>>,
-    /// Each head's next slot.
-    slots: Vec<u32>,
     /// Until when each head's next slot waits for jitter samples; `None` when it is drawn at its release.
     waits_until: Vec<Option<Tai>>,
     pending: VecDeque<Pending>,
@@ -103,7 +102,6 @@ impl VirtualLoop {
             far_due: None,
             plant: PlantQueue::default(),
             trackers: Vec::new(),
-            slots: Vec::new(),
             waits_until: Vec::new(),
             pending: VecDeque::new(),
             spare: Vec::new(),
@@ -177,11 +175,17 @@ impl VirtualLoop {
         (self.pending.len() as u64, last)
     }
 
+    /// When the next frame goes out, of those that are drawn.
+    #[must_use]
+    pub fn next_out(&self) -> Option<Tai> {
+        self.pending.iter().map(|pending| pending.deliver_at).min()
+    }
+
     /// True when every slot of every head has been drawn and every frame is out.
     #[must_use]
     pub fn is_finished(&self, heads: &[Head<'_>]) -> bool {
-        let drawn = |(head, slot): (&Head<'_>, &u32)| *slot >= head.engine.params().frames;
-        self.far_due.is_some() && self.pending.is_empty() && heads.iter().zip(&self.slots).all(drawn)
+        let drawn = |head: &Head<'_>| head.engine.exposing().next().is_over(self.clock.now());
+        self.far_due.is_some() && self.pending.is_empty() && heads.iter().all(drawn)
     }
 
     /// Does everything that is due up to and including `until`, and leaves the clock there.
@@ -195,6 +199,7 @@ impl VirtualLoop {
         while let Some((at, next)) = self.next(heads).filter(|(at, _)| *at <= until && !self.stopped) {
             self.clock.advance_to(at);
             self.receive(at, heads, world.port)?;
+            self.take_commands(at, heads);
             match next {
                 Next::Plant => self.take_plant(at, heads),
                 Next::FarEnd => self.far_due = Some((world.far_end)(at).map_err(RunError::FarEnd)?),
@@ -215,8 +220,7 @@ impl VirtualLoop {
     /// As [`Self::advance_to`].
     pub fn finish(&mut self, heads: &mut [Head<'_>], world: &mut World<'_>) -> Result<(), RunError> {
         loop {
-            let last_release =
-                |head: &Head<'_>| head.engine.slot(head.engine.params().frames.saturating_sub(1)).release;
+            let last_release = |head: &Head<'_>| last_release(head.engine);
             let last_pending = self.pending.iter().map(|pending| pending.deliver_at).max();
             let last_wait = self.waits_until.iter().copied().flatten().max();
             let lasts = heads.iter().map(last_release).chain(last_pending).chain(last_wait);
@@ -235,7 +239,6 @@ impl VirtualLoop {
     }
 
     fn start(&mut self, heads: &mut [Head<'_>], world: &mut World<'_>) -> Result<(), RunError> {
-        self.slots = vec![0; heads.len()];
         self.waits_until = vec![None; heads.len()];
         for head in heads.iter_mut() {
             let mut frame = empty_frame(head.engine);
@@ -260,6 +263,13 @@ impl VirtualLoop {
         Ok(())
     }
 
+    /// Takes in what clients of the cameras command, and what waits in their queues.
+    fn take_commands(&mut self, now: Tai, heads: &mut [Head<'_>]) {
+        for head in heads.iter_mut().filter(|head| head.engine.exposing().has_desks()) {
+            head.engine.exposing_mut().poll(now, &mut self.record.ledger);
+        }
+    }
+
     /// Hands every head the samples whose instant has come; the first one notes what is refused.
     fn take_plant(&mut self, at: Tai, heads: &mut [Head<'_>]) {
         while let Some(sample) = self.plant.take(at) {
@@ -275,21 +285,23 @@ impl VirtualLoop {
         let plant = self.plant.next_at().map(|at| (at, Next::Plant));
         let far_end = self.far_due.map(|at| (at, Next::FarEnd));
         let delivery = self.pending.iter().map(|pending| pending.deliver_at).min().map(|at| (at, Next::Deliver));
-        let draw = |(i, (head, slot)): (usize, (&Head<'_>, &u32))| {
-            let release = || self.waits_until[i].unwrap_or(head.engine.slot(*slot).release);
-            (*slot < head.engine.params().frames).then(|| (release(), Next::Draw(i)))
+        let draw = |(i, head): (usize, &Head<'_>)| {
+            let slot = head.engine.exposing().next().slot()?;
+            Some((self.waits_until[i].unwrap_or(slot.release), Next::Draw(i)))
         };
-        let draws = heads.iter().zip(&self.slots).enumerate().filter_map(draw);
+        let draws = heads.iter().enumerate().filter_map(draw);
         draws.chain(delivery).chain(far_end).chain(plant).min()
     }
 
     fn draw(&mut self, i: usize, heads: &mut [Head<'_>], port: &mut Port) -> Result<(), RunError> {
         let head = &mut heads[i];
-        let slot = head.engine.slot(self.slots[i]);
+        // What was taken in since may have moved the slot.
+        let now = self.clock.now();
+        let Some(slot) = head.engine.exposing().next().slot().filter(|slot| slot.release <= now) else { return Ok(()) };
         if self.must_wait(i, slot, head) {
             return Ok(());
         }
-        self.slots[i] += 1;
+        head.engine.exposing_mut().begin(&mut self.record.ledger);
         self.record.frames.scheduled += 1;
         let mut frame = self.take_buffer(head.engine);
         let mut watch = Stopwatch::start();
@@ -413,6 +425,16 @@ impl VirtualLoop {
         };
         let place = self.spare.iter().position(fits);
         place.map_or_else(|| empty_frame(engine), |place| self.spare.swap_remove(place))
+    }
+}
+
+/// The latest instant at which a head may still draw, by what is known now.
+pub(crate) fn last_release(engine: &FrameEngine) -> Tai {
+    let nominal = engine.slot(engine.params().frames.saturating_sub(1)).release;
+    match engine.exposing().next() {
+        NextSlot::Slot(slot) => nominal.max(slot.release),
+        NextSlot::Waiting(until) => nominal.max(until),
+        NextSlot::Over => nominal,
     }
 }
 

@@ -4,9 +4,10 @@
 //! nothing else does. The same scenario and seed give the same bits, however it is advanced.
 //! Tests: `tests/closed_loop/pixels.rs`, `campaign.rs`, `control.rs`.
 
+use crate::runtime::exposing::Exposing;
 use crate::runtime::ledger::{Event as LedgerEvent, EventKind};
-use crate::runtime::virtual_time::{Head, VirtualLoop, World};
-use crate::runtime::{PlantSample, PortReading, RunError, RunParams, RunRecord, TrackerOutput, lines_of_head};
+use crate::runtime::virtual_time::{Head, VirtualLoop, World, last_release};
+use crate::runtime::{Ledger, PlantSample, PortReading, RunError, RunParams, RunRecord, TrackerOutput, lines_of_head};
 use crate::wiring::assemble::{Outputs, Run, RunClock, RunOptions};
 use crate::wiring::cable::Cable;
 use crate::wiring::error::LoopError;
@@ -240,22 +241,47 @@ impl SteppedRun {
         self.heads.get(head).map_or(self.mounting, |head| head.mounting)
     }
 
-    /// The end of a frame's readout in the first head, the number counted from 0.
+    /// When the next frame goes out, of those that are drawn or known of; `None` when none is.
     #[must_use]
-    pub fn frame_due(&self, number: u32) -> Tai {
-        self.heads[0].engine.slot(number).due
+    pub fn next_frame_out(&self) -> Option<Tai> {
+        let next = self.heads[0].engine.exposing().next().slot().map(|slot| slot.due);
+        self.going.next_out().into_iter().chain(next).min().filter(|at| *at > self.now())
     }
 
-    /// Frames of each head in the whole run.
+    /// Returns the most frames that the first head can have in the whole run: of the frame rate, as long as its camera was not
+    /// commanded.
     #[must_use]
-    pub fn frames_per_head(&self) -> u32 {
-        self.heads[0].engine.params().frames
+    pub fn frames_at_most(&self) -> u64 {
+        let engine = &self.heads[0].engine;
+        if engine.exposing().is_commanded() { u64::MAX } else { u64::from(engine.params().frames) }
+    }
+
+    /// Does something with the exposures of a head, at the run's time, which `act` gets.
+    ///
+    /// # Errors
+    /// When there is no such head.
+    pub fn with_exposing<T>(
+        &mut self,
+        head: usize,
+        act: impl FnOnce(&mut Exposing, &mut Ledger, Tai) -> T,
+    ) -> Result<T, LoopError> {
+        let (heads, now) = (self.heads.len(), self.now());
+        let no_head =
+            || LoopError::Event { what: "camera", why: format!("head is {head}; there are {heads}, counted from 0") };
+        let head = self.heads.get_mut(head).ok_or_else(no_head)?;
+        Ok(act(head.engine.exposing_mut(), &mut self.going.record_mut().ledger, now))
+    }
+
+    /// The exposures of a head.
+    #[must_use]
+    pub fn exposing(&self, head: usize) -> Option<&Exposing> {
+        self.heads.get(head).map(|head| head.engine.exposing())
     }
 
     /// True when the last frame is out.
     #[must_use]
     pub fn is_finished(&self) -> bool {
-        self.now() >= self.last_release() && self.going.on_the_way().0 == 0
+        self.now() >= self.last_release() && self.going.on_the_way().0 == 0 && self.is_drawn()
     }
 
     /// Advances simulated time to `at`, and does everything that is due by then; at the latest to the end of the run, so
@@ -280,10 +306,14 @@ impl SteppedRun {
         }
     }
 
-    /// When the last frame of the run has been drawn.
+    /// True when no head has a frame to draw any more.
+    fn is_drawn(&self) -> bool {
+        self.heads.iter().all(|head| head.engine.exposing().next().is_over(self.now()))
+    }
+
+    /// When the last frame of the run has been drawn, by what is known now.
     fn last_release(&self) -> Tai {
-        let last = |head: &RunHead| head.engine.slot(head.engine.params().frames.saturating_sub(1)).release;
-        self.heads.iter().map(last).max().unwrap_or(self.times.end)
+        self.heads.iter().map(|head| last_release(&head.engine)).max().unwrap_or(self.times.end)
     }
 
     /// Shows the run as it stands; the frames' CRC-32 of each head are the caller's.

@@ -46,6 +46,21 @@ pub const TABLE: &[Row] = &[
         .chunk(&[feature(2, "ChunkExposureTime", Float, Us, "us", "Integration time")])
         .live(&[Key("exposure_s", Plain)])
         .control_meta(&[Key("exposure_s", Plain)]),
+    row("started_by", Kind::Text, "", "What started the exposure: rate, or the source of its trigger", |f| Fact::Text(f.meta.started_by))
+        .fits(Time, &[Card("STARTBY", Plain, "what started the exposure")])
+        .csv(&[Column("started_by", Plain)])
+        .chunk(&[feature(24, "ChunkStartedBy", Text, Plain, "", "What started the exposure: rate, or the source of its trigger")])
+        .control_meta(&[Key("started_by", Plain)]),
+    row("trigger_delay", Kind::Span, "s", "Trigger to the start of the exposure; 0 without a trigger", |f| Fact::Span(f.meta.trigger_delay))
+        .fits(Time, &[Card("TRIGDLY", Ms, "[ms] trigger to start of exposure")])
+        .csv(&[Column("trigger_delay_ns", Ns)])
+        .chunk(&[feature(25, "ChunkTriggerDelay", Float, Us, "us", "Trigger to the start of the exposure; 0 without a trigger")])
+        .control_meta(&[Key("trigger_delay_s", Plain)]),
+    row("gain_db", Kind::Real, "dB", "Gain beyond that of the camera's file", |f| Fact::Real(f.meta.gain_db))
+        .fits(Detector, &[Card("GAIN_DB", Plain, "[dB] gain beyond that of the camera file")])
+        .csv(&[Column("gain_db", Plain)])
+        .chunk(&[feature(26, "ChunkGain", Float, Plain, "dB", "Gain beyond that of the camera's file")])
+        .control_meta(&[Key("gain_db", Plain)]),
     row("attitude_wxyz", Kind::Reals(4), "", "Attitude at mid-exposure, `sensor_from_icrf`: Hamilton, passive, scalar first", |f| Fact::Reals(&f.meta.attitude_wxyz))
         .fits(Attitude, &[
             Card("QW", Plain, "sensor_from_icrf"), Card("QX", Plain, "sensor_from_icrf"),
@@ -202,6 +217,7 @@ pub const TABLE: &[Row] = &[
         .fits(Part::Making, &[Card("BLACKLVL", Plain, "[DN] black level")])
         .csv(&[Column("black_level_dn", Plain)])
         .memory(144, F64, Plain)
+        .chunk(&[feature(27, "ChunkBlackLevel", Float, Plain, "DN", "Black level")])
         .control_meta(&[Key("black_level_dn", Plain)]),
     row("binning", Kind::U32, "", "Sensor pixels of one image pixel along each side, where there are several", |f| if f.meta.binning > 1 { Fact::U32(f.meta.binning) } else { Fact::Absent })
         .fits(Part::Making, &[

@@ -120,6 +120,13 @@ impl JitterHistory {
         self.record = Some(RecordReader::new(jitter));
     }
 
+    /// The next exposures last so long, s: a record's fast part is made for that time.
+    pub fn set_exposure_s(&mut self, exposure_s: f64) {
+        if let Some(record) = &mut self.record {
+            record.set_exposure_s(exposure_s);
+        }
+    }
+
     /// Replaces the uploaded lines, whose phases hold at remote time 0 and whose frequencies are per remote second. An
     /// empty set clears them.
     ///

@@ -197,6 +197,11 @@ impl RecordReader {
         Self { jitter, filter }
     }
 
+    /// The next exposures of one row last so long.
+    pub(super) fn set_exposure_s(&mut self, exposure_s: f64) {
+        self.jitter.exposure_s = exposure_s;
+    }
+
     fn grid(&self, window_s: f64) -> Grid {
         let (record, exposure_s) = (&self.jitter.record, self.jitter.exposure_s);
         let by_window_s = window_s / (RECORD_POINTS_MAX - 4) as f64;

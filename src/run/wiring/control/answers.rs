@@ -108,7 +108,7 @@ pub(super) fn step_goal(by: StepBy, going: &SteppedRun, frames_out: u64) -> Resu
         StepBy::Seconds(s) => (now + Span::from_s(s), format!("s is {s}")),
         StepBy::Until(until_s) => (going.zero() + Span::from_s(until_s), format!("until_s is {until_s}")),
         StepBy::Frames(frames) => {
-            let left = u64::from(going.frames_per_head()) - frames_out.min(u64::from(going.frames_per_head()));
+            let left = going.frames_at_most().saturating_sub(frames_out);
             let goal = Goal::Frames(frames_out.saturating_add(frames));
             let refuse = || format!("frames is {frames}; wanted at most the {left} that are left");
             return (frames <= left).then_some(goal).ok_or_else(refuse);

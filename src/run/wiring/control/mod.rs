@@ -10,6 +10,7 @@
 mod admission;
 mod answers;
 mod base64;
+mod camera;
 mod lines;
 mod newest;
 mod output;
@@ -24,7 +25,8 @@ mod token;
 pub use admission::ControlRefusals;
 pub use lines::ControlAddress;
 
-use crate::runtime::RunRecord;
+use crate::runtime::exposing::Exposing;
+use crate::runtime::{Ledger, RunRecord};
 use crate::wiring::error::LoopError;
 use crate::wiring::run_end::LoopView;
 use crate::wiring::steering::Steering;
@@ -262,6 +264,11 @@ impl ControlSession {
                 Ok(done.map_err(|error| error.to_string())??)
             }
             Request::Tracker { head } => Ok(answers::tracker(*head, going)?),
+            Request::Camera(camera) => {
+                let zero = going.zero();
+                let act = |exposing: &mut Exposing, ledger: &mut Ledger, now| camera.act(exposing, ledger, zero, now);
+                Ok(going.with_exposing(camera.head, act).map_err(|error| error.to_string())??)
+            }
             Request::BadSamples(why) => {
                 going.note_bad_samples();
                 Err(Refusal::Request(why.clone()))
@@ -326,13 +333,9 @@ fn step_frames(
     progress: Progress<'_>,
     stop: &AtomicBool,
 ) -> Result<(), LoopError> {
-    let mut next = 0;
     while newest.out_of_first_head() < out && !going.is_finished() && !stop.load(Ordering::Relaxed) {
         // Dropped and late frames do not come at their own readout's end: later ones are waited for.
-        while going.frame_due(next) <= going.now() && next < going.frames_per_head() {
-            next += 1;
-        }
-        let at = if next < going.frames_per_head() { going.frame_due(next) } else { going.end_at() };
+        let at = going.next_frame_out().unwrap_or(going.end_at());
         going.advance_to(at, &mut |head, frame, record| {
             progress(head, frame, record);
             newest.keep(head, frame);

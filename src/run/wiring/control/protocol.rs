@@ -21,6 +21,8 @@
 //! {"request": "torque", "torque_n_m": [0.1, 0, 0], "for_s": 2.0}
 //! {"request": "tracker_attitude", "at_s": 1.05, "body_from_icrf": [1, 0, 0, 0], "sigma_arcsec": 10}
 //! {"request": "event", "event": {...}}             the same as inject
+//! {"request": "camera", "head": 0, "exposure_us": 50000, "gain_db": 6}   settings of the next exposures; see `camera`
+//! {"request": "camera_trigger", "head": 0}         starts an exposure, where the camera waits for triggers
 //! ```
 //!
 //! Requests are added within a version: the answer to hello lists them.
@@ -28,6 +30,7 @@
 //! Times are seconds after the first exposure. An event has the keys of `[[event]]` in a scenario file; without `at_s` it
 //! begins now.
 
+use crate::wiring::control::camera::{self, CameraRequest};
 use crate::wiring::control::reaction::Reaction;
 use crate::wiring::control::samples::{SampleList, Subject};
 use serde_json::{Map, Value, json};
@@ -86,6 +89,8 @@ pub enum Request {
         /// Of this head.
         head: usize,
     },
+    /// Settings of a head's camera, or a trigger that starts an exposure.
+    Camera(CameraRequest),
     /// Report so far.
     Summary,
     /// End of the run.
@@ -104,7 +109,7 @@ pub enum StepBy {
 }
 
 /// Every request by name, with the keys that it takes.
-pub(super) const REQUESTS: [(&str, &[&str]); 19] = [
+pub(super) const REQUESTS: [(&str, &[&str]); 21] = [
     ("hello", &["token"]),
     ("state", &[]),
     ("step", &["s", "frames", "until_s"]),
@@ -124,6 +129,8 @@ pub(super) const REQUESTS: [(&str, &[&str]); 19] = [
     ("wheels", &["torques_n_m", "at_s"]),
     ("torque", &["torque_n_m", "at_s", "for_s"]),
     ("tracker_attitude", &["at_s", "body_from_icrf", "sigma_arcsec"]),
+    ("camera", camera::KEYS),
+    ("camera_trigger", &["head", "at_s"]),
 ];
 
 /// Reads one line: the request's id, when there is one, and the request, or what is wrong with it in plain words.
@@ -197,6 +204,8 @@ impl Keys {
             "jitter" => self.samples(Subject::Jitter),
             "tracker" => Request::Tracker { head: self.head()? },
             "control" | "wheels" | "torque" | "tracker_attitude" => Request::React(Reaction::read(&name, &self.keys)?),
+            "camera" => Request::Camera(CameraRequest::read(self.head()?, self.number("at_s")?, &self.keys)?),
+            "camera_trigger" => Request::Camera(CameraRequest::trigger(self.head()?, self.number("at_s")?)),
             "summary" => Request::Summary,
             _ => Request::Finish,
         })

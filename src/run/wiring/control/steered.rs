@@ -3,11 +3,13 @@
 //! What is not answered: `step`, as the real clock cannot be held, and `summary`, as the report is made when the run ends:
 //! it comes with the answer to `finish`.
 
+use crate::runtime::RunRecord;
+use crate::runtime::real_time::HeadParts;
 use crate::wiring::control::answers::{self, Instants};
 use crate::wiring::control::protocol::Request;
 use crate::wiring::error::LoopError;
 use crate::wiring::steering::Steering;
-use base::time::Span;
+use base::time::{Span, Tai};
 use config::{Event, Plant, Scenario};
 use core::time::Duration;
 use serde_json::{Value, json};
@@ -71,6 +73,16 @@ pub(super) fn answer(request: &Request, scenario: &Scenario, steering: &Steering
                 reaction.act(vehicle, instants.zero, instants.now)
             };
             steering.on_far_end(act).map_err(|error| error.to_string())?
+        }
+        Request::Camera(camera) => {
+            let (camera, instants) = (camera.clone(), instants(steering)?);
+            let heads = scenario.bench.head_count();
+            let act = move |parts: &mut [HeadParts<'_>], record: &mut RunRecord, _release: Tai| {
+                let no_head = || format!("head is {}; there are {heads}, counted from 0", camera.head);
+                let head = parts.get_mut(camera.head).ok_or_else(no_head)?;
+                camera.act(head.engine.exposing_mut(), &mut record.ledger, instants.zero, instants.now)
+            };
+            steering.on_frame_thread(act).map_err(|error| error.to_string())?
         }
         Request::Tracker { .. } => {
             Err("the real clock goes on meanwhile: ask for estimate, or run with --clock virtual".into())

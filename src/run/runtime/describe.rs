@@ -1,0 +1,75 @@
+//! What a frame's metadata says: of its plan, its attitude, and the settings of its exposure.
+
+use crate::runtime::path_facts::PathFacts;
+use crate::runtime::slot::Slot;
+use base::axes::{Rotation, Sensor, ra_dec_roll};
+use base::time::Span;
+use frames::camera_control::CameraSettings;
+use frames::sink::{ActiveFaults, FaultFlags, FrameMeta};
+use image::detector::binning::Levels;
+use image::detector::{DetectorParams, Seeds};
+use plan::attitude::{LosPath, PathOrigin};
+use plan::exposure::ExposurePlan;
+
+/// Name of an attitude's origin in files.
+#[must_use]
+pub fn origin_name(origin: PathOrigin) -> &'static str {
+    match origin {
+        PathOrigin::Interpolated => "interpolated",
+        PathOrigin::Predicted => "predicted",
+        PathOrigin::Held => "held",
+        PathOrigin::Commanded => "commanded",
+        PathOrigin::Absent => "none",
+    }
+}
+
+/// Attitude and rate in the sensor's own axes, of a frame that is drawn in others, for a display. Its numbers are codes of
+/// luminance, which no gain makes electrons of.
+pub(super) fn tell_pointing(los: &LosPath, sensor_from_drawn: &Rotation<Sensor, Sensor>, meta: &mut FrameMeta) {
+    let sensor_from_icrf = *sensor_from_drawn * los.mid_sensor_from_icrf;
+    let [ra, dec, roll] = ra_dec_roll(&sensor_from_icrf).map(f64::to_degrees);
+    meta.attitude_wxyz = sensor_from_icrf.wxyz();
+    (meta.ra_deg, meta.dec_deg, meta.roll_deg) = (ra, dec, roll);
+    meta.rate_deg_s = sensor_from_drawn.apply(los.rate_rad_s).to_array().map(f64::to_degrees);
+    meta.gain_e_per_dn = f64::NAN;
+}
+
+/// Everything a plan says about a frame.
+pub fn fill_meta(
+    plan: &ExposurePlan,
+    number: u32,
+    seeds: Seeds,
+    detector: &DetectorParams,
+    backend: &'static str,
+    meta: &mut FrameMeta,
+) {
+    let los = &plan.motion.los;
+    let [ra, dec, roll] = ra_dec_roll(&los.mid_sensor_from_icrf).map(f64::to_degrees);
+    meta.number = number;
+    meta.mid_exposure = los.mid_exposure();
+    meta.exposure_s = los.exposure_s;
+    meta.attitude_wxyz = los.mid_sensor_from_icrf.wxyz();
+    (meta.ra_deg, meta.dec_deg, meta.roll_deg) = (ra, dec, roll);
+    meta.rate_deg_s = los.rate_rad_s.to_array().map(f64::to_degrees);
+    (meta.seed, meta.noise_seed) = (seeds.sensor, seeds.noise);
+    meta.lateness = Span::ZERO;
+    meta.horizon = los.horizon;
+    PathFacts::default().describe(meta);
+    meta.backend = backend;
+    // The reference integrates the exact motion, whatever method was planned.
+    meta.method = if backend == "reference" { "exact" } else { plan.chosen.method.name().name() };
+    meta.rung = plan.rung.name();
+    (meta.left_out_stars, meta.left_out_e) = (plan.cut_off.stars, plan.cut_off.electrons);
+    meta.origin = origin_name(los.origin);
+    meta.faults = FaultFlags::NONE;
+    meta.active = ActiveFaults::NONE;
+    let levels = Levels::of_output(detector);
+    meta.gain_e_per_dn = levels.gain_e_per_dn;
+    meta.black_level_dn = levels.black_level_dn;
+}
+
+/// What started the exposure, and what it was taken with beside its time.
+pub(super) fn describe_exposure(slot: &Slot, settings: &CameraSettings, meta: &mut FrameMeta) {
+    (meta.started_by, meta.trigger_delay) = (slot.started.name(), slot.trigger_delay());
+    (meta.gain_db, meta.regions) = (settings.gain_db, settings.regions);
+}

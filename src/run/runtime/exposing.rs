@@ -1,0 +1,269 @@
+//! One head's exposures as commands shape them: the shutter, the queues of those who command it, and automatic exposure.
+//!
+//! In: commands of queues ([`DeskEnd`]) and of the bus, images. Out: slots, the settings of the exposure that is drawn, and
+//! events for clients. What is refused or missed is an event of the ledger.
+
+use crate::runtime::ledger::{Event, EventKind, Ledger};
+use crate::runtime::params::RunParams;
+use crate::runtime::shutter::{NextSlot, Shutter, ShutterParams};
+use crate::runtime::slot::Slot;
+use base::image::DnImage;
+use base::time::{Span, Tai};
+use frames::camera_control::{
+    AutoMode, CameraCommand, CameraEvent, CameraEventKind, CameraRange, CameraSettings, CommandSource, Commanded,
+    DeskEnd, EXPOSURE_LEAST, GAIN_MAX_DB, Regions, SettingRefusal, longest_exposure_s,
+};
+
+/// Automatic exposure and gain bring the mean of an image here, as a share of full scale above the black level.
+const AUTO_TARGET: f64 = 0.25;
+/// Nearer to the target than this share of it, nothing is changed, and `Once` is done.
+const AUTO_NEAR: f64 = 0.02;
+/// One image changes the exposure or the gain by this factor at most, both ways.
+const AUTO_STEP: f64 = 8.0;
+
+/// The exposures of one head.
+#[derive(Debug)]
+pub struct Exposing {
+    shutter: Shutter,
+    /// Those of the exposure that is drawn.
+    settings: CameraSettings,
+    /// Exposure time without commands, and the same in seconds as the camera's file has it.
+    own: (Span, f64),
+    largest_dn: f64,
+    is_commanded: bool,
+    auto_exposure: AutoMode,
+    auto_gain: AutoMode,
+    desks: Vec<DeskEnd>,
+    /// Number of the frame after the last one whose start was reported.
+    reported: u32,
+}
+
+impl Exposing {
+    /// Returns the exposures of a run without commands so far.
+    #[must_use]
+    pub fn new(params: &RunParams) -> Self {
+        let camera = &params.camera;
+        let own = Span::from_s(camera.exposure_s);
+        let settings = CameraSettings {
+            exposure: own,
+            gain_db: 0.0,
+            black_level_dn: camera.detector.black_level_dn,
+            regions: Regions::WHOLE,
+        };
+        let shutter = ShutterParams {
+            first_exposure: params.first_exposure,
+            period: params.frame_period,
+            readout: Span::from_s(camera.readout_s),
+            ahead: params.ahead,
+            end: params.exposure_start(params.frames),
+            settings,
+            frames: params.frames,
+        };
+        // A display has no exposure time to command.
+        let is_sensor = params.drawn_from_sensor.is_none() && params.ahead == Span::ZERO;
+        let range = is_sensor.then(|| range_of(params));
+        Self {
+            shutter: Shutter::new(shutter, range),
+            settings,
+            own: (own, camera.exposure_s),
+            largest_dn: f64::from(camera.detector.largest_dn()),
+            is_commanded: false,
+            auto_exposure: AutoMode::Off,
+            auto_gain: AutoMode::Off,
+            desks: Vec::new(),
+            reported: 0,
+        }
+    }
+
+    /// Returns what commands may ask; `None`: nothing, as for a display.
+    #[must_use]
+    pub fn range(&self) -> Option<&CameraRange> {
+        self.shutter.range()
+    }
+
+    /// Takes commands from this queue from here on, and reports events to it. Allocates.
+    pub fn add_desk(&mut self, desk: DeskEnd) {
+        self.desks.push(desk);
+    }
+
+    /// Returns true when somebody may command the camera at any instant.
+    #[must_use]
+    pub fn has_desks(&self) -> bool {
+        !self.desks.is_empty()
+    }
+
+    /// Returns true when a command was taken in.
+    #[must_use]
+    pub fn is_commanded(&self) -> bool {
+        self.is_commanded
+    }
+
+    /// Returns the next slot, by the commands so far.
+    #[must_use]
+    pub fn next(&self) -> NextSlot {
+        self.shutter.next()
+    }
+
+    /// Returns the settings of the next exposure, by the commands so far.
+    #[must_use]
+    pub fn next_settings(&self) -> &CameraSettings {
+        self.shutter.settings()
+    }
+
+    /// The slot of frame `number` without commands.
+    #[must_use]
+    pub fn nominal(&self, number: u32) -> Slot {
+        self.shutter.nominal(number)
+    }
+
+    /// The frame of the next slot is drawn now: its settings are those in use from here on.
+    pub fn begin(&mut self, ledger: &mut Ledger) {
+        if let NextSlot::Slot(slot) = self.shutter.next() {
+            self.report_start(&slot);
+            self.report(CameraEventKind::ExposureEnd, slot.exposure_end, slot.number);
+        }
+        self.settings = *self.shutter.settings();
+        self.shutter.advance();
+        self.note_triggers(ledger);
+    }
+
+    /// The exposure that is drawn next has these settings: a replay's word.
+    pub fn assume(&mut self, settings: CameraSettings) {
+        self.settings = settings;
+    }
+
+    /// Returns the settings of the exposure that is drawn.
+    #[must_use]
+    pub fn settings(&self) -> &CameraSettings {
+        &self.settings
+    }
+
+    /// Returns the time of the exposure that is drawn, s.
+    #[must_use]
+    pub fn exposure_s(&self) -> f64 {
+        let (own, own_s) = self.own;
+        if self.settings.exposure == own { own_s } else { self.settings.exposure.s() }
+    }
+
+    /// Returns that time over the camera's own: 1 without commands.
+    #[must_use]
+    pub fn light_factor(&self) -> f64 {
+        self.exposure_s() / self.own.1
+    }
+
+    /// Takes what waits in the queues, and reports an exposure that has started.
+    pub fn poll(&mut self, now: Tai, ledger: &mut Ledger) {
+        for number in 0..self.desks.len() {
+            while let Some(commanded) = self.desks[number].commands().next() {
+                // What is refused is an event; the sender has checked the value against the same range.
+                let _noted = self.take(&commanded, ledger);
+            }
+        }
+        if let NextSlot::Slot(slot) = self.shutter.next()
+            && slot.exposure_start <= now
+        {
+            self.report_start(&slot);
+        }
+    }
+
+    /// Takes one command.
+    ///
+    /// # Errors
+    /// When the camera cannot do it; the ledger has it too.
+    pub fn take(&mut self, commanded: &Commanded, ledger: &mut Ledger) -> Result<(), SettingRefusal> {
+        let taken = self.shutter.take(commanded);
+        self.is_commanded |= taken.is_ok();
+        match (&taken, commanded.command) {
+            (Ok(()), CameraCommand::AutoExposure(mode)) => self.auto_exposure = mode,
+            (Ok(()), CameraCommand::AutoGain(mode)) => self.auto_gain = mode,
+            _ => {}
+        }
+        let is_automatic = commanded.from == CommandSource::Automatic;
+        if taken.is_err() || !is_automatic {
+            let kind = if taken.is_ok() { EventKind::CameraCommand } else { EventKind::CameraRefused };
+            ledger.note(Event::new(kind, commanded.at, None, Span::ZERO));
+        }
+        self.note_triggers(ledger);
+        taken
+    }
+
+    /// Looks at the image that was drawn, and commands exposure and gain where they are automatic.
+    pub fn see(&mut self, image: &DnImage, at: Tai, ledger: &mut Ledger) {
+        if (self.auto_exposure, self.auto_gain) == (AutoMode::Off, AutoMode::Off) {
+            return;
+        }
+        let black_dn = self.settings.black_level_dn;
+        let full_dn = self.largest_dn - black_dn;
+        let sum: u64 = image.pixels().iter().map(|dn| u64::from(*dn)).sum();
+        let mean_dn = sum as f64 / image.pixels().len().max(1) as f64 - black_dn;
+        let wanted = AUTO_TARGET * full_dn / mean_dn.max(1e-3 * full_dn);
+        if (wanted - 1.0).abs() <= AUTO_NEAR {
+            let done = |mode: AutoMode| if mode == AutoMode::Once { AutoMode::Off } else { mode };
+            (self.auto_exposure, self.auto_gain) = (done(self.auto_exposure), done(self.auto_gain));
+            return;
+        }
+        let factor = wanted.clamp(1.0 / AUTO_STEP, AUTO_STEP);
+        let Some(command) = self.automatic(factor) else { return };
+        let _noted = self.take(&Commanded { command, at, from: CommandSource::Automatic }, ledger);
+    }
+
+    /// What makes an image so many times brighter: the exposure first, then the gain.
+    fn automatic(&self, factor: f64) -> Option<CameraCommand> {
+        let range = self.shutter.range()?;
+        let before = self.settings.exposure;
+        let exposure = Span::from_s(before.s() * factor).clamp(range.exposure[0], range.exposure[1]);
+        if self.auto_exposure != AutoMode::Off && exposure != before {
+            return Some(CameraCommand::Exposure(exposure));
+        }
+        let gain_db = (self.settings.gain_db + 20.0 * factor.log10()).clamp(range.gain_db[0], range.gain_db[1]);
+        let is_changed = self.auto_gain != AutoMode::Off && gain_db.total_cmp(&self.settings.gain_db).is_ne();
+        is_changed.then_some(CameraCommand::GainDb(gain_db))
+    }
+
+    fn note_triggers(&mut self, ledger: &mut Ledger) {
+        let seen = self.shutter.take_seen();
+        let (number, at) =
+            (self.shutter.next().slot().map(|slot| slot.number), seen.missed_at.unwrap_or(Tai::from_ns(0)));
+        for _ in 0..seen.missed {
+            ledger.note(Event::new(EventKind::CameraTriggerMissed, at, number, Span::ZERO));
+            self.report(CameraEventKind::FrameTriggerMissed, at, number.unwrap_or(0));
+        }
+        for _ in 0..seen.ignored {
+            ledger.note(Event::new(EventKind::CameraTriggerIgnored, at, number, Span::ZERO));
+        }
+    }
+
+    fn report_start(&mut self, slot: &Slot) {
+        if self.reported > slot.number {
+            return;
+        }
+        self.reported = slot.number + 1;
+        if let crate::runtime::slot::Started::Trigger { at, .. } = slot.started {
+            self.report(CameraEventKind::FrameTrigger, at, slot.number);
+        }
+        self.report(CameraEventKind::ExposureStart, slot.exposure_start, slot.number);
+    }
+
+    fn report(&self, kind: CameraEventKind, at: Tai, frame: u32) {
+        for desk in &self.desks {
+            desk.report(CameraEvent { kind, at, frame });
+        }
+    }
+}
+
+/// What the commands of a run may ask of its camera.
+fn range_of(params: &RunParams) -> CameraRange {
+    let camera = &params.camera;
+    let own = Span::from_s(camera.exposure_s);
+    let longest = Span::from_s(longest_exposure_s(camera.exposure_s));
+    let least_period_s = if camera.readout_s > params.frame_period.s() { 0.0 } else { camera.readout_s };
+    let detector = &camera.detector;
+    CameraRange {
+        exposure: [EXPOSURE_LEAST.min(own), longest],
+        gain_db: [0.0, GAIN_MAX_DB],
+        black_level_dn: [0.0, f64::from(detector.largest_dn()).max(2.0 * detector.black_level_dn) / 2.0],
+        frame_rate_max_hz: 1.0 / least_period_s.max(EXPOSURE_LEAST.s()),
+        delay_max: Span::from_ms(10_000),
+        size_px: camera.output().size_px,
+    }
+}

@@ -1,0 +1,254 @@
+//! When the exposures of a head start, how long they last, and with which settings.
+//!
+//! In: commands with their instants ([`Commanded`]). Out: the next slot, and the settings of its exposure. A command acts
+//! from the first exposure that starts at or after its instant; an exposure that has started is not changed. The next slot
+//! is a forecast until its frame is drawn: each command that comes before may move it. Without commands the slots are those
+//! of the frame rate, to the nanosecond.
+//!
+//! Rules, after GenICam SFNC 2.7.1 and the manuals of global-shutter cameras:
+//! * an exposure starts when the one before has ended, and so late that its readout does not meet the readout before;
+//! * free running: one period after the start before, or as soon as the rules allow it;
+//! * by trigger: `delay` after the trigger. A trigger that comes too early for its overlap mode, or while another one waits,
+//!   is missed: counted and reported, and nothing else happens.
+//!
+//! Allocates nothing after it was made. Tests: `tests`, and `tests/closed_loop/camera_commands.rs`.
+
+mod state;
+#[cfg(test)]
+mod tests;
+
+use crate::runtime::slot::{Slot, Started};
+use base::time::{Span, Tai};
+use frames::camera_control::{CameraCommand, CameraRange, CameraSettings, Commanded, SettingRefusal};
+use state::{Outcome, State};
+use std::collections::VecDeque;
+
+/// Commands that may wait for the exposure that they act on.
+const PLACES: usize = 256;
+
+/// What a head's exposures are like without commands.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ShutterParams {
+    /// Start of the first exposure.
+    pub first_exposure: Tai,
+    /// From one exposure's start to the next.
+    pub period: Span,
+    /// From the end of an exposure to its frame.
+    pub readout: Span,
+    /// How long before the ends of exposures frames are begun.
+    pub ahead: Span,
+    /// No exposure starts at or after this instant, or lasts beyond it.
+    pub end: Tai,
+    /// Settings of exposures.
+    pub settings: CameraSettings,
+    /// Frames of the run without commands.
+    pub frames: u32,
+}
+
+/// The next slot of a head.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NextSlot {
+    /// An exposure that has started, or will.
+    Slot(Slot),
+    /// A trigger is waited for, until this instant.
+    Waiting(Tai),
+    /// No further exposure fits into the run.
+    Over,
+}
+
+impl NextSlot {
+    /// Returns the slot, if there is one.
+    #[must_use]
+    pub fn slot(self) -> Option<Slot> {
+        match self {
+            Self::Slot(slot) => Some(slot),
+            Self::Waiting(_) | Self::Over => None,
+        }
+    }
+
+    /// Returns true when no frame comes any more, at an instant.
+    #[must_use]
+    pub fn is_over(self, now: Tai) -> bool {
+        match self {
+            Self::Slot(_) => false,
+            Self::Waiting(until) => now >= until,
+            Self::Over => true,
+        }
+    }
+}
+
+/// What happened to triggers since it was asked last.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct TriggersSeen {
+    /// Accepted, each the start of an exposure or of a burst.
+    pub accepted: u32,
+    /// Missed: they came too early.
+    pub missed: u32,
+    /// Left out: exposures do not wait for triggers, or not for those of this source.
+    pub ignored: u32,
+    /// When the last one was missed.
+    pub missed_at: Option<Tai>,
+}
+
+/// The times and settings of one head's exposures.
+#[derive(Debug, Clone)]
+pub struct Shutter {
+    params: ShutterParams,
+    /// What commands may ask; `None`: nothing, as for a display.
+    range: Option<CameraRange>,
+    /// After the last exposure that was drawn.
+    state: State,
+    /// By rising instant; those of one instant as they came.
+    commands: VecDeque<Commanded>,
+    next: NextSlot,
+    settings: CameraSettings,
+    seen: TriggersSeen,
+}
+
+impl Shutter {
+    /// Makes a shutter; without a range every command is refused.
+    #[must_use]
+    pub fn new(params: ShutterParams, range: Option<CameraRange>) -> Self {
+        let mut shutter = Self {
+            params,
+            range,
+            state: State::new(&params),
+            commands: VecDeque::with_capacity(PLACES),
+            next: NextSlot::Over,
+            settings: params.settings,
+            seen: TriggersSeen::default(),
+        };
+        shutter.forecast();
+        shutter
+    }
+
+    /// Returns what commands may ask; `None`: nothing.
+    #[must_use]
+    pub fn range(&self) -> Option<&CameraRange> {
+        self.range.as_ref()
+    }
+
+    /// Returns the next slot, by the commands so far.
+    #[must_use]
+    pub fn next(&self) -> NextSlot {
+        self.next
+    }
+
+    /// Returns the settings of the next slot's exposure.
+    #[must_use]
+    pub fn settings(&self) -> &CameraSettings {
+        &self.settings
+    }
+
+    /// Returns what happened to triggers since this was called last.
+    pub fn take_seen(&mut self) -> TriggersSeen {
+        core::mem::take(&mut self.seen)
+    }
+
+    /// Takes a command in.
+    ///
+    /// # Errors
+    /// When the camera cannot do it, or too many wait.
+    pub fn take(&mut self, commanded: &Commanded) -> Result<(), SettingRefusal> {
+        self.range.as_ref().ok_or(SettingRefusal::Unsupported)?.check(&commanded.command)?;
+        if self.commands.len() >= PLACES {
+            return Err(SettingRefusal::TooMany);
+        }
+        let place = self.commands.partition_point(|other| other.at <= commanded.at);
+        self.commands.insert(place, *commanded);
+        self.forecast();
+        Ok(())
+    }
+
+    /// Ends the forecast of the next slot: its frame is drawn now.
+    pub fn advance(&mut self) {
+        let NextSlot::Slot(slot) = self.next else { return };
+        let walk = self.walk();
+        self.use_up(&walk);
+        self.state.expose(&slot, &self.params);
+        self.forecast();
+    }
+
+    /// The slot of frame `number` without commands.
+    #[must_use]
+    pub fn nominal(&self, number: u32) -> Slot {
+        let start = self.params.first_exposure + Span::from_ns(self.params.period.ns() * i64::from(number));
+        self.slot(number, start, self.params.settings.exposure, Started::Rate)
+    }
+
+    fn slot(&self, number: u32, exposure_start: Tai, exposure: Span, started: Started) -> Slot {
+        let exposure_end = exposure_start + exposure;
+        let release = exposure_end - self.params.ahead;
+        Slot { number, exposure_start, exposure_end, release, due: release + self.params.readout, started }
+    }
+
+    /// Looks ahead: what comes next when no further command comes.
+    fn forecast(&mut self) {
+        let walk = self.walk();
+        self.settings = walk.state.settings;
+        let Some((start, started)) = walk.candidate else {
+            // These commands act on no exposure that is under way.
+            self.use_up(&walk);
+            self.next = NextSlot::Waiting(self.params.end);
+            return;
+        };
+        self.settings.exposure = self.exposure(&walk, started);
+        let slot = self.slot(self.state.number(), start, self.settings.exposure, started);
+        let fits = start < self.params.end && slot.exposure_end <= self.params.end + ROUNDING;
+        self.next = if fits { NextSlot::Slot(slot) } else { NextSlot::Over };
+    }
+
+    /// Applies the commands up to the start of the next exposure.
+    fn walk(&self) -> Walk {
+        let (mut state, mut used, mut seen) = (self.state, 0, TriggersSeen::default());
+        loop {
+            let candidate = state.candidate(&self.params);
+            match self.commands.get(used).filter(|next| candidate.is_none_or(|(start, _)| next.at <= start)) {
+                None => return Walk { state, used, candidate, seen },
+                Some(next) => {
+                    used += 1;
+                    match state.apply(next) {
+                        Outcome::Set => {}
+                        Outcome::Accepted => seen.accepted += 1,
+                        Outcome::Ignored => seen.ignored += 1,
+                        Outcome::Missed => (seen.missed, seen.missed_at) = (seen.missed + 1, Some(next.at)),
+                    }
+                }
+            }
+        }
+    }
+
+    /// Takes the commands of a walk out of the queue for good.
+    fn use_up(&mut self, walk: &Walk) {
+        self.commands.drain(..walk.used);
+        self.state = walk.state;
+        self.seen.accepted += walk.seen.accepted;
+        self.seen.missed += walk.seen.missed;
+        self.seen.ignored += walk.seen.ignored;
+        self.seen.missed_at = walk.seen.missed_at.or(self.seen.missed_at);
+    }
+
+    /// The length of the next exposure: as set, or as long as the line of its trigger is active.
+    fn exposure(&self, walk: &Walk, started: Started) -> Span {
+        let (true, Started::Trigger { source, at }) = (walk.state.is_by_width(), started) else {
+            return walk.state.settings.exposure;
+        };
+        let [least, most] = self.range.as_ref().map_or([Span::ZERO, Span::ZERO], |range| range.exposure);
+        let ends =
+            |next: &&Commanded| next.at >= at && next.command == CameraCommand::Trigger { source, is_rising: false };
+        let width = self.commands.iter().find(ends).map_or(most, |falling| falling.at - at);
+        width.clamp(least, most)
+    }
+}
+
+/// Exposure and period are rounded to nanoseconds, each on its own.
+const ROUNDING: Span = Span::from_ns(1000);
+
+/// What the commands before the next exposure come to.
+struct Walk {
+    state: State,
+    used: usize,
+    /// Start of the next exposure and what starts it; `None`: a trigger is waited for.
+    candidate: Option<(Tai, Started)>,
+    seen: TriggersSeen,
+}

@@ -1,0 +1,176 @@
+//! What commands have set so far, and when the next exposure may start.
+
+use crate::runtime::shutter::ShutterParams;
+use crate::runtime::slot::{Slot, Started};
+use base::time::{Span, Tai};
+use frames::camera_control::{
+    CameraCommand, CameraSettings, Commanded, ExposureMode, StartSettings, TriggerOverlap, TriggerSource,
+    TriggerSources,
+};
+
+/// What became of a command.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Outcome {
+    /// A setting has a new value.
+    Set,
+    /// A trigger starts an exposure.
+    Accepted,
+    /// A trigger came too early.
+    Missed,
+    /// Nothing waits for such triggers.
+    Ignored,
+}
+
+/// The exposure before.
+#[derive(Debug, Clone, Copy)]
+struct Previous {
+    start: Tai,
+    end: Tai,
+    due: Tai,
+}
+
+/// A trigger that was accepted and whose exposure has not started.
+#[derive(Debug, Clone, Copy)]
+struct Armed {
+    source: TriggerSource,
+    at: Tai,
+    start: Tai,
+}
+
+/// Settings, and what is known of the exposures before.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct State {
+    pub(super) settings: CameraSettings,
+    start: StartSettings,
+    number: u32,
+    /// Earliest start of a free-running exposure.
+    free_from: Tai,
+    previous: Option<Previous>,
+    armed: Option<Armed>,
+    /// Exposures left of a burst.
+    burst_left: u32,
+}
+
+impl State {
+    pub(super) fn new(params: &ShutterParams) -> Self {
+        let start = StartSettings {
+            is_triggered: false,
+            sources: TriggerSources::ALL,
+            delay: Span::ZERO,
+            overlap: TriggerOverlap::ReadOut,
+            burst: 1,
+            mode: ExposureMode::Timed,
+            period: Some(params.period),
+        };
+        let (settings, free_from) = (params.settings, params.first_exposure);
+        Self { settings, start, number: 0, free_from, previous: None, armed: None, burst_left: 0 }
+    }
+
+    /// Number of the next frame.
+    pub(super) fn number(&self) -> u32 {
+        self.number
+    }
+
+    /// Returns true when triggers fix the length of exposures.
+    pub(super) fn is_by_width(&self) -> bool {
+        self.start.mode == ExposureMode::TriggerWidth
+    }
+
+    /// Start of the next exposure and what starts it; `None`: a trigger is waited for.
+    pub(super) fn candidate(&self, params: &ShutterParams) -> Option<(Tai, Started)> {
+        let earliest = self.earliest(params);
+        match self.armed {
+            _ if !self.start.is_triggered => Some((self.free_from.max(earliest), Started::Rate)),
+            Some(Armed { source, at, start }) if self.burst_left > 0 => {
+                let next = if self.is_first_of_burst() { start } else { self.free_from };
+                Some((next.max(earliest), Started::Trigger { source, at }))
+            }
+            _ => None,
+        }
+    }
+
+    fn is_first_of_burst(&self) -> bool {
+        self.armed.is_some_and(|armed| self.previous.is_none_or(|previous| previous.start < armed.at))
+    }
+
+    /// The first instant at which the sensor can start an exposure.
+    fn earliest(&self, params: &ShutterParams) -> Tai {
+        let Some(previous) = self.previous else { return params.first_exposure };
+        // A readout that lasts longer than the period is a delay of delivery: frames are on their way together.
+        let after_readout = if params.readout <= params.period {
+            previous.due + params.ahead - self.settings.exposure
+        } else {
+            previous.end
+        };
+        previous.end.max(after_readout)
+    }
+
+    /// Takes a command that comes before the next exposure.
+    pub(super) fn apply(&mut self, commanded: &Commanded) -> Outcome {
+        match commanded.command {
+            CameraCommand::Exposure(exposure) => self.settings.exposure = exposure,
+            CameraCommand::GainDb(gain_db) => self.settings.gain_db = gain_db,
+            CameraCommand::BlackLevelDn(level_dn) => self.settings.black_level_dn = level_dn,
+            CameraCommand::Regions(regions) => self.settings.regions = regions,
+            CameraCommand::Period(period) => self.set_period(period),
+            CameraCommand::Triggered(is_triggered) => self.set_triggered(is_triggered, commanded.at),
+            CameraCommand::Sources(sources) => self.start.sources = sources,
+            CameraCommand::Delay(delay) => self.start.delay = delay,
+            CameraCommand::Overlap(overlap) => self.start.overlap = overlap,
+            CameraCommand::Burst(frames) => self.start.burst = frames,
+            CameraCommand::Mode(mode) => self.start.mode = mode,
+            CameraCommand::Trigger { source, is_rising } => return self.trigger(source, is_rising, commanded.at),
+            // The engine's: it looks at images.
+            CameraCommand::AutoExposure(_) | CameraCommand::AutoGain(_) => {}
+        }
+        Outcome::Set
+    }
+
+    fn set_period(&mut self, period: Option<Span>) {
+        self.start.period = period;
+        if let Some(previous) = self.previous {
+            self.free_from = previous.start + period.unwrap_or(Span::ZERO);
+        }
+    }
+
+    fn set_triggered(&mut self, is_triggered: bool, at: Tai) {
+        if self.start.is_triggered && !is_triggered {
+            self.free_from = self.free_from.max(at);
+        }
+        self.start.is_triggered = is_triggered;
+        (self.armed, self.burst_left) = (None, 0);
+    }
+
+    fn trigger(&mut self, source: TriggerSource, is_rising: bool, at: Tai) -> Outcome {
+        if !is_rising {
+            return Outcome::Set;
+        }
+        if !self.start.is_triggered || !self.start.sources.has(source) {
+            return Outcome::Ignored;
+        }
+        let is_ready = match (self.previous, self.start.overlap) {
+            (None, _) | (Some(_), TriggerOverlap::PreviousFrame) => true,
+            (Some(previous), TriggerOverlap::ReadOut) => at >= previous.end,
+            (Some(previous), TriggerOverlap::Off) => at >= previous.due,
+        };
+        if self.burst_left > 0 || !is_ready {
+            return Outcome::Missed;
+        }
+        self.armed = Some(Armed { source, at, start: at + self.start.delay });
+        self.burst_left = self.start.burst;
+        Outcome::Accepted
+    }
+
+    /// An exposure is over, as far as the shutter is concerned.
+    pub(super) fn expose(&mut self, slot: &Slot, params: &ShutterParams) {
+        let Slot { exposure_start: start, exposure_end: end, due, .. } = *slot;
+        self.number += 1;
+        self.previous = Some(Previous { start, end, due: due.max(end) });
+        self.free_from = start + self.start.period.unwrap_or(Span::ZERO);
+        self.burst_left = self.burst_left.saturating_sub(1);
+        if self.burst_left == 0 {
+            self.armed = None;
+        }
+        debug_assert!(end >= start && params.readout >= Span::ZERO);
+    }
+}
