@@ -10,7 +10,7 @@
 //! along rows and columns and divides both sides of the image. Held by the tests below and `tests/physics/detector_spatial.rs`.
 
 use crate::detector::neighbours::{FrameAt, NeighbourStage};
-use crate::detector::{DetectorParams, Effect};
+use crate::detector::{DetectorConditions, DetectorParams, Effect};
 use base::image::{DnImage, Image};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -70,12 +70,19 @@ pub struct Levels {
 }
 
 impl Levels {
-    /// Of this detector's output.
+    /// Returns those of this detector's output, at the gain and black level of its parameters.
     #[must_use]
     pub fn of_output(params: &DetectorParams) -> Self {
+        Self::of_exposure(params, &DetectorConditions::dark(0.0))
+    }
+
+    /// Returns those of one exposure, at its own gain and black level.
+    #[must_use]
+    pub fn of_exposure(params: &DetectorParams, conditions: &DetectorConditions) -> Self {
+        let [gain_e_per_dn, black_level_dn] = conditions.gain_and_black(params);
         let pixel = Self {
-            gain_e_per_dn: params.gain_e_per_dn,
-            black_level_dn: params.black_level_dn,
+            gain_e_per_dn,
+            black_level_dn,
             read_noise_e_rms: params.readout_noise_e_rms(),
             full_well_e: params.full_well_e,
             largest_dn: f64::from(params.largest_dn()),

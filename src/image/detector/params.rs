@@ -145,14 +145,15 @@ impl Constants {
     #[must_use]
     #[allow(clippy::cast_possible_truncation, reason = "the inner loops work in single precision")]
     pub fn new(params: &DetectorParams, conditions: &DetectorConditions, stray_light_e: f32) -> Self {
+        let [gain_e_per_dn, black_level_dn] = conditions.gain_and_black(params);
         let dark_e_per_s = params.dark_e_per_s * params.dark_law.warmer_by(conditions.warmer_k).factor();
         Self {
             stray_light_e,
             dark_e: (dark_e_per_s * conditions.exposure_s) as f32,
             full_well_e: params.full_well_e as f32,
             read_noise_e: params.readout_noise_e_rms() as f32,
-            dn_per_e: (1.0 / params.gain_e_per_dn) as f32,
-            black_dn: params.black_level_dn as f32,
+            dn_per_e: (1.0 / gain_e_per_dn) as f32,
+            black_dn: black_level_dn as f32,
             rounding_dn: params.rounding.dn(),
             largest_dn: f32::from(params.largest_dn()),
             nonlinearity: params.nonlinearity.is_on().then(|| params.nonlinearity.pieces()),

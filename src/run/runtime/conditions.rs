@@ -96,7 +96,8 @@ impl Conditions {
     pub(super) fn of_detector(&self, exposure_s: f64, background: Background) -> DetectorConditions {
         let stray_light_e = (self.throughput * self.stray_e_per_s * exposure_s + self.flood_e) as f32;
         let background = self.dimmed(background).and_uniform(stray_light_e);
-        DetectorConditions { exposure_s, background, warmer_k: self.warmer_k, protons: self.protons }
+        let conditions = DetectorConditions::lit(exposure_s, background);
+        DetectorConditions { warmer_k: self.warmer_k, protons: self.protons, ..conditions }
     }
 
     #[allow(clippy::cast_possible_truncation, reason = "electrons are single precision")]
