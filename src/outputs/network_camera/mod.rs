@@ -63,5 +63,5 @@ pub use device::{Answer, Device, DeviceParams};
 pub use error::NetworkCameraError;
 pub use gvcp::{Malformed, Status};
 pub use gvsp::StreamSettings;
-pub use params::{Identity, Params, SensorParams, XmlForm};
+pub use params::{CommandParams, Identity, Params, SensorParams, XmlForm};
 pub use pixel_format::PixelFormat;
