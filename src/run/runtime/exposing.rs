@@ -11,7 +11,7 @@ use base::image::DnImage;
 use base::time::{Span, Tai};
 use frames::camera_control::{
     AutoMode, CameraCommand, CameraEvent, CameraEventKind, CameraRange, CameraSettings, CommandSource, Commanded,
-    DeskEnd, EXPOSURE_LEAST, GAIN_MAX_DB, Regions, SettingRefusal, longest_exposure_s,
+    DeskEnd, EXPOSURE_LEAST, GAIN_MAX_DB, Regions, SettingRefusal, StartSettings, longest_exposure_s,
 };
 
 /// Automatic exposure and gain bring the mean of an image here, as a share of full scale above the black level.
@@ -102,6 +102,12 @@ impl Exposing {
     #[must_use]
     pub fn next(&self) -> NextSlot {
         self.shutter.next()
+    }
+
+    /// Returns what starts exposures, by the commands up to the last exposure.
+    #[must_use]
+    pub fn start(&self) -> &StartSettings {
+        self.shutter.start()
     }
 
     /// Returns the settings of the next exposure, by the commands so far.

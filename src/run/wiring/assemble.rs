@@ -32,6 +32,7 @@ use anyhow::Context;
 use base::clock::{Clock, Monotonic, Virtual};
 use base::time::Tai;
 use config::{Scenario, SinkSettings, StartTime};
+use core::cell::RefCell;
 use core::sync::atomic::AtomicBool;
 use frames::sink::{NullSink, SentFrame, Sink};
 use link::tap::FaultControl;
@@ -373,7 +374,7 @@ fn times(start: Tai, heads: &[RunHead]) -> Result<RunTimes, LoopError> {
 
 /// Makes what takes the frames of one head.
 fn sink_of_head(
-    head: &RunHead,
+    head: &mut RunHead,
     (number, count): (usize, usize),
     outputs: &mut Outputs<'_>,
     clock: &RunClock,
@@ -385,9 +386,10 @@ fn sink_of_head(
         Outputs::Made(make) => return Ok(make(number)),
         Outputs::Configured { sinks, directory } => (*sinks, directory.as_deref()),
     };
-    let params = head.engine.params();
+    let params = head.engine.params().clone();
     let camera = &params.camera;
     let [width, height] = camera.output().size_px;
+    let exposing = RefCell::new(head.engine.exposing_mut());
     let prototype =
         &SentFrame::with_capacity(width, height, crate::runtime::real_time::STARS_AT_FIRST, camera.name.clone());
     let which = (count > 1).then_some(number);
@@ -401,6 +403,7 @@ fn sink_of_head(
         frame_period: params.frame_period,
         calibration: head.calibration.as_ref(),
         clock: &clock.shared(),
+        exposing: Some(&exposing),
     };
     let place = || which.map_or_else(|| "the sinks".to_owned(), |head| format!("head {head}"));
     Ok(make_sinks(sinks, &setting).with_context(place)?)

@@ -4,17 +4,20 @@
 //! files may take longer than a frame. On the virtual clock they go in step ([`OnFull::Wait`]), also when there is one only:
 //! one that blocks can be given up. The null sink alone needs no thread and is called directly ([`Alone`]).
 
+use crate::runtime::exposing::Exposing;
 use crate::wiring::display_parts::open_display;
 use anyhow::{Context, Result};
 use base::clock::Clock;
 use base::streams::say;
 use base::time::Span;
 use config::{DisplaySettings, Sink as Kind, SinkSettings};
+use core::cell::RefCell;
+use frames::camera_control::desk;
 use frames::sink::shared_memory::SharedMemory;
 use frames::sink::{Alone, BranchParams, Fan, NullSink, OnFull, Recorder, RecorderOptions, SentFrame, Sink};
 use outputs::display::MonitorChoice;
 use outputs::display::calibration::Calibration;
-use outputs::network_camera::{self, NetworkCamera, SensorParams};
+use outputs::network_camera::{self, CommandParams, NetworkCamera, SensorParams};
 use scene::camera::CameraParams;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
@@ -37,6 +40,8 @@ pub struct SinkSetting<'a> {
     pub calibration: Option<&'a Calibration>,
     /// The run's clock.
     pub clock: &'a Arc<dyn Clock>,
+    /// Whose exposures clients of network cameras command; `None`: nobody's.
+    pub exposing: Option<&'a RefCell<&'a mut Exposing>>,
 }
 
 /// Returns the directory of a run: `out` when it is given, which then has at least the summary, else a `stamp` below the
@@ -107,6 +112,15 @@ fn make(settings: &SinkSettings, number: usize, setting: &SinkSetting<'_>) -> Re
     }
 }
 
+/// The queues to the exposures of the head, where they can be commanded.
+fn commands(setting: &SinkSetting<'_>) -> Option<CommandParams> {
+    let mut exposing = setting.exposing?.borrow_mut();
+    let (range, settings, start) = (*exposing.range()?, *exposing.next_settings(), *exposing.start());
+    let (desk, end) = desk();
+    exposing.add_desk(end);
+    Some(CommandParams { desk, range, settings, start, has_line: false, clock: Arc::clone(setting.clock) })
+}
+
 /// A camera on the network, whose address is told.
 fn network_camera(params: &network_camera::Params, setting: &SinkSetting<'_>) -> Result<Box<dyn Sink>> {
     let camera = setting.camera;
@@ -119,7 +133,7 @@ fn network_camera(params: &network_camera::Params, setting: &SinkSetting<'_>) ->
         exposure_s: camera.exposure_s,
         gain_e_per_dn: camera.detector.gain_e_per_dn,
     };
-    let made = NetworkCamera::start(&params, &sensor, None, Arc::clone(setting.clock))?;
+    let made = NetworkCamera::start(&params, &sensor, commands(setting), Arc::clone(setting.clock))?;
     say(format_args!("network camera: GVCP at {}\n", made.address()));
     if made.is_exposed() {
         let text = "starloop: the network camera can be reached from other machines, and asks for no password\n";
@@ -251,7 +265,17 @@ mod tests {
     ) -> SinkSetting<'a> {
         let frame_period = Span::from_ms(100);
         let calibration = None;
-        SinkSetting { directory, prototype, head: None, is_real, camera, frame_period, clock, calibration }
+        SinkSetting {
+            directory,
+            prototype,
+            head: None,
+            is_real,
+            camera,
+            frame_period,
+            clock,
+            calibration,
+            exposing: None,
+        }
     }
 
     const THREE: &str = "[sink]\nkind = \"null\"\n[[extra_sink]]\nkind = \"recorder\"\n[[extra_sink]]\nkind = \

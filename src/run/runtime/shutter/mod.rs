@@ -19,7 +19,7 @@ mod tests;
 
 use crate::runtime::slot::{Slot, Started};
 use base::time::{Span, Tai};
-use frames::camera_control::{CameraCommand, CameraRange, CameraSettings, Commanded, SettingRefusal};
+use frames::camera_control::{CameraCommand, CameraRange, CameraSettings, Commanded, SettingRefusal, StartSettings};
 use state::{Outcome, State};
 use std::collections::VecDeque;
 
@@ -126,6 +126,12 @@ impl Shutter {
     #[must_use]
     pub fn range(&self) -> Option<&CameraRange> {
         self.range.as_ref()
+    }
+
+    /// Returns what starts exposures, by the commands up to the last exposure.
+    #[must_use]
+    pub fn start(&self) -> &StartSettings {
+        self.state.start()
     }
 
     /// Returns the next slot, by the commands so far.

@@ -66,6 +66,10 @@ impl State {
         Self { settings, start, number: 0, free_from, previous: None, armed: None, burst_left: 0 }
     }
 
+    pub(super) fn start(&self) -> &StartSettings {
+        &self.start
+    }
+
     /// Number of the next frame.
     pub(super) fn number(&self) -> u32 {
         self.number
