@@ -44,7 +44,7 @@ fn main() -> anyhow::Result<()> {
         gain_e_per_dn: 2.5,
     };
     let clock: Arc<dyn Clock> = Arc::new(Monotonic::start());
-    let mut camera = NetworkCamera::start(&params(&words)?, &sensor, Arc::clone(&clock))?;
+    let mut camera = NetworkCamera::start(&params(&words)?, &sensor, None, Arc::clone(&clock))?;
     println!("{}", serde_json::json!({ "address": camera.address().to_string() }));
     let recorder = words
         .0

@@ -7,7 +7,7 @@ use crate::network_camera::error::NetworkCameraError;
 use crate::network_camera::interface::{self, Interface};
 use crate::network_camera::listener::Listener;
 use crate::network_camera::packets::{Outlet, TestOutlet};
-use crate::network_camera::params::{Params, SensorParams};
+use crate::network_camera::params::{CommandParams, Params, SensorParams};
 use crate::network_camera::shared::Shared;
 use crate::network_camera::slots::Slot;
 use crate::network_camera::stream::{Kept, Stream};
@@ -49,11 +49,17 @@ pub struct NetworkCamera {
 
 impl NetworkCamera {
     /// Brings the camera up: two threads, one control port, one stream port. `clock` is the bench's: its time is what
-    /// clients latch. On a virtual clock, clients being real, heartbeat and pace go by the machine's.
+    /// clients latch. On a virtual clock, clients being real, heartbeat and pace go by the machine's. With `commands` clients
+    /// command the camera that makes the frames; without, they only read its settings and choose among its frames.
     ///
     /// # Errors
     /// When a value cannot be, no interface has the address, or the system refuses a socket or a thread.
-    pub fn start(params: &Params, sensor: &SensorParams, clock: Arc<dyn Clock>) -> Result<Self, NetworkCameraError> {
+    pub fn start(
+        params: &Params,
+        sensor: &SensorParams,
+        commands: Option<CommandParams>,
+        clock: Arc<dyn Clock>,
+    ) -> Result<Self, NetworkCameraError> {
         params.check(sensor)?;
         let clock = if clock.is_real() { clock } else { Arc::new(Monotonic::start()) };
         let found = Interface::of(params.address)?;
@@ -69,7 +75,7 @@ impl NetworkCamera {
             packet_bytes_max: found.packet_bytes_max()?,
             stream_source_port,
         };
-        let device = Device::new(params, sensor, place).map_err(refuse("deflate its XML"))?;
+        let device = Device::new(params, sensor, place, commands).map_err(refuse("deflate its XML"))?;
         let shared = device.shared();
         let pixels = sensor.size_px.iter().map(|side| *side as usize).product();
         let (full, frames) = bounded(params.frames_queued as usize);
@@ -266,7 +272,7 @@ mod tests {
 
     fn camera() -> NetworkCamera {
         let params = Params { port: 0, ..Params::default() };
-        NetworkCamera::start(&params, &SENSOR, Arc::new(Monotonic::start())).unwrap()
+        NetworkCamera::start(&params, &SENSOR, None, Arc::new(Monotonic::start())).unwrap()
     }
 
     fn is_lost<T>(result: &Result<T, SinkError>) -> bool {

@@ -8,16 +8,20 @@
 //! discovery, actions, and a new address, which this device cannot take: its address is the machine's.
 
 // By its path: the fuzz package takes this file in as a module of another folder.
+#[path = "device/commanded.rs"]
+mod commanded;
 #[path = "device/features.rs"]
 mod features;
 
 use crate::network_camera::acquisition::{Acquisition, Wanted};
 use crate::network_camera::control::{Change, Control};
 use crate::network_camera::counters::{Counters, Tally};
-use crate::network_camera::first_values::{HEARTBEAT_MS, XmlView, write_bootstrap, write_features, write_urls};
+use crate::network_camera::first_values::{
+    HEARTBEAT_MS, XmlView, write_bootstrap, write_features, write_settings, write_urls,
+};
 use crate::network_camera::gvcp::{self, Action, Command, Malformed, Resend, Status};
 use crate::network_camera::gvsp::{IP_UDP_BYTES, StreamSettings};
-use crate::network_camera::params::{PACKET_BYTES_MIN, Params, SensorParams, XmlForm};
+use crate::network_camera::params::{CommandParams, PACKET_BYTES_MIN, Params, SensorParams, XmlForm};
 use crate::network_camera::pixel_format::PixelFormat;
 use crate::network_camera::proof::Proof;
 use crate::network_camera::registers::{FIRST_XML, Memory, SECOND_XML, at, own};
@@ -25,6 +29,7 @@ use crate::network_camera::repeats::LastChange;
 use crate::network_camera::shared::Shared;
 use crate::network_camera::{chunk, xml};
 use base::time::{Span, Tai};
+pub(super) use commanded::{OVERLAPS, SOURCES};
 use std::net::{Ipv4Addr, SocketAddrV4};
 use std::sync::Arc;
 
@@ -94,8 +99,10 @@ pub struct Device {
     number: u32,
     /// Fields of the truth that are wanted, one bit each.
     chunks: u32,
-    /// The half of a frame rate that was written; the other half makes it hold.
-    rate_high: u32,
+    /// Address and value of the high half of a number that was written last; the low half makes it hold.
+    high_half: (u32, u32),
+    /// How clients command the camera that makes the frames; `None`: they only read its settings.
+    commands: Option<CommandParams>,
 }
 
 impl Device {
@@ -103,14 +110,23 @@ impl Device {
     ///
     /// # Errors
     /// When the XML cannot be deflated, which memory alone could prevent.
-    pub fn new(params: &Params, sensor: &SensorParams, place: DeviceParams) -> std::io::Result<Self> {
-        let (plain, zipped) = (xml::plain(&params.identity, &place), xml::zipped(&params.identity, &place)?);
+    pub fn new(
+        params: &Params,
+        sensor: &SensorParams,
+        place: DeviceParams,
+        commands: Option<CommandParams>,
+    ) -> std::io::Result<Self> {
+        let plain = xml::plain(&params.identity, &place, commands.as_ref());
+        let zipped = xml::zipped(&params.identity, &place, commands.as_ref())?;
         let lengths = [plain.len(), zipped.len()];
         let (first, second) = if params.xml == XmlForm::Zip { (zipped, plain) } else { (plain, zipped) };
         let mut memory = Memory::new(first, second);
         write_bootstrap(&mut memory, &params.identity, &place);
         let format = params.pixel_format.unwrap_or(PixelFormat::for_bits(sensor.bits));
         write_features(&mut memory, sensor, format);
+        if let Some(commands) = &commands {
+            write_settings(&mut memory, commands);
+        }
         memory.set(at::PACKET_SIZE, DO_NOT_FRAGMENT | params.packet_bytes.min(place.packet_bytes_max) & !3);
         let mut device = Self {
             memory,
@@ -125,7 +141,8 @@ impl Device {
             allow_other_receivers: params.allow_other_receivers,
             number: 1,
             chunks: ALL_CHUNKS,
-            rate_high: 0,
+            high_half: (0, 0),
+            commands,
         };
         device.measure_payload();
         device.publish();
@@ -304,7 +321,7 @@ impl Device {
                 self.write_all(addresses.zip(words.iter().map(number)), WORD_BYTES, from, now, out)
             }
             Command::ForceAddress { mac, address, mask } => self.force_address(mac, address, mask),
-            Command::Action(action) => self.act(action),
+            Command::Action(action) => self.act(action, now),
         };
         done.err().unwrap_or(Status::Success)
     }
@@ -415,12 +432,13 @@ impl Device {
             at::HEARTBEAT_MS => self.memory.set(address, value.clamp(HEARTBEAT_LEAST_MS, self.heartbeat_most_ms())),
             at::TIMESTAMP_CONTROL => {
                 if value & LATCH != 0 {
+                    let now = self.bench_time(now);
                     self.memory.set_long(at::TIMESTAMP, u64::try_from(now.ns()).unwrap_or_default());
                 }
             }
             at::ACTION_DEVICE_KEY | at::ACTION_GROUP_KEY | at::ACTION_GROUP_MASK => self.memory.set(address, value),
             at::STREAM_PORT..=at::STREAM_SOURCE_PORT => return self.write_stream(address, value, from, out),
-            own::SENSOR_WIDTH..own::END => return self.write_feature(address, value),
+            own::SENSOR_WIDTH..own::END => return self.write_feature(address, value, now),
             _ => return self.memory.read(address, 4).and(Err(Status::WriteProtect)),
         }
         Ok(())
@@ -495,11 +513,19 @@ impl Device {
             && action.group_mask & self.memory.word(at::ACTION_GROUP_MASK) != 0
     }
 
-    fn act(&mut self, action: Action) -> Result<(), Status> {
-        if self.is_meant(action) && self.control.controller().is_some() {
-            self.trigger(SOURCE_ACTION);
+    fn act(&mut self, action: Action, now: Tai) -> Result<(), Status> {
+        if !self.is_meant(action) || self.control.controller().is_none() {
+            return Ok(());
         }
-        Ok(())
+        let Some(at_ns) = action.at_ns else { return self.trigger(SOURCE_ACTION, self.bench_time(now)) };
+        let at = Tai::from_ns(i64::try_from(at_ns).map_err(|_| Status::InvalidParameter)?);
+        if self.commands.is_none() {
+            return Err(Status::InvalidParameter);
+        }
+        if at < self.bench_time(now) {
+            return Err(Status::ActionLate);
+        }
+        self.trigger(SOURCE_ACTION, at)
     }
 
     /// Ends what the controller had begun.

@@ -1,5 +1,6 @@
 //! The protocol with virtual time and no sockets, as a client of the bootstrap registers would speak it.
 
+mod commanded_tests;
 mod proof_tests;
 
 use super::*;
@@ -28,6 +29,10 @@ struct Bench {
 
 impl Bench {
     fn new(params: &Params) -> Self {
+        Self::with(params, None)
+    }
+
+    fn with(params: &Params, commands: Option<CommandParams>) -> Self {
         let place = DeviceParams {
             address: Ipv4Addr::new(10, 0, 0, 1),
             mask: Ipv4Addr::new(255, 255, 255, 0),
@@ -35,7 +40,8 @@ impl Bench {
             packet_bytes_max: 1500,
             stream_source_port: 50_000,
         };
-        Self { device: Device::new(params, &sensor(), place).unwrap(), answer: Answer::default(), now: START, id: 0 }
+        let device = Device::new(params, &sensor(), place, commands).unwrap();
+        Self { device, answer: Answer::default(), now: START, id: 0 }
     }
 
     /// Status and payload of the answer; `None` for silence.
@@ -510,7 +516,7 @@ fn half_words_and_an_interface_of_tiny_packets_do_no_harm() {
         packet_bytes_max: 68,
         stream_source_port: 1,
     };
-    let mut tiny = Bench { device: Device::new(&Params::default(), &sensor(), place).unwrap(), ..self::bench() };
+    let mut tiny = Bench { device: Device::new(&Params::default(), &sensor(), place, None).unwrap(), ..self::bench() };
     tiny.control();
     assert_eq!(tiny.write(A, at::PACKET_SIZE, 1500), OK, "no panic; such an interface is refused before");
 }

@@ -1,9 +1,10 @@
 //! What the device's memory holds when it comes up: addresses of the XML, bootstrap registers, features.
 
-use crate::network_camera::device::DeviceParams;
-use crate::network_camera::params::{Identity, SensorParams, XmlForm};
+use crate::network_camera::device::{DeviceParams, OVERLAPS, SOURCES};
+use crate::network_camera::params::{CommandParams, Identity, SensorParams, XmlForm};
 use crate::network_camera::pixel_format::PixelFormat;
 use crate::network_camera::registers::{FIRST_XML, Memory, SECOND_XML, at, own};
+use frames::camera_control::ExposureMode;
 
 /// Specification version told to clients: 1.2, the first with all that is used here.
 const VERSION: u32 = 0x0001_0002;
@@ -15,6 +16,9 @@ const GVCP_CAPABILITY: u32 = 0xC000_0047;
 const TICKS_PER_S: u64 = 1_000_000_000;
 /// Heartbeat time of a client that asks for none, ms; the longest of a client that has not proven its address.
 pub(super) const HEARTBEAT_MS: u32 = 3000;
+
+/// Lowest frame rate of a commanded camera, Hz.
+const FRAME_RATE_LEAST_HZ: f64 = 1e-3;
 
 /// How one client sees the XML.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -98,6 +102,36 @@ pub(super) fn write_features(memory: &mut Memory, sensor: &SensorParams, format:
         (own::FRAME_RATE_LEAST, sensor.frame_rate_hz / f64::from(ONE_IN_MOST)),
         (own::EXPOSURE_TIME, sensor.exposure_s * 1e6),
         (own::GAIN, sensor.gain_e_per_dn.recip()),
+    ] {
+        memory.set_long(address, value.to_bits());
+    }
+}
+
+/// The settings of a camera that clients command, as they are before a client changes them.
+pub(super) fn write_settings(memory: &mut Memory, commands: &CommandParams) {
+    let (settings, start, range) = (&commands.settings, &commands.start, &commands.range);
+    let place = |found: Option<usize>| found.and_then(|place| u32::try_from(place).ok()).unwrap_or_default();
+    let source = SOURCES.iter().position(|source| start.sources.has(*source));
+    let overlap = OVERLAPS.iter().position(|overlap| *overlap == start.overlap);
+    for (address, value) in [
+        (own::TRIGGER_MODE, start.is_triggered.into()),
+        (own::TRIGGER_SOURCE, place(source)),
+        (own::TRIGGER_OVERLAP, place(overlap)),
+        (own::BURST, start.burst),
+        (own::FRAME_RATE_ENABLE, start.period.is_some().into()),
+        (own::EXPOSURE_MODE, (start.mode == ExposureMode::TriggerWidth).into()),
+    ] {
+        memory.set(address, value);
+    }
+    let rate_hz = start.period.map_or(range.frame_rate_max_hz, |period| 1.0 / period.s());
+    for (address, value) in [
+        (own::EXPOSURE_TIME, settings.exposure.s() * 1e6),
+        (own::GAIN, settings.gain_db),
+        (own::BLACK_LEVEL, settings.black_level_dn),
+        (own::TRIGGER_DELAY, start.delay.s() * 1e6),
+        (own::FRAME_RATE, rate_hz),
+        (own::FRAME_RATE_MOST, range.frame_rate_max_hz),
+        (own::FRAME_RATE_LEAST, FRAME_RATE_LEAST_HZ),
     ] {
         memory.set_long(address, value.to_bits());
     }

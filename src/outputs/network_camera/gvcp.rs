@@ -54,6 +54,10 @@ pub enum Status {
     Busy,
     /// The packet asked for is gone.
     PacketUnavailable,
+    /// Too many actions wait.
+    Overflow,
+    /// A scheduled action came after its instant.
+    ActionLate,
 }
 
 impl Status {
@@ -70,6 +74,8 @@ impl Status {
             Self::AccessDenied => 0x8006,
             Self::Busy => 0x8007,
             Self::PacketUnavailable => 0x800C,
+            Self::Overflow => 0x8015,
+            Self::ActionLate => 0x8016,
         }
     }
 }
@@ -174,6 +180,8 @@ pub(super) struct Action {
     pub(super) device_key: u32,
     pub(super) group_key: u32,
     pub(super) group_mask: u32,
+    /// When it is to act, ticks of the device; `None`: at once.
+    pub(super) at_ns: Option<u64>,
 }
 
 /// Reads one datagram.
@@ -220,8 +228,10 @@ fn command(code: u16, flags: u8, payload: &[u8]) -> Option<Command<'_>> {
             (is_whole && !data.is_empty()).then_some(Command::WriteMemory { address: word(0)?, words: data })
         }
         code::ACTION => {
-            let action = Action { device_key: word(0)?, group_key: word(1)?, group_mask: word(2)? };
-            (words.len() == 3 && is_whole && flags & IS_SCHEDULED == 0).then_some(Command::Action(action))
+            let is_scheduled = flags & IS_SCHEDULED != 0;
+            let at_ns = if is_scheduled { Some(u64::from(word(3)?) << 32 | u64::from(word(4)?)) } else { None };
+            let action = Action { device_key: word(0)?, group_key: word(1)?, group_mask: word(2)?, at_ns };
+            (words.len() == if is_scheduled { 5 } else { 3 } && is_whole).then_some(Command::Action(action))
         }
         _ => Some(Command::Bad(Malformed::UnknownCommand)),
     }
@@ -291,7 +301,12 @@ mod tests {
             );
         }
         assert_eq!(read(1, code::WRITE_REGISTER, &[0; 12]), BAD, "an address without a value");
-        assert_eq!(read(0x81, code::ACTION, &[0; 12]), BAD, "scheduled");
+        assert_eq!(read(0x81, code::ACTION, &[0; 12]), BAD, "scheduled, without a time");
+        let at_ns = Some(0x0000_0001_0000_0002);
+        let scheduled = [[0, 0, 0, 5], [0, 0, 0, 6], [0, 0, 0, 7], [0, 0, 0, 1], [0, 0, 0, 2]].concat();
+        let action = Action { device_key: 5, group_key: 6, group_mask: 7, at_ns };
+        assert_eq!(read(0x81, code::ACTION, &scheduled), Command::Action(action));
+        assert_eq!(read(0x01, code::ACTION, &scheduled), BAD, "a time that no flag announces");
         let force: [u8; 56] = core::array::from_fn(|at| u8::try_from(at).unwrap());
         let (mac, address, mask) = ([2, 3, 4, 5, 6, 7], Ipv4Addr::new(20, 21, 22, 23), Ipv4Addr::new(36, 37, 38, 39));
         assert_eq!(read(1, code::FORCE_ADDRESS, &force), Command::ForceAddress { mac, address, mask });

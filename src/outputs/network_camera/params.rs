@@ -2,7 +2,10 @@
 
 use crate::network_camera::error::NetworkCameraError;
 use crate::network_camera::pixel_format::PixelFormat;
+use base::clock::Clock;
+use frames::camera_control::{CameraDesk, CameraRange, CameraSettings, StartSettings};
 use std::net::Ipv4Addr;
+use std::sync::Arc;
 
 /// Port on which clients look for cameras.
 pub(super) const GVCP_PORT: u16 = 3956;
@@ -115,6 +118,23 @@ pub struct SensorParams {
     pub exposure_s: f64,
     /// Detector gain, told to clients, e-/DN.
     pub gain_e_per_dn: f64,
+}
+
+/// What a client needs to command the camera that makes the frames.
+#[derive(Clone)]
+pub struct CommandParams {
+    /// Where commands are put and events come from.
+    pub desk: CameraDesk,
+    /// Limits of the settings.
+    pub range: CameraRange,
+    /// Settings of the first exposure.
+    pub settings: CameraSettings,
+    /// What starts exposures at first.
+    pub start: StartSettings,
+    /// A line of this machine gives edges: exposures may last as long as it is active.
+    pub has_line: bool,
+    /// The clock of the bench: commands are dated by it, time stamps are its time.
+    pub clock: Arc<dyn Clock>,
 }
 
 impl Params {

@@ -73,8 +73,16 @@ pub(super) mod own {
     pub(in crate::network_camera) const CHUNK_SELECTOR: u32 = 0xA064;
     pub(in crate::network_camera) const FRAME_RATE_MOST: u32 = 0xA068;
     pub(in crate::network_camera) const FRAME_RATE_LEAST: u32 = 0xA070;
+    pub(in crate::network_camera) const BLACK_LEVEL: u32 = 0xA078;
+    pub(in crate::network_camera) const TRIGGER_DELAY: u32 = 0xA080;
+    pub(in crate::network_camera) const FRAME_RATE_ENABLE: u32 = 0xA088;
+    pub(in crate::network_camera) const TRIGGER_OVERLAP: u32 = 0xA08C;
+    pub(in crate::network_camera) const BURST: u32 = 0xA090;
+    pub(in crate::network_camera) const EXPOSURE_AUTO: u32 = 0xA094;
+    pub(in crate::network_camera) const GAIN_AUTO: u32 = 0xA098;
+    pub(in crate::network_camera) const EXPOSURE_MODE: u32 = 0xA09C;
     /// The first address behind them.
-    pub(in crate::network_camera) const END: u32 = 0xA078;
+    pub(in crate::network_camera) const END: u32 = 0xA0A0;
 }
 
 /// Where the XML of the first URL lies; the second one follows at [`SECOND_XML`].

@@ -28,7 +28,7 @@ fn accounted(counters: &Counters) -> u64 {
 
 fn camera(params: &Params) -> NetworkCamera {
     let params = Params { port: 0, ..params.clone() };
-    NetworkCamera::start(&params, &SENSOR, Arc::new(Monotonic::start())).unwrap()
+    NetworkCamera::start(&params, &SENSOR, None, Arc::new(Monotonic::start())).unwrap()
 }
 
 /// As little of a client as makes frames come.
@@ -196,17 +196,17 @@ fn garbage_and_endless_requests_cost_no_frame() {
 fn a_second_camera_on_the_same_port_is_refused_and_another_address_is_free() {
     let first = camera(&Params::default());
     let taken = Params { port: first.address().port(), ..Params::default() };
-    let error = NetworkCamera::start(&taken, &SENSOR, Arc::new(Monotonic::start())).err().unwrap();
+    let error = NetworkCamera::start(&taken, &SENSOR, None, Arc::new(Monotonic::start())).err().unwrap();
     assert!(matches!(error, NetworkCameraError::System { .. }), "{error}");
     let beside = Params { address: Ipv4Addr::new(127, 0, 0, 2), ..taken };
-    NetworkCamera::start(&beside, &SENSOR, Arc::new(Monotonic::start())).unwrap();
+    NetworkCamera::start(&beside, &SENSOR, None, Arc::new(Monotonic::start())).unwrap();
 }
 
 #[test]
 fn what_no_camera_can_be_is_refused_in_words() {
     let base = Params { port: 0, ..Params::default() };
     let start = |params: Params| {
-        NetworkCamera::start(&params, &SENSOR, Arc::new(Monotonic::start())).err().map(|error| error.to_string())
+        NetworkCamera::start(&params, &SENSOR, None, Arc::new(Monotonic::start())).err().map(|error| error.to_string())
     };
     assert_eq!(start(base.clone()), None);
     let told = |params| start(params).unwrap();
@@ -230,7 +230,7 @@ fn large_frame(number: u32) -> SentFrame {
 fn the_end_of_a_run_waits_for_no_slow_pace_and_what_was_not_sent_is_counted() {
     let params = Params { port: 0, rate_bit_s: 1e6, frames_queued: 16, ..Params::default() };
     let sensor = SensorParams { size_px: [256, 128], ..SENSOR };
-    let mut camera = NetworkCamera::start(&params, &sensor, Arc::new(Monotonic::start())).unwrap();
+    let mut camera = NetworkCamera::start(&params, &sensor, None, Arc::new(Monotonic::start())).unwrap();
     let client = Client::of(&camera);
     client.start();
     client.write(at::PACKET_DELAY, 10_000_000);

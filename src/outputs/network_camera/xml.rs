@@ -6,27 +6,47 @@
 
 use crate::network_camera::chunk::{self, Field};
 use crate::network_camera::device::DeviceParams;
-use crate::network_camera::params::{Identity, PACKET_BYTES_MIN};
+use crate::network_camera::params::{CommandParams, Identity, PACKET_BYTES_MIN};
 use core::fmt::Write;
 use frames::sink::facts::FeatureKind;
 use frames::zip_archive::archive;
 
 const TEMPLATE: &str = include_str!("camera.xml");
+/// Settings that clients read.
+const READ_ONLY: &str = include_str!("read_only.xml");
+/// Settings that clients command.
+const COMMANDED: &str = include_str!("commanded.xml");
+const CHOSEN_RATE_TIP: &str =
+    "Frames per second: those of the bench at most, or of each n-th of its frames; the nearest is taken";
+const ACQUISITION_FEATURES: [&str; 7] = [
+    "ExposureMode",
+    "ExposureAuto",
+    "AcquisitionFrameRateEnable",
+    "AcquisitionBurstFrameCount",
+    "TriggerActivation",
+    "TriggerDelay",
+    "TriggerOverlap",
+];
+const GAIN_FEATURES: [&str; 4] = ["GainSelector", "GainAuto", "BlackLevelSelector", "BlackLevel"];
 
 /// The XML as text, filled up with line ends to whole words.
-pub(super) fn plain(identity: &Identity, place: &DeviceParams) -> Vec<u8> {
-    let mut text = filled_in(identity, place).into_bytes();
+pub(super) fn plain(identity: &Identity, place: &DeviceParams, commands: Option<&CommandParams>) -> Vec<u8> {
+    let mut text = filled_in(identity, place, commands).into_bytes();
     text.resize(text.len().next_multiple_of(4), b'\n');
     text
 }
 
 /// The XML in a zip archive of whole words.
-pub(super) fn zipped(identity: &Identity, place: &DeviceParams) -> std::io::Result<Vec<u8>> {
-    archive(&[("starloop.xml", filled_in(identity, place).as_bytes())])
+pub(super) fn zipped(
+    identity: &Identity,
+    place: &DeviceParams,
+    commands: Option<&CommandParams>,
+) -> std::io::Result<Vec<u8>> {
+    archive(&[("starloop.xml", filled_in(identity, place, commands).as_bytes())])
 }
 
-fn filled_in(identity: &Identity, place: &DeviceParams) -> String {
-    TEMPLATE
+fn filled_in(identity: &Identity, place: &DeviceParams, commands: Option<&CommandParams>) -> String {
+    with_settings(commands)
         .replace("{VENDOR}", &c_name(&identity.vendor))
         .replace("{MODEL}", &c_name(&identity.model))
         .replace("{PACKET_MIN}", &PACKET_BYTES_MIN.to_string())
@@ -35,6 +55,45 @@ fn filled_in(identity: &Identity, place: &DeviceParams) -> String {
         .replace("{CHUNK_FEATURES}", &chunk_names())
         .replace("{CHUNK_ENTRIES}", &chunk_entries())
         .replace("{CHUNKS}", &chunk_nodes())
+}
+
+/// The template with the settings that clients command, or only read.
+fn with_settings(commands: Option<&CommandParams>) -> String {
+    let Some(commands) = commands else {
+        let fields = ["\n{ACQUISITION_FEATURES}", "\n{GAIN_FEATURES}", "\n{MORE_SOURCES}"];
+        let template = fields.iter().fold(TEMPLATE.to_owned(), |text, field| text.replace(field, ""));
+        return template
+            .replace("{SETTINGS}\n", READ_ONLY)
+            .replace("{TRIGGER_TIP}", "Sends the next frame of the bench")
+            .replace("{RATE_TIP}", CHOSEN_RATE_TIP);
+    };
+    let range = &commands.range;
+    let names = |names: &[&str]| names.iter().map(|name| format!("  <pFeature>{name}</pFeature>")).collect::<Vec<_>>();
+    let source = |(value, name): (usize, &str)| {
+        format!("  <EnumEntry Name=\"{name}\">\n    <Value>{value}</Value>\n  </EnumEntry>")
+    };
+    let sources: Vec<String> = [(2, "Line1"), (3, "Bus"), (4, "Control")].map(source).into();
+    let [exposure_min, exposure_max] = range.exposure.map(|span| span.s() * 1e6);
+    let mut text = TEMPLATE
+        .replace("{SETTINGS}\n", COMMANDED)
+        .replace("{ACQUISITION_FEATURES}", &names(&ACQUISITION_FEATURES).join("\n"))
+        .replace("{GAIN_FEATURES}", &names(&GAIN_FEATURES).join("\n"))
+        .replace("{MORE_SOURCES}", &sources.join("\n"))
+        .replace("{TRIGGER_TIP}", "Starts an exposure")
+        .replace("{RATE_TIP}", "Exposures per second, when the rate is enabled")
+        .replace("{HAS_LINE}", if commands.has_line { "1" } else { "0" });
+    for (field, value) in [
+        ("{EXPOSURE_MIN}", exposure_min),
+        ("{EXPOSURE_MAX}", exposure_max),
+        ("{GAIN_MIN}", range.gain_db[0]),
+        ("{GAIN_MAX}", range.gain_db[1]),
+        ("{BLACK_MIN}", range.black_level_dn[0]),
+        ("{BLACK_MAX}", range.black_level_dn[1]),
+        ("{DELAY_MAX}", range.delay_max.s() * 1e6),
+    ] {
+        text = text.replace(field, &value.to_string());
+    }
+    text
 }
 
 /// The schema wants the names of an identifier; registers tell the names as they are.

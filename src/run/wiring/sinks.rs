@@ -119,7 +119,7 @@ fn network_camera(params: &network_camera::Params, setting: &SinkSetting<'_>) ->
         exposure_s: camera.exposure_s,
         gain_e_per_dn: camera.detector.gain_e_per_dn,
     };
-    let made = NetworkCamera::start(&params, &sensor, Arc::clone(setting.clock))?;
+    let made = NetworkCamera::start(&params, &sensor, None, Arc::clone(setting.clock))?;
     say(format_args!("network camera: GVCP at {}\n", made.address()));
     if made.is_exposed() {
         let text = "starloop: the network camera can be reached from other machines, and asks for no password\n";

@@ -34,7 +34,7 @@ fuzz_target!(|bytes: &[u8]| {
         packet_bytes_max: 1500,
         stream_source_port: 5000,
     };
-    let mut device = Device::new(&Params::default(), &sensor, place).expect("a legal camera");
+    let mut device = Device::new(&Params::default(), &sensor, place, None).expect("a legal camera");
     let mut now = Tai::from_ns(1_000_000_000);
     SENDERS.into_iter().for_each(|sender| prove(&mut device, sender, now));
     while !input.is_empty() {

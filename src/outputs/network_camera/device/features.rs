@@ -7,9 +7,13 @@ use crate::network_camera::first_values::ONE_IN_MOST;
 use crate::network_camera::gvcp::Status;
 use crate::network_camera::pixel_format::PixelFormat;
 use crate::network_camera::registers::{Memory, own};
+use base::time::Tai;
 
 impl Device {
-    pub(super) fn write_feature(&mut self, address: u32, value: u32) -> Result<(), Status> {
+    pub(super) fn write_feature(&mut self, address: u32, value: u32, now: Tai) -> Result<(), Status> {
+        if self.commands.is_some() && Self::is_commanded(address) {
+            return self.write_commanded(address, value, self.bench_time(now));
+        }
         let is_free = !self.acquisition.is_running(&self.shared.wanted);
         let free = || if is_free { Ok(()) } else { Err(Status::Busy) };
         let set_if = |memory: &mut Memory, is_legal: bool| {
@@ -51,14 +55,14 @@ impl Device {
                 self.chunks = (self.chunks & !selected) | (selected * value);
             }
             own::PARAMETERS_LOCKED => set_if(memory, value <= 1)?,
-            own::FRAME_RATE => self.rate_high = value,
+            own::FRAME_RATE => self.high_half = (address, value),
             own::FRAME_RATE_LOW => return self.write_rate(value),
             own::ACQUISITION_START => {
                 self.must_be_proven()?;
                 self.start();
             }
             own::ACQUISITION_STOP => self.stop(),
-            own::TRIGGER_SOFTWARE => self.trigger(SOURCE_SOFTWARE),
+            own::TRIGGER_SOFTWARE => return self.trigger(SOURCE_SOFTWARE, self.bench_time(now)),
             _ => return memory.read(address, 4).and(Err(Status::WriteProtect)),
         }
         self.measure_payload();
@@ -67,7 +71,7 @@ impl Device {
 
     /// The rate nearest to the one that is asked for: the bench's, or that of each n-th of its frames.
     fn write_rate(&mut self, low: u32) -> Result<(), Status> {
-        let asked_hz = f64::from_bits(u64::from(self.rate_high) << 32 | u64::from(low));
+        let asked_hz = self.number_at(own::FRAME_RATE, low);
         let bench_hz = self.memory.float(own::FRAME_RATE_MOST);
         let one_in = (bench_hz / asked_hz).round();
         if !(1.0..=f64::from(ONE_IN_MOST)).contains(&one_in) || asked_hz > bench_hz {
@@ -81,9 +85,10 @@ impl Device {
     /// With triggers each frame is chosen by one of them, not by a rate.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole, 1 to 65535")]
     fn choose_frames(&self) {
-        let is_triggered = self.memory.word(own::TRIGGER_MODE) == 1;
+        // Every frame of a commanded camera is the client's.
+        let is_all = self.memory.word(own::TRIGGER_MODE) == 1 || self.commands.is_some();
         let one_in = (self.memory.float(own::FRAME_RATE_MOST) / self.memory.float(own::FRAME_RATE)).round() as u32;
-        self.shared.wanted.choose_one_in(if is_triggered { 1 } else { one_in });
+        self.shared.wanted.choose_one_in(if is_all { 1 } else { one_in });
     }
 
     pub(super) fn format(&self) -> PixelFormat {
@@ -109,7 +114,8 @@ impl Device {
             _ => Mode::MultiFrame(self.memory.word(own::FRAME_COUNT)),
         };
         self.number = self.number.wrapping_add(1);
-        let frames = self.acquisition.start(mode, self.memory.word(own::TRIGGER_MODE) == 1);
+        let chooses_by_trigger = self.memory.word(own::TRIGGER_MODE) == 1 && self.commands.is_none();
+        let frames = self.acquisition.start(mode, chooses_by_trigger);
         self.choose_frames();
         self.publish();
         self.shared.wanted.begin(self.number, frames);
@@ -121,9 +127,18 @@ impl Device {
         self.acquisition.stop();
     }
 
-    pub(super) fn trigger(&mut self, source: u32) {
-        if self.memory.word(own::TRIGGER_SOURCE) == source && self.acquisition.trigger(&self.shared.wanted) {
+    /// A trigger of a source at an instant of the bench clock: it starts an exposure of a commanded camera, or chooses the
+    /// next frame of another one.
+    pub(super) fn trigger(&mut self, source: u32, at: Tai) -> Result<(), Status> {
+        if self.memory.word(own::TRIGGER_SOURCE) != source {
+            return Ok(());
+        }
+        if self.commands.is_some() {
+            return self.command_trigger(source, at);
+        }
+        if self.acquisition.trigger(&self.shared.wanted) {
             self.tally().triggers.one();
         }
+        Ok(())
     }
 }

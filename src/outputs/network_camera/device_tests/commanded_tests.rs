@@ -1,0 +1,183 @@
+//! A camera that clients command: what reaches the frame loop, and what is refused.
+
+use super::*;
+use base::clock::Virtual;
+use frames::camera_control::{
+    AutoMode, CameraCommand, CameraRange, CameraSettings, CommandSource, Commanded, DeskEnd, ExposureMode, Regions,
+    StartSettings, TriggerOverlap, TriggerSource, TriggerSources, desk,
+};
+use std::sync::Arc;
+
+/// The time of the bench, which is not that of the machine.
+const BENCH: Tai = Tai::from_ns(5_000_000_000);
+
+fn commanded() -> (Bench, DeskEnd) {
+    let (desk, end) = desk();
+    let range = CameraRange {
+        exposure: [Span::from_ns(20_000), Span::from_ms(500)],
+        gain_db: [0.0, 24.0],
+        black_level_dn: [0.0, 511.0],
+        frame_rate_max_hz: 100.0,
+        delay_max: Span::from_ms(1000),
+        size_px: [31, 17],
+    };
+    let settings =
+        CameraSettings { exposure: Span::from_ms(100), gain_db: 0.0, black_level_dn: 64.0, regions: Regions::WHOLE };
+    let start = StartSettings {
+        is_triggered: false,
+        sources: TriggerSources::ALL,
+        delay: Span::ZERO,
+        overlap: TriggerOverlap::ReadOut,
+        burst: 1,
+        mode: ExposureMode::Timed,
+        period: Some(Span::from_ms(200)),
+    };
+    let clock = Arc::new(Virtual::new(BENCH));
+    let commands = CommandParams { desk, range, settings, start, has_line: false, clock };
+    let mut bench = Bench::with(&Params::default(), Some(commands));
+    bench.control();
+    (bench, end)
+}
+
+impl Bench {
+    fn write_number(&mut self, address: u32, number: f64) -> u16 {
+        let payload = [&address.to_be_bytes()[..], &number.to_be_bytes()].concat();
+        self.ask(A, 0x86, &payload).unwrap().0
+    }
+
+    fn number(&mut self, address: u32) -> f64 {
+        f64::from_be_bytes(self.memory(address, 8).try_into().unwrap())
+    }
+}
+
+fn taken(end: &DeskEnd) -> Vec<CameraCommand> {
+    let all: Vec<Commanded> = end.commands().collect();
+    assert!(all.iter().all(|one| one.from == CommandSource::NetworkCamera && one.at == BENCH), "{all:?}");
+    all.into_iter().map(|one| one.command).collect()
+}
+
+#[test]
+fn numbers_become_commands_and_read_back() {
+    let (mut bench, end) = commanded();
+    assert_eq!((bench.number(own::EXPOSURE_TIME), bench.number(own::FRAME_RATE)), (100_000.0, 5.0));
+    for (address, number, command) in [
+        (own::EXPOSURE_TIME, 50_000.0, CameraCommand::Exposure(Span::from_ms(50))),
+        (own::GAIN, 6.0, CameraCommand::GainDb(6.0)),
+        (own::BLACK_LEVEL, 100.0, CameraCommand::BlackLevelDn(100.0)),
+        (own::TRIGGER_DELAY, 1_500.0, CameraCommand::Delay(Span::from_ns(1_500_000))),
+        (own::FRAME_RATE, 20.0, CameraCommand::Period(Some(Span::from_ms(50)))),
+    ] {
+        assert_eq!(bench.write_number(address, number), OK, "{command:?}");
+        assert_eq!((taken(&end), bench.number(address)), (vec![command], number));
+    }
+}
+
+#[test]
+fn numbers_outside_the_range_are_refused_and_change_nothing() {
+    let (mut bench, end) = commanded();
+    for (address, number) in [
+        (own::EXPOSURE_TIME, 19.9),
+        (own::EXPOSURE_TIME, 500_001.0),
+        (own::EXPOSURE_TIME, f64::NAN),
+        (own::GAIN, -0.1),
+        (own::GAIN, 24.1),
+        (own::BLACK_LEVEL, f64::INFINITY),
+        (own::TRIGGER_DELAY, -1.0),
+        (own::FRAME_RATE, 101.0),
+        (own::FRAME_RATE, 0.0),
+    ] {
+        let before = bench.number(address);
+        assert_eq!(bench.write_number(address, number), 0x8002, "{address:x} {number}");
+        assert!(bench.number(address) == before && taken(&end).is_empty(), "{address:x} {number}");
+    }
+}
+
+#[test]
+fn words_become_commands_and_others_are_refused() {
+    let (mut bench, end) = commanded();
+    for (address, value, command) in [
+        (own::TRIGGER_MODE, 1, Some(CameraCommand::Triggered(true))),
+        (own::TRIGGER_MODE, 2, None),
+        (own::TRIGGER_SOURCE, 3, Some(CameraCommand::Sources(TriggerSources::only(TriggerSource::Bus)))),
+        (own::TRIGGER_SOURCE, 5, None),
+        (own::TRIGGER_OVERLAP, 2, Some(CameraCommand::Overlap(TriggerOverlap::PreviousFrame))),
+        (own::TRIGGER_OVERLAP, 3, None),
+        (own::BURST, 4, Some(CameraCommand::Burst(4))),
+        (own::BURST, 0, None),
+        (own::FRAME_RATE_ENABLE, 0, Some(CameraCommand::Period(None))),
+        (own::FRAME_RATE_ENABLE, 1, Some(CameraCommand::Period(Some(Span::from_ms(200))))),
+        (own::EXPOSURE_MODE, 0, Some(CameraCommand::Mode(ExposureMode::Timed))),
+        (own::EXPOSURE_MODE, 1, None),
+        (own::GAIN_AUTO, 1, Some(CameraCommand::AutoGain(AutoMode::Once))),
+        (own::EXPOSURE_AUTO, 2, Some(CameraCommand::AutoExposure(AutoMode::Continuous))),
+        (own::EXPOSURE_AUTO, 3, None),
+    ] {
+        let status = if command.is_some() { OK } else { 0x8002 };
+        assert_eq!(bench.write(A, address, value), status, "{address:x} {value}");
+        assert_eq!(taken(&end), Vec::from_iter(command), "{address:x} {value}");
+    }
+    assert_eq!(bench.write_number(own::EXPOSURE_TIME, 1000.0), 0x8004, "the camera chooses it");
+}
+
+#[test]
+fn triggers_of_the_chosen_source_start_exposures() {
+    let (mut bench, end) = commanded();
+    bench.write(A, own::TRIGGER_SOURCE, 0);
+    bench.write(A, own::TRIGGER_MODE, 1);
+    assert_eq!(taken(&end).len(), 2);
+    assert_eq!(bench.write(A, own::TRIGGER_SOFTWARE, 1), OK);
+    assert_eq!(taken(&end), [], "before the start of the acquisition");
+    bench.stream();
+    assert!(bench.device.wanted().by().is_some(), "frames are sent as they come");
+    assert_eq!(bench.write(A, own::TRIGGER_SOFTWARE, 1), OK);
+    assert_eq!(taken(&end), [CameraCommand::Trigger { source: TriggerSource::Software, is_rising: true }]);
+    assert_eq!(bench.write(A, own::TRIGGER_SOURCE, 1), OK);
+    assert_eq!((taken(&end).len(), bench.write(A, own::TRIGGER_SOFTWARE, 1)), (1, OK));
+    assert_eq!(taken(&end), [], "another source");
+    assert_eq!(bench.device.counters().triggers, 1);
+}
+
+#[test]
+fn scheduled_actions_act_at_their_instant_and_late_ones_are_refused() {
+    let (mut bench, end) = commanded();
+    bench.write(A, at::ACTION_GROUP_MASK, 1);
+    bench.write(A, own::TRIGGER_SOURCE, 1);
+    bench.write(A, own::TRIGGER_MODE, 1);
+    bench.stream();
+    taken(&end);
+    let ask = |bench: &mut Bench, at: Tai| {
+        bench.id += 1;
+        let (high, low) = (u32::try_from(at.ns() >> 32).unwrap(), u32::try_from(at.ns() & 0xFFFF_FFFF).unwrap());
+        let mut bytes = bench.datagram(0x100, &[0, 0, 1, high, low].map(u32::to_be_bytes).concat());
+        bytes[1] = 0x81;
+        bench.device.answer(B, &bytes, bench.now, &mut bench.answer);
+        bench.told(0x100).unwrap().0
+    };
+    let later = BENCH + Span::from_ms(700);
+    assert_eq!(ask(&mut bench, later), OK);
+    let all: Vec<Commanded> = end.commands().collect();
+    assert_eq!(all.len(), 1);
+    assert_eq!(all[0].at, later);
+    assert_eq!(all[0].command, CameraCommand::Trigger { source: TriggerSource::Action, is_rising: true });
+    assert_eq!(ask(&mut bench, BENCH + Span::from_ns(-1)), 0x8016);
+    assert_eq!(end.commands().count(), 0);
+    let statuses: Vec<u16> = (0..300).map(|_| ask(&mut bench, later)).collect();
+    assert_eq!((statuses[255], statuses[256]), (OK, 0x8015), "the queue is full");
+}
+
+#[test]
+fn the_description_of_a_commanded_camera_has_its_limits_and_registers() {
+    let (mut bench, _end) = commanded();
+    let (_, bytes) = bench.xml(at::SECOND_URL);
+    let text = String::from_utf8(bytes).unwrap();
+    every_address_is_there(&mut bench, &text);
+    assert!(text.contains("<Max>500000</Max>") && text.contains("<Unit>dB</Unit>") && text.contains("Name=\"Bus\""));
+}
+
+#[test]
+fn settings_of_a_camera_that_is_only_read_stay_write_protected() {
+    let mut bench = bench();
+    bench.control();
+    assert_eq!(bench.write_number(own::EXPOSURE_TIME, 50_000.0), 0x8004);
+    assert_eq!(bench.write(A, own::EXPOSURE_AUTO, 1), 0x8004);
+}
