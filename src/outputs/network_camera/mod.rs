@@ -14,7 +14,10 @@
 //! `send` never waits for either thread: a client that does nothing, stalls, or floods the control port costs frames,
 //! which are counted, and no time. Memory is fixed at the start: incoming slots, kept frames, two bounded queues.
 //!
-//! Limits: IPv4, one stream channel, no message channel, no scheduled actions, no multicast. Nothing here is certified;
+//! With [`CommandParams`] clients command the camera that makes the frames: writes become commands to the frame loop, and
+//! triggers and actions, also scheduled ones, start exposures. Without, settings are read-only and triggers choose frames.
+//!
+//! Limits: IPv4, one stream channel, no message channel, no multicast, regions only cut the image. Nothing here is certified;
 //! the registers and packets are those that Aravis and its relatives use. Packets carry at most the interface's MTU.
 //! Discovery is answered to the device's own subnet only: who hears of it can also get its frames. Frames go to the
 //! controller's own address, unless the bench allows others. At the end of a run what waits is sent for one second more.
