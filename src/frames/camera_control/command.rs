@@ -6,6 +6,7 @@ use base::time::{Span, Tai};
 
 /// One command to a camera: a new value of a setting, or a trigger.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(clippy::large_enum_variant, reason = "commands wait in queues that are made once; a box would allocate")]
 pub enum CameraCommand {
     /// Integration time.
     Exposure(Span),

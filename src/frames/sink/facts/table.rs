@@ -48,17 +48,14 @@ pub const TABLE: &[Row] = &[
         .control_meta(&[Key("exposure_s", Plain)]),
     row("started_by", Kind::Text, "", "What started the exposure: rate, or the source of its trigger", |f| Fact::Text(f.meta.started_by))
         .fits(Time, &[Card("STARTBY", Plain, "what started the exposure")])
-        .csv(&[Column("started_by", Plain)])
         .chunk(&[feature(24, "ChunkStartedBy", Text, Plain, "", "What started the exposure: rate, or the source of its trigger")])
         .control_meta(&[Key("started_by", Plain)]),
     row("trigger_delay", Kind::Span, "s", "Trigger to the start of the exposure; 0 without a trigger", |f| Fact::Span(f.meta.trigger_delay))
         .fits(Time, &[Card("TRIGDLY", Ms, "[ms] trigger to start of exposure")])
-        .csv(&[Column("trigger_delay_ns", Ns)])
         .chunk(&[feature(25, "ChunkTriggerDelay", Float, Us, "us", "Trigger to the start of the exposure; 0 without a trigger")])
         .control_meta(&[Key("trigger_delay_s", Plain)]),
     row("gain_db", Kind::Real, "dB", "Gain beyond that of the camera's file", |f| Fact::Real(f.meta.gain_db))
         .fits(Detector, &[Card("GAIN_DB", Plain, "[dB] gain beyond that of the camera file")])
-        .csv(&[Column("gain_db", Plain)])
         .chunk(&[feature(26, "ChunkGain", Float, Plain, "dB", "Gain beyond that of the camera's file")])
         .control_meta(&[Key("gain_db", Plain)]),
     row("attitude_wxyz", Kind::Reals(4), "", "Attitude at mid-exposure, `sensor_from_icrf`: Hamilton, passive, scalar first", |f| Fact::Reals(&f.meta.attitude_wxyz))
