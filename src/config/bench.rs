@@ -25,7 +25,6 @@ use crate::target::{Overlap, TargetKeys, TargetSettings, check_targets};
 use crate::timing::{Timing, TimingKeys};
 use base::accuracy::AccuracyBudget;
 use base::axes::{Body, Rotation, Sensor};
-use frames::camera_control::longest_exposure_s;
 use std::path::{Path, PathBuf};
 
 const BUILT_IN_BENCH: &str = "benches/loopback.toml";
@@ -350,13 +349,7 @@ impl Bench {
             let advice = "both are the constant delay of the bus: give one of them";
             return Err(check.invalid("attitude.link_delay_us", "given", wanted, advice));
         }
-        let attitude = AttitudeSettings::check(
-            &keys.attitude,
-            attitude_hz,
-            jitter_hz,
-            longest_exposure_s(exposure_s),
-            &mut check,
-        )?;
+        let attitude = AttitudeSettings::check(&keys.attitude, attitude_hz, jitter_hz, exposure_s, &mut check)?;
         check_not_stale(timing.ahead_ms, &attitude, exposure_s, &check)?;
         let accuracy = check_accuracy(&keys.accuracy, &mut check)?;
         let budget = Budget::check(&keys.budget, camera.exposure.readout_s, &mut check)?;

@@ -6,6 +6,7 @@ use crate::key::{section, taken};
 use crate::key_type::Word;
 use base::accuracy::AccuracyBudget;
 use base::time::Span;
+use frames::camera_control::longest_exposure_s;
 use plan::attitude::{EstimateLimits, HistoryLimits, RemoteClockLimits, StalePolicy};
 use plan::exposure::MethodChoice;
 
@@ -138,7 +139,7 @@ impl AttitudeSettings {
         }
         let clock = check_clock(keys, check)?;
         let limits = |rate_hz: f64| HistoryLimits {
-            capacity: capacity(rate_hz, exposure_s + max_age.s() + HISTORY_MARGIN_S),
+            capacity: capacity(rate_hz, longest_exposure_s(exposure_s) + max_age.s() + HISTORY_MARGIN_S),
             max_age,
             max_lead,
         };
