@@ -18,6 +18,7 @@ use clap::{Args, ValueEnum};
 use config::STAR_MEMORY_MB;
 use frames::sink::SentFrame;
 use glam::DVec3;
+use image::detector::binning::Levels;
 use image::detector::window::OutputGeometry;
 use image::detector::{DetectorConditions, Seeds};
 use plan::attitude::LosPath;
@@ -296,9 +297,10 @@ impl Scene {
         if let Some(sky) = &self.sky {
             sky.name_stars(&mut self.frame.truth);
         }
-        fill_meta(plan, self.number, self.seeds, &self.camera.detector, self.imager.name(), &mut self.frame.meta);
+        let levels = Levels::of_output(&self.camera.detector);
+        fill_meta(plan, self.number, self.seeds, &levels, self.imager.name(), &mut self.frame.meta);
         (self.frame.meta.binning, self.frame.meta.window_px) = (output.binning, output.first_px);
-        self.frame.meta.facts = Some(self.camera.facts());
+        self.frame.meta.facts = Some(self.camera.facts_of(&levels));
         let attitude = &plan.motion.los.mid_sensor_from_icrf;
         let maker = self.wcs.as_mut().zip(self.sight.as_ref());
         self.frame.meta.wcs = maker.and_then(|(maker, sight)| maker.at(attitude, sight));

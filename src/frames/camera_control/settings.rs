@@ -142,3 +142,19 @@ pub struct StartSettings {
     /// From one exposure's start to the next when free running, at least; `None`: as fast as exposure and readout allow.
     pub period: Option<Span>,
 }
+
+impl StartSettings {
+    /// Returns those of a camera that runs free with this period: triggers of every source count once it waits for them.
+    #[must_use]
+    pub const fn free_running(period: Span) -> Self {
+        Self {
+            is_triggered: false,
+            sources: TriggerSources::ALL,
+            delay: Span::ZERO,
+            overlap: TriggerOverlap::ReadOut,
+            burst: 1,
+            mode: ExposureMode::Timed,
+            period: Some(period),
+        }
+    }
+}

@@ -6,8 +6,8 @@ use base::axes::{Rotation, Sensor, ra_dec_roll};
 use base::time::Span;
 use frames::camera_control::CameraSettings;
 use frames::sink::{ActiveFaults, FaultFlags, FrameMeta};
+use image::detector::Seeds;
 use image::detector::binning::Levels;
-use image::detector::{DetectorParams, Seeds};
 use plan::attitude::{LosPath, PathOrigin};
 use plan::exposure::ExposurePlan;
 
@@ -34,12 +34,12 @@ pub(super) fn tell_pointing(los: &LosPath, sensor_from_drawn: &Rotation<Sensor, 
     meta.gain_e_per_dn = f64::NAN;
 }
 
-/// Everything a plan says about a frame.
+/// Everything a plan says about a frame, and the levels of its image.
 pub fn fill_meta(
     plan: &ExposurePlan,
     number: u32,
     seeds: Seeds,
-    detector: &DetectorParams,
+    levels: &Levels,
     backend: &'static str,
     meta: &mut FrameMeta,
 ) {
@@ -63,7 +63,6 @@ pub fn fill_meta(
     meta.origin = origin_name(los.origin);
     meta.faults = FaultFlags::NONE;
     meta.active = ActiveFaults::NONE;
-    let levels = Levels::of_output(detector);
     meta.gain_e_per_dn = levels.gain_e_per_dn;
     meta.black_level_dn = levels.black_level_dn;
 }

@@ -368,10 +368,8 @@ impl FrameEngine {
         self.scene.stars.name_stars(&mut frame.truth);
         fill_targets(plan, self.scene.targets.facts(), &output, &mut frame.targets);
         add_tracks(self.imager.disturbances().proton_tracks(), &output, &mut frame.truth);
-        let (seeds, detector) = (self.params.seeds(), &self.params.camera.detector);
-        fill_meta(plan, slot.number, seeds, detector, self.imager.name(), &mut frame.meta);
-        let levels = Levels::of_exposure(detector, &conditions);
-        (frame.meta.gain_e_per_dn, frame.meta.black_level_dn) = (levels.gain_e_per_dn, levels.black_level_dn);
+        let levels = Levels::of_exposure(&self.params.camera.detector, &conditions);
+        fill_meta(plan, slot.number, self.params.seeds(), &levels, self.imager.name(), &mut frame.meta);
         if let Some(drawn_from_sensor) = &self.params.drawn_from_sensor {
             tell_pointing(&plan.motion.los, &drawn_from_sensor.inverse(), &mut frame.meta);
         }

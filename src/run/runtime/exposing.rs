@@ -6,7 +6,7 @@
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::params::RunParams;
 use crate::runtime::shutter::{NextSlot, Shutter, ShutterParams};
-use crate::runtime::slot::Slot;
+use crate::runtime::slot::{Slot, Started};
 use base::image::DnImage;
 use base::time::{Span, Tai};
 use frames::camera_control::{
@@ -57,7 +57,6 @@ impl Exposing {
             ahead: params.ahead,
             end: params.exposure_start(params.frames),
             settings,
-            frames: params.frames,
         };
         // A display has no exposure time to command.
         let is_sensor = params.drawn_from_sensor.is_none() && params.ahead == Span::ZERO;
@@ -133,11 +132,6 @@ impl Exposing {
         self.note_triggers(ledger);
     }
 
-    /// The exposure that is drawn next has these settings: a replay's word.
-    pub fn assume(&mut self, settings: CameraSettings) {
-        self.settings = settings;
-    }
-
     /// Returns the settings of the exposure that is drawn.
     #[must_use]
     pub fn settings(&self) -> &CameraSettings {
@@ -179,10 +173,13 @@ impl Exposing {
     pub fn take(&mut self, commanded: &Commanded, ledger: &mut Ledger) -> Result<(), SettingRefusal> {
         let taken = self.shutter.take(commanded);
         self.is_commanded |= taken.is_ok();
-        match (&taken, commanded.command) {
-            (Ok(()), CameraCommand::AutoExposure(mode)) => self.auto_exposure = mode,
-            (Ok(()), CameraCommand::AutoGain(mode)) => self.auto_gain = mode,
-            _ => {}
+        if taken.is_ok() {
+            if let CameraCommand::AutoExposure(mode) = commanded.command {
+                self.auto_exposure = mode;
+            }
+            if let CameraCommand::AutoGain(mode) = commanded.command {
+                self.auto_gain = mode;
+            }
         }
         let is_automatic = commanded.from == CommandSource::Automatic;
         if taken.is_err() || !is_automatic {
@@ -244,7 +241,7 @@ impl Exposing {
             return;
         }
         self.reported = slot.number + 1;
-        if let crate::runtime::slot::Started::Trigger { at, .. } = slot.started {
+        if let Started::Trigger { at, .. } = slot.started {
             self.report(CameraEventKind::FrameTrigger, at, slot.number);
         }
         self.report(CameraEventKind::ExposureStart, slot.exposure_start, slot.number);

@@ -230,17 +230,21 @@ impl Bench<'_> {
     ) -> Result<(), RunError> {
         while let Some(release) = self.next_release() {
             let mut asked = self.shared.clock.now();
+            let forecast = self.forecast();
             self.take_orders(setting.orders, release, record);
             self.poll_desks(record);
+            if self.forecast() != forecast {
+                continue; // Another release is waited for.
+            }
             if !self.listen_until(release, setting.stop, record) {
                 break;
-            }
-            if self.released(release).next().is_none() {
-                continue; // A command has moved it, or a trigger is waited for.
             }
             let mut begun = self.shared.clock.now();
             if self.shared.radio.is_finished() {
                 break; // its error is reported when the run ends
+            }
+            if self.released(release).next().is_none() {
+                continue; // A command has moved it, or a trigger is waited for.
             }
             if !self.await_jitter(release, setting.stop, record) {
                 break;

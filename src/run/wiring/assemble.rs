@@ -386,10 +386,10 @@ fn sink_of_head(
         Outputs::Made(make) => return Ok(make(number)),
         Outputs::Configured { sinks, directory } => (*sinks, directory.as_deref()),
     };
-    let params = head.engine.params().clone();
+    let params = head.engine.params();
     let camera = &params.camera;
     let [width, height] = camera.output().size_px;
-    let exposing = RefCell::new(head.engine.exposing_mut());
+    let desks = RefCell::new(Vec::new());
     let prototype =
         &SentFrame::with_capacity(width, height, crate::runtime::real_time::STARS_AT_FIRST, camera.name.clone());
     let which = (count > 1).then_some(number);
@@ -403,8 +403,10 @@ fn sink_of_head(
         frame_period: params.frame_period,
         calibration: head.calibration.as_ref(),
         clock: &clock.shared(),
-        exposing: Some(&exposing),
+        commands: Some((head.engine.exposing(), &desks)),
     };
     let place = || which.map_or_else(|| "the sinks".to_owned(), |head| format!("head {head}"));
-    Ok(make_sinks(sinks, &setting).with_context(place)?)
+    let made = make_sinks(sinks, &setting).with_context(place)?;
+    desks.into_inner().into_iter().for_each(|desk| head.engine.exposing_mut().add_desk(desk));
+    Ok(made)
 }

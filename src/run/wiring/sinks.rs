@@ -12,7 +12,7 @@ use base::streams::say;
 use base::time::Span;
 use config::{DisplaySettings, Sink as Kind, SinkSettings};
 use core::cell::RefCell;
-use frames::camera_control::desk;
+use frames::camera_control::{DeskEnd, desk};
 use frames::sink::shared_memory::SharedMemory;
 use frames::sink::{Alone, BranchParams, Fan, NullSink, OnFull, Recorder, RecorderOptions, SentFrame, Sink};
 use outputs::display::MonitorChoice;
@@ -40,8 +40,8 @@ pub struct SinkSetting<'a> {
     pub calibration: Option<&'a Calibration>,
     /// The run's clock.
     pub clock: &'a Arc<dyn Clock>,
-    /// Whose exposures clients of network cameras command; `None`: nobody's.
-    pub exposing: Option<&'a RefCell<&'a mut Exposing>>,
+    /// The exposures that clients of network cameras command, and where the queues to them are put; `None`: clients only read.
+    pub commands: Option<(&'a Exposing, &'a RefCell<Vec<DeskEnd>>)>,
 }
 
 /// Returns the directory of a run: `out` when it is given, which then has at least the summary, else a `stamp` below the
@@ -114,10 +114,10 @@ fn make(settings: &SinkSettings, number: usize, setting: &SinkSetting<'_>) -> Re
 
 /// The queues to the exposures of the head, where they can be commanded.
 fn commands(setting: &SinkSetting<'_>) -> Option<CommandParams> {
-    let mut exposing = setting.exposing?.borrow_mut();
+    let (exposing, desks) = setting.commands?;
     let (range, settings, start) = (*exposing.range()?, *exposing.next_settings(), *exposing.start());
     let (desk, end) = desk();
-    exposing.add_desk(end);
+    desks.borrow_mut().push(end);
     Some(CommandParams { desk, range, settings, start, has_line: false, clock: Arc::clone(setting.clock) })
 }
 
@@ -274,7 +274,7 @@ mod tests {
             frame_period,
             clock,
             calibration,
-            exposing: None,
+            commands: None,
         }
     }
 

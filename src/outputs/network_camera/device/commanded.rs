@@ -137,7 +137,7 @@ impl Device {
     }
 }
 
-/// Returns a time given in microseconds; `None` for what is no number of nanoseconds.
+/// Returns a time given in microseconds; `None` when it is not finite or too long to count in nanoseconds.
 fn micros(number_us: f64) -> Option<Span> {
     (number_us.is_finite() && number_us.abs() < 1e12).then(|| Span::from_s(number_us * 1e-6))
 }

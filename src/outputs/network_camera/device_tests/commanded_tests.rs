@@ -23,15 +23,7 @@ fn commanded() -> (Bench, DeskEnd) {
     };
     let settings =
         CameraSettings { exposure: Span::from_ms(100), gain_db: 0.0, black_level_dn: 64.0, regions: Regions::WHOLE };
-    let start = StartSettings {
-        is_triggered: false,
-        sources: TriggerSources::ALL,
-        delay: Span::ZERO,
-        overlap: TriggerOverlap::ReadOut,
-        burst: 1,
-        mode: ExposureMode::Timed,
-        period: Some(Span::from_ms(200)),
-    };
+    let start = StartSettings::free_running(Span::from_ms(200));
     let clock = Arc::new(Virtual::new(BENCH));
     let commands = CommandParams { desk, range, settings, start, has_line: false, clock };
     let mut bench = Bench::with(&Params::default(), Some(commands));

@@ -41,8 +41,6 @@ pub struct ShutterParams {
     pub end: Tai,
     /// Settings of exposures.
     pub settings: CameraSettings,
-    /// Frames of the run without commands.
-    pub frames: u32,
 }
 
 /// The next slot of a head.
@@ -171,7 +169,7 @@ impl Shutter {
         let NextSlot::Slot(slot) = self.next else { return };
         let walk = self.walk();
         self.use_up(&walk);
-        self.state.expose(&slot, &self.params);
+        self.state.expose(&slot);
         self.forecast();
     }
 

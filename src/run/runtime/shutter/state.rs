@@ -5,7 +5,6 @@ use crate::runtime::slot::{Slot, Started};
 use base::time::{Span, Tai};
 use frames::camera_control::{
     CameraCommand, CameraSettings, Commanded, ExposureMode, StartSettings, TriggerOverlap, TriggerSource,
-    TriggerSources,
 };
 
 /// What became of a command.
@@ -53,15 +52,7 @@ pub(super) struct State {
 
 impl State {
     pub(super) fn new(params: &ShutterParams) -> Self {
-        let start = StartSettings {
-            is_triggered: false,
-            sources: TriggerSources::ALL,
-            delay: Span::ZERO,
-            overlap: TriggerOverlap::ReadOut,
-            burst: 1,
-            mode: ExposureMode::Timed,
-            period: Some(params.period),
-        };
+        let start = StartSettings::free_running(params.period);
         let (settings, free_from) = (params.settings, params.first_exposure);
         Self { settings, start, number: 0, free_from, previous: None, armed: None, burst_left: 0 }
     }
@@ -166,7 +157,7 @@ impl State {
     }
 
     /// An exposure is over, as far as the shutter is concerned.
-    pub(super) fn expose(&mut self, slot: &Slot, params: &ShutterParams) {
+    pub(super) fn expose(&mut self, slot: &Slot) {
         let Slot { exposure_start: start, exposure_end: end, due, .. } = *slot;
         self.number += 1;
         self.previous = Some(Previous { start, end, due: due.max(end) });
@@ -175,6 +166,5 @@ impl State {
         if self.burst_left == 0 {
             self.armed = None;
         }
-        debug_assert!(end >= start && params.readout >= Span::ZERO);
     }
 }

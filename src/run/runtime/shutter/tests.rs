@@ -25,7 +25,6 @@ fn params() -> ShutterParams {
         ahead: Span::ZERO,
         end: at_ms(2000.0),
         settings,
-        frames: 10,
     }
 }
 

@@ -14,8 +14,8 @@ use crate::runtime::ledger::Ledger;
 use crate::runtime::shutter::NextSlot;
 use base::time::{Span, Tai};
 use frames::camera_control::{
-    AutoMode, CameraCommand, CommandSource, Commanded, ExposureMode, Region, Regions, TriggerOverlap, TriggerSource,
-    TriggerSources,
+    AutoMode, CameraCommand, CameraRange, CommandSource, Commanded, ExposureMode, Region, Regions, TriggerOverlap,
+    TriggerSource, TriggerSources,
 };
 use serde_json::{Map, Value, json};
 
@@ -115,8 +115,10 @@ impl CameraRequest {
         }
         let range = exposing.range().ok_or("this head is drawn for a display, which has no exposure to command")?;
         for command in &self.commands {
-            let refused = |why| format!("{} is {why}; wanted {}", described(command), wanted(command, range));
-            range.check(command).map_err(refused)?;
+            range.check(command).map_err(|why| {
+                let [got, wanted] = described(command, range);
+                format!("{got} is {why}; wanted {wanted}")
+            })?;
         }
         for command in &self.commands {
             let commanded = Commanded { command: *command, at, from: CommandSource::Control };
@@ -151,48 +153,44 @@ fn answer(exposing: &Exposing, zero: Tai) -> Value {
     json!({ "next": next })
 }
 
-fn described(command: &CameraCommand) -> String {
+/// A command by its key and value, and what the camera takes in its place.
+fn described(command: &CameraCommand, range: &CameraRange) -> [String; 2] {
+    let us = |span: Span| span.s() * 1e6;
     match command {
-        CameraCommand::Exposure(exposure) => format!("exposure_us = {}", exposure.s() * 1e6),
-        CameraCommand::GainDb(gain_db) => format!("gain_db = {gain_db}"),
-        CameraCommand::BlackLevelDn(level_dn) => format!("black_level_dn = {level_dn}"),
-        CameraCommand::Regions(regions) => format!("regions = {regions:?}"),
+        CameraCommand::Exposure(exposure) => {
+            let [least, most] = range.exposure.map(us);
+            [format!("exposure_us = {}", us(*exposure)), format!("{least} to {most} us")]
+        }
+        CameraCommand::GainDb(gain_db) => {
+            let [least, most] = range.gain_db;
+            [format!("gain_db = {gain_db}"), format!("{least} to {most} dB")]
+        }
+        CameraCommand::BlackLevelDn(level_dn) => {
+            let [least, most] = range.black_level_dn;
+            [format!("black_level_dn = {level_dn}"), format!("{least} to {most} DN")]
+        }
+        CameraCommand::Regions(regions) => {
+            let [width, height] = range.size_px;
+            [format!("regions = {regions:?}"), format!("parts of an image of {width} x {height} pixels")]
+        }
         CameraCommand::Period(period) => {
-            format!("frame_rate_hz = {}", period.map_or(f64::NAN, |period| 1.0 / period.s()))
+            let rate_hz = period.map_or(f64::NAN, |period| 1.0 / period.s());
+            [
+                format!("frame_rate_hz = {rate_hz}"),
+                format!("at most {} Hz, by the readout time", range.frame_rate_max_hz),
+            ]
         }
-        CameraCommand::Delay(delay) => format!("trigger_delay_us = {}", delay.s() * 1e6),
-        CameraCommand::Burst(frames) => format!("burst = {frames}"),
+        CameraCommand::Delay(delay) => {
+            [format!("trigger_delay_us = {}", us(*delay)), format!("0 to {} us", us(range.delay_max))]
+        }
+        CameraCommand::Burst(frames) => [format!("burst = {frames}"), "1 or more frames".into()],
         CameraCommand::Triggered(_)
         | CameraCommand::Sources(_)
         | CameraCommand::Overlap(_)
         | CameraCommand::Mode(_)
         | CameraCommand::AutoExposure(_)
         | CameraCommand::AutoGain(_)
-        | CameraCommand::Trigger { .. } => format!("{command:?}"),
-    }
-}
-
-fn wanted(command: &CameraCommand, range: &frames::camera_control::CameraRange) -> String {
-    match command {
-        CameraCommand::Exposure(_) => {
-            let [least, most] = range.exposure.map(|span| span.s() * 1e6);
-            format!("{least} to {most} us")
-        }
-        CameraCommand::GainDb(_) => format!("{} to {} dB", range.gain_db[0], range.gain_db[1]),
-        CameraCommand::BlackLevelDn(_) => {
-            format!("{} to {} DN", range.black_level_dn[0], range.black_level_dn[1])
-        }
-        CameraCommand::Regions(_) => format!("parts of an image of {} x {} pixels", range.size_px[0], range.size_px[1]),
-        CameraCommand::Period(_) => format!("at most {} Hz, by the readout time", range.frame_rate_max_hz),
-        CameraCommand::Delay(_) => format!("0 to {} us", range.delay_max.s() * 1e6),
-        CameraCommand::Burst(_) => "1 or more frames".into(),
-        CameraCommand::Triggered(_)
-        | CameraCommand::Sources(_)
-        | CameraCommand::Overlap(_)
-        | CameraCommand::Mode(_)
-        | CameraCommand::AutoExposure(_)
-        | CameraCommand::AutoGain(_)
-        | CameraCommand::Trigger { .. } => "a value of the list in the guide".into(),
+        | CameraCommand::Trigger { .. } => [format!("{command:?}"), "a value of the list in the guide".into()],
     }
 }
 
