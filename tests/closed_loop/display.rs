@@ -79,8 +79,7 @@ impl Run {
     }
 }
 
-/// The spacecraft's own tracker sees the sky, and the display shows it to a tracker in front of it: each frame is drawn for
-/// both.
+/// The spacecraft's own tracker sees the sky at its own rate, and the display shows it to a tracker in front of it.
 #[test]
 fn a_display_is_in_a_closed_loop_in_which_the_tracker_inside_sees_the_sky() {
     let folder = bench();
@@ -99,7 +98,8 @@ fn a_display_is_in_a_closed_loop_in_which_the_tracker_inside_sees_the_sky() {
     let report: serde_json::Value = serde_json::from_str(&succeeds(&words, folder.path())).unwrap();
     let rows = read_frame_log(File::open(path_in(&folder.path().join("loop"))).unwrap()).unwrap();
     let scheduled = report["frames"]["scheduled"].as_u64().unwrap();
-    assert_eq!(scheduled, 2 * rows.len() as u64, "drawn twice, and recorded once: {}", report["frames"]);
+    // The display has 60 frames a second for 2 s; the tracker, with its exposures of 0.1 s one after another, 10.
+    assert_eq!((rows.len(), scheduled), (120, 120 + 20), "the display's are recorded: {}", report["frames"]);
     assert!(report["attitudes_used"].as_u64().unwrap() > 0, "the tracker inside has attitudes: {report}");
     assert!(report["tracker_availability"].as_f64().unwrap() > 0.2, "{report}");
     let seen = Run {

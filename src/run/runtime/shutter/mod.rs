@@ -169,7 +169,7 @@ impl Shutter {
         let NextSlot::Slot(slot) = self.next else { return };
         let walk = self.walk();
         self.use_up(&walk);
-        self.state.expose(&slot);
+        self.state.expose(&slot, &self.params);
         self.forecast();
     }
 

@@ -1,6 +1,6 @@
 //! What commands have set so far, and when the next exposure may start.
 
-use crate::runtime::shutter::ShutterParams;
+use crate::runtime::shutter::{ROUNDING, ShutterParams};
 use crate::runtime::slot::{Slot, Started};
 use base::time::{Span, Tai};
 use frames::camera_control::{
@@ -25,7 +25,8 @@ pub(super) enum Outcome {
 struct Previous {
     start: Tai,
     end: Tai,
-    due: Tai,
+    /// When it has been read out.
+    read: Tai,
 }
 
 /// A trigger that was accepted and whose exposure has not started.
@@ -75,13 +76,18 @@ impl State {
     pub(super) fn candidate(&self, params: &ShutterParams) -> Option<(Tai, Started)> {
         let earliest = self.earliest(params);
         match self.armed {
-            _ if !self.start.is_triggered => Some((self.free_from.max(earliest), Started::Rate)),
+            _ if !self.start.is_triggered => Some((self.free_start(earliest), Started::Rate)),
             Some(Armed { source, at, start }) if self.burst_left > 0 => {
                 let next = if self.is_first_of_burst() { start } else { self.free_from };
                 Some((next.max(earliest), Started::Trigger { source, at }))
             }
             _ => None,
         }
+    }
+
+    /// Period, exposure and readout are rounded to nanoseconds, each on its own: by so little none moves an exposure.
+    fn free_start(&self, earliest: Tai) -> Tai {
+        if earliest <= self.free_from + ROUNDING { self.free_from } else { earliest }
     }
 
     fn is_first_of_burst(&self) -> bool {
@@ -93,7 +99,7 @@ impl State {
         let Some(previous) = self.previous else { return params.first_exposure };
         // A readout that lasts longer than the period is a delay of delivery: frames are on their way together.
         let after_readout = if params.readout <= params.period {
-            previous.due + params.ahead - self.settings.exposure
+            previous.read - self.settings.exposure
         } else {
             previous.end
         };
@@ -146,7 +152,7 @@ impl State {
         let is_ready = match (self.previous, self.start.overlap) {
             (None, _) | (Some(_), TriggerOverlap::PreviousFrame) => true,
             (Some(previous), TriggerOverlap::ReadOut) => at >= previous.end,
-            (Some(previous), TriggerOverlap::Off) => at >= previous.due,
+            (Some(previous), TriggerOverlap::Off) => at >= previous.read,
         };
         if self.burst_left > 0 || !is_ready {
             return Outcome::Missed;
@@ -157,10 +163,10 @@ impl State {
     }
 
     /// An exposure is over, as far as the shutter is concerned.
-    pub(super) fn expose(&mut self, slot: &Slot) {
-        let Slot { exposure_start: start, exposure_end: end, due, .. } = *slot;
+    pub(super) fn expose(&mut self, slot: &Slot, params: &ShutterParams) {
+        let Slot { exposure_start: start, exposure_end: end, .. } = *slot;
         self.number += 1;
-        self.previous = Some(Previous { start, end, due: due.max(end) });
+        self.previous = Some(Previous { start, end, read: end + params.readout });
         self.free_from = start + self.start.period.unwrap_or(Span::ZERO);
         self.burst_left = self.burst_left.saturating_sub(1);
         if self.burst_left == 0 {

@@ -76,6 +76,20 @@ fn without_commands_slots_are_those_of_the_frame_rate() {
 }
 
 #[test]
+fn frames_begun_ahead_and_exposures_without_a_gap_move_no_slot() {
+    let whole = CameraSettings { exposure: ms(100.0) + Span::from_ns(1), ..params().settings };
+    let too_long = CameraSettings { exposure: ms(100.0) + Span::from_ns(2000), ..whole };
+    let starts = |settings, ahead| {
+        let params = ShutterParams { ahead, settings, readout: Span::ZERO, ..params() };
+        rest(&mut Shutter::new(params, None))
+    };
+    let nominal: Vec<f64> = (0..10).map(|number| 1000.0 + 100.0 * f64::from(number)).collect();
+    assert_eq!(starts(whole, Span::ZERO), nominal);
+    assert_eq!(starts(whole, ms(150.0)), nominal);
+    assert_ne!(starts(too_long, Span::ZERO), nominal, "longer than the period by more than rounding");
+}
+
+#[test]
 fn a_setting_acts_from_the_first_exposure_that_starts_at_or_after_it() {
     let mut shutter = shutter();
     command(&mut shutter, 1100.0, CameraCommand::Exposure(ms(50.0)));
