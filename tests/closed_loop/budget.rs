@@ -55,7 +55,7 @@ fn rungs(bench: &Bench, follow: bool, drawn: impl Fn(u32) -> Span) -> (Vec<&'sta
         let mut world = World {
             port: &mut near,
             far_end: &mut |now: Tai| Ok(computer.step(now, &mut far).map(|()| computer.next_due())?),
-            progress: &mut |_, frame: &SentFrame, _| {
+            progress: &mut |_, frame: &mut SentFrame, _| {
                 rungs.push(frame.meta.rung);
                 true
             },

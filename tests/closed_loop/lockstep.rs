@@ -91,7 +91,7 @@ fn fly(scenario: &Scenario, batch: usize, edit: impl Fn(Vec<PlantSample>) -> Vec
             run.take_plant(next).unwrap();
         }
         until = until.max(run.now());
-        let mut keep = |_: usize, frame: &SentFrame, _: &run::runtime::RunRecord| {
+        let mut keep = |_: usize, frame: &mut SentFrame, _: &run::runtime::RunRecord| {
             flight.frames.push((pixel_crc32(&frame.image), frame.meta.clone()));
             let number = frame.meta.number;
             flight.places_px.extend(frame.truth.iter().map(|star| ((number, star.id.into()), [star.x_px, star.y_px])));

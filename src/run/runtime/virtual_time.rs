@@ -49,8 +49,9 @@ pub struct World<'a> {
     pub port: &'a mut Port,
     /// Steps the other end to an instant and says when it next has something to do.
     pub far_end: &'a mut dyn FnMut(Tai) -> Result<Tai, FarEndError>,
-    /// Called with every frame that goes out, and the number of its head; false ends the run.
-    pub progress: &'a mut dyn FnMut(usize, &SentFrame, &RunRecord) -> bool,
+    /// Called with every frame that has gone out, and the number of its head; false ends the run. It may exchange the frame for
+    /// another one of that head.
+    pub progress: &'a mut dyn FnMut(usize, &mut SentFrame, &RunRecord) -> bool,
 }
 
 /// A frame between its exposure and its delivery.
@@ -388,7 +389,7 @@ impl VirtualLoop {
 
     fn deliver(&mut self, at: Tai, heads: &mut [Head<'_>], world: &mut World<'_>) -> Result<(), RunError> {
         while let Some(place) = self.pending.iter().position(|pending| pending.deliver_at <= at) {
-            let Some(pending) = self.pending.remove(place) else { break };
+            let Some(mut pending) = self.pending.remove(place) else { break };
             let head = &mut heads[pending.head];
             let mut watch = Stopwatch::start();
             let sent = head.sink.send(&pending.frame);
@@ -403,7 +404,7 @@ impl VirtualLoop {
             let sending = watch.lap();
             self.record.stages.record_stage(Stage::Sink, sending);
             self.record.stages.record_stage(Stage::ReleaseToDelivered, pending.drawn + sending);
-            self.stopped |= !(world.progress)(pending.head, &pending.frame, &self.record);
+            self.stopped |= !(world.progress)(pending.head, &mut pending.frame, &self.record);
             self.spare.push(pending.frame);
         }
         // Whoever looks at the frames is at the other end.
@@ -455,7 +456,7 @@ pub fn run(
     far_end: &mut dyn FnMut(Tai) -> Result<Tai, FarEndError>,
     progress: &mut dyn FnMut(&SentFrame, &RunRecord) -> bool,
 ) -> RunOutcome {
-    let progress = &mut |_head: usize, frame: &SentFrame, record: &RunRecord| progress(frame, record);
+    let progress = &mut |_head: usize, frame: &mut SentFrame, record: &RunRecord| progress(frame, record);
     let heads = vec![Head { engine, receiver, sink, faults: None }];
     run_in(clock, heads, &mut World { port, far_end, progress })
 }

@@ -292,7 +292,7 @@ impl SteppedRun {
     pub fn advance_to(
         &mut self,
         at: Tai,
-        on_frame: &mut dyn FnMut(usize, &SentFrame, &RunRecord) -> bool,
+        on_frame: &mut dyn FnMut(usize, &mut SentFrame, &RunRecord) -> bool,
     ) -> Result<(), LoopError> {
         let drawn = self.last_release();
         self.go(on_frame, |going, heads, world| going.advance_to(at.min(drawn), heads, world))?;
@@ -348,7 +348,7 @@ impl SteppedRun {
     /// When a part of the loop failed.
     pub fn run_to_end(
         &mut self,
-        on_frame: &mut dyn FnMut(usize, &SentFrame, &RunRecord) -> bool,
+        on_frame: &mut dyn FnMut(usize, &mut SentFrame, &RunRecord) -> bool,
     ) -> Result<(), LoopError> {
         self.go(on_frame, VirtualLoop::finish)
     }
@@ -404,7 +404,7 @@ impl SteppedRun {
 
     fn go(
         &mut self,
-        on_frame: &mut dyn FnMut(usize, &SentFrame, &RunRecord) -> bool,
+        on_frame: &mut dyn FnMut(usize, &mut SentFrame, &RunRecord) -> bool,
         advance: impl FnOnce(&mut VirtualLoop, &mut [Head<'_>], &mut World<'_>) -> Result<(), RunError>,
     ) -> Result<(), LoopError> {
         let Self { going, heads, cable, far, .. } = self;
@@ -421,7 +421,7 @@ impl SteppedRun {
             })
             .collect();
         let mut far_end = |now: Tai| far.borrow_mut().step(now);
-        let mut progress = |head: usize, frame: &SentFrame, record: &RunRecord| {
+        let mut progress = |head: usize, frame: &mut SentFrame, record: &RunRecord| {
             far.borrow_mut().witness_frame(head, &frame.meta);
             on_frame(head, frame, record)
         };

@@ -98,11 +98,8 @@ impl State {
     fn earliest(&self, params: &ShutterParams) -> Tai {
         let Some(previous) = self.previous else { return params.first_exposure };
         // A readout that lasts longer than the period is a delay of delivery: frames are on their way together.
-        let after_readout = if params.readout <= params.period {
-            previous.read - self.settings.exposure
-        } else {
-            previous.end
-        };
+        let after_readout =
+            if params.readout <= params.period { previous.read - self.settings.exposure } else { previous.end };
         previous.end.max(after_readout)
     }
 

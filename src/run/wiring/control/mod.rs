@@ -288,9 +288,9 @@ impl ControlSession {
         let before = self.newest.out();
         let newest = &mut self.newest;
         let (progress, stop) = (&mut *stage.progress, stage.stop);
-        let mut on_frame = |head: usize, frame: &SentFrame, record: &RunRecord| {
+        let mut on_frame = |head: usize, frame: &mut SentFrame, record: &RunRecord| {
             progress(head, frame, record);
-            newest.keep(head, frame);
+            newest.keep_exchanged(head, frame);
             !stop.load(Ordering::Relaxed)
         };
         match goal {
@@ -338,7 +338,7 @@ fn step_frames(
         let at = going.next_frame_out().unwrap_or(going.end_at());
         going.advance_to(at, &mut |head, frame, record| {
             progress(head, frame, record);
-            newest.keep(head, frame);
+            newest.keep_exchanged(head, frame);
             !stop.load(Ordering::Relaxed)
         })?;
     }

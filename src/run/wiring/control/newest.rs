@@ -20,6 +20,8 @@ pub struct NewestFrames {
 #[derive(Debug, Clone, Default)]
 struct HeadFrames {
     newest: Option<SentFrame>,
+    /// Of the newest frame's pixels.
+    newest_crc32: u32,
     crc32: RunCrc32,
     out: u64,
 }
@@ -31,17 +33,27 @@ impl NewestFrames {
         Self { heads: (0..heads).map(|_| HeadFrames::default()).collect(), output: output.map(Path::to_path_buf) }
     }
 
-    /// Keeps a frame that has gone out, in the buffer of the one before.
+    /// Keeps a copy of a frame that has gone out, in the buffer of the one before.
     pub(crate) fn keep(&mut self, head: usize, frame: &SentFrame) {
         let Some(kept) = self.heads.get_mut(head) else { return };
-        kept.out += 1;
-        kept.crc32.add(frame.meta.number, pixel_crc32(&frame.image));
+        kept.count(frame);
         match kept.newest.as_mut().filter(|old| old.image.pixels().len() == frame.image.pixels().len()) {
             Some(newest) => {
                 newest.image.pixels_mut().copy_from_slice(frame.image.pixels());
                 newest.truth.clone_from(&frame.truth);
                 newest.meta.clone_from(&frame.meta);
             }
+            None => kept.newest = Some(frame.clone()),
+        }
+    }
+
+    /// Keeps a frame that has gone out and is not needed any more: its buffer is exchanged for that of the one before, so that
+    /// no pixel is copied.
+    pub(crate) fn keep_exchanged(&mut self, head: usize, frame: &mut SentFrame) {
+        let Some(kept) = self.heads.get_mut(head) else { return };
+        kept.count(frame);
+        match kept.newest.as_mut() {
+            Some(newest) => core::mem::swap(newest, frame),
             None => kept.newest = Some(frame.clone()),
         }
     }
@@ -66,7 +78,7 @@ impl NewestFrames {
         let heads = self.heads.len();
         let kept = self.heads.get(head).ok_or_else(|| format!("head is {head}; there are {heads}, counted from 0"))?;
         let frame = kept.newest.as_ref().ok_or("no frame has gone out yet; step first")?;
-        let mut answer = described(frame, zero);
+        let mut answer = described(frame, kept.newest_crc32, zero);
         match path {
             None if !pixels => {}
             None => {
@@ -83,9 +95,17 @@ impl NewestFrames {
     }
 }
 
+impl HeadFrames {
+    fn count(&mut self, frame: &SentFrame) {
+        self.out += 1;
+        self.newest_crc32 = pixel_crc32(&frame.image);
+        self.crc32.add(frame.meta.number, self.newest_crc32);
+    }
+}
+
 /// Returns the facts of a frame that [`frames::sink::facts`] has for the control socket, and its time since the run's zero.
-fn described(frame: &SentFrame, zero: Tai) -> Value {
-    let source = FactSource::of_frame(frame, Some(pixel_crc32(&frame.image)));
+fn described(frame: &SentFrame, crc32: u32, zero: Tai) -> Value {
+    let source = FactSource::of_frame(frame, Some(crc32));
     let mut answer = Value::Object(json_keys(&source, |row| row.control));
     answer["mid_exposure_s"] = (frame.meta.mid_exposure - zero).s().into();
     answer["meta"] = json_keys(&source, |row| row.control_meta).into();
@@ -104,9 +124,28 @@ mod tests {
             let zero = frame.meta.mid_exposure - Span::from_ms(1250);
             let mut kept = NewestFrames::new(1, None);
             kept.keep(0, &frame);
-            let text = serde_json::to_string_pretty(&described(kept.heads[0].newest.as_ref().unwrap(), zero)).unwrap();
+            let head = &kept.heads[0];
+            let answer = described(head.newest.as_ref().unwrap(), head.newest_crc32, zero);
+            let text = serde_json::to_string_pretty(&answer).unwrap();
             compare_with_pinned(name, &(text.clone() + "\n")).unwrap();
             assert!(differs_from_pinned(name, &text.replace("rung", "level")), "control: another key");
         }
+    }
+
+    #[test]
+    fn an_exchanged_buffer_gives_the_same_answers_as_a_copy() {
+        let (mut copied, mut exchanged) = (NewestFrames::new(1, None), NewestFrames::new(1, None));
+        let mut answers = Vec::new();
+        for number in 1..4 {
+            let mut frame = sample_frame(number);
+            frame.image.pixels_mut()[0] = number as u16;
+            copied.keep(0, &frame);
+            exchanged.keep_exchanged(0, &mut frame);
+            let [a, b] = [&copied, &exchanged].map(|kept| kept.answer(0, None, true, Tai::from_ns(0)).unwrap());
+            assert_eq!(a, b, "frame {number}");
+            answers.push(a);
+        }
+        assert_eq!(copied.frames_crc32(), exchanged.frames_crc32());
+        assert_ne!(answers[0], answers[1], "frames differ");
     }
 }
