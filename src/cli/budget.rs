@@ -22,7 +22,7 @@ use std::path::PathBuf;
                         ended, but something was lost; 1 the run could not be done; 130, 143 or 129 stopped by Ctrl-C, \
                         SIGTERM or SIGHUP.\n\n\
                         Limits are 99 % quantiles in ms, one key a stage, in the bench's [budget]: wake_ms, receive_ms, \
-                        bus_age_ms, arrival_age_ms, correlation_ms, attitude_ms, sky_ms, plan_ms, upload_ms, render_ms, \
+                        bus_age_ms, arrival_age_ms, correlation_ms, trigger_ms, attitude_ms, sky_ms, plan_ms, upload_ms, render_ms, \
                         detector_ms, readback_ms, handover_ms, queue_ms, sink_ms, total_ms, latency_ms; and missed_frames. Threads: \
                         realtime, priority, affinity.")]
 pub struct BudgetArgs {

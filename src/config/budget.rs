@@ -46,6 +46,8 @@ section! {
         arrival_age_ms: f64 = Optional, Positive, QUANTILE;
         /// Time correlation.
         correlation_ms: f64 = Optional, Positive, QUANTILE;
+        /// From a trigger to the start of its exposure.
+        trigger_ms: f64 = Optional, Positive, QUANTILE;
         /// The line-of-sight path.
         attitude_ms: f64 = Optional, Positive, QUANTILE;
         /// Stars, bodies and targets of the exposure.
@@ -87,13 +89,14 @@ const QUANTILE: &str = "milliseconds that 99 % of the frames may take; leave the
 
 impl BudgetKeys {
     /// Limits of the stages, in the order of a frame.
-    fn stages(&self) -> [Given<'_, f64>; 15] {
+    fn stages(&self) -> [Given<'_, f64>; 16] {
         [
             self.wake_ms(),
             self.receive_ms(),
             self.bus_age_ms(),
             self.arrival_age_ms(),
             self.correlation_ms(),
+            self.trigger_ms(),
             self.attitude_ms(),
             self.sky_ms(),
             self.plan_ms(),

@@ -361,7 +361,7 @@ fn a_damaged_directory_is_refused_with_what_is_wrong() {
         ("session.json", &session.replace("bus.pcapng", "none.pcapng"), "none.pcapng: cannot read"),
         ("session.json", &session.replace("\"cpu\"", "\"abacus\""), "wanted cpu, gpu or reference"),
         ("frames.csv", "", "frames.csv:1: wanted frame,head,messages"),
-        ("frames.csv", &bad_row, "frames.csv:2: wanted seven fields"),
+        ("frames.csv", &bad_row, "frames.csv:2: wanted eight fields"),
     ] {
         std::fs::write(directory.join(name), text).unwrap();
         let (status, told) = replay(&directory, &[]);

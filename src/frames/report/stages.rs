@@ -40,6 +40,8 @@ stages! {
     ArrivalAge = "arrival_age",
     /// No work: how unsteady the time correlation is (largest less smallest delay in its window).
     Correlation = "correlation",
+    /// No work: trigger to the start of its exposure.
+    Trigger = "trigger",
     /// Attitude history to line-of-sight path.
     Attitude = "attitude",
     /// Catalog and ephemerides to sources in view.

@@ -14,7 +14,7 @@ use crate::runtime::params::RunParams;
 use crate::runtime::path_facts::PathFacts;
 use crate::runtime::receiver::Receiver;
 use crate::runtime::scene_events;
-use crate::runtime::slot::Slot;
+use crate::runtime::slot::{Slot, Started};
 use base::axes::Rotation;
 use base::clock::Stopwatch;
 use base::time::{Span, Tai};
@@ -388,7 +388,8 @@ impl FrameEngine {
         frame.meta.faults |= flags_of(plan.motion.los.origin, has_stars);
         if let Some(marks) = &self.marks {
             let (load, rung) = (self.load(), frame.meta.rung);
-            marks.put(FrameMark { frame: slot.number, messages: receiver.messages_by_port(), load, rung });
+            let (messages, exposed) = (receiver.messages_by_port(), self.exposing.exposed(&slot));
+            marks.put(FrameMark { frame: slot.number, messages, load, rung, exposed });
         }
         Ok(Some(times))
     }
@@ -509,10 +510,15 @@ fn show_nothing(los: &mut LosPath, exposure_start: Tai, exposure_s: f64) {
     los.horizon = Span::ZERO;
 }
 
-/// How old what the bus brought is at the slot's release, and how well its time is known.
+/// How old what the bus brought is at the slot's release, how well its time is known, and how long after its trigger it began.
 fn bus_times(slot: Slot, receiver: &Receiver) -> StageTimes {
     let mut times = StageTimes::default();
+    let trigger = match slot.started {
+        Started::Rate => None,
+        Started::Trigger { .. } => Some(slot.trigger_delay()),
+    };
     let known = [
+        (Stage::Trigger, trigger),
         (Stage::BusAge, receiver.age_at(slot.release)),
         (Stage::ArrivalAge, receiver.arrival_age_at(slot.release)),
         (Stage::Correlation, receiver.clock().estimate().map(|estimate| estimate.spread)),

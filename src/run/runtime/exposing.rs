@@ -21,6 +21,17 @@ const AUTO_NEAR: f64 = 0.02;
 /// One image changes the exposure or the gain by this factor at most, both ways.
 const AUTO_STEP: f64 = 8.0;
 
+/// How one exposure was.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Exposed {
+    /// Its first instant.
+    pub start: Tai,
+    /// What started it.
+    pub started: Started,
+    /// Its settings.
+    pub settings: CameraSettings,
+}
+
 /// The exposures of one head.
 #[derive(Debug)]
 pub struct Exposing {
@@ -119,6 +130,23 @@ impl Exposing {
     #[must_use]
     pub fn nominal(&self, number: u32) -> Slot {
         self.shutter.nominal(number)
+    }
+
+    /// Returns how the exposure of the slot that is drawn was; `None` as long as nothing was commanded.
+    #[must_use]
+    pub fn exposed(&self, slot: &Slot) -> Option<Exposed> {
+        let Slot { exposure_start: start, started, .. } = *slot;
+        self.is_commanded.then_some(Exposed { start, started, settings: self.settings })
+    }
+
+    /// Draws frame `number` as it was exposed in another run: its slot. The settings of the camera's file count without it.
+    pub fn repeat(&mut self, number: u32, exposed: Option<&Exposed>) -> Slot {
+        let Some(Exposed { start, started, settings }) = exposed else {
+            self.settings = *self.shutter.nominal_settings();
+            return self.shutter.nominal(number);
+        };
+        self.settings = *settings;
+        self.shutter.slot(number, *start, settings.exposure, *started)
     }
 
     /// The frame of the next slot is drawn now: its settings are those in use from here on.
@@ -225,14 +253,17 @@ impl Exposing {
 
     fn note_triggers(&mut self, ledger: &mut Ledger) {
         let seen = self.shutter.take_seen();
-        let (number, at) =
-            (self.shutter.next().slot().map(|slot| slot.number), seen.missed_at.unwrap_or(Tai::from_ns(0)));
-        for _ in 0..seen.missed {
-            ledger.note(Event::new(EventKind::CameraTriggerMissed, at, number, Span::ZERO));
-            self.report(CameraEventKind::FrameTriggerMissed, at, number.unwrap_or(0));
+        let number = self.shutter.next().slot().map(|slot| slot.number);
+        if let Some(at) = seen.missed_at {
+            for _ in 0..seen.missed {
+                ledger.note(Event::new(EventKind::CameraTriggerMissed, at, number, Span::ZERO));
+                self.report(CameraEventKind::FrameTriggerMissed, at, number.unwrap_or(0));
+            }
         }
-        for _ in 0..seen.ignored {
-            ledger.note(Event::new(EventKind::CameraTriggerIgnored, at, number, Span::ZERO));
+        if let Some(at) = seen.ignored_at {
+            for _ in 0..seen.ignored {
+                ledger.note(Event::new(EventKind::CameraTriggerIgnored, at, number, Span::ZERO));
+            }
         }
     }
 

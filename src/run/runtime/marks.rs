@@ -5,6 +5,7 @@
 //! frame's row. A full queue loses the newest mark and counts it; the frame thread never waits. Test: below, and
 //! `tests/closed_loop/replay.rs`.
 
+use crate::runtime::exposing::Exposed;
 use crate::runtime::receiver::PORTS_MAX;
 use core::sync::atomic::{AtomicU64, Ordering};
 use crossbeam_channel::{Receiver, Sender, bounded};
@@ -24,6 +25,8 @@ pub struct FrameMark {
     pub load: f64,
     /// How far the frame was degraded.
     pub rung: &'static str,
+    /// How a commanded camera exposed it; `None` without commands.
+    pub exposed: Option<Exposed>,
 }
 
 /// The frame engine's end.
@@ -78,7 +81,13 @@ mod tests {
     #[test]
     fn a_full_queue_loses_the_newest_and_counts_it() {
         let (marks, end) = frame_marks();
-        let mark = |frame| FrameMark { frame, messages: [u64::from(frame) * 10; PORTS_MAX], load: 1.0, rung: "full" };
+        let mark = |frame| FrameMark {
+            frame,
+            messages: [u64::from(frame) * 10; PORTS_MAX],
+            load: 1.0,
+            rung: "full",
+            exposed: None,
+        };
         (0..QUEUE_MARKS as u32 + 3).for_each(|frame| marks.put(mark(frame)));
         assert_eq!(end.take_lost(), 3);
         assert_eq!(end.take(), Some(mark(0)));

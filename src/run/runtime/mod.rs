@@ -43,6 +43,7 @@ pub mod virtual_time;
 
 pub use engine::FrameEngine;
 pub use error::RunError;
+pub use exposing::Exposed;
 pub use hygiene::{Hygiene, HygieneParams};
 pub use imager::{BackendChoice, Imager};
 pub use ledger::{EventKind, Ledger};

@@ -86,6 +86,8 @@ pub struct TriggersSeen {
     pub ignored: u32,
     /// When the last one was missed.
     pub missed_at: Option<Tai>,
+    /// When the last one was left out.
+    pub ignored_at: Option<Tai>,
 }
 
 /// The times and settings of one head's exposures.
@@ -180,7 +182,15 @@ impl Shutter {
         self.slot(number, start, self.params.settings.exposure, Started::Rate)
     }
 
-    fn slot(&self, number: u32, exposure_start: Tai, exposure: Span, started: Started) -> Slot {
+    /// The settings of exposures without commands.
+    #[must_use]
+    pub fn nominal_settings(&self) -> &CameraSettings {
+        &self.params.settings
+    }
+
+    /// The slot of an exposure.
+    #[must_use]
+    pub fn slot(&self, number: u32, exposure_start: Tai, exposure: Span, started: Started) -> Slot {
         let exposure_end = exposure_start + exposure;
         let release = exposure_end - self.params.ahead;
         Slot { number, exposure_start, exposure_end, release, due: release + self.params.readout, started }
@@ -214,7 +224,7 @@ impl Shutter {
                     match state.apply(next) {
                         Outcome::Set => {}
                         Outcome::Accepted => seen.accepted += 1,
-                        Outcome::Ignored => seen.ignored += 1,
+                        Outcome::Ignored => (seen.ignored, seen.ignored_at) = (seen.ignored + 1, Some(next.at)),
                         Outcome::Missed => (seen.missed, seen.missed_at) = (seen.missed + 1, Some(next.at)),
                     }
                 }
@@ -230,6 +240,7 @@ impl Shutter {
         self.seen.missed += walk.seen.missed;
         self.seen.ignored += walk.seen.ignored;
         self.seen.missed_at = walk.seen.missed_at.or(self.seen.missed_at);
+        self.seen.ignored_at = walk.seen.ignored_at.or(self.seen.ignored_at);
     }
 
     /// The length of the next exposure: as set, or as long as the line of its trigger is active.

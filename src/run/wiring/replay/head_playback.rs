@@ -9,7 +9,7 @@ use super::{CapturedFate, Difference, DrawnFrom, FrameRow, HeadOutcome, ReplayEr
 use crate::runtime::frame_faults::Fate;
 use crate::runtime::head_step::HeadStep;
 use crate::runtime::receiver::{PORTS_MAX, Receiver};
-use crate::runtime::{FrameEngine, Imager, Ledger, Slot};
+use crate::runtime::{Exposed, FrameEngine, Imager, Ledger, Slot};
 use crate::wiring::fault_desk::FaultDesk;
 use crate::wiring::faults::Inventory;
 use crate::wiring::heads::CostsHere;
@@ -137,13 +137,13 @@ impl HeadPlayback {
     /// Draws what a row says was drawn, and compares what it says went out.
     pub(super) fn row(&mut self, row: &FrameRow) -> Result<(), ReplayError> {
         let mut own = None;
-        if let Some(DrawnFrom { messages, load }) = &row.drawn {
+        if let Some(DrawnFrom { messages, load, exposed }) = &row.drawn {
             self.receive_up_to(messages, row.frame)?;
             // A frame may show what the one before was.
             let from = self.frames.start.saturating_sub(u32::from(self.faults.has_any()));
             if (from..self.frames.end).contains(&row.frame) {
                 self.engine.assume_load(*load);
-                own = self.draw_as_captured(row)?.filter(|_| self.frames.contains(&row.frame));
+                own = self.draw_as_captured(row, exposed.as_ref())?.filter(|_| self.frames.contains(&row.frame));
             }
         }
         let (wanted, got) = match row.fate {
@@ -212,8 +212,9 @@ impl HeadPlayback {
     }
 
     /// Draws the frame of a row with the faults that it went out with; its checksum.
-    fn draw_as_captured(&mut self, row: &FrameRow) -> Result<Option<u32>, ReplayError> {
-        let Some(fate) = self.expose(self.engine.slot(row.frame))? else { return Ok(None) };
+    fn draw_as_captured(&mut self, row: &FrameRow, exposed: Option<&Exposed>) -> Result<Option<u32>, ReplayError> {
+        let slot = self.engine.exposing_mut().repeat(row.frame, exposed);
+        let Some(fate) = self.expose(slot)? else { return Ok(None) };
         let went_out = matches!(row.fate, CapturedFate::Sent | CapturedFate::Late);
         if went_out && fate.is_dropped {
             self.doubt(format!("frame {} went out; by the events of the run it is dropped", row.frame));

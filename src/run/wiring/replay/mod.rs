@@ -8,7 +8,7 @@
 //! before it was drawn, the load under which it was planned, and the faults of its time. `session.json` holds the first three
 //! with every file that the run file names, and the events that came while the run went on; the capture holds the packets of
 //! all links with their stamps; `frames.csv` holds, frame by frame and head by head, how many messages of each link had been
-//! taken in, the load as exact bits, and the CRC-32 of the image that went out. A replay plays each head on its own: it feeds
+//! taken in, the load as exact bits, how a commanded camera exposed it, and the CRC-32 of the image that went out. A replay plays each head on its own: it feeds
 //! the packets through the same ports and receiver in the same portions, places the same events, and compares each image.
 //! Faults of the bus need nothing: the capture holds what arrived after them. Limits: bits repeat on the same backend and
 //! vector level; a capture that lost packets, messages or rows says so and may not repeat; with several links messages are fed
@@ -19,6 +19,7 @@
 mod captured_links;
 mod completeness;
 mod error;
+mod exposed;
 mod head_faults;
 mod head_playback;
 mod injected;

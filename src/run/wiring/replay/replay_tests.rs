@@ -258,6 +258,7 @@ fn capture_of_the_first_form_replays() {
         .map(|line| {
             let mut fields: Vec<&str> = line.split(',').collect();
             fields.remove(1);
+            fields.pop();
             fields.join(",") + "\n"
         })
         .collect();

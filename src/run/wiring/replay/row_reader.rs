@@ -8,7 +8,7 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 /// Longest row, bytes.
-const ROW_MAX: u64 = 512;
+const ROW_MAX: u64 = 2048;
 
 /// Reads the rows one by one.
 pub struct RowReader<R> {
@@ -38,7 +38,7 @@ impl<R: BufRead> RowReader<R> {
     pub fn new(source: R, path: &Path) -> Result<Self, ReplayError> {
         let mut reader = Self { source, path: path.into(), form: RowForm::Two, line: 0, is_cut_off: false };
         let text = reader.read_line()?.unwrap_or_default();
-        let refuse = || reader.refuse("wanted frame,head,messages,load_bits,rung,fate,crc32", &text);
+        let refuse = || reader.refuse("wanted frame,head,messages,load_bits,rung,fate,crc32,exposed", &text);
         reader.form = RowForm::of_header(&text).ok_or_else(refuse)?;
         Ok(reader)
     }
@@ -66,7 +66,7 @@ impl<R: BufRead> RowReader<R> {
         let text = String::from_utf8_lossy(&bytes).into_owned();
         match text.strip_suffix('\n') {
             Some(whole) => Ok(Some(whole.trim_end_matches('\r').into())),
-            None if bytes.len() as u64 == ROW_MAX => Err(self.refuse("longer than 512 bytes", &text)),
+            None if bytes.len() as u64 == ROW_MAX => Err(self.refuse("longer than 2048 bytes", &text)),
             None => {
                 self.is_cut_off = !bytes.is_empty();
                 Ok(None)

@@ -129,8 +129,8 @@ pub(super) struct RowSink {
 
 impl RowSink {
     fn put(&self, mark: &FrameMark, fate: CapturedFate, crc32: Option<u32>) {
-        let FrameMark { frame, messages, load, rung } = *mark;
-        let drawn = Some(DrawnFrom { messages, load });
+        let FrameMark { frame, messages, load, rung, exposed } = *mark;
+        let drawn = Some(DrawnFrom { messages, load, exposed });
         self.queue.put(FrameRow { frame, head: self.head, drawn, rung: rung.into(), fate, crc32 });
     }
 

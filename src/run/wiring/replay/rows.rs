@@ -2,18 +2,22 @@
 //!
 //! Columns: frame; head; messages that each link brought before it was drawn, `120;118` (all since the run began; empty:
 //! nothing was drawn); load, the 64 bits of the number in hexadecimal; rung; fate; CRC-32 of the pixels that went out
-//! (empty: none did). A row of fate `held` has the checksum of the frame that went out again in its place.
+//! (empty: none did); how a commanded camera exposed it ([`super::exposed`]). A row of fate `held` has the checksum of the frame that went out again in its place.
 //!
-//! Form 1 of the table has no column of heads and one link. Both forms are read, the second is written. Rows of one head
+//! Form 1 of the table has no column of heads and one link, form 2 no column of exposures. All are read, form 3 is written. Rows of one head
 //! are nearly in the order of frames: before the row of a frame is each row of a frame [`ORDER_FRAMES`] earlier.
 
+use super::exposed;
+use crate::runtime::Exposed;
 use crate::runtime::receiver::PORTS_MAX;
 use std::io::{self, Write};
 
 /// First line of form 1.
 const HEADER_OF_ONE: &str = "frame,messages,load_bits,rung,fate,crc32";
 /// First line of form 2.
-pub(super) const HEADER: &str = "frame,head,messages,load_bits,rung,fate,crc32";
+const HEADER_OF_TWO: &str = "frame,head,messages,load_bits,rung,fate,crc32";
+/// First line of form 3.
+pub(super) const HEADER: &str = "frame,head,messages,load_bits,rung,fate,crc32,exposed";
 /// A frame that goes out late has its row behind rows of later frames, fewer than this.
 pub(super) const ORDER_FRAMES: u32 = 1024;
 
@@ -24,13 +28,15 @@ pub enum RowForm {
     One,
     /// Of several.
     Two,
+    /// With exposures.
+    Three,
 }
 
 impl RowForm {
     /// Returns the form that begins with this line.
     #[must_use]
     pub fn of_header(line: &str) -> Option<Self> {
-        [(HEADER_OF_ONE, Self::One), (HEADER, Self::Two)]
+        [(HEADER_OF_ONE, Self::One), (HEADER_OF_TWO, Self::Two), (HEADER, Self::Three)]
             .into_iter()
             .find_map(|(header, form)| (header == line).then_some(form))
     }
@@ -69,6 +75,8 @@ pub struct DrawnFrom {
     pub messages: [u64; PORTS_MAX],
     /// The load under which it was planned.
     pub load: f64,
+    /// How a commanded camera exposed it; `None`: as the camera's file and the frame rate have it.
+    pub exposed: Option<Exposed>,
 }
 
 /// One row.
@@ -103,10 +111,14 @@ impl FrameRow {
             None => out.write_all(b",,")?,
         }
         write!(out, "{},{},", self.rung, self.fate.name())?;
-        match self.crc32 {
-            Some(crc32) => writeln!(out, "{crc32:08x}"),
-            None => writeln!(out),
+        if let Some(crc32) = self.crc32 {
+            write!(out, "{crc32:08x}")?;
         }
+        out.write_all(b",")?;
+        if let Some(exposed) = self.drawn.as_ref().and_then(|drawn| drawn.exposed.as_ref()) {
+            exposed::write(exposed, out)?;
+        }
+        writeln!(out)
     }
 
     /// Reads a row without its line's end.
@@ -118,11 +130,15 @@ impl FrameRow {
         let wanted = match form {
             RowForm::One => "wanted six fields",
             RowForm::Two => "wanted seven fields",
+            RowForm::Three => "wanted eight fields",
         };
         if form == RowForm::One {
             fields.insert(1, "0");
         }
-        let [frame, head, messages, load, rung, fate, crc32] = fields.as_slice() else { return Err(wanted) };
+        if form != RowForm::Three {
+            fields.push("");
+        }
+        let [frame, head, messages, load, rung, fate, crc32, exposed] = fields.as_slice() else { return Err(wanted) };
         let crc32 = match *crc32 {
             "" => None,
             crc32 => Some(u32::from_str_radix(crc32, 16).map_err(|_| "crc32: wanted 8 hexadecimal digits")?),
@@ -130,7 +146,7 @@ impl FrameRow {
         Ok(Self {
             frame: frame.parse().map_err(|_| "frame: wanted a whole number")?,
             head: head.parse().map_err(|_| "head: wanted a whole number")?,
-            drawn: drawn(messages, load)?,
+            drawn: drawn(messages, load, exposed)?,
             rung: (*rung).into(),
             fate: CapturedFate::of_name(fate).ok_or("fate: wanted sent, late, held or dropped")?,
             crc32,
@@ -139,8 +155,8 @@ impl FrameRow {
 }
 
 /// What a frame was drawn from, if it was drawn.
-fn drawn(messages: &str, load: &str) -> Result<Option<DrawnFrom>, &'static str> {
-    if (messages, load) == ("", "") {
+fn drawn(messages: &str, load: &str, exposed: &str) -> Result<Option<DrawnFrom>, &'static str> {
+    if (messages, load, exposed) == ("", "", "") {
         return Ok(None);
     }
     let mut of_links = [0; PORTS_MAX];
@@ -149,5 +165,5 @@ fn drawn(messages: &str, load: &str) -> Result<Option<DrawnFrom>, &'static str> 
         *place = text.parse().map_err(|_| "messages: wanted a whole number for each link, such as 120;118")?;
     }
     let load = u64::from_str_radix(load, 16).map_err(|_| "load_bits: wanted 16 hexadecimal digits")?;
-    Ok(Some(DrawnFrom { messages: of_links, load: f64::from_bits(load) }))
+    Ok(Some(DrawnFrom { messages: of_links, load: f64::from_bits(load), exposed: exposed::parse(exposed)? }))
 }

@@ -34,7 +34,7 @@ fn read_head(text: &str, head: usize) -> Vec<FrameRow> {
 
 /// Ten messages of each link for each frame.
 fn mark(frame: u32) -> FrameMark {
-    FrameMark { frame, messages: [10 * u64::from(frame); PORTS_MAX], load: 1.0 / 3.0, rung: "full" }
+    FrameMark { frame, messages: [10 * u64::from(frame); PORTS_MAX], load: 1.0 / 3.0, rung: "full", exposed: None }
 }
 
 fn frame(number: u32, lateness_ms: i64, faults: FaultFlags) -> SentFrame {
@@ -203,24 +203,25 @@ fn full_disk_costs_rows_and_not_the_run() {
 
 #[test]
 fn damage_is_refused_with_its_line_and_a_cut_row_is_left_out() {
-    let good = format!("{HEADER}\n0,2,12;7,3ff0000000000000,full,sent,0a0b0c0d\n");
+    let good = format!("{HEADER}\n0,2,12;7,3ff0000000000000,full,sent,0a0b0c0d,\n");
     let mut messages = [0; PORTS_MAX];
     messages[..2].copy_from_slice(&[12, 7]);
     let row = &read(&good).unwrap().0[0];
-    assert_eq!((row.head, row.drawn), (2, Some(DrawnFrom { messages, load: 1.0 })));
+    assert_eq!((row.head, row.drawn), (2, Some(DrawnFrom { messages, load: 1.0, exposed: None })));
     assert_eq!(read(&format!("{good}1,0,13,3ff")).unwrap(), (read(&good).unwrap().0, true));
     for (bad, why) in [
-        ("1,2,3", "seven fields"),
-        ("1,2,0,full,sent,0", "seven fields"),
-        ("x,0,2,0,full,sent,0", "frame: "),
-        ("1,-1,2,0,full,sent,0", "head: "),
-        ("1,0,-2,0,full,sent,0", "messages: "),
-        ("1,0,2;,0,full,sent,0", "messages: "),
-        ("1,0,1;2;3;4;5;6;7;8;9,0,full,sent,0", "8 links at most"),
-        ("1,0,2,,full,sent,0", "load_bits: "),
-        ("1,0,2,0,full,lost,0", "fate: "),
-        ("1,0,2,0,full,sent,g", "crc32: "),
-        (&"9".repeat(600), "longer than 512"),
+        ("1,2,3", "eight fields"),
+        ("1,0,2,0,full,sent,0", "eight fields"),
+        ("x,0,2,0,full,sent,0,", "frame: "),
+        ("1,-1,2,0,full,sent,0,", "head: "),
+        ("1,0,-2,0,full,sent,0,", "messages: "),
+        ("1,0,2;,0,full,sent,0,", "messages: "),
+        ("1,0,1;2;3;4;5;6;7;8;9,0,full,sent,0,", "8 links at most"),
+        ("1,0,2,,full,sent,0,", "load_bits: "),
+        ("1,0,2,0,full,lost,0,", "fate: "),
+        ("1,0,2,0,full,sent,g,", "crc32: "),
+        ("1,0,2,0,full,sent,0,1;2;3", "exposed: "),
+        (&"9".repeat(2100), "longer than 2048"),
     ] {
         let error = read(&format!("{good}{bad}\n")).unwrap_err();
         assert!(error.contains("frames.csv:3: ") && error.contains(why), "{bad}: {error}");
