@@ -1,14 +1,14 @@
 //! Bounded queues between those who command a camera and the loop that exposes its frames.
 
 use crate::camera_control::command::Commanded;
-use base::time::Tai;
+use base::time::{Span, Tai};
 use crossbeam_channel::{Receiver, Sender, TryIter, bounded};
 
 /// Commands, and events, that may wait.
 const PLACES: usize = 256;
 
 /// What a camera reports to its client.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum CameraEventKind {
     /// A trigger was accepted.
     FrameTrigger,
@@ -18,10 +18,18 @@ pub enum CameraEventKind {
     ExposureStart,
     /// An exposure ended.
     ExposureEnd,
+    /// Automatic exposure has chosen this integration time.
+    ExposureChosen(Span),
+    /// Automatic gain has chosen this gain, dB.
+    GainChosen(f64),
+    /// The image is as bright as wanted: automatic exposure, which was to work once, is off.
+    ExposureAutoDone,
+    /// The same of automatic gain.
+    GainAutoDone,
 }
 
 /// A report with its instant.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraEvent {
     /// What happened.
     pub kind: CameraEventKind,

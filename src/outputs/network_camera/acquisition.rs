@@ -5,7 +5,8 @@
 //! [`Wanted`] is the count of frames still to be taken, shared between the control side, which adds to it, and the sink,
 //! which takes from it without waiting.
 
-use core::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use base::time::Tai;
+use core::sync::atomic::{AtomicI64, AtomicU32, AtomicU64, Ordering};
 
 /// Every frame until the acquisition stops.
 const ALL: u32 = u32::MAX;
@@ -17,6 +18,8 @@ pub struct Wanted {
     acquisition_and_left: AtomicU64,
     /// One frame in so many; 0 is as 1.
     one_in: AtomicU32,
+    /// TAI, ns: exposures that start before it belong to no acquisition.
+    from_ns: AtomicI64,
 }
 
 impl Wanted {
@@ -41,6 +44,18 @@ impl Wanted {
     /// Wants so many frames for an acquisition, and none for the one before.
     pub(super) fn begin(&self, acquisition: u32, frames: u32) {
         self.acquisition_and_left.store(u64::from(acquisition) << 32 | u64::from(frames), Ordering::Release);
+    }
+
+    /// The same of frames whose exposures start at this instant or later.
+    pub(super) fn begin_from(&self, from: Tai, acquisition: u32, frames: u32) {
+        self.from_ns.store(from.ns(), Ordering::Release);
+        self.begin(acquisition, frames);
+    }
+
+    /// True for an exposure that started before the acquisition.
+    #[must_use]
+    pub fn is_before(&self, exposure_start: Tai) -> bool {
+        exposure_start.ns() < self.from_ns.load(Ordering::Acquire)
     }
 
     /// Wants nothing any more.
@@ -192,6 +207,15 @@ mod tests {
         assert_eq!((wanted.take(), wanted.take()), (Some(u32::MAX), Some(u32::MAX)), "without end");
         wanted.add_one();
         assert_eq!(wanted.by(), Some(u32::MAX), "more than all is all");
+    }
+
+    #[test]
+    fn an_exposure_before_the_acquisition_is_not_of_it() {
+        let (wanted, start) = (Wanted::default(), Tai::from_ns(5_000));
+        wanted.begin_from(start, 1, ALL);
+        assert!(wanted.is_before(Tai::from_ns(4_999)) && !wanted.is_before(start));
+        wanted.begin_from(Tai::from_ns(i64::MIN), 2, ALL);
+        assert!(!wanted.is_before(Tai::from_ns(-1)), "control: of a camera that nobody commands");
     }
 
     #[test]

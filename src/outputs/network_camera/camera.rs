@@ -162,7 +162,8 @@ impl NetworkCamera {
     fn offer(&mut self, frame: &SentFrame) {
         let Shared { tally, wanted, .. } = &*self.shared;
         tally.frames_offered.one();
-        if wanted.by().is_none_or(|acquisition| !self.turn.comes(acquisition, wanted)) {
+        let is_before = wanted.is_before(frame.meta.exposure_start());
+        if wanted.by().is_none_or(|acquisition| is_before || !self.turn.comes(acquisition, wanted)) {
             return tally.frames_not_wanted.one();
         }
         if frame.image.pixels().len() != self.pixels {

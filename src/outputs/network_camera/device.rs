@@ -193,6 +193,7 @@ impl Device {
             return self.tally().broadcasts_ignored.one();
         }
         self.control.hear(from, now);
+        self.take_events();
         if let Some(reply) = self.last_change.answer_to(from, bytes, now) {
             out.reply.extend(reply);
             return self.tally().repeats.one();
@@ -217,6 +218,7 @@ impl Device {
 
     /// Lets time pass: a controller that has been silent for too long loses control, and its stream ends.
     pub fn tick(&mut self, now: Tai) {
+        self.take_events();
         let asked_ms = self.memory.word(at::HEARTBEAT_MS);
         let is_proven = self.is_controller_proven();
         let timeout = Span::from_ms(i64::from(if is_proven { asked_ms } else { asked_ms.min(HEARTBEAT_MS) }));

@@ -229,13 +229,32 @@ impl Exposing {
         let mean_dn = sum as f64 / image.pixels().len().max(1) as f64 - black_dn;
         let wanted = AUTO_TARGET * full_dn / mean_dn.max(1e-3 * full_dn);
         if (wanted - 1.0).abs() <= AUTO_NEAR {
-            let done = |mode: AutoMode| if mode == AutoMode::Once { AutoMode::Off } else { mode };
-            (self.auto_exposure, self.auto_gain) = (done(self.auto_exposure), done(self.auto_gain));
+            self.end_once(at);
             return;
         }
         let factor = wanted.clamp(1.0 / AUTO_STEP, AUTO_STEP);
         let Some(command) = self.automatic(factor) else { return };
         let _noted = self.take(&Commanded { command, at, from: CommandSource::Automatic }, ledger);
+        let frame = self.reported;
+        if let CameraCommand::Exposure(exposure) = command {
+            self.report(CameraEventKind::ExposureChosen(exposure), at, frame);
+        }
+        if let CameraCommand::GainDb(gain_db) = command {
+            self.report(CameraEventKind::GainChosen(gain_db), at, frame);
+        }
+    }
+
+    /// Ends automatic exposure and gain that were to work once.
+    fn end_once(&mut self, at: Tai) {
+        let frame = self.reported;
+        if self.auto_exposure == AutoMode::Once {
+            self.auto_exposure = AutoMode::Off;
+            self.report(CameraEventKind::ExposureAutoDone, at, frame);
+        }
+        if self.auto_gain == AutoMode::Once {
+            self.auto_gain = AutoMode::Off;
+            self.report(CameraEventKind::GainAutoDone, at, frame);
+        }
     }
 
     /// What makes an image so many times brighter: the exposure first, then the gain.

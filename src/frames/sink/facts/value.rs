@@ -150,7 +150,7 @@ pub enum Form {
     Ns,
     /// A duration in milliseconds.
     Ms,
-    /// A real number of seconds in microseconds.
+    /// A duration, or a real number of seconds, in microseconds.
     Us,
     /// A set of faults as bits.
     Bits,
@@ -278,7 +278,8 @@ fn duration<'a>(span: Span, form: Form) -> Scalar<'a> {
     match form {
         Form::Ns => Scalar::Whole(span.ns().into()),
         Form::Ms => Scalar::Real(span.ms()),
-        Form::Plain | Form::Finite | Form::Mjd | Form::Us | Form::Bits | Form::Names | Form::Number | Form::Hex => {
+        Form::Us => Scalar::Real(span.ns() as f64 * 1e-3),
+        Form::Plain | Form::Finite | Form::Mjd | Form::Bits | Form::Names | Form::Number | Form::Hex => {
             Scalar::Real(span.s())
         }
     }

@@ -8,7 +8,8 @@ use crate::network_camera::gvcp::Status;
 use crate::network_camera::registers::own;
 use base::time::{Span, Tai};
 use frames::camera_control::{
-    AutoMode, CameraCommand, CommandSource, Commanded, ExposureMode, TriggerOverlap, TriggerSource, TriggerSources,
+    AutoMode, CameraCommand, CameraEventKind, CommandSource, Commanded, ExposureMode, TriggerOverlap, TriggerSource,
+    TriggerSources,
 };
 
 /// Trigger sources by their number in the register.
@@ -40,6 +41,25 @@ impl Device {
         let kept = || self.memory.word(address);
         let high = if self.high_half.0 == address { self.high_half.1 } else { kept() };
         f64::from_bits(u64::from(high) << 32 | u64::from(low))
+    }
+
+    /// Takes in what the camera has chosen for itself: clients read it from here on.
+    pub(super) fn take_events(&mut self) {
+        let Some(commands) = &self.commands else { return };
+        for event in commands.desk.events() {
+            match event.kind {
+                CameraEventKind::ExposureChosen(exposure) => {
+                    self.memory.set_long(own::EXPOSURE_TIME, (exposure.ns() as f64 * 1e-3).to_bits());
+                }
+                CameraEventKind::GainChosen(gain_db) => self.memory.set_long(own::GAIN, gain_db.to_bits()),
+                CameraEventKind::ExposureAutoDone => self.memory.set(own::EXPOSURE_AUTO, 0),
+                CameraEventKind::GainAutoDone => self.memory.set(own::GAIN_AUTO, 0),
+                CameraEventKind::FrameTrigger
+                | CameraEventKind::FrameTriggerMissed
+                | CameraEventKind::ExposureStart
+                | CameraEventKind::ExposureEnd => {}
+            }
+        }
     }
 
     /// Carries out a write to a commanded feature.

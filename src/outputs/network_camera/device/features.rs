@@ -59,7 +59,7 @@ impl Device {
             own::FRAME_RATE_LOW => return self.write_rate(value),
             own::ACQUISITION_START => {
                 self.must_be_proven()?;
-                self.start();
+                self.start(now);
             }
             own::ACQUISITION_STOP => self.stop(),
             own::TRIGGER_SOFTWARE => return self.trigger(SOURCE_SOFTWARE, self.bench_time(now)),
@@ -107,7 +107,7 @@ impl Device {
         self.memory.set(own::PAYLOAD_SIZE, u32::try_from(bytes).unwrap_or(u32::MAX));
     }
 
-    fn start(&mut self) {
+    fn start(&mut self, now: Tai) {
         let mode = match self.memory.word(own::ACQUISITION_MODE) {
             0 => Mode::Continuous,
             1 => Mode::SingleFrame,
@@ -118,7 +118,9 @@ impl Device {
         let frames = self.acquisition.start(mode, chooses_by_trigger);
         self.choose_frames();
         self.publish();
-        self.shared.wanted.begin(self.number, frames);
+        // A camera that is commanded exposes also while nobody acquires: such frames are not of this acquisition.
+        let from = self.commands.as_ref().map_or(Tai::from_ns(i64::MIN), |_| self.bench_time(now));
+        self.shared.wanted.begin_from(from, self.number, frames);
     }
 
     pub(super) fn stop(&mut self) {

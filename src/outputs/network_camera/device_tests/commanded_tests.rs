@@ -3,8 +3,8 @@
 use super::*;
 use base::clock::Virtual;
 use frames::camera_control::{
-    AutoMode, CameraCommand, CameraRange, CameraSettings, CommandSource, Commanded, DeskEnd, ExposureMode, Regions,
-    StartSettings, TriggerOverlap, TriggerSource, TriggerSources, desk,
+    AutoMode, CameraCommand, CameraEvent, CameraEventKind, CameraRange, CameraSettings, CommandSource, Commanded,
+    DeskEnd, ExposureMode, Regions, StartSettings, TriggerOverlap, TriggerSource, TriggerSources, desk,
 };
 use std::sync::Arc;
 
@@ -172,4 +172,19 @@ fn settings_of_a_camera_that_is_only_read_stay_write_protected() {
     bench.control();
     assert_eq!(bench.write_number(own::EXPOSURE_TIME, 50_000.0), 0x8004);
     assert_eq!(bench.write(A, own::EXPOSURE_AUTO, 1), 0x8004);
+}
+
+#[test]
+fn what_the_camera_chooses_for_itself_is_read_back() {
+    let (mut bench, end) = commanded();
+    assert_eq!(bench.write(A, own::EXPOSURE_AUTO, 1), 0);
+    assert_eq!(bench.write(A, own::GAIN_AUTO, 2), 0);
+    let report = |kind| assert!(end.report(CameraEvent { kind, at: BENCH, frame: 1 }));
+    report(CameraEventKind::ExposureChosen(Span::from_ns(12_345_678)));
+    report(CameraEventKind::GainChosen(7.5));
+    assert_eq!((bench.number(own::EXPOSURE_TIME), bench.number(own::GAIN)), (12_345.678, 7.5));
+    assert_eq!((bench.read(A, own::EXPOSURE_AUTO), bench.read(A, own::GAIN_AUTO)), (Ok(1), Ok(2)), "control: not done");
+    report(CameraEventKind::ExposureAutoDone);
+    assert_eq!((bench.read(A, own::EXPOSURE_AUTO), bench.read(A, own::GAIN_AUTO)), (Ok(0), Ok(2)));
+    assert_eq!(bench.write_number(own::EXPOSURE_TIME, 50_000.0), 0, "the client's again");
 }
