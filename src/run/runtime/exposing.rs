@@ -3,6 +3,7 @@
 //! In: commands of queues ([`DeskEnd`]) and of the bus, images. Out: slots, the settings of the exposure that is drawn, and
 //! events for clients. What is refused or missed is an event of the ledger.
 
+use crate::runtime::camera_intake::CameraView;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::params::RunParams;
 use crate::runtime::shutter::{NextSlot, Shutter, ShutterParams};
@@ -89,6 +90,12 @@ impl Exposing {
     #[must_use]
     pub fn range(&self) -> Option<&CameraRange> {
         self.shutter.range()
+    }
+
+    /// Returns what commands may ask, and how many more may wait.
+    #[must_use]
+    pub fn view(&self) -> CameraView {
+        CameraView { range: self.range().copied(), places: self.shutter.places() }
     }
 
     /// Takes commands from this queue from here on, and reports events to it. Allocates.

@@ -11,6 +11,7 @@ pub mod delivery;
 mod describe;
 pub mod engine;
 pub mod error;
+pub mod camera_intake;
 pub mod exposing;
 mod frame_damage;
 pub mod frame_faults;

@@ -3,9 +3,11 @@
 //! In: a slot that has been released. Out: a frame on its way to the head's sink, or why there is none, and the record of
 //! the slot. The frame thread takes the heads in turn; each has a sink thread of its own. Tests: as of `real_time`.
 
+use crate::runtime::camera_intake::CameraHead;
 use crate::runtime::delivery::{Delivery, Parcel};
 use crate::runtime::engine::{FrameEngine, origin_name};
 use crate::runtime::error::RunError;
+use crate::runtime::exposing::Exposing;
 use crate::runtime::frame_faults::{Fate as Spoiling, FrameFaults};
 use crate::runtime::head_step::HeadStep;
 use crate::runtime::ledger::EventKind;
@@ -13,6 +15,7 @@ use crate::runtime::params::DeadlinePolicy;
 use crate::runtime::real_time::{Head, HeadParts, Setting, Shared, take_back};
 use crate::runtime::receiver::Receiver;
 use crate::runtime::record::RunRecord;
+use crate::runtime::reply::camera_pages;
 use crate::runtime::slot::Slot;
 use base::time::{Span, Tai};
 use frames::report::{Fate, FrameRecord, MissCause, Stage, StageTimes};
@@ -32,6 +35,16 @@ pub(super) struct RealHead<'a> {
     spare: Option<Parcel>,
     previous: SentFrame,
     has_previous: bool,
+}
+
+impl CameraHead for RealHead<'_> {
+    fn exposing_mut(&mut self) -> &mut Exposing {
+        self.engine.exposing_mut()
+    }
+
+    fn receiver_mut(&mut self) -> &mut Receiver {
+        self.receiver
+    }
 }
 
 impl<'a> RealHead<'a> {
@@ -169,6 +182,11 @@ impl<'a> RealHead<'a> {
     fn tell(&self, meta: &FrameMeta, shared: &mut Shared<'_>) {
         if self.number == 0 {
             shared.tell(meta, self.engine.pointing_bound_rad(), self.receiver);
+        }
+        if self.receiver.session().cameras().is_reporting() {
+            for page in camera_pages(self.number, meta) {
+                shared.radio.send(0, page);
+            }
         }
     }
 

@@ -7,6 +7,7 @@
 //! at the release and not before; late frames are judged when finished, not when delivered (`[budget]` total is held
 //! against delivery). Tests: `tests/closed_loop/{deadline,budget}.rs`, which assert no wall time.
 
+use crate::runtime::camera_intake;
 use crate::runtime::delivery::Parcel;
 use crate::runtime::engine::FrameEngine;
 use crate::runtime::error::RunError;
@@ -243,7 +244,7 @@ impl Bench<'_> {
             if self.shared.radio.is_finished() {
                 break; // its error is reported when the run ends
             }
-            if self.released(release).next().is_none() {
+            if begun < release || self.released(release).next().is_none() {
                 continue; // A command has moved it, or a trigger is waited for.
             }
             if !self.await_jitter(release, setting.stop, record) {
@@ -310,13 +311,13 @@ impl Bench<'_> {
         }
     }
 
-    /// Takes messages and commands in as they come, and sleeps in between, until `at`, or a command has moved the next
-    /// release; false when the run is to stop.
+    /// Takes messages and commands in as they come, and sleeps in between, until `at`, or a command of a client or of the
+    /// flight computer has moved the next release; false when the run is to stop.
     fn listen_until(&mut self, at: Tai, stop: &AtomicBool, record: &mut RunRecord) -> bool {
-        let (clock, radio) = (self.shared.clock, self.shared.radio);
+        let (clock, radio, forecast) = (self.shared.clock, self.shared.radio, self.forecast());
         while !stop.load(Ordering::Relaxed) {
             let now = clock.now();
-            if now >= at || self.has_desks() && self.poll_desks(record) {
+            if now >= at || self.has_desks() && self.poll_desks(record) || self.forecast() != forecast {
                 return true;
             }
             let look = if self.has_desks() { DESK_POLL } else { STOP_POLL };
@@ -379,6 +380,9 @@ impl Bench<'_> {
 
     /// Every head hears everything; the first one answers and notes.
     fn take_in(&mut self, heard: &Heard, record: &mut RunRecord) {
+        if let Heard::Message { message, .. } = heard {
+            camera_intake::show(&mut self.heads, &message.value);
+        }
         for head in &mut self.heads {
             let ledger = if head.number == 0 { &mut record.ledger } else { &mut self.shared.said_already };
             match heard {
@@ -391,6 +395,7 @@ impl Bench<'_> {
                 }
             }
         }
+        camera_intake::give(&mut self.heads, &mut record.ledger);
         if let Heard::Message { message, .. } = heard {
             record.count_intake(self.shared.clock.now() - message.at);
         }

@@ -1,5 +1,6 @@
 //! Messages -> time correlation, attitude history, jitter history, triggers, answers to commands.
 
+use crate::runtime::camera_intake::CameraIntake;
 use crate::runtime::error::RunError;
 use crate::runtime::jitter_tables;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
@@ -119,6 +120,11 @@ impl Receiver {
     /// Accepts triggers of this number from now on: a fault or an event of the run waits for it.
     pub fn expect_trigger(&mut self, number: u16) {
         self.session.expect_trigger(number);
+    }
+
+    /// Camera commands of the flight computer, for the loop that gives them to the heads.
+    pub fn cameras_mut(&mut self) -> &mut CameraIntake {
+        self.session.cameras_mut()
     }
 
     /// The conversation with the flight computer.

@@ -4,14 +4,17 @@
 //! STATUS state, right ascension, declination and roll of this frame, one of STATUS prediction and clock in turn, one
 //! STATUS rejects (each reason when its count has risen, once a second at most). No EXPOSURE before the first attitude.
 //! HEARTBEAT is the flight computer's: two senders of one identifier would collide on a real bus, and STATUS is sign of
-//! life enough. Tests: `tests/closed_loop/session.rs`.
+//! life enough. CAMERA_STATUS of every head comes after them, once it was asked for ([`camera_pages`]). Tests: `tests/closed_loop/session.rs`.
 
 use crate::runtime::port_reading::REASONS;
 use crate::runtime::receiver::Receiver;
 use base::time::{Span, Tai};
 use base::units::ARCSEC;
-use firmware_protocol::message::{Exposure, PointingAngle, StatusPage, StimulatorMode, frame_flag};
+use firmware_protocol::message::{
+    CameraPage, CameraStatus, Exposure, PointingAngle, StartedBy, StatusPage, StimulatorMode, frame_flag,
+};
 use firmware_protocol::{Message, Reject};
+use frames::camera_control::TriggerSource;
 use frames::sink::{FaultFlags, FrameMeta};
 
 /// Counts of one reason are told this far apart at least.
@@ -152,6 +155,36 @@ fn clock(receiver: &Receiver) -> Option<StatusPage> {
     Some(StatusPage::Clock { drift_0_1ppm, residual_ns })
 }
 
+/// Returns the CAMERA_STATUS pages of a frame of a head: what it was exposed with.
+pub fn camera_pages(head: usize, meta: &FrameMeta) -> [Message; 3] {
+    let (head, frame) = (u8::try_from(head).unwrap_or(u8::MAX), low_byte(meta.number));
+    let delay_us = rounded(meta.trigger_delay.s() * 1e6, u32::MAX);
+    let gain_cdb = u16::try_from(rounded(meta.gain_db * 100.0, u16::MAX.into())).unwrap_or(u16::MAX);
+    [
+        CameraPage::Exposure { started_by: started_by(meta), exposure_us: rounded(meta.exposure_s * 1e6, u32::MAX) },
+        CameraPage::Levels { gain_cdb, black_level_dn_16: rounded(meta.black_level_dn * 16.0, (1 << 24) - 1) },
+        CameraPage::Trigger { delay_us },
+    ]
+    .map(|page| Message::Camera(CameraStatus { head, frame, page }))
+}
+
+fn started_by(meta: &FrameMeta) -> StartedBy {
+    match TriggerSource::NAMED.into_iter().find(|(name, _)| *name == meta.started_by) {
+        None => StartedBy::Rate,
+        Some((_, TriggerSource::Software)) => StartedBy::Software,
+        Some((_, TriggerSource::Action)) => StartedBy::Action,
+        Some((_, TriggerSource::Bus)) => StartedBy::Bus,
+        Some((_, TriggerSource::Line)) => StartedBy::Line,
+        Some((_, TriggerSource::Control)) => StartedBy::Control,
+    }
+}
+
+/// The nearest count, at most `largest`; 0 for what is below it, and for NaN.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "float-to-int casts saturate")]
+fn rounded(value: f64, largest: u32) -> u32 {
+    (value.round() as u32).min(largest)
+}
+
 fn low_byte(number: u32) -> u8 {
     u8::try_from(number & 0xff).unwrap_or(0)
 }
@@ -185,6 +218,22 @@ mod tests {
             };
             assert_eq!(flags, wanted);
         }
+    }
+
+    #[test]
+    fn camera_pages_have_what_the_frame_was_exposed_with() {
+        let mut meta = FrameMeta::empty("camera".into());
+        (meta.number, meta.exposure_s, meta.gain_db, meta.black_level_dn) = (0x1_07, 0.05, 6.004, 64.5);
+        let status = |page| Message::Camera(CameraStatus { head: 3, frame: 7, page });
+        let levels = status(CameraPage::Levels { gain_cdb: 600, black_level_dn_16: 1032 });
+        let exposure = |started_by| status(CameraPage::Exposure { started_by, exposure_us: 50_000 });
+        let delay = |delay_us| status(CameraPage::Trigger { delay_us });
+        assert_eq!(camera_pages(3, &meta), [exposure(StartedBy::Rate), levels, delay(0)]);
+        (meta.started_by, meta.trigger_delay) = (TriggerSource::Bus.name(), Span::from_ms(2));
+        assert_eq!(camera_pages(3, &meta), [exposure(StartedBy::Bus), levels, delay(2000)]);
+        (meta.gain_db, meta.black_level_dn) = (f64::NAN, 1e9);
+        let clipped = status(CameraPage::Levels { gain_cdb: 0, black_level_dn_16: (1 << 24) - 1 });
+        assert_eq!(camera_pages(3, &meta)[1], clipped);
     }
 
     #[test]

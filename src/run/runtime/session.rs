@@ -1,15 +1,19 @@
-//! The conversation with the flight computer: HELLO, RUN, STOP, tables of parameters, triggers, heartbeats.
+//! The conversation with the flight computer: HELLO, RUN, STOP, tables of parameters, triggers, camera commands, heartbeats.
 //!
 //! In: commands and heartbeats, stamped. Out: answers, whether frames show stars, events when a peer is refused, falls
 //! silent or speaks again. One answer per command; a retry gets the same answer and changes nothing (the protocol's
 //! `handshake`). Limits: on one bus every sender of commands for this node is the same flight computer. Tests: below, and
 //! `tests/closed_loop/session.rs`.
 
+use crate::runtime::camera_intake::CameraIntake;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
-use crate::runtime::triggers::{Taken, Triggers};
+use crate::runtime::triggers::{Taken, Triggers, instant_of};
 use base::time::{Span, Tai};
-use firmware_protocol::handshake::{Answer, Handshake};
-use firmware_protocol::message::{Command, Heartbeat, Rates, Refusal, Reply, Request, TableCell, capability};
+use firmware_protocol::handshake::{Answer, Handshake, Takes};
+use firmware_protocol::message::{
+    CameraSetting, CameraTrigger, Command, Heartbeat, Rates, Refusal, Reply, Request, TableCell, Trigger, Triggered,
+    capability,
+};
 use firmware_protocol::tables::TableStore;
 use firmware_protocol::{DBC_CRC32, version};
 use plan::attitude::ClockEstimate;
@@ -17,8 +21,11 @@ use plan::attitude::ClockEstimate;
 /// Rates that are sure to be taken; faster records are taken too.
 const RATES: Rates = Rates { attitude_hz: 100, jitter_hz: 1000 };
 /// What the stimulator takes beside attitude.
-const CAPABILITIES: u16 =
-    capability::PARAMETER_TABLES | capability::JITTER_SAMPLES | capability::WHEELS | capability::TRIGGERS;
+const CAPABILITIES: u16 = capability::PARAMETER_TABLES
+    | capability::JITTER_SAMPLES
+    | capability::WHEELS
+    | capability::TRIGGERS
+    | capability::CAMERA;
 
 /// When frames begin to show stars.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -52,6 +59,7 @@ pub struct Session {
     handshake: Handshake,
     tables: TableStore,
     triggers: Triggers,
+    cameras: CameraIntake,
     /// Stopped, or refused, since the last RUN.
     is_halted: bool,
     /// The last heartbeat heard.
@@ -71,6 +79,7 @@ impl Session {
             handshake,
             tables: TableStore::new(),
             triggers: Triggers::default(),
+            cameras: CameraIntake::default(),
             is_halted: false,
             heard: None,
             is_silent: false,
@@ -95,6 +104,17 @@ impl Session {
         &mut self.triggers
     }
 
+    /// The camera commands taken in.
+    #[must_use]
+    pub fn cameras(&self) -> &CameraIntake {
+        &self.cameras
+    }
+
+    /// The same, for whoever shows it the heads and takes commands out.
+    pub fn cameras_mut(&mut self) -> &mut CameraIntake {
+        &mut self.cameras
+    }
+
     /// Accepts triggers of this number from now on; all others are refused.
     pub fn expect_trigger(&mut self, number: u16) {
         self.triggers.expect(number);
@@ -117,12 +137,16 @@ impl Session {
     /// The one answer to a command that arrived at `at`; `clock` is what is known of the flight computer's.
     pub fn answer(&mut self, command: &Command, at: Tai, clock: Option<&ClockEstimate>, ledger: &mut Ledger) -> Answer {
         let was_rendering = self.is_rendering();
-        let mut taken = None;
-        let answer = self.handshake.answer_with(command, &mut self.tables, |trigger| {
-            let result = self.triggers.take(trigger, clock, at);
-            taken = Some(result);
-            result.map(|taken| taken.triggered)
-        });
+        let (triggers, cameras) = (&mut self.triggers, &mut self.cameras);
+        let mut taking = Taking { triggers, cameras, clock, at, trigger: None, is_camera_refused: false };
+        let answer = self.handshake.answer_by(command, &mut self.tables, &mut taking);
+        let Taking { trigger: taken, is_camera_refused, .. } = taking;
+        if is_camera_refused {
+            ledger.note(Event::new(EventKind::CameraRefused, at, None, Span::ZERO));
+        }
+        if matches!(command.request, Request::Hello(_)) {
+            self.cameras.begin();
+        }
         match (command.request, answer.response.reply) {
             (Request::Hello(_), Reply::Refused { .. }) => {
                 self.is_halted = true;
@@ -138,6 +162,8 @@ impl Session {
             (Request::Trigger(_), Reply::Refused { reason, .. }) if reason != Refusal::NoHandshake => {
                 self.note_trigger(taken, at, ledger);
             }
+            (Request::Camera(_) | Request::CameraTrigger(_), Reply::Refused { reason, .. })
+                if reason != Refusal::NoHandshake => {}
             (_, Reply::Refused { .. }) => ledger.note(Event::new(EventKind::CommandRefused, at, None, Span::ZERO)),
             _ => {}
         }
@@ -199,6 +225,41 @@ impl Session {
             self.is_silent = true;
             ledger.note(Event::new(EventKind::HeartbeatLost, now, None, silence));
         }
+    }
+}
+
+/// Takes in what one command asks for beside the handshake.
+struct Taking<'a> {
+    triggers: &'a mut Triggers,
+    cameras: &'a mut CameraIntake,
+    clock: Option<&'a ClockEstimate>,
+    at: Tai,
+    /// What became of the trigger; `None` without one, and for a repeat.
+    trigger: Option<Result<Taken, Refusal>>,
+    /// False for a repeat.
+    is_camera_refused: bool,
+}
+
+impl Takes for Taking<'_> {
+    fn trigger(&mut self, trigger: Trigger) -> Result<Triggered, Refusal> {
+        let result = self.triggers.take(trigger, self.clock, self.at);
+        self.trigger = Some(result);
+        result.map(|taken| taken.triggered)
+    }
+
+    fn camera(&mut self, setting: CameraSetting) -> Result<(), Refusal> {
+        let set = self.cameras.set(setting, self.at);
+        self.is_camera_refused = set.is_err();
+        set
+    }
+
+    fn camera_trigger(&mut self, trigger: CameraTrigger) -> Result<bool, Refusal> {
+        let taken = instant_of(trigger.at_us, self.clock, self.at).and_then(|instant| {
+            self.cameras.trigger(trigger.head, instant.at)?;
+            Ok(instant.ahead < Span::ZERO)
+        });
+        self.is_camera_refused = taken.is_err();
+        taken
     }
 }
 
@@ -285,6 +346,26 @@ mod tests {
         // Negative control: the number that a fault waits for is taken.
         assert!(matches!(talk.say(trigger(3)), Reply::Triggered(_)));
         assert_eq!((talk.count(EventKind::TriggerRefused), talk.count(EventKind::TriggerTaken)), (1, 1));
+    }
+
+    #[test]
+    fn refused_camera_commands_are_noted_once_and_hello_ends_reports() {
+        let mut talk = talk(SessionStart::AtOnce);
+        let setting = |kind, value| Request::Camera(CameraSetting { kind, head: 0, value });
+        assert_eq!(talk.say(setting(12, 1)), Reply::Refused { opcode: 7, reason: Refusal::NoHandshake });
+        assert_eq!((talk.count(EventKind::CommandRefused), talk.count(EventKind::CameraRefused)), (1, 0));
+        talk.say(Request::Hello(version::CURRENT));
+        let refused = Reply::Refused { opcode: 7, reason: Refusal::UnknownHead };
+        assert_eq!(talk.say(setting(1, 5000)), refused, "no head was shown");
+        talk.token -= 1;
+        assert_eq!(talk.say(setting(1, 5000)), refused, "the repeat");
+        assert_eq!((talk.count(EventKind::CommandRefused), talk.count(EventKind::CameraRefused)), (1, 1));
+        assert!(matches!(talk.say(setting(12, 1)), Reply::CameraSet(_)));
+        assert!(talk.session.cameras().is_reporting());
+        talk.say(Request::Hello(version::CURRENT));
+        assert!(!talk.session.cameras().is_reporting());
+        let early = Request::CameraTrigger(CameraTrigger { head: 0, at_us: 7 });
+        assert_eq!(talk.say(early), Reply::Refused { opcode: 8, reason: Refusal::NoTimeYet });
     }
 
     #[test]

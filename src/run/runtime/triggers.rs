@@ -114,21 +114,9 @@ impl Triggers {
         if self.expected.binary_search(&trigger.number).is_err() {
             return Err(Refusal::UnknownTrigger);
         }
-        let (number, order) = (trigger.number, self.counts.accepted);
-        let now = Waiting { fired: FiredTrigger { number, at }, order, remote_ns: None };
-        if trigger.is_at_once() {
-            return Ok((now, Span::ZERO));
-        }
-        let clock = clock.ok_or(Refusal::NoTimeYet)?;
-        let now_us = clock.to_remote_ns(at).div_euclid(1000);
-        let ahead_us = i64::from(ticks_ahead(trigger.at_us, wrapped(now_us)));
-        if ahead_us <= MOST_AHEAD.ns() / 1000 {
-            let remote_ns = now_us.saturating_add(ahead_us).saturating_mul(1000);
-            let fired = FiredTrigger { number, at: clock.to_tai(remote_ns).max(at) };
-            return Ok((Waiting { fired, order, remote_ns: Some(remote_ns) }, fired.at - at));
-        }
-        let behind = Span::from_ns((ahead_us - WRAP_US) * 1000);
-        if behind.ns() >= -MOST_LATE.ns() { Ok((now, behind)) } else { Err(Refusal::TriggerTime) }
+        let order = self.counts.accepted;
+        let Instant { at, ahead, remote_ns } = instant_of(trigger.at_us, clock, at)?;
+        Ok((Waiting { fired: FiredTrigger { number: trigger.number, at }, order, remote_ns }, ahead))
     }
 
     fn put(&mut self, waiting: Waiting) -> Result<(), Refusal> {
@@ -202,6 +190,38 @@ impl Triggers {
     pub fn counts(&self) -> TriggerCounts {
         self.counts
     }
+}
+
+/// When a command acts that arrived at some time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Instant {
+    /// Its instant, or its arrival when it acts at once or came late.
+    pub(super) at: Tai,
+    /// From its arrival to its instant; below zero when that had passed.
+    pub(super) ahead: Span,
+    /// Its instant in the flight computer's time, ns; `None` when it acts as it came.
+    pub(super) remote_ns: Option<i64>,
+}
+
+/// The instant that a command carries which arrived at `at`: microseconds of the flight computer's clock, 0 for at once.
+///
+/// # Errors
+/// When no time is known yet, or the instant is too far away.
+pub(super) fn instant_of(at_us: u32, clock: Option<&ClockEstimate>, at: Tai) -> Result<Instant, Refusal> {
+    if at_us == 0 {
+        return Ok(Instant { at, ahead: Span::ZERO, remote_ns: None });
+    }
+    let clock = clock.ok_or(Refusal::NoTimeYet)?;
+    let now_us = clock.to_remote_ns(at).div_euclid(1000);
+    let ahead_us = i64::from(ticks_ahead(at_us, wrapped(now_us)));
+    if ahead_us <= MOST_AHEAD.ns() / 1000 {
+        let remote_ns = now_us.saturating_add(ahead_us).saturating_mul(1000);
+        let instant = clock.to_tai(remote_ns).max(at);
+        return Ok(Instant { at: instant, ahead: instant - at, remote_ns: Some(remote_ns) });
+    }
+    let ahead = Span::from_ns((ahead_us - WRAP_US) * 1000);
+    let is_near = ahead.ns() >= -MOST_LATE.ns();
+    if is_near { Ok(Instant { at, ahead, remote_ns: None }) } else { Err(Refusal::TriggerTime) }
 }
 
 #[cfg(test)]

@@ -5,8 +5,10 @@
 //! order, except that a frame goes out before the next one is drawn. Drawing takes no simulated time, so nothing is late; wall times per stage are measured all the same.
 //! [`VirtualLoop`] can be advanced step by step; [`run`] takes it to the end.
 
+use crate::runtime::camera_intake::{self, CameraHead};
 use crate::runtime::engine::FrameEngine;
 use crate::runtime::error::{FarEndError, RunError};
+use crate::runtime::exposing::Exposing;
 use crate::runtime::frame_faults::{Fate, FrameFaults};
 use crate::runtime::head_step::HeadStep;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
@@ -17,7 +19,7 @@ use crate::runtime::plant_sample::PlantSample;
 use crate::runtime::port_reading::PortReading;
 use crate::runtime::receiver::Receiver;
 use crate::runtime::record::RunRecord;
-use crate::runtime::reply::{Reply, ToldFrame};
+use crate::runtime::reply::{Reply, ToldFrame, camera_pages};
 use crate::runtime::shutter::NextSlot;
 use crate::runtime::slot::Slot;
 use base::clock::{Clock, Stopwatch, Virtual};
@@ -41,6 +43,16 @@ pub struct Head<'a> {
     pub sink: &'a mut dyn Sink,
     /// Spoils them; `None`: nothing does.
     pub faults: Option<&'a mut FrameFaults>,
+}
+
+impl CameraHead for Head<'_> {
+    fn exposing_mut(&mut self) -> &mut Exposing {
+        self.engine.exposing_mut()
+    }
+
+    fn receiver_mut(&mut self) -> &mut Receiver {
+        self.receiver
+    }
 }
 
 /// The world around a [`VirtualLoop`].
@@ -253,6 +265,7 @@ impl VirtualLoop {
     /// Takes in what has arrived by `now`: every head hears everything, the first one answers and notes.
     fn receive(&mut self, now: Tai, heads: &mut [Head<'_>], port: &mut Port) -> Result<(), RunError> {
         while let Some(message) = port.receive_any(now)? {
+            camera_intake::show(heads, &message.value);
             for (i, head) in heads.iter_mut().enumerate() {
                 let ledger = if i == 0 { &mut self.record.ledger } else { &mut self.said_already };
                 let answer = head.receiver.accept_input(0, &message, ledger);
@@ -260,6 +273,7 @@ impl VirtualLoop {
                     port.send(&answer)?;
                 }
             }
+            camera_intake::give(heads, &mut self.record.ledger);
         }
         Ok(())
     }
@@ -320,6 +334,11 @@ impl VirtualLoop {
         // Heads share one exposure time: the first speaks for all.
         if i == 0 {
             self.tell(&frame, slot.due, head, port)?;
+        }
+        if head.receiver.session().cameras().is_reporting() {
+            for page in camera_pages(i, &frame.meta) {
+                port.send(&page)?;
+            }
         }
         // What the stimulator says of itself it says before its frame is spoilt.
         if let Some(faults) = head.faults.as_mut() {

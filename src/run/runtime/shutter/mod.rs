@@ -151,6 +151,12 @@ impl Shutter {
         core::mem::take(&mut self.seen)
     }
 
+    /// Returns how many further commands may wait.
+    #[must_use]
+    pub fn places(&self) -> usize {
+        PLACES.saturating_sub(self.commands.len())
+    }
+
     /// Takes a command in.
     ///
     /// # Errors
