@@ -8,6 +8,7 @@ mod bad_input;
 mod bench;
 mod budget;
 mod calibrated;
+mod camera_bus;
 mod campaign;
 mod control;
 mod deadline;
