@@ -205,6 +205,56 @@ class Heads(unittest.TestCase):
             self.assertEqual(got[head]["gain_db"], 0.0)
 
 
+def light_places(pixels, others):
+    """Photocentres of the brightest single stars of an image, px, in it and in others: windows around the same pixels."""
+    left, places = pixels.copy(), []
+    for _ in range(40):
+        row, column = numpy.unravel_index(numpy.argmax(left), left.shape)
+        window = slice(row - 8, row + 9), slice(column - 8, column + 9)
+        if 8 <= row < left.shape[0] - 8 and 8 <= column < left.shape[1] - 8 and numpy.all(numpy.isfinite(left[window])):
+            places.append([photocentre(image[window]) for image in (pixels, *others)])
+        left[window] = -numpy.inf
+    return places
+
+
+def photocentre(window):
+    light = window - numpy.median(window)
+    rows, columns = numpy.indices(light.shape)
+    return (light * columns).sum() / light.sum(), (light * rows).sum() / light.sum()
+
+
+class Truth(unittest.TestCase):
+    #: Light alone: whole numbers of electrons, without patterns and read noise.
+    LIGHT = {**PLAIN, "camera.detector.gain_e_per_dn": 1.0, "camera.detector.bits": 16, "camera.detector.read_noise_e_rms": 0.0,
+             "camera.detector.dark_e_per_s": 0.0, "camera.detector.full_well_e": 65000.0, "camera.radiometry.limiting_mag": 5.5}
+
+    def frames(self, backend, late_s=0.0):
+        """Settings that change with every frame of a turn, readouts within exposures, and triggers."""
+        rate, frames = math.radians(1.0), []
+        with outside(4.0, rate, **self.LIGHT, **{"render.backend": backend, "noise_seed": 3}) as loop:
+            loop.camera(frame_rate_hz=None)
+            for exposure_us in (21000, 150000, 33333, 70000, 20000, 400000):
+                loop.camera(exposure_us=exposure_us + late_s * 2e6)
+                frames.append(next_frame(loop))
+            loop.camera(trigger_mode=True, exposure_us=80000)
+            for at_s in (1.3, 1.4123456):
+                loop.camera_trigger(at_s=at_s + late_s)
+                frames.append(next_frame(loop))
+        return frames
+
+    def test_reference_and_auto_agree_for_exposures_of_any_length(self):
+        stars, largest, largest_late = 0, 0.0, 0.0
+        for (wanted, info), (got, other), (late, _) in zip(self.frames("reference"), self.frames("cpu"), self.frames("cpu", 0.001)):
+            self.assertEqual(info["mid_exposure_s"], other["mid_exposure_s"])
+            self.assertEqual((info["meta"]["backend"], other["meta"]["backend"]), ("reference", "cpu"))
+            for place, place_got, place_late in light_places(wanted, (got, late)):
+                stars, largest = stars + 1, max(largest, math.dist(place, place_got))
+                largest_late = max(largest_late, math.dist(place, place_late))
+        self.assertGreater(stars, 40)
+        self.assertLess(largest, 0.002, f"{stars} stars")
+        self.assertGreater(largest_late, 0.002, "control: exposures whose middle is 1 ms later")
+
+
 class Replays(unittest.TestCase):
     def setUp(self):
         self.folder = tempfile.TemporaryDirectory()
