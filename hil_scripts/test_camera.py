@@ -292,6 +292,38 @@ class Replays(unittest.TestCase):
         status, text = self.replay()
         self.assertNotEqual(status, 0, text)
 
+    def test_lockstep_runs_replay_bit_by_bit_with_the_samples_that_were_sent(self):
+        for form in ("pcapng", "candump"):
+            self.capture = Path(self.folder.name) / form
+            arguments = ["--capture", str(self.capture), "--capture-format", form, "--sink", "null"]
+            with outside(2.0, 0.01, arguments) as loop:
+                loop.jitter([0.0005 * k, 20.0 * math.sin(k), 0.0, 0.0] for k in range(4000))
+                loop.step(until_s=0.72)
+                loop.camera(exposure_us=30000)
+                loop.step(until_s=2.0)
+                frames = loop.finish()["frames"]["delivered"]
+            status, text = self.replay()
+            self.assertEqual((status, text.strip()), (0, f"{frames} of {frames} frames bit-identical"))
+            table = self.capture / "samples.csv"
+            rows = table.read_text().splitlines(keepends=True)
+            changed = [self.turned(row) if row.startswith("attitude") else row for row in rows]
+            table.write_text("".join(changed))
+            self.assertNotEqual(self.replay()[0], 0, "control: other attitudes")
+            table.write_text("".join(rows[:-1]))
+            status, text = self.replay()
+            self.assertIn("samples", text)
+            self.assertNotEqual(status, 0, "control: a sample less")
+
+    @staticmethod
+    def turned(row):
+        """A row of an attitude about a milliradian aside."""
+        fields = row.split(",")
+        w, x, y, z = map(float, fields[2:6])
+        fields[2:6] = map(repr, (w - 0.0005 * x, x + 0.0005 * w, y + 0.0005 * z, z - 0.0005 * y))
+        norm = math.sqrt(1.0 + 0.0005**2)
+        fields[2:6] = (repr(float(field) / norm) for field in fields[2:6])
+        return ",".join(fields)
+
     def test_commands_do_not_change_what_repeats(self):
         def crc32():
             with outside(1.5, 0.01) as loop:
