@@ -11,10 +11,10 @@ import json
 import math
 import struct
 
-MAJOR, MINOR = 1, 3
+MAJOR, MINOR = 1, 4
 REJECTS = ["NotFinite", "QuaternionNorm", "BadCrc", "WrongLength", "TornGroup", "UnknownId", "UnknownValue",
            "WrongVersion", "ReplayedSequence", "StaleTime", "FutureTime", "BadFraming", "Oversize"]
-NUMBERS = {"SYNC": 0x08, "EXPOSURE": 0x18, "STATUS": 0x19, "TIME_FUP": 0x20, "ATT_Q01": 0x21, "ATT_Q23": 0x22,
+NUMBERS = {"SYNC": 0x08, "EXPOSURE": 0x18, "STATUS": 0x19, "CAMERA_STATUS": 0x1A, "TIME_FUP": 0x20, "ATT_Q01": 0x21, "ATT_Q23": 0x22,
            "ATT_W": 0x23, "ATT_A": 0x24, "ATT_T": 0x25, "WHEELS": 0x28, "JITTER": 0x2A, "ATT_FD": 0x30,
            "JITTER_FD": 0x31, "TABLE": 0x48, "RSP": 0x58, "CMD": 0x60, "HEARTBEAT": 0x70}
 
@@ -95,11 +95,22 @@ def status(f):
     return struct.pack("<BBHI", page, f["frame"], f["flags"], f["turns_2_32"])
 
 
+def camera_status(f):
+    head = struct.pack("<BBB", f["page"], f["head"], f["frame"])
+    if f["page"] == 0:
+        return head + struct.pack("<BI", f["started_by"], f["exposure_us"])
+    if f["page"] == 1:
+        return head + struct.pack("<H", f["gain_cdb"]) + struct.pack("<I", f["black_level_dn_16"])[:3]
+    return head + struct.pack("<BI", 0, f["delay_us"])
+
+
 def command(f):
     arguments = {1: lambda: struct.pack("<BBI", f["major"], f["minor"], 0),
                  2: lambda: struct.pack("<B5x", f["page"]),
                  5: lambda: struct.pack("<BBHH", f["table"], f["rows"], f["crc16"], f["seed"]),
-                 6: lambda: struct.pack("<HI", f["trigger"], f["at_us"])}
+                 6: lambda: struct.pack("<HI", f["trigger"], f["at_us"]),
+                 7: lambda: struct.pack("<BBI", f["camera_kind"], f["head"], f["camera_value"]),
+                 8: lambda: struct.pack("<BBI", f["head"], 0, f["at_us"])}
     return bytes([f["opcode"], f["token"]]) + arguments.get(f["opcode"], lambda: bytes(6))()
 
 
@@ -108,7 +119,9 @@ def response(f):
                2: lambda: (struct.pack("<BI", 0, f["dbc_crc32"]) if f["page"] == 0
                            else struct.pack("<BHH", 1, f["attitude_hz"], f["jitter_hz"])),
                5: lambda: struct.pack("<BB3x", f["table"], f["rows"]),
-               6: lambda: struct.pack("<HB2x", f["trigger"], f["late"])}
+               6: lambda: struct.pack("<HB2x", f["trigger"], f["late"]),
+               7: lambda: struct.pack("<BB3x", f["camera_kind"], f["head"]),
+               8: lambda: struct.pack("<BB3x", f["head"], f["late"])}
     done = results.get(f["opcode"], lambda: bytes(5)) if f["code"] == 0 else lambda: bytes(5)
     return bytes([f["opcode"], f["token"], f["code"]]) + done()
 
@@ -118,6 +131,7 @@ PAYLOADS = {
     "TIME_FUP": lambda f: struct.pack("<II", f["seconds"], f["fraction_2_24"])[:7] + bytes([f["counter"]]),
     "EXPOSURE": lambda f: struct.pack("<BBIH", f["frame"], f["attitude_seq"], f["mid_exposure_us"], f["age_us"] // 10),
     "STATUS": status,
+    "CAMERA_STATUS": camera_status,
     "WHEELS": lambda f: struct.pack("<4h", *[counts(value, 0.25) for value in f["speed_rpm"]]),
     "JITTER": jitter,
     "ATT_FD": attitude,
@@ -244,6 +258,28 @@ def messages():
     for page, flags in ((4, 1), (5, 2), (6, 3), (6, 0x8000)):
         add(f"status: pointing, page {page}, flags {flags:#x}", "STATUS", page=page, frame=201, turns_2_32=turns[page], flags=flags)
     add("trigger refused, code 11", "RSP", opcode=6, token=18, code=11)
+    # Since 1.4; the bytes above are those of 1.3.
+    add("hello of a 1.4 peer", "CMD", opcode=1, token=19, major=1, minor=4)
+    add("hello done by 1.4", "RSP", opcode=1, token=19, code=0, major=1, minor=4, capabilities=31, attitude_convention=1)
+    for kind in range(1, 13):
+        add(f"camera, kind {kind}", "CMD", opcode=7, token=20, camera_kind=kind, head=kind, camera_value=0x12345678 + kind)
+    add("camera, all heads", "CMD", opcode=7, token=21, camera_kind=1, head=255, camera_value=4294967295)
+    add("camera, a kind of a later version", "CMD", opcode=7, token=22, camera_kind=200, head=0, camera_value=0)
+    add("camera trigger at an instant", "CMD", opcode=8, token=23, head=1, at_us=67305985)
+    add("camera trigger at once, all heads", "CMD", opcode=8, token=24, head=255, at_us=0)
+    add("camera set", "RSP", opcode=7, token=20, code=0, camera_kind=2, head=15)
+    add("camera triggered", "RSP", opcode=8, token=23, code=0, head=1, late=0)
+    add("camera triggered late", "RSP", opcode=8, token=24, code=0, head=255, late=1)
+    for code in range(12, 16):
+        add(f"camera refused, code {code}", "RSP", opcode=7, token=25, code=code)
+    add("camera trigger refused, code 14", "RSP", opcode=8, token=26, code=14)
+    for started_by in range(6):
+        add(f"camera status: exposure started by {started_by}", "CAMERA_STATUS", page=0, head=started_by, frame=200,
+            started_by=started_by, exposure_us=50000 + started_by)
+    add("camera status: levels", "CAMERA_STATUS", page=1, head=0, frame=201, gain_cdb=600, black_level_dn_16=1024)
+    add("camera status: largest levels", "CAMERA_STATUS", page=1, head=15, frame=255, gain_cdb=65535,
+        black_level_dn_16=16777215)
+    add("camera status: trigger", "CAMERA_STATUS", page=2, head=0, frame=202, delay_us=0x12345678)
     return out
 
 
@@ -312,10 +348,12 @@ def can_rejected():
     yield "status page 7", [("STATUS", changed(bytes(8), 0, 7))], "UnknownValue"
     yield "status mode 5", [("STATUS", changed(bytes(8), 1, 5))], "UnknownValue"
     yield "status reason 13", [("STATUS", b"\3\x0d" + bytes(6))], "UnknownValue"
-    yield "response of opcode 7", [("RSP", b"\7" + bytes(7))], "UnknownValue"
-    yield "response with code 12", [("RSP", b"\5\0\x0c" + bytes(5))], "UnknownValue"
+    yield "response of opcode 9", [("RSP", b"\x09" + bytes(7))], "UnknownValue"
+    yield "response with code 16", [("RSP", b"\5\0\x10" + bytes(5))], "UnknownValue"
     yield "response with page 2", [("RSP", b"\2\0\0\2" + bytes(4))], "UnknownValue"
     yield "response for table 4", [("RSP", b"\5\0\0\4" + bytes(4))], "UnknownValue"
+    yield "camera status page 3", [("CAMERA_STATUS", changed(bytes(8), 0, 3))], "UnknownValue"
+    yield "camera status started by 6", [("CAMERA_STATUS", changed(bytes(8), 3, 6))], "UnknownValue"
     yield "heartbeat state 4", [("HEARTBEAT", b"\4\1")], "UnknownValue"
     yield "table 0", [("TABLE", table(0, 0, 0))], "UnknownValue"
     yield "table 4", [("TABLE", table(4, 0, 0))], "UnknownValue"

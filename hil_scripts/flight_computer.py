@@ -218,7 +218,7 @@ class FlightComputer:
         raise TimeoutError(f"no answer to {what} within {10 * RETRY_S:.0f} s")
 
     def shake_hands(self):
-        hello = self.ask("HELLO", Major=1, Minor=3)
+        hello = self.ask("HELLO", Major=1, Minor=4)
         info = self.ask("INFO", InfoPage=0)
         self.ask("RUN")
         return hello, info

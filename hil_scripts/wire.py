@@ -34,6 +34,10 @@ REFUSALS = {
     9: "its instant is more than 1 h ahead or 5 min past",
     10: "64 triggers wait already",
     11: "no fault or event of the run waits for this number",
+    12: "the value is outside the range of the camera",
+    13: "the camera lacks what is set, or cannot be commanded",
+    14: "there is no such camera head",
+    15: "as many commands wait for exposures of the camera as it keeps",
 }
 # Bytes without a delimiter that are kept: no packet is as long.
 HELD_MAX = 4096

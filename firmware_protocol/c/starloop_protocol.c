@@ -301,6 +301,44 @@ static int get_status(const uint8_t *from, sl_status *status) {
     return is_status(status) ? SL_MESSAGE : SL_REJECTED(SL_UNKNOWN_VALUE);
 }
 
+static int is_camera_status(const sl_camera_status *status) {
+    if (status->page == 0) return status->started_by <= SL_STARTED_BY_CONTROL;
+    return status->page == 2 || (status->page == 1 && status->black_level_dn_16 < (uint32_t)1 << 24);
+}
+
+static int put_camera_status(const sl_camera_status *status, uint8_t *to) {
+    if (!is_camera_status(status)) return 0;
+    to[0] = status->page;
+    to[1] = status->head;
+    to[2] = status->frame;
+    if (status->page == 0) {
+        to[3] = status->started_by;
+        put32(to + 4, status->exposure_us);
+    } else if (status->page == 1) {
+        put32(to + 4, status->black_level_dn_16 << 8);
+        put16(to + 3, status->gain_cdb);
+    } else {
+        put32(to + 4, status->delay_us);
+    }
+    return 1;
+}
+
+static int get_camera_status(const uint8_t *from, sl_camera_status *status) {
+    status->page = from[0];
+    status->head = from[1];
+    status->frame = from[2];
+    if (status->page == 0) {
+        status->started_by = from[3];
+        status->exposure_us = get32(from + 4);
+    } else if (status->page == 1) {
+        status->gain_cdb = get16(from + 3);
+        status->black_level_dn_16 = get32(from + 4) >> 8;
+    } else {
+        status->delay_us = get32(from + 4);
+    }
+    return is_camera_status(status) ? SL_MESSAGE : SL_REJECTED(SL_UNKNOWN_VALUE);
+}
+
 static int is_table(uint8_t table) { return table >= SL_TABLE_LINES && table <= SL_TABLE_WHEEL_HARMONICS; }
 
 static int is_cell(const sl_table_cell *cell) {
@@ -341,6 +379,13 @@ static void put_command(const sl_command *command, uint8_t *to) {
     } else if (command->opcode == SL_TRIGGER) {
         put16(to + 2, command->trigger);
         put32(to + 4, command->at_us);
+    } else if (command->opcode == SL_CAMERA) {
+        to[2] = command->camera_kind;
+        to[3] = command->head;
+        put32(to + 4, command->camera_value);
+    } else if (command->opcode == SL_CAMERA_TRIGGER) {
+        to[2] = command->head;
+        put32(to + 4, command->at_us);
     }
 }
 
@@ -360,12 +405,19 @@ static void get_command(const uint8_t *from, sl_command *command) {
     } else if (command->opcode == SL_TRIGGER) {
         command->trigger = get16(from + 2);
         command->at_us = get32(from + 4);
+    } else if (command->opcode == SL_CAMERA) {
+        command->camera_kind = from[2];
+        command->head = from[3];
+        command->camera_value = get32(from + 4);
+    } else if (command->opcode == SL_CAMERA_TRIGGER) {
+        command->head = from[2];
+        command->at_us = get32(from + 4);
     }
 }
 
 static int is_response(const sl_response *response) {
-    if (response->code != SL_DONE) return response->code <= SL_UNKNOWN_TRIGGER;
-    if (response->opcode < SL_HELLO || response->opcode > SL_TRIGGER) return 0;
+    if (response->code != SL_DONE) return response->code <= SL_CAMERA_FULL;
+    if (response->opcode < SL_HELLO || response->opcode > SL_CAMERA_TRIGGER) return 0;
     if (response->opcode == SL_INFO && response->page > 1) return 0;
     return response->opcode != SL_APPLY || is_table(response->table);
 }
@@ -395,6 +447,12 @@ static int put_response(const sl_response *response, uint8_t *to) {
     } else if (response->opcode == SL_TRIGGER) {
         put16(to + 3, response->trigger);
         to[5] = response->late ? 1 : 0;
+    } else if (response->opcode == SL_CAMERA) {
+        to[3] = response->camera_kind;
+        to[4] = response->head;
+    } else if (response->opcode == SL_CAMERA_TRIGGER) {
+        to[3] = response->head;
+        to[4] = response->late ? 1 : 0;
     }
     return 1;
 }
@@ -422,6 +480,12 @@ static int get_response(const uint8_t *from, sl_response *response) {
     } else if (response->code == SL_DONE && response->opcode == SL_TRIGGER) {
         response->trigger = get16(from + 3);
         response->late = from[5] & 1;
+    } else if (response->code == SL_DONE && response->opcode == SL_CAMERA) {
+        response->camera_kind = from[3];
+        response->head = from[4];
+    } else if (response->code == SL_DONE && response->opcode == SL_CAMERA_TRIGGER) {
+        response->head = from[3];
+        response->late = from[4] & 1;
     }
     return is_response(response) ? SL_MESSAGE : SL_REJECTED(SL_UNKNOWN_VALUE);
 }
@@ -437,6 +501,7 @@ static int payload_len(uint8_t number) {
     case SL_JITTER_BURST: return 64;
     case SL_EXPOSURE:
     case SL_STATUS:
+    case SL_CAMERA_STATUS:
     case SL_TIME_FUP:
     case SL_WHEELS:
     case SL_JITTER_PAIR:
@@ -472,6 +537,7 @@ int sl_payload_encode(const sl_message *message, uint8_t payload[64]) {
     case SL_WHEELS: fits = put_wheels(&message->as.wheels, payload); break;
     case SL_EXPOSURE: put_exposure(&message->as.exposure, payload); break;
     case SL_STATUS: fits = put_status(&message->as.status, payload); break;
+    case SL_CAMERA_STATUS: fits = put_camera_status(&message->as.camera_status, payload); break;
     case SL_TABLE: fits = put_cell(&message->as.table, payload); break;
     case SL_COMMAND: put_command(&message->as.command, payload); break;
     case SL_RESPONSE: fits = put_response(&message->as.response, payload); break;
@@ -516,6 +582,7 @@ int sl_payload_decode(uint8_t number, const uint8_t *payload, size_t len, sl_mes
         message->as.exposure.age_us = (uint32_t)get16(payload + 6) * 10;
         break;
     case SL_STATUS: return get_status(payload, &message->as.status);
+    case SL_CAMERA_STATUS: return get_camera_status(payload, &message->as.camera_status);
     case SL_TABLE: return get_cell(payload, &message->as.table);
     case SL_COMMAND: get_command(payload, &message->as.command); break;
     case SL_RESPONSE: return get_response(payload, &message->as.response);

@@ -1,4 +1,4 @@
-/* Messages between flight firmware and the starloop star-sensor stimulator, protocol 1.3, in C99.
+/* Messages between flight firmware and the starloop star-sensor stimulator, protocol 1.4, in C99.
  *
  * No allocation, no global state, no library beyond <stdint.h>, <stddef.h> and <string.h>. INTERFACE.md gives every
  * byte. Two implementations stand behind this header: starloop_protocol.c, and the Rust crate as a static library
@@ -20,13 +20,14 @@ extern "C" {
 #endif
 
 #define SL_MAJOR 1
-#define SL_MINOR 3
+#define SL_MINOR 4
 
 /* Message numbers: CAN identifier = base + (number << 4 | node), SYNC without node; the type of a serial packet. */
 enum {
     SL_SYNC = 0x08,
     SL_EXPOSURE = 0x18,
     SL_STATUS = 0x19,
+    SL_CAMERA_STATUS = 0x1A,
     SL_TIME_FUP = 0x20,
     SL_ATT_Q01 = 0x21, /* 0x21 to 0x25: the classic attitude group; its message is SL_ATTITUDE */
     SL_ATT_Q23 = 0x22,
@@ -142,6 +143,28 @@ typedef struct {
     uint16_t flags;         /* pages 4, 5, 6: SL_FRAME_..., since protocol 1.3; other bits are reserved */
 } sl_status;
 
+/* What started an exposure. */
+enum {
+    SL_STARTED_BY_RATE = 0,
+    SL_STARTED_BY_SOFTWARE = 1,
+    SL_STARTED_BY_ACTION = 2,
+    SL_STARTED_BY_BUS = 3,
+    SL_STARTED_BY_LINE = 4,
+    SL_STARTED_BY_CONTROL = 5
+};
+
+/* What an exposure of a camera was taken with, since protocol 1.4. One page; the fields of the other pages are zero. */
+typedef struct {
+    uint8_t page;               /* 0 exposure, 1 levels, 2 trigger */
+    uint8_t head;               /* camera head */
+    uint8_t frame;              /* modulo 256 */
+    uint8_t started_by;         /* page 0: SL_STARTED_BY_... */
+    uint32_t exposure_us;       /* page 0 */
+    uint16_t gain_cdb;          /* page 1: 0.01 dB beyond the gain of the camera's file */
+    uint32_t black_level_dn_16; /* page 1: 1/16 DN, below 2^24 */
+    uint32_t delay_us;          /* page 2: from the trigger to the start of the exposure */
+} sl_camera_status;
+
 enum { SL_TABLE_LINES = 1, SL_TABLE_PSD = 2, SL_TABLE_WHEEL_HARMONICS = 3 };
 
 typedef struct {
@@ -151,7 +174,34 @@ typedef struct {
     float value;
 } sl_table_cell;
 
-enum { SL_HELLO = 1, SL_INFO = 2, SL_RUN = 3, SL_STOP = 4, SL_APPLY = 5, SL_TRIGGER = 6 };
+enum {
+    SL_HELLO = 1,
+    SL_INFO = 2,
+    SL_RUN = 3,
+    SL_STOP = 4,
+    SL_APPLY = 5,
+    SL_TRIGGER = 6,
+    SL_CAMERA = 7,
+    SL_CAMERA_TRIGGER = 8
+};
+
+/* What SL_CAMERA sets, and the unit of its value. */
+enum {
+    SL_CAMERA_EXPOSURE = 1,       /* us */
+    SL_CAMERA_GAIN = 2,           /* 0.01 dB beyond the gain of the camera's file */
+    SL_CAMERA_BLACK_LEVEL = 3,    /* 1/16 DN */
+    SL_CAMERA_FRAME_PERIOD = 4,   /* us; 0: as fast as exposure and readout allow */
+    SL_CAMERA_TRIGGERED = 5,      /* 0, 1 */
+    SL_CAMERA_TRIGGER_DELAY = 6,  /* us */
+    SL_CAMERA_OVERLAP = 7,        /* 0 off, 1 readout, 2 previous frame */
+    SL_CAMERA_BURST = 8,          /* exposures of one trigger */
+    SL_CAMERA_EXPOSURE_MODE = 9,  /* 0 timed, 1 width of the trigger */
+    SL_CAMERA_AUTO_EXPOSURE = 10, /* 0 off, 1 once, 2 continuous */
+    SL_CAMERA_AUTO_GAIN = 11,     /* the same */
+    SL_CAMERA_REPORT = 12         /* 1: SL_CAMERA_STATUS for each frame of every head; 0: none */
+};
+
+#define SL_ALL_HEADS 255
 
 /* The arguments of the other opcodes are zero. */
 typedef struct {
@@ -162,7 +212,10 @@ typedef struct {
     uint8_t table, rows;   /* SL_APPLY */
     uint16_t crc16, seed;  /* SL_APPLY */
     uint16_t trigger;      /* SL_TRIGGER */
-    uint32_t at_us;        /* SL_TRIGGER: when it acts; 0 at once */
+    uint32_t at_us;        /* SL_TRIGGER, SL_CAMERA_TRIGGER: when it acts; 0 at once */
+    uint8_t camera_kind;   /* SL_CAMERA: SL_CAMERA_EXPOSURE to SL_CAMERA_REPORT */
+    uint8_t head;          /* SL_CAMERA, SL_CAMERA_TRIGGER: 0 to 15, or SL_ALL_HEADS */
+    uint32_t camera_value; /* SL_CAMERA */
 } sl_command;
 
 /* Codes of a response. */
@@ -178,7 +231,11 @@ enum {
     SL_NO_TIME_YET = 8,
     SL_TRIGGER_TIME = 9,
     SL_TRIGGERS_FULL = 10,
-    SL_UNKNOWN_TRIGGER = 11
+    SL_UNKNOWN_TRIGGER = 11,
+    SL_CAMERA_RANGE = 12,
+    SL_CAMERA_UNSUPPORTED = 13,
+    SL_UNKNOWN_HEAD = 14,
+    SL_CAMERA_FULL = 15
 };
 
 /* Bits of capabilities. */
@@ -186,6 +243,7 @@ enum {
 #define SL_CAN_JITTER 2
 #define SL_CAN_WHEELS 4
 #define SL_CAN_TRIGGERS 8
+#define SL_CAN_CAMERA 16
 
 /* What does not belong to the opcode, and all of it when code is not SL_DONE, is zero. */
 typedef struct {
@@ -200,7 +258,9 @@ typedef struct {
     uint16_t attitude_hz, jitter_hz; /* SL_INFO, page 1 */
     uint8_t table, rows;            /* SL_APPLY */
     uint16_t trigger;               /* SL_TRIGGER */
-    uint8_t late;                   /* SL_TRIGGER: 1 when its instant had passed: it acts at once */
+    uint8_t late;                   /* SL_TRIGGER, SL_CAMERA_TRIGGER: 1 when its instant had passed: it acts at once */
+    uint8_t camera_kind;            /* SL_CAMERA */
+    uint8_t head;                   /* SL_CAMERA, SL_CAMERA_TRIGGER */
 } sl_response;
 
 typedef struct {
@@ -220,6 +280,7 @@ typedef struct {
         sl_wheels wheels;
         sl_exposure exposure;
         sl_status status;
+        sl_camera_status camera_status;
         sl_table_cell table;
         sl_command command;
         sl_response response;

@@ -1,12 +1,13 @@
-//! The receiving side of HELLO, INFO, RUN, STOP, APPLY and TRIGGER.
+//! The receiving side of HELLO, INFO, RUN, STOP, APPLY, TRIGGER, CAMERA and CAMERA_TRIGGER.
 //!
-//! A retry with the token of the last command gets the same answer and changes nothing. RUN, APPLY and TRIGGER need a
-//! HELLO of the same major version first. Without the capability of parameter tables, APPLY is an unknown opcode, as in
-//! 1.0; without that of triggers, TRIGGER is one, as in 1.1. A peer gets the refusal codes of its own minor version
+//! A retry with the token of the last command gets the same answer and changes nothing. RUN, APPLY, TRIGGER and the camera's
+//! commands need a HELLO of the same major version first. Without the capability of parameter tables, APPLY is an unknown
+//! opcode, as in 1.0; without that of triggers, TRIGGER is one, as in 1.1; without that of cameras, theirs are, as in 1.3. A peer gets the refusal codes of its own minor version
 //! ([`crate::message::Refusal::for_minor`]).
 
 use crate::message::{
-    Command, Identity, Info, Rates, Refusal, Reply, Request, Response, Table, Trigger, Triggered, capability,
+    CameraSet, CameraSetting, CameraTrigger, CameraTriggered, Command, Identity, Info, Rates, Refusal, Reply, Request,
+    Response, Table, Trigger, Triggered, capability,
 };
 use crate::tables::TableStore;
 use crate::{ATTITUDE_CONVENTION, version};
@@ -44,6 +45,44 @@ pub enum Did {
     Applied(Table),
     /// A trigger was taken.
     Triggered(Triggered),
+    /// A camera took a setting or a trigger.
+    Camera,
+}
+
+/// Who takes in what the handshake itself does not do. It is called once per command, not for a retry.
+pub trait Takes {
+    /// Takes a trigger in.
+    ///
+    /// # Errors
+    /// Why not.
+    fn trigger(&mut self, _trigger: Trigger) -> Result<Triggered, Refusal> {
+        Err(Refusal::UnknownOpcode)
+    }
+
+    /// Takes a setting of a camera in.
+    ///
+    /// # Errors
+    /// Why not.
+    fn camera(&mut self, _setting: CameraSetting) -> Result<(), Refusal> {
+        Err(Refusal::UnknownOpcode)
+    }
+
+    /// Takes a trigger of a camera in; returns true when its instant has passed.
+    ///
+    /// # Errors
+    /// Why not.
+    fn camera_trigger(&mut self, _trigger: CameraTrigger) -> Result<bool, Refusal> {
+        Err(Refusal::UnknownOpcode)
+    }
+}
+
+/// Takes triggers only.
+struct ByFiring<F>(Option<F>);
+
+impl<F: FnOnce(Trigger) -> Result<Triggered, Refusal>> Takes for ByFiring<F> {
+    fn trigger(&mut self, trigger: Trigger) -> Result<Triggered, Refusal> {
+        self.0.take().map_or(Err(Refusal::UnknownOpcode), |fire| fire(trigger))
+    }
 }
 
 impl Handshake {
@@ -79,13 +118,18 @@ impl Handshake {
         tables: &mut TableStore,
         fire: impl FnOnce(Trigger) -> Result<Triggered, Refusal>,
     ) -> Answer {
+        self.answer_by(command, tables, &mut ByFiring(Some(fire)))
+    }
+
+    /// The same by a side that takes what its capabilities name: `takes` takes it in, or says why not.
+    pub fn answer_by(&mut self, command: &Command, tables: &mut TableStore, takes: &mut impl Takes) -> Answer {
         if let Some((last, response)) = self.last
             && last == *command
         {
             return Answer { response, did: None };
         }
         let was_running = self.running;
-        let reply = self.reply(command.request, tables, fire);
+        let reply = self.reply(command.request, tables, takes);
         let response = Response { token: command.token, reply };
         self.last = Some((*command, response));
         Answer { response, did: self.did(&reply, was_running) }
@@ -95,18 +139,15 @@ impl Handshake {
         match (reply, was_running, self.running) {
             (Reply::Applied(applied), ..) => Some(Did::Applied(applied.table)),
             (Reply::Triggered(triggered), ..) => Some(Did::Triggered(*triggered)),
+            (Reply::CameraSet(_) | Reply::CameraTriggered(_), ..) => Some(Did::Camera),
             (_, false, true) => Some(Did::Run),
             (_, true, false) => Some(Did::Stop),
             _ => None,
         }
     }
 
-    fn reply(
-        &mut self,
-        request: Request,
-        tables: &mut TableStore,
-        fire: impl FnOnce(Trigger) -> Result<Triggered, Refusal>,
-    ) -> Reply {
+    fn reply(&mut self, request: Request, tables: &mut TableStore, takes: &mut impl Takes) -> Reply {
+        let minor = self.peer_minor;
         let refused = |reason| Reply::Refused { opcode: request.opcode(), reason };
         match request {
             Request::Hello(peer) => {
@@ -126,18 +167,32 @@ impl Handshake {
                 self.running = false;
                 Reply::Stop
             }
+            Request::Camera(_) | Request::CameraTrigger(_) if self.capabilities & capability::CAMERA == 0 => {
+                refused(Refusal::UnknownOpcode)
+            }
             Request::Apply { .. } if self.capabilities & capability::PARAMETER_TABLES == 0 => {
                 refused(Refusal::UnknownOpcode)
             }
             Request::Trigger(_) if self.capabilities & capability::TRIGGERS == 0 => refused(Refusal::UnknownOpcode),
-            Request::Apply { .. } | Request::Trigger(_) if !self.agreed => refused(Refusal::NoHandshake),
+            Request::Apply { .. } | Request::Trigger(_) | Request::Camera(_) | Request::CameraTrigger(_)
+                if !self.agreed =>
+            {
+                refused(Refusal::NoHandshake)
+            }
             Request::Apply { table, rows, crc, seed } => {
                 tables.apply(table, rows, crc, seed).map_or_else(refused, Reply::Applied)
             }
             Request::Trigger(trigger) => {
-                let minor = self.peer_minor;
-                fire(trigger).map_or_else(|reason| refused(reason.for_minor(minor)), Reply::Triggered)
+                takes.trigger(trigger).map_or_else(|reason| refused(reason.for_minor(minor)), Reply::Triggered)
             }
+            Request::Camera(setting) => match takes.camera(setting) {
+                Ok(()) => Reply::CameraSet(CameraSet { kind: setting.kind, head: setting.head }),
+                Err(reason) => refused(reason.for_minor(minor)),
+            },
+            Request::CameraTrigger(trigger) => match takes.camera_trigger(trigger) {
+                Ok(is_late) => Reply::CameraTriggered(CameraTriggered { head: trigger.head, is_late }),
+                Err(reason) => refused(reason.for_minor(minor)),
+            },
             Request::Unknown { .. } => refused(Refusal::UnknownOpcode),
         }
     }
@@ -240,8 +295,57 @@ mod tests {
             let answer = handshake.answer_with(&command, &mut tables, |_| Err(Refusal::UnknownTrigger));
             assert_eq!(answer.response.reply, Reply::Refused { opcode: 6, reason: wanted }, "HELLO 1.{minor}");
         }
+        for reason in [Refusal::CameraRange, Refusal::CameraUnsupported, Refusal::UnknownHead, Refusal::CameraFull] {
+            assert_eq!((reason.for_minor(3), reason.for_minor(4)), (Refusal::UnknownOpcode, reason));
+        }
         // Negative control: the codes of 1.2 are sent as they are.
         assert!(Refusal::ALL.iter().take(10).all(|reason| reason.for_minor(0) == *reason));
+    }
+
+    /// Counts what it takes; refuses head 3.
+    #[derive(Default)]
+    struct Cameras {
+        settings: u32,
+        triggers: u32,
+    }
+
+    impl Takes for Cameras {
+        fn camera(&mut self, setting: CameraSetting) -> Result<(), Refusal> {
+            self.settings += 1;
+            if setting.head == 3 { Err(Refusal::UnknownHead) } else { Ok(()) }
+        }
+
+        fn camera_trigger(&mut self, trigger: CameraTrigger) -> Result<bool, Refusal> {
+            self.triggers += 1;
+            Ok(!trigger.is_at_once())
+        }
+    }
+
+    #[test]
+    fn camera_commands_need_capability_and_hello_and_are_done_once() {
+        let setting = |head| Request::Camera(CameraSetting { kind: 1, head, value: 5000 });
+        let trigger = |at_us| Request::CameraTrigger(CameraTrigger { head: 255, at_us });
+        let refused = |opcode, reason| Reply::Refused { opcode, reason };
+        let (mut cameras, mut tables) = (Cameras::default(), TableStore::new());
+        let mut say = |handshake: &mut Handshake, token, request| {
+            let answer = handshake.answer_by(&Command { token, request }, &mut tables, &mut cameras);
+            (answer.response.reply, answer.did, (cameras.settings, cameras.triggers))
+        };
+        let mut without = new().with_capabilities(capability::TRIGGERS);
+        say(&mut without, 1, Request::Hello(version::CURRENT));
+        assert_eq!(say(&mut without, 2, setting(0)), (refused(7, Refusal::UnknownOpcode), None, (0, 0)), "as 1.3 says");
+        assert_eq!(say(&mut without, 3, trigger(0)), (refused(8, Refusal::UnknownOpcode), None, (0, 0)));
+        let mut with = new().with_capabilities(capability::CAMERA);
+        assert_eq!(say(&mut with, 1, setting(0)), (refused(7, Refusal::NoHandshake), None, (0, 0)));
+        say(&mut with, 2, Request::Hello(version::CURRENT));
+        let set = Reply::CameraSet(CameraSet { kind: 1, head: 0 });
+        assert_eq!(say(&mut with, 3, setting(0)), (set, Some(Did::Camera), (1, 0)));
+        assert_eq!(say(&mut with, 3, setting(0)), (set, None, (1, 0)), "a retry");
+        assert_eq!(say(&mut with, 4, setting(3)), (refused(7, Refusal::UnknownHead), None, (2, 0)));
+        let late = Reply::CameraTriggered(CameraTriggered { head: 255, is_late: true });
+        assert_eq!(say(&mut with, 5, trigger(9)), (late, Some(Did::Camera), (2, 1)));
+        let nobody = with.answer(&Command { token: 6, request: setting(0) }, &mut TableStore::new());
+        assert_eq!(nobody.response.reply, refused(7, Refusal::UnknownOpcode), "without anyone to take it");
     }
 
     #[test]

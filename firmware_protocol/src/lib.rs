@@ -17,7 +17,7 @@
 //! Bad input never panics: each refusal is one [`Reject`], to be counted in [`RejectCounters`].
 //! For other languages: `INTERFACE.md` (byte tables), `dbc/`, `c/` (C99), `staticlib/` (this crate behind the C header),
 //! `vectors.json` (bytes of every message).
-//! `tests/frozen_v1.rs` holds the exact bytes, `tests/properties` the round trips, damage and arbitrary input.
+//! `tests/frozen_*.rs` hold the exact bytes, `tests/properties` the round trips, damage and arbitrary input.
 
 #![no_std]
 #![forbid(unsafe_code)]
@@ -33,7 +33,7 @@ pub mod can;
 /// CRC-16/IBM-3740.
 pub mod crc;
 mod encode_error;
-/// The receiving side of HELLO, INFO, RUN, STOP, APPLY and TRIGGER.
+/// The receiving side of HELLO, INFO, RUN, STOP, APPLY, TRIGGER, CAMERA and CAMERA_TRIGGER.
 pub mod handshake;
 /// What is said, whatever carries it.
 pub mod message;

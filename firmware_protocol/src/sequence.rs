@@ -50,6 +50,7 @@ impl Sequences {
             | Message::Table(_)
             | Message::Exposure(_)
             | Message::Status(_)
+            | Message::Camera(_)
             | Message::Command(_)
             | Message::Response(_)
             | Message::Heartbeat(_) => {}

@@ -202,9 +202,9 @@ fn a_peer_of_1_0_works_as_before() {
     // A 1.0 flight computer says 1.0 and reads major, minor, capabilities and convention at the same places.
     let mut handshake = peer(0x7);
     let answer = handshake.answer(&hello(0), &mut store);
-    let identity = Identity { version: Version { major: 1, minor: 3 }, capabilities: 7, attitude_convention: 1 };
+    let identity = Identity { version: Version { major: 1, minor: 4 }, capabilities: 7, attitude_convention: 1 };
     assert_eq!(answer.response.reply, Reply::Hello(identity));
-    assert_eq!(Message::Response(answer.response).payload().unwrap().as_slice(), [1, 1, 0, 1, 3, 7, 0, 1]);
+    assert_eq!(Message::Response(answer.response).payload().unwrap().as_slice(), [1, 1, 0, 1, 4, 7, 0, 1]);
     let run = Command { token: 2, request: Request::Run };
     assert_eq!(handshake.answer(&run, &mut store).response.reply, Reply::Run);
     // A stimulator without tables answers APPLY as 1.0 does: an unknown opcode, which this version can read.

@@ -199,6 +199,7 @@ impl Port {
             | Message::Wheels(_)
             | Message::Exposure(_)
             | Message::Status(_)
+            | Message::Camera(_)
             | Message::Command(_)
             | Message::Response(_)
             | Message::Table(_)

@@ -168,7 +168,8 @@ pub(crate) fn exam_of_bytes(seed: u64, inputs: usize) -> Exam {
 
 /// A packet that is whole, of any version, type and payload.
 fn random_packet(samples: &mut Samples) -> Vec<u8> {
-    let number = firmware_protocol::MessageId::ALL[usize::try_from(samples.below(17)).unwrap()].number();
+    let ids = firmware_protocol::MessageId::ALL;
+    let number = ids[usize::try_from(samples.below(ids.len() as u64)).unwrap()].number();
     let len = [1_u8, 2, 8, 8, 48, 64][usize::try_from(samples.below(6)).unwrap()];
     let major = if samples.below(4) == 0 { samples.u8() } else { 1 };
     let number = if samples.below(4) == 0 { samples.u8() } else { number };
@@ -189,7 +190,7 @@ pub(crate) fn exam_of_payloads(seed: u64, inputs: usize) -> Exam {
         let id = ids[usize::try_from(samples.below(ids.len() as u64)).unwrap()];
         let len = [1, 2, 8, 8, 8, 8, 48, 64][usize::try_from(samples.below(8)).unwrap()];
         let mut data: Vec<u8> = (0..len).map(|_| samples.u8()).collect();
-        data[0] %= 9;
+        data[0] %= 11;
         if samples.below(2) == 0 {
             data.iter_mut().skip(1).take(3).for_each(|byte| *byte %= 6);
         }
@@ -254,8 +255,11 @@ fn exam_of_edges() -> Exam {
     examine_restart(&mut exam);
     // What the Rust types cannot say: illegal enumerations and counts.
     for illegal in
-        ["25 0 5 0 0", "25 3 13 0", "25 7 0 0", "88 7 0 0", "88 5 0 12", "88 2 0 0 2", "88 5 0 0 4", "112 4 1"]
+        ["25 0 5 0 0", "25 3 13 0", "25 7 0 0", "88 9 0 0", "88 5 0 16", "88 2 0 0 2", "88 5 0 0 4", "112 4 1"]
     {
+        exam.put("illegal", format!("encode 1 0 0 {illegal}"), "error -1".into());
+    }
+    for illegal in ["26 3 0 0 0", "26 0 0 0 6 0", "26 1 0 0 0 16777216"] {
         exam.put("illegal", format!("encode 1 0 0 {illegal}"), "error -1".into());
     }
     for illegal in

@@ -5,8 +5,8 @@ use crate::dbc_signals::{decode, expected, is_active};
 use crate::samples::{KINDS, Samples};
 use can_dbc::{AttributeValue, Dbc, MessageId as DbcId, NumericValue};
 use firmware_protocol::can::{self, CanFrame, Format, IdMap};
-use firmware_protocol::message::{MessageId, Refusal, Table};
-use firmware_protocol::{Message, Reject};
+use firmware_protocol::message::{CameraKind, MessageId, Refusal, StartedBy, Table};
+use firmware_protocol::{Message, Reject, version};
 use std::collections::BTreeSet;
 
 /// Random messages of each kind and format.
@@ -213,6 +213,40 @@ fn enumerations_have_the_names_of_the_crate() {
     assert_eq!(names("VAL_ 1408 Code")[1..], debug(&refusals)[..]);
     let tables: Vec<&dyn std::fmt::Debug> = Table::ALL.iter().map(|table| table as _).collect();
     assert_eq!(names("VAL_ 1152 TableNumber"), debug(&tables));
+    let kinds: Vec<&dyn std::fmt::Debug> = CameraKind::ALL.iter().map(|kind| kind as _).collect();
+    assert_eq!(names("VAL_ 1536 CameraKind"), debug(&kinds));
+    assert_eq!(names("VAL_ 1408 CameraKind"), debug(&kinds));
+    let starts: Vec<&dyn std::fmt::Debug> = StartedBy::ALL.iter().map(|source| source as _).collect();
+    assert_eq!(names("VAL_ 416 StartedBy"), debug(&starts));
+}
+
+/// Places of the kit that name a version: what each says, and what the crate says.
+fn named_versions(dbc: &str, header: &str, document: &str) -> Vec<(String, String)> {
+    let version = format!("{}.{}", version::MAJOR, version::MINOR);
+    let between = |text: &str, start: &str, end: &str| {
+        let rest = text.split_once(start).unwrap_or_else(|| panic!("no {start}")).1;
+        rest.split_once(end).unwrap().0.to_owned()
+    };
+    let said = [
+        between(dbc, "VERSION \"", "\""),
+        between(dbc, "stimulator, protocol ", ","),
+        between(header, "stimulator, protocol ", ","),
+        between(document, "stimulator, protocol ", "\n"),
+    ];
+    let minor = between(header, "#define SL_MINOR ", "\n");
+    said.map(|said| (said, version.clone())).into_iter().chain([(minor, version::MINOR.to_string())]).collect()
+}
+
+#[test]
+fn every_file_of_the_kit_names_the_version_of_the_crate() {
+    let [dbc, header, document] = ["dbc/starloop.dbc", "c/starloop_protocol.h", "INTERFACE.md"].map(crate::text);
+    for (said, wanted) in named_versions(&dbc, &header, &document) {
+        assert_eq!(said, wanted);
+    }
+    // Negative control: the version that the DBC file said for too long.
+    let wrong = dbc.replacen(&format!("VERSION \"1.{}\"", version::MINOR), "VERSION \"1.2\"", 1);
+    let differ = named_versions(&wrong, &header, &document).into_iter().filter(|(said, wanted)| said != wanted);
+    assert_eq!(differ.count(), 1);
 }
 
 #[test]

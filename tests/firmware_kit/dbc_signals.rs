@@ -3,7 +3,8 @@
 use can_dbc::{Dbc, Message as Described, MultiplexIndicator, Signal, SignalExtendedValueType, ValueType};
 use firmware_protocol::Message;
 use firmware_protocol::message::{
-    AttitudeRecord, Command, Info, MessageId, PointingAngle, Reply, Request, Response, StatusPage, Table, TableCell,
+    AttitudeRecord, CameraPage, CameraStatus, Command, Info, MessageId, PointingAngle, Reply, Request, Response,
+    StatusPage, Table, TableCell,
 };
 
 /// Bits of a signal, least significant first.
@@ -117,6 +118,7 @@ pub(crate) fn expected(message: &Message, frame: MessageId, data: &[u8]) -> Expe
             exact("Age", exposure.age_us()),
         ],
         Message::Status(page) => status(page),
+        Message::Camera(status) => camera_status(status),
         Message::Table(cell) => table(cell),
         Message::Command(command) => request(command),
         Message::Response(response) => reply(response),
@@ -187,6 +189,21 @@ fn status(page: &StatusPage) -> Expected {
     }
 }
 
+fn camera_status(status: &CameraStatus) -> Expected {
+    let mut signals =
+        vec![exact("Page", status.page.number()), exact("Head", status.head), exact("Frame", status.frame)];
+    signals.extend(match status.page {
+        CameraPage::Exposure { started_by, exposure_us } => {
+            vec![exact("StartedBy", started_by as u8), exact("ExposureTime", exposure_us)]
+        }
+        CameraPage::Levels { gain_cdb, black_level_dn_16 } => {
+            vec![exact("Gain", f64::from(gain_cdb) / 100.0), exact("BlackLevel", f64::from(black_level_dn_16) / 16.0)]
+        }
+        CameraPage::Trigger { delay_us } => vec![exact("TriggerDelay", delay_us)],
+    });
+    signals
+}
+
 fn table(cell: &TableCell) -> Expected {
     let (column, names): (_, &[&str]) = match cell.table {
         Table::Lines => {
@@ -219,6 +236,14 @@ fn request(command: &Command) -> Expected {
         ]),
         Request::Trigger(trigger) => {
             signals.extend([exact("TriggerNumber", trigger.number), exact("TriggerTime", trigger.at_us)]);
+        }
+        Request::Camera(setting) => signals.extend([
+            exact("CameraKind", setting.kind),
+            exact("CameraHead", setting.head),
+            exact("CameraValue", setting.value),
+        ]),
+        Request::CameraTrigger(trigger) => {
+            signals.extend([exact("CameraTriggerHead", trigger.head), exact("CameraTriggerTime", trigger.at_us)]);
         }
         Request::Run | Request::Stop | Request::Unknown { .. } => {}
     }
@@ -257,6 +282,17 @@ fn reply(response: &Response) -> Expected {
             signals.extend([exact("TriggeredNumber", triggered.number), exact("TriggeredLate", late)]);
             signals
         }
+        Reply::CameraSet(set) => {
+            let mut signals = head(7, 0);
+            signals.extend([exact("CameraKind", set.kind), exact("CameraHead", set.head)]);
+            signals
+        }
+        Reply::CameraTriggered(triggered) => {
+            let late = u8::from(triggered.is_late);
+            let mut signals = head(8, 0);
+            signals.extend([exact("CameraTriggeredHead", triggered.head), exact("CameraTriggeredLate", late)]);
+            signals
+        }
         // A refusal has zeros where the answer would stand, and the DBC reads them as such.
         Reply::Refused { opcode, reason } => {
             let mut signals = head(opcode, reason.code());
@@ -265,6 +301,8 @@ fn reply(response: &Response) -> Expected {
                 2 => vec![exact("InfoPage", 0), exact("DbcCrc32", 0)],
                 5 => vec![exact("AppliedTable", 0), exact("AppliedRows", 0)],
                 6 => vec![exact("TriggeredNumber", 0), exact("TriggeredLate", 0)],
+                7 => vec![exact("CameraKind", 0), exact("CameraHead", 0)],
+                8 => vec![exact("CameraTriggeredHead", 0), exact("CameraTriggeredLate", 0)],
                 _ => vec![],
             });
             signals
@@ -277,6 +315,7 @@ fn hello(head: Expected, version: firmware_protocol::version::Version, capabilit
     let mut signals = head;
     signals.extend([exact("Major", version.major), exact("Minor", version.minor)]);
     signals.extend([bit("ParameterTables", 0), bit("JitterSamples", 1), bit("WheelSpeeds", 2), bit("Triggers", 3)]);
+    signals.push(bit("Cameras", 4));
     signals.push(exact("AttitudeConvention", convention));
     signals
 }

@@ -82,6 +82,21 @@ static void read_status(sl_status *status) {
     }
 }
 
+static void read_camera_status(sl_camera_status *status) {
+    status->page = u8();
+    status->head = u8();
+    status->frame = u8();
+    if (status->page == 0) {
+        status->started_by = u8();
+        status->exposure_us = u32();
+    } else if (status->page == 1) {
+        status->gain_cdb = u16();
+        status->black_level_dn_16 = u32();
+    } else {
+        status->delay_us = u32();
+    }
+}
+
 static void read_response(sl_response *response) {
     response->opcode = u8();
     response->token = u8();
@@ -106,6 +121,12 @@ static void read_response(sl_response *response) {
     } else if (response->opcode == SL_TRIGGER) {
         response->trigger = u16();
         response->late = u8();
+    } else if (response->opcode == SL_CAMERA) {
+        response->camera_kind = u8();
+        response->head = u8();
+    } else if (response->opcode == SL_CAMERA_TRIGGER) {
+        response->head = u8();
+        response->late = u8();
     }
 }
 
@@ -124,6 +145,13 @@ static void read_command(sl_command *command) {
         command->seed = u16();
     } else if (command->opcode == SL_TRIGGER) {
         command->trigger = u16();
+        command->at_us = u32();
+    } else if (command->opcode == SL_CAMERA) {
+        command->camera_kind = u8();
+        command->head = u8();
+        command->camera_value = u32();
+    } else if (command->opcode == SL_CAMERA_TRIGGER) {
+        command->head = u8();
         command->at_us = u32();
     }
 }
@@ -173,6 +201,7 @@ static sl_message read_message(const char *from) {
         message.as.exposure.age_us = u32();
         break;
     case SL_STATUS: read_status(&message.as.status); break;
+    case SL_CAMERA_STATUS: read_camera_status(&message.as.camera_status); break;
     case SL_TABLE:
         message.as.table.table = u8();
         message.as.table.row = u8();
@@ -205,6 +234,13 @@ static void print_status(const sl_status *s) {
     else printf(" %u %lu %u", s->frame, (unsigned long)s->turns_2_32, s->flags);
 }
 
+static void print_camera_status(const sl_camera_status *s) {
+    printf(" %u %u %u", s->page, s->head, s->frame);
+    if (s->page == 0) printf(" %u %lu", s->started_by, (unsigned long)s->exposure_us);
+    else if (s->page == 1) printf(" %u %lu", s->gain_cdb, (unsigned long)s->black_level_dn_16);
+    else printf(" %lu", (unsigned long)s->delay_us);
+}
+
 static void print_response(const sl_response *r) {
     printf(" %u %u %u", r->opcode, r->token, r->code);
     if (r->code != SL_DONE) return;
@@ -213,6 +249,8 @@ static void print_response(const sl_response *r) {
     else if (r->opcode == SL_INFO) printf(" %u %u %u", r->page, r->attitude_hz, r->jitter_hz);
     else if (r->opcode == SL_APPLY) printf(" %u %u", r->table, r->rows);
     else if (r->opcode == SL_TRIGGER) printf(" %u %u", r->trigger, r->late);
+    else if (r->opcode == SL_CAMERA) printf(" %u %u", r->camera_kind, r->head);
+    else if (r->opcode == SL_CAMERA_TRIGGER) printf(" %u %u", r->head, r->late);
 }
 
 static void print_command(const sl_command *c) {
@@ -221,6 +259,8 @@ static void print_command(const sl_command *c) {
     else if (c->opcode == SL_INFO) printf(" %u", c->page);
     else if (c->opcode == SL_APPLY) printf(" %u %u %u %u", c->table, c->rows, c->crc16, c->seed);
     else if (c->opcode == SL_TRIGGER) printf(" %u %lu", c->trigger, (unsigned long)c->at_us);
+    else if (c->opcode == SL_CAMERA) printf(" %u %u %lu", c->camera_kind, c->head, (unsigned long)c->camera_value);
+    else if (c->opcode == SL_CAMERA_TRIGGER) printf(" %u %lu", c->head, (unsigned long)c->at_us);
 }
 
 static void print_attitude(const sl_attitude *a) {
@@ -255,6 +295,7 @@ static void print_message(const sl_message *message) {
                (unsigned long)message->as.exposure.mid_exposure_us, (unsigned long)message->as.exposure.age_us);
         break;
     case SL_STATUS: print_status(&message->as.status); break;
+    case SL_CAMERA_STATUS: print_camera_status(&message->as.camera_status); break;
     case SL_TABLE:
         printf(" %u %u %u", message->as.table.table, message->as.table.row, message->as.table.column);
         print_floats(&message->as.table.value, 1);

@@ -1,7 +1,7 @@
 //! Message -> its number and its values in the order of the C structures: the common form of both languages.
 
 use firmware_protocol::Message;
-use firmware_protocol::message::{Info, Reply, Request, StatusPage};
+use firmware_protocol::message::{CameraPage, CameraStatus, Info, Reply, Request, StatusPage};
 
 /// A message as numbers.
 #[derive(Debug, Clone, PartialEq)]
@@ -73,6 +73,7 @@ fn values(message: &Message) -> Vec<f64> {
         }
         Message::Heartbeat(heartbeat) => head(&[heartbeat.state as u32, heartbeat.major.into()]),
         Message::Status(page) => status(page),
+        Message::Camera(status) => head(&camera_status(status)),
         Message::Command(command) => {
             let mut values = head(&[command.request.opcode().into(), command.token.into()]);
             values.extend(head(&arguments(command.request)));
@@ -100,12 +101,24 @@ fn status(page: &StatusPage) -> Vec<f64> {
     }
 }
 
+fn camera_status(status: &CameraStatus) -> Vec<u32> {
+    let mut values = vec![status.page.number().into(), status.head.into(), status.frame.into()];
+    values.extend(match status.page {
+        CameraPage::Exposure { started_by, exposure_us } => vec![started_by as u32, exposure_us],
+        CameraPage::Levels { gain_cdb, black_level_dn_16 } => vec![gain_cdb.into(), black_level_dn_16],
+        CameraPage::Trigger { delay_us } => vec![delay_us],
+    });
+    values
+}
+
 fn arguments(request: Request) -> Vec<u32> {
     match request {
         Request::Hello(version) => vec![version.major.into(), version.minor.into()],
         Request::Info { page } => vec![page.into()],
         Request::Apply { table, rows, crc, seed } => vec![table.into(), rows.into(), crc.into(), seed.into()],
         Request::Trigger(trigger) => vec![trigger.number.into(), trigger.at_us],
+        Request::Camera(setting) => vec![setting.kind.into(), setting.head.into(), setting.value],
+        Request::CameraTrigger(trigger) => vec![trigger.head.into(), trigger.at_us],
         Request::Run | Request::Stop | Request::Unknown { .. } => vec![],
     }
 }
@@ -127,6 +140,8 @@ fn reply(reply: Reply) -> Vec<u32> {
         Reply::Stop => vec![4, 0],
         Reply::Applied(applied) => vec![5, 0, applied.table.number().into(), applied.rows.into()],
         Reply::Triggered(triggered) => vec![6, 0, triggered.number.into(), triggered.is_late.into()],
+        Reply::CameraSet(set) => vec![7, 0, set.kind.into(), set.head.into()],
+        Reply::CameraTriggered(triggered) => vec![8, 0, triggered.head.into(), triggered.is_late.into()],
         Reply::Refused { opcode, reason } => vec![opcode.into(), reason.code().into()],
     }
 }

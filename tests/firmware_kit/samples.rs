@@ -2,16 +2,17 @@
 
 use firmware_protocol::can::CanFrame;
 use firmware_protocol::message::{
-    AttitudeFlags, AttitudeRecord, Command, Exposure, Heartbeat, Identity, Info, JitterBurst, JitterPair, NodeState,
-    PointingAngle, Rates, Refusal, Reply, Request, Response, Scet, StatusPage, StimulatorMode, Sync, Table, TableCell,
-    TimeFollowUp, Trigger, Triggered, Wheels,
+    AttitudeFlags, AttitudeRecord, CameraPage, CameraSet, CameraSetting, CameraStatus, CameraTrigger, CameraTriggered,
+    Command, Exposure, Heartbeat, Identity, Info, JitterBurst, JitterPair, NodeState, PointingAngle, Rates, Refusal,
+    Reply, Request, Response, Scet, StartedBy, StatusPage, StimulatorMode, Sync, Table, TableCell, TimeFollowUp,
+    Trigger, Triggered, Wheels,
 };
 use firmware_protocol::tables::Applied;
 use firmware_protocol::version::Version;
 use firmware_protocol::{Message, Reject};
 
 /// Kinds of message that [`Samples::message`] makes in turn.
-pub(crate) const KINDS: u64 = 12;
+pub(crate) const KINDS: u64 = 13;
 
 /// SplitMix64 (Steele, Lea, Flood 2014).
 pub(crate) struct Samples {
@@ -86,6 +87,7 @@ impl Samples {
             8 => Message::Table(self.cell()),
             9 => Message::Command(Command { token: self.u8(), request: self.request() }),
             10 => Message::Response(Response { token: self.u8(), reply: self.reply() }),
+            11 => Message::Camera(self.camera_status()),
             _ => {
                 let states = [NodeState::Starting, NodeState::Ready, NodeState::Running, NodeState::Fault];
                 Message::Heartbeat(Heartbeat { state: self.pick(&states), major: self.u8() })
@@ -144,6 +146,15 @@ impl Samples {
         }
     }
 
+    fn camera_status(&mut self) -> CameraStatus {
+        let page = match self.below(3) {
+            0 => CameraPage::Exposure { started_by: self.pick(&StartedBy::ALL), exposure_us: self.int(32) },
+            1 => CameraPage::Levels { gain_cdb: self.int(16), black_level_dn_16: self.int(24) },
+            _ => CameraPage::Trigger { delay_us: self.int(32) },
+        };
+        CameraStatus { head: self.u8(), frame: self.u8(), page }
+    }
+
     fn cell(&mut self) -> TableCell {
         let table = self.pick(&Table::ALL);
         let (row, column) = (self.u8() % table.rows_max(), self.u8() % table.columns());
@@ -151,19 +162,21 @@ impl Samples {
     }
 
     fn request(&mut self) -> Request {
-        match self.below(7) {
+        match self.below(9) {
             0 => Request::Hello(Version { major: self.u8(), minor: self.u8() }),
             1 => Request::Info { page: self.u8() },
             2 => Request::Run,
             3 => Request::Stop,
             4 => Request::Apply { table: self.u8(), rows: self.u8(), crc: self.int(16), seed: self.int(16) },
             5 => Request::Trigger(Trigger { number: self.int(16), at_us: self.int(32) }),
+            6 => Request::Camera(CameraSetting { kind: self.u8(), head: self.u8(), value: self.int(32) }),
+            7 => Request::CameraTrigger(CameraTrigger { head: self.u8(), at_us: self.int(32) }),
             _ => Request::Unknown { opcode: self.u8() | 0x80 },
         }
     }
 
     fn reply(&mut self) -> Reply {
-        match self.below(8) {
+        match self.below(10) {
             0 => Reply::Hello(Identity {
                 version: Version { major: self.u8(), minor: self.u8() },
                 capabilities: self.int(16),
@@ -175,6 +188,8 @@ impl Samples {
             4 => Reply::Stop,
             5 => Reply::Applied(Applied { table: self.pick(&Table::ALL), rows: self.u8() }),
             6 => Reply::Triggered(Triggered { number: self.int(16), is_late: self.below(2) == 0 }),
+            7 => Reply::CameraSet(CameraSet { kind: self.u8(), head: self.u8() }),
+            8 => Reply::CameraTriggered(CameraTriggered { head: self.u8(), is_late: self.below(2) == 0 }),
             _ => Reply::Refused { opcode: self.u8(), reason: self.pick(&Refusal::ALL) },
         }
     }

@@ -2,9 +2,10 @@
 
 use firmware_protocol::can::CanFrame;
 use firmware_protocol::message::{
-    AttitudeFlags, AttitudeRecord, Command, Exposure, Heartbeat, Identity, Info, JitterBurst, JitterPair, NodeState,
-    PointingAngle, Rates, Refusal, Reply, Request, Response, Scet, StatusPage, StimulatorMode, Sync, Table, TableCell,
-    TimeFollowUp, Trigger, Triggered, Wheels,
+    AttitudeFlags, AttitudeRecord, CameraPage, CameraSet, CameraSetting, CameraStatus, CameraTrigger, CameraTriggered,
+    Command, Exposure, Heartbeat, Identity, Info, JitterBurst, JitterPair, NodeState, PointingAngle, Rates, Refusal,
+    Reply, Request, Response, Scet, StartedBy, StatusPage, StimulatorMode, Sync, Table, TableCell, TimeFollowUp,
+    Trigger, Triggered, Wheels,
 };
 use firmware_protocol::tables::Applied;
 use firmware_protocol::version::Version;
@@ -136,6 +137,7 @@ impl Fields<'_> {
                 self.int("age_us"),
             )),
             "STATUS" => Message::Status(self.status()),
+            "CAMERA_STATUS" => Message::Camera(self.camera_status()),
             "TABLE" => Message::Table(TableCell {
                 table: Table::from_number(self.int("table")).unwrap(),
                 row: self.int("row"),
@@ -195,6 +197,21 @@ impl Fields<'_> {
         }
     }
 
+    fn camera_status(&self) -> CameraStatus {
+        let page = match self.int("page") {
+            0 => CameraPage::Exposure {
+                started_by: StartedBy::from_code(self.int("started_by")).unwrap(),
+                exposure_us: self.int("exposure_us"),
+            },
+            1 => {
+                CameraPage::Levels { gain_cdb: self.int("gain_cdb"), black_level_dn_16: self.int("black_level_dn_16") }
+            }
+            2 => CameraPage::Trigger { delay_us: self.int("delay_us") },
+            page => panic!("no page {page}"),
+        };
+        CameraStatus { head: self.int("head"), frame: self.int("frame"), page }
+    }
+
     fn version(&self) -> Version {
         Version { major: self.int("major"), minor: self.int("minor") }
     }
@@ -212,6 +229,12 @@ impl Fields<'_> {
                 seed: self.int("seed"),
             },
             6 => Request::Trigger(Trigger { number: self.int("trigger"), at_us: self.int("at_us") }),
+            7 => Request::Camera(CameraSetting {
+                kind: self.int("camera_kind"),
+                head: self.int("head"),
+                value: self.int("camera_value"),
+            }),
+            8 => Request::CameraTrigger(CameraTrigger { head: self.int("head"), at_us: self.int("at_us") }),
             opcode => Request::Unknown { opcode },
         }
     }
@@ -240,6 +263,10 @@ impl Fields<'_> {
                 rows: self.int("rows"),
             }),
             (6, _) => Reply::Triggered(Triggered { number: self.int("trigger"), is_late: self.int::<u8>("late") == 1 }),
+            (7, _) => Reply::CameraSet(CameraSet { kind: self.int("camera_kind"), head: self.int("head") }),
+            (8, _) => {
+                Reply::CameraTriggered(CameraTriggered { head: self.int("head"), is_late: self.int::<u8>("late") == 1 })
+            }
             other => panic!("no response {other:?}"),
         }
     }

@@ -37,6 +37,7 @@ impl Decoder {
             MessageId::Sync
             | MessageId::Exposure
             | MessageId::Status
+            | MessageId::CameraStatus
             | MessageId::TimeFollowUp
             | MessageId::Wheels
             | MessageId::JitterPair

@@ -1,5 +1,6 @@
 //! Commands of the flight computer, and the one answer each gets.
 
+use super::camera::{CameraSet, CameraSetting, CameraTrigger, CameraTriggered};
 use super::table::Table;
 use super::trigger::{Trigger, Triggered};
 use crate::Reject;
@@ -21,9 +22,13 @@ pub mod opcode {
     pub const APPLY: u8 = 5;
     /// Fire a numbered trigger. Since protocol 1.2.
     pub const TRIGGER: u8 = 6;
+    /// Set something of a camera. Since protocol 1.4.
+    pub const CAMERA: u8 = 7;
+    /// Start an exposure. Since protocol 1.4.
+    pub const CAMERA_TRIGGER: u8 = 8;
 }
 
-/// In the answer to TRIGGER: the instant had passed.
+/// In the answers to TRIGGER and CAMERA_TRIGGER: the instant had passed.
 const LATE_BIT: u8 = 1;
 
 /// Bits of [`Identity::capabilities`]. A 1.0 stimulator sends none.
@@ -36,6 +41,8 @@ pub mod capability {
     pub const WHEELS: u16 = 1 << 2;
     /// TRIGGER is taken. Since protocol 1.2.
     pub const TRIGGERS: u16 = 1 << 3;
+    /// CAMERA and CAMERA_TRIGGER are taken. Since protocol 1.4.
+    pub const CAMERA: u16 = 1 << 4;
 }
 
 /// `0x60n`, 8 bytes.
@@ -44,7 +51,7 @@ pub mod capability {
 /// |---|---|
 /// | 0 | opcode |
 /// | 1 | token: a retry repeats it, a new command changes it |
-/// | 2..8 | arguments: HELLO major, minor; INFO page; APPLY table, rows, CRC-16, seed u16; TRIGGER number u16, SCET us u32; the rest zero |
+/// | 2..8 | arguments: HELLO major, minor; INFO page; APPLY table, rows, CRC-16, seed u16; TRIGGER number u16, SCET us u32; CAMERA kind, head, value u32; CAMERA_TRIGGER head, reserved, SCET us u32; the rest zero |
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Command {
     /// Names this command; its response carries the same.
@@ -80,6 +87,10 @@ pub enum Request {
     },
     /// A numbered trigger, at once or at an instant.
     Trigger(Trigger),
+    /// A setting of a camera.
+    Camera(CameraSetting),
+    /// A trigger of a camera: it starts an exposure.
+    CameraTrigger(CameraTrigger),
     /// An opcode of a later minor version: kept, so that it can be refused by name.
     Unknown {
         /// The opcode.
@@ -94,7 +105,7 @@ pub enum Request {
 /// | 0 | opcode of the command |
 /// | 1 | token of the command |
 /// | 2 | code: 0 done, else the refusal |
-/// | 3..8 | HELLO: major, minor, capabilities u16, attitude convention; INFO: page, value u32; APPLY: table, rows; TRIGGER: number u16, bit 0 late; the rest zero |
+/// | 3..8 | HELLO: major, minor, capabilities u16, attitude convention; INFO: page, value u32; APPLY: table, rows; TRIGGER: number u16, bit 0 late; CAMERA: kind, head; CAMERA_TRIGGER: head, bit 0 late; the rest zero |
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Response {
     /// Token of the command.
@@ -118,6 +129,10 @@ pub enum Reply {
     Applied(Applied),
     /// The trigger acts, or waits for its instant.
     Triggered(Triggered),
+    /// The camera takes the setting.
+    CameraSet(CameraSet),
+    /// The camera takes the trigger.
+    CameraTriggered(CameraTriggered),
     /// Not done.
     Refused {
         /// Opcode of the command.
@@ -164,7 +179,7 @@ pub enum Refusal {
     UnknownOpcode = 1,
     /// Another major version.
     WrongMajor = 2,
-    /// RUN or APPLY before a successful HELLO.
+    /// RUN, APPLY, TRIGGER, CAMERA or CAMERA_TRIGGER before a successful HELLO.
     NoHandshake = 3,
     /// No such page.
     UnknownPage = 4,
@@ -182,11 +197,19 @@ pub enum Refusal {
     TriggersFull = 10,
     /// No fault or event of the run waits for the number of TRIGGER. Since protocol 1.3.
     UnknownTrigger = 11,
+    /// CAMERA with a value that is outside the range of the camera. Since protocol 1.4.
+    CameraRange = 12,
+    /// The camera does not have what CAMERA sets, or cannot be commanded. Since protocol 1.4.
+    CameraUnsupported = 13,
+    /// There is no such camera head. Since protocol 1.4.
+    UnknownHead = 14,
+    /// As many commands wait for an exposure of the camera as it keeps. Since protocol 1.4.
+    CameraFull = 15,
 }
 
 impl Refusal {
     /// Every refusal, in the order of the codes, which begin with 1.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 15] = [
         Self::UnknownOpcode,
         Self::WrongMajor,
         Self::NoHandshake,
@@ -198,6 +221,10 @@ impl Refusal {
         Self::TriggerTime,
         Self::TriggersFull,
         Self::UnknownTrigger,
+        Self::CameraRange,
+        Self::CameraUnsupported,
+        Self::UnknownHead,
+        Self::CameraFull,
     ];
 
     /// The code in RSP.
@@ -212,6 +239,9 @@ impl Refusal {
     pub const fn for_minor(self, minor: u8) -> Self {
         match self {
             Self::UnknownTrigger if minor < 3 => Self::UnknownOpcode,
+            Self::CameraRange | Self::CameraUnsupported | Self::UnknownHead | Self::CameraFull if minor < 4 => {
+                Self::UnknownOpcode
+            }
             Self::UnknownOpcode
             | Self::WrongMajor
             | Self::NoHandshake
@@ -222,7 +252,11 @@ impl Refusal {
             | Self::NoTimeYet
             | Self::TriggerTime
             | Self::TriggersFull
-            | Self::UnknownTrigger => self,
+            | Self::UnknownTrigger
+            | Self::CameraRange
+            | Self::CameraUnsupported
+            | Self::UnknownHead
+            | Self::CameraFull => self,
         }
     }
 }
@@ -238,6 +272,8 @@ impl Request {
             Self::Stop => opcode::STOP,
             Self::Apply { .. } => opcode::APPLY,
             Self::Trigger(_) => opcode::TRIGGER,
+            Self::Camera(_) => opcode::CAMERA,
+            Self::CameraTrigger(_) => opcode::CAMERA_TRIGGER,
             Self::Unknown { opcode } => *opcode,
         }
     }
@@ -251,6 +287,8 @@ impl Command {
             Request::Info { page } => to.u8(page).u8(0).u32(0),
             Request::Apply { table, rows, crc, seed } => to.u8(table).u8(rows).u16(crc).u16(seed),
             Request::Trigger(Trigger { number, at_us }) => to.u16(number).u32(at_us),
+            Request::Camera(CameraSetting { kind, head, value }) => to.u8(kind).u8(head).u32(value),
+            Request::CameraTrigger(CameraTrigger { head, at_us }) => to.u8(head).u8(0).u32(at_us),
             Request::Run | Request::Stop | Request::Unknown { .. } => to.u16(0).u32(0),
         };
     }
@@ -264,6 +302,8 @@ impl Command {
             opcode::STOP => Request::Stop,
             opcode::APPLY => Request::Apply { table: a, rows: b, crc: from.u16()?, seed: from.u16()? },
             opcode::TRIGGER => Request::Trigger(Trigger { number: u16::from_le_bytes([a, b]), at_us: from.u32()? }),
+            opcode::CAMERA => Request::Camera(CameraSetting { kind: a, head: b, value: from.u32()? }),
+            opcode::CAMERA_TRIGGER => Request::CameraTrigger(CameraTrigger { head: a, at_us: from.u32()? }),
             _ => Request::Unknown { opcode },
         };
         Ok(Self { token, request })
@@ -303,6 +343,8 @@ impl Reply {
             Self::Stop => opcode::STOP,
             Self::Applied(_) => opcode::APPLY,
             Self::Triggered(_) => opcode::TRIGGER,
+            Self::CameraSet(_) => opcode::CAMERA,
+            Self::CameraTriggered(_) => opcode::CAMERA_TRIGGER,
             Self::Refused { opcode, .. } => *opcode,
         }
     }
@@ -323,6 +365,10 @@ impl Reply {
             }
             opcode::TRIGGER => {
                 Ok(Self::Triggered(Triggered { number: from.u16()?, is_late: from.u8()? & LATE_BIT != 0 }))
+            }
+            opcode::CAMERA => Ok(Self::CameraSet(CameraSet { kind: from.u8()?, head: from.u8()? })),
+            opcode::CAMERA_TRIGGER => {
+                Ok(Self::CameraTriggered(CameraTriggered { head: from.u8()?, is_late: from.u8()? & LATE_BIT != 0 }))
             }
             _ => Err(Reject::UnknownValue),
         }
@@ -345,6 +391,10 @@ impl Response {
             Reply::Applied(Applied { table, rows }) => to.u8(0).u8(table.number()).u8(rows).put(&[0; 3]),
             Reply::Triggered(Triggered { number, is_late }) => {
                 to.u8(0).u16(number).u8(if is_late { LATE_BIT } else { 0 }).put(&[0; 2])
+            }
+            Reply::CameraSet(CameraSet { kind, head }) => to.u8(0).u8(kind).u8(head).put(&[0; 3]),
+            Reply::CameraTriggered(CameraTriggered { head, is_late }) => {
+                to.u8(0).u8(head).u8(if is_late { LATE_BIT } else { 0 }).put(&[0; 3])
             }
             Reply::Refused { reason, .. } => to.u8(reason as u8).put(&[0; 5]),
         };

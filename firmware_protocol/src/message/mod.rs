@@ -1,6 +1,7 @@
 //! What is said, whatever carries it. One file per family; each gives its layout byte by byte.
 
 mod attitude;
+mod camera;
 mod command;
 mod exposure;
 mod heartbeat;
@@ -12,6 +13,10 @@ mod trigger;
 mod wheels;
 
 pub use attitude::{AttitudeFlags, AttitudeRecord, NORM_TOLERANCE};
+pub use camera::{
+    ALL_HEADS, CameraKind, CameraPage, CameraSet, CameraSetting, CameraStatus, CameraTrigger, CameraTriggered,
+    StartedBy,
+};
 pub use command::{Command, Identity, Info, Rates, Refusal, Reply, Request, Response, capability, opcode};
 pub use exposure::Exposure;
 pub use heartbeat::{Heartbeat, NodeState};
@@ -37,6 +42,8 @@ pub enum MessageId {
     Exposure = 0x18,
     /// [`StatusPage`].
     Status = 0x19,
+    /// [`CameraStatus`].
+    CameraStatus = 0x1A,
     /// [`TimeFollowUp`].
     TimeFollowUp = 0x20,
     /// Classic attitude group: w and x.
@@ -69,10 +76,11 @@ pub enum MessageId {
 
 impl MessageId {
     /// Every message number, ascending.
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 18] = [
         Self::Sync,
         Self::Exposure,
         Self::Status,
+        Self::CameraStatus,
         Self::TimeFollowUp,
         Self::AttitudeQ01,
         Self::AttitudeQ23,
@@ -113,6 +121,7 @@ impl MessageId {
             Self::Jitter => 64,
             Self::Exposure
             | Self::Status
+            | Self::CameraStatus
             | Self::TimeFollowUp
             | Self::AttitudeQ01
             | Self::AttitudeQ23
@@ -162,6 +171,8 @@ pub enum Message {
     Exposure(Exposure),
     /// One page of the stimulator's state.
     Status(StatusPage),
+    /// One page of what an exposure of a camera was taken with.
+    Camera(CameraStatus),
     /// Flight computer to stimulator.
     Command(Command),
     /// Stimulator to flight computer.
@@ -184,6 +195,7 @@ impl Message {
             Self::Table(_) => MessageId::Table,
             Self::Exposure(_) => MessageId::Exposure,
             Self::Status(_) => MessageId::Status,
+            Self::Camera(_) => MessageId::CameraStatus,
             Self::Command(_) => MessageId::Command,
             Self::Response(_) => MessageId::Response,
             Self::Heartbeat(_) => MessageId::Heartbeat,
@@ -207,6 +219,7 @@ impl Message {
             Self::Table(cell) => cell.write(&mut to),
             Self::Exposure(exposure) => exposure.write(&mut to),
             Self::Status(page) => page.write(&mut to),
+            Self::Camera(status) => status.write(&mut to)?,
             Self::Command(command) => command.write(&mut to),
             Self::Response(response) => response.write(&mut to),
             Self::Heartbeat(heartbeat) => heartbeat.write(&mut to),
@@ -233,6 +246,7 @@ impl Message {
             MessageId::Table => TableCell::read(from).map(Self::Table),
             MessageId::Exposure => Exposure::read(from).map(Self::Exposure),
             MessageId::Status => StatusPage::read(from).map(Self::Status),
+            MessageId::CameraStatus => CameraStatus::read(from).map(Self::Camera),
             MessageId::Command => Command::read(from).map(Self::Command),
             MessageId::Response => Response::read(from).map(Self::Response),
             MessageId::Heartbeat => Heartbeat::read(from).map(Self::Heartbeat),

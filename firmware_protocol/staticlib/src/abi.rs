@@ -7,8 +7,8 @@
 #![allow(unsafe_code, reason = "a C interface: raw pointers and a union; each block says what it rests on")]
 
 use crate::layout::{
-    RawAttitude, RawBurst, RawCell, RawCommand, RawExposure, RawHeartbeat, RawPair, RawResponse, RawStatus, RawSync,
-    RawTime, RawWheels,
+    RawAttitude, RawBurst, RawCameraStatus, RawCell, RawCommand, RawExposure, RawHeartbeat, RawPair, RawResponse,
+    RawStatus, RawSync, RawTime, RawWheels,
 };
 use core::ffi::c_int;
 use core::mem::{MaybeUninit, align_of, size_of};
@@ -34,6 +34,7 @@ union Body {
     wheels: RawWheels,
     exposure: RawExposure,
     status: RawStatus,
+    camera_status: RawCameraStatus,
     cell: RawCell,
     command: RawCommand,
     response: RawResponse,
@@ -111,6 +112,7 @@ fn read(raw: &RawMessage) -> Option<Message> {
             MessageId::Wheels => Some(Message::Wheels(raw.body.wheels.read())),
             MessageId::Exposure => Some(Message::Exposure(raw.body.exposure.read())),
             MessageId::Status => raw.body.status.read().map(Message::Status),
+            MessageId::CameraStatus => raw.body.camera_status.read().map(Message::Camera),
             MessageId::Table => raw.body.cell.read().map(Message::Table),
             MessageId::Command => Some(Message::Command(raw.body.command.read())),
             MessageId::Response => raw.body.response.read().map(Message::Response),
@@ -136,6 +138,7 @@ fn raw_of(message: &Message) -> RawMessage {
         Message::Wheels(wheels) => raw.body.wheels = RawWheels { speed_rpm: wheels.speed_rpm },
         Message::Exposure(exposure) => raw.body.exposure = RawExposure::of(exposure),
         Message::Status(page) => raw.body.status = RawStatus::of(page),
+        Message::Camera(status) => raw.body.camera_status = RawCameraStatus::of(status),
         Message::Table(cell) => raw.body.cell = RawCell::of(cell),
         Message::Command(command) => raw.body.command = RawCommand::of(command),
         Message::Response(response) => raw.body.response = RawResponse::of(response),

@@ -4,9 +4,10 @@
 
 use firmware_protocol::Reject;
 use firmware_protocol::message::{
-    AttitudeFlags, AttitudeRecord, Command, Exposure, Heartbeat, Identity, Info, JITTER_BURST_MAX, JitterBurst,
-    JitterPair, NodeState, PointingAngle, Rates, Refusal, Reply, Request, Response, Scet, StatusPage, StimulatorMode,
-    Sync, Table, TableCell, TimeFollowUp, Trigger, Triggered, Wheels, opcode,
+    AttitudeFlags, AttitudeRecord, CameraPage, CameraSet, CameraSetting, CameraStatus, CameraTrigger, CameraTriggered,
+    Command, Exposure, Heartbeat, Identity, Info, JITTER_BURST_MAX, JitterBurst, JitterPair, NodeState, PointingAngle,
+    Rates, Refusal, Reply, Request, Response, Scet, StartedBy, StatusPage, StimulatorMode, Sync, Table, TableCell,
+    TimeFollowUp, Trigger, Triggered, Wheels, opcode,
 };
 use firmware_protocol::tables::Applied;
 use firmware_protocol::version::Version;
@@ -60,6 +61,17 @@ structures! {
         turns_2_32: u32,
         flags: u16,
     }
+    /// `sl_camera_status`
+    RawCameraStatus {
+        page: u8,
+        head: u8,
+        frame: u8,
+        started_by: u8,
+        exposure_us: u32,
+        gain_cdb: u16,
+        black_level_dn_16: u32,
+        delay_us: u32,
+    }
     /// `sl_table_cell`
     RawCell { table: u8, row: u8, column: u8, value: f32, }
     /// `sl_command`
@@ -75,6 +87,9 @@ structures! {
         seed: u16,
         trigger: u16,
         at_us: u32,
+        camera_kind: u8,
+        head: u8,
+        camera_value: u32,
     }
     /// `sl_response`
     RawResponse {
@@ -93,6 +108,8 @@ structures! {
         rows: u8,
         trigger: u16,
         late: u8,
+        camera_kind: u8,
+        head: u8,
     }
     /// `sl_heartbeat`
     RawHeartbeat { state: u8, major: u8, }
@@ -218,6 +235,33 @@ impl RawStatus {
     }
 }
 
+impl RawCameraStatus {
+    pub(crate) fn read(&self) -> Option<CameraStatus> {
+        let page = match self.page {
+            0 => {
+                let started_by = StartedBy::from_code(self.started_by)?;
+                CameraPage::Exposure { started_by, exposure_us: self.exposure_us }
+            }
+            1 => CameraPage::Levels { gain_cdb: self.gain_cdb, black_level_dn_16: self.black_level_dn_16 },
+            2 => CameraPage::Trigger { delay_us: self.delay_us },
+            _ => return None,
+        };
+        Some(CameraStatus { head: self.head, frame: self.frame, page })
+    }
+
+    pub(crate) fn of(status: &CameraStatus) -> Self {
+        let CameraStatus { head, frame, page } = *status;
+        let bare = Self { page: page.number(), head, frame, ..Self::default() };
+        match page {
+            CameraPage::Exposure { started_by, exposure_us } => {
+                Self { started_by: started_by as u8, exposure_us, ..bare }
+            }
+            CameraPage::Levels { gain_cdb, black_level_dn_16 } => Self { gain_cdb, black_level_dn_16, ..bare },
+            CameraPage::Trigger { delay_us } => Self { delay_us, ..bare },
+        }
+    }
+}
+
 impl RawCell {
     pub(crate) fn read(&self) -> Option<TableCell> {
         let table = Table::from_number(self.table)?;
@@ -239,6 +283,10 @@ impl RawCommand {
             opcode::STOP => Request::Stop,
             opcode::APPLY => Request::Apply { table: self.table, rows: self.rows, crc: self.crc16, seed: self.seed },
             opcode::TRIGGER => Request::Trigger(Trigger { number: self.trigger, at_us: self.at_us }),
+            opcode::CAMERA => {
+                Request::Camera(CameraSetting { kind: self.camera_kind, head: self.head, value: self.camera_value })
+            }
+            opcode::CAMERA_TRIGGER => Request::CameraTrigger(CameraTrigger { head: self.head, at_us: self.at_us }),
             opcode => Request::Unknown { opcode },
         };
         Command { token: self.token, request }
@@ -251,6 +299,10 @@ impl RawCommand {
             Request::Info { page } => Self { page, ..bare },
             Request::Apply { table, rows, crc, seed } => Self { table, rows, crc16: crc, seed, ..bare },
             Request::Trigger(Trigger { number, at_us }) => Self { trigger: number, at_us, ..bare },
+            Request::Camera(CameraSetting { kind, head, value }) => {
+                Self { camera_kind: kind, head, camera_value: value, ..bare }
+            }
+            Request::CameraTrigger(CameraTrigger { head, at_us }) => Self { head, at_us, ..bare },
             Request::Run | Request::Stop | Request::Unknown { .. } => bare,
         }
     }
@@ -284,6 +336,10 @@ impl RawResponse {
                 Table::from_number(self.table).map(|table| Reply::Applied(Applied { table, rows: self.rows }))
             }
             (opcode::TRIGGER, _) => Some(Reply::Triggered(Triggered { number: self.trigger, is_late: self.late != 0 })),
+            (opcode::CAMERA, _) => Some(Reply::CameraSet(CameraSet { kind: self.camera_kind, head: self.head })),
+            (opcode::CAMERA_TRIGGER, _) => {
+                Some(Reply::CameraTriggered(CameraTriggered { head: self.head, is_late: self.late != 0 }))
+            }
             _ => None,
         }
     }
@@ -309,6 +365,10 @@ impl RawResponse {
             }
             Reply::Triggered(Triggered { number, is_late }) => {
                 Self { trigger: number, late: is_late.into(), ..bare(opcode::TRIGGER) }
+            }
+            Reply::CameraSet(CameraSet { kind, head }) => Self { camera_kind: kind, head, ..bare(opcode::CAMERA) },
+            Reply::CameraTriggered(CameraTriggered { head, is_late }) => {
+                Self { head, late: is_late.into(), ..bare(opcode::CAMERA_TRIGGER) }
             }
             Reply::Refused { opcode, reason } => Self { code: reason.code(), ..bare(opcode) },
         }

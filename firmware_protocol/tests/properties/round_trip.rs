@@ -24,10 +24,8 @@ fn over_serial(message: &Message) -> Message {
 }
 
 fn as_attitude(message: Message) -> AttitudeRecord {
-    match message {
-        Message::Attitude(record) => record,
-        other => unreachable!("wanted an attitude, got {other:?}"),
-    }
+    let Message::Attitude(record) = message else { unreachable!("wanted an attitude, got {message:?}") };
+    record
 }
 
 proptest! {

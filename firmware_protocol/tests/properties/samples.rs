@@ -1,8 +1,9 @@
 //! Legal messages for the property tests.
 
 use firmware_protocol::message::{
-    AttitudeFlags, AttitudeRecord, Command, Exposure, Heartbeat, JitterBurst, JitterPair, NodeState, PointingAngle,
-    Reply, Request, Response, Scet, StatusPage, Sync, Table, TableCell, TimeFollowUp, Trigger, Triggered, Wheels,
+    AttitudeFlags, AttitudeRecord, CameraPage, CameraSet, CameraSetting, CameraStatus, CameraTrigger, CameraTriggered,
+    Command, Exposure, Heartbeat, JitterBurst, JitterPair, NodeState, PointingAngle, Reply, Request, Response, Scet,
+    StartedBy, StatusPage, Sync, Table, TableCell, TimeFollowUp, Trigger, Triggered, Wheels,
 };
 use firmware_protocol::tables::Applied;
 use firmware_protocol::{Message, Reject};
@@ -85,6 +86,36 @@ fn triggered() -> impl Strategy<Value = Reply> {
     (any::<u16>(), any::<bool>()).prop_map(|(number, is_late)| Reply::Triggered(Triggered { number, is_late }))
 }
 
+fn camera_request() -> impl Strategy<Value = Request> {
+    prop_oneof![
+        (any::<u8>(), any::<u8>(), any::<u32>()).prop_map(|(kind, head, value)| Request::Camera(CameraSetting {
+            kind,
+            head,
+            value
+        })),
+        (any::<u8>(), any::<u32>()).prop_map(|(head, at_us)| Request::CameraTrigger(CameraTrigger { head, at_us })),
+    ]
+}
+
+fn camera_reply() -> impl Strategy<Value = Reply> {
+    prop_oneof![
+        (any::<u8>(), any::<u8>()).prop_map(|(kind, head)| Reply::CameraSet(CameraSet { kind, head })),
+        (any::<u8>(), any::<bool>())
+            .prop_map(|(head, is_late)| Reply::CameraTriggered(CameraTriggered { head, is_late })),
+    ]
+}
+
+fn camera_status() -> impl Strategy<Value = CameraStatus> {
+    let page = prop_oneof![
+        (prop::sample::select(&StartedBy::ALL[..]), any::<u32>())
+            .prop_map(|(started_by, exposure_us)| CameraPage::Exposure { started_by, exposure_us }),
+        (any::<u16>(), 0_u32..1 << 24)
+            .prop_map(|(gain_cdb, black_level_dn_16)| CameraPage::Levels { gain_cdb, black_level_dn_16 }),
+        any::<u32>().prop_map(|delay_us| CameraPage::Trigger { delay_us }),
+    ];
+    (any::<u8>(), any::<u8>(), page).prop_map(|(head, frame, page)| CameraStatus { head, frame, page })
+}
+
 fn applied() -> impl Strategy<Value = Reply> {
     (prop::sample::select(&Table::ALL[..]), any::<u8>())
         .prop_map(|(table, rows)| Reply::Applied(Applied { table, rows }))
@@ -106,12 +137,13 @@ pub(crate) fn classic_message() -> impl Strategy<Value = Message> {
         (any::<u8>(), any::<u8>(), any::<u32>(), 0_u32..655_360)
             .prop_map(|(frame, seq, t, age)| Message::Exposure(Exposure::new(frame, seq, t, age))),
         status().prop_map(Message::Status),
+        camera_status().prop_map(Message::Camera),
         (any::<u8>(), any::<u8>())
             .prop_map(|(token, page)| Message::Command(Command { token, request: Request::Info { page } })),
-        (any::<u8>(), prop_oneof![apply(), trigger()])
+        (any::<u8>(), prop_oneof![apply(), trigger(), camera_request()])
             .prop_map(|(token, request)| Message::Command(Command { token, request })),
         any::<u8>().prop_map(|token| Message::Response(Response { token, reply: Reply::Stop })),
-        (any::<u8>(), prop_oneof![applied(), triggered()])
+        (any::<u8>(), prop_oneof![applied(), triggered(), camera_reply()])
             .prop_map(|(token, reply)| Message::Response(Response { token, reply })),
         cell().prop_map(Message::Table),
         any::<u8>().prop_map(|major| Message::Heartbeat(Heartbeat { state: NodeState::Fault, major })),

@@ -240,7 +240,7 @@ impl Receiver {
             Message::Table(cell) => self.session.put(cell),
             Message::Heartbeat(heartbeat) => self.session.hear(heartbeat, at, ledger),
             // Answers of a stimulator: ours, or another one's on the same bus.
-            Message::Exposure(_) | Message::Status(_) | Message::Response(_) => {}
+            Message::Exposure(_) | Message::Status(_) | Message::Camera(_) | Message::Response(_) => {}
         }
         None
     }

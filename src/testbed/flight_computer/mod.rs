@@ -24,14 +24,15 @@ pub use received::Received;
 pub use remote_clock::RemoteClock;
 pub use slew::{RampShape, Slew, SlewProfile, body_from_ra_dec_roll};
 pub use table::{FileProfile, Profile};
-pub use talk::TriggerAnswers;
+pub use talk::{CameraAnswers, TriggerAnswers};
 
 use crate::noise::Gaussian;
 use crate::vehicle::{Vehicle, VehicleError};
 use base::time::{Span, Tai};
 use base::units::ARCSEC;
 use firmware_protocol::message::{
-    AttitudeFlags, AttitudeRecord, Heartbeat, JitterBurst, JitterPair, NodeState, Scet, Sync, TimeFollowUp, Trigger,
+    AttitudeFlags, AttitudeRecord, CameraSetting, CameraTrigger, Heartbeat, JitterBurst, JitterPair, NodeState,
+    Request, Scet, Sync, TimeFollowUp, Trigger,
 };
 use firmware_protocol::ticks::ticks_diff;
 use firmware_protocol::{Message, version};
@@ -119,7 +120,7 @@ pub enum FlightError {
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum TriggerError {
     /// The talk is behind.
-    #[error("{} triggers wait for their answers already; wanted fewer at a time", talk::TRIGGERS_MAX)]
+    #[error("{} commands wait for their answers already; wanted fewer at a time", talk::WAITING_MAX)]
     Full,
     /// Time tags are modulo 71.6 min.
     #[error("the trigger is to act {away_s:.1} s from now; wanted within an hour: time tags on the bus wrap")]
@@ -200,13 +201,45 @@ impl FlightComputer {
     /// # Errors
     /// When too many wait to be told, or the instant cannot be told: time tags wrap.
     pub fn send_trigger(&mut self, number: u16, at: Option<Tai>, now: Tai) -> Result<(), TriggerError> {
-        if let Some(away) = at.map(|at| at.max(now) - at.min(now)).filter(|away| *away > TRIGGER_MOST_AWAY) {
-            return Err(TriggerError::TooFar { away_s: away.s() });
+        let at_us = self.instant_us(at, now)?;
+        self.say(Request::Trigger(Trigger { number, at_us }), now)
+    }
+
+    /// Sets something of the stimulator's camera: told from `now` on until it is answered, after RUN.
+    ///
+    /// # Errors
+    /// When too many commands wait to be told.
+    pub fn set_camera(&mut self, setting: CameraSetting, now: Tai) -> Result<(), TriggerError> {
+        self.say(Request::Camera(setting), now)
+    }
+
+    /// Starts an exposure of a camera head at `at`, or as soon as the command has come.
+    ///
+    /// # Errors
+    /// As [`Self::send_trigger`].
+    pub fn trigger_camera(&mut self, head: u8, at: Option<Tai>, now: Tai) -> Result<(), TriggerError> {
+        let at_us = self.instant_us(at, now)?;
+        self.say(Request::CameraTrigger(CameraTrigger { head, at_us }), now)
+    }
+
+    /// An instant as a command carries it.
+    fn instant_us(&self, at: Option<Tai>, now: Tai) -> Result<u32, TriggerError> {
+        match at.map(|at| at.max(now) - at.min(now)).filter(|away| *away > TRIGGER_MOST_AWAY) {
+            Some(away) => Err(TriggerError::TooFar { away_s: away.s() }),
+            // Zero says at once; the microsecond after it is as good.
+            None => Ok(at.map_or(0, |at| wrapped(self.clock.elapsed_us(at)).max(1))),
         }
-        // Zero says at once; the microsecond after it is as good.
-        let at_us = at.map_or(0, |at| wrapped(self.clock.elapsed_us(at)).max(1));
-        let is_kept = self.talk.fire(Trigger { number, at_us }, self.clock.elapsed_us(now));
+    }
+
+    fn say(&mut self, request: Request, now: Tai) -> Result<(), TriggerError> {
+        let is_kept = self.talk.say(request, self.clock.elapsed_us(now));
         if is_kept { Ok(()) } else { Err(TriggerError::Full) }
+    }
+
+    /// What the stimulator answered to camera commands.
+    #[must_use]
+    pub fn camera_answers(&self) -> CameraAnswers {
+        self.talk.camera_answers()
     }
 
     /// What the stimulator answered to triggers.

@@ -1,7 +1,7 @@
 //! What the stimulator said.
 
 use firmware_protocol::Message;
-use firmware_protocol::message::{Exposure, StatusPage};
+use firmware_protocol::message::{CameraStatus, Exposure, StatusPage};
 use link::Stamped;
 
 /// Counts of what came in, and the newest of each kind.
@@ -15,6 +15,10 @@ pub struct Received {
     pub status_pages: u64,
     /// The newest STATUS page.
     pub last_status: Option<Stamped<StatusPage>>,
+    /// CAMERA_STATUS pages.
+    pub camera_pages: u64,
+    /// The newest CAMERA_STATUS page.
+    pub last_camera: Option<Stamped<CameraStatus>>,
     /// Other messages.
     pub others: u64,
 }
@@ -30,6 +34,10 @@ impl Received {
             Message::Status(value) => {
                 self.status_pages += 1;
                 self.last_status = Some(Stamped { at, value });
+            }
+            Message::Camera(value) => {
+                self.camera_pages += 1;
+                self.last_camera = Some(Stamped { at, value });
             }
             Message::Sync(_)
             | Message::TimeFollowUp(_)

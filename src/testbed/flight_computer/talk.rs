@@ -1,10 +1,11 @@
-//! The flight computer's side of the session: HELLO, INFO, RUN, then triggers; each said again until it is answered.
+//! The flight computer's side of the session: HELLO, INFO, RUN, then triggers and camera commands; each said again until it is
+//! answered.
 //!
-//! In: time, triggers to fire, responses. Out: commands when due, one at a time. A refusal of HELLO, INFO or RUN ends the
-//! talk: nothing is said any more; that of a trigger is counted. Limits: one talk per boot, begun with the stream. Tests:
+//! In: time, commands to say, responses. Out: commands when due, one at a time. A refusal of HELLO, INFO or RUN ends the
+//! talk: nothing is said any more; that of a later command is counted. Limits: one talk per boot, begun with the stream. Tests:
 //! below, `tests/closed_loop/session.rs` and `triggers.rs`.
 
-use firmware_protocol::message::{Command, Reply, Request, Response, Trigger};
+use firmware_protocol::message::{Command, Refusal, Reply, Request, Response};
 use firmware_protocol::version;
 use std::collections::VecDeque;
 
@@ -17,8 +18,8 @@ const WORDS: [Request; 3] = [Request::Hello(version::CURRENT), Request::Info { p
 /// The first word comes this long after the stream's begin, behind the first time mark, us.
 pub(super) const BEGIN_US: u64 = 5_000;
 
-/// Triggers that may wait to be said.
-pub(super) const TRIGGERS_MAX: usize = 64;
+/// Commands that may wait to be said.
+pub(super) const WAITING_MAX: usize = 64;
 
 /// What the stimulator answered to triggers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -31,6 +32,21 @@ pub struct TriggerAnswers {
     pub refused: u64,
 }
 
+/// What the stimulator answered to camera commands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct CameraAnswers {
+    /// Settings taken.
+    pub set: u64,
+    /// Triggers taken.
+    pub triggered: u64,
+    /// Of those, the ones that came after their instant.
+    pub late: u64,
+    /// Refused.
+    pub refused: u64,
+    /// Why the last one was refused.
+    pub last_refusal: Option<Refusal>,
+}
+
 /// How far the talk is.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Talk {
@@ -39,15 +55,17 @@ pub(super) struct Talk {
     due_us: u64,
     is_refused: bool,
     /// The first is being said.
-    triggers: VecDeque<Trigger>,
+    waiting: VecDeque<Request>,
     answers: TriggerAnswers,
+    camera: CameraAnswers,
 }
 
 impl Talk {
     /// A talk that begins at `start_us`.
     pub(super) fn new(start_us: u64) -> Self {
-        let triggers = VecDeque::with_capacity(TRIGGERS_MAX);
-        Self { word: 0, due_us: start_us, is_refused: false, triggers, answers: TriggerAnswers::default() }
+        let (answers, camera) = (TriggerAnswers::default(), CameraAnswers::default());
+        let waiting = VecDeque::with_capacity(WAITING_MAX);
+        Self { word: 0, due_us: start_us, is_refused: false, waiting, answers, camera }
     }
 
     /// When the next word is due; `u64::MAX` when all is said.
@@ -55,15 +73,15 @@ impl Talk {
         if self.is_refused || self.request().is_none() { u64::MAX } else { self.due_us }
     }
 
-    /// Says a trigger as soon as what is before it has been answered; false when too many wait already.
-    pub(super) fn fire(&mut self, trigger: Trigger, now_us: u64) -> bool {
-        if self.triggers.len() >= TRIGGERS_MAX {
+    /// Says a command as soon as what is before it has been answered; false when too many wait already.
+    pub(super) fn say(&mut self, request: Request, now_us: u64) -> bool {
+        if self.waiting.len() >= WAITING_MAX {
             return false;
         }
         if self.request().is_none() {
             self.due_us = now_us;
         }
-        self.triggers.push_back(trigger);
+        self.waiting.push_back(request);
         true
     }
 
@@ -72,9 +90,14 @@ impl Talk {
         self.answers
     }
 
+    /// What the stimulator answered to camera commands.
+    pub(super) fn camera_answers(&self) -> CameraAnswers {
+        self.camera
+    }
+
     /// What is being said.
     fn request(&self) -> Option<Request> {
-        WORDS.get(self.word).copied().or(self.triggers.front().copied().map(Request::Trigger))
+        WORDS.get(self.word).copied().or(self.waiting.front().copied())
     }
 
     /// The word that is due, to be said now.
@@ -89,21 +112,27 @@ impl Talk {
 
     /// Takes an answer in; the next word is due at once.
     pub(super) fn hear(&mut self, response: &Response, now_us: u64) {
-        if self.request().is_none() || response.token != self.token() {
-            return;
-        }
-        let is_trigger = self.word >= WORDS.len();
+        let Some(request) = self.request().filter(|_| response.token == self.token()) else { return };
+        let is_later = self.word >= WORDS.len();
         match response.reply {
-            Reply::Refused { .. } if !is_trigger => return self.is_refused = true,
-            Reply::Refused { .. } => self.answers.refused += 1,
+            Reply::Refused { .. } if !is_later => return self.is_refused = true,
+            Reply::Refused { .. } if matches!(request, Request::Trigger(_)) => self.answers.refused += 1,
+            Reply::Refused { reason, .. } => {
+                (self.camera.refused, self.camera.last_refusal) = (self.camera.refused + 1, Some(reason));
+            }
+            Reply::CameraSet(_) => self.camera.set += 1,
+            Reply::CameraTriggered(triggered) => {
+                self.camera.triggered += 1;
+                self.camera.late += u64::from(triggered.is_late);
+            }
             Reply::Triggered(triggered) => {
                 self.answers.taken += 1;
                 self.answers.late += u64::from(triggered.is_late);
             }
             Reply::Hello(_) | Reply::Info(_) | Reply::Run | Reply::Stop | Reply::Applied(_) => {}
         }
-        if is_trigger {
-            self.triggers.pop_front();
+        if is_later {
+            self.waiting.pop_front();
         }
         (self.word, self.due_us) = (self.word + 1, now_us);
     }
@@ -122,7 +151,7 @@ impl Talk {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use firmware_protocol::message::{Refusal, Triggered};
+    use firmware_protocol::message::{CameraSet, CameraSetting, CameraTrigger, CameraTriggered, Trigger, Triggered};
 
     fn answer(talk: &mut Talk, token: u8, reply: Reply, now_us: u64) {
         talk.hear(&Response { token, reply }, now_us);
@@ -149,24 +178,45 @@ mod tests {
     #[test]
     fn triggers_are_said_one_at_a_time_after_run_each_with_its_own_token() {
         let mut talk = Talk::new(0);
-        let trigger = |number| Trigger { number, at_us: 5 };
-        assert!(talk.fire(trigger(1), 0) && talk.fire(trigger(2), 0));
+        let trigger = |number| Request::Trigger(Trigger { number, at_us: 5 });
+        assert!(talk.say(trigger(1), 0) && talk.say(trigger(2), 0));
         for token in 1..=3 {
             assert!(!matches!(talk.take(10).unwrap().request, Request::Trigger(_)), "not before RUN");
             answer(&mut talk, token, Reply::Run, 10);
         }
         let first = talk.take(10).unwrap();
-        assert_eq!(first, Command { token: 4, request: Request::Trigger(trigger(1)) });
+        assert_eq!(first, Command { token: 4, request: trigger(1) });
         assert_eq!((talk.take(20), talk.take(10 + RETRY_US)), (None, Some(first)), "again with the same token");
         answer(&mut talk, 4, Reply::Refused { opcode: 6, reason: Refusal::TriggerTime }, 600_000);
         let second = talk.take(600_000).unwrap();
-        assert_eq!(second, Command { token: 5, request: Request::Trigger(trigger(2)) }, "the talk goes on");
+        assert_eq!(second, Command { token: 5, request: trigger(2) }, "the talk goes on");
         answer(&mut talk, 5, Reply::Triggered(Triggered { number: 2, is_late: true }), 700_000);
         assert_eq!(talk.trigger_answers(), TriggerAnswers { taken: 1, late: 1, refused: 1 });
         assert_eq!((talk.next_us(), talk.is_running()), (u64::MAX, true));
-        assert!(talk.fire(trigger(3), 800_000));
+        assert!(talk.say(trigger(3), 800_000));
         assert_eq!((talk.next_us(), talk.take(800_000).unwrap().token), (800_000, 6), "due when it was asked for");
-        assert!((0..).take_while(|number| talk.fire(trigger(*number), 0)).count() == TRIGGERS_MAX - 1, "full");
+        assert!((0..).take_while(|number| talk.say(trigger(*number), 0)).count() == WAITING_MAX - 1, "full");
+    }
+
+    #[test]
+    fn camera_commands_are_said_like_triggers_and_counted_apart() {
+        let mut talk = Talk::new(0);
+        let setting = Request::Camera(CameraSetting { kind: 1, head: 0, value: 5000 });
+        let trigger = Request::CameraTrigger(CameraTrigger { head: 0, at_us: 0 });
+        for token in 1..=3 {
+            talk.take(10);
+            answer(&mut talk, token, Reply::Run, 10);
+        }
+        assert!([setting, setting, trigger].into_iter().all(|request| talk.say(request, 20)));
+        assert_eq!(talk.take(20), Some(Command { token: 4, request: setting }));
+        answer(&mut talk, 4, Reply::CameraSet(CameraSet { kind: 1, head: 0 }), 30);
+        assert_eq!(talk.take(30), Some(Command { token: 5, request: setting }));
+        answer(&mut talk, 5, Reply::Refused { opcode: 7, reason: Refusal::CameraRange }, 40);
+        assert_eq!(talk.take(40), Some(Command { token: 6, request: trigger }));
+        answer(&mut talk, 6, Reply::CameraTriggered(CameraTriggered { head: 0, is_late: true }), 50);
+        let last_refusal = Some(Refusal::CameraRange);
+        assert_eq!(talk.camera_answers(), CameraAnswers { set: 1, triggered: 1, late: 1, refused: 1, last_refusal });
+        assert_eq!(talk.trigger_answers(), TriggerAnswers::default());
     }
 
     #[test]

@@ -2,9 +2,10 @@
 
 #![no_main]
 
-use firmware_protocol::handshake::{Answer, Did, Handshake};
+use firmware_protocol::handshake::{Answer, Did, Handshake, Takes};
 use firmware_protocol::message::{
-    Command, Info, Rates, Refusal, Reply, Request, Response, Table, TableCell, Trigger, Triggered, capability,
+    CameraSet, CameraSetting, CameraTrigger, CameraTriggered, Command, Info, Rates, Refusal, Reply, Request, Response,
+    Table, TableCell, Trigger, Triggered, capability,
 };
 use firmware_protocol::tables::{Applied, Row, TableStore};
 use firmware_protocol::version::{self, Version};
@@ -19,7 +20,8 @@ const RATES: Rates = Rates { attitude_hz: 100, jitter_hz: 1000 };
 fuzz_target!(|bytes: &[u8]| {
     let mut input = Input::new(bytes);
     let has_tables = input.bool();
-    let capabilities = if has_tables { capability::PARAMETER_TABLES } else { capability::TRIGGERS };
+    let capabilities =
+        if has_tables { capability::PARAMETER_TABLES } else { capability::TRIGGERS | capability::CAMERA };
     let mut handshake = Handshake::new(DBC_CRC32, RATES).with_capabilities(capabilities);
     let (mut store, mut model) = (TableStore::new(), Model { has_tables, ..Model::default() });
     while !input.is_empty() {
@@ -36,13 +38,10 @@ fuzz_target!(|bytes: &[u8]| {
             choice => {
                 let command = command(choice, &model, &mut input);
                 let fired_before = model.fired;
-                let mut fired = 0;
-                let answer = handshake.answer_with(&command, &mut store, |trigger| {
-                    fired += 1;
-                    fire(trigger)
-                });
+                let mut taker = Taker::default();
+                let answer = handshake.answer_by(&command, &mut store, &mut taker);
                 assert_eq!(answer, model.answer(&command), "to {command:?}");
-                assert_eq!(fired, model.fired - fired_before, "{command:?}: once, and not for a retry");
+                assert_eq!(taker.taken, model.fired - fired_before, "{command:?}: once, and not for a retry");
                 assert_is_sent_whole(&answer.response);
             }
         }
@@ -116,8 +115,10 @@ fn command(choice: u8, model: &Model, input: &mut Input<'_>) -> Command {
         (_, 4 | 5) => Request::Run,
         (_, 6) => Request::Stop,
         _ => match input.u8() {
-            0..=127 => Request::Trigger(Trigger { number: input.u16() % 4, at_us: input.u32() }),
-            opcode => Request::Unknown { opcode: opcode.max(7) },
+            0..=31 => Request::Camera(CameraSetting { kind: input.u8(), head: input.u8() % 4, value: input.u32() }),
+            32..=63 => Request::CameraTrigger(CameraTrigger { head: input.u8() % 4, at_us: input.u32() }),
+            64..=127 => Request::Trigger(Trigger { number: input.u16() % 4, at_us: input.u32() }),
+            opcode => Request::Unknown { opcode: opcode.max(9) },
         },
     };
     Command { token, request }
@@ -130,6 +131,38 @@ fn fire(trigger: Trigger) -> Result<Triggered, Refusal> {
         1 => Err(Refusal::TriggerTime),
         3 => Err(Refusal::UnknownTrigger),
         _ => Ok(triggered),
+    }
+}
+
+/// A camera that lacks head 1, and refuses head 3 for a reason of its own.
+fn expose(head: u8) -> Result<(), Refusal> {
+    match head {
+        1 => Err(Refusal::UnknownHead),
+        3 => Err(Refusal::CameraRange),
+        _ => Ok(()),
+    }
+}
+
+/// Counts what it takes in.
+#[derive(Default)]
+struct Taker {
+    taken: u32,
+}
+
+impl Takes for Taker {
+    fn trigger(&mut self, trigger: Trigger) -> Result<Triggered, Refusal> {
+        self.taken += 1;
+        fire(trigger)
+    }
+
+    fn camera(&mut self, setting: CameraSetting) -> Result<(), Refusal> {
+        self.taken += 1;
+        expose(setting.head)
+    }
+
+    fn camera_trigger(&mut self, trigger: CameraTrigger) -> Result<bool, Refusal> {
+        self.taken += 1;
+        expose(trigger.head).map(|()| trigger.at_us % 2 == 1)
     }
 }
 
@@ -196,6 +229,7 @@ impl Model {
         let did = match reply {
             Reply::Applied(applied) => Some(Did::Applied(applied.table)),
             Reply::Triggered(triggered) => Some(Did::Triggered(triggered)),
+            Reply::CameraSet(_) | Reply::CameraTriggered(_) => Some(Did::Camera),
             _ if self.is_running && !was_running => Some(Did::Run),
             _ if was_running && !self.is_running => Some(Did::Stop),
             _ => None,
@@ -209,7 +243,7 @@ impl Model {
         match request {
             Request::Hello(peer) if peer.major == version::MAJOR => {
                 (self.is_agreed, self.peer_minor) = (true, peer.minor);
-                let capabilities = if self.has_tables { 1 } else { 8 };
+                let capabilities = if self.has_tables { 1 } else { 24 };
                 let bytes = [1, 0, 0, version::MAJOR, version::MINOR, capabilities, 0, 1];
                 match Message::from_payload(MessageId::Response, &bytes) {
                     Ok(Message::Response(response)) => Ok(response.reply),
@@ -229,7 +263,9 @@ impl Model {
             }
             Request::Unknown { .. } => Err(Refusal::UnknownOpcode),
             Request::Apply { .. } if !self.has_tables => Err(Refusal::UnknownOpcode),
-            Request::Trigger(_) if self.has_tables => Err(Refusal::UnknownOpcode),
+            Request::Trigger(_) | Request::Camera(_) | Request::CameraTrigger(_) if self.has_tables => {
+                Err(Refusal::UnknownOpcode)
+            }
             _ if !self.is_agreed => Err(Refusal::NoHandshake),
             Request::Run => {
                 self.is_running = true;
@@ -242,8 +278,24 @@ impl Model {
                 let known = |reason| if is_known(reason) { reason } else { Refusal::UnknownOpcode };
                 fire(trigger).map(Reply::Triggered).map_err(known)
             }
+            Request::Camera(CameraSetting { kind, head, .. }) => {
+                self.fired += 1;
+                expose(head)
+                    .map(|()| Reply::CameraSet(CameraSet { kind, head }))
+                    .map_err(|reason| self.since_1_4(reason))
+            }
+            Request::CameraTrigger(CameraTrigger { head, at_us }) => {
+                self.fired += 1;
+                let triggered = |()| Reply::CameraTriggered(CameraTriggered { head, is_late: at_us % 2 == 1 });
+                expose(head).map(triggered).map_err(|reason| self.since_1_4(reason))
+            }
             Request::Apply { table, rows, crc, seed } => self.apply(table, rows, crc, seed).map(Reply::Applied),
         }
+    }
+
+    /// Before 1.4 there was no code for it.
+    fn since_1_4(&self, reason: Refusal) -> Refusal {
+        if self.peer_minor >= 4 { reason } else { Refusal::UnknownOpcode }
     }
 
     fn apply(&mut self, number: u8, rows: u8, crc: u16, seed: u16) -> Result<Applied, Refusal> {
