@@ -205,6 +205,56 @@ class Heads(unittest.TestCase):
             self.assertEqual(got[head]["gain_db"], 0.0)
 
 
+def light_places(pixels, others):
+    """Photocentres of the brightest single stars of an image, px, in it and in others: windows around the same pixels."""
+    left, places = pixels.copy(), []
+    for _ in range(40):
+        row, column = numpy.unravel_index(numpy.argmax(left), left.shape)
+        window = slice(row - 8, row + 9), slice(column - 8, column + 9)
+        if 8 <= row < left.shape[0] - 8 and 8 <= column < left.shape[1] - 8 and numpy.all(numpy.isfinite(left[window])):
+            places.append([photocentre(image[window]) for image in (pixels, *others)])
+        left[window] = -numpy.inf
+    return places
+
+
+def photocentre(window):
+    light = window - numpy.median(window)
+    rows, columns = numpy.indices(light.shape)
+    return (light * columns).sum() / light.sum(), (light * rows).sum() / light.sum()
+
+
+class Truth(unittest.TestCase):
+    #: Light alone: whole numbers of electrons, without patterns and read noise.
+    LIGHT = {**PLAIN, "camera.detector.gain_e_per_dn": 1.0, "camera.detector.bits": 16, "camera.detector.read_noise_e_rms": 0.0,
+             "camera.detector.dark_e_per_s": 0.0, "camera.detector.full_well_e": 65000.0, "camera.radiometry.limiting_mag": 5.5}
+
+    def frames(self, backend, late_s=0.0):
+        """Settings that change with every frame of a turn, readouts within exposures, and triggers."""
+        rate, frames = math.radians(1.0), []
+        with outside(4.0, rate, **self.LIGHT, **{"render.backend": backend, "noise_seed": 3}) as loop:
+            loop.camera(frame_rate_hz=None)
+            for exposure_us in (21000, 150000, 33333, 70000, 20000, 400000):
+                loop.camera(exposure_us=exposure_us + late_s * 2e6)
+                frames.append(next_frame(loop))
+            loop.camera(trigger_mode=True, exposure_us=80000)
+            for at_s in (1.3, 1.4123456):
+                loop.camera_trigger(at_s=at_s + late_s)
+                frames.append(next_frame(loop))
+        return frames
+
+    def test_reference_and_auto_agree_for_exposures_of_any_length(self):
+        stars, largest, largest_late = 0, 0.0, 0.0
+        for (wanted, info), (got, other), (late, _) in zip(self.frames("reference"), self.frames("cpu"), self.frames("cpu", 0.001)):
+            self.assertEqual(info["mid_exposure_s"], other["mid_exposure_s"])
+            self.assertEqual((info["meta"]["backend"], other["meta"]["backend"]), ("reference", "cpu"))
+            for place, place_got, place_late in light_places(wanted, (got, late)):
+                stars, largest = stars + 1, max(largest, math.dist(place, place_got))
+                largest_late = max(largest_late, math.dist(place, place_late))
+        self.assertGreater(stars, 40)
+        self.assertLess(largest, 0.002, f"{stars} stars")
+        self.assertGreater(largest_late, 0.002, "control: exposures whose middle is 1 ms later")
+
+
 class Replays(unittest.TestCase):
     def setUp(self):
         self.folder = tempfile.TemporaryDirectory()
@@ -241,6 +291,38 @@ class Replays(unittest.TestCase):
         table.write_text("\n".join([rows[0]] + [row.rsplit(",", 1)[0] + "," for row in rows[1:]]) + "\n")
         status, text = self.replay()
         self.assertNotEqual(status, 0, text)
+
+    def test_lockstep_runs_replay_bit_by_bit_with_the_samples_that_were_sent(self):
+        for form in ("pcapng", "candump"):
+            self.capture = Path(self.folder.name) / form
+            arguments = ["--capture", str(self.capture), "--capture-format", form, "--sink", "null"]
+            with outside(2.0, 0.01, arguments) as loop:
+                loop.jitter([0.0005 * k, 20.0 * math.sin(k), 0.0, 0.0] for k in range(4000))
+                loop.step(until_s=0.72)
+                loop.camera(exposure_us=30000)
+                loop.step(until_s=2.0)
+                frames = loop.finish()["frames"]["delivered"]
+            status, text = self.replay()
+            self.assertEqual((status, text.strip()), (0, f"{frames} of {frames} frames bit-identical"))
+            table = self.capture / "samples.csv"
+            rows = table.read_text().splitlines(keepends=True)
+            changed = [self.turned(row) if row.startswith("attitude") else row for row in rows]
+            table.write_text("".join(changed))
+            self.assertNotEqual(self.replay()[0], 0, "control: other attitudes")
+            table.write_text("".join(rows[:-1]))
+            status, text = self.replay()
+            self.assertIn("samples", text)
+            self.assertNotEqual(status, 0, "control: a sample less")
+
+    @staticmethod
+    def turned(row):
+        """A row of an attitude about a milliradian aside."""
+        fields = row.split(",")
+        w, x, y, z = map(float, fields[2:6])
+        fields[2:6] = map(repr, (w - 0.0005 * x, x + 0.0005 * w, y + 0.0005 * z, z - 0.0005 * y))
+        norm = math.sqrt(1.0 + 0.0005**2)
+        fields[2:6] = (repr(float(field) / norm) for field in fields[2:6])
+        return ",".join(fields)
 
     def test_commands_do_not_change_what_repeats(self):
         def crc32():

@@ -213,6 +213,28 @@ class Unit(unittest.TestCase):
         self.assertGreater(result["star_count"][-1], 5)
         self.assertTrue(list(out.rglob("*.fits")))
 
+    def test_a_unit_of_three_heads_has_the_outputs_of_each(self):
+        heads = [[1.0, 0.0, 0.0, 0.0], [math.cos(0.4), math.sin(0.4), 0.0, 0.0], [math.cos(0.4), 0.0, math.sin(0.4), 0.0]]
+        text = BENCH + "".join(f"[[head]]\nsensor_from_body = {head}\n" for head in heads)
+        (self.here / "three.toml").write_text(text)
+        unit = self.here / "three.fmu"
+        done = starloop("fmu", self.here / "three.toml", "--out", unit)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        outputs = [f"head_{head}_{what}" for head in range(3) for what in ("frame_counter", "true_q_sensor_from_icrf")]
+        result = simulate_fmu(
+            str(unit),
+            start_values={"output_dir": str(self.here / "three"), "q_body_from_icrf": slew(0.0)},
+            stop_time=1.0,
+            step_size=0.1,
+            output_interval=0.1,
+            output=outputs,
+        )
+        for head, mounting in enumerate(heads):
+            self.assertGreaterEqual(result[f"head_{head}_frame_counter"][-1], 8)
+            wxyz = list(result[f"head_{head}_true_q_sensor_from_icrf"][-1])
+            self.assertLess(angle_rad(wxyz, product(mounting, slew(0.0))), 0.01 * ARCSEC)
+            self.assertGreater(angle_rad(wxyz, product(heads[head - 1], slew(0.0))), 0.1, "control: another head's")
+
     def test_a_flight_inside_is_refused_in_one_sentence(self):
         done = starloop("fmu", ROOT / "configs/scenarios/slew_and_settle.toml", "--out", self.here / "no.fmu")
         self.assertEqual(done.returncode, 1)

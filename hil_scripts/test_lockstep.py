@@ -8,6 +8,7 @@ import math
 import os
 import socket
 import sys
+import tempfile
 import unittest
 from pathlib import Path
 
@@ -125,6 +126,46 @@ class PlantOutside(unittest.TestCase):
             self.assertAlmostEqual(got, wanted, places=15)
         for got, wanted in zip(mrp_of_wxyz(wxyz_of_mrp((0.1, -0.2, 0.3))), (0.1, -0.2, 0.3)):
             self.assertAlmostEqual(got, wanted, places=15)
+
+
+class ThreeHeads(unittest.TestCase):
+    HEADS = [[1.0, 0.0, 0.0, 0.0], [0.92387953, 0.38268343, 0.0, 0.0], [0.92387953, -0.19134172, 0.33141357, 0.0]]
+
+    def bench(self, folder):
+        heads = "".join(f"[[head]]\nsensor_from_body = {head}\n" for head in self.HEADS)
+        path = Path(folder) / "three.toml"
+        camera = ROOT / "configs/cameras/small_tracker.toml"
+        path.write_text(f'name = "three"\ncamera = "{camera}"\nseed = 1\n[plant]\nkind = "outside"\n[plant.tracker]\n'
+                        f'[timing]\nframe_rate_hz = 10.0\nduration_s = 1.0\n[sink]\nkind = "null"\n{heads}')
+        return path
+
+    def test_each_head_shows_the_attitude_that_was_sent(self):
+        with tempfile.TemporaryDirectory() as folder, Starloop.start(BINARY, self.bench(folder)) as loop:
+            loop.attitude(samples())
+            loop.step(until_s=0.9)
+            facts = [loop.frame_facts(head) for head in range(3)]
+            found = [loop.tracker(head) for head in range(3)]
+            self.assertEqual(loop.hello["heads"], 3)
+            with self.assertRaisesRegex(StarloopError, "3"):
+                loop.frame_facts(3)
+        for head, told in zip(self.HEADS, facts):
+            wanted = multiplied(head, turned(told["mid_exposure_s"])[0])
+            off = min(math.dist(told["meta"]["attitude_wxyz"], [sign * part for part in wanted]) for sign in (1.0, -1.0))
+            # The mountings of the file have eight digits.
+            self.assertLess(math.degrees(2.0 * off) * 3600.0, 0.02)
+        self.assertEqual(len({told["crc32"] for told in facts}), 3, "three images")
+        for told in found:
+            wanted, _ = turned(told["mid_exposure_s"])
+            off = min(math.dist(told["body_from_icrf"], [sign * part for part in wanted]) for sign in (1.0, -1.0))
+            self.assertTrue(told["valid"])
+            self.assertLess(math.degrees(2.0 * off) * 3600.0, 60.0, "each tracker finds the body's attitude")
+
+
+def multiplied(a, b):
+    """The Hamilton product of two quaternions, scalar first."""
+    (aw, ax, ay, az), (bw, bx, by, bz) = a, b
+    return [aw * bw - ax * bx - ay * by - az * bz, aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx, aw * bz + ax * by - ay * bx + az * bw]
 
 
 class ControlOutside(unittest.TestCase):

@@ -65,6 +65,14 @@ impl<To, From> Rotation<To, From> {
         (norm.is_finite() && (norm - 1.0).abs() <= norm_tolerance).then(|| Self::from_quat(q))
     }
 
+    /// From a unit quaternion whose bits are kept; `None` when its norm differs from 1 by more than `norm_tolerance`.
+    #[must_use]
+    pub fn from_unit_wxyz(wxyz: [f64; 4], norm_tolerance: f64) -> Option<Self> {
+        let [w, x, y, z] = wxyz;
+        let q = DQuat::from_xyzw(x, y, z, w);
+        ((q.length() - 1.0).abs() <= norm_tolerance).then_some(Self { q, axes: PhantomData })
+    }
+
     /// From a quaternion of any non-zero norm.
     #[must_use]
     pub fn from_quat(q: DQuat) -> Self {

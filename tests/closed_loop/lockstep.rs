@@ -8,11 +8,9 @@ use config::{Document, Scenario};
 use frames::sink::crc32::pixel_crc32;
 use frames::sink::{FrameMeta, NullSink, SentFrame, Sink};
 use glam::DVec3;
-use link::capture::CaptureFormat;
 use run::runtime::ledger::EventKind;
 use run::runtime::{PlantAttitude, PlantSample, TrackerOutput};
 use run::wiring::assemble::{Outputs, Run, RunOptions};
-use run::wiring::capture_tap::CaptureOptions;
 use run::wiring::stepped::SteppedRun;
 use sky::observer::BarycentricState;
 use std::collections::BTreeMap;
@@ -181,19 +179,13 @@ fn an_old_or_bad_list_is_refused_counted_and_changes_nothing() {
 
 #[test]
 fn a_plant_outside_needs_whoever_steps_the_run() {
-    let (outside, document) = (scenario(""), document(""));
+    let outside = scenario("");
     let mut sink = |_: usize| Box::new(NullSink::new()) as Box<dyn Sink>;
     let refused = |options: RunOptions<'_>| Run::assemble(&outside, options).err().map(|error| error.to_string());
     let alone = refused(RunOptions::stepped(Outputs::Made(&mut sink))).unwrap();
     assert!(alone.contains("slcan_tcp") && alone.contains("--clock virtual with --control"), "{alone}");
     let controlled = RunOptions { is_controlled: true, ..RunOptions::real(Outputs::Made(&mut sink)) };
     assert!(refused(controlled).unwrap().contains("--clock virtual with --control"));
-    let folder = tempfile::tempdir().unwrap();
-    let (directory, format) = (folder.path().join("capture"), CaptureFormat::Pcapng);
-    let capture = Some(CaptureOptions { directory, format, document: &document, settings: &[] });
-    let stepped = RunOptions::stepped(Outputs::Made(&mut sink));
-    let captured = refused(RunOptions { is_controlled: true, capture, ..stepped }).unwrap();
-    assert!(captured.contains("--capture"), "{captured}");
     let mut inside = Scenario::from_document(&Document::built_in("benches/loopback.toml").unwrap()).unwrap();
     inside.bench.camera = outside.bench.camera.clone();
     let mut run = assembled(&inside);

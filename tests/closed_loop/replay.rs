@@ -289,7 +289,8 @@ fn three_heads_are_replayed_together_alone_and_into_folders() {
     let frames = directory.join("frames.csv");
     let whole = std::fs::read_to_string(&frames).unwrap();
     let line = whole.lines().find(|line| line.starts_with("4,1,")).unwrap();
-    let wrong = format!("{}{}", &line[..line.len() - 1], if line.ends_with('0') { '1' } else { '0' });
+    let row = line.strip_suffix(',').unwrap();
+    let wrong = format!("{}{},", &row[..row.len() - 1], if row.ends_with('0') { '1' } else { '0' });
     std::fs::write(&frames, whole.replace(line, &wrong)).unwrap();
     let (status, text) = replay(&directory, &[]);
     assert!(status == 4 && text.contains("3 heads, 29 of 30 frames bit-identical"), "{text}");

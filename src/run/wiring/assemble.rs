@@ -160,7 +160,6 @@ impl Run {
         if let Some(why) = is_unreachable(&scenario.bench, is_controlled && clock == RunClockKind::Virtual) {
             return Err(anyhow::anyhow!(why).into());
         }
-        check_lockstep_capture(&scenario, capture.is_some())?;
         check_memory(&scenario, &outputs, clock, live.is_some())?;
         let start = start_of(&scenario);
         let cards = match &outputs {
@@ -328,16 +327,6 @@ impl Run {
         let cable = self.cable.as_ref().map(Cable::notes).unwrap_or_default();
         self.taps.live.as_ref().map(LiveTap::notes).unwrap_or_default().into_iter().chain(cable).collect()
     }
-}
-
-/// Refuses a capture without the attitudes that its frames are drawn from.
-fn check_lockstep_capture(scenario: &Scenario, has_capture: bool) -> Result<(), LoopError> {
-    if has_capture && scenario.bench.is_lockstep() {
-        let why = "--capture holds what came over a bus; this plant's attitudes come from whoever steps the run: leave --capture \
-                   out, and keep the samples that are sent";
-        return Err(anyhow::anyhow!(why).into());
-    }
-    Ok(())
 }
 
 /// When the clock of a run starts.

@@ -119,7 +119,11 @@ impl SteppedRun {
             return Err(refuse(why.into()));
         }
         let zero = self.times.zero;
-        self.going.put_plant(samples).map_err(|(place, why)| {
+        let put = self.going.put_plant(samples);
+        if let (Ok(()), Some(recording)) = (&put, &self.taps.recording) {
+            recording.note_samples(samples);
+        }
+        put.map_err(|(place, why)| {
             let t_s = samples.get(place).map_or(f64::NAN, |sample| (sample.at - zero).s());
             let now_s = (self.going.now() - zero).s();
             refuse(format!("sample {place} of {} (t_s {t_s}, it is {now_s} s now): {why}", samples.len()))

@@ -5,7 +5,8 @@
 //! the first number that differs. A run that was cut off has no end record; captures of earlier versions have no counts
 //! of rows. Both are replayed with a note ([`Session::doubts`]). Tests: `tests/closed_loop/replay.rs`.
 
-use super::{FRAMES_FILE, FrameRow, ReplayError, RowReader, Session, SessionEnd};
+use super::sample_table::SAMPLES_FILE;
+use super::{FRAMES_FILE, FrameRow, ReplayError, RowReader, Session, SessionEnd, sample_table};
 use link::capture::{CaptureError, CaptureReader};
 use serde::{Deserialize, Serialize};
 use std::fs::File;
@@ -40,6 +41,10 @@ pub(super) fn check(directory: &Path, session: &Session) -> Result<(), ReplayErr
     let Some(end) = &session.end else { return Ok(()) };
     let bus = directory.join(&session.bus);
     compare(end, &bus, "packets", end.packets, count_packets(&bus)?)?;
+    if let Some(samples) = end.samples {
+        let path = directory.join(SAMPLES_FILE);
+        compare(end, &path, "samples", samples, sample_table::count(&path)?)?;
+    }
     let Some(wanted) = end.counted else { return Ok(()) };
     let frames = directory.join(FRAMES_FILE);
     let got = count_rows(&frames)?;

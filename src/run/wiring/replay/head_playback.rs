@@ -9,7 +9,7 @@ use super::{CapturedFate, Difference, DrawnFrom, FrameRow, HeadOutcome, ReplayEr
 use crate::runtime::frame_faults::Fate;
 use crate::runtime::head_step::HeadStep;
 use crate::runtime::receiver::{PORTS_MAX, Receiver};
-use crate::runtime::{Exposed, FrameEngine, Imager, Ledger, Slot};
+use crate::runtime::{Exposed, FrameEngine, Imager, Ledger, PlantSample, Slot};
 use crate::wiring::fault_desk::FaultDesk;
 use crate::wiring::faults::Inventory;
 use crate::wiring::heads::CostsHere;
@@ -20,6 +20,7 @@ use core::ops::Range;
 use frames::sink::crc32::pixel_crc32;
 use frames::sink::{SentFrame, Sink};
 use plan::exposure::cost::CostModel;
+use std::collections::VecDeque;
 
 /// What all heads of a replay share.
 pub(super) struct Replayed<'a> {
@@ -64,6 +65,8 @@ pub(super) struct HeadPlayback {
     receiver: Receiver,
     faults: HeadFaults,
     links: CapturedLinks,
+    /// Of a plant in lockstep, those that act later.
+    samples: VecDeque<PlantSample>,
     ledger: Ledger,
     frame: SentFrame,
     frames: Range<u32>,
@@ -103,6 +106,7 @@ impl HeadPlayback {
             receiver,
             faults,
             links: CapturedLinks::open(&scenario.bench, replayed.source)?,
+            samples: VecDeque::new(),
             ledger: Ledger::default(),
             frame,
             frames: replayed.frames.clone(),
@@ -128,6 +132,11 @@ impl HeadPlayback {
     /// Adds an event that came while the run went on, so long after its first exposure.
     pub(super) fn inject(&mut self, came: Span, event: Event) {
         self.faults.add_injected(came, event);
+    }
+
+    /// Takes the samples of a plant in lockstep, in the order in which they act.
+    pub(super) fn take_samples(&mut self, samples: &[PlantSample]) {
+        self.samples = samples.iter().copied().collect();
     }
 
     fn doubt(&mut self, why: String) {
@@ -179,9 +188,15 @@ impl HeadPlayback {
             if !(0..PORTS_MAX).any(is_wanted) {
                 return Ok(());
             }
-            match self.links.take(Tai::from_ns(i64::MAX), is_wanted)? {
-                Some((link, message)) => drop(self.receiver.accept_input(link, &message, &mut self.ledger)),
-                None => {
+            // What the bus brought at the instant of a sample came first.
+            let until = self.samples.front().map_or(Tai::from_ns(i64::MAX), |sample| sample.at);
+            match (self.links.take(until, is_wanted)?, self.samples.front().copied()) {
+                (None, Some(sample)) => {
+                    self.samples.pop_front();
+                    self.receiver.take_lockstep(&sample, &mut self.ledger);
+                }
+                (Some((link, message)), _) => drop(self.receiver.accept_input(link, &message, &mut self.ledger)),
+                (None, None) => {
                     self.has_run_out = true;
                     let (wanted, held) = (messages.iter().sum::<u64>(), self.receiver.messages());
                     self.doubt(format!("frame {frame} was drawn after {wanted} messages; the capture holds {held}"));

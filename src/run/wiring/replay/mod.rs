@@ -10,6 +10,7 @@
 //! all links with their stamps; `frames.csv` holds, frame by frame and head by head, how many messages of each link had been
 //! taken in, the load as exact bits, how a commanded camera exposed it, and the CRC-32 of the image that went out. A replay plays each head on its own: it feeds
 //! the packets through the same ports and receiver in the same portions, places the same events, and compares each image.
+//! In lockstep `samples.csv` has what the plant sent, and its samples are counted as messages of the first link.
 //! Faults of the bus need nothing: the capture holds what arrived after them. Limits: bits repeat on the same backend and
 //! vector level; a capture that lost packets, messages or rows says so and may not repeat; with several links messages are fed
 //! in the order of their stamps, pulses per second are not captured. A capture that does not hold the packets, rows and
@@ -32,6 +33,7 @@ mod row_writer;
 mod rows;
 #[cfg(test)]
 mod rows_tests;
+mod sample_table;
 mod session;
 
 pub use completeness::RowCounts;
@@ -41,6 +43,7 @@ pub use playback::{Difference, HeadOutcome, ReplayOptions, ReplayOutcome, SinkOf
 pub use recording::Recording;
 pub use row_reader::RowReader;
 pub use rows::{CapturedFate, DrawnFrom, FrameRow, RowForm};
+pub use sample_table::SampleReader;
 pub use session::{Session, SessionEnd, SessionParams};
 
 /// Name of the session's file.

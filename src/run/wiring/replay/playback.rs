@@ -3,7 +3,7 @@
 use super::captured_links::Source;
 use super::head_playback::{HeadPlayback, Replayed};
 use super::row_reader::RowsOfHead;
-use super::{FRAMES_FILE, ReplayError, RowReader, Session, completeness};
+use super::{FRAMES_FILE, ReplayError, RowReader, Session, completeness, sample_table};
 use crate::wiring::heads::RunHead;
 use config::Scenario;
 use core::ops::Range;
@@ -137,9 +137,14 @@ pub fn replay_session(
     let (start, frames) = (session.start(), options.frames());
     let (replayed, heads) = Replayed::with_heads(&scenario, start, &source, real, frames)?;
     let mut outcome = ReplayOutcome { doubts: session.doubts(), ..ReplayOutcome::default() };
+    let samples = if scenario.bench.is_lockstep() { sample_table::read_all(directory)? } else { Default::default() };
+    if samples.is_cut_off {
+        outcome.doubt("samples.csv is cut off: the samples before are used".into());
+    }
     let has_several = heads.len() > 1;
     for (number, head) in options.wanted(heads)? {
         let mut playback = HeadPlayback::new(&replayed, (number, head), sink(has_several.then_some(number))?)?;
+        playback.take_samples(&samples.samples);
         doubts_of_machine(&session, &playback).into_iter().for_each(|doubt| outcome.doubt(doubt));
         for injected in &session.injected {
             let (came, event) = injected.event()?;

@@ -8,15 +8,17 @@
 //! 3. [`Recording::tap_frames`] around the sink of each head, before its first frame; a tracker's tap may be inside;
 //! 4. [`Recording::note_injected`] for each event that was placed while the run went on, with the time at which it came:
 //!    slots released until then were drawn before it, later ones after it;
-//! 5. [`Recording::finish`] when all sinks are finished and links are closed.
+//! 5. [`Recording::note_samples`] for each list of samples that a plant in lockstep sent and the run took;
+//! 6. [`Recording::finish`] when all sinks are finished and links are closed.
 //!
 //! It waits for the disk on the virtual clock only; on the real clock what the disk does not take is lost and counted.
 
 use super::injected::Injected;
 use super::row_writer::RowWriter;
+use super::sample_table::SampleWriter;
 use super::session::SessionParams;
 use super::{FRAMES_FILE, ReplayError, SESSION_FILE, Session, SessionEnd};
-use crate::runtime::{DeadlinePolicy, FrameEngine, frame_marks};
+use crate::runtime::{DeadlinePolicy, FrameEngine, PlantSample, frame_marks};
 use base::time::Span;
 use config::Event;
 use frames::sink::Sink;
@@ -34,6 +36,8 @@ pub struct Recording {
     session: Mutex<Session>,
     capture: Capture,
     rows: RowWriter,
+    /// Of a plant in lockstep.
+    samples: Option<Mutex<SampleWriter>>,
 }
 
 impl Recording {
@@ -57,8 +61,10 @@ impl Recording {
         let capture = Capture::start(Box::new(BufWriter::new(out)), format, waits)
             .map_err(|source| ReplayError::Capture { path: bus, source })?;
         let rows = RowWriter::create(&directory.join(FRAMES_FILE), links, waits)?;
+        let is_lockstep = params.scenario.bench.is_lockstep();
+        let samples = is_lockstep.then(|| SampleWriter::create(directory).map(Mutex::new)).transpose()?;
         session.write(directory)?;
-        Ok(Self { directory: directory.into(), session: Mutex::new(session), capture, rows })
+        Ok(Self { directory: directory.into(), session: Mutex::new(session), capture, rows, samples })
     }
 
     /// Captures what passes a link of this number.
@@ -84,12 +90,21 @@ impl Recording {
         let _ = session.write(&self.directory);
     }
 
+    /// Writes down samples of a plant in lockstep that the run has taken.
+    pub fn note_samples(&self, samples: &[PlantSample]) {
+        if let Some(table) = &self.samples {
+            table.lock().unwrap_or_else(PoisonError::into_inner).write(samples);
+        }
+    }
+
     /// Ends the capture; `messages_lost` were lost inside the run. What was lost is in the session that comes back.
     ///
     /// # Errors
     /// When the session cannot be written.
     pub fn finish(self, messages_lost: u64) -> Result<Session, ReplayError> {
         let (packets, rows) = (self.capture.finish(), self.rows.finish());
+        let samples = self.samples.map(|table| table.into_inner().unwrap_or_else(PoisonError::into_inner).finish());
+        let (samples, samples_error) = samples.map_or((None, None), |(count, error)| (Some(count), error));
         let mut session = self.session.into_inner().unwrap_or_else(PoisonError::into_inner);
         session.end = Some(SessionEnd {
             packets: packets.written,
@@ -97,7 +112,8 @@ impl Recording {
             messages_lost,
             rows_lost: rows.lost,
             counted: Some(rows.counts),
-            error: packets.error.map(|error| error.to_string()).or(rows.error),
+            samples,
+            error: packets.error.map(|error| error.to_string()).or(rows.error).or(samples_error),
         });
         session.write(&self.directory)?;
         Ok(session)

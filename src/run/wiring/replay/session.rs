@@ -84,6 +84,9 @@ pub struct SessionEnd {
     /// What the rows add up to; absent in captures of versions that did not count them.
     #[serde(default)]
     pub counted: Option<RowCounts>,
+    /// Rows of samples.csv; absent where the plant was not in lockstep.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub samples: Option<u64>,
     /// Why writing ended early, if it did.
     pub error: Option<String>,
 }

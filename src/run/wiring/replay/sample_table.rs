@@ -1,0 +1,290 @@
+//! `samples.csv`: what a plant in lockstep said of each instant, as a captured run took it in, and the way back.
+//!
+//! Columns: the part of a sample, its instant (TAI ns since 1970), and its numbers in the fewest digits that give the same
+//! bits again. One row per part: `attitude` has w x y z, rate, acceleration (rad/s, rad/s^2, body axes); `observer` position
+//! and velocity (km, km/s); `jitter` a rotation vector (rad, body axes). Rows are in the order in which samples were sent;
+//! each acts at its own instant. Limits: [`SAMPLES_MAX`] rows. Tests: below, `tests/closed_loop/lockstep.rs`.
+
+use super::ReplayError;
+use crate::runtime::{PlantAttitude, PlantSample};
+use base::axes::Rotation;
+use base::time::Tai;
+use glam::DVec3;
+use sky::observer::BarycentricState;
+use std::fs::File;
+use std::io::{BufRead, BufReader, BufWriter, Read, Write};
+use std::path::{Path, PathBuf};
+
+/// Name of the file.
+pub(super) const SAMPLES_FILE: &str = "samples.csv";
+/// First line.
+const HEADER: &str = "part,at_tai_ns,numbers";
+/// Most rows that are read: a day of 100 Hz, about 2 GB of memory in a replay.
+const SAMPLES_MAX: u64 = 10_000_000;
+/// Longest row, bytes.
+const ROW_MAX: u64 = 512;
+/// Largest difference from 1 of a quaternion's norm: those of a capture were made unit ones.
+const NORM_TOLERANCE: f64 = 1e-9;
+
+/// The table while a run goes on.
+pub(super) struct SampleWriter {
+    out: BufWriter<File>,
+    rows: u64,
+    error: Option<String>,
+}
+
+impl SampleWriter {
+    /// Begins the file.
+    pub(super) fn create(directory: &Path) -> Result<Self, ReplayError> {
+        let path = directory.join(SAMPLES_FILE);
+        let refuse = |source| ReplayError::File { path: path.clone(), doing: "write the samples", source };
+        let mut out = BufWriter::new(File::create_new(&path).map_err(refuse)?);
+        writeln!(out, "{HEADER}").and_then(|()| out.flush()).map_err(refuse)?;
+        Ok(Self { out, rows: 0, error: None })
+    }
+
+    /// Writes a list that the run has taken. After an error nothing more is written; the session says so.
+    pub(super) fn write(&mut self, samples: &[PlantSample]) {
+        if self.error.is_some() {
+            return;
+        }
+        let (mut text, mut rows) = (String::new(), 0);
+        for sample in samples {
+            rows += write_rows(sample, &mut text);
+        }
+        match self.out.write_all(text.as_bytes()).and_then(|()| self.out.flush()) {
+            Ok(()) => self.rows += rows,
+            Err(error) => self.error = Some(format!("{SAMPLES_FILE}: {error}")),
+        }
+    }
+
+    /// Returns the number of rows, and why writing ended early, if it did.
+    pub(super) fn finish(self) -> (u64, Option<String>) {
+        (self.rows, self.error)
+    }
+}
+
+/// Writes the rows of one sample; returns their number.
+fn write_rows(sample: &PlantSample, text: &mut String) -> u64 {
+    let mut rows = 0;
+    let mut row = |part: &str, numbers: &[f64]| {
+        rows += 1;
+        text.push_str(part);
+        text.push_str(&format!(",{}", sample.at.ns()));
+        numbers.iter().for_each(|number| text.push_str(&format!(",{number:?}")));
+        text.push('\n');
+    };
+    if let Some(BarycentricState { position_km, velocity_km_s }) = sample.observer {
+        row("observer", &joined(&[position_km, velocity_km_s]));
+    }
+    if let Some(PlantAttitude { body_from_icrf, rate_rad_s, acceleration_rad_s2 }) = sample.attitude {
+        let q = body_from_icrf.quat();
+        let numbers = [&[q.w, q.x, q.y, q.z][..], &joined(&[rate_rad_s, acceleration_rad_s2])].concat();
+        row("attitude", &numbers);
+    }
+    if let Some(rotation_rad) = sample.jitter_rad {
+        row("jitter", &rotation_rad.to_array());
+    }
+    rows
+}
+
+fn joined(vectors: &[DVec3]) -> Vec<f64> {
+    vectors.iter().flat_map(DVec3::to_array).collect()
+}
+
+/// Reads the rows one by one.
+pub struct SampleReader<R> {
+    source: R,
+    path: PathBuf,
+    line: u64,
+    is_cut_off: bool,
+}
+
+impl SampleReader<BufReader<File>> {
+    /// Opens the file and checks its first line.
+    ///
+    /// # Errors
+    /// When it cannot be read, or is no such file.
+    pub fn open(path: &Path) -> Result<Self, ReplayError> {
+        let refuse = |source| ReplayError::File { path: path.into(), doing: "read the samples", source };
+        Self::new(BufReader::new(File::open(path).map_err(refuse)?), path)
+    }
+}
+
+impl<R: BufRead> SampleReader<R> {
+    /// Reads from `source`, which errors call `path`.
+    ///
+    /// # Errors
+    /// When its first line is not that of such a file.
+    pub fn new(source: R, path: &Path) -> Result<Self, ReplayError> {
+        let mut reader = Self { source, path: path.into(), line: 0, is_cut_off: false };
+        match reader.read_line()?.unwrap_or_default() {
+            text if text == HEADER => Ok(reader),
+            text => Err(reader.refuse("wanted part,at_tai_ns,numbers", &text)),
+        }
+    }
+
+    /// Returns true when the last line was cut off, as by a power cut; it is left out.
+    #[must_use]
+    pub fn is_cut_off(&self) -> bool {
+        self.is_cut_off
+    }
+
+    /// Returns the next sample, which has one part; `None` at the end.
+    ///
+    /// # Errors
+    /// When the line is no row, or there are too many.
+    pub fn read(&mut self) -> Result<Option<PlantSample>, ReplayError> {
+        let Some(text) = self.read_line()? else { return Ok(None) };
+        if self.line > SAMPLES_MAX + 1 {
+            return Err(self.refuse("more rows than the 10,000,000 that are read", &text));
+        }
+        parse(&text).map(Some).map_err(|why| self.refuse(why, &text))
+    }
+
+    fn read_line(&mut self) -> Result<Option<String>, ReplayError> {
+        let mut bytes = Vec::new();
+        self.line += 1;
+        let read = self.source.by_ref().take(ROW_MAX).read_until(b'\n', &mut bytes);
+        read.map_err(|source| ReplayError::File { path: self.path.clone(), doing: "read the samples", source })?;
+        let text = String::from_utf8_lossy(&bytes).into_owned();
+        match text.strip_suffix('\n') {
+            Some(whole) => Ok(Some(whole.trim_end_matches('\r').into())),
+            None if bytes.len() as u64 == ROW_MAX => Err(self.refuse("longer than 512 bytes", &text)),
+            None => {
+                self.is_cut_off = !bytes.is_empty();
+                Ok(None)
+            }
+        }
+    }
+
+    fn refuse(&self, why: &'static str, text: &str) -> ReplayError {
+        let text = text.chars().take(60).map(|c| if c.is_control() { '.' } else { c }).collect();
+        ReplayError::Row { path: self.path.clone(), line: self.line, why, text }
+    }
+}
+
+/// Reads a row without its line's end.
+fn parse(text: &str) -> Result<PlantSample, &'static str> {
+    let mut fields = text.split(',');
+    let part = fields.next().unwrap_or_default();
+    let at_ns = fields.next().and_then(|field| field.parse().ok()).ok_or("at_tai_ns: wanted a whole number")?;
+    let finite = |field: &str| field.parse().ok().filter(|number: &f64| number.is_finite());
+    let numbers: Option<Vec<f64>> = fields.map(finite).collect();
+    let numbers = numbers.ok_or("numbers: wanted finite numbers")?;
+    let sample = PlantSample::at(Tai::from_ns(at_ns));
+    match (part, numbers.as_slice()) {
+        ("attitude", &[w, x, y, z, rx, ry, rz, ax, ay, az]) => {
+            let unit = "attitude: wanted a quaternion of norm 1";
+            let body_from_icrf = Rotation::from_unit_wxyz([w, x, y, z], NORM_TOLERANCE).ok_or(unit)?;
+            let (rate_rad_s, acceleration_rad_s2) = (DVec3::new(rx, ry, rz), DVec3::new(ax, ay, az));
+            let attitude = Some(PlantAttitude { body_from_icrf, rate_rad_s, acceleration_rad_s2 });
+            Ok(PlantSample { attitude, ..sample })
+        }
+        ("observer", &[x, y, z, vx, vy, vz]) => {
+            let state = BarycentricState { position_km: DVec3::new(x, y, z), velocity_km_s: DVec3::new(vx, vy, vz) };
+            Ok(PlantSample { observer: Some(state), ..sample })
+        }
+        ("jitter", &[x, y, z]) => Ok(PlantSample { jitter_rad: Some(DVec3::new(x, y, z)), ..sample }),
+        _ => Err("wanted attitude and 10 numbers, observer and 6, or jitter and 3, after the instant"),
+    }
+}
+
+/// The order in which a run takes parts of samples: by instant, then as [`write_rows`] has them.
+fn key(sample: &PlantSample) -> (Tai, bool, bool) {
+    (sample.at, sample.observer.is_none(), sample.attitude.is_none())
+}
+
+/// The samples of a captured run.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(super) struct Samples {
+    /// In the order in which they act.
+    pub(super) samples: Vec<PlantSample>,
+    /// The last row was cut off, and is left out.
+    pub(super) is_cut_off: bool,
+}
+
+/// Reads the samples of a captured run.
+pub(super) fn read_all(directory: &Path) -> Result<Samples, ReplayError> {
+    let path = directory.join(SAMPLES_FILE);
+    let mut reader = SampleReader::open(&path)?;
+    let mut samples = Vec::new();
+    while let Some(sample) = reader.read()? {
+        samples.push(sample);
+    }
+    samples.sort_by_key(key);
+    if let Some([first, _]) = samples.array_windows().find(|[one, next]| key(one) == key(next)) {
+        let (why, text) = ("a part of this instant is there twice; wanted it once", first.at.to_rfc3339());
+        return Err(ReplayError::Row { path, line: 0, why, text });
+    }
+    Ok(Samples { samples, is_cut_off: reader.is_cut_off() })
+}
+
+/// Counts the rows of a captured run.
+pub(super) fn count(path: &Path) -> Result<u64, ReplayError> {
+    let mut reader = SampleReader::open(path)?;
+    let mut rows = 0;
+    while reader.read()?.is_some() {
+        rows += 1;
+    }
+    Ok(rows)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample() -> PlantSample {
+        let body_from_icrf = Rotation::from_rotation_vector(DVec3::new(0.1, -0.2, 1.0 / 3.0));
+        let (rate_rad_s, acceleration_rad_s2) = (DVec3::new(1e-300, -0.0, 0.1 + 0.2), DVec3::new(1.0, 2e9, -3.5));
+        PlantSample {
+            at: Tai::from_ns(1_772_366_401_000_000_007),
+            attitude: Some(PlantAttitude { body_from_icrf, rate_rad_s, acceleration_rad_s2 }),
+            jitter_rad: Some(DVec3::new(1e-7, -3e-9, 0.7)),
+            observer: Some(BarycentricState { position_km: DVec3::X * 7e3 / 3.0, velocity_km_s: DVec3::Y * 7.1 }),
+        }
+    }
+
+    #[test]
+    fn sample_comes_back_bit_by_bit() {
+        let directory = tempfile::tempdir().unwrap();
+        let mut writer = SampleWriter::create(directory.path()).unwrap();
+        writer.write(&[sample()]);
+        assert_eq!(writer.finish(), (3, None));
+        let Samples { samples: read, is_cut_off } = read_all(directory.path()).unwrap();
+        let parts = |sample: &PlantSample| {
+            let wanted = PlantSample::at(sample.at);
+            let observer = PlantSample { observer: sample.observer, ..wanted };
+            let attitude = PlantSample { attitude: sample.attitude, ..wanted };
+            vec![observer, attitude, PlantSample { jitter_rad: sample.jitter_rad, ..wanted }]
+        };
+        assert_eq!((read, is_cut_off), (parts(&sample()), false));
+        let bits = |sample: &PlantSample| sample.attitude.unwrap().body_from_icrf.quat().to_array().map(f64::to_bits);
+        let path = directory.path().join(SAMPLES_FILE);
+        let text = std::fs::read_to_string(&path).unwrap();
+        assert_eq!(bits(&read_all(directory.path()).unwrap().samples[1]), bits(&sample()));
+        std::fs::write(&path, text.replace("1772366401000000007", "1772366401000000008")).unwrap();
+        assert_ne!(read_all(directory.path()).unwrap().samples, parts(&sample()), "control");
+        std::fs::write(&path, format!("{text}{}", text.lines().nth(1).unwrap())).unwrap();
+        assert!(read_all(directory.path()).unwrap().is_cut_off, "a row without its end");
+        std::fs::write(&path, format!("{text}{}\n", text.lines().nth(1).unwrap())).unwrap();
+        assert!(read_all(directory.path()).unwrap_err().to_string().contains("twice"));
+    }
+
+    #[test]
+    fn bad_rows_are_refused_with_line_and_reason() {
+        for (row, part) in [
+            ("attitude,5,1,0,0,0,0,0,0,0,0", "attitude and 10 numbers"),
+            ("attitude,5,1,0,0,0.1,0,0,0,0,0,0", "norm 1"),
+            ("observer,now,1,0,0,0,0,0", "at_tai_ns"),
+            ("jitter,5,1,nan,0", "finite"),
+            ("elsewhere,5,1,2,0", "wanted attitude"),
+        ] {
+            let text = format!("{HEADER}\njitter,4,1,2,3\n{row}\n");
+            let mut reader = SampleReader::new(text.as_bytes(), Path::new(SAMPLES_FILE)).unwrap();
+            assert!(reader.read().unwrap().is_some(), "control");
+            let error = reader.read().unwrap_err().to_string();
+            assert!(error.contains(part) && error.contains("samples.csv:3"), "{row}: {error}");
+        }
+    }
+}
