@@ -32,15 +32,6 @@ pub struct CameraView {
     pub places: usize,
 }
 
-/// What CAMERA asks for.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Asked {
-    /// A command to a camera.
-    Command(CameraCommand),
-    /// CAMERA_STATUS, or none.
-    Report(bool),
-}
-
 /// The camera commands of one flight computer.
 #[derive(Debug, Clone)]
 pub struct CameraIntake {
@@ -78,7 +69,7 @@ impl CameraIntake {
     }
 
     /// Takes the next command out, with the number of its head.
-    pub fn next(&mut self) -> Option<(usize, Commanded)> {
+    pub fn take(&mut self) -> Option<(usize, Commanded)> {
         self.taken.pop_front()
     }
 
@@ -87,10 +78,10 @@ impl CameraIntake {
     /// # Errors
     /// When there is no such head, or one of the heads cannot do it.
     pub fn set(&mut self, setting: CameraSetting, at: Tai) -> Result<(), Refusal> {
-        match asked(setting)? {
-            Asked::Command(command) => self.put(setting.head, command, at),
-            Asked::Report(is_reporting) => {
-                self.is_reporting = is_reporting;
+        match command_of(setting)? {
+            Some(command) => self.put(setting.head, command, at),
+            None => {
+                self.is_reporting = choice(setting.value, [false, true])?;
                 Ok(())
             }
         }
@@ -137,8 +128,8 @@ fn refusal(why: SettingRefusal) -> Refusal {
     }
 }
 
-/// What a setting asks for, in the units of the camera.
-fn asked(setting: CameraSetting) -> Result<Asked, Refusal> {
+/// What a setting asks of a camera, in its units; `None` for a report, which is nothing of the camera's.
+fn command_of(setting: CameraSetting) -> Result<Option<CameraCommand>, Refusal> {
     let value = setting.value;
     let kind = CameraKind::from_number(setting.kind).ok_or(Refusal::CameraUnsupported)?;
     let command = match kind {
@@ -158,9 +149,9 @@ fn asked(setting: CameraSetting) -> Result<Asked, Refusal> {
         }
         CameraKind::AutoExposure => CameraCommand::AutoExposure(choice(value, AUTO)?),
         CameraKind::AutoGain => CameraCommand::AutoGain(choice(value, AUTO)?),
-        CameraKind::Report => return choice(value, [false, true]).map(Asked::Report),
+        CameraKind::Report => return Ok(None),
     };
-    Ok(Asked::Command(command))
+    Ok(Some(command))
 }
 
 const AUTO: [AutoMode; 3] = [AutoMode::Off, AutoMode::Once, AutoMode::Continuous];
@@ -198,7 +189,7 @@ pub(super) fn show(heads: &mut [impl CameraHead], input: &Input) {
 
 /// Gives the heads what the first head's receiver has taken in.
 pub(super) fn give(heads: &mut [impl CameraHead], ledger: &mut Ledger) {
-    while let Some((number, commanded)) = heads.first_mut().and_then(|first| first.receiver_mut().cameras_mut().next())
+    while let Some((number, commanded)) = heads.first_mut().and_then(|first| first.receiver_mut().cameras_mut().take())
     {
         if let Some(head) = heads.get_mut(number) {
             // It was judged by the same range; what is refused all the same is an event.
@@ -238,7 +229,7 @@ mod tests {
     }
 
     fn taken(intake: &mut CameraIntake) -> Vec<(usize, CameraCommand)> {
-        core::iter::from_fn(|| intake.next()).map(|(head, commanded)| (head, commanded.command)).collect()
+        core::iter::from_fn(|| intake.take()).map(|(head, commanded)| (head, commanded.command)).collect()
     }
 
     #[test]
