@@ -213,7 +213,8 @@ pub(super) fn read_all(directory: &Path) -> Result<Samples, ReplayError> {
         samples.push(sample);
     }
     samples.sort_by_key(key);
-    if let Some([first, _]) = samples.array_windows().find(|[one, next]| key(one) == key(next)) {
+    let twice = samples.iter().zip(samples.iter().skip(1)).find(|(one, next)| key(one) == key(next));
+    if let Some((first, _)) = twice {
         let (why, text) = ("a part of this instant is there twice; wanted it once", first.at.to_rfc3339());
         return Err(ReplayError::Row { path, line: 0, why, text });
     }
