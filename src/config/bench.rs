@@ -24,13 +24,11 @@ use crate::stages::{AccuracyKeys, AttitudeKeys, AttitudeSettings, Render, Render
 use crate::target::{Overlap, TargetKeys, TargetSettings, check_targets};
 use crate::timing::{Timing, TimingKeys};
 use base::accuracy::AccuracyBudget;
-use base::axes::{Body, Rotation, Sensor};
+use base::axes::{Body, Rotation, Sensor, WRITTEN_NORM_TOLERANCE};
 use std::path::{Path, PathBuf};
 
 const BUILT_IN_BENCH: &str = "benches/loopback.toml";
 const BUILT_IN_CAMERA: &str = "cameras/star_tracker_20deg.toml";
-/// Norm of a typed quaternion: four decimals of each component.
-const QUATERNION_NORM_TOLERANCE: f64 = 1e-3;
 
 /// A bench, checked, with the camera it names.
 #[derive(Debug, Clone, PartialEq)]
@@ -514,7 +512,7 @@ pub(super) fn quaternion(
     wxyz: [f64; 4],
     check: &Checker<'_>,
 ) -> Result<Rotation<Sensor, Body>, ConfigError> {
-    Rotation::from_wxyz(wxyz, QUATERNION_NORM_TOLERANCE).ok_or_else(|| {
+    Rotation::from_wxyz(wxyz, WRITTEN_NORM_TOLERANCE).ok_or_else(|| {
         let wanted = "a unit quaternion [w, x, y, z], norm within 0.001 of 1";
         let advice = "scalar first; [1.0, 0.0, 0.0, 0.0] when sensor and body axes are the same";
         check.invalid(key, format!("{wxyz:?}"), wanted, advice)

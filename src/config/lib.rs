@@ -36,6 +36,7 @@ mod event_row;
 mod event_word;
 mod event_writer;
 mod expect;
+mod file_keys;
 mod file_kind;
 mod flight_computer;
 mod head;

@@ -8,7 +8,7 @@ use crate::archive::{RUN_FILE, check_plant, token};
 use crate::error::FmuError;
 use crate::state::State;
 use crate::variables::reference;
-use base::axes::Rotation;
+use base::axes::{Rotation, WRITTEN_NORM_TOLERANCE};
 use base::time::{Span, Tai};
 use config::{Action, Camera, Carrier, Document, Doors, Event, PackedDocuments, Plant, Scenario};
 use frames::sink::{SentFrame, TruthKind};
@@ -22,8 +22,6 @@ use testbed::tracker::Outcome;
 
 /// Inputs are in metres, the program's orbits in kilometres.
 const M_PER_KM: f64 = 1000.0;
-/// Largest difference of a quaternion's norm from 1.
-const NORM_TOLERANCE: f64 = 1e-3;
 /// Largest difference of a step's begin from the end of the step before, s.
 const STEP_TOLERANCE_S: f64 = 1e-9;
 
@@ -261,7 +259,7 @@ impl Slave {
 
     fn attitude(&self) -> Result<PlantAttitude, FmuError> {
         let Inputs { q, rate, acceleration, .. } = &self.inputs;
-        let body_from_icrf = Rotation::from_wxyz(*q, NORM_TOLERANCE).ok_or_else(|| FmuError::Value {
+        let body_from_icrf = Rotation::from_wxyz(*q, WRITTEN_NORM_TOLERANCE).ok_or_else(|| FmuError::Value {
             name: "q_body_from_icrf".into(),
             wanted: "a unit quaternion w x y z (norm within 0.001 of 1)",
             got: format!("{q:?}"),

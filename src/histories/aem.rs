@@ -16,11 +16,9 @@ use crate::error::{HistoryError, Source};
 use crate::message::{Kind, Message, Segment};
 use crate::metadata::{Metadata, Wanted, numbers};
 use crate::reference_axes::{ReferenceAxes, WANTED_AXES};
-use base::axes::Rotation;
+use base::axes::{Rotation, WRITTEN_NORM_TOLERANCE};
 use glam::{DQuat, DVec3};
 
-/// Largest difference from 1 of a quaternion's norm in a file: four decimals of each component.
-pub(crate) const NORM_TOLERANCE: f64 = 1e-3;
 /// Beginnings of frame names that are neither inertial nor those of a spacecraft.
 const NOT_A_BODY: [&str; 20] = [
     "ITRF", "TEME", "TOD", "MOD", "TNW", "RTN", "RSW", "LVLH", "QSW", "NTW", "PQW", "VNC", "GTOD", "TIRS", "CIRS",
@@ -220,7 +218,7 @@ fn state(
     let ordered = |a, b, c, d| if scalar_first { DQuat::from_xyzw(b, c, d, a) } else { DQuat::from_xyzw(a, b, c, d) };
     let quaternion = frames.body_from_axes(ordered(a, b, c, d));
     let norm = quaternion.length();
-    if (norm - 1.0).abs() > NORM_TOLERANCE || !norm.is_finite() {
+    if (norm - 1.0).abs() > WRITTEN_NORM_TOLERANCE || !norm.is_finite() {
         return None;
     }
     let rate_rad_s = match beside {

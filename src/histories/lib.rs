@@ -50,6 +50,7 @@ mod tests;
 pub mod write;
 mod write_ccsds;
 mod write_csv;
+mod write_header;
 mod write_stk;
 
 pub use attitude::{AttitudeHistory, AttitudeMotion, AttitudeSegment, AttitudeState, Times};

@@ -14,7 +14,7 @@ use scene::sky_targets::SkyTarget;
 use sky::almanac::Almanac;
 use sky::observer::Observer;
 use stars::Sky;
-use stars::catalog::CatalogError;
+use stars::layer::LayerError;
 use std::path::PathBuf;
 
 /// What becomes of a frame that misses its deadline.
@@ -143,7 +143,7 @@ impl RunParams {
     ///
     /// # Errors
     /// When a layer cannot be read or is damaged, or the layers are no one sky.
-    pub fn open_sky(&self) -> Result<Sky, CatalogError> {
+    pub fn open_sky(&self) -> Result<Sky, LayerError> {
         Sky::open(&self.layers, self.camera.limiting_mag, self.star_memory_mb)
     }
 

@@ -35,6 +35,7 @@ mod rows;
 mod rows_tests;
 mod sample_table;
 mod session;
+mod table_lines;
 
 pub use completeness::RowCounts;
 pub use error::ReplayError;

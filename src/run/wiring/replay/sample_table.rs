@@ -6,14 +6,15 @@
 //! each acts at its own instant. Limits: [`SAMPLES_MAX`] rows. Tests: below, `tests/closed_loop/lockstep.rs`.
 
 use super::ReplayError;
+use super::table_lines::TableLines;
 use crate::runtime::{PlantAttitude, PlantSample};
 use base::axes::Rotation;
 use base::time::Tai;
 use glam::DVec3;
 use sky::observer::BarycentricState;
 use std::fs::File;
-use std::io::{BufRead, BufReader, BufWriter, Read, Write};
-use std::path::{Path, PathBuf};
+use std::io::{BufRead, BufReader, BufWriter, Write};
+use std::path::Path;
 
 /// Name of the file.
 pub(super) const SAMPLES_FILE: &str = "samples.csv";
@@ -21,8 +22,9 @@ pub(super) const SAMPLES_FILE: &str = "samples.csv";
 const HEADER: &str = "part,at_tai_ns,numbers";
 /// Most rows that are read: a day of 100 Hz, about 2 GB of memory in a replay.
 const SAMPLES_MAX: u64 = 10_000_000;
+const DOING: &str = "read the samples";
 /// Longest row, bytes.
-const ROW_MAX: u64 = 512;
+const ROW_MAX: (u64, &str) = (512, "longer than 512 bytes");
 /// Largest difference from 1 of a quaternion's norm: those of a capture were made unit ones.
 const NORM_TOLERANCE: f64 = 1e-9;
 
@@ -94,10 +96,7 @@ fn joined(vectors: &[DVec3]) -> Vec<f64> {
 
 /// Reads the rows one by one.
 pub struct SampleReader<R> {
-    source: R,
-    path: PathBuf,
-    line: u64,
-    is_cut_off: bool,
+    lines: TableLines<R>,
 }
 
 impl SampleReader<BufReader<File>> {
@@ -106,8 +105,7 @@ impl SampleReader<BufReader<File>> {
     /// # Errors
     /// When it cannot be read, or is no such file.
     pub fn open(path: &Path) -> Result<Self, ReplayError> {
-        let refuse = |source| ReplayError::File { path: path.into(), doing: "read the samples", source };
-        Self::new(BufReader::new(File::open(path).map_err(refuse)?), path)
+        Self::of(TableLines::open(path, DOING, ROW_MAX)?)
     }
 }
 
@@ -117,17 +115,20 @@ impl<R: BufRead> SampleReader<R> {
     /// # Errors
     /// When its first line is not that of such a file.
     pub fn new(source: R, path: &Path) -> Result<Self, ReplayError> {
-        let mut reader = Self { source, path: path.into(), line: 0, is_cut_off: false };
-        match reader.read_line()?.unwrap_or_default() {
-            text if text == HEADER => Ok(reader),
-            text => Err(reader.refuse("wanted part,at_tai_ns,numbers", &text)),
+        Self::of(TableLines::new(source, path, DOING, ROW_MAX))
+    }
+
+    fn of(mut lines: TableLines<R>) -> Result<Self, ReplayError> {
+        match lines.read()?.unwrap_or_default() {
+            text if text == HEADER => Ok(Self { lines }),
+            text => Err(lines.refuse("wanted part,at_tai_ns,numbers", &text)),
         }
     }
 
     /// Returns true when the last line was cut off, as by a power cut; it is left out.
     #[must_use]
     pub fn is_cut_off(&self) -> bool {
-        self.is_cut_off
+        self.lines.is_cut_off()
     }
 
     /// Returns the next sample, which has one part; `None` at the end.
@@ -135,32 +136,11 @@ impl<R: BufRead> SampleReader<R> {
     /// # Errors
     /// When the line is no row, or there are too many.
     pub fn read(&mut self) -> Result<Option<PlantSample>, ReplayError> {
-        let Some(text) = self.read_line()? else { return Ok(None) };
-        if self.line > SAMPLES_MAX + 1 {
-            return Err(self.refuse("more rows than the 10,000,000 that are read", &text));
+        let Some(text) = self.lines.read()? else { return Ok(None) };
+        if self.lines.line() > SAMPLES_MAX + 1 {
+            return Err(self.lines.refuse("more rows than the 10,000,000 that are read", &text));
         }
-        parse(&text).map(Some).map_err(|why| self.refuse(why, &text))
-    }
-
-    fn read_line(&mut self) -> Result<Option<String>, ReplayError> {
-        let mut bytes = Vec::new();
-        self.line += 1;
-        let read = self.source.by_ref().take(ROW_MAX).read_until(b'\n', &mut bytes);
-        read.map_err(|source| ReplayError::File { path: self.path.clone(), doing: "read the samples", source })?;
-        let text = String::from_utf8_lossy(&bytes).into_owned();
-        match text.strip_suffix('\n') {
-            Some(whole) => Ok(Some(whole.trim_end_matches('\r').into())),
-            None if bytes.len() as u64 == ROW_MAX => Err(self.refuse("longer than 512 bytes", &text)),
-            None => {
-                self.is_cut_off = !bytes.is_empty();
-                Ok(None)
-            }
-        }
-    }
-
-    fn refuse(&self, why: &'static str, text: &str) -> ReplayError {
-        let text = text.chars().take(60).map(|c| if c.is_control() { '.' } else { c }).collect();
-        ReplayError::Row { path: self.path.clone(), line: self.line, why, text }
+        parse(&text).map(Some).map_err(|why| self.lines.refuse(why, &text))
     }
 }
 
