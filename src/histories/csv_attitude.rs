@@ -10,7 +10,7 @@
 //! Remarks before the rows: `# sense: body_from_icrf` (which is the default: this program's quaternion) or
 //! `icrf_from_body`, its conjugate; `# axes: ICRF`, `EME2000`. Other columns are not used.
 
-use crate::aem::NORM_TOLERANCE;
+use crate::aem_row::NORM_TOLERANCE;
 use crate::attitude::{AttitudeHistory, AttitudeSegment, AttitudeState, Times, Unfit};
 use crate::attitude_methods::AttitudeInterpolation;
 use crate::csv_table::{Table, TimeColumn};

@@ -1,7 +1,7 @@
 //! STK attitude files (`.a`): quaternions from the reference axes to the body's, scalar last or first, with or without
 //! rates (deg/s, body axes).
 
-use crate::aem::NORM_TOLERANCE;
+use crate::aem_row::NORM_TOLERANCE;
 use crate::attitude::{AttitudeHistory, AttitudeSegment, AttitudeState, Times, Unfit};
 use crate::attitude_methods::AttitudeInterpolation;
 use crate::error::{HistoryError, Source};

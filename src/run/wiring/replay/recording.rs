@@ -54,7 +54,8 @@ impl Recording {
         if directory.join(SESSION_FILE).exists() {
             return Err(ReplayError::Occupied { path: directory.into() });
         }
-        let session = Session::new(params, format)?;
+        let mut session = Session::new(params, format)?;
+        session.keep_data(directory)?;
         let bus = directory.join(&session.bus);
         let out = File::create_new(&bus).map_err(refuse(&bus, "write the packets"))?;
         let (links, waits) = (1 + params.scenario.bench.extra_links.len(), !params.is_real);
