@@ -25,7 +25,10 @@ pub(super) fn attitudes(path: &Path, kernels: &KernelArgs) -> Result<AttitudeHis
         return of_kernel(path, kernels);
     }
     if !kernels.kernels.is_empty() || kernels.naif_id.is_some() {
-        bail!("--kernel and --naif-id: {} is no binary SPICE kernel; wanted them beside a CK file only", path.display());
+        bail!(
+            "--kernel and --naif-id: {} is no binary SPICE kernel; wanted them beside a CK file only",
+            path.display()
+        );
     }
     Ok(read::attitudes(&path.display().to_string(), &read::text_of(path)?, None)?)
 }
@@ -45,7 +48,10 @@ fn of_kernel(path: &Path, kernels: &KernelArgs) -> Result<AttitudeHistory> {
 
 #[cfg(not(feature = "spice"))]
 fn of_kernel(path: &Path, _kernels: &KernelArgs) -> Result<AttitudeHistory> {
-    bail!("{}: a SPICE kernel; this build reads none: build with --features spice, or convert it to AEM", path.display())
+    bail!(
+        "{}: a SPICE kernel; this build reads none: build with --features spice, or convert it to AEM",
+        path.display()
+    )
 }
 
 #[cfg(test)]

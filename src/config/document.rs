@@ -211,9 +211,7 @@ impl Document {
         match &self.origin {
             Origin::File(path) => path.display().to_string(),
             Origin::BuiltIn(path) => format!("built-in {}", path.display()),
-            Origin::Packed { set, keys } => {
-                set.name_of(keys)
-            }
+            Origin::Packed { set, keys } => set.name_of(keys),
         }
     }
 

@@ -145,9 +145,8 @@ impl PackedDocuments {
     pub fn keep_data(&mut self, folder: &Path) -> Result<(), ConfigError> {
         for (from, kept) in self.data() {
             let to = folder.join(kept);
-            let refuse = |error: std::io::Error| {
-                unread(&from, &error, format!("; wanted a copy of it as {}", to.display()))
-            };
+            let refuse =
+                |error: std::io::Error| unread(&from, &error, format!("; wanted a copy of it as {}", to.display()));
             std::fs::create_dir_all(folder.join(DATA_FOLDER)).map_err(refuse)?;
             std::fs::copy(&from, &to).map_err(refuse)?;
         }
@@ -164,14 +163,16 @@ impl PackedDocuments {
             for data in &packed.data {
                 let place = self.place_of(packed, data);
                 let named_by = || format!("; named as \"{}\" in {}", data.named, packed.name);
-                let refuse = |why: String| ConfigError::Read { file: place.display().to_string(), why, named_by: named_by() };
+                let refuse =
+                    |why: String| ConfigError::Read { file: place.display().to_string(), why, named_by: named_by() };
                 if !Path::new(&data.kept).components().all(|part| matches!(part, Component::Normal(_))) {
                     return Err(refuse("wanted a path below the folder of the pack".into()));
                 }
                 let got = sum_of(&place).map_err(|error| unread(&place, &error, named_by()))?;
                 if got != (data.bytes, data.crc32) {
                     let ((bytes, crc32), PackedData { bytes: wanted, crc32: sum, .. }) = (got, data);
-                    let why = format!("got {bytes} bytes of CRC-32 {crc32:08x}, wanted {wanted} of {sum:08x}, as packed");
+                    let why =
+                        format!("got {bytes} bytes of CRC-32 {crc32:08x}, wanted {wanted} of {sum:08x}, as packed");
                     return Err(refuse(why));
                 }
             }
@@ -329,8 +330,19 @@ mod tests {
 
     /// Keys that are paths and name no file of data: documents, outputs, devices, and what is not kept.
     const NOT_DATA: [&str; 13] = [
-        "bench", "calibration", "camera", "card", "directory", "far_port", "layers", "path", "port", "pps", "slcan_pty",
-        "spacecraft", "transmission_file",
+        "bench",
+        "calibration",
+        "camera",
+        "card",
+        "directory",
+        "far_port",
+        "layers",
+        "path",
+        "port",
+        "pps",
+        "slcan_pty",
+        "spacecraft",
+        "transmission_file",
     ];
 
     fn paths_of(declared: &Declared, found: &mut BTreeSet<&'static str>) {

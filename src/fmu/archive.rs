@@ -61,7 +61,8 @@ pub fn write_unit(document: &Document, library: &Path, out: &Path) -> Result<u64
     let xml = description(&model, &variables(heads));
     let (of_library, of_run) = (format!("binaries/{PLATFORM}/{MODEL_IDENTIFIER}.so"), format!("resources/{RUN_FILE}"));
     let data = packed.data().map(|(path, kept)| {
-        let unread = |source| FmuError::File { path: path.clone(), doing: "read a file that the run file names", source };
+        let unread =
+            |source| FmuError::File { path: path.clone(), doing: "read a file that the run file names", source };
         std::fs::read(&path).map(|bytes| (format!("resources/{kept}"), bytes)).map_err(unread)
     });
     let data = data.collect::<Result<Vec<_>, _>>()?;

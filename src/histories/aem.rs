@@ -118,7 +118,8 @@ fn attitudes(
     let system = metadata.time_system()?;
     let is_named = segment.rows.first().is_some_and(|row| matches!(row.text, std::borrow::Cow::Owned(_)));
     let kind = RowKind::read(metadata, frames, is_first, is_named)?;
-    let numbers = |row| numbers::<MOST_NUMBERS>(source, row, system, &[kind.count()]).map(|(at, values)| (at.ns(), values));
+    let numbers =
+        |row| numbers::<MOST_NUMBERS>(source, row, system, &[kind.count()]).map(|(at, values)| (at.ns(), values));
     let rows = segment.rows.iter().map(numbers).collect::<Result<Vec<_>, _>>()?;
     let states = rows.iter().zip(&segment.rows).map(|((t_ns, values), row)| {
         let state = kind.state(*t_ns, *values, frames);

@@ -134,7 +134,8 @@ impl RowKind {
         if (norm - 1.0).abs() > NORM_TOLERANCE || !norm.is_finite() {
             return None;
         }
-        let vector = |place: usize| DVec3::new(values[place], values[place + 1], values[place + 2]).map(f64::to_radians);
+        let vector =
+            |place: usize| DVec3::new(values[place], values[place + 1], values[place + 2]).map(f64::to_radians);
         let rate_rad_s = match (self.beside, self.form) {
             (Beside::Nothing | Beside::Unused(_), _) | (Beside::Derivative, Form::Spin) => None,
             (Beside::Derivative, Form::Quaternion(scalar_first)) => {

@@ -89,7 +89,9 @@ fn spin_is_the_direction_of_the_bodys_z_axis_and_a_turn_about_it() {
 
 #[test]
 fn version_1_takes_the_one_sequence_of_angles_that_is_certain() {
-    let with = |kind: &str, sequence: &str, rows| first_version(&message(kind, &format!("EULER_ROT_SEQ = {sequence}\n"), rows));
+    let with = |kind: &str, sequence: &str, rows| {
+        first_version(&message(kind, &format!("EULER_ROT_SEQ = {sequence}\n"), rows))
+    };
     let plain = state(&with("EULER_ANGLE", "123", ["10 20 30", "11 20 30"]));
     let second = state(&message("EULER_ANGLE", "EULER_ROT_SEQ = XYZ\n", ["10 20 30", "11 20 30"]));
     assert_eq!(plain.body_from_icrf, second.body_from_icrf);
