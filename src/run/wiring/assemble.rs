@@ -160,7 +160,7 @@ impl Run {
             let why = "which has a time of its own; wanted --clock real";
             return Err(anyhow::anyhow!("--clock virtual: got a bench with {what}, {why}").into());
         }
-        if let Some(why) = is_unreachable(&scenario.bench, is_controlled && clock == RunClockKind::Virtual) {
+        if let Some(why) = is_unreachable(&scenario.bench, is_controlled) {
             return Err(anyhow::anyhow!(why).into());
         }
         check_memory(&scenario, &outputs, clock, live.is_some())?;

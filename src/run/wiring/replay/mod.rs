@@ -42,10 +42,10 @@ pub use completeness::RowCounts;
 pub use error::ReplayError;
 pub use injected::{Injected, KeptEvent};
 pub use playback::{Difference, HeadOutcome, ReplayOptions, ReplayOutcome, SinkOfHead, replay_bus, replay_session};
-pub use recording::Recording;
+pub use recording::{Recording, SampleTap};
 pub use row_reader::RowReader;
 pub use rows::{CapturedFate, DrawnFrom, FrameRow, RowForm};
-pub use sample_table::SampleReader;
+pub use sample_table::{CapturedSample, SampleReader};
 pub use session::{Session, SessionEnd, SessionParams};
 
 /// Name of the session's file.

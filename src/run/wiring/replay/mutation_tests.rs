@@ -4,7 +4,6 @@
 //! of bytes, lines and fields. Rows that the test makes are read back as they were made.
 
 use super::*;
-use crate::runtime::PlantSample;
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use std::path::Path;
@@ -20,8 +19,22 @@ const SAMPLES: &str = "part,at_tai_ns,numbers\nobserver,5,7000.0,0.0,-1e-3,0,7.5
     attitude,5,1.0,0.0,0.0,0.0,0.1,0.2,0.3,0.0,0.0,0.0\njitter,-6,1e-6,0,-2e-6\n";
 /// What is put in somewhere.
 const PIECES: [&str; 16] = [
-    ",", ";", "\n", "\r\n", "-", "0", "9999999999999999999999", "nan", "inf", "1e308", "held", "attitude,", "jitter,", "\u{fffd}",
-    "7ff8000000000000", "frame,head,messages,load_bits,rung,fate,crc32\n",
+    ",",
+    ";",
+    "\n",
+    "\r\n",
+    "-",
+    "0",
+    "9999999999999999999999",
+    "nan",
+    "inf",
+    "1e308",
+    "held",
+    "attitude,",
+    "jitter,",
+    "\u{fffd}",
+    "7ff8000000000000",
+    "frame,head,messages,load_bits,rung,fate,crc32\n",
 ];
 
 fn damaged(seed: &[u8], random: &mut StdRng) -> Vec<u8> {
@@ -60,13 +73,13 @@ fn frames(bytes: &[u8]) -> Result<Vec<FrameRow>, ReplayError> {
     core::iter::from_fn(|| reader.read().transpose()).collect()
 }
 
-fn samples(bytes: &[u8]) -> Result<Vec<PlantSample>, ReplayError> {
+fn samples(bytes: &[u8]) -> Result<Vec<CapturedSample>, ReplayError> {
     let mut reader = SampleReader::new(bytes, Path::new("file"))?;
     core::iter::from_fn(|| reader.read().transpose()).collect()
 }
 
 /// One part, of finite numbers, and a unit quaternion.
-fn assert_usable(sample: &PlantSample) {
+fn assert_usable(CapturedSample { sample, .. }: &CapturedSample) {
     let parts = [sample.attitude.is_some(), sample.jitter_rad.is_some(), sample.observer.is_some()];
     assert_eq!(parts.into_iter().filter(|part| *part).count(), 1);
     if let Some(attitude) = sample.attitude {
@@ -106,7 +119,9 @@ fn damaged_tables_of_frames_are_read_or_refused_with_file_and_line() {
 
 #[test]
 fn damaged_tables_of_samples_are_read_or_refused_with_file_and_line() {
-    try_all(&[SAMPLES], samples, assert_usable);
+    let real =
+        SAMPLES.replace("at_tai_ns,", "at_tai_ns,arrived_tai_ns,").replace(",5,", ",5,6,").replace(",-6,", ",-6,-5,");
+    try_all(&[SAMPLES, real.as_str()], samples, assert_usable);
 }
 
 #[test]
@@ -142,9 +157,9 @@ fn rows_come_back_as_they_were_made() {
             format!("part,at_tai_ns,numbers\nattitude,{messages},{w:?},{x:?},0,0,{list}\n")
         };
         let [read] = samples(of(1.0).as_bytes()).unwrap().try_into().unwrap();
-        let attitude = read.attitude.unwrap();
+        let attitude = read.sample.attitude.unwrap();
         let rates = [attitude.rate_rad_s.to_array(), attitude.acceleration_rad_s2.to_array()].concat();
-        assert_eq!((read.at.ns(), rates), (messages.into(), numbers.to_vec()));
+        assert_eq!((read.sample.at.ns(), rates), (messages.into(), numbers.to_vec()));
         assert!(samples(of(1.001).as_bytes()).is_err(), "control: a quaternion that is no unit one");
     }
 }
