@@ -106,7 +106,9 @@ impl ExportSource {
     pub(super) fn observer(&self) -> Result<OrbitHistory> {
         let bench = self.bench("--observer")?;
         if bench.flight_computer.is_external && (bench.is_lockstep() || bench.link.plain.is_some()) {
-            eprintln!("the orbit is that of the run file: states of the observer that a plant outside sent are not recorded");
+            eprintln!(
+                "the orbit is that of the run file: states of the observer that a plant outside sent are not recorded"
+            );
         }
         let start = match bench.timing.start {
             StartTime::At(start) => start,
