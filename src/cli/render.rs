@@ -1,5 +1,6 @@
 //! `starloop render`: one image for a given attitude and time.
 
+use crate::cli::attitude_file::KernelArgs;
 use crate::cli::degrees::{declination_deg, right_ascension_deg};
 use crate::cli::named_camera::named_camera;
 use crate::cli::over_budget::over_budget_told;
@@ -57,13 +58,15 @@ pub struct RenderArgs {
     /// Attitude quaternion `sensor_from_icrf`: Hamilton, scalar first, passive (v_sensor = q v_icrf q*)
     #[arg(long, value_name = "W,X,Y,Z", allow_hyphen_values = true, value_parser = four)]
     attitude: Option<[f64; 4]>,
-    /// File of attitudes of the sensor (CCSDS AEM, STK .a, table with a header): one image for every row, named by --out with a
+    /// File of attitudes of the sensor (CCSDS AEM, STK .a, table with a header, SPICE CK): one image for every row, named by --out with a
     /// number, its truth table beside it; times from a zero of the file's own count from --time
     #[arg(long, value_name = "FILE", conflicts_with_all = ["attitude", "ra", "rate", "los", "los_samples", "truth", "timing"])]
     attitudes: Option<PathBuf>,
     /// Seconds from image to image of --attitudes, in place of its rows
     #[arg(long, value_name = "S", requires = "attitudes", value_parser = step_s)]
     every: Option<f64>,
+    #[command(flatten)]
+    kernels: KernelArgs,
     /// Middle of the exposure, UTC; a time without a zone, or a date alone, is UTC too
     #[arg(long, value_name = "RFC3339", default_value = "2026-01-01T00:00:00Z", value_parser = Tai::from_rfc3339)]
     time: Tai,
@@ -130,7 +133,8 @@ pub fn run(arguments: &RenderArgs) -> Result<()> {
     let layers_mb = (!arguments.layers.is_empty()).then_some(STAR_MEMORY_MB);
     RunMemory::of_image(&camera, arguments.backend == BackendName::Reference, layers_mb).check()?;
     let camera = camera_params(&camera)?;
-    let series = arguments.attitudes.as_deref().map(|path| Series::read(path, arguments.time, arguments.every));
+    let read = |path| Series::read(path, &arguments.kernels, arguments.time, arguments.every);
+    let series = arguments.attitudes.as_deref().map(read);
     let series = series.transpose()?;
     let mut scene = Scene::new(arguments, camera, series.as_ref())?;
     if let Some(note) = scene.imager.note() {

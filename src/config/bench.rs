@@ -341,6 +341,7 @@ impl Bench {
         check_classic_jitter(&link, &flight_computer, &check)?;
         check_both_ends(&link, &extra_links, &flight_computer, &check)?;
         plain_link::check_bench((&link, &extra_links), &flight_computer, &session, &check)?;
+        session.check_has_run(&link, &flight_computer, &check)?;
         let (attitude_hz, jitter_hz) = (flight_computer.attitude_hz, flight_computer.jitter_sample_hz);
         if keys.attitude.link_delay_us().is_given() && link.latency_us > 0.0 {
             let wanted = "not given beside link.latency_us";

@@ -108,6 +108,11 @@ fn a_plant_outside_without_a_bus_that_leads_out_is_flown_in_lockstep() {
         let outside = run_file(&format!("{link}[plant]\nkind = \"outside\"\n")).unwrap();
         assert_eq!(outside.bench.is_lockstep(), is_lockstep, "{link}");
         assert!(!run_file(link).unwrap().bench.is_lockstep(), "control: a flight computer inside");
+        let waits = format!("[session]\nstart = \"on_run\"\n{link}[plant]\nkind = \"outside\"\n");
+        match run_file(&waits) {
+            Ok(_) => assert!(!is_lockstep, "{link}"),
+            Err(error) => assert!(is_lockstep && error.to_string().contains("can send RUN"), "{link}: {error}"),
+        }
     }
     let door = refused("[plant]\nkind = \"outside\"\n[[extra_link]]\nkind = \"simulated\"\n");
     assert!(door.contains("extra_link[0].kind"), "{door}");

@@ -5,11 +5,12 @@
 
 use crate::runtime::error::RunError;
 use crate::runtime::hygiene::{Hygiene, Role};
+use crate::runtime::plant_sample::PlantSample;
 use crate::runtime::port_reading::{PortReading, SharedReading};
 use base::clock::{Clock, PairedReading};
 use base::time::{Span, Tai};
 use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use crossbeam_channel::{Receiver as Queue, RecvTimeoutError, Sender, TryIter, bounded};
+use crossbeam_channel::{Receiver as Queue, RecvTimeoutError, Sender, bounded, select};
 use firmware_protocol::Message;
 use link::pps::Pps;
 use link::{Input, Polled, Port, Stamped};
@@ -39,11 +40,15 @@ pub(super) enum Heard {
     },
     /// A pulse of the flight computer's clock at one of its whole seconds.
     Pulse(Tai),
+    /// A sample that a program outside sent over the control socket, and when it came.
+    Sample(Stamped<PlantSample>),
 }
 
 /// The receiving threads and their queues.
 pub(super) struct Radio {
     received: Queue<Heard>,
+    /// Samples of a plant outside; `None`: they come over no socket.
+    samples: Option<Queue<Stamped<PlantSample>>>,
     stations: Vec<Station>,
     pulses: Option<PulseThread>,
 }
@@ -65,12 +70,13 @@ impl Radio {
     pub(super) fn start(
         ports: Vec<Port>,
         pulses: Option<Pps>,
+        samples: Option<Queue<Stamped<PlantSample>>>,
         clock: &Arc<dyn Clock>,
         hygiene: Option<&Arc<Hygiene>>,
     ) -> Result<Self, RunError> {
         let (arrived, received) = bounded(RECEIVE_QUEUE);
         let pulses = pulses.map(|pulses| PulseThread::start(pulses, arrived.clone(), clock)).transpose()?;
-        let mut radio = Self { received, stations: Vec::with_capacity(ports.len()), pulses };
+        let mut radio = Self { received, samples, stations: Vec::with_capacity(ports.len()), pulses };
         for (number, port) in ports.into_iter().enumerate() {
             let own = Own { number, port, arrived: arrived.clone(), clock: Arc::clone(clock) };
             radio.stations.push(Station::start(own, hygiene.map(Arc::clone))?);
@@ -79,12 +85,20 @@ impl Radio {
     }
 
     /// What has arrived.
-    pub(super) fn arrived(&self) -> TryIter<'_, Heard> {
-        self.received.try_iter()
+    pub(super) fn arrived(&self) -> impl Iterator<Item = Heard> {
+        let samples = self.samples.iter().flat_map(Queue::try_iter);
+        self.received.try_iter().chain(samples.map(Heard::Sample))
     }
 
     /// Waits for a message, this long at most.
     pub(super) fn wait(&self, at_most: Duration) -> Option<Heard> {
+        if let Some(samples) = &self.samples {
+            return select! {
+                recv(self.received) -> heard => heard.ok(),
+                recv(samples) -> sample => sample.ok().map(Heard::Sample),
+                default(at_most) => None,
+            };
+        }
         match self.received.recv_timeout(at_most) {
             Ok(heard) => Some(heard),
             Err(RecvTimeoutError::Timeout) => None,
@@ -255,7 +269,7 @@ mod tests {
         let (_arrived, received) = bounded(1);
         let thread = std::thread::Builder::new().name("pps".into()).spawn(look).unwrap();
         let pulses = PulseThread { stop: Arc::default(), thread: Some(thread) };
-        Radio { received, stations: Vec::new(), pulses: Some(pulses) }
+        Radio { received, samples: None, stations: Vec::new(), pulses: Some(pulses) }
     }
 
     #[test]

@@ -15,6 +15,7 @@ use crate::runtime::frame_faults::FrameFaults;
 use crate::runtime::hygiene::{Hygiene, Role};
 use crate::runtime::ledger::Ledger;
 use crate::runtime::outcome::{RunOutcome, lines_of_head};
+use crate::runtime::plant_sample::PlantSample;
 use crate::runtime::port_reading::PortReading;
 use crate::runtime::radio::{Heard, Radio};
 use crate::runtime::real_head::RealHead;
@@ -29,8 +30,8 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use crossbeam_channel::Receiver as Queue;
 use frames::report::{FrameRecord, Stage};
 use frames::sink::{FrameMeta, SentFrame, Sink};
-use link::Port;
 use link::pps::Pps;
+use link::{Port, Stamped};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -78,11 +79,13 @@ pub struct Sources {
     pub ports: Vec<Port>,
     /// Pulses of the flight computer's clock.
     pub pulses: Option<Pps>,
+    /// Samples that a program outside sends over the control socket; `None`: none do.
+    pub samples: Option<Queue<Stamped<PlantSample>>>,
 }
 
 impl From<Port> for Sources {
     fn from(port: Port) -> Self {
-        Self { ports: vec![port], pulses: None }
+        Self { ports: vec![port], pulses: None, samples: None }
     }
 }
 
@@ -180,7 +183,7 @@ fn start<'a>(
         head.engine.read_stars_ahead()?;
         warm.push((head, prototype));
     }
-    let radio = Radio::start(sources.ports, sources.pulses, setting.clock, setting.hygiene)?;
+    let radio = Radio::start(sources.ports, sources.pulses, sources.samples, setting.clock, setting.hygiene)?;
     let started = warm
         .into_iter()
         .enumerate()
@@ -387,6 +390,7 @@ impl Bench<'_> {
             let ledger = if head.number == 0 { &mut record.ledger } else { &mut self.shared.said_already };
             match heard {
                 Heard::Pulse(at) => head.receiver.accept_pulse(*at),
+                Heard::Sample(sample) => head.receiver.take_sample(&sample.value, sample.at, ledger),
                 Heard::Message { port, message } => {
                     let answer = head.receiver.accept_input(*port, message, ledger);
                     if let Some(answer) = answer.filter(|_| head.number == 0) {

@@ -409,9 +409,9 @@ impl Receiver {
     }
 
     /// Takes a sample that came over no port, and counts it as a message of the first one.
-    pub fn take_lockstep(&mut self, sample: &PlantSample, ledger: &mut Ledger) {
+    pub fn take_sample(&mut self, sample: &PlantSample, arrived: Tai, ledger: &mut Ledger) {
         self.messages[0] += 1;
-        self.take_plant(sample, sample.at, ledger);
+        self.take_plant(sample, arrived, ledger);
     }
 
     fn take_plant_attitude(&mut self, at: Tai, attitude: &PlantAttitude, arrived: Tai) -> bool {

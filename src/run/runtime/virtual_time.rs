@@ -290,7 +290,7 @@ impl VirtualLoop {
         while let Some(sample) = self.plant.take(at) {
             for (i, head) in heads.iter_mut().enumerate() {
                 let ledger = if i == 0 { &mut self.record.ledger } else { &mut self.said_already };
-                head.receiver.take_lockstep(&sample, ledger);
+                head.receiver.take_sample(&sample, sample.at, ledger);
             }
         }
     }

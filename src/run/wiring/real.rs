@@ -13,7 +13,9 @@ use crate::wiring::assemble::Run;
 use crate::wiring::cable::Cable;
 use crate::wiring::error::LoopError;
 use crate::wiring::far_side::FarSide;
+use crate::wiring::replay::Recording;
 use crate::wiring::run_end::{Flown, RunEnd, keep_first, losses};
+use crate::wiring::steering::Orders;
 use base::clock::{Clock, Monotonic};
 use base::time::Span;
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -45,8 +47,12 @@ pub(super) fn fly(
     let desk = Arc::new(Mutex::new(desk));
     let over = Arc::new(AtomicBool::new(false));
     let (seen, queue) = bounded::<(usize, FrameMeta)>(SEEN_FRAMES * heads.len());
-    let orders = steering.as_ref().map(|steering| steering.attach(&desk, &clock, times));
-    let (frame_orders, far_orders) = orders.unzip();
+    let recorded = taps.recording.as_ref().and_then(Recording::samples);
+    let orders = steering.as_ref().map(|steering| steering.attach(&desk, &clock, times, recorded));
+    let (frame_orders, far_orders, samples) = match orders {
+        Some(Orders { frames, far, samples }) => (Some(frames), Some(far), Some(samples)),
+        None => (None, None, None),
+    };
     let ends = Ends { over: Arc::clone(&over), stop: Arc::clone(stop) };
     let flight = Flight { far, clock: Arc::clone(&clock), ends, seen: queue.clone(), orders: far_orders };
     let thread = flight.start(hygiene.clone())?;
@@ -63,7 +69,7 @@ pub(super) fn fly(
         sink: core::mem::replace(&mut head.sink, Box::new(frames::sink::NullSink::new())),
         faults: Some(&mut head.faults),
     });
-    let sources = Sources { ports: core::mem::take(&mut cable.near), pulses: cable.pulses.take() };
+    let sources = Sources { ports: core::mem::take(&mut cable.near), pulses: cable.pulses.take(), samples };
     let outcome = run_in(&setting, drawn.collect(), sources, &mut seen_and_told);
     let now = clock.now().min(times.end);
     over.store(true, Ordering::SeqCst);
