@@ -42,6 +42,7 @@ fn main() -> anyhow::Result<()> {
         frame_rate_hz: words.number("rate_hz", 20.0)?,
         exposure_s: 0.02,
         gain_e_per_dn: 2.5,
+        temperature_c: 21.5,
     };
     let clock: Arc<dyn Clock> = Arc::new(Monotonic::start());
     let mut camera = NetworkCamera::start(&params(&words)?, &sensor, None, Arc::clone(&clock))?;
@@ -94,7 +95,8 @@ fn params(words: &Words) -> anyhow::Result<Params> {
         frames_queued: words.whole("frames_queued", 2)?,
         identity: identity(words),
         mac: None,
-        allow_other_receivers: false,
+        allow_other_receivers: text("allow_other_receivers").is_some(),
+        ptp_socket: text("ptp_socket").map_or_else(|| Params::default().ptp_socket, Into::into),
         xml: if text("xml") == Some("plain") { XmlForm::Plain } else { XmlForm::Zip },
         lose_one_in: (lose > 0).then_some(lose),
     })

@@ -12,6 +12,12 @@
 mod commanded;
 #[path = "device/features.rs"]
 mod features;
+#[path = "device/messages.rs"]
+mod messages;
+#[path = "device/ptp.rs"]
+mod ptp;
+#[path = "device/user_sets.rs"]
+mod user_sets;
 
 use crate::network_camera::acquisition::{Acquisition, Wanted};
 use crate::network_camera::control::{Change, Control};
@@ -21,12 +27,15 @@ use crate::network_camera::first_values::{
 };
 use crate::network_camera::gvcp::{self, Action, Command, Malformed, Resend, Status};
 use crate::network_camera::gvsp::{IP_UDP_BYTES, StreamSettings};
+use crate::network_camera::messages::Messages;
 use crate::network_camera::params::{CommandParams, PACKET_BYTES_MIN, Params, SensorParams, XmlForm};
 use crate::network_camera::pixel_format::PixelFormat;
 use crate::network_camera::proof::Proof;
+use crate::network_camera::ptp::{DISABLED, PtpData};
 use crate::network_camera::registers::{FIRST_XML, Memory, SECOND_XML, at, own};
 use crate::network_camera::repeats::LastChange;
 use crate::network_camera::shared::Shared;
+use crate::network_camera::user_sets::{NAMES, UserSet};
 use crate::network_camera::{chunk, xml};
 use base::time::{Span, Tai};
 pub(super) use commanded::{OVERLAPS, SOURCES};
@@ -51,6 +60,8 @@ const DO_NOT_FRAGMENT: u32 = 0x4000_0000;
 const DELAY_MOST_NS: u32 = 10_000_000;
 /// Bit of the time stamp control register that latches.
 const LATCH: u32 = 2;
+/// Bit of the GVCP configuration register that turns the PTP clock on.
+const PTP_ON: u32 = 0x8_0000;
 /// Every field of the truth.
 const ALL_CHUNKS: u32 = (1 << chunk::FIELDS.len()) - 1;
 /// Sources of triggers.
@@ -70,6 +81,8 @@ pub struct DeviceParams {
     pub packet_bytes_max: u32,
     /// Port that packets come from.
     pub stream_source_port: u16,
+    /// Port that messages come from.
+    pub message_source_port: u16,
 }
 
 /// What is to be done after one datagram. Made once, used again.
@@ -103,6 +116,10 @@ pub struct Device {
     high_half: (u32, u32),
     /// How clients command the camera that makes the frames; `None`: they only read its settings.
     commands: Option<CommandParams>,
+    user_sets: [UserSet; NAMES.len()],
+    messages: Messages,
+    /// What is known of the machine's PTP clock.
+    ptp: PtpData,
 }
 
 impl Device {
@@ -127,12 +144,14 @@ impl Device {
         if let Some(commands) = &commands {
             write_settings(&mut memory, commands);
         }
+        let shared = Shared::new();
+        shared.set_temperature_c(sensor.temperature_c);
         memory.set(at::PACKET_SIZE, DO_NOT_FRAGMENT | params.packet_bytes.min(place.packet_bytes_max) & !3);
         let mut device = Self {
             memory,
             control: Control::default(),
             acquisition: Acquisition::default(),
-            shared: Arc::new(Shared::new()),
+            shared: Arc::new(shared),
             last_change: LastChange::default(),
             proof: Proof::default(),
             xml: params.xml,
@@ -143,7 +162,13 @@ impl Device {
             chunks: ALL_CHUNKS,
             high_half: (0, 0),
             commands,
+            user_sets: Default::default(),
+            messages: Messages::new(),
+            ptp: PtpData::in_state(DISABLED),
         };
+        device.user_sets = device.first_user_sets();
+        device.note_ptp(device.ptp);
+        device.latch_ptp();
         device.measure_payload();
         device.publish();
         Ok(device)
@@ -194,6 +219,7 @@ impl Device {
         }
         self.control.hear(from, now);
         self.take_events();
+        self.memory.set_long(own::TEMPERATURE, self.shared.temperature_bits());
         if let Some(reply) = self.last_change.answer_to(from, bytes, now) {
             out.reply.extend(reply);
             return self.tally().repeats.one();
@@ -264,6 +290,7 @@ impl Device {
             packet_bytes: usize::try_from(word(at::PACKET_SIZE) & 0xFFFF).unwrap_or_default(),
             delay_ns: word(at::PACKET_DELAY),
             format: self.format(),
+            pattern: self.pattern(),
             region_px: [own::OFFSET_X, own::OFFSET_Y, own::WIDTH, own::HEIGHT].map(word),
             with_chunks: self.has_chunks(),
         }
@@ -439,6 +466,8 @@ impl Device {
                 }
             }
             at::ACTION_DEVICE_KEY | at::ACTION_GROUP_KEY | at::ACTION_GROUP_MASK => self.memory.set(address, value),
+            at::GVCP_CONFIGURATION => return self.write_ptp(own::PTP_ENABLE, u32::from(value & PTP_ON != 0)),
+            at::MESSAGE_PORT..=at::MESSAGE_SOURCE_PORT => return self.write_message_channel(address, value, from),
             at::STREAM_PORT..=at::STREAM_SOURCE_PORT => return self.write_stream(address, value, from, out),
             own::SENSOR_WIDTH..own::END => return self.write_feature(address, value, now),
             _ => return self.memory.read(address, 4).and(Err(Status::WriteProtect)),
@@ -483,11 +512,12 @@ impl Device {
     }
 
     /// A few bytes of commands make many of frames: they go to who sent the commands, so that the camera cannot be turned
-    /// against a third party; when the bench allows others, to one neighbour, never to all.
+    /// against a third party; when the bench allows others, to one neighbour or a multicast group, never to all.
     fn may_receive(&self, receiver: Ipv4Addr, controller: SocketAddrV4) -> bool {
         let host_bits = !self.place.mask.to_bits();
         let is_all = receiver.is_broadcast() || host_bits > 1 && receiver.to_bits() & host_bits == host_bits;
-        let is_allowed = self.allow_other_receivers && self.is_neighbour(receiver) && !is_all;
+        let is_other = self.is_neighbour(receiver) && !is_all || is_group(receiver);
+        let is_allowed = self.allow_other_receivers && is_other;
         is_allowed || receiver == *controller.ip()
     }
 
@@ -533,18 +563,27 @@ impl Device {
     /// Ends what the controller had begun.
     fn release(&mut self) {
         self.stop();
+        self.messages.clear();
         for address in [
             at::CONTROL,
             at::CONTROLLER_PORT,
             at::CONTROLLER_ADDRESS,
+            at::MESSAGE_PORT,
+            at::MESSAGE_ADDRESS,
             at::STREAM_PORT,
             at::STREAM_ADDRESS,
             own::PARAMETERS_LOCKED,
+            own::EVENT_NOTIFICATION,
         ] {
             self.memory.set(address, 0);
         }
         self.memory.set(at::HEARTBEAT_MS, HEARTBEAT_MS);
     }
+}
+
+/// True for a multicast group that may carry frames: 224.0.0.0/24 is for the network's own use.
+fn is_group(address: Ipv4Addr) -> bool {
+    address.is_multicast() && address.octets()[..3] != [224, 0, 0]
 }
 
 fn number(bytes: &[u8; 4]) -> u32 {

@@ -9,6 +9,7 @@
 
 use crate::network_camera::gvcp::Status;
 use crate::network_camera::pixel_format::PixelFormat;
+use crate::network_camera::test_pattern::TestPattern;
 use std::net::SocketAddrV4;
 
 /// Bytes of a packet's header.
@@ -35,6 +36,8 @@ pub struct StreamSettings {
     pub delay_ns: u32,
     /// Pixel format.
     pub format: PixelFormat,
+    /// What is sent in place of the image.
+    pub pattern: TestPattern,
     /// First column, first row, columns, rows.
     pub region_px: [u32; 4],
     /// Truth behind each image.
@@ -49,6 +52,7 @@ impl StreamSettings {
         packet_bytes: 0,
         delay_ns: 0,
         format: PixelFormat::Mono16,
+        pattern: TestPattern::Off,
         region_px: [0; 4],
         with_chunks: false,
     };
@@ -151,6 +155,7 @@ pub(super) mod tests {
         packet_bytes: 576,
         delay_ns: 0,
         format: PixelFormat::Mono16,
+        pattern: TestPattern::Off,
         region_px: [1, 2, 31, 17],
         with_chunks: false,
     };

@@ -1,12 +1,13 @@
 //! The XML that tells clients which features the camera has and where they lie; GenICam schema 1.1.
 //!
-//! Features and addresses stand in `camera.xml`; names, packet sizes and chunk data are filled in here, the latter from
-//! the table that also writes the bytes. Tests hold every address of the XML to the device's memory, and
+//! Features and addresses stand in `camera.xml` and `xml_features`; names, packet sizes and chunk data are filled in here,
+//! the latter from the table that also writes the bytes. Tests hold every address of the XML to the device's memory, and
 //! `hil_scripts/test_network_camera.py` holds the whole to the reference GenApi.
 
 use crate::network_camera::chunk::{self, Field};
 use crate::network_camera::device::DeviceParams;
 use crate::network_camera::params::{CommandParams, Identity, PACKET_BYTES_MIN};
+use crate::network_camera::xml_features;
 use core::fmt::Write;
 use frames::sink::facts::FeatureKind;
 use frames::zip_archive::archive;
@@ -46,6 +47,7 @@ pub(super) fn zipped(
 }
 
 fn filled_in(identity: &Identity, place: &DeviceParams, commands: Option<&CommandParams>) -> String {
+    let more = xml_features::more_features(commands.is_some());
     with_settings(commands)
         .replace("{VENDOR}", &c_name(&identity.vendor))
         .replace("{MODEL}", &c_name(&identity.model))
@@ -55,6 +57,9 @@ fn filled_in(identity: &Identity, place: &DeviceParams, commands: Option<&Comman
         .replace("{CHUNK_FEATURES}", &chunk_names())
         .replace("{CHUNK_ENTRIES}", &chunk_entries())
         .replace("{CHUNKS}", &chunk_nodes())
+        .replace("{PIXEL_FORMATS}", &xml_features::pixel_formats())
+        .replace("{MORE_CATEGORIES}", &more.categories)
+        .replace("{MORE_NODES}", more.nodes.trim_end())
 }
 
 /// The template with the settings that clients command, or only read.

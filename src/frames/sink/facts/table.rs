@@ -232,6 +232,11 @@ pub const TABLE: &[Row] = &[
         .fits(Detector, &[Card("SATURATE", Plain, "[DN] a pixel saturates")]),
     row("read_noise_e_rms", Kind::Real, "e-", "Read noise of one pixel of the image, rms", |f| of_camera(f, |facts| facts.read_noise_e_rms))
         .fits(Detector, &[Card("RDNOISE", Plain, "[e-] rms of one pixel")]),
+    row("detector_temperature_c", Kind::Real, "Celsius", "Temperature of the detector", |f| of_camera(f, |facts| facts.temperature_c))
+        .fits(Detector, &[Card("CCD-TEMP", Plain, "[Celsius] temperature of the detector")])
+        .chunk(&[feature(28, "ChunkDetectorTemperature", Float, Plain, "C", "Temperature of the detector")]),
+    row("test_pattern", Kind::Text, "", "Test pattern in place of the image, as a client of the network camera chose it; `Off`: the image is the detector's", |f| Fact::Text(f.meta.test_pattern))
+        .chunk(&[feature(29, "ChunkTestPattern", Text, Plain, "", "Test pattern in place of the image; Off: the image is that of the detector")]),
     row("width_px", Kind::Count, "px", "Columns of the image", |f| of_frame(f, |frame| frame.image.width()))
         .csv(&[Column("width_px", Plain)])
         .memory(152, U32, Plain)

@@ -47,6 +47,7 @@ impl Device {
     pub(super) fn take_events(&mut self) {
         let Some(commands) = &self.commands else { return };
         for event in commands.desk.events() {
+            self.messages.push(event, &self.shared.tally);
             match event.kind {
                 CameraEventKind::ExposureChosen(exposure) => {
                     self.memory.set_long(own::EXPOSURE_TIME, (exposure.ns() as f64 * 1e-3).to_bits());

@@ -7,6 +7,8 @@ use crate::network_camera::first_values::ONE_IN_MOST;
 use crate::network_camera::gvcp::Status;
 use crate::network_camera::pixel_format::PixelFormat;
 use crate::network_camera::registers::{Memory, own};
+use crate::network_camera::test_pattern::TestPattern;
+use crate::network_camera::user_sets::NAMES;
 use base::time::Tai;
 
 impl Device {
@@ -62,6 +64,13 @@ impl Device {
                 self.start(now);
             }
             own::ACQUISITION_STOP => self.stop(),
+            own::TEST_PATTERN => set_if(memory, TestPattern::from_number(value).is_some())?,
+            own::USER_SET_SELECTOR | own::USER_SET_DEFAULT => set_if(memory, (value as usize) < NAMES.len())?,
+            own::USER_SET_LOAD => return self.load_user_set(own::USER_SET_SELECTOR, now),
+            own::USER_SET_SAVE => return self.save_user_set(),
+            own::DEVICE_RESET => return self.reset(now),
+            own::EVENT_SELECTOR | own::EVENT_NOTIFICATION => return self.write_event(address, value),
+            own::PTP_ENABLE | own::PTP_LATCH => return self.write_ptp(address, value),
             own::TRIGGER_SOFTWARE => return self.trigger(SOURCE_SOFTWARE, self.bench_time(now)),
             _ => return memory.read(address, 4).and(Err(Status::WriteProtect)),
         }
@@ -93,6 +102,10 @@ impl Device {
 
     pub(super) fn format(&self) -> PixelFormat {
         PixelFormat::from_code(self.memory.word(own::PIXEL_FORMAT)).unwrap_or(PixelFormat::Mono16)
+    }
+
+    pub(super) fn pattern(&self) -> TestPattern {
+        TestPattern::from_number(self.memory.word(own::TEST_PATTERN)).unwrap_or_default()
     }
 
     pub(super) fn has_chunks(&self) -> bool {
