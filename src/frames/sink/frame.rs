@@ -5,6 +5,7 @@ use crate::sink::active_fault::ActiveFaults;
 use crate::sink::faults::FaultFlags;
 use crate::sink::target_table::TargetRow;
 use crate::sink::wcs::Wcs;
+use base::bayer::BayerPattern;
 use base::image::DnImage;
 use base::source_id::SourceId;
 use base::time::{Span, Tai};
@@ -247,6 +248,8 @@ pub struct CameraFacts {
     pub saturation_dn: f64,
     /// Read noise of one pixel of the image, e- rms.
     pub read_noise_e_rms: f64,
+    /// Colours of the image's pixels; `None` where they have none.
+    pub colours: Option<BayerPattern>,
 }
 
 impl FrameMeta {
