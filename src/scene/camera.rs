@@ -85,6 +85,7 @@ impl CameraParams {
             saturation_dn: full_dn.min(levels.largest_dn),
             read_noise_e_rms: levels.read_noise_e_rms,
             temperature_c: levels.temperature_c,
+            colours: self.detector.spatial.output_colours(),
         }
     }
 

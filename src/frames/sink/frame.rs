@@ -5,6 +5,7 @@ use crate::sink::active_fault::ActiveFaults;
 use crate::sink::faults::FaultFlags;
 use crate::sink::target_table::TargetRow;
 use crate::sink::wcs::Wcs;
+use base::bayer::BayerPattern;
 use base::image::DnImage;
 use base::source_id::SourceId;
 use base::time::{Span, Tai};
@@ -251,6 +252,8 @@ pub struct CameraFacts {
     pub read_noise_e_rms: f64,
     /// Temperature of the detector, degrees Celsius.
     pub temperature_c: f64,
+    /// Colours of the image's pixels; `None` where they have none.
+    pub colours: Option<BayerPattern>,
 }
 
 impl FrameMeta {

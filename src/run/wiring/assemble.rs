@@ -21,6 +21,7 @@ use crate::wiring::heads::{CostsHere, HeadSetting, RunHead, make_heads, take_sin
 use crate::wiring::live_tap::{LiveOptions, LiveTap};
 use crate::wiring::memory::{RunForm, RunMemory};
 use crate::wiring::ports::{is_unreachable, needs_real_clock};
+use crate::wiring::trigger_lines::arm;
 use crate::wiring::real;
 use crate::wiring::run_end::RunEnd;
 use crate::wiring::run_times::RunTimes;
@@ -174,6 +175,7 @@ impl Run {
         };
         let mut heads = make_heads(HeadSetting { scenario: &scenario, start, costs })?;
         drop(cards);
+        arm(&scenario.bench, &mut heads)?;
         let clock = RunClock::new(clock, start);
         let count = heads.iter().filter(|head| head.is_shown).count();
         for (number, head) in heads.iter_mut().enumerate() {
