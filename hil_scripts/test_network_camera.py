@@ -535,6 +535,55 @@ class Features(unittest.TestCase):
             self.assertEqual(refused.exception.status, 0x8002, "the bench must allow other receivers")
 
 
+class Colours(unittest.TestCase):
+    """A sensor with a colour filter array: OpenCV, Aravis and GStreamer take its frames for what they are."""
+
+    #: DN of red, green and blue in a frame of number 0, as camera_feed has them.
+    LEVELS = {"R": 3200, "G": 1600, "B": 800}
+    #: OpenCV's name of each pattern.
+    PATTERNS = {"RGGB": "RG", "GRBG": "GR", "GBRG": "GB", "BGGR": "BG"}
+
+    def test_opencv_demosaics_frames_of_every_pattern(self):
+        import cv2
+        import numpy
+
+        for pattern, letters in self.PATTERNS.items():
+            with self.subTest(pattern), Camera(colours=pattern) as camera:
+                features = [["PixelFormat", f"Bayer{letters}12"], ["ChunkModeActive", True]]
+                told = camera.grab(set=features, frames=2, chunks=True).result()
+            for frame in told["frames"]:
+                number = frame["integer"]["ChunkFrameID"]
+                raw = unpacked(frame["data"], "Mono12", frame["size"])
+                self.assertTrue((raw == camera.images[number]).all())
+                wanted = [self.LEVELS[colour] + number % 16 for colour in "BGR"]
+                inner = lambda name: cv2.cvtColor(raw.copy(), getattr(cv2, f"COLOR_Bayer{name}2BGR"))[2:-2, 2:-2]
+                self.assertTrue((inner(pattern) == numpy.array(wanted)).all(), pattern)
+                other = pattern[::-1] if pattern in ("RGGB", "BGGR") else {"GRBG": "GBRG", "GBRG": "GRBG"}[pattern]
+                self.assertFalse((inner(other) == numpy.array(wanted)).all(), "control: another pattern")
+
+    def test_formats_are_those_of_the_colours_and_regions_keep_them(self):
+        with Camera(colours="RGGB", recorded=False) as camera:
+            told = camera.arv_tool("control", "PixelFormat", "PixelFormat=Mono12", "PixelFormat=BayerRG12p", "PixelFormat",
+                                   "PayloadSize", "Width=32", "OffsetX=3", "OffsetX")
+            self.assertIn("PixelFormat = BayerRG12", told)
+            self.assertIn("PixelFormat = BayerRG12p", told)
+            self.assertIn(f"PayloadSize = {64 * 48 * 12 // 8} B", told)
+            self.assertNotIn("PixelFormat = Mono12", told)
+            self.assertNotIn("OffsetX = 3 ", told)
+
+    def test_gstreamer_sees_a_bayer_image(self):
+        with Camera(colours="GBRG") as camera, tempfile.TemporaryDirectory() as folder:
+            out = Path(folder) / "frames.raw"
+            launch = ["gst-launch-1.0", "-q", "aravissrc", f"camera-name={camera.address}", "num-buffers=2", "!",
+                      "video/x-bayer,format=gbrg", "!", "filesink", f"location={out}"]
+            done = subprocess.run(launch, capture_output=True, text=True, timeout=PATIENCE_S)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            data = out.read_bytes()
+        self.assertEqual(len(data), 2 * 64 * 48)
+        recorded = [shifted(image, "Mono8").astype("uint8").tobytes() for image in camera.images.values()]
+        self.assertIn(data[:64 * 48], recorded)
+
+
 class Others(unittest.TestCase):
     """Clients that are not Aravis' Python."""
 

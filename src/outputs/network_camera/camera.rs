@@ -275,6 +275,7 @@ mod tests {
         exposure_s: 0.1,
         gain_e_per_dn: 2.5,
         temperature_c: 20.0,
+        colours: None,
     };
 
     /// A thread that broke down.

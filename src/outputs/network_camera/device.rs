@@ -37,6 +37,7 @@ use crate::network_camera::repeats::LastChange;
 use crate::network_camera::shared::Shared;
 use crate::network_camera::user_sets::{NAMES, UserSet};
 use crate::network_camera::{chunk, xml};
+use base::bayer::BayerPattern;
 use base::time::{Span, Tai};
 pub(super) use commanded::{OVERLAPS, SOURCES};
 use std::net::{Ipv4Addr, SocketAddrV4};
@@ -116,6 +117,7 @@ pub struct Device {
     high_half: (u32, u32),
     /// How clients command the camera that makes the frames; `None`: they only read its settings.
     commands: Option<CommandParams>,
+    colours: Option<BayerPattern>,
     user_sets: [UserSet; NAMES.len()],
     messages: Messages,
     /// What is known of the machine's PTP clock.
@@ -133,8 +135,8 @@ impl Device {
         place: DeviceParams,
         commands: Option<CommandParams>,
     ) -> std::io::Result<Self> {
-        let plain = xml::plain(&params.identity, &place, commands.as_ref());
-        let zipped = xml::zipped(&params.identity, &place, commands.as_ref())?;
+        let plain = xml::plain(&params.identity, &place, sensor.colours, commands.as_ref());
+        let zipped = xml::zipped(&params.identity, &place, sensor.colours, commands.as_ref())?;
         let lengths = [plain.len(), zipped.len()];
         let (first, second) = if params.xml == XmlForm::Zip { (zipped, plain) } else { (plain, zipped) };
         let mut memory = Memory::new(first, second);
@@ -162,6 +164,7 @@ impl Device {
             chunks: ALL_CHUNKS,
             high_half: (0, 0),
             commands,
+            colours: sensor.colours,
             user_sets: Default::default(),
             messages: Messages::new(),
             ptp: PtpData::in_state(DISABLED),
@@ -290,6 +293,7 @@ impl Device {
             packet_bytes: usize::try_from(word(at::PACKET_SIZE) & 0xFFFF).unwrap_or_default(),
             delay_ns: word(at::PACKET_DELAY),
             format: self.format(),
+            colours: self.colours,
             pattern: self.pattern(),
             region_px: [own::OFFSET_X, own::OFFSET_Y, own::WIDTH, own::HEIGHT].map(word),
             with_chunks: self.has_chunks(),

@@ -26,6 +26,7 @@ fn sensor() -> SensorParams {
         exposure_s: 0.1,
         gain_e_per_dn: 2.5,
         temperature_c: 20.0,
+        colours: None,
     }
 }
 

@@ -95,7 +95,7 @@ pub(super) fn write_features(memory: &mut Memory, sensor: &SensorParams, format:
         (own::SENSOR_HEIGHT, height),
         (own::WIDTH, width),
         (own::HEIGHT, height),
-        (own::PIXEL_FORMAT, format.code()),
+        (own::PIXEL_FORMAT, format.code(sensor.colours)),
         (own::FRAME_COUNT, 1),
         (own::CHUNK_ENABLE, 1),
         (own::DETECTOR_BITS, sensor.bits),

@@ -10,6 +10,7 @@
 use crate::network_camera::gvcp::Status;
 use crate::network_camera::pixel_format::PixelFormat;
 use crate::network_camera::test_pattern::TestPattern;
+use base::bayer::BayerPattern;
 use std::net::SocketAddrV4;
 
 /// Bytes of a packet's header.
@@ -36,6 +37,8 @@ pub struct StreamSettings {
     pub delay_ns: u32,
     /// Pixel format.
     pub format: PixelFormat,
+    /// Colours of the sensor's pixels from its first one, where they have filters.
+    pub colours: Option<BayerPattern>,
     /// What is sent in place of the image.
     pub pattern: TestPattern,
     /// First column, first row, columns, rows.
@@ -52,6 +55,7 @@ impl StreamSettings {
         packet_bytes: 0,
         delay_ns: 0,
         format: PixelFormat::Mono16,
+        colours: None,
         pattern: TestPattern::Off,
         region_px: [0; 4],
         with_chunks: false,
@@ -93,7 +97,9 @@ impl Block {
         leader.extend([0, 0]);
         leader.extend(kind.to_be_bytes());
         leader.extend(time_ns.to_be_bytes());
-        [settings.format.code(), columns, rows, x, y, 0].iter().for_each(|word| leader.extend(word.to_be_bytes()));
+        [settings.format.code(settings.colours), columns, rows, x, y, 0]
+            .iter()
+            .for_each(|word| leader.extend(word.to_be_bytes()));
         trailer.clear();
         trailer.extend([0, 0]);
         trailer.extend(kind.to_be_bytes());
@@ -155,6 +161,7 @@ pub(super) mod tests {
         packet_bytes: 576,
         delay_ns: 0,
         format: PixelFormat::Mono16,
+        colours: None,
         pattern: TestPattern::Off,
         region_px: [1, 2, 31, 17],
         with_chunks: false,

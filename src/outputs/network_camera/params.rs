@@ -2,6 +2,7 @@
 
 use crate::network_camera::error::NetworkCameraError;
 use crate::network_camera::pixel_format::PixelFormat;
+use base::bayer::BayerPattern;
 use base::clock::Clock;
 use frames::camera_control::{CameraDesk, CameraRange, CameraSettings, StartSettings};
 use std::net::Ipv4Addr;
@@ -122,6 +123,8 @@ pub struct SensorParams {
     pub exposure_s: f64,
     /// Detector gain, told to clients, e-/DN.
     pub gain_e_per_dn: f64,
+    /// Colours of the image's pixels, where they have filters.
+    pub colours: Option<BayerPattern>,
     /// Temperature of the detector until a frame says another, degrees Celsius.
     pub temperature_c: f64,
 }

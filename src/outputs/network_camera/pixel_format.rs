@@ -9,6 +9,11 @@
 //!   the low half), high bits of the second; an odd last pixel takes two bytes.
 //! * `...p` (PFNC) is one stream of bits, the lowest bit of a sample first, without gaps between samples or lines; the last
 //!   byte is filled up with zeros.
+//!
+//! A sensor with a colour filter array sends the same bytes under another name and code: `BayerRG12` for `Mono12` of red and
+//! green in the first row. The letters are the colours of the image's first two pixels.
+
+use base::bayer::BayerPattern;
 
 /// How pixels travel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -75,16 +80,53 @@ impl PixelFormat {
         }
     }
 
-    /// Its number in registers and packets.
+    /// Its number in registers and packets, of a sensor with these colours or none.
     #[must_use]
-    pub const fn code(self) -> u32 {
-        self.row().0
+    pub const fn code(self, colours: Option<BayerPattern>) -> u32 {
+        match colours {
+            None => self.row().0,
+            Some(pattern) => self.coloured(pattern),
+        }
     }
 
-    /// The format of a number.
+    const fn coloured(self, pattern: BayerPattern) -> u32 {
+        // The codes follow each other, in one order where samples have gaps or pairs, in another for streams of bits.
+        let (place, place_in_stream) = match pattern {
+            BayerPattern::Grbg => (0, 4),
+            BayerPattern::Rggb => (1, 6),
+            BayerPattern::Gbrg => (2, 2),
+            BayerPattern::Bggr => (3, 0),
+        };
+        match self {
+            Self::Mono8 => 0x0108_0008 + place,
+            Self::Mono10 => 0x0110_000C + place,
+            Self::Mono10Packed => 0x010C_0026 + place,
+            Self::Mono10p => 0x010A_0052 + place_in_stream,
+            Self::Mono12 => 0x0110_0010 + place,
+            Self::Mono12Packed => 0x010C_002A + place,
+            Self::Mono12p => 0x010C_0053 + place_in_stream,
+            Self::Mono14 => 0x0110_0109 + place,
+            Self::Mono14p => 0x010E_0105 + place,
+            Self::Mono16 => 0x0110_002E + place,
+        }
+    }
+
+    /// The format of a number, of a sensor with these colours or none.
     #[must_use]
-    pub fn from_code(code: u32) -> Option<Self> {
-        Self::NAMED.into_iter().map(|(_, format)| format).find(|format| format.code() == code)
+    pub fn from_code(code: u32, colours: Option<BayerPattern>) -> Option<Self> {
+        Self::NAMED.into_iter().map(|(_, format)| format).find(|format| format.code(colours) == code)
+    }
+
+    /// Every format with its name, of a sensor with these colours or none.
+    pub(super) fn named(colours: Option<BayerPattern>) -> impl Iterator<Item = (String, Self)> {
+        let name = move |(mono, format): (&str, Self)| {
+            let letters = colours.map(|pattern| &pattern.name()[..2]);
+            (
+                letters.map_or_else(|| mono.to_owned(), |letters| mono.replace("Mono", &format!("Bayer{letters}"))),
+                format,
+            )
+        };
+        Self::NAMED.into_iter().map(name)
     }
 
     /// The narrowest unpacked format that holds pixels of so many bits.
@@ -243,13 +285,43 @@ mod tests {
                     assert_eq!(shifted(dn, bits, format.bits()) >> (format.bits() - bits), dn);
                 }
             }
-            assert_eq!(PixelFormat::from_code(format.code()), Some(format));
-            let bits = usize::try_from(format.code() >> 16 & 0xFF).unwrap();
-            assert_eq!(format.bytes(80), 10 * bits, "PFNC: bits per pixel");
+            for colours in [None].into_iter().chain(BayerPattern::NAMED.map(|(_, pattern)| Some(pattern))) {
+                let code = format.code(colours);
+                assert_eq!(PixelFormat::from_code(code, colours), Some(format));
+                let bits = usize::try_from(code >> 16 & 0xFF).unwrap();
+                assert_eq!(format.bytes(80), 10 * bits, "PFNC: bits per pixel");
+            }
         }
-        assert_eq!(PixelFormat::from_code(0x0108_0002), None);
+        assert_eq!(PixelFormat::from_code(0x0108_0002, None), None);
+        assert_eq!(PixelFormat::from_code(0x0108_0001, Some(BayerPattern::Rggb)), None, "a sensor with colours");
         for bits in 1..=16 {
             assert!(PixelFormat::for_bits(bits).bits() >= bits);
+        }
+    }
+
+    /// Some codes of the pixel format naming convention.
+    #[test]
+    fn coloured_formats_have_their_names_and_codes() {
+        let code = |wanted: &str| {
+            let all = BayerPattern::NAMED.into_iter().flat_map(|(_, pattern)| {
+                PixelFormat::named(Some(pattern)).map(move |(name, format)| (name, format.code(Some(pattern))))
+            });
+            all.into_iter().find(|(name, _)| name == wanted).unwrap().1
+        };
+        for (name, wanted) in [
+            ("BayerRG8", 0x0108_0009),
+            ("BayerBG8", 0x0108_000B),
+            ("BayerGB10", 0x0110_000E),
+            ("BayerRG12", 0x0110_0011),
+            ("BayerRG12Packed", 0x010C_002B),
+            ("BayerBG12p", 0x010C_0053),
+            ("BayerGB10p", 0x010A_0054),
+            ("BayerGR12p", 0x010C_0057),
+            ("BayerRG10p", 0x010A_0058),
+            ("BayerRG14p", 0x010E_0106),
+            ("BayerRG16", 0x0110_002F),
+        ] {
+            assert_eq!(code(name), wanted, "{name}");
         }
     }
 

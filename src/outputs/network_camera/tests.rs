@@ -23,6 +23,7 @@ const SENSOR: SensorParams = SensorParams {
     exposure_s: 0.1,
     gain_e_per_dn: 2.5,
     temperature_c: 20.0,
+    colours: None,
 };
 
 /// What became of the frames that were handed over.

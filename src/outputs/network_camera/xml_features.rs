@@ -7,6 +7,7 @@ use crate::network_camera::registers::own;
 use crate::network_camera::test_pattern::TestPattern;
 use crate::network_camera::user_sets;
 use crate::network_camera::xml_nodes::{Access, Entry, Feature, Nodes, write_entries};
+use base::bayer::BayerPattern;
 
 /// What is put into the template.
 pub(super) struct MoreFeatures {
@@ -17,8 +18,10 @@ pub(super) struct MoreFeatures {
 }
 
 /// Entries of PixelFormat.
-pub(super) fn pixel_formats() -> String {
-    let entries = PixelFormat::NAMED.map(|(name, format)| Entry::standard(name, format.code()));
+pub(super) fn pixel_formats(colours: Option<BayerPattern>) -> String {
+    let names: Vec<(String, PixelFormat)> = PixelFormat::named(colours).collect();
+    let entries: Vec<Entry<'_>> =
+        names.iter().map(|(name, format)| Entry::standard(name, format.code(colours))).collect();
     let mut text = String::new();
     let _text_grows = write_entries(&mut text, &entries);
     text.trim_end().to_owned()

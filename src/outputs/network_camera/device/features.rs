@@ -9,6 +9,7 @@ use crate::network_camera::pixel_format::PixelFormat;
 use crate::network_camera::registers::{Memory, own};
 use crate::network_camera::test_pattern::TestPattern;
 use crate::network_camera::user_sets::NAMES;
+use crate::network_camera::xml::offset_step;
 use base::time::Tai;
 
 impl Device {
@@ -22,6 +23,7 @@ impl Device {
             let done = if is_legal { Ok(()) } else { Err(Status::InvalidParameter) };
             done.map(|()| memory.set(address, value))
         };
+        let (colours, step) = (self.colours, offset_step(self.colours));
         let memory = &mut self.memory;
         let room = |sensor, taken| memory.word(sensor).saturating_sub(memory.word(taken));
         match address {
@@ -35,13 +37,15 @@ impl Device {
             }
             own::OFFSET_X => {
                 let most = room(own::SENSOR_WIDTH, own::WIDTH);
-                free().and_then(|()| set_if(memory, value <= most))?;
+                free().and_then(|()| set_if(memory, value <= most && value % step == 0))?;
             }
             own::OFFSET_Y => {
                 let most = room(own::SENSOR_HEIGHT, own::HEIGHT);
-                free().and_then(|()| set_if(memory, value <= most))?;
+                free().and_then(|()| set_if(memory, value <= most && value % step == 0))?;
             }
-            own::PIXEL_FORMAT => free().and_then(|()| set_if(memory, PixelFormat::from_code(value).is_some()))?,
+            own::PIXEL_FORMAT => {
+                free().and_then(|()| set_if(memory, PixelFormat::from_code(value, colours).is_some()))?
+            }
             own::ACQUISITION_MODE => free().and_then(|()| set_if(memory, value <= 2))?,
             own::FRAME_COUNT => free().and_then(|()| set_if(memory, (1..=65_535).contains(&value)))?,
             own::TRIGGER_MODE | own::TRIGGER_SOURCE | own::CHUNK_MODE => {
@@ -101,7 +105,7 @@ impl Device {
     }
 
     pub(super) fn format(&self) -> PixelFormat {
-        PixelFormat::from_code(self.memory.word(own::PIXEL_FORMAT)).unwrap_or(PixelFormat::Mono16)
+        PixelFormat::from_code(self.memory.word(own::PIXEL_FORMAT), self.colours).unwrap_or(PixelFormat::Mono16)
     }
 
     pub(super) fn pattern(&self) -> TestPattern {
