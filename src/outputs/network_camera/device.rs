@@ -16,6 +16,8 @@ mod features;
 mod messages;
 #[path = "device/ptp.rs"]
 mod ptp;
+#[path = "device/regions.rs"]
+mod regions;
 #[path = "device/user_sets.rs"]
 mod user_sets;
 
@@ -32,14 +34,16 @@ use crate::network_camera::params::{CommandParams, PACKET_BYTES_MIN, Params, Sen
 use crate::network_camera::pixel_format::PixelFormat;
 use crate::network_camera::proof::Proof;
 use crate::network_camera::ptp::{DISABLED, PtpData};
+use crate::network_camera::regions::RegionSet;
 use crate::network_camera::registers::{FIRST_XML, Memory, SECOND_XML, at, own};
 use crate::network_camera::repeats::LastChange;
 use crate::network_camera::shared::Shared;
-use crate::network_camera::user_sets::{NAMES, UserSet};
+use crate::network_camera::user_sets::UserSet;
 use crate::network_camera::{chunk, xml};
 use base::bayer::BayerPattern;
 use base::time::{Span, Tai};
 pub(super) use commanded::{OVERLAPS, SOURCES};
+use frames::camera_control::Regions;
 use std::net::{Ipv4Addr, SocketAddrV4};
 use std::sync::Arc;
 
@@ -118,7 +122,10 @@ pub struct Device {
     /// How clients command the camera that makes the frames; `None`: they only read its settings.
     commands: Option<CommandParams>,
     colours: Option<BayerPattern>,
-    user_sets: [UserSet; NAMES.len()],
+    regions: RegionSet,
+    /// What the camera that clients command was told to read out.
+    read_out: Regions,
+    user_sets: Vec<UserSet>,
     messages: Messages,
     /// What is known of the machine's PTP clock.
     ptp: PtpData,
@@ -165,10 +172,13 @@ impl Device {
             high_half: (0, 0),
             commands,
             colours: sensor.colours,
-            user_sets: Default::default(),
+            regions: RegionSet::new(sensor.size_px),
+            read_out: Regions::WHOLE,
+            user_sets: Vec::new(),
             messages: Messages::new(),
             ptp: PtpData::in_state(DISABLED),
         };
+        device.show_region();
         device.user_sets = device.first_user_sets();
         device.note_ptp(device.ptp);
         device.latch_ptp();
@@ -295,7 +305,7 @@ impl Device {
             format: self.format(),
             colours: self.colours,
             pattern: self.pattern(),
-            region_px: [own::OFFSET_X, own::OFFSET_Y, own::WIDTH, own::HEIGHT].map(word),
+            regions: self.regions.present(),
             with_chunks: self.has_chunks(),
         }
     }

@@ -7,6 +7,7 @@ mod proof_tests;
 mod user_set_tests;
 
 use super::*;
+use crate::network_camera::gvsp::tests::one_region;
 use crate::network_camera::registers::{self, at, own};
 use base::time::{Span, Tai};
 use proptest::prelude::*;
@@ -271,7 +272,7 @@ fn regions_stay_on_the_sensor() {
     assert_eq!(bench.read(A, own::PAYLOAD_SIZE), Ok(11 * 17));
     assert_eq!(bench.write(A, own::CHUNK_MODE, 1), OK);
     assert_eq!(bench.read(A, own::PAYLOAD_SIZE), Ok(11 * 17 + u32::try_from(chunk::added_bytes()).unwrap()));
-    assert_eq!(bench.device.stream().region_px, [20, 0, 11, 17]);
+    assert_eq!(bench.device.stream().regions, one_region([20, 0, 11, 17]));
     assert_eq!(bench.write(A, own::ACQUISITION_START, 1), OK);
     assert_eq!(bench.write(A, own::WIDTH, 5), 0x8007, "not while frames are acquired");
     assert_eq!(bench.write(A, own::ACQUISITION_STOP, 1), OK);
@@ -510,7 +511,7 @@ fn any_datagram() -> impl Strategy<Value = Vec<u8>> {
         any::<u16>()
     ];
     let address = prop_oneof![
-        0xA000_u32..0xA110,
+        0xA000_u32..0xA118,
         0xB00_u32..0xB20,
         0x900_u32..0xA20,
         0xD00_u32..0xD20,
@@ -532,8 +533,8 @@ fn any_datagram() -> impl Strategy<Value = Vec<u8>> {
 
 /// What holds of any stream on this sensor.
 fn is_possible(stream: &StreamSettings) -> bool {
-    let [x, y, columns, rows] = stream.region_px;
-    let is_inside = columns > 0 && rows > 0 && x + columns <= 31 && y + rows <= 17;
+    let regions = stream.regions.as_slice();
+    let is_inside = !regions.is_empty() && regions.iter().all(|region| region.is_within([31, 17]));
     is_inside
         && (576..=1500).contains(&stream.packet_bytes)
         && stream.destination.is_none_or(|to| to.ip().octets()[..3] == [10, 0, 0])

@@ -20,7 +20,7 @@
 //! A message channel sends events of the exposures (`messages`); user sets keep settings in memory (`user_sets`); test
 //! patterns take the place of images (`test_pattern`); the state of the machine's PTP clock is that of `ptp4l` (`ptp`).
 //!
-//! Limits: IPv4, one stream channel, regions only cut the image. Nothing here is certified; the registers and packets are those
+//! Limits: IPv4, one stream channel. Nothing here is certified; the registers and packets are those
 //! that Aravis and its relatives use. Packets carry at most the interface's MTU. A multicast group may receive the stream
 //! where the bench allows other receivers.
 //! Discovery is answered to the device's own subnet only: who hears of it can also get its frames. Frames go to the
@@ -56,6 +56,7 @@ mod params;
 mod pixel_format;
 mod proof;
 mod ptp;
+mod regions;
 mod registers;
 mod repeats;
 mod shared;

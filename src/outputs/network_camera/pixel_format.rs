@@ -14,6 +14,8 @@
 //! green in the first row. The letters are the colours of the image's first two pixels.
 
 use base::bayer::BayerPattern;
+use core::iter::repeat_n;
+use frames::camera_control::Region;
 
 /// How pixels travel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -167,23 +169,37 @@ fn shifted(dn: u16, from: u32, to: u32) -> u16 {
     u16::try_from(sample).unwrap_or(u16::MAX)
 }
 
-/// Appends a region of an image. `region` is first column, first row, columns, rows, inside the image.
-pub(super) fn append_region(
+/// Appends regions of an image, one below the other; lines that are shorter than the longest end with zeros. The regions lie
+/// inside the image.
+pub(super) fn append_regions(
     format: PixelFormat,
     dn_bits: u32,
     pixels: &[u16],
     width_px: usize,
-    region: [usize; 4],
+    regions: &[Region],
     out: &mut Vec<u8>,
 ) {
-    let [x, y, columns, rows] = region;
-    let lines = pixels.chunks_exact(width_px.max(1)).skip(y).take(rows).filter_map(|line| line.get(x..x + columns));
+    let longest = regions.iter().map(|region| region.width_px).max().unwrap_or(0);
+    // Each line with the zeros behind it.
+    let lines = regions.iter().flat_map(|region| {
+        let [x, y, columns, rows] =
+            [region.left_px, region.top_px, region.width_px, region.height_px].map(|v| v as usize);
+        let zeros = (longest - region.width_px) as usize;
+        let rows = pixels.chunks_exact(width_px.max(1)).skip(y).take(rows);
+        rows.filter_map(move |line| Some((line.get(x..x + columns)?, zeros)))
+    });
     let (_, bits, layout) = format.row();
     let sample = |dn: u16| shifted(dn, dn_bits, bits);
-    let samples = || lines.clone().flatten().map(|dn| sample(*dn));
+    let samples = || {
+        let line = |(line, zeros): (&[u16], usize)| line.iter().map(|dn| sample(*dn)).chain(repeat_n(0, zeros));
+        lines.clone().flat_map(line)
+    };
     match layout {
-        Layout::Bytes => lines.for_each(|line| out.extend(line.iter().map(|dn| sample(*dn).to_le_bytes()[0]))),
-        Layout::Words => lines.for_each(|line| append_words(line, sample, out)),
+        Layout::Bytes => out.extend(samples().map(|sample| sample.to_le_bytes()[0])),
+        Layout::Words => lines.for_each(|(line, zeros)| {
+            append_words(line, sample, out);
+            out.extend(repeat_n(0, 2 * zeros));
+        }),
         Layout::PairsInThreeBytes => append_pairs(samples(), bits - 8, out),
         Layout::BitStream => append_bits(samples(), bits, out),
     }
@@ -230,9 +246,15 @@ fn append_bits(samples: impl Iterator<Item = u16>, bits: u32, out: &mut Vec<u8>)
 mod tests {
     use super::*;
 
+    fn region([left_px, top_px, width_px, height_px]: [usize; 4]) -> Region {
+        let [left_px, top_px, width_px, height_px] =
+            [left_px, top_px, width_px, height_px].map(|v| u32::try_from(v).unwrap());
+        Region { left_px, top_px, width_px, height_px }
+    }
+
     fn packed(format: PixelFormat, dn_bits: u32, pixels: &[u16]) -> Vec<u8> {
         let mut out = Vec::new();
-        append_region(format, dn_bits, pixels, pixels.len(), [0, 0, pixels.len(), 1], &mut out);
+        append_regions(format, dn_bits, pixels, pixels.len(), &[region([0, 0, pixels.len(), 1])], &mut out);
         assert_eq!(out.len(), format.bytes(pixels.len()), "{format:?}");
         out
     }
@@ -329,10 +351,18 @@ mod tests {
     fn a_region_is_cut_out() {
         let pixels: Vec<u16> = (0..5 * 4).collect();
         let mut out = Vec::new();
-        append_region(PixelFormat::Mono8, 8, &pixels, 5, [1, 2, 3, 2], &mut out);
+        append_regions(PixelFormat::Mono8, 8, &pixels, 5, &[region([1, 2, 3, 2])], &mut out);
         assert_eq!(out, [11, 12, 13, 16, 17, 18]);
         out.clear();
-        append_region(PixelFormat::Mono10p, 10, &pixels, 5, [1, 2, 3, 2], &mut out);
+        append_regions(PixelFormat::Mono10p, 10, &pixels, 5, &[region([1, 2, 3, 2])], &mut out);
         assert_eq!(out.len(), PixelFormat::Mono10p.bytes(6), "lines follow each other without a gap");
+        let two = [region([3, 1, 1, 2]), region([0, 0, 2, 1])];
+        let wanted = [8, 0, 13, 0, 0, 1];
+        for (_, format) in PixelFormat::NAMED {
+            let [mut got, mut alone] = [Vec::new(), Vec::new()];
+            append_regions(format, 8, &pixels, 5, &two, &mut got);
+            append_regions(format, 8, &wanted, 2, &[region([0, 0, 2, 3])], &mut alone);
+            assert_eq!(got, alone, "{format:?}: one below the other, filled up with zeros");
+        }
     }
 }

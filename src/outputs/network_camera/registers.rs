@@ -109,8 +109,10 @@ pub(super) mod own {
     pub(in crate::network_camera) const PTP_CLOCK_ID: u32 = 0xA0F0;
     pub(in crate::network_camera) const PTP_PARENT_ID: u32 = 0xA0F8;
     pub(in crate::network_camera) const PTP_GRANDMASTER_ID: u32 = 0xA100;
+    pub(in crate::network_camera) const REGION_SELECTOR: u32 = 0xA108;
+    pub(in crate::network_camera) const REGION_MODE: u32 = 0xA10C;
     /// The first address behind them.
-    pub(in crate::network_camera) const END: u32 = 0xA108;
+    pub(in crate::network_camera) const END: u32 = 0xA110;
 }
 
 /// Where the XML of the first URL lies; the second one follows at [`SECOND_XML`].

@@ -13,7 +13,7 @@ use crate::network_camera::chunk;
 use crate::network_camera::gvcp::Resend;
 use crate::network_camera::gvsp::{Block, StreamSettings, next_id};
 use crate::network_camera::packets::Outlet;
-use crate::network_camera::pixel_format::{PixelFormat, append_region};
+use crate::network_camera::pixel_format::{PixelFormat, append_regions};
 use crate::network_camera::shared::Shared;
 use crate::network_camera::slots::Slot;
 use crate::network_camera::test_pattern::TestPattern;
@@ -157,8 +157,8 @@ impl Stream {
             self.shared.tally.frames_of_a_pattern.one();
         }
         let block = self.kept.begin(settings);
-        let region = settings.region_px.map(|side| side as usize);
-        append_region(settings.format, dn_bits, &slot.pixels, width_px, region, &mut block.payload);
+        let regions = settings.regions.as_slice();
+        append_regions(settings.format, dn_bits, &slot.pixels, width_px, regions, &mut block.payload);
         if settings.with_chunks {
             chunk::append_chunks(&slot.meta, block.payload.len(), &mut block.payload);
         }
@@ -235,7 +235,7 @@ impl Stream {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::network_camera::gvsp::tests::SETTINGS;
+    use crate::network_camera::gvsp::tests::{SETTINGS, one_region};
     use base::clock::{Clock, Virtual};
     use base::time::Tai;
     use frames::sink::sample::sample_frame;
@@ -249,7 +249,7 @@ mod tests {
         let clock = Arc::new(Virtual::new(START));
         let shared = Arc::new(Shared::new());
         let destination = Some(to);
-        let settings = StreamSettings { destination, region_px: [0, 0, 31, 17], ..SETTINGS };
+        let settings = StreamSettings { destination, regions: one_region([0, 0, 31, 17]), ..SETTINGS };
         shared.publish(settings);
         let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
         let (full, frames) = crossbeam_channel::bounded(8);

@@ -8,6 +8,7 @@ use crate::network_camera::test_pattern::TestPattern;
 use crate::network_camera::user_sets;
 use crate::network_camera::xml_nodes::{Access, Entry, Feature, Nodes, write_entries};
 use base::bayer::BayerPattern;
+use frames::camera_control::REGIONS_MAX;
 
 /// What is put into the template.
 pub(super) struct MoreFeatures {
@@ -32,6 +33,7 @@ pub(super) fn more_features(is_commanded: bool) -> MoreFeatures {
     let mut nodes = Nodes::default();
     let mut categories = vec!["UserSetControl", "PtpControl"];
     add_device_features(&mut nodes);
+    add_regions(&mut nodes);
     add_user_sets(&mut nodes);
     add_ptp(&mut nodes);
     if is_commanded {
@@ -58,6 +60,20 @@ fn add_device_features(nodes: &mut Nodes) {
     nodes.float(&temperature, own::TEMPERATURE, "C");
     let reset = Feature::new("DeviceReset", "Ends acquisition and control, and loads the user set of UserSetDefault");
     nodes.command(&reset, own::DEVICE_RESET);
+}
+
+fn add_regions(nodes: &mut Nodes) {
+    let names: Vec<String> = (0..REGIONS_MAX).map(|number| format!("Region{number}")).collect();
+    let regions: Vec<Entry<'_>> = (0..).zip(&names).map(|(value, name)| Entry::standard(name, value)).collect();
+    let selector = Feature::new(
+        "RegionSelector",
+        "The part of the image that size and offsets are about; those that are on are sent one below the other",
+    )
+    .selects(&["RegionMode", "Width", "Height", "OffsetX", "OffsetY"]);
+    nodes.enumeration(&selector, Some(own::REGION_SELECTOR), Access::Both, &regions);
+    let states = [Entry::standard("Off", 0), Entry::standard("On", 1)];
+    let mode = Feature::new("RegionMode", "On: the region is sent; Region0 always is").locked_by("TLParamsLocked");
+    nodes.enumeration(&mode, Some(own::REGION_MODE), Access::Both, &states);
 }
 
 fn add_user_sets(nodes: &mut Nodes) {

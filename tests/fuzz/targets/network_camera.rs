@@ -124,8 +124,9 @@ fn judge_answer(from: SocketAddrV4, datagram: &[u8], answer: &Answer) {
 }
 
 fn judge_stream(stream: &StreamSettings) {
-    let [x, y, columns, rows] = stream.region_px;
-    assert!(columns > 0 && rows > 0 && x + columns <= SIZE_PX[0] && y + rows <= SIZE_PX[1], "{stream:?}");
+    let [columns, rows] = SIZE_PX.map(|side| side as usize);
+    let regions = stream.regions.as_slice();
+    assert!(!regions.is_empty() && regions.iter().all(|region| region.is_within([columns, rows])), "{stream:?}");
     assert!((576..=1500).contains(&stream.packet_bytes), "{stream:?}");
     assert!(stream.destination.is_none_or(|to| to.ip().octets()[..3] == [10, 0, 0]), "{stream:?}");
 }

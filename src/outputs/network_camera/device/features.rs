@@ -6,6 +6,7 @@ use crate::network_camera::chunk;
 use crate::network_camera::first_values::ONE_IN_MOST;
 use crate::network_camera::gvcp::Status;
 use crate::network_camera::pixel_format::PixelFormat;
+use crate::network_camera::regions::stacked_px;
 use crate::network_camera::registers::{Memory, own};
 use crate::network_camera::test_pattern::TestPattern;
 use crate::network_camera::user_sets::NAMES;
@@ -65,6 +66,7 @@ impl Device {
             own::FRAME_RATE_LOW => return self.write_rate(value),
             own::ACQUISITION_START => {
                 self.must_be_proven()?;
+                self.command_regions(self.bench_time(now))?;
                 self.start(now);
             }
             own::ACQUISITION_STOP => self.stop(),
@@ -74,10 +76,12 @@ impl Device {
             own::USER_SET_SAVE => return self.save_user_set(),
             own::DEVICE_RESET => return self.reset(now),
             own::EVENT_SELECTOR | own::EVENT_NOTIFICATION => return self.write_event(address, value),
+            own::REGION_SELECTOR | own::REGION_MODE => return self.write_region(address, value),
             own::PTP_ENABLE | own::PTP_LATCH => return self.write_ptp(address, value),
             own::TRIGGER_SOFTWARE => return self.trigger(SOURCE_SOFTWARE, self.bench_time(now)),
             _ => return memory.read(address, 4).and(Err(Status::WriteProtect)),
         }
+        self.keep_region();
         self.measure_payload();
         Ok(())
     }
@@ -117,8 +121,7 @@ impl Device {
     }
 
     pub(super) fn measure_payload(&mut self) {
-        let [columns, rows] =
-            [own::WIDTH, own::HEIGHT].map(|side| usize::try_from(self.memory.word(side)).unwrap_or(0));
+        let [columns, rows] = stacked_px(&self.regions.present()).map(|side| side as usize);
         let chunks = if self.has_chunks() { chunk::added_bytes() } else { 0 };
         let bytes = self.format().bytes(columns * rows) + chunks;
         self.memory.set(own::PAYLOAD_SIZE, u32::try_from(bytes).unwrap_or(u32::MAX));

@@ -8,12 +8,12 @@ use base::time::Tai;
 
 impl Device {
     /// Every set begins as the first.
-    pub(super) fn first_user_sets(&self) -> [UserSet; NAMES.len()] {
-        core::array::from_fn(|_| self.present_set())
+    pub(super) fn first_user_sets(&self) -> Vec<UserSet> {
+        vec![self.present_set(); NAMES.len()]
     }
 
     fn present_set(&self) -> UserSet {
-        UserSet::of(&self.memory, self.chunks, self.commands.is_some())
+        UserSet::of(&self.memory, &self.regions, self.chunks, self.commands.is_some())
     }
 
     fn set_number(&self, register: u32) -> usize {
@@ -29,6 +29,8 @@ impl Device {
         for (address, value) in set.writes(self.commands.is_some()) {
             self.write_feature(address, value, now)?;
         }
+        self.regions = set.regions;
+        self.show_region();
         self.chunks = set.chunks;
         self.memory.set(own::CHUNK_ENABLE, self.chunks >> self.memory.word(own::CHUNK_SELECTOR) & 1);
         self.measure_payload();
