@@ -514,6 +514,35 @@ class Features(unittest.TestCase):
             self.assertEqual(node("DeviceTemperature").value, 21.5)
             self.assertEqual(node("DeviceTemperatureSelector").value, "Sensor")
 
+    def test_several_regions_are_one_image_one_below_the_other(self):
+        places = [(3, 5, 16, 4), (40, 20, 10, 8), (0, 0, 1, 1)]
+        with Camera() as camera, Client(camera.address) as client:
+            nodes, stream = client.nodes(), Stream()
+            for number, (x, y, columns, rows) in enumerate(places):
+                for name, value in [("RegionSelector", f"Region{number}"), ("Width", columns), ("Height", rows),
+                                    ("OffsetX", x), ("OffsetY", y), ("RegionMode", "On")]:
+                    nodes.get_node(name).value = value
+            nodes.get_node("ChunkModeActive").value = True
+            for pixel_format in ("Mono12", "Mono12p"):
+                nodes.get_node("PixelFormat").value = pixel_format
+                self.start(client, nodes, stream)
+                frame = stream.frame()
+                self.assertEqual(frame["size"], (16, 13))
+                got, number = unpacked(frame["data"], pixel_format, frame["size"]), self.number_and_words(client, frame)[0]
+                nodes.get_node("AcquisitionStop").execute()
+                client.write_words({STREAM_PORT: 0})
+                last = pixel_format, got, number
+            told = camera.arv_tool("control", "RegionSelector", "Width", "PayloadSize")
+            self.assertIn("RegionSelector = Region2", told)
+        _, got, number = last
+        image, first = camera.images[number], 0
+        for x, y, columns, rows in places:
+            part = got[first:first + rows]
+            self.assertTrue((part[:, :columns] == image[y:y + rows, x:x + columns]).all(), (x, y))
+            self.assertFalse(part[:, columns:].any(), "zeros beside a narrower one")
+            first += rows
+        self.assertFalse((got[:4, :16] == image[:4, :16]).all(), "control: another place")
+
     def test_two_receivers_of_a_group_get_every_frame(self):
         group = "239.7.7.7"
         with Camera(allow_other_receivers="yes") as camera, Client(camera.address) as client:

@@ -4,6 +4,7 @@ mod address_tests;
 mod commanded_tests;
 mod message_tests;
 mod proof_tests;
+mod region_tests;
 mod user_set_tests;
 
 use super::*;

@@ -195,7 +195,10 @@ pub(super) fn append_regions(
         lines.clone().flat_map(line)
     };
     match layout {
-        Layout::Bytes => out.extend(samples().map(|sample| sample.to_le_bytes()[0])),
+        Layout::Bytes => lines.for_each(|(line, zeros)| {
+            out.extend(line.iter().map(|dn| sample(*dn).to_le_bytes()[0]));
+            out.extend(repeat_n(0, zeros));
+        }),
         Layout::Words => lines.for_each(|(line, zeros)| {
             append_words(line, sample, out);
             out.extend(repeat_n(0, 2 * zeros));

@@ -42,7 +42,7 @@ impl Bench {
     }
 }
 
-fn taken(end: &DeskEnd) -> Vec<CameraCommand> {
+pub(super) fn taken(end: &DeskEnd) -> Vec<CameraCommand> {
     let all: Vec<Commanded> = end.commands().collect();
     assert!(all.iter().all(|one| one.from == CommandSource::NetworkCamera && one.at == BENCH), "{all:?}");
     all.into_iter().map(|one| one.command).collect()
