@@ -134,6 +134,9 @@ class Messages:
         client.write_words({MESSAGE_PORT: self.socket.getsockname()[1], MESSAGE_ADDRESS: bits_of(client.own),
                             MESSAGE_TIMEOUT: timeout_ms, MESSAGE_RETRIES: retries})
 
+    def __del__(self):
+        self.socket.close()
+
     def next(self, patience_s=PATIENCE_S):
         """The next datagram; `None` when none comes."""
         self.socket.settimeout(patience_s)
@@ -162,6 +165,9 @@ class Stream:
             self.socket.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP,
                                    socket.inet_aton(group) + socket.inet_aton(own))
         self.port = self.socket.getsockname()[1]
+
+    def __del__(self):
+        self.socket.close()
 
     def frame(self, patience_s=PATIENCE_S):
         """The next whole frame: leader's fields and the payload; `None` when none comes."""

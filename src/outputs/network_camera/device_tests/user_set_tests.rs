@@ -1,7 +1,7 @@
 //! User sets, test patterns, temperature, reset, and the registers of the PTP clock.
 
 use super::*;
-use crate::network_camera::ptp::{FAULTY, SLAVE};
+use crate::network_camera::ptp::{FAULTY, PtpData, SLAVE};
 use crate::network_camera::test_pattern::TestPattern;
 
 #[test]
