@@ -523,10 +523,12 @@ class Features(unittest.TestCase):
                                     ("OffsetX", x), ("OffsetY", y), ("RegionMode", "On")]:
                     nodes.get_node(name).value = value
             nodes.get_node("ChunkModeActive").value = True
-            for pixel_format in ("Mono12", "Mono12p"):
+            for pixel_format, code in (("Mono12", 0x01100005), ("Mono12p", 0x010C0047)):
                 nodes.get_node("PixelFormat").value = pixel_format
                 self.start(client, nodes, stream)
-                frame = stream.frame()
+                # Frames of the acquisition before may wait in the socket.
+                while (frame := stream.frame())["format"] != code:
+                    pass
                 self.assertEqual(frame["size"], (16, 13))
                 got, number = unpacked(frame["data"], pixel_format, frame["size"]), self.number_and_words(client, frame)[0]
                 nodes.get_node("AcquisitionStop").execute()

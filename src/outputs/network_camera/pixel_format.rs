@@ -191,8 +191,8 @@ pub(super) fn append_regions(
     let (_, bits, layout) = format.row();
     let sample = |dn: u16| shifted(dn, dn_bits, bits);
     let samples = || {
-        let line = |(line, zeros): (&[u16], usize)| line.iter().map(|dn| sample(*dn)).chain(repeat_n(0, zeros));
-        lines.clone().flat_map(line)
+        let lines = lines.clone();
+        lines.flat_map(move |(line, zeros)| line.iter().map(move |dn| sample(*dn)).chain(repeat_n(0, zeros)))
     };
     match layout {
         Layout::Bytes => lines.for_each(|(line, zeros)| {

@@ -150,7 +150,7 @@ impl Device {
         commands.range.check(command).map_err(|_| Status::InvalidParameter)
     }
 
-    fn put(&self, command: CameraCommand, at: Tai) -> Result<(), Status> {
+    pub(super) fn put(&self, command: CameraCommand, at: Tai) -> Result<(), Status> {
         self.check(&command)?;
         let commands = self.commands.as_ref().ok_or(Status::WriteProtect)?;
         let is_taken = commands.desk.put(Commanded { command, at, from: CommandSource::NetworkCamera });

@@ -38,11 +38,11 @@ impl Device {
             }
             own::OFFSET_X => {
                 let most = room(own::SENSOR_WIDTH, own::WIDTH);
-                free().and_then(|()| set_if(memory, value <= most && value % step == 0))?;
+                free().and_then(|()| set_if(memory, value <= most && value.is_multiple_of(step)))?;
             }
             own::OFFSET_Y => {
                 let most = room(own::SENSOR_HEIGHT, own::HEIGHT);
-                free().and_then(|()| set_if(memory, value <= most && value % step == 0))?;
+                free().and_then(|()| set_if(memory, value <= most && value.is_multiple_of(step)))?;
             }
             own::PIXEL_FORMAT => {
                 free().and_then(|()| set_if(memory, PixelFormat::from_code(value, colours).is_some()))?
