@@ -16,6 +16,8 @@ mod features;
 mod messages;
 #[path = "device/ptp.rs"]
 mod ptp;
+#[path = "device/receivers.rs"]
+mod receivers;
 #[path = "device/regions.rs"]
 mod regions;
 #[path = "device/user_sets.rs"]
@@ -525,16 +527,6 @@ impl Device {
         Ok(())
     }
 
-    /// A few bytes of commands make many of frames: they go to who sent the commands, so that the camera cannot be turned
-    /// against a third party; when the bench allows others, to one neighbour or a multicast group, never to all.
-    fn may_receive(&self, receiver: Ipv4Addr, controller: SocketAddrV4) -> bool {
-        let host_bits = !self.place.mask.to_bits();
-        let is_all = receiver.is_broadcast() || host_bits > 1 && receiver.to_bits() & host_bits == host_bits;
-        let is_other = self.is_neighbour(receiver) && !is_all || is_group(receiver);
-        let is_allowed = self.allow_other_receivers && is_other;
-        is_allowed || receiver == *controller.ip()
-    }
-
     /// Sets the packet size within what the interface carries. A test packet is sent only at a size that can get
     /// through, and only to a client that has proven its address.
     fn write_packet_size(&mut self, value: u32, out: &mut Answer) -> Result<(), Status> {
@@ -593,11 +585,6 @@ impl Device {
         }
         self.memory.set(at::HEARTBEAT_MS, HEARTBEAT_MS);
     }
-}
-
-/// True for a multicast group that may carry frames: 224.0.0.0/24 is for the network's own use.
-fn is_group(address: Ipv4Addr) -> bool {
-    address.is_multicast() && address.octets()[..3] != [224, 0, 0]
 }
 
 fn number(bytes: &[u8; 4]) -> u32 {
