@@ -1,9 +1,10 @@
-//! What every crate may use: axes and rotations, time, clocks, images, counter-based random numbers, the accuracy
+//! What every crate may use: axes and rotations, time, clocks, images, colours of pixels, counter-based random numbers, the accuracy
 //! budget, sources on the sky, standard output and standard error, names of files that are
 //! being written, queues to threads that write and the patience with them.
 
 pub mod accuracy;
 pub mod axes;
+pub mod bayer;
 pub mod clock;
 pub mod fused;
 pub mod image;

@@ -117,7 +117,7 @@ fn plain(params: &DetectorParams) -> (DetectorParams, Vec<&'static str>) {
     let spatial = SpatialParams { layer: params.spatial.layer, ..SpatialParams::OFF };
     let plain = DetectorParams { spatial, nonlinearity: Nonlinearity::OFF, ..*params };
     let off = [
-        ("effects of neighbours, defects, protons, window and binning", params.spatial != spatial),
+        ("colour filter, effects of neighbours, defects, protons, window and binning", params.spatial != spatial),
         ("bent response", params.nonlinearity.is_on()),
     ];
     (plain, off.into_iter().filter(|(_, is_on)| *is_on).map(|(what, _)| what).collect())

@@ -23,6 +23,7 @@ use crate::sink::{Sink, SinkKeys, SinkSettings};
 use crate::stages::{AccuracyKeys, AttitudeKeys, AttitudeSettings, Render, RenderKeys, check_accuracy};
 use crate::target::{Overlap, TargetKeys, TargetSettings, check_targets};
 use crate::timing::{Timing, TimingKeys};
+use crate::trigger_line::{TriggerLine, TriggerLineKeys, check_trigger_lines};
 use base::accuracy::AccuracyBudget;
 use base::axes::{Body, Rotation, Sensor, WRITTEN_NORM_TOLERANCE};
 use std::path::{Path, PathBuf};
@@ -51,6 +52,8 @@ pub struct Bench {
     pub link: Link,
     /// Further buses, listened to as well.
     pub extra_links: Vec<Link>,
+    /// GPIO lines whose edges start exposures.
+    pub trigger_lines: Vec<TriggerLine>,
     /// The conversation with the flight computer.
     pub session: Session,
     /// How the sensor is mounted.
@@ -109,6 +112,8 @@ section! {
         link: LinkKeys;
         /// Further buses, listened to as well.
         extra_link: Vec<LinkKeys>;
+        /// GPIO lines of this machine whose edges start exposures, on the real clock.
+        trigger_line: Vec<TriggerLineKeys>;
         /// How the conversation with the flight computer is kept.
         session: SessionKeys;
         /// How the sensor is mounted.
@@ -326,6 +331,7 @@ impl Bench {
         let exposure_s = own_exposure_s.unwrap_or(1.0 / timing.frame_rate_hz);
         let link = Link::check(&keys.link, &mut check)?;
         let extra_links = Link::check_extra(&keys.extra_link, &mut check)?;
+        let trigger_lines = check_trigger_lines(&keys.trigger_line, &mut check)?;
         let session = Session::check(&keys.session, &mut check)?;
         let sensor_from_body = mounting(&keys.mounting, &mut check)?;
         let observer = Observer::check(&keys.observer, &mut check)?;
@@ -371,6 +377,7 @@ impl Bench {
             timing,
             link,
             extra_links,
+            trigger_lines,
             session,
             sensor_from_body,
             extra_heads: Vec::new(),

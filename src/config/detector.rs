@@ -3,8 +3,8 @@
 use crate::check::{Checker, Rule};
 use crate::detector_dark::{CELSIUS, DarkCurrent, MOST_DARK_E_PER_S};
 use crate::detector_effects::{
-    BinningKeys, BloomingKeys, ChargeTransferKeys, DefectsKeys, Fits, ImageLagKeys, ProtonsKeys, TdiKeys, WindowKeys,
-    check_effects,
+    BinningKeys, BloomingKeys, ChargeTransferKeys, ColourFilterKeys, DefectsKeys, Fits, ImageLagKeys, ProtonsKeys,
+    TdiKeys, WindowKeys, check_effects,
 };
 use crate::detector_pattern::{FixedPatterns, LineKeys, MapKeys};
 use crate::detector_readout::{Converter, GainRule, NonlinearityKeys, Readout, RowNoiseKeys};
@@ -90,6 +90,8 @@ section! {
         /// Electrons per photon, a mean over the band with the fill factor: 45 % is 0.45.
         quantum_efficiency: f64 = 0.5, PositiveUpTo(1.0);
         tables:
+        /// A colour filter before each pixel.
+        colour_filter: Option<ColourFilterKeys>;
         /// Hot, dead and blinking pixels, drawn at random.
         defects: Option<DefectsKeys>;
         /// Tracks of protons.

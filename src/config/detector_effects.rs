@@ -6,10 +6,12 @@ use crate::error::ConfigError;
 use crate::key::{Given, Section, section};
 use crate::key_type::{Whole, Word};
 use crate::radiometry::Exposure;
+use base::bayer::BayerPattern;
 use image::detector::SpatialParams;
 use image::detector::binning::{Binning, BinningKind, MOST};
 use image::detector::blooming::Blooming;
 use image::detector::charge_transfer::{ChargeTransfer, MOST_LEFT_BEHIND, OutputCorner};
+use image::detector::colour_filter::{ColourFilter, LEAST_RESPONSE};
 use image::detector::defects::{DefectPopulation, Rates};
 use image::detector::image_lag::ImageLag;
 use image::detector::protons::stopping_power::DOMAIN_MEV;
@@ -21,6 +23,21 @@ use image::detector::window::Window;
 const LARGEST_DEFECT_SHARE: f64 = 0.05;
 
 section! {
+    /// A colour filter before each pixel, in squares of two by two.
+    ColourFilterKeys at "detector.colour_filter" {
+        /// Colours of the first two rows of the sensor, from its first pixel at the top left.
+        pattern: Word<BayerPattern> = Needed, BayerPattern::NAMED;
+        /// Share of the electrons that a pixel without a filter counts, in red pixels, such as 0.35.
+        red: f64 = Needed, Within(LEAST_RESPONSE, 1.0),
+            "a share, for light of the colour of your stars: the colour's quantum efficiency over detector.quantum_efficiency";
+        /// The same in green pixels, such as 0.45.
+        green: f64 = Needed, Within(LEAST_RESPONSE, 1.0),
+            "a share, for light of the colour of your stars: the colour's quantum efficiency over detector.quantum_efficiency";
+        /// The same in blue pixels, such as 0.25.
+        blue: f64 = Needed, Within(LEAST_RESPONSE, 1.0),
+            "a share, for light of the colour of your stars: the colour's quantum efficiency over detector.quantum_efficiency";
+    }
+
     /// Charge above the full well.
     BloomingKeys at "detector.blooming" {
         /// Share of the charge above the full well that the anti-blooming drain takes: 0 spills all, 1 none.
@@ -153,12 +170,14 @@ pub(super) fn check_effects(
         ("detector.defects", keys.defects.is_some()),
         ("detector.protons", keys.protons.is_some()),
         ("detector.binning", charge_is_binned),
+        ("detector.colour_filter", keys.colour_filter.is_some()),
     ];
     if let (Some(_), Some((key, _))) = (&keys.tdi, others.into_iter().find(|(_, is_given)| *is_given)) {
         let advice = "pixels of a TDI detector are seen by all rows of their column, which is not modelled: leave one of both out";
         return Err(check.invalid(key, "a table beside [detector.tdi]", "one of the two", advice));
     }
     Ok(SpatialParams {
+        colour_filter: keys.colour_filter.as_ref().map(|keys| colour_filter(keys, check)).transpose()?,
         defects: keys.defects.as_ref().map_or(Ok(DefectPopulation::NONE), |keys| defects(keys, check))?,
         layer,
         protons,
@@ -172,6 +191,15 @@ pub(super) fn check_effects(
         binning,
         window: keys.window.as_ref().map(|keys| window(keys, fits, by, check)).transpose()?,
         tdi: keys.tdi.as_ref().map(|keys| keys.stages().check(check).map(|stages| Tdi { stages })).transpose()?,
+    })
+}
+
+fn colour_filter(keys: &ColourFilterKeys, check: &mut Checker<'_>) -> Result<ColourFilter, ConfigError> {
+    Ok(ColourFilter {
+        pattern: keys.pattern().check(check)?,
+        red: keys.red().check(check)?,
+        green: keys.green().check(check)?,
+        blue: keys.blue().check(check)?,
     })
 }
 

@@ -72,6 +72,7 @@ mod target;
 mod target_orbit;
 mod template;
 mod timing;
+mod trigger_line;
 
 pub use background::{Background, Sky};
 pub use baffle::Baffle;
@@ -113,6 +114,7 @@ pub use target::{Overlap, TargetCourse, TargetLight, TargetSettings};
 pub use target_orbit::OrbitSettings;
 pub use template::key_template;
 pub use timing::{DeadlinePolicy, Degrade, StartTime, Timing};
+pub use trigger_line::TriggerLine;
 
 #[cfg(test)]
 mod declared_tests;

@@ -14,6 +14,10 @@ pub mod capture;
 pub mod conformance;
 /// Programs outside on a simulated bus: slcan and socketcand.
 pub mod gateway;
+/// Edges of GPIO lines.
+pub mod gpio;
+#[cfg(test)]
+mod gpio_tests;
 mod kernel_stamp;
 mod packet;
 mod port;

@@ -84,6 +84,8 @@ impl CameraParams {
             focal_length_mm: self.focal_length_mm,
             saturation_dn: full_dn.min(levels.largest_dn),
             read_noise_e_rms: levels.read_noise_e_rms,
+            temperature_c: levels.temperature_c,
+            colours: self.detector.spatial.output_colours(),
         }
     }
 

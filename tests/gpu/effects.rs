@@ -1,12 +1,14 @@
 //! Every pixel-local effect: GPU against CPU, in one pass and in passes apart, with a control that it does something.
 
 use crate::scene::{DnDifference, EXPOSURE_S, Motion, Scene, detector, device, draw_cpu, draw_gpu, star};
+use base::bayer::BayerPattern;
 use base::image::DnImage;
 use plan::optics::PsfModel;
 use starloop_image::detector::DetectorConditions;
+use starloop_image::detector::colour_filter::ColourFilter;
 use starloop_image::detector::gpu::GpuDetector;
 use starloop_image::detector::{
-    DarkLaw, Detector, DetectorParams, LinePattern, Nonlinearity, Patterns, Rounding, RowNoise,
+    DarkLaw, Detector, DetectorParams, LinePattern, Nonlinearity, Patterns, Rounding, RowNoise, SpatialParams,
 };
 use starloop_image::render::gpu::Gpu;
 use std::sync::Arc;
@@ -22,7 +24,10 @@ fn effects(base: DetectorParams) -> Vec<(&'static str, DetectorParams)> {
     let row_noise = RowNoise { e_rms: 15.0, corner_cycles_per_row: 0.1 };
     let columns = LinePattern { column_e_rms: 12.0, column_gain_rms: 0.01, row_e_rms: 0.0 };
     let dark_law = DarkLaw { operating_c: 31.0, ..DarkLaw::AT_REFERENCE };
+    let colour_filter = Some(ColourFilter { pattern: BayerPattern::Grbg, red: 0.35, green: 0.45, blue: 0.25 });
+    let filtered = SpatialParams { colour_filter, ..base.spatial };
     let all = DetectorParams {
+        spatial: filtered,
         dark_law,
         dark_nonuniformity: 0.4,
         amplifier_noise_e_rms: 20.0,
@@ -33,6 +38,7 @@ fn effects(base: DetectorParams) -> Vec<(&'static str, DetectorParams)> {
         ..base
     };
     vec![
+        ("colour filter", DetectorParams { spatial: filtered, ..base }),
         ("temperature", DetectorParams { dark_law, ..base }),
         ("dark non-uniformity", DetectorParams { dark_law, dark_nonuniformity: 0.4, ..base }),
         ("amplifier noise", DetectorParams { amplifier_noise_e_rms: 20.0, ..base }),

@@ -12,6 +12,7 @@ mod bus_jitter;
 mod bus_jitter_frames;
 mod measured_jitter;
 mod chart;
+mod colour_filter;
 mod dark_current;
 mod deep_sky;
 mod detector_spatial;

@@ -1,9 +1,11 @@
 //! The effects whose cost is charted, as data: a name and what switches it on.
 
+use base::bayer::BayerPattern;
 use base::time::Tai;
 use image::detector::binning::{Binning, BinningKind};
 use image::detector::blooming::Blooming;
 use image::detector::charge_transfer::{ChargeTransfer, OutputCorner};
+use image::detector::colour_filter::ColourFilter;
 use image::detector::defects::population::DefectPopulation;
 use image::detector::image_lag::ImageLag;
 use image::detector::protons::{ProtonDirection, ProtonFlux};
@@ -37,10 +39,11 @@ pub enum DrawingSwitch {
 }
 
 /// Everything a detector can do beyond shot noise and conversion.
-pub const DETECTOR: [(&str, Switch); 21] = [
+pub const DETECTOR: [(&str, Switch); 22] = [
     ("background, the same everywhere", Switch::Background(Background::uniform(20.0), false)),
     ("background with a shape", Switch::Background(SHAPED, false)),
     ("sky through uneven illumination", Switch::Background(SKY, true)),
+    ("colour filter", Switch::Params(|params| params.spatial.colour_filter = Some(FILTER))),
     ("PRNU", Switch::Params(|params| params.prnu = 0.01)),
     ("dark current", Switch::Params(|params| params.dark_e_per_s = 100.0)),
     ("dark current, uneven", Switch::Params(|params| (params.dark_e_per_s, params.dark_nonuniformity) = (100.0, 0.1))),
@@ -84,6 +87,7 @@ const STORM: ProtonFlux = ProtonFlux { per_cm2_s: 1e4, energy_mev: 50.0, directi
 const POOR_TRANSFER: ChargeTransfer =
     ChargeTransfer { parallel_share: 1e-4, serial_share: 1e-5, corner: OutputCorner::TopLeft };
 const BINNING: Binning = Binning { factor: 2, kind: BinningKind::Charge { full_well_e: 4e7 } };
+const FILTER: ColourFilter = ColourFilter { pattern: BayerPattern::Rggb, red: 0.35, green: 0.45, blue: 0.25 };
 const LINES: LinePattern = LinePattern { column_e_rms: 2.0, column_gain_rms: 0.005, row_e_rms: 1.0 };
 const ROWS: RowNoise = RowNoise { e_rms: 2.0, corner_cycles_per_row: 0.01 };
 const QUARTER: Window = Window { left_px: 64, top_px: 64, width_px: 128, height_px: 128 };

@@ -5,6 +5,13 @@ use super::{MINIMAL_CAMERA, assert_refused, camera, camera_with};
 #[test]
 fn each_effect_rule_has_a_failing_example() {
     for (section, line, parts) in [
+        (
+            "detector.colour_filter",
+            "red = 0.4\ngreen = 0.5\nblue = 0.3\npattern = \"rgb\"",
+            ["\"RGGB\"", "first two rows"],
+        ),
+        ("detector.colour_filter", "pattern = \"GRBG\"\nred = 0.4\nblue = 0.3\ngreen = 1.2", ["0.01 to 1", "a share"]),
+        ("detector.colour_filter", "pattern = \"GRBG\"\ngreen = 0.4\nblue = 0.3\nred = 0", ["0.01 to 1", "a share"]),
         ("detector.blooming", "drained_share = 1.5", ["0 to 1", "anti-blooming"]),
         ("detector.image_lag", "share = 1", ["to 0.9", "next frame"]),
         ("detector.charge_transfer", "parallel_share = 0.5", ["0 to 0.0125", "1 - CTE"]),
@@ -42,9 +49,11 @@ fn effects_are_off_until_their_table_is_given() {
 
 #[test]
 fn effects_of_neighbours_are_as_the_camera_file_says() {
+    use base::bayer::BayerPattern;
     use image::detector::binning::{Binning, BinningKind};
     use image::detector::blooming::Blooming;
     use image::detector::charge_transfer::{ChargeTransfer, OutputCorner};
+    use image::detector::colour_filter::ColourFilter;
     use image::detector::image_lag::ImageLag;
     use image::detector::protons::{ProtonDirection, ProtonFlux};
     use image::detector::tdi::Tdi;
@@ -62,6 +71,9 @@ fn effects_of_neighbours_are_as_the_camera_file_says() {
     assert_eq!(binned.output([640, 480]).size_px, [160, 120]);
     let on_chip = of("detector.binning", "factor = 2").binning.expect("on");
     assert_eq!(on_chip.kind, BinningKind::Charge { full_well_e: 30_000.0 }, "one pixel's full well");
+    let filter =
+        of("detector.colour_filter", "pattern = \"GBRG\"\nred = 0.35\ngreen = 0.45\nblue = 0.25").colour_filter;
+    assert_eq!(filter, Some(ColourFilter { pattern: BayerPattern::Gbrg, red: 0.35, green: 0.45, blue: 0.25 }));
     let cut = of("detector.window", "left_px = 100\ntop_px = 20\nwidth_px = 64").window;
     assert_eq!(cut, Some(Window { left_px: 100, top_px: 20, width_px: 64, height_px: 460 }), "the rest of the rows");
     assert_eq!(of("detector.tdi", "stages = 16").tdi, Some(Tdi { stages: 16 }));

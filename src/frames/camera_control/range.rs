@@ -62,8 +62,9 @@ impl CameraRange {
             CameraCommand::GainDb(gain_db) => within(*gain_db, self.gain_db),
             CameraCommand::BlackLevelDn(level_dn) => within(*level_dn, self.black_level_dn),
             CameraCommand::Regions(regions) => return self.check_regions(regions),
+            // A period is a whole number of nanoseconds: the highest rate may lie between two.
             CameraCommand::Period(Some(period)) => {
-                *period > Span::ZERO && 1.0 / period.s() <= self.frame_rate_max_hz * (1.0 + f64::EPSILON)
+                *period > Span::ZERO && period.s() + 0.51e-9 >= 1.0 / self.frame_rate_max_hz
             }
             CameraCommand::Delay(delay) => spans(*delay, [Span::ZERO, self.delay_max]),
             CameraCommand::Burst(frames) => *frames > 0,
@@ -124,6 +125,7 @@ mod tests {
             CameraCommand::GainDb(f64::NAN),
             CameraCommand::BlackLevelDn(-1.0),
             CameraCommand::Period(Some(Span::from_ms(9))),
+            CameraCommand::Period(Some(Span::from_ns(9_999_999))),
             CameraCommand::Delay(Span::from_ns(-1)),
             CameraCommand::Burst(0),
         ];
@@ -131,5 +133,7 @@ mod tests {
             assert_eq!(RANGE.check(&command), Err(SettingRefusal::OutOfRange), "{command:?}");
         }
         assert_eq!(RANGE.check(&CameraCommand::Regions(region(33))), Err(SettingRefusal::Region));
+        let third = CameraRange { frame_rate_max_hz: 30.0, ..RANGE };
+        assert_eq!(third.check(&CameraCommand::Period(Some(Span::from_s(1.0 / 30.0)))), Ok(()), "rounded down");
     }
 }

@@ -4,6 +4,7 @@ use crate::sink::active_fault::{ActiveFault, ActiveFaults, Amount};
 use crate::sink::faults::FaultFlags;
 use crate::sink::frame::{CameraFacts, SentFrame, TruthStar};
 use crate::sink::wcs::{Sip, SipTerm, Wcs};
+use base::bayer::BayerPattern;
 use base::time::{Span, Tai};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -46,8 +47,14 @@ pub fn sample_frame(number: u32) -> SentFrame {
     let amount = Amount { value: 31.25, unit: "e-/s" };
     frame.meta.active.push(ActiveFault { name: "hot_pixels", number: 3, amount });
     (frame.meta.gain_e_per_dn, frame.meta.black_level_dn) = (2.5, 64.0);
-    let (pixel_pitch_um, focal_length_mm) = (5.5, 52.25);
-    let facts = CameraFacts { pixel_pitch_um, focal_length_mm, saturation_dn: 4095.0, read_noise_e_rms: 7.5 };
+    let facts = CameraFacts {
+        pixel_pitch_um: 5.5,
+        focal_length_mm: 52.25,
+        saturation_dn: 4095.0,
+        read_noise_e_rms: 7.5,
+        temperature_c: -12.5,
+        colours: Some(BayerPattern::Gbrg),
+    };
     frame.meta.facts = Some(facts);
     let term = |i, j, a, b| SipTerm { i, j, along: [a, b] };
     let forward = vec![term(2, 0, 1e-6, -2e-6), term(1, 2, 3e-9, 4e-9)];

@@ -17,6 +17,7 @@
 //! Tests: below, and `hil_scripts/test_recorders.py` with a reader of its own and with Siril.
 
 use crate::sink::{SentFrame, SinkError};
+use base::bayer::BayerPattern;
 use base::time::Tai;
 use std::fs::{File, OpenOptions};
 use std::io::{self, Seek, SeekFrom, Write};
@@ -149,13 +150,27 @@ fn ticks(at: Tai) -> i64 {
     at.to_unix_ns().div_euclid(100) + UNIX_EPOCH_D * 86_400 * TICKS_PER_S
 }
 
+/// Pixels without colours.
+const MONO: i32 = 0;
+
+/// The number that the format has for the colours of pixels.
+const fn color_id(pattern: BayerPattern) -> i32 {
+    match pattern {
+        BayerPattern::Rggb => 8,
+        BayerPattern::Grbg => 9,
+        BayerPattern::Gbrg => 10,
+        BayerPattern::Bggr => 11,
+    }
+}
+
 /// The header of a file without frames.
 fn header(first: &SentFrame) -> io::Result<Vec<u8>> {
     let side = |px: usize| i32::try_from(px).map_err(|_| io::Error::from(io::ErrorKind::FileTooLarge));
-    let (mono, little_endian, depth, frames) = (0, 0, 16, 0);
+    let (little_endian, depth, frames) = (0, 16, 0);
+    let colours = first.meta.facts.as_ref().and_then(|facts| facts.colours).map_or(MONO, color_id);
     let mut bytes = b"LUCAM-RECORDER".to_vec();
     let numbers =
-        [0, mono, little_endian, side(first.image.width())?, side(first.image.height())?, depth, frames].into_iter();
+        [0, colours, little_endian, side(first.image.width())?, side(first.image.height())?, depth, frames].into_iter();
     bytes.extend(numbers.flat_map(i32::to_le_bytes));
     for text in ["starloop", &*first.meta.camera, "simulated sky"] {
         bytes.extend(text_field(text));
@@ -209,7 +224,7 @@ mod tests {
         assert_eq!(bytes.len(), 178 + 3 * FRAME_BYTES + 3 * 8);
         assert_eq!(&bytes[..14], b"LUCAM-RECORDER");
         let numbers: Vec<i32> = (0..7).map(|i| number(&bytes, 14 + 4 * i)).collect();
-        assert_eq!(numbers, [0, 0, 0, 31, 17, 16, 3], "Lu id, mono, little, columns, rows, bits, frames");
+        assert_eq!(numbers, [0, 10, 0, 31, 17, 16, 3], "Lu id, GBRG, little, columns, rows, bits, frames");
         assert_eq!(&bytes[82..98], b"test camera, \"A\"");
         for frame in 0..3_usize {
             let sent = sample_frame(frame as u32);

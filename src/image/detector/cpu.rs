@@ -51,11 +51,12 @@ impl Detector {
         let output = Output::new(&params.spatial, size_px);
         let adc_px = output.adc_px();
         let drawn = Patterns::draw(&params, width_px * height_px, seed);
+        let drawn = params.spatial.tdi.map_or(drawn.clone(), |tdi| tdi.patterns(&drawn, width_px));
         let mut made = Self {
             params,
             seeds,
             illumination: None,
-            patterns: params.spatial.tdi.map_or(drawn.clone(), |tdi| tdi.patterns(&drawn, width_px)),
+            patterns: drawn.behind(params.spatial.colour_filter, size_px),
             lines: Lines::draw(&params.line_pattern, adc_px, seed),
             rows_e: vec![0.0; if params.row_noise.is_on() { adc_px[1] } else { 0 }],
             neighbours: Vec::new(),
@@ -84,6 +85,9 @@ impl Detector {
         }
         if let Some(Binning { factor, kind: BinningKind::Charge { .. } }) = self.params.spatial.binning {
             given.dsnu_e = given.dsnu_e.map(|map| sums_of_squares(&map, self.size_px, factor));
+        }
+        if given.prnu.is_some() {
+            given = given.behind(self.params.spatial.colour_filter, self.size_px);
         }
         self.patterns = given.or(&self.patterns);
         Ok(self)
@@ -153,7 +157,7 @@ impl Detector {
         self.seeds
     }
 
-    /// Fixed patterns, where switched on.
+    /// Returns the fixed patterns, where switched on; the photo-response behind the pixel's filter.
     #[must_use]
     pub fn patterns(&self) -> &Patterns {
         &self.patterns

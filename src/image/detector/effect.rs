@@ -9,7 +9,7 @@
 pub enum Effect {
     /// Stray light and background: mean electrons more in every pixel.
     Background,
-    /// Photo-response non-uniformity: mean electrons times `1 + prnu`.
+    /// Photo-response non-uniformity and colour filter: mean electrons times `response (1 + prnu)`.
     PhotoResponse,
     /// Dark signal: plus dark current times exposure.
     Dark,

@@ -10,6 +10,7 @@ pub mod binning;
 pub mod block;
 pub mod blooming;
 pub mod charge_transfer;
+pub mod colour_filter;
 pub mod conditions;
 pub mod cost;
 pub mod cpu;

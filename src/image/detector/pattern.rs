@@ -5,6 +5,7 @@
 //! the extremes that are usually quoted.
 
 use crate::detector::DetectorParams;
+use crate::detector::colour_filter::ColourFilter;
 use crate::detector::read_noise::normal_pair;
 use base::random::{Stage, counter, key, philox};
 use std::sync::Arc;
@@ -56,6 +57,13 @@ impl Patterns {
             }
         }
         Ok(())
+    }
+
+    /// Returns these of a detector whose pixels have filters: the photo-response is that of pixel and filter together.
+    #[must_use]
+    pub fn behind(self, filter: Option<ColourFilter>, size_px: [usize; 2]) -> Self {
+        let Some(filter) = filter else { return self };
+        Self { prnu: Some(filter.photo_response(self.prnu.as_deref(), size_px)), ..self }
     }
 
     /// These, or where one is not given, that of `others`.

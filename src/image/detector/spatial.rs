@@ -1,17 +1,21 @@
-//! Parameters of the effects that need more than one pixel, or more than one frame; all of them off.
+//! Parameters of the effects that depend on the pixel's place, on its neighbours or on the frame before; all of them off.
 
 use crate::detector::binning::Binning;
 use crate::detector::blooming::Blooming;
 use crate::detector::charge_transfer::ChargeTransfer;
+use crate::detector::colour_filter::ColourFilter;
 use crate::detector::defects::DefectPopulation;
 use crate::detector::image_lag::ImageLag;
 use crate::detector::protons::{ProtonFlux, SensitiveLayer};
 use crate::detector::tdi::Tdi;
 use crate::detector::window::{OutputGeometry, Window};
+use base::bayer::BayerPattern;
 
 /// What is on; `None`: off.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SpatialParams {
+    /// Filters before the pixels.
+    pub colour_filter: Option<ColourFilter>,
     /// Random defects from the seed.
     pub defects: DefectPopulation,
     /// What protons go through.
@@ -35,6 +39,7 @@ pub struct SpatialParams {
 impl SpatialParams {
     /// None of it.
     pub const OFF: Self = Self {
+        colour_filter: None,
         defects: DefectPopulation::NONE,
         layer: SensitiveLayer::TYPICAL,
         protons: None,
@@ -45,6 +50,15 @@ impl SpatialParams {
         window: None,
         tdi: None,
     };
+
+    /// Returns the colours of the image that is put out, from its first pixel; `None` where its pixels have none: without filters,
+    /// and where binning adds colours up.
+    #[must_use]
+    pub fn output_colours(&self) -> Option<BayerPattern> {
+        let first_px = self.window.map_or([0; 2], |window| [window.left_px, window.top_px]);
+        let filter = self.colour_filter.filter(|_| self.binning.is_none())?;
+        Some(filter.pattern.from_pixel(first_px))
+    }
 
     /// From the pixels of a sensor to those of the image that is put out.
     #[must_use]

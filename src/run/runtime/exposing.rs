@@ -43,6 +43,7 @@ pub struct Exposing {
     own: (Span, f64),
     largest_dn: f64,
     is_commanded: bool,
+    has_line: bool,
     auto_exposure: AutoMode,
     auto_gain: AutoMode,
     desks: Vec<DeskEnd>,
@@ -79,6 +80,7 @@ impl Exposing {
             own: (own, camera.exposure_s),
             largest_dn: f64::from(camera.detector.largest_dn()),
             is_commanded: false,
+            has_line: false,
             auto_exposure: AutoMode::Off,
             auto_gain: AutoMode::Off,
             desks: Vec::new(),
@@ -107,6 +109,17 @@ impl Exposing {
     #[must_use]
     pub fn has_desks(&self) -> bool {
         !self.desks.is_empty()
+    }
+
+    /// Notes that edges of a line trigger this head.
+    pub fn set_has_line(&mut self) {
+        self.has_line = true;
+    }
+
+    /// Returns true when edges of a line trigger this head.
+    #[must_use]
+    pub fn has_line(&self) -> bool {
+        self.has_line
     }
 
     /// Returns true when a command was taken in.

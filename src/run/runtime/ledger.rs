@@ -131,6 +131,8 @@ events! {
     CameraTriggerMissed = "camera_trigger_missed",
     /// A trigger of the camera came while its exposures do not wait for triggers of that source.
     CameraTriggerIgnored = "camera_trigger_ignored",
+    /// Edges of trigger lines were lost: more came than the kernel, or the queue to the frame thread, could hold.
+    TriggerEdgeLost = "trigger_edge_lost",
     /// The flight computer's heartbeat has stopped; the span is the silence.
     HeartbeatLost = "heartbeat_lost",
     /// The flight computer's heartbeat is back; the span is the silence.

@@ -1,8 +1,9 @@
-//! The receiving threads of the bench clock: one per port, a bounded queue each way.
+//! The receiving threads of the bench clock: one per port with a bounded queue each way, one for pulses, one per GPIO chip.
 //!
 //! In: ports. Out: messages stamped where they arrived, with the port they came by. When a queue is full, messages are lost
 //! and counted: the threads wait for nobody. What a port counts is published after each packet.
 
+use crate::runtime::edge_thread::{EdgeThread, TriggerChip};
 use crate::runtime::error::RunError;
 use crate::runtime::hygiene::{Hygiene, Role};
 use crate::runtime::plant_sample::PlantSample;
@@ -42,6 +43,15 @@ pub(super) enum Heard {
     Pulse(Tai),
     /// A sample that a program outside sent over the control socket, and when it came.
     Sample(Stamped<PlantSample>),
+    /// An edge of a trigger line.
+    Edge {
+        /// Number of the head that it is for; `None`: all of them.
+        head: Option<usize>,
+        /// When it came.
+        at: Tai,
+        /// The line became active; false: inactive.
+        is_active: bool,
+    },
 }
 
 /// The receiving threads and their queues.
@@ -51,6 +61,7 @@ pub(super) struct Radio {
     samples: Option<Queue<Stamped<PlantSample>>>,
     stations: Vec<Station>,
     pulses: Option<PulseThread>,
+    chips: Vec<EdgeThread>,
 }
 
 /// One port's thread.
@@ -63,7 +74,7 @@ struct Station {
 }
 
 impl Radio {
-    /// Starts one thread per port, and one for pulses where there is a source.
+    /// Starts one thread per port, one per chip with trigger lines, and one for pulses where there is a source.
     ///
     /// # Errors
     /// When one cannot be started; those before it are ended.
@@ -71,12 +82,15 @@ impl Radio {
         ports: Vec<Port>,
         pulses: Option<Pps>,
         samples: Option<Queue<Stamped<PlantSample>>>,
+        chips: Vec<TriggerChip>,
         clock: &Arc<dyn Clock>,
         hygiene: Option<&Arc<Hygiene>>,
     ) -> Result<Self, RunError> {
         let (arrived, received) = bounded(RECEIVE_QUEUE);
         let pulses = pulses.map(|pulses| PulseThread::start(pulses, arrived.clone(), clock)).transpose()?;
-        let mut radio = Self { received, samples, stations: Vec::with_capacity(ports.len()), pulses };
+        let edges = |chip| EdgeThread::start(chip, arrived.clone(), clock, hygiene.map(Arc::clone));
+        let chips = chips.into_iter().map(edges).collect::<Result<_, _>>()?;
+        let mut radio = Self { received, samples, stations: Vec::with_capacity(ports.len()), pulses, chips };
         for (number, port) in ports.into_iter().enumerate() {
             let own = Own { number, port, arrived: arrived.clone(), clock: Arc::clone(clock) };
             radio.stations.push(Station::start(own, hygiene.map(Arc::clone))?);
@@ -131,6 +145,16 @@ impl Radio {
     /// Returns true when the thread that looks for pulses has ended early.
     pub(super) fn has_lost_pulses(&self) -> bool {
         self.pulses.as_ref().is_some_and(PulseThread::is_lost)
+    }
+
+    /// Returns true when a thread that listens to trigger lines has ended early.
+    pub(super) fn has_lost_chips(&self) -> bool {
+        self.chips.iter().any(EdgeThread::is_lost)
+    }
+
+    /// Edges of trigger lines that were lost so far.
+    pub(super) fn lost_edges(&self) -> u64 {
+        self.chips.iter().map(EdgeThread::lost_edges).sum()
     }
 
     /// Counters of the ports, and why a thread ended early.
@@ -269,7 +293,7 @@ mod tests {
         let (_arrived, received) = bounded(1);
         let thread = std::thread::Builder::new().name("pps".into()).spawn(look).unwrap();
         let pulses = PulseThread { stop: Arc::default(), thread: Some(thread) };
-        Radio { received, samples: None, stations: Vec::new(), pulses: Some(pulses) }
+        Radio { received, samples: None, stations: Vec::new(), pulses: Some(pulses), chips: Vec::new() }
     }
 
     #[test]

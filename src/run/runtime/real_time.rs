@@ -9,11 +9,12 @@
 
 use crate::runtime::camera_intake;
 use crate::runtime::delivery::Parcel;
+use crate::runtime::edge_thread::TriggerChip;
 use crate::runtime::engine::FrameEngine;
 use crate::runtime::error::RunError;
 use crate::runtime::frame_faults::FrameFaults;
 use crate::runtime::hygiene::{Hygiene, Role};
-use crate::runtime::ledger::Ledger;
+use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::outcome::{RunOutcome, lines_of_head};
 use crate::runtime::plant_sample::PlantSample;
 use crate::runtime::port_reading::PortReading;
@@ -28,6 +29,7 @@ use base::clock::Clock;
 use base::time::{Span, Tai};
 use core::sync::atomic::{AtomicBool, Ordering};
 use crossbeam_channel::Receiver as Queue;
+use frames::camera_control::{CameraCommand, CommandSource, Commanded, TriggerSource};
 use frames::report::{FrameRecord, Stage};
 use frames::sink::{FrameMeta, SentFrame, Sink};
 use link::pps::Pps;
@@ -37,7 +39,7 @@ use std::time::Duration;
 
 /// A sleeping frame thread notices a stop within this.
 const STOP_POLL: Span = Span::from_ms(50);
-/// Where clients command a camera, the frame thread looks for commands this often.
+/// Where clients command a camera or the run, the frame thread looks for commands this often.
 const DESK_POLL: Span = Span::from_ms(1);
 /// A slot that waits for jitter samples looks for them this often.
 const JITTER_POLL: Span = Span::from_ms(1);
@@ -81,11 +83,13 @@ pub struct Sources {
     pub pulses: Option<Pps>,
     /// Samples that a program outside sends over the control socket; `None`: none do.
     pub samples: Option<Queue<Stamped<PlantSample>>>,
+    /// Lines that trigger cameras, by chip.
+    pub chips: Vec<TriggerChip>,
 }
 
 impl From<Port> for Sources {
     fn from(port: Port) -> Self {
-        Self { ports: vec![port], pulses: None, samples: None }
+        Self { ports: vec![port], pulses: None, samples: None, chips: Vec::new() }
     }
 }
 
@@ -138,6 +142,7 @@ pub fn run_in(
                 clock: &**setting.clock,
                 radio: &radio,
                 readings,
+                lost_edges: 0,
                 reply: Reply::default(),
                 said_already: Ledger::default(),
             };
@@ -155,12 +160,15 @@ pub fn run_in(
                 sinks.extend(lines_of_head(number, heads, delivered.lines));
                 error = delivered.error.or(error);
             }
-            let has_lost_pulses = radio.has_lost_pulses();
+            let (has_lost_pulses, has_lost_chips) = (radio.has_lost_pulses(), radio.has_lost_chips());
             let (ports, receiving) = radio.finish();
             let (lost_threads, error) = (Vec::new(), receiving.or(error));
             let mut outcome = RunOutcome { record, ports, summaries, sinks, lost_threads, error };
             if has_lost_pulses {
                 outcome.note_lost_thread("pps", setting.clock.now());
+            }
+            if has_lost_chips {
+                outcome.note_lost_thread("gpio", setting.clock.now());
             }
             outcome
         }
@@ -183,7 +191,8 @@ fn start<'a>(
         head.engine.read_stars_ahead()?;
         warm.push((head, prototype));
     }
-    let radio = Radio::start(sources.ports, sources.pulses, sources.samples, setting.clock, setting.hygiene)?;
+    let Sources { ports, pulses, samples, chips } = sources;
+    let radio = Radio::start(ports, pulses, samples, chips, setting.clock, setting.hygiene)?;
     let started = warm
         .into_iter()
         .enumerate()
@@ -202,6 +211,8 @@ pub(super) struct Shared<'a> {
     pub(super) radio: &'a Radio,
     /// What each port had counted at the frame before.
     readings: Vec<PortReading>,
+    /// Edges of trigger lines that had been lost by then.
+    lost_edges: u64,
     pub(super) reply: Reply,
     /// What further heads note of messages of which the first has noted the same.
     pub(super) said_already: Ledger,
@@ -240,7 +251,7 @@ impl Bench<'_> {
             if self.forecast() != forecast {
                 continue; // Another release is waited for.
             }
-            if !self.listen_until(release, setting.stop, record) {
+            if !self.listen_until(release, (setting.stop, setting.orders), record) {
                 break;
             }
             let mut begun = self.shared.clock.now();
@@ -314,16 +325,22 @@ impl Bench<'_> {
         }
     }
 
-    /// Takes messages and commands in as they come, and sleeps in between, until `at`, or a command of a client or of the
-    /// flight computer has moved the next release; false when the run is to stop.
-    fn listen_until(&mut self, at: Tai, stop: &AtomicBool, record: &mut RunRecord) -> bool {
+    /// Takes messages and commands in as they come, and sleeps in between, until `at`, a command of a client or of the
+    /// flight computer has moved the next release, or an order waits; false when the run is to stop.
+    fn listen_until(
+        &mut self,
+        at: Tai,
+        (stop, orders): (&AtomicBool, Option<&Queue<FrameOrder>>),
+        record: &mut RunRecord,
+    ) -> bool {
         let (clock, radio, forecast) = (self.shared.clock, self.shared.radio, self.forecast());
         while !stop.load(Ordering::Relaxed) {
             let now = clock.now();
-            if now >= at || self.has_desks() && self.poll_desks(record) || self.forecast() != forecast {
+            let is_ordered = orders.is_some_and(|orders| !orders.is_empty());
+            if now >= at || is_ordered || self.has_desks() && self.poll_desks(record) || self.forecast() != forecast {
                 return true;
             }
-            let look = if self.has_desks() { DESK_POLL } else { STOP_POLL };
+            let look = if self.has_desks() || orders.is_some() { DESK_POLL } else { STOP_POLL };
             let span = at.min(now + look) - now;
             if let Some(heard) = radio.wait(Duration::from_nanos(span.ns().unsigned_abs())) {
                 self.take_in(&heard, record);
@@ -347,7 +364,7 @@ impl Bench<'_> {
             if now >= until {
                 break;
             }
-            if !self.listen_until(until.min(now + JITTER_POLL), stop, record) {
+            if !self.listen_until(until.min(now + JITTER_POLL), (stop, None), record) {
                 return false;
             }
         }
@@ -379,6 +396,11 @@ impl Bench<'_> {
             *earlier = reading;
         }
         record.keep_ports(&self.shared.readings);
+        let lost = radio.lost_edges();
+        for _ in self.shared.lost_edges..lost {
+            record.ledger.note(Event::new(EventKind::TriggerEdgeLost, now, None, Span::ZERO));
+        }
+        self.shared.lost_edges = lost;
     }
 
     /// Every head hears everything; the first one answers and notes.
@@ -391,6 +413,14 @@ impl Bench<'_> {
             match heard {
                 Heard::Pulse(at) => head.receiver.accept_pulse(*at),
                 Heard::Sample(sample) => head.receiver.take_sample(&sample.value, sample.at, ledger),
+                Heard::Edge { head: for_head, at, is_active } => {
+                    if for_head.is_none_or(|number| number == head.number) {
+                        let command = CameraCommand::Trigger { source: TriggerSource::Line, is_rising: *is_active };
+                        let commanded = Commanded { command, at: *at, from: CommandSource::Line };
+                        // What is refused is an event.
+                        let _noted = head.engine.exposing_mut().take(&commanded, &mut record.ledger);
+                    }
+                }
                 Heard::Message { port, message } => {
                     let answer = head.receiver.accept_input(*port, message, ledger);
                     if let Some(answer) = answer.filter(|_| head.number == 0) {

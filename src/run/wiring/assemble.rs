@@ -29,6 +29,7 @@ use crate::wiring::start;
 use crate::wiring::steering::Steering;
 use crate::wiring::stepped::SteppedRun;
 use crate::wiring::taps::Taps;
+use crate::wiring::trigger_lines::arm;
 use anyhow::Context;
 use base::clock::{Clock, Monotonic, Virtual};
 use base::time::{Span, Tai};
@@ -177,6 +178,7 @@ impl Run {
         };
         let mut heads = make_heads(HeadSetting { scenario: &scenario, start, costs })?;
         drop(cards);
+        arm(&scenario.bench, &mut heads)?;
         let clock = RunClock::new(clock, start);
         let count = heads.iter().filter(|head| head.is_shown).count();
         for (number, head) in heads.iter_mut().enumerate() {

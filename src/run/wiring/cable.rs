@@ -2,6 +2,7 @@
 //!
 //! What a capture holds is what the stimulator's ports see: faults come before it.
 
+use crate::runtime::edge_thread::TriggerChip;
 use crate::wiring::assemble::RunClock;
 use crate::wiring::bench_parts;
 use crate::wiring::error::LoopError;
@@ -25,6 +26,8 @@ pub struct Cable {
     pub far: Option<Port>,
     /// Pulses of the flight computer's clock.
     pub pulses: Option<Pps>,
+    /// Chips with lines that trigger cameras, until the run takes them.
+    pub chips: Vec<TriggerChip>,
     gateways: Vec<Gateways>,
     notes: Vec<String>,
 }
@@ -45,8 +48,8 @@ impl Cable {
     pub(super) fn open(setting: &CableSetting<'_>) -> Result<Self, LoopError> {
         let bench = &setting.scenario.bench;
         let mut tap = |end, link| setting.tapped(end, link);
-        let Ports { near, far, pulses, gateways, notes } = open_ports(bench, &setting.clock.shared(), &mut tap)?;
-        Ok(Self { near, far, pulses, gateways, notes })
+        let Ports { near, far, pulses, chips, gateways, notes } = open_ports(bench, &setting.clock.shared(), &mut tap)?;
+        Ok(Self { near, far, pulses, chips, gateways, notes })
     }
 
     /// What gateways did, for the summary of a run.

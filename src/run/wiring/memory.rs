@@ -269,7 +269,7 @@ fn detector_numbers(camera: &Camera, is_reference: bool) -> u64 {
     let drawn = if is_reference { 2 } else { 1 };
     let of_file = &detector.maps;
     let maps = [
-        detector.params.prnu != 0.0 || of_file.prnu.is_some(),
+        detector.params.prnu != 0.0 || of_file.prnu.is_some() || spatial.colour_filter.is_some(),
         detector.params.dsnu_e_rms != 0.0 || of_file.dsnu_e.is_some(),
         detector.params.dark_nonuniformity != 0.0 || of_file.dark_factor.is_some(),
         !camera.illumination.is_even(),

@@ -1,5 +1,7 @@
 //! The links of a checked bench -> the stimulator's ports, and the far end's where it is simulated too.
 
+use crate::runtime::edge_thread::TriggerChip;
+use crate::wiring::trigger_lines::open_chips;
 use crate::wiring::{bench_parts, plain_ends};
 use anyhow::{Context, Result};
 use base::clock::{Clock, PairedReading};
@@ -22,6 +24,8 @@ pub struct Ports {
     pub gateways: Vec<Gateways>,
     /// Pulses per second of the flight computer, where a link names a source.
     pub pulses: Option<Pps>,
+    /// Chips with lines that trigger cameras.
+    pub chips: Vec<TriggerChip>,
     /// The stimulator's: the bench's link, then its extra links.
     pub near: Vec<Port>,
     /// The simulated flight computer's; `None` for one that is no part of this program.
@@ -49,7 +53,9 @@ pub type Tap<'a> = &'a mut dyn FnMut(End, Box<dyn LinkEnd>) -> Box<dyn LinkEnd>;
 pub fn open_ports(bench: &Bench, clock: &Arc<dyn Clock>, tap: Tap<'_>) -> Result<Ports> {
     let wants_far = !bench.flight_computer.is_external;
     let first = open(&bench.link, 0, wants_far, clock, tap).context("[link]")?;
-    let mut ports = Ports { gateways: Vec::new(), pulses: None, near: Vec::new(), far: first.far, notes: first.notes };
+    let (gateways, near, pulses) = (Vec::new(), Vec::new(), None);
+    let chips = open_chips(bench, &**clock)?;
+    let mut ports = Ports { gateways, pulses, chips, near, far: first.far, notes: first.notes };
     ports.near.push(first.near);
     ports.gateways.extend(first.gateways);
     for (i, link) in bench.extra_links.iter().enumerate() {
@@ -184,6 +190,8 @@ pub fn needs_real_clock(bench: &Bench) -> Option<&'static str> {
         Some("a real bus")
     } else if any(&has_doors) {
         Some("gateways")
+    } else if !bench.trigger_lines.is_empty() {
+        Some("[[trigger_line]], a GPIO line")
     } else {
         None
     }

@@ -69,7 +69,8 @@ pub(super) fn fly(
         sink: core::mem::replace(&mut head.sink, Box::new(frames::sink::NullSink::new())),
         faults: Some(&mut head.faults),
     });
-    let sources = Sources { ports: core::mem::take(&mut cable.near), pulses: cable.pulses.take(), samples };
+    let (ports, chips) = (core::mem::take(&mut cable.near), core::mem::take(&mut cable.chips));
+    let sources = Sources { ports, pulses: cable.pulses.take(), samples, chips };
     let outcome = run_in(&setting, drawn.collect(), sources, &mut seen_and_told);
     let now = clock.now().min(times.end);
     over.store(true, Ordering::SeqCst);

@@ -118,7 +118,14 @@ fn commands(setting: &SinkSetting<'_>) -> Option<CommandParams> {
     let (range, settings, start) = (*exposing.range()?, *exposing.next_settings(), *exposing.start());
     let (desk, end) = desk();
     desks.borrow_mut().push(end);
-    Some(CommandParams { desk, range, settings, start, has_line: false, clock: Arc::clone(setting.clock) })
+    Some(CommandParams {
+        desk,
+        range,
+        settings,
+        start,
+        has_line: exposing.has_line(),
+        clock: Arc::clone(setting.clock),
+    })
 }
 
 /// A camera on the network, whose address is told.
@@ -132,6 +139,8 @@ fn network_camera(params: &network_camera::Params, setting: &SinkSetting<'_>) ->
         frame_rate_hz: 1.0 / setting.frame_period.s(),
         exposure_s: camera.exposure_s,
         gain_e_per_dn: camera.detector.gain_e_per_dn,
+        temperature_c: camera.detector.dark_law.operating_c,
+        colours: camera.detector.spatial.output_colours(),
     };
     let made = NetworkCamera::start(&params, &sensor, commands(setting), Arc::clone(setting.clock))?;
     say(format_args!("network camera: GVCP at {}\n", made.address()));

@@ -210,6 +210,7 @@ pub(super) fn tracker_params(camera: &Camera, most_stars: usize) -> TrackerParam
         full_well_e: detector.params.full_well_e,
         largest_dn: f64::from(detector.params.largest_dn()),
         pixels: 1.0,
+        temperature_c: detector.params.dark_law.operating_c,
     };
     let levels = detector.params.spatial.binning.map_or(levels, |binning| levels.binned(binning));
     let full_dn = levels.black_level_dn + levels.full_well_e / levels.gain_e_per_dn;

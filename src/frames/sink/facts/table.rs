@@ -10,6 +10,7 @@ use super::row::{Card, Column, Key, Part, Row, feature, row};
 use super::value::Form::{Bits, Finite, Hex, Mjd, Ms, Names, Ns, Number, Plain, Us};
 use super::value::{Fact, FactSource, Kind};
 use crate::sink::frame::{CameraFacts, SentFrame};
+use base::bayer::BayerPattern;
 
 /// Every fact of a frame.
 #[rustfmt::skip] // One line per output.
@@ -232,6 +233,16 @@ pub const TABLE: &[Row] = &[
         .fits(Detector, &[Card("SATURATE", Plain, "[DN] a pixel saturates")]),
     row("read_noise_e_rms", Kind::Real, "e-", "Read noise of one pixel of the image, rms", |f| of_camera(f, |facts| facts.read_noise_e_rms))
         .fits(Detector, &[Card("RDNOISE", Plain, "[e-] rms of one pixel")]),
+    row("detector_temperature_c", Kind::Real, "Celsius", "Temperature of the detector", |f| of_camera(f, |facts| facts.temperature_c))
+        .fits(Detector, &[Card("CCD-TEMP", Plain, "[Celsius] temperature of the detector")])
+        .chunk(&[feature(28, "ChunkDetectorTemperature", Float, Plain, "C", "Temperature of the detector")]),
+    row("test_pattern", Kind::Text, "", "Test pattern in place of the image, as a client of the network camera chose it; `Off`: the image is the detector's", |f| Fact::Text(f.meta.test_pattern))
+        .chunk(&[feature(29, "ChunkTestPattern", Text, Plain, "", "Test pattern in place of the image; Off: the image is that of the detector")]),
+    row("colours", Kind::Text, "", "Colours of the image's first two rows from its first pixel, where its pixels have filters: `RGGB`, `GRBG`, `GBRG`, `BGGR`", |f| colours(f).map_or(Fact::Absent, |pattern| Fact::Text(pattern.name())))
+        .fits(Detector, &[Card("BAYERPAT", Plain, "colours from the first pixel of the image")])
+        .control_meta(&[Key("colours", Plain)]),
+    row("colours_offset_px", Kind::Wholes(2), "px", "Column and row of the image at which its colours begin: always the first", |f| colours(f).map_or(Fact::Absent, |_| Fact::Wholes(&[0; 2])))
+        .fits(Detector, &[Card("XBAYROFF", Plain, "[px] column where BAYERPAT begins"), Card("YBAYROFF", Plain, "[px] row where BAYERPAT begins")]),
     row("width_px", Kind::Count, "px", "Columns of the image", |f| of_frame(f, |frame| frame.image.width()))
         .csv(&[Column("width_px", Plain)])
         .memory(152, U32, Plain)
@@ -256,6 +267,11 @@ pub const TABLE: &[Row] = &[
 /// A number of the camera, where the image is that of its own detector.
 fn of_camera<'a>(source: &FactSource<'a>, number: impl Fn(&CameraFacts) -> f64) -> Fact<'a> {
     source.meta.facts.as_ref().map_or(Fact::Absent, |facts| Fact::Real(number(facts)))
+}
+
+/// The colours of the image's pixels, where they have any.
+fn colours(source: &FactSource<'_>) -> Option<BayerPattern> {
+    source.meta.facts.as_ref().and_then(|facts| facts.colours)
 }
 
 /// A number of the whole frame, where it is there.

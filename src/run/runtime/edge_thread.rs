@@ -1,0 +1,95 @@
+//! The thread that listens to the trigger lines of one GPIO chip.
+//!
+//! In: the lines, and which heads they trigger. Out: edges with their instants in the queue of the receiving threads, so that an
+//! edge wakes the frame thread as a message does. When the queue is full an edge is lost and counted; so are those that the kernel
+//! dropped. Tests: `hil_scripts/test_trigger_lines.py`.
+
+use crate::runtime::error::RunError;
+use crate::runtime::hygiene::{Hygiene, Role};
+use crate::runtime::radio::Heard;
+use base::clock::Clock;
+use base::time::Span;
+use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use crossbeam_channel::Sender;
+use link::gpio::GpioChip;
+use std::sync::Arc;
+use std::thread::JoinHandle;
+
+/// The thread notices the end of the run within this.
+const STOP_POLL: Span = Span::from_ms(50);
+
+/// Lines of one chip that trigger heads.
+#[derive(Debug)]
+pub struct TriggerChip {
+    /// The chip, opened.
+    pub chip: GpioChip,
+    /// Number of the head that each of its lines triggers; `None`: all of them.
+    pub heads: Vec<Option<usize>>,
+}
+
+/// Listens to a chip; ends when dropped.
+pub(super) struct EdgeThread {
+    stop: Arc<AtomicBool>,
+    lost: Arc<AtomicU64>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl EdgeThread {
+    pub(super) fn start(
+        chip: TriggerChip,
+        arrived: Sender<Heard>,
+        clock: &Arc<dyn Clock>,
+        hygiene: Option<Arc<Hygiene>>,
+    ) -> Result<Self, RunError> {
+        let (stop, lost) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicU64::new(0)));
+        let (stopped, counted, clock) = (Arc::clone(&stop), Arc::clone(&lost), Arc::clone(clock));
+        let listen = move || {
+            if let Some(hygiene) = hygiene {
+                hygiene.enter(Role::Link);
+            }
+            listen(chip, &arrived, &*clock, &stopped, &counted);
+        };
+        let thread = std::thread::Builder::new().name("gpio".into()).spawn(listen);
+        let thread = Some(thread.map_err(|source| RunError::Thread { name: "gpio", source })?);
+        Ok(Self { stop, lost, thread })
+    }
+
+    /// Edges lost so far.
+    pub(super) fn lost_edges(&self) -> u64 {
+        self.lost.load(Ordering::Relaxed)
+    }
+
+    /// Returns true when the thread has ended by itself: its chip is gone.
+    pub(super) fn is_lost(&self) -> bool {
+        self.thread.as_ref().is_none_or(JoinHandle::is_finished)
+    }
+}
+
+impl Drop for EdgeThread {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            let _nobody_asks = thread.join();
+        }
+    }
+}
+
+/// Until the run is over, or the chip is gone: the end of the thread is then reported.
+fn listen(
+    TriggerChip { mut chip, heads }: TriggerChip,
+    arrived: &Sender<Heard>,
+    clock: &dyn Clock,
+    stop: &AtomicBool,
+    lost: &AtomicU64,
+) {
+    let mut overflows = 0;
+    while !stop.load(Ordering::Relaxed) {
+        let Ok(edge) = chip.wait(STOP_POLL, clock) else { return };
+        if let Some(edge) = edge {
+            let head = heads.get(edge.line).copied().flatten();
+            let heard = Heard::Edge { head, at: edge.at, is_active: edge.is_active };
+            overflows += u64::from(arrived.try_send(heard).is_err());
+            lost.store(chip.counters().lost + overflows, Ordering::Relaxed);
+        }
+    }
+}
