@@ -3,8 +3,8 @@
 use crate::check::{Checker, Rule};
 use crate::detector_dark::{CELSIUS, DarkCurrent, MOST_DARK_E_PER_S};
 use crate::detector_effects::{
-    BinningKeys, BloomingKeys, ChargeTransferKeys, ColourFilterKeys, DefectsKeys, Fits, ImageLagKeys, ProtonsKeys, TdiKeys, WindowKeys,
-    check_effects,
+    BinningKeys, BloomingKeys, ChargeTransferKeys, ColourFilterKeys, DefectsKeys, Fits, ImageLagKeys, ProtonsKeys,
+    TdiKeys, WindowKeys, check_effects,
 };
 use crate::detector_pattern::{FixedPatterns, LineKeys, MapKeys};
 use crate::detector_readout::{Converter, GainRule, NonlinearityKeys, Readout, RowNoiseKeys};

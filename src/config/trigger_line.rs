@@ -140,7 +140,8 @@ mod tests {
 
     #[test]
     fn each_rule_has_a_failing_example() {
-        let two = "[[trigger_line]]\nchip = \"gpiochip0\"\nline = 1\n[[trigger_line]]\nchip = \"/dev/gpiochip0\"\nline = 1";
+        let two =
+            "[[trigger_line]]\nchip = \"gpiochip0\"\nline = 1\n[[trigger_line]]\nchip = \"/dev/gpiochip0\"\nline = 1";
         for (text, parts) in [
             ("[[trigger_line]]\nline = 1", ["trigger_line[0].chip", "gpiochip0"]),
             ("[[trigger_line]]\nchip = \"gpiochip0\"", ["trigger_line[0].line", "line_name"]),

@@ -167,8 +167,7 @@ impl RawEdge {
     pub fn from_bytes(bytes: &[u8; EVENT_BYTES]) -> Self {
         let number = |at: usize| u32::from_ne_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
         let [low, high] = [0, 4].map(|at| number(at).to_ne_bytes());
-        let realtime_ns =
-            u64::from_ne_bytes([low[0], low[1], low[2], low[3], high[0], high[1], high[2], high[3]]);
+        let realtime_ns = u64::from_ne_bytes([low[0], low[1], low[2], low[3], high[0], high[1], high[2], high[3]]);
         let is_rising = match number(8) {
             RISING => Some(true),
             FALLING => Some(false),
@@ -199,7 +198,8 @@ impl GpioChip {
             let pipe = OpenOptions::new().read(true).write(true).custom_flags(nonblocking).open(path);
             (Source::Pipe(pipe.map_err(|error| failed("open the named pipe", error, ""))?), offsets)
         } else {
-            let chip = Chip::from_path(path).map_err(|error| failed("open the GPIO chip", io_error(&error), NO_CHIP))?;
+            let chip =
+                Chip::from_path(path).map_err(|error| failed("open the GPIO chip", io_error(&error), NO_CHIP))?;
             let offsets = lines.iter().map(|line| offset_of(&chip, &line.name));
             let offsets = offsets.collect::<Result<Vec<_>, _>>();
             let offsets = offsets.map_err(|error| failed("find the line", error, NO_LINE))?;
@@ -216,7 +216,8 @@ impl GpioChip {
     /// # Errors
     /// When the chip is gone.
     pub fn wait(&mut self, at_most: Span, clock: &dyn Clock) -> Result<Option<Edge>, LinkError> {
-        let failed = |source, link: &str| LinkError::System { link: link.into(), doing: "read edges", source, advice: "" };
+        let failed =
+            |source, link: &str| LinkError::System { link: link.into(), doing: "read edges", source, advice: "" };
         let before = PairedReading::take(clock);
         if !self.source.is_ready(Span::ZERO).map_err(|error| failed(error, &self.name))? {
             // What comes from here on is stamped after any step of the clock so far.

@@ -46,7 +46,8 @@ fn frame(spatial: SpatialParams) -> DnImage {
 fn moments(image: &DnImage, name: &str, letter: char) -> [f64; 2] {
     let letters: Vec<char> = name.chars().collect();
     let is_of = |i: usize| letters[2 * ((i / image.width()) % 2) + (i % image.width()) % 2] == letter;
-    let numbers: Vec<f64> = (0..image.pixels().len()).filter(|i| is_of(*i)).map(|i| f64::from(image.pixels()[i])).collect();
+    let numbers: Vec<f64> =
+        (0..image.pixels().len()).filter(|i| is_of(*i)).map(|i| f64::from(image.pixels()[i])).collect();
     let mean = numbers.iter().sum::<f64>() / numbers.len() as f64;
     [mean, numbers.iter().map(|dn| (dn - mean).powi(2)).sum::<f64>() / (numbers.len() - 1) as f64]
 }
@@ -128,14 +129,29 @@ fn stars_of_another_colour_than_the_reference_err_by_as_much_as_is_stated() {
     // Quantum efficiency without filters and with each, read off data sheets of CMOS sensors, cut at 700 nm.
     let bare = table(&[[400.0, 0.45], [450.0, 0.6], [530.0, 0.7], [600.0, 0.62], [650.0, 0.52], [700.0, 0.45]]);
     let red = [[400.0, 0.03], [540.0, 0.03], [570.0, 0.15], [590.0, 0.5], [610.0, 0.58], [650.0, 0.5], [700.0, 0.42]];
-    let green =
-        [[400.0, 0.04], [460.0, 0.1], [500.0, 0.42], [530.0, 0.6], [560.0, 0.5], [600.0, 0.18], [650.0, 0.06], [700.0, 0.1]];
-    let blue =
-        [[400.0, 0.25], [420.0, 0.45], [450.0, 0.55], [480.0, 0.45], [520.0, 0.15], [560.0, 0.05], [650.0, 0.02], [700.0, 0.03]];
+    let green = [
+        [400.0, 0.04],
+        [460.0, 0.1],
+        [500.0, 0.42],
+        [530.0, 0.6],
+        [560.0, 0.5],
+        [600.0, 0.18],
+        [650.0, 0.06],
+        [700.0, 0.1],
+    ];
+    let blue = [
+        [400.0, 0.25],
+        [420.0, 0.45],
+        [450.0, 0.55],
+        [480.0, 0.45],
+        [520.0, 0.15],
+        [560.0, 0.05],
+        [650.0, 0.02],
+        [700.0, 0.03],
+    ];
     let spectra = StarSpectra::new();
-    let rate = |qe: Spectrum, bp_rp: f64| {
-        Band::with_flat_transmission(1.0, qe).unwrap().e_per_s_m2(&spectra.of_color(bp_rp))
-    };
+    let rate =
+        |qe: Spectrum, bp_rp: f64| Band::with_flat_transmission(1.0, qe).unwrap().e_per_s_m2(&spectra.of_color(bp_rp));
     let response = |qe: &[[f64; 2]], bp_rp: f64| rate(table(qe), bp_rp) / rate(bare.clone(), bp_rp);
     for (range, most) in [([0.3, 1.3], 0.20), ([-0.3, 2.5], 0.75)] {
         let mut worst = 0.0_f64;

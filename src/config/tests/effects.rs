@@ -5,7 +5,11 @@ use super::{MINIMAL_CAMERA, assert_refused, camera, camera_with};
 #[test]
 fn each_effect_rule_has_a_failing_example() {
     for (section, line, parts) in [
-        ("detector.colour_filter", "red = 0.4\ngreen = 0.5\nblue = 0.3\npattern = \"rgb\"", ["\"RGGB\"", "first two rows"]),
+        (
+            "detector.colour_filter",
+            "red = 0.4\ngreen = 0.5\nblue = 0.3\npattern = \"rgb\"",
+            ["\"RGGB\"", "first two rows"],
+        ),
         ("detector.colour_filter", "pattern = \"GRBG\"\nred = 0.4\nblue = 0.3\ngreen = 1.2", ["0.01 to 1", "a share"]),
         ("detector.colour_filter", "pattern = \"GRBG\"\ngreen = 0.4\nblue = 0.3\nred = 0", ["0.01 to 1", "a share"]),
         ("detector.blooming", "drained_share = 1.5", ["0 to 1", "anti-blooming"]),
@@ -67,7 +71,8 @@ fn effects_of_neighbours_are_as_the_camera_file_says() {
     assert_eq!(binned.output([640, 480]).size_px, [160, 120]);
     let on_chip = of("detector.binning", "factor = 2").binning.expect("on");
     assert_eq!(on_chip.kind, BinningKind::Charge { full_well_e: 30_000.0 }, "one pixel's full well");
-    let filter = of("detector.colour_filter", "pattern = \"GBRG\"\nred = 0.35\ngreen = 0.45\nblue = 0.25").colour_filter;
+    let filter =
+        of("detector.colour_filter", "pattern = \"GBRG\"\nred = 0.35\ngreen = 0.45\nblue = 0.25").colour_filter;
     assert_eq!(filter, Some(ColourFilter { pattern: BayerPattern::Gbrg, red: 0.35, green: 0.45, blue: 0.25 }));
     let cut = of("detector.window", "left_px = 100\ntop_px = 20\nwidth_px = 64").window;
     assert_eq!(cut, Some(Window { left_px: 100, top_px: 20, width_px: 64, height_px: 460 }), "the rest of the rows");

@@ -21,7 +21,6 @@ use crate::wiring::heads::{CostsHere, HeadSetting, RunHead, make_heads, take_sin
 use crate::wiring::live_tap::{LiveOptions, LiveTap};
 use crate::wiring::memory::{RunForm, RunMemory};
 use crate::wiring::ports::{is_unreachable, needs_real_clock};
-use crate::wiring::trigger_lines::arm;
 use crate::wiring::real;
 use crate::wiring::run_end::RunEnd;
 use crate::wiring::run_times::RunTimes;
@@ -29,6 +28,7 @@ use crate::wiring::sinks::{SinkSetting, directory_of_head, make_sinks};
 use crate::wiring::steering::Steering;
 use crate::wiring::stepped::SteppedRun;
 use crate::wiring::taps::Taps;
+use crate::wiring::trigger_lines::arm;
 use anyhow::Context;
 use base::clock::{Clock, Monotonic, Virtual};
 use base::time::Tai;

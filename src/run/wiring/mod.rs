@@ -34,5 +34,6 @@ pub mod sinks;
 pub mod steering;
 pub mod stepped;
 mod taps;
+mod trigger_lines;
 pub mod vehicle_parts;
 pub mod witness;

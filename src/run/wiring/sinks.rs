@@ -118,7 +118,14 @@ fn commands(setting: &SinkSetting<'_>) -> Option<CommandParams> {
     let (range, settings, start) = (*exposing.range()?, *exposing.next_settings(), *exposing.start());
     let (desk, end) = desk();
     desks.borrow_mut().push(end);
-    Some(CommandParams { desk, range, settings, start, has_line: exposing.has_line(), clock: Arc::clone(setting.clock) })
+    Some(CommandParams {
+        desk,
+        range,
+        settings,
+        start,
+        has_line: exposing.has_line(),
+        clock: Arc::clone(setting.clock),
+    })
 }
 
 /// A camera on the network, whose address is told.
