@@ -11,7 +11,7 @@ pub mod delivery;
 mod describe;
 pub mod engine;
 pub mod edge_thread;
-mod error;
+pub mod error;
 pub mod camera_intake;
 pub mod exposing;
 mod frame_damage;

@@ -35,5 +35,6 @@ mod start;
 pub mod steering;
 pub mod stepped;
 mod taps;
+mod trigger_lines;
 pub mod vehicle_parts;
 pub mod witness;

@@ -42,7 +42,9 @@ pub(super) fn arm(bench: &Bench, heads: &mut [RunHead]) -> Result<()> {
             let at = head.engine.params().first_exposure;
             let exposing = head.engine.exposing_mut();
             if exposing.range().is_none() {
-                bail!("trigger_line[{place}]: a frame that is drawn for a display has no exposure to start; leave the line out");
+                bail!(
+                    "trigger_line[{place}]: a frame that is drawn for a display has no exposure to start; leave the line out"
+                );
             }
             exposing.set_has_line();
             let commands = [CameraCommand::Mode(line.mode), CameraCommand::Triggered(true)];
