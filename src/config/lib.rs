@@ -94,7 +94,7 @@ pub use mtf::{Chain, LightOfChain};
 pub use observer::{Observer, OrbitStart};
 pub use optics::{Distortion, Optics};
 pub use plain_link::Plain;
-pub use plant::{OutsideTrackers, Plant, Vehicle};
+pub use plant::{OutsideTrackers, Plant, TrackerCommands, Vehicle};
 pub use plant_file::{Begins, FilePlant};
 pub use psf::Psf;
 pub use radiometry::{Exposure, Radiometry, RadiometryModel};

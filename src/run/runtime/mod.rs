@@ -39,6 +39,7 @@ mod scene_events;
 pub mod session;
 pub mod shutter;
 mod slot;
+pub mod tracker_orders;
 pub mod triggers;
 pub mod virtual_time;
 
