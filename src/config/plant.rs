@@ -7,7 +7,7 @@ use crate::check::Checker;
 use crate::error::ConfigError;
 use crate::event::Pointing;
 use crate::key::{Section, section};
-use crate::key_type::{Numbers, Raw, Shape, Whole, Word};
+use crate::key_type::{Any, Numbers, Raw, Shape, Whole, Word};
 use crate::plant_file::{Begins, FilePlant, SENSES};
 use crate::spacecraft::Spacecraft;
 use base::time::Span;
