@@ -32,7 +32,7 @@ SETTINGS = [
 #: What is commanded, by seconds after the turn began: exposure, us, and gain, 0.01 dB.
 COMMANDS = ["report=1", "exposure=50000@1.0", "gain=600@2.5", "exposure=20000@4.0"]
 WANTED = [(50000, 0.0), (50000, 6.0), (20000, 6.0)]
-#: As the issue has it: light and noise follow the settings to so much.
+#: Light follows the settings to so much.
 PROPORTION = 0.01
 
 

@@ -119,9 +119,11 @@ class Bits(unittest.TestCase):
                 self.compare(self.windows_of(**settings), **settings)
 
     def test_charge_that_moves_is_that_of_the_whole_frame(self):
+        moving = "camera.detector."
         for settings in (
-            {"camera.detector.binning": 2},
-            {"camera.detector.window": {"left_px": 32, "top_px": 16, "width_px": 128, "height_px": 96}},
+            {moving + "charge_transfer.parallel_share": 1e-4, moving + "charge_transfer.serial_share": 1e-4},
+            {moving + "image_lag.share": 0.05},
+            {moving + "window.left_px": 32, moving + "window.top_px": 16, moving + "window.width_px": 128, moving + "window.height_px": 96},
         ):
             with self.subTest(**settings):
                 self.compare(self.windows_of(**settings), **settings)

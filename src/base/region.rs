@@ -137,7 +137,9 @@ impl Regions {
         edges.sort_unstable();
         // From edge to edge all rows are alike.
         let alike = edges.windows(2).map(|pair| pair[0]..pair[1]).filter(|rows| !rows.is_empty());
-        alike.map(|rows| self.runs(rows.start, width).map(|run| of_run(run, rows.start)).sum::<usize>() * rows.len()).sum()
+        alike
+            .map(|rows| self.runs(rows.start, width).map(|run| of_run(run, rows.start)).sum::<usize>() * rows.len())
+            .sum()
     }
 
     /// Returns the pixels that are read out, of an image of so many columns and rows.
@@ -251,14 +253,16 @@ mod tests {
     const SIZE: [usize; 2] = [20, 12];
 
     fn regions(of: &[[u32; 4]]) -> Regions {
-        let region = |&[left_px, top_px, width_px, height_px]: &[u32; 4]| Region { left_px, top_px, width_px, height_px };
+        let region =
+            |&[left_px, top_px, width_px, height_px]: &[u32; 4]| Region { left_px, top_px, width_px, height_px };
         Regions::of(&of.iter().map(region).collect::<Vec<_>>()).unwrap()
     }
 
     /// Pixel by pixel.
     fn is_in(of: &[[u32; 4]], x: usize, y: usize) -> bool {
         let within = |at: usize, first: u32, count: u32| (first as usize..(first + count) as usize).contains(&at);
-        of.is_empty() || of.iter().any(|[left, top, width, height]| within(x, *left, *width) && within(y, *top, *height))
+        of.is_empty()
+            || of.iter().any(|[left, top, width, height]| within(x, *left, *width) && within(y, *top, *height))
     }
 
     #[test]

@@ -55,7 +55,7 @@ fn pointing_arcsec(end: &RunEnd) -> f64 {
     end.assessment.pointing().boresight_arcsec.unwrap()
 }
 
-/// Done when 4 of the issue: the same pointing on windows as on whole frames.
+/// The pointing on windows is that on whole frames.
 #[test]
 fn windows_alone_close_the_loop_with_the_pointing_of_whole_frames() {
     let acquisition = scenario("acquisition");

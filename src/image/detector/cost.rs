@@ -124,7 +124,10 @@ mod tests {
         assert_eq!(share, 2.0 * 32.0 * 256.0 / (1024.0 * 1024.0), "a block for each run of 32 pixels");
         assert_eq!(share_of(&DetectorParams::QUIET, &Regions::WHOLE, [1024, 1024]), 1.0);
         let transfer = Some(ChargeTransfer::NONE);
-        let moving = DetectorParams { spatial: SpatialParams { charge_transfer: transfer, ..SpatialParams::OFF }, ..DetectorParams::QUIET };
+        let moving = DetectorParams {
+            spatial: SpatialParams { charge_transfer: transfer, ..SpatialParams::OFF },
+            ..DetectorParams::QUIET
+        };
         assert_eq!(share_of(&moving, &regions, [1024, 1024]), 1.0);
     }
 }

@@ -336,7 +336,8 @@ mod tests {
     }
 
     fn regions(of: &[[u32; 4]]) -> Regions {
-        let region = |&[left_px, top_px, width_px, height_px]: &[u32; 4]| Region { left_px, top_px, width_px, height_px };
+        let region =
+            |&[left_px, top_px, width_px, height_px]: &[u32; 4]| Region { left_px, top_px, width_px, height_px };
         Regions::of(&of.iter().map(region).collect::<Vec<_>>()).unwrap()
     }
 
@@ -355,10 +356,12 @@ mod tests {
         let lists: [&[[u32; 4]]; 4] = [
             &[[10, 20, 32, 32], [43, 21, 31, 7], [41, 25, 5, 3]],
             &[[0, 0, 301, 3], [0, 200, 1, 3], [300, 0, 1, 203], [7, 100, 290, 2]],
-            &[[150, 202, 1, 1]],
+            &[[150, 200, 40, 3]],
             &[[0, 0, 301, 203]],
         ];
-        for params in [params(PoissonMethod::Auto), params(PoissonMethod::Ptrs), params(PoissonMethod::RoundedNormal), shaped] {
+        for params in
+            [params(PoissonMethod::Auto), params(PoissonMethod::Ptrs), params(PoissonMethod::RoundedNormal), shaped]
+        {
             for (passes, of) in [1, 2].into_iter().flat_map(|passes| lists.map(|of| (passes, of))) {
                 let mut detector = Detector::new(params, SIZE[0], SIZE[1], 17);
                 if passes == 2 {
@@ -388,7 +391,8 @@ mod tests {
         for binning in binnings {
             let window = Some(Window { left_px: 20, top_px: 10, width_px: 200, height_px: 120 });
             let spatial = SpatialParams { binning, window, ..SpatialParams::OFF };
-            let mut detector = Detector::new(DetectorParams { spatial, ..params(PoissonMethod::Auto) }, SIZE[0], SIZE[1], 17);
+            let mut detector =
+                Detector::new(DetectorParams { spatial, ..params(PoissonMethod::Auto) }, SIZE[0], SIZE[1], 17);
             let [width, height] = detector.output().geometry().size_px;
             let (mut whole, mut part) = (DnImage::new(width, height), DnImage::new(width, height));
             detector.collect(&mean(), 5, &LIT, &mut whole);

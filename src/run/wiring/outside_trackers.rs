@@ -12,7 +12,9 @@ use testbed::vehicle::VehicleError;
 
 /// Returns the tracker of each head, where the scenario has any; equal trackers share one list of guide stars.
 pub(super) fn outside_trackers(scenario: &Scenario, start: Tai) -> Result<Vec<Option<OutsideTracker>>, LoopError> {
-    let Some(OutsideTrackers { delay, tag_error, most_stars, commands }) = scenario.trackers else { return Ok(Vec::new()) };
+    let Some(OutsideTrackers { delay, tag_error, most_stars, commands }) = scenario.trackers else {
+        return Ok(Vec::new());
+    };
     let catalog = Catalog::built_in().map_err(VehicleError::from)?;
     let mut guides: Vec<(TrackerParams, Arc<GuideStars>)> = Vec::new();
     let mut trackers = Vec::with_capacity(scenario.bench.head_count());

@@ -111,7 +111,11 @@ pub(super) fn better_exposure(
 }
 
 /// The highest of the nine pixels around a place, DN.
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "places are on the image; outside there is no pixel")]
+#[allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "places are on the image; outside there is no pixel"
+)]
 fn highest_dn(image: &DnImage, place_px: DVec2) -> Option<f64> {
     let [x, y] = [place_px.x.round(), place_px.y.round()].map(|place| place.max(0.0) as usize);
     let columns = |row: usize| (x.saturating_sub(1)..=x + 1).filter_map(move |column| image.get(column, row));

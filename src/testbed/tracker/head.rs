@@ -5,8 +5,8 @@
 
 use super::adjust::{Adjusted, MatchedStar};
 use super::background::BackgroundGrid;
-use super::command::{CameraOrders, CameraWish, Exposed, better_exposure, reached_mid};
 use super::centroid::{centre_of_gravity, gaussian_fit};
+use super::command::{CameraOrders, CameraWish, Exposed, better_exposure, reached_mid};
 use super::detect::{Blob, Detector, PEAK_SIGMA};
 use super::error::Reason;
 use super::guide::GuideStars;
@@ -240,13 +240,15 @@ impl Tracker {
         let rate = known.unwrap_or(DVec3::ZERO);
         let attitude = track.attitude.rotated_by(rate * (at - track.at).s());
         let prediction = Prediction { attitude, rate_rad_s: rate, beta };
-        let mut followed = self.follower.follow(&self.params, &self.guide, (image, &self.regions), &prediction, &mut self.matches);
+        let mut followed =
+            self.follower.follow(&self.params, &self.guide, (image, &self.regions), &prediction, &mut self.matches);
         if let (Ok((found, _)), None) = (&followed, known) {
             // The stars were measured as points; now that the motion is known, as trails.
             let gap_s = (at - track.at).s().max(self.params.exposure_s);
             let rate_rad_s = track.attitude.rotation_vector_to(&found.attitude) / gap_s;
             let again = Prediction { attitude: found.attitude, rate_rad_s, beta };
-            followed = self.follower.follow(&self.params, &self.guide, (image, &self.regions), &again, &mut self.matches);
+            followed =
+                self.follower.follow(&self.params, &self.guide, (image, &self.regions), &again, &mut self.matches);
         }
         let solved = followed.and_then(|(found, background_dn)| self.accept(found, at, Mode::Tracking, background_dn));
         match solved {

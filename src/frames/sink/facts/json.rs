@@ -33,7 +33,10 @@ pub fn json(fact: Fact<'_>, form: Form) -> Value {
             faults.collect()
         }
         Fact::Regions(regions) if form == Form::Plain => {
-            let parts = regions.as_slice().iter().map(|part| value!([part.left_px, part.top_px, part.width_px, part.height_px]));
+            let parts = regions
+                .as_slice()
+                .iter()
+                .map(|part| value!([part.left_px, part.top_px, part.width_px, part.height_px]));
             parts.collect()
         }
         Fact::Absent

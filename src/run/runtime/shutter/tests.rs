@@ -243,7 +243,9 @@ fn regions_are_read_out_as_fast_as_their_rows() {
     let regions = Regions::of(&[region(0), region(4), region(40)]).unwrap();
     let mut shutter = shutter();
     let faster = CameraCommand::Period(Some(ms(20.0)));
-    let take = |shutter: &mut Shutter, command| shutter.take(&Commanded { command, at: at_ms(0.0), from: CommandSource::Control });
+    let take = |shutter: &mut Shutter, command| {
+        shutter.take(&Commanded { command, at: at_ms(0.0), from: CommandSource::Control })
+    };
     assert_eq!(take(&mut shutter, faster), Err(SettingRefusal::OutOfRange), "all rows take 30 ms");
     command(&mut shutter, 1000.0, CameraCommand::Exposure(ms(5.0)));
     command(&mut shutter, 1000.0, CameraCommand::Period(None));

@@ -36,7 +36,7 @@ impl Bench {
         let exposure_s = self.painter_exposure_s();
         self.tracker.expose(&Exposed { exposure_s, regions: self.regions });
         let outcome = self.tracker.measure(&image, at, beta(), Some(gyro));
-        let done = (&outcome, at + Span::from_ms(60));
+        let done = (&outcome, at + Span::from_ms(40));
         let wish = self.tracker.wish(&ORDERS, (&image, at), done, (beta(), Some(gyro)));
         self.regions = wish.regions.expect("windows are commanded");
         (outcome, wish)
