@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 /// What goes with a SPICE CK file.
 #[derive(Debug, Clone, Default, Args)]
-pub struct KernelArgs {
+pub(super) struct KernelArgs {
     /// Text kernel of a SPICE CK given as --attitudes: its clock (SCLK), or leap seconds (LSK); may be repeated
     #[arg(long = "kernel", value_name = "FILE", requires = "attitudes")]
     kernels: Vec<PathBuf>,

@@ -190,6 +190,16 @@ impl SkyKeys {
 /// Memory for stars of layers, MiB, when nothing is said: some nine million stars.
 pub const STAR_MEMORY_MB: u32 = 512;
 
+/// The constant delay of the bus is given once.
+fn check_one_delay(is_given: bool, link: &Link, check: &Checker<'_>) -> Result<(), ConfigError> {
+    if is_given && link.latency_us > 0.0 {
+        let wanted = "not given beside link.latency_us";
+        let advice = "both are the constant delay of the bus: give one of them";
+        return Err(check.invalid("attitude.link_delay_us", "given", wanted, advice));
+    }
+    Ok(())
+}
+
 /// Classic CAN carries jitter in pairs of one fixed rate.
 fn check_classic_jitter(link: &Link, computer: &FlightComputer, check: &Checker<'_>) -> Result<(), ConfigError> {
     const PAIRS_HZ: f64 = 1000.0;
@@ -349,11 +359,7 @@ impl Bench {
         plain_link::check_bench((&link, &extra_links), &flight_computer, &session, &check)?;
         session.check_has_run(&link, &flight_computer, &check)?;
         let (attitude_hz, jitter_hz) = (flight_computer.attitude_hz, flight_computer.jitter_sample_hz);
-        if keys.attitude.link_delay_us().is_given() && link.latency_us > 0.0 {
-            let wanted = "not given beside link.latency_us";
-            let advice = "both are the constant delay of the bus: give one of them";
-            return Err(check.invalid("attitude.link_delay_us", "given", wanted, advice));
-        }
+        check_one_delay(keys.attitude.link_delay_us().is_given(), &link, &check)?;
         let attitude = AttitudeSettings::check(&keys.attitude, attitude_hz, jitter_hz, exposure_s, &mut check)?;
         check_not_stale(timing.ahead_ms, &attitude, exposure_s, &check)?;
         let accuracy = check_accuracy(&keys.accuracy, &mut check)?;

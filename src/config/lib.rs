@@ -98,7 +98,7 @@ pub use observer::{Observer, OrbitStart};
 pub use optics::{Distortion, Optics};
 pub use packed::PackedDocuments;
 pub use plain_link::Plain;
-pub use plant::{OutsideTrackers, Plant, Vehicle};
+pub use plant::{OutsideTrackers, Plant, TrackerCommands, Vehicle};
 pub use plant_file::{Begins, FilePlant};
 pub use psf::Psf;
 pub use radiometry::{Exposure, Radiometry, RadiometryModel};

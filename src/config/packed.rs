@@ -229,23 +229,19 @@ fn sum_of(path: &Path) -> std::io::Result<(u64, u32)> {
 /// Adds keys and paths of the files of data that a table names.
 fn find_data(table: &toml::Table, under: &str, found: &mut Vec<(String, String)>) {
     for (name, value) in table {
-        let key = joined(under, name);
-        match value {
-            toml::Value::String(path) if NAMES_DATA.contains(&name.as_str()) => found.push((key, path.clone())),
-            toml::Value::Table(inner) => find_data(inner, &key, found),
-            toml::Value::Array(items) => {
-                for (place, item) in items.iter().enumerate() {
-                    let key = format!("{key}[{place}]");
-                    match item {
-                        toml::Value::String(path) if NAMES_DATA.contains(&name.as_str()) => {
-                            found.push((key, path.clone()));
-                        }
-                        toml::Value::Table(inner) => find_data(inner, &key, found),
-                        _other_values => {}
-                    }
-                }
-            }
-            _other_values => {}
+        find_in(name, value, joined(under, name), found);
+    }
+}
+
+/// Adds what a value of the key `key`, which ends in `name`, names.
+fn find_in(name: &str, value: &toml::Value, key: String, found: &mut Vec<(String, String)>) {
+    if let Some(path) = value.as_str().filter(|_| NAMES_DATA.contains(&name)) {
+        found.push((key, path.to_owned()));
+    } else if let Some(inner) = value.as_table() {
+        find_data(inner, &key, found);
+    } else if let Some(items) = value.as_array() {
+        for (place, item) in items.iter().enumerate() {
+            find_in(name, item, format!("{key}[{place}]"), found);
         }
     }
 }
@@ -267,7 +263,8 @@ pub(super) fn joined(keys: &str, key: &str) -> String {
 mod tests {
     use super::*;
     use crate::Bench;
-    use crate::declared::{Declared, declared};
+    use crate::declared::Declared;
+    use crate::file_keys::declared;
     use crate::file_kind::FileKind;
     use crate::key_type::Shape;
     use std::collections::BTreeSet;

@@ -1,7 +1,7 @@
 //! What the settings of a camera may be.
 
 use crate::camera_control::command::CameraCommand;
-use crate::camera_control::region::Regions;
+use base::region::Regions;
 use base::time::Span;
 
 /// Shortest integration time that a command may ask for.
@@ -50,6 +50,15 @@ pub enum SettingRefusal {
 }
 
 impl CameraRange {
+    /// Returns this range, which is that of the whole image, as it is when these regions are read out: fewer rows leave time for
+    /// more frames.
+    #[must_use]
+    pub fn reading(mut self, regions: &Regions) -> Self {
+        let rows = [self.size_px[1], regions.rows(self.size_px)].map(|rows| rows.max(1) as f64);
+        self.frame_rate_max_hz = (self.frame_rate_max_hz * rows[0] / rows[1]).min(1.0 / EXPOSURE_LEAST.s());
+        self
+    }
+
     /// Refuses a command whose value the camera cannot take.
     ///
     /// # Errors
@@ -135,5 +144,13 @@ mod tests {
         assert_eq!(RANGE.check(&CameraCommand::Regions(region(33))), Err(SettingRefusal::Region));
         let third = CameraRange { frame_rate_max_hz: 30.0, ..RANGE };
         assert_eq!(third.check(&CameraCommand::Period(Some(Span::from_s(1.0 / 30.0)))), Ok(()), "rounded down");
+    }
+
+    #[test]
+    fn fewer_rows_leave_time_for_more_frames() {
+        let region = |top_px| Region { left_px: 3, top_px, width_px: 5, height_px: 6 };
+        let two = Regions::of(&[region(0), region(20)]).unwrap();
+        assert_eq!(RANGE.reading(&two).frame_rate_max_hz, 400.0, "12 of 48 rows");
+        assert_eq!(RANGE.reading(&Regions::WHOLE), RANGE);
     }
 }

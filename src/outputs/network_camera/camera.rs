@@ -88,15 +88,9 @@ impl NetworkCamera {
             let _there_is_room_for_all = given_back.try_send(Slot::with_capacity(pixels));
         }
         let (ask, asks) = bounded(ASKS_QUEUED);
-        let tests = Arc::clone(&stream_socket);
-        let tests = TestOutlet::new(tests, params.rate_bit_s, clock.now(), Arc::clone(&shared.tally));
-        let outlet = Outlet::new(
-            stream_socket,
-            Arc::clone(&clock),
-            params.rate_bit_s,
-            params.lose_one_in,
-            Arc::clone(&shared.tally),
-        );
+        let (tests, rate, tally) = (Arc::clone(&stream_socket), params.rate_bit_s, || Arc::clone(&shared.tally));
+        let tests = TestOutlet::new(tests, rate, clock.now(), tally());
+        let outlet = Outlet::new(stream_socket, Arc::clone(&clock), rate, params.lose_one_in, tally());
         let kept = Kept::new(params.frames_kept as usize, pixels, device.stream());
         let width_px = sensor.size_px[0] as usize;
         let stream = Stream {

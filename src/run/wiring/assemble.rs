@@ -36,6 +36,7 @@ use base::time::{Span, Tai};
 use config::{Scenario, SinkSettings};
 use core::cell::RefCell;
 use core::sync::atomic::AtomicBool;
+use frames::camera_control::{CameraDesk, desk};
 use frames::sink::{NullSink, SentFrame, Sink};
 use link::tap::FaultControl;
 use outputs::live::Numbers;
@@ -275,11 +276,25 @@ impl Run {
         let port = self.cable.as_mut().and_then(|cable| cable.far.take());
         let trackers = self.heads.iter_mut().filter_map(|head| head.tracker.take()).collect();
         let mountings = self.heads.iter().map(|head| head.mounting).collect();
-        let mut far = FarSide::new(&self.scenario, port, trackers, (self.times, mountings))?;
+        let desks = self.tracker_desks();
+        let mut far = FarSide::new(&self.scenario, port, (trackers, desks), (self.times, mountings))?;
         if let Some(on_row) = self.on_row.take() {
             far.on_row = on_row;
         }
         Ok(far)
+    }
+
+    /// Makes the queues by which the trackers of a spacecraft inside command their cameras; none where they do not.
+    fn tracker_desks(&mut self) -> Vec<CameraDesk> {
+        let commands = self.scenario.vehicle().map(|vehicle| vehicle.tracker_commands).unwrap_or_default();
+        let heads = self.heads.iter_mut().filter(|_| commands.any());
+        heads
+            .map(|head| {
+                let (desk, end) = desk();
+                head.engine.exposing_mut().add_desk(end);
+                desk
+            })
+            .collect()
     }
 
     /// Places the events of the file; returns what the ledger says of them.

@@ -87,7 +87,7 @@ pub(super) fn fly(
         Ok(far) => far,
         Err(lost) => {
             keep_first(&mut error, Some(lost));
-            FarSide::new(&scenario, None, Vec::new(), (times, Vec::new()))?
+            FarSide::new(&scenario, None, (Vec::new(), Vec::new()), (times, Vec::new()))?
         }
     };
     notes.into_iter().for_each(|note| record.ledger.note(note));
