@@ -326,7 +326,7 @@ mod tests {
     }
 
     /// Keys that are paths and name no file of data: documents, outputs, devices, and what is not kept.
-    const NOT_DATA: [&str; 13] = [
+    const NOT_DATA: [&str; 14] = [
         "bench",
         "calibration",
         "camera",
@@ -337,6 +337,7 @@ mod tests {
         "path",
         "port",
         "pps",
+        "ptp_socket",
         "slcan_pty",
         "spacecraft",
         "transmission_file",

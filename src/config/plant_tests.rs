@@ -210,9 +210,9 @@ fn a_message_is_laid_upon_the_run_by_its_own_times_or_at_the_first_exposure() {
         let error = read(lines).expect_err(lines).to_string();
         assert!(error.contains(part), "{lines}: {error}");
     }
-    std::fs::write(folder.path().join("x.aem"), AEM.replace("QUATERNION", "SPIN")).unwrap();
+    std::fs::write(folder.path().join("x.aem"), AEM.replace("QUATERNION", "MATRIX")).unwrap();
     let error = read("").unwrap_err().to_string();
-    assert!(error.contains("x.aem:10: ") && error.contains("Euler angles and spin are not read"), "{error}");
+    assert!(error.contains("x.aem:10: ") && error.contains("SPIN/NUTATION"), "{error}");
     std::fs::write(folder.path().join("x.aem"), "0 1 0 0 0\n").unwrap();
     assert!(read("begins = \"utc\"\n").unwrap_err().to_string().contains("a zero of its own"));
 }
