@@ -27,8 +27,15 @@ const ANSWER_MAX: usize = 548;
 fuzz_target!(|bytes: &[u8]| {
     let mut input = Input::new(bytes);
     let (exposure_s, gain_e_per_dn, temperature_c, colours) = (0.1, 1.0, 20.0, None);
-    let sensor =
-        SensorParams { size_px: SIZE_PX, bits: 12, frame_rate_hz: 10.0, exposure_s, gain_e_per_dn, temperature_c, colours };
+    let sensor = SensorParams {
+        size_px: SIZE_PX,
+        bits: 12,
+        frame_rate_hz: 10.0,
+        exposure_s,
+        gain_e_per_dn,
+        temperature_c,
+        colours,
+    };
     let place = DeviceParams {
         address: Ipv4Addr::new(10, 0, 0, 1),
         mask: Ipv4Addr::new(255, 255, 255, 0),
