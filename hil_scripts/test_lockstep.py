@@ -26,7 +26,7 @@ BENCH = ROOT / "configs/benches/lockstep.toml"
 #: A flight inside that is over soon.
 SMALL = {"duration_s": 3.0, "expect.window_s": 1.0, "bench.camera": "../cameras/small_tracker.toml"}
 #: Where the attitude of a frame came from, while its sender is there.
-LIVE = ("measured", "predicted")
+LIVE = ("interpolated", "predicted")
 #: Turn of the samples, rad/s about the body's y axis.
 RATE = 0.01
 
