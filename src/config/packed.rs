@@ -17,8 +17,11 @@ use std::path::{Component, Path, PathBuf};
 const NAMES_A_TABLE: [&str; 2] = ["band.qe_file", "band.transmission_file"];
 /// Lists of heads, each of which may name a camera.
 const NAMES_CAMERAS: [&str; 2] = ["head", "extra_head"];
-/// Keys of any table whose value is the path of a file of data, or a list of such paths.
-const NAMES_DATA: [&str; 8] = ["attitude", "dark_factor", "density", "dsnu_e", "file", "kernels", "prnu", "series"];
+/// Ends of the keys whose value is the path of a file of data, or a list of such paths.
+const NAMES_DATA: [&str; 8] =
+    ["plant.attitude", "dark_factor", "density", "dsnu_e", "file", "kernels", "prnu", "series"];
+/// Keys of the same names whose value is a word.
+const NAMES_A_WORD: [&str; 1] = ["initial.attitude"];
 /// Folder of the files of data, below that of the pack.
 const DATA_FOLDER: &str = "data";
 /// How names of documents of the binary begin.
@@ -229,19 +232,26 @@ fn sum_of(path: &Path) -> std::io::Result<(u64, u32)> {
 /// Adds keys and paths of the files of data that a table names.
 fn find_data(table: &toml::Table, under: &str, found: &mut Vec<(String, String)>) {
     for (name, value) in table {
-        find_in(name, value, joined(under, name), found);
+        let key = joined(under, name);
+        find_in(names_data(&key), value, key, found);
     }
 }
 
-/// Adds what a value of the key `key`, which ends in `name`, names.
-fn find_in(name: &str, value: &toml::Value, key: String, found: &mut Vec<(String, String)>) {
-    if let Some(path) = value.as_str().filter(|_| NAMES_DATA.contains(&name)) {
+/// True for a key that ends in one of [`NAMES_DATA`].
+fn names_data(key: &str) -> bool {
+    let ends_in = |known: &str| key.strip_suffix(known).is_some_and(|table| table.is_empty() || table.ends_with('.'));
+    NAMES_DATA.iter().any(|known| ends_in(known))
+}
+
+/// Adds what a value of the key `key` names; `is_path`: text in it is a path.
+fn find_in(is_path: bool, value: &toml::Value, key: String, found: &mut Vec<(String, String)>) {
+    if let Some(path) = value.as_str().filter(|_| is_path) {
         found.push((key, path.to_owned()));
     } else if let Some(inner) = value.as_table() {
         find_data(inner, &key, found);
     } else if let Some(items) = value.as_array() {
         for (place, item) in items.iter().enumerate() {
-            find_in(name, item, format!("{key}[{place}]"), found);
+            find_in(is_path, item, format!("{key}[{place}]"), found);
         }
     }
 }
@@ -354,14 +364,48 @@ mod tests {
         declared.tables.iter().flat_map(|table| &table.forms).for_each(|form| paths_of(form, found));
     }
 
+    /// Keys of such a name whose value is a text and no path.
+    fn words_of(declared: &Declared, under: &str, found: &mut BTreeSet<String>) {
+        for key in &declared.keys {
+            let is_word = match &key.shape {
+                Shape::Words(_) | Shape::Either(_) => true,
+                Shape::Text(what) => !what.starts_with("path"),
+                Shape::Number(_) | Shape::Whole(_) | Shape::Flag | Shape::Row(..) | Shape::List(_) => false,
+            };
+            if is_word && NAMES_DATA.contains(&key.name) {
+                found.insert(joined(under, key.name));
+            }
+        }
+        for table in &declared.tables {
+            table.forms.iter().for_each(|form| words_of(form, &joined(under, table.name), found));
+        }
+    }
+
+    #[test]
+    fn a_word_by_the_name_of_a_file_of_data_is_no_file() {
+        let mut found = BTreeSet::new();
+        FileKind::ALL.into_iter().for_each(|kind| words_of(&declared(kind), "", &mut found));
+        assert_eq!(found, NAMES_A_WORD.into_iter().map(String::from).collect());
+
+        let folder = tempfile::tempdir().unwrap();
+        let pack = |text: &str| Document::from_text(text, &folder.path().join("lab.toml")).pack();
+        assert_eq!(pack("[initial]\nattitude = \"given\"\n").unwrap().data().count(), 0);
+        let error = pack("[plant]\nattitude = \"given\"\n").unwrap_err().to_string();
+        assert!(error.contains("plant.attitude"), "control: there it is a file: {error}");
+    }
+
     #[test]
     fn every_key_that_is_a_path_is_kept_or_known_not_to_be() {
         let mut found = BTreeSet::new();
         FileKind::ALL.into_iter().for_each(|kind| paths_of(&declared(kind), &mut found));
-        let is_known = |name: &&&str| NAMES_DATA.contains(name) || NOT_DATA.contains(name) || **name == "qe_file";
+        let last = |known: &&'static str| known.rsplit('.').next().unwrap_or_default();
+        let is_data = |name: &str| NAMES_DATA.iter().any(|known| last(known) == name);
+        let is_known = |name: &&&str| is_data(name) || NOT_DATA.contains(name) || **name == "qe_file";
         let unknown: Vec<_> = found.iter().filter(|name| !is_known(name)).collect();
         assert!(unknown.is_empty(), "add them to NAMES_DATA, or here: {unknown:?}");
-        let unused: Vec<_> = NAMES_DATA.iter().filter(|name| !found.contains(*name)).collect();
+        let unused: Vec<_> = NAMES_DATA.iter().filter(|name| !found.contains(last(name))).collect();
         assert!(unused.is_empty(), "no key: {unused:?}");
+        assert!(names_data("plant.attitude") && names_data("head[0].detector.prnu"), "paths");
+        assert!(!names_data("plant.initial.attitude") && !names_data("initial.attitude"), "a word, not a path");
     }
 }
