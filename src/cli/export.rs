@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
                         with --body), with rates where the format has them; src/guide/files_in_and_out.md has conventions."
 )]
 pub struct ExportArgs {
-    /// Folder of a recorded run (with frames.csv), or a bench or scenario file, or the name of a built-in one
+    /// Folder of a recorded run, or a bench or scenario file, or the name of a built-in one
     source: PathBuf,
     /// Attitude at mid-exposure of every frame
     #[arg(long, value_name = "FILE")]
@@ -34,9 +34,9 @@ pub struct ExportArgs {
     /// Run file of a recorded run: with --observer and --body
     #[arg(long, value_name = "FILE")]
     bench: Option<PathBuf>,
-    /// Camera head, counted from 0, whose frames or mounting are meant
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    head: usize,
+    /// Camera head, counted from 0, whose frames or mounting are meant; needed where a recorded run has several [without it: 0]
+    #[arg(long, value_name = "N")]
+    head: Option<usize>,
     /// Attitude of the spacecraft's body instead of the sensor's
     #[arg(long)]
     body: bool,
@@ -72,7 +72,7 @@ pub fn run(arguments: &ExportArgs) -> Result<()> {
     }
     check_words(arguments)?;
     let source = ExportSource::open(&arguments.source, arguments.bench.as_deref(), arguments.head)?;
-    let body = if arguments.body { "SC_BODY_1".to_owned() } else { format!("STARTRACKER_{}", arguments.head + 1) };
+    let body = if arguments.body { "SC_BODY_1".to_owned() } else { format!("STARTRACKER_{}", source.head() + 1) };
     let header = Header {
         object_name: arguments.object_name.clone(),
         object_id: arguments.object_id.clone(),

@@ -5,9 +5,11 @@ use base::axes::Rotation;
 use base::time::{Span, Tai};
 use config::{Bench, Document, Plant, Scenario, StartTime};
 use core::fmt::Write;
+use frames::sink::frame_log::path_in;
 use frames::sink::truth::read_truth;
 use histories::{AttitudeHistory, AttitudeState, Centre, OrbitHistory, OrbitState, read};
 use run::wiring::bench_parts;
+use run::wiring::sinks::directory_of_head;
 use sky::orbit::CentralBody;
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -25,11 +27,12 @@ pub(super) struct ExportSource {
 }
 
 impl ExportSource {
-    /// Opens a folder that has a `frames.csv`, or a run file.
-    pub(super) fn open(source: &Path, bench: Option<&Path>, head: usize) -> Result<Self> {
+    /// Opens a folder that has a `frames.csv`, or one such folder for each head; or a run file.
+    pub(super) fn open(source: &Path, bench: Option<&Path>, head: Option<usize>) -> Result<Self> {
         if source.is_dir() {
-            return Self::of_folder(source, bench, head);
+            return Self::of_folder(&folder_of_head(source, head)?, bench, head.unwrap_or(0));
         }
+        let head = head.unwrap_or(0);
         if bench.is_some() {
             bail!("--bench: got a run file already, {}; it belongs to the folder of a recorded run", source.display());
         }
@@ -67,13 +70,9 @@ impl ExportSource {
     }
 
     fn of_folder(folder: &Path, bench: Option<&Path>, head: usize) -> Result<Self> {
-        let path = folder.join("frames.csv");
-        let text = read::text_of(&path).with_context(|| {
-            format!(
-                "{}: wanted the folder of a recorded run; of several heads one of its folders head0, head1",
-                folder.display()
-            )
-        })?;
+        let path = path_in(folder);
+        let text = read::text_of(&path)
+            .with_context(|| format!("{}: wanted the folder of a recorded run, with frames.csv", folder.display()))?;
         let (rising, left_out) = rising_rows(&text);
         if left_out > 0 {
             eprintln!("{left_out} frames that show again what an earlier one shows are left out");
@@ -85,6 +84,11 @@ impl ExportSource {
         scenario.iter().try_for_each(|scenario| check_head(&scenario.bench, head))?;
         let first = states.first().map_or(0, |state| state.t_ns);
         Ok(Self { states, folder: Some(folder.into()), scenario, head, first_exposure: Tai::from_ns(first) })
+    }
+
+    /// The head that is meant, counted from 0.
+    pub(super) fn head(&self) -> usize {
+        self.head
     }
 
     /// Returns the attitudes of the sensor, or of the body.
@@ -106,8 +110,9 @@ impl ExportSource {
     pub(super) fn observer(&self) -> Result<OrbitHistory> {
         let bench = self.bench("--observer")?;
         if bench.flight_computer.is_external && (bench.is_lockstep() || bench.link.plain.is_some()) {
-            eprintln!(
-                "the orbit is that of the run file: states of the observer that a plant outside sent are not recorded"
+            bail!(
+                "--observer: the plant of this run is outside and may have sent where the observer is, which frames do not \
+                 record; take the orbit from that plant"
             );
         }
         let start = match bench.timing.start {
@@ -138,7 +143,7 @@ impl ExportSource {
             text,
             "mid_exposure_utc,id,source_id,kind,apparent_ra_deg,apparent_dec_deg,catalog_ra_deg,catalog_dec_deg,mag,x_px,y_px"
         )?;
-        let frames = File::open(folder.join("frames.csv"))?;
+        let frames = File::open(path_in(folder))?;
         let mut reader = csv::Reader::from_reader(frames);
         let header = reader.headers()?.clone();
         let column =
@@ -178,6 +183,22 @@ impl ExportSource {
         let scenario = self.scenario.as_ref();
         let advice = "wanted the run file of this recording too: --bench FILE";
         scenario.map(|scenario| &scenario.bench).with_context(|| format!("{option}: {advice}"))
+    }
+}
+
+/// The folder with the frames of a head: that of the run, or below it where the run has several.
+fn folder_of_head(run: &Path, head: Option<usize>) -> Result<PathBuf> {
+    let is_recorded = |folder: &Path| path_in(folder).is_file();
+    let heads = (0..).take_while(|&head| is_recorded(&directory_of_head(run, Some(head)))).count();
+    if is_recorded(run) || heads == 0 {
+        return Ok(run.into());
+    }
+    match head {
+        Some(head) if head < heads => Ok(directory_of_head(run, Some(head))),
+        Some(head) => bail!("--head: got {head}, wanted less than {heads}, the number of heads of {}", run.display()),
+        None => {
+            bail!("{}: recorded by {heads} heads; wanted one of them: --head 0 to --head {}", run.display(), heads - 1)
+        }
     }
 }
 
@@ -225,13 +246,29 @@ mod tests {
     }
 
     #[test]
+    fn a_run_of_several_heads_is_exported_head_by_head() {
+        let folder = tempfile::tempdir().unwrap();
+        for head in ["head0", "head1"] {
+            std::fs::create_dir(folder.path().join(head)).unwrap();
+            std::fs::write(path_in(&folder.path().join(head)), "frame\n").unwrap();
+        }
+        assert_eq!(folder_of_head(folder.path(), Some(1)).unwrap(), folder.path().join("head1"));
+        let own = folder.path().join("head0");
+        assert_eq!(folder_of_head(&own, None).unwrap(), own, "the folder of a head is one too");
+        let error = folder_of_head(folder.path(), None).unwrap_err().to_string();
+        assert!(error.ends_with("recorded by 2 heads; wanted one of them: --head 0 to --head 1"), "{error}");
+        let error = folder_of_head(folder.path(), Some(2)).unwrap_err().to_string();
+        assert!(error.contains("got 2, wanted less than 2"), "{error}");
+    }
+
+    #[test]
     fn a_bench_is_exported_as_it_would_be_flown() {
-        let source = ExportSource::open(Path::new("benches/loopback.toml"), None, 0).unwrap();
+        let source = ExportSource::open(Path::new("benches/loopback.toml"), None, None).unwrap();
         let history = source.attitudes(false).unwrap();
         assert_eq!(history.rows(), 100);
-        let error = ExportSource::open(Path::new("benches/closed_loop.toml"), None, 3).err().unwrap().to_string();
+        let error = ExportSource::open(Path::new("benches/closed_loop.toml"), None, Some(3)).err().unwrap().to_string();
         assert!(error.contains("--head"), "{error}");
-        let error = ExportSource::open(Path::new("scenarios/acquisition.toml"), None, 0).err().unwrap().to_string();
+        let error = ExportSource::open(Path::new("scenarios/acquisition.toml"), None, None).err().unwrap().to_string();
         assert!(error.contains("export the folder"), "{error}");
     }
 }

@@ -44,7 +44,7 @@ pub(super) fn note(lag: Span) -> Option<String> {
     let said = || {
         format!(
             "timing.start_utc = \"now\": the bench's clock is {:.0} ms behind the machine's, because making the run took longer \
-             than {} s",
+             than {} s or the machine was busy",
             lag.s() * 1e3,
             SET_UP.s()
         )
@@ -61,21 +61,27 @@ mod tests {
         span.ns().abs() < 5_000_000
     }
 
-    /// Bench minus machine.
+    /// Bench minus machine: the smallest of some readings, because the machine may stop the test between the two clocks.
     fn offset(clock: &Monotonic) -> Span {
-        let machine = Monotonic::start();
-        clock.now() - machine.now()
+        let readings = (0..20).map(|_| clock.now() - Monotonic::start().now());
+        readings.min_by_key(|reading| reading.ns().abs()).unwrap()
     }
 
     #[test]
     fn now_is_the_machines_time_when_the_clock_starts_and_a_later_start_is_a_lag_that_is_said() {
-        let planned = planned_start(StartTime::Now, RunClockKind::Real);
-        let clock = Monotonic::start_at(planned);
-        assert!(offset(&clock) > Span::from_ms(500), "control: before the start it is ahead");
-        assert_eq!(start_clock(&clock, StartTime::Now, planned), Span::ZERO);
-        assert!(is_small(offset(&clock)), "{:?}", offset(&clock));
+        // A busy machine may wake the start too late, which is a lag: not each time.
+        let is_now = || {
+            let planned = planned_start(StartTime::Now, RunClockKind::Real);
+            let clock = Monotonic::start_at(planned);
+            assert!(offset(&clock) > Span::from_ms(500), "control: before the start it is ahead");
+            let lag = start_clock(&clock, StartTime::Now, planned);
+            assert!(is_small(offset(&clock) + lag), "{:?} and {lag:?}", offset(&clock));
+            lag == Span::ZERO
+        };
+        assert!((0..20).any(|_| is_now()), "the clock is the machine's");
 
         let planned = Monotonic::start().now() - Span::from_ms(200);
+        let clock = Monotonic::start();
         let lag = start_clock(&clock, StartTime::Now, planned);
         assert!(lag >= Span::from_ms(200), "{lag:?}");
         assert!(is_small(offset(&clock) + lag), "behind by the lag");
