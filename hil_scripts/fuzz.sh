@@ -6,6 +6,7 @@
 #   hil_scripts/fuzz.sh --runs N                  N inputs for each target: the long run is --runs 2000000 (minutes)
 #   hil_scripts/fuzz.sh --control                 each target with a deliberate fault (STARLOOP_FUZZ_BROKEN), which must be found
 #   hil_scripts/fuzz.sh --reproduce TARGET FILE   runs one input
+#   hil_scripts/fuzz.sh --build                   only builds the targets
 #
 # Needs stable Rust and a C++ compiler. The flags are those that cargo-fuzz gives the compiler, which is not needed: coverage
 # counters, compared values, no folded branches. No sanitizer: it would watch unsafe code, and the readers have none. Nothing
@@ -135,6 +136,7 @@ run_control() {
 }
 
 case "${1:-5}" in
+    --build) build ;;
     --runs) build && run_all "-runs=${2:?how many inputs for each target}" ;;
     --control) build && run_control ;;
     --reproduce) build && "$programs/${2:?a target: ${targets[*]}}" "${3:?a file}" ;;

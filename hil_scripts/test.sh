@@ -41,6 +41,9 @@ readonly allowed_skips="${STARLOOP_ALLOW_SKIPS:-0}"
 readonly target="${CARGO_TARGET_DIR:-target}"
 readonly log="$target/test.log"
 readonly python="$target/python"
+readonly tools="$target/tools"
+readonly deny="$tools/bin/cargo-deny"
+readonly checks="$target/checks" # of its own: cargo locks a target folder while it compiles
 readonly cargo_deny_version=0.20.2
 
 step_names=()
@@ -89,9 +92,9 @@ format() {
 
 # One build has all there is: what is off by default is tested too.
 lint() {
-    cargo clippy --locked --workspace --all-features --all-targets --release -- -D warnings
+    CARGO_TARGET_DIR="$checks" cargo clippy --locked --workspace --all-features --all-targets --release -- -D warnings
     # As most people build it: without what is off by default.
-    cargo clippy --locked --workspace --release --lib --bins -- -D warnings
+    CARGO_TARGET_DIR="$checks" cargo clippy --locked --workspace --release --lib --bins -- -D warnings
 }
 
 build() { cargo test --locked --workspace --all-features --release --no-run; }
@@ -197,6 +200,8 @@ run_python_tests() {
     return $status
 }
 
+build_fuzz_targets() { CARGO_TARGET_DIR="$target" hil_scripts/fuzz.sh --build; }
+
 # Each for a few seconds from the committed corpus; hil_scripts/fuzz.sh says how to fuzz for longer.
 fuzz() { CARGO_TARGET_DIR="$target" hil_scripts/fuzz.sh 3; }
 
@@ -228,15 +233,16 @@ run_without_gpu() {
     [[ -n $(ls -A "$folder/run") ]]
 }
 
+install_cargo_deny() {
+    [[ "$("$deny" --version 2>/dev/null)" != "cargo-deny $cargo_deny_version" ]] || return 0
+    cargo install --quiet --debug --locked --root "$tools" --target-dir "$tools/build" "cargo-deny@$cargo_deny_version"
+    rm -rf "$tools/build"
+}
+
 # Licences, sources and duplicate versions of dependencies, by the rules of .deny.toml; known vulnerabilities where their
 # database can be reached.
 check_dependencies() {
-    local tools="$target/tools" deny
-    deny="$tools/bin/cargo-deny"
-    if [[ "$("$deny" --version 2>/dev/null)" != "cargo-deny $cargo_deny_version" ]]; then
-        cargo install --quiet --debug --locked --root "$tools" --target-dir "$tools/build" "cargo-deny@$cargo_deny_version"
-        rm -rf "$tools/build"
-    fi
+    install_cargo_deny
     "$deny" check licenses bans sources
     # A rule that is broken must be seen: without MIT most dependencies have no allowed licence.
     sed 's/"MIT", //' .deny.toml >"$tools/without_mit.toml"
@@ -253,7 +259,7 @@ check_dependencies() {
     fi
 }
 
-document() { RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --all-features --no-deps --release; }
+document() { CARGO_TARGET_DIR="$checks" RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --all-features --no-deps --release; }
 
 # --- counting --------------------------------------------------------------------------------------------------------
 
@@ -296,6 +302,46 @@ step() {
     fi
 }
 
+# --- beside the tests ------------------------------------------------------------------------------------------------
+
+# Many tests wait for a clock. Meanwhile compilers run at idle priority, which gives way to any test at once.
+readonly beside_functions=(lint document build_fuzz_targets install_cargo_deny)
+
+# For each function: `$checks/NAME.log` has its output, `$checks/NAME.status` its exit status.
+begin_beside() {
+    mkdir -p "$checks"
+    rm -f "$checks"/*.status
+    set -m # a process group of its own, so that an interrupted script can end it
+    {
+        trap - EXIT
+        chrt --idle --pid 0 "$BASHPID" 2>/dev/null || renice -n 19 -p "$BASHPID" >/dev/null
+        set +e
+        for name in "${beside_functions[@]}"; do
+            (
+                set -e
+                "$name"
+            ) >"$checks/$name.log" 2>&1
+            echo $? >"$checks/$name.status"
+        done
+    } &
+    beside_group=$!
+    set +m
+}
+
+end_beside() { [[ -z ${beside_group:-} ]] || kill -- "-$beside_group" 2>/dev/null || true; }
+
+# Waits for one of the functions, prints what it printed, and has its exit status.
+await_beside() {
+    until [[ -s "$checks/$1.status" ]]; do sleep 0.2; done
+    cat "$checks/$1.log"
+    [[ $(<"$checks/$1.status") -eq 0 ]]
+}
+
+await_lint() { await_beside lint; }
+await_document() { await_beside document; }
+await_fuzz_targets() { await_beside build_fuzz_targets; }
+await_cargo_deny() { await_beside install_cargo_deny; }
+
 print_failures() {
     [[ -f $log && $(count_results failed) -gt 0 ]] || return 0
     say "what the failed tests said (all output: $log)"
@@ -318,18 +364,22 @@ main() {
     }
     mkdir -p "$target"
     rm -f "$log"
+    trap end_beside EXIT
     step "system packages" install_missing
     begin_python_environment
     step "cargo fmt" format
-    step "cargo clippy" lint
     step "build" build
+    begin_beside
     step "python environment" await_python_environment
     step "tests" run_tests
     step "python tests" run_python_tests
+    step "cargo clippy" await_lint
+    step "cargo doc" await_document
+    step "build of fuzz targets" await_fuzz_targets
     step "fuzz targets" fuzz
     step "no unexpected skip" skips_are_expected
     step "run without a GPU" run_without_gpu
-    step "cargo doc" document
+    step "build of cargo-deny" await_cargo_deny
     step "dependencies" check_dependencies
     print_failures
     print_table

@@ -100,7 +100,7 @@ pub struct RenderArgs {
     /// Number of the exposure: with the noise seed it fixes the noise, so that one sensor can be exposed many times
     #[arg(long, value_name = "N", default_value_t = 0)]
     frame: u32,
-    /// Write the truth table (CSV): where each star is and how much light of it; the README lists its columns
+    /// Write the truth table (CSV): where each star is and how much light of it; src/guide/first_frames.md lists its columns
     #[arg(long, value_name = "FILE.csv")]
     truth: Option<PathBuf>,
     /// Print milliseconds per stage (median of several after a warm-up) as one JSON line

@@ -6,7 +6,8 @@
 //! COMMAND -->` may be any number: it is a time of the machine. In excerpts without a marker the text says by hand where
 //! and when the run was.
 
-use crate::readme::{from_root, output_within};
+use crate::commands::{from_root, output_within};
+use crate::pages::pages;
 use crate::source::root;
 use std::process::Command;
 
@@ -62,9 +63,9 @@ fn first_difference<'a>(excerpt: &Excerpt<'a>, printed: &str) -> Option<&'a str>
 
 #[test]
 fn quoted_output_is_what_the_program_prints() {
-    let document = std::fs::read_to_string(root().join("README.md")).unwrap();
-    let excerpts = excerpts(&document);
-    assert!(excerpts.len() >= 3, "README.md has {} marked excerpts", excerpts.len());
+    let pages = pages();
+    let excerpts: Vec<_> = pages.iter().flat_map(|page| excerpts(&page.text)).collect();
+    assert!(excerpts.len() >= 3, "the pages have {} marked excerpts", excerpts.len());
     for excerpt in &excerpts {
         let folder = tempfile::tempdir().unwrap();
         let arguments = excerpt.arguments.iter().map(|argument| from_root(argument, &root()));

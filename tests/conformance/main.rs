@@ -3,10 +3,11 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test stops at the first surprise: unreadable sources are one")]
 
 mod architecture;
+mod commands;
 mod crates;
 mod excerpts;
 mod file_length;
 mod frames_document;
-mod readme;
+mod pages;
 mod source;
 mod words;

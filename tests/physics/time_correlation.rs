@@ -71,7 +71,7 @@ fn run_all(rate_hz: f64, allan_1s: f64) -> Found {
     Found { p99_ns: errors.map(|mut all| quantile(&mut all, 0.99)), worst_ns, in_sigmas }
 }
 
-/// 99 % errors that the README states, ns, with some room for other seeds.
+/// 99 % errors that the guide (flight_computer.md) states, ns, with a margin for other seeds.
 const STATED: [(f64, f64, f64); 7] = [
     (1.0, 6000.0, 14_000.0),
     (2.0, 3000.0, 9000.0),

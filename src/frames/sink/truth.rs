@@ -187,10 +187,13 @@ mod tests {
     }
 
     #[test]
-    fn every_column_is_documented_in_the_readme() {
-        let readme = include_str!("../../../README.md");
+    fn every_column_is_documented_in_the_guide() {
+        let page = include_str!("../../guide/first_frames.md");
         for (name, meaning) in COLUMNS {
-            assert!(readme.contains(&format!("| `{name}` | {meaning} |")), "README.md lacks: | `{name}` | {meaning} |");
+            assert!(
+                page.contains(&format!("| `{name}` | {meaning} |")),
+                "first_frames.md lacks: | `{name}` | {meaning} |"
+            );
         }
     }
 

@@ -33,8 +33,8 @@ const FROM_FLIGHT_COMPUTER: [MessageId; 14] = [
     MessageId::Heartbeat,
 ];
 
-const FROM_STIMULATOR: [MessageId; 4] =
-    [MessageId::Exposure, MessageId::Status, MessageId::Response, MessageId::Heartbeat];
+const FROM_STIMULATOR: [MessageId; 5] =
+    [MessageId::Exposure, MessageId::Status, MessageId::CameraStatus, MessageId::Response, MessageId::Heartbeat];
 
 /// One filter per identifier: the kernel finds single standard identifiers in a table, whatever their number. Extended
 /// and remote frames never match.

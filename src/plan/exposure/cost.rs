@@ -1,6 +1,6 @@
 //! What a frame costs, from a handful of constants per backend.
 //!
-//! In: method, number of stars, sizes. Out: ms of planning and drawing. The defaults were measured on a two-core AVX-512 machine (README);
+//! In: method, number of stars, sizes. Out: ms of planning and drawing. The defaults were measured on a two-core AVX-512 machine (guide, accuracy_and_speed.md);
 //! `starloop calibrate` measures those of the machine at hand. They order the methods, and give `check` and the
 //! degradation ladder their prediction.
 

@@ -1,11 +1,12 @@
-//! The commands of README.md: each one parses, and those marked `<!-- test -->` run.
+//! The commands of README.md and of the guide: each one parses, and those marked `<!-- test -->` run.
 //!
 //! A command is a line that begins with `$ ` in a fenced block marked `console`; a trailing `\` continues it. It
 //! concerns this test when it calls `starloop` or `cargo run --release --`. The marker stands on the line above the
-//! fence and speaks for the whole block. Marked commands run in order, in one empty folder, with `configs/` taken from
+//! fence and speaks for the whole block. Marked commands of a page run in order, in one empty folder, with `configs/` taken from
 //! the repository; so a later command may read what an earlier one wrote. Blocks marked
 //! `<!-- test with --features display -->` run in a build with that feature.
 
+use crate::pages::pages;
 use crate::source::root;
 use std::path::Path;
 use std::process::{Command, Output};
@@ -15,7 +16,9 @@ const MARK: &str = "<!-- test -->";
 /// Marks a block for a program with displays.
 const MARK_DISPLAY: &str = "<!-- test with --features display -->";
 const CALLS: &[&str] = &["cargo run --release -- ", "starloop "];
-/// Longest run of one command: README promises seconds, a busy machine takes longer.
+/// Fewest pages with commands that run.
+const PAGES_MARKED_MIN: usize = 4;
+/// Longest run of one command: the pages promise seconds, a busy machine takes longer.
 const LIMIT_S: u64 = 300;
 /// Characters with which a shell would do more than start the program.
 const SHELL: &[char] = &['|', '&', ';', '>', '<', '$', '`', '*', '~'];
@@ -136,29 +139,39 @@ pub(crate) fn output_within(command: &mut Command, limit_s: u64) -> std::io::Res
     Err(std::io::Error::new(std::io::ErrorKind::TimedOut, format!("not over after {limit_s} s")))
 }
 
-fn readme_calls() -> Vec<Call> {
-    let path = root().join("README.md");
-    let document =
-        std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("README.md is needed at the root: {error}"));
-    calls(&document)
+/// The pages that hold at least one call of the program.
+fn pages_with_calls() -> Vec<(String, Vec<Call>)> {
+    let pages = pages().into_iter().map(|page| (page.path, calls(&page.text)));
+    pages.filter(|(_, calls)| !calls.is_empty()).collect()
 }
 
 #[test]
-fn each_command_of_the_readme_parses() {
-    let calls = readme_calls();
-    assert!(!calls.is_empty(), "README.md has no ```console block with a `$ starloop` command");
-    let parse = |call: &Call| failure(program().args(&call.arguments).arg("--help"), &call.written);
-    let failures: Vec<_> = calls.iter().filter_map(parse).collect();
+fn each_command_of_a_page_parses() {
+    let pages = pages_with_calls();
+    assert!(pages.iter().any(|(path, _)| path == "README.md"), "README.md has no call of the program");
+    let parse = |path: &str, call: &Call| {
+        let fault = failure(program().args(&call.arguments).arg("--help"), &call.written)?;
+        Some(format!("{path}: {fault}"))
+    };
+    let failures: Vec<_> =
+        pages.iter().flat_map(|(path, calls)| calls.iter().filter_map(move |call| parse(path, call))).collect();
     assert!(failures.is_empty(), "\n{}", failures.join("\n"));
 }
 
 #[test]
-fn marked_commands_of_the_readme_run() {
-    let calls = readme_calls();
-    let marked: Vec<_> = calls.iter().filter(|call| call.is_marked).collect();
-    assert!(!marked.is_empty(), "README.md has no {MARK} above a ```console block with a `$ starloop` command");
-    let folder = tempfile::tempdir().unwrap();
-    let failures: Vec<_> = marked.iter().filter_map(|call| run(call, folder.path())).collect();
+fn marked_commands_of_a_page_run() {
+    let pages = pages_with_calls();
+    let marked = pages.iter().filter(|(_, calls)| calls.iter().any(|call| call.is_marked)).count();
+    assert!(
+        marked >= PAGES_MARKED_MIN,
+        "{marked} pages have {MARK} above a ```console block with a `$ starloop` command"
+    );
+    let mut failures = Vec::new();
+    for (path, calls) in &pages {
+        let folder = tempfile::tempdir().unwrap();
+        let marked = calls.iter().filter(|call| call.is_marked);
+        failures.extend(marked.filter_map(|call| run(call, folder.path())).map(|fault| format!("{path}: {fault}")));
+    }
     assert!(failures.is_empty(), "\n{}", failures.join("\n"));
 }
 
