@@ -114,6 +114,15 @@ class Slew:
 # --- the flight computer ---
 
 
+# What CAMERA sets, by the names that --camera takes.
+CAMERA_KINDS = {
+    "exposure": 1, "gain": 2, "black_level": 3, "frame_period": 4, "triggered": 5, "trigger_delay": 6, "trigger_overlap": 7,
+    "burst": 8, "exposure_mode": 9, "auto_exposure": 10, "auto_gain": 11, "report": 12,
+}
+# What each page of CAMERA_STATUS has of a frame.
+CAMERA_PAGES = {0: ("StartedBy", "ExposureTime"), 1: ("Gain", "BlackLevel"), 2: ("TriggerDelay",)}
+
+
 class Refused(Exception):
     pass
 
@@ -128,6 +137,8 @@ class FlightComputer:
         self.counter = self.sequence = self.token = 0
         self.frames, self.exposures, self.answers = {}, {}, {}
         self.clock_page, self.mode = None, None
+        # What CAMERA_STATUS said of each frame, by the whole number of the frame that the sender keeps modulo 256.
+        self.camera_frames, self.camera_frame = {}, None
         # A frame drawn from an older attitude is a prediction, and says so: it is counted, not compared.
         self.oldest_us, self.predicted_far = 100_000, 0
 
@@ -189,6 +200,17 @@ class FlightComputer:
             self.frames[len(self.frames)] = {"mid_us": fields["MidExposure"], "age_us": fields["Age"]}
         elif name == "STATUS":
             self.hear_status(fields)
+        elif name == "CAMERA_STATUS" and fields["Head"] == 0:
+            self.hear_camera(fields)
+
+    def hear_camera(self, fields):
+        """Collects the pages of a frame of the first head."""
+        if fields["Page"] not in CAMERA_PAGES:
+            return
+        last = self.camera_frame if self.camera_frame is not None else fields["Frame"]
+        self.camera_frame = last + (fields["Frame"] - last + 128) % 256 - 128
+        told = self.camera_frames.setdefault(self.camera_frame, {})
+        told.update({name: fields[name] for name in CAMERA_PAGES[fields["Page"]]})
 
     def hear_status(self, fields):
         for page, angle in ((4, "RightAscension"), (5, "Declination"), (6, "Roll")):
@@ -205,7 +227,7 @@ class FlightComputer:
     def ask(self, what, **arguments):
         """One command, said again with the same token until it is answered."""
         self.token = self.token % 255 + 1
-        opcode = {"HELLO": 1, "INFO": 2, "RUN": 3, "STOP": 4, "TRIGGER": 6}[what]
+        opcode = {"HELLO": 1, "INFO": 2, "RUN": 3, "STOP": 4, "TRIGGER": 6, "CAMERA": 7, "CAMERA_TRIGGER": 8}[what]
         for _ in range(10):
             self.transport.send("CMD", {"Opcode": opcode, "Token": self.token, **arguments})
             until_s = self.now_s() + RETRY_S
@@ -230,6 +252,10 @@ class FlightComputer:
         # Zero says at once; the microsecond after it is as good.
         at_us = 0 if at_s is None else max(1, int(at_s * US) % 2**32)
         return self.ask("TRIGGER", TriggerNumber=number, TriggerTime=at_us)
+
+    def set_camera(self, kind, value, head=0):
+        """Sets something of a camera head from its next exposure on; the answer."""
+        return self.ask("CAMERA", CameraKind=CAMERA_KINDS[kind], CameraHead=head, CameraValue=value)
 
     def errors_arcsec(self):
         """(mid-exposure s, largest of the three angles' errors) of each frame that showed the attitude."""
@@ -267,6 +293,36 @@ def trigger(text):
         raise argparse.ArgumentTypeError(f"the time is {at_s!r}; wanted seconds") from None
 
 
+def camera(text):
+    """`exposure=20000` or `gain=600@2.5`: kind and value of CAMERA, and seconds after the turn began."""
+    setting, _, at_s = text.partition("@")
+    kind, _, value = setting.partition("=")
+    if kind not in CAMERA_KINDS:
+        raise argparse.ArgumentTypeError(f"the setting is {kind!r}; wanted one of {', '.join(CAMERA_KINDS)}")
+    if not value.isascii() or not value.isdigit() or int(value) >= 2**32:
+        raise argparse.ArgumentTypeError(f"the value of {kind} is {value!r}; wanted a whole number below 2^32")
+    try:
+        return kind, int(value), float(at_s) if at_s else None
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"the time is {at_s!r}; wanted seconds") from None
+
+
+def command_cameras(computer, wanted, start_s):
+    """Gives the commands of --camera, each at its time, and prints the answers."""
+    for kind, value, after_s in sorted(wanted, key=lambda one: -math.inf if one[2] is None else one[2]):
+        if after_s is not None:
+            computer.fly(start_s + after_s)
+        computer.set_camera(kind, value)
+        print(f"camera {kind}={value} was taken")
+
+
+def print_camera_frames(computer):
+    """A line for each frame of which all pages of CAMERA_STATUS came."""
+    for number, told in sorted(computer.camera_frames.items()):
+        if len(told) == sum(map(len, CAMERA_PAGES.values())):
+            print(f"camera frame {number}: " + " ".join(f"{name}={value:.10g}" for name, value in sorted(told.items())))
+
+
 def arguments():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--interface", help="python-can interface: slcan, socketcand, socketcan, ...")
@@ -289,6 +345,9 @@ def arguments():
     parser.add_argument("--trigger", type=trigger, metavar="NUMBER[@S]", action="append", default=[],
                         help="fire a trigger at once, or S seconds after the turn began; may be repeated; "
                         "a number that nothing in the run waits for is refused")
+    parser.add_argument("--camera", type=camera, metavar="KIND=VALUE[@S]", action="append", default=[],
+                        help="command the camera at once, or S seconds after the turn began, in the units of INTERFACE.md: "
+                        "exposure=20000 (us), gain=600 (0.01 dB), report=1 (CAMERA_STATUS); may be repeated")
     parser.add_argument("--biased-deg", type=float, default=0.0, help="compare with a slew longer by this (control)")
     parsed = parser.parse_args()
     if (parsed.serial is None) == (parsed.interface is None):
@@ -327,7 +386,12 @@ def main():
         except (Refused, TimeoutError, ValueError) as error:
             sys.exit(f"flight_computer: trigger {number}: {error}")
         print(f"trigger {number} was taken{', late' if answer['TriggeredLate'] else ''}")
+    try:
+        command_cameras(computer, given.camera, slew.start_s)
+    except (Refused, TimeoutError) as error:
+        sys.exit(f"flight_computer: camera: {error}")
     computer.fly(slew.start_s + given.slew_s + 1.0)
+    print_camera_frames(computer)
     slew.angle += math.radians(given.biased_deg)
     # Frames exposed before the turn was planned saw the same attitude at rest.
     errors = computer.errors_arcsec()

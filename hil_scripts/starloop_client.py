@@ -142,16 +142,17 @@ class Starloop:
         scenario: Union[str, os.PathLike],
         *,
         seed: Optional[int] = None,
+        clock: str = "virtual",
         settings: Optional[Dict[str, Any]] = None,
         arguments: Iterable[str] = (),
         timeout_s: float = 60.0,
     ) -> "Starloop":
         """Starts `starloop run SCENARIO` and connects to it.
 
-        `settings` are values to change, such as {"control.delay_ms": 300}; `arguments` go to the command line as they
+        `clock` is "virtual", which moves with `step`, or "real", which goes on by itself. `settings` are values to change, such as {"control.delay_ms": 300}; `arguments` go to the command line as they
         are, such as ["--out", "run"].
         """
-        command = [os.fspath(binary), "run", os.fspath(scenario), "--clock", "virtual", "--quiet"]
+        command = [os.fspath(binary), "run", os.fspath(scenario), "--clock", clock, "--quiet"]
         command += ["--control", "127.0.0.1:0"]
         if seed is not None:
             command += ["--seed", str(seed)]

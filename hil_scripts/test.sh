@@ -33,6 +33,7 @@ command -v c++ >/dev/null || packages+=(g++)          # the fuzzer's runtime
 packages+=(clang gcc-arm-none-eabi libnewlib-arm-none-eabi) # the C kit under other compilers
 packages+=(can-utils tshark)                          # other people's readers of captures
 packages+=(aravis-tools-cli gir1.2-aravis-0.8 python3-gi python3-numpy gstreamer1.0-tools) # clients of network cameras
+packages+=(linuxptp)                                  # the PTP clock whose state the network camera tells
 packages+=(openjdk-17-jre-headless)                  # Orekit, another reader of attitudes and orbits
 packages+=(xvfb xdotool evilwm twm x11-xserver-utils libxkbcommon-x11-0 chromium siril)    # screens without a monitor, a browser, a reader of SER files
 [[ -n $no_vcan ]] || packages+=(user-mode-linux iproute2 kmod) # SocketCAN without CAN in this kernel

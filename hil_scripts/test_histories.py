@@ -123,7 +123,7 @@ class Orekit:
     def aem(self, path, version, kind, is_xml):
         from java.lang import StringBuilder
         from java.util import ArrayList
-        from org.hipparchus.geometry.euclidean.threed import Rotation, RotationConvention, Vector3D
+        from org.hipparchus.geometry.euclidean.threed import Rotation, RotationConvention, RotationOrder, Vector3D
         from org.orekit.data import DataContext
         from org.orekit.files.ccsds.definitions import FrameFacade, TimeSystem
         from org.orekit.files.ccsds.ndm import WriterBuilder
@@ -147,8 +147,10 @@ class Orekit:
         metadata.getEndpoints().setFrameA(frames[0])
         metadata.getEndpoints().setFrameB(frames[1])
         metadata.getEndpoints().setA2b(True)
-        if kind == "QUATERNION_ANGVEL":
+        if kind.endswith("_ANGVEL"):
             metadata.setAngvelFrame(frames[1])
+        if kind.startswith("EULER_ANGLE"):
+            metadata.setEulerRotSeq(RotationOrder.XYZ if version < 2.0 else RotationOrder.ZXZ)
         if version < 2.0:
             metadata.setIsFirst(False)
         data, axis = AemData(), Vector3D(*map(float, AXIS))
@@ -261,6 +263,17 @@ class Files(unittest.TestCase):
             (2.0, "QUATERNION_DERIVATIVE", False),
             (2.0, "QUATERNION", True),
             (2.0, "QUATERNION_ANGVEL", True),
+            (1.0, "EULER_ANGLE", False),
+            (2.0, "EULER_ANGLE", False),
+            (2.0, "EULER_ANGLE_DERIVATIVE", False),
+            (2.0, "EULER_ANGLE_ANGVEL", False),
+            (2.0, "EULER_ANGLE", True),
+            (2.0, "EULER_ANGLE_DERIVATIVE", True),
+            (1.0, "SPIN", False),
+            (2.0, "SPIN", False),
+            (2.0, "SPIN_NUTATION", False),
+            (2.0, "SPIN_NUTATION_MOMENTUM", False),
+            (2.0, "SPIN", True),
         ]:
             with self.subTest(version=version, kind=kind, xml=is_xml):
                 name = f"orekit_{version}_{kind}_{is_xml}"

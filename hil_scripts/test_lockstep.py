@@ -8,7 +8,9 @@ import math
 import os
 import socket
 import sys
+import subprocess
 import tempfile
+import time
 import unittest
 from pathlib import Path
 
@@ -23,6 +25,8 @@ BINARY = os.environ.get("STARLOOP_BINARY", str(ROOT / "target/release/starloop")
 BENCH = ROOT / "configs/benches/lockstep.toml"
 #: A flight inside that is over soon.
 SMALL = {"duration_s": 3.0, "expect.window_s": 1.0, "bench.camera": "../cameras/small_tracker.toml"}
+#: Where the attitude of a frame came from, while its sender is there.
+LIVE = ("measured", "predicted")
 #: Turn of the samples, rad/s about the body's y axis.
 RATE = 0.01
 
@@ -185,7 +189,7 @@ class ControlOutside(unittest.TestCase):
             self.assertLess(max(abs(speed) for speed in speeds[1:]), 1.0, "control: the others coast")
 
 
-    def test_the_real_clock_takes_commands_and_no_samples(self):
+    def test_the_real_clock_takes_commands_and_no_samples_of_a_plant_inside(self):
         command = [BINARY, "run", str(ROOT / "configs/scenarios/acquisition.toml"), "--clock", "real", "--quiet"]
         command += ["--control", "127.0.0.1:0", "--set", "duration_s=20.0"]
         command += [word for key, value in SMALL.items() if key != "duration_s" for word in ("--set", f"{key}={value}")]
@@ -193,7 +197,7 @@ class ControlOutside(unittest.TestCase):
         connection = socket.create_connection(program.address, timeout=60.0)
         with Starloop(connection, program, token=program.token) as loop:
             self.assertEqual(loop.hello["clock"], "real")
-            with self.assertRaisesRegex(StarloopError, "--clock virtual to send samples"):
+            with self.assertRaisesRegex(StarloopError, "come by its link, or from inside"):
                 loop.attitude(samples())
             with self.assertRaisesRegex(StarloopError, "wanted a hand-over"):
                 loop.wheels([0.0, 0.0, 0.0, 0.0])
@@ -201,6 +205,76 @@ class ControlOutside(unittest.TestCase):
             self.assertEqual(loop.wheels([0.01, 0.0, 0.0, 0.0])["control"], "outside")
             self.assertEqual(loop.control(by="inside")["control"], "inside", "control: it can be given back")
             loop.finish()
+
+
+class RealTime(unittest.TestCase):
+    """A plant outside on the real clock: samples by the run's time, as they come."""
+
+    def fly(self, folder, seconds, edit=lambda rows, t_s: rows):
+        """Sends a slew a sample each 20 ms; the facts of the newest frame after each, and the state in the end."""
+        out = Path(folder) / "out"
+        arguments = ["--capture", str(Path(folder) / "capture"), "--out", str(out), "--sink", "null"]
+        settings = {"timing.duration_s": seconds + 1.5, "render.backend": "cpu"}
+        seen, refusals = {}, []
+        with Starloop.start(BINARY, BENCH, clock="real", settings=settings, arguments=arguments) as loop:
+            zero = time.monotonic() - loop.hello["now_s"]
+            while (t_s := time.monotonic() - zero) < seconds:
+                try:
+                    loop.attitude(edit([attitude_sample(t_s, *turned(t_s))], t_s))
+                except StarloopError as refusal:
+                    refusals.append(str(refusal))
+                if loop.state()["frames"]["delivered"]:
+                    facts = loop.frame_facts()
+                    seen[facts["number"]] = facts
+                time.sleep(0.02)
+            time.sleep(1.2)
+            last, state = loop.frame_facts(), loop.state()
+            loop.finish()
+        return seen, last, state, refusals
+
+    def test_frames_show_what_is_sent_in_time_and_a_sender_that_stops_is_an_event(self):
+        with tempfile.TemporaryDirectory() as folder:
+            seen, last, state, _ = self.fly(folder, 3.0)
+            shown = [facts for facts in seen.values() if facts["meta"]["origin"] in LIVE and facts["mid_exposure_s"] > 0.3]
+            self.assertGreater(len(shown), 10, [facts["meta"]["origin"] for facts in seen.values()])
+            mounting = None
+            for facts in shown:
+                q, _ = turned(facts["mid_exposure_s"])
+                got = facts["meta"]["attitude_wxyz"]
+                # The sensor's axes turn with the body's: the product with the inverse is the mounting, in every frame the same.
+                fixed = multiplied(got, [q[0], -q[1], -q[2], -q[3]])
+                mounting = mounting or fixed
+                off = min(max(abs(a - s * b) for a, b in zip(fixed, mounting)) for s in (1, -1))
+                self.assertLess(off, 1e-7, facts["number"])
+                later, _ = turned(facts["mid_exposure_s"] + 0.05)
+                self.assertGreater(max(abs(a - b) for a, b in zip(later, q)), 1e-5, "control: 50 ms are seen")
+            events = state["events"]
+            stale = [events.get(name, 0) for name in ("attitude_held", "blank", "attitude_missing")]
+            self.assertGreater(sum(stale), 5, events)
+            self.assertNotIn(last["meta"]["origin"], LIVE, "a sender that stopped is not shown as new")
+            done = subprocess.run([BINARY, "replay", str(Path(folder) / "capture")], capture_output=True, text=True, timeout=120)
+            self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+            self.assertIn("bit-identical", done.stdout)
+
+    def test_old_and_jumping_samples_are_refused_and_counted(self):
+        def spoilt(rows, t_s):
+            if 1.0 < t_s < 1.1:
+                return [attitude_sample(t_s - 60.0, *turned(0.0))]
+            if 1.2 < t_s < 1.3:
+                return [attitude_sample(t_s, [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0])]
+            if 1.4 < t_s < 1.5:
+                return [[t_s, 1.0, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0]]
+            return rows
+
+        with tempfile.TemporaryDirectory() as folder:
+            seen, _, state, refusals = self.fly(folder, 2.5, spoilt)
+            self.assertTrue(refusals and all("norm 1.00498" in refusal for refusal in refusals), refusals)
+            self.assertGreaterEqual(state["events"]["sample_refused"], 3, state["events"])
+            shown = [facts for facts in seen.values() if facts["meta"]["origin"] in LIVE]
+            first = shown[0]["meta"]["attitude_wxyz"]
+            for facts in shown:
+                along = abs(sum(a * b for a, b in zip(facts["meta"]["attitude_wxyz"], first)))
+                self.assertGreater(along, math.cos(0.02), "no frame shows the half turn")
 
 
 class Examples(unittest.TestCase):

@@ -26,6 +26,8 @@ from pathlib import Path
 
 sys.dont_write_bytecode = True
 
+from gvcp_client import STREAM_ADDRESS, STREAM_PORT, Client, Refused, Stream, bits_of
+
 ROOT = Path(__file__).resolve().parent.parent
 BINARY = Path(os.environ.get("STARLOOP_BINARY", ROOT / "target/release/starloop"))
 FEED = os.environ.get("STARLOOP_CAMERA_FEED", str(BINARY.parent / "examples/camera_feed"))
@@ -36,7 +38,8 @@ PATIENCE_S = 60.0
 # Addresses of this run: several runs on one machine do not meet.
 ADDRESSES = (f"127.{1 + os.getpid() // 250 % 250}.{1 + os.getpid() % 250}.{last}" for last in range(1, 250))
 # Bits of a sample, and of a sample in memory.
-FORMATS = {"Mono8": 8, "Mono10": 10, "Mono12": 12, "Mono12Packed": 12, "Mono16": 16}
+FORMATS = {"Mono8": 8, "Mono10": 10, "Mono10Packed": 10, "Mono10p": 10, "Mono12": 12, "Mono12Packed": 12, "Mono12p": 12,
+           "Mono14": 14, "Mono14p": 14, "Mono16": 16}
 DETECTOR_BITS = 12
 # What Aravis calls a buffer that holds a whole frame.
 WHOLE = "success"
@@ -112,13 +115,22 @@ def unpacked(data, pixel_format, size):
     import numpy
 
     columns, rows = size
+    bits = FORMATS[pixel_format]
+    is_pairs, is_stream = pixel_format.endswith("Packed"), pixel_format.endswith("p")
     # Chunks stand behind the image.
-    data = data[:columns * rows * {"Mono8": 2, "Mono12Packed": 3}.get(pixel_format, 4) // 2]
-    if pixel_format == "Mono8":
+    bits_in_memory = 12 if is_pairs else bits if is_stream else 8 if bits == 8 else 16
+    data = data[:-(-columns * rows * bits_in_memory // 8)]
+    if bits == 8:
         samples = numpy.frombuffer(data, numpy.uint8).astype(numpy.uint16)
-    elif pixel_format == "Mono12Packed":
+    elif is_pairs:
+        low_bits = bits - 8
         first, low, second = numpy.frombuffer(data, numpy.uint8).astype(numpy.uint16).reshape(-1, 3).T
-        samples = numpy.stack([first << 4 | low & 15, second << 4 | low >> 4], axis=1).ravel()
+        lows = low & 15, low >> 4
+        samples = numpy.stack([first << low_bits | lows[0], second << low_bits | lows[1]], axis=1).ravel()
+    elif is_stream:
+        stream = numpy.unpackbits(numpy.frombuffer(data, numpy.uint8), bitorder="little")
+        weights = 1 << numpy.arange(bits)
+        samples = (stream[:columns * rows * bits].reshape(-1, bits) * weights).sum(axis=1).astype(numpy.uint16)
     else:
         samples = numpy.frombuffer(data, "<u2")
     return samples.reshape(rows, columns)
@@ -431,6 +443,176 @@ class Aravis(unittest.TestCase):
             told = [grab.result() for grab in grabs]
         for head, of_head in zip(heads, told):
             self.bit_exact(head, of_head["frames"], "Mono12")
+
+
+class Features(unittest.TestCase):
+    """Features by the reference GenApi, frames by a receiver written from the definition of the stream."""
+
+    def start(self, client, nodes, stream, address="127.0.0.1"):
+        client.write_words({STREAM_ADDRESS: bits_of(address), STREAM_PORT: stream.port})
+        nodes.get_node("AcquisitionStart").execute()
+
+    def number_and_words(self, client, frame):
+        """Frame number, origin of the attitude and test pattern, by the places that the XML states."""
+        length, = struct.unpack(">I", frame["data"][-4:])
+        truth = frame["data"][-8 - length:-8]
+        place = lambda name: int(re.search(rf'Name="{name}".*?<Address>(\d+)</Address>', client.xml, re.DOTALL)[1])
+        word = lambda name: truth[place(name):place(name) + 24].split(b"\0")[0].decode()
+        return struct.unpack(">q", truth[place("ChunkFrameID"):][:8])[0], word("ChunkAttitudeOrigin"), word("ChunkTestPattern")
+
+    def test_test_patterns_are_bit_exact_and_say_so(self):
+        import numpy
+
+        columns, rows, mask = 64, 48, (1 << DETECTOR_BITS) - 1
+        y, x = numpy.mgrid[:rows, :columns]
+        patterns = {"Black": lambda k: 0 * x, "White": lambda k: 0 * x + mask, "GreyHorizontalRamp": lambda k: x,
+                    "GreyVerticalRamp": lambda k: y, "GreyHorizontalRampMoving": lambda k: x + k,
+                    "GreyVerticalRampMoving": lambda k: y + k, "GreyDiagonalRampMoving": lambda k: x + y + k}
+        with Camera() as camera, Client(camera.address) as client:
+            nodes, stream = client.nodes(), Stream()
+            nodes.get_node("ChunkModeActive").value = True
+            self.start(client, nodes, stream)
+            for name, dn in [*patterns.items(), ("Off", None)]:
+                nodes.get_node("TestPattern").value = name
+                # Frames that were under way show what was before.
+                for _ in range(20):
+                    frame = stream.frame()
+                    number, origin, pattern = self.number_and_words(client, frame)
+                    if pattern == name:
+                        break
+                got = unpacked(frame["data"], "Mono12", frame["size"])
+                if dn:
+                    self.assertEqual((pattern, origin), (name, "test_pattern"))
+                    self.assertTrue((got == dn(number) & mask).all(), name)
+                    self.assertEqual(name.endswith("Moving"), (dn(number) & mask != dn(number + 1) & mask).any(), "control")
+            last = got, number, origin
+            self.assertIn("TestPattern = Off", camera.arv_tool("control", "TestPattern"))
+        pixels, number, origin = last
+        self.assertEqual(origin, "predicted")
+        self.assertTrue((pixels == camera.images[number]).all(), "the image again; the record never had a pattern")
+        self.assertGreaterEqual(camera.counters["frames_of_a_pattern"], len(patterns))
+
+    def test_user_sets_keep_settings_until_the_program_ends(self):
+        with Camera() as camera, Client(camera.address) as client:
+            nodes = client.nodes()
+            features = {"Width": 40, "OffsetX": 8, "PixelFormat": "Mono10p", "TestPattern": "White", "ChunkModeActive": True}
+            node = nodes.get_node
+            own = {name: node(name).value for name in features}
+            for name, value in features.items():
+                node(name).value = value
+            with self.assertRaises(Exception):
+                node("UserSetSave").execute()
+            node("UserSetSelector").value = "UserSet2"
+            node("UserSetSave").execute()
+            node("UserSetSelector").value = "Default"
+            node("UserSetLoad").execute()
+            self.assertEqual({name: node(name).value for name in features}, own)
+            node("UserSetSelector").value = "UserSet2"
+            node("UserSetLoad").execute()
+            self.assertEqual({name: node(name).value for name in features}, features)
+            self.assertNotEqual(features, own, "control")
+            self.assertEqual(node("DeviceTemperature").value, 21.5)
+            self.assertEqual(node("DeviceTemperatureSelector").value, "Sensor")
+
+    def test_several_regions_are_one_image_one_below_the_other(self):
+        places = [(3, 5, 16, 4), (40, 20, 10, 8), (0, 0, 1, 1)]
+        with Camera() as camera, Client(camera.address) as client:
+            nodes, stream = client.nodes(), Stream()
+            for number, (x, y, columns, rows) in enumerate(places):
+                for name, value in [("RegionSelector", f"Region{number}"), ("Width", columns), ("Height", rows),
+                                    ("OffsetX", x), ("OffsetY", y), ("RegionMode", "On")]:
+                    nodes.get_node(name).value = value
+            nodes.get_node("ChunkModeActive").value = True
+            for pixel_format, code in (("Mono12", 0x01100005), ("Mono12p", 0x010C0047)):
+                nodes.get_node("PixelFormat").value = pixel_format
+                self.start(client, nodes, stream)
+                # Frames of the acquisition before may wait in the socket.
+                while (frame := stream.frame())["format"] != code:
+                    pass
+                self.assertEqual(frame["size"], (16, 13))
+                got, number = unpacked(frame["data"], pixel_format, frame["size"]), self.number_and_words(client, frame)[0]
+                nodes.get_node("AcquisitionStop").execute()
+                client.write_words({STREAM_PORT: 0})
+                last = pixel_format, got, number
+            told = camera.arv_tool("control", "RegionSelector", "Width", "PayloadSize")
+            self.assertIn("RegionSelector = Region2", told)
+        _, got, number = last
+        image, first = camera.images[number], 0
+        for x, y, columns, rows in places:
+            part = got[first:first + rows]
+            self.assertTrue((part[:, :columns] == image[y:y + rows, x:x + columns]).all(), (x, y))
+            self.assertFalse(part[:, columns:].any(), "zeros beside a narrower one")
+            first += rows
+        self.assertFalse((got[:4, :16] == image[:4, :16]).all(), "control: another place")
+
+    def test_two_receivers_of_a_group_get_every_frame(self):
+        group = "239.7.7.7"
+        with Camera(allow_other_receivers="yes") as camera, Client(camera.address) as client:
+            nodes = client.nodes()
+            nodes.get_node("ChunkModeActive").value = True
+            first = Stream(group=group)
+            receivers = [first, Stream(group=group, port=first.port)]
+            stranger = Stream()
+            self.start(client, nodes, first, address=group)
+            got = [[receiver.frame() for _ in range(5)] for receiver in receivers]
+            self.assertIsNone(stranger.frame(patience_s=0.5), "control: who is not of the group")
+            numbers = [[self.number_and_words(client, frame)[0] for frame in frames] for frames in got]
+        self.assertEqual(numbers[0], numbers[1])
+        for frame, number in zip(got[1], numbers[1]):
+            self.assertTrue((unpacked(frame["data"], "Mono12", frame["size"]) == camera.images[number]).all(), number)
+        with Camera(recorded=False) as camera, Client(camera.address) as client:
+            with self.assertRaises(Refused) as refused:
+                client.write_words({STREAM_ADDRESS: bits_of(group)})
+            self.assertEqual(refused.exception.status, 0x8002, "the bench must allow other receivers")
+
+
+class Colours(unittest.TestCase):
+    """A sensor with a colour filter array: OpenCV, Aravis and GStreamer take its frames for what they are."""
+
+    #: DN of red, green and blue in a frame of number 0, as camera_feed has them.
+    LEVELS = {"R": 3200, "G": 1600, "B": 800}
+    #: OpenCV's name of each pattern.
+    PATTERNS = {"RGGB": "RG", "GRBG": "GR", "GBRG": "GB", "BGGR": "BG"}
+
+    def test_opencv_demosaics_frames_of_every_pattern(self):
+        import cv2
+        import numpy
+
+        for pattern, letters in self.PATTERNS.items():
+            with self.subTest(pattern), Camera(colours=pattern) as camera:
+                features = [["PixelFormat", f"Bayer{letters}12"], ["ChunkModeActive", True]]
+                told = camera.grab(set=features, frames=2, chunks=True).result()
+            for frame in told["frames"]:
+                number = frame["integer"]["ChunkFrameID"]
+                raw = unpacked(frame["data"], "Mono12", frame["size"])
+                self.assertTrue((raw == camera.images[number]).all())
+                wanted = [self.LEVELS[colour] + number % 16 for colour in "BGR"]
+                inner = lambda name: cv2.cvtColor(raw.copy(), getattr(cv2, f"COLOR_Bayer{name}2BGR"))[2:-2, 2:-2]
+                self.assertTrue((inner(pattern) == numpy.array(wanted)).all(), pattern)
+                other = pattern[::-1] if pattern in ("RGGB", "BGGR") else {"GRBG": "GBRG", "GBRG": "GRBG"}[pattern]
+                self.assertFalse((inner(other) == numpy.array(wanted)).all(), "control: another pattern")
+
+    def test_formats_are_those_of_the_colours_and_regions_keep_them(self):
+        with Camera(colours="RGGB", recorded=False) as camera:
+            told = camera.arv_tool("control", "PixelFormat", "PixelFormat=Mono12", "PixelFormat=BayerRG12p", "PixelFormat",
+                                   "PayloadSize", "Width=32", "OffsetX=3", "OffsetX")
+            self.assertIn("PixelFormat = BayerRG12", told)
+            self.assertIn("PixelFormat = BayerRG12p", told)
+            self.assertIn(f"PayloadSize = {64 * 48 * 12 // 8} B", told)
+            self.assertNotIn("PixelFormat = Mono12", told)
+            self.assertNotIn("OffsetX = 3 ", told)
+
+    def test_gstreamer_sees_a_bayer_image(self):
+        with Camera(colours="GBRG") as camera, tempfile.TemporaryDirectory() as folder:
+            out = Path(folder) / "frames.raw"
+            launch = ["gst-launch-1.0", "-q", "aravissrc", f"camera-name={camera.address}", "num-buffers=2", "!",
+                      "video/x-bayer,format=gbrg", "!", "filesink", f"location={out}"]
+            done = subprocess.run(launch, capture_output=True, text=True, timeout=PATIENCE_S)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            data = out.read_bytes()
+        self.assertEqual(len(data), 2 * 64 * 48)
+        recorded = [shifted(image, "Mono8").astype("uint8").tobytes() for image in camera.images.values()]
+        self.assertIn(data[:64 * 48], recorded)
 
 
 class Others(unittest.TestCase):

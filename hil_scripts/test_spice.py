@@ -171,6 +171,27 @@ class Spice(unittest.TestCase):
                     later, _ = spiceypy.spkgeo(SPACECRAFT, self.et(row) + 69.184, "J2000", EARTH)
                     self.assertGreater(abs(numpy.array(got) - later)[:3].max(), 1, "negative control: another time system")
 
+    def test_images_of_a_ck_are_drawn_at_its_rows(self):
+        self.clocks(1)
+        self.write_ck(3)
+        out = self.folder / "row.fits"
+        words = ["render", "--camera", CAMERA, "--attitudes", self.folder / "a.bc", "--every", "20", "--out", out]
+        text_kernels = ["--kernel", self.folder / "clock.tsc", "--kernel", self.folder / "leap.tls"]
+        said = self.starloop(*words, *text_kernels, "--naif-id", INSTRUMENT)
+        images = sorted(self.folder.glob("row_*.fits"))
+        self.assertEqual(len(images), 5, said)
+        heads = [image.read_bytes()[:28800].decode("latin-1") for image in images]
+        values = lambda head: {line[:8].strip(): line[10:].split("/")[0].strip() for line in (head[i : i + 80] for i in range(0, 28800, 80))}
+        for number, head in enumerate(map(values, heads)):
+            ticks = (20 + 20 * number) / TICK_S
+            matrix = spiceypy.ckgp(INSTRUMENT, ticks, 0, "J2000")[0]
+            wanted = spiceypy.m2q(matrix)
+            got = numpy.array([float(head[f"Q{part}"]) for part in "WXYZ"])
+            self.assertLess(min(abs(got - wanted).max(), abs(got + wanted).max()), 1e-7)
+        refused = subprocess.run([BINARY, *map(str, words)], capture_output=True, text=True, timeout=60)
+        self.assertNotEqual(refused.returncode, 0)
+        self.assertIn("SCLK", refused.stderr, "without its clock")
+
     def test_a_kernel_without_its_clock_is_refused(self):
         self.clocks(1)
         self.write_ck(3)

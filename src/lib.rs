@@ -4,7 +4,7 @@
 //! Data flows one way, in the order of these crates; a crate depends only on crates before it (its `Cargo.toml` says which):
 //!
 //! ```text
-//! bytes -> Stamped<AttitudeSample> -> LosPath -> [ApparentSource] -> ExposurePlan -> ElectronImage -> DnImage -> SentFrame -> FrameRecord
+//! bytes -> Stamped<AttitudeSample> -> LosPath -> [Source] -> ExposurePlan -> ElectronImage -> DnImage -> SentFrame -> FrameRecord
 //! link     link                       plan       stars + sky        plan            image            image      frames       run
 //! ```
 //!

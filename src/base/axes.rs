@@ -22,6 +22,12 @@ use core::marker::PhantomData;
 use core::ops::Mul;
 use glam::{DMat3, DQuat, DVec3};
 
+/// Largest difference from 1 of the norm of a quaternion that a person, a table or a message in single precision gives: four
+/// decimals of each component.
+pub const WRITTEN_NORM_TOLERANCE: f64 = 1e-3;
+/// The same of a quaternion that a program gives in double precision: nine decimals of each component, with a margin.
+pub const COMPUTED_NORM_TOLERANCE: f64 = 1e-6;
+
 /// Catalog axes: the International Celestial Reference Frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Icrf;

@@ -13,6 +13,7 @@ pub mod least_squares;
 pub mod memory;
 pub mod patience;
 pub mod random;
+pub mod region;
 pub mod source;
 pub mod source_id;
 pub mod streams;

@@ -6,7 +6,7 @@ use crate::source_id::SourceId;
 use glam::DVec3;
 
 /// Angular rates of a source across the sky, at the catalog's epoch.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ProperMotion {
     /// Towards east, including cos(dec), mas per Julian year.
     pub pm_ra_cosdec_mas_yr: f32,

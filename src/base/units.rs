@@ -6,6 +6,10 @@ pub const DEG: f64 = core::f64::consts::PI / 180.0;
 pub const ARCSEC: f64 = DEG / 3600.0;
 /// Radians in one milliarcsecond.
 pub const MAS: f64 = ARCSEC / 1000.0;
+/// Kilometres in one metre.
+pub const METRE_KM: f64 = 1e-3;
+/// Radians per second in one revolution per minute.
+pub const RPM: f64 = core::f64::consts::TAU / 60.0;
 /// Speed of light in vacuum, km/s (exact; SI Brochure, 9th edition).
 pub const SPEED_OF_LIGHT_KM_S: f64 = 299_792.458;
 /// Astronomical unit, km (exact; IAU 2012 Resolution B2).

@@ -14,7 +14,8 @@ use clap::{Args, Subcommand};
 use frames::sink::write_file_atomically;
 use glam::DVec3;
 use sky::astrometry::{at_epoch, years_since};
-use stars::catalog::{BANDS, Catalog, chord_squared, pack};
+use stars::catalog::{BANDS, Catalog, pack};
+use stars::cover::chord_squared;
 use stars::credits;
 use stars::layer::{FASTEST_MAS_YR, Layer, is_layer};
 use std::io::{Read, Write};
@@ -141,9 +142,9 @@ fn pack_file(args: &PackArgs, out: &mut impl Write) -> anyhow::Result<()> {
 }
 
 fn info(catalog: &Catalog, out: &mut impl Write) -> anyhow::Result<()> {
-    let stars = catalog.sources();
+    let (stars, facts) = (catalog.sources(), catalog.index());
     writeln!(out, "stars    {}", stars.len())?;
-    writeln!(out, "epoch    J{:.1}, ICRS", catalog.epoch_yr())?;
+    writeln!(out, "epoch    J{:.1}, ICRS", facts.epoch_yr)?;
     writeln!(out, "bands    {BANDS}")?;
     writeln!(
         out,
@@ -151,9 +152,9 @@ fn info(catalog: &Catalog, out: &mut impl Write) -> anyhow::Result<()> {
         count(stars, |s| s.proper_motion.is_none()),
         count(stars, |s| s.parallax_mas.is_none())
     )?;
-    writeln!(out, "fastest  {:.2} arcsec/yr", catalog.fastest_mas_yr() / 1000.0)?;
-    writeln!(out, "crc32    {:08x}", catalog.crc32())?;
-    writeln!(out, "credits  {}", credits::shown(catalog.credits()))?;
+    writeln!(out, "fastest  {:.2} arcsec/yr", facts.fastest_mas_yr / 1000.0)?;
+    writeln!(out, "crc32    {:08x}", facts.crc32)?;
+    writeln!(out, "credits  {}", credits::shown(&facts.credits))?;
     writeln!(out, "G magnitude   stars   brighter than the upper end")?;
     let faintest = stars.iter().map(|s| s.mag_g).fold(f32::NEG_INFINITY, f32::max);
     let mut low = -2.0_f32;
@@ -182,14 +183,14 @@ fn query(args: &QueryArgs, out: &mut impl Write) -> anyhow::Result<()> {
     let years = match args.catalog.as_deref().filter(|path| is_layer(path)) {
         Some(path) => {
             let layer = Layer::open(path)?;
-            let years = years_from(layer.epoch_yr());
+            let years = years_from(layer.index().epoch_yr);
             layer.cone(axis, radius_rad(years, FASTEST_MAS_YR), args.mag, &mut found)?;
             years
         }
         None => {
             let catalog = open(args.catalog.as_deref())?;
-            let years = years_from(catalog.epoch_yr());
-            catalog.cone(axis, radius_rad(years, catalog.fastest_mas_yr()), args.mag, &mut found);
+            let years = years_from(catalog.index().epoch_yr);
+            catalog.cone(axis, radius_rad(years, catalog.index().fastest_mas_yr), args.mag, &mut found);
             years
         }
     };

@@ -230,7 +230,7 @@ pub(super) fn verify(args: &VerifyArgs, out: &mut impl Write) -> anyhow::Result<
             let layer = Layer::open(path)?;
             layer.verify(&mut |share| line.show(&format!("{}: {:.0} %", path.display(), 100.0 * share)))?;
             line.clear();
-            layer.stars()
+            layer.index().stars()
         } else {
             let catalog = Catalog::open(path).with_context(|| path.display().to_string())?;
             catalog.sources().len() as u64
@@ -243,22 +243,23 @@ pub(super) fn verify(args: &VerifyArgs, out: &mut impl Write) -> anyhow::Result<
 /// Tells what a layer holds.
 pub(super) fn layer_info(path: &Path, out: &mut impl Write) -> anyhow::Result<()> {
     let layer = Layer::open(path)?;
-    let [from, below] = layer.magnitudes();
+    let facts = layer.index();
+    let [from, below] = facts.magnitudes;
     let (mut most, mut filled) = (0, 0);
-    for stars in layer.stars_of_tiles() {
+    for stars in facts.stars_of_tiles() {
         most = most.max(stars);
         filled += u64::from(stars > 0);
     }
-    writeln!(out, "stars    {}", layer.stars())?;
-    writeln!(out, "epoch    J{:.1}, ICRS", layer.epoch_yr())?;
+    writeln!(out, "stars    {}", facts.stars())?;
+    writeln!(out, "epoch    J{:.1}, ICRS", facts.epoch_yr)?;
     if from.is_finite() {
         writeln!(out, "G        {from} to {below}")?;
     } else {
         writeln!(out, "G        to {below}")?;
     }
-    writeln!(out, "tiles    order {}, {filled} with stars, at most {most} in one", layer.order())?;
-    writeln!(out, "crc32    {:08x}", layer.crc32())?;
-    writeln!(out, "credits  {}", credits::shown(layer.credits()))?;
+    writeln!(out, "tiles    order {}, {filled} with stars, at most {most} in one", facts.order)?;
+    writeln!(out, "crc32    {:08x}", facts.crc32)?;
+    writeln!(out, "credits  {}", credits::shown(&facts.credits))?;
     Ok(())
 }
 

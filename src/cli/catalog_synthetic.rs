@@ -139,7 +139,7 @@ mod tests {
             let (axis, mut near) = (direction_from_ra_dec(266.0 * DEG, -29.0 * DEG), Vec::new());
             layer.cone(axis, 5.0 * DEG, 99.0, &mut near).unwrap();
             let directions: Vec<DVec3> = near.iter().map(|star| star.direction_icrf).collect();
-            (directions, layer.stars(), told)
+            (directions, layer.index().stars(), told)
         };
         let (whole, all, _) = stars_near(&[], "whole");
         let (part, fewer, told) = stars_near(&["--around", "266,-29,5"], "part");

@@ -25,8 +25,7 @@ use run::wiring::display_parts::take_display;
 use run::wiring::memory::{RunForm, RunMemory};
 use run::wiring::motion::motion_scale;
 use run::wiring::sinks::told_lines;
-use stars::Sky;
-use stars::layer::Layer;
+use stars::{Sky, StarIndex};
 use std::path::PathBuf;
 use testbed::flight_computer::FlightComputer;
 
@@ -203,16 +202,16 @@ fn write_memory(text: &mut String, bench: &Bench) -> Result<()> {
 
 /// The stars there are, and which of those that the camera sees are not.
 fn write_stars(text: &mut String, params: &RunParams, limiting_mag: f64, sky: &Sky) -> Result<()> {
-    if let Sky::Layers { layers, most_stars } = sky {
-        let (files, memory_mb) = (layers.layers(), params.star_memory_mb);
-        let stars: u64 = files.iter().map(Layer::stars).sum();
+    let Sky { layers, most_stars } = sky;
+    let [from, faintest] = layers.magnitudes();
+    if !layers.is_in_memory() {
+        let stars: u64 = layers.layers().map(StarIndex::stars).sum();
         writeln!(
             text,
-            "  stars        {stars} in {} layers to G = {}, at most {most_stars} of them in memory ({memory_mb} MiB)",
-            files.len(),
-            layers.below_mag()
+            "  stars        {stars} in {} layers to G = {faintest}, at most {most_stars} of them in memory ({} MiB)",
+            layers.layers().len(),
+            params.star_memory_mb
         )?;
-        let from = layers.from_mag();
         if from > f32::NEG_INFINITY {
             writeln!(
                 text,
@@ -220,7 +219,6 @@ fn write_stars(text: &mut String, params: &RunParams, limiting_mag: f64, sky: &S
             )?;
         }
     }
-    let faintest = sky.faintest_mag();
     if limiting_mag > f64::from(faintest) {
         writeln!(
             text,

@@ -105,6 +105,11 @@ impl ExportSource {
     /// Returns where the observer is at mid-exposure of every frame.
     pub(super) fn observer(&self) -> Result<OrbitHistory> {
         let bench = self.bench("--observer")?;
+        if bench.flight_computer.is_external && (bench.is_lockstep() || bench.link.plain.is_some()) {
+            eprintln!(
+                "the orbit is that of the run file: states of the observer that a plant outside sent are not recorded"
+            );
+        }
         let start = match bench.timing.start {
             StartTime::At(start) => start,
             StartTime::Now => self.first_exposure - Span::from_ms(1000),

@@ -3,6 +3,7 @@
 #[macro_use]
 mod print;
 mod advice;
+mod attitude_file;
 pub mod budget;
 mod budget_advice;
 mod budget_files;

@@ -1,5 +1,6 @@
 //! `starloop render`: one image for a given attitude and time.
 
+use crate::cli::attitude_file::KernelArgs;
 use crate::cli::degrees::{declination_deg, right_ascension_deg};
 use crate::cli::named_camera::named_camera;
 use crate::cli::over_budget::over_budget_told;
@@ -11,7 +12,7 @@ use crate::cli::run_args::BackendName;
 use crate::cli::wcs_warning::warn_of_wcs;
 use anyhow::{Context, Result, bail};
 use base::accuracy::AccuracyBudget;
-use base::axes::{Icrf, Rotation, Sensor, sensor_from_ra_dec_roll};
+use base::axes::{Icrf, Rotation, Sensor, WRITTEN_NORM_TOLERANCE, sensor_from_ra_dec_roll};
 use base::clock::Stopwatch;
 use base::time::{Span, Tai};
 use clap::{Args, ValueEnum};
@@ -28,14 +29,14 @@ use run::runtime::engine::fill_meta;
 use run::wiring::bench_parts::backend_choice;
 use run::wiring::camera_parts::camera_params;
 use run::wiring::memory::RunMemory;
+use scene::SceneParams;
 use scene::camera::CameraParams;
-use scene::field_light::{FieldLight, illumination_map};
-use scene::sky_view::SkyView;
+use scene::field_light::illumination_map;
 use scene::truth::fill_truth;
 use scene::wcs::WcsMaker;
 use sky::almanac::Almanac;
 use sky::astrometry::{Sight, Vantage};
-use sky::observer::{Observer, ObserverTrack};
+use sky::observer::Observer;
 use stars::Sky;
 use std::path::{Path, PathBuf};
 
@@ -57,13 +58,15 @@ pub struct RenderArgs {
     /// Attitude quaternion `sensor_from_icrf`: Hamilton, scalar first, passive (v_sensor = q v_icrf q*)
     #[arg(long, value_name = "W,X,Y,Z", allow_hyphen_values = true, value_parser = four)]
     attitude: Option<[f64; 4]>,
-    /// File of attitudes of the sensor (CCSDS AEM, STK .a, table with a header): one image for every row, named by --out with a
+    /// File of attitudes of the sensor (CCSDS AEM, STK .a, table with a header, SPICE CK): one image for every row, named by --out with a
     /// number, its truth table beside it; times from a zero of the file's own count from --time
     #[arg(long, value_name = "FILE", conflicts_with_all = ["attitude", "ra", "rate", "los", "los_samples", "truth", "timing"])]
     attitudes: Option<PathBuf>,
     /// Seconds from image to image of --attitudes, in place of its rows
     #[arg(long, value_name = "S", requires = "attitudes", value_parser = step_s)]
     every: Option<f64>,
+    #[command(flatten)]
+    kernels: KernelArgs,
     /// Middle of the exposure, UTC; a time without a zone, or a date alone, is UTC too
     #[arg(long, value_name = "RFC3339", default_value = "2026-01-01T00:00:00Z", value_parser = Tai::from_rfc3339)]
     time: Tai,
@@ -130,7 +133,8 @@ pub fn run(arguments: &RenderArgs) -> Result<()> {
     let layers_mb = (!arguments.layers.is_empty()).then_some(STAR_MEMORY_MB);
     RunMemory::of_image(&camera, arguments.backend == BackendName::Reference, layers_mb).check()?;
     let camera = camera_params(&camera)?;
-    let series = arguments.attitudes.as_deref().map(|path| Series::read(path, arguments.time, arguments.every));
+    let read = |path| Series::read(path, &arguments.kernels, arguments.time, arguments.every);
+    let series = arguments.attitudes.as_deref().map(read);
     let series = series.transpose()?;
     let mut scene = Scene::new(arguments, camera, series.as_ref())?;
     if let Some(note) = scene.imager.note() {
@@ -177,14 +181,13 @@ pub(super) struct Scene {
     camera: CameraParams,
     planner: Planner,
     imager: Imager,
-    sky: Option<SkyView>,
-    light: FieldLight,
-    observer: ObserverTrack,
+    scene: scene::Scene,
     /// What the observer does to directions; `None` without an attitude.
     sight: Option<Sight>,
     /// Maps the image to the sky.
     wcs: Option<WcsMaker>,
-    sources: Vec<Source>,
+    /// In place of those of the scene.
+    sources: Option<Vec<Source>>,
     frame: SentFrame,
     seeds: Seeds,
     number: u32,
@@ -201,8 +204,16 @@ impl Scene {
             imager.set_illumination_map(map)?;
         }
         let [first, last] = series.map_or([arguments.time; 2], Series::span);
-        let observer = ObserverTrack::with_almanac(Observer::Geocentre, Almanac::over(first, last));
-        let light = FieldLight::new(&camera, observer.clone());
+        let sky = Sky::open(&arguments.layers, camera.limiting_mag, STAR_MEMORY_MB)?;
+        let params = SceneParams {
+            camera: &camera,
+            observer: &Observer::Geocentre,
+            almanac: &Almanac::over(first, last),
+            light_deflection: true,
+            bodies: false,
+            targets: &[],
+        };
+        let scene = scene::Scene::new(&params, &sky);
         let motion = match series {
             Some(series) => Motion { los: series.los(0, camera.exposure_s)?.0, image_path: None },
             None => motion(arguments, camera.exposure_s)?,
@@ -214,42 +225,24 @@ impl Scene {
             planner = planner.exact();
         }
         *planner.motion_mut() = motion;
-        let (sky, sources) = match &arguments.sources {
-            Some(path) => (None, read_sources(path)?),
-            None => {
-                let sky = Sky::open(&arguments.layers, camera.limiting_mag, STAR_MEMORY_MB)?;
-                for note in notes(first, camera.limiting_mag, sky.faintest_mag()) {
-                    eprintln!("{note}");
-                }
-                (Some(SkyView::new(&camera, observer.clone(), &sky)), Vec::new())
-            }
-        };
-        let vantage = Vantage::of(&observer, first, true)?;
+        let sources = arguments.sources.as_deref().map(read_sources).transpose()?;
+        if sources.is_none() {
+            notes(first, camera.limiting_mag, sky.layers.magnitudes()[1]).iter().for_each(|note| eprintln!("{note}"));
+        }
+        let vantage = Vantage::of(scene.stars.observer(), first, true)?;
         let has_attitude = arguments.ra.is_some() || arguments.attitude.is_some() || series.is_some();
         let sight = has_attitude.then(|| vantage.sight());
         let wcs = WcsMaker::new(&camera.geometry, &output_of(arguments.stage, &camera));
-        let frame = SentFrame::with_capacity(size[0], size[1], sources.len(), camera.name.clone());
-        Ok(Self {
-            camera,
-            planner,
-            imager,
-            sky,
-            light,
-            observer,
-            sight,
-            wcs,
-            sources,
-            frame,
-            seeds,
-            number: arguments.frame,
-        })
+        let frame =
+            SentFrame::with_capacity(size[0], size[1], sources.as_ref().map_or(0, Vec::len), camera.name.clone());
+        Ok(Self { camera, planner, imager, scene, sight, wcs, sources, frame, seeds, number: arguments.frame })
     }
 
     /// Points the camera as image `number` of a series, whose noise it has.
     pub(super) fn aim(&mut self, series: &Series, number: usize) -> Result<()> {
         let (los, at) = series.los(number, self.camera.exposure_s)?;
         self.planner.motion_mut().los = los;
-        self.sight = Some(Vantage::of(&self.observer, at, true)?.sight());
+        self.sight = Some(Vantage::of(self.scene.stars.observer(), at, true)?.sight());
         self.number = u32::try_from(number)?;
         Ok(())
     }
@@ -262,14 +255,11 @@ impl Scene {
     /// Finds the sources and plans; the detector's conditions, and the wall time of both.
     fn plan(&mut self) -> Result<(DetectorConditions, [Span; 2])> {
         let mut watch = Stopwatch::start();
-        let sources = match &mut self.sky {
-            Some(sky) => sky.in_view(&self.planner.latest().motion.los)?,
-            None => &self.sources,
-        };
         let los = &self.planner.latest().motion.los;
-        let conditions = DetectorConditions::lit(los.exposure_s, self.light.at(los)?.0);
+        let report = self.scene.find(los, self.sources.is_none())?;
+        let conditions = DetectorConditions::lit(los.exposure_s, report.background);
         let sky = watch.lap();
-        self.planner.plan(sources);
+        self.planner.plan(self.sources.as_deref().unwrap_or_else(|| self.scene.sources()));
         Ok((conditions, [sky, watch.lap()]))
     }
 
@@ -294,8 +284,8 @@ impl Scene {
             // Sources given in pixels, and no attitude: they are nowhere on the sky.
             self.frame.truth.iter_mut().for_each(|row| row.apparent_deg = [f64::NAN; 2]);
         }
-        if let Some(sky) = &self.sky {
-            sky.name_stars(&mut self.frame.truth);
+        if self.sources.is_none() {
+            self.scene.stars.name_stars(&mut self.frame.truth);
         }
         let levels = Levels::of_output(&self.camera.detector);
         fill_meta(plan, self.number, self.seeds, &levels, self.imager.name(), &mut self.frame.meta);
@@ -391,14 +381,12 @@ fn motion(arguments: &RenderArgs, exposure_s: f64) -> Result<Motion> {
 
 /// Fastest turn that is drawn, deg/s.
 const MOST_DEG_PER_S: f64 = 1000.0;
-/// Tolerance on the norm of a quaternion that was typed.
-const NORM_TOLERANCE: f64 = 1e-3;
 
 fn attitude(arguments: &RenderArgs) -> Result<Rotation<Sensor, Icrf>> {
     if let Some(wxyz) = arguments.attitude {
-        return Rotation::from_wxyz(wxyz, NORM_TOLERANCE).with_context(|| {
+        return Rotation::from_wxyz(wxyz, WRITTEN_NORM_TOLERANCE).with_context(|| {
             let norm = wxyz.iter().map(|v| v * v).sum::<f64>().sqrt();
-            format!("--attitude: got a quaternion of norm {norm}, wanted 1 within {NORM_TOLERANCE}")
+            format!("--attitude: got a quaternion of norm {norm}, wanted 1 within {WRITTEN_NORM_TOLERANCE}")
         });
     }
     match (arguments.ra, arguments.dec, &arguments.sources) {

@@ -1,11 +1,12 @@
 //! `starloop render --attitudes`: the images of a whole file of attitudes, numbered, each with its truth beside it.
 
+use crate::cli::attitude_file::{KernelArgs, attitudes};
 use crate::cli::render::{RenderArgs, Scene};
 use crate::cli::render_output::{Format, write_truth};
 use anyhow::{Context, Result, bail};
 use base::axes::Rotation;
 use base::time::{Span, Tai};
-use histories::{AttitudeHistory, AttitudeMotion, Times, read};
+use histories::{AttitudeHistory, AttitudeMotion, Times};
 use plan::attitude::LosPath;
 use std::path::{Path, PathBuf};
 
@@ -24,9 +25,8 @@ pub(super) struct Series {
 impl Series {
     /// Reads a file; an image for every row, or every `every_s` seconds. Times from a zero of the file's own count from
     /// `zero`.
-    pub(super) fn read(path: &Path, zero: Tai, every_s: Option<f64>) -> Result<Self> {
-        let text = read::text_of(path)?;
-        let history = read::attitudes(&path.display().to_string(), &text, None)?;
+    pub(super) fn read(path: &Path, kernels: &KernelArgs, zero: Tai, every_s: Option<f64>) -> Result<Self> {
+        let history = attitudes(path, kernels)?;
         let mids_ns: Vec<i64> = match every_s {
             None => {
                 let states = history.segments().iter().flat_map(|segment| segment.states());
@@ -116,9 +116,9 @@ mod tests {
         let path = folder.path().join("x.csv");
         std::fs::write(&path, "t_s,w,x,y,z,segment\n0,1,0,0,0,1\n1,1,0,0,0,1\n3,1,0,0,0,2\n4,1,0,0,0,2\n").unwrap();
         let zero = Tai::from_rfc3339("2026-03-01T00:00:00Z").unwrap();
-        let series = Series::read(&path, zero, None).unwrap();
+        let series = Series::read(&path, &KernelArgs::default(), zero, None).unwrap();
         assert_eq!((series.len(), series.span()), (4, [zero, zero + Span::from_s(4.0)]));
-        let steps = Series::read(&path, zero, Some(0.5)).unwrap();
+        let steps = Series::read(&path, &KernelArgs::default(), zero, Some(0.5)).unwrap();
         assert_eq!(steps.len(), 6, "none at 1.5, 2 and 2.5 s");
         let (los, at) = steps.los(5, 0.2).unwrap();
         assert_eq!(at, zero + Span::from_s(4.0));

@@ -25,13 +25,11 @@ use crate::target::{Overlap, TargetKeys, TargetSettings, check_targets};
 use crate::timing::{Timing, TimingKeys};
 use crate::trigger_line::{TriggerLine, TriggerLineKeys, check_trigger_lines};
 use base::accuracy::AccuracyBudget;
-use base::axes::{Body, Rotation, Sensor};
+use base::axes::{Body, Rotation, Sensor, WRITTEN_NORM_TOLERANCE};
 use std::path::{Path, PathBuf};
 
 const BUILT_IN_BENCH: &str = "benches/loopback.toml";
 const BUILT_IN_CAMERA: &str = "cameras/star_tracker_20deg.toml";
-/// Norm of a typed quaternion: four decimals of each component.
-const QUATERNION_NORM_TOLERANCE: f64 = 1e-3;
 
 /// A bench, checked, with the camera it names.
 #[derive(Debug, Clone, PartialEq)]
@@ -192,6 +190,16 @@ impl SkyKeys {
 /// Memory for stars of layers, MiB, when nothing is said: some nine million stars.
 pub const STAR_MEMORY_MB: u32 = 512;
 
+/// The constant delay of the bus is given once.
+fn check_one_delay(is_given: bool, link: &Link, check: &Checker<'_>) -> Result<(), ConfigError> {
+    if is_given && link.latency_us > 0.0 {
+        let wanted = "not given beside link.latency_us";
+        let advice = "both are the constant delay of the bus: give one of them";
+        return Err(check.invalid("attitude.link_delay_us", "given", wanted, advice));
+    }
+    Ok(())
+}
+
 /// Classic CAN carries jitter in pairs of one fixed rate.
 fn check_classic_jitter(link: &Link, computer: &FlightComputer, check: &Checker<'_>) -> Result<(), ConfigError> {
     const PAIRS_HZ: f64 = 1000.0;
@@ -349,12 +357,9 @@ impl Bench {
         check_classic_jitter(&link, &flight_computer, &check)?;
         check_both_ends(&link, &extra_links, &flight_computer, &check)?;
         plain_link::check_bench((&link, &extra_links), &flight_computer, &session, &check)?;
+        session.check_has_run(&link, &flight_computer, &check)?;
         let (attitude_hz, jitter_hz) = (flight_computer.attitude_hz, flight_computer.jitter_sample_hz);
-        if keys.attitude.link_delay_us().is_given() && link.latency_us > 0.0 {
-            let wanted = "not given beside link.latency_us";
-            let advice = "both are the constant delay of the bus: give one of them";
-            return Err(check.invalid("attitude.link_delay_us", "given", wanted, advice));
-        }
+        check_one_delay(keys.attitude.link_delay_us().is_given(), &link, &check)?;
         let attitude = AttitudeSettings::check(&keys.attitude, attitude_hz, jitter_hz, exposure_s, &mut check)?;
         check_not_stale(timing.ahead_ms, &attitude, exposure_s, &check)?;
         let accuracy = check_accuracy(&keys.accuracy, &mut check)?;
@@ -521,7 +526,7 @@ pub(super) fn quaternion(
     wxyz: [f64; 4],
     check: &Checker<'_>,
 ) -> Result<Rotation<Sensor, Body>, ConfigError> {
-    Rotation::from_wxyz(wxyz, QUATERNION_NORM_TOLERANCE).ok_or_else(|| {
+    Rotation::from_wxyz(wxyz, WRITTEN_NORM_TOLERANCE).ok_or_else(|| {
         let wanted = "a unit quaternion [w, x, y, z], norm within 0.001 of 1";
         let advice = "scalar first; [1.0, 0.0, 0.0, 0.0] when sensor and body axes are the same";
         check.invalid(key, format!("{wxyz:?}"), wanted, advice)

@@ -1,24 +1,7 @@
 //! What is declared of keys and tables: reference, schema and templates walk it.
 
-use crate::bench::BenchKeys;
-use crate::camera::CameraKeys;
-use crate::file_kind::FileKind;
 use crate::key::{Preset, Section, plain};
 use crate::key_type::{KeyType, Shape};
-use crate::link_keys::LinkTable;
-use crate::scenario::ScenarioKeys;
-use crate::spacecraft::SpacecraftKeys;
-
-/// All keys of a kind of files.
-pub(super) fn declared(kind: FileKind) -> Declared {
-    match kind {
-        FileKind::Bench => BenchKeys::declared(),
-        FileKind::Scenario => ScenarioKeys::declared(),
-        FileKind::Camera => CameraKeys::declared(),
-        FileKind::Link => LinkTable::declared(),
-        FileKind::Spacecraft => SpacecraftKeys::declared(),
-    }
-}
 
 /// How often a table may be there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -2,7 +2,8 @@
 
 use crate::bench::BenchKeys;
 use crate::camera::CameraKeys;
-use crate::declared::{Declared, Key, Presence, declared};
+use crate::declared::{Declared, Key, Presence};
+use crate::file_keys::declared;
 use crate::key_type::Shape;
 use crate::link_keys::LinkTable;
 use crate::scenario::ScenarioKeys;

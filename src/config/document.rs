@@ -2,10 +2,9 @@
 
 use crate::blame::without_the_blamed;
 use crate::error::ConfigError;
-use crate::setting::{NAMES_A_FILE, Setting};
+use crate::packed::{PackedDocuments, joined};
+use crate::setting::Setting;
 use serde::de::DeserializeOwned;
-use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 use toml::de::{DeTable, DeValue};
@@ -65,12 +64,6 @@ const BUILT_IN: &[(&str, &str)] = &[
     ("spacecraft/smallsat_stiff_array.toml", include_str!("../../configs/spacecraft/smallsat_stiff_array.toml")),
 ];
 
-/// Keys of a camera that name a file of points.
-const NAMES_A_TABLE: [&str; 2] = ["band.qe_file", "band.transmission_file"];
-
-/// Lists of heads, each of which may name a camera.
-const NAMES_CAMERAS: [&str; 2] = ["head", "extra_head"];
-
 /// Names nearer than this (Jaro-Winkler, 0 to 1) are offered as what was meant.
 const NEAR_ENOUGH: f64 = 0.75;
 
@@ -92,22 +85,6 @@ enum Origin {
         set: Arc<PackedDocuments>,
         keys: String,
     },
-}
-
-/// A document with every file that it names: what it says whatever becomes of the files.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(transparent)]
-pub struct PackedDocuments {
-    /// By the keys that name them, joined by dots: "" is the document itself.
-    documents: BTreeMap<String, PackedText>,
-}
-
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct PackedText {
-    /// How messages call it.
-    name: String,
-    text: String,
 }
 
 impl Document {
@@ -196,28 +173,27 @@ impl Document {
         document.map(|document| document.with_settings(settings))
     }
 
-    /// Where a file that is not a configuration lies, such as an image: beside this document. What is packed names the
-    /// place it was packed from.
+    /// Where a file lies that is named by its place and not kept, such as a layer of stars: beside this document. What is packed
+    /// names the place it was packed from.
     pub(super) fn file_beside(&self, path: &str) -> PathBuf {
         let own = match &self.origin {
             Origin::File(own) | Origin::BuiltIn(own) => own.clone(),
             Origin::Packed { .. } => PathBuf::from(self.name()),
         };
-        own.parent().map(Path::to_path_buf).unwrap_or_default().join(path)
+        beside(&own, path)
     }
 
-    /// Where a file of data lies: beside this document, beside the place a packed one was packed from; of a built-in one, in
-    /// the working directory.
+    /// Where a file of data lies: beside this document; of a built-in one, in the working directory; of a packed one, where
+    /// it is kept, or, in packs of versions that kept none, beside the place it was packed from.
     pub(super) fn data_beside(&self, path: &str) -> PathBuf {
-        let own = match &self.origin {
-            Origin::File(own) => own.clone(),
-            Origin::BuiltIn(_) => PathBuf::new(),
-            Origin::Packed { .. } => PathBuf::from(self.name()),
-        };
-        own.parent().map(Path::to_path_buf).unwrap_or_default().join(path)
+        match &self.origin {
+            Origin::File(own) => beside(own, path),
+            Origin::BuiltIn(_) => PathBuf::from(path),
+            Origin::Packed { set, keys } => set.data_file(keys, path),
+        }
     }
 
-    /// The bytes of the file that the value of `key` names, relative to this one; of a packed document, to where it was.
+    /// The bytes of the file that the value of `key` names, relative to this one.
     pub(super) fn bytes_of(&self, key: &str, path: &str) -> Result<Vec<u8>, ConfigError> {
         let path = self.data_beside(path);
         let named_by = format!("; named by {key} in {}: paths are relative to the file that names them", self.name());
@@ -235,40 +211,8 @@ impl Document {
         match &self.origin {
             Origin::File(path) => path.display().to_string(),
             Origin::BuiltIn(path) => format!("built-in {}", path.display()),
-            Origin::Packed { set, keys } => {
-                set.documents.get(keys).map_or_else(String::new, |packed| packed.name.clone())
-            }
+            Origin::Packed { set, keys } => set.name_of(keys),
         }
-    }
-
-    /// This document and every file it names, its settings included in what it names but not in what it says.
-    ///
-    /// # Errors
-    /// When a file that it names cannot be read.
-    pub fn pack(&self) -> Result<PackedDocuments, ConfigError> {
-        let mut documents = BTreeMap::new();
-        self.pack_into(&mut documents, String::new())?;
-        Ok(PackedDocuments { documents })
-    }
-
-    fn pack_into(&self, documents: &mut BTreeMap<String, PackedText>, keys: String) -> Result<(), ConfigError> {
-        let table: toml::Table = self.read_as()?;
-        for key in NAMES_A_FILE.into_iter().chain(NAMES_A_TABLE) {
-            if let Some(path) = value_of(&table, key).and_then(toml::Value::as_str) {
-                self.named(key, path)?.pack_into(documents, joined(&keys, key))?;
-            }
-        }
-        for list in NAMES_CAMERAS {
-            let heads = table.get(list).and_then(toml::Value::as_array).into_iter().flatten();
-            for (place, head) in heads.enumerate() {
-                if let Some(path) = head.get("camera").and_then(toml::Value::as_str) {
-                    let key = format!("{list}[{place}].camera");
-                    self.named(&key, path)?.pack_into(documents, joined(&keys, &key))?;
-                }
-            }
-        }
-        documents.insert(keys, PackedText { name: self.name(), text: self.text.clone() });
-        Ok(())
     }
 
     /// The document that was packed.
@@ -282,9 +226,13 @@ impl Document {
     fn unpack(set: &Arc<PackedDocuments>, keys: &str, named_by: String) -> Result<Self, ConfigError> {
         let missing =
             || ConfigError::Read { file: format!("packed \"{keys}\""), why: "it was not packed".into(), named_by };
-        let packed = set.documents.get(keys).ok_or_else(missing)?;
-        let origin = Origin::Packed { set: Arc::clone(set), keys: keys.into() };
-        Ok(Self { origin, text: packed.text.clone(), settings: Vec::new() })
+        let text = set.text_of(keys).ok_or_else(missing)?.to_owned();
+        Ok(Self { origin: Origin::Packed { set: Arc::clone(set), keys: keys.into() }, text, settings: Vec::new() })
+    }
+
+    /// The text as it is written, without settings.
+    pub(super) fn text(&self) -> &str {
+        &self.text
     }
 
     /// File name without its extension: the default name of what the document describes.
@@ -471,17 +419,9 @@ fn offset_of_key(root: &DeTable<'_>, key: &str) -> Option<usize> {
     offset
 }
 
-/// The value of a key such as `band.qe_file`.
-fn value_of<'a>(table: &'a toml::Table, key: &str) -> Option<&'a toml::Value> {
-    match key.split_once('.') {
-        Some((section, rest)) => value_of(table.get(section)?.as_table()?, rest),
-        None => table.get(key),
-    }
-}
-
-/// A key below those that led to a document.
-fn joined(keys: &str, key: &str) -> String {
-    if keys.is_empty() { key.into() } else { format!("{keys}.{key}") }
+/// A path relative to the file that names it.
+pub(super) fn beside(own: &Path, path: &str) -> PathBuf {
+    own.parent().map(Path::to_path_buf).unwrap_or_default().join(path)
 }
 
 /// The path with `.` and `..` resolved by name, as inside the binary there are no directories.

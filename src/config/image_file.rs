@@ -9,7 +9,7 @@ use std::io::BufReader;
 /// Reads the FITS image that `key` names and holds it to the wanted size; row by row from the top, as floats.
 #[allow(clippy::cast_possible_truncation, reason = "maps are used in single precision")]
 pub(super) fn read(check: &Checker<'_>, key: &str, path: &str, size_px: [u32; 2]) -> Result<Vec<f32>, ConfigError> {
-    let file = check.document.file_beside(path);
+    let file = check.document.data_beside(path);
     let refuse = |why: String| ConfigError::Read {
         file: file.display().to_string(),
         why,

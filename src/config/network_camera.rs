@@ -17,8 +17,10 @@ section! {
         /// Auto takes the narrowest that holds the detector's bits; clients may choose another.
         pixel_format: Word<Option<PixelFormat>> = "auto", [
             ("auto", None), ("Mono8", Some(PixelFormat::Mono8)), ("Mono10", Some(PixelFormat::Mono10)),
+            ("Mono10Packed", Some(PixelFormat::Mono10Packed)), ("Mono10p", Some(PixelFormat::Mono10p)),
             ("Mono12", Some(PixelFormat::Mono12)), ("Mono12Packed", Some(PixelFormat::Mono12Packed)),
-            ("Mono16", Some(PixelFormat::Mono16)),
+            ("Mono12p", Some(PixelFormat::Mono12p)), ("Mono14", Some(PixelFormat::Mono14)),
+            ("Mono14p", Some(PixelFormat::Mono14p)), ("Mono16", Some(PixelFormat::Mono16)),
         ];
         /// Bytes of a packet with IP and UDP headers: 1500, or 9000 where every switch has jumbo frames.
         packet_bytes: Whole = 1500, 576..=65_532;
@@ -42,6 +44,8 @@ section! {
         xml: Word<XmlForm> = "zip", [("zip", XmlForm::Zip), ("plain", XmlForm::Plain)];
         /// Frames may be sent to another machine than the one that controls the camera.
         allow_other_receivers: bool = false, Any;
+        /// The socket on which ptp4l of this machine answers, for PtpStatus.
+        ptp_socket: String = "/var/run/ptp4l", "path";
         /// A fault: one packet in so many is not sent; leave the key out for none.
         lose_one_in: Whole = Optional, 1..=1_000_000;
     }
@@ -67,6 +71,7 @@ pub(super) fn check(keys: &NetworkCameraKeys, check: &mut Checker<'_>) -> Result
         mac: mac(&keys.mac(), check)?,
         xml,
         allow_other_receivers,
+        ptp_socket: keys.ptp_socket().check(check)?.into(),
         lose_one_in,
     })
 }
@@ -132,7 +137,7 @@ mod tests {
         let text = "address = \"127.0.0.2\"\nport = 0\npixel_format = \"Mono16\"\npacket_bytes = 9000\nrate_mbit_s = 2000\n\
                     frames_kept = 8\nframes_queued = 3\nserial = \"a 1\"\nuser_name = \"north\"\nmodel = \"m\"\n\
                     vendor = \"v\"\nmac = \"02:00:7f:00:00:0A\"\nxml = \"plain\"\n\
-                    allow_other_receivers = true\nlose_one_in = 10\n";
+                    allow_other_receivers = true\nptp_socket = \"/tmp/p\"\nlose_one_in = 10\n";
         let wanted = Params {
             address: Ipv4Addr::new(127, 0, 0, 2),
             port: 0,
@@ -151,6 +156,7 @@ mod tests {
             mac: Some([2, 0, 0x7F, 0, 0, 10]),
             xml: XmlForm::Plain,
             allow_other_receivers: true,
+            ptp_socket: "/tmp/p".into(),
             lose_one_in: Some(10),
         };
         assert_eq!(read(text).unwrap(), wanted);

@@ -7,7 +7,7 @@ use crate::check::Checker;
 use crate::error::ConfigError;
 use crate::event::Pointing;
 use crate::key::{Section, section};
-use crate::key_type::{Numbers, Raw, Shape, Whole, Word};
+use crate::key_type::{Any, Numbers, Raw, Shape, Whole, Word};
 use crate::plant_file::{Begins, FilePlant, SENSES};
 use crate::spacecraft::Spacecraft;
 use base::time::Span;
@@ -37,12 +37,35 @@ pub struct OutsideTrackers {
     pub tag_error: Span,
     /// Most stars a tracker measures in a frame.
     pub most_stars: usize,
+    /// What the trackers command their cameras.
+    pub commands: TrackerCommands,
+}
+
+/// What a tracker commands its camera.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct TrackerCommands {
+    /// Windows.
+    pub windows: bool,
+    /// Exposure time.
+    pub exposure: bool,
+}
+
+impl TrackerCommands {
+    fn check(keys: &TrackerKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+        Ok(Self { windows: keys.commands_windows().check(check)?, exposure: keys.commands_exposure().check(check)? })
+    }
+
+    /// Returns true when it commands anything.
+    #[must_use]
+    pub fn any(self) -> bool {
+        self.windows || self.exposure
+    }
 }
 
 impl Default for OutsideTrackers {
     /// What `[plant.tracker]` gives without a key.
     fn default() -> Self {
-        Self { delay: Span::from_ms(50), tag_error: Span::ZERO, most_stars: 40 }
+        Self { delay: Span::from_ms(50), tag_error: Span::ZERO, most_stars: 40, commands: TrackerCommands::default() }
     }
 }
 
@@ -63,6 +86,8 @@ pub struct Vehicle {
     pub tag_error: Span,
     /// Most stars a tracker measures in a frame.
     pub tracker_stars: usize,
+    /// What the trackers command their cameras.
+    pub tracker_commands: TrackerCommands,
     /// From a control step to its torque, on top of nothing: latency injected to be studied.
     pub actuation_delay: Span,
     /// Torques by which the loop is tested. Studies add them; files have none.
@@ -139,6 +164,11 @@ section! {
         tag_error_ms: f64 = 0.0, Within(-1000.0, 1000.0);
         /// Most stars that are measured in a frame, brightest first.
         stars: Whole<usize> = 40, 4..=200;
+        /// The tracker commands its camera's windows: the whole image until it has an attitude, then windows around the brightest
+        /// stars that it expects.
+        commands_windows: bool = false, Any;
+        /// The tracker commands its camera's exposure time by the signal of its stars.
+        commands_exposure: bool = false, Any;
     }
 
     /// Attitude control.
@@ -251,7 +281,9 @@ impl PlantKeys {
         let tracker = tracker.at("plant.tracker");
         let delay = tracker.delay_ms().ms(check)?;
         let tag_error = tracker.tag_error_ms().ms(check)?;
-        Ok(Some(OutsideTrackers { delay, tag_error, most_stars: tracker.stars().check(check)? }))
+        let most_stars = tracker.stars().check(check)?;
+        let commands = TrackerCommands::check(&tracker, check)?;
+        Ok(Some(OutsideTrackers { delay, tag_error, most_stars, commands }))
     }
 
     /// Returns the tables of the flight.
@@ -300,6 +332,7 @@ impl Vehicle {
         let actuation_delay = keys.control.at(&format!("{before}control")).delay_ms().ms(check)?;
         let telemetry_every = keys.telemetry.at(&format!("{before}telemetry")).every().check(check)?;
         let tracker_stars = tracker.stars().check(check)?;
+        let tracker_commands = TrackerCommands::check(&tracker, check)?;
         let rate_deg_s = initial_keys.rate_deg_s().check(check)?;
         Ok(Self {
             spacecraft,
@@ -309,6 +342,7 @@ impl Vehicle {
             tracker_delay,
             tag_error,
             tracker_stars,
+            tracker_commands,
             actuation_delay,
             test_torques: Vec::new(),
             telemetry_every,

@@ -108,6 +108,11 @@ fn a_plant_outside_without_a_bus_that_leads_out_is_flown_in_lockstep() {
         let outside = run_file(&format!("{link}[plant]\nkind = \"outside\"\n")).unwrap();
         assert_eq!(outside.bench.is_lockstep(), is_lockstep, "{link}");
         assert!(!run_file(link).unwrap().bench.is_lockstep(), "control: a flight computer inside");
+        let waits = format!("[session]\nstart = \"on_run\"\n{link}[plant]\nkind = \"outside\"\n");
+        match run_file(&waits) {
+            Ok(_) => assert!(!is_lockstep, "{link}"),
+            Err(error) => assert!(is_lockstep && error.to_string().contains("can send RUN"), "{link}: {error}"),
+        }
     }
     let door = refused("[plant]\nkind = \"outside\"\n[[extra_link]]\nkind = \"simulated\"\n");
     assert!(door.contains("extra_link[0].kind"), "{door}");
@@ -205,9 +210,9 @@ fn a_message_is_laid_upon_the_run_by_its_own_times_or_at_the_first_exposure() {
         let error = read(lines).expect_err(lines).to_string();
         assert!(error.contains(part), "{lines}: {error}");
     }
-    std::fs::write(folder.path().join("x.aem"), AEM.replace("QUATERNION", "SPIN")).unwrap();
+    std::fs::write(folder.path().join("x.aem"), AEM.replace("QUATERNION", "MATRIX")).unwrap();
     let error = read("").unwrap_err().to_string();
-    assert!(error.contains("x.aem:10: ") && error.contains("Euler angles and spin are not read"), "{error}");
+    assert!(error.contains("x.aem:10: ") && error.contains("SPIN/NUTATION"), "{error}");
     std::fs::write(folder.path().join("x.aem"), "0 1 0 0 0\n").unwrap();
     assert!(read("begins = \"utc\"\n").unwrap_err().to_string().contains("a zero of its own"));
 }

@@ -1,6 +1,7 @@
 //! The Markdown reference of every key.
 
-use crate::declared::{Declared, Key, Presence, Table, declared};
+use crate::declared::{Declared, Key, Presence, Table};
+use crate::file_keys::declared;
 use crate::file_kind::FileKind;
 use crate::key::Preset;
 use crate::key_type::Shape;

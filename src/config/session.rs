@@ -2,8 +2,10 @@
 
 use crate::check::Checker;
 use crate::error::ConfigError;
+use crate::flight_computer::FlightComputer;
 use crate::key::{section, taken};
 use crate::key_type::Word;
+use crate::link::Link;
 use base::time::Span;
 
 /// When frames begin to show stars.
@@ -39,5 +41,19 @@ impl Session {
     pub(super) fn check(keys: &SessionKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
         taken!(check, keys => start, heartbeat_timeout_s);
         Ok(Self { start, heartbeat_timeout: Span::from_s(heartbeat_timeout_s) })
+    }
+
+    /// Refuses to wait for RUN in lockstep: all frames would stay dark.
+    pub(super) fn check_has_run(
+        &self,
+        link: &Link,
+        computer: &FlightComputer,
+        check: &Checker<'_>,
+    ) -> Result<(), ConfigError> {
+        if self.start == SessionStart::OnRun && computer.is_external && link.has_no_door() {
+            let advice = "no bus leads out of the program, so no flight computer can send RUN: frames show stars with the first attitude";
+            return Err(check.invalid("session.start", "\"on_run\"", "\"at_once\" with a plant in lockstep", advice));
+        }
+        Ok(())
     }
 }

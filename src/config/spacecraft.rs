@@ -6,8 +6,7 @@ use crate::error::ConfigError;
 use crate::key::{Given, listed, section, taken};
 use crate::key_type::{Any, Numbers, Raw, Shape};
 use base::time::{Span, Tai};
-use base::units::{ARCSEC, DEG};
-use core::f64::consts::TAU;
+use base::units::{ARCSEC, DEG, RPM};
 use glam::{DMat3, DVec3};
 use std::path::Path;
 use testbed::spacecraft::{
@@ -15,8 +14,6 @@ use testbed::spacecraft::{
     WheelParams,
 };
 
-/// Revolutions per minute in rad/s.
-const RPM: f64 = TAU / 60.0;
 /// Square root of an hour in square roots of a second.
 const SQRT_H: f64 = 60.0;
 

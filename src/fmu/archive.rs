@@ -4,6 +4,7 @@
 //! modelDescription.xml
 //! binaries/x86_64-linux/starloop.so        the library that importers load
 //! resources/run.json                       the run file with every configuration file that it names
+//! resources/data/                          attitudes, orbits, jitter and maps that they name
 //! documentation/index.html
 //! ```
 //!
@@ -44,7 +45,8 @@ pub fn token(run_json: &str, heads: usize) -> String {
 pub fn write_unit(document: &Document, library: &Path, out: &Path) -> Result<u64, FmuError> {
     let scenario = Scenario::from_document(document)?;
     check_plant(&scenario, &document.name())?;
-    let run_json = serde_json::to_string_pretty(&document.pack()?)
+    let packed = document.pack()?;
+    let run_json = serde_json::to_string_pretty(&packed)
         .map_err(|error| FmuError::Resource { path: out.to_path_buf(), why: error.to_string() })?;
     let heads = scenario.bench.head_count();
     let timing = &scenario.bench.timing;
@@ -58,12 +60,19 @@ pub fn write_unit(document: &Document, library: &Path, out: &Path) -> Result<u64
     let binary = std::fs::read(library).map_err(unread)?;
     let xml = description(&model, &variables(heads));
     let (of_library, of_run) = (format!("binaries/{PLATFORM}/{MODEL_IDENTIFIER}.so"), format!("resources/{RUN_FILE}"));
-    let files = [
+    let data = packed.data().map(|(path, kept)| {
+        let unread =
+            |source| FmuError::File { path: path.clone(), doing: "read a file that the run file names", source };
+        std::fs::read(&path).map(|bytes| (format!("resources/{kept}"), bytes)).map_err(unread)
+    });
+    let data = data.collect::<Result<Vec<_>, _>>()?;
+    let mut files: Vec<(&str, &[u8])> = vec![
         ("modelDescription.xml", xml.as_bytes()),
-        (&of_library, &binary),
-        (&of_run, run_json.as_bytes()),
+        (of_library.as_str(), binary.as_slice()),
+        (of_run.as_str(), run_json.as_bytes()),
         ("documentation/index.html", DOCUMENTATION.as_bytes()),
     ];
+    files.extend(data.iter().map(|(name, bytes)| (name.as_str(), bytes.as_slice())));
     let refuse = |source| FmuError::File { path: out.to_path_buf(), doing: "make the archive", source };
     let bytes = archive(&files).map_err(refuse)?;
     Ok(replace_own_file(out, |file| file.write_all(&bytes))?)

@@ -8,7 +8,7 @@
 //! * [`variables`] has every variable with its reference, type, unit and meaning, in one table;
 //! * [`description`] writes `modelDescription.xml`;
 //! * [`archive`] writes the .fmu file;
-//! * [`slave`] is one instance: inputs, steps, outputs.
+//! * [`slave`] is the life of one instance; `inputs`, `outputs` and `access` are its variables.
 //!
 //! Standard: FMI 3.0.2, <https://fmi-standard.org/docs/3.0.2/>. Tests: below, and with FMPy in `hil_scripts/test_fmu.py`.
 
@@ -22,9 +22,12 @@
     )
 )]
 
+mod access;
 pub mod archive;
 pub mod description;
 mod error;
+mod inputs;
+mod outputs;
 pub mod slave;
 mod state;
 pub mod variables;

@@ -7,20 +7,17 @@
 //! | rates | QUATERNION/DERIVATIVE; those of QUATERNION/RATE are left out | QUATERNION/DERIVATIVE, QUATERNION/ANGVEL (deg/s) |
 //!
 //! One of the frames is inertial, the other that of the spacecraft. A quaternion from inertial to body axes is the
-//! conjugate of this program's: CCSDS's turns the axes, ours rewrites vectors. EULER_ANGLE and SPIN are refused.
+//! conjugate of this program's: CCSDS's turns the axes, ours rewrites vectors. Types of attitudes: `aem_row`.
 
+use crate::aem_row::{MOST_NUMBERS, RowKind};
 use crate::attitude::{AttitudeHistory, AttitudeSegment, AttitudeState, Times};
-use crate::attitude_methods::{AttitudeInterpolation, rate_of_derivative};
-use crate::epoch::TimeSystem;
+use crate::attitude_methods::AttitudeInterpolation;
 use crate::error::{HistoryError, Source};
-use crate::message::{Kind, Message, Segment};
+use crate::message::{Kind, Message};
 use crate::metadata::{Metadata, Wanted, numbers};
 use crate::reference_axes::{ReferenceAxes, WANTED_AXES};
-use base::axes::Rotation;
 use glam::{DQuat, DVec3};
 
-/// Largest difference from 1 of a quaternion's norm in a file: four decimals of each component.
-pub(crate) const NORM_TOLERANCE: f64 = 1e-3;
 /// Beginnings of frame names that are neither inertial nor those of a spacecraft.
 const NOT_A_BODY: [&str; 20] = [
     "ITRF", "TEME", "TOD", "MOD", "TNW", "RTN", "RSW", "LVLH", "QSW", "NTW", "PQW", "VNC", "GTOD", "TIRS", "CIRS",
@@ -64,11 +61,11 @@ pub(crate) fn read(source: &Source<'_>) -> Result<AttitudeHistory, HistoryError>
 }
 
 /// The frames of a segment, and the direction of its quaternions.
-struct Frames<'m> {
-    axes: ReferenceAxes,
-    body: &'m str,
-    /// Quaternions turn the inertial axes into those of the body.
-    is_to_body: bool,
+pub(crate) struct Frames<'m> {
+    pub(crate) axes: ReferenceAxes,
+    pub(crate) body: &'m str,
+    /// Attitudes turn the inertial axes into those of the body.
+    pub(crate) is_to_body: bool,
 }
 
 impl<'m> Frames<'m> {
@@ -90,12 +87,12 @@ impl<'m> Frames<'m> {
     }
 
     /// This program's quaternion of the file's.
-    fn body_from_axes(&self, quaternion: DQuat) -> DQuat {
+    pub(crate) fn body_from_axes(&self, quaternion: DQuat) -> DQuat {
         if self.is_to_body { quaternion.conjugate() } else { quaternion }
     }
 
     /// A rate of the frame B with respect to A, in the axes of one of them, as a rate of the body in its own axes.
-    fn body_rate(&self, rate_rad_s: DVec3, is_in_body: bool, body_from_axes: DQuat) -> DVec3 {
+    pub(crate) fn body_rate(&self, rate_rad_s: DVec3, is_in_body: bool, body_from_axes: DQuat) -> DVec3 {
         let in_body = if is_in_body { rate_rad_s } else { body_from_axes * rate_rad_s };
         if self.is_to_body { in_body } else { -in_body }
     }
@@ -111,44 +108,6 @@ fn direction(metadata: &Metadata<'_>) -> Result<bool, HistoryError> {
     }
 }
 
-/// What follows the quaternion in a row.
-#[derive(Clone, Copy, PartialEq)]
-enum Beside {
-    Nothing,
-    Derivative,
-    /// Rates of three angles, whose meaning version 1 leaves open.
-    Unused,
-    /// Body rates in deg/s; true: in the axes of the body.
-    Rate(bool),
-}
-
-fn beside(metadata: &Metadata<'_>, frames: &Frames<'_>, is_first: bool) -> Result<Beside, HistoryError> {
-    let entry = metadata.needed("ATTITUDE_TYPE")?;
-    let kind = entry.value.to_ascii_uppercase().replace('_', "/");
-    match (kind.as_str(), is_first) {
-        ("QUATERNION", _) => Ok(Beside::Nothing),
-        ("QUATERNION/DERIVATIVE", _) => Ok(Beside::Derivative),
-        ("QUATERNION/RATE", true) => Ok(Beside::Unused),
-        ("QUATERNION/ANGVEL", false) => {
-            let axes = metadata.needed("ANGVEL_FRAME")?;
-            let [a, b] = [metadata.value("REF_FRAME_A"), metadata.value("REF_FRAME_B")];
-            let is_in_body = match axes.value {
-                "REF_FRAME_A" => a == Some(frames.body),
-                "REF_FRAME_B" => b == Some(frames.body),
-                name if name == frames.body => true,
-                name if Some(name) == a || Some(name) == b => false,
-                _ => return Err(metadata.refuse(axes, "REF_FRAME_A or REF_FRAME_B, or the name of one of them")),
-            };
-            Ok(Beside::Rate(is_in_body))
-        }
-        _ => Err(metadata.refuse(
-            entry,
-            "attitudes as quaternions (QUATERNION, QUATERNION/DERIVATIVE, QUATERNION/ANGVEL, or QUATERNION/RATE of \
-             version 1): write the file so, Euler angles and spin are not read",
-        )),
-    }
-}
-
 fn attitudes(
     metadata: &Metadata<'_>,
     frames: &Frames<'_>,
@@ -157,11 +116,13 @@ fn attitudes(
 ) -> Result<AttitudeSegment, HistoryError> {
     let (source, segment) = (&metadata.source, metadata.segment);
     let system = metadata.time_system()?;
-    let beside = beside(metadata, frames, is_first)?;
-    let scalar_first = is_first && is_scalar_first(metadata, segment)?;
-    let states = segment.rows.iter().map(|row| {
-        let (at, values) = numbers::<8>(source, row, system, counts(beside))?;
-        let state = state(at.ns(), values, beside, scalar_first, frames);
+    let is_named = segment.rows.first().is_some_and(|row| matches!(row.text, std::borrow::Cow::Owned(_)));
+    let kind = RowKind::read(metadata, frames, is_first, is_named)?;
+    let numbers =
+        |row| numbers::<MOST_NUMBERS>(source, row, system, &[kind.count()]).map(|(at, values)| (at.ns(), values));
+    let rows = segment.rows.iter().map(numbers).collect::<Result<Vec<_>, _>>()?;
+    let states = rows.iter().zip(&segment.rows).map(|((t_ns, values), row)| {
+        let state = kind.state(*t_ns, *values, frames);
         state.ok_or_else(|| source.refuse(row.offset, &row.text, "a quaternion whose norm is 1 within 0.001"))
     });
     let states = states.collect::<Result<Vec<AttitudeState>, _>>()?;
@@ -170,69 +131,19 @@ fn attitudes(
     };
     let at = |state: &AttitudeState| base::time::Tai::from_ns(state.t_ns);
     metadata.check_times(system, at(first), at(last))?;
-    note(notes, system, frames, beside);
-    let method = method(metadata, matches!(beside, Beside::Derivative | Beside::Rate(_)))?;
+    kind.check_steps(metadata, &rows, &segment.rows)?;
+    note(notes, [system.note(), frames.axes.note(), kind.note()]);
+    let method = method(metadata, kind.has_rates())?;
     let fit = AttitudeSegment::new(states, method, metadata.usable_ns(system)?);
     fit.map_err(|error| source.refuse(segment.offset, "this segment", &error.to_string()))
 }
 
-fn note(notes: &mut Vec<String>, system: TimeSystem, frames: &Frames<'_>, beside: Beside) {
-    let unused = "the rates of QUATERNION/RATE are left out: version 1 does not fix what they are";
-    let said = [system.note(), frames.axes.note(), (beside == Beside::Unused).then_some(unused)];
+fn note(notes: &mut Vec<String>, said: [Option<&str>; 3]) {
     for sentence in said.into_iter().flatten() {
         if !notes.iter().any(|known| known == sentence) {
             notes.push(sentence.into());
         }
     }
-}
-
-/// How many numbers a row may have.
-fn counts(beside: Beside) -> &'static [usize] {
-    match beside {
-        Beside::Nothing => &[4],
-        Beside::Derivative => &[8],
-        Beside::Unused | Beside::Rate(_) => &[7],
-    }
-}
-
-/// XML names its components, so only lines have an order.
-fn is_scalar_first(metadata: &Metadata<'_>, segment: &Segment<'_>) -> Result<bool, HistoryError> {
-    let is_named = segment.rows.first().is_some_and(|row| matches!(row.text, std::borrow::Cow::Owned(_)));
-    if is_named {
-        return Ok(false);
-    }
-    let entry = metadata.needed("QUATERNION_TYPE")?;
-    match entry.value {
-        "FIRST" => Ok(true),
-        "LAST" => Ok(false),
-        _ => Err(metadata.refuse(entry, "FIRST or LAST: where the scalar is")),
-    }
-}
-
-fn state(
-    t_ns: i64,
-    values: [f64; 8],
-    beside: Beside,
-    scalar_first: bool,
-    frames: &Frames<'_>,
-) -> Option<AttitudeState> {
-    let [a, b, c, d, e, f, g, h] = values;
-    let ordered = |a, b, c, d| if scalar_first { DQuat::from_xyzw(b, c, d, a) } else { DQuat::from_xyzw(a, b, c, d) };
-    let quaternion = frames.body_from_axes(ordered(a, b, c, d));
-    let norm = quaternion.length();
-    if (norm - 1.0).abs() > NORM_TOLERANCE || !norm.is_finite() {
-        return None;
-    }
-    let rate_rad_s = match beside {
-        Beside::Nothing | Beside::Unused => None,
-        Beside::Derivative => Some(rate_of_derivative(quaternion, frames.body_from_axes(ordered(e, f, g, h)))),
-        Beside::Rate(is_in_body) => {
-            let rate_rad_s = DVec3::new(e, f, g).map(f64::to_radians);
-            Some(frames.body_rate(rate_rad_s, is_in_body, quaternion.normalize()))
-        }
-    };
-    let body_from_icrf = Rotation::from_quat(quaternion.normalize() * frames.axes.rotation_from_icrf());
-    Some(AttitudeState { t_ns, body_from_icrf, rate_rad_s })
 }
 
 /// The interpolation that the file asks for.

@@ -10,13 +10,12 @@
 //! Remarks before the rows: `# sense: body_from_icrf` (which is the default: this program's quaternion) or
 //! `icrf_from_body`, its conjugate; `# axes: ICRF`, `EME2000`. Other columns are not used.
 
-use crate::aem::NORM_TOLERANCE;
 use crate::attitude::{AttitudeHistory, AttitudeSegment, AttitudeState, Times, Unfit};
 use crate::attitude_methods::AttitudeInterpolation;
 use crate::csv_table::{Table, TimeColumn};
 use crate::error::{HistoryError, Source};
 use crate::reference_axes::{ReferenceAxes, WANTED_AXES};
-use base::axes::Rotation;
+use base::axes::{Rotation, WRITTEN_NORM_TOLERANCE};
 use glam::{DQuat, DVec3};
 
 /// Which rotation the quaternions of a table are.
@@ -159,7 +158,7 @@ fn state(
             *number = rad * table.number(line, row, place)?;
         }
     }
-    let given = Rotation::<(), ()>::from_wxyz(quaternion, NORM_TOLERANCE).ok_or_else(|| {
+    let given = Rotation::<(), ()>::from_wxyz(quaternion, WRITTEN_NORM_TOLERANCE).ok_or_else(|| {
         table.refuse(line, &row.join(","), "a unit quaternion (w x y z) whose norm is 1 within 0.001")
     })?;
     let body_from_axes: DQuat = match sense {

@@ -5,6 +5,7 @@ use crate::csv_attitude::axes;
 use crate::csv_table::{Table, TimeColumn};
 use crate::error::{HistoryError, Source};
 use crate::orbit::{Centre, OrbitHistory, OrbitInterpolation, OrbitSegment, OrbitState, UnfitOrbit, WANTED_CENTRE};
+use base::units::METRE_KM;
 use glam::DVec3;
 
 /// Reads a table.
@@ -57,7 +58,7 @@ pub(crate) fn read(source: &Source<'_>) -> Result<OrbitHistory, HistoryError> {
 /// Places of position and velocity, and kilometres in their unit.
 fn state_columns(table: &Table<'_>) -> Result<([usize; 6], f64), HistoryError> {
     if table.column(&["x_m"]).is_some() {
-        return Ok((table.columns_of(["x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s"])?, 1e-3));
+        return Ok((table.columns_of(["x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s"])?, METRE_KM));
     }
     Ok((table.columns_of(["x_km", "y_km", "z_km", "vx_km_s", "vy_km_s", "vz_km_s"])?, 1.0))
 }

@@ -11,7 +11,7 @@
 //! |---|---|
 //! | [`read`] | which reader a file needs; bounds of its size |
 //! | `message` | CCSDS KVN and XML to one form |
-//! | `aem`, `oem` | that form to attitudes and orbits |
+//! | `aem`, `aem_row`, `oem` | that form to attitudes and orbits |
 //! | `stk` | STK's attitude and ephemeris files |
 //! | `csv_attitude`, `csv_orbit` | tables with a header, and rows without one |
 //! | `parquet_table` | tables in Parquet files (feature `parquet`) |
@@ -21,6 +21,7 @@
 //! | [mod@write] | all formats out |
 
 mod aem;
+mod aem_row;
 pub mod attitude;
 mod attitude_methods;
 mod csv_attitude;
@@ -50,6 +51,7 @@ mod tests;
 pub mod write;
 mod write_ccsds;
 mod write_csv;
+mod write_header;
 mod write_stk;
 
 pub use attitude::{AttitudeHistory, AttitudeMotion, AttitudeSegment, AttitudeState, Times};

@@ -13,8 +13,36 @@ use std::borrow::Cow;
 const MOST_NODES: u32 = 30_000_000;
 
 /// Order of the values of a row.
-const ATTITUDE_ORDER: [&str; 12] =
-    ["EPOCH", "Q1", "Q2", "Q3", "QC", "Q1_DOT", "Q2_DOT", "Q3_DOT", "QC_DOT", "ANGVEL_X", "ANGVEL_Y", "ANGVEL_Z"];
+const ATTITUDE_ORDER: [&str; 28] = [
+    "EPOCH",
+    "Q1",
+    "Q2",
+    "Q3",
+    "QC",
+    "Q1_DOT",
+    "Q2_DOT",
+    "Q3_DOT",
+    "QC_DOT",
+    "ANGLE_1",
+    "ANGLE_2",
+    "ANGLE_3",
+    "ANGLE_1_DOT",
+    "ANGLE_2_DOT",
+    "ANGLE_3_DOT",
+    "ANGVEL_X",
+    "ANGVEL_Y",
+    "ANGVEL_Z",
+    "SPIN_ALPHA",
+    "SPIN_DELTA",
+    "SPIN_ANGLE",
+    "SPIN_ANGLE_VEL",
+    "NUTATION",
+    "NUTATION_PER",
+    "NUTATION_PHASE",
+    "MOMENTUM_ALPHA",
+    "MOMENTUM_DELTA",
+    "NUTATION_VEL",
+];
 const ORBIT_ORDER: [&str; 7] = ["EPOCH", "X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT"];
 
 /// Takes a document apart and hands the message to `read`, which may not outlive it.

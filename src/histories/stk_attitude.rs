@@ -1,12 +1,11 @@
 //! STK attitude files (`.a`): quaternions from the reference axes to the body's, scalar last or first, with or without
 //! rates (deg/s, body axes).
 
-use crate::aem::NORM_TOLERANCE;
 use crate::attitude::{AttitudeHistory, AttitudeSegment, AttitudeState, Times, Unfit};
 use crate::attitude_methods::AttitudeInterpolation;
 use crate::error::{HistoryError, Source};
 use crate::stk::Block;
-use base::axes::Rotation;
+use base::axes::{Rotation, WRITTEN_NORM_TOLERANCE};
 use glam::{DQuat, DVec3};
 
 /// Reads a file.
@@ -32,7 +31,7 @@ pub(crate) fn read(source: &Source<'_>) -> Result<AttitudeHistory, HistoryError>
             (t_ns, [a, b, c, d, 0.0, 0.0, 0.0])
         };
         let given = if is_scalar_first { DQuat::from_xyzw(b, c, d, a) } else { DQuat::from_xyzw(a, b, c, d) };
-        if (given.length() - 1.0).abs() > NORM_TOLERANCE {
+        if (given.length() - 1.0).abs() > WRITTEN_NORM_TOLERANCE {
             return Err(source.refuse(row.offset, &row.text, "a quaternion whose norm is 1 within 0.001"));
         }
         let body_from_icrf = Rotation::from_quat(given.normalize().conjugate() * axes.rotation_from_icrf());

@@ -2,22 +2,9 @@
 
 use crate::attitude::AttitudeHistory;
 use crate::orbit::OrbitHistory;
+pub use crate::write_header::Header;
 use crate::{write_ccsds, write_csv, write_stk};
-use base::time::Tai;
 use std::io::{self, Write};
-
-/// What a file says about itself.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Header {
-    /// Name of the object.
-    pub object_name: String,
-    /// International designator of the object, or UNKNOWN.
-    pub object_id: String,
-    /// Name of the axes whose attitude it is, such as SC_BODY_1.
-    pub body: String,
-    /// When the file is made.
-    pub created: Tai,
-}
 
 /// A format of attitudes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -4,7 +4,7 @@ use crate::attitude::{AttitudeHistory, AttitudeSegment, AttitudeState};
 use crate::attitude_methods::AttitudeInterpolation;
 use crate::epoch::utc_text;
 use crate::orbit::{OrbitHistory, OrbitInterpolation, OrbitSegment, OrbitState};
-use crate::write::Header;
+use crate::write_header::Header;
 use base::time::Tai;
 use glam::DVec3;
 use std::io::{self, Write};

@@ -3,7 +3,7 @@
 use crate::attitude::{AttitudeHistory, Times};
 use crate::epoch::utc_text;
 use crate::orbit::OrbitHistory;
-use crate::write::Header;
+use crate::write_header::Header;
 use base::time::Tai;
 use std::io::{self, Write};
 

@@ -51,13 +51,13 @@ impl DensityMap {
     /// # Errors
     /// When a tile cannot be read or is damaged.
     pub fn add_layer(&mut self, layer: &Layer, limiting_mag: f32) -> Result<(), LayerError> {
-        let [from, below] = layer.magnitudes();
+        let [from, below] = layer.index().magnitudes;
         if from > limiting_mag {
             return Ok(());
         }
         let (mut bytes, mut stars) = (Vec::new(), Vec::new());
-        let finer = 2 * (layer.order() - self.order);
-        for (tile, count) in (0_u64..).zip(layer.stars_of_tiles()).filter(|(_, count)| *count > 0) {
+        let finer = 2 * (layer.index().order - self.order);
+        for (tile, count) in (0_u64..).zip(layer.index().stars_of_tiles()).filter(|(_, count)| *count > 0) {
             let counted = if limiting_mag >= below {
                 count
             } else {
@@ -160,13 +160,13 @@ mod tests {
             map
         };
         let all = map_to(99.0);
-        assert_eq!(all.stars(), layers.iter().map(Layer::stars).sum::<u64>());
+        assert_eq!(all.stars(), layers.iter().map(|layer| layer.index().stars()).sum::<u64>());
         // Stars of the fainter layer whose magnitude was rounded to 8.000 are not fainter than it.
-        let rounded = map_to(8.0).stars() - layers[0].stars();
+        let rounded = map_to(8.0).stars() - layers[0].index().stars();
         assert!(rounded < 300 && map_to(-1.0).stars() == 0, "{rounded}");
         let (some, mut found) = (map_to(8.5), Vec::new());
         layers[1].cone(DVec3::Z, PI, 8.5, &mut found).unwrap();
-        assert_eq!(some.stars(), layers[0].stars() + found.len() as u64, "a limit within a layer");
+        assert_eq!(some.stars(), layers[0].index().stars() + found.len() as u64, "a limit within a layer");
         let map = all.clone().coarsened();
         assert_eq!((map.stars(), map.order(), all.order()), (all.stars(), 5, 6));
         let scale = 4e5 / Population::new(&[8.0, 9.0], None, 1).unwrap().expected();

@@ -1,5 +1,6 @@
 //! One camera: everything between the light and its numbers.
 
+use base::region::Regions;
 use frames::sink::CameraFacts;
 use image::detector;
 use image::detector::binning::{Binning, BinningKind, Levels};
@@ -84,6 +85,7 @@ impl CameraParams {
             focal_length_mm: self.focal_length_mm,
             saturation_dn: full_dn.min(levels.largest_dn),
             read_noise_e_rms: levels.read_noise_e_rms,
+            temperature_c: levels.temperature_c,
             colours: self.detector.spatial.output_colours(),
         }
     }
@@ -121,5 +123,11 @@ impl CameraParams {
     pub fn predicted_readout_ms(&self, cost: &CostModel) -> f64 {
         let [width, height] = [self.geometry.width_px(), self.geometry.height_px()];
         cost.readout_ms(width * height) * detector::cost::factor(&self.detector, &self.patterns, width)
+    }
+
+    /// Returns the share of that time that these regions of the image take on a processor.
+    #[must_use]
+    pub fn readout_share(&self, regions: &Regions) -> f64 {
+        detector::cost::share_of(&self.detector, &self.output().sensor_regions(regions), self.sensor_px())
     }
 }

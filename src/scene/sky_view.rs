@@ -1,38 +1,37 @@
 //! Stars, observer and radiometry -> the sources of one exposure. Reuses its buffers.
 //!
-//! From a catalog in memory star by star; from layers by the tiles of the field, whose light was computed when they were
-//! read, on all cores. Tests: `tests/physics/frames.rs`, `tests/physics/deep_sky.rs`.
+//! By the tiles of the field, whose light was computed when they were decoded, on all cores.
+//! Tests: `tests/physics/frames.rs`, `tests/physics/deep_sky.rs`.
 
 use crate::camera::CameraParams;
 use crate::error::SceneError;
 use crate::field_bounds::FieldBounds;
 use crate::field_stars::FieldStars;
 use base::axes::{Icrf, Rotation, Sensor};
-use base::source::CatalogSource;
 use base::source_id::SourceId;
 use base::time::{Span, Tai};
-use base::units::AU_KM;
 use frames::sink::{TruthKind, TruthStar};
 use glam::{DQuat, DVec3};
 use plan::attitude::LosPath;
 use plan::exposure::{Source, SourcePlace};
-use sky::astrometry::{ApparentSource, Sight, Vantage, apparent_places, cone_margin_rad, years_since};
+use sky::astrometry::{ApparentPlaces, Sight, Vantage, cone_margin_rad};
 use sky::observer::ObserverTrack;
 use stars::Sky;
-use stars::catalog::{Catalog, chord_squared};
+use stars::cover::chord_squared;
 use stars::tiles::{Light, Shortfall, TileSky, TileStar};
 use std::sync::Arc;
 
 /// The sky as one camera sees it.
 pub struct SkyView {
-    stars: Stars,
+    tiles: TileSky,
+    field: FieldStars,
     /// What the latest field lacks.
     shortfall: Shortfall,
     epoch_yr: f64,
     fastest_mas_yr: f64,
     observer: ObserverTrack,
     light_deflection: bool,
-    camera: CameraParams,
+    half_diagonal_rad: f64,
     /// From the boresight to the detector's corner, and its margin.
     field_rad: f64,
     /// The same in the catalog, at the latest time asked for.
@@ -41,11 +40,6 @@ pub struct SkyView {
     /// What the observer does to directions in the latest field.
     sight: Option<Sight>,
     sources: Vec<Source>,
-}
-
-enum Stars {
-    Catalog { catalog: Arc<Catalog>, in_cone: Vec<CatalogSource>, apparent: Vec<ApparentSource> },
-    Tiles { tiles: Box<TileSky>, field: FieldStars },
 }
 
 /// Stars in view for which there is room from the start.
@@ -61,29 +55,20 @@ impl SkyView {
     pub fn new(camera: &CameraParams, observer: ObserverTrack, sky: &Sky) -> Self {
         let [ifov_x, ifov_y] = camera.geometry.ifov_rad();
         let field_rad = camera.geometry.half_diagonal_rad() + MARGIN_PX * ifov_x.max(ifov_y);
-        let stars = match sky {
-            Sky::Catalog(catalog) => Stars::Catalog {
-                catalog: Arc::clone(catalog),
-                in_cone: Vec::with_capacity(STARS_RESERVED),
-                apparent: Vec::with_capacity(STARS_RESERVED),
-            },
-            Sky::Layers { layers, most_stars } => Stars::Tiles {
-                tiles: Box::new(TileSky::new(Arc::clone(layers), light(camera), *most_stars)),
-                field: FieldStars::with_capacity(STARS_RESERVED),
-            },
-        };
+        let Sky { layers, most_stars } = sky;
         Self {
-            stars,
+            tiles: TileSky::new(Arc::clone(layers), light(camera), *most_stars),
+            field: FieldStars::with_capacity(STARS_RESERVED),
             shortfall: Shortfall::default(),
-            epoch_yr: sky.epoch_yr(),
-            fastest_mas_yr: sky.fastest_mas_yr(),
+            epoch_yr: layers.epoch_yr(),
+            fastest_mas_yr: layers.fastest_mas_yr(),
             field_rad,
             radius_rad: field_rad,
             bounds: FieldBounds::new(&camera.geometry),
             sight: None,
             observer,
             light_deflection: true,
-            camera: camera.clone(),
+            half_diagonal_rad: camera.geometry.half_diagonal_rad(),
             sources: Vec::with_capacity(STARS_RESERVED),
         }
     }
@@ -100,12 +85,7 @@ impl SkyView {
     /// # Errors
     /// When the system has no thread for it.
     pub fn read_ahead(&mut self) -> Result<(), SceneError> {
-        match &mut self.stars {
-            Stars::Catalog { .. } => Ok(()),
-            Stars::Tiles { tiles, .. } => {
-                tiles.read_ahead().map_err(|source| SceneError::Thread { name: "tiles", source })
-            }
-        }
+        self.tiles.read_ahead().map_err(|source| SceneError::Thread { name: "tiles", source })
     }
 
     /// Takes in what has been read ahead; how many tiles are still to come.
@@ -113,19 +93,13 @@ impl SkyView {
     /// # Errors
     /// When a tile cannot be read.
     pub fn settle(&mut self) -> Result<usize, SceneError> {
-        match &mut self.stars {
-            Stars::Catalog { .. } => Ok(0),
-            Stars::Tiles { tiles, .. } => Ok(tiles.settle()?),
-        }
+        Ok(self.tiles.settle()?)
     }
 
     /// Returns true when the thread that reads tiles has broken down.
     #[must_use]
     pub fn has_lost_reader(&self) -> bool {
-        match &self.stars {
-            Stars::Catalog { .. } => false,
-            Stars::Tiles { tiles, .. } => tiles.has_lost_reader(),
-        }
+        self.tiles.has_lost_reader()
     }
 
     /// What the latest field lacks.
@@ -170,10 +144,7 @@ impl SkyView {
     /// allocates nothing.
     #[must_use]
     pub fn source_id(&self, id: u32) -> Option<SourceId> {
-        match &self.stars {
-            Stars::Catalog { catalog, .. } => catalog.sources().get(usize::try_from(id).ok()?)?.source_id,
-            Stars::Tiles { tiles, .. } => tiles.source_id(id),
-        }
+        self.tiles.source_id(id)
     }
 
     /// Writes into the truth table which star of its source catalog each star is, where that is known.
@@ -193,13 +164,11 @@ impl SkyView {
         let rate_rad_s = los.rate_rad_s.length();
         let sweep_rad = rate_rad_s * los.exposure_s;
         self.find(boresight, sweep_rad, Some(&los.mid_sensor_from_icrf), los.mid_exposure())?;
-        if let Stars::Tiles { tiles, .. } = &mut self.stars {
-            // The stretch from here to where a slew at this rate leads.
-            let half = 0.5 * AHEAD.s();
-            let turned = DQuat::from_scaled_axis(icrf_from_sensor.apply(los.rate_rad_s) * half) * boresight;
-            let stretch_rad = boresight.angle_between(turned);
-            tiles.look_ahead(turned, 1.1 * self.radius_rad + stretch_rad);
-        }
+        // The stretch from here to where a slew at this rate leads.
+        let half = 0.5 * AHEAD.s();
+        let turned = DQuat::from_scaled_axis(icrf_from_sensor.apply(los.rate_rad_s) * half) * boresight;
+        let stretch_rad = boresight.angle_between(turned);
+        self.tiles.look_ahead(turned, 1.1 * self.radius_rad + stretch_rad);
         Ok(())
     }
 
@@ -212,7 +181,7 @@ impl SkyView {
         Ok(&self.sources)
     }
 
-    /// Of layers only stars that may be seen at `attitude`, where it is known.
+    /// Of layers on disk only stars that may be seen at `attitude`, where it is known.
     fn find(
         &mut self,
         boresight_icrf: DVec3,
@@ -223,34 +192,30 @@ impl SkyView {
         let vantage = Vantage::of(&self.observer, at, self.light_deflection)?;
         self.sight = Some(vantage.sight());
         self.radius_rad = self.field_rad + cone_margin_rad(self.epoch_yr, self.fastest_mas_yr, at, &vantage);
-        let margin_rad = self.radius_rad - self.camera.geometry.half_diagonal_rad() + sweep_rad;
+        let margin_rad = self.radius_rad - self.half_diagonal_rad + sweep_rad;
+        // Of a catalog in memory the whole cone, a few thousand stars: those that bodies hide beside the field count too.
+        let attitude = attitude.filter(|_| !self.tiles.layers().is_in_memory());
         let bounds = attitude.and_then(|attitude| self.bounds.at(attitude, margin_rad));
         let radius_rad = self.radius_rad + sweep_rad;
-        let Self { stars, camera, sources, shortfall, epoch_yr, .. } = self;
-        match stars {
-            Stars::Catalog { catalog, in_cone, apparent } => {
-                catalog.cone(boresight_icrf, radius_rad, camera.limiting_mag, in_cone);
-                apparent_places(in_cone, *epoch_yr, at, &vantage, apparent);
-                sources.clear();
-                sources.extend(apparent.iter().map(|star| seen(star, camera)));
-            }
-            Stars::Tiles { tiles, field } => {
-                let Some(axis) = boresight_icrf.try_normalize() else {
-                    sources.clear();
-                    return Ok(());
-                };
-                *shortfall = tiles.take_field(axis, radius_rad)?;
-                let chord2 = chord_squared(radius_rad);
-                let is_wanted = |star: &TileStar| match &bounds {
-                    Some(bounds) => bounds.may_have(star.direction_icrf),
-                    None => star.direction_icrf.distance_squared(axis) <= chord2,
-                };
-                let (years, sight) = (years_since(*epoch_yr, at), vantage.sight());
-                let off_au = vantage.observer.position_km / AU_KM;
-                let seen = |star: &TileStar| seen_of_tile(star, years, off_au, &sight);
-                field.take(|block| tiles.block(block), tiles.blocks().count(), is_wanted, seen, sources);
-            }
-        }
+        let Some(axis) = boresight_icrf.try_normalize() else {
+            self.sources.clear();
+            return Ok(());
+        };
+        self.shortfall = self.tiles.take_field(axis, radius_rad)?;
+        let chord2 = chord_squared(radius_rad);
+        let is_wanted = |star: &TileStar| match &bounds {
+            Some(bounds) => bounds.may_have(star.direction_icrf),
+            None => star.direction_icrf.distance_squared(axis) <= chord2,
+        };
+        let places = ApparentPlaces::new(self.epoch_yr, at, &vantage);
+        let seen = |star: &TileStar| Source {
+            id: star.id,
+            electrons: star.electrons,
+            mag: star.mag,
+            place: SourcePlace::Icrf(places.place(star.direction_icrf, star.motion, star.parallax_mas)),
+        };
+        let tiles = &self.tiles;
+        self.field.take(|block| tiles.block(block), tiles.blocks().count(), is_wanted, seen, &mut self.sources);
         Ok(())
     }
 }
@@ -262,24 +227,4 @@ fn light(camera: &CameraParams) -> Light {
         let (mag_g, bp_rp) = (f64::from(mag_g), f64::from(bp_rp));
         (radiometry.electrons(mag_g, bp_rp, exposure_s), radiometry.mag_instrument(mag_g, bp_rp) as f32)
     })
-}
-
-fn seen(star: &ApparentSource, camera: &CameraParams) -> Source {
-    let (mag_g, bp_rp) = (f64::from(star.mag_g), f64::from(star.bp_rp));
-    let radiometry = &camera.radiometry;
-    Source {
-        id: star.id,
-        electrons: radiometry.electrons(mag_g, bp_rp, camera.exposure_s),
-        mag: radiometry.mag_instrument(mag_g, bp_rp) as f32,
-        place: SourcePlace::Icrf(star.apparent_icrf),
-    }
-}
-
-/// Space motion and parallax in one step (they are below 1e-3 rad: their product is left out), then what the vantage does.
-#[inline]
-fn seen_of_tile(star: &TileStar, years: f64, off_au: DVec3, sight: &Sight) -> Source {
-    let rate = DVec3::from_array(star.rate_icrf.map(f64::from));
-    let natural = (star.direction_icrf + rate * years - off_au * f64::from(star.parallax_rad)).normalize();
-    let place = SourcePlace::Icrf(sight.apparent(natural));
-    Source { id: star.id, electrons: star.electrons, mag: star.mag, place }
 }

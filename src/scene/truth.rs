@@ -3,6 +3,7 @@
 use crate::sky_bodies::{EARTH_NUMBER, MOON_NUMBER};
 use crate::sky_targets::TargetFacts;
 use base::axes::{Icrf, Rotation, Sensor};
+use base::region::Regions;
 use base::source::ra_dec_rad;
 use frames::sink::{TargetRow, TruthKind, TruthStar};
 use glam::DVec3;
@@ -163,6 +164,30 @@ pub fn add_tracks(tracks: &[ProtonTrack], output: &OutputGeometry, out: &mut Vec
             source_id: None,
         }
     }));
+}
+
+/// Leaves only the rows of what may shine into the parts of the image that are read out; Earth and Moon, which are large, stay.
+pub fn keep_shown(
+    plan: &ExposurePlan,
+    output: &OutputGeometry,
+    regions: &Regions,
+    truth: &mut Vec<TruthStar>,
+    targets: &mut Vec<TargetRow>,
+) {
+    if regions.is_whole() {
+        return;
+    }
+    let binning = f64::from(output.binning);
+    let reach_px = (plan.half_px as f64 + 1.0) / binning;
+    let shows = |[x, y]: [f64; 2], reach_px: f64| {
+        let [left, top] = [x - reach_px, y - reach_px].map(|px| px.round() as i64);
+        regions.show(left, top, [(2.0 * reach_px) as i64 + 1; 2])
+    };
+    truth.retain(|row| {
+        let is_large = matches!(row.kind, TruthKind::Moon | TruthKind::Earth);
+        is_large || shows([row.x_px, row.y_px], reach_px + 0.5 * row.smear_px)
+    });
+    targets.retain(|row| truth.iter().any(|shown| shown.id == row.id));
 }
 
 /// What stands behind an identifier.

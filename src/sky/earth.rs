@@ -12,7 +12,6 @@
 //! Test: `agrees_with_a_numerical_ephemeris` against literals from `erfa.epv00`.
 
 use crate::observer::BarycentricState;
-use crate::planets::Planet;
 use base::time::Tai;
 use base::units::{AU_KM, DAY_S};
 use glam::{DMat3, DVec3};
@@ -20,7 +19,7 @@ use glam::{DMat3, DVec3};
 /// Half of the interval over which positions are differenced, days.
 pub const HALF_STEP_D: f64 = 0.05;
 /// Julian date of J2000.0.
-const J2000_JD: f64 = 2_451_545.0;
+pub(super) const J2000_JD: f64 = 2_451_545.0;
 
 /// Rows of the rotation from the VSOP87 ecliptic to equatorial J2000 axes (note on VSOP87's coordinates, 1988).
 const EQUATORIAL_FROM_VSOP87: [[f64; 3]; 3] = [
@@ -57,23 +56,8 @@ pub(super) fn sun_position_km(days_tdb_since_j2000: f64) -> DVec3 {
     equatorial_km(DVec3::new(p.x, p.y, p.z))
 }
 
-/// Barycentric position of a planet, ICRF axes, by the same theory.
-pub(super) fn planet_position_km(planet: Planet, days_tdb_since_j2000: f64) -> DVec3 {
-    use vsop87::vsop87e;
-    let series = match planet {
-        Planet::Mercury => vsop87e::mercury,
-        Planet::Venus => vsop87e::venus,
-        Planet::Mars => vsop87e::mars,
-        Planet::Jupiter => vsop87e::jupiter,
-        Planet::Saturn => vsop87e::saturn,
-        Planet::Uranus => vsop87e::uranus,
-        Planet::Neptune => vsop87e::neptune,
-    };
-    let p = series(J2000_JD + days_tdb_since_j2000);
-    equatorial_km(DVec3::new(p.x, p.y, p.z))
-}
-
-fn equatorial_km(ecliptic_au: DVec3) -> DVec3 {
+/// Barycentric axes of the ICRF from those of the theory, in au.
+pub(super) fn equatorial_km(ecliptic_au: DVec3) -> DVec3 {
     let rows = EQUATORIAL_FROM_VSOP87.map(DVec3::from_array);
     DMat3::from_cols(rows[0], rows[1], rows[2]).transpose() * ecliptic_au * AU_KM
 }

@@ -65,7 +65,7 @@ impl FollowedStates {
             return if got.is_finite() { Ok(()) } else { Err(ObserverError::TwoBody { parameter, wanted, got }) };
         };
         TwoBodyOrbit::from_state(at, state.position_km, state.velocity_km_s, about.gm_km3_s2()).map(drop)?;
-        crate::observer::above_surface(about, at, *state).map(drop)
+        above_surface(about, at, *state).map(drop)
     }
 
     /// Returns the state at an instant, relative to the body; `None` while no state has come. Does not allocate.
@@ -84,7 +84,7 @@ impl FollowedStates {
             (Some(only), None) | (None, Some(only)) => self.moved(*only, at)?,
             (None, None) => return Ok(None),
         };
-        self.about.map_or(Ok(state), |about| crate::observer::above_surface(about, at, state)).map(Some)
+        self.about.map_or(Ok(state), |about| above_surface(about, at, state)).map(Some)
     }
 
     /// Returns true when an instant is further than [`FAR`] from every state.
@@ -124,6 +124,19 @@ fn hermite(earlier: (Tai, BarycentricState), later: (Tai, BarycentricState), at:
         position_km: a.position_km + x * (va + x * (second + x * third)),
         velocity_km_s: (va + x * (2.0 * second + 3.0 * x * third)) / step_s,
     }
+}
+
+/// A state about a body, unless it is below its surface.
+pub(crate) fn above_surface(
+    about: CentralBody,
+    at: Tai,
+    state: BarycentricState,
+) -> Result<BarycentricState, ObserverError> {
+    let (distance_km, surface_km) = (state.position_km.length(), about.surface_km());
+    if distance_km < surface_km {
+        return Err(ObserverError::BelowSurface { about, at, distance_km, surface_km });
+    }
+    Ok(state)
 }
 
 #[cfg(test)]

@@ -25,6 +25,7 @@ pub mod magnitude;
 pub mod moon;
 pub mod observer;
 pub mod orbit;
+pub mod planet_light;
 pub mod planets;
 pub mod spheroid;
 mod state;

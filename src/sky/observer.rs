@@ -8,7 +8,7 @@
 
 use crate::ObserverError;
 use crate::almanac::Almanac;
-use crate::followed::FollowedStates;
+use crate::followed::{FollowedStates, above_surface};
 use crate::moon;
 use crate::orbit::{CentralBody, CircularOrbit, TleOrbit, TwoBodyOrbit};
 pub use crate::state::BarycentricState;
@@ -83,18 +83,6 @@ fn tabulated(history: &OrbitHistory, at: Tai) -> Result<BarycentricState, Observ
     let found = history.at_ns(at.ns()).ok_or_else(missing)?;
     let state = BarycentricState { position_km: found.position_km, velocity_km_s: found.velocity_km_s };
     body_of(history.centre).map_or(Ok(state), |about| above_surface(about, at, state))
-}
-
-pub(crate) fn above_surface(
-    about: CentralBody,
-    at: Tai,
-    state: BarycentricState,
-) -> Result<BarycentricState, ObserverError> {
-    let (distance_km, surface_km) = (state.position_km.length(), about.surface_km());
-    if distance_km < surface_km {
-        return Err(ObserverError::BelowSurface { about, at, distance_km, surface_km });
-    }
-    Ok(state)
 }
 
 /// An observer followed from frame to frame: the orbit at each time, Earth and Sun from an [`Almanac`].

@@ -1,7 +1,8 @@
 //! Time and the observer's place -> where a planet's light comes from, km, ICRF axes.
 //!
 //! Heliocentric positions by the table of [`crate::ephemeris`], outside its span by VSOP87E (Bretagnon and Francou
-//! 1988, A&A 202, 309), both through [`crate::almanac`]. Light time: the planet is taken where it was when the light left, in `LIGHT_STEPS` steps. What
+//! 1988, A&A 202, 309), both through [`crate::almanac`]. Light time: the planet is taken where it was when the light left
+//! ([`crate::planet_light`]). What
 //! is given is then geometric in the observer's axes of rest with the barycentre, so that the aberration of stars applies.
 //! The Sun's own motion meanwhile (0.013 km/s) is left out: 200 km, or 0.01 arcsec, at Neptune. Mars to Neptune are the
 //! centres of mass of their systems (Jupiter's is 200 km from the planet's middle: 0.1 arcsec).
@@ -9,16 +10,11 @@
 //! Against DE421 1990-2051: 0.05 arcsec by the table; by VSOP87E 0.4 arcsec for Mercury to Saturn, 1.7 for Uranus, 2.4 for
 //! Neptune. Tests: below; `tests/physics/bodies.rs` for apparent places.
 
-use crate::almanac::Almanac;
 use crate::earth::{self, HALF_STEP_D, state_by_difference};
 use crate::ephemeris::Method;
 use crate::observer::BarycentricState;
 use base::time::Tai;
-use base::units::{DAY_S, SPEED_OF_LIGHT_KM_S};
 use glam::DVec3;
-
-/// Steps to the light time: each leaves v/c of the one before, 3e-4 of 4 hours at first.
-const LIGHT_STEPS: usize = 3;
 
 /// A planet other than the Earth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -83,7 +79,7 @@ impl Planet {
     /// Position from the Sun on a day, TDB since J2000, by VSOP87E: milliseconds.
     #[cfg(test)]
     pub(super) fn by_series_km(self, days: f64) -> DVec3 {
-        earth::planet_position_km(self, days) - earth::sun_position_km(days)
+        barycentric_km(self, days) - earth::sun_position_km(days)
     }
 
     /// What its place is computed by at `at`.
@@ -91,25 +87,28 @@ impl Planet {
     pub fn method(at: Tai) -> Method {
         Method::on_day(at.days_tdb_since_j2000())
     }
+}
 
-    /// Where it was when the light left that an observer at `observer_km` from the Sun gets at `at`: from the Sun, km.
-    #[must_use]
-    pub fn light_left_km(self, at: Tai, observer_km: DVec3, almanac: &Almanac) -> DVec3 {
-        let days = at.days_tdb_since_j2000();
-        let mut from_sun_km = almanac.planet_km(self, days);
-        for _ in 0..LIGHT_STEPS {
-            let light_s = from_sun_km.distance(observer_km) / SPEED_OF_LIGHT_KM_S;
-            from_sun_km = almanac.planet_km(self, days - light_s / DAY_S);
-        }
-        from_sun_km
-    }
+/// Barycentric position of a planet, ICRF axes, by VSOP87E.
+fn barycentric_km(planet: Planet, days_tdb_since_j2000: f64) -> DVec3 {
+    use vsop87::vsop87e;
+    let series = match planet {
+        Planet::Mercury => vsop87e::mercury,
+        Planet::Venus => vsop87e::venus,
+        Planet::Mars => vsop87e::mars,
+        Planet::Jupiter => vsop87e::jupiter,
+        Planet::Saturn => vsop87e::saturn,
+        Planet::Uranus => vsop87e::uranus,
+        Planet::Neptune => vsop87e::neptune,
+    };
+    let p = series(earth::J2000_JD + days_tdb_since_j2000);
+    earth::equatorial_km(DVec3::new(p.x, p.y, p.z))
 }
 
 /// States of all planets from the Sun on a day, TDB since J2000, by VSOP87E.
 pub(super) fn states_by_series(days: f64) -> [BarycentricState; Planet::ALL.len()] {
     let sun = state_by_difference(earth::sun_position_km, days, HALF_STEP_D);
-    Planet::ALL
-        .map(|planet| state_by_difference(|days| earth::planet_position_km(planet, days), days, HALF_STEP_D) - sun)
+    Planet::ALL.map(|planet| state_by_difference(|days| barycentric_km(planet, days), days, HALF_STEP_D) - sun)
 }
 
 #[cfg(test)]

@@ -2,20 +2,25 @@
 //!
 //! Nothing here knows about cameras or observers: directions are ICRS at the catalog's epoch.
 //!
-//! * [`catalog`]: the packed star catalog and its cone query;
-//! * [`layer`]: star layers on disk, of any number of stars, and their cone query;
-//! * [`tiles`]: the tiles of a field from layers, in bounded memory, read ahead; [`Sky`]: a catalog or layers;
+//! * [`catalog`]: the packed star catalog, a layer in memory, and its cone query;
+//! * [`layer`]: star layers on disk, of any number of stars, and their cone query; several as one sky;
+//! * [`StarIndex`]: facts and tiles of either; [`cover`]: cones and the tiles that they touch;
+//! * [`tiles`]: the tiles of a field, decoded, in bounded memory, read ahead; [`Sky`]: the stars of a run;
 //! * [`galactic`]: galactic longitude and latitude;
 //! * [`credits`]: whom stars' origins ask to name;
 //! * [`numbering`]: stored numbers -> names in source catalogs; [`radial_velocity`]: of the fastest stars.
 
 pub mod catalog;
+pub mod cover;
 pub mod credits;
 pub mod galactic;
+mod index;
 pub mod layer;
 pub mod numbering;
 pub mod radial_velocity;
 mod stars;
+mod steps;
 pub mod tiles;
 
+pub use index::StarIndex;
 pub use stars::Sky;

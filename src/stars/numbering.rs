@@ -6,7 +6,7 @@
 //! 20.1.1), 52 arcsec wide, so numbers of other origin do not lie where they say. Tests: below, and
 //! `catalog::tests::built_in_stars_have_the_names_of_their_sources`.
 
-use crate::catalog::chord_squared;
+use crate::cover::chord_squared;
 use base::source::direction_from_ra_dec;
 use base::source_id::{GaiaRelease, SourceId};
 use base::units::ARCSEC;

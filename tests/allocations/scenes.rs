@@ -18,7 +18,7 @@ use image::render::Backend;
 use image::render::cpu::Cpu;
 use plan::attitude::LosPath;
 use plan::exposure::cost::CostModel;
-use plan::exposure::planner::{Instrument, Planner, Source, SourcePlace};
+use plan::exposure::{Instrument, Planner, Source, SourcePlace};
 use plan::exposure::{MethodChoice, PsfSampling, Rung, Shutter};
 use plan::optics::{Illumination, PsfModel};
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};

@@ -61,7 +61,7 @@ fn cone(c: &mut Criterion) {
     let mut group = c.benchmark_group("cone");
     group.sample_size(30);
     let set = Arc::new(LayerSet::open(&paths, 15.0).expect("layers"));
-    println!("{} stars", set.layers().iter().map(|layer| layer.stars()).sum::<u64>());
+    println!("{} stars", set.layers().map(|layer| layer.stars()).sum::<u64>());
     for (name, ra_deg, dec_deg) in PLACES {
         let axis = direction_from_ra_dec(ra_deg * DEG, dec_deg * DEG);
         for radius_deg in [0.5, 5.0, 10.0] {

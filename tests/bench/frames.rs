@@ -9,7 +9,7 @@ use base::time::{Span, Tai};
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use plan::attitude::{JitterTrack, LosPath, PathOrigin};
 use plan::exposure::cost::CostModel;
-use plan::exposure::planner::{Instrument, Planner, Source, SourcePlace};
+use plan::exposure::{Instrument, Planner, Source, SourcePlace};
 use plan::exposure::{MethodChoice, PixelPath, PixelPoint, PsfSampling, Shutter};
 use plan::optics::{Illumination, PsfModel};
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};

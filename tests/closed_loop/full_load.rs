@@ -109,7 +109,7 @@ fn a_full_bus_and_a_full_line_lose_nothing() {
         })
     };
     let setting = Setting { clock: &clock, stop: &stop, hygiene: None, ring_frames: 64, orders: None };
-    let sources = Sources { ports: vec![bus_port, line_port], pulses: None, chips: Vec::new() };
+    let sources = Sources { ports: vec![bus_port, line_port], pulses: None, samples: None, chips: Vec::new() };
     let sink = Box::new(NullSink::new());
     let heads = vec![Head { engine: &mut engine, receiver: &mut receiver, sink, faults: None }];
     let outcome = real_time::run_in(&setting, heads, sources, &mut |_, _, _| {});

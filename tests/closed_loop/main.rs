@@ -10,6 +10,7 @@ mod budget;
 mod calibrated;
 mod camera_bus;
 mod campaign;
+mod commanding_tracker;
 mod control;
 mod deadline;
 mod degraded;

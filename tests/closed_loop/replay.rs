@@ -297,6 +297,57 @@ fn three_heads_are_replayed_together_alone_and_into_folders() {
     assert!(text.contains("the first that is not: head 1, frame 4, CRC-32"), "{text}");
 }
 
+/// Writes a bench whose attitude, orbit and jitter are files, and these files.
+fn bench_of_files(folder: &Path) -> PathBuf {
+    let write = |name: &str, text: &str| std::fs::write(folder.join(name), text).unwrap();
+    let turn = |row: i32| {
+        let half = 0.0005 * f64::from(row);
+        format!("{},{},{},0,0\n", 0.5 * f64::from(row), half.cos(), -half.sin())
+    };
+    write("slew.csv", &format!("t_s,q_w,q_x,q_y,q_z\n{}", (0..8).map(turn).collect::<String>()));
+    let state = |row: i32| {
+        let (sin, cos) = (0.0011 * f64::from(row)).sin_cos();
+        format!("2026-03-01T12:00:{row:02}Z,{},{},0,{},{},0\n", 7000.0 * cos, 7000.0 * sin, -7.7 * sin, 7.7 * cos)
+    };
+    let header = "utc,x_km,y_km,z_km,vx_km_s,vy_km_s,vz_km_s\n";
+    write("orbit.csv", &format!("{header}{}", (0..10).map(state).collect::<String>()));
+    let shake = |row: i32| format!("{},{},{}\n", 0.001 * f64::from(row), row % 7 - 3, row % 5 - 2);
+    write("shake.csv", &format!("t_s,x_arcsec,y_arcsec\n{}", (0..1000).map(shake).collect::<String>()));
+    let camera = format!("{}/configs/cameras/small_tracker.toml", env!("CARGO_MANIFEST_DIR"));
+    let text = format!(
+        "camera = \"{camera}\"\n[timing]\nframe_rate_hz = 10.0\nduration_s = 2.0\nstart_utc = \"2026-03-01T12:00:00Z\"\n\
+         [plant]\nkind = \"file\"\nattitude = \"slew.csv\"\n[observer]\nkind = \"file\"\nfile = \"orbit.csv\"\n\
+         [jitter]\nseries = \"shake.csv\"\nat_end = \"repeat\"\n[render]\nbackend = \"cpu\"\n"
+    );
+    write("lab.toml", &text);
+    folder.join("lab.toml")
+}
+
+#[test]
+fn a_capture_is_replayed_elsewhere_without_the_files_of_attitudes_orbits_and_jitter() {
+    let [lab, other] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+    let (bench, directory) = (bench_of_files(lab.path()), lab.path().join("capture"));
+    let [bench, target] = [&bench, &directory].map(|path| path.to_str().unwrap());
+    let fixed = ["run", bench, "--clock", "virtual", "--sink", "null", "--quiet", "--capture", target];
+    let (status, text) = starloop(&fixed);
+    assert_eq!(status, 0, "{text}");
+    let moved = other.path().join("moved");
+    std::fs::rename(&directory, &moved).unwrap();
+    drop(lab);
+    let (status, text) = replay(&moved, &[]);
+    assert_eq!((status, text.trim()), (0, "20 of 20 frames bit-identical"));
+
+    let jitter = std::fs::read_dir(moved.join("data")).unwrap().map(|entry| entry.unwrap().path());
+    let jitter = jitter.into_iter().find(|path| path.to_str().unwrap().ends_with("shake.csv")).unwrap();
+    let whole = std::fs::read_to_string(&jitter).unwrap();
+    std::fs::write(&jitter, whole.replacen("0.001,", "0.0010,", 1)).unwrap();
+    let (status, text) = replay(&moved, &[]);
+    assert!(status == 1 && text.contains("shake.csv") && text.contains("as packed"), "control: {text}");
+    std::fs::remove_file(&jitter).unwrap();
+    let (status, text) = replay(&moved, &[]);
+    assert!(status == 1 && text.contains("shake.csv"), "{text}");
+}
+
 #[test]
 fn scenario_with_imaging_faults_is_replayed_and_not_without_its_events() {
     let folder = tempfile::tempdir().unwrap();

@@ -14,7 +14,7 @@ from pathlib import Path
 HERE = Path(__file__).parent
 VECTORS = json.loads((HERE / "../../firmware_protocol/vectors.json").read_text())
 # Message numbers in the order of MessageId::ALL.
-NUMBERS = [0x08, 0x18, 0x19, 0x20, 0x21, 0x22, 0x23, 0x24, 0x25, 0x28, 0x2A, 0x30, 0x31, 0x48, 0x58, 0x60, 0x70]
+NUMBERS = [0x08, 0x18, 0x19, 0x1A, 0x20, 0x21, 0x22, 0x23, 0x24, 0x25, 0x28, 0x2A, 0x30, 0x31, 0x48, 0x58, 0x60, 0x70]
 AS_IT_IS = 2  # the frame is not sealed by the target
 STREAM = 2
 
@@ -247,6 +247,14 @@ def histories():
     yield "aem_2", b"\0" + aem % (b"2.0", b"/ANGVEL\nANGVEL_FRAME = SC_BODY_1\n", rates)
     lagrange = b"\nINTERPOLATION_METHOD = LAGRANGE\nINTERPOLATION_DEGREE = 5\nUSEABLE_START_TIME = 2026-03-01T00:00:05\n"
     yield "aem_lagrange", b"\0" + aem % (b"2.0", lagrange, two % (b"", b""))
+    for name, kind, rows in (
+        ("euler", b"EULER_ANGLE\nEULER_ROT_SEQ = ZXZ\n", (b"30 40 50", b"31 41 51")),
+        ("euler_rates", b"EULER_ANGLE/DERIVATIVE\nEULER_ROT_SEQ = XYZ\n", (b"30 40 50 1 2 3", b"40 60 80 1 2 3")),
+        ("spin", b"SPIN\n", (b"20 30 10 6", b"20 30 73 6")),
+        ("nutation", b"SPIN/NUTATION_MOM\n", (b"20 30 10 6 21 31 4", b"20 30 73 6 21 31 4")),
+    ):
+        text = two.replace(b"0 0 0 1", rows[0]).replace(b"0 0.6 0 0.8", rows[1]) % (b"", b"")
+        yield f"aem_{name}", b"\0" + aem.replace(b"QUATERNION%s", kind) % (b"2.0", text)
     xml = (b'<aem version="2.0"><body><segment><metadata><REF_FRAME_A>ICRF</REF_FRAME_A><REF_FRAME_B>SC_BODY_1</REF_FRAME_B>'
            b"<TIME_SYSTEM>TDB</TIME_SYSTEM><START_TIME>2026-03-01T00:00:00</START_TIME><STOP_TIME>2026-03-01T00:01:00</STOP_TIME>"
            b"<ATTITUDE_TYPE>QUATERNION</ATTITUDE_TYPE></metadata><data><attitudeState><quaternionEphemeris><EPOCH>2026-03-01T00:00:01"

@@ -5,6 +5,7 @@
 //! Used by `hil_scripts/test_network_camera.py`.
 
 use anyhow::Context;
+use base::bayer::{BayerPattern, Colour};
 use base::clock::{Clock, Monotonic};
 use base::time::Span;
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -42,6 +43,12 @@ fn main() -> anyhow::Result<()> {
         frame_rate_hz: words.number("rate_hz", 20.0)?,
         exposure_s: 0.02,
         gain_e_per_dn: 2.5,
+        temperature_c: 21.5,
+        colours: words
+            .0
+            .get("colours")
+            .and_then(|name| BayerPattern::NAMED.iter().find(|(known, _)| known == name))
+            .map(|(_, pattern)| *pattern),
     };
     let clock: Arc<dyn Clock> = Arc::new(Monotonic::start());
     let mut camera = NetworkCamera::start(&params(&words)?, &sensor, None, Arc::clone(&clock))?;
@@ -94,7 +101,8 @@ fn params(words: &Words) -> anyhow::Result<Params> {
         frames_queued: words.whole("frames_queued", 2)?,
         identity: identity(words),
         mac: None,
-        allow_other_receivers: false,
+        allow_other_receivers: text("allow_other_receivers").is_some(),
+        ptp_socket: text("ptp_socket").map_or_else(|| Params::default().ptp_socket, Into::into),
         xml: if text("xml") == Some("plain") { XmlForm::Plain } else { XmlForm::Zip },
         lose_one_in: (lose > 0).then_some(lose),
     })
@@ -115,6 +123,9 @@ fn fill(frame: &mut SentFrame, number: u32, sensor: &SensorParams) {
         value = value.wrapping_mul(25_173).wrapping_add(13_849);
         *pixel = value & mask;
     }
+    if let Some(pattern) = sensor.colours {
+        fill_colours(frame, number, pattern);
+    }
     let turn = f64::from(number) * 0.01;
     let meta = &mut frame.meta;
     meta.number = number;
@@ -126,4 +137,18 @@ fn fill(frame: &mut SentFrame, number: u32, sensor: &SensorParams) {
     (meta.lateness, meta.attitude_age, meta.horizon) = (Span::from_ms(-3), Span::from_ms(7), Span::from_ms(-11));
     (meta.origin, meta.rung) = ("predicted", "full");
     meta.faults = FaultFlags::HOT_PIXELS;
+}
+
+/// The same number in all pixels of a colour, and another one in each frame.
+fn fill_colours(frame: &mut SentFrame, number: u32, pattern: BayerPattern) {
+    let width = frame.image.width();
+    let more = u16::try_from(number % 16).unwrap_or_default();
+    for (place, pixel) in frame.image.pixels_mut().iter_mut().enumerate() {
+        let own = match pattern.colour_at(place % width, place / width) {
+            Colour::Red => 3200,
+            Colour::Green => 1600,
+            Colour::Blue => 800,
+        };
+        *pixel = own + more;
+    }
 }

@@ -1,5 +1,5 @@
 //! Apparent places and pixels computed a second time, from other data and by other formulae, against the production
-//! path (built-in catalog, cone, `apparent_places`, `CameraGeometry`).
+//! path (built-in catalog, cone, `ApparentPlaces`, `CameraGeometry`).
 //!
 //! | | production | here |
 //! |---|---|---|
@@ -14,8 +14,8 @@ use base::axes::sensor_from_ra_dec_roll;
 use base::time::Tai;
 use core::f64::consts::PI;
 use glam::DVec3;
-use sky::astrometry::{ApparentSource, BrownConrady, CameraGeometry, CameraParameters};
-use sky::astrometry::{Vantage, apparent_places, cone_margin_rad};
+use sky::astrometry::{ApparentPlaces, BrownConrady, CameraGeometry, CameraParameters};
+use sky::astrometry::{Vantage, cone_margin_rad};
 use stars::catalog::Catalog;
 
 const DEG: f64 = PI / 180.0;
@@ -238,15 +238,16 @@ pub(crate) fn project(direction: [f64; 3], pointing: &Pointing) -> Option<[f64; 
     Some([cx + pointing.focal_px * (right * scale + p2 * r2), cy + pointing.focal_px * (down * scale + p1 * r2)])
 }
 
-/// The apparent sources of the production path within 40 degrees of an axis.
-fn production(axis: [f64; 3], at: Tai) -> Vec<ApparentSource> {
+/// The apparent directions of the production path within 40 degrees of an axis.
+fn production(axis: [f64; 3], at: Tai) -> Vec<DVec3> {
     let catalog = Catalog::built_in().expect("the built-in catalog");
     let vantage = Vantage::from(sky::earth::barycentric_state(at));
-    let (mut sources, mut out) = (Vec::new(), Vec::new());
-    let radius_rad = 40.0 * DEG + cone_margin_rad(catalog.epoch_yr(), catalog.fastest_mas_yr(), at, &vantage);
+    let mut sources = Vec::new();
+    let radius_rad =
+        40.0 * DEG + cone_margin_rad(catalog.index().epoch_yr, catalog.index().fastest_mas_yr, at, &vantage);
     catalog.cone(DVec3::from_array(axis), radius_rad, LIMITING_MAG, &mut sources);
-    apparent_places(&sources, catalog.epoch_yr(), at, &vantage, &mut out);
-    out
+    let places = ApparentPlaces::new(catalog.index().epoch_yr, at, &vantage);
+    sources.iter().map(|star| places.of(star)).collect()
 }
 
 /// Angle between two unit vectors, arcsec.
@@ -259,9 +260,8 @@ fn apart_arcsec(a: [f64; 3], b: [f64; 3]) -> f64 {
 fn distances(stars: &[Star], at: Tai, leave_out: LeaveOut) -> Vec<(f64, Star)> {
     let found = production(apparent_icrf(&stars[0], at), at);
     assert!(!found.is_empty(), "the cone must hold stars");
-    let nearest = |place: [f64; 3]| {
-        found.iter().map(|source| apart_arcsec(source.apparent_icrf.to_array(), place)).fold(f64::MAX, f64::min)
-    };
+    let nearest =
+        |place: [f64; 3]| found.iter().map(|seen| apart_arcsec(seen.to_array(), place)).fold(f64::MAX, f64::min);
     stars.iter().map(|star| (nearest(apparent(star, at, leave_out)), *star)).collect()
 }
 
@@ -348,10 +348,10 @@ fn worst_px(pointing: &Pointing, seen_by: &Pointing, at: Tai) -> (f64, usize) {
             continue;
         };
         let same = found.iter().min_by(|a, b| {
-            let apart = |source: &ApparentSource| apart_arcsec(source.apparent_icrf.to_array(), place);
+            let apart = |seen: &DVec3| apart_arcsec(seen.to_array(), place);
             apart(a).total_cmp(&apart(b))
         });
-        let same = same.expect("a source in the cone").apparent_icrf;
+        let same = *same.expect("a source in the cone");
         assert!(apart_arcsec(same.to_array(), place) < SAME_STAR_ARCSEC, "HIP {} is not in the cone", star.hip);
         let [px, py] = camera.project(attitude.apply(same)).expect("in front of the camera");
         seen = (seen.0.max((px - x).hypot(py - y)), seen.1 + 1);

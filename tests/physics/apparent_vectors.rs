@@ -9,7 +9,7 @@
 use base::source::{CatalogSource, ProperMotion, direction_from_ra_dec};
 use base::time::{Span, Tai};
 use glam::DVec3;
-use sky::astrometry::{Vantage, apparent_places};
+use sky::astrometry::{ApparentPlaces, Vantage};
 use sky::observer::{Observer, ObserverTrack};
 use sky::orbit::{CentralBody, CircularOrbit, KeplerElements, TleOrbit, TwoBodyOrbit};
 use std::sync::OnceLock;
@@ -93,12 +93,10 @@ fn observer(name: &str, at: Tai) -> Observer {
 
 /// Difference of a case, mas, with (0) and without (1) deflection, after `edit` of what goes in.
 fn off_mas(case: &Case, edit: &dyn Fn(&mut CatalogSource, &mut Vantage)) -> [f64; 2] {
-    let mut out = Vec::new();
-    let mut off = |vantage: Vantage, wanted: DVec3| {
+    let off = |vantage: Vantage, wanted: DVec3| {
         let (mut source, mut vantage) = (case.source, vantage);
         edit(&mut source, &mut vantage);
-        apparent_places(&[source], 2016.0, case.at, &vantage, &mut out);
-        out[0].apparent_icrf.distance(wanted) / MAS
+        ApparentPlaces::new(2016.0, case.at, &vantage).of(&source).distance(wanted) / MAS
     };
     [off(case.vantage, case.seen[0]), off(case.vantage.observer.into(), case.seen[1])]
 }

@@ -8,8 +8,8 @@ use crate::random_scenes::{SIZE, scene};
 use crate::scene::{EXPOSURE_S, FOCAL_PX, draw_cpu, draw_reference, everything, los, planner, star};
 use glam::DVec3;
 use plan::attitude::{JitterLine, LosPath};
+use plan::exposure::Source;
 use plan::exposure::plan::Verdict;
-use plan::exposure::planner::Source;
 use plan::exposure::{PixelPath, PixelPoint};
 use plan::optics::PsfModel;
 

@@ -8,8 +8,8 @@ use crate::scene::{
 use glam::DVec3;
 use plan::attitude::LosPath;
 use plan::exposure::plan::Verdict;
-use plan::exposure::planner::{Instrument, Source};
 use plan::exposure::{ExposurePlan, Shutter};
+use plan::exposure::{Instrument, Source};
 use plan::optics::PsfModel;
 
 /// Detector, px.

@@ -7,8 +7,8 @@ use crate::scene::{
 };
 use glam::DVec3;
 use plan::attitude::LosPath;
+use plan::exposure::Source;
 use plan::exposure::plan::Verdict;
-use plan::exposure::planner::Source;
 use plan::exposure::{Drawing, ExposurePlan, Instrument, PixelPath, PixelPoint, Shutter};
 use plan::optics::{PsfField, PsfGrid, PsfModel};
 

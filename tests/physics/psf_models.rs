@@ -9,9 +9,9 @@ use glam::DVec3;
 use plan::attitude::LosPath;
 use plan::exposure::cost::CostModel;
 use plan::exposure::plan::Verdict;
-use plan::exposure::planner::{Planner, Source};
 use plan::exposure::sampling::{TABLE_ERROR, oversampling, sampling_error, table_error};
 use plan::exposure::{Instrument, PixelPath, PixelPoint, PsfSampling};
+use plan::exposure::{Planner, Source};
 use plan::optics::{PsfGrid, PsfModel};
 
 /// Side of the detector, px.

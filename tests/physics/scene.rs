@@ -12,8 +12,8 @@ use image::render::cpu::Cpu;
 use image::render::reference::Reference;
 use plan::attitude::{JitterTrack, LosPath, PathOrigin};
 use plan::exposure::cost::CostModel;
-use plan::exposure::planner::{Instrument, Planner, Source, SourcePlace};
 use plan::exposure::{ExposurePlan, MethodChoice, PixelPath, PsfSampling, Shutter};
+use plan::exposure::{Instrument, Planner, Source, SourcePlace};
 use plan::optics::{Illumination, PsfModel};
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 

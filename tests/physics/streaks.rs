@@ -12,9 +12,9 @@ use crate::scene::{
 use base::accuracy::AccuracyBudget;
 use glam::{DVec2, DVec3};
 use plan::attitude::LosPath;
+use plan::exposure::Source;
 use plan::exposure::cost::CostModel;
 use plan::exposure::plan::Verdict;
-use plan::exposure::planner::Source;
 use plan::exposure::{ExposurePlan, Instrument, Planner, Rung, Shutter};
 use plan::optics::PsfModel;
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};

@@ -1,7 +1,7 @@
 //! Commands to a camera.
 
-use crate::camera_control::region::Regions;
 use crate::camera_control::settings::{AutoMode, ExposureMode, TriggerOverlap, TriggerSource, TriggerSources};
+use base::region::Regions;
 use base::time::{Span, Tai};
 
 /// One command to a camera: a new value of a setting, or a trigger.

@@ -13,13 +13,12 @@
 mod command;
 mod desk;
 mod range;
-mod region;
 mod settings;
 
+pub use base::region::{REGIONS_MAX, Region, Regions};
 pub use command::{CameraCommand, CommandSource, Commanded};
 pub use desk::{CameraDesk, CameraEvent, CameraEventKind, DeskEnd, desk};
 pub use range::{CameraRange, EXPOSURE_LEAST, GAIN_MAX_DB, SettingRefusal, longest_exposure_s};
-pub use region::{REGIONS_MAX, Region, Regions};
 pub use settings::{
     AutoMode, CameraSettings, ExposureMode, StartSettings, TriggerOverlap, TriggerSource, TriggerSources,
 };

@@ -1,7 +1,7 @@
 //! What the settings of a camera may be.
 
 use crate::camera_control::command::CameraCommand;
-use crate::camera_control::region::Regions;
+use base::region::Regions;
 use base::time::Span;
 
 /// Shortest integration time that a command may ask for.
@@ -50,6 +50,15 @@ pub enum SettingRefusal {
 }
 
 impl CameraRange {
+    /// Returns this range, which is that of the whole image, as it is when these regions are read out: fewer rows leave time for
+    /// more frames.
+    #[must_use]
+    pub fn reading(mut self, regions: &Regions) -> Self {
+        let rows = [self.size_px[1], regions.rows(self.size_px)].map(|rows| rows.max(1) as f64);
+        self.frame_rate_max_hz = (self.frame_rate_max_hz * rows[0] / rows[1]).min(1.0 / EXPOSURE_LEAST.s());
+        self
+    }
+
     /// Refuses a command whose value the camera cannot take.
     ///
     /// # Errors
@@ -62,8 +71,9 @@ impl CameraRange {
             CameraCommand::GainDb(gain_db) => within(*gain_db, self.gain_db),
             CameraCommand::BlackLevelDn(level_dn) => within(*level_dn, self.black_level_dn),
             CameraCommand::Regions(regions) => return self.check_regions(regions),
+            // A period is a whole number of nanoseconds: the highest rate may lie between two.
             CameraCommand::Period(Some(period)) => {
-                *period > Span::ZERO && 1.0 / period.s() <= self.frame_rate_max_hz * (1.0 + f64::EPSILON)
+                *period > Span::ZERO && period.s() + 0.51e-9 >= 1.0 / self.frame_rate_max_hz
             }
             CameraCommand::Delay(delay) => spans(*delay, [Span::ZERO, self.delay_max]),
             CameraCommand::Burst(frames) => *frames > 0,
@@ -124,6 +134,7 @@ mod tests {
             CameraCommand::GainDb(f64::NAN),
             CameraCommand::BlackLevelDn(-1.0),
             CameraCommand::Period(Some(Span::from_ms(9))),
+            CameraCommand::Period(Some(Span::from_ns(9_999_999))),
             CameraCommand::Delay(Span::from_ns(-1)),
             CameraCommand::Burst(0),
         ];
@@ -131,5 +142,15 @@ mod tests {
             assert_eq!(RANGE.check(&command), Err(SettingRefusal::OutOfRange), "{command:?}");
         }
         assert_eq!(RANGE.check(&CameraCommand::Regions(region(33))), Err(SettingRefusal::Region));
+        let third = CameraRange { frame_rate_max_hz: 30.0, ..RANGE };
+        assert_eq!(third.check(&CameraCommand::Period(Some(Span::from_s(1.0 / 30.0)))), Ok(()), "rounded down");
+    }
+
+    #[test]
+    fn fewer_rows_leave_time_for_more_frames() {
+        let region = |top_px| Region { left_px: 3, top_px, width_px: 5, height_px: 6 };
+        let two = Regions::of(&[region(0), region(20)]).unwrap();
+        assert_eq!(RANGE.reading(&two).frame_rate_max_hz, 400.0, "12 of 48 rows");
+        assert_eq!(RANGE.reading(&Regions::WHOLE), RANGE);
     }
 }

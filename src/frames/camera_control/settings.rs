@@ -1,6 +1,6 @@
 //! The settings of one exposure, and what starts exposures. Names and meanings: GenICam SFNC 2.7.1.
 
-use crate::camera_control::region::Regions;
+use base::region::Regions;
 use base::time::Span;
 
 /// The settings of one exposure.

@@ -3,7 +3,7 @@
 //! A frame that a sink did not take, a file of the run that could not be written, a capture that is not whole, a thread
 //! that ended early. A run that was cut short by an error is another matter: its error says so.
 
-use crate::report::summary::SinkRow;
+use crate::report::sink_row::SinkRow;
 use core::fmt;
 use serde::Serialize;
 

@@ -2,8 +2,9 @@
 
 use crate::report::gateway_row::HEADINGS;
 use crate::report::histogram::Quantiles;
+use crate::report::sink_row::SinkRow;
 use crate::report::stages::Stage;
-use crate::report::summary::{RunSummary, SinkRow};
+use crate::report::summary::RunSummary;
 use std::collections::BTreeMap;
 
 /// Fewer times than this and the 99.9 % quantile is simply the longest.

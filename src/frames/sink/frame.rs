@@ -173,6 +173,8 @@ pub struct FrameMeta {
     pub gain_db: f64,
     /// Parts of the image that were read out.
     pub regions: Regions,
+    /// Test pattern that took the place of the image on its way out; `Off`: the image is the detector's.
+    pub test_pattern: &'static str,
     /// Attitude at mid-exposure, `sensor_from_icrf`: Hamilton, passive (`v_sensor = q v_icrf q*`), scalar first.
     pub attitude_wxyz: [f64; 4],
     /// Right ascension of the boresight, deg.
@@ -248,6 +250,8 @@ pub struct CameraFacts {
     pub saturation_dn: f64,
     /// Read noise of one pixel of the image, e- rms.
     pub read_noise_e_rms: f64,
+    /// Temperature of the detector, degrees Celsius.
+    pub temperature_c: f64,
     /// Colours of the image's pixels; `None` where they have none.
     pub colours: Option<BayerPattern>,
 }
@@ -264,6 +268,7 @@ impl FrameMeta {
             trigger_delay: Span::ZERO,
             gain_db: 0.0,
             regions: Regions::WHOLE,
+            test_pattern: "Off",
             attitude_wxyz: [1.0, 0.0, 0.0, 0.0],
             ra_deg: 0.0,
             dec_deg: 0.0,

@@ -5,6 +5,7 @@ use crate::sink::faults::FaultFlags;
 use crate::sink::frame::{CameraFacts, SentFrame, TruthStar};
 use crate::sink::wcs::{Sip, SipTerm, Wcs};
 use base::bayer::BayerPattern;
+use base::region::{Region, Regions};
 use base::time::{Span, Tai};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -47,8 +48,16 @@ pub fn sample_frame(number: u32) -> SentFrame {
     let amount = Amount { value: 31.25, unit: "e-/s" };
     frame.meta.active.push(ActiveFault { name: "hot_pixels", number: 3, amount });
     (frame.meta.gain_e_per_dn, frame.meta.black_level_dn) = (2.5, 64.0);
-    let (pixel_pitch_um, focal_length_mm, colours) = (5.5, 52.25, Some(BayerPattern::Gbrg));
-    let facts = CameraFacts { pixel_pitch_um, focal_length_mm, saturation_dn: 4095.0, read_noise_e_rms: 7.5, colours };
+    let region = Region { left_px: 3, top_px: 2, width_px: 9, height_px: 5 };
+    frame.meta.regions = Regions::of(&[region, Region { left_px: 20, ..region }]).unwrap_or(Regions::WHOLE);
+    let facts = CameraFacts {
+        pixel_pitch_um: 5.5,
+        focal_length_mm: 52.25,
+        saturation_dn: 4095.0,
+        read_noise_e_rms: 7.5,
+        temperature_c: -12.5,
+        colours: Some(BayerPattern::Gbrg),
+    };
     frame.meta.facts = Some(facts);
     let term = |i, j, a, b| SipTerm { i, j, along: [a, b] };
     let forward = vec![term(2, 0, 1e-6, -2e-6), term(1, 2, 3e-9, 4e-9)];
@@ -65,13 +74,14 @@ pub fn sample_frame(number: u32) -> SentFrame {
 }
 
 /// Returns [`sample_frame`] as other outputs see it: without a camera's numbers and a map of the sky, with codes of
-/// luminance in place of DN, binned, windowed, and with no fault.
+/// luminance in place of DN, binned, windowed, read out as a whole, and with no fault.
 #[must_use]
 pub fn bare_sample_frame(number: u32) -> SentFrame {
     let mut frame = sample_frame(number);
     (frame.meta.facts, frame.meta.wcs, frame.meta.gain_e_per_dn) = (None, None, f64::NAN);
     (frame.meta.binning, frame.meta.window_px) = (2, [3, 5]);
     (frame.meta.faults, frame.meta.active) = (FaultFlags::NONE, ActiveFaults::NONE);
+    frame.meta.regions = Regions::WHOLE;
     frame
 }
 

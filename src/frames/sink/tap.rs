@@ -1,11 +1,12 @@
 //! The sink that hands pixels to another part of the program: a tracker that sees what a cable would carry.
 //!
-//! Input: frames. Output: the number and the pixels of each, nothing of its truth, through a bounded queue whose buffers
+//! Input: frames. Output: the number and the pixels of each and what a camera says of its exposure, nothing of its truth, through a bounded queue whose buffers
 //! go round. When the other end is too slow the new frame is lost and counted, and the sender never waits.
 
 use crate::sink::tally::Tally;
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
 use base::image::DnImage;
+use base::region::Regions;
 use crossbeam_channel::{Receiver, Sender, bounded};
 
 /// What comes out of a tap.
@@ -13,6 +14,10 @@ use crossbeam_channel::{Receiver, Sender, bounded};
 pub struct TappedFrame {
     /// Frame number.
     pub number: u32,
+    /// Exposure time, s.
+    pub exposure_s: f64,
+    /// Parts of the image that were read out.
+    pub regions: Regions,
     /// Pixels.
     pub image: DnImage,
 }
@@ -39,7 +44,12 @@ pub fn tap(size_px: [usize; 2], room: usize) -> (Tap, TapEnd) {
     let (full, to_take) = bounded(room);
     let (given_back, empty) = bounded(room);
     for _ in 0..room {
-        let buffer = TappedFrame { number: 0, image: DnImage::new(size_px[0], size_px[1]) };
+        let buffer = TappedFrame {
+            number: 0,
+            exposure_s: 0.0,
+            regions: Regions::WHOLE,
+            image: DnImage::new(size_px[0], size_px[1]),
+        };
         let _there_is_room_for_all = given_back.try_send(buffer);
     }
     let tap = Tap { full, empty, tally: Tally::default(), lost: 0 };
@@ -79,6 +89,7 @@ impl Sink for Tap {
             return Ok(());
         };
         buffer.number = frame.meta.number;
+        (buffer.exposure_s, buffer.regions) = (frame.meta.exposure_s, frame.meta.regions);
         if buffer.image.pixels().len() == frame.image.pixels().len() {
             buffer.image.pixels_mut().copy_from_slice(frame.image.pixels());
         } else {

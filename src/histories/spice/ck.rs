@@ -10,11 +10,9 @@ use super::{check_axes, chosen};
 use crate::attitude::{AttitudeHistory, AttitudeSegment, AttitudeState, Times, is_slow_enough};
 use crate::attitude_methods::AttitudeInterpolation;
 use crate::error::{HistoryError, Source};
-use base::axes::{Body, Icrf, Rotation};
+use base::axes::{Body, COMPUTED_NORM_TOLERANCE, Icrf, Rotation};
 use glam::DVec3;
 
-/// Largest difference from 1 of a quaternion's norm.
-const NORM_TOLERANCE: f64 = 1e-6;
 /// Rows of a directory.
 const DIRECTORY: usize = 100;
 
@@ -119,7 +117,7 @@ impl Reader<'_> {
     /// One row: a quaternion, and perhaps an angular velocity in reference axes.
     fn row(&self, ticks: f64, record: &[f64]) -> Result<AttitudeState, HistoryError> {
         let quaternion = [record[0], record[1], record[2], record[3]];
-        let Some(body_from_icrf) = Rotation::<Body, Icrf>::from_wxyz(quaternion, NORM_TOLERANCE) else {
+        let Some(body_from_icrf) = Rotation::<Body, Icrf>::from_wxyz(quaternion, COMPUTED_NORM_TOLERANCE) else {
             return Err(self
                 .source
                 .whole(format!("the quaternion at tick {ticks} is {quaternion:?}; wanted a unit one")));

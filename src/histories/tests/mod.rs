@@ -1,5 +1,6 @@
 //! Whole files: what is read from them, what is refused, what comes back after writing.
 
+mod aem_rows;
 mod attitude;
 mod files;
 mod orbit;

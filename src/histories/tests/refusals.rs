@@ -22,8 +22,9 @@ fn attitude_messages_are_refused_with_line_and_reason() {
         ("= GCRF", "= TEME", [":8:", "ICRF, GCRF, EME2000"]),
         ("SC_BODY_1", "ICRF", [":9:", "spacecraft frame"]),
         ("SC_BODY_1", "ITRF2014", [":9:", "spacecraft frame"]),
-        ("ATTITUDE_TYPE = QUATERNION", "ATTITUDE_TYPE = EULER_ANGLE", [":13:", "Euler angles and spin are not read"]),
-        ("ATTITUDE_TYPE = QUATERNION", "ATTITUDE_TYPE = SPIN", [":13:", "Euler angles and spin are not read"]),
+        ("ATTITUDE_TYPE = QUATERNION", "ATTITUDE_TYPE = MATRIX", [":13:", "SPIN/NUTATION"]),
+        ("ATTITUDE_TYPE = QUATERNION", "ATTITUDE_TYPE = QUATERNION/RATE", [":13:", "QUATERNION/ANGVEL"]),
+        ("ATTITUDE_TYPE = QUATERNION", "ATTITUDE_TYPE = EULER_ANGLE", [":5:", "EULER_ROT_SEQ"]),
         (
             "META_STOP",
             "INTERPOLATION_METHOD = HERMITE\nINTERPOLATION_DEGREE = 7\nMETA_STOP",

@@ -67,6 +67,8 @@ pub struct Levels {
     pub largest_dn: f64,
     /// Pixels that became one.
     pub pixels: f64,
+    /// Temperature of the detector, degrees Celsius.
+    pub temperature_c: f64,
 }
 
 impl Levels {
@@ -87,6 +89,7 @@ impl Levels {
             full_well_e: params.full_well_e,
             largest_dn: f64::from(params.largest_dn()),
             pixels: 1.0,
+            temperature_c: params.dark_law.operating_c + conditions.warmer_k,
         };
         params.spatial.binning.map_or(pixel, |binning| pixel.binned(binning))
     }

@@ -3,6 +3,7 @@
 use crate::detector::DetectorParams;
 use crate::detector::background::Background;
 use crate::detector::protons::ProtonFlux;
+use base::region::Regions;
 
 /// The conditions of one exposure.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,6 +21,9 @@ pub struct DetectorConditions {
     pub gain_factor: f64,
     /// Black level in place of that of the parameters, DN.
     pub black_level_dn: Option<f64>,
+    /// Parts of the image that are read out, in its pixels; the others are 0. Pixels that are read out have the bits that they
+    /// have in the whole image.
+    pub regions: Regions,
 }
 
 impl DetectorConditions {
@@ -32,7 +36,15 @@ impl DetectorConditions {
     /// The same with background light.
     #[must_use]
     pub const fn lit(exposure_s: f64, background: Background) -> Self {
-        Self { exposure_s, background, warmer_k: 0.0, protons: None, gain_factor: 1.0, black_level_dn: None }
+        Self {
+            exposure_s,
+            background,
+            warmer_k: 0.0,
+            protons: None,
+            gain_factor: 1.0,
+            black_level_dn: None,
+            regions: Regions::WHOLE,
+        }
     }
 
     /// Returns the electrons per digital number and the black level of this exposure.

@@ -6,8 +6,10 @@
 //! amplifier noise and a temperature cost nothing. On a device the shares are others: its memory is the limit.
 
 use crate::detector::binning::BinningKind;
+use crate::detector::block::BLOCK;
 use crate::detector::defects::DefectPopulation;
 use crate::detector::{DetectorParams, Patterns};
+use base::region::Regions;
 
 /// A map of the dark current.
 const DARK_FACTOR: f64 = 0.04;
@@ -76,10 +78,27 @@ pub fn factor(params: &DetectorParams, patterns: &Patterns, width_px: usize) -> 
     1.0 + effect_costs(params, patterns, width_px).map(|cost| cost.share).sum::<f64>()
 }
 
+/// Returns the share of the whole readout's time that these regions of the sensor take: each run of their pixels takes
+/// whole blocks. Effects of neighbours take the whole image.
+#[must_use]
+pub fn share_of(params: &DetectorParams, regions: &Regions, sensor_px: [usize; 2]) -> f64 {
+    let [width, height] = sensor_px;
+    let spatial = &params.spatial;
+    let charge_is_binned = spatial.binning.is_some_and(|binning| matches!(binning.kind, BinningKind::Charge { .. }));
+    let has_lag = spatial.image_lag.is_some() || spatial.blooming.is_some() || spatial.charge_transfer.is_some();
+    if regions.is_whole() || charge_is_binned || has_lag {
+        return 1.0;
+    }
+    let pixels = regions.sum_over_runs(sensor_px, |run, _| run.len().next_multiple_of(BLOCK));
+    (pixels as f64 / (width * height).max(1) as f64).min(1.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::detector::{Nonlinearity, RowNoise};
+    use crate::detector::charge_transfer::ChargeTransfer;
+    use crate::detector::{Nonlinearity, RowNoise, SpatialParams};
+    use base::region::Region;
 
     #[test]
     fn off_costs_nothing_and_on_is_told() {
@@ -95,5 +114,20 @@ mod tests {
         assert!((factor(&params, &none, 1000) - 1.13).abs() < 1e-12);
         let map = Patterns { dark_factor: Some([1.0_f32].into()), ..none };
         assert!(factor(&DetectorParams::QUIET, &map, 1000) > 1.0);
+    }
+
+    #[test]
+    fn windows_cost_their_blocks_unless_charge_moves_in_the_whole_image() {
+        let window = |left_px| Region { left_px, top_px: 100, width_px: 32, height_px: 32 };
+        let regions = Regions::of(&[window(0), window(500)]).expect("two");
+        let share = share_of(&DetectorParams::QUIET, &regions, [1024, 1024]);
+        assert_eq!(share, 2.0 * 32.0 * 256.0 / (1024.0 * 1024.0), "a block for each run of 32 pixels");
+        assert_eq!(share_of(&DetectorParams::QUIET, &Regions::WHOLE, [1024, 1024]), 1.0);
+        let transfer = Some(ChargeTransfer::NONE);
+        let moving = DetectorParams {
+            spatial: SpatialParams { charge_transfer: transfer, ..SpatialParams::OFF },
+            ..DetectorParams::QUIET
+        };
+        assert_eq!(share_of(&moving, &regions, [1024, 1024]), 1.0);
     }
 }

@@ -1,5 +1,6 @@
 //! The detector on the CPU: in one pass, every stage over a block of pixels while it is in the first-level cache; or,
-//! when neighbour stages are on, a pass that makes charge, the neighbour stages, and a pass that reads out.
+//! when neighbour stages are on, a pass that makes charge, the neighbour stages, and a pass that reads out. Regions limit
+//! the pass that reads out; charge is made and moved in the whole image, where it comes from anywhere.
 
 use crate::detector::background::Shape;
 use crate::detector::binning::{Binning, BinningKind, sums_of_squares};
@@ -175,7 +176,7 @@ impl Detector {
         self.size_px
     }
 
-    /// Whether all stages run in one pass: no neighbour stage is on.
+    /// Whether all stages run in one pass: no neighbour stage is on, and pixels that are not read out need no light.
     #[must_use]
     pub fn is_one_pass(&self) -> bool {
         self.neighbours.is_empty()
@@ -239,25 +240,31 @@ impl Detector {
             rows_e: &self.rows_e,
             width: self.output.adc_px()[0],
         };
+        let regions = self.output.adc_regions(&conditions.regions);
         let adc = self.output.adc_image(out);
         if self.neighbours.is_empty() {
-            stages.run(MeanToDn(PhantomData::<T>), self.arch, &ORDER, mean.pixels(), adc.pixels_mut());
+            let (ends, from) = (MeanToDn(PhantomData::<T>), mean.pixels());
+            stages.run_in(&regions, ends, self.arch, &ORDER, from, adc.pixels_mut());
         } else {
             let before = effects_of(Part::Charge);
             stages.run(MeanToCharge(PhantomData::<T>), self.arch, before, mean.pixels(), self.charge.pixels_mut());
             let at = FrameAt { frame, exposure_s: conditions.exposure_s, key };
             let charge = self.neighbours.iter_mut().fold(&mut self.charge, |charge, stage| stage.apply(charge, &at));
-            stages.run(ChargeToDn, self.arch, effects_of(Part::Readout), charge.pixels(), adc.pixels_mut());
+            let (effects, from) = (effects_of(Part::Readout), charge.pixels());
+            stages.run_in(&regions, ChargeToDn, self.arch, effects, from, adc.pixels_mut());
         }
         self.disturbances.stick(adc);
         self.output.finish(out);
+        conditions.regions.clear_outside(out);
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::detector::{Background, PoissonMethod};
+    use crate::detector::window::Window;
+    use crate::detector::{Background, LinePattern, Nonlinearity, PoissonMethod, RowNoise, SpatialParams};
+    use base::region::{Region, Regions};
 
     const SIZE: [usize; 2] = [301, 203];
     const LIT: DetectorConditions = DetectorConditions::lit(0.1, Background::uniform(3.5));
@@ -329,6 +336,75 @@ mod tests {
             // Negative control.
             detector.seeds.noise = 18;
             assert_ne!(read_out(&mut detector), one, "another seed");
+        }
+    }
+
+    fn regions(of: &[[u32; 4]]) -> Regions {
+        let region =
+            |&[left_px, top_px, width_px, height_px]: &[u32; 4]| Region { left_px, top_px, width_px, height_px };
+        Regions::of(&of.iter().map(region).collect::<Vec<_>>()).unwrap()
+    }
+
+    #[test]
+    fn regions_have_the_bits_of_the_whole_image_and_nothing_is_outside() {
+        let lines = LinePattern { column_gain_rms: 0.01, column_e_rms: 3.0, row_e_rms: 3.0 };
+        let shaped = DetectorParams {
+            line_pattern: lines,
+            row_noise: RowNoise { e_rms: 4.0, corner_cycles_per_row: 0.01 },
+            dark_nonuniformity: 0.2,
+            nonlinearity: Nonlinearity::through(&[[2000.0, 1990.0]]).expect("rising"),
+            ..params(PoissonMethod::Auto)
+        };
+        let sloped = Background { gradient_e: [3.0, -2.0], quadratic_e: 1.5, ..Background::uniform(5.0) };
+        // Odd and even corners of an image of odd width, longer and shorter than a block, overlapping, at every edge.
+        let lists: [&[[u32; 4]]; 4] = [
+            &[[10, 20, 32, 32], [43, 21, 31, 7], [41, 25, 5, 3]],
+            &[[0, 0, 301, 3], [0, 200, 1, 3], [300, 0, 1, 203], [7, 100, 290, 2]],
+            &[[150, 200, 40, 3]],
+            &[[0, 0, 301, 203]],
+        ];
+        for params in
+            [params(PoissonMethod::Auto), params(PoissonMethod::Ptrs), params(PoissonMethod::RoundedNormal), shaped]
+        {
+            for (passes, of) in [1, 2].into_iter().flat_map(|passes| lists.map(|of| (passes, of))) {
+                let mut detector = Detector::new(params, SIZE[0], SIZE[1], 17);
+                if passes == 2 {
+                    detector.keep_charge();
+                }
+                let conditions = DetectorConditions::lit(0.1, sloped);
+                let (mut whole, mut part) = (DnImage::new(SIZE[0], SIZE[1]), DnImage::new(SIZE[0], SIZE[1]));
+                detector.collect(&mean(), 5, &conditions, &mut whole);
+                let regions = regions(of);
+                let conditions = DetectorConditions { regions, ..conditions };
+                part.pixels_mut().fill(9999);
+                detector.collect(&mean(), 5, &conditions, &mut part);
+                regions.clear_outside(&mut whole);
+                assert!(part == whole, "{of:?}, {passes} passes, {params:?}");
+                // Negative controls: another seed, and pixels outside.
+                detector.seeds.noise = 18;
+                detector.collect(&mean(), 5, &conditions, &mut part);
+                assert!(part != whole, "another seed");
+            }
+        }
+    }
+
+    #[test]
+    fn regions_of_cut_and_binned_images_have_the_bits_of_the_whole_image() {
+        let kinds = [BinningKind::DigitalSum, BinningKind::DigitalMean, BinningKind::Charge { full_well_e: 9000.0 }];
+        let binnings = kinds.map(|kind| Some(Binning { factor: 2, kind })).into_iter().chain([None]);
+        for binning in binnings {
+            let window = Some(Window { left_px: 20, top_px: 10, width_px: 200, height_px: 120 });
+            let spatial = SpatialParams { binning, window, ..SpatialParams::OFF };
+            let mut detector =
+                Detector::new(DetectorParams { spatial, ..params(PoissonMethod::Auto) }, SIZE[0], SIZE[1], 17);
+            let [width, height] = detector.output().geometry().size_px;
+            let (mut whole, mut part) = (DnImage::new(width, height), DnImage::new(width, height));
+            detector.collect(&mean(), 5, &LIT, &mut whole);
+            let regions = regions(&[[3, 5, 17, 9], [80, 50, 20, 10]]);
+            detector.collect(&mean(), 5, &DetectorConditions { regions, ..LIT }, &mut part);
+            assert!(part != whole, "control: all of the image has light");
+            regions.clear_outside(&mut whole);
+            assert!(part == whole, "{binning:?}");
         }
     }
 

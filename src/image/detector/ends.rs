@@ -1,6 +1,5 @@
 //! What the passes over blocks begin and end with: mean electrons or charge in, charge or digital numbers out.
 
-use crate::detector::block::BLOCK;
 use crate::detector::stages::Ends;
 use core::marker::PhantomData;
 
@@ -38,7 +37,7 @@ pub(super) struct MeanToCharge<T>(pub(super) PhantomData<T>);
 pub(super) struct ChargeToDn;
 
 #[inline(always)]
-fn load<T: Mean>(from: &[T], electrons: &mut [f32; BLOCK]) {
+fn load<T: Mean>(from: &[T], electrons: &mut [f32]) {
     for (e, mean) in electrons.iter_mut().zip(from) {
         *e = mean.single();
     }
@@ -48,11 +47,11 @@ impl<T: Mean> Ends for MeanToDn<T> {
     type In = T;
     type Out = u16;
     #[inline(always)]
-    fn load(from: &[T], electrons: &mut [f32; BLOCK]) {
+    fn load(from: &[T], electrons: &mut [f32]) {
         load(from, electrons);
     }
     #[inline(always)]
-    fn store(_: &[f32; BLOCK], dn: &[u16; BLOCK], to: &mut [u16]) {
+    fn store(_: &[f32], dn: &[u16], to: &mut [u16]) {
         to.copy_from_slice(&dn[..to.len()]);
     }
 }
@@ -61,11 +60,11 @@ impl<T: Mean> Ends for MeanToCharge<T> {
     type In = T;
     type Out = f32;
     #[inline(always)]
-    fn load(from: &[T], electrons: &mut [f32; BLOCK]) {
+    fn load(from: &[T], electrons: &mut [f32]) {
         load(from, electrons);
     }
     #[inline(always)]
-    fn store(electrons: &[f32; BLOCK], _: &[u16; BLOCK], to: &mut [f32]) {
+    fn store(electrons: &[f32], _: &[u16], to: &mut [f32]) {
         to.copy_from_slice(&electrons[..to.len()]);
     }
 }
@@ -74,11 +73,11 @@ impl Ends for ChargeToDn {
     type In = f32;
     type Out = u16;
     #[inline(always)]
-    fn load(from: &[f32], electrons: &mut [f32; BLOCK]) {
+    fn load(from: &[f32], electrons: &mut [f32]) {
         load(from, electrons);
     }
     #[inline(always)]
-    fn store(_: &[f32; BLOCK], dn: &[u16; BLOCK], to: &mut [u16]) {
+    fn store(_: &[f32], dn: &[u16], to: &mut [u16]) {
         to.copy_from_slice(&dn[..to.len()]);
     }
 }

@@ -6,6 +6,7 @@ use crate::detector::SpatialParams;
 use crate::detector::binning::{Binning, BinningKind, bin_digital};
 use crate::detector::window::{OutputGeometry, cut};
 use base::image::DnImage;
+use base::region::Regions;
 
 /// How the output is made.
 #[derive(Debug, Clone)]
@@ -43,6 +44,13 @@ impl Output {
     #[must_use]
     pub fn adc_px(&self) -> [usize; 2] {
         self.adc_px
+    }
+
+    /// Returns regions of the output in pixels of the ADC's image.
+    #[must_use]
+    #[allow(clippy::cast_possible_truncation, reason = "sides of images")]
+    pub fn adc_regions(&self, regions: &Regions) -> Regions {
+        regions.enlarged(self.digital.map_or(1, |binning| binning.factor), self.first_px.map(|first| first as u32))
     }
 
     /// The image that the ADC's numbers go to.

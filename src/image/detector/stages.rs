@@ -1,6 +1,7 @@
 //! The pixel-local stages over blocks of pixels while they are in the first-level cache, compiled once per vector level.
 //!
-//! One pass may run all of [`ORDER`](crate::detector::ORDER), or the stages before or after the neighbours alone.
+//! One pass may run all of [`ORDER`](crate::detector::ORDER), or the stages before or after the neighbours alone; over all
+//! pixels, or over those of some regions, with the same bits.
 
 use crate::detector::background::Shape;
 use crate::detector::block::{BLOCK, Words};
@@ -10,11 +11,14 @@ use crate::detector::params::Constants;
 use crate::detector::pattern::Patterns;
 use crate::detector::poisson::{BlockPlace, draw_by};
 use crate::detector::{Effect, PoissonMethod, adc, dark_current, full_well, line_pattern, nonlinearity, read_noise};
+use base::region::Regions;
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
 /// Blocks one thread takes at a time.
 const BLOCKS_PER_TASK: usize = 64;
+/// Rows of which one thread takes the pixels of regions at a time.
+const ROWS_PER_TASK: usize = 32;
 
 /// Everything the stages of one frame read.
 pub(super) struct Stages<'a> {
@@ -39,10 +43,10 @@ pub(super) trait Ends: Copy + Sync {
     type In: Copy + Sync;
     /// Pixel of the output.
     type Out: Send;
-    /// Input -> the block's electrons.
-    fn load(from: &[Self::In], electrons: &mut [f32; BLOCK]);
-    /// The block's electrons and digital numbers -> output.
-    fn store(electrons: &[f32; BLOCK], dn: &[u16; BLOCK], to: &mut [Self::Out]);
+    /// Input -> electrons of as many pixels.
+    fn load(from: &[Self::In], electrons: &mut [f32]);
+    /// Electrons and digital numbers -> output, which may have fewer pixels.
+    fn store(electrons: &[f32], dn: &[u16], to: &mut [Self::Out]);
 }
 
 impl Stages<'_> {
@@ -52,6 +56,29 @@ impl Stages<'_> {
         to.par_chunks_mut(task).zip(from.par_chunks(task)).enumerate().for_each(|(i, (to, from))| {
             let fused = !matches!(arch, Arch::Scalar);
             arch.dispatch(Task::<E> { stages: self, effects, first: i * task, from, to, fused });
+        });
+    }
+
+    /// Runs `effects` over the pixels of `regions`, on all threads; the others are left as they are.
+    pub(super) fn run_in<E: Ends>(
+        &self,
+        regions: &Regions,
+        ends: E,
+        arch: Arch,
+        effects: &[Effect],
+        from: &[E::In],
+        to: &mut [E::Out],
+    ) {
+        if regions.is_whole() {
+            return self.run(ends, arch, effects, from, to);
+        }
+        let task = ROWS_PER_TASK * self.width.max(1);
+        to.par_chunks_mut(task).zip(from.par_chunks(task)).enumerate().for_each(|(i, (to, from))| {
+            let first_row = i * ROWS_PER_TASK;
+            if regions.show_rows(&(first_row..first_row + ROWS_PER_TASK)) {
+                let fused = !matches!(arch, Arch::Scalar);
+                arch.dispatch(RowsTask::<E> { stages: self, regions, effects, first_row, from, to, fused });
+            }
         });
     }
 
@@ -75,6 +102,44 @@ impl Stages<'_> {
                 self.apply::<FUSED>(*effect, first, &mut electrons, &words, outliers, &mut dn);
             }
             E::store(&electrons, &dn, to);
+        }
+    }
+
+    /// The same over the pixels of regions, in blocks that begin with a run of them. Whatever a stage does to a pixel depends
+    /// on the pixel's number alone, and not on its place in a block: the bits are those of [`Self::run_task`].
+    #[inline(always)]
+    fn run_rows<const FUSED: bool, E: Ends>(
+        &self,
+        regions: &Regions,
+        effects: &[Effect],
+        first_row: usize,
+        from: &[E::In],
+        to: &mut [E::Out],
+    ) {
+        let mut electrons = [0.0_f32; BLOCK];
+        let mut dn = [0_u16; BLOCK];
+        let mut words = Words::new();
+        let rows = from.chunks(self.width).zip(to.chunks_mut(self.width));
+        for (row, (from, to)) in (first_row..).zip(rows) {
+            for run in regions.runs(row, self.width) {
+                let mut column = run.start;
+                while column < run.end {
+                    let pixel = row * self.width + column;
+                    // Random words are drawn for pairs of pixels.
+                    let lead = pixel % 2;
+                    let (first, end) = (pixel - lead, run.end.min(column + BLOCK - lead));
+                    let count = end - column;
+                    E::load(&from[column..end], &mut electrons[lead..]);
+                    electrons[lead + count..].fill(0.0);
+                    words.draw(first as u32, self.frame, self.key);
+                    let outliers = self.outliers.within(first, BLOCK);
+                    for effect in effects {
+                        self.apply::<FUSED>(*effect, first, &mut electrons, &words, outliers, &mut dn);
+                    }
+                    E::store(&electrons[lead..], &dn[lead..], &mut to[column..end]);
+                    column = end;
+                }
+            }
         }
     }
 
@@ -158,6 +223,30 @@ struct Task<'a, E: Ends> {
     from: &'a [E::In],
     to: &'a mut [E::Out],
     fused: bool,
+}
+
+/// One task's work on the pixels of regions, in the same shape.
+struct RowsTask<'a, E: Ends> {
+    stages: &'a Stages<'a>,
+    regions: &'a Regions,
+    effects: &'a [Effect],
+    first_row: usize,
+    from: &'a [E::In],
+    to: &'a mut [E::Out],
+    fused: bool,
+}
+
+impl<E: Ends> NullaryFnOnce for RowsTask<'_, E> {
+    type Output = ();
+    #[inline(always)]
+    fn call(self) {
+        let Self { stages, regions, effects, first_row, from, to, fused } = self;
+        if fused {
+            stages.run_rows::<true, E>(regions, effects, first_row, from, to);
+        } else {
+            stages.run_rows::<false, E>(regions, effects, first_row, from, to);
+        }
+    }
 }
 
 impl<E: Ends> NullaryFnOnce for Task<'_, E> {

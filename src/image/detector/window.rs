@@ -7,6 +7,7 @@
 //! whole output pixels. `tests/physics/detector_spatial.rs` holds the centroid of a star against this.
 
 use base::image::DnImage;
+use base::region::Regions;
 
 /// A part of the sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -64,6 +65,12 @@ impl OutputGeometry {
     pub fn sensor_from_output(&self, output_px: [f64; 2]) -> [f64; 2] {
         let by = f64::from(self.binning);
         [0, 1].map(|axis| output_px[axis] * by + f64::from(self.first_px[axis]) + 0.5 * (by - 1.0))
+    }
+
+    /// Returns regions of the output in sensor pixels.
+    #[must_use]
+    pub fn sensor_regions(&self, regions: &Regions) -> Regions {
+        regions.enlarged(self.binning, self.first_px)
     }
 
     /// Whether the output is the sensor's image itself.

@@ -4,6 +4,7 @@
 //! taken in chunks, each sorted by its own thread; a band reads the chunks in order, so its stars come in source order
 //! whatever the number of threads.
 
+use base::region::Regions;
 use plan::exposure::pose::{POSE, PathNode};
 use plan::exposure::track::StarTrack;
 use plan::exposure::{Drawing, ExposurePlan, PlannedStar};
@@ -83,10 +84,11 @@ impl Bands {
         Self { rows, bands, chunks, used: 0, nodes }
     }
 
-    /// Sorts a plan. `half_px`: half-height of the footprint of a list; `table_of`: its kernel or PSF ([`Spot::kernel`]).
+    /// Sorts a plan; paths that do not reach `regions` are left out. `half_px`: half-height of the footprint of a list; `table_of`: its kernel or PSF ([`Spot::kernel`]).
     pub(super) fn sort(
         &mut self,
         plan: &ExposurePlan,
+        regions: &Regions,
         half_px: impl Fn(usize) -> usize + Sync,
         table_of: impl Fn(usize) -> u32 + Sync,
     ) {
@@ -102,7 +104,7 @@ impl Bands {
                 members.spots.clear();
                 members.trails.clear();
             }
-            arch.dispatch(SortStars { plan, stars, half_px: &half_px, table_of: &table_of, rows, chunk });
+            arch.dispatch(SortStars { plan, regions, stars, half_px: &half_px, table_of: &table_of, rows, chunk });
             for members in chunk.iter_mut() {
                 reserve(&mut members.spots);
                 reserve(&mut members.trails);
@@ -185,6 +187,7 @@ fn spot(px: [f64; 2], electrons: f64, kernel: u32) -> Spot {
 /// One chunk's stars, in the shape `pulp` compiles once per vector level.
 struct SortStars<'a, H, T> {
     plan: &'a ExposurePlan,
+    regions: &'a Regions,
     stars: &'a [PlannedStar],
     half_px: &'a H,
     table_of: &'a T,
@@ -196,13 +199,13 @@ impl<H: Fn(usize) -> usize, T: Fn(usize) -> u32> NullaryFnOnce for SortStars<'_,
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        let Self { plan, stars, half_px, table_of, rows, chunk } = self;
+        let Self { plan, regions, stars, half_px, table_of, rows, chunk } = self;
         for star in stars {
             for (list, share) in plan.parts(star) {
                 let half = half_px(list).cast_signed() as i64;
                 let (electrons, table) = (share * star.drawn_e, table_of(list));
                 if matches!(plan.lists[list].drawing, Drawing::Nodes) {
-                    sort_trail(plan, star, (list, electrons, table), half, rows, chunk);
+                    sort_trail((plan, regions), star, (list, electrons, table), half, rows, chunk);
                     continue;
                 }
                 let spot = spot(star.mean_px, electrons, table);
@@ -216,7 +219,7 @@ impl<H: Fn(usize) -> usize, T: Fn(usize) -> u32> NullaryFnOnce for SortStars<'_,
 }
 
 fn sort_trail(
-    plan: &ExposurePlan,
+    (plan, regions): (&ExposurePlan, &Regions),
     star: &PlannedStar,
     (list, electrons, table): (usize, f64, u32),
     half: i64,
@@ -236,7 +239,10 @@ fn sort_trail(
     #[allow(clippy::cast_possible_truncation, reason = "a path on a detector, px")]
     let reach = half + plan.extent_px.ceil() as i64 + 2;
     #[allow(clippy::cast_possible_truncation, reason = "the planner keeps positions within a few detectors")]
-    let row = star.mean_px[1].round() as i64;
+    let [column, row] = star.mean_px.map(|px| px.round() as i64);
+    if !regions.show(column - reach, row - reach, [2 * reach + 1; 2]) {
+        return;
+    }
     for band in bands_of(row - reach, row + reach, rows) {
         chunk[band].trails.push(trail);
     }

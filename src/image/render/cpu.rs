@@ -1,7 +1,7 @@
 //! CPU backend: all cores, vectorised by the compiler for the processor it finds (AVX-512, AVX2 + FMA, NEON, SSE2).
 //!
 //! The image is cut into bands of rows; a band is cleared and drawn by one thread, its stars in source order, so a
-//! repeated plan gives the same bits whatever the number of threads. A Gaussian is drawn analytically for every node
+//! repeated plan gives the same bits whatever the number of threads, and parts of an image have the bits of the whole. A Gaussian is drawn analytically for every node
 //! (two vectors of erf, then one multiply-add per row); other PSFs and effective PSFs come from tables. Error: f32,
 //! < 2e-7 of the peak (Gaussian), `TABLE_ERROR` (tables); `tests/physics`.
 
@@ -15,6 +15,7 @@ use crate::render::taps::Taps;
 use crate::render::{Backend, RenderError, check_kernel, check_sampling};
 use base::fused::{mul_add, whole_bits};
 use base::image::Image;
+use base::region::Regions;
 use plan::exposure::ExposurePlan;
 use plan::exposure::sampling::ANALYTIC_HALF_PX;
 use pulp::{Arch, NullaryFnOnce};
@@ -27,6 +28,8 @@ pub struct Cpu {
     image: Image<f32>,
     tables: PlanTables,
     bands: Bands,
+    /// Parts of the image that are drawn.
+    regions: Regions,
 }
 
 impl Cpu {
@@ -38,6 +41,7 @@ impl Cpu {
             image: Image::new(width_px, height_px),
             tables: PlanTables::new(ANALYTIC_HALF_PX, Form::Products),
             bands: Bands::new(height_px),
+            regions: Regions::WHOLE,
         }
     }
 }
@@ -57,17 +61,18 @@ impl Backend for Cpu {
         check_kernel(plan)?;
         check_sampling(plan, self.tables.is_analytic(plan))?;
         self.tables.prepare(plan);
-        let Self { arch, image, tables, bands } = self;
+        let Self { arch, image, tables, bands, regions } = self;
         let kernel_half = tables.kernels().first().map_or(0, |kernel| kernel.half_px[1]);
         let half_px = |list: usize| if tables.kernel_of(list).is_some() { kernel_half } else { plan.half_px };
         let table_of = |list: usize| {
             let number = |n: usize| u32::try_from(n).unwrap_or(0);
             tables.kernel_of(list).map_or_else(|| NO_KERNEL - number(tables.psf_of(plan, list)), number)
         };
-        bands.sort(plan, half_px, table_of);
+        bands.sort(plan, regions, half_px, table_of);
         let width = image.width().max(1);
         let draw = Draw {
             bands,
+            regions,
             kernels: tables.kernels(),
             bases: tables.bases(plan),
             half_px: plan.half_px as i32,
@@ -77,11 +82,18 @@ impl Backend for Cpu {
         };
         let (arch, draw) = (*arch, &draw);
         image.pixels_mut().par_chunks_mut(BAND_ROWS * width).enumerate().for_each(|(index, pixels)| {
+            if !draw.regions.show_rows(&(index * BAND_ROWS..(index + 1) * BAND_ROWS)) {
+                return;
+            }
             let target = Band { pixels, width, first_row: (index * BAND_ROWS) as i32 };
             let fused = !matches!(arch, Arch::Scalar);
             arch.dispatch(DrawBand { draw, target, index, fused });
         });
         Ok(())
+    }
+
+    fn set_regions(&mut self, regions: &Regions) {
+        self.regions = *regions;
     }
 
     fn electrons(&self) -> Electrons<'_> {
@@ -107,6 +119,9 @@ impl Band<'_> {
 /// What is drawn into the bands.
 struct Draw<'a> {
     bands: &'a Bands,
+    /// Stars that do not reach these are left out where they would be drawn: the others are added in the same order as in the
+    /// whole image, and so to the same bits.
+    regions: &'a Regions,
     kernels: &'a [PsfTable],
     /// Tables of the PSF itself; none where it is drawn analytically.
     bases: &'a [PsfTable],
@@ -203,6 +218,13 @@ impl Draw<'_> {
         self.kernels.get(number as usize).or_else(|| self.bases.get((NO_KERNEL - number) as usize))
     }
 
+    /// Returns true when a star that reaches so far to all sides has a pixel in the regions.
+    #[inline(always)]
+    fn shows(&self, [column, row]: [i32; 2], half_px: [i64; 2]) -> bool {
+        let [left, top] = [i64::from(column) - half_px[0], i64::from(row) - half_px[1]];
+        self.regions.show(left, top, half_px.map(|half| 2 * half + 1))
+    }
+
     /// A star that is drawn once: it waits until a block is full.
     #[inline(always)]
     fn spot<const FUSED: bool>(&self, band: &mut Band<'_>, waiting: &mut Waiting, spot: &Spot) {
@@ -236,6 +258,9 @@ impl Draw<'_> {
         let down = Taps::of::<FUSED>(&splats.y, self.oversampling);
         for k in 0..splats.count {
             let Some(table) = self.table(splats.kernel[k]) else { continue };
+            if !self.shows([splats.column[k], splats.row[k]], table.half_px.map(|half| half as i64)) {
+                continue;
+            }
             let ((px, wx), (py, wy)) = (across.of_star(k), down.of_star(k));
             let origin = [splats.column[k], splats.row[k]];
             stamp::<FUSED>(
@@ -286,6 +311,9 @@ impl Draw<'_> {
         for k in 0..splats.count {
             let top = splats.row[k] - self.half_px - band.first_row;
             if top >= band.rows() || top + used as i32 <= 0 {
+                continue;
+            }
+            if !self.shows([splats.column[k], splats.row[k]], [i64::from(self.half_px); 2]) {
                 continue;
             }
             let at = k * stride;

@@ -21,6 +21,7 @@ pub mod table;
 mod taps;
 
 use crate::gpu::Electrons;
+use base::region::Regions;
 use plan::exposure::plan::{LONGEST_KERNEL_PX, MOST_KERNEL_BYTES, MOST_KERNELS, StarClass, Verdict};
 use plan::exposure::sampling::{oversampling, table_images};
 use plan::exposure::{ExposurePlan, Method, PsfSampling};
@@ -38,6 +39,10 @@ pub trait Backend: Send {
     /// # Errors
     /// When the device failed.
     fn render(&mut self, plan: &ExposurePlan) -> Result<(), RenderError>;
+
+    /// From the next image on only these parts of the sensor matter, in sensor pixels. A backend may draw all of it, or leave in
+    /// the other pixels whatever was there.
+    fn set_regions(&mut self, _regions: &Regions) {}
 
     /// The latest image.
     fn electrons(&self) -> Electrons<'_>;

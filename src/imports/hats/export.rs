@@ -83,17 +83,18 @@ fn check(layers: &[Layer]) -> Result<(), HatsError> {
         |layer: &Layer, what, wanted, got| Err(HatsError::Layers { path: layer.path().into(), what, wanted, got });
     for pair in layers.windows(2) {
         let [before, layer] = pair else { continue };
-        if layer.epoch_yr() != before.epoch_yr() {
-            let (wanted, got) = (format!("J{}", before.epoch_yr()), format!("J{}", layer.epoch_yr()));
+        let (facts, of_before) = (layer.index(), before.index());
+        if facts.epoch_yr != of_before.epoch_yr {
+            let (wanted, got) = (format!("J{}", of_before.epoch_yr), format!("J{}", facts.epoch_yr));
             return refuse(layer, "epoch", wanted, got);
         }
-        if layer.magnitudes()[0] < before.magnitudes()[1] {
-            let wanted = format!("{} or fainter, where {} ends", before.magnitudes()[1], before.path().display());
-            return refuse(layer, "magnitudes", wanted, format!("from {}", layer.magnitudes()[0]));
+        if facts.magnitudes[0] < of_before.magnitudes[1] {
+            let wanted = format!("{} or fainter, where {} ends", of_before.magnitudes[1], before.path().display());
+            return refuse(layer, "magnitudes", wanted, format!("from {}", facts.magnitudes[0]));
         }
     }
     match layers.first() {
-        Some(first) if layers.iter().all(|layer| layer.stars() == 0) => {
+        Some(first) if layers.iter().all(|layer| layer.index().stars() == 0) => {
             refuse(first, "stars", "some in a layer".into(), "none".into())
         }
         _ => Ok(()),
@@ -125,14 +126,14 @@ impl<'a> Export<'a> {
     ) -> Result<Self, HatsError> {
         let dataset = folder.join("dataset");
         fs::create_dir_all(&dataset).map_err(HatsError::file("cannot make", &dataset))?;
-        let has_numbers = layers.iter().all(|layer| layer.numbering().is_some());
+        let has_numbers = layers.iter().all(|layer| layer.index().numbering.is_some());
         let writer =
             CatalogWriter::new(has_numbers).map_err(|source| HatsError::Writing { path: dataset.clone(), source })?;
-        let cell_order = layers.iter().map(Layer::order).min().unwrap_or(0).min(MOST_CELL_ORDER);
+        let cell_order = layers.iter().map(|layer| layer.index().order).min().unwrap_or(0).min(MOST_CELL_ORDER);
         let mut before = vec![0; (12 << (2 * cell_order)) + 1];
         for layer in layers {
-            for (tile, stars) in layer.stars_of_tiles().enumerate() {
-                before[(tile >> (2 * (layer.order() - cell_order))) + 1] += stars;
+            for (tile, stars) in layer.index().stars_of_tiles().enumerate() {
+                before[(tile >> (2 * (layer.index().order - cell_order))) + 1] += stars;
             }
         }
         for cell in 1..before.len() {
@@ -176,16 +177,16 @@ impl<'a> Export<'a> {
         let (mut rows, mut stars, mut bytes) = (Vec::new(), Vec::new(), Vec::new());
         let mut first = 0;
         for layer in self.layers {
-            for tile in pixel.at(layer.order()) {
+            for tile in pixel.at(layer.index().order) {
                 layer.restore_tile(tile, &mut bytes, &mut stars)?;
-                let places = first + layer.first_of_tile(tile).cast_signed()..;
+                let places = first + layer.index().places(tile).start.cast_signed()..;
                 rows.extend(places.zip(stars.drain(..)).map(|(starloop_id, star): (i64, NewStar)| CatalogRow {
                     healpix: cdshealpix::nested::hash(MOST_ORDER, star.ra_rad, star.dec_rad),
                     starloop_id,
                     star,
                 }));
             }
-            first += layer.stars().cast_signed();
+            first += layer.index().stars().cast_signed();
         }
         rows.sort_unstable_by_key(|row| (row.healpix, row.starloop_id));
         Ok(rows)
@@ -231,9 +232,10 @@ impl<'a> Export<'a> {
 
     fn write_properties(&self) -> Result<(), HatsError> {
         let share: f64 = self.pixels.iter().map(|pixel| 1.0 / (12_u64 << (2 * pixel.order)) as f64).sum();
-        let mut credits: Vec<&str> = self.layers.iter().map(Layer::credits).filter(|text| !text.is_empty()).collect();
+        let mut credits: Vec<&str> =
+            self.layers.iter().map(|layer| layer.index().credits.as_str()).filter(|text| !text.is_empty()).collect();
         credits.dedup();
-        let epoch_yr = self.layers.first().map_or(String::new(), |layer| layer.epoch_yr().to_string());
+        let epoch_yr = self.layers.first().map_or(String::new(), |layer| layer.index().epoch_yr.to_string());
         let values = [
             ("obs_collection", self.what.name.clone()),
             ("dataproduct_type", "object".into()),

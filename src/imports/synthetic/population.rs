@@ -9,9 +9,10 @@ use base::random::key;
 use base::source::direction_from_ra_dec;
 use glam::DVec3;
 use rayon::prelude::*;
+use stars::cover::CIRCLE;
 use stars::layer::{
-    CIRCLE, Head, LayerError, LayerReport, LayerWriter, NewStar, StarRecord, UnnamedLayer, layer_name, order_for,
-    tile_records, tiles_of,
+    Head, LayerError, LayerReport, LayerWriter, NewStar, StarRecord, UnnamedLayer, layer_name, order_for, tile_records,
+    tiles_of,
 };
 use std::fs;
 use std::path::Path;

@@ -69,12 +69,12 @@ fn numbers_of_tiles_spread_as_poisson_numbers_do() {
     let folder = tempfile::tempdir().unwrap();
     let reports = written(folder.path(), &[11.0], Some(4e5), 2);
     let layer = Layer::open(&reports[0].path).unwrap();
-    assert!(is_near(usize::try_from(layer.stars()).unwrap(), 4e5, 0.0), "{}", layer.stars());
+    assert!(is_near(usize::try_from(layer.index().stars()).unwrap(), 4e5, 0.0), "{}", layer.index().stars());
     let scale = 4e5 / Population::new(&[11.0], None, 2).unwrap().expected();
     let area_deg2 = 4.0 * PI / (DEG * DEG) / 49_152.0;
     // Squared deviations over the expected numbers: one each on average.
     let mut sum = 0.0;
-    for (tile, stars) in (0..).zip(layer.stars_of_tiles()) {
+    for (tile, stars) in (0..).zip(layer.index().stars_of_tiles()) {
         let (ra, dec) = cdshealpix::nested::center(6, tile);
         let density = Density::towards(base::source::direction_from_ra_dec(ra, dec));
         let expected = density.brighter_than(11.0) * area_deg2 * scale;
@@ -108,8 +108,12 @@ fn a_seed_gives_its_own_bytes_and_says_what_they_are() {
     assert!(first == bytes("b", 7), "the same seed, the same bytes");
     assert!(first != bytes("c", 8), "another seed, other stars");
     let layer = Layer::open(&folder.path().join("a/g9.starlayer")).unwrap();
-    assert!(layer.credits().starts_with("synthetic population, seed 7: not real stars"), "{}", layer.credits());
-    assert_eq!((layer.magnitudes(), layer.epoch_yr()), ([7.0, 9.0], 2016.0));
+    assert!(
+        layer.index().credits.starts_with("synthetic population, seed 7: not real stars"),
+        "{}",
+        layer.index().credits
+    );
+    assert_eq!((layer.index().magnitudes, layer.index().epoch_yr), ([7.0, 9.0], 2016.0));
 }
 
 #[test]

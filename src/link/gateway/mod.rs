@@ -22,6 +22,7 @@ mod outgoing;
 #[cfg(test)]
 mod parser_checks;
 mod pty;
+mod refusal;
 pub(crate) mod screen;
 /// The protocol of serial CAN adapters.
 pub mod slcan;
@@ -39,6 +40,7 @@ use client::{Dialogue, Scribe};
 use core::sync::atomic::{AtomicBool, Ordering};
 use counters::Tally;
 use pty::Pty;
+use refusal::system;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -221,8 +223,4 @@ fn check(bus: &SimulatedBus, clock: &Arc<dyn Clock>) -> Result<(), LinkError> {
         return Err(system("gateways", "serve clients", unsupported("the bus is a serial line"), advice));
     }
     Ok(())
-}
-
-fn system(link: &str, doing: &'static str, source: std::io::Error, advice: &'static str) -> LinkError {
-    LinkError::System { link: link.into(), doing, source, advice }
 }

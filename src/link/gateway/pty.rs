@@ -4,7 +4,8 @@
 
 use super::client::{ClientParts, OnStall, serve};
 use super::counters::Tally;
-use super::{slcan, system};
+use super::refusal::system;
+use super::slcan;
 use crate::LinkError;
 use crate::serial::PseudoTerminal;
 use crate::simulated::SimulatedBus;

@@ -6,7 +6,7 @@
 use super::admission::{Admission, GRACE, keep_alive};
 use super::client::{Client, ClientParts, Dialogue, LOOK_MS, OnStall, Scribe, Served, is_readable, serve};
 use super::counters::{CountsIfLost, Tally};
-use super::system;
+use super::refusal::system;
 use crate::LinkError;
 use crate::simulated::SimulatedBus;
 use base::clock::Clock;

@@ -8,14 +8,15 @@
 //! `Source/AutoCode/TxRxIPC.c`, `Kit/Source/mathkit.c`. Tests: `tests`, `hil_scripts/test_plain_links.py`.
 
 use super::layout::TimeMeaning;
-use super::{NORM_TOLERANCE, PlainAttitude, PlainRecord, PlainReject, PlainState, PlainTime};
+use super::{PlainAttitude, PlainRecord, PlainReject, PlainState, PlainTime};
+use base::axes::WRITTEN_NORM_TOLERANCE;
+use base::units::METRE_KM;
 
 /// The last line of a message.
 pub(crate) const END_OF_MESSAGE: &[u8] = b"[ENDMSG]";
 /// What the receiver answers to a message.
 pub(crate) const ACKNOWLEDGE: &[u8; 4] = b"Ack\0";
 const NS_PER_S: f64 = 1e9;
-const KM: f64 = 1e-3;
 
 /// The message so far.
 #[derive(Debug, Clone, Default)]
@@ -75,7 +76,7 @@ impl FortyTwo {
         let (Some(unix_ns), Some([x, y, z, w]), Some(rate_rad_s)) = (self.unix_ns, self.qn, self.wn) else {
             return Err(PlainReject::Incomplete);
         };
-        if ((w * w + x * x + y * y + z * z).sqrt() - 1.0).abs() > NORM_TOLERANCE {
+        if ((w * w + x * x + y * y + z * z).sqrt() - 1.0).abs() > WRITTEN_NORM_TOLERANCE {
             return Err(PlainReject::QuaternionNorm);
         }
         let attitude = PlainAttitude { q_wxyz: [w, -x, -y, -z], rate_rad_s, acceleration_rad_s2: [0.0; 3] };
@@ -89,7 +90,7 @@ impl FortyTwo {
     fn observer(&self) -> Option<PlainState> {
         let sum = |orbit: [f64; 3], offset: Option<[f64; 3]>| {
             let offset = offset.unwrap_or_default();
-            [0, 1, 2].map(|i| (orbit[i] + offset[i]) * KM)
+            [0, 1, 2].map(|i| (orbit[i] + offset[i]) * METRE_KM)
         };
         let (position_km, velocity_km_s) = (sum(self.pos_n?, self.pos_r), sum(self.vel_n?, self.vel_r));
         Some(PlainState { position_km, velocity_km_s })

@@ -1,7 +1,8 @@
 //! Which numbers a plain message has, in which order, form and units.
 
 use super::field::Field;
-use super::{FIELDS_MAX, NORM_TOLERANCE, PlainAttitude, PlainRecord, PlainReject, PlainState, PlainTime};
+use super::{FIELDS_MAX, PlainAttitude, PlainRecord, PlainReject, PlainState, PlainTime};
+use base::axes::WRITTEN_NORM_TOLERANCE;
 
 /// Form of the numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -226,7 +227,7 @@ impl PlainLayout {
 
     fn attitude(&self, values: &Values) -> Result<PlainAttitude, PlainReject> {
         let norm = values.q.iter().map(|component| component * component).sum::<f64>().sqrt();
-        if (norm - 1.0).abs() > NORM_TOLERANCE {
+        if (norm - 1.0).abs() > WRITTEN_NORM_TOLERANCE {
             return Err(PlainReject::QuaternionNorm);
         }
         let radians = |vector: [f64; 3]| vector.map(|component| component * self.angle_unit_rad);

@@ -8,7 +8,7 @@
 //! which order, in which form ([`Encoding`]), units and sense of the quaternion. With `f64` in bytes the order of the layout is
 //! the order in the message; JSON is an object with the fields' names, or an array in their order; text has them in their order
 //! between blanks or commas. A wrong byte order or type shows in the quaternion's norm, which must be 1 within
-//! [`NORM_TOLERANCE`]. Each refusal has a [`PlainReject`], which is counted. Messages of the simulator 42 are lines that end
+//! [`WRITTEN_NORM_TOLERANCE`](base::axes::WRITTEN_NORM_TOLERANCE). Each refusal has a [`PlainReject`], which is counted. Messages of the simulator 42 are lines that end
 //! with `[ENDMSG]` (`forty_two`). Limits: 512 bytes per message, 64 fields; times are `f64`, which resolves Unix seconds to
 //! 0.24 us; numbers in JSON are read to the last bit but one. Tests: `tests`, and the fuzz target `plain`.
 
@@ -28,8 +28,6 @@ pub(crate) use forty_two::{ACKNOWLEDGE, END_OF_MESSAGE};
 pub use layout::{Encoding, LayoutError, PlainLayout, QuaternionSense, TimeMeaning};
 pub use reject::{PlainReject, PlainRejectCounters};
 
-/// Largest difference from 1 of a quaternion's norm: four decimals of each component.
-pub const NORM_TOLERANCE: f64 = 1e-3;
 /// Most fields of a layout.
 pub const FIELDS_MAX: usize = crate::DATAGRAM_MAX / size_of::<f64>();
 
@@ -45,7 +43,7 @@ pub enum PlainTime {
 /// An attitude in starloop's conventions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlainAttitude {
-    /// Body from ICRF, Hamilton, passive, scalar first; its norm is 1 within [`NORM_TOLERANCE`].
+    /// Body from ICRF, Hamilton, passive, scalar first; its norm is 1 within [`WRITTEN_NORM_TOLERANCE`](base::axes::WRITTEN_NORM_TOLERANCE).
     pub q_wxyz: [f64; 4],
     /// Angular rate with respect to ICRF, body axes, rad/s.
     pub rate_rad_s: [f64; 3],

@@ -8,6 +8,7 @@ use crate::network_camera::interface::{self, Interface};
 use crate::network_camera::listener::Listener;
 use crate::network_camera::packets::{Outlet, TestOutlet};
 use crate::network_camera::params::{CommandParams, Params, SensorParams};
+use crate::network_camera::ptp::PtpClient;
 use crate::network_camera::shared::Shared;
 use crate::network_camera::slots::Slot;
 use crate::network_camera::stream::{Kept, Stream};
@@ -68,12 +69,15 @@ impl NetworkCamera {
         let address = control.local_addr().map_err(refuse("tell its address"))?;
         let stream_socket = Arc::new(interface::stream_socket(params.address)?);
         let stream_source_port = stream_socket.local_addr().map_err(refuse("tell its address"))?.port();
+        let messages = interface::message_socket(params.address)?;
+        let message_source_port = messages.local_addr().map_err(refuse("tell its address"))?.port();
         let place = DeviceParams {
             address: params.address,
             mask: found.mask,
             mac: params.mac.unwrap_or(found.mac),
             packet_bytes_max: found.packet_bytes_max()?,
             stream_source_port,
+            message_source_port,
         };
         let device = Device::new(params, sensor, place, commands).map_err(refuse("deflate its XML"))?;
         let shared = device.shared();
@@ -84,15 +88,9 @@ impl NetworkCamera {
             let _there_is_room_for_all = given_back.try_send(Slot::with_capacity(pixels));
         }
         let (ask, asks) = bounded(ASKS_QUEUED);
-        let tests = Arc::clone(&stream_socket);
-        let tests = TestOutlet::new(tests, params.rate_bit_s, clock.now(), Arc::clone(&shared.tally));
-        let outlet = Outlet::new(
-            stream_socket,
-            Arc::clone(&clock),
-            params.rate_bit_s,
-            params.lose_one_in,
-            Arc::clone(&shared.tally),
-        );
+        let (tests, rate, tally) = (Arc::clone(&stream_socket), params.rate_bit_s, || Arc::clone(&shared.tally));
+        let tests = TestOutlet::new(tests, rate, clock.now(), tally());
+        let outlet = Outlet::new(stream_socket, Arc::clone(&clock), rate, params.lose_one_in, tally());
         let kept = Kept::new(params.frames_kept as usize, pixels, device.stream());
         let width_px = sensor.size_px[0] as usize;
         let stream = Stream {
@@ -113,6 +111,8 @@ impl NetworkCamera {
             clock: Arc::clone(&clock),
             control,
             broadcasts,
+            messages,
+            ptp: PtpClient::new(&params.ptp_socket),
             tests,
             asks: ask,
         };
@@ -162,6 +162,9 @@ impl NetworkCamera {
     fn offer(&mut self, frame: &SentFrame) {
         let Shared { tally, wanted, .. } = &*self.shared;
         tally.frames_offered.one();
+        if let Some(facts) = &frame.meta.facts {
+            self.shared.set_temperature_c(facts.temperature_c);
+        }
         let is_before = wanted.is_before(frame.meta.exposure_start());
         if wanted.by().is_none_or(|acquisition| is_before || !self.turn.comes(acquisition, wanted)) {
             return tally.frames_not_wanted.one();
@@ -259,8 +262,15 @@ mod tests {
     use super::*;
     use frames::sink::sample::sample_frame;
 
-    const SENSOR: SensorParams =
-        SensorParams { size_px: [31, 17], bits: 16, frame_rate_hz: 10.0, exposure_s: 0.1, gain_e_per_dn: 2.5 };
+    const SENSOR: SensorParams = SensorParams {
+        size_px: [31, 17],
+        bits: 16,
+        frame_rate_hz: 10.0,
+        exposure_s: 0.1,
+        gain_e_per_dn: 2.5,
+        temperature_c: 20.0,
+        colours: None,
+    };
 
     /// A thread that broke down.
     fn broken() -> JoinHandle<()> {

@@ -105,10 +105,10 @@ fn append_tag(id: u32, length: usize, out: &mut Vec<u8>) {
     out.extend(u32::try_from(length).unwrap_or(u32::MAX).to_be_bytes());
 }
 
-/// At most [`TEXT_BYTES`] less a closing zero.
+/// At most [`TEXT_BYTES`], filled up with zeros.
 fn append_text(text: &str, out: &mut Vec<u8>) {
     let end = out.len() + TEXT_BYTES;
-    out.extend(text.bytes().take(TEXT_BYTES - 1));
+    out.extend(text.bytes().take(TEXT_BYTES));
     out.resize(end, 0);
 }
 

@@ -84,6 +84,11 @@ impl Control {
         })
     }
 
+    /// Ends control, whoever has it.
+    pub(super) fn release(&mut self) {
+        self.controller = None;
+    }
+
     /// Ends the control of an application that has not been heard for longer than `timeout`; true when it did.
     pub(super) fn time_out(&mut self, now: Tai, timeout: Span) -> bool {
         let is_silent = self.controller.is_some_and(|controller| now - controller.heard > timeout);

@@ -54,6 +54,8 @@ counters! {
     frames_sent;
     /// Frames of which the system refused a packet: the client has them only if it asked for that packet again.
     frames_refused;
+    /// Frames that were sent as a test pattern, or were to be.
+    frames_of_a_pattern;
     /// Frames given up because the acquisition stopped, or because the run ended before they were out.
     frames_cut;
     /// Packets handed to the system, resent and test ones included.
@@ -91,6 +93,10 @@ counters! {
     controllers_timed_out;
     /// Triggers that chose a frame.
     triggers;
+    /// Events sent to the client's message port, those repeated for want of an answer not counted.
+    events_sent;
+    /// Events lost: too many waited, or none of the repetitions was answered.
+    events_lost;
     /// Discovery requests answered.
     discoveries;
     /// Datagrams from outside the device's own subnet, not answered.

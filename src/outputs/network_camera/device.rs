@@ -12,6 +12,16 @@
 mod commanded;
 #[path = "device/features.rs"]
 mod features;
+#[path = "device/messages.rs"]
+mod messages;
+#[path = "device/ptp.rs"]
+mod ptp;
+#[path = "device/receivers.rs"]
+mod receivers;
+#[path = "device/regions.rs"]
+mod regions;
+#[path = "device/user_sets.rs"]
+mod user_sets;
 
 use crate::network_camera::acquisition::{Acquisition, Wanted};
 use crate::network_camera::control::{Change, Control};
@@ -21,15 +31,21 @@ use crate::network_camera::first_values::{
 };
 use crate::network_camera::gvcp::{self, Action, Command, Malformed, Resend, Status};
 use crate::network_camera::gvsp::{IP_UDP_BYTES, StreamSettings};
+use crate::network_camera::messages::Messages;
 use crate::network_camera::params::{CommandParams, PACKET_BYTES_MIN, Params, SensorParams, XmlForm};
 use crate::network_camera::pixel_format::PixelFormat;
 use crate::network_camera::proof::Proof;
+use crate::network_camera::ptp::{DISABLED, PtpData};
+use crate::network_camera::regions::RegionSet;
 use crate::network_camera::registers::{FIRST_XML, Memory, SECOND_XML, at, own};
 use crate::network_camera::repeats::LastChange;
 use crate::network_camera::shared::Shared;
+use crate::network_camera::user_sets::UserSet;
 use crate::network_camera::{chunk, xml};
+use base::bayer::BayerPattern;
 use base::time::{Span, Tai};
 pub(super) use commanded::{OVERLAPS, SOURCES};
+use frames::camera_control::Regions;
 use std::net::{Ipv4Addr, SocketAddrV4};
 use std::sync::Arc;
 
@@ -51,6 +67,8 @@ const DO_NOT_FRAGMENT: u32 = 0x4000_0000;
 const DELAY_MOST_NS: u32 = 10_000_000;
 /// Bit of the time stamp control register that latches.
 const LATCH: u32 = 2;
+/// Bit of the GVCP configuration register that turns the PTP clock on.
+const PTP_ON: u32 = 0x8_0000;
 /// Every field of the truth.
 const ALL_CHUNKS: u32 = (1 << chunk::FIELDS.len()) - 1;
 /// Sources of triggers.
@@ -70,6 +88,8 @@ pub struct DeviceParams {
     pub packet_bytes_max: u32,
     /// Port that packets come from.
     pub stream_source_port: u16,
+    /// Port that messages come from.
+    pub message_source_port: u16,
 }
 
 /// What is to be done after one datagram. Made once, used again.
@@ -103,6 +123,14 @@ pub struct Device {
     high_half: (u32, u32),
     /// How clients command the camera that makes the frames; `None`: they only read its settings.
     commands: Option<CommandParams>,
+    colours: Option<BayerPattern>,
+    regions: RegionSet,
+    /// What the camera that clients command was told to read out.
+    read_out: Regions,
+    user_sets: Vec<UserSet>,
+    messages: Messages,
+    /// What is known of the machine's PTP clock.
+    ptp: PtpData,
 }
 
 impl Device {
@@ -116,8 +144,8 @@ impl Device {
         place: DeviceParams,
         commands: Option<CommandParams>,
     ) -> std::io::Result<Self> {
-        let plain = xml::plain(&params.identity, &place, commands.as_ref());
-        let zipped = xml::zipped(&params.identity, &place, commands.as_ref())?;
+        let plain = xml::plain(&params.identity, &place, sensor.colours, commands.as_ref());
+        let zipped = xml::zipped(&params.identity, &place, sensor.colours, commands.as_ref())?;
         let lengths = [plain.len(), zipped.len()];
         let (first, second) = if params.xml == XmlForm::Zip { (zipped, plain) } else { (plain, zipped) };
         let mut memory = Memory::new(first, second);
@@ -127,12 +155,14 @@ impl Device {
         if let Some(commands) = &commands {
             write_settings(&mut memory, commands);
         }
+        let shared = Shared::new();
+        shared.set_temperature_c(sensor.temperature_c);
         memory.set(at::PACKET_SIZE, DO_NOT_FRAGMENT | params.packet_bytes.min(place.packet_bytes_max) & !3);
         let mut device = Self {
             memory,
             control: Control::default(),
             acquisition: Acquisition::default(),
-            shared: Arc::new(Shared::new()),
+            shared: Arc::new(shared),
             last_change: LastChange::default(),
             proof: Proof::default(),
             xml: params.xml,
@@ -143,7 +173,17 @@ impl Device {
             chunks: ALL_CHUNKS,
             high_half: (0, 0),
             commands,
+            colours: sensor.colours,
+            regions: RegionSet::new(sensor.size_px),
+            read_out: Regions::WHOLE,
+            user_sets: Vec::new(),
+            messages: Messages::new(),
+            ptp: PtpData::in_state(DISABLED),
         };
+        device.show_region();
+        device.user_sets = device.first_user_sets();
+        device.note_ptp(device.ptp);
+        device.latch_ptp();
         device.measure_payload();
         device.publish();
         Ok(device)
@@ -194,6 +234,7 @@ impl Device {
         }
         self.control.hear(from, now);
         self.take_events();
+        self.memory.set_long(own::TEMPERATURE, self.shared.temperature_bits());
         if let Some(reply) = self.last_change.answer_to(from, bytes, now) {
             out.reply.extend(reply);
             return self.tally().repeats.one();
@@ -264,7 +305,9 @@ impl Device {
             packet_bytes: usize::try_from(word(at::PACKET_SIZE) & 0xFFFF).unwrap_or_default(),
             delay_ns: word(at::PACKET_DELAY),
             format: self.format(),
-            region_px: [own::OFFSET_X, own::OFFSET_Y, own::WIDTH, own::HEIGHT].map(word),
+            colours: self.colours,
+            pattern: self.pattern(),
+            regions: self.regions.present(),
             with_chunks: self.has_chunks(),
         }
     }
@@ -439,6 +482,8 @@ impl Device {
                 }
             }
             at::ACTION_DEVICE_KEY | at::ACTION_GROUP_KEY | at::ACTION_GROUP_MASK => self.memory.set(address, value),
+            at::GVCP_CONFIGURATION => return self.write_ptp(own::PTP_ENABLE, u32::from(value & PTP_ON != 0)),
+            at::MESSAGE_PORT..=at::MESSAGE_SOURCE_PORT => return self.write_message_channel(address, value, from),
             at::STREAM_PORT..=at::STREAM_SOURCE_PORT => return self.write_stream(address, value, from, out),
             own::SENSOR_WIDTH..own::END => return self.write_feature(address, value, now),
             _ => return self.memory.read(address, 4).and(Err(Status::WriteProtect)),
@@ -480,15 +525,6 @@ impl Device {
             _ => return self.memory.read(address, 4).and(Err(Status::WriteProtect)),
         }
         Ok(())
-    }
-
-    /// A few bytes of commands make many of frames: they go to who sent the commands, so that the camera cannot be turned
-    /// against a third party; when the bench allows others, to one neighbour, never to all.
-    fn may_receive(&self, receiver: Ipv4Addr, controller: SocketAddrV4) -> bool {
-        let host_bits = !self.place.mask.to_bits();
-        let is_all = receiver.is_broadcast() || host_bits > 1 && receiver.to_bits() & host_bits == host_bits;
-        let is_allowed = self.allow_other_receivers && self.is_neighbour(receiver) && !is_all;
-        is_allowed || receiver == *controller.ip()
     }
 
     /// Sets the packet size within what the interface carries. A test packet is sent only at a size that can get
@@ -533,13 +569,17 @@ impl Device {
     /// Ends what the controller had begun.
     fn release(&mut self) {
         self.stop();
+        self.messages.clear();
         for address in [
             at::CONTROL,
             at::CONTROLLER_PORT,
             at::CONTROLLER_ADDRESS,
+            at::MESSAGE_PORT,
+            at::MESSAGE_ADDRESS,
             at::STREAM_PORT,
             at::STREAM_ADDRESS,
             own::PARAMETERS_LOCKED,
+            own::EVENT_NOTIFICATION,
         ] {
             self.memory.set(address, 0);
         }

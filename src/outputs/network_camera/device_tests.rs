@@ -1,9 +1,14 @@
 //! The protocol with virtual time and no sockets, as a client of the bootstrap registers would speak it.
 
+mod address_tests;
 mod commanded_tests;
+mod message_tests;
 mod proof_tests;
+mod region_tests;
+mod user_set_tests;
 
 use super::*;
+use crate::network_camera::gvsp::tests::one_region;
 use crate::network_camera::registers::{self, at, own};
 use base::time::{Span, Tai};
 use proptest::prelude::*;
@@ -16,7 +21,15 @@ const STRANGER: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::new(10, 0, 1, 7), 40_
 const OK: u16 = 0;
 
 fn sensor() -> SensorParams {
-    SensorParams { size_px: [31, 17], bits: 12, frame_rate_hz: 10.0, exposure_s: 0.1, gain_e_per_dn: 2.5 }
+    SensorParams {
+        size_px: [31, 17],
+        bits: 12,
+        frame_rate_hz: 10.0,
+        exposure_s: 0.1,
+        gain_e_per_dn: 2.5,
+        temperature_c: 20.0,
+        colours: None,
+    }
 }
 
 struct Bench {
@@ -39,6 +52,7 @@ impl Bench {
             mac: [2, 0, 10, 0, 0, 1],
             packet_bytes_max: 1500,
             stream_source_port: 50_000,
+            message_source_port: 50_001,
         };
         let device = Device::new(params, &sensor(), place, commands).unwrap();
         Self { device, answer: Answer::default(), now: START, id: 0 }
@@ -259,7 +273,7 @@ fn regions_stay_on_the_sensor() {
     assert_eq!(bench.read(A, own::PAYLOAD_SIZE), Ok(11 * 17));
     assert_eq!(bench.write(A, own::CHUNK_MODE, 1), OK);
     assert_eq!(bench.read(A, own::PAYLOAD_SIZE), Ok(11 * 17 + u32::try_from(chunk::added_bytes()).unwrap()));
-    assert_eq!(bench.device.stream().region_px, [20, 0, 11, 17]);
+    assert_eq!(bench.device.stream().regions, one_region([20, 0, 11, 17]));
     assert_eq!(bench.write(A, own::ACQUISITION_START, 1), OK);
     assert_eq!(bench.write(A, own::WIDTH, 5), 0x8007, "not while frames are acquired");
     assert_eq!(bench.write(A, own::ACQUISITION_STOP, 1), OK);
@@ -459,44 +473,6 @@ fn by_broadcast_come_discovery_actions_and_addresses_alone() {
 }
 
 #[test]
-fn an_address_is_not_taken_and_that_of_another_is_none_of_its_business() {
-    let mut bench = bench();
-    let force = |mac: [u8; 6], address: [u8; 4]| {
-        let (gap, mask) = ([0; 12], [255, 255, 255, 0]);
-        [&[0, 0][..], &mac, &gap, &address, &gap, &mask, &gap, &[0; 4]].concat()
-    };
-    let (own_mac, own_address) = ([2, 0, 10, 0, 0, 1], [10, 0, 0, 1]);
-    assert_eq!(bench.broadcast(A, 0x04, &force([2, 0, 10, 0, 0, 2], [10, 0, 0, 9])), None);
-    assert_eq!(bench.ask(A, 0x04, &force([2, 0, 10, 0, 0, 2], [10, 0, 0, 9])), None);
-    assert_eq!(bench.broadcast(A, 0x04, &force(own_mac, own_address)), Some((OK, vec![])));
-    assert_eq!(bench.broadcast(A, 0x04, &force(own_mac, [10, 0, 0, 9])), Some((0x8001, vec![])));
-    bench.control();
-    assert_eq!(bench.broadcast(B, 0x04, &force(own_mac, [10, 0, 0, 9])), Some((0x8006, vec![])));
-}
-
-#[test]
-fn frames_go_to_the_controller_and_to_one_other_only_when_the_bench_allows() {
-    let to = |params: &Params, address: [u8; 4]| {
-        let mut bench = Bench::new(params);
-        bench.control();
-        bench.write(A, at::STREAM_ADDRESS, u32::from_be_bytes(address))
-    };
-    let own = Params::default();
-    let others = Params { allow_other_receivers: true, ..Params::default() };
-    for (address, by_own, by_others) in [
-        ([10, 0, 0, 7], OK, OK),
-        ([0, 0, 0, 0], OK, OK),
-        ([10, 0, 0, 8], 0x8002, OK),
-        ([10, 0, 0, 255], 0x8002, 0x8002),
-        ([255; 4], 0x8002, 0x8002),
-        ([10, 0, 1, 8], 0x8002, 0x8002),
-        ([239, 1, 1, 1], 0x8002, 0x8002),
-    ] {
-        assert_eq!((to(&own, address), to(&others, address)), (by_own, by_others), "{address:?}");
-    }
-}
-
-#[test]
 fn half_words_and_an_interface_of_tiny_packets_do_no_harm() {
     let mut bench = bench();
     bench.control();
@@ -515,6 +491,7 @@ fn half_words_and_an_interface_of_tiny_packets_do_no_harm() {
         mac: [2, 0, 10, 0, 0, 1],
         packet_bytes_max: 68,
         stream_source_port: 1,
+        message_source_port: 2,
     };
     let mut tiny = Bench { device: Device::new(&Params::default(), &sensor(), place, None).unwrap(), ..self::bench() };
     tiny.control();
@@ -535,7 +512,8 @@ fn any_datagram() -> impl Strategy<Value = Vec<u8>> {
         any::<u16>()
     ];
     let address = prop_oneof![
-        0xA000_u32..0xA080,
+        0xA000_u32..0xA118,
+        0xB00_u32..0xB20,
         0x900_u32..0xA20,
         0xD00_u32..0xD20,
         0x9800_u32..0x9810,
@@ -556,8 +534,8 @@ fn any_datagram() -> impl Strategy<Value = Vec<u8>> {
 
 /// What holds of any stream on this sensor.
 fn is_possible(stream: &StreamSettings) -> bool {
-    let [x, y, columns, rows] = stream.region_px;
-    let is_inside = columns > 0 && rows > 0 && x + columns <= 31 && y + rows <= 17;
+    let regions = stream.regions.as_slice();
+    let is_inside = !regions.is_empty() && regions.iter().all(|region| region.is_within([31, 17]));
     is_inside
         && (576..=1500).contains(&stream.packet_bytes)
         && stream.destination.is_none_or(|to| to.ip().octets()[..3] == [10, 0, 0])

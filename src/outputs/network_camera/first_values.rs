@@ -10,8 +10,12 @@ use frames::camera_control::ExposureMode;
 const VERSION: u32 = 0x0001_0002;
 /// Big-endian, UTF-8.
 const DEVICE_MODE: u32 = 0x8000_0001;
-/// Names, serial number, actions, resend, memory writes, many registers in one command.
-const GVCP_CAPABILITY: u32 = 0xC000_0047;
+/// Names, serial number, PTP, actions, resend, memory writes, many registers in one command.
+const GVCP_CAPABILITY: u32 = 0xC008_0047;
+/// Beside these, of a camera that clients command: scheduled actions, events with data, events.
+const COMMANDED_CAPABILITY: u32 = 0x0002_0018;
+/// Scheduled actions that may wait.
+const ACTIONS_MOST: u32 = 256;
 /// Time stamps tick in nanoseconds.
 const TICKS_PER_S: u64 = 1_000_000_000;
 /// Heartbeat time of a client that asks for none, ms; the longest of a client that has not proven its address.
@@ -60,11 +64,13 @@ pub(super) fn write_bootstrap(memory: &mut Memory, identity: &Identity, place: &
         (at::ADDRESS, place.address.to_bits()),
         (at::SUBNET_MASK, place.mask.to_bits()),
         (at::INTERFACES, 1),
+        (at::MESSAGE_CHANNELS, 1),
         (at::STREAM_CHANNELS, 1),
         (at::ACTION_SIGNALS, 1),
         (at::GVCP_CAPABILITY, GVCP_CAPABILITY),
         (at::HEARTBEAT_MS, HEARTBEAT_MS),
         (at::STREAM_SOURCE_PORT, place.stream_source_port.into()),
+        (at::MESSAGE_SOURCE_PORT, place.message_source_port.into()),
     ] {
         memory.set(address, value);
     }
@@ -89,7 +95,7 @@ pub(super) fn write_features(memory: &mut Memory, sensor: &SensorParams, format:
         (own::SENSOR_HEIGHT, height),
         (own::WIDTH, width),
         (own::HEIGHT, height),
-        (own::PIXEL_FORMAT, format.code()),
+        (own::PIXEL_FORMAT, format.code(sensor.colours)),
         (own::FRAME_COUNT, 1),
         (own::CHUNK_ENABLE, 1),
         (own::DETECTOR_BITS, sensor.bits),
@@ -119,6 +125,8 @@ pub(super) fn write_settings(memory: &mut Memory, commands: &CommandParams) {
         (own::TRIGGER_OVERLAP, place(overlap)),
         (own::BURST, start.burst),
         (own::FRAME_RATE_ENABLE, start.period.is_some().into()),
+        (at::GVCP_CAPABILITY, GVCP_CAPABILITY | COMMANDED_CAPABILITY),
+        (at::ACTION_QUEUE, ACTIONS_MOST),
         (own::EXPOSURE_MODE, (start.mode == ExposureMode::TriggerWidth).into()),
     ] {
         memory.set(address, value);

@@ -9,6 +9,10 @@
 
 use crate::network_camera::gvcp::Status;
 use crate::network_camera::pixel_format::PixelFormat;
+use crate::network_camera::regions::stacked_px;
+use crate::network_camera::test_pattern::TestPattern;
+use base::bayer::BayerPattern;
+use frames::camera_control::Regions;
 use std::net::SocketAddrV4;
 
 /// Bytes of a packet's header.
@@ -35,8 +39,12 @@ pub struct StreamSettings {
     pub delay_ns: u32,
     /// Pixel format.
     pub format: PixelFormat,
-    /// First column, first row, columns, rows.
-    pub region_px: [u32; 4],
+    /// Colours of the sensor's pixels from its first one, where they have filters.
+    pub colours: Option<BayerPattern>,
+    /// What is sent in place of the image.
+    pub pattern: TestPattern,
+    /// Parts of the image, at least one; several are sent as one image, one below the other.
+    pub regions: Regions,
     /// Truth behind each image.
     pub with_chunks: bool,
 }
@@ -49,7 +57,9 @@ impl StreamSettings {
         packet_bytes: 0,
         delay_ns: 0,
         format: PixelFormat::Mono16,
-        region_px: [0; 4],
+        colours: None,
+        pattern: TestPattern::Off,
+        regions: Regions::WHOLE,
         with_chunks: false,
     };
 }
@@ -83,13 +93,20 @@ impl Block {
     /// Writes leader and trailer for the payload there is. `time_ns` is what the leader's time stamp tells.
     pub(super) fn seal(&mut self, id: u16, time_ns: u64) {
         let Self { settings, leader, trailer, payload, .. } = self;
-        let [x, y, columns, rows] = settings.region_px;
+        let [columns, rows] = stacked_px(&settings.regions);
+        // An image of several regions begins nowhere on the sensor.
+        let [x, y] = match settings.regions.as_slice() {
+            [only] => [only.left_px, only.top_px],
+            _ => [0; 2],
+        };
         let kind = if settings.with_chunks { IMAGE_WITH_CHUNKS } else { IMAGE };
         leader.clear();
         leader.extend([0, 0]);
         leader.extend(kind.to_be_bytes());
         leader.extend(time_ns.to_be_bytes());
-        [settings.format.code(), columns, rows, x, y, 0].iter().for_each(|word| leader.extend(word.to_be_bytes()));
+        [settings.format.code(settings.colours), columns, rows, x, y, 0]
+            .iter()
+            .for_each(|word| leader.extend(word.to_be_bytes()));
         trailer.clear();
         trailer.extend([0, 0]);
         trailer.extend(kind.to_be_bytes());
@@ -143,20 +160,31 @@ pub(super) fn next_id(id: u16) -> u16 {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
+    use frames::camera_control::Region;
 
-    /// Settings of a small stream to nowhere.
+    /// One region: first column, first row, columns, rows.
+    pub(in crate::network_camera) fn one_region([left_px, top_px, width_px, height_px]: [u32; 4]) -> Regions {
+        Regions::of(&[Region { left_px, top_px, width_px, height_px }]).unwrap()
+    }
+
+    /// Settings of a small stream to nowhere, without a region.
     pub(in crate::network_camera) const SETTINGS: StreamSettings = StreamSettings {
         acquisition: 1,
         destination: None,
         packet_bytes: 576,
         delay_ns: 0,
         format: PixelFormat::Mono16,
-        region_px: [1, 2, 31, 17],
+        colours: None,
+        pattern: TestPattern::Off,
+        regions: Regions::WHOLE,
         with_chunks: false,
     };
 
     fn block(bytes: usize, with_chunks: bool) -> Block {
-        let mut block = Block::with_capacity(bytes, StreamSettings { with_chunks, ..SETTINGS });
+        let mut block = Block::with_capacity(
+            bytes,
+            StreamSettings { with_chunks, regions: one_region([1, 2, 31, 17]), ..SETTINGS },
+        );
         block.payload.extend((0..bytes).map(|at| at.to_le_bytes()[0]));
         block.seal(0xABCD, 0x0102_0304_0506_0708);
         block

@@ -103,6 +103,16 @@ pub(super) fn control_socket(address: Ipv4Addr, port: u16) -> Result<UdpSocket, 
     open().map_err(|source| system(address, "open the control port", source, advice))
 }
 
+/// The port that messages come from.
+pub(super) fn message_socket(address: Ipv4Addr) -> Result<UdpSocket, NetworkCameraError> {
+    let open = || {
+        let socket = UdpSocket::bind((address, 0))?;
+        socket.set_nonblocking(true)?;
+        Ok(socket)
+    };
+    open().map_err(|source| system(address, "open the message port", source, ""))
+}
+
 /// A socket that hears broadcasts to a port, beside other cameras that hear the same.
 pub(super) fn broadcast_socket(broadcast: Ipv4Addr, port: u16) -> io::Result<UdpSocket> {
     let socket = socket(AddressFamily::INET, SocketType::DGRAM, None)?;

@@ -7,6 +7,7 @@
 use crate::network_camera::device::{Answer, Device};
 use crate::network_camera::gvcp::Resend;
 use crate::network_camera::packets::TestOutlet;
+use crate::network_camera::ptp::PtpClient;
 use crate::network_camera::shared::Shared;
 use base::clock::Clock;
 use crossbeam_channel::Sender;
@@ -17,6 +18,10 @@ use std::sync::Arc;
 
 /// Longest wait for a datagram, ms: how soon a silent controller is noticed.
 const LOOK_MS: u16 = 50;
+/// The same while events are wanted, ms: how late one leaves at most.
+const EVENT_LOOK_MS: u16 = 1;
+/// An answer to a message has a header only.
+const MESSAGE_ANSWER_BYTES: usize = 64;
 /// Datagrams of one socket that are read in a row.
 const IN_A_ROW: usize = 64;
 /// No command is longer; the rest of a longer datagram is cut off and it is malformed.
@@ -31,6 +36,9 @@ pub(super) struct Listener {
     pub(super) control: UdpSocket,
     /// Sockets that hear broadcasts.
     pub(super) broadcasts: Vec<UdpSocket>,
+    /// Where messages leave, and their answers come in.
+    pub(super) messages: UdpSocket,
+    pub(super) ptp: PtpClient,
     pub(super) tests: TestOutlet,
     pub(super) asks: Sender<Resend>,
 }
@@ -58,18 +66,42 @@ impl Listener {
             }
             self.device.tick(self.clock.now());
             self.device.end_stream_of(self.shared.gone());
+            self.send_messages(&mut answer.reply);
+            self.ask_clock();
+        }
+    }
+
+    fn send_messages(&mut self, buffer: &mut Vec<u8>) {
+        let mut answer = [0; MESSAGE_ANSWER_BYTES];
+        for _ in 0..IN_A_ROW {
+            let Ok((bytes, SocketAddr::V4(from))) = self.messages.recv_from(&mut answer) else { break };
+            self.device.answer_to_message(from, &answer[..bytes]);
+        }
+        for _ in 0..IN_A_ROW {
+            let Some(to) = self.device.message(self.clock.now(), buffer) else { break };
+            let _repeated_when_the_client_wants_answers = self.messages.send_to(buffer, to);
+        }
+    }
+
+    fn ask_clock(&mut self) {
+        if self.device.wants_ptp() {
+            let told = self.ptp.poll(self.clock.now());
+            self.device.note_ptp(told);
+        } else {
+            self.ptp.rest();
         }
     }
 
     fn wait(&self) {
-        let mut sockets: [Option<PollFd<'_>>; 3] = [None, None, None];
-        let all = core::iter::once(&self.control).chain(&self.broadcasts);
+        let mut sockets: [Option<PollFd<'_>>; 4] = [None, None, None, None];
+        let all = [&self.control, &self.messages].into_iter().chain(&self.broadcasts);
         sockets
             .iter_mut()
             .zip(all)
             .for_each(|(place, socket)| *place = Some(PollFd::new(socket.as_fd(), PollFlags::POLLIN)));
+        let look_ms = if self.device.has_messages() { EVENT_LOOK_MS } else { LOOK_MS };
         let mut filled: Vec<PollFd<'_>> = sockets.into_iter().flatten().collect();
-        let _nothing_came_or_something_did = poll(&mut filled, PollTimeout::from(LOOK_MS));
+        let _nothing_came_or_something_did = poll(&mut filled, PollTimeout::from(look_ms));
     }
 
     fn act(&mut self, from: SocketAddrV4, answer: &Answer) {
@@ -86,7 +118,9 @@ impl Listener {
 
     fn ask_again(&self, from: SocketAddrV4, resend: Resend) {
         self.shared.tally.resends_asked.add(resend.packets());
-        let is_receiver = self.shared.settings().destination.is_some_and(|to| to.ip() == from.ip());
+        // Everybody in the subnet may be in the group.
+        let is_of = |to: SocketAddrV4| to.ip() == from.ip() || to.ip().is_multicast();
+        let is_receiver = self.shared.settings().destination.is_some_and(is_of);
         if !is_receiver || self.asks.try_send(resend).is_err() {
             self.shared.tally.resends_refused.add(resend.packets());
         }

@@ -17,17 +17,22 @@
 //! With [`CommandParams`] clients command the camera that makes the frames: writes become commands to the frame loop, and
 //! triggers and actions, also scheduled ones, start exposures. Without, settings are read-only and triggers choose frames.
 //!
-//! Limits: IPv4, one stream channel, no message channel, no multicast, regions only cut the image. Nothing here is certified;
-//! the registers and packets are those that Aravis and its relatives use. Packets carry at most the interface's MTU.
+//! A message channel sends events of the exposures (`messages`); user sets keep settings in memory (`user_sets`); test
+//! patterns take the place of images (`test_pattern`); the state of the machine's PTP clock is that of `ptp4l` (`ptp`).
+//!
+//! Limits: IPv4, one stream channel. Nothing here is certified; the registers and packets are those
+//! that Aravis and its relatives use. Packets carry at most the interface's MTU. A multicast group may receive the stream
+//! where the bench allows other receivers.
 //! Discovery is answered to the device's own subnet only: who hears of it can also get its frames. Frames go to the
 //! controller's own address, unless the bench allows others. At the end of a run what waits is sent for one second more.
 //!
 //! Tests: `device_tests` (the protocol with virtual time, no sockets), `pixel_format`, `gvsp`, `xml` beside their
-//! code, `tests` (loopback, stalled clients), `tests/network_camera` (any bytes), and `hil_scripts/test_network_camera.py`
-//! (Aravis, GStreamer, the reference GenApi; bit-exact).
+//! code, `tests` (loopback, stalled clients), `tests/network_camera` (any bytes), and in `hil_scripts`
+//! `test_network_camera.py` (Aravis, GStreamer, the reference GenApi; bit-exact), `test_camera_genicam.py` (commanded),
+//! `test_camera_events.py` (events, actions), `test_camera_ptp.py`.
 //!
-//! Tour: `params` -> `pixel_format`, `chunk` (what a frame becomes) -> `gvcp`, `gvsp` (bytes) -> `registers`, `xml`
-//! (memory) -> `acquisition`, `control`, `repeats`, `device` (the state machine) -> `shared`, `slots` (between threads) ->
+//! Tour: `params` -> `pixel_format`, `test_pattern`, `chunk` (what a frame becomes) -> `gvcp`, `gvsp`, `messages` (bytes) ->
+//! `registers`, `user_sets`, `xml` (memory) -> `acquisition`, `control`, `repeats`, `ptp`, `device` (the state machine) -> `shared`, `slots` (between threads) ->
 //! `interface`, `pacing`, `packets`, `stream`, `listener` (sockets and threads) -> `camera` (the sink).
 
 mod acquisition;
@@ -44,20 +49,27 @@ mod gvcp;
 mod gvsp;
 mod interface;
 mod listener;
+mod messages;
 mod pacing;
 mod packets;
 mod params;
 mod pixel_format;
 mod proof;
+mod ptp;
+mod regions;
 mod registers;
 mod repeats;
 mod shared;
 mod slots;
 mod stream;
+mod test_pattern;
 mod unreachable;
+mod user_sets;
 #[cfg(test)]
 mod tests;
 mod xml;
+mod xml_features;
+mod xml_nodes;
 
 pub use acquisition::Wanted;
 pub use camera::NetworkCamera;
@@ -68,3 +80,4 @@ pub use gvcp::{Malformed, Status};
 pub use gvsp::StreamSettings;
 pub use params::{CommandParams, Identity, Params, SensorParams, XmlForm};
 pub use pixel_format::PixelFormat;
+pub use test_pattern::TestPattern;

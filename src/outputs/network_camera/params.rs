@@ -2,9 +2,11 @@
 
 use crate::network_camera::error::NetworkCameraError;
 use crate::network_camera::pixel_format::PixelFormat;
+use base::bayer::BayerPattern;
 use base::clock::Clock;
 use frames::camera_control::{CameraDesk, CameraRange, CameraSettings, StartSettings};
 use std::net::Ipv4Addr;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Port on which clients look for cameras.
@@ -82,6 +84,8 @@ pub struct Params {
     pub xml: XmlForm,
     /// Frames may go to another neighbour than the one who has control; otherwise to that one's address only.
     pub allow_other_receivers: bool,
+    /// The socket on which `ptp4l` of this machine answers questions.
+    pub ptp_socket: PathBuf,
     /// A fault: one packet in so many is lost on purpose (never sent), resent ones too; `None` for none.
     pub lose_one_in: Option<u32>,
 }
@@ -100,6 +104,7 @@ impl Default for Params {
             mac: None,
             xml: XmlForm::Zip,
             allow_other_receivers: false,
+            ptp_socket: "/var/run/ptp4l".into(),
             lose_one_in: None,
         }
     }
@@ -118,6 +123,10 @@ pub struct SensorParams {
     pub exposure_s: f64,
     /// Detector gain, told to clients, e-/DN.
     pub gain_e_per_dn: f64,
+    /// Colours of the image's pixels, where they have filters.
+    pub colours: Option<BayerPattern>,
+    /// Temperature of the detector until a frame says another, degrees Celsius.
+    pub temperature_c: f64,
 }
 
 /// What a client needs to command the camera that makes the frames.

@@ -25,6 +25,7 @@ pub(super) mod at {
     pub(in crate::network_camera) const FIRST_URL: u32 = 0x0200;
     pub(in crate::network_camera) const SECOND_URL: u32 = 0x0400;
     pub(in crate::network_camera) const INTERFACES: u32 = 0x0600;
+    pub(in crate::network_camera) const MESSAGE_CHANNELS: u32 = 0x0900;
     pub(in crate::network_camera) const STREAM_CHANNELS: u32 = 0x0904;
     pub(in crate::network_camera) const ACTION_SIGNALS: u32 = 0x0908;
     pub(in crate::network_camera) const ACTION_DEVICE_KEY: u32 = 0x090C;
@@ -33,9 +34,17 @@ pub(super) mod at {
     pub(in crate::network_camera) const TICK_FREQUENCY: u32 = 0x093C;
     pub(in crate::network_camera) const TIMESTAMP_CONTROL: u32 = 0x0944;
     pub(in crate::network_camera) const TIMESTAMP: u32 = 0x0948;
+    pub(in crate::network_camera) const GVCP_CONFIGURATION: u32 = 0x0954;
+    pub(in crate::network_camera) const PTP_STATUS: u32 = 0x096C;
+    pub(in crate::network_camera) const ACTION_QUEUE: u32 = 0x0970;
     pub(in crate::network_camera) const CONTROL: u32 = 0x0A00;
     pub(in crate::network_camera) const CONTROLLER_PORT: u32 = 0x0A04;
     pub(in crate::network_camera) const CONTROLLER_ADDRESS: u32 = 0x0A14;
+    pub(in crate::network_camera) const MESSAGE_PORT: u32 = 0x0B00;
+    pub(in crate::network_camera) const MESSAGE_ADDRESS: u32 = 0x0B10;
+    pub(in crate::network_camera) const MESSAGE_TIMEOUT: u32 = 0x0B14;
+    pub(in crate::network_camera) const MESSAGE_RETRIES: u32 = 0x0B18;
+    pub(in crate::network_camera) const MESSAGE_SOURCE_PORT: u32 = 0x0B1C;
     pub(in crate::network_camera) const STREAM_PORT: u32 = 0x0D00;
     pub(in crate::network_camera) const PACKET_SIZE: u32 = 0x0D04;
     pub(in crate::network_camera) const PACKET_DELAY: u32 = 0x0D08;
@@ -81,8 +90,29 @@ pub(super) mod own {
     pub(in crate::network_camera) const EXPOSURE_AUTO: u32 = 0xA094;
     pub(in crate::network_camera) const GAIN_AUTO: u32 = 0xA098;
     pub(in crate::network_camera) const EXPOSURE_MODE: u32 = 0xA09C;
+    pub(in crate::network_camera) const TEST_PATTERN: u32 = 0xA0A0;
+    pub(in crate::network_camera) const USER_SET_SELECTOR: u32 = 0xA0A4;
+    pub(in crate::network_camera) const USER_SET_LOAD: u32 = 0xA0A8;
+    pub(in crate::network_camera) const USER_SET_SAVE: u32 = 0xA0AC;
+    pub(in crate::network_camera) const USER_SET_DEFAULT: u32 = 0xA0B0;
+    pub(in crate::network_camera) const DEVICE_RESET: u32 = 0xA0B4;
+    pub(in crate::network_camera) const TEMPERATURE: u32 = 0xA0B8;
+    pub(in crate::network_camera) const EVENT_SELECTOR: u32 = 0xA0C0;
+    pub(in crate::network_camera) const EVENT_NOTIFICATION: u32 = 0xA0C4;
+    pub(in crate::network_camera) const PTP_ENABLE: u32 = 0xA0C8;
+    pub(in crate::network_camera) const PTP_LATCH: u32 = 0xA0CC;
+    pub(in crate::network_camera) const PTP_STATUS: u32 = 0xA0D0;
+    pub(in crate::network_camera) const PTP_SERVO: u32 = 0xA0D4;
+    pub(in crate::network_camera) const PTP_ACCURACY: u32 = 0xA0D8;
+    pub(in crate::network_camera) const PTP_OFFSET: u32 = 0xA0E0;
+    pub(in crate::network_camera) const PTP_DELAY: u32 = 0xA0E8;
+    pub(in crate::network_camera) const PTP_CLOCK_ID: u32 = 0xA0F0;
+    pub(in crate::network_camera) const PTP_PARENT_ID: u32 = 0xA0F8;
+    pub(in crate::network_camera) const PTP_GRANDMASTER_ID: u32 = 0xA100;
+    pub(in crate::network_camera) const REGION_SELECTOR: u32 = 0xA108;
+    pub(in crate::network_camera) const REGION_MODE: u32 = 0xA10C;
     /// The first address behind them.
-    pub(in crate::network_camera) const END: u32 = 0xA0A0;
+    pub(in crate::network_camera) const END: u32 = 0xA110;
 }
 
 /// Where the XML of the first URL lies; the second one follows at [`SECOND_XML`].

@@ -5,7 +5,7 @@ use crate::network_camera::acquisition::Wanted;
 use crate::network_camera::counters::Tally;
 use crate::network_camera::gvsp::StreamSettings;
 use base::time::Tai;
-use core::sync::atomic::{AtomicBool, AtomicI64, AtomicU32, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicI64, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Shared by reference from the start to the end of a camera.
@@ -18,6 +18,8 @@ pub(super) struct Shared {
     /// When the stream must be over; the end of time while the sink is there.
     deadline_ns: AtomicI64,
     ended: AtomicBool,
+    /// Temperature of the detector in the newest frame, degrees Celsius, by its bits.
+    temperature_c: AtomicU64,
     pub(super) wanted: Arc<Wanted>,
     pub(super) tally: Arc<Tally>,
 }
@@ -30,6 +32,7 @@ impl Shared {
             gone: AtomicU32::new(0),
             deadline_ns: AtomicI64::new(i64::MAX),
             ended: AtomicBool::new(false),
+            temperature_c: AtomicU64::new(0),
             wanted: Arc::default(),
             tally: Arc::default(),
         }
@@ -70,6 +73,16 @@ impl Shared {
     /// True when the time for what waits is over.
     pub(super) fn is_overdue(&self, now: Tai) -> bool {
         now.ns() >= self.deadline_ns.load(Ordering::Acquire)
+    }
+
+    /// Records the temperature of the detector, degrees Celsius.
+    pub(super) fn set_temperature_c(&self, temperature_c: f64) {
+        self.temperature_c.store(temperature_c.to_bits(), Ordering::Relaxed);
+    }
+
+    /// Returns the temperature of the detector in the newest frame, degrees Celsius, by its bits.
+    pub(super) fn temperature_bits(&self) -> u64 {
+        self.temperature_c.load(Ordering::Relaxed)
     }
 
     /// Ends the control side.

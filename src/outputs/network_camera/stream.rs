@@ -13,9 +13,10 @@ use crate::network_camera::chunk;
 use crate::network_camera::gvcp::Resend;
 use crate::network_camera::gvsp::{Block, StreamSettings, next_id};
 use crate::network_camera::packets::Outlet;
-use crate::network_camera::pixel_format::{PixelFormat, append_region};
+use crate::network_camera::pixel_format::{PixelFormat, append_regions};
 use crate::network_camera::shared::Shared;
 use crate::network_camera::slots::Slot;
+use crate::network_camera::test_pattern::TestPattern;
 use base::time::Span;
 use crossbeam_channel::{Receiver, RecvError, Select, Sender, TryRecvError};
 use std::net::SocketAddrV4;
@@ -132,14 +133,14 @@ impl Stream {
         tally.resends_refused.add(asks.map(|resend| resend.packets()).sum());
     }
 
-    fn send_frame(&mut self, slot: Slot) {
+    fn send_frame(&mut self, mut slot: Slot) {
         let settings = self.shared.settings();
         let is_gone = self.shared.gone() == settings.acquisition;
         let is_of_now =
             slot.acquisition == settings.acquisition && !is_gone && !self.shared.is_overdue(self.outlet.now());
         let destination = settings.destination.filter(|_| is_of_now);
         if destination.is_some() {
-            self.write_block(&slot, settings);
+            self.write_block(&mut slot, settings);
         }
         // Before its packets leave: the sink may want it.
         let _there_is_room_for_all = self.free.try_send(slot);
@@ -149,11 +150,15 @@ impl Stream {
         }
     }
 
-    fn write_block(&mut self, slot: &Slot, settings: StreamSettings) {
+    fn write_block(&mut self, slot: &mut Slot, settings: StreamSettings) {
         let (width_px, dn_bits) = (self.width_px, self.dn_bits);
+        if settings.pattern != TestPattern::Off {
+            slot.show(settings.pattern, width_px, dn_bits);
+            self.shared.tally.frames_of_a_pattern.one();
+        }
         let block = self.kept.begin(settings);
-        let region = settings.region_px.map(|side| side as usize);
-        append_region(settings.format, dn_bits, &slot.pixels, width_px, region, &mut block.payload);
+        let regions = settings.regions.as_slice();
+        append_regions(settings.format, dn_bits, &slot.pixels, width_px, regions, &mut block.payload);
         if settings.with_chunks {
             chunk::append_chunks(&slot.meta, block.payload.len(), &mut block.payload);
         }
@@ -230,7 +235,7 @@ impl Stream {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::network_camera::gvsp::tests::SETTINGS;
+    use crate::network_camera::gvsp::tests::{SETTINGS, one_region};
     use base::clock::{Clock, Virtual};
     use base::time::Tai;
     use frames::sink::sample::sample_frame;
@@ -244,7 +249,7 @@ mod tests {
         let clock = Arc::new(Virtual::new(START));
         let shared = Arc::new(Shared::new());
         let destination = Some(to);
-        let settings = StreamSettings { destination, region_px: [0, 0, 31, 17], ..SETTINGS };
+        let settings = StreamSettings { destination, regions: one_region([0, 0, 31, 17]), ..SETTINGS };
         shared.publish(settings);
         let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
         let (full, frames) = crossbeam_channel::bounded(8);

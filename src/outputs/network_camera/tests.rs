@@ -16,8 +16,15 @@ use std::time::Duration;
 
 /// Long enough for any machine.
 const PATIENCE: Duration = Duration::from_secs(20);
-const SENSOR: SensorParams =
-    SensorParams { size_px: [31, 17], bits: 16, frame_rate_hz: 10.0, exposure_s: 0.1, gain_e_per_dn: 2.5 };
+const SENSOR: SensorParams = SensorParams {
+    size_px: [31, 17],
+    bits: 16,
+    frame_rate_hz: 10.0,
+    exposure_s: 0.1,
+    gain_e_per_dn: 2.5,
+    temperature_c: 20.0,
+    colours: None,
+};
 
 /// What became of the frames that were handed over.
 fn accounted(counters: &Counters) -> u64 {

@@ -1,12 +1,14 @@
 //! The XML that tells clients which features the camera has and where they lie; GenICam schema 1.1.
 //!
-//! Features and addresses stand in `camera.xml`; names, packet sizes and chunk data are filled in here, the latter from
-//! the table that also writes the bytes. Tests hold every address of the XML to the device's memory, and
+//! Features and addresses stand in `camera.xml` and `xml_features`; names, packet sizes and chunk data are filled in here,
+//! the latter from the table that also writes the bytes. Tests hold every address of the XML to the device's memory, and
 //! `hil_scripts/test_network_camera.py` holds the whole to the reference GenApi.
 
 use crate::network_camera::chunk::{self, Field};
 use crate::network_camera::device::DeviceParams;
 use crate::network_camera::params::{CommandParams, Identity, PACKET_BYTES_MIN};
+use crate::network_camera::xml_features;
+use base::bayer::BayerPattern;
 use core::fmt::Write;
 use frames::sink::facts::FeatureKind;
 use frames::zip_archive::archive;
@@ -30,8 +32,13 @@ const ACQUISITION_FEATURES: [&str; 7] = [
 const GAIN_FEATURES: [&str; 4] = ["GainSelector", "GainAuto", "BlackLevelSelector", "BlackLevel"];
 
 /// The XML as text, filled up with line ends to whole words.
-pub(super) fn plain(identity: &Identity, place: &DeviceParams, commands: Option<&CommandParams>) -> Vec<u8> {
-    let mut text = filled_in(identity, place, commands).into_bytes();
+pub(super) fn plain(
+    identity: &Identity,
+    place: &DeviceParams,
+    colours: Option<BayerPattern>,
+    commands: Option<&CommandParams>,
+) -> Vec<u8> {
+    let mut text = filled_in(identity, place, colours, commands).into_bytes();
     text.resize(text.len().next_multiple_of(4), b'\n');
     text
 }
@@ -40,12 +47,19 @@ pub(super) fn plain(identity: &Identity, place: &DeviceParams, commands: Option<
 pub(super) fn zipped(
     identity: &Identity,
     place: &DeviceParams,
+    colours: Option<BayerPattern>,
     commands: Option<&CommandParams>,
 ) -> std::io::Result<Vec<u8>> {
-    archive(&[("starloop.xml", filled_in(identity, place, commands).as_bytes())])
+    archive(&[("starloop.xml", filled_in(identity, place, colours, commands).as_bytes())])
 }
 
-fn filled_in(identity: &Identity, place: &DeviceParams, commands: Option<&CommandParams>) -> String {
+fn filled_in(
+    identity: &Identity,
+    place: &DeviceParams,
+    colours: Option<BayerPattern>,
+    commands: Option<&CommandParams>,
+) -> String {
+    let more = xml_features::more_features(commands.is_some());
     with_settings(commands)
         .replace("{VENDOR}", &c_name(&identity.vendor))
         .replace("{MODEL}", &c_name(&identity.model))
@@ -55,6 +69,15 @@ fn filled_in(identity: &Identity, place: &DeviceParams, commands: Option<&Comman
         .replace("{CHUNK_FEATURES}", &chunk_names())
         .replace("{CHUNK_ENTRIES}", &chunk_entries())
         .replace("{CHUNKS}", &chunk_nodes())
+        .replace("{OFFSET_STEP}", &offset_step(colours).to_string())
+        .replace("{PIXEL_FORMATS}", &xml_features::pixel_formats(colours))
+        .replace("{MORE_CATEGORIES}", &more.categories)
+        .replace("{MORE_NODES}", more.nodes.trim_end())
+}
+
+/// Steps of a region's first column and row: with colours the first pixel always has the same one.
+pub(super) const fn offset_step(colours: Option<BayerPattern>) -> u32 {
+    if colours.is_some() { 2 } else { 1 }
 }
 
 /// The template with the settings that clients command, or only read.

@@ -91,15 +91,6 @@ impl JitterTrack {
         Self { lines: Vec::new(), lines_epoch: Tai::from_ns(0), points: Vec::new() }
     }
 
-    /// No jitter, and room for so many configured lines and received points, for the lines of all tables that come over
-    /// the bus, for what a record gives, and for the knots of a long exposure.
-    #[must_use]
-    pub fn with_capacity(lines: usize, points: usize) -> Self {
-        let points = Vec::with_capacity(points + super::jitter::RECORD_POINTS_MAX + super::residual::KNOTS_MAX);
-        let lines = Vec::with_capacity(lines + super::jitter::BUS_LINES_MAX + super::jitter::RECORD_LINES);
-        Self { lines, lines_epoch: Tai::from_ns(0), points }
-    }
-
     /// True when there is nothing to integrate.
     #[must_use]
     pub fn is_still(&self) -> bool {

@@ -3,6 +3,7 @@
 mod weighing;
 
 use crate::exposure::cost::{CostModel, Load};
+use crate::exposure::instrument::Instrument;
 use crate::exposure::ladder::Rung;
 use crate::exposure::lists::fill_nodes;
 use crate::exposure::mean_field::MeanField;
@@ -11,7 +12,6 @@ use crate::exposure::motion::{Motion, Shutter};
 use crate::exposure::nodes::MOST_DENSE_NODES;
 use crate::exposure::pixel_path::PixelPath;
 use crate::exposure::plan::{Assessment, ExposurePlan, MOTION_SHARE, PlannedStar, StarClass, Verdict};
-use crate::exposure::planner::Instrument;
 use crate::exposure::pose::PathNode;
 use crate::exposure::probes::{Probes, SIDE};
 use crate::exposure::sampling::{ANALYTIC_HALF_PX, SamplingError, TABLE_ERROR, sampling_error};

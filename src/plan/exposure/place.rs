@@ -7,7 +7,7 @@ use crate::attitude::LosPath;
 use crate::exposure::mean_field::MeanField;
 use crate::exposure::place_block::{BlockPlacer, STARS};
 use crate::exposure::plan::PlannedStar;
-use crate::exposure::planner::{Source, SourcePlace};
+use crate::exposure::source::{Source, SourcePlace};
 use crate::exposure::track::{StarPlace, StarTrack};
 use crate::optics::Illumination;
 use glam::{DVec2, DVec3};

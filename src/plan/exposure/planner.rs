@@ -7,65 +7,22 @@ use crate::attitude::LosPath;
 use crate::exposure::choice::Chooser;
 use crate::exposure::cost::CostModel;
 use crate::exposure::cut_off::CutOffCells;
+use crate::exposure::instrument::Instrument;
 use crate::exposure::ladder::Rung;
 use crate::exposure::lists;
 use crate::exposure::mean_field::MeanField;
 use crate::exposure::method::{Method, MethodChoice};
-use crate::exposure::motion::{Motion, Shutter};
+use crate::exposure::motion::Motion;
 use crate::exposure::nodes;
 use crate::exposure::place::{Brightness, Lit, place_stars};
 use crate::exposure::plan::{Assessment, CutOff, ExposurePlan, Verdict};
 use crate::exposure::probes::Probes;
-use crate::exposure::sampling::PsfSampling;
 use crate::exposure::share::Share;
 use crate::exposure::smear::SmearField;
+use crate::exposure::source::Source;
 use crate::exposure::target::Target;
 use crate::exposure::target_plan::TargetPlanner;
-use crate::optics::{Illumination, PsfModel};
 use base::accuracy::AccuracyBudget;
-use glam::DVec3;
-use sky::astrometry::CameraGeometry;
-
-/// The instrument as the planner sees it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Instrument {
-    /// Projection and distortion.
-    pub camera: CameraGeometry,
-    /// How its rows are exposed.
-    pub shutter: Shutter,
-    /// PSF.
-    pub psf: PsfModel,
-    /// How pixel values are had from it.
-    pub sampling: PsfSampling,
-    /// How the image plane is lit: sources are multiplied by its value where they stand at mid-exposure.
-    pub illumination: Illumination,
-    /// Electrons at which a pixel saturates: errors above it cannot be seen.
-    pub full_well_e: f64,
-    /// Noise floor of a pixel, e-.
-    pub read_noise_e_rms: f64,
-}
-
-/// A source to draw.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Source {
-    /// Identifier.
-    pub id: u32,
-    /// Electrons into the whole image plane during the exposure, were it on the axis of an instrument that blocks nothing.
-    pub electrons: f64,
-    /// Magnitude in the instrument's band, for the truth table (NaN: not a star of a catalog).
-    pub mag: f32,
-    /// Where it is.
-    pub place: SourcePlace,
-}
-
-/// Where a source is.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum SourcePlace {
-    /// Apparent direction, ICRF axes, unit.
-    Icrf(DVec3),
-    /// Place on the detector at mid-exposure, px.
-    Pixel([f64; 2]),
-}
 
 /// Share of the budget's flux error that footprint truncation may use.
 const TRUNCATION_SHARE: f64 = 0.05;

@@ -15,14 +15,14 @@ use crate::exposure::method::Method;
 use crate::exposure::motion::{Motion, Shutter};
 use crate::exposure::pixel_path::PixelPath;
 use crate::exposure::plan::{Drawing, ExposurePlan, NodeList, PlannedStar};
+use crate::exposure::planned_target::PlannedTarget;
 use crate::exposure::pose::{PathNode, Pose};
 use crate::exposure::share::Share;
-use crate::exposure::target::{Smear, Target};
-use crate::exposure::track::{StarPlace, StarTrack};
+use crate::exposure::target::Target;
+use crate::exposure::track::StarTrack;
 use crate::optics::Illumination;
 use crate::optics::quadrature::{Node, gauss_legendre};
 use base::time::Span;
-use core::ops::Range;
 use sky::astrometry::CameraGeometry;
 
 /// Nodes per sigma of the way.
@@ -47,27 +47,6 @@ const MOST_STRETCHES: usize = MOST_NODES / (2 * LEAST_NODES);
 const MOST_RESERVED: usize = 8 * MOST_NODES;
 /// Steps to the row, and so the instant, of a target under a rolling shutter.
 const ROW_STEPS: usize = 3;
-
-/// One target of a plan.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PlannedTarget {
-    /// The target, its light as it comes through.
-    pub target: Target,
-    /// Electrons it sends into the whole image plane during the exposure.
-    pub electrons: f64,
-    /// Electrons of it that land on the detector within the footprint.
-    pub electrons_on_detector: f64,
-    /// Mean place of its light, px.
-    pub mean_px: [f64; 2],
-    /// Place at the middle of its light, without the camera's motion within the exposure.
-    pub place: StarPlace,
-    /// Smear of its own motion.
-    pub smear: Smear,
-    /// Its nodes among [`ExposurePlan::stars`].
-    pub nodes: Range<usize>,
-    /// It would need more than [`MOST_NODES`] nodes.
-    pub is_coarse: bool,
-}
 
 /// The targets and the buffers of their nodes.
 #[derive(Debug)]

@@ -6,6 +6,7 @@
 
 use base::axes::{Icrf, Rotation, Sensor};
 use base::random::{key, philox};
+use base::region::Regions;
 use frames::camera_control::CameraSettings;
 use image::detector::protons::ProtonFlux;
 use image::detector::{Background, DetectorConditions};
@@ -43,6 +44,8 @@ pub struct Conditions {
     light_factor: f64,
     /// Factor of the image's numbers, and black level, DN.
     gain_and_black: (f64, f64),
+    /// Parts of the image that are read out.
+    regions: Regions,
     /// Share of the light of stars, targets and sky that comes through.
     pub(super) throughput: f64,
     /// Temperature beyond the camera's own, K.
@@ -68,6 +71,7 @@ impl Conditions {
             flood_e: 0.0,
             light_factor: 1.0,
             gain_and_black: (1.0, 0.0),
+            regions: Regions::WHOLE,
             throughput: 1.0,
             warmer_k: 0.0,
             protons: None,
@@ -90,6 +94,7 @@ impl Conditions {
     pub(super) fn set_exposing(&mut self, light_factor: f64, settings: &CameraSettings) {
         self.light_factor = light_factor;
         self.gain_and_black = (settings.gain_factor(), settings.black_level_dn);
+        self.regions = settings.regions;
     }
 
     /// Nothing is wrong any more.
@@ -111,7 +116,8 @@ impl Conditions {
         let background = self.dimmed(background).and_uniform(stray_light_e);
         let (gain_factor, black_level_dn) = self.gain_and_black;
         let (warmer_k, protons, black_level_dn) = (self.warmer_k, self.protons, Some(black_level_dn));
-        DetectorConditions { exposure_s, background, warmer_k, protons, gain_factor, black_level_dn }
+        let regions = self.regions;
+        DetectorConditions { exposure_s, background, warmer_k, protons, gain_factor, black_level_dn, regions }
     }
 
     #[allow(clippy::cast_possible_truncation, reason = "electrons are single precision")]

@@ -17,6 +17,7 @@ use crate::runtime::scene_events;
 use crate::runtime::slot::{Slot, Started};
 use base::axes::Rotation;
 use base::clock::Stopwatch;
+use base::region::Regions;
 use base::time::{Span, Tai};
 use base::units::SPEED_OF_LIGHT_KM_S;
 use frames::report::{Stage, StageTimes};
@@ -34,7 +35,7 @@ use plan::optics::PsfModel;
 use scene::Scene;
 use scene::error::SceneError;
 use scene::field_light::illumination_map;
-use scene::truth::{add_tracks, fill_targets, fill_truth};
+use scene::truth::{add_tracks, fill_targets, fill_truth, keep_shown};
 use scene::wcs::WcsMaker;
 use sky::almanac::Almanac;
 use stars::Sky;
@@ -207,7 +208,7 @@ impl FrameEngine {
     /// Takes in how long the latest frame took to draw and read out; `at` is when. Tells the ledger when a load begins or
     /// has gone.
     pub fn learn_load(&mut self, drawn: Span, at: Tai, slot: Slot, ledger: &mut Ledger) {
-        let predicted_ms = self.planner.latest().chosen.cost_ms + self.params.camera.predicted_readout_ms(&self.cost);
+        let predicted_ms = self.planner.latest().chosen.cost_ms + self.detector_ms(&self.exposing.settings().regions);
         let kind = match self.load.as_mut().and_then(|load| load.observe(predicted_ms, drawn.ms())) {
             None => return,
             Some(LoadChange::Overloaded) => EventKind::Overloaded,
@@ -274,10 +275,35 @@ impl FrameEngine {
             return Span::ZERO;
         }
         let (load, latest_ms) = (self.load(), self.planner.latest().chosen.cost_ms);
-        let spare_ms = (params.drawing_budget_under_ms(&self.cost, load) - latest_ms) * load;
-        let frame_ms = (latest_ms + params.camera.predicted_readout_ms(&self.cost)) * load * f64::from(params.heads);
+        let regions = &self.exposing.settings_of(&slot).regions;
+        let spare_ms = (self.drawing_budget_ms(regions, load) - latest_ms) * load;
+        let frame_ms = (latest_ms + self.detector_ms(regions)) * load * f64::from(params.heads);
         let half_ms = 0.5 * spare_ms.min(params.frame_period.ms() - frame_ms).max(0.0);
         receiver.params().jitter_wait.min(Span::from_s(half_ms * 1e-3))
+    }
+
+    /// Returns the predicted time of the detector for a frame of these regions, ms; a device reads out all of it.
+    fn detector_ms(&self, regions: &Regions) -> f64 {
+        let share = if self.imager.is_on_device() { 1.0 } else { self.params.camera.readout_share(regions) };
+        self.params.camera.predicted_readout_ms(&self.cost) * share
+    }
+
+    /// Returns the time in which a frame of these regions must be drawn, ms, under a load.
+    fn drawing_budget_ms(&self, regions: &Regions, load: f64) -> f64 {
+        let size_px = self.params.camera.output().size_px;
+        let rows_share = regions.rows(size_px) as f64 / size_px[1].max(1) as f64;
+        self.params.drawing_budget_of_ms([rows_share, self.detector_ms(regions)], load)
+    }
+
+    /// Gives the planner the time that the next frame's regions leave it, on the real clock by the load.
+    fn set_time_budget(&mut self, slot: Slot, receiver: &Receiver) {
+        if !(self.params.degrade && self.imager.may_degrade()) {
+            return;
+        }
+        let load = self.load();
+        let wait_ms = if self.load.is_some() { self.jitter_wait(slot, receiver).ms() / load } else { 0.0 };
+        let limit_ms = self.drawing_budget_ms(&self.exposing.settings().regions, load);
+        self.planner.set_time_budget_ms(limit_ms - wait_ms);
     }
 
     /// Returns true when jitter samples of a slot's exposure are still to come.
@@ -320,11 +346,7 @@ impl FrameEngine {
         let mut times = bus_times(slot, receiver);
         receiver.set_exposure_s(self.exposing.exposure_s());
         self.conditions.set_exposing(self.exposing.light_factor(), self.exposing.settings());
-        if let Some(load) = self.load {
-            let limit_ms = self.params.drawing_budget_under_ms(&self.cost, load.ratio());
-            let wait_ms = self.jitter_wait(slot, receiver).ms() / load.ratio();
-            self.planner.set_time_budget_ms(limit_ms - wait_ms);
-        }
+        self.set_time_budget(slot, receiver);
         let mut watch = Stopwatch::start();
         self.follow_observer(receiver, slot, ledger);
         let has_stars = match self.compose(slot, receiver, ledger)? {
@@ -368,6 +390,7 @@ impl FrameEngine {
         self.scene.stars.name_stars(&mut frame.truth);
         fill_targets(plan, self.scene.targets.facts(), &output, &mut frame.targets);
         add_tracks(self.imager.disturbances().proton_tracks(), &output, &mut frame.truth);
+        keep_shown(plan, &output, &conditions.regions, &mut frame.truth, &mut frame.targets);
         let levels = Levels::of_exposure(&self.params.camera.detector, &conditions);
         fill_meta(plan, slot.number, self.params.seeds(), &levels, self.imager.name(), &mut frame.meta);
         if let Some(drawn_from_sensor) = &self.params.drawn_from_sensor {

@@ -6,7 +6,7 @@ use image::detector::pattern::PatternSizeError;
 use image::render::RenderError;
 use link::LinkError;
 use scene::error::SceneError;
-use stars::catalog::CatalogError;
+use stars::layer::LayerError;
 use std::path::PathBuf;
 
 /// Whatever went wrong at the other end of the cable.
@@ -30,9 +30,9 @@ pub enum RunError {
     /// the sink failed
     #[error("sink: {0}")]
     Sink(#[from] SinkError),
-    /// the catalog could not be read
+    /// the stars could not be read
     #[error("catalog: {0}")]
-    Catalog(#[from] CatalogError),
+    Stars(#[from] LayerError),
     /// the scene of an exposure could not be found
     #[error(transparent)]
     Scene(#[from] SceneError),

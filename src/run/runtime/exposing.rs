@@ -67,6 +67,7 @@ impl Exposing {
             first_exposure: params.first_exposure,
             period: params.frame_period,
             readout: Span::from_s(camera.readout_s),
+            size_px: camera.output().size_px,
             ahead: params.ahead,
             end: params.exposure_start(params.frames),
             settings,
@@ -92,6 +93,12 @@ impl Exposing {
     #[must_use]
     pub fn range(&self) -> Option<&CameraRange> {
         self.shutter.range()
+    }
+
+    /// Returns what commands may ask when these regions are read out.
+    #[must_use]
+    pub fn range_reading(&self, regions: &Regions) -> Option<CameraRange> {
+        self.shutter.range_reading(regions)
     }
 
     /// Returns what commands may ask, and how many more may wait.
@@ -166,7 +173,7 @@ impl Exposing {
             return self.shutter.nominal(number);
         };
         self.settings = *settings;
-        self.shutter.slot(number, *start, settings.exposure, *started)
+        self.shutter.slot(number, *start, settings, *started)
     }
 
     /// The frame of the next slot is drawn now: its settings are those in use from here on.
@@ -178,6 +185,13 @@ impl Exposing {
         self.settings = *self.shutter.settings();
         self.shutter.advance();
         self.note_triggers(ledger);
+    }
+
+    /// Returns the settings of a slot that is drawn or comes next.
+    #[must_use]
+    pub fn settings_of(&self, slot: &Slot) -> &CameraSettings {
+        let is_next = self.shutter.next().slot().is_some_and(|next| next.number == slot.number);
+        if is_next { self.shutter.settings() } else { &self.settings }
     }
 
     /// Returns the settings of the exposure that is drawn.
@@ -246,7 +260,9 @@ impl Exposing {
         let black_dn = self.settings.black_level_dn;
         let full_dn = self.largest_dn - black_dn;
         let sum: u64 = image.pixels().iter().map(|dn| u64::from(*dn)).sum();
-        let mean_dn = sum as f64 / image.pixels().len().max(1) as f64 - black_dn;
+        // Pixels that are not read out are 0.
+        let pixels = self.settings.regions.pixels([image.width(), image.height()]);
+        let mean_dn = sum as f64 / pixels.max(1) as f64 - black_dn;
         let wanted = AUTO_TARGET * full_dn / mean_dn.max(1e-3 * full_dn);
         if (wanted - 1.0).abs() <= AUTO_NEAR {
             self.end_once(at);

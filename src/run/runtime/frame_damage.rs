@@ -4,11 +4,12 @@ use crate::runtime::conditions::FAULT_STREAM;
 use base::random::{key, philox};
 use frames::sink::{FaultPixels, SentFrame};
 
-/// Every pixel reads the black level, and nothing is in the truth.
+/// Every pixel that is read out has the black level, and nothing is in the truth.
 pub(super) fn blank(frame: &mut SentFrame) {
     let black = frame.meta.black_level_dn.round().clamp(0.0, f64::from(u16::MAX));
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
     frame.image.pixels_mut().fill(black as u16);
+    frame.meta.regions.clear_outside(&mut frame.image);
     frame.truth.clear();
     frame.targets.clear();
 }
@@ -54,6 +55,7 @@ pub(super) fn flip(bit: u8, pixels: FaultPixels, stream: u32, frame: &mut SentFr
     for [x, y] in given.into_iter().chain(random).filter(|[x, y]| *x < width && *y < height) {
         out[y * width + x] ^= mask;
     }
+    frame.meta.regions.clear_outside(&mut frame.image);
 }
 
 /// A random word as a whole number below `below`.

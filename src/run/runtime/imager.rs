@@ -2,6 +2,7 @@
 
 use base::clock::Stopwatch;
 use base::image::{DnImage, Image};
+use base::region::Regions;
 use base::time::Span;
 use frames::report::{Stage, StageTimes};
 use image::detector::disturbances::Disturbances;
@@ -330,6 +331,7 @@ impl Imager {
     /// # Errors
     /// When the device failed.
     pub fn render(&mut self, plan: &ExposurePlan) -> Result<Electrons<'_>, RenderError> {
+        self.draw_only(&Regions::WHOLE);
         let apart = Self::apart_for(&mut self.apart, plan);
         match &mut self.drawing {
             Drawing::Host { backend, .. } => match apart {
@@ -368,7 +370,17 @@ impl Imager {
         (!plan.targets.is_empty()).then_some(apart)
     }
 
-    /// Draws and reads out frame `frame`.
+    /// The next image is drawn only where these parts of it need light: everywhere, when charge moves from pixel to pixel or
+    /// from frame to frame, or stars and targets are drawn apart. A device draws all of it.
+    fn draw_only(&mut self, regions: &Regions) {
+        if let Drawing::Host { backend, detector, .. } = &mut self.drawing {
+            let is_local = detector.is_one_pass() && self.apart.is_none();
+            let drawn = if is_local { detector.output().geometry().sensor_regions(regions) } else { Regions::WHOLE };
+            backend.set_regions(&drawn);
+        }
+    }
+
+    /// Draws and reads out frame `frame`; of its image the regions of the conditions, and 0 in all other pixels.
     ///
     /// # Errors
     /// When the device failed.
@@ -380,6 +392,7 @@ impl Imager {
         out: &mut DnImage,
     ) -> Result<ImagingTimes, RenderError> {
         let mut watch = Stopwatch::start();
+        self.draw_only(&conditions.regions);
         let render;
         let mut on_device = None;
         let mut apart = Self::apart_for(&mut self.apart, plan);

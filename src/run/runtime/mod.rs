@@ -40,6 +40,7 @@ mod scene_events;
 pub mod session;
 pub mod shutter;
 mod slot;
+pub mod tracker_orders;
 pub mod triggers;
 pub mod virtual_time;
 

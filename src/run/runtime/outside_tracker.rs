@@ -9,7 +9,7 @@ use frames::sink::SentFrame;
 use glam::DVec3;
 use std::collections::VecDeque;
 use std::sync::Arc;
-use testbed::tracker::{GuideStars, Outcome, Tracker, TrackerParams};
+use testbed::tracker::{CameraOrders, CameraWish, Exposed, GuideStars, Outcome, Tracker, TrackerParams};
 
 /// Outputs that wait to be ready: more than a tracker thinks about.
 const WAITING_MAX: usize = 64;
@@ -31,6 +31,8 @@ pub struct OutsideTracker {
     tracker: Tracker,
     delay: Span,
     tag_error: Span,
+    /// What it commands its camera; `None`: nothing.
+    orders: Option<CameraOrders>,
     /// When each is ready.
     waiting: VecDeque<(Tai, TrackerOutput)>,
     ready: Option<TrackerOutput>,
@@ -41,12 +43,18 @@ impl OutsideTracker {
     #[must_use]
     pub fn new(params: TrackerParams, guide: Arc<GuideStars>, delay: Span, tag_error: Span) -> Self {
         let waiting = VecDeque::with_capacity(WAITING_MAX);
-        Self { tracker: Tracker::new(params, guide), delay, tag_error, waiting, ready: None }
+        Self { tracker: Tracker::new(params, guide), delay, tag_error, orders: None, waiting, ready: None }
+    }
+
+    /// Lets it command its camera.
+    pub fn set_orders(&mut self, orders: Option<CameraOrders>) {
+        self.orders = orders;
     }
 
     /// Measures a frame that goes out at `at`. `beta` is the observer's velocity about the barycentre over the speed of light,
-    /// ICRF axes.
-    pub fn take_frame(&mut self, frame: &SentFrame, at: Tai, beta: DVec3) {
+    /// ICRF axes. Returns what it asks of its camera.
+    pub fn take_frame(&mut self, frame: &SentFrame, at: Tai, beta: DVec3) -> Option<CameraWish> {
+        self.tracker.expose(&Exposed { exposure_s: frame.meta.exposure_s, regions: frame.meta.regions });
         let mid_exposure = frame.meta.mid_exposure + self.tag_error;
         let outcome = self.tracker.measure(&frame.image, mid_exposure, beta, None);
         self.take_ready(at);
@@ -55,6 +63,8 @@ impl OutsideTracker {
         }
         let output = TrackerOutput { frame: frame.meta.number, mid_exposure, outcome };
         self.waiting.push_back((at + self.delay, output));
+        let (seen, done) = ((&frame.image, mid_exposure), (&outcome, at + self.delay));
+        self.orders.as_ref().map(|orders| self.tracker.wish(orders, seen, done, (beta, None)))
     }
 
     fn take_ready(&mut self, now: Tai) {

@@ -14,7 +14,7 @@ use scene::sky_targets::SkyTarget;
 use sky::almanac::Almanac;
 use sky::observer::Observer;
 use stars::Sky;
-use stars::catalog::CatalogError;
+use stars::layer::LayerError;
 use std::path::PathBuf;
 
 /// What becomes of a frame that misses its deadline.
@@ -143,7 +143,7 @@ impl RunParams {
     ///
     /// # Errors
     /// When a layer cannot be read or is damaged, or the layers are no one sky.
-    pub fn open_sky(&self) -> Result<Sky, CatalogError> {
+    pub fn open_sky(&self) -> Result<Sky, LayerError> {
         Sky::open(&self.layers, self.camera.limiting_mag, self.star_memory_mb)
     }
 
@@ -156,8 +156,14 @@ impl RunParams {
     /// The same, in predicted time, on a machine on which drawing and detector take `load` times as long as predicted.
     #[must_use]
     pub fn drawing_budget_under_ms(&self, cost: &CostModel, load: f64) -> f64 {
-        let share_ms = self.camera.readout_s * 1e3 / f64::from(self.heads.max(1));
-        (1.0 - TIME_MARGIN) * share_ms / load - self.camera.predicted_readout_ms(cost)
+        self.drawing_budget_of_ms([1.0, self.camera.predicted_readout_ms(cost)], load)
+    }
+
+    /// The same for a frame of which such a share of the rows is read out, which takes the detector so long, ms.
+    #[must_use]
+    pub fn drawing_budget_of_ms(&self, [rows_share, detector_ms]: [f64; 2], load: f64) -> f64 {
+        let share_ms = self.camera.readout_s * rows_share * 1e3 / f64::from(self.heads.max(1));
+        (1.0 - TIME_MARGIN) * share_ms / load - detector_ms
     }
 
     /// True when any target may be drawn.

@@ -9,11 +9,11 @@
 use super::{PORTS_MAX, Receiver};
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::plant_sample::{PlantAttitude, PlantSample};
-use base::axes::Rotation;
+use base::axes::{Rotation, WRITTEN_NORM_TOLERANCE};
 use base::time::{Span, Tai};
 use firmware_protocol::Message;
 use glam::DVec3;
-use link::plain::{NORM_TOLERANCE, PlainAttitude, PlainRecord, PlainState, PlainTime};
+use link::plain::{PlainAttitude, PlainRecord, PlainState, PlainTime};
 use link::{Input, Stamped};
 use plan::attitude::Observed;
 use sky::observer::BarycentricState;
@@ -101,7 +101,7 @@ impl Receiver {
 /// `None` for a quaternion that is none, which the codec has refused already.
 fn plant_attitude(attitude: &PlainAttitude) -> Option<PlantAttitude> {
     Some(PlantAttitude {
-        body_from_icrf: Rotation::from_wxyz(attitude.q_wxyz, 2.0 * NORM_TOLERANCE)?,
+        body_from_icrf: Rotation::from_wxyz(attitude.q_wxyz, 2.0 * WRITTEN_NORM_TOLERANCE)?,
         rate_rad_s: DVec3::from_array(attitude.rate_rad_s),
         acceleration_rad_s2: DVec3::from_array(attitude.acceleration_rad_s2),
     })

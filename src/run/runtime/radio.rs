@@ -6,11 +6,12 @@
 use crate::runtime::edge_thread::{EdgeThread, TriggerChip};
 use crate::runtime::error::RunError;
 use crate::runtime::hygiene::{Hygiene, Role};
+use crate::runtime::plant_sample::PlantSample;
 use crate::runtime::port_reading::{PortReading, SharedReading};
 use base::clock::{Clock, PairedReading};
 use base::time::{Span, Tai};
 use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use crossbeam_channel::{Receiver as Queue, RecvTimeoutError, Sender, TryIter, bounded};
+use crossbeam_channel::{Receiver as Queue, RecvTimeoutError, Sender, bounded, select};
 use firmware_protocol::Message;
 use link::pps::Pps;
 use link::{Input, Polled, Port, Stamped};
@@ -40,6 +41,8 @@ pub(super) enum Heard {
     },
     /// A pulse of the flight computer's clock at one of its whole seconds.
     Pulse(Tai),
+    /// A sample that a program outside sent over the control socket, and when it came.
+    Sample(Stamped<PlantSample>),
     /// An edge of a trigger line.
     Edge {
         /// Number of the head that it is for; `None`: all of them.
@@ -54,6 +57,8 @@ pub(super) enum Heard {
 /// The receiving threads and their queues.
 pub(super) struct Radio {
     received: Queue<Heard>,
+    /// Samples of a plant outside; `None`: they come over no socket.
+    samples: Option<Queue<Stamped<PlantSample>>>,
     stations: Vec<Station>,
     pulses: Option<PulseThread>,
     chips: Vec<EdgeThread>,
@@ -76,6 +81,7 @@ impl Radio {
     pub(super) fn start(
         ports: Vec<Port>,
         pulses: Option<Pps>,
+        samples: Option<Queue<Stamped<PlantSample>>>,
         chips: Vec<TriggerChip>,
         clock: &Arc<dyn Clock>,
         hygiene: Option<&Arc<Hygiene>>,
@@ -84,7 +90,7 @@ impl Radio {
         let pulses = pulses.map(|pulses| PulseThread::start(pulses, arrived.clone(), clock)).transpose()?;
         let edges = |chip| EdgeThread::start(chip, arrived.clone(), clock, hygiene.map(Arc::clone));
         let chips = chips.into_iter().map(edges).collect::<Result<_, _>>()?;
-        let mut radio = Self { received, stations: Vec::with_capacity(ports.len()), pulses, chips };
+        let mut radio = Self { received, samples, stations: Vec::with_capacity(ports.len()), pulses, chips };
         for (number, port) in ports.into_iter().enumerate() {
             let own = Own { number, port, arrived: arrived.clone(), clock: Arc::clone(clock) };
             radio.stations.push(Station::start(own, hygiene.map(Arc::clone))?);
@@ -93,12 +99,20 @@ impl Radio {
     }
 
     /// What has arrived.
-    pub(super) fn arrived(&self) -> TryIter<'_, Heard> {
-        self.received.try_iter()
+    pub(super) fn arrived(&self) -> impl Iterator<Item = Heard> {
+        let samples = self.samples.iter().flat_map(Queue::try_iter);
+        self.received.try_iter().chain(samples.map(Heard::Sample))
     }
 
     /// Waits for a message, this long at most.
     pub(super) fn wait(&self, at_most: Duration) -> Option<Heard> {
+        if let Some(samples) = &self.samples {
+            return select! {
+                recv(self.received) -> heard => heard.ok(),
+                recv(samples) -> sample => sample.ok().map(Heard::Sample),
+                default(at_most) => None,
+            };
+        }
         match self.received.recv_timeout(at_most) {
             Ok(heard) => Some(heard),
             Err(RecvTimeoutError::Timeout) => None,
@@ -279,7 +293,7 @@ mod tests {
         let (_arrived, received) = bounded(1);
         let thread = std::thread::Builder::new().name("pps".into()).spawn(look).unwrap();
         let pulses = PulseThread { stop: Arc::default(), thread: Some(thread) };
-        Radio { received, stations: Vec::new(), pulses: Some(pulses), chips: Vec::new() }
+        Radio { received, samples: None, stations: Vec::new(), pulses: Some(pulses), chips: Vec::new() }
     }
 
     #[test]

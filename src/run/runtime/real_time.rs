@@ -16,6 +16,7 @@ use crate::runtime::frame_faults::FrameFaults;
 use crate::runtime::hygiene::{Hygiene, Role};
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::outcome::{RunOutcome, lines_of_head};
+use crate::runtime::plant_sample::PlantSample;
 use crate::runtime::port_reading::PortReading;
 use crate::runtime::radio::{Heard, Radio};
 use crate::runtime::real_head::RealHead;
@@ -31,8 +32,8 @@ use crossbeam_channel::Receiver as Queue;
 use frames::camera_control::{CameraCommand, CommandSource, Commanded, TriggerSource};
 use frames::report::{FrameRecord, Stage};
 use frames::sink::{FrameMeta, SentFrame, Sink};
-use link::Port;
 use link::pps::Pps;
+use link::{Port, Stamped};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -80,13 +81,15 @@ pub struct Sources {
     pub ports: Vec<Port>,
     /// Pulses of the flight computer's clock.
     pub pulses: Option<Pps>,
+    /// Samples that a program outside sends over the control socket; `None`: none do.
+    pub samples: Option<Queue<Stamped<PlantSample>>>,
     /// Lines that trigger cameras, by chip.
     pub chips: Vec<TriggerChip>,
 }
 
 impl From<Port> for Sources {
     fn from(port: Port) -> Self {
-        Self { ports: vec![port], pulses: None, chips: Vec::new() }
+        Self { ports: vec![port], pulses: None, samples: None, chips: Vec::new() }
     }
 }
 
@@ -188,7 +191,8 @@ fn start<'a>(
         head.engine.read_stars_ahead()?;
         warm.push((head, prototype));
     }
-    let radio = Radio::start(sources.ports, sources.pulses, sources.chips, setting.clock, setting.hygiene)?;
+    let Sources { ports, pulses, samples, chips } = sources;
+    let radio = Radio::start(ports, pulses, samples, chips, setting.clock, setting.hygiene)?;
     let started = warm
         .into_iter()
         .enumerate()
@@ -408,6 +412,7 @@ impl Bench<'_> {
             let ledger = if head.number == 0 { &mut record.ledger } else { &mut self.shared.said_already };
             match heard {
                 Heard::Pulse(at) => head.receiver.accept_pulse(*at),
+                Heard::Sample(sample) => head.receiver.take_sample(&sample.value, sample.at, ledger),
                 Heard::Edge { head: for_head, at, is_active } => {
                     if for_head.is_none_or(|number| number == head.number) {
                         let command = CameraCommand::Trigger { source: TriggerSource::Line, is_rising: *is_active };

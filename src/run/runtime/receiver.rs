@@ -9,9 +9,9 @@ use crate::runtime::plant_sample::{PlantAttitude, PlantSample};
 use crate::runtime::session::{Session, SessionParams};
 use crate::runtime::slot::Slot;
 use crate::runtime::triggers::FiredTrigger;
-use base::axes::Rotation;
+use base::axes::{Rotation, WRITTEN_NORM_TOLERANCE};
 use base::time::{Span, Tai};
-use base::units::ARCSEC;
+use base::units::{ARCSEC, RPM};
 use firmware_protocol::Message;
 use firmware_protocol::handshake::Did;
 use firmware_protocol::message::{AttitudeRecord, Command, JitterBurst, JitterPair, Request, TimeFollowUp, Wheels};
@@ -26,10 +26,8 @@ use std::collections::VecDeque;
 
 /// Period of classic jitter pairs' samples.
 const PAIR_PERIOD: Span = Span::from_ms(1);
-/// Wheel speeds on the wire are in revolutions per minute.
-const RAD_S_PER_RPM: f64 = core::f64::consts::TAU / 60.0;
 /// Norm tolerance of a quaternion that the protocol has already checked.
-const NORM_TOLERANCE: f64 = 2e-3;
+const NORM_TOLERANCE: f64 = 2.0 * WRITTEN_NORM_TOLERANCE;
 
 /// Attitudes whose tags are kept: more than an exposure and a readout bring.
 const TAGS: usize = 256;
@@ -274,7 +272,7 @@ impl Receiver {
 
     /// Speeds have no time tag: they hold when their message was sent.
     fn take_wheels(&mut self, wheels: &Wheels, at: Tai, ledger: &mut Ledger) {
-        let rad_s = wheels.speed_rpm.map(|rpm| f64::from(rpm) * RAD_S_PER_RPM);
+        let rad_s = wheels.speed_rpm.map(|rpm| f64::from(rpm) * RPM);
         if self.jitter.wheel_speeds(rad_s, at - self.params.clock.constant_delay).is_err() {
             ledger.note(Event::new(EventKind::SampleRefused, at, None, Span::ZERO));
         }
@@ -411,9 +409,9 @@ impl Receiver {
     }
 
     /// Takes a sample that came over no port, and counts it as a message of the first one.
-    pub fn take_lockstep(&mut self, sample: &PlantSample, ledger: &mut Ledger) {
+    pub fn take_sample(&mut self, sample: &PlantSample, arrived: Tai, ledger: &mut Ledger) {
         self.messages[0] += 1;
-        self.take_plant(sample, sample.at, ledger);
+        self.take_plant(sample, arrived, ledger);
     }
 
     fn take_plant_attitude(&mut self, at: Tai, attitude: &PlantAttitude, arrived: Tai) -> bool {

@@ -22,6 +22,7 @@ use crate::runtime::record::RunRecord;
 use crate::runtime::reply::{Reply, ToldFrame, camera_pages};
 use crate::runtime::shutter::NextSlot;
 use crate::runtime::slot::Slot;
+use crate::runtime::tracker_orders::commands_of;
 use base::clock::{Clock, Stopwatch, Virtual};
 use base::time::{Span, Tai};
 use frames::report::Stage;
@@ -290,7 +291,7 @@ impl VirtualLoop {
         while let Some(sample) = self.plant.take(at) {
             for (i, head) in heads.iter_mut().enumerate() {
                 let ledger = if i == 0 { &mut self.record.ledger } else { &mut self.said_already };
-                head.receiver.take_lockstep(&sample, ledger);
+                head.receiver.take_sample(&sample, sample.at, ledger);
             }
         }
     }
@@ -416,7 +417,11 @@ impl VirtualLoop {
             sent?;
             if let Some(tracker) = self.trackers.get_mut(pending.head).and_then(Option::as_mut) {
                 let beta = head.engine.observer_beta(pending.frame.meta.mid_exposure).map_err(RunError::Scene)?;
-                tracker.take_frame(&pending.frame, at, beta);
+                let wish = tracker.take_frame(&pending.frame, at, beta);
+                for commanded in wish.iter().flat_map(|wish| commands_of(wish, at)) {
+                    // What is refused is an event of the ledger.
+                    let _noted = head.engine.exposing_mut().take(&commanded, &mut self.record.ledger);
+                }
             }
             self.record.count_outgoing(&pending.frame.meta);
             self.record.frames.delivered += 1;

@@ -25,16 +25,18 @@ use crate::wiring::real;
 use crate::wiring::run_end::RunEnd;
 use crate::wiring::run_times::RunTimes;
 use crate::wiring::sinks::{SinkSetting, directory_of_head, make_sinks};
+use crate::wiring::start;
 use crate::wiring::steering::Steering;
 use crate::wiring::stepped::SteppedRun;
 use crate::wiring::taps::Taps;
 use crate::wiring::trigger_lines::arm;
 use anyhow::Context;
 use base::clock::{Clock, Monotonic, Virtual};
-use base::time::Tai;
-use config::{Scenario, SinkSettings, StartTime};
+use base::time::{Span, Tai};
+use config::{Scenario, SinkSettings};
 use core::cell::RefCell;
 use core::sync::atomic::AtomicBool;
+use frames::camera_control::{CameraDesk, desk};
 use frames::sink::{NullSink, SentFrame, Sink};
 use link::tap::FaultControl;
 use outputs::live::Numbers;
@@ -141,6 +143,8 @@ pub struct Run {
     pub(super) steering: Option<Steering>,
     is_controlled: bool,
     pub(super) cable: Option<Cable>,
+    /// How far the clock is behind the machine's, whose time it was to take.
+    lag: Span,
 }
 
 /// Takes rows of telemetry.
@@ -158,11 +162,11 @@ impl Run {
             let why = "which has a time of its own; wanted --clock real";
             return Err(anyhow::anyhow!("--clock virtual: got a bench with {what}, {why}").into());
         }
-        if let Some(why) = is_unreachable(&scenario.bench, is_controlled && clock == RunClockKind::Virtual) {
+        if let Some(why) = is_unreachable(&scenario.bench, is_controlled) {
             return Err(anyhow::anyhow!(why).into());
         }
         check_memory(&scenario, &outputs, clock, live.is_some())?;
-        let start = start_of(&scenario);
+        let start = start::planned_start(scenario.bench.timing.start, clock);
         let cards = match &outputs {
             Outputs::Configured { sinks, .. } => Some(hold_cards(sinks)),
             Outputs::Made(_) => None,
@@ -211,6 +215,7 @@ impl Run {
             steering,
             is_controlled,
             cable,
+            lag: Span::ZERO,
         })
     }
 
@@ -224,7 +229,7 @@ impl Run {
         }
         if let RunClock::Real(clock) = &self.clock {
             // Sinks have had the time they took to begin.
-            clock.restart_at(self.times.start);
+            self.lag = start::start_clock(clock, self.scenario.bench.timing.start, self.times.start);
         }
         let setting = CableSetting {
             scenario: &self.scenario,
@@ -271,11 +276,25 @@ impl Run {
         let port = self.cable.as_mut().and_then(|cable| cable.far.take());
         let trackers = self.heads.iter_mut().filter_map(|head| head.tracker.take()).collect();
         let mountings = self.heads.iter().map(|head| head.mounting).collect();
-        let mut far = FarSide::new(&self.scenario, port, trackers, (self.times, mountings))?;
+        let desks = self.tracker_desks();
+        let mut far = FarSide::new(&self.scenario, port, (trackers, desks), (self.times, mountings))?;
         if let Some(on_row) = self.on_row.take() {
             far.on_row = on_row;
         }
         Ok(far)
+    }
+
+    /// Makes the queues by which the trackers of a spacecraft inside command their cameras; none where they do not.
+    fn tracker_desks(&mut self) -> Vec<CameraDesk> {
+        let commands = self.scenario.vehicle().map(|vehicle| vehicle.tracker_commands).unwrap_or_default();
+        let heads = self.heads.iter_mut().filter(|_| commands.any());
+        heads
+            .map(|head| {
+                let (desk, end) = desk();
+                head.engine.exposing_mut().add_desk(end);
+                desk
+            })
+            .collect()
     }
 
     /// Places the events of the file; returns what the ledger says of them.
@@ -327,15 +346,8 @@ impl Run {
     #[must_use]
     pub fn notes(&self) -> Vec<String> {
         let cable = self.cable.as_ref().map(Cable::notes).unwrap_or_default();
-        self.taps.live.as_ref().map(LiveTap::notes).unwrap_or_default().into_iter().chain(cable).collect()
-    }
-}
-
-/// When the clock of a run starts.
-fn start_of(scenario: &Scenario) -> Tai {
-    match scenario.bench.timing.start {
-        StartTime::At(at) => at,
-        StartTime::Now => Monotonic::start().now(),
+        let live = self.taps.live.as_ref().map(LiveTap::notes).unwrap_or_default();
+        start::note(self.lag).into_iter().chain(live).chain(cable).collect()
     }
 }
 

@@ -4,6 +4,7 @@
 
 use crate::runtime::error::FarEndError;
 use crate::runtime::frame_faults::NEVER;
+use crate::runtime::tracker_orders::commands_of;
 use crate::wiring::bench_parts;
 use crate::wiring::error::LoopError;
 use crate::wiring::fault_desk::Placed;
@@ -14,11 +15,13 @@ use crate::wiring::witness::Witness;
 use base::axes::{Body, Rotation, Sensor};
 use base::time::{Span, Tai};
 use config::{Action, Event, Plant, Scenario};
+use frames::camera_control::CameraDesk;
 use frames::sink::tap::TappedFrame;
 use frames::sink::{FrameMeta, TapEnd};
 use link::Port;
 use link::tap::Arrival;
 use testbed::flight_computer::{FlightComputer, FlightError};
+use testbed::tracker::Exposed;
 use testbed::vehicle::{TelemetryRow, Vehicle, VehicleError, VehicleFault};
 
 /// A fault aboard that has begun, with the count of its kind's hits then and at its end.
@@ -37,6 +40,8 @@ pub(super) struct FarSide {
     /// Its end of the cable, and the simulated flight computer there; `None`: one that is no part of this program.
     simulated: Option<(Port, FlightComputer)>,
     pub(super) taps: Vec<TapEnd>,
+    /// Queues to the exposures of the heads whose trackers command them, in the order of the heads.
+    desks: Vec<CameraDesk>,
     /// Half a turn and half of one more to go around the Sun, at the spacecraft's slew rate, and settling.
     longest_slew: Span,
     /// Faults aboard that have begun.
@@ -54,7 +59,7 @@ impl FarSide {
     pub(super) fn new(
         scenario: &Scenario,
         port: Option<Port>,
-        taps: Vec<TapEnd>,
+        (taps, desks): (Vec<TapEnd>, Vec<CameraDesk>),
         (times, mountings): (RunTimes, Vec<Rotation<Sensor, Body>>),
     ) -> Result<Self, VehicleError> {
         let RunTimes { start, zero, end } = times;
@@ -71,6 +76,7 @@ impl FarSide {
         Ok(Self {
             simulated: port.zip(computer),
             taps,
+            desks,
             waiting: Vec::new(),
             watched: Vec::new(),
             longest_slew: scenario.vehicle().map_or(Span::ZERO, longest_slew),
@@ -183,7 +189,13 @@ impl FarSide {
         };
         let ready: Vec<_> = self.waiting.extract_if(.., is_ready).collect();
         for (_, head, frame) in ready {
+            vehicle.expose(head, &Exposed { exposure_s: frame.exposure_s, regions: frame.regions });
             vehicle.take_frame(head, frame.number, &frame.image, now);
+            let wish = vehicle.take_wish(head).filter(|_| head < self.desks.len());
+            for commanded in wish.iter().flat_map(|wish| commands_of(wish, now)) {
+                // A queue that is full has lost it: the next frame brings another wish.
+                let _lost = self.desks[head].put(commanded);
+            }
             if let Some(tap) = self.taps.get(head) {
                 tap.give_back(frame);
             }

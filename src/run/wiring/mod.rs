@@ -31,6 +31,7 @@ pub mod run_times;
 pub mod seeded;
 pub mod sensitivity;
 pub mod sinks;
+mod start;
 pub mod steering;
 pub mod stepped;
 mod taps;

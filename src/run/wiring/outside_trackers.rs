@@ -2,7 +2,7 @@
 
 use crate::runtime::OutsideTracker;
 use crate::wiring::error::LoopError;
-use crate::wiring::vehicle_parts::tracker_params;
+use crate::wiring::vehicle_parts::{camera_orders, tracker_params};
 use base::time::Tai;
 use config::{OutsideTrackers, Scenario};
 use stars::catalog::Catalog;
@@ -12,12 +12,15 @@ use testbed::vehicle::VehicleError;
 
 /// Returns the tracker of each head, where the scenario has any; equal trackers share one list of guide stars.
 pub(super) fn outside_trackers(scenario: &Scenario, start: Tai) -> Result<Vec<Option<OutsideTracker>>, LoopError> {
-    let Some(OutsideTrackers { delay, tag_error, most_stars }) = scenario.trackers else { return Ok(Vec::new()) };
+    let Some(OutsideTrackers { delay, tag_error, most_stars, commands }) = scenario.trackers else {
+        return Ok(Vec::new());
+    };
     let catalog = Catalog::built_in().map_err(VehicleError::from)?;
     let mut guides: Vec<(TrackerParams, Arc<GuideStars>)> = Vec::new();
     let mut trackers = Vec::with_capacity(scenario.bench.head_count());
     for number in 0..scenario.bench.head_count() {
-        let params = tracker_params(&scenario.bench.of_head(number).camera, most_stars);
+        let bench = scenario.bench.of_head(number);
+        let params = tracker_params(&bench.camera, most_stars);
         let known = guides.iter().find(|(known, _)| *known == params).map(|(_, guide)| Arc::clone(guide));
         let guide = match known {
             Some(guide) => guide,
@@ -27,7 +30,9 @@ pub(super) fn outside_trackers(scenario: &Scenario, start: Tai) -> Result<Vec<Op
                 guide
             }
         };
-        trackers.push(Some(OutsideTracker::new(params, guide, delay, tag_error)));
+        let mut tracker = OutsideTracker::new(params, guide, delay, tag_error);
+        tracker.set_orders(camera_orders(commands, &bench));
+        trackers.push(Some(tracker));
     }
     Ok(trackers)
 }

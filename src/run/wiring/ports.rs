@@ -198,11 +198,11 @@ pub fn needs_real_clock(bench: &Bench) -> Option<&'static str> {
 }
 
 /// Returns why nobody can move the spacecraft of a bench, if nobody can: its plant is outside, no bus leads there, and the
-/// run is not stepped by whoever could send its attitudes.
+/// run is not controlled by whoever could send its attitudes.
 #[must_use]
-pub fn is_unreachable(bench: &Bench, is_stepped_from_outside: bool) -> Option<&'static str> {
+pub fn is_unreachable(bench: &Bench, is_controlled: bool) -> Option<&'static str> {
     let why = "link.kind is \"simulated\" without gateways, and the plant is outside: nobody else is on a bus inside this \
-               program; wanted slcan_tcp, slcan_pty or socketcand, or a real bus, or --clock virtual with --control ADDRESS, \
-               whose client sends the attitudes (lockstep)";
-    (bench.is_lockstep() && !is_stepped_from_outside).then_some(why)
+               program; wanted slcan_tcp, slcan_pty or socketcand, or a real bus, or --control ADDRESS, whose client sends the \
+               attitudes (lockstep with --clock virtual)";
+    (bench.is_lockstep() && !is_controlled).then_some(why)
 }

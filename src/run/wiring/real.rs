@@ -13,7 +13,9 @@ use crate::wiring::assemble::Run;
 use crate::wiring::cable::Cable;
 use crate::wiring::error::LoopError;
 use crate::wiring::far_side::FarSide;
+use crate::wiring::replay::Recording;
 use crate::wiring::run_end::{Flown, RunEnd, keep_first, losses};
+use crate::wiring::steering::Orders;
 use base::clock::{Clock, Monotonic};
 use base::time::Span;
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -45,8 +47,12 @@ pub(super) fn fly(
     let desk = Arc::new(Mutex::new(desk));
     let over = Arc::new(AtomicBool::new(false));
     let (seen, queue) = bounded::<(usize, FrameMeta)>(SEEN_FRAMES * heads.len());
-    let orders = steering.as_ref().map(|steering| steering.attach(&desk, &clock, times));
-    let (frame_orders, far_orders) = orders.unzip();
+    let recorded = taps.recording.as_ref().and_then(Recording::samples);
+    let orders = steering.as_ref().map(|steering| steering.attach(&desk, &clock, times, recorded));
+    let (frame_orders, far_orders, samples) = match orders {
+        Some(Orders { frames, far, samples }) => (Some(frames), Some(far), Some(samples)),
+        None => (None, None, None),
+    };
     let ends = Ends { over: Arc::clone(&over), stop: Arc::clone(stop) };
     let flight = Flight { far, clock: Arc::clone(&clock), ends, seen: queue.clone(), orders: far_orders };
     let thread = flight.start(hygiene.clone())?;
@@ -64,7 +70,7 @@ pub(super) fn fly(
         faults: Some(&mut head.faults),
     });
     let (ports, chips) = (core::mem::take(&mut cable.near), core::mem::take(&mut cable.chips));
-    let sources = Sources { ports, pulses: cable.pulses.take(), chips };
+    let sources = Sources { ports, pulses: cable.pulses.take(), samples, chips };
     let outcome = run_in(&setting, drawn.collect(), sources, &mut seen_and_told);
     let now = clock.now().min(times.end);
     over.store(true, Ordering::SeqCst);
@@ -81,7 +87,7 @@ pub(super) fn fly(
         Ok(far) => far,
         Err(lost) => {
             keep_first(&mut error, Some(lost));
-            FarSide::new(&scenario, None, Vec::new(), (times, Vec::new()))?
+            FarSide::new(&scenario, None, (Vec::new(), Vec::new()), (times, Vec::new()))?
         }
     };
     notes.into_iter().for_each(|note| record.ledger.note(note));

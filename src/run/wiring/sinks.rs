@@ -139,6 +139,8 @@ fn network_camera(params: &network_camera::Params, setting: &SinkSetting<'_>) ->
         frame_rate_hz: 1.0 / setting.frame_period.s(),
         exposure_s: camera.exposure_s,
         gain_e_per_dn: camera.detector.gain_e_per_dn,
+        temperature_c: camera.detector.dark_law.operating_c,
+        colours: camera.detector.spatial.output_colours(),
     };
     let made = NetworkCamera::start(&params, &sensor, commands(setting), Arc::clone(setting.clock))?;
     say(format_args!("network camera: GVCP at {}\n", made.address()));

@@ -1,18 +1,20 @@
-//! What a program outside does with a run on the real clock: it looks at it, and injects events and triggers.
+//! What a program outside does with a run on the real clock: it looks at it, injects events and triggers, and may be its plant.
 //!
 //! [`Steering`] is made before the run and shared with whoever steers. The run attaches itself when it begins. Events are
 //! checked by the caller's thread, placed by the frame thread between two slots, and reach the far end's thread between two
 //! of its steps. What an event needs (tables of other optics, places of false stars) is made then: a frame that it delays is
 //! counted as late. Tests: `tests/closed_loop/control.rs`.
 
+use crate::runtime::ledger::{Event as LedgerEvent, EventKind};
 use crate::runtime::real_time::{FrameOrder, HeadParts};
-use crate::runtime::{RunError, RunRecord};
+use crate::runtime::{PlantSample, RunError, RunRecord};
 use crate::wiring::control::NewestFrames;
 use crate::wiring::error::LoopError;
 use crate::wiring::far_side::FarSide;
 use crate::wiring::fault_desk::{FaultDesk, make_ready};
 use crate::wiring::heads::RunHead;
 use crate::wiring::real::FarOrder;
+use crate::wiring::replay::SampleTap;
 use crate::wiring::run_times::RunTimes;
 use base::clock::Clock;
 use base::time::{Span, Tai};
@@ -21,10 +23,13 @@ use core::time::Duration;
 use crossbeam_channel::{Receiver as Queue, Sender, bounded};
 use frames::report::RunNumbers;
 use frames::sink::{NullSink, SentFrame, Sink, SinkError, SinkSummary, Tee};
+use link::Stamped;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Orders that wait for the frame thread or the far end.
 const ORDERS: usize = 16;
+/// Samples of a plant outside that wait for the frame thread: two full requests.
+const SAMPLES: usize = 8192;
 /// An order that is not done within this is not waited for any more.
 const DONE_WITHIN: Duration = Duration::from_secs(120);
 
@@ -43,8 +48,17 @@ struct Attached {
     desk: Arc<Mutex<FaultDesk>>,
     frames: Sender<FrameOrder>,
     far: Sender<FarOrder>,
+    samples: Sender<Stamped<PlantSample>>,
+    recorded: Option<SampleTap>,
     clock: Arc<dyn Clock>,
     times: RunTimes,
+}
+
+/// What a run takes from whoever steers it.
+pub(super) struct Orders {
+    pub(super) frames: Queue<FrameOrder>,
+    pub(super) far: Queue<FarOrder>,
+    pub(super) samples: Queue<Stamped<PlantSample>>,
 }
 
 fn lock<T>(shared: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
@@ -75,18 +89,20 @@ impl Steering {
         }
     }
 
-    /// The run begins: returns where its frame thread and its far end find their orders.
+    /// The run begins: returns where its frame thread and its far end find their orders, and the samples of a plant outside.
     pub(super) fn attach(
         &self,
         desk: &Arc<Mutex<FaultDesk>>,
         clock: &Arc<dyn Clock>,
         times: RunTimes,
-    ) -> (Queue<FrameOrder>, Queue<FarOrder>) {
+        recorded: Option<SampleTap>,
+    ) -> Orders {
         let (frames, of_frames) = bounded(ORDERS);
         let (far, of_far) = bounded(ORDERS);
-        let attached = Attached { desk: Arc::clone(desk), frames, far, clock: Arc::clone(clock), times };
-        *lock(&self.attached) = Some(attached);
-        (of_frames, of_far)
+        let (samples, of_plant) = bounded(SAMPLES);
+        let (desk, clock) = (Arc::clone(desk), Arc::clone(clock));
+        *lock(&self.attached) = Some(Attached { desk, frames, far, samples, recorded, clock, times });
+        Orders { frames: of_frames, far: of_far, samples: of_plant }
     }
 
     /// The run is over, with these counts.
@@ -158,6 +174,41 @@ impl Steering {
         });
         self.attached()?.far.try_send(order).map_err(|_| busy("the far end"))?;
         answer.recv_timeout(DONE_WITHIN).map_err(|_| busy("the far end"))
+    }
+
+    /// Hands samples of a plant outside to the frame thread, all or none; each is taken by its own instant when it comes, as one of a
+    /// link would be. Returns how many wait.
+    ///
+    /// # Errors
+    /// When the run is over, or too many wait.
+    pub fn send_samples(&self, samples: &[PlantSample]) -> Result<usize, LoopError> {
+        let attached = self.attached()?;
+        let waiting = attached.samples.len();
+        if waiting + samples.len() > SAMPLES {
+            let why = format!(
+                "{waiting} samples wait for the next frame already; wanted {SAMPLES} at most: send fewer at a time"
+            );
+            return Err(LoopError::Event { what: "plant", why });
+        }
+        // Before they are queued: a capture must have what a frame is drawn from.
+        let at = attached.clock.now();
+        attached.recorded.iter().for_each(|tap| tap.note(samples, at));
+        for value in samples {
+            let stamped = Stamped { at, value: *value };
+            attached.samples.try_send(stamped).map_err(|_| busy("the frame thread"))?;
+        }
+        Ok(attached.samples.len())
+    }
+
+    /// Counts a list of samples that could not be read.
+    ///
+    /// # Errors
+    /// When the run is over or does not answer.
+    pub(super) fn note_bad_samples(&self) -> Result<(), LoopError> {
+        let at = self.now()?.1;
+        self.on_frame_thread(move |_, record, _| {
+            record.ledger.note(LedgerEvent::new(EventKind::SampleRefused, at, None, Span::ZERO));
+        })
     }
 
     /// Counts and times so far.

@@ -118,10 +118,10 @@ impl SteppedRun {
             let why = "the spacecraft is moved inside the program; wanted a bench with plant.kind = \"outside\"";
             return Err(refuse(why.into()));
         }
-        let zero = self.times.zero;
+        let (zero, now) = (self.times.zero, self.now());
         let put = self.going.put_plant(samples);
         if let (Ok(()), Some(recording)) = (&put, &self.taps.recording) {
-            recording.note_samples(samples);
+            recording.samples().into_iter().for_each(|tap| tap.note(samples, now));
         }
         put.map_err(|(place, why)| {
             let t_s = samples.get(place).map_or(f64::NAN, |sample| (sample.at - zero).s());

@@ -6,14 +6,15 @@
 use base::axes::{Body, Icrf, Rotation, sensor_from_ra_dec_roll};
 use base::time::{Span, Tai};
 use base::units::{ARCSEC, DEG};
-use config::{self, Camera, JitterSource, Observer, Pointing, Scenario, Vehicle};
+use config::{self, Bench, Camera, JitterSource, Observer, Pointing, Scenario, TrackerCommands, Vehicle};
+use frames::camera_control::{EXPOSURE_LEAST, longest_exposure_s};
 use glam::{DMat3, DVec3};
 use image::detector::binning::Levels;
 use plan::optics::mtf::MtfChain;
 use testbed::acs::{AcsParams, Gains, KeepOut, SafeParams, SlewLimits, StructuralFilter, Thresholds, UnloadParams};
 use testbed::estimator::MekfParams;
 use testbed::spacecraft::{CircularOrbitParams, SpacecraftParams};
-use testbed::tracker::{DetectorFigures, Geometry, TrackerParams};
+use testbed::tracker::{CameraOrders, DetectorFigures, Geometry, TrackerParams};
 use testbed::vehicle::{HeadParams, VehicleParams};
 
 /// Above this sigma an attitude counts as unknown.
@@ -24,6 +25,9 @@ const RESUME_AFTER: Span = Span::from_ms(20_000);
 const INTEGRAL_RATIO: f64 = 5.0;
 /// Frequency of an Airy pattern's Gaussian core, sigma over wavelength times f-number.
 const AIRY_SIGMA: f64 = 0.42;
+
+/// Longest exposure that a tracker commands, as a share of the time from frame to frame, where the camera's own is no longer.
+const LONGEST_SHARE: f64 = 0.9;
 
 /// The vehicle that flies a scenario whose first exposure is at `first_exposure`.
 #[must_use]
@@ -181,9 +185,19 @@ fn head_params(scenario: &Scenario, flown: &Vehicle) -> Vec<HeadParams> {
     let head = |number: usize| {
         let bench = scenario.bench.of_head(number);
         let tracker = tracker_params(&bench.camera, flown.tracker_stars);
-        HeadParams { sensor_from_body: bench.sensor_from_body, tracker, delay: flown.tracker_delay }
+        let orders = camera_orders(flown.tracker_commands, &bench);
+        HeadParams { sensor_from_body: bench.sensor_from_body, tracker, delay: flown.tracker_delay, orders }
     };
     (0..scenario.bench.head_count()).map(head).collect()
+}
+
+/// What a tracker may command the camera of a bench; `None`: nothing. Its exposures keep the frame rate.
+pub(super) fn camera_orders(commands: TrackerCommands, bench: &Bench) -> Option<CameraOrders> {
+    let own_s = bench.camera.exposure.exposure_s;
+    let period = Span::from_s(1.0 / bench.timing.frame_rate_hz);
+    let longest_s = own_s.max((LONGEST_SHARE * period.s()).min(longest_exposure_s(own_s)));
+    let exposure_s = commands.exposure.then_some([EXPOSURE_LEAST.s().min(own_s), longest_s]);
+    commands.any().then_some(CameraOrders { windows: commands.windows, exposure_s, period })
 }
 
 pub(super) fn tracker_params(camera: &Camera, most_stars: usize) -> TrackerParams {
@@ -210,6 +224,7 @@ pub(super) fn tracker_params(camera: &Camera, most_stars: usize) -> TrackerParam
         full_well_e: detector.params.full_well_e,
         largest_dn: f64::from(detector.params.largest_dn()),
         pixels: 1.0,
+        temperature_c: detector.params.dark_law.operating_c,
     };
     let levels = detector.params.spatial.binning.map_or(levels, |binning| levels.binned(binning));
     let full_dn = levels.black_level_dn + levels.full_well_e / levels.gain_e_per_dn;

@@ -12,7 +12,7 @@
 use crate::runtime::RunRecord;
 use crate::wiring::assessment::Assessment;
 use crate::wiring::faults::FaultLine;
-use base::axes::{Body, Icrf, Rotation, Sensor};
+use base::axes::{Body, COMPUTED_NORM_TOLERANCE, Icrf, Rotation, Sensor};
 use base::time::{Span, Tai};
 use base::units::ARCSEC;
 use config::Scenario;
@@ -111,7 +111,7 @@ impl Witness {
         let (Some((body_from_icrf, rate_rad_s)), Some(mounting)) = (truth, self.heads.get(head)) else {
             return self.assessment.note_unchecked();
         };
-        let Some(rendered) = Rotation::<Sensor, Icrf>::from_wxyz(meta.attitude_wxyz, 1e-6) else {
+        let Some(rendered) = Rotation::<Sensor, Icrf>::from_wxyz(meta.attitude_wxyz, COMPUTED_NORM_TOLERANCE) else {
             return self.assessment.violate(|| format!("frame {}: its attitude is no unit quaternion", meta.number));
         };
         let error_rad = (*mounting * body_from_icrf).rotation_vector_to(&rendered).length();

@@ -12,37 +12,49 @@
 //! formulae, `tests/physics/apparent_places.rs`.
 
 use super::space_motion::moved_in_space;
-use super::{ApparentSource, Sight, Vantage, parallax_shifted};
-use base::source::CatalogSource;
+use super::{Sight, Vantage, parallax_shifted};
+use base::source::{CatalogSource, ProperMotion};
 use base::time::Tai;
 use base::units::MAS;
+use glam::DVec3;
 
 /// Years over which places are held against other people's ephemerides and found good to 1 mas.
 pub const PROVEN_YEARS: [f64; 2] = [1991.0, 2051.0];
 /// Julian year of J2000.0.
 const J2000_YR: f64 = 2000.0;
 
-/// Replaces `out` by `sources`, whose catalog epoch is the Julian year `epoch_yr`, as they are seen from `vantage`
-/// at `at`; same order, ids and magnitudes. Allocates only when `out` must grow.
-pub fn apparent_places(
-    sources: &[CatalogSource],
-    epoch_yr: f64,
-    at: Tai,
-    vantage: &Vantage,
-    out: &mut Vec<ApparentSource>,
-) {
-    let years = years_since(epoch_yr, at);
-    out.clear();
-    let sight = vantage.sight();
-    out.extend(sources.iter().map(|source| apparent_place(source, years, vantage, &sight)));
+/// Where sources of one catalog epoch are seen from one [`Vantage`] at one time. Made once per frame.
+#[derive(Debug, Clone, Copy)]
+pub struct ApparentPlaces {
+    years: f64,
+    observer_km: DVec3,
+    sight: Sight,
 }
 
-fn apparent_place(source: &CatalogSource, years: f64, vantage: &Vantage, sight: &Sight) -> ApparentSource {
-    let at = source.direction_icrf;
-    // Not of length 1: the parallax is that of the distance of then.
-    let barycentric = source.proper_motion.map_or(at, |motion| moved_in_space(at, motion, years));
-    let natural = parallax_shifted(barycentric, source.parallax_mas, vantage.observer.position_km);
-    ApparentSource { id: source.id, apparent_icrf: sight.apparent(natural), mag_g: source.mag_g, bp_rp: source.bp_rp }
+impl ApparentPlaces {
+    /// For sources of the catalog epoch `epoch_yr` (Julian year) as they are seen from `vantage` at `at`.
+    #[must_use]
+    pub fn new(epoch_yr: f64, at: Tai, vantage: &Vantage) -> Self {
+        let observer_km = vantage.observer.position_km;
+        Self { years: years_since(epoch_yr, at), observer_km, sight: vantage.sight() }
+    }
+
+    /// Apparent direction, unit vector in ICRF axes, of what is in the direction `direction_icrf` (unit vector) at the catalog
+    /// epoch; a motion or parallax of zero is none.
+    #[inline]
+    #[must_use]
+    pub fn place(&self, direction_icrf: DVec3, motion: ProperMotion, parallax_mas: f32) -> DVec3 {
+        // Not of length 1: the parallax is that of the distance of then.
+        let barycentric = moved_in_space(direction_icrf, motion, self.years);
+        self.sight.apparent(parallax_shifted(barycentric, parallax_mas, self.observer_km))
+    }
+
+    /// The same of a catalog source.
+    #[must_use]
+    pub fn of(&self, source: &CatalogSource) -> DVec3 {
+        let motion = source.proper_motion.unwrap_or_default();
+        self.place(source.direction_icrf, motion, source.parallax_mas.unwrap_or(0.0))
+    }
 }
 
 /// How much wider than the field of view a catalog cone must be so that no star is missed that is seen in the field from
@@ -63,9 +75,8 @@ mod tests {
     use super::*;
     use crate::earth;
     use crate::observer::BarycentricState;
-    use base::source::{ProperMotion, direction_from_ra_dec};
+    use base::source::direction_from_ra_dec;
     use base::units::{ARCSEC, DEG};
-    use glam::DVec3;
     use stars::catalog::Catalog;
 
     /// Measured 0.05: light-time across the Earth's orbit times Barnard's proper motion (erfa counts it) is 0.1,
@@ -116,13 +127,12 @@ mod tests {
     }
 
     fn worst_mas(edit: impl Fn(&mut CatalogSource, &mut BarycentricState)) -> f64 {
-        let mut out = Vec::new();
         let error_mas = CASES.map(|(text, star, wanted)| {
             let at = Tai::from_rfc3339(text).expect("a valid instant");
             let (mut source, mut state) = (source(star), earth::barycentric_state(at) + ORBIT);
             edit(&mut source, &mut state);
-            apparent_places(&[source], 2016.0, at, &state.into(), &mut out);
-            out[0].apparent_icrf.distance(DVec3::from_array(wanted)) / MAS
+            let place = ApparentPlaces::new(2016.0, at, &state.into()).of(&source);
+            place.distance(DVec3::from_array(wanted)) / MAS
         });
         error_mas.into_iter().fold(0.0, f64::max)
     }
@@ -147,13 +157,12 @@ mod tests {
         let catalog = Catalog::built_in().expect("the built-in catalog");
         let at = Tai::from_rfc3339("2026-03-01T12:00:00Z").expect("a valid instant");
         let state = earth::barycentric_state(at) + ORBIT;
-        let mut out = Vec::new();
-        let vantage = Vantage::from(state);
-        apparent_places(catalog.sources(), catalog.epoch_yr(), at, &vantage, &mut out);
-        let moved = catalog.sources().iter().zip(&out).map(|(a, b)| a.direction_icrf.distance(b.apparent_icrf));
+        let (vantage, epoch_yr) = (Vantage::from(state), catalog.index().epoch_yr);
+        let places = ApparentPlaces::new(epoch_yr, at, &vantage);
+        let moved = catalog.sources().iter().map(|star| star.direction_icrf.distance(places.of(star)));
         let farthest_rad = moved.fold(0.0, f64::max);
         assert!(
-            farthest_rad < cone_margin_rad(catalog.epoch_yr(), catalog.fastest_mas_yr(), at, &vantage),
+            farthest_rad < cone_margin_rad(epoch_yr, catalog.index().fastest_mas_yr, at, &vantage),
             "{} arcsec",
             farthest_rad / ARCSEC
         );

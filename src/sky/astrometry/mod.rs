@@ -1,7 +1,7 @@
 //! Catalog sources -> apparent directions (space motion, parallax, deflection, aberration) -> pixels (projection,
 //! distortion).
 //!
-//! [`apparent_places`] composes the first four, in ICRF axes and for one observer's
+//! [`ApparentPlaces`] composes the first four, in ICRF axes and for one observer's
 //! [`Vantage`]; [`CameraGeometry`] does the last two, in sensor axes.
 //! The attitude comes between the two; it belongs to `plan::attitude`.
 
@@ -17,7 +17,7 @@ mod space_motion;
 mod vantage;
 
 pub use aberration::{Aberration, aberrated};
-pub use apparent::{PROVEN_YEARS, apparent_places, cone_margin_rad, years_since};
+pub use apparent::{ApparentPlaces, PROVEN_YEARS, cone_margin_rad, years_since};
 pub use camera::{CameraGeometry, CameraParameters, PixelPosition};
 pub use deflection::{Deflection, deflected};
 pub use distortion::{BrownConrady, Distortion};
@@ -26,18 +26,3 @@ pub use error::AstrometryError;
 pub use parallax::parallax_shifted;
 pub use space_motion::at_epoch;
 pub use vantage::{Sight, Vantage};
-
-use glam::DVec3;
-
-/// A source as the moving observer sees it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ApparentSource {
-    /// Row of the source in its catalog (stable: the built-in catalog is part of the program).
-    pub id: u32,
-    /// Apparent direction, unit vector in ICRF axes.
-    pub apparent_icrf: DVec3,
-    /// Gaia G magnitude.
-    pub mag_g: f32,
-    /// Gaia colour BP - RP, mag.
-    pub bp_rp: f32,
-}

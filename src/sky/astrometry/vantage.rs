@@ -115,7 +115,7 @@ mod tests {
                 // Both in the plane of motion and place, and across it.
                 for star in [DVec3::new(cos, sin, 0.0), DVec3::new(cos, 0.0, sin), DVec3::new(0.0, cos, sin)] {
                     let beside_disc = star.angle_between(-position_km) > (696e3 / position_km.length()).min(1.0).asin();
-                    let seen = vantage.apparent(parallax_shifted(star, Some(768.07), position_km));
+                    let seen = vantage.apparent(parallax_shifted(star, 768.07, position_km));
                     farthest_rad = farthest_rad.max(if beside_disc { seen.angle_between(star) } else { 0.0 });
                 }
             }

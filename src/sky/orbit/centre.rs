@@ -1,8 +1,14 @@
 //! The bodies that something may be in orbit about.
 
-use super::{EARTH_GM_KM3_S2, MOON_GM_KM3_S2, SUN_GM_KM3_S2};
 use crate::moon;
 use core::fmt;
+
+/// Geocentric gravitational constant, km^3/s^2 (IERS Conventions 2010, table 1.1).
+pub const EARTH_GM_KM3_S2: f64 = 398_600.441_8;
+/// Gravitational constant of the Moon, km^3/s^2 (DE440; Park et al. 2021, AJ 161, 105, table 2).
+pub const MOON_GM_KM3_S2: f64 = 4_902.800_118;
+/// Heliocentric gravitational constant, km^3/s^2 (DE440, ibid.).
+pub const SUN_GM_KM3_S2: f64 = 132_712_440_041.279_42;
 
 /// What an orbit is about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -14,8 +14,8 @@ mod tle;
 mod tle_tests;
 mod two_body;
 
-pub use centre::CentralBody;
+pub use centre::{CentralBody, EARTH_GM_KM3_S2, MOON_GM_KM3_S2, SUN_GM_KM3_S2};
 pub use circular::CircularOrbit;
 pub(crate) use precession::icrf_from_mean_of_date;
 pub use tle::TleOrbit;
-pub use two_body::{EARTH_GM_KM3_S2, KeplerElements, MOON_GM_KM3_S2, SUN_GM_KM3_S2, TwoBodyOrbit};
+pub use two_body::{KeplerElements, TwoBodyOrbit};

@@ -29,13 +29,6 @@ use base::time::Tai;
 use core::f64::consts::TAU;
 use glam::DVec3;
 
-/// Geocentric gravitational constant, km^3/s^2 (IERS Conventions 2010, table 1.1).
-pub const EARTH_GM_KM3_S2: f64 = 398_600.441_8;
-/// Gravitational constant of the Moon, km^3/s^2 (DE440; Park et al. 2021, AJ 161, 105, table 2).
-pub const MOON_GM_KM3_S2: f64 = 4_902.800_118;
-/// Heliocentric gravitational constant, km^3/s^2 (DE440, ibid.).
-pub const SUN_GM_KM3_S2: f64 = 132_712_440_041.279_42;
-
 /// Distances accepted, km: from ten metres to 670 au.
 const DISTANCE_KM: [f64; 2] = [0.01, 1e11];
 /// Speeds accepted, km/s: below a hundredth of the speed of light.

@@ -1,6 +1,5 @@
 //! What can be wrong with a catalog.
 
-use crate::layer::LayerError;
 use std::path::PathBuf;
 
 /// Why a catalog was not packed or not opened.
@@ -92,9 +91,6 @@ pub enum CatalogError {
         /// The text found.
         got: String,
     },
-    /// A layer on disk.
-    #[error(transparent)]
-    Layer(#[from] LayerError),
     /// More stars or text than a catalog in memory is meant to hold.
     #[error(
         "packed catalog: {count} {what}, wanted at most {most}: `starloop catalog import` takes any number of stars"

@@ -20,6 +20,7 @@
 //!
 //! Stars of one tile are sorted by magnitude, so that a brightness cut is a prefix of the tile.
 
+use crate::steps::{u32_at, u64_at};
 use core::f64::consts::{PI, TAU};
 
 /// First bytes of a packed catalog.
@@ -54,14 +55,8 @@ pub(super) const PM_STEP_MAS_YR: f64 = 0.001;
 pub(super) const FASTEST_MAS_YR: f64 = 20_000.0;
 /// Step of a parallax, mas.
 pub(super) const PARALLAX_STEP_MAS: f64 = 0.05;
-/// Step of magnitudes and colours, mag.
-pub(super) const MAG_STEP: f64 = 1e-3;
-/// Magnitude stored as zero.
-pub(super) const MAG_ZERO: f64 = -2.0;
 /// Both proper-motion fields of a star whose motion is unknown.
 pub(super) const NO_PROPER_MOTION: i32 = i32::MIN;
-/// Parallax field of a star whose parallax is unknown.
-pub(super) const NO_PARALLAX: u16 = u16::MAX;
 /// Radians in one step of right ascension.
 pub(super) const RA_STEP_RAD: f64 = TAU / 4_294_967_296.0;
 /// Radians in one step of declination.
@@ -101,7 +96,7 @@ impl Header {
             order: u32_at(bytes, 12),
             stars: u32_at(bytes, 16),
             credits_bytes: u32_at(bytes, 20),
-            epoch_yr: f64::from_bits(u64::from(u32_at(bytes, 24)) | u64::from(u32_at(bytes, 28)) << 32),
+            epoch_yr: f64::from_bits(u64_at(bytes, 24)),
             crc32: u32_at(bytes, CRC_AT),
             numbering_mark: u32_at(bytes, 36),
         }
@@ -119,11 +114,11 @@ pub(super) struct StarRecord {
     pub(super) pm_ra: i32,
     /// Proper motion in declination, likewise.
     pub(super) pm_dec: i32,
-    /// G magnitude above [`MAG_ZERO`], [`MAG_STEP`].
+    /// G magnitude above -2 in [`MAG_STEP`](crate::steps::MAG_STEP).
     pub(super) g: u16,
-    /// BP - RP, [`MAG_STEP`].
+    /// BP - RP, likewise.
     pub(super) bp_rp: i16,
-    /// Parallax, [`PARALLAX_STEP_MAS`]; [`NO_PARALLAX`] when unknown. Stored in its own column.
+    /// Parallax, [`PARALLAX_STEP_MAS`]; [`NO_PARALLAX`](crate::steps::NO_PARALLAX) when unknown. Stored in its own column.
     pub(super) parallax: u16,
 }
 
@@ -151,11 +146,6 @@ impl StarRecord {
             parallax: u16::from_le_bytes(parallax),
         }
     }
-}
-
-/// The u32 that begins at byte `at`, which the caller knows to be inside.
-pub(super) fn u32_at(bytes: &[u8], at: usize) -> u32 {
-    u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])
 }
 
 /// CRC-32 of a packed file: IEEE 802.3 (polynomial 0xEDB88320 reflected), over all bytes but the stored checksum.

@@ -10,13 +10,11 @@
 //! `packing_keeps_every_field` (round trip within half steps), `cone_agrees_with_brute_force`,
 //! `places_in_2050_are_those_of_the_csv`.
 
-mod cone;
 mod error;
 mod layout;
 mod open;
 mod pack;
 
-pub use cone::chord_squared;
 pub use error::CatalogError;
 pub use layout::BANDS;
 pub use open::Catalog;

@@ -1,30 +1,27 @@
 //! Packed bytes -> [`Catalog`], decoded and checked once.
 
-use super::cone::Tile;
 use super::error::CatalogError;
 use super::layout::{
-    DEC_STEP_RAD, HEADER_BYTES, Header, MAG_STEP, MAG_ZERO, MAGIC, MOST_BYTES, NO_PARALLAX, NO_PROPER_MOTION,
-    NUMBER_BYTES, PARALLAX_BYTES, PARALLAX_STEP_MAS, PM_STEP_MAS_YR, RA_STEP_RAD, RECORD_BYTES, StarRecord, TILE_ORDER,
-    TILES, VERSION, file_crc32, u32_at,
+    DEC_STEP_RAD, HEADER_BYTES, Header, MAGIC, MOST_BYTES, NO_PROPER_MOTION, NUMBER_BYTES, PARALLAX_BYTES,
+    PARALLAX_STEP_MAS, PM_STEP_MAS_YR, RA_STEP_RAD, RECORD_BYTES, StarRecord, TILE_ORDER, TILES, VERSION, file_crc32,
 };
+use crate::StarIndex;
+use crate::cover::chord_squared;
 use crate::numbering::Numbering;
-use crate::radial_velocity::radial_mas_yr;
-use base::source::{CatalogSource, ProperMotion, direction_from_ra_dec};
+use crate::steps::{MAG_STEP, NO_PARALLAX, mag_of, source, u32_at};
+use base::source::{CatalogSource, direction_from_ra_dec};
 use base::source_id::SourceId;
+use glam::DVec3;
 use std::path::Path;
 
 /// The catalog that is part of the program: 106 462 stars to G < 8.5, epoch J2016.0.
 static BUILT_IN: &[u8] = include_bytes!("bright_g85.starcat");
 
-/// A star catalog, decoded, in tiles.
+/// A star catalog, decoded, in tiles: a layer in memory.
 #[derive(Debug, Clone)]
 pub struct Catalog {
-    pub(super) epoch_yr: f64,
-    pub(super) crc32: u32,
-    pub(super) credits: String,
-    pub(super) fastest_mas_yr: f64,
-    pub(super) sources: Vec<CatalogSource>,
-    pub(super) tiles: Vec<Tile>,
+    index: StarIndex,
+    sources: Vec<CatalogSource>,
 }
 
 impl Catalog {
@@ -62,45 +59,56 @@ impl Catalog {
         let numbers = parts.numbers.as_chunks::<NUMBER_BYTES>().0.iter();
         let named = numbers.map(|bytes| numbering.source_id(i64::from_le_bytes(*bytes)));
         let stars = (0..).zip(records.zip(named));
-        let sources: Vec<_> = stars.map(|(id, ((r, p), name))| source(id, name, &record(r, p))).collect();
-        let tiles = tiles(parts.offsets, &sources)?;
-        let fastest_mas_yr = sources
-            .iter()
-            .filter_map(|s| s.proper_motion)
-            .map(|motion| f64::from(motion.speed_mas_yr()))
-            .fold(0.0, f64::max);
-        let credits = String::from_utf8_lossy(parts.credits).into_owned();
-        Ok(Self { epoch_yr: header.epoch_yr, crc32: header.crc32, credits, fastest_mas_yr, sources, tiles })
+        let sources: Vec<_> = stars.map(|(id, ((r, p), name))| star_of(id, name, &record(r, p))).collect();
+        let index = StarIndex {
+            epoch_yr: header.epoch_yr,
+            magnitudes: [f32::NEG_INFINITY, sources.iter().map(|star| star.mag_g).fold(f32::MIN, f32::max)],
+            fastest_mas_yr: sources
+                .iter()
+                .filter_map(|s| s.proper_motion)
+                .map(|motion| f64::from(motion.speed_mas_yr()))
+                .fold(0.0, f64::max),
+            crc32: header.crc32,
+            credits: String::from_utf8_lossy(parts.credits).into_owned(),
+            numbering: Some(numbering),
+            order: TILE_ORDER,
+            firsts: first_stars(parts.offsets, &sources)?,
+        };
+        Ok(Self { index, sources })
     }
 
-    /// Julian year to which the positions refer.
+    /// Its facts and tiles.
     #[must_use]
-    pub fn epoch_yr(&self) -> f64 {
-        self.epoch_yr
-    }
-
-    /// CRC-32 of the packed file: its fingerprint in reports.
-    #[must_use]
-    pub fn crc32(&self) -> u32 {
-        self.crc32
-    }
-
-    /// Credits the catalog's sources ask for.
-    #[must_use]
-    pub fn credits(&self) -> &str {
-        &self.credits
-    }
-
-    /// Largest proper motion in the catalog, mas/yr: how much wider a cone must be, per year from the epoch.
-    #[must_use]
-    pub fn fastest_mas_yr(&self) -> f64 {
-        self.fastest_mas_yr
+    pub fn index(&self) -> &StarIndex {
+        &self.index
     }
 
     /// All sources; a source's `id` is its place here.
     #[must_use]
     pub fn sources(&self) -> &[CatalogSource] {
         &self.sources
+    }
+
+    /// The stars of a tile that are not fainter than `limiting_mag` (Gaia G), brightest first.
+    pub(crate) fn bright_of_tile(&self, tile: u64, limiting_mag: f32) -> &[CatalogSource] {
+        #[allow(clippy::cast_possible_truncation, reason = "places of `sources`")]
+        let stars = &self.sources[self.index.places(tile).start as usize..self.index.places(tile).end as usize];
+        &stars[..stars.partition_point(|star| star.mag_g <= limiting_mag)]
+    }
+
+    /// Replaces `out` by the sources within `radius_rad` of `axis` (any length) at the catalog's epoch and not fainter
+    /// than `limiting_mag` (Gaia G), in the catalog's order. An axis or radius that is not a number, or a negative
+    /// radius, gives no source; a radius of pi or more gives the whole sky.
+    ///
+    /// Allocates only when `out` must grow.
+    pub fn cone(&self, axis: DVec3, radius_rad: f64, limiting_mag: f32, out: &mut Vec<CatalogSource>) {
+        out.clear();
+        let Some(axis) = axis.try_normalize() else { return };
+        let chord2 = chord_squared(radius_rad);
+        self.index.tiles_of_cone(axis, radius_rad, |tile| {
+            let bright = self.bright_of_tile(tile, limiting_mag).iter();
+            out.extend(bright.filter(|star| star.direction_icrf.distance_squared(axis) <= chord2));
+        });
     }
 }
 
@@ -182,32 +190,34 @@ fn record(record: &[u8], parallax: &[u8]) -> StarRecord {
     StarRecord::from_bytes(&bytes, [parallax[0], parallax[1]])
 }
 
-#[allow(clippy::cast_possible_truncation, reason = "an f32 holds every step of these fields to 1e-7 of itself")]
-fn source(id: u32, source_id: Option<SourceId>, star: &StarRecord) -> CatalogSource {
+fn star_of(id: u32, source_id: Option<SourceId>, star: &StarRecord) -> CatalogSource {
     let known_motion = star.pm_ra != NO_PROPER_MOTION && star.pm_dec != NO_PROPER_MOTION;
-    let mas_yr = |steps: i32| (f64::from(steps) * PM_STEP_MAS_YR) as f32;
-    let parallax_mas = (star.parallax != NO_PARALLAX).then(|| (f64::from(star.parallax) * PARALLAX_STEP_MAS) as f32);
-    let proper_motion = || {
-        let [east, north] = [star.pm_ra, star.pm_dec].map(mas_yr);
-        let radial_mas_yr = radial_mas_yr(source_id, east.hypot(north), parallax_mas);
-        ProperMotion { pm_ra_cosdec_mas_yr: east, pm_dec_mas_yr: north, radial_mas_yr }
-    };
-    CatalogSource {
-        id,
-        source_id,
-        direction_icrf: direction_from_ra_dec(f64::from(star.ra) * RA_STEP_RAD, f64::from(star.dec) * DEC_STEP_RAD),
-        proper_motion: known_motion.then(proper_motion),
-        parallax_mas,
-        mag_g: (f64::from(star.g) * MAG_STEP + MAG_ZERO) as f32,
-        bp_rp: (f64::from(star.bp_rp) * MAG_STEP) as f32,
-    }
+    source(
+        (id, source_id),
+        direction_from_ra_dec(f64::from(star.ra) * RA_STEP_RAD, f64::from(star.dec) * DEC_STEP_RAD),
+        known_motion.then(|| [star.pm_ra, star.pm_dec].map(|steps| f64::from(steps) * PM_STEP_MAS_YR)),
+        (star.parallax != NO_PARALLAX).then(|| f64::from(star.parallax) * PARALLAX_STEP_MAS),
+        [mag_of(star.g), f64::from(star.bp_rp) * MAG_STEP],
+    )
 }
 
-fn tiles(offsets: &[u8], sources: &[CatalogSource]) -> Result<Vec<Tile>, CatalogError> {
-    let first_star = |tile: usize| u32_at(offsets, tile * 4) as usize;
-    if first_star(0) != 0 || first_star(TILES) != sources.len() {
-        let why = format!("offsets wanted 0..{}, got {}..{}", sources.len(), first_star(0), first_star(TILES));
+/// The first star of each tile, and the number of stars; of each tile the brightest is the first.
+fn first_stars(offsets: &[u8], sources: &[CatalogSource]) -> Result<Vec<u64>, CatalogError> {
+    let firsts: Vec<u64> = (0..=TILES).map(|tile| u64::from(u32_at(offsets, tile * 4))).collect();
+    let stars = sources.len() as u64;
+    if firsts[0] != 0 || firsts[TILES] != stars {
+        let why = format!("offsets wanted 0..{stars}, got {}..{}", firsts[0], firsts[TILES]);
         return Err(CatalogError::Tile { tile: 0, why });
     }
-    (0..TILES).map(|tile| Tile::new(tile, first_star(tile), first_star(tile + 1), sources)).collect()
+    for (tile, ends) in firsts.windows(2).enumerate() {
+        let refuse = |why: String| Err(CatalogError::Tile { tile, why });
+        let [first, end] = [0, 1].map(|place| usize::try_from(ends[place]).unwrap_or(usize::MAX));
+        let Some(members) = sources.get(first..end) else {
+            return refuse(format!("stars {first}..{end} of {stars}"));
+        };
+        if !members.is_sorted_by(|a, b| a.mag_g <= b.mag_g) {
+            return refuse("stars are not sorted by magnitude".into());
+        }
+    }
+    Ok(firsts)
 }

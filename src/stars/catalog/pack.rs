@@ -12,22 +12,18 @@
 
 use super::error::CatalogError;
 use super::layout::{
-    DEC_STEP_RAD, FASTEST_MAS_YR, Header, MAG_STEP, MAG_ZERO, MOST_STARS, NO_PARALLAX, NO_PROPER_MOTION,
-    PARALLAX_STEP_MAS, PM_STEP_MAS_YR, RA_STEP_RAD, StarRecord, TILE_ORDER, TILES, VERSION, file_crc32,
+    DEC_STEP_RAD, FASTEST_MAS_YR, Header, MOST_STARS, NO_PROPER_MOTION, PARALLAX_STEP_MAS, PM_STEP_MAS_YR, RA_STEP_RAD,
+    StarRecord, TILE_ORDER, TILES, VERSION, file_crc32,
 };
 use crate::credits::credits_of;
 use crate::numbering::Origins;
+use crate::steps::{COLOUR_DOMAIN_MAG, FAINTEST_MAG, MAG_STEP, MAG_ZERO, NO_PARALLAX, nearest_i16, nearest_u16};
 use base::units::DEG;
 use csv::StringRecord;
 use std::io::Read;
 
 /// Origins whose zero proper motion means "not known".
 const ORIGINS_WITHOUT_MOTION: [&str; 3] = ["gaia_nopm", "gaia+tyc_lb_nopm", "tyc_only"];
-/// BP - RP outside this range is clamped, mag: the domain of the Gaia DR3 photometric relations (Gaia DR3
-/// documentation, section 5.5.1), beyond which their cubics run away. 199 of the default catalog's stars are redder
-/// and 2 bluer.
-const COLOUR_DOMAIN_MAG: [f64; 2] = [-0.5, 5.0];
-
 /// Characters of a file that a message shows.
 const LONGEST_SHOWN: usize = 400;
 
@@ -113,7 +109,7 @@ fn star(row: &Row<'_>, report: &mut PackReport) -> Result<Star, CatalogError> {
         dec: nearest_i32(dec_rad / DEC_STEP_RAD),
         pm_ra,
         pm_dec,
-        g: nearest_u16((row.required(G, MAG_ZERO, 60.0)? - MAG_ZERO) / MAG_STEP),
+        g: nearest_u16((row.required(G, MAG_ZERO, FAINTEST_MAG)? - MAG_ZERO) / MAG_STEP),
         bp_rp: colour(row, report)?,
         parallax: parallax(row, report)?,
     };
@@ -167,14 +163,6 @@ fn wrap_u32(steps: f64) -> u32 {
 #[allow(clippy::cast_possible_truncation, reason = "float-to-int casts saturate: +90 degrees is the last step")]
 fn nearest_i32(steps: f64) -> i32 {
     steps.round() as i32
-}
-#[allow(clippy::cast_possible_truncation, reason = "the cell was checked to be in range")]
-fn nearest_i16(steps: f64) -> i16 {
-    steps.round() as i16
-}
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the cell was checked to be in range")]
-fn nearest_u16(steps: f64) -> u16 {
-    steps.round() as u16
 }
 
 const RA: usize = 0;

@@ -43,7 +43,10 @@ fn packing_keeps_every_field() {
     assert_eq!([motion.pm_ra_cosdec_mas_yr, motion.pm_dec_mas_yr], [0.0, 1.0]);
     assert!((f64::from(star.parallax_mas.expect("known")) - 3.2).abs() <= PARALLAX_STEP_MAS / 2.0);
     assert_eq!(star.bp_rp, 0.5);
-    assert_eq!((catalog.epoch_yr(), catalog.credits(), catalog.fastest_mas_yr()), (2016.0, "credits", 1.0));
+    assert_eq!(
+        (catalog.index().epoch_yr, catalog.index().credits.as_str(), catalog.index().fastest_mas_yr),
+        (2016.0, "credits", 1.0)
+    );
 }
 
 #[test]
@@ -143,12 +146,16 @@ fn unsorted_tiles_are_refused_even_with_a_good_checksum() {
 #[test]
 fn the_built_in_catalog_opens() {
     let catalog = Catalog::built_in().expect("the bytes this program was built with");
-    assert_eq!((catalog.sources().len(), catalog.epoch_yr()), (106_462, 2016.0));
+    assert_eq!((catalog.sources().len(), catalog.index().epoch_yr), (106_462, 2016.0));
     let without_motion = catalog.sources().iter().filter(|s| s.proper_motion.is_none()).count();
     assert_eq!(without_motion, 278, "258 + 16 + 4 unknown proper motions in the CSV");
-    let credited = ["Gaia", "Hipparcos", "Tycho-2"].iter().all(|name| catalog.credits().contains(name));
-    assert!(credited, "{}", catalog.credits());
-    assert!((catalog.fastest_mas_yr() / 1000.0 - 10.4).abs() < 0.1, "Barnard's star: {}", catalog.fastest_mas_yr());
+    let credited = ["Gaia", "Hipparcos", "Tycho-2"].iter().all(|name| catalog.index().credits.contains(name));
+    assert!(credited, "{}", catalog.index().credits);
+    assert!(
+        (catalog.index().fastest_mas_yr / 1000.0 - 10.4).abs() < 0.1,
+        "Barnard's star: {}",
+        catalog.index().fastest_mas_yr
+    );
 }
 
 #[test]
@@ -232,11 +239,11 @@ fn own_stars_keep_their_numbers_and_credit_no_one() {
     let own = format!("{HEADER}7,,10,20,1,1,,8.1,1,\n-9,,10,21,1,1,,8.2,1,\n");
     let catalog =
         Catalog::from_bytes(&pack(own.as_bytes(), 2016.0, None).expect("a valid CSV").0).expect("a valid file");
-    assert_eq!(catalog.credits(), "");
+    assert_eq!(catalog.index().credits, "");
     let names: Vec<Option<SourceId>> = catalog.sources().iter().map(|star| star.source_id).collect();
     assert_eq!(names, [Some(SourceId::Own(7)), Some(SourceId::Own(-9))]);
     let barnard = format!("{HEADER}4472832130942575872,,269.448503,4.73942,1,1,,8.1,1,gaia+tyc_lb\n");
     let gaia = pack(barnard.as_bytes(), 2016.0, None).expect("a valid CSV");
-    let credits = Catalog::from_bytes(&gaia.0).expect("a valid file").credits().to_owned();
+    let credits = Catalog::from_bytes(&gaia.0).expect("a valid file").index().credits.clone();
     assert!(credits.contains("Gaia") && credits.contains("Tycho-2"), "control: {credits}");
 }

@@ -1,5 +1,6 @@
 //! What can be wrong with a layer.
 
+use crate::catalog::CatalogError;
 use std::path::{Path, PathBuf};
 
 /// Why a layer was not written, opened or read.
@@ -177,6 +178,9 @@ pub enum LayerError {
         /// The camera's limit.
         limiting_mag: f32,
     },
+    /// The catalog in memory.
+    #[error(transparent)]
+    Catalog(CatalogError),
     /// A sky of no layers.
     #[error("no layer was named: wanted at least one file as `starloop catalog import` writes them")]
     NoLayer,

@@ -24,6 +24,7 @@
 //! its head, and every tile is checked when it is read. Places are tangents about the tile's centre ([`TileFrame`]):
 //! at order 6 the step is 0.5 mas, and half of it at each order more.
 
+use crate::steps::{u32_at, u64_at};
 use base::source::direction_from_ra_dec;
 use core::f64::consts::FRAC_PI_2;
 use glam::DVec3;
@@ -51,16 +52,10 @@ pub(super) const MOST_ORDER: u8 = 10;
 /// Stars that a mean tile should have.
 const STARS_PER_TILE: u64 = 256;
 
-/// Step of a magnitude or colour, mag.
-pub(super) const MAG_STEP: f64 = 1e-3;
-/// Magnitude stored as zero.
-pub(super) const MAG_ZERO: f64 = -2.0;
 /// Colour field of a star whose colour is unknown.
 pub(super) const NO_COLOUR: i16 = i16::MIN;
 /// Step of a parallax, mas.
 pub(super) const PARALLAX_STEP_MAS: f64 = 0.02;
-/// Parallax field of a star whose parallax is unknown.
-pub(super) const NO_PARALLAX: u16 = u16::MAX;
 /// Both proper-motion fields of a star whose motion is unknown.
 pub(super) const NO_MOTION: i16 = i16::MIN;
 /// Step of a slow proper motion, mas/yr.
@@ -143,13 +138,13 @@ impl Header {
 pub struct StarRecord {
     /// Eastward and northward tangent about the tile's centre, 24 bits each.
     pub(super) place: [u32; 2],
-    /// G magnitude above [`MAG_ZERO`], [`MAG_STEP`].
+    /// G magnitude above -2 in [`MAG_STEP`](crate::steps::MAG_STEP).
     pub(super) g: u16,
-    /// BP - RP, [`MAG_STEP`]; [`NO_COLOUR`] when unknown.
+    /// BP - RP, likewise; [`NO_COLOUR`] when unknown.
     pub(super) bp_rp: i16,
     /// Proper motion eastward (with cos dec) and northward; [`NO_MOTION`] when unknown.
     pub(super) motion: [i16; 2],
-    /// Parallax, [`PARALLAX_STEP_MAS`]; [`NO_PARALLAX`] when unknown.
+    /// Parallax, [`PARALLAX_STEP_MAS`]; [`NO_PARALLAX`](crate::steps::NO_PARALLAX) when unknown.
     pub(super) parallax: u16,
 }
 
@@ -176,13 +171,15 @@ impl StarRecord {
             parallax: u16::from_le_bytes([b[14], b[15]]),
         }
     }
-}
 
-impl StarRecord {
+    /// Proper motion eastward (with cos dec) and northward, mas/yr, where it is known.
+    pub(super) fn motion_mas_yr(&self) -> Option<[f64; 2]> {
+        (!self.motion.contains(&NO_MOTION)).then(|| self.motion.map(motion_mas_yr))
+    }
+
     /// Total proper motion, mas/yr; 0 when it is unknown.
     pub(super) fn speed_mas_yr(&self) -> f64 {
-        let [east, north] = self.motion.map(motion_mas_yr);
-        if self.motion.contains(&NO_MOTION) { 0.0 } else { east.hypot(north) }
+        self.motion_mas_yr().map_or(0.0, |[east, north]| east.hypot(north))
     }
 }
 
@@ -236,16 +233,6 @@ impl TileFrame {
         let tangent = |steps: u32| (f64::from(steps) / (0.5 * COORDINATE_STEPS) - 1.0) * self.reach;
         (self.centre + self.east * tangent(steps[0]) + self.north * tangent(steps[1])).normalize()
     }
-}
-
-/// The u32 that begins at byte `at`, which the caller knows to be inside.
-pub(super) fn u32_at(bytes: &[u8], at: usize) -> u32 {
-    u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])
-}
-
-/// The u64 that begins at byte `at`, which the caller knows to be inside.
-pub(super) fn u64_at(bytes: &[u8], at: usize) -> u64 {
-    u64::from(u32_at(bytes, at)) | u64::from(u32_at(bytes, at + 4)) << 32
 }
 
 /// CRC-32 of the head: IEEE 802.3 (polynomial 0xEDB88320 reflected), its own field taken as zero.

@@ -10,7 +10,6 @@
 //! (round trip, brute force, resuming, damage), and on real rows `hil_scripts/test_catalog.py`.
 
 mod build;
-mod cover;
 mod error;
 mod layout;
 mod open;
@@ -21,7 +20,6 @@ mod star;
 mod writer;
 
 pub use build::{LEAST_MEMORY_BYTES, MEMORY_BYTES, Sorting, layer_name};
-pub use cover::CIRCLE;
 pub use error::LayerError;
 pub use layout::FASTEST_MAS_YR;
 pub use layout::{StarRecord, order_for, tiles_of};

@@ -4,23 +4,20 @@
 //! program (SIGBUS), one that is read gives an error, and both come from the same page cache. Tiles are read in pieces of a
 //! megabyte, so that memory is taken for stars that are there and bright enough, and not for what a head promises.
 
-use super::cover::cells_of_cone;
 use super::error::LayerError;
 use super::layout::{
-    FASTEST_MAS_YR, HEADER_BYTES, Header, LEAST_ORDER, LONGEST_CREDITS, MAG_STEP, MAG_ZERO, MAGIC, MOST_ORDER,
-    NO_COLOUR, NO_MOTION, NO_PARALLAX, NUMBER_BYTES, PARALLAX_STEP_MAS, RECORD_BYTES, StarRecord, TileFrame, VERSION,
-    VERSION_WITHOUT_NUMBERS, head_crc32, motion_mas_yr, tiles_of,
+    FASTEST_MAS_YR, HEADER_BYTES, Header, LEAST_ORDER, LONGEST_CREDITS, MAGIC, MOST_ORDER, NO_COLOUR, NUMBER_BYTES,
+    PARALLAX_STEP_MAS, RECORD_BYTES, StarRecord, TileFrame, VERSION, VERSION_WITHOUT_NUMBERS, head_crc32, tiles_of,
 };
-use super::set::ROUNDING_RAD;
 use super::writer::head_bytes;
-use crate::catalog::chord_squared;
+use crate::StarIndex;
+use crate::cover::chord_squared;
 use crate::numbering::{NO_NUMBER, Numbering};
-use crate::radial_velocity::radial_mas_yr;
-use base::source::{CatalogSource, ProperMotion};
+use crate::steps::{MAG_STEP, MAG_ZERO, NO_PARALLAX, mag_of, source};
+use base::source::CatalogSource;
 use base::source_id::SourceId;
 use base::units::DEG;
 use core::cmp::Ordering;
-use core::ops::Range;
 use glam::DVec3;
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -46,12 +43,8 @@ pub fn is_layer(path: &Path) -> bool {
 pub struct Layer {
     path: PathBuf,
     file: File,
-    header: Header,
-    order: u8,
-    /// First star of each tile, and the number of stars.
-    firsts: Vec<u64>,
+    index: StarIndex,
     crcs: Vec<u32>,
-    credits: String,
     records_at: u64,
     numbers: Option<Numbers>,
 }
@@ -60,7 +53,6 @@ pub struct Layer {
 #[derive(Debug)]
 struct Numbers {
     at: u64,
-    numbering: Numbering,
     /// Checksum of each tile's.
     crcs: Vec<u32>,
 }
@@ -137,9 +129,18 @@ impl Layer {
             let got = format!("{}..{} with steps back", firsts[0], firsts[tiles]);
             return Err(field(path, "tile table", format!("0..{}, rising", header.stars), got));
         }
-        let numbers = numbering.map(|numbering| Numbers { at: numbers_at, numbering, crcs: words(number_crcs) });
-        let (crcs, credits) = (words(crcs), String::from_utf8_lossy(credits).into_owned());
-        Ok(Self { path: path.into(), file, header, order, firsts, crcs, credits, records_at, numbers })
+        let numbers = numbering.map(|_| Numbers { at: numbers_at, crcs: words(number_crcs) });
+        let index = StarIndex {
+            epoch_yr: header.epoch_yr,
+            magnitudes: header.magnitudes,
+            fastest_mas_yr: f64::from(header.fastest_mas_yr),
+            crc32,
+            credits: String::from_utf8_lossy(credits).into_owned(),
+            numbering,
+            order,
+            firsts,
+        };
+        Ok(Self { path: path.into(), file, index, crcs: words(crcs), records_at, numbers })
     }
 
     /// Its file.
@@ -148,98 +149,10 @@ impl Layer {
         &self.path
     }
 
-    /// Stars in it.
+    /// Its facts and tiles.
     #[must_use]
-    pub fn stars(&self) -> u64 {
-        self.header.stars
-    }
-
-    /// Julian year to which the positions refer.
-    #[must_use]
-    pub fn epoch_yr(&self) -> f64 {
-        self.header.epoch_yr
-    }
-
-    /// Magnitudes from, and below, which it holds.
-    #[must_use]
-    pub fn magnitudes(&self) -> [f32; 2] {
-        self.header.magnitudes
-    }
-
-    /// HEALPix order of its tiles.
-    #[must_use]
-    pub fn order(&self) -> u8 {
-        self.order
-    }
-
-    /// CRC-32 of its head, which covers the checksums of its stars: its fingerprint.
-    #[must_use]
-    pub fn crc32(&self) -> u32 {
-        self.header.crc32
-    }
-
-    /// Credits its stars ask for.
-    #[must_use]
-    pub fn credits(&self) -> &str {
-        &self.credits
-    }
-
-    /// How the numbers of its stars are to be read; `None`: it has none.
-    #[must_use]
-    pub fn numbering(&self) -> Option<Numbering> {
-        self.numbers.as_ref().map(|numbers| numbers.numbering)
-    }
-
-    /// The name in its source catalog of the star with a stored number.
-    #[must_use]
-    pub fn source_id(&self, number: i64) -> Option<SourceId> {
-        self.numbering()?.source_id(number)
-    }
-
-    /// Place in the layer of the first star of a tile.
-    #[must_use]
-    pub fn first_of_tile(&self, tile: u64) -> u64 {
-        self.places(tile).start
-    }
-
-    /// The tile that has the star at this place of the layer.
-    #[must_use]
-    pub(super) fn tile_of(&self, place: u64) -> Option<u64> {
-        (place < self.stars()).then(|| self.firsts.partition_point(|first| *first <= place) as u64 - 1)
-    }
-
-    /// How many stars each tile has, in nested order.
-    pub fn stars_of_tiles(&self) -> impl Iterator<Item = u64> {
-        self.firsts.windows(2).map(|pair| pair[1] - pair[0])
-    }
-
-    /// No star is faster, mas/yr.
-    #[must_use]
-    pub fn fastest_mas_yr(&self) -> f64 {
-        f64::from(self.header.fastest_mas_yr)
-    }
-
-    /// Stars of one tile.
-    #[must_use]
-    pub fn stars_of_tile(&self, tile: u64) -> u64 {
-        let places = self.places(tile);
-        places.end - places.start
-    }
-
-    /// Replaces `tiles` by the tiles that may have stars within `radius_rad` of `axis` (a unit vector).
-    pub fn tiles_of_cone(&self, axis: DVec3, radius_rad: f64, tiles: &mut Vec<u64>) {
-        tiles.clear();
-        cells_of_cone(self.order, axis, radius_rad + ROUNDING_RAD, |tile| {
-            if self.stars_of_tile(tile) > 0 {
-                tiles.push(tile);
-            }
-        });
-    }
-
-    /// Places of a tile's stars in the layer.
-    pub(super) fn places(&self, tile: u64) -> Range<u64> {
-        let tile = usize::try_from(tile).unwrap_or(usize::MAX);
-        self.firsts[tile]..self.firsts[tile + 1]
+    pub fn index(&self) -> &StarIndex {
+        &self.index
     }
 
     /// Appends the stars of a tile that are not fainter than `limiting_mag` to `out`, brightest first; `bytes` is
@@ -255,7 +168,7 @@ impl Layer {
         bytes: &mut Vec<u8>,
         out: &mut Vec<CatalogSource>,
     ) -> Result<(), LayerError> {
-        let frame = TileFrame::new(self.order, tile);
+        let frame = TileFrame::new(self.index.order, tile);
         let g_limit = (f64::from(limiting_mag) - MAG_ZERO) / MAG_STEP + 1e-3;
         let before = out.len();
         let read = self.each_piece(tile, bytes, &mut |piece| {
@@ -270,7 +183,7 @@ impl Layer {
                     reason = "numbers of stars wrap: they tell stars of one field apart"
                 )]
                 let id = first_id.wrapping_add(place as u32);
-                out.push(source(id, self.source_id(number), &StarRecord::from_bytes(record), &frame));
+                out.push(star_of(id, self.index.source_id(number), &StarRecord::from_bytes(record), &frame));
             }
             Ok(())
         });
@@ -288,7 +201,7 @@ impl Layer {
         bytes: &mut Vec<u8>,
         look: &mut dyn FnMut(&Piece<'_>) -> Result<(), LayerError>,
     ) -> Result<(), LayerError> {
-        let places = self.places(tile);
+        let places = self.index.places(tile);
         let (mut crc, mut number_crc) = (crc32fast::Hasher::new(), crc32fast::Hasher::new());
         let star_bytes = RECORD_BYTES + if self.numbers.is_some() { NUMBER_BYTES } else { 0 };
         for first in places.clone().step_by(PIECE_STARS) {
@@ -316,8 +229,8 @@ impl Layer {
         let at = usize::try_from(tile).unwrap_or(usize::MAX);
         let wanted = self.crcs[at];
         if wanted != got {
-            let (ra, dec) = cdshealpix::nested::center(self.order, tile);
-            let (path, order, ra_deg, dec_deg) = (self.path.clone(), self.order, ra / DEG, dec / DEG);
+            let (ra, dec) = cdshealpix::nested::center(self.index.order, tile);
+            let (path, order, ra_deg, dec_deg) = (self.path.clone(), self.index.order, ra / DEG, dec / DEG);
             return Err(LayerError::Tile { path, tile, order, ra_deg, dec_deg, wanted, got });
         }
         match self.numbers.as_ref().map(|numbers| numbers.crcs[at]) {
@@ -342,9 +255,9 @@ impl Layer {
         out: &mut Vec<CatalogSource>,
     ) -> Result<(), LayerError> {
         out.clear();
-        let Some(axis) = axis.try_normalize().filter(|_| radius_rad >= 0.0) else { return Ok(()) };
+        let Some(axis) = axis.try_normalize() else { return Ok(()) };
         let (mut tiles, mut bytes, mut read) = (Vec::new(), Vec::new(), Vec::new());
-        self.tiles_of_cone(axis, radius_rad, &mut tiles);
+        self.index.tiles_of_cone(axis, radius_rad, |tile| tiles.push(tile));
         let chord2 = chord_squared(radius_rad);
         for tile in tiles {
             read.clear();
@@ -363,7 +276,7 @@ impl Layer {
         let mut bytes = Vec::new();
         let tiles = self.crcs.len();
         let steps = |mag: f32| (f64::from(mag) - MAG_ZERO) / MAG_STEP;
-        let [from, below] = self.header.magnitudes.map(steps);
+        let [from, below] = self.index.magnitudes.map(steps);
         for tile in 0..tiles as u64 {
             let mut last_g = f64::NEG_INFINITY;
             self.each_piece(tile, &mut bytes, &mut |piece| {
@@ -384,8 +297,8 @@ impl Layer {
     /// Holds a star to the layer's promises: no faster, no brighter than the one before, within the magnitudes, in steps.
     fn check_star(&self, tile: u64, star: &StarRecord, last_g: f64, limits_g: [f64; 2]) -> Result<(), LayerError> {
         let (speed, g) = (star.speed_mas_yr(), f64::from(star.g));
-        if speed > self.fastest_mas_yr() {
-            let wanted = format!("at most {} mas/yr", self.fastest_mas_yr());
+        if speed > self.index.fastest_mas_yr {
+            let wanted = format!("at most {} mas/yr", self.index.fastest_mas_yr);
             return Err(field(&self.path, "proper motion", wanted, format!("{speed}, tile {tile}")));
         }
         if g < last_g {
@@ -393,8 +306,8 @@ impl Layer {
         }
         // Half a step at both ends: magnitudes were rounded after they were dealt out.
         if g < limits_g[0] - 0.5 || g > limits_g[1] + 0.5 {
-            let wanted = format!("{:?}", self.header.magnitudes);
-            return Err(field(&self.path, "magnitude", wanted, format!("{}", g * MAG_STEP + MAG_ZERO)));
+            let wanted = format!("{:?}", self.index.magnitudes);
+            return Err(field(&self.path, "magnitude", wanted, mag_of(star.g).to_string()));
         }
         Ok(())
     }
@@ -467,24 +380,15 @@ fn checked_order(path: &Path, header: &Header) -> Result<u8, LayerError> {
     Ok(order)
 }
 
-#[allow(clippy::cast_possible_truncation, reason = "an f32 holds every step of these fields to 1e-7 of itself")]
-fn source(id: u32, source_id: Option<SourceId>, star: &StarRecord, frame: &TileFrame) -> CatalogSource {
-    let is_known = !star.motion.contains(&NO_MOTION);
-    let [east, north] = star.motion.map(|steps| motion_mas_yr(steps) as f32);
-    let parallax_mas = (star.parallax != NO_PARALLAX).then(|| (f64::from(star.parallax) * PARALLAX_STEP_MAS) as f32);
-    CatalogSource {
-        id,
-        source_id,
-        direction_icrf: frame.direction(star.place),
-        proper_motion: is_known.then_some(ProperMotion {
-            pm_ra_cosdec_mas_yr: east,
-            pm_dec_mas_yr: north,
-            radial_mas_yr: radial_mas_yr(source_id, east.hypot(north), parallax_mas),
-        }),
-        parallax_mas,
-        mag_g: (f64::from(star.g) * MAG_STEP + MAG_ZERO) as f32,
-        bp_rp: if star.bp_rp == NO_COLOUR { UNKNOWN_BP_RP_MAG } else { (f64::from(star.bp_rp) * MAG_STEP) as f32 },
-    }
+fn star_of(id: u32, source_id: Option<SourceId>, star: &StarRecord, frame: &TileFrame) -> CatalogSource {
+    let is_coloured = star.bp_rp != NO_COLOUR;
+    source(
+        (id, source_id),
+        frame.direction(star.place),
+        star.motion_mas_yr(),
+        (star.parallax != NO_PARALLAX).then(|| f64::from(star.parallax) * PARALLAX_STEP_MAS),
+        [mag_of(star.g), if is_coloured { f64::from(star.bp_rp) * MAG_STEP } else { UNKNOWN_BP_RP_MAG.into() }],
+    )
 }
 
 fn read_at(file: &File, at: u64, bytes: &mut [u8]) -> std::io::Result<()> {

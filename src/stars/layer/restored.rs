@@ -5,11 +5,10 @@
 //! was: layer -> stars -> layer gives the same bytes (`imports::hats::tests::layers_come_back_as_they_were`).
 
 use super::error::LayerError;
-use super::layout::{
-    MAG_STEP, MAG_ZERO, NO_COLOUR, NO_MOTION, NO_PARALLAX, PARALLAX_STEP_MAS, StarRecord, TileFrame, motion_mas_yr,
-};
+use super::layout::{NO_COLOUR, PARALLAX_STEP_MAS, StarRecord, TileFrame};
 use super::open::Layer;
 use super::star::NewStar;
+use crate::steps::{MAG_STEP, NO_PARALLAX, mag_of};
 use base::source::ra_dec_rad;
 
 /// Where a star is looked for inside its tile, steps: nearest first; the last two for what no half step finds.
@@ -24,23 +23,24 @@ impl Layer {
     /// # Errors
     /// When the tile cannot be read or is damaged.
     pub fn restore_tile(&self, tile: u64, bytes: &mut Vec<u8>, out: &mut Vec<NewStar>) -> Result<(), LayerError> {
-        if self.places(tile).is_empty() {
+        let index = self.index();
+        if index.places(tile).is_empty() {
             return Ok(());
         }
-        let frame = TileFrame::new(self.order(), tile);
+        let frame = TileFrame::new(index.order, tile);
         let before = out.len();
         let read = self.each_piece(tile, bytes, &mut |piece| {
             out.extend(piece.stars().map(|(place, record, number)| {
                 let record = StarRecord::from_bytes(record);
-                let [ra_rad, dec_rad] = inside(&frame, self.order(), tile, record.place);
+                let [ra_rad, dec_rad] = inside(&frame, index.order, tile, record.place);
                 NewStar {
-                    source_id: if self.numbering().is_some() { number } else { place.cast_signed() },
+                    source_id: if index.numbering.is_some() { number } else { place.cast_signed() },
                     ra_rad,
                     dec_rad,
-                    motion_mas_yr: (!record.motion.contains(&NO_MOTION)).then(|| record.motion.map(motion_mas_yr)),
+                    motion_mas_yr: record.motion_mas_yr(),
                     parallax_mas: (record.parallax != NO_PARALLAX)
                         .then(|| f64::from(record.parallax) * PARALLAX_STEP_MAS),
-                    mag_g: magnitude(record.g, self.magnitudes()),
+                    mag_g: magnitude(record.g, index.magnitudes),
                     bp_rp: (record.bp_rp != NO_COLOUR).then(|| f64::from(record.bp_rp) * MAG_STEP),
                 }
             }));
@@ -70,7 +70,7 @@ fn inside(frame: &TileFrame, order: u8, tile: u64, place: [u32; 2]) -> [f64; 2] 
 
 /// A magnitude within the layer's: from, and below.
 fn magnitude(g: u16, [from, below]: [f32; 2]) -> f64 {
-    let mag = f64::from(g) * MAG_STEP + MAG_ZERO;
+    let mag = mag_of(g);
     let below = f64::from(below);
     if mag < below { mag.max(f64::from(from)) } else { 0.5 * (mag - 0.5 * MAG_STEP + below) }
 }
@@ -78,6 +78,7 @@ fn magnitude(g: u16, [from, below]: [f32; 2]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::steps::MAG_ZERO;
     use base::source::direction_from_ra_dec;
     use base::units::MAS;
 

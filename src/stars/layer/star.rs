@@ -2,18 +2,14 @@
 
 use super::error::LayerError;
 use super::layout::{
-    FASTEST_MAS_YR, MAG_STEP, MAG_ZERO, NO_COLOUR, NO_MOTION, NO_PARALLAX, PARALLAX_STEP_MAS, StarRecord, TileFrame,
-    motion_mas_yr, motion_steps,
+    FASTEST_MAS_YR, NO_COLOUR, NO_MOTION, PARALLAX_STEP_MAS, StarRecord, TileFrame, motion_mas_yr, motion_steps,
+};
+use crate::steps::{
+    COLOUR_DOMAIN_MAG, FAINTEST_MAG, MAG_STEP, MAG_ZERO, NO_PARALLAX, mag_of, nearest_i16, nearest_u16, u64_at,
 };
 use base::source::direction_from_ra_dec;
 use core::f64::consts::{FRAC_PI_2, TAU};
 use serde::{Deserialize, Serialize};
-
-/// BP - RP outside this range is clamped, mag: the domain of the Gaia DR3 photometric relations (Gaia DR3
-/// documentation, section 5.5.1), beyond which their cubics run away.
-const COLOUR_DOMAIN_MAG: [f64; 2] = [-0.5, 5.0];
-/// Faintest magnitude that can be stored.
-const FAINTEST_MAG: f64 = 60.0;
 
 /// A star as an importer reads it; ICRS at the catalog's epoch.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -146,7 +142,7 @@ impl WaitingRow {
             ra_rad: self.ra_rad,
             dec_rad: self.dec_rad,
             motion_mas_yr: is_known.then(|| self.motion.map(motion_mas_yr)),
-            mag_g: f64::from(self.g) * MAG_STEP + MAG_ZERO,
+            mag_g: mag_of(self.g),
         }
     }
 
@@ -170,7 +166,7 @@ impl WaitingRow {
     }
 
     pub(super) fn from_bytes(b: &[u8; ROW_BYTES]) -> Self {
-        let eight = |at: usize| super::layout::u64_at(b, at);
+        let eight = |at: usize| u64_at(b, at);
         let i16_at = |at: usize| i16::from_le_bytes([b[at], b[at + 1]]);
         Self {
             source_id: eight(0).cast_signed(),
@@ -182,15 +178,6 @@ impl WaitingRow {
             parallax: u16::from_le_bytes([b[32], b[33]]),
         }
     }
-}
-
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked to be in range by the caller")]
-fn nearest_u16(steps: f64) -> u16 {
-    steps.round() as u16
-}
-#[allow(clippy::cast_possible_truncation, reason = "checked to be in range by the caller")]
-fn nearest_i16(steps: f64) -> i16 {
-    steps.round() as i16
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Layers against brute force over the same stars; imports that are cut short; files that are damaged.
 
 use super::*;
-use crate::catalog::chord_squared;
+use crate::cover::chord_squared;
 use base::source::direction_from_ra_dec;
 use base::source_id::SourceId;
 use base::units::{DEG, MAS};
@@ -54,10 +54,13 @@ fn every_star_comes_back_within_half_steps() {
     for (report, limits) in reports.iter().zip([[f32::NEG_INFINITY, 10.0], [10.0, 14.0], [14.0, 18.0]]) {
         let layer = Layer::open(&report.path).unwrap();
         layer.verify(&mut |_| {}).unwrap();
-        assert_eq!((layer.stars(), layer.magnitudes(), layer.epoch_yr()), (report.stars, limits, 2016.0));
-        assert_eq!((layer.credits(), report.doubled), ("whom it concerns", 0));
+        assert_eq!(
+            (layer.index().stars(), layer.index().magnitudes, layer.index().epoch_yr),
+            (report.stars, limits, 2016.0)
+        );
+        assert_eq!((layer.index().credits.as_str(), report.doubled), ("whom it concerns", 0));
         layer.cone(DVec3::Z, PI, 99.0, &mut found).unwrap();
-        assert_eq!(found.len() as u64, layer.stars());
+        assert_eq!(found.len() as u64, layer.index().stars());
         seen += found.len();
         for star in stars.iter().filter(|s| (s.mag_g as f32) < limits[1] && (s.mag_g as f32) >= limits[0]).step_by(17) {
             let near =

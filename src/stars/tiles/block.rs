@@ -2,8 +2,7 @@
 
 use crate::layer::{LayerError, LayerSet, TileId};
 use crate::numbering::stored_number;
-use base::source::CatalogSource;
-use base::units::MAS;
+use base::source::{CatalogSource, ProperMotion};
 use core::fmt;
 use glam::DVec3;
 use std::sync::Arc;
@@ -15,10 +14,10 @@ pub struct TileStar {
     pub direction_icrf: DVec3,
     /// Electrons it leaves in one exposure.
     pub electrons: f64,
-    /// How its direction changes, rad per Julian year, ICRF axes: zero when it is unknown.
-    pub rate_icrf: [f32; 3],
-    /// Parallax, rad: zero when it is unknown.
-    pub parallax_rad: f32,
+    /// Proper motion: zero when it is unknown.
+    pub motion: ProperMotion,
+    /// Parallax, mas: zero when it is unknown.
+    pub parallax_mas: f32,
     /// Its number in its source catalog as its layer stores it; [`NO_NUMBER`](crate::numbering::NO_NUMBER) when it has
     /// none.
     pub number: i64,
@@ -73,21 +72,13 @@ impl Decoder {
     }
 }
 
-#[allow(clippy::cast_possible_truncation, reason = "rates and parallaxes to 1e-7 of themselves")]
 fn tile_star(star: &CatalogSource, light: &Light) -> TileStar {
     let (electrons, mag) = (light.0)(star.mag_g, star.bp_rp);
-    let direction = star.direction_icrf;
-    let east = DVec3::new(-direction.y, direction.x, 0.0).normalize_or_zero();
-    let north = direction.cross(east);
-    let rate = star.proper_motion.map_or(DVec3::ZERO, |motion| {
-        let across = east * f64::from(motion.pm_ra_cosdec_mas_yr) + north * f64::from(motion.pm_dec_mas_yr);
-        (across + direction * f64::from(motion.radial_mas_yr)) * MAS
-    });
     TileStar {
-        direction_icrf: direction,
+        direction_icrf: star.direction_icrf,
         electrons,
-        rate_icrf: rate.as_vec3().to_array(),
-        parallax_rad: (f64::from(star.parallax_mas.unwrap_or(0.0)) * MAS) as f32,
+        motion: star.proper_motion.unwrap_or_default(),
+        parallax_mas: star.parallax_mas.unwrap_or(0.0),
         number: stored_number(star.source_id),
         id: star.id,
         mag,

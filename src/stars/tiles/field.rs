@@ -2,7 +2,7 @@
 
 use super::block::{Decoder, Light, TileStar};
 use super::reader::{Answer, Reader};
-use super::store::{Place, Store};
+use super::store::{MOST_TILES, Place, Store};
 use crate::layer::{LayerError, LayerSet, TileId};
 use base::source_id::SourceId;
 use core::ops::Range;
@@ -39,6 +39,8 @@ pub struct TileSky {
     ahead: Vec<TileId>,
     /// Slots of the field's tiles.
     slots: Vec<u32>,
+    /// What is known of the tiles of a layer.
+    places: Vec<Option<Place>>,
     /// Of each layer, stars of the tiles that were read, and those of them that were not too faint: how many stars a tile will
     /// have that has not come yet.
     decoded: Vec<[u64; 2]>,
@@ -52,10 +54,11 @@ impl TileSky {
         let [tiles, ahead] = [(); 2].map(|()| Vec::with_capacity(TILES_RESERVED));
         let slots = Vec::with_capacity(TILES_RESERVED);
         let decoded = vec![[0; 2]; layers.layers().len()];
-        Self {
+        let all_tiles = layers.all_tiles().take(MOST_TILES).count();
+        let mut sky = Self {
             layers,
             decoded,
-            store: Store::new(most_stars),
+            store: Store::new(most_stars, all_tiles),
             decoder,
             reader: None,
             field: 0,
@@ -63,6 +66,19 @@ impl TileSky {
             tiles,
             ahead,
             slots,
+            places: Vec::with_capacity(TILES_RESERVED),
+        };
+        if sky.layers.is_in_memory() {
+            sky.hold_all();
+        }
+        sky
+    }
+
+    /// Decodes every tile, so that no field waits for one; a tile that does not come is read when a field wants it.
+    fn hold_all(&mut self) {
+        let layers = Arc::clone(&self.layers);
+        for tile in layers.all_tiles() {
+            let _ = self.find(tile, None);
         }
     }
 
@@ -72,11 +88,14 @@ impl TileSky {
         &self.layers
     }
 
-    /// From here on a thread reads, and what has not been read in time is missing.
+    /// From here on a thread reads files, and what has not been read in time is missing.
     ///
     /// # Errors
     /// When the system has no thread for it.
     pub fn read_ahead(&mut self) -> std::io::Result<()> {
+        if self.layers.is_in_memory() {
+            return Ok(());
+        }
         if let Some(decoder) = self.decoder.take() {
             self.reader = Some(Reader::start(decoder)?);
         }
@@ -120,15 +139,34 @@ impl TileSky {
     }
 
     /// The field's tiles of one layer.
-    fn take_layer(&mut self, places: Range<usize>, shortfall: &mut Shortfall) -> Result<Fit, LayerError> {
-        if self.reader.is_some() && !self.may_fit(&self.tiles[places.clone()]) {
+    fn take_layer(&mut self, range: Range<usize>, shortfall: &mut Shortfall) -> Result<Fit, LayerError> {
+        let mut places = core::mem::take(&mut self.places);
+        places.clear();
+        places.extend(self.tiles[range.clone()].iter().map(|tile| self.store.place(*tile)));
+        let fit = self.take_tiles(range, &places, shortfall);
+        self.places = places;
+        fit
+    }
+
+    fn take_tiles(
+        &mut self,
+        range: Range<usize>,
+        places: &[Option<Place>],
+        shortfall: &mut Shortfall,
+    ) -> Result<Fit, LayerError> {
+        if self.reader.is_some() && !self.may_fit(&self.tiles[range.clone()], places) {
             return Ok(Fit::TooMany);
         }
+        // What is in memory stays there while its neighbours are read.
         for place in places {
-            let tile = self.tiles[place];
-            match self.find(tile)? {
+            if let Some(Place::Held(slot)) = place {
+                self.store.want(*slot, self.field);
+            }
+        }
+        for (number, place) in range.zip(places) {
+            let tile = self.tiles[number];
+            match self.find(tile, *place)? {
                 Found::Slot(slot) => {
-                    self.store.want(slot, self.field);
                     self.slots.push(slot);
                     self.field_stars += self.store.stars(slot).len() as u64;
                 }
@@ -147,12 +185,17 @@ impl TileSky {
     }
 
     /// Whether tiles have room beside those of the brighter layers, as far as is known: nothing is asked for in vain.
-    fn may_fit(&self, tiles: &[TileId]) -> bool {
-        let stars = tiles.iter().map(|tile| match self.store.place(*tile) {
-            Some(Place::Held(slot)) => self.store.stars(slot).len() as u64,
-            _ => self.stars_to_come(*tile),
-        });
+    fn may_fit(&self, tiles: &[TileId], places: &[Option<Place>]) -> bool {
+        let stars = tiles.iter().zip(places).map(|(tile, place)| self.expected_stars(*tile, *place));
         self.store.has_room(self.field_stars + stars.sum::<u64>(), self.slots.len() + tiles.len())
+    }
+
+    /// Stars of a tile that has this place: those that it has, or will have.
+    fn expected_stars(&self, tile: TileId, place: Option<Place>) -> u64 {
+        match place {
+            Some(Place::Held(slot)) => self.store.stars(slot).len() as u64,
+            Some(Place::Lacking | Place::Ahead) | None => self.stars_to_come(tile),
+        }
     }
 
     /// Stars that a tile will have when it is read, by the tiles of its layer that were: none as long as nothing is known.
@@ -162,9 +205,8 @@ impl TileSky {
         u64::try_from(stars).unwrap_or(u64::MAX)
     }
 
-    /// A tile of the present field.
-    fn find(&mut self, tile: TileId) -> Result<Found, LayerError> {
-        let place = self.store.place(tile);
+    /// A tile of the present field that has this place in the store.
+    fn find(&mut self, tile: TileId, place: Option<Place>) -> Result<Found, LayerError> {
         if let Some(Place::Held(slot)) = place {
             return Ok(Found::Slot(slot));
         }
@@ -190,10 +232,7 @@ impl TileSky {
         let mut stars = 0;
         for (number, tile) in ahead.iter().enumerate() {
             let place = self.store.place(*tile);
-            stars += match place {
-                Some(Place::Held(slot)) => self.store.stars(slot).len() as u64,
-                _ => self.stars_to_come(*tile),
-            };
+            stars += self.expected_stars(*tile, place);
             if !self.store.has_room(stars, number) {
                 break;
             }
@@ -262,7 +301,7 @@ impl TileSky {
         let (tile, place) = self.layers.place_of(id)?;
         let Some(Place::Held(slot)) = self.store.place(tile) else { return None };
         let star = self.store.stars(slot).get(place).filter(|star| star.id == id)?;
-        self.layers.layers()[usize::from(tile.layer)].source_id(star.number)
+        self.layers.source_id(tile.layer, star.number)
     }
 
     #[cfg(test)]

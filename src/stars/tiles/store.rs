@@ -9,7 +9,7 @@ use crate::layer::TileId;
 use std::collections::HashMap;
 
 /// Most tiles in memory.
-const MOST_TILES: usize = 1 << 17;
+pub(super) const MOST_TILES: usize = 1 << 17;
 
 /// What is known of a tile.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -43,11 +43,11 @@ pub(super) struct Store {
 }
 
 impl Store {
-    /// For so many stars.
-    pub(super) fn new(most_stars: u64) -> Self {
+    /// For so many stars, of so many tiles in all.
+    pub(super) fn new(most_stars: u64, tiles: usize) -> Self {
         // Tiles that are asked for have names too.
-        let places = HashMap::with_capacity(2 * MOST_TILES);
-        let (slots, free) = (Vec::with_capacity(MOST_TILES), Vec::with_capacity(MOST_TILES));
+        let places = HashMap::with_capacity(2 * tiles);
+        let (slots, free) = (Vec::with_capacity(tiles), Vec::with_capacity(tiles));
         Self { places, slots, free, most_stars, stars: 0, hand: 0 }
     }
 

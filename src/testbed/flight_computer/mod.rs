@@ -417,9 +417,6 @@ impl Corruption {
 /// Instants of triggers further away than this would be taken for others.
 const TRIGGER_MOST_AWAY: Span = Span::from_ms(3_600_000);
 
-/// Time after which the follow-up of a SYNC is due.
-const FOLLOW_UP_DELAY: Span = Span::from_ms(2);
-
 #[allow(clippy::cast_possible_truncation, reason = "the wire has f32: 0.02 arcsec")]
 fn single(value: f64) -> f32 {
     value as f32

@@ -1,6 +1,10 @@
 //! When each stream is due, in the flight computer's own microseconds since boot.
 
-use super::{FOLLOW_UP_DELAY, JitterStream};
+use super::JitterStream;
+use base::time::Span;
+
+/// Time after which the follow-up of a SYNC is due.
+const FOLLOW_UP_DELAY: Span = Span::from_ms(2);
 
 const US_PER_S: u64 = 1_000_000;
 const SYNC_HZ: u32 = 10;

@@ -4,12 +4,12 @@
 //! `(omega step)^6 / 144 = 5e-6` of a step, far below the damping of any structure) and friction slopes whose time
 //! constant is at least two steps. `tests/refusals.rs` breaks every rule once.
 
-use super::equations::COULOMB_SMOOTHING_RAD_S;
+use super::equations::{COULOMB_SMOOTHING_RAD_S, reduced_inertia};
 use super::error::SpacecraftError;
 use super::params::{FlexibleMode, MODES_MAX, SpacecraftParams, WHEELS_MAX, WheelParams};
 use base::time::Span;
 use core::f64::consts::TAU;
-use glam::{DMat3, DVec3};
+use glam::DMat3;
 
 /// Largest `omega step` of a mode.
 const MODE_STEP_RAD: f64 = 0.3;
@@ -46,25 +46,6 @@ pub(super) fn check(params: &SpacecraftParams) -> Result<(), SpacecraftError> {
     }
     check_outside(params)?;
     check_step(params)
-}
-
-/// Inertia that the body shows at once: the whole less free rotors about their axes, less appendages.
-/// `J - sum J_w a a' - sum delta delta'`.
-pub(super) fn reduced_inertia(params: &SpacecraftParams) -> DMat3 {
-    let mut reduced = params.inertia_kg_m2;
-    for wheel in &params.wheels {
-        let axis = wheel.axis_body.normalize_or_zero();
-        reduced -= outer(axis, axis) * wheel.inertia_kg_m2;
-    }
-    for mode in &params.modes {
-        reduced -= outer(mode.coupling, mode.coupling);
-    }
-    reduced
-}
-
-/// `a b'`.
-pub(super) fn outer(a: DVec3, b: DVec3) -> DMat3 {
-    DMat3::from_cols(a * b.x, a * b.y, a * b.z)
 }
 
 fn check_inertia(inertia: DMat3) -> Result<(), SpacecraftError> {

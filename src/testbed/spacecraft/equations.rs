@@ -13,7 +13,6 @@
 //! Limits: `J` does not change with `eta` (small deflections); wheels are balanced here, `micro_vibration` has the rest.
 //! `tests/conservation.rs`, `tests/closed_forms.rs` and `tests/flexible.rs` hold this file to theory.
 
-use super::check::reduced_inertia;
 use super::orbit::CircularOrbit;
 use super::params::{DisturbanceParams, FlexibleMode, MODES_MAX, SpacecraftParams, WHEELS_MAX, WheelParams};
 use core::f64::consts::TAU;
@@ -21,6 +20,25 @@ use glam::{DMat3, DQuat, DVec3};
 
 /// Speed at which Coulomb friction has reached 76 % (`tanh 1`) of its value: keeps it differentiable at rest.
 pub(super) const COULOMB_SMOOTHING_RAD_S: f64 = 0.5;
+
+/// Inertia that the body shows at once: the whole less free rotors about their axes, less appendages.
+/// `J - sum J_w a a' - sum delta delta'`.
+pub(super) fn reduced_inertia(params: &SpacecraftParams) -> DMat3 {
+    let mut reduced = params.inertia_kg_m2;
+    for wheel in &params.wheels {
+        let axis = wheel.axis_body.normalize_or_zero();
+        reduced -= outer(axis, axis) * wheel.inertia_kg_m2;
+    }
+    for mode in &params.modes {
+        reduced -= outer(mode.coupling, mode.coupling);
+    }
+    reduced
+}
+
+/// `a b'`.
+pub(super) fn outer(a: DVec3, b: DVec3) -> DMat3 {
+    DMat3::from_cols(a * b.x, a * b.y, a * b.z)
+}
 
 /// All that moves. Also its own derivative by time.
 #[derive(Debug, Clone, Copy, PartialEq)]

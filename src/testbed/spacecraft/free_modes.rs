@@ -13,7 +13,7 @@
 //! with several it leaves out terms of the order of the damping ratio. `tests/flexible.rs` and
 //! `tests/micro_vibration.rs` hold frequencies and responses to theory.
 
-use super::check::outer;
+use super::equations::outer;
 use super::params::{MODES_MAX, SpacecraftParams};
 use core::f64::consts::TAU;
 use glam::{DMat3, DVec3};

@@ -5,7 +5,7 @@
 //! out. Limits are applied wheel by wheel, as in the hardware: a clipped wheel turns the direction of the torque, and
 //! the caller is told what was possible. `tests/wheels.rs` holds limits and failures.
 
-use super::check::outer;
+use super::equations::outer;
 use super::equations::{Equations, State};
 use super::params::{SpacecraftParams, WHEELS_MAX};
 use glam::{DMat3, DVec3};

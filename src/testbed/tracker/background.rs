@@ -157,10 +157,13 @@ fn between(coordinate_px: f64, cell_px: usize, count: usize) -> (usize, f64) {
     (index, place - index as f64)
 }
 
-/// Background of the two-pixel ring outside a square window of half-width `half_px` about (`x`, `y`); `buffer` is
+/// Width of the ring around a star from which its background is taken, px.
+pub(super) const RING_PX: usize = 2;
+
+/// Background of the ring outside a square window of half-width `half_px` about (`x`, `y`); `buffer` is
 /// reused. `None` when no part of the ring is on the image.
 pub(super) fn ring(image: &DnImage, x: usize, y: usize, half_px: usize, buffer: &mut Vec<u16>) -> Option<Background> {
-    let outer = half_px + 2;
+    let outer = half_px + RING_PX;
     let (left, right) = (x.saturating_sub(outer), (x + outer + 1).min(image.width()));
     buffer.clear();
     for (row, line) in image.rows().enumerate().take(y + outer + 1).skip(y.saturating_sub(outer)) {

@@ -81,7 +81,7 @@ impl GuideStars {
     /// When a parameter is out of range or the catalog has too few stars above the limiting magnitude.
     pub fn new(catalog: &Catalog, params: &TrackerParams, epoch: Tai) -> Result<Self, TrackerError> {
         params.check()?;
-        let years = epoch.years_since_j2000() + 2000.0 - catalog.epoch_yr();
+        let years = epoch.years_since_j2000() + 2000.0 - catalog.index().epoch_yr;
         let mut stars = guide_stars(catalog, params, years);
         if stars.len() < FEWEST_GUIDE_STARS {
             let (wanted, got) = (FEWEST_GUIDE_STARS, stars.len());

@@ -6,6 +6,7 @@
 use super::adjust::{Adjusted, MatchedStar};
 use super::background::BackgroundGrid;
 use super::centroid::{centre_of_gravity, gaussian_fit};
+use super::command::{CameraOrders, CameraWish, Exposed, better_exposure, reached_mid};
 use super::detect::{Blob, Detector, PEAK_SIGMA};
 use super::error::Reason;
 use super::guide::GuideStars;
@@ -14,7 +15,8 @@ use super::params::TrackerParams;
 use super::track::{Follower, Prediction, refuse_bright, ring_about, set_background, spot_model, trail_of};
 use base::axes::{Icrf, Rotation, Sensor};
 use base::image::DnImage;
-use base::time::Tai;
+use base::region::Regions;
+use base::time::{Span, Tai};
 use glam::{DMat3, DVec2, DVec3};
 use std::sync::Arc;
 
@@ -104,6 +106,10 @@ pub struct Tracker {
     samples: Vec<u16>,
     track: Option<Track>,
     counts: TrackerCounts,
+    /// Exposure time of the camera's file, s.
+    own_exposure_s: f64,
+    /// Parts of the next image that were read out.
+    regions: Regions,
 }
 
 impl Tracker {
@@ -120,6 +126,8 @@ impl Tracker {
             samples: Vec::with_capacity(4096),
             track: None,
             counts: TrackerCounts::default(),
+            own_exposure_s: params.exposure_s,
+            regions: Regions::WHOLE,
             params,
             guide,
         }
@@ -141,6 +149,43 @@ impl Tracker {
             self.find(image, mid_exposure, beta, rate_rad_s)
         };
         self.count(outcome)
+    }
+
+    /// Takes how the image was exposed that is measured next, and those after it, where it is not as the camera's file says.
+    pub fn expose(&mut self, exposed: &Exposed) {
+        self.params.exposure_s = exposed.exposure_s;
+        self.regions = exposed.regions;
+    }
+
+    /// Returns what it asks of the camera after [`Self::measure`] of an image, from an instant on; the other arguments are
+    /// those of that image.
+    pub fn wish(
+        &mut self,
+        orders: &CameraOrders,
+        (image, mid_exposure): (&DnImage, Tai),
+        (outcome, from): (&Outcome, Tai),
+        (beta, rate_rad_s): (DVec3, Option<DVec3>),
+    ) -> CameraWish {
+        let exposure = orders.exposure_s.and_then(|limits_s| match (outcome, self.track) {
+            (Outcome::Solved(Solution { background_dn, .. }), _) => {
+                better_exposure(&self.params, image, &self.matches, *background_dn, limits_s)
+            }
+            (Outcome::NoSolution(_), None) => Some(Span::from_s(self.own_exposure_s)),
+            (Outcome::NoSolution(_), Some(_)) => None,
+        });
+        let exposed_s = self.params.exposure_s;
+        let next_s = exposure.map_or(exposed_s, |exposure| exposure.s());
+        let at = reached_mid(orders, mid_exposure, exposed_s, from, next_s);
+        let regions = orders.windows.then(|| self.windows_at(at, beta, rate_rad_s));
+        CameraWish { from, exposure, regions }
+    }
+
+    /// Windows around the stars as they are predicted; the whole image when the last one gave no attitude.
+    fn windows_at(&mut self, at: Tai, beta: DVec3, rate_rad_s: Option<DVec3>) -> Regions {
+        let Some(track) = self.track.filter(|track| track.misses == 0) else { return Regions::WHOLE };
+        let Some(rate_rad_s) = rate_rad_s.or(track.rate_rad_s) else { return Regions::WHOLE };
+        let attitude = track.attitude.rotated_by(rate_rad_s * (at - track.at).s());
+        self.follower.windows(&self.params, &self.guide, &Prediction { attitude, rate_rad_s, beta })
     }
 
     /// Forgets the attitude: the next image is lost in space.
@@ -195,13 +240,15 @@ impl Tracker {
         let rate = known.unwrap_or(DVec3::ZERO);
         let attitude = track.attitude.rotated_by(rate * (at - track.at).s());
         let prediction = Prediction { attitude, rate_rad_s: rate, beta };
-        let mut followed = self.follower.follow(&self.params, &self.guide, image, &prediction, &mut self.matches);
+        let mut followed =
+            self.follower.follow(&self.params, &self.guide, (image, &self.regions), &prediction, &mut self.matches);
         if let (Ok((found, _)), None) = (&followed, known) {
             // The stars were measured as points; now that the motion is known, as trails.
             let gap_s = (at - track.at).s().max(self.params.exposure_s);
             let rate_rad_s = track.attitude.rotation_vector_to(&found.attitude) / gap_s;
             let again = Prediction { attitude: found.attitude, rate_rad_s, beta };
-            followed = self.follower.follow(&self.params, &self.guide, image, &again, &mut self.matches);
+            followed =
+                self.follower.follow(&self.params, &self.guide, (image, &self.regions), &again, &mut self.matches);
         }
         let solved = followed.and_then(|(found, background_dn)| self.accept(found, at, Mode::Tracking, background_dn));
         match solved {
@@ -226,6 +273,10 @@ impl Tracker {
     /// Lost in space. Two attitudes in a row give a rate.
     fn find(&mut self, image: &DnImage, at: Tai, beta: DVec3, rate_rad_s: Option<DVec3>) -> Result<Solution, Reason> {
         let before = self.track.take();
+        if !self.regions.is_whole() {
+            // Windows were for stars that are not there.
+            return Err(Reason::TooFewStars);
+        }
         self.grid.measure(image, PEAK_SIGMA);
         let background_dn = self.grid.mean_level_dn();
         refuse_bright(&self.params, background_dn)?;

@@ -8,6 +8,8 @@
 //! image, last attitude, rate -> guide -> track (windows, centroid) -> adjust -> Solution      tracking
 //! ```
 //!
+//! It may command its camera: windows around the stars that it follows, an exposure time by their signal ([`CameraWish`]).
+//!
 //! Units: px with the first pixel's centre at (0, 0), DN and electrons, rad in sensor axes (+Z boresight, +X image
 //! right, +Y image down). Limits: round Gaussian spots drawn out along straight trails; parallax, light deflection and
 //! colour are left out. Tests: `tests`, and those each file names.
@@ -17,6 +19,7 @@ mod adjust;
 mod background;
 mod blend;
 mod centroid;
+mod command;
 mod detect;
 mod error;
 mod errors;
@@ -32,6 +35,7 @@ mod wahba;
 pub use aberration::{apparent, earth_beta};
 pub use adjust::MatchedStar;
 pub use centroid::Spot;
+pub use command::{CameraOrders, CameraWish, Exposed};
 pub use error::{Reason, TrackerError};
 pub use errors::{AttitudePair, ErrorTerms, error_terms, predicted_nea_rad};
 pub use geometry::Geometry;

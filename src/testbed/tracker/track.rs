@@ -5,14 +5,16 @@
 //! other star within a fraction of a pixel, where it is measured at once. Tests: `tracking_follows_a_slew`, `a_wrong_prediction_is_told`.
 
 use super::adjust::{Adjusted, MatchedStar, adjust};
-use super::background::{Background, ring};
+use super::background::{Background, RING_PX, ring};
 use super::centroid::{Spot, SpotModel, centre_of_gravity, gaussian_fit};
+use super::command::{is_read, window};
 use super::detect::hot_share;
 use super::error::Reason;
 use super::guide::{Expected, GuideStars};
 use super::params::TrackerParams;
 use base::axes::{Icrf, Rotation, Sensor};
 use base::image::DnImage;
+use base::region::{REGIONS_MAX, Region, Regions};
 use glam::{DVec2, DVec3};
 
 /// Stars searched in the first pass.
@@ -98,12 +100,13 @@ impl Follower {
         &mut self,
         params: &TrackerParams,
         guide: &GuideStars,
-        image: &DnImage,
+        (image, regions): (&DnImage, &Regions),
         prediction: &Prediction,
         matches: &mut Vec<MatchedStar>,
     ) -> Result<(Adjusted, f64), Reason> {
         matches.clear();
         self.list_expected(params, guide, prediction, &prediction.attitude);
+        self.keep_read(params, regions, prediction, params.search_radius_px);
         let background = self.search(params, image, prediction).mean();
         refuse_bright(params, background.level_dn)?;
         self.measure_agreeing(params, image, prediction, matches);
@@ -114,6 +117,7 @@ impl Follower {
         let rough = adjust(&params.geometry, &prediction.attitude, matches, params.centroid_floor_px.max(0.02))
             .ok_or(Reason::NoMatch)?;
         self.list_expected(params, guide, prediction, &rough.attitude);
+        self.keep_read(params, regions, prediction, 0.0);
         self.measure(params, image, prediction, background.sigma_dn, matches);
         if matches.len() < params.fewest_stars {
             return Err(Reason::TooFewStars);
@@ -131,6 +135,26 @@ impl Follower {
     ) {
         let most = params.most_stars;
         guide.in_field(usize::MAX, most, attitude, prediction.beta, &params.geometry, &mut self.expected);
+    }
+
+    /// Leaves only the stars around which all was read out that is looked at when they are searched so far about their places.
+    fn keep_read(&mut self, params: &TrackerParams, regions: &Regions, prediction: &Prediction, search_px: f64) {
+        if !regions.is_whole() {
+            let reach_px = |expected: &Expected| reach_px(params, prediction, expected, search_px);
+            self.expected.retain(|expected| is_read(params, regions, expected.place_px, reach_px(expected)));
+        }
+    }
+
+    /// Returns a window around each of the brightest stars at their predicted places.
+    pub(super) fn windows(&mut self, params: &TrackerParams, guide: &GuideStars, prediction: &Prediction) -> Regions {
+        self.list_expected(params, guide, prediction, &prediction.attitude);
+        let mut list = [Region::default(); REGIONS_MAX];
+        let of_star = |expected: &Expected| {
+            window(params, expected.place_px, reach_px(params, prediction, expected, params.search_radius_px))
+        };
+        let windows = self.expected.iter().filter_map(of_star);
+        let count = list.iter_mut().zip(windows).map(|(place, window)| *place = window).count();
+        Regions::of(&list[..count]).unwrap_or(Regions::WHOLE)
     }
 
     /// First pass: peaks about the brightest stars, within the search radius.
@@ -209,6 +233,12 @@ impl Follower {
             }
         }
     }
+}
+
+/// How far from a star's place pixels are looked at, px: its spot, the ring around it, and where it is searched.
+fn reach_px(params: &TrackerParams, prediction: &Prediction, expected: &Expected, search_px: f64) -> f64 {
+    let model = spot_model(params, trail_px(params, prediction, expected.apparent_icrf));
+    (model.half_px() + RING_PX) as f64 + search_px
 }
 
 /// Too bright a background hides the stars: more than 0.7 of the range above black.

@@ -4,7 +4,7 @@
 //! come out in the order of their readiness. Tests: `tests` of the vehicle.
 
 use super::params::HeadParams;
-use crate::tracker::{GuideStars, Outcome, Solution, Tracker};
+use crate::tracker::{CameraWish, Exposed, GuideStars, Outcome, Solution, Tracker};
 use base::axes::Rotation;
 use base::image::DnImage;
 use base::time::{Span, Tai};
@@ -43,6 +43,8 @@ pub(super) struct Head {
     /// How many faults keep it off.
     off: u32,
     last_frame: Option<Tai>,
+    /// What it asks of its camera after the last frame.
+    pub(super) wish: Option<CameraWish>,
     pub(super) report: HeadReport,
 }
 
@@ -55,6 +57,7 @@ impl Head {
             ready: VecDeque::with_capacity(TAGS),
             off: 0,
             last_frame: None,
+            wish: None,
             report: HeadReport { last: None, frame: None, untagged: 0, ignored: 0 },
         }
     }
@@ -73,6 +76,11 @@ impl Head {
         self.tags.iter().find(|(tagged, _)| u32::from(*tagged) == number & 0xff).map(|(_, mid_exposure)| *mid_exposure)
     }
 
+    /// Takes how the next frame was exposed.
+    pub(super) fn expose(&mut self, exposed: &Exposed) {
+        self.tracker.expose(exposed);
+    }
+
     /// Measures a frame that arrived at `at`.
     pub(super) fn take_frame(&mut self, number: u32, image: &DnImage, at: Tai, beta: DVec3, rate_body: DVec3) {
         self.last_frame = Some(at);
@@ -89,6 +97,10 @@ impl Head {
         let outcome = self.tracker.measure(image, mid_exposure, beta, Some(rate));
         self.report.last = Some(outcome);
         self.report.frame = Some((number, mid_exposure));
+        if let Some(orders) = &self.params.orders {
+            let done = (&outcome, at + self.params.delay);
+            self.wish = Some(self.tracker.wish(orders, (image, mid_exposure), done, (beta, Some(rate))));
+        }
         if let Outcome::Solved(solution) = outcome {
             self.ready.push_back((at + self.params.delay, solution));
         }

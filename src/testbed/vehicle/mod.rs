@@ -30,7 +30,7 @@ use crate::spacecraft::{
     AttitudeTruth, CircularOrbit, Gyro, GyroFault, MicroVibration, Spacecraft, SpacecraftError, SunSensor,
     sun_direction_icrf,
 };
-use crate::tracker::{GuideStars, Outcome, Solution, TrackerError, TrackerParams, earth_beta};
+use crate::tracker::{CameraWish, Exposed, GuideStars, Outcome, Solution, TrackerError, TrackerParams, earth_beta};
 use base::axes::{Body, Icrf, Rotation};
 use base::image::DnImage;
 use base::time::{Span, Tai};
@@ -218,6 +218,18 @@ impl Vehicle {
         if let Some(head) = self.heads.get_mut(head) {
             head.take_frame(number, image, at, beta, rate);
         }
+    }
+
+    /// Takes how the next frame of a head was exposed, where that is not as the camera's file says.
+    pub fn expose(&mut self, head: usize, exposed: &Exposed) {
+        if let Some(head) = self.heads.get_mut(head) {
+            head.expose(exposed);
+        }
+    }
+
+    /// Returns what a head's tracker asks of its camera after the last frame, once.
+    pub fn take_wish(&mut self, head: usize) -> Option<CameraWish> {
+        self.heads.get_mut(head)?.wish.take()
     }
 
     /// One control step, at [`Self::next_due`].

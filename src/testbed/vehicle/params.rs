@@ -3,7 +3,7 @@
 use crate::acs::AcsParams;
 use crate::estimator::MekfParams;
 use crate::spacecraft::{GyroParams, SpacecraftParams, TestTorque};
-use crate::tracker::TrackerParams;
+use crate::tracker::{CameraOrders, TrackerParams};
 use base::axes::{Body, Icrf, Rotation, Sensor};
 use base::time::Span;
 use glam::DVec3;
@@ -57,4 +57,6 @@ pub struct HeadParams {
     pub tracker: TrackerParams,
     /// From the last pixel to the attitude.
     pub delay: Span,
+    /// What it commands its camera; `None`: nothing.
+    pub orders: Option<CameraOrders>,
 }

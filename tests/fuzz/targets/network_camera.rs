@@ -26,13 +26,16 @@ const ANSWER_MAX: usize = 548;
 
 fuzz_target!(|bytes: &[u8]| {
     let mut input = Input::new(bytes);
-    let sensor = SensorParams { size_px: SIZE_PX, bits: 12, frame_rate_hz: 10.0, exposure_s: 0.1, gain_e_per_dn: 1.0 };
+    let (exposure_s, gain_e_per_dn, temperature_c, colours) = (0.1, 1.0, 20.0, None);
+    let sensor =
+        SensorParams { size_px: SIZE_PX, bits: 12, frame_rate_hz: 10.0, exposure_s, gain_e_per_dn, temperature_c, colours };
     let place = DeviceParams {
         address: Ipv4Addr::new(10, 0, 0, 1),
         mask: Ipv4Addr::new(255, 255, 255, 0),
         mac: [2, 0, 10, 0, 0, 1],
         packet_bytes_max: 1500,
         stream_source_port: 5000,
+        message_source_port: 5001,
     };
     let mut device = Device::new(&Params::default(), &sensor, place, None).expect("a legal camera");
     let mut now = Tai::from_ns(1_000_000_000);
@@ -121,8 +124,9 @@ fn judge_answer(from: SocketAddrV4, datagram: &[u8], answer: &Answer) {
 }
 
 fn judge_stream(stream: &StreamSettings) {
-    let [x, y, columns, rows] = stream.region_px;
-    assert!(columns > 0 && rows > 0 && x + columns <= SIZE_PX[0] && y + rows <= SIZE_PX[1], "{stream:?}");
+    let [columns, rows] = SIZE_PX.map(|side| side as usize);
+    let regions = stream.regions.as_slice();
+    assert!(!regions.is_empty() && regions.iter().all(|region| region.is_within([columns, rows])), "{stream:?}");
     assert!((576..=1500).contains(&stream.packet_bytes), "{stream:?}");
     assert!(stream.destination.is_none_or(|to| to.ip().octets()[..3] == [10, 0, 0]), "{stream:?}");
 }

@@ -3,7 +3,7 @@
 use crate::scene::{Dice, draw_cpu, draw_reference, instrument, star};
 use crate::stability::{ELECTRONS, Scene};
 use base::accuracy::AccuracyBudget;
-use plan::exposure::planner::Source;
+use plan::exposure::Source;
 use plan::exposure::{ExposurePlan, Instrument};
 use plan::optics::PsfModel;
 

@@ -3,10 +3,10 @@
 use crate::scene::{Dice, camera, draw_cpu, instrument, star};
 use crate::stability::motion::zigzag;
 use base::accuracy::AccuracyBudget;
+use plan::exposure::Source;
 use plan::exposure::cost::CostModel;
 use plan::exposure::method::MethodName;
 use plan::exposure::plan::Verdict;
-use plan::exposure::planner::Source;
 use plan::exposure::{ExposurePlan, MethodChoice, Planner, Rung};
 use plan::optics::PsfModel;
 

@@ -13,8 +13,8 @@ use crate::scene::{EXPOSURE_S, FOCAL_PX, camera, instrument, los, planner_of, st
 use base::accuracy::AccuracyBudget;
 use glam::DVec3;
 use plan::attitude::{JitterLine, LosPath};
+use plan::exposure::Source;
 use plan::exposure::plan::Verdict;
-use plan::exposure::planner::Source;
 use plan::exposure::{ExposurePlan, Instrument, PixelPath, PixelPoint};
 use plan::optics::PsfModel;
 

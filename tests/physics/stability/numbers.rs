@@ -11,7 +11,7 @@ use glam::DVec3;
 use image::render::Backend;
 use image::render::cpu::Cpu;
 use plan::attitude::JitterLine;
-use plan::exposure::planner::Source;
+use plan::exposure::Source;
 use plan::exposure::{ExposurePlan, Instrument};
 use plan::optics::PsfModel;
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};

@@ -17,7 +17,7 @@ pub fn json_keys(source: &FactSource<'_>, keys: impl Fn(&Row) -> &'static [Key])
     object
 }
 
-/// Returns a fact as JSON: lists as arrays, faults with their numbers as objects; `null` for what is absent or no finite
+/// Returns a fact as JSON: lists as arrays, faults with their numbers as objects, regions as arrays of left, top, width and height; `null` for what is absent or no finite
 /// number.
 #[must_use]
 pub fn json(fact: Fact<'_>, form: Form) -> Value {
@@ -32,6 +32,13 @@ pub fn json(fact: Fact<'_>, form: Form) -> Value {
             });
             faults.collect()
         }
+        Fact::Regions(regions) if form == Form::Plain => {
+            let parts = regions
+                .as_slice()
+                .iter()
+                .map(|part| value!([part.left_px, part.top_px, part.width_px, part.height_px]));
+            parts.collect()
+        }
         Fact::Absent
         | Fact::Flag(_)
         | Fact::U32(_)
@@ -42,7 +49,8 @@ pub fn json(fact: Fact<'_>, form: Form) -> Value {
         | Fact::Time(_)
         | Fact::Span(_)
         | Fact::Faults(_)
-        | Fact::Active(_) => scalar(fact.element(0, form)),
+        | Fact::Active(_)
+        | Fact::Regions(_) => scalar(fact.element(0, form)),
     }
 }
 

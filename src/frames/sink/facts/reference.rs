@@ -45,7 +45,11 @@ pub(super) fn reference() -> String {
 }
 
 fn fits(row: &Row) -> String {
-    let ends = |form| if row.kind == Kind::Active && form == Form::Plain { &["n", "nNUM", "nVAL"][..] } else { &[""] };
+    let ends = |form| match (row.kind, form) {
+        (Kind::Active, Form::Plain) => &["n", "nNUM", "nVAL"][..],
+        (Kind::Regions, Form::Plain) => &["n"],
+        (_one_card, _) => &[""],
+    };
     let names = row.fits.iter().flat_map(|Card(keyword, form, _)| ends(*form).iter().map(move |end| (keyword, end)));
     names.map(|(keyword, end)| format!("`{keyword}{end}`")).collect::<Vec<_>>().join(", ")
 }
@@ -67,7 +71,8 @@ fn memory(row: &Row) -> String {
         | Kind::Time
         | Kind::Span
         | Kind::Faults
-        | Kind::Active => format!("{first_byte}: {}", stored.name()),
+        | Kind::Active
+        | Kind::Regions => format!("{first_byte}: {}", stored.name()),
     }
 }
 

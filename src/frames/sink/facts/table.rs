@@ -223,6 +223,10 @@ pub const TABLE: &[Row] = &[
         ]),
     row("window_px", Kind::Wholes(2), "px", "First sensor column and row of the image, where it is not the corner", |f| if f.meta.window_px == [0; 2] { Fact::Absent } else { Fact::Wholes(&f.meta.window_px) })
         .fits(Part::Making, &[Card("WINDOW_X", Plain, "[px] first sensor column, from 0"), Card("WINDOW_Y", Plain, "[px] first sensor row, from 0")]),
+    row("regions", Kind::Regions, "px", "Parts of the image that were read out, each as left, top, width, height, from 0: all other pixels are 0; none: all of it was", |f| Fact::Regions(&f.meta.regions))
+        .fits(Part::Making, &[Card("NREGIONS", Number, "parts of the image that were read out"), Card("REGION", Plain, "[px] left,top,width,height, from 0")])
+        .live(&[Key("regions", Plain)])
+        .control_meta(&[Key("regions", Plain)]),
     row("row_order", Kind::Text, "", "Order of the rows", |_| Fact::Text("TOP-DOWN"))
         .fits(Part::Making, &[Card("ROWORDER", Plain, "first row is the top; FITS pixel = px + 1")]),
     row("pixel_pitch_um", Kind::Real, "um", "Width and height of a pixel of the image, binned", |f| of_camera(f, |facts| facts.pixel_pitch_um * f64::from(f.meta.binning)))
@@ -233,6 +237,11 @@ pub const TABLE: &[Row] = &[
         .fits(Detector, &[Card("SATURATE", Plain, "[DN] a pixel saturates")]),
     row("read_noise_e_rms", Kind::Real, "e-", "Read noise of one pixel of the image, rms", |f| of_camera(f, |facts| facts.read_noise_e_rms))
         .fits(Detector, &[Card("RDNOISE", Plain, "[e-] rms of one pixel")]),
+    row("detector_temperature_c", Kind::Real, "Celsius", "Temperature of the detector", |f| of_camera(f, |facts| facts.temperature_c))
+        .fits(Detector, &[Card("CCD-TEMP", Plain, "[Celsius] temperature of the detector")])
+        .chunk(&[feature(28, "ChunkDetectorTemperature", Float, Plain, "C", "Temperature of the detector")]),
+    row("test_pattern", Kind::Text, "", "Test pattern in place of the image, as a client of the network camera chose it; `Off`: the image is the detector's", |f| Fact::Text(f.meta.test_pattern))
+        .chunk(&[feature(29, "ChunkTestPattern", Text, Plain, "", "Test pattern in place of the image; Off: the image is that of the detector")]),
     row("colours", Kind::Text, "", "Colours of the image's first two rows from its first pixel, where its pixels have filters: `RGGB`, `GRBG`, `GBRG`, `BGGR`", |f| colours(f).map_or(Fact::Absent, |pattern| Fact::Text(pattern.name())))
         .fits(Detector, &[Card("BAYERPAT", Plain, "colours from the first pixel of the image")])
         .control_meta(&[Key("colours", Plain)]),

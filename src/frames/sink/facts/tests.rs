@@ -68,7 +68,8 @@ fn elements(row: &Row) -> usize {
         | super::Kind::Time
         | super::Kind::Span
         | super::Kind::Faults
-        | super::Kind::Active => 1,
+        | super::Kind::Active
+        | super::Kind::Regions => 1,
     }
 }
 

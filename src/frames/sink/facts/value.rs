@@ -3,6 +3,7 @@
 use crate::sink::active_fault::ActiveFaults;
 use crate::sink::faults::FaultFlags;
 use crate::sink::frame::{FrameMeta, SentFrame};
+use base::region::Regions;
 use base::time::{Span, Tai};
 use base::units::DAY_S;
 use std::borrow::Cow;
@@ -64,6 +65,8 @@ pub enum Fact<'a> {
     Faults(FaultFlags),
     /// Faults with their numbers.
     Active(&'a ActiveFaults),
+    /// Parts of the image.
+    Regions(&'a Regions),
 }
 
 /// What a fact is, for people.
@@ -93,6 +96,8 @@ pub enum Kind {
     Faults,
     /// Faults with their numbers.
     Active,
+    /// Parts of the image.
+    Regions,
 }
 
 impl Kind {
@@ -112,6 +117,7 @@ impl Kind {
             Self::Span => "span",
             Self::Faults => "set of faults",
             Self::Active => "list of faults",
+            Self::Regions => "list of regions",
         };
         name.into()
     }
@@ -133,6 +139,7 @@ impl Kind {
             Fact::Span(_) => self == Self::Span,
             Fact::Faults(_) => self == Self::Faults,
             Fact::Active(_) => self == Self::Active,
+            Fact::Regions(_) => self == Self::Regions,
         }
     }
 }
@@ -156,7 +163,7 @@ pub enum Form {
     Bits,
     /// A set of faults as a list of names, where the output has lists; else as text.
     Names,
-    /// How many faults there are.
+    /// How many faults or regions there are.
     Number,
     /// Eight hexadecimal digits.
     Hex,
@@ -224,7 +231,8 @@ impl<'a> Fact<'a> {
             | Self::Time(_)
             | Self::Span(_)
             | Self::Faults(_)
-            | Self::Active(_) => 1,
+            | Self::Active(_)
+            | Self::Regions(_) => 1,
         }
     }
 
@@ -249,6 +257,9 @@ impl<'a> Fact<'a> {
             Self::Faults(faults) => Scalar::Text(faults.to_string().into()),
             Self::Active(active) if form == Form::Number => whole(active.count()),
             Self::Active(active) => Scalar::Text(active.to_string().into()),
+            Self::Regions(regions) if regions.is_whole() => Scalar::Absent,
+            Self::Regions(regions) if form == Form::Number => whole(regions.as_slice().len()),
+            Self::Regions(regions) => Scalar::Text(regions.to_string().into()),
         }
     }
 }

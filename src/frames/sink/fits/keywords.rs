@@ -10,6 +10,7 @@ use crate::sink::active_fault::ActiveFaults;
 use crate::sink::crc32::pixel_crc32;
 use crate::sink::facts::{Card, Fact, FactSource, Form, Part, Scalar, TABLE};
 use crate::sink::frame::{FrameMeta, SentFrame};
+use base::region::Regions;
 use std::borrow::Cow;
 use std::io::{self, Write};
 
@@ -63,6 +64,8 @@ fn push_part(header: &mut Header, source: &FactSource<'_>, part: Part) {
         for (element, card) in row.fits.iter().enumerate() {
             if let (Fact::Active(active), Form::Plain) = (fact, card.1) {
                 push_active(header, card, active);
+            } else if let (Fact::Regions(regions), Form::Plain) = (fact, card.1) {
+                push_regions(header, card, regions);
             } else {
                 push_card(header, card, fact, element);
             }
@@ -92,6 +95,13 @@ fn push_active(header: &mut Header, Card(keyword, _, comment): &Card, active: &A
         header.push(&format!("{keyword}{place}"), fault.name, comment);
         header.push(&format!("{keyword}{place}NUM"), u32::from(fault.number), "its number in the run's list");
         header.push(&format!("{keyword}{place}VAL"), fault.amount.value, fault.amount.unit);
+    }
+}
+
+/// Adds a card for each region.
+fn push_regions(header: &mut Header, Card(keyword, _, comment): &Card, regions: &Regions) {
+    for (place, region) in (1..).zip(regions.as_slice()) {
+        header.push(&format!("{keyword}{place}"), region.to_string(), comment);
     }
 }
 

@@ -47,6 +47,7 @@ impl Device {
     pub(super) fn take_events(&mut self) {
         let Some(commands) = &self.commands else { return };
         for event in commands.desk.events() {
+            self.messages.push(event, &self.shared.tally);
             match event.kind {
                 CameraEventKind::ExposureChosen(exposure) => {
                     self.memory.set_long(own::EXPOSURE_TIME, (exposure.ns() as f64 * 1e-3).to_bits());
@@ -149,7 +150,7 @@ impl Device {
         commands.range.check(command).map_err(|_| Status::InvalidParameter)
     }
 
-    fn put(&self, command: CameraCommand, at: Tai) -> Result<(), Status> {
+    pub(super) fn put(&self, command: CameraCommand, at: Tai) -> Result<(), Status> {
         self.check(&command)?;
         let commands = self.commands.as_ref().ok_or(Status::WriteProtect)?;
         let is_taken = commands.desk.put(Commanded { command, at, from: CommandSource::NetworkCamera });

@@ -6,7 +6,11 @@ use crate::network_camera::chunk;
 use crate::network_camera::first_values::ONE_IN_MOST;
 use crate::network_camera::gvcp::Status;
 use crate::network_camera::pixel_format::PixelFormat;
+use crate::network_camera::regions::stacked_px;
 use crate::network_camera::registers::{Memory, own};
+use crate::network_camera::test_pattern::TestPattern;
+use crate::network_camera::user_sets::NAMES;
+use crate::network_camera::xml::offset_step;
 use base::time::Tai;
 
 impl Device {
@@ -20,6 +24,7 @@ impl Device {
             let done = if is_legal { Ok(()) } else { Err(Status::InvalidParameter) };
             done.map(|()| memory.set(address, value))
         };
+        let (colours, step) = (self.colours, offset_step(self.colours));
         let memory = &mut self.memory;
         let room = |sensor, taken| memory.word(sensor).saturating_sub(memory.word(taken));
         match address {
@@ -33,13 +38,15 @@ impl Device {
             }
             own::OFFSET_X => {
                 let most = room(own::SENSOR_WIDTH, own::WIDTH);
-                free().and_then(|()| set_if(memory, value <= most))?;
+                free().and_then(|()| set_if(memory, value <= most && value.is_multiple_of(step)))?;
             }
             own::OFFSET_Y => {
                 let most = room(own::SENSOR_HEIGHT, own::HEIGHT);
-                free().and_then(|()| set_if(memory, value <= most))?;
+                free().and_then(|()| set_if(memory, value <= most && value.is_multiple_of(step)))?;
             }
-            own::PIXEL_FORMAT => free().and_then(|()| set_if(memory, PixelFormat::from_code(value).is_some()))?,
+            own::PIXEL_FORMAT => {
+                free().and_then(|()| set_if(memory, PixelFormat::from_code(value, colours).is_some()))?
+            }
             own::ACQUISITION_MODE => free().and_then(|()| set_if(memory, value <= 2))?,
             own::FRAME_COUNT => free().and_then(|()| set_if(memory, (1..=65_535).contains(&value)))?,
             own::TRIGGER_MODE | own::TRIGGER_SOURCE | own::CHUNK_MODE => {
@@ -59,12 +66,22 @@ impl Device {
             own::FRAME_RATE_LOW => return self.write_rate(value),
             own::ACQUISITION_START => {
                 self.must_be_proven()?;
+                self.command_regions(self.bench_time(now))?;
                 self.start(now);
             }
             own::ACQUISITION_STOP => self.stop(),
+            own::TEST_PATTERN => set_if(memory, TestPattern::from_number(value).is_some())?,
+            own::USER_SET_SELECTOR | own::USER_SET_DEFAULT => set_if(memory, (value as usize) < NAMES.len())?,
+            own::USER_SET_LOAD => return self.load_user_set(own::USER_SET_SELECTOR, now),
+            own::USER_SET_SAVE => return self.save_user_set(),
+            own::DEVICE_RESET => return self.reset(now),
+            own::EVENT_SELECTOR | own::EVENT_NOTIFICATION => return self.write_event(address, value),
+            own::REGION_SELECTOR | own::REGION_MODE => return self.write_region(address, value),
+            own::PTP_ENABLE | own::PTP_LATCH => return self.write_ptp(address, value),
             own::TRIGGER_SOFTWARE => return self.trigger(SOURCE_SOFTWARE, self.bench_time(now)),
             _ => return memory.read(address, 4).and(Err(Status::WriteProtect)),
         }
+        self.keep_region();
         self.measure_payload();
         Ok(())
     }
@@ -92,7 +109,11 @@ impl Device {
     }
 
     pub(super) fn format(&self) -> PixelFormat {
-        PixelFormat::from_code(self.memory.word(own::PIXEL_FORMAT)).unwrap_or(PixelFormat::Mono16)
+        PixelFormat::from_code(self.memory.word(own::PIXEL_FORMAT), self.colours).unwrap_or(PixelFormat::Mono16)
+    }
+
+    pub(super) fn pattern(&self) -> TestPattern {
+        TestPattern::from_number(self.memory.word(own::TEST_PATTERN)).unwrap_or_default()
     }
 
     pub(super) fn has_chunks(&self) -> bool {
@@ -100,8 +121,7 @@ impl Device {
     }
 
     pub(super) fn measure_payload(&mut self) {
-        let [columns, rows] =
-            [own::WIDTH, own::HEIGHT].map(|side| usize::try_from(self.memory.word(side)).unwrap_or(0));
+        let [columns, rows] = stacked_px(&self.regions.present()).map(|side| side as usize);
         let chunks = if self.has_chunks() { chunk::added_bytes() } else { 0 };
         let bytes = self.format().bytes(columns * rows) + chunks;
         self.memory.set(own::PAYLOAD_SIZE, u32::try_from(bytes).unwrap_or(u32::MAX));

@@ -9,9 +9,9 @@ use frames::camera_control::{
 use std::sync::Arc;
 
 /// The time of the bench, which is not that of the machine.
-const BENCH: Tai = Tai::from_ns(5_000_000_000);
+pub(super) const BENCH: Tai = Tai::from_ns(5_000_000_000);
 
-fn commanded() -> (Bench, DeskEnd) {
+pub(super) fn commanded() -> (Bench, DeskEnd) {
     let (desk, end) = desk();
     let range = CameraRange {
         exposure: [Span::from_ns(20_000), Span::from_ms(500)],
@@ -42,7 +42,7 @@ impl Bench {
     }
 }
 
-fn taken(end: &DeskEnd) -> Vec<CameraCommand> {
+pub(super) fn taken(end: &DeskEnd) -> Vec<CameraCommand> {
     let all: Vec<Commanded> = end.commands().collect();
     assert!(all.iter().all(|one| one.from == CommandSource::NetworkCamera && one.at == BENCH), "{all:?}");
     all.into_iter().map(|one| one.command).collect()

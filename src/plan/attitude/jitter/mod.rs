@@ -30,7 +30,6 @@ mod wheels;
 
 pub use psd::{LINES_PER_AXIS, PSD_POINTS_MAX, PsdPoint, psd_variance};
 pub use record::{JitterRecord, RECORD_SAMPLES_MAX, RecordEnd, RecordError, RecordedJitter};
-pub(super) use record::{RECORD_LINES, RECORD_POINTS_MAX};
 pub use spectrum::{DENSITY_ROWS_MAX, DensityError, SpectrumBin, band_power_rad2, smear_power_rad2};
 pub use table::{JitterTableError, read_density, read_series};
 pub use wheels::{HARMONICS_MAX, WHEELS, WheelHarmonic};
@@ -38,10 +37,11 @@ pub use wheels::{HARMONICS_MAX, WHEELS, WheelHarmonic};
 use crate::attitude::error::{HistoryReject, JitterReject};
 use crate::attitude::los::{JitterLine, JitterPoint, JitterTrack};
 use crate::attitude::remote_clock::ClockEstimate;
+use crate::attitude::residual::KNOTS_MAX;
 use crate::attitude::ring::{EpochRing, HistoryCounts, HistoryLimits};
 use base::time::{Span, Tai};
 use glam::DVec3;
-use record::RecordReader;
+use record::{RECORD_LINES, RECORD_POINTS_MAX, RecordReader};
 use stream::Stream;
 use wheels::WheelHarmonics;
 
@@ -49,6 +49,17 @@ use wheels::WheelHarmonics;
 pub const UPLOADED_LINES_MAX: usize = 32;
 /// Lines that all tables of the bus can give an exposure.
 pub const BUS_LINES_MAX: usize = UPLOADED_LINES_MAX + 3 * LINES_PER_AXIS + HARMONICS_MAX;
+
+impl JitterTrack {
+    /// No jitter, and room for so many configured lines and received points, for the lines of all tables that come over
+    /// the bus, for what a record gives, and for the knots of a long exposure.
+    #[must_use]
+    pub fn with_capacity(lines: usize, points: usize) -> Self {
+        let points = Vec::with_capacity(points + RECORD_POINTS_MAX + KNOTS_MAX);
+        let lines = Vec::with_capacity(lines + BUS_LINES_MAX + RECORD_LINES);
+        Self { lines, points, ..Self::none() }
+    }
+}
 
 /// Jitter known so far.
 #[derive(Debug, Clone)]

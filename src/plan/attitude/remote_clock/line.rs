@@ -7,7 +7,7 @@
 use super::floor::DelayFloor;
 use super::hull::{Edge, HEIGHT_MEAN, HEIGHT_SIGMA, LowerHull, SLOPE_SIGMA};
 use super::kalman::{Trust, TwoState};
-use super::marks::Mark;
+use super::mark::Mark;
 
 /// Deviation of the first mark's delay, ns; each pair of marks leaves a tenth of it: the chance that all were late.
 const FIRST_DELAY_SIGMA_NS: f64 = 1e6;

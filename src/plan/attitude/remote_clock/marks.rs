@@ -6,6 +6,7 @@
 //! keeps them rare.
 
 use super::line::Line;
+use super::mark::Mark;
 use std::collections::VecDeque;
 
 /// Outliers that a further one must agree with.
@@ -24,15 +25,6 @@ const LEAST_GATE_NS: f64 = 3_000.0;
 const GATE_SIGMAS: f64 = 6.0;
 /// As much as these may add while a line is young, ns.
 const MOST_SIGMAS_NS: f64 = 95_000.0;
-
-/// One pair of stamps.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(super) struct Mark {
-    /// Remote time of SYNC's transmission, ns.
-    pub remote_ns: i64,
-    /// Local time of its reception less that, ns.
-    pub difference_ns: i64,
-}
 
 /// What a mark is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -25,6 +25,7 @@ mod floor;
 mod hull;
 mod kalman;
 mod line;
+mod mark;
 mod marks;
 mod pps;
 #[cfg(test)]
@@ -37,7 +38,8 @@ pub use pps::ObservedPps;
 use base::time::{Span, Tai};
 
 use line::{Line, LineParams};
-use marks::{Doubts, Mark, Verdict};
+use mark::Mark;
+use marks::{Doubts, Verdict};
 use pps::Pulses;
 
 /// Marks after a step in which it may turn out to have been damage.

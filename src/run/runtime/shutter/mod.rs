@@ -8,6 +8,7 @@
 //! Rules, after GenICam SFNC 2.7.1 and the manuals of global-shutter cameras:
 //! * an exposure starts when the one before has ended, and so late that its readout does not meet the readout before;
 //! * free running: one period after the start before, or as soon as the rules allow it;
+//! * a readout lasts as long as its rows: of regions those that have a pixel in any of them;
 //! * by trigger: `delay` after the trigger. A trigger that comes too early for its overlap mode, or while another one waits,
 //!   is missed: counted and reported, and nothing else happens.
 //!
@@ -18,6 +19,7 @@ mod state;
 mod tests;
 
 use crate::runtime::slot::{Slot, Started};
+use base::region::Regions;
 use base::time::{Span, Tai};
 use frames::camera_control::{CameraCommand, CameraRange, CameraSettings, Commanded, SettingRefusal, StartSettings};
 use state::{Outcome, State};
@@ -33,14 +35,27 @@ pub struct ShutterParams {
     pub first_exposure: Tai,
     /// From one exposure's start to the next.
     pub period: Span,
-    /// From the end of an exposure to its frame.
+    /// From the end of an exposure to its frame, when all rows are read out.
     pub readout: Span,
+    /// Columns and rows of the image.
+    pub size_px: [usize; 2],
     /// How long before the ends of exposures frames are begun.
     pub ahead: Span,
     /// No exposure starts at or after this instant, or lasts beyond it.
     pub end: Tai,
     /// Settings of exposures.
     pub settings: CameraSettings,
+}
+
+impl ShutterParams {
+    /// Returns the time from the end of an exposure to its frame: the sensor reads out the rows that have a pixel in a region.
+    fn readout_of(&self, regions: &Regions) -> Span {
+        let rows = self.size_px[1];
+        if regions.is_whole() || rows == 0 {
+            return self.readout;
+        }
+        Span::from_s(self.readout.s() * (regions.rows(self.size_px) as f64 / rows as f64))
+    }
 }
 
 /// The next slot of a head.
@@ -94,7 +109,9 @@ pub struct TriggersSeen {
 #[derive(Debug, Clone)]
 pub struct Shutter {
     params: ShutterParams,
-    /// What commands may ask; `None`: nothing, as for a display.
+    /// What commands may ask when all of the image is read out; `None`: nothing, as for a display.
+    whole_range: Option<CameraRange>,
+    /// What they may ask when the regions of the last command are read out.
     range: Option<CameraRange>,
     /// After the last exposure that was drawn.
     state: State,
@@ -111,6 +128,7 @@ impl Shutter {
     pub fn new(params: ShutterParams, range: Option<CameraRange>) -> Self {
         let mut shutter = Self {
             params,
+            whole_range: range,
             range,
             state: State::new(&params),
             commands: VecDeque::with_capacity(PLACES),
@@ -126,6 +144,12 @@ impl Shutter {
     #[must_use]
     pub fn range(&self) -> Option<&CameraRange> {
         self.range.as_ref()
+    }
+
+    /// Returns what commands may ask when these regions are read out.
+    #[must_use]
+    pub fn range_reading(&self, regions: &Regions) -> Option<CameraRange> {
+        self.whole_range.map(|range| range.reading(regions))
     }
 
     /// Returns what starts exposures, by the commands up to the last exposure.
@@ -166,6 +190,9 @@ impl Shutter {
         if self.commands.len() >= PLACES {
             return Err(SettingRefusal::TooMany);
         }
+        if let CameraCommand::Regions(regions) = &commanded.command {
+            self.range = self.range_reading(regions);
+        }
         let place = self.commands.partition_point(|other| other.at <= commanded.at);
         self.commands.insert(place, *commanded);
         self.forecast();
@@ -177,7 +204,7 @@ impl Shutter {
         let NextSlot::Slot(slot) = self.next else { return };
         let walk = self.walk();
         self.use_up(&walk);
-        self.state.expose(&slot, &self.params);
+        self.state.expose(&slot);
         self.forecast();
     }
 
@@ -185,7 +212,7 @@ impl Shutter {
     #[must_use]
     pub fn nominal(&self, number: u32) -> Slot {
         let start = self.params.first_exposure + Span::from_ns(self.params.period.ns() * i64::from(number));
-        self.slot(number, start, self.params.settings.exposure, Started::Rate)
+        self.slot(number, start, &self.params.settings, Started::Rate)
     }
 
     /// The settings of exposures without commands.
@@ -196,10 +223,11 @@ impl Shutter {
 
     /// The slot of an exposure.
     #[must_use]
-    pub fn slot(&self, number: u32, exposure_start: Tai, exposure: Span, started: Started) -> Slot {
-        let exposure_end = exposure_start + exposure;
+    pub fn slot(&self, number: u32, exposure_start: Tai, settings: &CameraSettings, started: Started) -> Slot {
+        let exposure_end = exposure_start + settings.exposure;
         let release = exposure_end - self.params.ahead;
-        Slot { number, exposure_start, exposure_end, release, due: release + self.params.readout, started }
+        let due = release + self.params.readout_of(&settings.regions);
+        Slot { number, exposure_start, exposure_end, release, due, started }
     }
 
     /// Looks ahead: what comes next when no further command comes.
@@ -213,7 +241,7 @@ impl Shutter {
             return;
         };
         self.settings.exposure = self.exposure(&walk, started);
-        let slot = self.slot(self.state.number(), start, self.settings.exposure, started);
+        let slot = self.slot(self.state.number(), start, &self.settings, started);
         let fits = start < self.params.end && slot.exposure_end <= self.params.end + ROUNDING;
         self.next = if fits { NextSlot::Slot(slot) } else { NextSlot::Over };
     }

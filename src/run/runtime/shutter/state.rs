@@ -160,10 +160,10 @@ impl State {
     }
 
     /// An exposure is over, as far as the shutter is concerned.
-    pub(super) fn expose(&mut self, slot: &Slot, params: &ShutterParams) {
-        let Slot { exposure_start: start, exposure_end: end, .. } = *slot;
+    pub(super) fn expose(&mut self, slot: &Slot) {
+        let Slot { exposure_start: start, exposure_end: end, release, due, .. } = *slot;
         self.number += 1;
-        self.previous = Some(Previous { start, end, read: end + params.readout });
+        self.previous = Some(Previous { start, end, read: end + (due - release) });
         self.free_from = start + self.start.period.unwrap_or(Span::ZERO);
         self.burst_left = self.burst_left.saturating_sub(1);
         if self.burst_left == 0 {

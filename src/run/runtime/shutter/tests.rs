@@ -22,6 +22,7 @@ fn params() -> ShutterParams {
         first_exposure: at_ms(1000.0),
         period: ms(100.0),
         readout: ms(30.0),
+        size_px: [64, 48],
         ahead: Span::ZERO,
         end: at_ms(2000.0),
         settings,
@@ -234,4 +235,29 @@ fn what_a_camera_cannot_do_is_refused() {
     assert_eq!(take(&mut shutter, CameraCommand::Burst(1)), Err(SettingRefusal::TooMany));
     let mut display = Shutter::new(params(), None);
     assert_eq!(take(&mut display, CameraCommand::Burst(1)), Err(SettingRefusal::Unsupported));
+}
+
+#[test]
+fn regions_are_read_out_as_fast_as_their_rows() {
+    let region = |top_px| Region { left_px: 5, top_px, width_px: 8, height_px: 6 };
+    let regions = Regions::of(&[region(0), region(4), region(40)]).unwrap();
+    let mut shutter = shutter();
+    let faster = CameraCommand::Period(Some(ms(20.0)));
+    let take = |shutter: &mut Shutter, command| {
+        shutter.take(&Commanded { command, at: at_ms(0.0), from: CommandSource::Control })
+    };
+    assert_eq!(take(&mut shutter, faster), Err(SettingRefusal::OutOfRange), "all rows take 30 ms");
+    command(&mut shutter, 1000.0, CameraCommand::Exposure(ms(5.0)));
+    command(&mut shutter, 1000.0, CameraCommand::Period(None));
+    command(&mut shutter, 1000.0, CameraCommand::Regions(regions));
+    for number in 0..3 {
+        let slot = shutter.next().slot().unwrap();
+        // 16 of 48 rows in 10 ms.
+        assert_eq!(slot.due, slot.exposure_end + ms(10.0));
+        assert_eq!(next(&mut shutter), Some((1000.0 + 10.0 * f64::from(number), 5.0)));
+    }
+    assert_eq!(take(&mut shutter, faster), Ok(()));
+    // The whole image again: its readout lasts as long as ever, whatever was asked for.
+    command(&mut shutter, 1025.0, CameraCommand::Regions(Regions::WHOLE));
+    assert_eq!(rest(&mut shutter)[..4], [1040.0, 1070.0, 1100.0, 1130.0]);
 }

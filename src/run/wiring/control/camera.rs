@@ -85,6 +85,8 @@ impl CameraRequest {
             };
             commands.push(command);
         }
+        // What else may be asked depends on what is read out.
+        commands.sort_by_key(|command| !matches!(command, CameraCommand::Regions(_)));
         Ok(Self { head, at_s, commands })
     }
 
@@ -113,7 +115,11 @@ impl CameraRequest {
                 (at - zero).s()
             ));
         }
-        let range = exposing.range().ok_or("this head is drawn for a display, which has no exposure to command")?;
+        let range = match self.commands.first() {
+            Some(CameraCommand::Regions(regions)) => exposing.range_reading(regions),
+            _ => exposing.range().copied(),
+        };
+        let range = &range.ok_or("this head is drawn for a display, which has no exposure to command")?;
         for command in &self.commands {
             range.check(command).map_err(|why| {
                 let [got, wanted] = described(command, range);

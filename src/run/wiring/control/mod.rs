@@ -11,6 +11,7 @@ mod admission;
 mod answers;
 mod base64;
 mod camera;
+mod error;
 mod lines;
 mod newest;
 mod output;
@@ -23,6 +24,7 @@ mod tests;
 mod token;
 
 pub use admission::ControlRefusals;
+pub use error::ControlError;
 pub use lines::ControlAddress;
 
 use crate::runtime::exposing::Exposing;
@@ -41,36 +43,9 @@ pub use newest::NewestFrames;
 use protocol::{Request, StepBy, refused, told};
 use serde_json::{Value, json};
 use std::net::TcpListener;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use testbed::vehicle::Vehicle;
 use token::{Token, TokenFile};
-
-/// Why the control socket cannot be used.
-#[derive(Debug, thiserror::Error)]
-pub enum ControlError {
-    /// The address cannot be listened on.
-    #[error("control socket: cannot listen on {address} ({source}); port 0 takes any free one")]
-    Listen {
-        /// The address.
-        address: ControlAddress,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// The system has no random numbers.
-    #[error("control socket: no random numbers for a token: {source}")]
-    Random {
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// The token cannot be written.
-    #[error("control socket: cannot write the token to {} ({source})", path.display())]
-    TokenFile {
-        /// Its file.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
-}
 
 /// How a session ended.
 #[derive(Debug, Clone, PartialEq)]

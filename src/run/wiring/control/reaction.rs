@@ -9,15 +9,12 @@
 //!
 //! Tests: below, and `tests/closed_loop/reaction.rs`.
 
-use base::axes::{Body, Icrf, Rotation};
+use base::axes::{Body, COMPUTED_NORM_TOLERANCE, Icrf, Rotation};
 use base::time::{Span, Tai};
 use base::units::ARCSEC;
 use glam::DVec3;
 use serde_json::{Map, Value, json};
 use testbed::vehicle::Vehicle;
-
-/// Largest difference from 1 of a quaternion's norm.
-const NORM_TOLERANCE: f64 = 1e-6;
 
 /// One request, read.
 #[derive(Debug, Clone, PartialEq)]
@@ -133,9 +130,9 @@ fn rotation(keys: &Map<String, Value>) -> Result<Rotation<Body, Icrf>, String> {
     let key = "body_from_icrf";
     let numbers = numbers(keys, key)?.ok_or_else(|| format!("{key} is missing; wanted a quaternion [w, x, y, z]"))?;
     let wxyz = <[f64; 4]>::try_from(numbers.as_slice()).ok();
-    let unit = wxyz.and_then(|wxyz| Rotation::from_wxyz(wxyz, NORM_TOLERANCE));
+    let unit = wxyz.and_then(|wxyz| Rotation::from_wxyz(wxyz, COMPUTED_NORM_TOLERANCE));
     unit.ok_or_else(|| {
-        format!("{key} is {numbers:?}; wanted a quaternion [w, x, y, z] of norm 1 within {NORM_TOLERANCE}")
+        format!("{key} is {numbers:?}; wanted a quaternion [w, x, y, z] of norm 1 within {COMPUTED_NORM_TOLERANCE}")
     })
 }
 

@@ -9,9 +9,9 @@
 //! What is wrong with a row is said with its place; then nothing of the list is taken. Tests: below.
 
 use crate::runtime::{PlantAttitude, PlantSample};
-use base::axes::Rotation;
+use base::axes::{COMPUTED_NORM_TOLERANCE, Rotation};
 use base::time::{Span, Tai};
-use base::units::ARCSEC;
+use base::units::{ARCSEC, METRE_KM};
 use glam::DVec3;
 use serde_json::{Map, Value};
 use sky::observer::BarycentricState;
@@ -20,8 +20,6 @@ use sky::observer::BarycentricState;
 const SAMPLES_MAX: usize = 4096;
 /// Furthest time from the first exposure, s: three years.
 const MOST_S: f64 = 1e8;
-/// Largest difference from 1 of a quaternion's norm: nine decimals of each component, with a margin.
-const NORM_TOLERANCE: f64 = 1e-6;
 
 /// What a list is about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -94,7 +92,7 @@ impl Subject {
     fn scale(self, unit: Option<&Value>) -> Result<f64, String> {
         let units: &[(&str, f64)] = match self {
             Self::Attitude => return Ok(1.0),
-            Self::Observer => &[("km", 1.0), ("m", 1e-3)],
+            Self::Observer => &[("km", 1.0), ("m", METRE_KM)],
             Self::Jitter => &[("arcsec", ARCSEC), ("rad", 1.0)],
         };
         let Some(unit) = unit else { return Ok(units[0].1) };
@@ -114,7 +112,8 @@ impl Subject {
             (Self::Attitude, 8 | 11) => {
                 let wxyz = [numbers[1], numbers[2], numbers[3], numbers[4]];
                 let acceleration_rad_s2 = if numbers.len() == 11 { vector(8) } else { DVec3::ZERO };
-                let body_from_icrf = Rotation::from_wxyz(wxyz, NORM_TOLERANCE).ok_or_else(|| not_unit(wxyz))?;
+                let body_from_icrf =
+                    Rotation::from_wxyz(wxyz, COMPUTED_NORM_TOLERANCE).ok_or_else(|| not_unit(wxyz))?;
                 Said::Attitude(PlantAttitude { body_from_icrf, rate_rad_s: vector(5), acceleration_rad_s2 })
             }
             (Self::Observer, 7) => {
@@ -129,7 +128,7 @@ impl Subject {
 
 fn not_unit(wxyz: [f64; 4]) -> String {
     let norm = wxyz.iter().map(|part| part * part).sum::<f64>().sqrt();
-    format!("has a quaternion of norm {norm}, which is further than {NORM_TOLERANCE} from 1")
+    format!("has a quaternion of norm {norm}, which is further than {COMPUTED_NORM_TOLERANCE} from 1")
 }
 
 /// The numbers of a row; JSON has no infinite ones.

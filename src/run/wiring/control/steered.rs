@@ -7,6 +7,7 @@ use crate::runtime::RunRecord;
 use crate::runtime::real_time::HeadParts;
 use crate::wiring::control::answers::{self, Instants};
 use crate::wiring::control::protocol::Request;
+use crate::wiring::control::samples::SampleList;
 use crate::wiring::error::LoopError;
 use crate::wiring::steering::Steering;
 use base::time::{Span, Tai};
@@ -87,10 +88,10 @@ pub(super) fn answer(request: &Request, scenario: &Scenario, steering: &Steering
         Request::Tracker { .. } => {
             Err("the real clock goes on meanwhile: ask for estimate, or run with --clock virtual".into())
         }
-        Request::Plant(_) | Request::BadSamples(_) => {
-            let why = "the real clock takes a plant outside by a link, such as a bus or link.kind = \"udp\"; run with --clock \
-                       virtual to send samples here";
-            Err(why.into())
+        Request::Plant(samples) => plant(samples, scenario, steering),
+        Request::BadSamples(why) => {
+            steering.note_bad_samples().map_err(|error| error.to_string())?;
+            Err(why.clone())
         }
         Request::Frame { head, path, pixels } => {
             let ended = steering.ended().map(|(times, _)| times.zero);
@@ -99,6 +100,23 @@ pub(super) fn answer(request: &Request, scenario: &Scenario, steering: &Steering
         }
         Request::Finish => Ok(Value::Null),
     }
+}
+
+/// Hands samples of a plant outside on; each is taken when it comes, by its own instant.
+fn plant(samples: &SampleList, scenario: &Scenario, steering: &Steering) -> Result<Value, String> {
+    if !scenario.bench.is_lockstep() {
+        let why = "the attitudes of this bench come by its link, or from inside; wanted plant.kind = \"outside\" with a \
+                   simulated link without gateways to send samples here";
+        return Err(why.into());
+    }
+    let instants = instants(steering)?;
+    let samples = samples.since(instants.zero);
+    let waiting = steering.send_samples(&samples).map_err(|error| error.to_string())?;
+    let attitudes = samples.iter().filter(|sample| sample.attitude.is_some());
+    let attitude_until_s = attitudes.map(|sample| sample.at).max().map(|at| instants.s(at));
+    Ok(json!({
+        "taken": samples.len(), "waiting": waiting, "attitude_until_s": attitude_until_s, "now_s": instants.now_s(),
+    }))
 }
 
 fn instants(steering: &Steering) -> Result<Instants, String> {

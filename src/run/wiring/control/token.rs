@@ -5,7 +5,8 @@
 //! `$XDG_RUNTIME_DIR/starloop/control-ADDRESS_PORT.token`, or `starloop-UID` in the folder for temporary files instead of
 //! `$XDG_RUNTIME_DIR/starloop`. The file is removed at the end of the run. Tests: below.
 
-use crate::wiring::control::{ControlAddress, ControlError};
+use crate::wiring::control::error::ControlError;
+use crate::wiring::control::lines::ControlAddress;
 use core::fmt;
 use core::hint::black_box;
 use rand::TryRng;

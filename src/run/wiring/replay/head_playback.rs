@@ -5,11 +5,11 @@
 
 use super::captured_links::{CapturedLinks, Source};
 use super::head_faults::HeadFaults;
-use super::{CapturedFate, Difference, DrawnFrom, FrameRow, HeadOutcome, ReplayError};
+use super::{CapturedFate, CapturedSample, Difference, DrawnFrom, FrameRow, HeadOutcome, ReplayError};
 use crate::runtime::frame_faults::Fate;
 use crate::runtime::head_step::HeadStep;
 use crate::runtime::receiver::{PORTS_MAX, Receiver};
-use crate::runtime::{Exposed, FrameEngine, Imager, Ledger, PlantSample, Slot};
+use crate::runtime::{Exposed, FrameEngine, Imager, Ledger, Slot};
 use crate::wiring::fault_desk::FaultDesk;
 use crate::wiring::faults::Inventory;
 use crate::wiring::heads::CostsHere;
@@ -66,7 +66,7 @@ pub(super) struct HeadPlayback {
     faults: HeadFaults,
     links: CapturedLinks,
     /// Of a plant in lockstep, those that act later.
-    samples: VecDeque<PlantSample>,
+    samples: VecDeque<CapturedSample>,
     ledger: Ledger,
     frame: SentFrame,
     frames: Range<u32>,
@@ -135,7 +135,7 @@ impl HeadPlayback {
     }
 
     /// Takes the samples of a plant in lockstep, in the order in which they act.
-    pub(super) fn take_samples(&mut self, samples: &[PlantSample]) {
+    pub(super) fn take_samples(&mut self, samples: &[CapturedSample]) {
         self.samples = samples.iter().copied().collect();
     }
 
@@ -189,11 +189,11 @@ impl HeadPlayback {
                 return Ok(());
             }
             // What the bus brought at the instant of a sample came first.
-            let until = self.samples.front().map_or(Tai::from_ns(i64::MAX), |sample| sample.at);
+            let until = self.samples.front().map_or(Tai::from_ns(i64::MAX), |next| next.arrived);
             match (self.links.take(until, is_wanted)?, self.samples.front().copied()) {
-                (None, Some(sample)) => {
+                (None, Some(CapturedSample { sample, arrived })) => {
                     self.samples.pop_front();
-                    self.receiver.take_lockstep(&sample, &mut self.ledger);
+                    self.receiver.take_sample(&sample, arrived, &mut self.ledger);
                 }
                 (Some((link, message)), _) => drop(self.receiver.accept_input(link, &message, &mut self.ledger)),
                 (None, None) => {

@@ -1,12 +1,12 @@
 //! A captured run, kept and drawn again bit by bit.
 //!
 //! ```text
-//! a run -> Recording -> DIR/{session.json, bus.pcapng or bus.log, frames.csv} -> replay_session -> the same images
+//! a run -> Recording -> DIR/{session.json, data/, bus.pcapng or bus.log, frames.csv} -> replay_session -> the same images
 //! ```
 //!
 //! What a frame is made of: the run file, the seed, the costs that the planner knew, the messages that had been taken in
 //! before it was drawn, the load under which it was planned, and the faults of its time. `session.json` holds the first three
-//! with every file that the run file names, and the events that came while the run went on; the capture holds the packets of
+//! with every configuration that the run file names, and the events that came while the run went on; `data` has copies of its files of attitudes, orbits, jitter and maps; the capture holds the packets of
 //! all links with their stamps; `frames.csv` holds, frame by frame and head by head, how many messages of each link had been
 //! taken in, the load as exact bits, how a commanded camera exposed it, and the CRC-32 of the image that went out. A replay plays each head on its own: it feeds
 //! the packets through the same ports and receiver in the same portions, places the same events, and compares each image.
@@ -24,6 +24,8 @@ mod exposed;
 mod head_faults;
 mod head_playback;
 mod injected;
+#[cfg(test)]
+mod mutation_tests;
 mod playback;
 mod recording;
 #[cfg(test)]
@@ -35,15 +37,16 @@ mod rows;
 mod rows_tests;
 mod sample_table;
 mod session;
+mod table_lines;
 
 pub use completeness::RowCounts;
 pub use error::ReplayError;
 pub use injected::{Injected, KeptEvent};
 pub use playback::{Difference, HeadOutcome, ReplayOptions, ReplayOutcome, SinkOfHead, replay_bus, replay_session};
-pub use recording::Recording;
+pub use recording::{Recording, SampleTap};
 pub use row_reader::RowReader;
 pub use rows::{CapturedFate, DrawnFrom, FrameRow, RowForm};
-pub use sample_table::SampleReader;
+pub use sample_table::{CapturedSample, SampleReader};
 pub use session::{Session, SessionEnd, SessionParams};
 
 /// Name of the session's file.

@@ -131,6 +131,7 @@ pub fn replay_session(
 ) -> Result<ReplayOutcome, ReplayError> {
     let session = Session::read(directory)?;
     completeness::check(directory, &session)?;
+    session.check_data()?;
     let scenario = session.scenario()?;
     let source = Source { bus: &directory.join(&session.bus), takes_sent: false };
     let real = if session.is_real { Some(session.cost()?) } else { None };

@@ -8,7 +8,7 @@
 //! 3. [`Recording::tap_frames`] around the sink of each head, before its first frame; a tracker's tap may be inside;
 //! 4. [`Recording::note_injected`] for each event that was placed while the run went on, with the time at which it came:
 //!    slots released until then were drawn before it, later ones after it;
-//! 5. [`Recording::note_samples`] for each list of samples that a plant in lockstep sent and the run took;
+//! 5. [`SampleTap::note`] for each list of samples that a plant in lockstep sent and the run took;
 //! 6. [`Recording::finish`] when all sinks are finished and links are closed.
 //!
 //! It waits for the disk on the virtual clock only; on the real clock what the disk does not take is lost and counted.
@@ -19,7 +19,7 @@ use super::sample_table::SampleWriter;
 use super::session::SessionParams;
 use super::{FRAMES_FILE, ReplayError, SESSION_FILE, Session, SessionEnd};
 use crate::runtime::{DeadlinePolicy, FrameEngine, PlantSample, frame_marks};
-use base::time::Span;
+use base::time::{Span, Tai};
 use config::Event;
 use frames::sink::Sink;
 use link::Link;
@@ -28,7 +28,24 @@ use link::tap::Capture;
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// Writes down samples, from any thread.
+#[derive(Clone)]
+pub struct SampleTap {
+    writer: Arc<Mutex<SampleWriter>>,
+}
+
+impl SampleTap {
+    /// Writes down samples that the run took at this instant; in lockstep each acts at its own.
+    pub fn note(&self, samples: &[PlantSample], arrived: Tai) {
+        self.lock().write(samples, arrived);
+    }
+
+    fn lock(&self) -> MutexGuard<'_, SampleWriter> {
+        self.writer.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
 
 /// A capture under way.
 pub struct Recording {
@@ -37,7 +54,7 @@ pub struct Recording {
     capture: Capture,
     rows: RowWriter,
     /// Of a plant in lockstep.
-    samples: Option<Mutex<SampleWriter>>,
+    samples: Option<SampleTap>,
 }
 
 impl Recording {
@@ -54,7 +71,8 @@ impl Recording {
         if directory.join(SESSION_FILE).exists() {
             return Err(ReplayError::Occupied { path: directory.into() });
         }
-        let session = Session::new(params, format)?;
+        let mut session = Session::new(params, format)?;
+        session.keep_data(directory)?;
         let bus = directory.join(&session.bus);
         let out = File::create_new(&bus).map_err(refuse(&bus, "write the packets"))?;
         let (links, waits) = (1 + params.scenario.bench.extra_links.len(), !params.is_real);
@@ -62,7 +80,8 @@ impl Recording {
             .map_err(|source| ReplayError::Capture { path: bus, source })?;
         let rows = RowWriter::create(&directory.join(FRAMES_FILE), links, waits)?;
         let is_lockstep = params.scenario.bench.is_lockstep();
-        let samples = is_lockstep.then(|| SampleWriter::create(directory).map(Mutex::new)).transpose()?;
+        let samples = is_lockstep.then(|| SampleWriter::create(directory, params.is_real)).transpose()?;
+        let samples = samples.map(|writer| SampleTap { writer: Arc::new(Mutex::new(writer)) });
         session.write(directory)?;
         Ok(Self { directory: directory.into(), session: Mutex::new(session), capture, rows, samples })
     }
@@ -90,11 +109,10 @@ impl Recording {
         let _ = session.write(&self.directory);
     }
 
-    /// Writes down samples of a plant in lockstep that the run has taken.
-    pub fn note_samples(&self, samples: &[PlantSample]) {
-        if let Some(table) = &self.samples {
-            table.lock().unwrap_or_else(PoisonError::into_inner).write(samples);
-        }
+    /// What writes down the samples of a plant in lockstep that the run takes, where it has one.
+    #[must_use]
+    pub fn samples(&self) -> Option<SampleTap> {
+        self.samples.clone()
     }
 
     /// Ends the capture; `messages_lost` were lost inside the run. What was lost is in the session that comes back.
@@ -103,7 +121,7 @@ impl Recording {
     /// When the session cannot be written.
     pub fn finish(self, messages_lost: u64) -> Result<Session, ReplayError> {
         let (packets, rows) = (self.capture.finish(), self.rows.finish());
-        let samples = self.samples.map(|table| table.into_inner().unwrap_or_else(PoisonError::into_inner).finish());
+        let samples = self.samples.map(|tap| tap.lock().finish());
         let (samples, samples_error) = samples.map_or((None, None), |(count, error)| (Some(count), error));
         let mut session = self.session.into_inner().unwrap_or_else(PoisonError::into_inner);
         session.end = Some(SessionEnd {

@@ -1,22 +1,21 @@
 //! `frames.csv` -> rows as they are in the file, or the rows of one head in the order of its frames.
 
 use super::rows::ORDER_FRAMES;
+use super::table_lines::TableLines;
 use super::{FrameRow, ReplayError, RowForm};
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read};
-use std::path::{Path, PathBuf};
+use std::io::{BufRead, BufReader};
+use std::path::Path;
 
+const DOING: &str = "read the frames";
 /// Longest row, bytes.
-const ROW_MAX: u64 = 2048;
+const ROW_MAX: (u64, &str) = (2048, "longer than 2048 bytes");
 
 /// Reads the rows one by one.
 pub struct RowReader<R> {
-    source: R,
-    path: PathBuf,
+    lines: TableLines<R>,
     form: RowForm,
-    line: u64,
-    is_cut_off: bool,
 }
 
 impl RowReader<BufReader<File>> {
@@ -25,8 +24,7 @@ impl RowReader<BufReader<File>> {
     /// # Errors
     /// When it cannot be read, or is no such file.
     pub fn open(path: &Path) -> Result<Self, ReplayError> {
-        let refuse = |source| ReplayError::File { path: path.into(), doing: "read the frames", source };
-        Self::new(BufReader::new(File::open(path).map_err(refuse)?), path)
+        Self::of(TableLines::open(path, DOING, ROW_MAX)?)
     }
 }
 
@@ -36,17 +34,20 @@ impl<R: BufRead> RowReader<R> {
     /// # Errors
     /// When its first line is not that of such a file.
     pub fn new(source: R, path: &Path) -> Result<Self, ReplayError> {
-        let mut reader = Self { source, path: path.into(), form: RowForm::Two, line: 0, is_cut_off: false };
-        let text = reader.read_line()?.unwrap_or_default();
-        let refuse = || reader.refuse("wanted frame,head,messages,load_bits,rung,fate,crc32,exposed", &text);
-        reader.form = RowForm::of_header(&text).ok_or_else(refuse)?;
-        Ok(reader)
+        Self::of(TableLines::new(source, path, DOING, ROW_MAX))
+    }
+
+    fn of(mut lines: TableLines<R>) -> Result<Self, ReplayError> {
+        let text = lines.read()?.unwrap_or_default();
+        let refuse = || lines.refuse("wanted frame,head,messages,load_bits,rung,fate,crc32,exposed", &text);
+        let form = RowForm::of_header(&text).ok_or_else(refuse)?;
+        Ok(Self { lines, form })
     }
 
     /// True when the last line was cut off, as by a power cut; it is left out.
     #[must_use]
     pub fn is_cut_off(&self) -> bool {
-        self.is_cut_off
+        self.lines.is_cut_off()
     }
 
     /// The next row; `None` at the end.
@@ -54,29 +55,8 @@ impl<R: BufRead> RowReader<R> {
     /// # Errors
     /// When the line is no row.
     pub fn read(&mut self) -> Result<Option<FrameRow>, ReplayError> {
-        let Some(text) = self.read_line()? else { return Ok(None) };
-        FrameRow::parse(&text, self.form).map(Some).map_err(|why| self.refuse(why, &text))
-    }
-
-    fn read_line(&mut self) -> Result<Option<String>, ReplayError> {
-        let mut bytes = Vec::new();
-        self.line += 1;
-        let read = self.source.by_ref().take(ROW_MAX).read_until(b'\n', &mut bytes);
-        read.map_err(|source| ReplayError::File { path: self.path.clone(), doing: "read the frames", source })?;
-        let text = String::from_utf8_lossy(&bytes).into_owned();
-        match text.strip_suffix('\n') {
-            Some(whole) => Ok(Some(whole.trim_end_matches('\r').into())),
-            None if bytes.len() as u64 == ROW_MAX => Err(self.refuse("longer than 2048 bytes", &text)),
-            None => {
-                self.is_cut_off = !bytes.is_empty();
-                Ok(None)
-            }
-        }
-    }
-
-    fn refuse(&self, why: &'static str, text: &str) -> ReplayError {
-        let text = text.chars().take(60).map(|c| if c.is_control() { '.' } else { c }).collect();
-        ReplayError::Row { path: self.path.clone(), line: self.line, why, text }
+        let Some(text) = self.lines.read()? else { return Ok(None) };
+        FrameRow::parse(&text, self.form).map(Some).map_err(|why| self.lines.refuse(why, &text))
     }
 }
 
@@ -112,7 +92,7 @@ impl<R: BufRead> RowsOfHead<R> {
                 Some(row) if row.head != self.head => {}
                 Some(row) => {
                     self.newest = self.newest.max(row.frame);
-                    self.waiting.insert((row.frame, self.reader.line), row);
+                    self.waiting.insert((row.frame, self.reader.lines.line()), row);
                 }
             }
         }

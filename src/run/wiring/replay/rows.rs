@@ -165,5 +165,6 @@ fn drawn(messages: &str, load: &str, exposed: &str) -> Result<Option<DrawnFrom>,
         *place = text.parse().map_err(|_| "messages: wanted a whole number for each link, such as 120;118")?;
     }
     let load = u64::from_str_radix(load, 16).map_err(|_| "load_bits: wanted 16 hexadecimal digits")?;
-    Ok(Some(DrawnFrom { messages: of_links, load: f64::from_bits(load), exposed: exposed::parse(exposed)? }))
+    let load = Some(f64::from_bits(load)).filter(|load| load.is_finite()).ok_or("load_bits: wanted a finite number")?;
+    Ok(Some(DrawnFrom { messages: of_links, load, exposed: exposed::parse(exposed)? }))
 }

@@ -1,56 +1,61 @@
 //! `samples.csv`: what a plant in lockstep said of each instant, as a captured run took it in, and the way back.
 //!
-//! Columns: the part of a sample, its instant (TAI ns since 1970), and its numbers in the fewest digits that give the same
-//! bits again. One row per part: `attitude` has w x y z, rate, acceleration (rad/s, rad/s^2, body axes); `observer` position
+//! Columns: the part of a sample, its instant (TAI ns since 1970), on the real clock when it arrived, and its numbers in the
+//! fewest digits that give the same bits again. One row per part: `attitude` has w x y z, rate, acceleration (rad/s, rad/s^2, body axes); `observer` position
 //! and velocity (km, km/s); `jitter` a rotation vector (rad, body axes). Rows are in the order in which samples were sent;
-//! each acts at its own instant. Limits: [`SAMPLES_MAX`] rows. Tests: below, `tests/closed_loop/lockstep.rs`.
+//! in lockstep each acts at its own instant, on the real clock when it arrived. Limits: [`SAMPLES_MAX`] rows. Tests: below, `tests/closed_loop/lockstep.rs`.
 
 use super::ReplayError;
+use super::table_lines::TableLines;
 use crate::runtime::{PlantAttitude, PlantSample};
 use base::axes::Rotation;
 use base::time::Tai;
 use glam::DVec3;
 use sky::observer::BarycentricState;
 use std::fs::File;
-use std::io::{BufRead, BufReader, BufWriter, Read, Write};
-use std::path::{Path, PathBuf};
+use std::io::{BufRead, BufReader, BufWriter, Write};
+use std::path::Path;
 
 /// Name of the file.
 pub(super) const SAMPLES_FILE: &str = "samples.csv";
-/// First line.
+/// First line, in lockstep.
 const HEADER: &str = "part,at_tai_ns,numbers";
+/// First line, on the real clock.
+const HEADER_REAL: &str = "part,at_tai_ns,arrived_tai_ns,numbers";
 /// Most rows that are read: a day of 100 Hz, about 2 GB of memory in a replay.
 const SAMPLES_MAX: u64 = 10_000_000;
+const DOING: &str = "read the samples";
 /// Longest row, bytes.
-const ROW_MAX: u64 = 512;
+const ROW_MAX: (u64, &str) = (512, "longer than 512 bytes");
 /// Largest difference from 1 of a quaternion's norm: those of a capture were made unit ones.
 const NORM_TOLERANCE: f64 = 1e-9;
 
 /// The table while a run goes on.
 pub(super) struct SampleWriter {
     out: BufWriter<File>,
+    is_real: bool,
     rows: u64,
     error: Option<String>,
 }
 
 impl SampleWriter {
-    /// Begins the file.
-    pub(super) fn create(directory: &Path) -> Result<Self, ReplayError> {
+    /// Begins the file; on the real clock every row says when it arrived.
+    pub(super) fn create(directory: &Path, is_real: bool) -> Result<Self, ReplayError> {
         let path = directory.join(SAMPLES_FILE);
         let refuse = |source| ReplayError::File { path: path.clone(), doing: "write the samples", source };
         let mut out = BufWriter::new(File::create_new(&path).map_err(refuse)?);
-        writeln!(out, "{HEADER}").and_then(|()| out.flush()).map_err(refuse)?;
-        Ok(Self { out, rows: 0, error: None })
+        writeln!(out, "{}", if is_real { HEADER_REAL } else { HEADER }).and_then(|()| out.flush()).map_err(refuse)?;
+        Ok(Self { out, is_real, rows: 0, error: None })
     }
 
-    /// Writes a list that the run has taken. After an error nothing more is written; the session says so.
-    pub(super) fn write(&mut self, samples: &[PlantSample]) {
+    /// Writes a list that the run has taken at this instant. After an error nothing more is written; the session says so.
+    pub(super) fn write(&mut self, samples: &[PlantSample], arrived: Tai) {
         if self.error.is_some() {
             return;
         }
         let (mut text, mut rows) = (String::new(), 0);
         for sample in samples {
-            rows += write_rows(sample, &mut text);
+            rows += write_rows(sample, self.is_real.then_some(arrived), &mut text);
         }
         match self.out.write_all(text.as_bytes()).and_then(|()| self.out.flush()) {
             Ok(()) => self.rows += rows,
@@ -59,18 +64,20 @@ impl SampleWriter {
     }
 
     /// Returns the number of rows, and why writing ended early, if it did.
-    pub(super) fn finish(self) -> (u64, Option<String>) {
-        (self.rows, self.error)
+    pub(super) fn finish(&mut self) -> (u64, Option<String>) {
+        (self.rows, self.error.take())
     }
 }
 
 /// Writes the rows of one sample; returns their number.
-fn write_rows(sample: &PlantSample, text: &mut String) -> u64 {
+fn write_rows(sample: &PlantSample, arrived: Option<Tai>, text: &mut String) -> u64 {
     let mut rows = 0;
     let mut row = |part: &str, numbers: &[f64]| {
         rows += 1;
         text.push_str(part);
-        text.push_str(&format!(",{}", sample.at.ns()));
+        for instant in core::iter::once(sample.at).chain(arrived) {
+            text.push_str(&format!(",{}", instant.ns()));
+        }
         numbers.iter().for_each(|number| text.push_str(&format!(",{number:?}")));
         text.push('\n');
     };
@@ -92,12 +99,20 @@ fn joined(vectors: &[DVec3]) -> Vec<f64> {
     vectors.iter().flat_map(DVec3::to_array).collect()
 }
 
+/// A sample of a captured run, which has one part.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CapturedSample {
+    /// What was sent.
+    pub sample: PlantSample,
+    /// When the run took it; in lockstep its own instant.
+    pub arrived: Tai,
+}
+
 /// Reads the rows one by one.
 pub struct SampleReader<R> {
-    source: R,
-    path: PathBuf,
-    line: u64,
-    is_cut_off: bool,
+    lines: TableLines<R>,
+    /// Rows say when they arrived.
+    is_real: bool,
 }
 
 impl SampleReader<BufReader<File>> {
@@ -106,8 +121,7 @@ impl SampleReader<BufReader<File>> {
     /// # Errors
     /// When it cannot be read, or is no such file.
     pub fn open(path: &Path) -> Result<Self, ReplayError> {
-        let refuse = |source| ReplayError::File { path: path.into(), doing: "read the samples", source };
-        Self::new(BufReader::new(File::open(path).map_err(refuse)?), path)
+        Self::of(TableLines::open(path, DOING, ROW_MAX)?)
     }
 }
 
@@ -117,62 +131,57 @@ impl<R: BufRead> SampleReader<R> {
     /// # Errors
     /// When its first line is not that of such a file.
     pub fn new(source: R, path: &Path) -> Result<Self, ReplayError> {
-        let mut reader = Self { source, path: path.into(), line: 0, is_cut_off: false };
-        match reader.read_line()?.unwrap_or_default() {
-            text if text == HEADER => Ok(reader),
-            text => Err(reader.refuse("wanted part,at_tai_ns,numbers", &text)),
+        Self::of(TableLines::new(source, path, DOING, ROW_MAX))
+    }
+
+    fn of(mut lines: TableLines<R>) -> Result<Self, ReplayError> {
+        let text = lines.read()?.unwrap_or_default();
+        let is_real = text == HEADER_REAL;
+        if is_real || text == HEADER {
+            return Ok(Self { lines, is_real });
         }
+        Err(lines.refuse("wanted part,at_tai_ns,numbers, or arrived_tai_ns beside at_tai_ns", &text))
     }
 
     /// Returns true when the last line was cut off, as by a power cut; it is left out.
     #[must_use]
     pub fn is_cut_off(&self) -> bool {
-        self.is_cut_off
+        self.lines.is_cut_off()
     }
 
-    /// Returns the next sample, which has one part; `None` at the end.
+    /// Returns the next sample; `None` at the end.
     ///
     /// # Errors
     /// When the line is no row, or there are too many.
-    pub fn read(&mut self) -> Result<Option<PlantSample>, ReplayError> {
-        let Some(text) = self.read_line()? else { return Ok(None) };
-        if self.line > SAMPLES_MAX + 1 {
-            return Err(self.refuse("more rows than the 10,000,000 that are read", &text));
+    pub fn read(&mut self) -> Result<Option<CapturedSample>, ReplayError> {
+        let Some(text) = self.lines.read()? else { return Ok(None) };
+        if self.lines.line() > SAMPLES_MAX + 1 {
+            return Err(self.lines.refuse("more rows than the 10,000,000 that are read", &text));
         }
-        parse(&text).map(Some).map_err(|why| self.refuse(why, &text))
-    }
-
-    fn read_line(&mut self) -> Result<Option<String>, ReplayError> {
-        let mut bytes = Vec::new();
-        self.line += 1;
-        let read = self.source.by_ref().take(ROW_MAX).read_until(b'\n', &mut bytes);
-        read.map_err(|source| ReplayError::File { path: self.path.clone(), doing: "read the samples", source })?;
-        let text = String::from_utf8_lossy(&bytes).into_owned();
-        match text.strip_suffix('\n') {
-            Some(whole) => Ok(Some(whole.trim_end_matches('\r').into())),
-            None if bytes.len() as u64 == ROW_MAX => Err(self.refuse("longer than 512 bytes", &text)),
-            None => {
-                self.is_cut_off = !bytes.is_empty();
-                Ok(None)
-            }
-        }
-    }
-
-    fn refuse(&self, why: &'static str, text: &str) -> ReplayError {
-        let text = text.chars().take(60).map(|c| if c.is_control() { '.' } else { c }).collect();
-        ReplayError::Row { path: self.path.clone(), line: self.line, why, text }
+        parse(&text, self.is_real).map(Some).map_err(|why| self.lines.refuse(why, &text))
     }
 }
 
 /// Reads a row without its line's end.
-fn parse(text: &str) -> Result<PlantSample, &'static str> {
+fn parse(text: &str, is_real: bool) -> Result<CapturedSample, &'static str> {
     let mut fields = text.split(',');
     let part = fields.next().unwrap_or_default();
     let at_ns = fields.next().and_then(|field| field.parse().ok()).ok_or("at_tai_ns: wanted a whole number")?;
+    let mut arrived = || fields.next().and_then(|field| field.parse().ok());
+    let arrived_ns = if is_real { arrived().ok_or("arrived_tai_ns: wanted a whole number")? } else { at_ns };
+    let sample = sample_of(part, PlantSample::at(Tai::from_ns(at_ns)), fields)?;
+    Ok(CapturedSample { sample, arrived: Tai::from_ns(arrived_ns) })
+}
+
+/// Reads the numbers of a part.
+fn sample_of<'t>(
+    part: &str,
+    sample: PlantSample,
+    fields: impl Iterator<Item = &'t str>,
+) -> Result<PlantSample, &'static str> {
     let finite = |field: &str| field.parse().ok().filter(|number: &f64| number.is_finite());
     let numbers: Option<Vec<f64>> = fields.map(finite).collect();
     let numbers = numbers.ok_or("numbers: wanted finite numbers")?;
-    let sample = PlantSample::at(Tai::from_ns(at_ns));
     match (part, numbers.as_slice()) {
         ("attitude", &[w, x, y, z, rx, ry, rz, ax, ay, az]) => {
             let unit = "attitude: wanted a quaternion of norm 1";
@@ -190,8 +199,8 @@ fn parse(text: &str) -> Result<PlantSample, &'static str> {
     }
 }
 
-/// The order in which a run takes parts of samples: by instant, then as [`write_rows`] has them.
-fn key(sample: &PlantSample) -> (Tai, bool, bool) {
+/// The order in which a run in lockstep takes parts of samples: by instant, then as [`write_rows`] has them.
+fn key(CapturedSample { sample, .. }: &CapturedSample) -> (Tai, bool, bool) {
     (sample.at, sample.observer.is_none(), sample.attitude.is_none())
 }
 
@@ -199,7 +208,7 @@ fn key(sample: &PlantSample) -> (Tai, bool, bool) {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Samples {
     /// In the order in which they act.
-    pub(super) samples: Vec<PlantSample>,
+    pub(super) samples: Vec<CapturedSample>,
     /// The last row was cut off, and is left out.
     pub(super) is_cut_off: bool,
 }
@@ -212,10 +221,13 @@ pub(super) fn read_all(directory: &Path) -> Result<Samples, ReplayError> {
     while let Some(sample) = reader.read()? {
         samples.push(sample);
     }
+    if reader.is_real {
+        return Ok(Samples { samples, is_cut_off: reader.is_cut_off() });
+    }
     samples.sort_by_key(key);
     let twice = samples.iter().zip(samples.iter().skip(1)).find(|(one, next)| key(one) == key(next));
     if let Some((first, _)) = twice {
-        let (why, text) = ("a part of this instant is there twice; wanted it once", first.at.to_rfc3339());
+        let (why, text) = ("a part of this instant is there twice; wanted it once", first.sample.at.to_rfc3339());
         return Err(ReplayError::Row { path, line: 0, why, text });
     }
     Ok(Samples { samples, is_cut_off: reader.is_cut_off() })
@@ -249,27 +261,46 @@ mod tests {
     #[test]
     fn sample_comes_back_bit_by_bit() {
         let directory = tempfile::tempdir().unwrap();
-        let mut writer = SampleWriter::create(directory.path()).unwrap();
-        writer.write(&[sample()]);
+        let mut writer = SampleWriter::create(directory.path(), false).unwrap();
+        writer.write(&[sample()], Tai::from_ns(1));
         assert_eq!(writer.finish(), (3, None));
         let Samples { samples: read, is_cut_off } = read_all(directory.path()).unwrap();
         let parts = |sample: &PlantSample| {
             let wanted = PlantSample::at(sample.at);
             let observer = PlantSample { observer: sample.observer, ..wanted };
             let attitude = PlantSample { attitude: sample.attitude, ..wanted };
-            vec![observer, attitude, PlantSample { jitter_rad: sample.jitter_rad, ..wanted }]
+            let all = [observer, attitude, PlantSample { jitter_rad: sample.jitter_rad, ..wanted }];
+            all.map(|sample| CapturedSample { sample, arrived: sample.at }).to_vec()
         };
         assert_eq!((read, is_cut_off), (parts(&sample()), false));
-        let bits = |sample: &PlantSample| sample.attitude.unwrap().body_from_icrf.quat().to_array().map(f64::to_bits);
+        let bits =
+            |captured: &PlantSample| captured.attitude.unwrap().body_from_icrf.quat().to_array().map(f64::to_bits);
         let path = directory.path().join(SAMPLES_FILE);
         let text = std::fs::read_to_string(&path).unwrap();
-        assert_eq!(bits(&read_all(directory.path()).unwrap().samples[1]), bits(&sample()));
+        assert_eq!(bits(&read_all(directory.path()).unwrap().samples[1].sample), bits(&sample()));
         std::fs::write(&path, text.replace("1772366401000000007", "1772366401000000008")).unwrap();
         assert_ne!(read_all(directory.path()).unwrap().samples, parts(&sample()), "control");
         std::fs::write(&path, format!("{text}{}", text.lines().nth(1).unwrap())).unwrap();
         assert!(read_all(directory.path()).unwrap().is_cut_off, "a row without its end");
         std::fs::write(&path, format!("{text}{}\n", text.lines().nth(1).unwrap())).unwrap();
         assert!(read_all(directory.path()).unwrap_err().to_string().contains("twice"));
+    }
+
+    #[test]
+    fn on_the_real_clock_samples_come_back_in_the_order_and_at_the_instants_in_which_they_arrived() {
+        let directory = tempfile::tempdir().unwrap();
+        let mut writer = SampleWriter::create(directory.path(), true).unwrap();
+        let later = PlantSample { jitter_rad: Some(DVec3::X), ..PlantSample::at(Tai::from_ns(9)) };
+        let earlier = PlantSample { at: Tai::from_ns(7), ..later };
+        writer.write(&[later], Tai::from_ns(10));
+        writer.write(&[earlier, earlier], Tai::from_ns(11));
+        assert_eq!(writer.finish(), (3, None));
+        let captured = |sample, arrived_ns| CapturedSample { sample, arrived: Tai::from_ns(arrived_ns) };
+        let wanted = [captured(later, 10), captured(earlier, 11), captured(earlier, 11)];
+        assert_eq!(read_all(directory.path()).unwrap().samples, wanted);
+        let path = directory.path().join(SAMPLES_FILE);
+        std::fs::write(&path, std::fs::read_to_string(&path).unwrap().replace("7,11,", "7,,")).unwrap();
+        assert!(read_all(directory.path()).unwrap_err().to_string().contains("arrived_tai_ns"), "control");
     }
 
     #[test]

@@ -169,7 +169,7 @@ impl Session {
         let file = std::fs::File::open(&path).map_err(refuse)?;
         file.take(FILE_MAX).read_to_string(&mut text).map_err(refuse)?;
         let damaged = |why: String| ReplayError::Session { path: path.clone(), why };
-        let session: Self = serde_json::from_str(&text)
+        let mut session: Self = serde_json::from_str(&text)
             .map_err(|error| damaged(format!("{error}; wanted the session of a captured run")))?;
         if !FORMS_READ.contains(&session.form) {
             let wanted = FORMS_READ.map(|form| form.to_string()).join(" or ");
@@ -179,7 +179,24 @@ impl Session {
         if has_folder(&session.bus) {
             return Err(damaged(format!("bus is \"{}\", wanted a file name without a folder", session.bus)));
         }
+        session.run_file = session.run_file.kept_in(directory);
         Ok(session)
+    }
+
+    /// Copies the files of data that the run file names into the capture.
+    ///
+    /// # Errors
+    /// When one cannot be read or written.
+    pub fn keep_data(&mut self, directory: &Path) -> Result<(), ReplayError> {
+        Ok(self.run_file.keep_data(directory)?)
+    }
+
+    /// Refuses files of data that are not those of the run.
+    ///
+    /// # Errors
+    /// With the first that is missing or changed.
+    pub fn check_data(&self) -> Result<(), ReplayError> {
+        Ok(self.run_file.check_data()?)
     }
 
     /// When the run's clock started.

@@ -1,4 +1,5 @@
 use super::*;
+use crate::orbit::{EARTH_GM_KM3_S2, MOON_GM_KM3_S2, SUN_GM_KM3_S2};
 use base::time::Span;
 
 /// Gravitational parameter; elements as in [`KeplerElements`]; seconds after the epoch; position, km, and velocity, km/s, by

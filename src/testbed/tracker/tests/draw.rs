@@ -99,7 +99,7 @@ pub(super) struct Painter {
 impl Painter {
     /// The catalog's stars at a time, to a magnitude beyond the tracker's limit.
     pub(super) fn new(camera: Camera, catalog: &Catalog, at: Tai, seed: u64) -> Self {
-        let years = at.years_since_j2000() + 2000.0 - catalog.epoch_yr();
+        let years = at.years_since_j2000() + 2000.0 - catalog.index().epoch_yr;
         let faintest = camera.params.limiting_mag + 1.0;
         let bright = catalog.sources().iter().filter(|source| f64::from(source.mag_g) < faintest);
         let stars = bright

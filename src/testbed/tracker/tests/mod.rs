@@ -1,5 +1,6 @@
 //! Whole frames drawn by `draw`, and each part by itself.
 
+mod commanded;
 mod draw;
 mod lost;
 mod parts;

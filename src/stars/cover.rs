@@ -1,4 +1,4 @@
-//! A cone on the sky -> the HEALPix cells that may reach into it, without allocating.
+//! A cone on the sky -> the HEALPix cells that may reach into it, without allocating; distances as squared chords.
 //!
 //! From the twelve base cells down: a cell whose bounding circle misses the cone is left with all it holds, one whose
 //! circle lies inside is taken with all it holds, any other is looked at by its quarters. What is taken is a superset of
@@ -9,6 +9,12 @@ use base::source::direction_from_ra_dec;
 use core::f64::consts::PI;
 use glam::DVec3;
 
+/// Squared chord of an angle on the unit sphere, exact for angles of milliarcseconds; more than any chord from pi on.
+#[must_use]
+pub fn chord_squared(angle_rad: f64) -> f64 {
+    if angle_rad >= PI { f64::INFINITY } else { 4.0 * (angle_rad / 2.0).sin().powi(2) }
+}
+
 /// No point of a cell is further from its centre than this over the cells along a side of a base cell, rad: measured
 /// 1.068 at fine orders, less at coarse ones.
 pub const CIRCLE: f64 = 1.08;
@@ -17,7 +23,7 @@ const WAITING: usize = 12 + 3 * 30;
 
 /// Calls `take` with every cell of `order` that may have a point within `radius_rad` of `axis` (a unit vector). A radius
 /// that is not a number or negative gives none.
-pub(super) fn cells_of_cone(order: u8, axis: DVec3, radius_rad: f64, mut take: impl FnMut(u64)) {
+pub(crate) fn cells_of_cone(order: u8, axis: DVec3, radius_rad: f64, mut take: impl FnMut(u64)) {
     if radius_rad.is_nan() || radius_rad < 0.0 {
         return;
     }

@@ -1,0 +1,21 @@
+//! Kind of a file -> all that is declared of its keys.
+
+use crate::bench::BenchKeys;
+use crate::camera::CameraKeys;
+use crate::declared::Declared;
+use crate::file_kind::FileKind;
+use crate::key::Section;
+use crate::link_keys::LinkTable;
+use crate::scenario::ScenarioKeys;
+use crate::spacecraft::SpacecraftKeys;
+
+/// All keys of a kind of files.
+pub(super) fn declared(kind: FileKind) -> Declared {
+    match kind {
+        FileKind::Bench => BenchKeys::declared(),
+        FileKind::Scenario => ScenarioKeys::declared(),
+        FileKind::Camera => CameraKeys::declared(),
+        FileKind::Link => LinkTable::declared(),
+        FileKind::Spacecraft => SpacecraftKeys::declared(),
+    }
+}

@@ -1,0 +1,367 @@
+//! A configuration with every file that it names: what a capture and a co-simulation unit carry.
+//!
+//! Configurations are kept as text, by the keys that name them. Files of data (attitudes, orbits, elements, jitter, kernels,
+//! maps, images of stars) are kept as files, each with its length and CRC-32; [`PackedDocuments::keep_data`] copies them. Layers of
+//! stars, which may have gigabytes, and what displays are calibrated by are not kept. Tests: below, `tests/closed_loop/replay.rs`.
+
+use crate::document::{Document, beside};
+use crate::error::ConfigError;
+use crate::setting::NAMES_A_FILE;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Component, Path, PathBuf};
+
+/// Keys of a camera that name a file of points.
+const NAMES_A_TABLE: [&str; 2] = ["band.qe_file", "band.transmission_file"];
+/// Lists of heads, each of which may name a camera.
+const NAMES_CAMERAS: [&str; 2] = ["head", "extra_head"];
+/// Keys of any table whose value is the path of a file of data, or a list of such paths.
+const NAMES_DATA: [&str; 8] = ["attitude", "dark_factor", "density", "dsnu_e", "file", "kernels", "prnu", "series"];
+/// Folder of the files of data, below that of the pack.
+const DATA_FOLDER: &str = "data";
+/// How names of documents of the binary begin.
+const BUILT_IN: &str = "built-in ";
+/// What the name of a kept file keeps of the original's, characters.
+const NAME_CHARACTERS: usize = 80;
+
+/// A document with every file that it names: what it says whatever becomes of the files.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct PackedDocuments {
+    /// By the keys that name them, joined by dots: "" is the document itself.
+    documents: BTreeMap<String, PackedText>,
+    /// Where the files of data are kept; `None`: where they were packed from.
+    #[serde(skip)]
+    folder: Option<PathBuf>,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PackedText {
+    /// How messages call it.
+    name: String,
+    text: String,
+    /// Files of data that it names.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    data: Vec<PackedData>,
+}
+
+/// A file of data.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PackedData {
+    /// Its path as the document names it.
+    named: String,
+    /// Where it is kept, below the folder of the pack.
+    kept: String,
+    bytes: u64,
+    crc32: u32,
+}
+
+/// Two packs are equal when they say the same, wherever their files are kept.
+impl PartialEq for PackedDocuments {
+    fn eq(&self, other: &Self) -> bool {
+        self.documents == other.documents
+    }
+}
+
+impl Eq for PackedDocuments {}
+
+impl Document {
+    /// This document and every file it names, its settings included in what it names but not in what it says.
+    ///
+    /// # Errors
+    /// When a file that it names cannot be read.
+    pub fn pack(&self) -> Result<PackedDocuments, ConfigError> {
+        let mut set = PackedDocuments { documents: BTreeMap::new(), folder: None };
+        self.pack_into(&mut set, String::new())?;
+        Ok(set)
+    }
+
+    fn pack_into(&self, set: &mut PackedDocuments, keys: String) -> Result<(), ConfigError> {
+        let table: toml::Table = self.read_as()?;
+        for key in NAMES_A_FILE.into_iter().chain(NAMES_A_TABLE) {
+            if let Some(path) = value_of(&table, key).and_then(toml::Value::as_str) {
+                self.named(key, path)?.pack_into(set, joined(&keys, key))?;
+            }
+        }
+        for list in NAMES_CAMERAS {
+            let heads = table.get(list).and_then(toml::Value::as_array).into_iter().flatten();
+            for (place, head) in heads.enumerate() {
+                if let Some(path) = head.get("camera").and_then(toml::Value::as_str) {
+                    let key = format!("{list}[{place}].camera");
+                    self.named(&key, path)?.pack_into(set, joined(&keys, &key))?;
+                }
+            }
+        }
+        let links = table.get("extra_link").and_then(toml::Value::as_array).into_iter().flatten();
+        for (place, link) in links.enumerate() {
+            if let Some(path) = link.as_str() {
+                let key = format!("extra_link[{place}]");
+                self.named(&key, path)?.pack_into(set, joined(&keys, &key))?;
+            }
+        }
+        let mut named = Vec::new();
+        find_data(&table, "", &mut named);
+        let before: usize = set.documents.values().map(|packed| packed.data.len()).sum();
+        let data = named.into_iter().zip(before..).map(|((key, path), number)| self.measured(&key, path, number));
+        let data = data.collect::<Result<_, _>>()?;
+        set.documents.insert(keys, PackedText { name: self.name(), text: self.text().to_owned(), data });
+        Ok(())
+    }
+
+    fn measured(&self, key: &str, path: String, number: usize) -> Result<PackedData, ConfigError> {
+        let place = self.data_beside(&path);
+        let named_by = format!("; named by {key} in {}: paths are relative to the file that names them", self.name());
+        let (bytes, crc32) = sum_of(&place).map_err(|error| unread(&place, &error, named_by))?;
+        let name = Path::new(&path).file_name().unwrap_or_default().to_string_lossy();
+        let is_plain = |c: char| c.is_ascii_alphanumeric() || ['.', '-', '_'].contains(&c);
+        let name: String = name.chars().map(|c| if is_plain(c) { c } else { '_' }).take(NAME_CHARACTERS).collect();
+        Ok(PackedData { named: path, kept: format!("{DATA_FOLDER}/{number}_{name}"), bytes, crc32 })
+    }
+}
+
+impl PackedDocuments {
+    /// The same pack with its files of data kept below this folder.
+    #[must_use]
+    pub fn kept_in(self, folder: &Path) -> Self {
+        Self { folder: Some(folder.to_path_buf()), ..self }
+    }
+
+    /// Returns each file of data: where it is, and its path below the folder that it is kept in.
+    pub fn data(&self) -> impl Iterator<Item = (PathBuf, &str)> {
+        self.documents
+            .values()
+            .flat_map(|packed| packed.data.iter().map(move |data| (packed, data)))
+            .map(move |(packed, data)| (self.place_of(packed, data), data.kept.as_str()))
+    }
+
+    /// Copies the files of data below a folder, and keeps them there from now on.
+    ///
+    /// # Errors
+    /// When one cannot be read or written.
+    pub fn keep_data(&mut self, folder: &Path) -> Result<(), ConfigError> {
+        for (from, kept) in self.data() {
+            let to = folder.join(kept);
+            let refuse =
+                |error: std::io::Error| unread(&from, &error, format!("; wanted a copy of it as {}", to.display()));
+            std::fs::create_dir_all(folder.join(DATA_FOLDER)).map_err(refuse)?;
+            std::fs::copy(&from, &to).map_err(refuse)?;
+        }
+        self.folder = Some(folder.to_path_buf());
+        Ok(())
+    }
+
+    /// Refuses files of data that are not those that were packed.
+    ///
+    /// # Errors
+    /// With the first that is missing, of another content, or outside the folder.
+    pub fn check_data(&self) -> Result<(), ConfigError> {
+        for packed in self.documents.values() {
+            for data in &packed.data {
+                let place = self.place_of(packed, data);
+                let named_by = || format!("; named as \"{}\" in {}", data.named, packed.name);
+                let refuse =
+                    |why: String| ConfigError::Read { file: place.display().to_string(), why, named_by: named_by() };
+                if !Path::new(&data.kept).components().all(|part| matches!(part, Component::Normal(_))) {
+                    return Err(refuse("wanted a path below the folder of the pack".into()));
+                }
+                let got = sum_of(&place).map_err(|error| unread(&place, &error, named_by()))?;
+                if got != (data.bytes, data.crc32) {
+                    let ((bytes, crc32), PackedData { bytes: wanted, crc32: sum, .. }) = (got, data);
+                    let why =
+                        format!("got {bytes} bytes of CRC-32 {crc32:08x}, wanted {wanted} of {sum:08x}, as packed");
+                    return Err(refuse(why));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn text_of(&self, keys: &str) -> Option<&str> {
+        self.documents.get(keys).map(|packed| packed.text.as_str())
+    }
+
+    pub(super) fn name_of(&self, keys: &str) -> String {
+        self.documents.get(keys).map_or_else(String::new, |packed| packed.name.clone())
+    }
+
+    /// Where the file of data lies that the document of these keys names so.
+    pub(super) fn data_file(&self, keys: &str, path: &str) -> PathBuf {
+        let Some(packed) = self.documents.get(keys) else { return PathBuf::from(path) };
+        let data = packed.data.iter().find(|data| data.named == path);
+        data.map_or_else(|| original(packed, path), |data| self.place_of(packed, data))
+    }
+
+    fn place_of(&self, packed: &PackedText, data: &PackedData) -> PathBuf {
+        match &self.folder {
+            Some(folder) => folder.join(&data.kept),
+            None => original(packed, &data.named),
+        }
+    }
+}
+
+/// Where a file lay when its document was packed.
+fn original(packed: &PackedText, path: &str) -> PathBuf {
+    if packed.name.starts_with(BUILT_IN) { PathBuf::from(path) } else { beside(Path::new(&packed.name), path) }
+}
+
+fn unread(place: &Path, error: &std::io::Error, named_by: String) -> ConfigError {
+    ConfigError::Read { file: place.display().to_string(), why: error.to_string(), named_by }
+}
+
+/// Length and CRC-32 of a file.
+fn sum_of(path: &Path) -> std::io::Result<(u64, u32)> {
+    let (mut file, mut hasher, mut bytes) = (File::open(path)?, crc32fast::Hasher::new(), 0);
+    let mut buffer = vec![0; 1 << 16];
+    loop {
+        let count = file.read(&mut buffer)?;
+        if count == 0 {
+            return Ok((bytes, hasher.finalize()));
+        }
+        hasher.update(&buffer[..count]);
+        bytes += count as u64;
+    }
+}
+
+/// Adds keys and paths of the files of data that a table names.
+fn find_data(table: &toml::Table, under: &str, found: &mut Vec<(String, String)>) {
+    for (name, value) in table {
+        find_in(name, value, joined(under, name), found);
+    }
+}
+
+/// Adds what a value of the key `key`, which ends in `name`, names.
+fn find_in(name: &str, value: &toml::Value, key: String, found: &mut Vec<(String, String)>) {
+    if let Some(path) = value.as_str().filter(|_| NAMES_DATA.contains(&name)) {
+        found.push((key, path.to_owned()));
+    } else if let Some(inner) = value.as_table() {
+        find_data(inner, &key, found);
+    } else if let Some(items) = value.as_array() {
+        for (place, item) in items.iter().enumerate() {
+            find_in(name, item, format!("{key}[{place}]"), found);
+        }
+    }
+}
+
+/// The value of a key such as `band.qe_file`.
+fn value_of<'a>(table: &'a toml::Table, key: &str) -> Option<&'a toml::Value> {
+    match key.split_once('.') {
+        Some((section, rest)) => value_of(table.get(section)?.as_table()?, rest),
+        None => table.get(key),
+    }
+}
+
+/// A key below those that led to a document.
+pub(super) fn joined(keys: &str, key: &str) -> String {
+    if keys.is_empty() { key.into() } else { format!("{keys}.{key}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Bench;
+    use crate::declared::Declared;
+    use crate::file_keys::declared;
+    use crate::file_kind::FileKind;
+    use crate::key_type::Shape;
+    use std::collections::BTreeSet;
+
+    const BENCH: &str = "[timing]\nduration_s = 2.0\n[jitter]\nseries = \"in/shake it.csv\"\nat_end = \"repeat\"\n";
+    const ROWS: &str = "t_s,x_arcsec\n0.0,1.0\n0.1,2.0\n0.2,0.5\n";
+
+    fn packed(folder: &Path) -> (Document, PackedDocuments) {
+        std::fs::create_dir(folder.join("in")).unwrap();
+        std::fs::write(folder.join("in/shake it.csv"), ROWS).unwrap();
+        let document = Document::from_text(BENCH, &folder.join("lab.toml"));
+        let set = document.pack().unwrap();
+        (document, set)
+    }
+
+    #[test]
+    fn files_of_data_are_kept_and_read_where_they_are_kept() {
+        let [from, to] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+        let (document, mut set) = packed(from.path());
+        set.keep_data(to.path()).unwrap();
+        let wanted = Bench::from_document(&document).unwrap().jitter.unwrap().record(1).unwrap();
+        let text = serde_json::to_string(&set).unwrap();
+        drop(from);
+        assert!(Bench::from_document(&document).is_err(), "control: the original is gone");
+
+        let read: PackedDocuments = serde_json::from_str(&text).unwrap();
+        let read = read.kept_in(to.path());
+        read.check_data().unwrap();
+        let got = Bench::from_document(&Document::packed(read.clone()).unwrap()).unwrap().jitter.unwrap();
+        assert_eq!(*got.record(1).unwrap(), *wanted);
+        assert!(to.path().join("data/0_shake_it.csv").exists());
+
+        std::fs::write(to.path().join("data/0_shake_it.csv"), ROWS.replace("2.0", "3.0")).unwrap();
+        let error = read.check_data().unwrap_err().to_string();
+        assert!(error.contains("CRC-32") && error.contains("in/shake it.csv"), "{error}");
+        let outside: PackedDocuments = serde_json::from_str(&text.replace("data/0_", "../0_")).unwrap();
+        let error = outside.kept_in(to.path()).check_data().unwrap_err().to_string();
+        assert!(error.contains("wanted a path below"), "{error}");
+    }
+
+    #[test]
+    fn packs_of_versions_that_kept_no_data_read_it_where_it_was() {
+        let folder = tempfile::tempdir().unwrap();
+        let (document, set) = packed(folder.path());
+        let mut value = serde_json::to_value(&set).unwrap();
+        assert!(value[""].as_object_mut().unwrap().remove("data").is_some());
+        let old: PackedDocuments = serde_json::from_value(value).unwrap();
+        old.check_data().unwrap();
+        let of = |document: &Document| Bench::from_document(document).unwrap().jitter;
+        assert_eq!(of(&Document::packed(old).unwrap()), of(&document));
+    }
+
+    #[test]
+    fn a_file_of_data_that_is_missing_is_named_with_its_key() {
+        let folder = tempfile::tempdir().unwrap();
+        let document = Document::from_text(BENCH, &folder.path().join("lab.toml"));
+        let error = document.pack().unwrap_err().to_string();
+        assert!(error.contains("jitter.series") && error.contains("shake it.csv"), "{error}");
+    }
+
+    /// Keys that are paths and name no file of data: documents, outputs, devices, and what is not kept.
+    const NOT_DATA: [&str; 14] = [
+        "bench",
+        "calibration",
+        "camera",
+        "card",
+        "directory",
+        "far_port",
+        "layers",
+        "path",
+        "port",
+        "pps",
+        "ptp_socket",
+        "slcan_pty",
+        "spacecraft",
+        "transmission_file",
+    ];
+
+    fn paths_of(declared: &Declared, found: &mut BTreeSet<&'static str>) {
+        let is_path = |shape: &Shape| matches!(shape, Shape::Text(what) if what.starts_with("path"));
+        for key in &declared.keys {
+            let is_paths = matches!(&key.shape, Shape::List(of) if is_path(of));
+            if is_path(&key.shape) || is_paths {
+                found.insert(key.name);
+            }
+        }
+        declared.tables.iter().flat_map(|table| &table.forms).for_each(|form| paths_of(form, found));
+    }
+
+    #[test]
+    fn every_key_that_is_a_path_is_kept_or_known_not_to_be() {
+        let mut found = BTreeSet::new();
+        FileKind::ALL.into_iter().for_each(|kind| paths_of(&declared(kind), &mut found));
+        let is_known = |name: &&&str| NAMES_DATA.contains(name) || NOT_DATA.contains(name) || **name == "qe_file";
+        let unknown: Vec<_> = found.iter().filter(|name| !is_known(name)).collect();
+        assert!(unknown.is_empty(), "add them to NAMES_DATA, or here: {unknown:?}");
+        let unused: Vec<_> = NAMES_DATA.iter().filter(|name| !found.contains(*name)).collect();
+        assert!(unused.is_empty(), "no key: {unused:?}");
+    }
+}

@@ -1,0 +1,35 @@
+//! What became of the frames at one sink: a line of the summary.
+
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// What one sink did with the frames it was handed.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SinkRow {
+    /// Where the bench names it.
+    pub place: String,
+    /// Its kind.
+    pub sink: String,
+    /// Frames it took.
+    pub frames: u64,
+    /// Frames that went past it because it was too slow, or lost.
+    pub dropped: u64,
+    /// Frames it failed on.
+    pub refused: u64,
+    /// Bytes it brought out.
+    pub bytes: u64,
+    /// CRC-32 over the frames it took, eight hexadecimal digits; `None` when it could not finish.
+    pub run_crc32: Option<String>,
+    /// Where they went.
+    pub output: Option<String>,
+    /// Its first failure.
+    pub first_error: Option<String>,
+    /// It broke down.
+    pub is_lost: bool,
+    /// Handed to the sinks to taken by this one, wall time, mean; 0 when nothing waits between the two.
+    pub mean_delay_ms: f64,
+    /// The longest of these.
+    pub longest_delay_ms: f64,
+    /// Numbers of its own.
+    pub counts: BTreeMap<String, u64>,
+}

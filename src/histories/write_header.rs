@@ -1,0 +1,16 @@
+//! What a file that is written says about itself.
+
+use base::time::Tai;
+
+/// What a file says about itself.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Header {
+    /// Name of the object.
+    pub object_name: String,
+    /// International designator of the object, or UNKNOWN.
+    pub object_id: String,
+    /// Name of the axes whose attitude it is, such as SC_BODY_1.
+    pub body: String,
+    /// When the file is made.
+    pub created: Tai,
+}

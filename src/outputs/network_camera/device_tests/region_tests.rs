@@ -1,0 +1,72 @@
+//! Several regions: what is sent, what is refused, and what a commanded camera reads out.
+
+use super::commanded_tests::{commanded, taken};
+use super::*;
+use frames::camera_control::{CameraCommand, Region, Regions};
+
+const SMALL: Region = Region { left_px: 4, top_px: 2, width_px: 6, height_px: 3 };
+
+/// Places the selected region.
+fn place(bench: &mut Bench, region: Region) {
+    let Region { left_px, top_px, width_px, height_px } = region;
+    for (address, value) in
+        [(own::WIDTH, width_px), (own::HEIGHT, height_px), (own::OFFSET_X, left_px), (own::OFFSET_Y, top_px)]
+    {
+        assert_eq!(bench.write(A, address, value), OK, "{address:x}");
+    }
+}
+
+#[test]
+fn regions_have_sizes_of_their_own_and_the_payload_is_that_of_all() {
+    let mut bench = bench();
+    bench.control();
+    place(&mut bench, SMALL);
+    assert_eq!(bench.write(A, own::REGION_MODE, 0), 0x8002, "the first is always on");
+    assert_eq!(bench.write(A, own::REGION_SELECTOR, 31), OK);
+    assert_eq!((bench.read(A, own::REGION_MODE), bench.read(A, own::WIDTH)), (Ok(0), Ok(31)));
+    let other = Region { left_px: 20, height_px: 5, width_px: 8, ..SMALL };
+    place(&mut bench, other);
+    assert_eq!(bench.read(A, own::PAYLOAD_SIZE), Ok(6 * 3 * 2), "it is off");
+    assert_eq!(bench.write(A, own::REGION_MODE, 1), OK);
+    assert_eq!(bench.read(A, own::PAYLOAD_SIZE), Ok(8 * 8 * 2), "as wide as the widest");
+    assert_eq!(bench.device.stream().regions.as_slice(), [SMALL, other]);
+    assert_eq!(bench.write(A, own::REGION_SELECTOR, 0), OK);
+    assert_eq!((bench.read(A, own::REGION_MODE), bench.read(A, own::WIDTH)), (Ok(1), Ok(6)));
+    assert_eq!(bench.write(A, own::REGION_SELECTOR, 32), 0x8002);
+    bench.stream();
+    assert_eq!(bench.write(A, own::REGION_SELECTOR, 31), OK, "looking is free");
+    assert_eq!(bench.write(A, own::REGION_MODE, 0), 0x8007, "not while frames are acquired");
+    assert_eq!(bench.write(A, own::WIDTH, 3), 0x8007);
+}
+
+#[test]
+fn more_pixels_than_the_sensor_has_are_refused_at_the_start() {
+    let mut bench = bench();
+    bench.control();
+    assert_eq!(bench.write(A, own::REGION_SELECTOR, 1), OK);
+    assert_eq!(bench.write(A, own::REGION_MODE, 1), OK);
+    assert_eq!(bench.write(A, own::ACQUISITION_START, 1), 0x8002, "the whole image twice");
+    assert_eq!(bench.device.wanted().take(), None);
+    assert_eq!(bench.write(A, own::REGION_MODE, 0), OK);
+    assert_eq!(bench.write(A, own::ACQUISITION_START, 1), OK);
+}
+
+#[test]
+fn commanded_camera_is_told_to_read_out_the_regions_when_they_have_changed() {
+    let (mut bench, end) = commanded();
+    bench.stream();
+    assert_eq!(taken(&end), [], "the whole image, as it was");
+    for region in [SMALL, Region { left_px: 0, top_px: 0, width_px: 31, height_px: 17 }] {
+        assert_eq!(bench.write(A, own::ACQUISITION_STOP, 1), OK);
+        if region != SMALL {
+            assert_eq!((bench.write(A, own::OFFSET_X, 0), bench.write(A, own::OFFSET_Y, 0)), (OK, OK));
+        }
+        place(&mut bench, region);
+        assert_eq!(taken(&end), [], "nothing before the start");
+        for _ in 0..2 {
+            bench.stream();
+        }
+        let wanted = if region == SMALL { Regions::of(&[SMALL]).unwrap() } else { Regions::WHOLE };
+        assert_eq!(taken(&end), [CameraCommand::Regions(wanted)], "once");
+    }
+}

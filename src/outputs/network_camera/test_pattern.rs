@@ -1,0 +1,120 @@
+//! Test patterns: numbers that follow from a pixel's place and the frame's number, in place of the detector's.
+//!
+//! A ramp counts digital numbers: `DN = (x, y or x + y) mod 2^bits` from the first pixel of the sensor's image; a moving one
+//! adds the frame's number. A client thus knows each bit of each frame. Frames of a pattern say so in their chunk data
+//! (ChunkTestPattern, ChunkAttitudeOrigin), and are counted: nobody takes them for the sky. Other outputs of the run, such as
+//! a recorder, do not have the pattern: it stands behind the detector, in the camera's interface.
+//!
+//! Names: GenICam SFNC; the diagonal ramp is our own. Proven by `hil_scripts/test_network_camera.py`.
+
+/// What a camera sends in place of its image.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum TestPattern {
+    /// The detector's image.
+    #[default]
+    Off,
+    /// Zeros.
+    Black,
+    /// Full scale.
+    White,
+    /// One number more with each column.
+    GreyHorizontalRamp,
+    /// One number more with each row.
+    GreyVerticalRamp,
+    /// The same by columns, and one more with each frame.
+    GreyHorizontalRampMoving,
+    /// The same by rows, and one more with each frame.
+    GreyVerticalRampMoving,
+    /// One number more with each column, each row and each frame.
+    GreyDiagonalRampMoving,
+}
+
+impl TestPattern {
+    /// Every pattern with its name, by its number in the register.
+    pub const NAMED: [(&'static str, Self); 8] = [
+        ("Off", Self::Off),
+        ("Black", Self::Black),
+        ("White", Self::White),
+        ("GreyHorizontalRamp", Self::GreyHorizontalRamp),
+        ("GreyVerticalRamp", Self::GreyVerticalRamp),
+        ("GreyHorizontalRampMoving", Self::GreyHorizontalRampMoving),
+        ("GreyVerticalRampMoving", Self::GreyVerticalRampMoving),
+        ("GreyDiagonalRampMoving", Self::GreyDiagonalRampMoving),
+    ];
+
+    /// Returns the pattern of a number in the register.
+    #[must_use]
+    pub fn from_number(number: u32) -> Option<Self> {
+        Self::NAMED.get(usize::try_from(number).ok()?).map(|(_, pattern)| *pattern)
+    }
+
+    /// Returns its name.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        Self::NAMED.iter().find(|(_, pattern)| *pattern == self).map_or("Off", |(name, _)| name)
+    }
+
+    /// Draws the pattern over an image of frame `number`, of columns `width_px` and pixels of so many bits.
+    pub(super) fn draw(self, number: u32, width_px: usize, bits: u32, pixels: &mut [u16]) {
+        // Steps of one column, one row and one frame, and the first pixel.
+        let (along_x, along_y, first) = match self {
+            Self::Off => return,
+            Self::Black => (0, 0, 0),
+            Self::White => (0, 0, u32::MAX),
+            Self::GreyHorizontalRamp => (1, 0, 0),
+            Self::GreyVerticalRamp => (0, 1, 0),
+            Self::GreyHorizontalRampMoving => (1, 0, number),
+            Self::GreyVerticalRampMoving => (0, 1, number),
+            Self::GreyDiagonalRampMoving => (1, 1, number),
+        };
+        let full = u32::from(u16::MAX) >> 16_u32.saturating_sub(bits);
+        let mut row_dn = first;
+        for row in pixels.chunks_mut(width_px.max(1)) {
+            let mut dn = row_dn;
+            for pixel in row {
+                // At most 16 bits are left.
+                *pixel = u16::try_from(dn & full).unwrap_or(u16::MAX);
+                dn = dn.wrapping_add(along_x);
+            }
+            row_dn = row_dn.wrapping_add(along_y);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn drawn(pattern: TestPattern, number: u32) -> Vec<u16> {
+        let mut pixels = vec![7; 6];
+        pattern.draw(number, 3, 2, &mut pixels);
+        pixels
+    }
+
+    #[test]
+    fn patterns_by_hand() {
+        for (pattern, wanted) in [
+            (TestPattern::Off, [7; 6]),
+            (TestPattern::Black, [0; 6]),
+            (TestPattern::White, [3; 6]),
+            (TestPattern::GreyHorizontalRamp, [0, 1, 2, 0, 1, 2]),
+            (TestPattern::GreyVerticalRamp, [0, 0, 0, 1, 1, 1]),
+            (TestPattern::GreyHorizontalRampMoving, [2, 3, 0, 2, 3, 0]),
+            (TestPattern::GreyVerticalRampMoving, [2, 2, 2, 3, 3, 3]),
+            (TestPattern::GreyDiagonalRampMoving, [2, 3, 0, 3, 0, 1]),
+        ] {
+            assert_eq!(drawn(pattern, 6), wanted, "{pattern:?}");
+        }
+        let mut deep = vec![0; 2];
+        TestPattern::White.draw(0, 2, 16, &mut deep);
+        assert_eq!(deep, [u16::MAX; 2]);
+    }
+
+    #[test]
+    fn numbers_and_names_are_those_of_the_table() {
+        for (number, (name, pattern)) in (0..).zip(TestPattern::NAMED) {
+            assert_eq!((TestPattern::from_number(number), pattern.name()), (Some(pattern), name));
+        }
+        assert_eq!(TestPattern::from_number(8), None);
+    }
+}

@@ -1,0 +1,67 @@
+//! A table of a captured run, line by line: whole lines only, none beyond a length.
+
+use super::ReplayError;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+
+/// Reads the lines one by one.
+pub(super) struct TableLines<R> {
+    source: R,
+    path: PathBuf,
+    /// What is done, for messages.
+    doing: &'static str,
+    /// Longest line, bytes, and what is said of a longer one.
+    most: (u64, &'static str),
+    line: u64,
+    is_cut_off: bool,
+}
+
+impl TableLines<BufReader<File>> {
+    /// Opens the file.
+    pub(super) fn open(path: &Path, doing: &'static str, most: (u64, &'static str)) -> Result<Self, ReplayError> {
+        let refuse = |source| ReplayError::File { path: path.into(), doing, source };
+        Ok(Self::new(BufReader::new(File::open(path).map_err(refuse)?), path, doing, most))
+    }
+}
+
+impl<R: BufRead> TableLines<R> {
+    /// Reads from `source`, which errors call `path`.
+    pub(super) fn new(source: R, path: &Path, doing: &'static str, most: (u64, &'static str)) -> Self {
+        Self { source, path: path.into(), doing, most, line: 0, is_cut_off: false }
+    }
+
+    /// True when the last line was cut off, as by a power cut; it is left out.
+    pub(super) fn is_cut_off(&self) -> bool {
+        self.is_cut_off
+    }
+
+    /// Number of the latest line, from 1.
+    pub(super) fn line(&self) -> u64 {
+        self.line
+    }
+
+    /// The next line without its end; `None` at the end of the file.
+    pub(super) fn read(&mut self) -> Result<Option<String>, ReplayError> {
+        let (most, too_long) = self.most;
+        let mut bytes = Vec::new();
+        self.line += 1;
+        let read = self.source.by_ref().take(most).read_until(b'\n', &mut bytes);
+        read.map_err(|source| ReplayError::File { path: self.path.clone(), doing: self.doing, source })?;
+        let text = String::from_utf8_lossy(&bytes).into_owned();
+        match text.strip_suffix('\n') {
+            Some(whole) => Ok(Some(whole.trim_end_matches('\r').into())),
+            None if bytes.len() as u64 == most => Err(self.refuse(too_long, &text)),
+            None => {
+                self.is_cut_off = !bytes.is_empty();
+                Ok(None)
+            }
+        }
+    }
+
+    /// The error of the latest line.
+    pub(super) fn refuse(&self, why: &'static str, text: &str) -> ReplayError {
+        let text = text.chars().take(60).map(|c| if c.is_control() { '.' } else { c }).collect();
+        ReplayError::Row { path: self.path.clone(), line: self.line, why, text }
+    }
+}

@@ -1,0 +1,93 @@
+//! When the clock of a run starts.
+//!
+//! `timing.start_utc = "now"` is the machine's own time. The instants of a run are planned before its parts are made, which takes a
+//! while: on the real clock the plan leaves [`SET_UP`] for it, and the bench's clock then starts when the machine's clock has
+//! come to the planned instant. What takes longer leaves a lag, and the run says how much. Tests: below.
+
+use crate::wiring::assemble::RunClockKind;
+use base::clock::{Clock, Monotonic};
+use base::time::{Span, Tai};
+use config::StartTime;
+
+/// Time to make the parts of a run in.
+const SET_UP: Span = Span::from_ms(1000);
+/// A start that is so late is said.
+const NOTED_LAG: Span = Span::from_ms(1);
+
+/// Returns when the clock of a run is to start.
+pub(super) fn planned_start(start: StartTime, clock: RunClockKind) -> Tai {
+    match (start, clock) {
+        (StartTime::At(at), _) => at,
+        (StartTime::Now, RunClockKind::Virtual) => Monotonic::start().now(),
+        (StartTime::Now, RunClockKind::Real) => Monotonic::start().now() + SET_UP,
+    }
+}
+
+/// Starts the bench's clock at the planned instant, which "now" waits for by the machine's clock. Returns how far the bench's
+/// clock is behind the machine's then.
+pub(super) fn start_clock(clock: &Monotonic, start: StartTime, planned: Tai) -> Span {
+    let machine = Monotonic::start();
+    if start == StartTime::Now {
+        machine.sleep_until(planned);
+    }
+    let late = match start {
+        StartTime::Now => machine.now() - planned,
+        StartTime::At(_) => Span::ZERO,
+    };
+    let lag = if late > NOTED_LAG { late } else { Span::ZERO };
+    clock.restart_at(if lag > Span::ZERO { planned } else { planned + late });
+    lag
+}
+
+/// Returns what a run says of a lag.
+pub(super) fn note(lag: Span) -> Option<String> {
+    let said = || {
+        format!(
+            "timing.start_utc = \"now\": the bench's clock is {:.0} ms behind the machine's, because making the run took longer \
+             than {} s",
+            lag.s() * 1e3,
+            SET_UP.s()
+        )
+    };
+    (lag > Span::ZERO).then(said)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Less than the machine may hold a test up for.
+    fn is_small(span: Span) -> bool {
+        span.ns().abs() < 5_000_000
+    }
+
+    /// Bench minus machine.
+    fn offset(clock: &Monotonic) -> Span {
+        let machine = Monotonic::start();
+        clock.now() - machine.now()
+    }
+
+    #[test]
+    fn now_is_the_machines_time_when_the_clock_starts_and_a_later_start_is_a_lag_that_is_said() {
+        let planned = planned_start(StartTime::Now, RunClockKind::Real);
+        let clock = Monotonic::start_at(planned);
+        assert!(offset(&clock) > Span::from_ms(500), "control: before the start it is ahead");
+        assert_eq!(start_clock(&clock, StartTime::Now, planned), Span::ZERO);
+        assert!(is_small(offset(&clock)), "{:?}", offset(&clock));
+
+        let planned = Monotonic::start().now() - Span::from_ms(200);
+        let lag = start_clock(&clock, StartTime::Now, planned);
+        assert!(lag >= Span::from_ms(200), "{lag:?}");
+        assert!(is_small(offset(&clock) + lag), "behind by the lag");
+        assert!(note(lag).is_some_and(|text| text.contains("ms behind")) && note(Span::ZERO).is_none());
+    }
+
+    #[test]
+    fn a_date_is_taken_as_it_is() {
+        let at = Tai::from_ns(1_772_366_400_000_000_000);
+        assert_eq!(planned_start(StartTime::At(at), RunClockKind::Real), at);
+        let clock = Monotonic::start();
+        assert_eq!(start_clock(&clock, StartTime::At(at), at), Span::ZERO);
+        assert!(is_small(clock.now() - at));
+    }
+}
