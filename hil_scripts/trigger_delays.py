@@ -138,8 +138,9 @@ class Bench:
             time.sleep(0.05)
 
     def wait_for_frames(self, count):
+        """Until so many are drawn: a frame counts as delivered when its buffer comes back for the next one."""
         until = time.monotonic() + PATIENCE_S
-        while self.loop.state()["frames"]["delivered"] < count:
+        while self.loop.state()["frames"]["rendered"] < count:
             assert time.monotonic() < until, f"wanted {count} frames: {self.loop.state()}"
             time.sleep(0.02)
 

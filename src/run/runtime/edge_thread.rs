@@ -2,7 +2,7 @@
 //!
 //! In: the lines, and which heads they trigger. Out: edges with their instants in the queue of the receiving threads, so that an
 //! edge wakes the frame thread as a message does. When the queue is full an edge is lost and counted; so are those that the kernel
-//! dropped. Tests: `hil_scripts/test_trigger_lines.py`.
+//! dropped. Tests: `hil_scripts/test_triggers.py`.
 
 use crate::runtime::error::RunError;
 use crate::runtime::hygiene::{Hygiene, Role};
