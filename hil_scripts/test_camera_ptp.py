@@ -29,6 +29,11 @@ FOLLOWER = "[global]\ntime_stamping software\nslaveOnly 1\nuds_address {}\n"
 LEADER = "[global]\ntime_stamping software\npriority1 100\nuds_address {}\n"
 
 
+def signed(identity):
+    """The integer of GenApi that is a clock's identity."""
+    return int.from_bytes(identity, "big", signed=True)
+
+
 class PtpClient:
     """A camera's features, and waiting for its clock."""
 
@@ -61,7 +66,7 @@ class PtpClient:
 class SimulatedClock:
     """Answers management messages as ptp4l does. `state`, `offset_ns` and the rest may change at any time."""
 
-    OWN, PARENT, GRANDMASTER = bytes.fromhex("0a0b0cfffe0d0e0f"), bytes.fromhex("1a1b1cfffe1d1e1f"), bytes.fromhex("2a2b2cfffe2d2e2f")
+    OWN, PARENT, GRANDMASTER = bytes.fromhex("fa0b0cfffe0d0e0f"), bytes.fromhex("1a1b1cfffe1d1e1f"), bytes.fromhex("2a2b2cfffe2d2e2f")
 
     def __init__(self, path):
         self.state, self.offset_ns, self.delay_ns, self.accuracy, self.is_silent = 4, 0, 0, 0xFE, False
@@ -104,7 +109,7 @@ class Simulated(unittest.TestCase):
                 names = ["PtpOffsetFromMaster", "PtpMeanPropagationDelay", "PtpClockAccuracy"]
                 self.assertEqual([ptp.get(name) for name in names], [-123, 4567, "Within100ns"])
                 names = ["PtpClockID", "PtpParentClockID", "PtpGrandmasterClockID"]
-                clocks = [int.from_bytes(clock, "big") for clock in (clock.OWN, clock.PARENT, clock.GRANDMASTER)]
+                clocks = [signed(clock) for clock in (clock.OWN, clock.PARENT, clock.GRANDMASTER)]
                 self.assertEqual([ptp.get(name) for name in names], clocks)
                 clock.offset_ns = 99
                 clock.state = 8
@@ -144,8 +149,8 @@ class Ptp4l:
                 settings = self.folder / f"{name}.cfg"
                 settings.write_text(text.format(self.folder / name))
                 command = ["ip", "netns", "exec", name, "ptp4l", "-4", "-i", "ptp0", "-m", "-f", str(settings)]
-                log = open(self.folder / f"{name}.log", "w")
-                self.clocks.append(subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT))
+                with open(self.folder / f"{name}.log", "w") as log:
+                    self.clocks.append(subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT))
         except (OSError, subprocess.CalledProcessError) as reason:
             self.__exit__()
             raise PermissionError(str(getattr(reason, "stderr", None) or reason)) from reason
@@ -190,7 +195,8 @@ class Linuxptp(unittest.TestCase):
                     ptp.latch()
                     told = clocks.told()
                     self.assertIn("SLAVE", told)
-                    identity = lambda key: int(re.search(rf"{key}\s+([0-9a-f.]+)", told)[1].replace(".", ""), 16)
+                    # GenApi's integers are signed.
+                    identity = lambda key: signed(bytes.fromhex(re.search(rf"{key}\s+([0-9a-f.]+)", told)[1].replace(".", "")))
                     self.assertEqual(ptp.get("PtpClockID"), identity("clockIdentity"))
                     self.assertEqual(ptp.get("PtpGrandmasterClockID"), identity("grandmasterIdentity"))
                     self.assertNotEqual(ptp.get("PtpClockID"), ptp.get("PtpGrandmasterClockID"), "control")
