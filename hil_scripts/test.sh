@@ -333,7 +333,10 @@ end_beside() { [[ -z ${beside_group:-} ]] || kill -- "-$beside_group" 2>/dev/nul
 
 # Waits for one of the functions, prints what it printed, and has its exit status.
 await_beside() {
-    until [[ -s "$checks/$1.status" ]]; do sleep 0.2; done
+    until [[ -s "$checks/$1.status" ]]; do
+        kill -0 "$beside_group" 2>/dev/null || [[ -s "$checks/$1.status" ]] || { echo "$1 was ended" && return 1; }
+        sleep 0.2
+    done
     cat "$checks/$1.log"
     [[ $(<"$checks/$1.status") -eq 0 ]]
 }
