@@ -238,7 +238,30 @@ def trigger(client, request):
     return told
 
 
-CLIENTS = {"automatic": automatic, "measure": measure, "follow": follow, "trigger": trigger}
+def regions(client, request):
+    """Two regions at a rate that is too high for whole frames: what features and frames say, and the pixels."""
+    device = client.device
+    told = {"most_hz": [device.get_float_feature_value("AcquisitionFrameRate") and client.camera.get_frame_rate_bounds()[1]]}
+    for number, (left, top, width, height) in enumerate(request["regions"]):
+        client.set(RegionSelector=f"Region{number}")
+        client.set(RegionMode="On")
+        client.set(Width=width)
+        client.set(Height=height)
+        client.set(OffsetX=left)
+        client.set(OffsetY=top)
+    told["most_hz"].append(client.camera.get_frame_rate_bounds()[1])
+    client.set(ExposureTime=request["exposure_us"], AcquisitionFrameRate=request["rate_hz"])
+    told["payload"] = client.camera.get_payload()
+    client.camera.start_acquisition()
+    frames = [client.frame() for _ in range(request["frames"])]
+    client.camera.stop_acquisition()
+    told["sizes"] = [list(pixels.shape) for pixels, _ in frames]
+    told["chunks"] = [chunks for _, chunks in frames]
+    told["pixels"] = [pixels.tolist() for pixels, _ in frames[-2:]]
+    return told
+
+
+CLIENTS = {"automatic": automatic, "regions": regions, "measure": measure, "follow": follow, "trigger": trigger}
 
 
 # --- tests ------------------------------------------------------------------------------------------------------------
@@ -294,6 +317,28 @@ class Commanded(unittest.TestCase):
         self.assertAlmostEqual((told["mean"] - BLACK_DN) / target, 1.0, delta=0.03)
         self.assertAlmostEqual(told["chosen_us"], told["chunks"]["ExposureTime"], places=3)
         self.assertAlmostEqual(told["chosen_us"] * 1e-6 * (LIGHT_E_PER_S + 1e6) / GAIN_E_PER_DN / target, 1.0, delta=0.03)
+
+    def test_regions_are_sent_alone_at_a_rate_of_their_own(self):
+        places, exposure_us, rate_hz, frames = [[30, 20, 64, 32], [100, 200, 40, 16]], 5000.0, 80.0, 40
+        with Bench() as bench:
+            told = bench.client("regions", regions=places, exposure_us=exposure_us, rate_hz=rate_hz, frames=frames)
+        # 20 ms for 256 rows.
+        for most_hz, rows in zip(told["most_hz"], (256, 48)):
+            self.assertAlmostEqual(most_hz, 50.0 * 256 / rows, places=6)
+        self.assertEqual(told["sizes"], [[48, 64]] * frames, "one below the other, as wide as the widest")
+        self.assertGreater(told["payload"], 2 * 48 * 64)
+        self.assertLess(told["payload"], 4 * 48 * 64, "control: no whole image")
+        stamps = [chunks["Timestamp"] for chunks in told["chunks"]]
+        periods = [later - stamp for stamp, later in zip(stamps, stamps[1:])]
+        self.assertEqual(sorted(periods)[len(periods) // 2], round(1e9 / rate_hz))
+        import numpy
+
+        dark, light = BLACK_DN, LIGHT_E_PER_S * exposure_us * 1e-6 / GAIN_E_PER_DN
+        for pixels in map(numpy.array, told["pixels"]):
+            self.assertTrue((pixels[32:, 40:] == 0).all(), "beside the narrower one")
+            for part in (pixels[:32], pixels[32:, :40]):
+                self.assertGreater(part.min(), dark - 20.0, "no pixel that was not read out")
+                self.assertAlmostEqual((numpy.median(part) - dark) / light, 1.0, delta=0.1)
 
     def test_software_triggers_start_exposures_of_a_slew(self):
         delay_us, exposure_ns = 1500.0, 20_000_000

@@ -77,6 +77,8 @@ class Lines(unittest.TestCase):
                 time.sleep(max(0.0, (now - time.clock_gettime_ns(time.CLOCK_REALTIME)) * 1e-9 + at_ms * 1e-3))
                 bench.line.edge(is_rising, at_ns=now + at_ms * 1_000_000)
             bench.wait_for_frames(2)
+            # Frames are drawn while they are read out.
+            time.sleep(PAUSE_S)
             before = bench.loop.state()["events"]
             bench.line.edge(True, lost=3)
             bench.line.edge(False)

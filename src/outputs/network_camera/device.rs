@@ -127,6 +127,8 @@ pub struct Device {
     regions: RegionSet,
     /// What the camera that clients command was told to read out.
     read_out: Regions,
+    /// The frame rate was set for regions that the camera does not read out yet, or is lower because of them.
+    rate_waits: bool,
     user_sets: Vec<UserSet>,
     messages: Messages,
     /// What is known of the machine's PTP clock.
@@ -176,6 +178,7 @@ impl Device {
             colours: sensor.colours,
             regions: RegionSet::new(sensor.size_px),
             read_out: Regions::WHOLE,
+            rate_waits: false,
             user_sets: Vec::new(),
             messages: Messages::new(),
             ptp: PtpData::in_state(DISABLED),

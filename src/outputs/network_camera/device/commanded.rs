@@ -8,8 +8,8 @@ use crate::network_camera::gvcp::Status;
 use crate::network_camera::registers::own;
 use base::time::{Span, Tai};
 use frames::camera_control::{
-    AutoMode, CameraCommand, CameraEventKind, CommandSource, Commanded, ExposureMode, TriggerOverlap, TriggerSource,
-    TriggerSources,
+    AutoMode, CameraCommand, CameraEventKind, CameraRange, CommandSource, Commanded, ExposureMode, TriggerOverlap,
+    TriggerSource, TriggerSources,
 };
 
 /// Trigger sources by their number in the register.
@@ -92,7 +92,12 @@ impl Device {
             own::EXPOSURE_MODE => self.exposure_mode(value).map(CameraCommand::Mode),
             _ => return self.memory.read(address, 4).and(Err(Status::WriteProtect)),
         };
-        self.put(command.ok_or(Status::InvalidParameter)?, at)?;
+        let command = command.ok_or(Status::InvalidParameter)?;
+        if matches!(command, CameraCommand::Period(Some(_))) && self.regions_wait() {
+            self.rate_waits = true;
+        } else {
+            self.put(command, at)?;
+        }
         self.memory.set(address, value);
         Ok(())
     }
@@ -107,7 +112,7 @@ impl Device {
     }
 
     /// Returns the period of the frame rate.
-    fn period(&self) -> Option<Span> {
+    pub(super) fn period(&self) -> Option<Span> {
         period_of(self.memory.float(own::FRAME_RATE))
     }
 
@@ -125,11 +130,13 @@ impl Device {
             _ => period_of(number).map(|period| CameraCommand::Period(Some(period))),
         };
         let command = command.ok_or(Status::InvalidParameter)?;
-        let is_kept_for_later = address == own::FRAME_RATE && self.memory.word(own::FRAME_RATE_ENABLE) == 0;
+        let is_rate = address == own::FRAME_RATE;
+        let is_kept_for_later = is_rate && (self.memory.word(own::FRAME_RATE_ENABLE) == 0 || self.regions_wait());
         if is_kept_for_later {
-            self.check(&command)?
+            self.check(&command)?;
+            self.rate_waits = true;
         } else {
-            self.put(command, at)?
+            self.put(command, at)?;
         }
         self.memory.set_long(address, number.to_bits());
         Ok(())
@@ -145,9 +152,15 @@ impl Device {
         Ok(())
     }
 
-    fn check(&self, command: &CameraCommand) -> Result<(), Status> {
-        let commands = self.commands.as_ref().ok_or(Status::WriteProtect)?;
-        commands.range.check(command).map_err(|_| Status::InvalidParameter)
+    /// Refuses what the camera cannot do when it reads out the regions that are set.
+    pub(super) fn check(&self, command: &CameraCommand) -> Result<(), Status> {
+        let range = self.range().ok_or(Status::WriteProtect)?;
+        range.check(command).map_err(|_| Status::InvalidParameter)
+    }
+
+    /// Returns what commands may ask with the regions that are set; `None`: nothing.
+    pub(super) fn range(&self) -> Option<CameraRange> {
+        self.commands.as_ref().map(|commands| commands.range.reading(&self.regions.present()))
     }
 
     pub(super) fn put(&self, command: CameraCommand, at: Tai) -> Result<(), Status> {

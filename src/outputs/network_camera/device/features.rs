@@ -83,6 +83,7 @@ impl Device {
         }
         self.keep_region();
         self.measure_payload();
+        self.show_rate_range();
         Ok(())
     }
 

@@ -1,4 +1,5 @@
-//! The registers of the selected region, and the command that makes the camera read out no more than its regions.
+//! The registers of the selected region, the frame rates that regions leave time for, and the command that makes the camera
+//! read out no more than its regions.
 
 use super::Device;
 use crate::network_camera::gvcp::Status;
@@ -47,23 +48,56 @@ impl Device {
         self.memory.set(address, value);
         self.show_region();
         self.measure_payload();
+        self.show_rate_range();
         Ok(())
     }
 
-    /// Makes the camera that clients command read out the regions from the next exposure on, when they have changed.
+    /// Shows the highest frame rate of a commanded camera with the regions that are set; its frame rate becomes no higher.
+    pub(super) fn show_rate_range(&mut self) {
+        let Some(range) = self.range() else { return };
+        let most = range.frame_rate_max_hz.to_bits();
+        self.memory.set_long(own::FRAME_RATE_MOST, most);
+        if self.check(&CameraCommand::Period(self.period())).is_err() {
+            self.memory.set_long(own::FRAME_RATE, most);
+            self.rate_waits = true;
+        }
+    }
+
+    fn sensor_px(&self) -> [u32; 2] {
+        [own::SENSOR_WIDTH, own::SENSOR_HEIGHT].map(|side| self.memory.word(side))
+    }
+
+    /// Returns what the camera has to read out for the regions that are set.
+    fn wanted_read_out(&self) -> Regions {
+        let (regions, [width_px, height_px]) = (self.regions.present(), self.sensor_px());
+        let whole = Region { left_px: 0, top_px: 0, width_px, height_px };
+        if regions.as_slice() == [whole] { Regions::WHOLE } else { regions }
+    }
+
+    /// Returns true when the camera does not read out yet what is set: it will from the next start of an acquisition on.
+    pub(super) fn regions_wait(&self) -> bool {
+        self.wanted_read_out() != self.read_out
+    }
+
+    /// Makes the camera that clients command read out the regions from the next exposure on, when they have changed, at the
+    /// frame rate that was set for them.
     pub(super) fn command_regions(&mut self, at: Tai) -> Result<(), Status> {
-        let regions = self.regions.present();
-        let size_px = [own::SENSOR_WIDTH, own::SENSOR_HEIGHT].map(|side| self.memory.word(side));
         let pixels = |[columns, rows]: [u32; 2]| u64::from(columns) * u64::from(rows);
-        if pixels(stacked_px(&regions)) > pixels(size_px) {
+        if pixels(stacked_px(&self.regions.present())) > pixels(self.sensor_px()) {
             return Err(Status::InvalidParameter);
         }
-        let whole = Region { left_px: 0, top_px: 0, width_px: size_px[0], height_px: size_px[1] };
-        let wanted = if regions.as_slice() == [whole] { Regions::WHOLE } else { regions };
-        if self.commands.is_some() && wanted != self.read_out {
+        if self.commands.is_none() {
+            return Ok(());
+        }
+        let wanted = self.wanted_read_out();
+        if wanted != self.read_out {
             self.put(CameraCommand::Regions(wanted), at)?;
             self.read_out = wanted;
         }
+        if self.rate_waits && self.memory.word(own::FRAME_RATE_ENABLE) == 1 {
+            self.put(CameraCommand::Period(self.period()), at)?;
+        }
+        self.rate_waits = false;
         Ok(())
     }
 }

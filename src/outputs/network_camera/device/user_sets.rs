@@ -26,11 +26,13 @@ impl Device {
             return Err(Status::Busy);
         }
         let set = self.user_sets.get(self.set_number(register)).cloned().ok_or(Status::InvalidParameter)?;
+        // The highest frame rate is that of the regions.
+        self.regions = set.regions.clone();
+        self.show_region();
+        self.show_rate_range();
         for (address, value) in set.writes(self.commands.is_some()) {
             self.write_feature(address, value, now)?;
         }
-        self.regions = set.regions;
-        self.show_region();
         self.chunks = set.chunks;
         self.memory.set(own::CHUNK_ENABLE, self.chunks >> self.memory.word(own::CHUNK_SELECTOR) & 1);
         self.measure_payload();

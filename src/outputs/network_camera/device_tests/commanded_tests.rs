@@ -32,12 +32,12 @@ pub(super) fn commanded() -> (Bench, DeskEnd) {
 }
 
 impl Bench {
-    fn write_number(&mut self, address: u32, number: f64) -> u16 {
+    pub(super) fn write_number(&mut self, address: u32, number: f64) -> u16 {
         let payload = [&address.to_be_bytes()[..], &number.to_be_bytes()].concat();
         self.ask(A, 0x86, &payload).unwrap().0
     }
 
-    fn number(&mut self, address: u32) -> f64 {
+    pub(super) fn number(&mut self, address: u32) -> f64 {
         f64::from_be_bytes(self.memory(address, 8).try_into().unwrap())
     }
 }

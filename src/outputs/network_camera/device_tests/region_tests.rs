@@ -2,6 +2,7 @@
 
 use super::commanded_tests::{commanded, taken};
 use super::*;
+use base::time::Span;
 use frames::camera_control::{CameraCommand, Region, Regions};
 
 const SMALL: Region = Region { left_px: 4, top_px: 2, width_px: 6, height_px: 3 };
@@ -69,4 +70,42 @@ fn commanded_camera_is_told_to_read_out_the_regions_when_they_have_changed() {
         let wanted = if region == SMALL { Regions::of(&[SMALL]).unwrap() } else { Regions::WHOLE };
         assert_eq!(taken(&end), [CameraCommand::Regions(wanted)], "once");
     }
+}
+
+#[test]
+fn fewer_rows_make_higher_rates_possible_and_more_rows_lower_the_rate() {
+    const SHORT: Region = Region { left_px: 0, top_px: 0, width_px: 31, height_px: 5 };
+    let (mut bench, end) = commanded();
+    assert_eq!((bench.number(own::FRAME_RATE_MOST), bench.write_number(own::FRAME_RATE, 200.0)), (100.0, 0x8002));
+    place(&mut bench, SHORT);
+    assert_eq!(bench.number(own::FRAME_RATE_MOST), 340.0, "5 of 17 rows");
+    assert_eq!(bench.write_number(own::FRAME_RATE, 341.0), 0x8002);
+    assert_eq!(bench.write_number(own::FRAME_RATE, 250.0), OK);
+    assert_eq!(taken(&end), [], "the camera still reads out the whole image");
+    bench.stream();
+    let regions = Regions::of(&[SHORT]).unwrap();
+    assert_eq!(taken(&end), [CameraCommand::Regions(regions), CameraCommand::Period(Some(Span::from_ms(4)))]);
+    assert_eq!(bench.write_number(own::FRAME_RATE, 200.0), OK);
+    assert_eq!(taken(&end), [CameraCommand::Period(Some(Span::from_ms(5)))], "at once, for the same regions");
+    assert_eq!(bench.write(A, own::ACQUISITION_STOP, 1), OK);
+    assert_eq!(bench.write(A, own::HEIGHT, 17), OK);
+    assert_eq!([own::FRAME_RATE_MOST, own::FRAME_RATE].map(|rate| bench.number(rate)), [100.0, 100.0], "clipped");
+    bench.stream();
+    assert_eq!(taken(&end), [CameraCommand::Regions(Regions::WHOLE), CameraCommand::Period(Some(Span::from_ms(10)))]);
+}
+
+#[test]
+fn rate_of_a_user_set_is_that_of_its_regions() {
+    let (mut bench, end) = commanded();
+    place(&mut bench, SMALL);
+    assert_eq!(bench.write_number(own::FRAME_RATE, 500.0), OK);
+    assert_eq!((bench.write(A, own::USER_SET_SELECTOR, 1), bench.write(A, own::USER_SET_SAVE, 1)), (OK, OK));
+    for (number, rate_hz, rows) in [(0, 5.0, 17), (1, 500.0, 3)] {
+        assert_eq!((bench.write(A, own::USER_SET_SELECTOR, number), bench.write(A, own::USER_SET_LOAD, 1)), (OK, OK));
+        assert_eq!((bench.number(own::FRAME_RATE), bench.read(A, own::HEIGHT)), (rate_hz, Ok(rows)));
+    }
+    taken(&end);
+    bench.stream();
+    let regions = Regions::of(&[SMALL]).unwrap();
+    assert_eq!(taken(&end), [CameraCommand::Regions(regions), CameraCommand::Period(Some(Span::from_ms(2)))]);
 }
