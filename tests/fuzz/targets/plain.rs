@@ -2,10 +2,10 @@
 
 #![no_main]
 
+use base::axes::WRITTEN_NORM_TOLERANCE;
 use libfuzzer_sys::fuzz_target;
 use link::plain::{
-    Encoding, FIELD_NAMES, NORM_TOLERANCE, PlainAttitude, PlainCodec, PlainLayout, PlainRecord, PlainTime,
-    QuaternionSense, TimeMeaning,
+    Encoding, FIELD_NAMES, PlainAttitude, PlainCodec, PlainLayout, PlainRecord, PlainTime, QuaternionSense, TimeMeaning,
 };
 use starloop_fuzz::{Input, control};
 
@@ -109,7 +109,7 @@ fn assert_legal(record: Option<&PlainRecord>) {
     assert!(record.attitude.is_some() || record.jitter_rad.is_some() || record.observer.is_some());
     if let Some(attitude) = &record.attitude {
         let norm = attitude.q_wxyz.iter().map(|part| part * part).sum::<f64>().sqrt();
-        assert!((norm - 1.0).abs() <= NORM_TOLERANCE, "norm {norm}");
+        assert!((norm - 1.0).abs() <= WRITTEN_NORM_TOLERANCE, "norm {norm}");
         assert!(attitude.rate_rad_s.iter().chain(&attitude.acceleration_rad_s2).all(|value| value.is_finite()));
     }
 }
