@@ -72,11 +72,20 @@ def status(f):
     return {"Page": page, name + "Frame": f["frame"], name + "Flags": f["flags"], name: turns * 360 / 2**32}
 
 
+def camera_status(f):
+    pages = {0: lambda: {"StartedBy": f["started_by"], "ExposureTime": f["exposure_us"]},
+             1: lambda: {"Gain": f["gain_cdb"] / 100, "BlackLevel": f["black_level_dn_16"] / 16},
+             2: lambda: {"TriggerDelay": f["delay_us"]}}
+    return {"Page": f["page"], "Head": f["head"], "Frame": f["frame"], **pages[f["page"]]()}
+
+
 def command(f):
     arguments = {1: lambda: {"Major": f["major"], "Minor": f["minor"]}, 2: lambda: {"InfoPage": f["page"]},
                  5: lambda: {"ApplyTable": f["table"], "ApplyRows": f["rows"], "ApplyCrc16": f["crc16"],
                              "ApplySeed": f["seed"]},
-                 6: lambda: {"TriggerNumber": f["trigger"], "TriggerTime": f["at_us"]}}
+                 6: lambda: {"TriggerNumber": f["trigger"], "TriggerTime": f["at_us"]},
+                 7: lambda: {"CameraKind": f["camera_kind"], "CameraHead": f["head"], "CameraValue": f["camera_value"]},
+                 8: lambda: {"CameraTriggerHead": f["head"], "CameraTriggerTime": f["at_us"]}}
     return {"Opcode": f["opcode"], "Token": f["token"], **arguments.get(f["opcode"], dict)()}
 
 
@@ -85,7 +94,8 @@ def response(f):
     if f["opcode"] == 1:
         bits = f["capabilities"]
         signals |= {"Major": f["major"], "Minor": f["minor"], "ParameterTables": bits & 1, "JitterSamples": bits >> 1 & 1,
-                    "WheelSpeeds": bits >> 2 & 1, "Triggers": bits >> 3 & 1, "AttitudeConvention": f["attitude_convention"]}
+                    "WheelSpeeds": bits >> 2 & 1, "Triggers": bits >> 3 & 1, "Cameras": bits >> 4 & 1,
+                    "AttitudeConvention": f["attitude_convention"]}
     elif f["opcode"] == 2 and f["page"] == 0:
         signals |= {"InfoPage": 0, "DbcCrc32": f["dbc_crc32"]}
     elif f["opcode"] == 2:
@@ -94,6 +104,10 @@ def response(f):
         signals |= {"AppliedTable": f.get("table", 0), "AppliedRows": f.get("rows", 0)}
     elif f["opcode"] == 6:
         signals |= {"TriggeredNumber": f.get("trigger", 0), "TriggeredLate": f.get("late", 0)}
+    elif f["opcode"] == 7:
+        signals |= {"CameraKind": f.get("camera_kind", 0), "CameraHead": f.get("head", 0)}
+    elif f["opcode"] == 8:
+        signals |= {"CameraTriggeredHead": f.get("head", 0), "CameraTriggeredLate": f.get("late", 0)}
     return signals
 
 
@@ -116,6 +130,7 @@ def signals_of(vector, name, data):
         "EXPOSURE": lambda: {"Frame": f["frame"], "AttitudeSeq": f["attitude_seq"], "MidExposure": f["mid_exposure_us"],
                              "Age": f["age_us"]},
         "STATUS": lambda: status(f),
+        "CAMERA_STATUS": lambda: camera_status(f),
         "WHEELS": lambda: {f"Speed{i}": speed for i, speed in enumerate(f["speed_rpm"])},
         "JITTER": lambda: {"Slot": f["slot"], **samples(f, 2)},
         "TABLE": lambda: cell(f),
@@ -128,7 +143,7 @@ def signals_of(vector, name, data):
 def frames(vectors=VECTORS["messages"]):
     """(vector, frame) of everything at base 0, node 0, whose opcode the DBC names."""
     for vector in vectors:
-        if vector["base"] == vector["node"] == 0 and vector["fields"].get("opcode", 0) <= 6:
+        if vector["base"] == vector["node"] == 0 and vector["fields"].get("opcode", 0) <= 8:
             for frame in [vector["fd"]] + (vector["classic"] or []):
                 yield vector, frame
 

@@ -100,7 +100,11 @@ fn draw(ra_dec_roll_deg: [f64; 3], backend: BackendChoice) -> Frame {
     let instrument: Instrument = camera.instrument();
     let mut imager = Imager::new(backend, camera.detector, [SIZE, SIZE], 3).unwrap();
     let mut planner = Planner::new(instrument, AccuracyBudget::default(), imager.cost(), MethodChoice::Auto, los);
-    let mut sky = SkyView::new(&camera, ObserverTrack::new(Observer::Geocentre, at), &Sky::open(&[], 8.5, 1).unwrap());
+    let mut sky = SkyView::new(
+        &camera,
+        ObserverTrack::new(Observer::Geocentre, at),
+        &Sky::open(&[], camera.limiting_mag, 1).unwrap(),
+    );
     let boresight = attitude.inverse().apply(glam::DVec3::Z);
     let plan = planner.plan(sky.sources(boresight, 0.0, at).unwrap());
     let mut dn = DnImage::new(SIZE, SIZE);
