@@ -12,7 +12,7 @@ use std::sync::Arc;
 const HEARD_BY_STIMULATOR: [u16; 14] =
     [0x080, 0x205, 0x215, 0x225, 0x235, 0x245, 0x255, 0x285, 0x2A5, 0x305, 0x315, 0x485, 0x605, 0x705];
 /// The same for the flight computer.
-const HEARD_BY_FLIGHT_COMPUTER: [u16; 4] = [0x185, 0x195, 0x585, 0x705];
+const HEARD_BY_FLIGHT_COMPUTER: [u16; 5] = [0x185, 0x195, 0x1A5, 0x585, 0x705];
 
 /// Sends a frame of every identifier, and wants each end to hear its own; `open` gives an end of node 5 on one bus that
 /// hears what is asked for.
