@@ -8,7 +8,7 @@ use super::clock::SpacecraftClock;
 use super::daf::{Daf, Summary, whole};
 use super::{check_axes, chosen};
 use crate::attitude::{AttitudeHistory, AttitudeSegment, AttitudeState, Times, is_slow_enough};
-use crate::attitude_methods::AttitudeInterpolation;
+use crate::attitude_methods::{AttitudeInterpolation, s_between};
 use crate::error::{HistoryError, Source};
 use base::axes::{Body, COMPUTED_NORM_TOLERANCE, Icrf, Rotation};
 use glam::DVec3;
@@ -103,6 +103,13 @@ impl Reader<'_> {
             // The record's own rate of the clock, s per tick.
             let turn_s = if record[7] > 0.0 { record[7] } else { self.clock.s_per_tick(begin) } * (end - begin);
             let last_at = self.instant(end)?;
+            let by_clock_s = s_between(first.t_ns, last_at);
+            if last_at > first.t_ns && !(0.5 * by_clock_s..=2.0 * by_clock_s).contains(&turn_s) {
+                return Err(self.source.whole(format!(
+                    "the interval from tick {begin} has {turn_s} s by its own rate of the clock, and {by_clock_s} s by the \
+                     clock kernel; wanted the same within a factor of 2: take the kernel that belongs to this file"
+                )));
+            }
             let rate = first.rate_rad_s.unwrap_or_default();
             let last = AttitudeState {
                 t_ns: last_at,

@@ -158,6 +158,12 @@ fn what_cannot_be_read_is_refused_with_its_reason() {
         let error = read(&file, &[SCLK]).expect_err(part);
         assert!(error.starts_with("a.bc: ") && error.contains(part), "{part}: {error}");
     }
+    for s_per_tick in [1e279, f64::INFINITY, 0.021, 0.004] {
+        let mut segment = type_2();
+        segment.2[7] = s_per_tick;
+        let error = read(&daf("DAF/CK", &[segment], true), &[SCLK]).expect_err("another clock");
+        assert!(error.contains("by its own rate of the clock, and 2 s"), "{s_per_tick}: {error}");
+    }
     for (texts, part) in [
         (vec![], "SCLK_DATA_TYPE_7"),
         (vec!["hello"], "no text kernel"),

@@ -131,8 +131,11 @@ fn unix_ns(stamp: &str) -> Option<i64> {
         && (0..24).contains(&hour)
         && (0..60).contains(&minute)
         && (0.0..=60.0).contains(&second);
+    if !is_legal {
+        return None;
+    }
     let before = year - 1;
     let days = 365 * (year - 1970) + (before / 4 - before / 100 + before / 400 - 477) + day - 1;
     let whole_s = 86_400 * days + 3600 * hour + 60 * minute;
-    is_legal.then(|| whole_s * 1_000_000_000 + (second * NS_PER_S).round() as i64)
+    Some(whole_s * 1_000_000_000 + (second * NS_PER_S).round() as i64)
 }

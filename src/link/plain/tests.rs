@@ -203,6 +203,8 @@ fn lines_of_42_are_read_in_its_conventions() {
 fn damaged_message_of_42_gives_nothing_and_the_next_one_is_whole() {
     for (from, to, reason) in [
         ("TIME 2025-079", "TIME 2025-400", PlainReject::Time),
+        ("TIME 2025-079", "TIME 2025--9223372036854775808", PlainReject::Time),
+        ("-12:00:00.01", "--5555555555555555:00:00.01", PlainReject::Time),
         ("SC[0].wn", "SC[7].wn", PlainReject::Incomplete),
         ("9.987502603950e-01]", "]", PlainReject::Length),
         ("-2.0e-02", "two", PlainReject::Number),
