@@ -71,8 +71,9 @@ impl ExportSource {
 
     fn of_folder(folder: &Path, bench: Option<&Path>, head: usize) -> Result<Self> {
         let path = path_in(folder);
-        let text = read::text_of(&path)
-            .with_context(|| format!("{}: wanted the folder of a recorded run, with frames.csv (--sink recorder)", folder.display()))?;
+        let text = read::text_of(&path).with_context(|| {
+            format!("{}: wanted the folder of a recorded run, with frames.csv (--sink recorder)", folder.display())
+        })?;
         let (rising, left_out) = rising_rows(&text);
         if left_out > 0 {
             eprintln!("{left_out} frames that show again what an earlier one shows are left out");
