@@ -162,13 +162,20 @@ fn with_reserved_zero(kind: MessageId, data: &[u8]) -> Vec<u8> {
         (MessageId::Jitter, _) => bytes[8 + 4 * usize::from(data[7])..].fill(0),
         (MessageId::Command, 1) => bytes[4..].fill(0),
         (MessageId::Command, 2) => bytes[3..].fill(0),
-        (MessageId::Command, opcode) if opcode != 5 && opcode != 6 => bytes[2..].fill(0),
+        (MessageId::Command, 5..=7) => {}
+        (MessageId::Command, 8) => bytes[3] = 0,
+        (MessageId::Command, _) => bytes[2..].fill(0),
+        (MessageId::CameraStatus, 2) => bytes[3] = 0,
         (MessageId::Response, opcode) => match (data[2], opcode) {
             (0, 1 | 2) => {}
-            (0, 5) => bytes[5..].fill(0),
+            (0, 5 | 7) => bytes[5..].fill(0),
             (0, 6) => {
                 bytes[5] &= 1;
                 bytes[6..].fill(0);
+            }
+            (0, 8) => {
+                bytes[4] &= 1;
+                bytes[5..].fill(0);
             }
             _ => bytes[3..].fill(0),
         },
