@@ -9,7 +9,7 @@
 //! *A named pipe in place of a chip.* Where the chip is a named pipe, it brings events of the kernel's own form
 //! (`struct gpio_v2_line_event`, 48 bytes): a pulse generator that is a program, for benches without lines, and for tests.
 //!
-//! Source: Linux `include/uapi/linux/gpio.h`, `Documentation/userspace-api/gpio/chardev.rst`. Limits: [`QUEUE`] edges may wait for
+//! Source: Linux `include/uapi/linux/gpio.h`, `Documentation/userspace-api/gpio/chardev.rst`. Limits: `QUEUE` edges may wait for
 //! all lines of a chip together; waiting reads a file, off the frame path. Tests: `gpio_tests`, on a named pipe; on a simulated
 //! chip of the kernel where there is one, `hil_scripts/test_triggers.py`.
 
