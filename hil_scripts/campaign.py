@@ -198,8 +198,8 @@ def why_not(row: dict) -> str:
     if row["error"]:
         return "; ".join([row["error"], *row["stderr_tail"].strip().splitlines()[-1:]])
     verdicts = [name[len("verdict.") : -len(".passed")] for name in row if name.endswith(".passed") and not row[name]]
-    told = [f"{v.replace('_', ' ')}: wanted {row[f'verdict.{v}.wanted']}, got {row[f'verdict.{v}.got']}" for v in verdicts]
-    return "; ".join(told + json.loads(row["violation_lines"] or "[]")[:3]) or "did not hold"
+    reported = [f"{v.replace('_', ' ')}: wanted {row[f'verdict.{v}.wanted']}, got {row[f'verdict.{v}.got']}" for v in verdicts]
+    return "; ".join(reported + json.loads(row["violation_lines"] or "[]")[:3]) or "did not hold"
 
 
 def real(value: float | None) -> float | None:
@@ -314,8 +314,8 @@ class Progress:
     def line(self, now: float) -> str:
         rate = self.done / max(now - self.began, 1e-3)
         left_s = (self.total - self.there - self.done) / max(rate, 1e-9)
-        told = f"{self.there + self.done}/{self.total} tasks ({self.there} were there), {self.not_held} did not hold, "
-        return told + f"{self.no_report} without report, {rate:.2f} tasks/s, {left_s:.0f} s left    "
+        reported = f"{self.there + self.done}/{self.total} tasks ({self.there} were there), {self.not_held} did not hold, "
+        return reported + f"{self.no_report} without report, {rate:.2f} tasks/s, {left_s:.0f} s left    "
 
     def say(self, text: str) -> None:
         """A line of its own."""
@@ -339,8 +339,8 @@ def run_all(client, tasks: list[dict], given: argparse.Namespace, progress: Prog
         try:
             result = future.result()
         except Exception as lost:  # whatever became of a worker, the others go on
-            told = f"lost by Dask: {type(lost).__name__}: {lost}"
-            result = {"report": None, "exit_status": None, "error": told, "stderr_tail": "", "task_wall_s": 0.0}
+            reported = f"lost by Dask: {type(lost).__name__}: {lost}"
+            result = {"report": None, "exit_status": None, "error": reported, "stderr_tail": "", "task_wall_s": 0.0}
         future.release()
         command = command_of(task, binary, scenario)
         row = row_of(task, result, command)

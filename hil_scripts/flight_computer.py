@@ -160,7 +160,7 @@ class FlightComputer:
                 self.transport.send("HEARTBEAT", {"State": 2, "Major": 1})
             wait_s = min(min(self.due_s.values()), until_s) - self.now_s()
             if received := self.transport.receive(max(wait_s, 0.0)):
-                self.hear(*received)
+                self.take_in(*received)
 
     def mark_time(self):
         """SYNC, and when it left. Without a report from the controller that is known as "not before it was handed over": a
@@ -191,7 +191,7 @@ class FlightComputer:
         )
         self.sequence = (self.sequence + 1) & 0xFF
 
-    def hear(self, name, fields):
+    def take_in(self, name, fields):
         if name == "RSP":
             self.answers[fields["Token"]] = fields
         elif name == "EXPOSURE":
@@ -199,20 +199,20 @@ class FlightComputer:
             self.exposures[fields["Frame"]] = (len(self.frames), fields["MidExposure"])
             self.frames[len(self.frames)] = {"mid_us": fields["MidExposure"], "age_us": fields["Age"]}
         elif name == "STATUS":
-            self.hear_status(fields)
+            self.receive_status(fields)
         elif name == "CAMERA_STATUS" and fields["Head"] == 0:
-            self.hear_camera(fields)
+            self.receive_camera(fields)
 
-    def hear_camera(self, fields):
+    def receive_camera(self, fields):
         """Collects the pages of a frame of the first head."""
         if fields["Page"] not in CAMERA_PAGES:
             return
         last = self.camera_frame if self.camera_frame is not None else fields["Frame"]
         self.camera_frame = last + (fields["Frame"] - last + 128) % 256 - 128
-        told = self.camera_frames.setdefault(self.camera_frame, {})
-        told.update({name: fields[name] for name in CAMERA_PAGES[fields["Page"]]})
+        reported = self.camera_frames.setdefault(self.camera_frame, {})
+        reported.update({name: fields[name] for name in CAMERA_PAGES[fields["Page"]]})
 
-    def hear_status(self, fields):
+    def receive_status(self, fields):
         for page, angle in ((4, "RightAscension"), (5, "Declination"), (6, "Roll")):
             if fields["Page"] == page and fields[angle + "Frame"] in self.exposures:
                 place, _ = self.exposures[fields[angle + "Frame"]]
@@ -318,9 +318,9 @@ def command_cameras(computer, wanted, start_s):
 
 def print_camera_frames(computer):
     """A line for each frame of which all pages of CAMERA_STATUS came."""
-    for number, told in sorted(computer.camera_frames.items()):
-        if len(told) == sum(map(len, CAMERA_PAGES.values())):
-            print(f"camera frame {number}: " + " ".join(f"{name}={value:.10g}" for name, value in sorted(told.items())))
+    for number, reported in sorted(computer.camera_frames.items()):
+        if len(reported) == sum(map(len, CAMERA_PAGES.values())):
+            print(f"camera frame {number}: " + " ".join(f"{name}={value:.10g}" for name, value in sorted(reported.items())))
 
 
 def arguments():

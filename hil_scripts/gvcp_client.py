@@ -56,8 +56,8 @@ class Client:
         self.socket.sendto(struct.pack(">BBHHH", 0x42, flags, code, len(payload), self.number) + payload,
                            (self.address, GVCP_PORT))
         answer = self.socket.recv(1024)
-        status, told, length, number = struct.unpack(">HHHH", answer[:8])
-        assert (told, number, length) == (code + 1, self.number, len(answer) - 8), answer
+        status, reported, length, number = struct.unpack(">HHHH", answer[:8])
+        assert (reported, number, length) == (code + 1, self.number, len(answer) - 8), answer
         if status:
             raise Refused(status)
         return answer[8:]

@@ -105,23 +105,23 @@ class IceoryxFrames:
 
     def frames(self, poll_s=0.002):
         """Frames as they come, until nobody publishes any more."""
-        begun = heard = time.monotonic()
-        is_heard = False
+        begun = got = time.monotonic()
+        is_received = False
         while True:
             # Before looking: what is published after this look is found by the next one.
             is_over = self.is_over
             while (frame := self.take()) is not None:
-                heard = time.monotonic()
-                is_heard = True
+                got = time.monotonic()
+                is_received = True
                 yield frame
-            is_heard = is_heard or not is_over
+            is_received = is_received or not is_over
             # A run that begins has its service a moment before it publishes.
-            if is_over and (is_heard or time.monotonic() - begun > SILENCE_S):
+            if is_over and (is_received or time.monotonic() - begun > SILENCE_S):
                 return
-            if time.monotonic() - heard > SILENCE_S:
+            if time.monotonic() - got > SILENCE_S:
                 # A run that was killed has not said that it is over.
                 self.service.try_cleanup_dead_nodes()
-                heard = time.monotonic()
+                got = time.monotonic()
             time.sleep(poll_s)
 
 

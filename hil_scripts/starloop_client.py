@@ -555,12 +555,12 @@ def demonstrate() -> None:
             estimate = loop.estimate()
             truth = loop.truth(estimate["at_s"])
             seen = estimate["heads"][0]
-            told = f"{seen['stars']} stars, {seen['found_by']}" if "stars" in seen else seen.get("reason", "no frame yet")
+            reported = f"{seen['stars']} stars, {seen['found_by']}" if "stars" in seen else seen.get("reason", "no frame yet")
             known = estimate["estimate"]
             error = f"{separation_arcsec(truth, known):14.2f}" if known else f"{'unknown':>14}"
             print(
                 f"{truth['at_s']:7.2f} {estimate['mode']:>16} {truth['ra_deg']:9.4f} {truth['dec_deg']:+9.4f} {error}"
-                f"  {told}"
+                f"  {reported}"
             )
         report = loop.finish()
         for fault in report["faults"]:

@@ -59,8 +59,8 @@ class Commands(unittest.TestCase):
         self.assertEqual(status, 0, said)
         for command in COMMANDS:
             self.assertIn(f"camera {command.partition('@')[0]} was taken", said)
-        frames, told = recorded(folder), reported(said)
-        self.assertGreater(len(told), 20, said)
+        frames, statuses = recorded(folder), reported(said)
+        self.assertGreater(len(statuses), 20, said)
         seen = {}
         for number, (header, light_dn) in frames.items():
             setting = (round(header["EXPTIME"] * 1e6), header["GAIN_DB"])
@@ -68,8 +68,8 @@ class Commands(unittest.TestCase):
             # The header's own gain and time: the pixels are those of the settings that the frame says.
             light = light_dn * header["GAIN"] / header["EXPTIME"]
             self.assertAlmostEqual(light / LIGHT_E_PER_S, 1.0, delta=PROPORTION, msg=f"frame {number}: {setting}")
-            if len(frames) < 256 and number in told:
-                status = told[number]
+            if len(frames) < 256 and number in statuses:
+                status = statuses[number]
                 self.assertEqual((status["ExposureTime"], status["Gain"]), setting, f"frame {number}")
                 self.assertEqual(status["BlackLevel"], header["BLACKLVL"])
         self.assertEqual([setting for setting in seen if setting != (100000, 0.0)], WANTED, "in this order")

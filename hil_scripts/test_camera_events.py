@@ -109,7 +109,7 @@ class Events(unittest.TestCase):
             messages = Messages(receiver.client)
             receiver.want("ExposureStart", "ExposureEnd")
             receiver.do("AcquisitionStart")
-            frames, told = {}, {"ExposureStart": {}, "ExposureEnd": {}}
+            frames, reported = {}, {"ExposureStart": {}, "ExposureEnd": {}}
             names = {number: name for name, number in EVENTS.items()}
             all_messages = []
             while len(frames) < 20:
@@ -120,14 +120,14 @@ class Events(unittest.TestCase):
                     all_messages.append(message)
                     name = names[event_id(message)]
                     at_ns, number = receiver.event(name, message)
-                    told[name][number] = at_ns
+                    reported[name][number] = at_ns
             receiver.do("AcquisitionStop")
-        both = [number for number in frames if number in told["ExposureStart"] and number in told["ExposureEnd"]]
-        self.assertGreater(len(both), 15, told)
+        both = [number for number in frames if number in reported["ExposureStart"] and number in reported["ExposureEnd"]]
+        self.assertGreater(len(both), 15, reported)
         for number in both:
-            self.assertEqual(told["ExposureStart"][number], frames[number] - EXPOSURE_NS // 2, number)
-            self.assertEqual(told["ExposureEnd"][number], frames[number] + EXPOSURE_NS // 2, number)
-        self.assertNotEqual(told["ExposureEnd"][both[0]], frames[both[0]], "control")
+            self.assertEqual(reported["ExposureStart"][number], frames[number] - EXPOSURE_NS // 2, number)
+            self.assertEqual(reported["ExposureEnd"][number], frames[number] + EXPOSURE_NS // 2, number)
+        self.assertNotEqual(reported["ExposureEnd"][both[0]], frames[both[0]], "control")
         lines = dissected(all_messages)
         self.assertEqual(len(lines), len(all_messages))
         for line, message in zip(lines, all_messages):

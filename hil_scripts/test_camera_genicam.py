@@ -146,14 +146,14 @@ class Client:
             buffer = self.stream.timeout_pop_buffer(100_000)
             if buffer is None:
                 continue
-            told = None
+            reported = None
             if buffer.get_status().value_nick == "success":
                 size = buffer.get_image_height(), buffer.get_image_width()
                 pixels = numpy.frombuffer(buffer.get_image_data()[: 2 * size[0] * size[1]], "<u2").astype(float).reshape(size)
-                told = pixels, self.chunks(buffer)
+                reported = pixels, self.chunks(buffer)
             self.stream.push_buffer(buffer)
-            if told:
-                return told
+            if reported:
+                return reported
         return None
 
     def chunks(self, buffer):
@@ -165,7 +165,7 @@ def measure(client, request):
     """Sets of features, and of each: mean, noise by differences, and what the frames say of themselves."""
     import numpy
 
-    told = []
+    reported = []
     client.camera.start_acquisition()
     for features in request["sets"]:
         client.set(**features)
@@ -178,14 +178,14 @@ def measure(client, request):
             if len(frames) == 12:
                 break
         noise = [numpy.var(a - b) / 2.0 for a, b in zip(frames[::2], frames[1::2])]
-        told.append({"mean": float(numpy.mean(frames)), "noise": float(numpy.mean(noise)), "frames": len(frames), "chunks": chunks})
+        reported.append({"mean": float(numpy.mean(frames)), "noise": float(numpy.mean(noise)), "frames": len(frames), "chunks": chunks})
     client.camera.stop_acquisition()
-    return told
+    return reported
 
 
 def follow(client, request):
     """An exposure loop of the client: each frame sets the next exposure."""
-    told = []
+    reported = []
     exposure_us, target = 1000.0, request["target_dn"]
     client.set(ExposureTime=exposure_us)
     client.camera.start_acquisition()
@@ -193,13 +193,13 @@ def follow(client, request):
     while time.monotonic() < until:
         pixels, chunks = client.frame()
         signal = pixels.mean() - chunks["BlackLevel"]
-        told.append([chunks["ExposureTime"], float(signal)])
+        reported.append([chunks["ExposureTime"], float(signal)])
         wanted = min(max(chunks["ExposureTime"] * target / max(signal, 1.0), 20.0), 90000.0)
         if abs(wanted - exposure_us) > 0.005 * exposure_us:
             exposure_us = wanted
             client.set(ExposureTime=exposure_us)
     client.camera.stop_acquisition()
-    return told
+    return reported
 
 
 def automatic(client, request):
@@ -221,7 +221,7 @@ def automatic(client, request):
 
 def trigger(client, request):
     """Software triggers: when each was sent and answered, TAI in ns, and the frame that it started."""
-    told = []
+    reported = []
     client.set(TriggerSelector="FrameStart", TriggerMode="On", TriggerSource="Software", ExposureTime=20000.0,
                TriggerDelay=request["delay_us"])
     client.camera.start_acquisition()
@@ -232,16 +232,16 @@ def trigger(client, request):
         client.camera.software_trigger()
         after = time.clock_gettime_ns(time.CLOCK_REALTIME)
         got = client.frame()
-        told.append({"before": before, "after": after, "chunks": got and got[1]})
-    told.append({"more": client.frame(patience_s=1.0) is not None})
+        reported.append({"before": before, "after": after, "chunks": got and got[1]})
+    reported.append({"more": client.frame(patience_s=1.0) is not None})
     client.camera.stop_acquisition()
-    return told
+    return reported
 
 
 def regions(client, request):
     """Two regions at a rate that is too high for whole frames: what features and frames say, and the pixels."""
     device = client.device
-    told = {"most_hz": [device.get_float_feature_value("AcquisitionFrameRate") and client.camera.get_frame_rate_bounds()[1]]}
+    reported = {"most_hz": [device.get_float_feature_value("AcquisitionFrameRate") and client.camera.get_frame_rate_bounds()[1]]}
     for number, (left, top, width, height) in enumerate(request["regions"]):
         client.set(RegionSelector=f"Region{number}")
         client.set(RegionMode="On")
@@ -249,16 +249,16 @@ def regions(client, request):
         client.set(Height=height)
         client.set(OffsetX=left)
         client.set(OffsetY=top)
-    told["most_hz"].append(client.camera.get_frame_rate_bounds()[1])
+    reported["most_hz"].append(client.camera.get_frame_rate_bounds()[1])
     client.set(ExposureTime=request["exposure_us"], AcquisitionFrameRate=request["rate_hz"])
-    told["payload"] = client.camera.get_payload()
+    reported["payload"] = client.camera.get_payload()
     client.camera.start_acquisition()
     frames = [client.frame() for _ in range(request["frames"])]
     client.camera.stop_acquisition()
-    told["sizes"] = [list(pixels.shape) for pixels, _ in frames]
-    told["chunks"] = [chunks for _, chunks in frames]
-    told["pixels"] = [pixels.tolist() for pixels, _ in frames[-2:]]
-    return told
+    reported["sizes"] = [list(pixels.shape) for pixels, _ in frames]
+    reported["chunks"] = [chunks for _, chunks in frames]
+    reported["pixels"] = [pixels.tolist() for pixels, _ in frames[-2:]]
+    return reported
 
 
 CLIENTS = {"automatic": automatic, "regions": regions, "measure": measure, "follow": follow, "trigger": trigger}
@@ -270,71 +270,71 @@ CLIENTS = {"automatic": automatic, "regions": regions, "measure": measure, "foll
 class Commanded(unittest.TestCase):
     def test_arv_tool_sets_exposure_and_gain_and_refuses_what_cannot_be(self):
         with Bench() as bench:
-            told = bench.arv_tool("control", "ExposureTime=50000", "Gain=6", "ExposureTime", "Gain", "BlackLevel")
-            self.assertRegex(told, r"ExposureTime = 50000 us")
-            self.assertRegex(told, r"Gain = 6 dB")
-            told = bench.arv_tool("control", "Gain=99", "Gain")
-            self.assertNotRegex(told, r"Gain = 99", told)
-            told = bench.arv_tool("features")
+            reported = bench.arv_tool("control", "ExposureTime=50000", "Gain=6", "ExposureTime", "Gain", "BlackLevel")
+            self.assertRegex(reported, r"ExposureTime = 50000 us")
+            self.assertRegex(reported, r"Gain = 6 dB")
+            reported = bench.arv_tool("control", "Gain=99", "Gain")
+            self.assertNotRegex(reported, r"Gain = 99", reported)
+            reported = bench.arv_tool("features")
             for name in ("ExposureAuto", "GainAuto", "TriggerDelay", "TriggerOverlap", "AcquisitionFrameRateEnable"):
-                self.assertIn(f"'{name}'", told)
+                self.assertIn(f"'{name}'", reported)
 
     def test_light_and_noise_follow_exposure_and_gain(self):
         sets = [{"ExposureTime": 20000.0, "Gain": 0.0}, {"ExposureTime": 50000.0, "Gain": 0.0}, {"ExposureTime": 50000.0, "Gain": 6.0}]
         with Bench() as bench:
-            told = bench.client("measure", sets=sets)
-        for features, got in zip(sets, told):
+            reported = bench.client("measure", sets=sets)
+        for features, got in zip(sets, reported):
             self.assertEqual(got["frames"], 12, got)
             dn_per_e = 10.0 ** (features["Gain"] / 20.0) / GAIN_E_PER_DN
             mean = LIGHT_E_PER_S * features["ExposureTime"] * 1e-6 * dn_per_e
             self.assertAlmostEqual((got["mean"] - BLACK_DN) / mean, 1.0, delta=0.01, msg=str(features))
             noise = dn_per_e * mean + (dn_per_e * READ_NOISE_E) ** 2 + 1.0 / 12.0
             self.assertAlmostEqual(got["noise"] / noise, 1.0, delta=0.015, msg=str(features))
-        self.assertGreater(told[2]["mean"] / told[1]["mean"], 1.5, "control: not all the same")
+        self.assertGreater(reported[2]["mean"] / reported[1]["mean"], 1.5, "control: not all the same")
 
     def test_an_exposure_loop_of_the_client_follows_the_light(self):
         brighter = f"[[event]]\nat_s = 12.0\nfor_s = 600.0\ndo = \"stray_light\"\ne_per_s = {29.0 * LIGHT_E_PER_S}\n"
         target = 250.0
         with Bench(events=brighter) as bench:
-            told = bench.client("follow", target_dn=target, seconds=20.0)
-        is_near = [abs(signal / target - 1.0) < 0.03 for _, signal in told]
+            reported = bench.client("follow", target_dn=target, seconds=20.0)
+        is_near = [abs(signal / target - 1.0) < 0.03 for _, signal in reported]
         first = is_near.index(True)
         exposure_us = target * GAIN_E_PER_DN / LIGHT_E_PER_S * 1e6
-        jump = next(k for k in range(first, len(told)) if told[k][1] > 3.0 * target)
-        self.assertTrue(all(is_near[first + 3:jump]), told[:jump])
-        self.assertTrue(all(is_near[-10:]), told[-20:])
+        jump = next(k for k in range(first, len(reported)) if reported[k][1] > 3.0 * target)
+        self.assertTrue(all(is_near[first + 3:jump]), reported[:jump])
+        self.assertTrue(all(is_near[-10:]), reported[-20:])
         # Every frame's own exposure time is that of its pixels.
-        for exposure, signal in told[jump - 10:jump] + told[-10:]:
+        for exposure, signal in reported[jump - 10:jump] + reported[-10:]:
             light = LIGHT_E_PER_S if exposure > exposure_us / 5.0 else 30.0 * LIGHT_E_PER_S
             self.assertAlmostEqual(signal / (exposure * 1e-6 * light / GAIN_E_PER_DN), 1.0, delta=0.02)
 
     def test_automatic_exposure_once_ends_and_is_read_back(self):
         stray_light = "[[event]]\nat_s = 0.0\nfor_s = 600.0\ndo = \"stray_light\"\ne_per_s = 1000000.0\n"
         with Bench(events=stray_light) as bench:
-            told = bench.client("automatic")
+            reported = bench.client("automatic")
         target = 0.25 * (FULL_DN - BLACK_DN)
-        self.assertLess(told["frames"], 100, "ExposureAuto reads Off")
-        self.assertAlmostEqual((told["mean"] - BLACK_DN) / target, 1.0, delta=0.03)
-        self.assertAlmostEqual(told["chosen_us"], told["chunks"]["ExposureTime"], places=3)
-        self.assertAlmostEqual(told["chosen_us"] * 1e-6 * (LIGHT_E_PER_S + 1e6) / GAIN_E_PER_DN / target, 1.0, delta=0.03)
+        self.assertLess(reported["frames"], 100, "ExposureAuto reads Off")
+        self.assertAlmostEqual((reported["mean"] - BLACK_DN) / target, 1.0, delta=0.03)
+        self.assertAlmostEqual(reported["chosen_us"], reported["chunks"]["ExposureTime"], places=3)
+        self.assertAlmostEqual(reported["chosen_us"] * 1e-6 * (LIGHT_E_PER_S + 1e6) / GAIN_E_PER_DN / target, 1.0, delta=0.03)
 
     def test_regions_are_sent_alone_at_a_rate_of_their_own(self):
         places, exposure_us, rate_hz, frames = [[30, 20, 64, 32], [100, 200, 40, 16]], 5000.0, 80.0, 40
         with Bench() as bench:
-            told = bench.client("regions", regions=places, exposure_us=exposure_us, rate_hz=rate_hz, frames=frames)
+            reported = bench.client("regions", regions=places, exposure_us=exposure_us, rate_hz=rate_hz, frames=frames)
         # 20 ms for 256 rows.
-        for most_hz, rows in zip(told["most_hz"], (256, 48)):
+        for most_hz, rows in zip(reported["most_hz"], (256, 48)):
             self.assertAlmostEqual(most_hz, 50.0 * 256 / rows, places=6)
-        self.assertEqual(told["sizes"], [[48, 64]] * frames, "one below the other, as wide as the widest")
-        self.assertGreater(told["payload"], 2 * 48 * 64)
-        self.assertLess(told["payload"], 4 * 48 * 64, "control: no whole image")
-        stamps = [chunks["Timestamp"] for chunks in told["chunks"]]
+        self.assertEqual(reported["sizes"], [[48, 64]] * frames, "one below the other, as wide as the widest")
+        self.assertGreater(reported["payload"], 2 * 48 * 64)
+        self.assertLess(reported["payload"], 4 * 48 * 64, "control: no whole image")
+        stamps = [chunks["Timestamp"] for chunks in reported["chunks"]]
         periods = [later - stamp for stamp, later in zip(stamps, stamps[1:])]
         self.assertEqual(sorted(periods)[len(periods) // 2], round(1e9 / rate_hz))
         import numpy
 
         dark, light = BLACK_DN, LIGHT_E_PER_S * exposure_us * 1e-6 / GAIN_E_PER_DN
-        for pixels in map(numpy.array, told["pixels"]):
+        for pixels in map(numpy.array, reported["pixels"]):
             self.assertTrue((pixels[32:, 40:] == 0).all(), "beside the narrower one")
             for part in (pixels[:32], pixels[32:, :40]):
                 self.assertGreater(part.min(), dark - 20.0, "no pixel that was not read out")
@@ -344,10 +344,10 @@ class Commanded(unittest.TestCase):
         delay_us, exposure_ns = 1500.0, 20_000_000
         slew = "[flight_computer.motion]\nkind = \"constant_rate\"\nrate_deg_s = [0.0, 1.0, 0.0]\n"
         with Bench(slew=slew) as bench:
-            told = bench.client("trigger", triggers=20, delay_us=delay_us)
-        self.assertEqual(told.pop(), {"more": False}, "an exposure for each trigger")
+            reported = bench.client("trigger", triggers=20, delay_us=delay_us)
+        self.assertEqual(reported.pop(), {"more": False}, "an exposure for each trigger")
         calls, places = [], []
-        for shot in told:
+        for shot in reported:
             chunks = shot["chunks"]
             self.assertIsNotNone(chunks, shot)
             self.assertEqual((chunks["StartedBy"], chunks["TriggerDelay"]), ("software", delay_us))

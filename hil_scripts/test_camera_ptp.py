@@ -58,8 +58,8 @@ class PtpClient:
 
     def wait_for(self, status, patience_s=PATIENCE_S):
         until = time.monotonic() + patience_s
-        while (told := self.get("PtpStatus")) != status:
-            assert time.monotonic() < until, f"PtpStatus is {told}, wanted {status}"
+        while (reported := self.get("PtpStatus")) != status:
+            assert time.monotonic() < until, f"PtpStatus is {reported}, wanted {status}"
             time.sleep(0.1)
 
 
@@ -169,7 +169,7 @@ class Ptp4l:
     def follower(self):
         return self.folder / self.names[1]
 
-    def told(self):
+    def reported(self):
         """What pmc, linuxptp's own client, reads of the follower."""
         command = ["pmc", "-u", "-b", "0", "-s", str(self.follower()), "-i", str(self.folder / "pmc"),
                    "GET DEFAULT_DATA_SET", "GET PARENT_DATA_SET", "GET PORT_DATA_SET"]
@@ -193,10 +193,10 @@ class Linuxptp(unittest.TestCase):
                     ptp.wait_for("Listening")
                     ptp.wait_for("Slave", patience_s=2 * PATIENCE_S)
                     ptp.latch()
-                    told = clocks.told()
-                    self.assertIn("SLAVE", told)
+                    reported = clocks.reported()
+                    self.assertIn("SLAVE", reported)
                     # GenApi's integers are signed.
-                    identity = lambda key: signed(bytes.fromhex(re.search(rf"{key}\s+([0-9a-f.]+)", told)[1].replace(".", "")))
+                    identity = lambda key: signed(bytes.fromhex(re.search(rf"{key}\s+([0-9a-f.]+)", reported)[1].replace(".", "")))
                     self.assertEqual(ptp.get("PtpClockID"), identity("clockIdentity"))
                     self.assertEqual(ptp.get("PtpGrandmasterClockID"), identity("grandmasterIdentity"))
                     self.assertNotEqual(ptp.get("PtpClockID"), ptp.get("PtpGrandmasterClockID"), "control")

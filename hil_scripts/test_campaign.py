@@ -119,7 +119,7 @@ class Campaign(unittest.TestCase):
         self.assertEqual((other["frames_crc32"], other["telemetry_crc32"]), crcs)
         self.assertEqual(("+".join(by_hand["frames_crc32"]), by_hand["telemetry_crc32"]), crcs)
 
-    def test_runs_that_hold_are_status_0_and_random_faults_are_told_apart(self):
+    def test_runs_that_hold_are_status_0_and_random_faults_are_distinguished(self):
         # This scenario expects nothing but its invariants.
         calm = str(ROOT / "configs/scenarios/campaign.toml")
         arguments = [calm if word == SCENARIO else word for word in command(self.out, "--seeds", "1..2")]
@@ -131,7 +131,7 @@ class Campaign(unittest.TestCase):
         self.assertIn("--random-faults", campaign.command_of(with_faults, "starloop", calm))
         self.assertNotEqual(with_faults["id"], campaign.tasks_of([1], {}, {})[0]["id"], "not the same run")
 
-    def test_a_task_that_cannot_run_is_told_with_its_command_and_the_others_go_on(self):
+    def test_a_task_that_cannot_run_is_reported_with_its_command_and_the_others_go_on(self):
         ended = run(self.out, "--seeds", "3", "--grid", "tracker.delay_ms=50,-1")
         self.assertEqual(ended.returncode, 1, ended.stderr)
         self.assertIn("--set tracker.delay_ms=-1", ended.stderr)

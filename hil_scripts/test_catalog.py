@@ -76,7 +76,7 @@ class RealRows(unittest.TestCase):
         begin = time.monotonic()
         done = starloop("import", *cls.files, "--out", cls.root / "layers", "--layers", LAYERS)
         assert done.returncode == 0, done.stderr
-        cls.told = done.stdout
+        cls.reported = done.stdout
         print(f"{len(cls.rows)} rows imported in {time.monotonic() - begin:.1f} s\n{done.stdout}", end="")
         cls.layers = [cls.root / f"layers/g{limit}.starlayer" for limit in LAYERS.split(",")]
 
@@ -85,7 +85,7 @@ class RealRows(unittest.TestCase):
         cls.folder.cleanup()
 
     def count(self, what):
-        return next(int(line.split()[0]) for line in self.told.splitlines() if line.endswith(what))
+        return next(int(line.split()[0]) for line in self.reported.splitlines() if line.endswith(what))
 
     def test_every_row_is_accounted_for(self):
         unique = len(numpy.unique(self.rows["id"]))
@@ -208,7 +208,7 @@ class BrightEnd(unittest.TestCase):
         cls.csv.write_bytes(gzip.compress(bulk(cls.rows), 1))
         done = starloop("import", cls.csv, "--bright", HIP2, "--out", cls.root / "layers", "--layers", "10,18")
         assert done.returncode == 0, done.stderr
-        cls.told = {line.split(maxsplit=1)[1]: int(line.split()[0]) for line in done.stdout.splitlines() if line[:12].strip().isdigit()}
+        cls.reported = {line.split(maxsplit=1)[1]: int(line.split()[0]) for line in done.stdout.splitlines() if line[:12].strip().isdigit()}
         print(done.stdout, end="")
         words = ["--ra", 0, "--dec", 0, "--radius", 180, "--mag", 9, "--catalog", cls.root / "layers/g10.starlayer"]
         merged = list(csv.DictReader(io.StringIO(starloop("query", *words).stdout)))
@@ -220,11 +220,11 @@ class BrightEnd(unittest.TestCase):
         cls.folder.cleanup()
 
     def test_every_row_is_accounted_for(self):
-        told = self.told
-        self.assertEqual(told["stars of Hipparcos"], sum(1 for line in HIP2.read_text().splitlines() if line))
-        missing, there = told["bright stars that were missing, added"], told["bright stars that were there, left out"]
-        self.assertEqual(missing + there, told["stars of Hipparcos"])
-        self.assertEqual(told["stars taken in"] + told["stars fainter than the last layer, left out"], told["rows"] + missing)
+        reported = self.reported
+        self.assertEqual(reported["stars of Hipparcos"], sum(1 for line in HIP2.read_text().splitlines() if line))
+        missing, there = reported["bright stars that were missing, added"], reported["bright stars that were there, left out"]
+        self.assertEqual(missing + there, reported["stars of Hipparcos"])
+        self.assertEqual(reported["stars taken in"] + reported["stars fainter than the last layer, left out"], reported["rows"] + missing)
 
     def test_gaia_loses_no_star_and_gains_few(self):
         # Layers round to a thousandth, which puts some 70 of 8.9996 at 9.000.

@@ -106,7 +106,7 @@ class AgainstTheProgram(unittest.TestCase):
             with self.assertRaises(StarloopError):
                 loop.step(0.1)
 
-    def test_a_program_that_does_not_start_is_told_with_its_words(self):
+    def test_a_program_that_does_not_start_is_reported_with_its_words(self):
         with self.assertRaises(ConnectionLost) as lost:
             start(settings={"control.delay_mss": 1})
         self.assertIn("did you mean `delay_ms`", str(lost.exception))

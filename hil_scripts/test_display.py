@@ -173,9 +173,9 @@ class Shown:
             text=True,
         )
         self.description = self.program.stdout.readline()
-        self.told = self.program.stdout.readline()
-        if "submitted" not in self.told:
-            raise AssertionError(f"not shown: {self.description}{self.told}{self.program.communicate()[1]}")
+        self.reported = self.program.stdout.readline()
+        if "submitted" not in self.reported:
+            raise AssertionError(f"not shown: {self.description}{self.reported}{self.program.communicate()[1]}")
 
     def __enter__(self):
         return self
@@ -190,8 +190,8 @@ class Shown:
         self.program.stdin.flush()
 
     def read(self):
-        self.told = self.program.stdout.readline()
-        return self.told
+        self.reported = self.program.stdout.readline()
+        return self.reported
 
     def next(self):
         """The next image, once it is submitted."""
@@ -404,7 +404,7 @@ class OnAScreen(unittest.TestCase):
         self.assertGreater(len(empty), 20)
         self.assertLess(sum(light(x, y) > 40 for x, y in empty), 2)
 
-    def test_flips_and_a_photodiode_tell_the_latency(self):
+    def test_flips_and_a_photodiode_report_the_latency(self):
         submits, edges = Path(self.folder.name) / "submits.csv", Path(self.folder.name) / "edges.csv"
         flip = command("flip", "--out", str(submits), "--count", "30", "--period", "0.12", "--marker-px", "16")
         with Screen() as screen:
@@ -422,20 +422,20 @@ class OnAScreen(unittest.TestCase):
             whole, _, fraction = text.removesuffix("Z").partition(".")
             return datetime.datetime.fromisoformat(whole + "+00:00").timestamp() + float("0." + fraction)
 
-        def told(delay_s, *arguments):
+        def reported(delay_s, *arguments):
             lines = [f"{unix_s(row['submit_utc']) + delay_s:.6f}" for row in rows]
             edges.write_text("edge_s\n" + "\n".join(lines) + "\n")
             latency = command("latency", str(submits), "--edges", str(edges), *arguments)
             return subprocess.run(latency, capture_output=True, text=True, timeout=PATIENCE_S)
 
-        said = told(0.0305).stdout
+        said = reported(0.0305).stdout
         (found,) = re.findall(r"latency_ms = ([0-9.]+)", said)
         self.assertAlmostEqual(float(found), 30.5, delta=0.01)
         # A patch in the last row of a panel that lights over 16 ms: the middle lights half of that sooner.
-        said = told(0.0305, "--marker-corner", "bottom-left", "--scan-ms", "16").stdout
+        said = reported(0.0305, "--marker-corner", "bottom-left", "--scan-ms", "16").stdout
         (found,) = re.findall(r"latency_ms = ([0-9.]+)", said)
         self.assertAlmostEqual(float(found), 22.5, delta=0.01)
-        refused = told(-1e4)
+        refused = reported(-1e4)
         self.assertEqual(refused.returncode, 1)
         self.assertIn("flips with an edge", refused.stderr)
 

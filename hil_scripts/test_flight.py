@@ -194,7 +194,7 @@ class Flights(unittest.TestCase):
             self.assertIn("triggers_refused 1", summary)
             self.assertNotIn("trigger_fired", summary)
 
-    def test_a_flight_that_is_not_as_told_is_seen(self):
+    def test_a_flight_that_is_not_as_reported_is_seen(self):
         with Stimulator("gateways.toml", "link.slcan_tcp=0", "link.socketcand=0") as starloop:
             starloop.wait_for("socketcand at")
             channel = f"socket://{starloop.gateways['slcan (TCP)']}"
@@ -225,7 +225,7 @@ class Flights(unittest.TestCase):
             self.assertEqual(status, 2, said)
             self.assertIn(part, said)
 
-    def test_nobody_there_is_said_plainly(self):
+    def test_an_absent_peer_is_reported_plainly(self):
         status, said = fly("--interface", "slcan", "--channel", "socket://127.0.0.1:1")
         self.assertEqual(status, 1)
         self.assertIn("cannot connect", said)

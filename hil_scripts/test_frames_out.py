@@ -81,13 +81,13 @@ class Run:
 
 
 class Everything(unittest.TestCase):
-    def test_a_stalled_client_costs_nobody_a_frame(self):
+    def test_a_stalled_client_costs_no_other_client_a_frame(self):
         with tempfile.TemporaryDirectory() as folder:
             run = Run(folder)
             deaf = socket.create_connection((run.page.group(1), int(run.page.group(2))))
             deaf.sendall(b"GET /frame.png HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
             wanted = {"set": [["ChunkModeActive", True]], "chunks": True, "frames": 15, "socket_bytes": 4 << 20}
-            told = Grab(run.address, **wanted).result()
+            reported = Grab(run.address, **wanted).result()
             seen = json.loads(run.get("state.json"))
             picture = run.get("frame.png")
             stalled = Grab(run.address, frames=1000, images=False)
@@ -101,7 +101,7 @@ class Everything(unittest.TestCase):
             self.check(summary)
             self.assertTrue(picture.startswith(b"\x89PNG"))
             self.assertIsNotNone(seen["frame"])
-            self.bit_exact(told["frames"], Path(folder) / "run")
+            self.bit_exact(reported["frames"], Path(folder) / "run")
 
     def check(self, summary):
         frames = summary["frames"]

@@ -415,22 +415,22 @@ class BadClients(unittest.TestCase):
 
     def count_frames(self, healthy, sender, count):
         """Sends frames by the thousand, each thousand when the one before has been heard."""
-        heard = 0
+        got = 0
         reader = healthy._SocketCanDaemonBus__socket  # python-can's own parsing takes a minute for so many
         rest = b""
         for _ in range(count // 1000):
             sender.sendall(b"< send 123 8 1 2 3 4 5 6 7 8 >" * 1000)
-            wanted, until = heard + 1000, time.monotonic() + PATIENCE_S
-            while heard < wanted and time.monotonic() < until:
+            wanted, until = got + 1000, time.monotonic() + PATIENCE_S
+            while got < wanted and time.monotonic() < until:
                 if select.select([reader], [], [], 0.2)[0]:
                     rest += reader.recv(65536)
-                    heard += rest.count(b">")
+                    got += rest.count(b">")
                     rest = rest[rest.rfind(b">") + 1 :]
         # The deaf one is hung up on two seconds after it could have read.
         time.sleep(3.0)
-        return heard
+        return got
 
-    def test_a_terminal_that_nobody_reads_is_closed_and_opens_again(self):
+    def test_a_terminal_that_no_one_reads_is_closed_and_opens_again(self):
         with Program("--wire", "can_classic", "--bit-rate", "10000000") as program:
             line = os.open(program.pty, os.O_RDWR | os.O_NOCTTY)
             os.write(line, b"O\r")

@@ -90,7 +90,7 @@ class Catalogs(unittest.TestCase):
         cls.layers = cls.root / "layers"
         done = starloop("import", cls.catalog, "--out", cls.layers, "--layers", LAYERS)
         assert done.returncode == 0, done.stderr
-        cls.told = done.stdout
+        cls.reported = done.stdout
         print(f"{len(cls.rows)} rows in {len(cls.pixels)} partitions imported in {time.monotonic() - begin:.1f} s")
         print(done.stdout, end="")
         begin = time.monotonic()
@@ -105,7 +105,7 @@ class Catalogs(unittest.TestCase):
         cls.holder.cleanup()
 
     def count(self, what):
-        return next(int(line.split()[0]) for line in self.told.splitlines() if line.endswith(what))
+        return next(int(line.split()[0]) for line in self.reported.splitlines() if line.endswith(what))
 
     def assert_same_layers(self, folder):
         for limit in LAYERS.split(","):

@@ -67,7 +67,7 @@ class HostSetup(unittest.TestCase):
         before = {file: file.read_bytes() for file in self.root.rglob("*") if file.is_file()}
         done = self.run_script()
         self.assertEqual(done.returncode, 3, done.stdout + done.stderr)
-        for told in [
+        for reported in [
             "down bitrate  dbitrate  restart-ms 0 txqueuelen 10, wanted up bitrate 500000 dbitrate 2000000",
             "ip link set can0 txqueuelen 1000 type can bitrate 500000 restart-ms 100 dbitrate 2000000 fd on",
             "212992 bytes, wanted 4194304",
@@ -76,7 +76,7 @@ class HostSetup(unittest.TestCase):
             "16 ms, wanted 1 ms",
             "5 not as wanted",
         ]:
-            self.assertIn(told, done.stdout)
+            self.assertIn(reported, done.stdout)
         after = {file: file.read_bytes() for file in self.root.rglob("*") if file.is_file()}
         self.assertEqual(before, after)
 

@@ -262,7 +262,7 @@ class AgainstTheVectors(unittest.TestCase):
             db = cantools.database.load_string(text.replace(right, wrong), "dbc", strict=False)
             self.assertTrue(any(differences(db, *each) for each in frames()), wrong)
 
-    def test_cycles_and_senders_are_told(self):
+    def test_cycles_and_senders_are_reported(self):
         db = database()
         cycles = {message.name: message.cycle_time for message in db.messages if message.cycle_time}
         self.assertEqual(cycles["ATT_FD"], 10)

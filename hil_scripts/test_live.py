@@ -74,7 +74,7 @@ class Browser:
     def __init__(self, size=(1280, 800), *more):
         self.profile = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
         to_browser, self.say = os.pipe()
-        self.hear, from_browser = os.pipe()
+        self.take_in, from_browser = os.pipe()
         words = [CHROMIUM, "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run"]
         words += ["--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-quic"]
         words += ["--hide-scrollbars", f"--user-data-dir={self.profile.name}", *more]
@@ -86,7 +86,7 @@ class Browser:
         )
         os.close(to_browser)
         os.close(from_browser)
-        self.heard, self.events, self.number, self.session = b"", [], 0, None
+        self.got, self.events, self.number, self.session = b"", [], 0, None
         target = self.ask("Target.createTarget", url="about:blank")["targetId"]
         self.session = self.ask("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         for domain in ("Runtime", "Log", "Page"):
@@ -112,12 +112,12 @@ class Browser:
             self.events.append(answer)
 
     def next(self):
-        while b"\0" not in self.heard:
-            part = os.read(self.hear, 1 << 16)
+        while b"\0" not in self.got:
+            part = os.read(self.take_in, 1 << 16)
             if not part:
                 raise AssertionError("the browser has gone")
-            self.heard += part
-        message, self.heard = self.heard.split(b"\0", 1)
+            self.got += part
+        message, self.got = self.got.split(b"\0", 1)
         return json.loads(message)
 
     def open(self, url):
@@ -159,7 +159,7 @@ class Browser:
         except subprocess.TimeoutExpired:
             self.program.kill()
             self.program.wait()
-        os.close(self.hear)
+        os.close(self.take_in)
         self.profile.cleanup()
 
 

@@ -152,16 +152,16 @@ class ThreeHeads(unittest.TestCase):
             self.assertEqual(loop.hello["heads"], 3)
             with self.assertRaisesRegex(StarloopError, "3"):
                 loop.frame_facts(3)
-        for head, told in zip(self.HEADS, facts):
-            wanted = multiplied(head, turned(told["mid_exposure_s"])[0])
-            off = min(math.dist(told["meta"]["attitude_wxyz"], [sign * part for part in wanted]) for sign in (1.0, -1.0))
+        for head, reported in zip(self.HEADS, facts):
+            wanted = multiplied(head, turned(reported["mid_exposure_s"])[0])
+            off = min(math.dist(reported["meta"]["attitude_wxyz"], [sign * part for part in wanted]) for sign in (1.0, -1.0))
             # The mountings of the file have eight digits.
             self.assertLess(math.degrees(2.0 * off) * 3600.0, 0.02)
-        self.assertEqual(len({told["crc32"] for told in facts}), 3, "three images")
-        for told in found:
-            wanted, _ = turned(told["mid_exposure_s"])
-            off = min(math.dist(told["body_from_icrf"], [sign * part for part in wanted]) for sign in (1.0, -1.0))
-            self.assertTrue(told["valid"])
+        self.assertEqual(len({reported["crc32"] for reported in facts}), 3, "three images")
+        for reported in found:
+            wanted, _ = turned(reported["mid_exposure_s"])
+            off = min(math.dist(reported["body_from_icrf"], [sign * part for part in wanted]) for sign in (1.0, -1.0))
+            self.assertTrue(reported["valid"])
             self.assertLess(math.degrees(2.0 * off) * 3600.0, 60.0, "each tracker finds the body's attitude")
 
 

@@ -61,8 +61,8 @@ class Camera:
         if settings.pop("recorded", True):
             settings["record"] = self.record
         self.process = subprocess.Popen(command(settings), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-        told = json.loads(self.process.stdout.readline())["address"]
-        assert told == f"{self.address}:{settings.get('port', 3956)}", told
+        reported = json.loads(self.process.stdout.readline())["address"]
+        assert reported == f"{self.address}:{settings.get('port', 3956)}", reported
 
     def __enter__(self):
         return self
@@ -157,11 +157,11 @@ class Grab:
         if self.process.returncode != 0:
             self.folder.cleanup()
             raise AssertionError(complaint)
-        told = json.loads(said.splitlines()[-1])
-        for frame in told["frames"]:
+        reported = json.loads(said.splitlines()[-1])
+        for frame in reported["frames"]:
             frame["data"] = (Path(self.folder.name) / frame.pop("file")).read_bytes() if "file" in frame else None
         self.folder.cleanup()
-        return told
+        return reported
 
     def kill(self):
         self.process.send_signal(signal.SIGKILL)
@@ -210,9 +210,9 @@ def client(request):
     for _ in range(request.get("buffers", 10)):
         stream.push_buffer(Aravis.Buffer.new_allocate(payload))
     parser = camera.create_chunk_parser()
-    told = {"frames": [], "packet_bytes": camera.gv_get_packet_size()}
+    reported = {"frames": [], "packet_bytes": camera.gv_get_packet_size()}
     if request.get("rate_hz"):
-        told["rate_hz"] = [camera.get_frame_rate(), *camera.get_frame_rate_bounds()]
+        reported["rate_hz"] = [camera.get_frame_rate(), *camera.get_frame_rate_bounds()]
     started = os.times()
     camera.start_acquisition()
     print("streaming", flush=True)
@@ -220,17 +220,17 @@ def client(request):
     triggers = request.get("triggers", 0)
     for _ in range(triggers):
         camera.software_trigger()
-    while len(told["frames"]) < request["frames"] and time.monotonic() < until:
+    while len(reported["frames"]) < request["frames"] and time.monotonic() < until:
         buffer = stream.timeout_pop_buffer(200_000)
         if buffer is None:
             continue
-        told["frames"].append(described(buffer, parser, request, len(told["frames"])))
+        reported["frames"].append(described(buffer, parser, request, len(reported["frames"])))
         stream.push_buffer(buffer)
     camera.stop_acquisition()
     names = ("n_completed_buffers", "n_failures", "n_underruns", "n_missing_packets", "n_resent_packets", "n_resend_requests")
-    told["statistics"] = {name: stream.get_info_uint64_by_name(name) for name in names}
-    told["cpu_s"] = sum(os.times()[:2]) - sum(started[:2])
-    print(json.dumps(told))
+    reported["statistics"] = {name: stream.get_info_uint64_by_name(name) for name in names}
+    reported["cpu_s"] = sum(os.times()[:2]) - sum(started[:2])
+    print(json.dumps(reported))
 
 
 def described(buffer, parser, request, place):
@@ -279,22 +279,22 @@ class Aravis(unittest.TestCase):
             features = camera.arv_tool("features")
             for name in ("'PixelFormat'", "'ChunkAttitudeW'", "'TriggerSoftware'", "'GevSCPSPacketSize'"):
                 self.assertIn(name, features)
-            told = camera.arv_tool("control", "Width=32", "OffsetX=8", "PixelFormat=Mono8", "PayloadSize", "Width",
+            reported = camera.arv_tool("control", "Width=32", "OffsetX=8", "PixelFormat=Mono8", "PayloadSize", "Width",
                                    "ExposureTime", "DeviceUserID=north", "DeviceUserID")
-            self.assertIn("PayloadSize = 1536 B", told)
-            self.assertIn("OffsetX = 8 px min:0 max:32", told)
-            self.assertIn("ExposureTime = 20000 us", told)
-            self.assertIn("DeviceUserID = north", told)
+            self.assertIn("PayloadSize = 1536 B", reported)
+            self.assertIn("OffsetX = 8 px min:0 max:32", reported)
+            self.assertIn("ExposureTime = 20000 us", reported)
+            self.assertIn("DeviceUserID = north", reported)
         self.assertGreater(camera.counters["discoveries"], 0)
 
     def test_every_format_is_bit_exact_with_its_truth_by_name(self):
         for pixel_format in FORMATS:
             with self.subTest(pixel_format), Camera() as camera:
                 features = [["PixelFormat", pixel_format], ["ChunkModeActive", True]]
-                told = camera.grab(set=features, frames=4, chunks=True).result()
-            self.bit_exact(camera, told["frames"], pixel_format)
-            self.assertEqual(len(told["frames"]), 4)
-            for frame in told["frames"]:
+                reported = camera.grab(set=features, frames=4, chunks=True).result()
+            self.bit_exact(camera, reported["frames"], pixel_format)
+            self.assertEqual(len(reported["frames"]), 4)
+            for frame in reported["frames"]:
                 self.truth(frame)
 
     def truth(self, frame):
@@ -318,22 +318,22 @@ class Aravis(unittest.TestCase):
         region = [5, 7, 33, 20]
         features = [["Width", 33], ["Height", 20], ["OffsetX", 5], ["OffsetY", 7], ["ChunkModeActive", True]]
         with Camera(xml="plain") as camera:
-            told = camera.grab(set=features, frames=3, chunks=True).result()
-        self.bit_exact(camera, told["frames"], "Mono12", region)
+            reported = camera.grab(set=features, frames=3, chunks=True).result()
+        self.bit_exact(camera, reported["frames"], "Mono12", region)
 
     def test_a_changed_pixel_is_noticed(self):
         with Camera() as camera:
-            told = camera.grab(set=[["ChunkModeActive", True]], frames=1, chunks=True).result()
-        camera.images[told["frames"][0]["integer"]["ChunkFrameID"]][3, 4] ^= 1
+            reported = camera.grab(set=[["ChunkModeActive", True]], frames=1, chunks=True).result()
+        camera.images[reported["frames"][0]["integer"]["ChunkFrameID"]][3, 4] ^= 1
         with self.assertRaises(AssertionError):
-            self.bit_exact(camera, told["frames"], "Mono12")
+            self.bit_exact(camera, reported["frames"], "Mono12")
 
     def test_ten_percent_of_lost_packets_are_repaired(self):
         with Camera(width=256, height=256, lose_one_in=10, frames_kept=32, frames_queued=16, rate_hz=10) as camera:
             features = [["ChunkModeActive", True], ["GevSCPSPacketSize", 1500]]
-            told = camera.grab(set=features, frames=20, chunks=True, buffers=40, socket_bytes=4 << 20).result()
-        self.assertEqual(len(told["frames"]), 20)
-        self.bit_exact(camera, told["frames"], "Mono12")
+            reported = camera.grab(set=features, frames=20, chunks=True, buffers=40, socket_bytes=4 << 20).result()
+        self.assertEqual(len(reported["frames"]), 20)
+        self.bit_exact(camera, reported["frames"], "Mono12")
         self.assertGreater(camera.counters["packets_lost_on_purpose"], 50)
         self.assertGreater(camera.counters["resends_served"], 50)
 
@@ -341,25 +341,25 @@ class Aravis(unittest.TestCase):
         for mode, frames, more in [("SingleFrame", 1, []), ("MultiFrame", 3, [["AcquisitionFrameCount", 3]])]:
             with self.subTest(mode), Camera() as camera:
                 features = [["AcquisitionMode", mode], *more, ["ChunkModeActive", True]]
-                told = camera.grab(set=features, frames=10, chunks=True, seconds=2).result()
-            self.assertEqual(len(told["frames"]), frames)
-            self.bit_exact(camera, told["frames"], "Mono12")
+                reported = camera.grab(set=features, frames=10, chunks=True, seconds=2).result()
+            self.assertEqual(len(reported["frames"]), frames)
+            self.bit_exact(camera, reported["frames"], "Mono12")
             self.assertEqual(camera.counters["frames_sent"], frames)
 
     def test_a_lower_rate_is_each_nth_frame(self):
         with Camera(rate_hz=40) as camera:
-            told = camera.grab(rate_hz=10.0, set=[["ChunkModeActive", True]], frames=6, chunks=True).result()
-        self.bit_exact(camera, told["frames"], "Mono12")
-        numbers = [frame["integer"]["ChunkFrameID"] for frame in told["frames"]]
+            reported = camera.grab(rate_hz=10.0, set=[["ChunkModeActive", True]], frames=6, chunks=True).result()
+        self.bit_exact(camera, reported["frames"], "Mono12")
+        numbers = [frame["integer"]["ChunkFrameID"] for frame in reported["frames"]]
         self.assertEqual(numbers, list(range(numbers[0], numbers[0] + 4 * 6, 4)))
-        self.assertEqual(told["rate_hz"], [10.0, 40 / 65535, 40.0])
+        self.assertEqual(reported["rate_hz"], [10.0, 40 / 65535, 40.0])
 
     def test_software_triggers_choose_frames(self):
         features = [["TriggerMode", "On"], ["TriggerSource", "Software"], ["ChunkModeActive", True]]
         for triggers in (0, 3):
             with self.subTest(triggers=triggers), Camera() as camera:
-                told = camera.grab(set=features, triggers=triggers, frames=10, chunks=True, seconds=2).result()
-            self.assertEqual((len(told["frames"]), camera.counters["triggers"]), (triggers, triggers))
+                reported = camera.grab(set=features, triggers=triggers, frames=10, chunks=True, seconds=2).result()
+            self.assertEqual((len(reported["frames"]), camera.counters["triggers"]), (triggers, triggers))
 
     def test_an_action_command_chooses_a_frame(self):
         features = [["TriggerMode", "On"], ["TriggerSource", "Action1"], ["ActionDeviceKey", 11], ["ActionGroupKey", 22],
@@ -371,9 +371,9 @@ class Aravis(unittest.TestCase):
             for keys in [(11, 22, 2), (11, 22, 8), (12, 22, 2)]:
                 sender.sendto(struct.pack(">BBHHHIII", 0x42, 1, 0x0100, 12, 7, *keys), (camera.address, 3956))
             self.assertEqual(sender.recv(64), struct.pack(">HHHH", 0, 0x0101, 0, 7))
-            told = grab.result()
-        self.assertEqual(len(told["frames"]), 1, "one of three was meant for this camera")
-        self.bit_exact(camera, told["frames"], "Mono12")
+            reported = grab.result()
+        self.assertEqual(len(reported["frames"]), 1, "one of three was meant for this camera")
+        self.bit_exact(camera, reported["frames"], "Mono12")
 
     def test_a_second_controller_is_refused_and_takes_over_from_a_killed_one(self):
         with Camera() as camera:
@@ -389,11 +389,11 @@ class Aravis(unittest.TestCase):
             while time.monotonic() < until:
                 third = camera.grab(frames=2, chunks=True, set=[["ChunkModeActive", True]])
                 try:
-                    told = third.result()
+                    reported = third.result()
                     break
                 except AssertionError:
                     time.sleep(0.5)
-        self.bit_exact(camera, told["frames"], "Mono12")
+        self.bit_exact(camera, reported["frames"], "Mono12")
         self.assertEqual(camera.counters["controllers_timed_out"], 1)
         self.assertGreater(camera.counters["controllers_refused"], 0)
 
@@ -425,11 +425,11 @@ class Aravis(unittest.TestCase):
             thread = threading.Thread(target=pour)
             thread.start()
             try:
-                told = camera.grab(set=[["ChunkModeActive", True]], frames=20, chunks=True).result()
+                reported = camera.grab(set=[["ChunkModeActive", True]], frames=20, chunks=True).result()
             finally:
                 ended.set()
                 thread.join()
-        self.bit_exact(camera, told["frames"], "Mono12")
+        self.bit_exact(camera, reported["frames"], "Mono12")
         self.assertEqual(camera.counters["frames_dropped"], 0)
         self.assertGreater(sum(camera.counters["malformed"].values()), 100)
 
@@ -440,8 +440,8 @@ class Aravis(unittest.TestCase):
             for head in heads:
                 self.assertIn(head.address, listed)
             grabs = [head.grab(set=[["ChunkModeActive", True]], frames=5, chunks=True) for head in heads]
-            told = [grab.result() for grab in grabs]
-        for head, of_head in zip(heads, told):
+            reported = [grab.result() for grab in grabs]
+        for head, of_head in zip(heads, reported):
             self.bit_exact(head, of_head["frames"], "Mono12")
 
 
@@ -534,8 +534,8 @@ class Features(unittest.TestCase):
                 nodes.get_node("AcquisitionStop").execute()
                 client.write_words({STREAM_PORT: 0})
                 last = pixel_format, got, number
-            told = camera.arv_tool("control", "RegionSelector", "Width", "PayloadSize")
-            self.assertIn("RegionSelector = Region2", told)
+            reported = camera.arv_tool("control", "RegionSelector", "Width", "PayloadSize")
+            self.assertIn("RegionSelector = Region2", reported)
         _, got, number = last
         image, first = camera.images[number], 0
         for x, y, columns, rows in places:
@@ -581,8 +581,8 @@ class Colours(unittest.TestCase):
         for pattern, letters in self.PATTERNS.items():
             with self.subTest(pattern), Camera(colours=pattern) as camera:
                 features = [["PixelFormat", f"Bayer{letters}12"], ["ChunkModeActive", True]]
-                told = camera.grab(set=features, frames=2, chunks=True).result()
-            for frame in told["frames"]:
+                reported = camera.grab(set=features, frames=2, chunks=True).result()
+            for frame in reported["frames"]:
                 number = frame["integer"]["ChunkFrameID"]
                 raw = unpacked(frame["data"], "Mono12", frame["size"])
                 self.assertTrue((raw == camera.images[number]).all())
@@ -594,13 +594,13 @@ class Colours(unittest.TestCase):
 
     def test_formats_are_those_of_the_colours_and_regions_keep_them(self):
         with Camera(colours="RGGB", recorded=False) as camera:
-            told = camera.arv_tool("control", "PixelFormat", "PixelFormat=Mono12", "PixelFormat=BayerRG12p", "PixelFormat",
+            reported = camera.arv_tool("control", "PixelFormat", "PixelFormat=Mono12", "PixelFormat=BayerRG12p", "PixelFormat",
                                    "PayloadSize", "Width=32", "OffsetX=3", "OffsetX")
-            self.assertIn("PixelFormat = BayerRG12", told)
-            self.assertIn("PixelFormat = BayerRG12p", told)
-            self.assertIn(f"PayloadSize = {64 * 48 * 12 // 8} B", told)
-            self.assertNotIn("PixelFormat = Mono12", told)
-            self.assertNotIn("OffsetX = 3 ", told)
+            self.assertIn("PixelFormat = BayerRG12", reported)
+            self.assertIn("PixelFormat = BayerRG12p", reported)
+            self.assertIn(f"PayloadSize = {64 * 48 * 12 // 8} B", reported)
+            self.assertNotIn("PixelFormat = Mono12", reported)
+            self.assertNotIn("OffsetX = 3 ", reported)
 
     def test_gstreamer_sees_a_bayer_image(self):
         with Camera(colours="GBRG") as camera, tempfile.TemporaryDirectory() as folder:
@@ -699,11 +699,11 @@ class ControlPort:
                 self.number = self.number % 65535 + 1
                 self.socket.send(struct.pack(">BBHHH", 0x42, 1, code, len(payload), self.number) + payload)
                 answer = self.socket.recv(1024)
-                status, told, length, number = struct.unpack(">HHHH", answer[:8])
+                status, reported, length, number = struct.unpack(">HHHH", answer[:8])
                 assert number == self.number
                 if status != 0:
                     raise RuntimeError(f"status {status:x}")
-                assert told == code + 1 and length == len(answer) - 8
+                assert reported == code + 1 and length == len(answer) - 8
                 return answer[8:]
 
             def is_open(self):
@@ -734,16 +734,16 @@ def measure_rate(side, rate_hz, seconds):
                 "packet_bytes": 9000, "frames_queued": 16, "recorded": False}
     with Camera(**settings) as camera:
         grab = camera.grab(frames=frames, seconds=seconds + 10, images=False, buffers=20, socket_bytes=4 << 20)
-        told = grab.result()
+        reported = grab.result()
         cpu_s = cpu_seconds(camera.process.pid)
         wall_s = frames / rate_hz
-    whole = sum(frame["status"] == WHOLE for frame in told["frames"])
-    blocks = [frame["block"] for frame in told["frames"]]
+    whole = sum(frame["status"] == WHOLE for frame in reported["frames"])
+    blocks = [frame["block"] for frame in reported["frames"]]
     lost = frames - whole
     print(f"{side} x {side} x 16 bit at {rate_hz} Hz: {whole} of {frames} frames, blocks {blocks[0]} to {blocks[-1]}, "
-          f"{told['statistics']}, dropped {camera.counters['frames_dropped']}, CPU of camera and pattern "
-          f"{100 * cpu_s / wall_s:.0f} %, of the client {100 * told['cpu_s'] / wall_s:.0f} %, "
-          f"{camera.counters['bytes'] / 1e6 / wall_s:.0f} MB/s, packets {told['packet_bytes']} bytes")
+          f"{reported['statistics']}, dropped {camera.counters['frames_dropped']}, CPU of camera and pattern "
+          f"{100 * cpu_s / wall_s:.0f} %, of the client {100 * reported['cpu_s'] / wall_s:.0f} %, "
+          f"{camera.counters['bytes'] / 1e6 / wall_s:.0f} MB/s, packets {reported['packet_bytes']} bytes")
     return lost == 0 and camera.counters["frames_dropped"] == 0
 
 
@@ -759,8 +759,8 @@ class Rate(unittest.TestCase):
     def test_large_frames_arrive(self):
         settings = {"width": 1024, "height": 1024, "bits": 16, "rate_hz": 5, "packet_bytes": 9000, "recorded": False}
         with Camera(**settings) as camera:
-            told = camera.grab(frames=10, images=False).result()
-        self.assertEqual([frame["status"] for frame in told["frames"]], 10 * [WHOLE])
+            reported = camera.grab(frames=10, images=False).result()
+        self.assertEqual([frame["status"] for frame in reported["frames"]], 10 * [WHOLE])
 
 
 if __name__ == "__main__":

@@ -185,10 +185,10 @@ class Recorders(unittest.TestCase):
         self.assertEqual(crc32s[: len(listed)], [row["pixel_crc32"] for row in listed])
 
     def test_a_full_disk_costs_frames_and_not_those_before(self):
-        room = 178 + 7 * FRAME_BYTES + FRAME_BYTES // 2
+        space = 178 + 7 * FRAME_BYTES + FRAME_BYTES // 2
 
         def limit():
-            resource.setrlimit(resource.RLIMIT_FSIZE, (room, room))
+            resource.setrlimit(resource.RLIMIT_FSIZE, (space, space))
 
         # restore_signals would make the limit a signal, which kills, instead of an error.
         sinks = SER_RECORDER + '[[extra_sink]]\nkind = "null"\n'
@@ -225,15 +225,15 @@ class Recorders(unittest.TestCase):
             late.__dict__ = {**ring.__dict__, "next": 1, "missed": 0}
             last = [frame.head["frame"] for frame in late.frames()]
             self.assertEqual((len(last), late.missed), (16, published - 16), "a slow reader knows what it missed")
-        told = {head["frame"]: f"{head['pixel_crc32']:08x}" for head in frames}
+        reported = {head["frame"]: f"{head['pixel_crc32']:08x}" for head in frames}
         listed = {int(row["frame"]): row for row in rows(self.out)}
-        self.assertEqual(len(told) + ring.missed, published)
-        common = told.keys() & listed.keys()
+        self.assertEqual(len(reported) + ring.missed, published)
+        common = reported.keys() & listed.keys()
         self.assertGreater(len(common), 10)
         for head in frames:
             if head["frame"] in common:
                 row = listed[head["frame"]]
-                self.assertEqual(told[head["frame"]], row["pixel_crc32"])
+                self.assertEqual(reported[head["frame"]], row["pixel_crc32"])
                 self.assertEqual(head["mid_exposure_tai_ns"], int(row["mid_exposure_tai_ns"]))
                 self.assertEqual((head["qw"], head["ra_deg"]), (float(row["qw"]), float(row["ra_deg"])))
         sinks = {sink["place"]: sink for sink in self.summary()["sinks"]}
@@ -299,8 +299,8 @@ class Recorders(unittest.TestCase):
         self.assertEqual(rows(place), rows(self.out))
         self.assertEqual(len(list(place.glob("*.fits"))), 10)
         self.assertEqual(list(self.out.glob("extra*")), [])
-        told = {sink["place"]: sink["output"] for sink in self.summary()["sinks"]}
-        self.assertEqual(told["extra_sink[0]"], str(place))
+        reported = {sink["place"]: sink["output"] for sink in self.summary()["sinks"]}
+        self.assertEqual(reported["extra_sink[0]"], str(place))
         same = sinks.replace("fits = false", 'fits = false\ndirectory = "a"').replace(str(disk), "./a")
         refused = run(self.folder, same, "--clock", "virtual", "--duration", "1")
         self.assertIn("extra_sink[0].directory", refused.stderr)

@@ -185,8 +185,8 @@ class Recording:
             [smear] = [star for star in rows(truth) if star["kind"] == "target"]
             mid_ns = int(header["MID_NS"])
             ends = [tai(mid_ns + round(side * exposure_s * 5e8)) for side in (-1, 1)]
-            told = [numpy.array([float(row[f"x_{end}_px"]), float(row[f"y_{end}_px"])]) for end in ("begin", "end")]
-            self.frames.append((header, pixels, smear, row, ends, told))
+            reported = [numpy.array([float(row[f"x_{end}_px"]), float(row[f"y_{end}_px"])]) for end in ("begin", "end")]
+            self.frames.append((header, pixels, smear, row, ends, reported))
 
 
 def whole_in_image(ends, shape, margin=12):
@@ -270,8 +270,8 @@ class Crossing(unittest.TestCase):
         """Largest distance of an end point told from skyfield's."""
         off = [
             numpy.linalg.norm(self.wanted(name, t, **left_out) - px)
-            for *_, ends, told in self.recorded[name].frames
-            for t, px in zip(ends, told)
+            for *_, ends, reported in self.recorded[name].frames
+            for t, px in zip(ends, reported)
         ]
         return max(off)
 
@@ -288,13 +288,13 @@ class Crossing(unittest.TestCase):
             self.assertGreater(self.worst_px(name, aberration=False), END_PX, "aberration")
             self.assertGreater(self.worst_px(name, target=NoNutation(self.satellite)), END_PX, "nutation")
 
-    def test_pixels_show_the_streak_where_it_is_told(self):
+    def test_pixels_show_the_streak_where_it_is_reported(self):
         sigma = self.camera["psf"]["sigma_px"]
         off = []
-        for _, pixels, smear, _, ends, told in self.recorded["circle"].frames:
-            if not whole_in_image(told, pixels.shape):
+        for _, pixels, smear, _, ends, reported in self.recorded["circle"].frames:
+            if not whole_in_image(reported, pixels.shape):
                 continue
-            begin, end = fitted_ends(pixels, *told, sigma)
+            begin, end = fitted_ends(pixels, *reported, sigma)
             off.append([begin - self.wanted("circle", ends[0]), end - self.wanted("circle", ends[1])])
             length, angle = numpy.linalg.norm(end - begin), math.degrees(math.atan2(*(end - begin)[::-1]))
             self.assertLess(abs(length - float(smear["smear_px"])), 0.2)
@@ -344,17 +344,17 @@ class Geostationary(unittest.TestCase):
             frames = Recording(root / "telescope", camera["exposure"]["exposure_s"]).frames
             self.assertEqual(len(frames), 3)
             off = []
-            for header, *_, ends, told in frames:
+            for header, *_, ends, reported in frames:
                 # The attitude as it came over the bus: its single precision is 0.03 px here.
                 sensor_from_icrf = quaternion_matrix(*(header[f"Q{axis}"] for axis in "WXYZ"))
-                for t, px in zip(ends, told):
+                for t, px in zip(ends, reported):
                     off.append(numpy.linalg.norm(projected(camera, sensor_from_icrf, apparent(None, satellite, t)) - px))
             print(f"geostationary: end points within {max(off):.4f} px of skyfield's, an arcsecond each")
             self.assertLess(max(off), END_PX)
 
 
 class Check(unittest.TestCase):
-    def test_check_tells_the_crossing(self):
+    def test_check_reports_the_crossing(self):
         done = subprocess.run([BINARY, "check", str(BENCH)], capture_output=True, text=True, timeout=300)
         self.assertEqual(done.returncode, 0, done.stderr)
         [line] = [line for line in done.stdout.splitlines() if line.strip().startswith("90001 ")]

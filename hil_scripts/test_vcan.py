@@ -318,7 +318,7 @@ class Pulses(OnVcan):
         # A busy machine delays the timer; a step in a stamp is half an hour.
         self.assertTrue(all(500.0 < ms < 4000.0 for ms in spans), pulses.text)
 
-    def test_a_missing_source_is_told(self):
+    def test_a_missing_source_is_reported(self):
         done = subprocess.run([BINARY, "link-check", "--pps", "/sys/class/pps/pps9"], capture_output=True, text=True)
         self.assertEqual(done.returncode, 1)
         self.assertIn("ls /sys/class/pps", done.stderr)
@@ -346,7 +346,7 @@ class Flights(OnVcan):
         status, said, _ = self.fly(wire="can_classic")
         self.assertEqual(status, 0, said)
 
-    def test_a_flight_that_is_not_as_told_is_seen(self):
+    def test_a_flight_that_is_not_as_reported_is_seen(self):
         status, said, _ = self.fly("--fd", "--biased-deg", "0.0006", wire="can_fd")
         self.assertEqual(status, 4, said)
 

@@ -33,8 +33,8 @@ impl Writer {
 
     pub(crate) fn put(&mut self, bytes: &[u8]) -> &mut Self {
         let end = self.payload.len + bytes.len();
-        if let Some(room) = self.payload.bytes.get_mut(self.payload.len..end) {
-            room.copy_from_slice(bytes);
+        if let Some(space) = self.payload.bytes.get_mut(self.payload.len..end) {
+            space.copy_from_slice(bytes);
             self.payload.len = end;
         }
         self

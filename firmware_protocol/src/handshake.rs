@@ -344,12 +344,12 @@ mod tests {
         assert_eq!(say(&mut with, 4, setting(3)), (refused(7, Refusal::UnknownHead), None, (2, 0)));
         let late = Reply::CameraTriggered(CameraTriggered { head: 255, is_late: true });
         assert_eq!(say(&mut with, 5, trigger(9)), (late, Some(Did::Camera), (2, 1)));
-        let nobody = with.answer(&Command { token: 6, request: setting(0) }, &mut TableStore::new());
-        assert_eq!(nobody.response.reply, refused(7, Refusal::UnknownOpcode), "without anyone to take it");
+        let no_one = with.answer(&Command { token: 6, request: setting(0) }, &mut TableStore::new());
+        assert_eq!(no_one.response.reply, refused(7, Refusal::UnknownOpcode), "without anyone to take it");
     }
 
     #[test]
-    fn a_hello_of_another_major_tells_that_it_stopped() {
+    fn a_hello_of_another_major_reports_that_it_stopped() {
         let (mut handshake, mut tables) = (new(), TableStore::new());
         ask(&mut handshake, 1, Request::Hello(version::CURRENT));
         ask(&mut handshake, 2, Request::Run);

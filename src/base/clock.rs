@@ -169,7 +169,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn virtual_time_moves_only_forward_and_when_told() {
+    fn virtual_time_moves_only_forward_and_when_asked() {
         let clock = Virtual::new(Tai::from_ns(100));
         assert_eq!(clock.now(), clock.now(), "stands still");
         clock.sleep_until(Tai::from_ns(250));
@@ -183,10 +183,10 @@ mod tests {
         let (before, pair, after) = (clock.now(), PairedReading::take(&clock), clock.now());
         assert!(before <= pair.bench && pair.bench <= after, "{pair:?}");
         assert!(pair.window >= Span::ZERO && pair.window <= after - before, "{pair:?}");
-        let stands = PairedReading::take(&Virtual::new(Tai::from_ns(7)));
-        assert_eq!((stands.bench.ns(), stands.window), (7, Span::ZERO), "a virtual clock stands still");
+        let lies = PairedReading::take(&Virtual::new(Tai::from_ns(7)));
+        assert_eq!((lies.bench.ns(), lies.window), (7, Span::ZERO), "a virtual clock stands still");
         // 2020-01-01: a system clock before that was never set.
-        assert!(stands.realtime_ns > 1_577_836_800_000_000_000, "the system's clock is read: {stands:?}");
+        assert!(lies.realtime_ns > 1_577_836_800_000_000_000, "the system's clock is read: {lies:?}");
     }
 
     #[test]

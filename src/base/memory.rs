@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn control_group_counts_what_is_left_and_files_that_nobody_reads() {
+    fn control_group_counts_what_is_left_and_files_that_no_one_reads() {
         let folder = tempfile::tempdir().unwrap();
         let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
         assert_eq!(left_in_group(folder.path()), None);

@@ -45,7 +45,7 @@ pub struct Episode {
     "duration_s is {duration_s}; wanted more than {least_s}: random faults come between {QUIET_START_S} s after the \
      first exposure and {QUIET_END_S} s before the end"
 )]
-pub struct NoRoomForFaults {
+pub struct NoSpaceForFaults {
     /// How long the run is, s.
     pub duration_s: f64,
     /// It must be longer than this, s.
@@ -56,12 +56,12 @@ pub struct NoRoomForFaults {
 ///
 /// # Errors
 /// With the least duration.
-pub fn check_room_for_faults(base: &Scenario) -> Result<(), NoRoomForFaults> {
+pub fn check_space_for_faults(base: &Scenario) -> Result<(), NoSpaceForFaults> {
     let limits = schedule_limits(base);
     if limits.until_s > limits.from_s {
         return Ok(());
     }
-    Err(NoRoomForFaults { duration_s: base.bench.timing.duration_s, least_s: QUIET_START_S + QUIET_END_S })
+    Err(NoSpaceForFaults { duration_s: base.bench.timing.duration_s, least_s: QUIET_START_S + QUIET_END_S })
 }
 
 fn schedule_limits(base: &Scenario) -> ScheduleLimits {
@@ -131,10 +131,10 @@ mod tests {
     #[test]
     fn a_run_without_time_for_faults_is_refused_with_the_least_duration() {
         let mut base = Scenario::from_document(&Document::built_in("scenarios/campaign.toml").unwrap()).unwrap();
-        assert_eq!(check_room_for_faults(&base), Ok(()));
+        assert_eq!(check_space_for_faults(&base), Ok(()));
         assert!(!random_faults(&base, 1).is_empty());
         base.bench.timing.duration_s = 1200.0;
-        let error = check_room_for_faults(&base).expect_err("600 s and 600 s").to_string();
+        let error = check_space_for_faults(&base).expect_err("600 s and 600 s").to_string();
         assert!(error.contains("duration_s is 1200; wanted more than 1200"), "{error}");
         assert!(random_faults(&base, 1).is_empty(), "what is refused is empty");
     }

@@ -8,7 +8,7 @@ use crate::cli::frame_plan::FramePlans;
 use crate::cli::run_end::Finished;
 use anyhow::Result;
 use frames::report::{BudgetLine, LineVerdict, Stage};
-use plan::exposure::{ExposurePlan, Rung};
+use plan::exposure::{Degradation, ExposurePlan};
 use run::runtime::load::ratio_of;
 use run::wiring::bench_parts;
 use testbed::flight_computer::FlightComputer;
@@ -43,9 +43,9 @@ pub(super) fn advice(finished: &Finished, lines: &[BudgetLine], render_limit_ms:
         "frame {} took {:.2} ms to draw (rung {}, {}); whole: {}, about {:.1} times as long as predicted",
         slowest.number,
         took.ms(),
-        slowest.rung,
+        slowest.degradation,
         slowest.method,
-        told(whole),
+        reported(whole),
         times_as_long
     ));
     let mut planner = frames.planner(cost, Some(render_limit_ms / times_as_long));
@@ -56,24 +56,24 @@ pub(super) fn advice(finished: &Finished, lines: &[BudgetLine], render_limit_ms:
 
 fn verdict(plan: &ExposurePlan, limit_ms: f64, times_as_long: f64) -> String {
     let expected_ms = plan.chosen.cost_ms * times_as_long;
-    let told = told(plan);
+    let reported = reported(plan);
     if expected_ms > limit_ms {
         format!(
-            "no rung brings drawing inside {limit_ms:.2} ms at this load; the last one: {told}, {expected_ms:.2} ms here"
+            "no rung brings drawing inside {limit_ms:.2} ms at this load; the last one: {reported}, {expected_ms:.2} ms here"
         )
-    } else if plan.rung == Rung::Full {
-        format!("drawing fits {limit_ms:.2} ms whole ({told}, {expected_ms:.2} ms here): the time went elsewhere")
+    } else if plan.degradation == Degradation::Full {
+        format!("drawing fits {limit_ms:.2} ms whole ({reported}, {expected_ms:.2} ms here): the time went elsewhere")
     } else {
-        let rung = plan.rung;
-        format!("inside {limit_ms:.2} ms: {told}, {expected_ms:.2} ms here; it gives up {}", rung.gives_up())
+        let degradation = plan.degradation;
+        format!("inside {limit_ms:.2} ms: {reported}, {expected_ms:.2} ms here; it gives up {}", degradation.gives_up())
     }
 }
 
-fn told(plan: &ExposurePlan) -> String {
+fn reported(plan: &ExposurePlan) -> String {
     let chosen = &plan.chosen;
     format!(
         "rung {}, {}, {} stars, predicted {:.2} ms, at most {:.1e} px and {:.1e} sigma wrong",
-        plan.rung,
+        plan.degradation,
         chosen.method,
         plan.stars.len(),
         chosen.cost_ms,

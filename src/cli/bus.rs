@@ -122,7 +122,7 @@ pub fn run(arguments: &BusArgs) -> Result<u8> {
     let mut losses = Losses::default();
     (0..gateways.finish()).for_each(|_| losses.note_thread("gateway"));
     drop(gateways);
-    arguments.tell(&summary)?;
+    arguments.print_line(&summary)?;
     if say_losses(&losses) {
         return Ok(EXIT_LOST);
     }
@@ -132,7 +132,8 @@ pub fn run(arguments: &BusArgs) -> Result<u8> {
 
 impl BusArgs {
     fn gateways(&self) -> Result<GatewayParams> {
-        let [slcan_tcp, socketcand] = [self.slcan_tcp, self.socketcand].map(|door| door.map(TcpAddress::socket));
+        let [slcan_tcp, socketcand] =
+            [self.slcan_tcp, self.socketcand].map(|gateway_port| gateway_port.map(TcpAddress::socket));
         let slcan_pty = self.slcan_pty.clone();
         if slcan_tcp.is_none() && slcan_pty.is_none() && socketcand.is_none() {
             bail!("nobody could join this bus: wanted --slcan-tcp, --slcan-pty or --socketcand");
@@ -173,7 +174,7 @@ impl BusArgs {
         out.flush().context("cannot print the addresses")
     }
 
-    fn tell(&self, summary: &Summary) -> Result<()> {
+    fn print_line(&self, summary: &Summary) -> Result<()> {
         let mut out = Output;
         if self.json {
             writeln!(out, "{}", serde_json::to_string(summary)?)?;

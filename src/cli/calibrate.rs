@@ -62,7 +62,7 @@ pub fn run(arguments: &CalibrateArgs) -> Result<()> {
 fn costs(arguments: &CostArgs) -> Result<()> {
     let choice = backend_choice(arguments.backend.configured());
     let mut watch = Stopwatch::start();
-    let found = calibrate(choice, &Effort::of(choice, arguments.quick), &mut tell_progress)?;
+    let found = calibrate(choice, &Effort::of(choice, arguments.quick), &mut print_progress)?;
     let owner = CostOwner::here(found.backend, &found.adapter);
     print!("{}", table(&found, &owner));
     let path = match (&arguments.out, cost_cache::folder()) {
@@ -81,7 +81,7 @@ fn costs(arguments: &CostArgs) -> Result<()> {
     Ok(())
 }
 
-fn tell_progress(scene: &str, number: usize, of: usize) {
+fn print_progress(scene: &str, number: usize, of: usize) {
     let mut out = std::io::stderr().lock();
     if out.is_terminal() {
         let end = if number == of { "\n" } else { "" };

@@ -16,7 +16,7 @@ use config::Camera;
 use frames::sink::{png, write_file_atomically};
 use outputs::display::beat::BeatInput;
 use outputs::display::calibration::fit::FitOptions;
-use outputs::display::calibration::report::told;
+use outputs::display::calibration::report::reported;
 use outputs::display::calibration::{
     Calibration, DisplayIdentity, Fitted, Grid, Pattern, Plan, Tracker, TrackerIdentity, fit,
 };
@@ -31,7 +31,7 @@ use std::path::{Path, PathBuf};
 /// Name of the plan in its folder.
 const PLAN: &str = "plan.toml";
 /// Refreshes of a dither cycle that magnitudes are told for.
-const TOLD_CYCLE: u32 = 16;
+const REPORTED_CYCLE: u32 = 16;
 
 /// Command line of `calibrate display`.
 #[derive(Debug, Args)]
@@ -277,7 +277,7 @@ fn fit_measurements(arguments: &FitArgs) -> Result<()> {
         println!("no frame of {}: fitted without", missing.join(", "));
     }
     let fitted = fit(&plan, &sights, &tracker, &options)?;
-    tell(&fitted)?;
+    announce(&fitted)?;
     if params.illumination.is_even() {
         println!(
             "  note             the camera's file states no vignetting: all that is seen is taken for the display's"
@@ -334,8 +334,8 @@ fn latency(arguments: &FitArgs) -> Result<Option<Latency>> {
     }
 }
 
-pub(super) fn tell(fitted: &Fitted) -> Result<()> {
-    print!("{}", told(&fitted.calibration, &fitted.calibration.calibrated()?, Dither::over(TOLD_CYCLE)?));
+pub(super) fn announce(fitted: &Fitted) -> Result<()> {
+    print!("{}", reported(&fitted.calibration, &fitted.calibration.calibrated()?, Dither::over(REPORTED_CYCLE)?));
     if fitted.saturated_levels > 0 {
         println!("  note             {} measured levels were left out as saturated", fitted.saturated_levels);
     }
@@ -356,7 +356,7 @@ fn check(arguments: &CheckArgs) -> Result<()> {
         }
         None => plan.as_ref().map(|plan| plan.tracker.clone()),
     };
-    print!("{}", told(&calibration, &calibration.calibrated()?, Dither::over(TOLD_CYCLE)?));
+    print!("{}", reported(&calibration, &calibration.calibrated()?, Dither::over(REPORTED_CYCLE)?));
     calibration.admit(display, tracker.as_ref(), now())?;
     if let Some(plan) = &plan {
         calibration.admit_plan(plan)?;

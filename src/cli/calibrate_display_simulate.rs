@@ -1,7 +1,7 @@
 //! `starloop calibrate display simulate`: the whole procedure on a simulated display, collimator and camera, and the
 //! result against the truth.
 
-use crate::cli::calibrate_display::{now, tell, write_plan};
+use crate::cli::calibrate_display::{announce, now, write_plan};
 use anyhow::Result;
 use base::time::Span;
 use clap::Args;
@@ -88,7 +88,7 @@ pub(super) fn simulate(arguments: &SimulateArgs) -> Result<()> {
     // Its tracker vignettes nothing.
     let looking = Tracker { name: "simulated tracker", geometry: &tracker, illumination: &|_| 1.0 };
     let fitted = fit(&plan, &sights, &looking, &options)?;
-    tell(&fitted)?;
+    announce(&fitted)?;
     let error_px = worst_error_px(bench.truth(), &fitted);
     let error_arcsec = error_px * fitted.map.geometry.arcsec_per_px();
     println!("  against truth    {error_px:.4} display px = {error_arcsec:.3} arcsec at worst, between all dots");

@@ -3,7 +3,7 @@
 use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
 use anyhow::{Context, Result, bail};
 use base::clock::Stopwatch;
-use batch::campaign::{Episode, check_room_for_faults, random_faults, run_episode};
+use batch::campaign::{Episode, check_space_for_faults, random_faults, run_episode};
 use clap::Args;
 use config::{Document, Scenario};
 use core::sync::atomic::{AtomicU64, Ordering};
@@ -66,7 +66,7 @@ pub fn run(arguments: &CampaignArgs) -> Result<u8> {
     if !(arguments.hours.is_finite() && arguments.hours > 0.0 && arguments.hours <= 1e6) {
         bail!("--hours: got {}, wanted hours above 0, up to a million", arguments.hours);
     }
-    check_room_for_faults(&scenario).with_context(|| format!("scenario \"{}\"", scenario.name))?;
+    check_space_for_faults(&scenario).with_context(|| format!("scenario \"{}\"", scenario.name))?;
     let episode_s = scenario.bench.timing.duration_s;
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked: at most 1e10")]
     let episodes = ((arguments.hours * 3600.0 / episode_s).ceil() as u64).max(1);

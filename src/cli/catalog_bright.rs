@@ -87,7 +87,7 @@ mod tests {
         let mut both = Sorting::start(&work, &[10.0]).unwrap();
         BrightInput::new(&twice, 2016.0, &both).unwrap().take_in(&mut both, &line).unwrap();
         assert_eq!(both.counts().stars, 1, "once of two files");
-        assert!(both.told().any(|told| told == ("bright stars that came twice, taken once", 1)));
+        assert!(both.reported().any(|reported| reported == ("bright stars that came twice, taken once", 1)));
         let other = BrightInput::new(&[], 2016.0, &sorting).err().expect("refused").to_string();
         assert!(other.contains("\"bright stars\" was taken in as [suppl_1.dat"), "{other}");
     }

@@ -80,10 +80,10 @@ pub(super) enum Kind {
 
 impl Input {
     /// Takes it in; the number of rows.
-    pub(super) fn import(&self, sorting: &mut Sorting, told: &mut dyn FnMut(u64)) -> anyhow::Result<u64> {
+    pub(super) fn import(&self, sorting: &mut Sorting, reported: &mut dyn FnMut(u64)) -> anyhow::Result<u64> {
         match &self.kind {
-            Kind::Csv => Ok(import_gaia(&self.path, &self.names, sorting, told)?),
-            Kind::Parquet(parquet) => parquet.import(self, sorting, told),
+            Kind::Csv => Ok(import_gaia(&self.path, &self.names, sorting, reported)?),
+            Kind::Parquet(parquet) => parquet.import(self, sorting, reported),
         }
     }
 }
@@ -143,8 +143,11 @@ mod tests {
         std::fs::write(path("stars.csv"), head.to_owned() + &rows.collect::<String>()).unwrap();
         catalog(&["import", &path("stars.csv"), "--out", &path("layers"), "--layers", "10"]).unwrap();
         let layer = path("layers/g10.starlayer");
-        let told = catalog(&["export", &layer, "--hats", &path("hats"), "--max-rows", "90"]).unwrap();
-        assert!(told.contains("hats: 1000 stars in ") && told.contains(" partitions of order 0 to 2, "), "{told}");
+        let reported = catalog(&["export", &layer, "--hats", &path("hats"), "--max-rows", "90"]).unwrap();
+        assert!(
+            reported.contains("hats: 1000 stars in ") && reported.contains(" partitions of order 0 to 2, "),
+            "{reported}"
+        );
         assert!(catalog(&["export", &layer, "--hats", &path("hats")]).unwrap_err().contains("there already"));
 
         let from_hats = ["import", &path("hats"), "--out", &path("again"), "--layers", "10"];
@@ -157,22 +160,25 @@ mod tests {
         let footer = u32::from_le_bytes(whole[end..end + 4].try_into().unwrap()) as usize;
         broken[4..end - footer].fill(0xFF);
         std::fs::write(&last, broken).unwrap();
-        let told = catalog(&from_hats).unwrap_err();
+        let reported = catalog(&from_hats).unwrap_err();
         assert!(
-            told.contains(&format!("Npix={pixel}.parquet, column source_id")) || told.contains("starloop_id"),
-            "{told}"
+            reported.contains(&format!("Npix={pixel}.parquet, column source_id")) || reported.contains("starloop_id"),
+            "{reported}"
         );
         std::fs::write(&last, whole).unwrap();
         let progress = std::fs::read_to_string(path("again/import/progress.json")).unwrap();
         assert!(progress.contains("hats/dataset/Norder="), "whole partitions are written down: {progress}");
-        let told = catalog(&from_hats).unwrap();
-        assert!(told.contains("        1000 rows\n") && told.contains("        1000 stars taken in\n"), "{told}");
+        let reported = catalog(&from_hats).unwrap();
+        assert!(
+            reported.contains("        1000 rows\n") && reported.contains("        1000 stars taken in\n"),
+            "{reported}"
+        );
         assert_eq!(std::fs::read(path("again/g10.starlayer")).unwrap(), std::fs::read(layer).unwrap());
 
-        let told = catalog(&["import", &path("hats"), "--out", &path("epoch"), "--epoch", "2000"]).unwrap_err();
-        assert!(told.contains("--epoch: wanted 2016, of which") && told.contains("got 2000"), "{told}");
-        let told = catalog(&["import", &path("layers"), "--out", &path("no")]).unwrap_err();
-        assert!(told.contains("layers: wanted a HATS catalog, which has a file hats.properties"), "{told}");
+        let reported = catalog(&["import", &path("hats"), "--out", &path("epoch"), "--epoch", "2000"]).unwrap_err();
+        assert!(reported.contains("--epoch: wanted 2016, of which") && reported.contains("got 2000"), "{reported}");
+        let reported = catalog(&["import", &path("layers"), "--out", &path("no")]).unwrap_err();
+        assert!(reported.contains("layers: wanted a HATS catalog, which has a file hats.properties"), "{reported}");
         let twice = catalog(&["import", &path("hats"), &path("hats"), "--out", &path("twice")]).unwrap_err();
         assert!(twice.contains("two files are called hats/dataset/"), "{twice}");
     }

@@ -106,19 +106,19 @@ pub(super) fn import(args: &ImportArgs, out: &mut impl Write) -> anyhow::Result<
         }
         bright.refuse_more(name)?;
         let of = inputs.len();
-        let mut told = |rows| line.show(&format!("file {} of {of}: {name}, {rows} rows", number + 1));
-        let rows = input.import(&mut sorting, &mut told)?;
-        sorting.tell("rows", rows);
+        let mut reported = |rows| line.show(&format!("file {} of {of}: {name}, {rows} rows", number + 1));
+        let rows = input.import(&mut sorting, &mut reported)?;
+        sorting.announce("rows", rows);
         sorting.checkpoint(name, &mark)?;
     }
     bright.take_in(&mut sorting, &line)?;
     let counts = sorting.counts();
-    let told: Vec<(String, u64)> = sorting.told().map(|(what, count)| (what.to_owned(), count)).collect();
+    let reported: Vec<(String, u64)> = sorting.reported().map(|(what, count)| (what.to_owned(), count)).collect();
     let mut share = |share: f64| line.show(&format!("sorting: {:.0} %", 100.0 * share));
     let credits = args.credits.clone().unwrap_or_else(|| credits_asked_for(&sorting.credits(), &inputs));
     let reports = sorting.finish(&args.out, args.epoch, &credits, &mut share)?;
     line.clear();
-    for (what, count) in &told {
+    for (what, count) in &reported {
         writeln!(out, "{count:>12} {what}")?;
     }
     for (count, what) in [
@@ -133,7 +133,7 @@ pub(super) fn import(args: &ImportArgs, out: &mut impl Write) -> anyhow::Result<
     ] {
         writeln!(out, "{count:>12} {what}")?;
     }
-    reports.iter().try_for_each(|report| tell_layer(report, out))
+    reports.iter().try_for_each(|report| print_layer(report, out))
 }
 
 /// Credits of the catalogs that name theirs, each once, and of the stars' origins as far as these do not have them.
@@ -166,7 +166,7 @@ pub(super) fn refuse_layers_that_are_there(out: &Path, limits_mag: &[f32], repla
     Ok(())
 }
 
-pub(super) fn tell_layer(report: &LayerReport, out: &mut impl Write) -> anyhow::Result<()> {
+pub(super) fn print_layer(report: &LayerReport, out: &mut impl Write) -> anyhow::Result<()> {
     let LayerReport { path, stars, order, bytes, .. } = report;
     writeln!(out, "{}: {stars} stars, tiles of order {order}, {bytes} bytes", path.display())?;
     Ok(())
@@ -312,13 +312,13 @@ mod tests {
     }
 
     #[test]
-    fn imports_tells_and_verifies() {
+    fn imports_reports_and_verifies() {
         let folder = tempfile::tempdir().unwrap();
         let csv = folder.path().join("stars.csv");
         std::fs::write(&csv, CSV).unwrap();
         let (csv, out) = (csv.to_str().unwrap(), folder.path().join("layers"));
         let line = [csv, "--out", out.to_str().unwrap(), "--column", "phot_g_mean_mag=G", "--credits", "me"];
-        let told = imported(&line).unwrap();
+        let reported = imported(&line).unwrap();
         for wanted in [
             "           4 rows\n",
             "           1 rows without a G magnitude, left out\n",
@@ -329,7 +329,7 @@ mod tests {
             "g14.starlayer: 1 stars",
             "g22.starlayer: 0 stars",
         ] {
-            assert!(told.contains(wanted), "{wanted:?} in {told}");
+            assert!(reported.contains(wanted), "{wanted:?} in {reported}");
         }
         let layer = out.join("g10.starlayer");
         let mut text = Vec::new();
@@ -391,14 +391,17 @@ mod tests {
         std::fs::write(&bad, text.replace("\n1,", "\n101,").replace("\n2,", "\n102,")).unwrap();
         let twice = imported(&[&good, &good, "--out", &out]).unwrap_err().to_string();
         assert!(twice.contains("two files are called good.csv"), "{twice}");
-        let told = imported(&[&good, &bad, "--out", &out]).unwrap();
+        let reported = imported(&[&good, &bad, "--out", &out]).unwrap();
         let again = imported(&[&good, "--out", &out]).unwrap_err().to_string();
         assert!(again.contains("has g10.starlayer already") && again.contains("--replace"), "{again}");
         let of_others = folder.path().to_str().unwrap();
         let mine = imported(&[&good, "--out", &out, "--replace", "--work", of_others]).unwrap_err().to_string();
         assert!(mine.contains("folder of its own") && folder.path().join("good.csv").exists(), "{mine}");
         assert!(imported(&[&good, "--out", &out, "--replace"]).unwrap().contains("           4 rows\n"));
-        assert!(told.contains("           8 rows\n") && told.contains("           4 stars taken in\n"), "{told}");
+        assert!(
+            reported.contains("           8 rows\n") && reported.contains("           4 stars taken in\n"),
+            "{reported}"
+        );
     }
 
     #[test]
@@ -413,15 +416,15 @@ mod tests {
             imported(&[files, &["--out", &out], more].concat()).map_err(|error| format!("{error:#}"))
         };
         assert!(with(&[&good, &bad], &g).unwrap_err().contains("bad.csv, line 3"));
-        let told = with(&[&bad], &g).unwrap_err();
-        assert!(told.contains("took in \"good.csv\", which is not named now"), "{told}");
-        let told = with(&[&good], &[g[0], g[1], "--epoch", "2000"]).unwrap_err();
+        let reported = with(&[&bad], &g).unwrap_err();
+        assert!(reported.contains("took in \"good.csv\", which is not named now"), "{reported}");
+        let reported = with(&[&good], &[g[0], g[1], "--epoch", "2000"]).unwrap_err();
         assert!(
-            told.contains("epoch J2016 and phot_g_mean_mag=G was cut") && told.contains("wanted epoch J2000"),
-            "{told}"
+            reported.contains("epoch J2016 and phot_g_mean_mag=G was cut") && reported.contains("wanted epoch J2000"),
+            "{reported}"
         );
-        let told = with(&[&good], &[]).unwrap_err();
-        assert!(told.contains("wanted epoch J2016 and Gaia's columns"), "{told}");
+        let reported = with(&[&good], &[]).unwrap_err();
+        assert!(reported.contains("wanted epoch J2016 and Gaia's columns"), "{reported}");
         assert!(with(&[&good], &["--column", "phot_g_mean_mag=mag", g[0], g[1]]).unwrap().contains("   4 rows\n"));
     }
 
@@ -439,8 +442,11 @@ mod tests {
         std::fs::remove_dir(path("layers/g14.part")).unwrap();
         assert!(!folder.path().join("layers/g10.part").exists(), "a failure leaves no half layer");
         std::fs::write(path("layers/g10.starlayer"), "as if whole").unwrap();
-        let told = imported(&line).unwrap();
-        assert!(told.contains("g10.starlayer: 1 stars") && told.contains("g14.starlayer: 1 stars"), "{told}");
+        let reported = imported(&line).unwrap();
+        assert!(
+            reported.contains("g10.starlayer: 1 stars") && reported.contains("g14.starlayer: 1 stars"),
+            "{reported}"
+        );
         let again = imported(&line).unwrap_err().to_string();
         assert!(again.contains("has g10.starlayer already"), "control: {again}");
         assert!(!folder.path().join("layers/import").exists(), "a refused import leaves nothing");

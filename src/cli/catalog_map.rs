@@ -101,8 +101,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
         let (picture, table) = (path("map.png"), path("map.csv"));
-        let told = mapped(&["--out", &picture, "--csv", &table, "--galactic"]).unwrap();
-        assert!(told.contains("106462 stars in cells of order 4"), "{told}");
+        let reported = mapped(&["--out", &picture, "--csv", &table, "--galactic"]).unwrap();
+        assert!(reported.contains("106462 stars in cells of order 4"), "{reported}");
         let text = std::fs::read_to_string(&table).unwrap();
         let counts = text.lines().skip(1).map(|line| line.split(',').nth(5).unwrap().parse::<u64>().unwrap());
         assert_eq!((text.lines().count(), counts.sum::<u64>()), (3073, 106_462));

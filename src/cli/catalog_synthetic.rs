@@ -1,6 +1,6 @@
 //! `starloop catalog synthesize`: layers of stars that are not real, in the numbers of the real sky.
 
-use crate::cli::catalog_layers::{ProgressLine, refuse_layers_that_are_there, tell_layer};
+use crate::cli::catalog_layers::{ProgressLine, print_layer, refuse_layers_that_are_there};
 use crate::cli::degrees::{declination_deg, right_ascension_deg};
 use anyhow::ensure;
 use base::source::direction_from_ra_dec;
@@ -62,7 +62,7 @@ pub(super) fn synthesize(args: &SynthesizeArgs, out: &mut impl Write) -> anyhow:
     let reports = population.write(&args.out, &mut |share| line.show(&format!("drawing: {:.0} %", 100.0 * share)))?;
     line.clear();
     writeln!(out, "{}", credits(args.seed))?;
-    reports.iter().try_for_each(|report| tell_layer(report, out))?;
+    reports.iter().try_for_each(|report| print_layer(report, out))?;
     let stars: u64 = reports.iter().map(|report| report.stars).sum();
     match args.around {
         None => writeln!(out, "{stars} stars, {:.0} expected", population.expected())?,
@@ -117,9 +117,9 @@ mod tests {
         let out = folder.path().join("sky");
         let line =
             ["--out", out.to_str().unwrap(), "--mag", "9", "--layers", "6,10", "--stars", "20000", "--seed", "5"];
-        let told = synthesized(&line).unwrap();
-        assert!(told.contains("seed 5: not real stars") && told.contains("g9.starlayer"), "{told}");
-        assert!(told.contains(" stars, 20000 expected") && !told.contains("g10"), "{told}");
+        let reported = synthesized(&line).unwrap();
+        assert!(reported.contains("seed 5: not real stars") && reported.contains("g9.starlayer"), "{reported}");
+        assert!(reported.contains(" stars, 20000 expected") && !reported.contains("g10"), "{reported}");
         let mut info = Vec::new();
         layer_info(&out.join("g9.starlayer"), &mut info).unwrap();
         assert!(String::from_utf8(info).unwrap().contains("credits  synthetic population, seed 5: not real stars"));
@@ -134,17 +134,17 @@ mod tests {
         let stars_near = |extra: &[&str], name: &str| {
             let out = folder.path().join(name);
             let line = ["--out", out.to_str().unwrap(), "--mag", "9", "--layers", "9", "--seed", "5"];
-            let told = synthesized(&[&line[..], extra].concat()).unwrap();
+            let reported = synthesized(&[&line[..], extra].concat()).unwrap();
             let layer = Layer::open(&out.join("g9.starlayer")).unwrap();
             let (axis, mut near) = (direction_from_ra_dec(266.0 * DEG, -29.0 * DEG), Vec::new());
             layer.cone(axis, 5.0 * DEG, 99.0, &mut near).unwrap();
             let directions: Vec<DVec3> = near.iter().map(|star| star.direction_icrf).collect();
-            (directions, layer.index().stars(), told)
+            (directions, layer.index().stars(), reported)
         };
         let (whole, all, _) = stars_near(&[], "whole");
-        let (part, fewer, told) = stars_near(&["--around", "266,-29,5"], "part");
+        let (part, fewer, reported) = stars_near(&["--around", "266,-29,5"], "part");
         assert!(whole.len() > 100 && whole == part, "{} {}", whole.len(), part.len());
-        assert!(fewer < all / 50 && told.contains("all over the sky"), "{fewer} {all} {told}");
+        assert!(fewer < all / 50 && reported.contains("all over the sky"), "{fewer} {all} {reported}");
     }
 
     #[test]

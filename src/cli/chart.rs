@@ -12,7 +12,7 @@ use std::path::PathBuf;
 /// Width of the progress line.
 const LINE_WIDTH: usize = 79;
 /// Without a terminal, a line every so many parts of the whole.
-const TOLD: usize = 10;
+const REPORTED: usize = 10;
 
 /// Command line of `chart`.
 #[derive(Debug, Args)]
@@ -61,7 +61,7 @@ pub fn run(arguments: &ChartArgs) -> Result<()> {
     std::fs::create_dir_all(&arguments.out).with_context(|| format!("--out {}", arguments.out.display()))?;
     let settings = Settings { quick: arguments.quick, backends, seed: arguments.seed };
     let mut teller = Teller::new();
-    let charted = chart::run(&settings, &mut |step| teller.tell(step))?;
+    let charted = chart::run(&settings, &mut |step| teller.announce(step))?;
     teller.end();
     for file in &charted.files {
         write_file_atomically(&arguments.out.join(&file.name), |out| out.write_all(file.text.as_bytes()))?;
@@ -76,23 +76,23 @@ struct Teller {
     is_terminal: bool,
     watch: Stopwatch,
     elapsed_s: f64,
-    told: usize,
+    reported: usize,
 }
 
 impl Teller {
     fn new() -> Self {
         let is_terminal = std::io::stderr().is_terminal();
-        Self { is_terminal, watch: Stopwatch::start(), elapsed_s: 0.0, told: 0 }
+        Self { is_terminal, watch: Stopwatch::start(), elapsed_s: 0.0, reported: 0 }
     }
 
-    fn tell(&mut self, step: &Step) {
+    fn announce(&mut self, step: &Step) {
         self.elapsed_s += self.watch.lap().s();
         let line = step_line(step.done, step.total, self.elapsed_s, &step.next, LINE_WIDTH);
         if self.is_terminal {
             eprint!("\r{line:<LINE_WIDTH$}");
             let _closed = std::io::stderr().flush();
-        } else if step.done == 0 || TOLD * step.done >= (self.told + 1) * step.total {
-            self.told = TOLD * step.done / step.total.max(1);
+        } else if step.done == 0 || REPORTED * step.done >= (self.reported + 1) * step.total {
+            self.reported = REPORTED * step.done / step.total.max(1);
             eprintln!("{line}");
         }
     }

@@ -11,7 +11,7 @@ use crate::cli::check_plan::{self, Planned};
 use crate::cli::check_scenario;
 use crate::cli::check_targets;
 use crate::cli::frame_plan::FramePlans;
-use crate::cli::radiometry_told::radiometry_told;
+use crate::cli::radiometry_reported::radiometry_reported;
 use anyhow::Result;
 use base::clock::{Clock, Monotonic};
 use base::time::{Span, Tai};
@@ -24,7 +24,7 @@ use run::wiring::bench_parts;
 use run::wiring::display_parts::take_display;
 use run::wiring::memory::{RunForm, RunMemory};
 use run::wiring::motion::motion_scale;
-use run::wiring::sinks::told_lines;
+use run::wiring::sinks::reported_lines;
 use stars::{Sky, StarIndex};
 use std::path::PathBuf;
 use testbed::flight_computer::FlightComputer;
@@ -138,7 +138,7 @@ fn describe(
         camera.detector.height_px,
         camera.ifov_arcsec()
     )?;
-    writeln!(text, "  radiometry   {}", radiometry_told(camera))?;
+    writeln!(text, "  radiometry   {}", radiometry_reported(camera))?;
     let zero_point = camera.star_light().zero_point_e_per_s();
     let light =
         zero_point.map_or_else(|| "no zero point".into(), |e_per_s| format!("{e_per_s:.3e} e-/s at magnitude 0"));
@@ -168,7 +168,7 @@ fn describe(
         let mountings: Vec<String> = bench.mountings().iter().map(|head| format!("{:.4?}", head.wxyz())).collect();
         writeln!(text, "  heads        {}, drawn in turn, sensor_from_body {}", mountings.len(), mountings.join(" "))?;
     }
-    for (place, words) in told_lines(&bench.sinks) {
+    for (place, words) in reported_lines(&bench.sinks) {
         writeln!(text, "  {place:<12} {words}")?;
     }
     writeln!(text, "  costs        {}", costs.origin)?;
@@ -247,7 +247,7 @@ fn plans(
 ) -> Result<()> {
     let planned = Planned::new(bench, params, imager);
     check_plan::write_sampling(text, params)?;
-    check_plan::write_ladder(text, &planned)?;
+    check_plan::write_degradations(text, &planned)?;
     let mut frames = FramePlans::new(computer, params, sky);
     let last = params.frames.saturating_sub(1);
     let mut numbers = vec![0, last / 2, last];
@@ -331,7 +331,7 @@ mod tests {
     }
 
     #[test]
-    fn bright_layers_that_are_left_out_are_told() {
+    fn bright_layers_that_are_left_out_are_reported() {
         let folder = tempfile::tempdir().unwrap();
         let sorting = stars::layer::Sorting::start(&folder.path().join("work"), &[4.5, 7.0]).unwrap();
         let reports = sorting.finish(folder.path(), 2016.0, "whom it concerns", &mut |_| {}).unwrap();

@@ -303,9 +303,9 @@ mod tests {
         assert!(line(&text, "> constant-acceleration").contains("fits") && !text.contains("WARNING"), "{text}");
         let horizon_ms = 120.0 - half_ms + period_ms;
         // Samples take a fraction of a millisecond to arrive.
-        let told =
+        let reported =
             (0..10).any(|tenth| text.contains(&format!("by up to {:.1} ms", horizon_ms + 0.1 * f64::from(tenth))));
-        assert!(told && text.contains("before mid-exposure"), "{horizon_ms}: {text}");
+        assert!(reported && text.contains("before mid-exposure"), "{horizon_ms}: {text}");
         bench.flight_computer.jitter_source = JitterSource::Samples;
         for (ahead_ms, parts) in [
             (210.0 + half_ms, ["max_horizon_ms = 200", "jitter would be held"]),

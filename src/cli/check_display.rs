@@ -100,20 +100,20 @@ mod tests {
     use run::wiring::bench_parts::run_params;
     use std::path::Path;
 
-    fn told(text: &str) -> String {
+    fn reported(text: &str) -> String {
         let bench = Bench::from_document(&Document::from_text(text, Path::new("b.toml"))).unwrap();
         let params = run_params(&bench, Tai::from_ns(0)).unwrap();
-        let mut told = String::new();
-        write_display(&mut told, &bench, &params, None).unwrap();
-        told
+        let mut reported = String::new();
+        write_display(&mut reported, &bench, &params, None).unwrap();
+        reported
     }
 
     #[test]
     fn what_is_not_known_of_a_display_is_said() {
-        let all = told("[sink]\nkind = \"display\"\n");
+        let all = reported("[sink]\nkind = \"display\"\n");
         assert!(all.contains("no calibration") && all.contains("ahead_ms is 0") && all.contains("latency"), "{all}");
-        let one = told("[timing]\nahead_ms = 150.0\n[sink]\nkind = \"display\"\nlatency_ms = 20.0\n");
+        let one = reported("[timing]\nahead_ms = 150.0\n[sink]\nkind = \"display\"\nlatency_ms = 20.0\n");
         assert!(one.contains("no calibration") && !one.contains("ahead_ms") && !one.contains("not known"), "{one}");
-        assert_eq!(told(""), "", "a bench without a display");
+        assert_eq!(reported(""), "", "a bench without a display");
     }
 }

@@ -73,7 +73,7 @@ mod tests {
     use base::time::Tai;
 
     #[test]
-    fn years_are_told_on_both_sides() {
+    fn years_are_printed_on_both_sides() {
         let at = |text: &str| Tai::from_rfc3339(text).unwrap();
         for (text, proven) in [
             ("1990-12-30T00:00:00Z", false),
@@ -86,17 +86,17 @@ mod tests {
     }
 
     #[test]
-    fn places_are_told() {
+    fn places_are_reported() {
         let at = Tai::from_rfc3339("2026-03-01T00:00:00Z").unwrap();
         assert_eq!(place(&Observer::Barycentre, at).unwrap(), "at rest at the barycentre");
         assert_eq!(place(&Observer::Geocentre, at).unwrap(), "at the centre of the Earth");
         let orbit = sky::orbit::CircularOrbit::new(500.0, 97.4, 30.0, 10.0, at).unwrap();
-        let told = place(&Observer::Circular(orbit), at).unwrap();
-        assert_eq!(told, "6878 km from the centre of the Earth, 7.613 km/s");
+        let reported = place(&Observer::Circular(orbit), at).unwrap();
+        assert_eq!(reported, "6878 km from the centre of the Earth, 7.613 km/s");
     }
 
     #[test]
-    fn a_file_is_told_with_its_error() {
+    fn a_file_is_reported_with_its_error() {
         let mut rows = String::from("unix_s,x_km,y_km,z_km,vx_km_s,vy_km_s,vz_km_s\n");
         for step in 0..5 {
             let (sin, cos) = (1.1e-3 * 60.0 * f64::from(step)).sin_cos();
@@ -105,11 +105,11 @@ mod tests {
         }
         let history = histories::read::orbit("rows.csv", &rows).unwrap();
         let at = Tai::from_ns(history.span_ns()[0]);
-        let told = place(&Observer::Table(std::sync::Arc::new(history)), at).unwrap();
+        let reported = place(&Observer::Table(std::sync::Arc::new(history)), at).unwrap();
         for part in
             ["7000 km from the centre of the Earth", "5 rows", "Hermite of degree 3", "errs by less than 5.", "e-3 km"]
         {
-            assert!(told.contains(part), "no \"{part}\" in {told}");
+            assert!(reported.contains(part), "no \"{part}\" in {reported}");
         }
     }
 }

@@ -3,14 +3,14 @@
 //! Input: a plan of the frame planner. Output: text. Predictions are for the real clock of this machine; nothing is
 //! drawn here.
 
-use crate::cli::over_budget::over_budget_told;
+use crate::cli::over_budget::over_budget_reported;
 use base::accuracy::AccuracyBudget;
 use config::{Bench, Degrade};
 use core::fmt::{Error, Write};
 use plan::exposure::cost::CostModel;
 use plan::exposure::plan::{Assessment, MOTION_SHARE, Verdict};
 use plan::exposure::sampling::sampling_error;
-use plan::exposure::{ExposurePlan, PsfSampling, Rung};
+use plan::exposure::{Degradation, ExposurePlan, PsfSampling};
 use run::runtime::{Imager, RunParams};
 
 /// What the plans are judged by.
@@ -24,7 +24,7 @@ pub(super) struct Planned {
     readout_ms: f64,
     due_ms: f64,
     degrade: Degrade,
-    last_rung: Rung,
+    last_degradation: Degradation,
 }
 
 impl Planned {
@@ -39,7 +39,7 @@ impl Planned {
             readout_ms: params.camera.predicted_readout_ms(&cost),
             due_ms: params.camera.readout_s * 1e3,
             degrade: bench.timing.degrade,
-            last_rung: params.last_rung,
+            last_degradation: params.last_degradation,
         }
     }
 }
@@ -79,7 +79,7 @@ pub(super) fn write_sampling(text: &mut String, params: &RunParams) -> Result<()
 ///
 /// # Errors
 /// When the text cannot grow.
-pub(super) fn write_ladder(text: &mut String, planned: &Planned) -> Result<(), Error> {
+pub(super) fn write_degradations(text: &mut String, planned: &Planned) -> Result<(), Error> {
     let when = match planned.degrade {
         _ if planned.limit_ms.is_none() && planned.degrade != Degrade::Never => "never: the reference takes its time",
         Degrade::OnRealClock => "on the real clock (timing.degrade = \"real_clock\")",
@@ -100,9 +100,9 @@ pub(super) fn write_ladder(text: &mut String, planned: &Planned) -> Result<(), E
             "  WARNING      the detector alone takes longer than there is: frames will be late on any rung"
         )?;
     }
-    for rung in Rung::ALL {
-        let taken = if rung > planned.last_rung { " (not taken: timing.degrade_to)" } else { "" };
-        writeln!(text, "  {:<18} {}{taken}", rung.name(), rung.gives_up())?;
+    for degradation in Degradation::ALL {
+        let taken = if degradation > planned.last_degradation { " (not taken: timing.degrade_to)" } else { "" };
+        writeln!(text, "  {:<18} {}{taken}", degradation.name(), degradation.gives_up())?;
     }
     writeln!(text)
 }
@@ -116,7 +116,7 @@ pub(super) fn write_plan(text: &mut String, number: u32, plan: &ExposurePlan, pl
     let rate_deg_s = plan.motion.los.rate_rad_s.length().to_degrees();
     writeln!(text, "plan of frame {number}: {stars} stars, {rate_deg_s:.3} deg/s, path of at most {reach:.2} px")?;
     writeln!(text, "  method                       centroid px    flux      pixel sigma  cost ms  verdict")?;
-    for assessment in plan.assessed.iter().filter(|assessment| is_told(assessment, plan)) {
+    for assessment in plan.assessed.iter().filter(|assessment| is_reported(assessment, plan)) {
         let mark = if assessment.method == plan.chosen.method { '>' } else { ' ' };
         writeln!(text, "{mark} {}", assessment_line(assessment))?;
     }
@@ -143,7 +143,7 @@ pub(super) fn write_plan(text: &mut String, number: u32, plan: &ExposurePlan, pl
 }
 
 /// Of every method the cheapest variant that fits, or the least wrong one when none does; and what was chosen.
-fn is_told(assessment: &Assessment, plan: &ExposurePlan) -> bool {
+fn is_reported(assessment: &Assessment, plan: &ExposurePlan) -> bool {
     let variants = || plan.assessed.iter().filter(|other| other.method.name() == assessment.method.name());
     let least_wrong = || variants().min_by(|a, b| a.pixel_sigma.total_cmp(&b.pixel_sigma));
     let best = variants().find(|other| other.verdict.keeps_shape()).or_else(least_wrong);
@@ -185,12 +185,15 @@ fn write_time(text: &mut String, plan: &ExposurePlan, planned: &Planned) -> Resu
         "  time         drawing {draw_ms:.1} ms of the {budget_ms:.1} ms there are, detector {readout_ms:.1} ms, due after \
          {due_ms:.1} ms"
     )?;
-    let rung = plan.rung;
+    let degradation = plan.degradation;
     let late = if draw_ms > budget_ms { "; WARNING: it will be late all the same" } else { "" };
-    let over = over_budget_told(plan, &planned.budget);
-    let gives_up =
-        if over.is_some() && rung == Rung::Full { "nothing that any method would keep" } else { rung.gives_up() };
-    writeln!(text, "  rung         {rung}: gives up {gives_up}{late}")?;
+    let over = over_budget_reported(plan, &planned.budget);
+    let gives_up = if over.is_some() && degradation == Degradation::Full {
+        "nothing that any method would keep"
+    } else {
+        degradation.gives_up()
+    };
+    writeln!(text, "  rung         {degradation}: gives up {gives_up}{late}")?;
     if let Some(words) = over {
         writeln!(text, "  WARNING      {words}")?;
     }

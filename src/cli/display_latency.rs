@@ -155,7 +155,7 @@ pub(super) fn latency(arguments: &LatencyArgs) -> Result<()> {
     let flips = flips_of(&submits, &edges)?;
     let scan = Span::from_s(1e-3 * arguments.scan_ms);
     let latency = Latency::of_flips(&flips, arguments.marker_corner.row_share(), scan)?;
-    println!("{}", latency.told());
+    println!("{}", latency.reported());
     println!(
         "latency_ms = {:.3}   # for the bench's [sink]: in the middle of the display",
         latency.at_row(MIDDLE_ROW).ms()

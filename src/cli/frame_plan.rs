@@ -31,7 +31,7 @@ impl<'a> FramePlans<'a> {
         let mut planner = Planner::new(camera.instrument(), *budget, cost, *method, los).thorough();
         planner.set_targets(self.params.targets.clone());
         match limit_ms {
-            Some(limit_ms) => planner.within_ms(limit_ms).down_to(self.params.last_rung),
+            Some(limit_ms) => planner.within_ms(limit_ms).down_to(self.params.last_degradation),
             None => planner,
         }
     }

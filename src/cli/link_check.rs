@@ -11,7 +11,7 @@ use link::conformance::{Check, Ends, check_filters, check_link};
 use link::pps::Pps;
 use link::serial::{PseudoTerminal, SerialLink, SerialParams};
 use link::simulated::{BusParams, BusTiming, simulated_pair};
-use link::socketcan::{Hears, SocketCanLink, SocketCanParams};
+use link::socketcan::{Receives, SocketCanLink, SocketCanParams};
 use link::{Link, LinkCounters, LinkError, WireFormat};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -105,7 +105,7 @@ impl LinkCheckArgs {
         let report = check_link(&format!("{:?}", self.kind), self.format(), clock, || self.ends(clock))?;
         report.checks.iter().for_each(print_check);
         if self.kind == Kind::Socketcan {
-            print_check(&check_filters(clock, |hears| self.can(self.interface.as_deref(), hears, clock))?);
+            print_check(&check_filters(clock, |receives| self.can(self.interface.as_deref(), receives, clock))?);
         }
         Ok(())
     }
@@ -114,9 +114,9 @@ impl LinkCheckArgs {
         match self.kind {
             Kind::Simulated => Ok(self.simulated(clock)),
             Kind::Socketcan => {
-                let near = self.can(self.interface.as_deref(), Hears::Everything, clock)?;
+                let near = self.can(self.interface.as_deref(), Receives::Everything, clock)?;
                 let peer = self.peer.as_deref().or(self.interface.as_deref());
-                Ok((near, self.can(peer, Hears::Everything, clock)?))
+                Ok((near, self.can(peer, Receives::Everything, clock)?))
             }
             Kind::Serial => self.serial(clock),
         }
@@ -134,10 +134,15 @@ impl LinkCheckArgs {
         (Box::new(near), Box::new(far))
     }
 
-    fn can(&self, interface: Option<&str>, hears: Hears, clock: &Arc<dyn Clock>) -> Result<Box<dyn Link>, LinkError> {
+    fn can(
+        &self,
+        interface: Option<&str>,
+        receives: Receives,
+        clock: &Arc<dyn Clock>,
+    ) -> Result<Box<dyn Link>, LinkError> {
         let ids = IdMap::new(0, NODE).unwrap_or_default();
         let interface = interface.unwrap_or_default().to_owned();
-        let params = SocketCanParams { interface, ids, hears, fd: self.fd, bit_rate_switch: true };
+        let params = SocketCanParams { interface, ids, receives, fd: self.fd, bit_rate_switch: true };
         Ok(Box::new(SocketCanLink::open(params, clock)?))
     }
 
@@ -168,7 +173,7 @@ impl LinkCheckArgs {
             }
             _ => {
                 let name = self.interface.as_deref();
-                Ok((self.can(name, Hears::Everything, clock)?, name.unwrap_or_default().to_owned()))
+                Ok((self.can(name, Receives::Everything, clock)?, name.unwrap_or_default().to_owned()))
             }
         }
     }
@@ -179,16 +184,16 @@ fn echo(arguments: &LinkCheckArgs, clock: &Arc<dyn Clock>) -> Result<()> {
     let (mut link, name) = arguments.one_end(clock)?;
     println!("ready {name}");
     let end = clock.now() + Span::from_s(arguments.duration);
-    let (mut told, mut tell_at, mut age) = (LinkCounters::default(), clock.now(), Span::ZERO);
+    let (mut reported, mut print_at, mut age) = (LinkCounters::default(), clock.now(), Span::ZERO);
     while clock.now() < end {
         if let Some(packet) = link.receive(end.min(clock.now() + LOOK)).context("echo")? {
             age = clock.now() - packet.at;
             link.send(&packet.value).context("echo")?;
         }
-        if link.counters() != told && clock.now() >= tell_at {
-            told = link.counters();
-            tell_at = clock.now() + LOOK;
-            println!("{} age_us={:.1}", line(&told), age.ns() as f64 / 1e3);
+        if link.counters() != reported && clock.now() >= print_at {
+            reported = link.counters();
+            print_at = clock.now() + LOOK;
+            println!("{} age_us={:.1}", line(&reported), age.ns() as f64 / 1e3);
         }
     }
     Ok(())

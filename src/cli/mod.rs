@@ -51,7 +51,7 @@ mod over_budget;
 mod plain_text;
 pub mod psf;
 mod psf_plot;
-mod radiometry_told;
+mod radiometry_reported;
 pub mod render;
 pub mod render_input;
 mod render_notes;
@@ -167,13 +167,13 @@ enum Command {
 
 /// An error and its causes, without those that an error before them has already told.
 fn chain(error: &anyhow::Error) -> String {
-    let mut told = String::new();
+    let mut reported = String::new();
     for cause in error.chain().map(ToString::to_string) {
-        if !told.contains(&cause) {
-            told = if told.is_empty() { cause } else { format!("{told}: {cause}") };
+        if !reported.contains(&cause) {
+            reported = if reported.is_empty() { cause } else { format!("{reported}: {cause}") };
         }
     }
-    told
+    reported
 }
 
 /// Prints without our macros (those of libraries) panic when a standard stream cannot be written: the program ends as by

@@ -5,7 +5,7 @@ use plan::exposure::ExposurePlan;
 use plan::exposure::plan::{MOTION_SHARE, Verdict};
 
 /// Every error of `plan` that is over `budget` (or over the share of it that motion may use); `None` when there is none.
-pub(super) fn over_budget_told(plan: &ExposurePlan, budget: &AccuracyBudget) -> Option<String> {
+pub(super) fn over_budget_reported(plan: &ExposurePlan, budget: &AccuracyBudget) -> Option<String> {
     let chosen = &plan.chosen;
     if chosen.verdict.is_met() {
         return None;
@@ -59,7 +59,7 @@ mod tests {
         let middle = [instrument.camera.width_px(), instrument.camera.height_px()].map(|side| 0.5 * side as f64);
         let star = Source { id: 1, electrons: 1e4, mag: 3.0, place: SourcePlace::Pixel(middle) };
         let mut planner = Planner::new(instrument, budget, CostModel::CPU, choice, los);
-        over_budget_told(planner.plan(&[star]), &budget)
+        over_budget_reported(planner.plan(&[star]), &budget)
     }
 
     #[test]

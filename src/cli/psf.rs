@@ -178,7 +178,7 @@ fn head(text: &mut String, star: &Star) -> Result<()> {
         optics.obscuration
     )?;
     let Some((chain, drawn)) = &star.chain else {
-        writeln!(text, "star         {}", model_told(&camera.psf))?;
+        writeln!(text, "star         {}", model_reported(&camera.psf))?;
         return Ok(());
     };
     let light = if let Psf::Chain(chain) = &camera.psf { Some(chain.light) } else { None };
@@ -203,7 +203,7 @@ fn head(text: &mut String, star: &Star) -> Result<()> {
     Ok(())
 }
 
-fn model_told(psf: &Psf) -> String {
+fn model_reported(psf: &Psf) -> String {
     match psf {
         Psf::Gaussian { sigma_px } => format!("Gaussian, sigma {sigma_px} px"),
         Psf::Airy { f_number, wavelength_nm, obscuration } => {
@@ -326,12 +326,12 @@ fn colors(text: &mut String, chain: &MtfChain, drawn: &ChainPsf, band: &Band) ->
             energy::seen_encircled_energy(&psf, 1.0)
         )?;
     }
-    let told = if worst <= ONE_PSF {
+    let reported = if worst <= ONE_PSF {
         "one PSF is enough for all stars"
     } else {
         "one PSF does not do for all stars: choose psf.bp_rp for those that matter"
     };
-    writeln!(text, "  {told} (a pixel may err by {ONE_PSF:.0e} of the flux)")?;
+    writeln!(text, "  {reported} (a pixel may err by {ONE_PSF:.0e} of the flux)")?;
     Ok(())
 }
 
@@ -348,13 +348,13 @@ mod tests {
     use super::*;
     use std::path::Path;
 
-    fn told(name: &str) -> String {
+    fn reported(name: &str) -> String {
         report(&Star::new(named_camera(Some(Path::new(name))).unwrap(), None).unwrap(), &[0.0, 0.5, 1.0]).unwrap()
     }
 
     #[test]
-    fn a_chain_tells_its_links_its_energies_and_its_colours() {
-        let text = told("cameras/chain_tracker.toml");
+    fn a_chain_reports_its_links_its_energies_and_its_colours() {
+        let text = reported("cameras/chain_tracker.toml");
         println!("{text}");
         for word in ["diffraction", "aberration", "charge diffusion", "pixel", "product", "FWHM", "radius of 90 %"] {
             assert!(text.contains(word), "no \"{word}\" in\n{text}");
@@ -368,8 +368,8 @@ mod tests {
     }
 
     #[test]
-    fn a_gaussian_tells_its_closed_forms() {
-        let text = told("cameras/small_tracker.toml");
+    fn a_gaussian_reports_its_closed_forms() {
+        let text = reported("cameras/small_tracker.toml");
         assert!(text.contains("Gaussian, sigma 0.65 px") && !text.contains("diffraction"), "{text}");
         // 1 - exp(-1 / 2 / 0.65^2) and 2.35482 x 0.65.
         assert!(text.contains("0.6938") && text.contains("1.5306"), "{text}");

@@ -3,7 +3,7 @@
 use crate::cli::attitude_file::KernelArgs;
 use crate::cli::degrees::{declination_deg, right_ascension_deg};
 use crate::cli::named_camera::named_camera;
-use crate::cli::over_budget::over_budget_told;
+use crate::cli::over_budget::over_budget_reported;
 use crate::cli::render_input::{four, read_los, read_los_samples, read_sources, three};
 use crate::cli::render_notes::notes;
 use crate::cli::render_output::{Format, format_of, write_dn, write_electrons, write_truth};
@@ -300,7 +300,7 @@ impl Scene {
     /// Says what is over the budget, and by how much.
     pub(super) fn warn_of_error(&self) {
         let plan = self.planner.latest();
-        if let Some(words) = over_budget_told(plan, &AccuracyBudget::default()) {
+        if let Some(words) = over_budget_reported(plan, &AccuracyBudget::default()) {
             let who = if self.imager.is_exact() { "the reference".into() } else { plan.chosen.method.to_string() };
             eprintln!("WARNING: {who}: {words}");
         }

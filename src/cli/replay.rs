@@ -76,7 +76,7 @@ pub fn run(arguments: &ReplayArgs) -> Result<u8> {
             replay_bus(&arguments.capture, &scenario, &options, &mut sink)?
         }
     };
-    Ok(tell(&outcome, is_session))
+    Ok(announce(&outcome, is_session))
 }
 
 /// What records the frames of a head, when they are to be recorded.
@@ -87,7 +87,7 @@ fn recorder(arguments: &ReplayArgs, head: Option<usize>) -> Result<Option<Box<dy
 }
 
 /// Prints the verdict; the exit status.
-fn tell(outcome: &ReplayOutcome, is_session: bool) -> u8 {
+fn announce(outcome: &ReplayOutcome, is_session: bool) -> u8 {
     // Some are words of the capture's own files.
     outcome.doubts.iter().for_each(|doubt| eprintln!("starloop: {}", plain_text(doubt)));
     if outcome.skipped_packets > 0 {

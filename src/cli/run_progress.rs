@@ -41,7 +41,7 @@ pub(super) fn sender(
         };
         let _monitor_is_busy = updates.try_send(update);
         if let Some(numbers) = &numbers {
-            numbers.tell(&record.numbers(Some(frames)));
+            numbers.announce(&record.numbers(Some(frames)));
         }
     }
 }

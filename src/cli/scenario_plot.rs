@@ -75,7 +75,7 @@ impl TelemetryPlot {
                 marked: Vec::new(),
             }
         };
-        let told: Vec<String> = self.modes.iter().take(8).map(|(t_s, mode)| format!("{t_s:.0} s {mode}")).collect();
+        let reported: Vec<String> = self.modes.iter().take(8).map(|(t_s, mode)| format!("{t_s:.0} s {mode}")).collect();
         let chart = Chart {
             title: title.into(),
             x: Axis::linear("time after the first exposure, s"),
@@ -86,7 +86,7 @@ impl TelemetryPlot {
                 line("sigma of the estimate", 2, 2),
             ],
             ring: String::new(),
-            notes: vec![format!("modes: {}", told.join(", "))],
+            notes: vec![format!("modes: {}", reported.join(", "))],
         };
         to_svg(&chart)
     }

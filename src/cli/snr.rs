@@ -1,7 +1,7 @@
 //! `starloop snr`: how bright a star must be for a camera to see it, and how bright it may be.
 
 use crate::cli::named_camera::named_camera;
-use crate::cli::radiometry_told::radiometry_told;
+use crate::cli::radiometry_reported::radiometry_reported;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use config::Camera;
@@ -188,7 +188,7 @@ fn report(camera: &Camera, sensitivity: &Sensitivity, mags: &[f64]) -> Result<St
 fn head(text: &mut String, camera: &Camera, sensitivity: &Sensitivity) -> Result<()> {
     let Sensitivity { window, pixel, exposure_s, bp_rp, .. } = sensitivity;
     writeln!(text, "camera       \"{}\", exposure {exposure_s} s, {:.2} arcsec/px", camera.name, camera.ifov_arcsec())?;
-    writeln!(text, "radiometry   {}", radiometry_told(camera))?;
+    writeln!(text, "radiometry   {}", radiometry_reported(camera))?;
     if let Some(zero_point) = sensitivity.light.zero_point_e_per_s() {
         let term = sensitivity.light.mag_instrument(0.0, *bp_rp);
         writeln!(text, "zero point   {zero_point:.4e} e-/s at magnitude 0; stars of BP-RP = {bp_rp}: G{term:+.3}")?;
@@ -214,21 +214,21 @@ fn head(text: &mut String, camera: &Camera, sensitivity: &Sensitivity) -> Result
 }
 
 fn limits(text: &mut String, sensitivity: &Sensitivity) -> Result<()> {
-    let told = |mag: Option<f64>| {
+    let reported = |mag: Option<f64>| {
         mag.map_or_else(|| "none".into(), |mag| format!("G = {mag:.2} (V = {:.2})", mag_v(mag, sensitivity.bp_rp)))
     };
     for snr in LIMITS {
         writeln!(
             text,
             "limiting magnitude at SNR {snr}: {}; with optimal weights {}",
-            told(sensitivity.limiting_mag(snr)),
-            told(sensitivity.limiting_mag_optimal(snr))
+            reported(sensitivity.limiting_mag(snr)),
+            reported(sensitivity.limiting_mag_optimal(snr))
         )?;
     }
     writeln!(
         text,
         "saturation magnitude: {}, where the brightest pixel holds {:.0} e-",
-        told(sensitivity.saturation_mag()),
+        reported(sensitivity.saturation_mag()),
         sensitivity.full_e
     )?;
     Ok(())

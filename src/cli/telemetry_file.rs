@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn telemetry_that_only_the_last_flush_writes_is_written_or_told() {
+    fn telemetry_that_only_the_last_flush_writes_is_written_or_reported() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("telemetry.csv");
         let into = |out: Box<dyn Write + Send>| telemetry_into(out, path.clone(), Tai::from_ns(0)).unwrap();

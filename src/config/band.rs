@@ -140,13 +140,13 @@ mod tests {
     const OPTICS: &str = "[optics]\nfocal_length_mm = 25\n";
     const QE: &str = "qe = [[400, 0.5], [700, 0.6], [1000, 0.1]]\n";
 
-    fn told(text: &str) -> Result<Camera, String> {
+    fn reported(text: &str) -> Result<Camera, String> {
         let text = format!("[detector]\nwidth_px = 640\nheight_px = 480\n{text}");
         Camera::from_document(&Document::from_text(&text, Path::new("lab/cam.toml"))).map_err(|e| e.to_string())
     }
 
     fn band(lines: &str) -> Result<Camera, String> {
-        told(&format!("{OPTICS}[band]\n{lines}"))
+        reported(&format!("{OPTICS}[band]\n{lines}"))
     }
 
     #[test]
@@ -165,7 +165,7 @@ mod tests {
 
     #[test]
     fn each_rule_has_a_failing_example() {
-        let with = |section: &str, line: &str| told(&format!("{OPTICS}{section}\n{line}\n[band]\n{QE}"));
+        let with = |section: &str, line: &str| reported(&format!("{OPTICS}{section}\n{line}\n[band]\n{QE}"));
         for (outcome, parts) in [
             (band(""), ["band.qe is missing", "leave [band] out"]),
             (band("qe = []"), ["band.qe", "at least two"]),
@@ -179,14 +179,14 @@ mod tests {
             (band(&format!("{QE}qe_file = \"x.toml\"")), ["band.qe_file", "keep one"]),
             (band("qe_file = \"none.toml\""), ["none.toml", "band.qe_file"]),
             (
-                told(&format!("quantum_efficiency = 0.5\n{OPTICS}[band]\n{QE}")),
+                reported(&format!("quantum_efficiency = 0.5\n{OPTICS}[band]\n{QE}")),
                 ["detector.quantum_efficiency", "band.qe replaces"],
             ),
             (with("[radiometry]", "color_c1 = 0"), ["radiometry.color_c1", "band.qe replaces"]),
             (with("[radiometry]", "zero_magnitude_photons_per_s_m2 = 3e10"), ["radiometry.zero", "band.qe replaces"]),
             (with("[radiometry]", "model = \"linear_grey\""), ["radiometry.model", "beside [band]"]),
             (
-                told(&format!("{OPTICS}transmission = 0.5\n[band]\n{QE}transmission = [[500, 1], [600, 1]]")),
+                reported(&format!("{OPTICS}transmission = 0.5\n[band]\n{QE}transmission = [[500, 1], [600, 1]]")),
                 ["optics.transmission", "band.transmission replaces"],
             ),
             (with("[psf]", "model = \"airy\"\nwavelength_nm = 1050"), ["psf.wavelength_nm is 1050", "400 to 1000 nm"]),
@@ -195,11 +195,14 @@ mod tests {
             assert!(error.contains("lab/") && parts.iter().all(|part| error.contains(part)), "{parts:?}: {error}");
         }
         assert!(with("[psf]", "model = \"airy\"\nwavelength_nm = 1000").is_ok(), "the edge itself");
-        assert!(told(&format!("{OPTICS}transmission = 0.5\n[band]\n{QE}")).is_ok(), "one transmission, one QE table");
+        assert!(
+            reported(&format!("{OPTICS}transmission = 0.5\n[band]\n{QE}")).is_ok(),
+            "one transmission, one QE table"
+        );
     }
 
     #[test]
-    fn tables_may_stand_in_files_and_travel_with_what_is_packed() {
+    fn tables_may_be_in_files_and_are_packed_with_the_run() {
         let folder = tempfile::tempdir().unwrap();
         let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
         write("qe.toml", "points = [[400, 0.5], [1000, 0.1]]\n");

@@ -254,10 +254,10 @@ fn check_both_ends(
     computer: &FlightComputer,
     check: &Checker<'_>,
 ) -> Result<(), ConfigError> {
-    if let Some(i) = extra_links.iter().position(Link::has_no_door) {
-        let doors = "slcan_tcp, slcan_pty or socketcand: nobody else is on a bus inside this program";
+    if let Some(i) = extra_links.iter().position(Link::has_no_gateway) {
+        let gateway_ports = "slcan_tcp, slcan_pty or socketcand: nobody else is on a bus inside this program";
         let key = format!("extra_link[{i}].kind");
-        return Err(check.invalid(&key, "\"simulated\" without gateways", doors, "or a real bus"));
+        return Err(check.invalid(&key, "\"simulated\" without gateways", gateway_ports, "or a real bus"));
     }
     let sources = core::iter::once(link).chain(extra_links).filter(|link| link.pps.is_some()).count();
     if sources > 1 {
@@ -292,7 +292,7 @@ impl Bench {
     /// steps the run, over the control socket or as a library.
     #[must_use]
     pub fn is_lockstep(&self) -> bool {
-        self.flight_computer.is_external && self.link.has_no_door()
+        self.flight_computer.is_external && self.link.has_no_gateway()
     }
 
     /// Reads and checks a bench file and what it names.

@@ -255,8 +255,8 @@ impl Document {
         for setting in &self.settings {
             // Read after each change: the first that cannot be read is the one to blame.
             if setting.apply(&mut table)? {
-                let told = setting.told();
-                let place = format!("{told} ({})", self.name());
+                let reported = setting.reported();
+                let place = format!("{reported} ({})", self.name());
                 read = table.clone().try_into().map_err(|error| refusal(&error, place, setting.value_text()))?;
             }
         }
@@ -329,7 +329,7 @@ impl Document {
     /// innermost table that exists when the key does not.
     pub(super) fn place(&self, key: &str) -> String {
         if let Some(setting) = self.settings.iter().rev().find(|setting| setting.gives(key)) {
-            return format!("{} ({})", setting.told(), self.name());
+            return format!("{} ({})", setting.reported(), self.name());
         }
         let offset = DeTable::parse(&self.text).ok().and_then(|table| offset_of_key(table.get_ref(), key));
         offset.map_or_else(|| self.name(), |offset| self.place_of_offset(offset))

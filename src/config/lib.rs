@@ -91,7 +91,7 @@ pub use file_kind::FileKind;
 pub use flight_computer::{FlightComputer, JitterLineSettings, JitterSource, RIGHT_ASCENSION_DEG, Slew};
 pub use head::Head;
 pub use jitter::{JitterAxes, JitterFile, JitterInput};
-pub use link::{Carrier, Doors, FlowControl, Link, Parity, SerialPort, Wire};
+pub use link::{Carrier, FlowControl, GatewayPorts, Link, Parity, SerialPort, Wire};
 pub use motion::{Motion, SwingSettings};
 pub use mtf::{Chain, LightOfChain};
 pub use observer::{Observer, OrbitStart};

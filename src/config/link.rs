@@ -27,7 +27,7 @@ pub enum Wire {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Carrier {
     /// A bus inside this program, and the doors that other programs may come in by.
-    Simulated(Doors),
+    Simulated(GatewayPorts),
     /// A CAN interface of the system.
     SocketCan {
         /// Its name, such as `can0`.
@@ -51,7 +51,7 @@ pub enum Carrier {
 
 /// Gateways of a simulated bus.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Doors {
+pub struct GatewayPorts {
     /// slcan over TCP.
     pub slcan_tcp: Option<SocketAddr>,
     /// slcan over a pseudo terminal: the path of a link to it.
@@ -124,8 +124,8 @@ pub struct Link {
 impl Link {
     /// Returns true for a bus inside this program that no other program can reach.
     #[must_use]
-    pub fn has_no_door(&self) -> bool {
-        matches!(&self.carrier, Carrier::Simulated(doors) if *doors == Doors::default())
+    pub fn has_no_gateway(&self) -> bool {
+        matches!(&self.carrier, Carrier::Simulated(gateway_ports) if *gateway_ports == GatewayPorts::default())
     }
 
     pub(super) fn check(keys: &LinkKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
@@ -212,7 +212,7 @@ fn carrier(keys: &LinkTable, kind: Kind, check: &mut Checker<'_>) -> Result<Carr
     }
     keys.refuse(&["listen", "connect"], "kind = \"udp\" or \"tcp\"", check)?;
     Ok(match kind {
-        Kind::Simulated | Kind::Udp | Kind::Tcp => Carrier::Simulated(Doors {
+        Kind::Simulated | Kind::Udp | Kind::Tcp => Carrier::Simulated(GatewayPorts {
             slcan_tcp: address(&keys.slcan_tcp(), check)?,
             slcan_pty: keys.slcan_pty().raw().map(PathBuf::from),
             socketcand: address(&keys.socketcand(), check)?,

@@ -20,9 +20,9 @@ fn each_kind_is_read_with_its_own_keys() {
     let Carrier::SerialPort(port) = &serial.carrier else { panic!("{serial:?}") };
     assert_eq!((port.parity, port.stop_bits, serial.wire), (Parity::Even, 1, Wire::Serial));
     let simulated = link("slcan_tcp = 0\nsocketcand = \"10.0.0.1:29536\"").unwrap();
-    let Carrier::Simulated(doors) = &simulated.carrier else { panic!("{simulated:?}") };
-    assert_eq!(doors.slcan_tcp, Some("127.0.0.1:0".parse().unwrap()), "a bare port is on loopback");
-    assert_eq!(doors.socketcand, Some("10.0.0.1:29536".parse().unwrap()));
+    let Carrier::Simulated(gateway_ports) = &simulated.carrier else { panic!("{simulated:?}") };
+    assert_eq!(gateway_ports.slcan_tcp, Some("127.0.0.1:0".parse().unwrap()), "a bare port is on loopback");
+    assert_eq!(gateway_ports.socketcand, Some("10.0.0.1:29536".parse().unwrap()));
 }
 
 #[test]

@@ -180,8 +180,8 @@ mod tests {
             ("", "adress = \"127.0.0.1\"", "did you mean `address`"),
         ] {
             read(good).unwrap();
-            let told = read(bad).unwrap_err().to_string();
-            assert!(told.contains(part) && told.contains("bench.toml"), "{told}");
+            let reported = read(bad).unwrap_err().to_string();
+            assert!(reported.contains(part) && reported.contains("bench.toml"), "{reported}");
         }
     }
 }

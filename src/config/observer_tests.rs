@@ -34,7 +34,7 @@ fn a_state_becomes_what_it_says() {
 }
 
 #[test]
-fn elements_become_radians_and_their_defaults_are_told() {
+fn elements_become_radians_and_their_defaults_are_reported() {
     let (got, bent, defaulted) =
         observer("kind = \"two_body\"\nsemi_major_axis_km = 7000\nraan_deg = 180").expect("enough");
     let Observer::TwoBody { about: CentralBody::Earth, epoch: None, start: OrbitStart::Elements(elements) } = got
@@ -45,7 +45,10 @@ fn elements_become_radians_and_their_defaults_are_told() {
     assert!((elements.raan_rad - core::f64::consts::PI).abs() < 1e-15);
     assert!(bent, "as a rule");
     for key in ["about", "epoch", "inclination_deg", "eccentricity", "mean_anomaly_deg", "light_deflection"] {
-        assert!(defaulted.iter().any(|told| *told == format!("observer.{key}")), "{key} is not among {defaulted:?}");
+        assert!(
+            defaulted.iter().any(|reported| *reported == format!("observer.{key}")),
+            "{key} is not among {defaulted:?}"
+        );
     }
 }
 

@@ -22,9 +22,9 @@ const FLOWN: &str = "spacecraft = \"../spacecraft/smallsat.toml\"\n[observer]\nk
 fn a_bench_has_the_plant_that_it_names_or_the_usual_one() {
     assert_eq!(run_file("").unwrap().plant, Plant::FlightComputer);
     assert_eq!(run_file("[plant]\nkind = \"flight_computer\"\n").unwrap().plant, Plant::FlightComputer);
-    let doors = "[link]\nkind = \"simulated\"\nslcan_tcp = 0\n";
+    let gateway_ports = "[link]\nkind = \"simulated\"\nslcan_tcp = 0\n";
     for text in ["[plant]\nkind = \"outside\"\n", "[flight_computer]\nkind = \"external\"\n"] {
-        let scenario = run_file(&format!("{doors}{text}")).unwrap();
+        let scenario = run_file(&format!("{gateway_ports}{text}")).unwrap();
         assert_eq!(scenario.plant, Plant::Outside, "{text}");
         assert!(scenario.bench.flight_computer.is_external, "{text}");
     }
@@ -114,8 +114,8 @@ fn a_plant_outside_without_a_bus_that_leads_out_is_flown_in_lockstep() {
             Err(error) => assert!(is_lockstep && error.to_string().contains("can send RUN"), "{link}: {error}"),
         }
     }
-    let door = refused("[plant]\nkind = \"outside\"\n[[extra_link]]\nkind = \"simulated\"\n");
-    assert!(door.contains("extra_link[0].kind"), "{door}");
+    let gateway_port = refused("[plant]\nkind = \"outside\"\n[[extra_link]]\nkind = \"simulated\"\n");
+    assert!(gateway_port.contains("extra_link[0].kind"), "{gateway_port}");
 }
 
 #[test]

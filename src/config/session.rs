@@ -50,7 +50,7 @@ impl Session {
         computer: &FlightComputer,
         check: &Checker<'_>,
     ) -> Result<(), ConfigError> {
-        if self.start == SessionStart::OnRun && computer.is_external && link.has_no_door() {
+        if self.start == SessionStart::OnRun && computer.is_external && link.has_no_gateway() {
             let advice = "no bus leads out of the program, so no flight computer can send RUN: frames show stars with the first attitude";
             return Err(check.invalid("session.start", "\"on_run\"", "\"at_once\" with a plant in lockstep", advice));
         }

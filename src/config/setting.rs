@@ -13,7 +13,7 @@ pub(super) const NAMES_A_FILE: [&str; 4] = ["bench", "camera", "link", "spacecra
 #[derive(Debug, Clone, PartialEq)]
 pub struct Setting {
     /// As given on the command line, for messages.
-    told: String,
+    reported: String,
     /// The steps from the top table to the value.
     steps: Vec<Step>,
     value: toml::Value,
@@ -43,17 +43,17 @@ impl Setting {
         let steps: Option<Vec<Step>> = key.trim().split('.').map(Step::parse).collect();
         let steps = steps.ok_or_else(|| refuse("KEY", key, "names joined by dots, such as event[0].for_s"))?;
         let value = value(given.trim()).ok_or_else(|| refuse(key, given, "a TOML value or a word"))?;
-        Ok(Self { told: format!("--set {text}"), steps, value })
+        Ok(Self { reported: format!("--set {text}"), steps, value })
     }
 
     /// The value as it was given.
     pub(super) fn value_text(&self) -> &str {
-        self.told.split_once('=').map_or("", |(_, value)| value)
+        self.reported.split_once('=').map_or("", |(_, value)| value)
     }
 
     /// How messages call it: as it was given.
-    pub(super) fn told(&self) -> &str {
-        &self.told
+    pub(super) fn reported(&self) -> &str {
+        &self.reported
     }
 
     /// Whether it gives the value of `key` (as [`super::Document::place`] takes it) or of a table around it.
@@ -106,14 +106,14 @@ impl Setting {
     fn item<'a>(&self, step: &Step, value: &'a mut toml::Value) -> Result<&'a mut toml::Value, ConfigError> {
         let Some(place) = step.place else { return Ok(value) };
         let list = value.as_array_mut().ok_or_else(|| self.refuse(step, "no list", "a list"))?;
-        let had = list.len();
-        let wanted = || self.refuse(step, &format!("beyond a list of {had}"), "an item that is there, from 0");
+        let obtained = list.len();
+        let wanted = || self.refuse(step, &format!("beyond a list of {obtained}"), "an item that is there, from 0");
         list.get_mut(place).ok_or_else(wanted)
     }
 
     fn refuse(&self, step: &Step, got: &str, wanted: &str) -> ConfigError {
         ConfigError::Invalid {
-            place: self.told.clone(),
+            place: self.reported.clone(),
             key: step.to_string(),
             wanted: wanted.into(),
             got: got.into(),

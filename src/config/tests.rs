@@ -2,7 +2,7 @@
 
 use super::*;
 use plan::attitude::StalePolicy;
-use plan::exposure::Rung;
+use plan::exposure::Degradation;
 use proptest::prelude::*;
 use std::path::Path;
 
@@ -364,7 +364,7 @@ fn a_bench_of_nothing_runs_on_the_built_in_camera() {
 fn frames_with_hardware_are_right_or_missing_unless_a_key_says_otherwise() {
     let usual = bench("").expect("all has a default");
     assert_eq!(usual.attitude.policy_on_real_clock, StalePolicy::Drop);
-    assert_eq!((usual.timing.deadline_policy, usual.timing.degrade_to), (DeadlinePolicy::Drop, Rung::Budget10));
+    assert_eq!((usual.timing.deadline_policy, usual.timing.degrade_to), (DeadlinePolicy::Drop, Degradation::Budget10));
     let text =
         "[timing]\ndeadline_policy = \"hold\"\ndegrade_to = \"motion-out\"\n[attitude]\nstale_policy = \"hold\"\n";
     let asked = bench(text).expect("legal");
@@ -372,12 +372,12 @@ fn frames_with_hardware_are_right_or_missing_unless_a_key_says_otherwise() {
         (asked.attitude.policy_on_real_clock, asked.attitude.estimate.policy),
         (StalePolicy::Hold, StalePolicy::Hold)
     );
-    assert_eq!((asked.timing.deadline_policy, asked.timing.degrade_to), (DeadlinePolicy::Hold, Rung::MotionOut));
+    assert_eq!((asked.timing.deadline_policy, asked.timing.degrade_to), (DeadlinePolicy::Hold, Degradation::MotionOut));
     for path in Document::built_in_paths().filter(|path| path.starts_with("benches/")) {
         let bench = Document::built_in(path).and_then(|document| Bench::from_document(&document)).expect("legal");
         assert_ne!(bench.attitude.policy_on_real_clock, StalePolicy::Hold, "{path}");
         assert_ne!(bench.timing.deadline_policy, DeadlinePolicy::Hold, "{path}");
-        assert!(bench.timing.degrade_to <= Rung::Budget10, "{path}");
+        assert!(bench.timing.degrade_to <= Degradation::Budget10, "{path}");
     }
 }
 

@@ -5,7 +5,7 @@ use crate::error::ConfigError;
 use crate::key::{Given, Section, section, taken};
 use crate::key_type::Word;
 use base::time::{Span, Tai};
-use plan::exposure::Rung;
+use plan::exposure::Degradation;
 
 /// What happens to a frame that is not ready when it is due.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -64,7 +64,7 @@ pub struct Timing {
     /// Frames that would be late.
     pub degrade: Degrade,
     /// The last level of degradation that may be taken.
-    pub degrade_to: Rung,
+    pub degrade_to: Degradation,
     /// Sky time at the start.
     pub start: StartTime,
     /// By how much exposures begin after the whole frame periods of the run.
@@ -88,7 +88,7 @@ section! {
         degrade: Word<Degrade> = "real_clock",
             [("real_clock", Degrade::OnRealClock), ("always", Degrade::Always), ("never", Degrade::Never)];
         /// The last step that is taken: motion-out and bright-stars-only give frames that no sensor would see.
-        degrade_to: Word<Rung> = RUNGS[0].name(), RUNGS.map(|rung| (rung.name(), rung));
+        degrade_to: Word<Degradation> = DEGRADATIONS[0].name(), DEGRADATIONS.map(|degradation| (degradation.name(), degradation));
         /// When the clock starts, 1 s before the first exposure: RFC 3339, or "now" (the machine's time), which no run repeats.
         start_utc: String = "2026-03-01T00:00:00Z", "time or \"now\"";
         /// Milliseconds after the run's first exposure at which this head begins its own.
@@ -97,7 +97,13 @@ section! {
 }
 
 /// Steps of degradation that a file may name.
-const RUNGS: [Rung; 5] = [Rung::Budget10, Rung::FaintStarsOut, Rung::Budget3, Rung::MotionOut, Rung::BrightStarsOnly];
+const DEGRADATIONS: [Degradation; 5] = [
+    Degradation::Budget10,
+    Degradation::FaintStarsOut,
+    Degradation::Budget3,
+    Degradation::MotionOut,
+    Degradation::BrightStarsOnly,
+];
 /// Later starts of exposures than this are a mistake, ms.
 pub(super) const PHASE_MAX_MS: f64 = 60_000.0;
 

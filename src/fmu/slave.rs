@@ -10,7 +10,7 @@ use crate::inputs::Inputs;
 use crate::outputs::HeadOutputs;
 use crate::state::State;
 use base::time::Span;
-use config::{Action, Camera, Carrier, Document, Doors, Event, PackedDocuments, Plant, Scenario, SessionStart};
+use config::{Action, Camera, Carrier, Document, Event, GatewayPorts, PackedDocuments, Plant, Scenario, SessionStart};
 use run::runtime::EventKind;
 use run::wiring::assemble::{Outputs, Run, RunOptions};
 use run::wiring::stepped::SteppedRun;
@@ -60,7 +60,7 @@ impl Slave {
         if (0..heads).all(|head| is_known_lens(&scenario.bench.of_head(head).camera)) {
             scenario.trackers.get_or_insert_default();
         }
-        scenario.bench.link.carrier = Carrier::Simulated(Doors::default());
+        scenario.bench.link.carrier = Carrier::Simulated(GatewayPorts::default());
         scenario.bench.link.pps = None;
         // Nobody is left who could send RUN.
         scenario.bench.session.start = SessionStart::AtOnce;

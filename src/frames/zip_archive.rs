@@ -106,17 +106,20 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("camera.zip");
         std::fs::write(&path, archive(&[("camera.xml", b"<camera/>"), ("folder/other.txt", b"two")]).unwrap()).unwrap();
-        let told = std::process::Command::new("python3").args(["-m", "zipfile", "-t"]).arg(&path).output();
-        let Ok(told) = told else {
+        let reported = std::process::Command::new("python3").args(["-m", "zipfile", "-t"]).arg(&path).output();
+        let Ok(reported) = reported else {
             println!("SKIPPED: no python3 to read the archive");
             return;
         };
-        assert!(told.status.success() && !String::from_utf8_lossy(&told.stdout).contains("bad"), "{told:?}");
+        assert!(
+            reported.status.success() && !String::from_utf8_lossy(&reported.stdout).contains("bad"),
+            "{reported:?}"
+        );
         let mut damaged = std::fs::read(&path).unwrap();
         damaged[42] ^= 0x40;
         std::fs::write(&path, damaged).unwrap();
-        let told = std::process::Command::new("python3").args(["-m", "zipfile", "-t"]).arg(&path).output().unwrap();
-        let said = format!("{told:?}");
-        assert!(!told.status.success() || said.contains("corrupted"), "the reader notices damage: {said}");
+        let reported = std::process::Command::new("python3").args(["-m", "zipfile", "-t"]).arg(&path).output().unwrap();
+        let said = format!("{reported:?}");
+        assert!(!reported.status.success() || said.contains("corrupted"), "the reader notices damage: {said}");
     }
 }

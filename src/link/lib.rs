@@ -116,7 +116,7 @@ pub enum LinkError {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Departure {
     /// The link knows no better than what [`Link::send`] returned.
-    AsTold,
+    AsReported,
     /// It waits, or is on its way.
     Waiting,
     /// Its last bit left at this instant.
@@ -147,7 +147,7 @@ pub trait Link: Send {
     /// What became of the packet before which [`Link::send`] had returned `Ok` `sent` times: on a bus with arbitration a
     /// packet may leave later than `send` could know. Wrappers pass the question on.
     fn departure(&mut self, sent: u64) -> Departure {
-        let _no_better_than_told = sent;
-        Departure::AsTold
+        let _no_better_than_reported = sent;
+        Departure::AsReported
     }
 }

@@ -36,16 +36,16 @@ impl Occultation {
     /// True when a body nearer than `range_km` stands before this apparent direction (unit).
     #[must_use]
     pub fn hides(&self, apparent_icrf: DVec3, range_km: f64) -> bool {
-        self.bodies.iter().flatten().any(|body| stands_before(body, apparent_icrf, range_km))
+        self.bodies.iter().flatten().any(|body| lies_before(body, apparent_icrf, range_km))
     }
 
     /// The same of the Moon alone.
     #[must_use]
     pub fn moon_hides(&self, apparent_icrf: DVec3, range_km: f64) -> bool {
-        self.bodies[1].is_some_and(|moon| stands_before(&moon, apparent_icrf, range_km))
+        self.bodies[1].is_some_and(|moon| lies_before(&moon, apparent_icrf, range_km))
     }
 }
 
-fn stands_before(body: &Spheroid, apparent_icrf: DVec3, range_km: f64) -> bool {
+fn lies_before(body: &Spheroid, apparent_icrf: DVec3, range_km: f64) -> bool {
     body.centre_km.length() < range_km && body.hides(apparent_icrf)
 }

@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn the_sun_stands_where_the_almanac_says() {
+    fn the_sun_lies_where_the_almanac_says() {
         // March equinox 2026-03-20 14:46 UTC (apparent longitude 0: aberration 20.5 arcsec ahead of the geometric one),
         // perihelion 2026-01-03 17:16 UTC at 0.983 30 au (Astronomical Almanac 2026).
         let equinox = at("2026-03-20T14:46:00Z");
@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn the_earth_is_below_an_orbit_and_nobody_is_at_the_barycentre() {
+    fn the_earth_is_below_an_orbit_and_no_one_is_at_the_barycentre() {
         let now = at("2026-03-01T12:00:00Z");
         let orbit = CircularOrbit::new(500.0, 97.4, 30.0, 10.0, now).expect("a valid orbit");
         let bodies = ObserverTrack::new(Observer::Circular(orbit), now).bodies(now).expect("a sky");

@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn an_orbit_that_comes_down_is_told() {
+    fn an_orbit_that_comes_down_is_reported() {
         let at = Tai::from_rfc3339("2026-03-01T00:00:00Z").expect("a valid instant");
         let dropped = conic(CentralBody::Moon, DVec3::X * 1_800.0, DVec3::Y * 0.5, at);
         assert!(dropped.relative_state(at).is_ok(), "63 km above the ground");

@@ -6,7 +6,7 @@ use base::clock::{Clock, Monotonic};
 use base::time::Span;
 use firmware_protocol::can::{CanFrame, IdMap};
 use link::serial::{PseudoTerminal, SerialLink, SerialParams};
-use link::socketcan::{Hears, SocketCanLink, SocketCanParams};
+use link::socketcan::{Receives, SocketCanLink, SocketCanParams};
 use link::{Link, Packet, SerialChunk};
 use std::path::Path;
 use std::sync::Arc;
@@ -31,7 +31,7 @@ pub(crate) fn complaints_of_links() -> Vec<String> {
 
 fn vcan0() -> SocketCanParams {
     let ids = IdMap::new(0, 5).unwrap();
-    SocketCanParams { interface: "vcan0".into(), ids, hears: Hears::Everything, fd: true, bit_rate_switch: true }
+    SocketCanParams { interface: "vcan0".into(), ids, receives: Receives::Everything, fd: true, bit_rate_switch: true }
 }
 
 fn exchange(case: &str, [mut near, mut far]: [Box<dyn Link>; 2], packet: &Packet, clock: &dyn Clock) -> Vec<String> {

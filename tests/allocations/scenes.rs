@@ -18,8 +18,8 @@ use image::render::Backend;
 use image::render::cpu::Cpu;
 use plan::attitude::LosPath;
 use plan::exposure::cost::CostModel;
+use plan::exposure::{Degradation, MethodChoice, PsfSampling, Shutter};
 use plan::exposure::{Instrument, Planner, Source, SourcePlace};
-use plan::exposure::{MethodChoice, PsfSampling, Rung, Shutter};
 use plan::optics::{Illumination, PsfModel};
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 
@@ -111,7 +111,7 @@ impl Drawn {
         let method: MethodChoice = scene.method.parse().unwrap();
         let mut planner = Planner::new(instrument, AccuracyBudget::default(), CostModel::CPU, method, los);
         if let Some(time_budget_ms) = scene.time_budget_ms {
-            planner = planner.within_ms(time_budget_ms).down_to(Rung::BrightStarsOnly);
+            planner = planner.within_ms(time_budget_ms).down_to(Degradation::BrightStarsOnly);
         }
         let params = DetectorParams {
             full_well_e: 1e5,

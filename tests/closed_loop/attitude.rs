@@ -59,7 +59,7 @@ fn frames_drawn_ahead_show_where_the_sensor_will_point() {
 }
 
 #[test]
-fn the_flight_computer_hears_every_frame() {
+fn the_flight_computer_receives_every_frame() {
     let run = run(&built_in(2.0));
     let received = run.computer.received();
     // The run ends when the last frame has been read out: its messages have arrived by then.

@@ -54,8 +54,8 @@ fn stopped_stream_leaves_frames_out_when_the_policy_says_so() {
     assert_eq!(run.frames.len() as u64 + missing, 30);
     assert!(run.frames.iter().all(|frame| frame.meta.origin != "held"), "no sky that stands still");
     assert_eq!(record.ledger.count(EventKind::AttitudeHeld), 0);
-    let told = run.computer.received().last_status.unwrap().value;
-    assert!(matches!(told, StatusPage::State { mode: StimulatorMode::Stopped, .. }), "{told:?}");
+    let reported = run.computer.received().last_status.unwrap().value;
+    assert!(matches!(reported, StatusPage::State { mode: StimulatorMode::Stopped, .. }), "{reported:?}");
 }
 
 #[test]
@@ -78,7 +78,7 @@ fn no_attitude_at_all_is_a_blank_frame_and_an_event() {
 }
 
 #[test]
-fn a_sink_that_fails_ends_the_run_with_what_it_had() {
+fn a_sink_that_fails_ends_the_run_with_what_it_wrote() {
     let run = run_changed(&built_in(2.0), |_| {}, 7);
     assert!(matches!(run.outcome.error, Some(RunError::Sink(_))));
     assert_eq!((run.frames.len(), run.outcome.record.frames.delivered), (7, 7));

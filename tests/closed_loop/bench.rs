@@ -27,10 +27,10 @@ pub(crate) struct Kept {
     pub(crate) dn_sum: u64,
 }
 
-/// A sink that keeps what it gets, and fails after `room` frames.
+/// A sink that keeps what it gets, and fails after `space` frames.
 struct Keeper {
     frames: Arc<Mutex<Vec<Kept>>>,
-    room: usize,
+    space: usize,
 }
 
 impl Sink for Keeper {
@@ -40,7 +40,7 @@ impl Sink for Keeper {
 
     fn send(&mut self, frame: &SentFrame) -> Result<(), SinkError> {
         let mut frames = self.frames.lock().unwrap();
-        if frames.len() == self.room {
+        if frames.len() == self.space {
             return Err(SinkError::Finished { sink: "keeper", frame: frame.meta.number });
         }
         let dn_sum = frame.image.pixels().iter().enumerate().map(|(i, dn)| (i as u64 + 1) * u64::from(*dn)).sum();
@@ -122,9 +122,9 @@ pub(crate) fn fly(
 }
 
 /// Runs a bench with a changed flight computer and a sink with room for so many frames.
-pub(crate) fn run_changed(bench: &Bench, change: impl FnOnce(&mut FlightComputerParams), room: usize) -> Run {
+pub(crate) fn run_changed(bench: &Bench, change: impl FnOnce(&mut FlightComputerParams), space: usize) -> Run {
     let frames = Arc::new(Mutex::new(Vec::new()));
-    let mut sink = Keeper { frames: Arc::clone(&frames), room };
+    let mut sink = Keeper { frames: Arc::clone(&frames), space };
     let Flight { outcome, computer, .. } = fly(bench, change, &mut sink, &mut |_, _, _| None);
     let frames = frames.lock().unwrap().clone();
     Run { outcome, frames, computer }

@@ -35,7 +35,7 @@ fn ports(bench: &Bench, clock: &Arc<dyn Clock>) -> [Port; 2] {
 
 /// Rungs of the frames of a bench on the virtual clock, each frame said to have taken `drawn` of its number; and the
 /// ledger of the load. Where it is not followed, nothing is said.
-fn rungs(bench: &Bench, follow: bool, drawn: impl Fn(u32) -> Span) -> (Vec<&'static str>, Ledger) {
+fn degradations(bench: &Bench, follow: bool, drawn: impl Fn(u32) -> Span) -> (Vec<&'static str>, Ledger) {
     let start = start(bench);
     let params = bench_parts::run_params(bench, start).unwrap();
     let mut engine = FrameEngine::new(params.clone()).unwrap();
@@ -47,7 +47,7 @@ fn rungs(bench: &Bench, follow: bool, drawn: impl Fn(u32) -> Span) -> (Vec<&'sta
     let shared: Arc<dyn Clock> = clock.clone();
     let [mut near, mut far] = ports(bench, &shared);
     let mut computer = FlightComputer::new(bench_parts::flight_computer(bench, start));
-    let (mut rungs, mut ledger, mut sink) = (Vec::new(), Ledger::default(), NullSink::new());
+    let (mut degradations, mut ledger, mut sink) = (Vec::new(), Ledger::default(), NullSink::new());
     let mut going = VirtualLoop::new(clock);
     let mut heads = [Head { engine: &mut engine, receiver: &mut receiver, sink: &mut sink, faults: None }];
     for number in 0..params.frames {
@@ -56,38 +56,38 @@ fn rungs(bench: &Bench, follow: bool, drawn: impl Fn(u32) -> Span) -> (Vec<&'sta
             port: &mut near,
             far_end: &mut |now: Tai| Ok(computer.step(now, &mut far).map(|()| computer.next_due())?),
             progress: &mut |_, frame: &mut SentFrame, _| {
-                rungs.push(frame.meta.rung);
+                degradations.push(frame.meta.degradation);
                 true
             },
         };
         going.advance_to(slot.due, &mut heads, &mut world).unwrap();
         heads[0].engine.learn_load(drawn(number), slot.due, slot, &mut ledger);
     }
-    (rungs, ledger)
+    (degradations, ledger)
 }
 
 #[test]
-fn load_takes_frames_down_the_ladder_at_once_and_they_come_back_when_it_goes() {
+fn load_degrades_frames_at_once_and_they_come_back_when_it_goes() {
     let mut bench = built_in(8.0);
     bench.camera.radiometry.limiting_mag = 12.0;
     bench.camera.exposure.readout_s = 0.04;
     bench.timing.degrade = Degrade::Always;
     let (begins, ends) = (10, 15);
     let load = |number: u32| if (begins..ends).contains(&number) { SLOW } else { FAST };
-    let (found, ledger) = rungs(&bench, true, load);
-    let whole = |frames: &[&str]| frames.iter().all(|rung| *rung == "full");
+    let (found, ledger) = degradations(&bench, true, load);
+    let whole = |frames: &[&str]| frames.iter().all(|degradation| *degradation == "full");
     // Frame `begins` is the first slow one: the next is planned for it.
     let after = usize::try_from(begins).unwrap() + 1;
     assert!(whole(&found[..after]), "{found:?}");
-    assert!(found[after..after + 5].iter().all(|rung| *rung != "full"), "{found:?}");
+    assert!(found[after..after + 5].iter().all(|degradation| *degradation != "full"), "{found:?}");
     assert!(whole(&found[found.len() - 20..]), "recovered: {found:?}");
-    let back = found.iter().rposition(|rung| *rung != "full").unwrap();
+    let back = found.iter().rposition(|degradation| *degradation != "full").unwrap();
     assert!(back > usize::try_from(ends).unwrap(), "slower down than up: {found:?}");
     assert_eq!((ledger.count(EventKind::Overloaded), ledger.count(EventKind::LoadGone)), (1, 1), "announced");
-    assert!(whole(&rungs(&bench, false, load).0), "where it is not followed, load changes nothing");
-    assert!(whole(&rungs(&bench, true, |_| FAST).0), "no load, no loss");
+    assert!(whole(&degradations(&bench, false, load).0), "where it is not followed, load changes nothing");
+    assert!(whole(&degradations(&bench, true, |_| FAST).0), "no load, no loss");
     bench.timing.degrade = Degrade::Never;
-    assert!(whole(&rungs(&bench, true, load).0), "nor where frames may not be degraded");
+    assert!(whole(&degradations(&bench, true, load).0), "nor where frames may not be degraded");
 }
 
 /// Bounds of every frame's pointing error, rad, on the virtual clock, for a body that is said to move like this.

@@ -79,7 +79,7 @@ fn a_damaged_cache_is_one_line_and_no_more() {
     let file = cache_file(&cache);
     std::fs::write(&file, "measured_utc = 7\n").unwrap();
     let output = starloop(&["check", "bench.toml"], folder.path(), &cache);
-    let told = text(&output.stderr);
-    assert!(output.status.success() && told.lines().count() == 1 && told.contains("damaged"), "{told}");
+    let reported = text(&output.stderr);
+    assert!(output.status.success() && reported.lines().count() == 1 && reported.contains("damaged"), "{reported}");
     assert!(text(&output.stdout).contains("built in"), "and the built-in costs are used");
 }

@@ -101,7 +101,7 @@ impl Waiting {
         let replies = BufReader::new(stream.try_clone().unwrap());
         let mut stepped = Stepped { stream, replies, token: self.token, child: self.child, _runtime: self._runtime };
         let hello = json!({ "request": "hello", "token": stepped.token });
-        stepped.told(hello);
+        stepped.reported(hello);
         stepped
     }
 }
@@ -143,7 +143,7 @@ impl Stepped {
     }
 
     /// Asks for what must be answered.
-    fn told(&mut self, request: Value) -> Value {
+    fn reported(&mut self, request: Value) -> Value {
         let reply = self.ask(&request);
         assert_eq!(reply["ok"], true, "{request}: {reply}");
         reply
@@ -158,7 +158,7 @@ impl Stepped {
 
     /// Ends the run; the final reply and the program's output.
     fn finish(mut self) -> (Value, Output) {
-        let reply = self.told(json!({ "request": "finish" }));
+        let reply = self.reported(json!({ "request": "finish" }));
         (reply, self.child.wait_with_output().unwrap())
     }
 }
@@ -189,26 +189,26 @@ fn steps_do_not_shift_what_falls_between_them() {
 /// Steps to the end in odd lengths, looks at everything in between, and holds the reports against the run in one piece.
 fn step_oddly(arguments: &[&str], through: &Value) {
     let mut stepped = Stepped::start(arguments);
-    let hello = stepped.told(json!({ "id": 7, "request": "hello" }));
+    let hello = stepped.reported(json!({ "id": 7, "request": "hello" }));
     assert_eq!((&hello["id"], &hello["protocol"]), (&json!(7), &json!(2)));
     assert_eq!((&hello["width"], &hello["frames"], &hello["seed"]), (&json!(256), &json!(40), &json!(1)));
     // Odd lengths: between the events, on them, and across several frames.
     let mut steps = [0.013, 0.1, 0.000_001, 0.251_3, 0.5, 0.037].iter().cycle();
-    while stepped.told(json!({ "request": "step", "s": steps.next() }))["now_s"].as_f64().unwrap() < 2.0 {
-        stepped.told(json!({ "request": "truth" }));
-        stepped.told(json!({ "request": "estimate" }));
-        stepped.told(json!({ "request": "summary" }));
+    while stepped.reported(json!({ "request": "step", "s": steps.next() }))["now_s"].as_f64().unwrap() < 2.0 {
+        stepped.reported(json!({ "request": "truth" }));
+        stepped.reported(json!({ "request": "estimate" }));
+        stepped.reported(json!({ "request": "summary" }));
     }
-    let three = stepped.told(json!({ "request": "step", "frames": 3 }));
+    let three = stepped.reported(json!({ "request": "step", "frames": 3 }));
     assert!(three["frames_out"].as_u64().unwrap() >= 3, "{three}");
     for until_s in [3.9, 3.95, 3.985, 3.999, 4.0] {
-        if stepped.told(json!({ "request": "step", "until_s": until_s }))["finished"] == true {
+        if stepped.reported(json!({ "request": "step", "until_s": until_s }))["finished"] == true {
             break;
         }
-        stepped.told(json!({ "request": "truth" }));
+        stepped.reported(json!({ "request": "truth" }));
     }
     assert!(stepped.refused(br#"{"request": "step", "until_s": 4.0}"#).contains("reached its end"));
-    let so_far = stepped.told(json!({ "request": "summary" }));
+    let so_far = stepped.reported(json!({ "request": "summary" }));
     let (last, output) = stepped.finish();
     assert_eq!(bits(&report(&output)), bits(through), "stepped and run through");
     assert_eq!(bits(&last["report"]), bits(through), "and told so to the client");
@@ -221,28 +221,28 @@ fn an_injected_fault_shows_in_frames_and_report() {
     let folder = tempfile::tempdir().unwrap();
     let mut stepped = Stepped::start(&["--out", folder.path().to_str().unwrap()]);
     assert!(stepped.refused(br#"{"request": "frame"}"#).contains("no frame has gone out yet"));
-    stepped.told(json!({ "request": "step", "until_s": 1.05 }));
-    let seen = stepped.told(json!({ "request": "frame" }));
+    stepped.reported(json!({ "request": "step", "until_s": 1.05 }));
+    let seen = stepped.reported(json!({ "request": "frame" }));
     assert_eq!(seen["faults"], json!([]));
     assert_eq!(seen["pixels_base64_u16_le"].as_str().unwrap().len(), (256 * 256 * 2_usize).div_ceil(3) * 4);
     let event = json!({ "do": "frame_blank", "for_s": 1 });
-    let placed = stepped.told(json!({ "request": "inject", "event": event }));
+    let placed = stepped.reported(json!({ "request": "inject", "event": event }));
     assert_eq!((placed["event"].as_str(), placed["from_s"].as_f64()), (Some("frame_blank"), Some(1.05)));
-    stepped.told(json!({ "request": "step", "s": 0.5 }));
+    stepped.reported(json!({ "request": "step", "s": 0.5 }));
     let path = folder.path().join("blank.fits");
-    let blank = stepped.told(json!({ "request": "frame", "path": "blank.fits" }));
+    let blank = stepped.reported(json!({ "request": "frame", "path": "blank.fits" }));
     assert_ne!(blank["faults"], json!([]), "the frame says so");
     assert_eq!(std::fs::metadata(&path).unwrap().len(), blank["bytes"].as_u64().unwrap());
     for (path, part) in [("blank.fits", "does not exist yet"), ("../x.fits", "\"..\""), ("/tmp/x.fits", "relative")] {
         let line = json!({ "request": "frame", "path": path }).to_string();
         assert!(stepped.refused(line.as_bytes()).contains(part), "{path}");
     }
-    let estimate = stepped.told(json!({ "request": "estimate" }));
+    let estimate = stepped.reported(json!({ "request": "estimate" }));
     assert_eq!(estimate["heads"][0]["outcome"], "no_attitude", "and the tracker has seen nothing: {estimate}");
-    let so_far = stepped.told(json!({ "request": "summary" }));
+    let so_far = stepped.reported(json!({ "request": "summary" }));
     assert_eq!(so_far["finished"], false);
     assert!(so_far["report"]["faults"][0]["hits"].as_u64().unwrap() >= 4, "{so_far}");
-    stepped.told(json!({ "request": "step", "until_s": 4 }));
+    stepped.reported(json!({ "request": "step", "until_s": 4 }));
     let (last, output) = stepped.finish();
     let fault = &last["report"]["faults"][0];
     assert_eq!((fault["name"].as_str(), fault["hits"].as_u64()), (Some("frame_blank"), Some(10)), "{fault}");
@@ -277,12 +277,12 @@ fn a_client_without_the_token_changes_nothing_and_is_counted() {
     assert_eq!(std::fs::read_to_string(&waiting.token_file).unwrap(), format!("{}\n", waiting.token));
     let token_file = waiting.token_file.clone();
     let mut stepped = waiting.admitted();
-    let hello = stepped.told(json!({ "request": "hello" }));
+    let hello = stepped.reported(json!({ "request": "hello" }));
     // A run starts a second before its first exposure.
     assert_eq!((&hello["now_s"], folder.path().join("page.fits").exists()), (&json!(-1.0), false), "{hello}");
     let again = stepped.refused(format!("{{\"request\":\"hello\",\"token\":\"{wrong}\"}}").as_bytes());
     assert!(again.contains("not that of this run"), "{again}");
-    stepped.told(json!({ "request": "step", "until_s": 4.0 }));
+    stepped.reported(json!({ "request": "step", "until_s": 4.0 }));
     let (last, output) = stepped.finish();
     let wanted = json!({ "http_request": 3, "malformed_lines": 1, "no_hello": 1, "no_token": 1,
         "tls_handshake": 1, "wrong_token": 1 });
@@ -298,7 +298,7 @@ fn a_connection_that_says_nothing_gives_way_to_the_client() {
     let waiting = Waiting::start(&[]);
     let idle = TcpStream::connect(&waiting.address).unwrap();
     let mut stepped = waiting.admitted();
-    stepped.told(json!({ "request": "step", "until_s": 4.0 }));
+    stepped.reported(json!({ "request": "step", "until_s": 4.0 }));
     let (last, _) = stepped.finish();
     assert_eq!(last["report"]["control_refusals"], json!({ "gave_way": 1 }));
     drop(idle);
@@ -320,9 +320,9 @@ fn triggers_go_over_the_bus_and_show_in_the_report() {
     // Faults that wait for these numbers, each of no length to speak of; nothing waits for 9.
     for number in [3, 4, 65_535] {
         let event = json!({ "on_trigger": number, "for_s": 0.01, "do": "frame_blank" });
-        stepped.told(json!({ "request": "inject", "event": event }));
+        stepped.reported(json!({ "request": "inject", "event": event }));
     }
-    stepped.told(json!({ "request": "step", "until_s": 1.0 }));
+    stepped.reported(json!({ "request": "step", "until_s": 1.0 }));
     for trigger in [
         json!({ "number": 3 }),
         json!({ "number": 65_535, "at_s": 2.25 }),
@@ -331,14 +331,14 @@ fn triggers_go_over_the_bus_and_show_in_the_report() {
     ] {
         let mut request = trigger;
         request["request"] = "trigger".into();
-        let told = stepped.told(request.clone());
-        assert_eq!(told["number"], request["number"]);
+        let reported = stepped.reported(request.clone());
+        assert_eq!(reported["number"], request["number"]);
     }
     let far = stepped.refused(br#"{"request": "trigger", "number": 3, "at_s": 3602}"#);
     assert!(far.contains("wanted within an hour"), "{far}");
     let events = |stepped: &mut Stepped, until_s: f64| {
-        stepped.told(json!({ "request": "step", "until_s": until_s }));
-        let report = stepped.told(json!({ "request": "summary" }))["report"].clone();
+        stepped.reported(json!({ "request": "step", "until_s": until_s }));
+        let report = stepped.reported(json!({ "request": "summary" }))["report"].clone();
         ["trigger_taken", "trigger_late", "trigger_fired", "trigger_refused"]
             .map(|name| report["events"][name].as_u64().unwrap_or(0))
     };
@@ -350,7 +350,7 @@ fn triggers_go_over_the_bus_and_show_in_the_report() {
 #[test]
 fn truth_and_estimate_are_near_each_other_and_move_with_the_rate() {
     let mut stepped = Stepped::start(&[]);
-    stepped.told(json!({ "request": "step", "until_s": 3.0 }));
+    stepped.reported(json!({ "request": "step", "until_s": 3.0 }));
     let quaternion =
         |reply: &Value| -> [f64; 4] { core::array::from_fn(|i| reply["sensor_from_icrf"][i].as_f64().unwrap()) };
     // Half the angle between two attitudes: the scalar part of one over the other.
@@ -358,11 +358,11 @@ fn truth_and_estimate_are_near_each_other_and_move_with_the_rate() {
         let distance = |sign: f64| (0..4).map(|i| (a[i] - sign * b[i]).powi(2)).sum::<f64>().sqrt();
         4.0 * (0.5 * distance(1.0).min(distance(-1.0))).asin()
     };
-    let estimate = stepped.told(json!({ "request": "estimate" }));
-    let now = stepped.told(json!({ "request": "truth", "at_s": estimate["at_s"] }));
+    let estimate = stepped.reported(json!({ "request": "estimate" }));
+    let now = stepped.reported(json!({ "request": "truth", "at_s": estimate["at_s"] }));
     let error_arcsec = angle_rad(quaternion(&now), quaternion(&estimate["estimate"])).to_degrees() * 3600.0;
     assert!(error_arcsec < 30.0, "a tracker knows better than {error_arcsec} arcsec: {estimate}");
-    let before = stepped.told(json!({ "request": "truth", "at_s": now["at_s"].as_f64().unwrap() - 0.1 }));
+    let before = stepped.reported(json!({ "request": "truth", "at_s": now["at_s"].as_f64().unwrap() - 0.1 }));
     let rate = |i: usize| now["body_rate_rad_s"][i].as_f64().unwrap();
     let turned = 0.1 * (rate(0).powi(2) + rate(1).powi(2) + rate(2).powi(2)).sqrt();
     let moved = angle_rad(quaternion(&now), quaternion(&before));
@@ -405,7 +405,7 @@ fn wrong_lines_are_refused_in_words_and_the_session_goes_on() {
         let error = stepped.refused(line);
         assert!(error.contains(part), "no \"{part}\" in: {error}");
     }
-    stepped.told(json!({ "request": "step", "until_s": 4.0 }));
+    stepped.reported(json!({ "request": "step", "until_s": 4.0 }));
     assert!(stepped.refused(br#"{"request": "step", "s": 0.1}"#).contains("reached its end"));
     let (last, _) = stepped.finish();
     assert_eq!(bits(&last["report"]), bits(&through), "what was refused has changed nothing");
@@ -416,7 +416,7 @@ fn a_client_that_goes_away_ends_the_run_with_what_is_finished() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("run");
     let mut stepped = Stepped::start(&["--sink", "recorder", "--out", out.to_str().unwrap()]);
-    stepped.told(json!({ "request": "step", "frames": 5 }));
+    stepped.reported(json!({ "request": "step", "frames": 5 }));
     let Stepped { child, stream, replies, .. } = stepped;
     drop((stream, replies));
     let output = child.wait_with_output().unwrap();
@@ -446,13 +446,13 @@ fn a_bench_is_stepped_as_a_scenario_is() {
     let fixed = ["run", "--clock", "virtual", "--duration", "1", "--sink", "null", "--quiet", "--json"];
     bench.args(fixed).args(["--backend", "cpu", "--control", "127.0.0.1:0"]);
     let mut stepped = Waiting::spawn(bench).admitted();
-    stepped.told(json!({ "request": "step", "frames": 2 }));
+    stepped.reported(json!({ "request": "step", "frames": 2 }));
     assert!(stepped.refused(br#"{"request": "truth"}"#).contains("nothing is flown inside"));
     let aboard = br#"{"request": "inject", "event": {"do": "gyro_dropout", "for_s": 1.0}}"#;
     assert!(stepped.refused(aboard).contains("nothing is flown"), "no gyro could fail");
-    stepped.told(json!({ "request": "inject", "event": { "do": "frame_blank", "for_s": 0.3 } }));
-    stepped.told(json!({ "request": "step", "until_s": 0.75 }));
-    assert_eq!(stepped.told(json!({ "request": "state" }))["frames"]["delivered"], 6);
+    stepped.reported(json!({ "request": "inject", "event": { "do": "frame_blank", "for_s": 0.3 } }));
+    stepped.reported(json!({ "request": "step", "until_s": 0.75 }));
+    assert_eq!(stepped.reported(json!({ "request": "state" }))["frames"]["delivered"], 6);
     let (last, output) = stepped.finish();
     assert_eq!(last["report"]["faults"][0]["name"], "frame_blank");
     assert!(last["report"]["faults"][0]["hits"].as_u64().unwrap() >= 2, "{last}");
@@ -468,12 +468,12 @@ fn a_run_on_the_real_clock_is_watched_and_steered() {
     assert!(steered.refused(br#"{"request": "step", "s": 0.5}"#).contains("--clock virtual"));
     assert!(steered.refused(br#"{"request": "summary"}"#).contains("when the run ends"));
     let delivered =
-        |steered: &mut Stepped| steered.told(json!({ "request": "state" }))["frames"]["rendered"].as_u64().unwrap();
+        |steered: &mut Stepped| steered.reported(json!({ "request": "state" }))["frames"]["rendered"].as_u64().unwrap();
     while delivered(&mut steered) < 3 {
         std::thread::sleep(std::time::Duration::from_millis(20));
     }
     let event = json!({ "do": "stray_light", "for_s": 30.0, "e_per_s": 300_000.0 });
-    let placed = steered.told(json!({ "request": "inject", "event": event }));
+    let placed = steered.reported(json!({ "request": "inject", "event": event }));
     assert_eq!(placed["event"], "stray_light");
     assert!(
         steered
@@ -485,11 +485,11 @@ fn a_run_on_the_real_clock_is_watched_and_steered() {
     while delivered(&mut steered) < before + 4 {
         std::thread::sleep(std::time::Duration::from_millis(20));
     }
-    let frame = steered.told(json!({ "request": "frame" }));
+    let frame = steered.reported(json!({ "request": "frame" }));
     assert!(frame["faults"].to_string().contains("stray_light"), "{}", frame["faults"]);
-    assert!(steered.told(json!({ "request": "truth" }))["at_s"].as_f64().unwrap() > 0.0);
-    assert!(steered.told(json!({ "request": "estimate" }))["heads"].is_array());
-    steered.told(json!({ "request": "trigger", "number": 9 }));
+    assert!(steered.reported(json!({ "request": "truth" }))["at_s"].as_f64().unwrap() > 0.0);
+    assert!(steered.reported(json!({ "request": "estimate" }))["heads"].is_array());
+    steered.reported(json!({ "request": "trigger", "number": 9 }));
     let (last, output) = steered.finish();
     let report = report(&output);
     assert_eq!(report["faults"][0]["name"], "stray_light");

@@ -6,7 +6,7 @@ use config::{Bench, Degrade, Psf, Wire};
 use frames::sink::fits::read_image;
 use frames::sink::frame_log::{path_in, read_frame_log};
 use frames::sink::{Recorder, RecorderOptions, SentFrame, Sink};
-use plan::exposure::Rung;
+use plan::exposure::Degradation;
 use run::runtime::receiver::Receiver;
 use run::runtime::{EventKind, FrameEngine};
 use run::wiring::bench_parts;
@@ -28,20 +28,20 @@ fn without_time(readout_s: f64, degrade: Degrade) -> Bench {
     bench.camera.radiometry.limiting_mag = 12.0;
     bench.camera.exposure.readout_s = readout_s;
     bench.timing.degrade = degrade;
-    bench.timing.degrade_to = Rung::BrightStarsOnly;
+    bench.timing.degrade_to = Degradation::BrightStarsOnly;
     bench
 }
 
-fn by_rung(frames: &[Kept]) -> BTreeMap<String, u64> {
+fn by_degradation(frames: &[Kept]) -> BTreeMap<String, u64> {
     let mut counts = BTreeMap::new();
-    for frame in frames.iter().filter(|frame| frame.meta.rung != Rung::Full.name()) {
-        *counts.entry(frame.meta.rung.to_owned()).or_insert(0) += 1;
+    for frame in frames.iter().filter(|frame| frame.meta.degradation != Degradation::Full.name()) {
+        *counts.entry(frame.meta.degradation.to_owned()).or_insert(0) += 1;
     }
     counts
 }
 
 #[test]
-fn a_frame_without_time_is_degraded_counted_and_told() {
+fn a_frame_without_time_is_degraded_counted_and_reported() {
     for readout_s in [SHORT_S, IMPOSSIBLE_S] {
         let bench = without_time(readout_s, Degrade::Always);
         let run = run(&bench);
@@ -51,13 +51,13 @@ fn a_frame_without_time_is_degraded_counted_and_told() {
         let events: Vec<_> = record.ledger.last().filter(|event| event.kind == EventKind::Degraded).collect();
         for frame in &run.frames {
             let event = events.iter().find(|event| event.frame == Some(frame.meta.number)).unwrap();
-            assert_eq!(event.rung.name(), frame.meta.rung, "the event names the frame's rung");
-            assert!(event.rung > Rung::Full && event.span > Span::ZERO, "{event:?}");
+            assert_eq!(event.degradation.name(), frame.meta.degradation, "the event names the frame's rung");
+            assert!(event.degradation > Degradation::Full && event.span > Span::ZERO, "{event:?}");
         }
         let params = bench_parts::run_params(&bench, start(&bench)).unwrap();
         let engine = FrameEngine::new(params.clone()).unwrap();
         let summary = record.summary(&engine, &Receiver::new(params.attitude).unwrap(), &[], None);
-        assert_eq!(summary.degraded, by_rung(&run.frames), "the summary counts what the frames say");
+        assert_eq!(summary.degraded, by_degradation(&run.frames), "the summary counts what the frames say");
         assert_eq!(summary.degraded.values().sum::<u64>(), FRAMES);
     }
 }
@@ -68,8 +68,11 @@ fn when_even_the_detector_has_no_time_the_brightest_stars_stay_and_the_rest_is_a
         [(SHORT_S, Degrade::Never), (SHORT_S, Degrade::Always), (IMPOSSIBLE_S, Degrade::Always)]
             .map(|(readout_s, degrade)| run(&without_time(readout_s, degrade)).frames);
     for ((whole, short), impossible) in whole.iter().zip(&short).zip(&impossible) {
-        assert!(short.meta.rung < impossible.meta.rung || short.stars >= impossible.stars, "less time gives up more");
-        assert_eq!((impossible.stars, impossible.meta.rung), (LEAST_STARS, Rung::BrightStarsOnly.name()));
+        assert!(
+            short.meta.degradation < impossible.meta.degradation || short.stars >= impossible.stars,
+            "less time gives up more"
+        );
+        assert_eq!((impossible.stars, impossible.meta.degradation), (LEAST_STARS, Degradation::BrightStarsOnly.name()));
         let all = |frame: &Kept| frame.stars + frame.meta.left_out_stars;
         assert_eq!(all(impossible), all(whole), "every star is drawn or counted");
         assert!(impossible.meta.left_out_e > whole.meta.left_out_e, "and its light");
@@ -78,11 +81,11 @@ fn when_even_the_detector_has_no_time_the_brightest_stars_stay_and_the_rest_is_a
 
 /// A frame without motion, or without stars that a sensor would see, is drawn only for those who ask for it by name.
 #[test]
-fn default_ladder_ends_before_unphysical_frames() {
+fn default_degradation_ends_before_unphysical_frames() {
     let mut bench = without_time(IMPOSSIBLE_S, Degrade::Always);
     bench.timing.degrade_to = built_in(1.0).timing.degrade_to;
     let run = run(&bench);
-    assert_eq!(by_rung(&run.frames), BTreeMap::from([(Rung::Budget10.name().to_owned(), FRAMES)]));
+    assert_eq!(by_degradation(&run.frames), BTreeMap::from([(Degradation::Budget10.name().to_owned(), FRAMES)]));
     assert!(run.frames.iter().all(|frame| frame.stars > 10 * LEAST_STARS), "visible stars are there");
 }
 
@@ -91,7 +94,7 @@ fn without_the_key_the_virtual_clock_never_degrades() {
     for degrade in [Degrade::OnRealClock, Degrade::Never] {
         let run = run(&without_time(IMPOSSIBLE_S, degrade));
         assert_eq!(run.outcome.record.ledger.count(EventKind::Degraded), 0, "{degrade:?}");
-        assert!(by_rung(&run.frames).is_empty(), "{degrade:?}");
+        assert!(by_degradation(&run.frames).is_empty(), "{degrade:?}");
     }
     let roomy = run(&Bench { timing: without_time(IMPOSSIBLE_S, Degrade::Always).timing, ..built_in(1.0) });
     assert_eq!(roomy.outcome.record.ledger.count(EventKind::Degraded), 0, "time enough is no reason either");
@@ -121,11 +124,15 @@ fn files_say_what_the_frame_says() {
     let rows = read_frame_log(File::open(path_in(&directory)).unwrap()).unwrap();
     assert_eq!(rows.len(), frames.len());
     for (row, Kept { meta, .. }) in rows.iter().zip(&frames) {
-        assert_eq!((row.rung.as_str(), row.left_out_stars), (meta.rung, meta.left_out_stars), "frames.csv");
+        assert_eq!(
+            (row.degradation.as_str(), row.left_out_stars),
+            (meta.degradation, meta.left_out_stars),
+            "frames.csv"
+        );
         assert_eq!(row.left_out_e.to_bits(), meta.left_out_e.to_bits(), "frames.csv");
         let file = File::open(directory.join(format!("frame_{:06}.fits", meta.number))).unwrap();
         let header = read_image(file).unwrap().header;
-        assert_eq!(header.text("RUNG").as_deref(), Some(meta.rung), "FITS");
+        assert_eq!(header.text("RUNG").as_deref(), Some(meta.degradation), "FITS");
         assert_eq!(header.integer("NLEFTOUT"), i128::try_from(meta.left_out_stars).ok(), "FITS");
         assert_eq!(header.real("LEFTOUTE"), Some(meta.left_out_e), "FITS");
     }

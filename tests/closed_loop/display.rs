@@ -34,8 +34,8 @@ fn change(file: &Path, from: &str, to: &str) {
 /// The files of a simulated bench with a calibrated display.
 fn bench() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    let told = succeeds(&["calibrate", "display", "simulate", "--out", "."], folder.path());
-    assert!(told.contains("display px"), "{told}");
+    let reported = succeeds(&["calibrate", "display", "simulate", "--out", "."], folder.path());
+    assert!(reported.contains("display px"), "{reported}");
     folder
 }
 
@@ -127,7 +127,7 @@ fn tracker_direction(ra_deg: f64, dec_deg: f64, star: DVec3) -> DVec3 {
 }
 
 #[test]
-fn stars_stand_where_the_calibration_says_and_are_as_bright() {
+fn stars_lie_where_the_calibration_says_and_are_as_bright() {
     let folder = bench();
     let checked = succeeds(&["check", "bench.toml"], folder.path());
     // 0.1 s are six refreshes of 60 Hz: no beat. The same tracker at 0.055 s beats, and is warned of.
@@ -169,7 +169,7 @@ fn stars_stand_where_the_calibration_says_and_are_as_bright() {
 }
 
 #[test]
-fn a_slew_is_integrated_refresh_by_refresh_and_told_in_the_trackers_axes() {
+fn a_slew_is_integrated_refresh_by_refresh_and_reported_in_the_trackers_axes() {
     let folder = bench();
     let slew = "\n[flight_computer.slew]\naxis = [1.0, 0.0, 0.0]\nangle_deg = 1.0\nduration_s = 1.0\nstart_s = 0.0\n";
     change(&folder.path().join("bench.toml"), "\n[sink]", &format!("{slew}\n[sink]"));

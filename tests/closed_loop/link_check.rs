@@ -21,7 +21,7 @@ fn links_of_this_machine_are_held_to_their_promises() {
 }
 
 #[test]
-fn what_cannot_be_opened_is_told_with_advice() {
+fn what_cannot_be_opened_is_reported_with_advice() {
     for (arguments, said) in [
         (&["--kind", "socketcan", "--interface", "can_none"][..], "can_none"),
         (&["--kind", "serial", "--port", "/dev/ttyNone9", "--peer", "/dev/ttyNone8"], "ports here"),

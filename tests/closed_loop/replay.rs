@@ -11,10 +11,10 @@ const FRAMES: usize = 20;
 
 fn starloop(arguments: &[&str]) -> (i32, String) {
     let output = Command::new(env!("CARGO_BIN_EXE_starloop")).args(arguments).output().unwrap();
-    (output.status.code().unwrap(), told(&output))
+    (output.status.code().unwrap(), reported(&output))
 }
 
-fn told(output: &Output) -> String {
+fn reported(output: &Output) -> String {
     format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
 }
 
@@ -119,7 +119,7 @@ fn degraded_frames_replay_under_the_load_that_was_written_down() {
 }
 
 #[test]
-fn a_bit_a_packet_and_a_tail_that_are_not_as_captured_are_told() {
+fn a_bit_a_packet_and_a_tail_that_are_not_as_captured_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     let directory = capture(folder.path(), "run", &["--clock", "virtual"]);
     let bus = directory.join("bus.pcapng");
@@ -416,8 +416,8 @@ fn a_damaged_directory_is_refused_with_what_is_wrong() {
         ("frames.csv", &bad_row, "frames.csv:2: wanted eight fields"),
     ] {
         std::fs::write(directory.join(name), text).unwrap();
-        let (status, told) = replay(&directory, &[]);
-        assert!(status == 1 && told.contains(part), "{name}: {told}");
+        let (status, reported) = replay(&directory, &[]);
+        assert!(status == 1 && reported.contains(part), "{name}: {reported}");
         std::fs::write(directory.join("session.json"), &session).unwrap();
         std::fs::write(directory.join("frames.csv"), &frames).unwrap();
     }
@@ -435,7 +435,7 @@ fn a_damaged_directory_is_refused_with_what_is_wrong() {
 fn tool(program: &str, arguments: &[&str]) -> Option<String> {
     match Command::new(program).args(arguments).output() {
         Ok(output) if output.status.success() => Some(String::from_utf8_lossy(&output.stdout).into_owned()),
-        Ok(output) => panic!("{program}: {}", told(&output)),
+        Ok(output) => panic!("{program}: {}", reported(&output)),
         Err(error) => {
             println!("SKIPPED: {program}: {error}");
             None
@@ -477,7 +477,7 @@ fn others_read_what_is_captured() {
     let log = std::fs::File::open(&candump).unwrap();
     match Command::new("log2long").stdin(log).output() {
         Ok(output) => {
-            let text = told(&output);
+            let text = reported(&output);
             assert_eq!(text.lines().count(), wanted.len());
             assert!(text.starts_with(&format!("({})  can0", seconds(&wanted[0]))), "{}", text.lines().next().unwrap());
         }

@@ -29,7 +29,7 @@ const ECHO_ARCSEC: f64 = 0.03;
 struct Overheard {
     outcome: RunOutcome,
     computer: FlightComputer,
-    heard: Vec<Stamped<Message>>,
+    got: Vec<Stamped<Message>>,
 }
 
 /// What the somebody does: at this time, this message or these raw bytes.
@@ -55,7 +55,7 @@ fn overhear(bench: &Bench, script: &[(f64, Says)]) -> Overheard {
     let mut mouth = links.next().unwrap();
     let mut speaker = Speaker { script, next: 0, start };
     let mut computer = FlightComputer::new(bench_parts::flight_computer(bench, start));
-    let mut heard = Vec::new();
+    let mut got = Vec::new();
     let outcome = virtual_time::run(
         &mut engine,
         &mut receiver,
@@ -65,7 +65,7 @@ fn overhear(bench: &Bench, script: &[(f64, Says)]) -> Overheard {
         &mut |now| {
             computer.step(now, &mut far)?;
             while let Some(message) = ear.receive(now)? {
-                heard.push(message);
+                got.push(message);
             }
             speaker.speak(now, &mut mouth, ids);
             Ok(computer.next_due().min(speaker.next_due()))
@@ -73,7 +73,7 @@ fn overhear(bench: &Bench, script: &[(f64, Says)]) -> Overheard {
         &mut |_, _| true,
     );
     assert!(outcome.error.is_none(), "{:?}", outcome.error.map(|error| error.to_string()));
-    Overheard { outcome, computer, heard }
+    Overheard { outcome, computer, got }
 }
 
 struct Speaker<'a> {
@@ -121,7 +121,7 @@ impl Overheard {
             Message::Response(response) => Some(response),
             _ => None,
         };
-        self.heard.iter().filter_map(response).collect()
+        self.got.iter().filter_map(response).collect()
     }
 
     fn modes(&self) -> Vec<StimulatorMode> {
@@ -129,7 +129,7 @@ impl Overheard {
             Message::Status(StatusPage::State { mode, .. }) => Some(mode),
             _ => None,
         };
-        self.heard.iter().filter_map(mode).collect()
+        self.got.iter().filter_map(mode).collect()
     }
 }
 
@@ -167,19 +167,19 @@ fn another_major_version_is_refused_and_may_not_run() {
 }
 
 #[test]
-fn status_echoes_the_pointing_of_each_frame_at_the_time_told_for_it() {
+fn status_echoes_the_pointing_of_each_frame_at_the_time_reported_for_it() {
     let run = overhear(&built_in(4.0), &[]);
     let (mut angles, mut compared) = ([f64::NAN; 3], 0);
-    let mut told: Option<(u8, Tai)> = None;
-    for message in &run.heard {
+    let mut reported: Option<(u8, Tai)> = None;
+    for message in &run.got {
         match message.value {
             Message::Exposure(exposure) => {
                 // The run is shorter than the wrap of 71.6 min: the tag is the time since boot.
                 let boot = start(&built_in(4.0));
-                told = Some((exposure.frame, boot + Span::from_ns(i64::from(exposure.mid_exposure_us) * 1000)));
+                reported = Some((exposure.frame, boot + Span::from_ns(i64::from(exposure.mid_exposure_us) * 1000)));
             }
             Message::Status(StatusPage::Pointing { angle, frame, turns_2_32, .. }) => {
-                let Some((number, at)) = told else { continue };
+                let Some((number, at)) = reported else { continue };
                 assert_eq!(frame, number, "pages follow the EXPOSURE of their frame");
                 angles[angle as usize - PointingAngle::RightAscension as usize] = angle.to_rad(turns_2_32);
                 if angle != PointingAngle::Roll {
@@ -251,14 +251,14 @@ fn a_trigger_is_answered_fired_once_and_refused_by_name() {
 }
 
 #[test]
-fn rejections_are_told_once_a_second_at_most() {
+fn rejections_are_reported_once_a_second_at_most() {
     let garbage = (0..200).map(|i| (1.0 + 0.01 * f64::from(i), Says::Garbage)).collect::<Vec<_>>();
     let run = overhear(&built_in(4.0), &garbage);
-    let told = |is: &dyn Fn(&Message) -> bool| run.heard.iter().filter(|message| is(&message.value)).count();
+    let reported = |is: &dyn Fn(&Message) -> bool| run.got.iter().filter(|message| is(&message.value)).count();
     let rejects =
         |message: &Message| matches!(message, Message::Status(StatusPage::Rejects { reason: Reject::BadCrc, .. }));
-    assert!((2..=4).contains(&told(&rejects)), "{} of 200 bad packets in 2 s", told(&rejects));
-    let last = run.heard.iter().rev().find_map(|message| match message.value {
+    assert!((2..=4).contains(&reported(&rejects)), "{} of 200 bad packets in 2 s", reported(&rejects));
+    let last = run.got.iter().rev().find_map(|message| match message.value {
         Message::Status(StatusPage::Rejects { reason: Reject::BadCrc, count }) => Some(count),
         _ => None,
     });

@@ -18,7 +18,7 @@ use std::sync::atomic::AtomicBool;
 
 pub(crate) const FRAMES: u64 = 14;
 /// Frames that the slow sink may be behind.
-const ROOM: usize = 3;
+const SPACE: usize = 3;
 
 /// What goes wrong with a sink.
 pub(crate) enum Trouble {
@@ -92,7 +92,7 @@ fn beside_another(trouble: Trouble) -> Box<dyn Sink> {
     let troubled = Troubled { inner: NullSink::new(), trouble };
     let sinks: [(&str, Box<dyn Sink>); 2] =
         [("sink", Box::new(troubled)), ("extra_sink[0]", Box::new(NullSink::new()))];
-    let branch = |(place, sink): (&str, Box<dyn Sink>)| BranchParams { place: place.into(), sink, buffers: ROOM };
+    let branch = |(place, sink): (&str, Box<dyn Sink>)| BranchParams { place: place.into(), sink, buffers: SPACE };
     Box::new(Fan::start(sinks.map(branch), &prototype, OnFull::Drop).unwrap())
 }
 
@@ -108,9 +108,9 @@ fn handed(outcome: &RunOutcome) -> u64 {
 }
 
 fn sink_busy(outcome: &RunOutcome) -> u64 {
-    let told = outcome.record.ring.misses().get(MissCause::SinkBusy.name()).copied().unwrap_or_default();
-    assert_eq!(told, outcome.record.ledger.count(EventKind::SinkBusy), "in the ledger and in the summary");
-    told
+    let reported = outcome.record.ring.misses().get(MissCause::SinkBusy.name()).copied().unwrap_or_default();
+    assert_eq!(reported, outcome.record.ledger.count(EventKind::SinkBusy), "in the ledger and in the summary");
+    reported
 }
 
 #[test]
@@ -121,7 +121,7 @@ fn a_slow_sink_loses_its_own_frames_and_no_slot() {
     assert_eq!(sink_busy(&outcome), 0, "no slot was missed because of a sink");
     let [slow, quick] = outcome.sinks.as_slice() else { panic!("two sinks: {:?}", outcome.sinks) };
     // It took what it had room for; after the end of the gate it may have had time for the last ones.
-    assert!(slow.dropped >= handed.saturating_sub(ROOM as u64 + 2), "{slow:?}");
+    assert!(slow.dropped >= handed.saturating_sub(SPACE as u64 + 2), "{slow:?}");
     assert_eq!((quick.frames, quick.dropped, quick.refused), (handed, 0, 0));
     assert_eq!(outcome.record.ledger.count(EventKind::SinkDropped), slow.dropped);
     let losses = outcome.losses();

@@ -111,9 +111,9 @@ fn triggers_act_once_each_in_the_frame_of_their_instant() {
     let flown = fly(&built_in(4.0), &SENT, &NUMBERS);
     assert_eq!(flown.answers, TriggerAnswers { taken: 6, late: 1, refused: 0 });
     assert_eq!(only_triggers(&flown.outcome.record.ledger), [5, 1, 5, 0]);
-    let told = fired(&flown.outcome.record.ledger);
+    let reported = fired(&flown.outcome.record.ledger);
     // Frames are exposed from 1 s on, every 0.1 s.
-    for ((at, frame), wanted_s) in told.iter().zip([1.52, 2.33, 2.33, 2.55, 3.02]) {
+    for ((at, frame), wanted_s) in reported.iter().zip([1.52, 2.33, 2.33, 2.55, 3.02]) {
         let off = *at - (flown.start + Span::from_s(wanted_s));
         // At once and late is on arrival: behind the sending step, and the bus.
         let most = if [1.52, 2.55].contains(&wanted_s) { Span::from_ms(11) } else { CLOCK };
@@ -122,7 +122,7 @@ fn triggers_act_once_each_in_the_frame_of_their_instant() {
         assert!(*at <= slot.release, "frame {frame} ends before {wanted_s} s");
         assert!(*frame == 0 || *at > flown.engine.slot(frame - 1).release, "{wanted_s} s: an earlier one than {frame}");
     }
-    assert_eq!(told.len(), 5, "the last one still waits");
+    assert_eq!(reported.len(), 5, "the last one still waits");
 }
 
 #[test]
@@ -148,9 +148,13 @@ fn a_captured_run_has_the_same_triggers_when_it_is_replayed() {
         }
         (numbers, fired(&ledger))
     };
-    let (numbers, told) = replay(&flown.captured);
+    let (numbers, reported) = replay(&flown.captured);
     assert_eq!(numbers, [7, 3, 3, 9, 40_000]);
-    assert_eq!(told, fired(&flown.outcome.record.ledger), "the same instants to the nanosecond, in the same frames");
+    assert_eq!(
+        reported,
+        fired(&flown.outcome.record.ledger),
+        "the same instants to the nanosecond, in the same frames"
+    );
     // Negative control: the first trigger's frame is missing (6 is its opcode, at node 0).
     let is_trigger = |captured: &CapturedPacket| matches!(captured.packet, Packet::Can(frame) if frame.id() == 0x600 && frame.data()[0] == 6);
     let mut missing = flown.captured.clone();

@@ -33,7 +33,7 @@ fn collect(folder: &Path, extensions: &[&str], found: &mut Vec<PathBuf>) {
     for path in entries.map(|entry| entry.unwrap().path()) {
         if path.is_dir() {
             collect(&path, extensions, found);
-        } else if path.extension().is_some_and(|had| extensions.iter().any(|wanted| had == *wanted)) {
+        } else if path.extension().is_some_and(|obtained| extensions.iter().any(|wanted| obtained == *wanted)) {
             found.push(path);
         }
     }

@@ -64,7 +64,7 @@ fn ignored_tests(tokens: &[Token]) -> impl Iterator<Item = (usize, String)> {
 }
 
 #[test]
-fn the_house_does_not_use_these_words() {
+fn names_avoid_vague_words() {
     let all = files(&["src", "firmware_protocol", "tests"], &["rs", "wgsl"]);
     let found: Vec<_> = all.iter().flat_map(breaches).collect();
     assert!(found.is_empty(), "\n{}", found.join("\n"));

@@ -250,7 +250,7 @@ fn every_file_of_the_kit_names_the_version_of_the_crate() {
 }
 
 #[test]
-fn the_checksum_of_the_file_is_the_one_that_info_tells() {
+fn the_checksum_of_the_file_is_the_one_that_info_reports() {
     let bytes = std::fs::read(crate::kit().join("dbc/starloop.dbc")).unwrap();
     assert_eq!(firmware_protocol::DBC_CRC32, crc32fast::hash(&bytes));
     assert_ne!(firmware_protocol::DBC_CRC32, crc32fast::hash(&bytes[1..]), "control");

@@ -34,7 +34,7 @@ fn wrong_messages(text: &str) -> Vec<String> {
     let dbc = dbc();
     // The first table of section 2 has six columns, the byte tables fewer.
     let rows = rows(text, "## 2. Messages").into_iter().filter(|row| row.len() == 6 && row[0].starts_with("`0x"));
-    let told: Vec<_> = rows.map(|row| row[..5].join(" ")).collect();
+    let reported: Vec<_> = rows.map(|row| row[..5].join(" ")).collect();
     let wanted = MessageId::ALL.map(|id| {
         let described = dbc.messages.iter().find(|message| raw(&message.id) == IdMap::default().id(id)).unwrap();
         let digits = format!("{:02X}", id.number());
@@ -43,8 +43,8 @@ fn wrong_messages(text: &str) -> Vec<String> {
         let cycle_ms = attribute(&dbc, "GenMsgCycleTime", &described.id);
         format!("`0x{digits}{node}` {name} {} {sender} {cycle_ms}", id.len_bytes())
     });
-    let missing = wanted.iter().filter(|row| !told.contains(row)).map(|row| format!("lacks {row}"));
-    let extra = told.iter().filter(|row| !wanted.contains(row)).map(|row| format!("has {row}"));
+    let missing = wanted.iter().filter(|row| !reported.contains(row)).map(|row| format!("lacks {row}"));
+    let extra = reported.iter().filter(|row| !wanted.contains(row)).map(|row| format!("has {row}"));
     missing.chain(extra).collect()
 }
 
@@ -205,7 +205,7 @@ fn coded(text: &str, heading: &str) -> Vec<String> {
 }
 
 #[test]
-fn every_reason_and_refusal_is_told_with_its_code() {
+fn every_reason_and_refusal_is_reported_with_its_code() {
     let text = interface();
     let rejects: Vec<_> = Reject::ALL.iter().map(|reason| format!("{} {reason:?}", reason.code())).collect();
     assert_eq!(coded(&text, "## 9. What is refused"), rejects);
@@ -221,10 +221,10 @@ fn is_word(text: &str) -> bool {
 #[test]
 fn tables_have_the_limits_of_the_crate() {
     let text = interface();
-    let told = rows(&text, "## 7. Parameter tables of jitter");
+    let reported = rows(&text, "## 7. Parameter tables of jitter");
     let dbc = dbc();
     for table in Table::ALL {
-        let own: Vec<_> = told.iter().filter(|row| row[0].starts_with(&table.number().to_string())).collect();
+        let own: Vec<_> = reported.iter().filter(|row| row[0].starts_with(&table.number().to_string())).collect();
         assert!(own.iter().all(|row| row[1] == table.rows_max().to_string()), "{table:?}: rows");
         // `1, 2, 3 amplitude about body x, y, z`: the numbers before the first word.
         let columns = own.iter().flat_map(|row| row[2].split([' ', ',']).take_while(|word| !is_word(word)));
@@ -245,7 +245,7 @@ fn tables_have_the_limits_of_the_crate() {
         assert!((number(&found.unwrap().max) - f64::from(limit)).abs() < 1e-6, "{signal}");
     }
     for limit in [tables::FREQUENCY_MAX_HZ, tables::AMPLITUDE_MAX_ARCSEC, tables::HARMONIC_MAX, tables::EXPONENT_MAX] {
-        assert!(told.iter().any(|row| row[4].ends_with(&format!("to {limit}"))), "{limit}");
+        assert!(reported.iter().any(|row| row[4].ends_with(&format!("to {limit}"))), "{limit}");
     }
 }
 

@@ -142,12 +142,12 @@ def layer():
     two = bytes([5]) + b"names" + bytes([2]) + struct.pack("<HB", 0, 1) + record(12000) + record(9000, 30000)
     two += struct.pack("<HB", 49151, 0) + record(15000, -32768)
     yield "whole", damaged + bytes([0]) + two
-    for mends in range(4):
-        name = ("mended", "head_mended", "tiles_mended", "as_it_is")[mends]
+    for repairs in range(4):
+        name = ("mended", "head_mended", "tiles_mended", "as_it_is")[repairs]
         changes = {"header": bytes([1, 1]) + struct.pack("<H", 24) + b"abcd", "table": bytes([1, 2]) + struct.pack("<HQ", 1, 7),
                    "record": bytes([1, 4]) + struct.pack("<H", 12) + b"zz", "length": bytes([1, 5]) + struct.pack("<HB", 9000, 3)}
         for what, change in changes.items():
-            yield f"{what}_{name}", damaged + bytes([mends]) + two + change
+            yield f"{what}_{name}", damaged + bytes([repairs]) + two + change
     star = lambda flags, *shares: bytes([flags]) + struct.pack("<5H", *shares)
     yield "stars", stars + star(0, 1, 2, 30000, 32768, 32768) * 2 + star(28, 60000, 65535, 60000, 0, 0) + star(0, 65535, 0, 9, 9, 9)
     yield "stars_odd", stars + star(3, 1, 2, 3, 4, 5) + bytes(4) + star(192, 1, 2, 3, 4, 5)

@@ -59,10 +59,10 @@ fn main() -> anyhow::Result<()> {
         .map(|folder| Recorder::create(folder, RecorderOptions { png_every: 0, ..RecorderOptions::default() }));
     let mut recorder = recorder.transpose()?;
     let is_over = Arc::new(AtomicBool::new(false));
-    let told = Arc::clone(&is_over);
+    let reported = Arc::clone(&is_over);
     std::thread::Builder::new().name("input".into()).spawn(move || {
         let _anything = std::io::read_to_string(std::io::stdin());
-        told.store(true, Ordering::Release);
+        reported.store(true, Ordering::Release);
     })?;
     let mut frame = SentFrame::with_capacity(sensor.size_px[0] as usize, sensor.size_px[1] as usize, 0, "feed".into());
     let start = clock.now();
@@ -135,7 +135,7 @@ fn fill(frame: &mut SentFrame, number: u32, sensor: &SensorParams) {
     meta.rate_deg_s = [turn, 0.5, -0.25];
     meta.seed = u64::MAX - u64::from(number);
     (meta.lateness, meta.attitude_age, meta.horizon) = (Span::from_ms(-3), Span::from_ms(7), Span::from_ms(-11));
-    (meta.origin, meta.rung) = ("predicted", "full");
+    (meta.origin, meta.degradation) = ("predicted", "full");
     meta.faults = FaultFlags::HOT_PIXELS;
 }
 

@@ -449,7 +449,7 @@ fn a_far_earth_shines_as_a_lambert_sphere() {
 }
 
 #[test]
-fn the_sun_is_told_and_never_drawn() {
+fn the_sun_is_reported_and_never_drawn() {
     let at = instant("2026-07-01T00:00:00Z");
     let from = ObserverTrack::new(Observer::Geocentre, at).standpoint(at).expect("a sky");
     let sun = seen(&from, "sun");
@@ -461,7 +461,7 @@ fn the_sun_is_told_and_never_drawn() {
 }
 
 #[test]
-fn nobody_is_at_the_barycentre_and_nothing_changes_without_bodies_in_the_field() {
+fn no_one_is_at_the_barycentre_and_nothing_changes_without_bodies_in_the_field() {
     let at = instant("2026-07-01T00:00:00Z");
     let mut bodies = SkyBodies::through(camera(128, 1_000.0), ObserverTrack::new(Observer::Barycentre, at));
     assert!(bodies.seen(&[], &pointed(DVec3::X), at).is_err());

@@ -50,18 +50,18 @@ impl Tally {
         self.accepted += 1;
         self.split += usize::from(plan.classes.len() > 1);
         for (i, class) in plan.classes.iter().enumerate() {
-            let told = &class.chosen;
-            if told.verdict != Verdict::Fits {
+            let reported = &class.chosen;
+            if reported.verdict != Verdict::Fits {
                 continue;
             }
             let measured = measure(&class_alone(&plan, i));
-            self.centroid.push(measured.centroid_px / told.centroid_px);
-            self.pixel.push(measured.pixel_sigma / told.pixel_sigma.max(f64::MIN_POSITIVE));
-            if !measured.is_within(told) {
-                let bounds = [told.centroid_px, told.flux_rel, told.pixel_sigma];
+            self.centroid.push(measured.centroid_px / reported.centroid_px);
+            self.pixel.push(measured.pixel_sigma / reported.pixel_sigma.max(f64::MIN_POSITIVE));
+            if !measured.is_within(reported) {
+                let bounds = [reported.centroid_px, reported.flux_rel, reported.pixel_sigma];
                 let got = [measured.centroid_px, measured.flux_rel, measured.pixel_sigma];
                 let words = scene.words();
-                let method = told.method;
+                let method = reported.method;
                 self.broken.push(format!(
                     "{number} {words}, class {i} {method}: told {}, got {}",
                     brief(&bounds),

@@ -307,7 +307,7 @@ fn full_tables_fit_a_track_made_before_them() {
     let mut history = history();
     history.set_lines(&lines(), BOOT).unwrap();
     let mut track = history.new_track();
-    let room = track.lines.capacity();
+    let space = track.lines.capacity();
     history.set_uploaded_lines(&[lines()[1]; UPLOADED_LINES_MAX]).unwrap();
     history.set_psd(&density(), 7, |body| body).unwrap();
     history.set_wheel_harmonics(&[harmonic(3.0, 2.0); HARMONICS_MAX]).unwrap();
@@ -316,7 +316,7 @@ fn full_tables_fit_a_track_made_before_them() {
     history.fill(at(1.0), at(1.1), &mut track);
     // The density has nothing about z.
     let wanted = lines().len() + UPLOADED_LINES_MAX + 2 * LINES_PER_AXIS + HARMONICS_MAX;
-    assert_eq!((track.lines.len(), track.lines.capacity()), (wanted, room));
+    assert_eq!((track.lines.len(), track.lines.capacity()), (wanted, space));
     assert!(history.set_uploaded_lines(&[lines()[1]; UPLOADED_LINES_MAX + 1]).is_err(), "one too many");
     history.fill(at(1.0), at(1.1), &mut track);
     assert_eq!(track.lines.len(), wanted, "and the former ones stay");

@@ -156,7 +156,7 @@ fn every_chart_has_its_series() {
 }
 
 #[test]
-fn the_table_for_people_tells_the_choices() {
+fn the_table_for_people_reports_the_choices() {
     let summary = &charted().summary;
     for scene in scenes(true) {
         assert!(summary.lines().any(|line| line.starts_with(scene.name)), "no {} in\n{summary}", scene.name);

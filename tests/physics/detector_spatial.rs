@@ -236,20 +236,20 @@ fn protons_leave_the_charge_of_their_tracks() {
     let flux = ProtonFlux { per_cm2_s: 4000.0, energy_mev: 100.0, direction: BEAM };
     assert_eq!(electrons(&frame(&mut detector, &dark, 0)).iter().sum::<f64>(), 0.0);
     let storm = DetectorConditions { protons: Some(flux), ..DetectorConditions::dark(EXPOSURE_S) };
-    let (mut seen_e, mut told_e, mut tracks) = (0.0, 0.0, 0);
+    let (mut seen_e, mut reported_e, mut tracks) = (0.0, 0.0, 0);
     for number in 0..200 {
         seen_e += electrons(&frame_under(&mut detector, &dark, number, &storm)).iter().sum::<f64>();
-        told_e += detector.disturbances().proton_tracks().iter().map(|track| track.electrons).sum::<f64>();
+        reported_e += detector.disturbances().proton_tracks().iter().map(|track| track.electrons).sum::<f64>();
         tracks += u32::try_from(detector.disturbances().proton_tracks().len()).unwrap();
     }
     // Half a track's width may lie outside; numbers are rounded.
-    assert!((seen_e / told_e - 1.0).abs() < 0.02, "{seen_e} {told_e}");
+    assert!((seen_e / reported_e - 1.0).abs() < 0.02, "{seen_e} {reported_e}");
     // 5.836 MeV cm^2/g, 2.33 g/cm^3, 3.65 eV; 15 um under 5.5 um pixels.
     let volume_cm3 = (128.0 * 5.5e-4) * (96.0 * 5.5e-4) * 15e-4;
     let wanted_e = 4000.0 * volume_cm3 * 200.0 * EXPOSURE_S * 5.836e6 * 2.33 / 3.65;
     // Their number is Poisson's, and Bohr's straggling is as large as the mean in so thin a layer.
     let spread = 5.0 * (2.0 / f64::from(tracks)).sqrt();
-    assert!((told_e / wanted_e - 1.0).abs() < spread, "{told_e} for {wanted_e} of {tracks} tracks");
+    assert!((reported_e / wanted_e - 1.0).abs() < spread, "{reported_e} for {wanted_e} of {tracks} tracks");
     assert_eq!(electrons(&frame(&mut detector, &dark, 0)).iter().sum::<f64>(), 0.0);
 }
 

@@ -246,13 +246,13 @@ fn wrong_measurements_are_refused() {
     };
     let by_name = fit_with(plan, &named(false), &tracker).unwrap();
     assert_eq!(by_name.calibration.geometry, fitted.calibration.geometry, "numbers given or read are the same");
-    let told = refused(plan, &named(true));
-    assert!(told.contains("belong to this plan"), "{told}");
+    let reported = refused(plan, &named(true));
+    assert!(reported.contains("belong to this plan"), "{reported}");
     // Measurements of another plan.
     let other =
         Plan::new(plan.display.clone(), plan.tracker.clone(), Grid { columns: 15, rows: 11, ..plan.grid.clone() }, 24);
-    let told = refused(&other.unwrap(), sights);
-    assert!(told.contains("wanted"), "{told}");
+    let reported = refused(&other.unwrap(), sights);
+    assert!(reported.contains("wanted"), "{reported}");
     // Another tracker than the plan's.
     let moved = BenchTruth { tracker_focal_px: 1801.0, ..truth.clone() };
     let error = fit_with(plan, sights, &self::tracker(&moved)).unwrap_err().to_string();
@@ -319,13 +319,13 @@ fn what_the_tracker_vignettes_is_left_to_the_tracker() {
         Sight { flux, ..sight.clone() }
     };
     let vignetted: Vec<Sight> = sights.iter().map(through).collect();
-    let told = Tracker {
+    let reported = Tracker {
         name: "tracker",
         geometry: &camera,
         illumination: &|tangent: DVec2| (1.0 + tangent.length_squared()).powi(-2),
     };
-    let told = fit(plan, &vignetted, &told, &options()).unwrap();
-    let not_told = fit_with(plan, &vignetted, &camera).unwrap();
+    let reported = fit(plan, &vignetted, &reported, &options()).unwrap();
+    let not_reported = fit_with(plan, &vignetted, &camera).unwrap();
     // A star in a corner, drawn evenly: the tracker must see its light less what it vignettes itself, as in the sky.
     let corner = [600.0, 450.0];
     let seen_of = |fitted: &Fitted| {
@@ -336,10 +336,10 @@ fn what_the_tracker_vignettes_is_left_to_the_tracker() {
         shown * lens * own(truth.seen_at(DVec2::from(corner)).to_array())
     };
     let in_the_sky = own(truth.seen_at(DVec2::from(corner)).to_array());
-    println!("in the sky {in_the_sky:.4}, told {:.4}, not told {:.4}", seen_of(&told), seen_of(&not_told));
+    println!("in the sky {in_the_sky:.4}, told {:.4}, not told {:.4}", seen_of(&reported), seen_of(&not_reported));
     assert!(in_the_sky < 0.96, "it matters: {in_the_sky}");
-    assert!((seen_of(&told) / in_the_sky - 1.0).abs() < 0.005, "{} for {in_the_sky}", seen_of(&told));
-    assert!((seen_of(&not_told) / in_the_sky - 1.0).abs() > 0.03, "taken out: the comparison can fail");
+    assert!((seen_of(&reported) / in_the_sky - 1.0).abs() < 0.005, "{} for {in_the_sky}", seen_of(&reported));
+    assert!((seen_of(&not_reported) / in_the_sky - 1.0).abs() > 0.03, "taken out: the comparison can fail");
 }
 
 #[test]
@@ -368,8 +368,8 @@ fn saturated_frames_are_left_out_or_refused() {
     assert!(some.saturated_levels > 3, "{} levels", some.saturated_levels);
     let luminance = some.calibration.calibrated().unwrap().response.luminance()[200];
     assert!((luminance - true_luminance(&truth, 200)).abs() < 2e-3, "what is left is right: {luminance}");
-    let told = fit_with(plan, &frames(end(0.3)), &camera).unwrap_err().to_string();
-    assert!(told.contains("saturated"), "{told}");
+    let reported = fit_with(plan, &frames(end(0.3)), &camera).unwrap_err().to_string();
+    assert!(reported.contains("saturated"), "{reported}");
 }
 
 #[test]
@@ -381,8 +381,8 @@ fn dots_in_one_corner_are_refused() {
             |sight: &&Sight| sight.pattern != Pattern::Dots || sight.tracker_px.is_some_and(|px| px[0] < right);
         sights.iter().filter(is_kept).cloned().collect()
     };
-    let told = fit_with(plan, &in_part(260.0), &tracker(&truth)).unwrap_err().to_string();
-    assert!(told.contains("of what the tracker sees of the display"), "{told}");
+    let reported = fit_with(plan, &in_part(260.0), &tracker(&truth)).unwrap_err().to_string();
+    assert!(reported.contains("of what the tracker sees of the display"), "{reported}");
     let most = fit_with(plan, &in_part(560.0), &tracker(&truth)).unwrap();
     let r = &most.calibration.residual;
     println!("{r:?}");
@@ -397,8 +397,8 @@ fn measurements_that_are_too_old_are_not_fitted() {
     let tracker = Tracker { name: "tracker", geometry: &camera, illumination: &|_| 1.0 };
     let at = |text: &str| FitOptions { measured: Tai::from_rfc3339(text).unwrap(), ..options() };
     for text in ["2026-01-29T00:00:00Z", "2026-03-03T00:00:00Z"] {
-        let told = fit(plan, sights, &tracker, &at(text)).unwrap_err().to_string();
-        assert!(told.contains("age of 0 to 30 days"), "{told}");
+        let reported = fit(plan, sights, &tracker, &at(text)).unwrap_err().to_string();
+        assert!(reported.contains("age of 0 to 30 days"), "{reported}");
     }
     let old = fit(plan, sights, &tracker, &at("2026-02-10T00:00:00Z")).unwrap().calibration;
     assert_eq!((&old.measured_utc[..10], &old.made_utc[..10]), ("2026-02-10", "2026-03-01"));

@@ -51,7 +51,7 @@ fn sources() -> Vec<Source> {
 }
 
 #[test]
-fn stars_are_dimmed_where_they_stand() {
+fn stars_are_dimmed_where_they_lie() {
     let mut planner = planner_of(lit_instrument(), "static", los(), None);
     let plan = planner.plan(&sources());
     assert_eq!(plan.stars.len(), 5);

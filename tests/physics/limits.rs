@@ -52,11 +52,17 @@ fn wings_that_are_cut_are_over_the_budget_and_missing_in_the_truth_table() {
         (PsfModel::moffat(10.0, 2.5), moffat(10.0, 2.5)),
     ] {
         let plan = planner(SIZE, &psf, "auto", los(), None).plan(&middle()).clone();
-        let told = plan.chosen;
+        let reported = plan.chosen;
         // The rim of a wide footprint may be over the pixel budget too.
         let verdicts = [Verdict::FluxOverBudget, Verdict::PixelOverBudget];
-        assert!(verdicts.contains(&told.verdict), "light that is missing is over the budget, {psf:?}: {told:?}");
-        assert!(told.flux_rel < 2.0 * lost && told.flux_rel > 0.5 * lost, "{psf:?}: {lost:e} lost, {told:?}");
+        assert!(
+            verdicts.contains(&reported.verdict),
+            "light that is missing is over the budget, {psf:?}: {reported:?}"
+        );
+        assert!(
+            reported.flux_rel < 2.0 * lost && reported.flux_rel > 0.5 * lost,
+            "{psf:?}: {lost:e} lost, {reported:?}"
+        );
         let (drawn_e, table_e) = (draw_cpu(&plan).sum(), plan.electrons_on_detector());
         assert!((drawn_e / table_e - 1.0).abs() < TABLE_REL, "{psf:?}: {drawn_e} drawn, {table_e} in the truth table");
         assert!(1.0 - drawn_e / ELECTRONS > 0.5 * lost, "control: {drawn_e} e- drawn, {lost:e} lost");
@@ -92,16 +98,19 @@ fn pixels_beside_overexposed_stars_are_inside_the_budget_or_their_error_is_named
             let mut planner = planner(size, &PsfModel::gaussian(sigma_px), "auto", los(), None);
             let plan = planner.plan(&[star(0, electrons, px)]).clone();
             let found = unsaturated_sigma(&draw_cpu(&plan), &gaussian(px, sigma_px, electrons, size));
-            let told = plan.chosen;
-            println!("sigma {sigma_px}, {electrons:.0e} e-: {found:.1e} sigma, told {:.1e}", told.pixel_sigma);
-            if told.verdict.is_met() {
-                assert!(found <= 0.1, "sigma {sigma_px}, {electrons:e} e-: {found} sigma, {told:?}");
+            let reported = plan.chosen;
+            println!("sigma {sigma_px}, {electrons:.0e} e-: {found:.1e} sigma, told {:.1e}", reported.pixel_sigma);
+            if reported.verdict.is_met() {
+                assert!(found <= 0.1, "sigma {sigma_px}, {electrons:e} e-: {found} sigma, {reported:?}");
             } else if found > 0.1 {
-                let times = told.pixel_sigma / found;
-                assert!((1.0 / NAMED_WITHIN..=NAMED_WITHIN).contains(&times), "{electrons:e} e-: {found}, {told:?}");
+                let times = reported.pixel_sigma / found;
+                assert!(
+                    (1.0 / NAMED_WITHIN..=NAMED_WITHIN).contains(&times),
+                    "{electrons:e} e-: {found}, {reported:?}"
+                );
                 named += 1;
             }
-            assert!(electrons > 1e6 || told.verdict.is_met(), "control: {told:?}");
+            assert!(electrons > 1e6 || reported.verdict.is_met(), "control: {reported:?}");
         }
     }
     assert!(named >= 3, "{named} named: the test is idle");

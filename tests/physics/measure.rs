@@ -24,11 +24,11 @@ pub(crate) struct Measured {
 }
 
 impl Measured {
-    /// True when nothing is over the bounds of `told`.
-    pub(crate) fn is_within(&self, told: &Assessment) -> bool {
-        self.centroid_px <= told.centroid_px
-            && self.flux_rel <= told.flux_rel + F32_FLUX
-            && self.pixel_sigma <= told.pixel_sigma
+    /// True when nothing is over the bounds of `reported`.
+    pub(crate) fn is_within(&self, reported: &Assessment) -> bool {
+        self.centroid_px <= reported.centroid_px
+            && self.flux_rel <= reported.flux_rel + F32_FLUX
+            && self.pixel_sigma <= reported.pixel_sigma
     }
 }
 

@@ -45,7 +45,7 @@ fn apart(backend: &mut dyn Backend, plan: &ExposurePlan) -> (Vec<f64>, f64) {
 }
 
 #[test]
-fn each_pixel_shows_the_brighter_and_the_rest_is_told() {
+fn each_pixel_shows_the_brighter_and_the_rest_is_reported() {
     // A star on the target's way, and one far from it.
     let stars = [star(1, 3e4, [30.2, 30.4]), star(2, 2e4, [12.0, 50.0])];
     let mut with = crossing();

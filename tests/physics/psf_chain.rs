@@ -327,7 +327,7 @@ fn a_band_is_drawn_as_the_mean_of_its_wavelengths() {
 }
 
 #[test]
-fn sixteen_wavelengths_stand_for_a_band() {
+fn sixteen_wavelengths_represent_a_band() {
     use plan::optics::mtf::WAVELENGTHS;
     use plan::optics::{Band, Spectrum, spectral_weights};
     /// What the number of wavelengths may change, share of the flux per pixel.

@@ -127,13 +127,18 @@ fn bounds_hold_where_path_and_psf_both_change_over_the_field() {
             let instrument = Instrument { shutter, ..instrument(camera(SIZE), &psf) };
             let plan = planner_of(instrument, method, los.clone(), None).plan(&sources(&PLACES)).clone();
             for (i, class) in plan.classes.iter().enumerate() {
-                let (told, got) = (class.chosen, measure(&class_alone(&plan, i)));
+                let (reported, got) = (class.chosen, measure(&class_alone(&plan, i)));
                 println!(
                     "{words:23} {method:13} {}: told {:.1e} px {:.1e} sigma, got {:.1e} px {:.1e} sigma, {:?}",
-                    told.method, told.centroid_px, told.pixel_sigma, got.centroid_px, got.pixel_sigma, told.verdict
+                    reported.method,
+                    reported.centroid_px,
+                    reported.pixel_sigma,
+                    got.centroid_px,
+                    got.pixel_sigma,
+                    reported.verdict
                 );
-                assert!(got.is_within(&told), "{words}, {method}: told {told:?}, got {got:?}");
-                assert!(method != "auto" || told.verdict == Verdict::Fits, "{words}: {told:?}");
+                assert!(got.is_within(&reported), "{words}, {method}: told {reported:?}, got {got:?}");
+                assert!(method != "auto" || reported.verdict == Verdict::Fits, "{words}: {reported:?}");
             }
         }
     }
@@ -154,7 +159,7 @@ fn electrons_on_the_detector_are_all_accounted_for() {
     let psf = field([3, 2]);
     for place in [[-0.3, 20.4], [40.2, -1.1], [63.9, 50.0], [20.0, 64.0], [31.0, 31.2]] {
         let plan = planner(SIZE, &psf, "static", los(), None).plan(&sources(&[place])).clone();
-        let (told, drawn) = (plan.electrons_on_detector(), draw_reference(&plan).sum());
-        assert!((drawn - told).abs() < SUM * ELECTRONS, "{place:?}: {drawn} drawn, {told} told");
+        let (reported, drawn) = (plan.electrons_on_detector(), draw_reference(&plan).sum());
+        assert!((drawn - reported).abs() < SUM * ELECTRONS, "{place:?}: {drawn} drawn, {reported} told");
     }
 }

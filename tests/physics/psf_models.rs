@@ -132,7 +132,7 @@ fn tables_err_by_no_more_than_their_bounds() {
     for (name, psf) in [("grid 8", &fine), ("narrow grid 16", &narrow), ("Moffat", &PsfModel::moffat(0.9, 6.0))] {
         let tables = [4, 8, 16, 32].map(|oversampling| PsfSampling::Table { oversampling });
         for sampling in [PsfSampling::Auto].into_iter().chain(tables) {
-            let told = sampling_error(psf, sampling);
+            let reported = sampling_error(psf, sampling);
             let mut got = [0.0_f64; 2];
             for (method, path) in [("static", None), ("effective-psf", wander())] {
                 let instrument = Instrument { sampling, ..crate::scene::instrument(crate::scene::camera(SIZE), psf) };
@@ -154,17 +154,22 @@ fn tables_err_by_no_more_than_their_bounds() {
             }
             println!(
                 "{name:15} {sampling:9} told {:.1e} px {:.1e}, got {:.1e} px {:.1e}",
-                told.centroid_px, told.peak, got[0], got[1]
+                reported.centroid_px, reported.peak, got[0], got[1]
             );
-            assert!(got[1] <= told.peak + F32_PEAK, "{name}, {sampling}: peak {:e}, told {:e}", got[1], told.peak);
             assert!(
-                got[0] <= told.centroid_px + F32_PX,
+                got[1] <= reported.peak + F32_PEAK,
+                "{name}, {sampling}: peak {:e}, told {:e}",
+                got[1],
+                reported.peak
+            );
+            assert!(
+                got[0] <= reported.centroid_px + F32_PX,
                 "{name}, {sampling}: {:e} px, told {:e}",
                 got[0],
-                told.centroid_px
+                reported.centroid_px
             );
-            if told.peak > 1e-4 {
-                assert!(got[1] > 0.02 * told.peak, "{name}, {sampling}: the bound is idle");
+            if reported.peak > 1e-4 {
+                assert!(got[1] > 0.02 * reported.peak, "{name}, {sampling}: the bound is idle");
             }
         }
     }
@@ -178,17 +183,17 @@ fn a_psf_too_narrow_for_the_finest_table_is_over_the_budget() {
         (plan.chosen, measure(&plan), plan)
     };
     // Both sides of the edge: wide enough, and a needle of a quarter of a pixel.
-    let (told, got, _) = measured(&grid(8, |x, y| cell(x, 0.7) * cell(y, 0.7)), ELECTRONS);
-    assert!(told.verdict == Verdict::Fits && got.is_within(&told), "{told:?} {got:?}");
+    let (reported, got, _) = measured(&grid(8, |x, y| cell(x, 0.7) * cell(y, 0.7)), ELECTRONS);
+    assert!(reported.verdict == Verdict::Fits && got.is_within(&reported), "{reported:?} {got:?}");
     let needle = PsfModel::moffat(0.12, 3.0);
     assert!(
         table_error(&needle, oversampling(&needle)) > 5.0 * TABLE_ERROR,
         "{:e}",
         table_error(&needle, oversampling(&needle))
     );
-    let (told, got, _) = measured(&needle, 1e5);
-    assert!(!told.verdict.is_met(), "{told:?}");
-    assert!(got.pixel_sigma <= told.pixel_sigma, "{told:?} {got:?}");
+    let (reported, got, _) = measured(&needle, 1e5);
+    assert!(!reported.verdict.is_met(), "{reported:?}");
+    assert!(got.pixel_sigma <= reported.pixel_sigma, "{reported:?} {got:?}");
 }
 
 #[test]
@@ -209,20 +214,20 @@ fn electrons_on_the_detector_are_all_accounted_for() {
             for v in across {
                 let place = if along_x { [v, 20.4] } else { [33.3, v] };
                 let plan = planner(SIZE, &psf, method, los.clone(), None).plan(&sources(&[place])).clone();
-                let told = plan.electrons_on_detector();
+                let reported = plan.electrons_on_detector();
                 let drawn = draw_reference(&plan).sum();
                 assert!(
-                    (drawn - told).abs() < tolerance * ELECTRONS,
-                    "{method} at {place:?}: {drawn} drawn, {told} told"
+                    (drawn - reported).abs() < tolerance * ELECTRONS,
+                    "{method} at {place:?}: {drawn} drawn, {reported} told"
                 );
             }
         }
     }
     // Negative control: a star whose grid lies the other way round at an edge.
-    let told = planner(SIZE, &grid(8, |x, y| lopsided(-x, y)), "static", los(), None)
+    let reported = planner(SIZE, &grid(8, |x, y| lopsided(-x, y)), "static", los(), None)
         .plan(&sources(&[[0.2, 20.4]]))
         .electrons_on_detector();
     let drawn =
         draw_reference(planner(SIZE, &grid(8, lopsided), "static", los(), None).plan(&sources(&[[0.2, 20.4]]))).sum();
-    assert!((drawn - told).abs() > 10.0 * SUM * ELECTRONS, "{drawn} {told}");
+    assert!((drawn - reported).abs() > 10.0 * SUM * ELECTRONS, "{drawn} {reported}");
 }

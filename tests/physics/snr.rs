@@ -181,7 +181,7 @@ fn measured_snr_of_optimal_weights_agrees_and_is_better() {
 }
 
 #[test]
-fn the_pattern_of_the_photo_response_stands_apart() {
+fn the_pattern_of_the_photo_response_is_separate() {
     // Bright stars on a detector with 3 % PRNU: from star to star it is a noise, from frame to frame it is not.
     let params = DetectorParams { prnu: 0.03, ..detector() };
     let pixel = pixel_noise(&params);

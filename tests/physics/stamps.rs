@@ -261,7 +261,7 @@ fn a_wrong_image_fails_the_comparison() {
     let cases = committed();
     for (name, (case, stamps)) in &cases {
         // An undersampled star's centroid hardly moves with it at some phases: one phase must tell.
-        let told = stamps.iter().enumerate().any(|(phase, stamp)| {
+        let reported = stamps.iter().enumerate().any(|(phase, stamp)| {
             let [x, y] = case.phase(phase);
             // Across the path: along it, a smear hides the motion.
             let (sin, cos) = case.angle_deg.unwrap_or(-90.0).to_radians().sin_cos();
@@ -270,7 +270,7 @@ fn a_wrong_image_fails_the_comparison() {
             assert!(error.pixel > case.pixel_tolerance(), "{name}: moved by 0.003 px, reference");
             !Errors::of(&draw_cpu(&plan), stamp).within_budget()
         });
-        assert!(told, "{name}: moved by 0.003 px, auto");
+        assert!(reported, "{name}: moved by 0.003 px, auto");
         let [x, y] = case.phase(0);
         let mut image = draw_cpu(&case.plan([x, y], case.path()));
         image.pixels.iter_mut().for_each(|e| *e *= 1.002);

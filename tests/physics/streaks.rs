@@ -15,7 +15,7 @@ use plan::attitude::LosPath;
 use plan::exposure::Source;
 use plan::exposure::cost::CostModel;
 use plan::exposure::plan::Verdict;
-use plan::exposure::{ExposurePlan, Instrument, Planner, Rung, Shutter};
+use plan::exposure::{Degradation, ExposurePlan, Instrument, Planner, Shutter};
 use plan::optics::PsfModel;
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 
@@ -243,22 +243,22 @@ impl Tally {
         let streak = Streak::new(number);
         let plan = streak.plan(method);
         let found = streak.errors(&draw_cpu(&plan), &streak.truth());
-        let (budget, told) = (AccuracyBudget::default(), &plan.chosen);
+        let (budget, reported) = (AccuracyBudget::default(), &plan.chosen);
         let pairs = [
-            (found.centroid_px, told.centroid_px, budget.centroid_px),
-            (found.pixel_sigma, told.pixel_sigma, budget.pixel_sigma),
-            (found.flux_rel, told.flux_rel, budget.flux_rel),
+            (found.centroid_px, reported.centroid_px, budget.centroid_px),
+            (found.pixel_sigma, reported.pixel_sigma, budget.pixel_sigma),
+            (found.flux_rel, reported.flux_rel, budget.flux_rel),
         ];
         let is_inside = pairs.iter().all(|(found, _, budget)| found <= budget);
-        let is_named = pairs.iter().all(|(found, told, budget)| {
-            found <= budget || (*told <= NAMED_WITHIN * found && *told >= found / NAMED_WITHIN)
+        let is_named = pairs.iter().all(|(found, reported, budget)| {
+            found <= budget || (*reported <= NAMED_WITHIN * found && *reported >= found / NAMED_WITHIN)
         });
         self.inside += usize::from(is_inside);
-        self.named += usize::from(!is_inside && !told.verdict.is_met() && is_named);
-        self.false_alarms += usize::from(is_inside && !told.verdict.is_met());
+        self.named += usize::from(!is_inside && !reported.verdict.is_met() && is_named);
+        self.false_alarms += usize::from(is_inside && !reported.verdict.is_met());
         self.dots += usize::from(found.misplaced > NOT_DOTS);
-        if found.misplaced > NOT_DOTS || !(is_inside || (!told.verdict.is_met() && is_named)) {
-            self.broken.push(format!("{number} {}: {told:?}, {found:?}", streak.words()));
+        if found.misplaced > NOT_DOTS || !(is_inside || (!reported.verdict.is_met() && is_named)) {
+            self.broken.push(format!("{number} {}: {reported:?}, {found:?}", streak.words()));
         }
     }
 
@@ -308,7 +308,7 @@ fn a_streak_without_enough_time_has_as_many_nodes_as_fit() {
     let plan = streak.planner("auto").within_ms(limit_ms).plan(&streak.stars).clone();
     let (fewer, all) = (plan.chosen.method.nodes(), full.method.nodes());
     println!("{}: {} in {limit_ms} ms, {} in {} ms", streak.words(), plan.chosen.method, full.method, full.cost_ms);
-    assert_eq!(plan.rung, Rung::Full, "{:?}", plan.chosen);
+    assert_eq!(plan.degradation, Degradation::Full, "{:?}", plan.chosen);
     assert!(plan.chosen.cost_ms <= limit_ms, "{:?} in {limit_ms} ms", plan.chosen);
     assert!(fewer < all && fewer * 8 > all, "{fewer} nodes of {all}");
 }

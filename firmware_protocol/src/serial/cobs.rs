@@ -51,9 +51,9 @@ mod tests {
     use proptest::prelude::*;
 
     fn stuffed(plain: &[u8]) -> ([u8; 600], usize) {
-        let mut room = [0xEE; 600];
-        let len = stuff(plain, &mut room).unwrap();
-        (room, len)
+        let mut space = [0xEE; 600];
+        let len = stuff(plain, &mut space).unwrap();
+        (space, len)
     }
 
     #[test]
@@ -65,22 +65,22 @@ mod tests {
             (&[0x11, 0x22, 0, 0x33], &[3, 0x11, 0x22, 2, 0x33]),
             (&[0x11, 0, 0, 0], &[2, 0x11, 1, 1, 1]),
         ] {
-            let (room, len) = stuffed(plain);
-            assert_eq!(&room[..len], wanted, "{plain:?}");
+            let (space, len) = stuffed(plain);
+            assert_eq!(&space[..len], wanted, "{plain:?}");
         }
     }
 
     #[test]
     fn broken_stuffing_is_refused() {
         for bytes in [&[3, 1][..], &[0], &[2, 0], &[1, 0, 1]] {
-            let mut room = [0; 3];
-            room[..bytes.len()].copy_from_slice(bytes);
-            assert_eq!(unstuff(&mut room[..bytes.len()]), Err(Reject::BadFraming), "{bytes:?}");
+            let mut space = [0; 3];
+            space[..bytes.len()].copy_from_slice(bytes);
+            assert_eq!(unstuff(&mut space[..bytes.len()]), Err(Reject::BadFraming), "{bytes:?}");
         }
     }
 
     #[test]
-    fn too_little_room_is_no_panic() {
+    fn too_little_space_does_not_panic() {
         assert_eq!(stuff(&[1, 2, 3], &mut [0; 3]), None);
         assert_eq!(stuff(&[], &mut []), None);
     }
@@ -88,10 +88,10 @@ mod tests {
     proptest! {
         #[test]
         fn round_trips_without_zeros(plain in prop::collection::vec(prop_oneof![Just(0_u8), any::<u8>()], 0..520)) {
-            let (mut room, len) = stuffed(&plain);
-            prop_assert!(!room[..len].contains(&0), "a zero on the line");
+            let (mut space, len) = stuffed(&plain);
+            prop_assert!(!space[..len].contains(&0), "a zero on the line");
             prop_assert!(len <= plain.len() + 1 + plain.len() / 254);
-            prop_assert_eq!(unstuff(&mut room[..len]).unwrap(), &plain[..]);
+            prop_assert_eq!(unstuff(&mut space[..len]).unwrap(), &plain[..]);
         }
 
         #[test]

@@ -62,16 +62,16 @@ type Line = [u8; serial::ENCODED_MAX];
 
 /// `sl_can_decoder`: room for the crate's decoder.
 #[repr(C)]
-pub(crate) struct CanRoom([u64; 8]);
+pub(crate) struct CanSpace([u64; 8]);
 
 /// `sl_serial_decoder`: room for the crate's decoder.
 #[repr(C)]
-pub(crate) struct SerialRoom([u64; 16]);
+pub(crate) struct SerialSpace([u64; 16]);
 
-const _: () = assert!(size_of::<can::Decoder>() <= size_of::<CanRoom>());
-const _: () = assert!(align_of::<can::Decoder>() <= align_of::<CanRoom>());
-const _: () = assert!(size_of::<serial::Decoder>() <= size_of::<SerialRoom>());
-const _: () = assert!(align_of::<serial::Decoder>() <= align_of::<SerialRoom>());
+const _: () = assert!(size_of::<can::Decoder>() <= size_of::<CanSpace>());
+const _: () = assert!(align_of::<can::Decoder>() <= align_of::<CanSpace>());
+const _: () = assert!(size_of::<serial::Decoder>() <= size_of::<SerialSpace>());
+const _: () = assert!(align_of::<serial::Decoder>() <= align_of::<SerialSpace>());
 
 unsafe extern "C" {
     /// The program's own; does not return.
@@ -246,7 +246,7 @@ unsafe extern "C" fn sl_can_encode(
 }
 
 #[unsafe(no_mangle)]
-unsafe extern "C" fn sl_can_decoder_init(decoder: NonNull<CanRoom>, base: u16, node: u8) -> c_int {
+unsafe extern "C" fn sl_can_decoder_init(decoder: NonNull<CanSpace>, base: u16, node: u8) -> c_int {
     let ids = IdMap::new(base, node);
     // SAFETY: the room is writable, large and aligned enough (asserted above); what was there is overwritten.
     unsafe { decoder.cast::<can::Decoder>().write(can::Decoder::new(ids.unwrap_or_default())) };
@@ -255,7 +255,7 @@ unsafe extern "C" fn sl_can_decoder_init(decoder: NonNull<CanRoom>, base: u16, n
 
 #[unsafe(no_mangle)]
 unsafe extern "C" fn sl_can_read(
-    decoder: NonNull<CanRoom>,
+    decoder: NonNull<CanSpace>,
     frame: &RawFrame,
     raw: &mut MaybeUninit<RawMessage>,
 ) -> c_int {
@@ -288,14 +288,14 @@ unsafe extern "C" fn sl_serial_encode(seq: &mut u8, message: &RawMessage, line: 
 }
 
 #[unsafe(no_mangle)]
-unsafe extern "C" fn sl_serial_decoder_init(decoder: NonNull<SerialRoom>) {
+unsafe extern "C" fn sl_serial_decoder_init(decoder: NonNull<SerialSpace>) {
     // SAFETY: the room is writable, large and aligned enough (asserted above); what was there is overwritten.
     unsafe { decoder.cast::<serial::Decoder>().write(serial::Decoder::new()) };
 }
 
 #[unsafe(no_mangle)]
 unsafe extern "C" fn sl_serial_read(
-    decoder: NonNull<SerialRoom>,
+    decoder: NonNull<SerialSpace>,
     byte: u8,
     raw: &mut MaybeUninit<RawMessage>,
 ) -> c_int {

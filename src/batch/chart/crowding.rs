@@ -170,8 +170,8 @@ mod tests {
         assert_eq!(powers.len(), 2);
         assert!((powers[0].2 - 0.5).abs() < 1e-12, "twice the time for four times the stars: {powers:?}");
         assert!((powers[1].2 - 3.0).abs() < 1e-12, "{powers:?}");
-        let told = summary(&rows);
-        assert!(told.contains("up to 800 stars") && told.contains("power 3.00"), "{told}");
+        let reported = summary(&rows);
+        assert!(reported.contains("up to 800 stars") && reported.contains("power 3.00"), "{reported}");
         assert_eq!(chart(&rows).series.len(), 4);
     }
 }

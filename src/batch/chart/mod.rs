@@ -99,28 +99,28 @@ pub struct Charted {
 struct Steps<'a> {
     done: usize,
     total: usize,
-    tell: &'a mut dyn FnMut(&Step),
+    announce: &'a mut dyn FnMut(&Step),
 }
 
 impl Steps<'_> {
     fn begin(&mut self, next: impl Into<String>) {
-        (self.tell)(&Step { done: self.done, total: self.total, next: next.into() });
+        (self.announce)(&Step { done: self.done, total: self.total, next: next.into() });
         self.done += 1;
     }
 }
 
-/// Measures and draws everything; `tell` hears of every part before it begins.
+/// Measures and draws everything; `announce` hears of every part before it begins.
 ///
 /// # Errors
 /// When the backend asked for is not there, or fails.
-pub fn run(settings: &Settings, tell: &mut dyn FnMut(&Step)) -> Result<Charted, ChartError> {
+pub fn run(settings: &Settings, announce: &mut dyn FnMut(&Step)) -> Result<Charted, ChartError> {
     let (mut drawers, missing) = Drawer::open(settings.backends)?;
     let scenes = scenes::scenes(settings.quick);
     let effort = Effort::new(settings.quick);
     let sigmas_px = sampling::sigmas_px(settings.quick);
     // Poisson, prediction, footprint, effects and crowding follow the scenes and the samplings.
     let total = scenes.len() * drawers.len() + sigmas_px.len() + 5;
-    let mut steps = Steps { done: 0, total, tell };
+    let mut steps = Steps { done: 0, total, announce };
     let mut methods = Vec::new();
     for scene in &scenes {
         sweep::measure_scene(scene, settings, &mut drawers, effort, |name| steps.begin(name), &mut methods)?;

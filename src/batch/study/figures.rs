@@ -104,8 +104,8 @@ fn rejection(study: &Study, points: &[StudyPoint]) -> Chart {
         series: vec![
             series("theory |S|", Style::Line, 0, (0..=CURVE_POINTS).map(curve).collect()),
             series("bandwidth", Style::DashedLine, 6, vec![[bandwidth_hz, left(low)], [bandwidth_hz, 2.0]]),
-            series("measured, judged", Style::Points, 1, split(|verdict| verdict != Agreement::Told)),
-            series("measured above the bandwidth", Style::Points, 4, split(|verdict| verdict == Agreement::Told)),
+            series("measured, judged", Style::Points, 1, split(|verdict| verdict != Agreement::Reported)),
+            series("measured above the bandwidth", Style::Points, 4, split(|verdict| verdict == Agreement::Reported)),
         ],
         ring: String::new(),
         notes: vec![
@@ -152,7 +152,7 @@ pub(super) fn table(points: &[StudyPoint]) -> String {
         let verdict = match point.verdict {
             Agreement::Met => "",
             Agreement::NotMet => "  NOT MET",
-            Agreement::Told => "  (not judged)",
+            Agreement::Reported => "  (not judged)",
         };
         let allowed = if point.allowed.is_finite() { format!("{:.4}", point.allowed) } else { "above".into() };
         lines.push(format!(
@@ -161,7 +161,7 @@ pub(super) fn table(points: &[StudyPoint]) -> String {
         ));
     }
     let outside = points.iter().filter(|point| point.verdict == Agreement::NotMet).count();
-    let judged = points.iter().filter(|point| point.verdict != Agreement::Told).count();
+    let judged = points.iter().filter(|point| point.verdict != Agreement::Reported).count();
     lines.push(format!("{} of {judged} points as predicted", judged - outside));
     lines.join("\n") + "\n"
 }

@@ -150,7 +150,7 @@ pub(super) fn rejection(study: &Study, frequencies_hz: &[f64]) -> Result<Vec<Stu
         let predicted = study.paper.sensitivity(TAU * tone.frequency_hz).modulus();
         let allowed = REJECTION_SHARE * predicted;
         let point = StudyPoint::judged(REJECTION, (JITTER, tone.frequency_hz), [measured, predicted], allowed);
-        if tone.frequency_hz > bandwidth_hz { point.told() } else { point }
+        if tone.frequency_hz > bandwidth_hz { point.reported() } else { point }
     };
     Ok(injection.tones.iter().enumerate().map(point).collect())
 }

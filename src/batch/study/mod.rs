@@ -203,18 +203,18 @@ impl Study {
         self.crossover_rad_s / TAU
     }
 
-    /// Measures everything; `tell` hears of every part that is done: how many are, of how many, and which it was.
+    /// Measures everything; `announce` hears of every part that is done: how many are, of how many, and which it was.
     ///
     /// # Errors
     /// When a run fails.
-    pub fn run(&self, tell: &(dyn Fn(usize, usize, &str) + Sync)) -> Result<Studied, StudyError> {
+    pub fn run(&self, announce: &(dyn Fn(usize, usize, &str) + Sync)) -> Result<Studied, StudyError> {
         let parts = self.parts();
         let done = AtomicUsize::new(0);
         let measure = |part: &Part| {
             let name = part.name();
             let points =
                 self.measure(part).map_err(|why| StudyError::Run { point: name.clone(), why: Box::new(why) })?;
-            tell(done.fetch_add(1, Ordering::Relaxed) + 1, parts.len(), &name);
+            announce(done.fetch_add(1, Ordering::Relaxed) + 1, parts.len(), &name);
             Ok(points)
         };
         let found: Result<Vec<Vec<StudyPoint>>, StudyError> = parts.par_iter().map(measure).collect();

@@ -11,7 +11,7 @@ pub enum Agreement {
     /// Outside it.
     NotMet,
     /// Beyond what theory is held to: shown only.
-    Told,
+    Reported,
 }
 
 /// One row of `study.csv`.
@@ -71,7 +71,7 @@ impl StudyPoint {
 
     /// The same, shown but not judged.
     #[must_use]
-    pub fn told(self) -> Self {
-        Self { verdict: Agreement::Told, ..self }
+    pub fn reported(self) -> Self {
+        Self { verdict: Agreement::Reported, ..self }
     }
 }

@@ -123,8 +123,8 @@ pub fn at_rest(scenario: &Scenario, duration_s: f64, window_s: f64, injection: &
 pub fn fly(scenario: &Scenario) -> Result<Trace, LoopError> {
     let mut going = SteppedRun::new(scenario, |_| Box::new(NullSink::new()))?;
     let start = going.now();
-    let heard = Arc::new(Mutex::new(Vec::new()));
-    let told = Arc::clone(&heard);
+    let got = Arc::new(Mutex::new(Vec::new()));
+    let reported = Arc::clone(&got);
     going.on_row(Box::new(move |row: &TelemetryRow| {
         let sample = Sample {
             t_s: (row.at - start).s(),
@@ -133,14 +133,14 @@ pub fn fly(scenario: &Scenario) -> Result<Trace, LoopError> {
             rate_rad_s: row.rate_rad_s,
             is_fine: row.mode == Mode::FinePointing,
         };
-        told.lock().unwrap_or_else(PoisonError::into_inner).push(sample);
+        reported.lock().unwrap_or_else(PoisonError::into_inner).push(sample);
     }));
     going.run_to_end(&mut |_, _, _| true)?;
     let outcome = going.end(None);
     if let Some(error) = outcome.error {
         return Err(error);
     }
-    let samples = core::mem::take(&mut *heard.lock().unwrap_or_else(PoisonError::into_inner));
+    let samples = core::mem::take(&mut *got.lock().unwrap_or_else(PoisonError::into_inner));
     Ok(Trace { samples, nea_rad: outcome.assessment.nea_rad() })
 }
 

@@ -38,7 +38,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_line_is_found_and_weights_tell() {
+    fn a_line_is_found_and_weights_count() {
         let points = [[1.0, 5.0, 1.0], [2.0, 7.0, 3.0], [4.0, 11.0, 0.5]];
         let line = Line::through(points.into_iter());
         assert!((line.slope - 2.0).abs() < 1e-12 && (line.offset - 3.0).abs() < 1e-12, "{line:?}");

@@ -24,8 +24,8 @@ pub fn budget_table(report: &BudgetReport) -> String {
     lines.extend(report.lines.iter().map(line));
     lines.push(String::new());
     push_counts(&mut lines, report);
-    let (had, asked) = (report.hygiene.iter().filter(|h| h.got).count(), report.hygiene.len());
-    lines.push(format!("real-time scheduling and memory: {had} of {asked} asked for were had"));
+    let (obtained, asked) = (report.hygiene.iter().filter(|h| h.got).count(), report.hygiene.len());
+    lines.push(format!("real-time scheduling and memory: {obtained} of {asked} asked for were had"));
     lines.extend(report.hygiene.iter().filter(|h| !h.got).map(|h| format!("not had: {}: {}", h.what, h.detail)));
     let few = report.frames.delivered < ENOUGH_FOR_P99;
     lines.extend(few.then(|| format!("note: with fewer than {ENOUGH_FOR_P99} frames p99 is the longest time")));

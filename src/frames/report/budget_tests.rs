@@ -99,7 +99,7 @@ fn latency_and_missed_slots_have_lines_of_their_own() {
 }
 
 #[test]
-fn a_stage_that_did_not_run_is_told_and_a_run_without_frames_fails() {
+fn a_stage_that_did_not_run_is_reported_and_a_run_without_frames_fails() {
     let (stages, ring) = (StageHistograms::default(), FrameRing::default());
     let report = report(budget_lines(&limits(), &stages, &ring), &ring);
     assert_eq!(broken(&report), [Stage::ReleaseToDelivered.name(), LATENCY]);

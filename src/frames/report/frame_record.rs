@@ -124,7 +124,7 @@ pub struct FrameRecord {
     /// Why it was missed; `None` when it was not.
     pub cause: Option<MissCause>,
     /// Rung of the degradation ladder.
-    pub rung: &'static str,
+    pub degradation: &'static str,
     /// Motion method.
     pub method: &'static str,
     /// Where the attitude came from.
@@ -166,7 +166,7 @@ impl FrameRecord {
             lateness: woken - due,
             fate: Fate::Dropped,
             cause: None,
-            rung: "none",
+            degradation: "none",
             method: "none",
             origin: "none",
             horizon: Span::ZERO,
@@ -220,7 +220,7 @@ pub(crate) fn sample_record(number: u32) -> FrameRecord {
     (record.finished, record.submitted, record.delivered) = (Some(after(131)), Some(after(132)), Some(after(136)));
     record.commanded = Some(after(60));
     (record.lateness, record.fate) = (Span::from_ms(-49), Fate::Sent);
-    (record.rung, record.method, record.origin) = ("full", "samples", "interpolated");
+    (record.degradation, record.method, record.origin) = ("full", "samples", "interpolated");
     record
 }
 

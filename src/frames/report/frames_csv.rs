@@ -58,7 +58,7 @@ fn row(record: &FrameRecord) -> Vec<String> {
         ms(record.lateness),
         record.fate.name().to_owned(),
         record.cause.map(MissCause::name).unwrap_or_default().to_owned(),
-        record.rung.to_owned(),
+        record.degradation.to_owned(),
         record.method.to_owned(),
         record.origin.to_owned(),
         ms(record.horizon),

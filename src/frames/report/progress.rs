@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_tells_what_is_left() {
+    fn a_step_reports_what_is_left() {
         assert_eq!(step_line(0, 4, 0.0, "S1", 80), "0/4 done in 0 s; next: S1");
         assert_eq!(step_line(3, 4, 30.2, "S4", 80), "3/4 done in 30 s, about 10 s left; next: S4");
         assert_eq!(step_line(3, 4, 30.2, "S4", 9), "3/4 done…");

@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn ports_beyond_the_room_are_left_out() {
+    fn ports_beyond_the_capacity_are_left_out() {
         let mut numbers = RunNumbers::NONE;
         (0..PORTS_MAX).for_each(|_| numbers.push_port(PortCounts::NONE));
         assert_eq!((numbers.ports().len(), numbers.ports_left_out()), (PORTS_MAX, 0));

@@ -289,7 +289,7 @@ mod tests {
     }
 
     #[test]
-    fn stages_stand_in_flow_order() {
+    fn stages_are_in_flow_order() {
         let text = sample_summary().to_json_pretty().unwrap();
         let places: Vec<usize> = Stage::ALL.iter().map(|s| text.find(&format!("\"{}\":", s.name())).unwrap()).collect();
         assert!(places.is_sorted(), "{places:?}");

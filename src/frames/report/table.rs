@@ -256,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_stand_under_their_headings() {
+    fn numbers_are_under_their_headings() {
         let text = summary_table(&sample_summary());
         let heading = line_of(&text, "wall time of");
         let render = line_of(&text, "render");
@@ -268,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn frame_counts_stand_under_their_names() {
+    fn frame_counts_are_under_their_names() {
         let text = summary_table(&sample_summary());
         let lines: Vec<&str> = text.lines().collect();
         let at = lines.iter().position(|l| l.contains("extrapolated")).unwrap();

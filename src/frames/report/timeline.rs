@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn bars_are_as_long_as_their_stages_and_the_deadline_stands_where_it_is() {
+    fn bars_are_as_long_as_their_stages_and_the_deadline_lies_where_it_is() {
         let late = FrameRecord {
             lateness: Span::from_ms(12),
             fate: Fate::Held,

@@ -52,8 +52,8 @@ impl Sink for Alone {
         self.sink.counts()
     }
 
-    fn take_losses(&mut self, tell: &mut dyn FnMut(Loss)) {
-        self.sink.take_losses(tell);
+    fn take_losses(&mut self, announce: &mut dyn FnMut(Loss)) {
+        self.sink.take_losses(announce);
     }
 
     fn lines(&self) -> Vec<SinkLine> {

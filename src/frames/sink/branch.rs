@@ -102,7 +102,7 @@ impl Branch {
     pub(super) fn offer(&mut self, frame: &SentFrame) {
         self.collect();
         let free = self.free.pop();
-        let _the_loss_is_told = self.put(free, frame);
+        let _the_loss_is_reported = self.put(free, frame);
     }
 
     /// Hands a copy of a frame over as soon as there is a buffer.
@@ -201,9 +201,9 @@ impl Branch {
     }
 
     /// Tells what was lost since the last time.
-    pub(super) fn take_losses(&mut self, tell: &mut dyn FnMut(Loss)) {
+    pub(super) fn take_losses(&mut self, announce: &mut dyn FnMut(Loss)) {
         self.collect();
-        self.losses.drain(..).for_each(tell);
+        self.losses.drain(..).for_each(announce);
     }
 
     /// No more frames come.

@@ -62,16 +62,16 @@ fn the_suite_notices_broken_sinks() {
 
 /// A disk with room for so many bytes.
 struct FullAfter {
-    room: usize,
+    space: usize,
 }
 
 impl Write for FullAfter {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        if self.room == 0 && !bytes.is_empty() {
+        if self.space == 0 && !bytes.is_empty() {
             return Err(io::ErrorKind::StorageFull.into());
         }
-        let written = bytes.len().min(self.room);
-        self.room -= written;
+        let written = bytes.len().min(self.space);
+        self.space -= written;
         Ok(written)
     }
 
@@ -99,10 +99,10 @@ fn every_writer_reports_a_disk_that_fills_up_at_any_byte() {
     for (name, write) in writers {
         let mut whole = Vec::new();
         write(&mut whole).unwrap();
-        for room in 0..whole.len() {
-            let error = write(&mut FullAfter { room }).expect_err("no room");
-            assert_eq!(error.kind(), io::ErrorKind::StorageFull, "{name} after {room} of {} bytes", whole.len());
+        for space in 0..whole.len() {
+            let error = write(&mut FullAfter { space }).expect_err("no room");
+            assert_eq!(error.kind(), io::ErrorKind::StorageFull, "{name} after {space} of {} bytes", whole.len());
         }
-        write(&mut FullAfter { room: whole.len() }).expect("just enough room");
+        write(&mut FullAfter { space: whole.len() }).expect("just enough room");
     }
 }

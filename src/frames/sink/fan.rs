@@ -139,8 +139,8 @@ impl Sink for Fan {
         }
     }
 
-    fn take_losses(&mut self, tell: &mut dyn FnMut(Loss)) {
-        self.branches.iter_mut().for_each(|branch| branch.take_losses(tell));
+    fn take_losses(&mut self, announce: &mut dyn FnMut(Loss)) {
+        self.branches.iter_mut().for_each(|branch| branch.take_losses(announce));
     }
 
     fn lines(&self) -> Vec<SinkLine> {

@@ -80,7 +80,7 @@ impl Sink for BlocksAtEnd {
     }
 
     fn finish(&mut self) -> Result<SinkSummary, SinkError> {
-        let (_nobody, never) = bounded::<()>(0);
+        let (_no_one, never) = bounded::<()>(0);
         let _ = never.recv_timeout(std::time::Duration::from_secs(3600)); // as good as never
         self.0.finish()
     }

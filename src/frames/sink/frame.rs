@@ -208,7 +208,7 @@ pub struct FrameMeta {
     /// Smear method.
     pub method: &'static str,
     /// How far the frame was degraded to be ready in time; `full`: not at all.
-    pub rung: &'static str,
+    pub degradation: &'static str,
     /// Stars that were left out: too faint to be seen, or for want of time.
     pub left_out_stars: usize,
     /// Their electrons together.
@@ -285,7 +285,7 @@ impl FrameMeta {
             jitter_missing: Span::ZERO,
             backend: "none",
             method: "none",
-            rung: "full",
+            degradation: "full",
             left_out_stars: 0,
             left_out_e: 0.0,
             occulted_stars: 0,

@@ -65,7 +65,7 @@ pub struct FrameRow {
     /// Smear method.
     pub method: String,
     /// How far the frame was degraded; `full`: not at all.
-    pub rung: String,
+    pub degradation: String,
     /// Stars left out.
     pub left_out_stars: usize,
     /// Their electrons together.
@@ -252,7 +252,7 @@ mod tests {
                 jitter_missing_ns: meta.jitter_missing.ns(),
                 backend: meta.backend.into(),
                 method: meta.method.into(),
-                rung: meta.rung.into(),
+                degradation: meta.degradation.into(),
                 left_out_stars: meta.left_out_stars,
                 left_out_e: meta.left_out_e,
                 occulted_stars: meta.occulted_stars,

@@ -91,7 +91,7 @@ pub trait Sink: Send {
     }
 
     /// Tells the frames lost since the last call: those that `send` had taken, or that one of several sinks did not take.
-    fn take_losses(&mut self, _tell: &mut dyn FnMut(Loss)) {}
+    fn take_losses(&mut self, _announce: &mut dyn FnMut(Loss)) {}
 
     /// What each did, when this is several sinks; whole after `finish`.
     fn lines(&self) -> Vec<SinkLine> {

@@ -42,7 +42,7 @@ pub fn sample_frame(number: u32) -> SentFrame {
     (frame.meta.end_horizon, frame.meta.is_partly_extrapolated) = (Span::from_ms(62), true);
     (frame.meta.residual_arcsec, frame.meta.jitter_missing) = (0.375, Span::from_ms(14));
     (frame.meta.backend, frame.meta.method, frame.meta.origin) = ("cpu", "kernel", "predicted");
-    (frame.meta.rung, frame.meta.left_out_stars, frame.meta.left_out_e) = ("budget-x3", 17, 12.25);
+    (frame.meta.degradation, frame.meta.left_out_stars, frame.meta.left_out_e) = ("budget-x3", 17, 12.25);
     (frame.meta.occulted_stars, frame.meta.overlap_lost_e) = (5, 6.5);
     frame.meta.faults = FaultFlags::HOT_PIXELS | FaultFlags::LINK_DROP;
     let amount = Amount { value: 31.25, unit: "e-/s" };

@@ -216,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn header_frames_and_trailer_stand_where_the_format_wants_them() {
+    fn header_frames_and_trailer_lie_where_the_format_wants_them() {
         let directory = tempfile::tempdir().unwrap();
         let (mut ser, path) = begun(directory.path(), 3);
         ser.finish().unwrap();

@@ -313,8 +313,8 @@ impl Sink for SharedMemory {
 
     fn finish(&mut self) -> Result<SinkSummary, SinkError> {
         self.head.is_over = 1;
-        let told = self.file.write_all_at(&1_u32.to_ne_bytes(), offset_of!(FileHead, is_over) as u64);
-        told.map_err(|source| SinkError::Write { path: self.path.clone(), source })?;
+        let reported = self.file.write_all_at(&1_u32.to_ne_bytes(), offset_of!(FileHead, is_over) as u64);
+        reported.map_err(|source| SinkError::Write { path: self.path.clone(), source })?;
         let summary = self.tally.finish(self.name());
         if !has_name(&self.file, &self.path) {
             return Err(SinkError::Vanished { path: self.path.clone() });

@@ -38,19 +38,19 @@ pub struct TapEnd {
     empty: Sender<TappedFrame>,
 }
 
-/// A tap with room for `room` frames of `size_px` (columns, rows).
+/// A tap with room for `space` frames of `size_px` (columns, rows).
 #[must_use]
-pub fn tap(size_px: [usize; 2], room: usize) -> (Tap, TapEnd) {
-    let (full, to_take) = bounded(room);
-    let (given_back, empty) = bounded(room);
-    for _ in 0..room {
+pub fn tap(size_px: [usize; 2], space: usize) -> (Tap, TapEnd) {
+    let (full, to_take) = bounded(space);
+    let (given_back, empty) = bounded(space);
+    for _ in 0..space {
         let buffer = TappedFrame {
             number: 0,
             exposure_s: 0.0,
             regions: Regions::WHOLE,
             image: DnImage::new(size_px[0], size_px[1]),
         };
-        let _there_is_room_for_all = given_back.try_send(buffer);
+        let _there_is_space_for_all = given_back.try_send(buffer);
     }
     let tap = Tap { full, empty, tally: Tally::default(), lost: 0 };
     (tap, TapEnd { full: to_take, empty: given_back })
@@ -73,7 +73,7 @@ impl TapEnd {
 
     /// Returns a frame's buffer.
     pub fn give_back(&self, frame: TappedFrame) {
-        let _there_is_room_for_all = self.empty.try_send(frame);
+        let _there_is_space_for_all = self.empty.try_send(frame);
     }
 }
 

@@ -37,9 +37,9 @@ impl Sink for Tee {
         self.first.counts()
     }
 
-    fn take_losses(&mut self, tell: &mut dyn FnMut(Loss)) {
-        self.first.take_losses(tell);
-        self.second.take_losses(tell);
+    fn take_losses(&mut self, announce: &mut dyn FnMut(Loss)) {
+        self.first.take_losses(announce);
+        self.second.take_losses(announce);
     }
 
     /// The first one's, as the summary is.

@@ -101,7 +101,7 @@ mod tests {
     use base::region::Region;
 
     #[test]
-    fn off_costs_nothing_and_on_is_told() {
+    fn off_costs_nothing_and_on_is_reported() {
         let none = Patterns::default();
         assert_eq!(factor(&DetectorParams::QUIET, &none, 1024), 1.0, "exactly: plans stay the same");
         let free = DetectorParams { amplifier_noise_e_rms: 5.0, ..DetectorParams::QUIET };

@@ -5,7 +5,7 @@
 use crate::detector::binning::{Binning, BinningKind};
 use crate::detector::conditions::DetectorConditions;
 use crate::detector::dark_current::DarkLaw;
-use crate::detector::defects::{DefectRoom, Defects};
+use crate::detector::defects::{DefectSpace, Defects};
 use crate::detector::outliers::{Outlier, Outliers};
 use crate::detector::params::DetectorParams;
 use crate::detector::protons::{ProtonFlux, ProtonTrack, Protons};
@@ -42,13 +42,13 @@ impl Disturbances {
             Some(Binning { factor, kind: BinningKind::Charge { .. } }) => factor,
             _ => 1,
         };
-        let room =
-            DefectRoom { size_px, charge_binning, defects: population + SPARE_DEFECTS, pixels: population + SPARE_PX };
-        let mut defects = Defects::new(room, seeds.noise, FRAME_PERIOD_S);
+        let space =
+            DefectSpace { size_px, charge_binning, defects: population + SPARE_DEFECTS, pixels: population + SPARE_PX };
+        let mut defects = Defects::new(space, seeds.noise, FRAME_PERIOD_S);
         // There is room for all of them, and all are on the detector.
         let _ = defects.insert_all(spatial.defects.draw(size_px, seeds.sensor));
         let protons = Protons::new(size_px, spatial.layer, seeds.noise, MOST_TRACKS, MOST_TRACK_PX);
-        let outliers = Outliers::with_capacity(room.pixels + MOST_TRACK_PX);
+        let outliers = Outliers::with_capacity(space.pixels + MOST_TRACK_PX);
         Self { defects, protons, own_flux: spatial.protons, outliers }
     }
 

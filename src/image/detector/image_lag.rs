@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn an_earlier_frame_or_a_reset_begins_anew_and_gaps_fade() {
+    fn an_earlier_frame_or_a_reset_starts_again_and_gaps_fade() {
         let mut stage = lag(0.5);
         let first = frames(&mut stage, &[(0, 100.0), (1, 0.0)]);
         assert_eq!(frames(&mut stage, &[(0, 100.0), (1, 0.0)]), first, "back to frame 0");

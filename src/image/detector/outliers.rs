@@ -49,7 +49,7 @@ pub struct Outliers {
 
 impl Clone for Outliers {
     fn clone(&self) -> Self {
-        Self { list: with_room(&self.list) }
+        Self { list: with_space(&self.list) }
     }
 }
 
@@ -124,7 +124,7 @@ impl Outliers {
 
 /// A copy that has as much room: a plain clone has none to spare.
 #[must_use]
-pub fn with_room<T: Clone>(list: &Vec<T>) -> Vec<T> {
+pub fn with_space<T: Clone>(list: &Vec<T>) -> Vec<T> {
     let mut copy = Vec::with_capacity(list.capacity());
     copy.extend_from_slice(list);
     copy
@@ -171,12 +171,12 @@ mod tests {
     fn what_does_not_fit_is_counted() {
         let list: Vec<Outlier> = (0..100).map(|i| hot(i, 1.0)).collect();
         let mut few = Outliers::with_capacity(10);
-        let room = few.capacity();
-        assert_eq!(few.merge(&list, &[]), 100 - room);
-        assert_eq!(few.list().len(), room);
-        assert_eq!(few.capacity(), room, "never grows");
+        let space = few.capacity();
+        assert_eq!(few.merge(&list, &[]), 100 - space);
+        assert_eq!(few.list().len(), space);
+        assert_eq!(few.capacity(), space, "never grows");
         few.clear();
-        assert!(few.clone().capacity() >= room, "copies have the room too");
+        assert!(few.clone().capacity() >= space, "copies have the room too");
     }
 
     #[test]

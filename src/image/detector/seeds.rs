@@ -66,7 +66,7 @@ mod tests {
     }
 
     #[test]
-    fn one_number_stands_for_both_seeds() {
+    fn one_number_sets_both_seeds() {
         assert_eq!(flat(Seeds::from(7), 2), flat(Seeds { sensor: 7, noise: 7 }, 2));
         assert_ne!(flat(Seeds::from(7), 2), flat(Seeds { sensor: 7, noise: 8 }, 2), "the noise seed is used");
     }

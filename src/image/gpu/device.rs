@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn a_missing_adapter_is_told_with_what_there_is() {
+    fn a_missing_adapter_is_reported_with_what_there_is() {
         let infos = [adapter("llvmpipe", DeviceType::Cpu)];
         let text = no_adapter(&infos, &AdapterChoice::Named("H9".into())).to_string();
         assert!(text.contains("named \"H9\"") && text.contains("llvmpipe"), "{text}");

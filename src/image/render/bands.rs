@@ -21,7 +21,7 @@ const CHUNKS_RESERVED: usize = 4;
 const LISTS_RESERVED: usize = 16;
 const NODES_RESERVED: usize = 256;
 /// Room in a band of a chunk, as multiples of its share of the stars.
-const ROOM: usize = 8;
+const SPACE: usize = 8;
 /// A star that is drawn from the PSF itself: this, less the PSF's number where it is one of several.
 pub(super) const NO_KERNEL: u32 = u32::MAX;
 
@@ -158,8 +158,8 @@ impl NodeColumns {
 
 /// Empty bands of one chunk; memory that is never written is never taken.
 fn chunk(bands: usize) -> Vec<Members> {
-    let room = (ROOM * CHUNK).div_ceil(bands.max(1)).min(CHUNK);
-    let members = |_| Members { spots: Vec::with_capacity(room), trails: Vec::with_capacity(room) };
+    let space = (SPACE * CHUNK).div_ceil(bands.max(1)).min(CHUNK);
+    let members = |_| Members { spots: Vec::with_capacity(space), trails: Vec::with_capacity(space) };
     (0..bands).map(members).collect()
 }
 

@@ -60,7 +60,7 @@ impl Apart {
         half.sampling = plan.sampling;
         half.half_px = plan.half_px;
         half.chosen = plan.chosen;
-        half.rung = plan.rung;
+        half.degradation = plan.degradation;
         half.cut_off = plan.cut_off;
         (half.reach_px, half.extent_px, half.smear) = (plan.reach_px, plan.extent_px, plan.smear);
         if half.psf != plan.psf {

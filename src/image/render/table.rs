@@ -269,9 +269,9 @@ impl PsfTable {
     }
 }
 
-/// Makes `room` hold as much as `other` could without growing.
-pub(super) fn reserve_as<T>(room: &mut Vec<T>, other: &Vec<T>) {
-    room.reserve_exact(other.capacity().saturating_sub(room.len()));
+/// Makes `space` hold as much as `other` could without growing.
+pub(super) fn reserve_as<T>(space: &mut Vec<T>, other: &Vec<T>) {
+    space.reserve_exact(other.capacity().saturating_sub(space.len()));
 }
 
 /// `row[x] += gain * source[x + first]` where both exist.

@@ -12,10 +12,10 @@ thread_local! {
 pub(super) fn caught<T>(read: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     static QUIET_WHILE_READING: Once = Once::new();
     QUIET_WHILE_READING.call_once(|| {
-        let tell = take_hook();
+        let announce = take_hook();
         set_hook(Box::new(move |panic| {
             if !IS_READING.get() {
-                tell(panic);
+                announce(panic);
             }
         }));
     });

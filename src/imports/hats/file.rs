@@ -97,12 +97,12 @@ impl ParquetFile {
         let (mut file, mut at, mut values) = (&*self.file, begin, 0_u64);
         while at < end {
             let page_at = at;
-            let told = |what: &str| format!("page at byte {page_at}: {what}");
+            let reported = |what: &str| format!("page at byte {page_at}: {what}");
             let head =
-                read_at(&mut file, at, PAGE_HEAD_BYTES.min(end - at)).map_err(|error| told(&error.to_string()))?;
-            let (page, head_bytes) = PageHead::read(&head).ok_or_else(|| told("its head makes no sense"))?;
+                read_at(&mut file, at, PAGE_HEAD_BYTES.min(end - at)).map_err(|error| reported(&error.to_string()))?;
+            let (page, head_bytes) = PageHead::read(&head).ok_or_else(|| reported("its head makes no sense"))?;
             at += head_bytes;
-            values = values.saturating_add(page.check(end - at, value_bytes).map_err(|what| told(&what))?);
+            values = values.saturating_add(page.check(end - at, value_bytes).map_err(|what| reported(&what))?);
             at += page.packed_bytes;
         }
         if values == rows { Ok(()) } else { Err(format!("wanted {rows} values in its pages, got {values}")) }

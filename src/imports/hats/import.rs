@@ -53,7 +53,7 @@ pub fn import(
         progress(got);
     }
     if is_coarse {
-        sorting.tell(COARSE_PLACES, got);
+        sorting.announce(COARSE_PLACES, got);
     }
     if got == wanted { Ok(got) } else { Err(HatsError::Rows { path: path.into(), what: "its footer", wanted, got }) }
 }

@@ -164,9 +164,9 @@ mod tests {
         let read = Properties::read(folder.path()).unwrap();
         assert_eq!((read.get("obs_ack"), read.get("empty")), (Some(credits), None));
         assert_eq!(read.folder(), folder.path());
-        let told = read.wanted("hats_col_ra", "a name").unwrap_err().to_string();
-        assert!(told.contains("properties: hats_col_ra: wanted a name, got nothing"), "{told}");
-        let told = Properties::read(&folder.path().join("no")).unwrap_err().to_string();
-        assert!(told.contains("hats.properties"), "{told}");
+        let reported = read.wanted("hats_col_ra", "a name").unwrap_err().to_string();
+        assert!(reported.contains("properties: hats_col_ra: wanted a name, got nothing"), "{reported}");
+        let reported = Properties::read(&folder.path().join("no")).unwrap_err().to_string();
+        assert!(reported.contains("hats.properties"), "{reported}");
     }
 }

@@ -109,9 +109,9 @@ fn layers_that_do_not_fit_together_are_not_exported() {
     let path = |name: &str| folder.path().join(name);
     let reports = build(&path("one"), &stars(2_000, 3));
     let refused = |layers: &[Layer], max_rows: usize| {
-        let told = export(layers, &path("out"), &exporting(max_rows), &mut |_| {}).unwrap_err().to_string();
-        assert!(!path("out").exists() && !path("out.part").exists(), "nothing is left: {told}");
-        told
+        let reported = export(layers, &path("out"), &exporting(max_rows), &mut |_| {}).unwrap_err().to_string();
+        assert!(!path("out").exists() && !path("out.part").exists(), "nothing is left: {reported}");
+        reported
     };
     let layer = |place: usize| Layer::open(&reports[place].path).unwrap();
     assert!(refused(&[layer(1), layer(0)], 100).contains("magnitudes: wanted 14 or fainter"));
@@ -119,8 +119,8 @@ fn layers_that_do_not_fit_together_are_not_exported() {
     let star = NewStar { mag_g: 9.0, ..stars(1, 0)[0] };
     let same_place: Vec<NewStar> = (0..5).map(|source_id| NewStar { source_id, ..star }).collect();
     let crowd = build(&path("crowd"), &same_place);
-    let told = refused(&[Layer::open(&crowd[0].path).unwrap()], 4);
-    assert!(told.contains("of order 13: 5 stars") && told.contains("raise --max-rows"), "{told}");
+    let reported = refused(&[Layer::open(&crowd[0].path).unwrap()], 4);
+    assert!(reported.contains("of order 13: 5 stars") && reported.contains("raise --max-rows"), "{reported}");
     assert!(refused(&[Layer::open(&crowd[2].path).unwrap()], 4).contains("stars: wanted some"));
     let mut sorting = Sorting::start(&path("work"), &[99.0]).unwrap();
     sorting.add(&NewStar { mag_g: 19.0, ..star }).unwrap();
@@ -136,8 +136,8 @@ fn layers_that_do_not_fit_together_are_not_exported() {
     export(&[layer(0)], &slash, &exporting(100), &mut |_| {}).unwrap();
     assert!(HatsCatalog::open(&path("slash")).is_ok() && !path("slash.part").exists());
     for nameless in ["", ".", "./", "..", "no_such/.."] {
-        let told = export(&[layer(0)], Path::new(nameless), &exporting(100), &mut |_| {}).unwrap_err().to_string();
-        assert!(told.contains("wanted the name of a new folder"), "{nameless:?}: {told}");
+        let reported = export(&[layer(0)], Path::new(nameless), &exporting(100), &mut |_| {}).unwrap_err().to_string();
+        assert!(reported.contains("wanted the name of a new folder"), "{nameless:?}: {reported}");
     }
     let again = export(&[layer(0)], &path("out"), &exporting(100), &mut |_| {}).unwrap_err().to_string();
     assert!(again.contains("out: there already"), "{again}");
@@ -278,14 +278,14 @@ fn every_form_of_parquet_gives_the_same_stars() {
     let (done, sorting, into) = take(&path, &Names::default());
     assert_eq!(done.unwrap(), 20_000);
     let counts = sorting.counts();
-    assert_eq!(sorting.told().collect::<Vec<_>>(), [(WITHOUT_MAGNITUDE, 1), (WITHOUT_PLACE, 1)]);
+    assert_eq!(sorting.reported().collect::<Vec<_>>(), [(WITHOUT_MAGNITUDE, 1), (WITHOUT_PLACE, 1)]);
     assert_eq!(counts.stars, 19_998);
     // Rows 0, 5, 10, ... have no motion; 0, 2, 4, ... no parallax; 0, 3, 6, ... no colour; 3 and 7 are left out.
     assert_eq!((counts.without_motion, counts.without_parallax, counts.without_colour), (4_000, 10_000, 6_666));
     let wanted = bytes_of(sorting, &into);
     let zstd = Compression::ZSTD(Default::default());
     let second = WriterVersion::PARQUET_2_0;
-    for (told, form) in [
+    for (reported, form) in [
         ("dictionaries", Form { dictionary: true, ..PLAIN }),
         ("Snappy", Form { compression: Compression::SNAPPY, ..PLAIN }),
         ("Zstandard, dictionaries", Form { compression: zstd, dictionary: true, ..PLAIN }),
@@ -299,8 +299,8 @@ fn every_form_of_parquet_gives_the_same_stars() {
     ] {
         write_file(&path, &columns(20_000), &form);
         let (done, sorting, into) = take(&path, &Names::default());
-        assert_eq!(done.unwrap(), 20_000, "{told}");
-        assert!(bytes_of(sorting, &into) == wanted, "{told}");
+        assert_eq!(done.unwrap(), 20_000, "{reported}");
+        assert!(bytes_of(sorting, &into) == wanted, "{reported}");
     }
     let mut moved = columns(20_000);
     moved[3].1 = Cells::F64((0..20_000).map(|i| Some(20.000_001 - f64::from(i) * 1e-3)).collect());
@@ -321,7 +321,7 @@ fn numbers_of_all_types_are_read() {
     write_file(&path, &file, &PLAIN);
     let (done, sorting, into) = take(&path, &Names::default());
     assert_eq!(done.unwrap(), 50);
-    assert_eq!(sorting.told().collect::<Vec<_>>(), [(COARSE_PLACES, 50)], "a tenth of an arcsecond is told");
+    assert_eq!(sorting.reported().collect::<Vec<_>>(), [(COARSE_PLACES, 50)], "a tenth of an arcsecond is told");
     let reports = sorting.finish(into.path(), EPOCH_YR, "", &mut |_| {}).unwrap();
     let mut found = Vec::new();
     Layer::open(&reports[0].path).unwrap().cone(glam::DVec3::Z, 4.0, 99.0, &mut found).unwrap();
@@ -346,9 +346,12 @@ fn names_of_columns() {
     write_file(&path, &renamed("source_id", STARLOOP_ID), &PLAIN);
     assert_eq!(take(&path, &Names::default()).0.unwrap(), 40, "what starloop wrote has identifiers of its own");
     write_file(&path, &renamed("phot_g_mean_mag", "G"), &PLAIN);
-    let told = take(&path, &Names::default()).0.unwrap_err().to_string();
-    assert!(told.contains("column phot_g_mean_mag: wanted a column of that name, got none; the file has"), "{told}");
-    assert!(told.contains("pmdec, G, bp_rp"), "{told}");
+    let reported = take(&path, &Names::default()).0.unwrap_err().to_string();
+    assert!(
+        reported.contains("column phot_g_mean_mag: wanted a column of that name, got none; the file has"),
+        "{reported}"
+    );
+    assert!(reported.contains("pmdec, G, bp_rp"), "{reported}");
     let mut names = Names::default();
     names.rename("phot_g_mean_mag", "G");
     assert_eq!(take(&path, &names).0.unwrap(), 40);
@@ -357,7 +360,7 @@ fn names_of_columns() {
 }
 
 #[test]
-fn cells_that_are_wrong_are_told_with_file_row_and_column() {
+fn cells_that_are_wrong_are_reported_with_file_row_and_column() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("wrong.parquet");
     let refused = |place: usize, cells: Cells| {
@@ -369,17 +372,26 @@ fn cells_that_are_wrong_are_told_with_file_row_and_column() {
     let with = |at: usize, value: Option<f64>| {
         Cells::F64((0..9_000).map(|i| if i == at { value } else { Some(5.0) }).collect())
     };
-    let told = refused(2, with(8_500, Some(f64::INFINITY)));
-    assert!(told.contains("wrong.parquet, row 8501, column ra: wanted a number, or null, got inf"), "{told}");
-    let told = refused(2, with(8_500, Some(-1.0)));
-    assert!(told.contains("wrong.parquet, row 8501, column ra: wanted degrees from 0 to 360, got -1"), "{told}");
+    let reported = refused(2, with(8_500, Some(f64::INFINITY)));
+    assert!(reported.contains("wrong.parquet, row 8501, column ra: wanted a number, or null, got inf"), "{reported}");
+    let reported = refused(2, with(8_500, Some(-1.0)));
+    assert!(
+        reported.contains("wrong.parquet, row 8501, column ra: wanted degrees from 0 to 360, got -1"),
+        "{reported}"
+    );
     let ids = (0..9_000).map(|i| (i != 20).then_some(i)).collect();
-    let told = refused(1, Cells::I64(ids));
-    assert!(told.contains("row 21, column source_id: wanted a whole number, got null"), "{told}");
-    let told = refused(1, with(0, None));
-    assert!(told.contains("column source_id: wanted whole numbers: INT32 or INT64, one a row, got DOUBLE"), "{told}");
-    let told = refused(7, Cells::Text(vec![Some("15.0".into()); 9_000]));
-    assert!(told.contains("column phot_g_mean_mag: wanted numbers") && told.contains("BYTE_ARRAY"), "{told}");
+    let reported = refused(1, Cells::I64(ids));
+    assert!(reported.contains("row 21, column source_id: wanted a whole number, got null"), "{reported}");
+    let reported = refused(1, with(0, None));
+    assert!(
+        reported.contains("column source_id: wanted whole numbers: INT32 or INT64, one a row, got DOUBLE"),
+        "{reported}"
+    );
+    let reported = refused(7, Cells::Text(vec![Some("15.0".into()); 9_000]));
+    assert!(
+        reported.contains("column phot_g_mean_mag: wanted numbers") && reported.contains("BYTE_ARRAY"),
+        "{reported}"
+    );
 }
 
 /// A catalog of two partitions, in pixels 4 and 6 of order 0, about RA 0 and 180 on the equator.
@@ -429,8 +441,8 @@ fn catalogs_are_whole_or_refused() {
     // Of 100 rows each, one has no magnitude.
     assert_eq!(reports.iter().map(|report| report.stars).sum::<u64>(), 198);
     let mut refused = |words: &str| {
-        let told = attempt().unwrap_err().to_string();
-        assert!(told.contains(words), "wanted {words:?} in {told}");
+        let reported = attempt().unwrap_err().to_string();
+        assert!(reported.contains(words), "wanted {words:?} in {reported}");
     };
     let file = |number: u64| path.join(format!("dataset/Norder=0/Dir=0/Npix={number}.parquet"));
     let list = path.join("partition_info.csv");

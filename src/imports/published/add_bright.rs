@@ -33,34 +33,34 @@ pub(super) fn add_by(
     sorting: &mut Sorting,
 ) -> Result<(), LayerError> {
     sorting.begin_bright();
-    bright.told.iter().for_each(|(what, count)| sorting.tell(what, *count));
+    bright.reported.iter().for_each(|(what, count)| sorting.announce(what, *count));
     let twice = keep_first(&mut bright.hipparcos) + keep_first(&mut bright.tycho);
-    tell_some(sorting, TWICE, twice);
+    print_some(sorting, TWICE, twice);
     let mut stars = bright.hipparcos;
-    sorting.tell("stars of Hipparcos", stars.len() as u64);
-    sorting.tell("stars of Tycho-2", bright.tycho.len() as u64);
+    sorting.announce("stars of Hipparcos", stars.len() as u64);
+    sorting.announce("stars of Tycho-2", bright.tycho.len() as u64);
     let are_hipparcos = {
         let mut match_up = Crossmatch::new(&bright.tycho, HIPPARCOS_EPOCH_YR, rule);
         stars.iter().for_each(|star| match_up.offer(&ReferenceStar::from(star)));
         match_up.found()
     };
-    sorting.tell("stars of Tycho-2 that Hipparcos has, left out", count(&are_hipparcos));
+    sorting.announce("stars of Tycho-2 that Hipparcos has, left out", count(&are_hipparcos));
     stars.extend(bright.tycho.iter().zip(&are_hipparcos).filter(|(_, is)| !**is).map(|(star, _)| *star));
     let (all, faint_end) = (stars.len(), sorting.faint_end_mag());
     stars.retain(|star| f64::from(star.mag_g) < faint_end);
-    tell_some(sorting, TOO_FAINT, (all - stars.len()) as u64);
+    print_some(sorting, TOO_FAINT, (all - stars.len()) as u64);
     let faintest = stars.iter().map(|star| f64::from(star.mag_g)).fold(f64::NEG_INFINITY, f64::max);
     let mut match_up = Crossmatch::new(&stars, epoch_yr, rule);
     sorting.each_star(faintest + LOOK_DEEPER_MAG, &mut |star| {
         match_up.offer(&ReferenceStar::taken_in(star, epoch_yr));
     })?;
     let are_there = match_up.found();
-    sorting.tell("bright stars that were there, left out", count(&are_there));
+    sorting.announce("bright stars that were there, left out", count(&are_there));
     let missing: Vec<&BrightStar> =
         stars.iter().zip(&are_there).filter(|(_, is)| !**is).map(|(star, _)| star).collect();
-    sorting.tell("bright stars that were missing, added", missing.len() as u64);
+    sorting.announce("bright stars that were missing, added", missing.len() as u64);
     let still = missing.iter().filter(|star| star.motion_mas_yr.is_none()).count();
-    sorting.tell("of these without a proper motion, left where they were seen", still as u64);
+    sorting.announce("of these without a proper motion, left where they were seen", still as u64);
     missing.iter().try_for_each(|star| sorting.add(&star.at(epoch_yr)))
 }
 
@@ -71,9 +71,9 @@ fn keep_first(stars: &mut Vec<BrightStar>) -> u64 {
     (all - stars.len()) as u64
 }
 
-fn tell_some(sorting: &mut Sorting, what: &str, count: u64) {
+fn print_some(sorting: &mut Sorting, what: &str, count: u64) {
     if count > 0 {
-        sorting.tell(what, count);
+        sorting.announce(what, count);
     }
 }
 

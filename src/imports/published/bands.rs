@@ -72,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn beyond_their_domains_relations_stand_still() {
+    fn beyond_their_domains_relations_stay_constant() {
         for ([low, high], of) in [
             (VI_DOMAIN_MAG, (|x| of_hipparcos(9.0, Some(x))) as fn(f64) -> (f64, Option<f64>)),
             (BTVT_DOMAIN_MAG, |x| of_tycho(Some(9.0 + x), Some(9.0)).unwrap()),

@@ -88,7 +88,7 @@ pub struct BrightStars {
     /// Of Tycho-2 and its first supplement.
     pub tycho: Vec<BrightStar>,
     /// What a person should know of.
-    pub told: BTreeMap<&'static str, u64>,
+    pub reported: BTreeMap<&'static str, u64>,
 }
 
 /// What a line holds.
@@ -141,11 +141,11 @@ impl BrightStars {
             Format::TychoSupplement => tycho::supplement_star(row)?,
         };
         let Some(star) = star else {
-            self.tell(WITHOUT_MAGNITUDE, 1);
+            self.announce(WITHOUT_MAGNITUDE, 1);
             return Ok(());
         };
         if star.bp_rp.is_none() {
-            self.tell(WITHOUT_COLOUR, 1);
+            self.announce(WITHOUT_COLOUR, 1);
         }
         if self.hipparcos.len() + self.tycho.len() == MOST_BRIGHT {
             return Err(row.refuse_line("at most 3,000,000 bright stars in all files"));
@@ -156,8 +156,8 @@ impl BrightStars {
     }
 
     /// Counts something that a person should know of.
-    pub(super) fn tell(&mut self, what: &'static str, count: u64) {
-        *self.told.entry(what).or_default() += count;
+    pub(super) fn announce(&mut self, what: &'static str, count: u64) {
+        *self.reported.entry(what).or_default() += count;
     }
 }
 

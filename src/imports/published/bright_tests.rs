@@ -87,7 +87,7 @@ fn lines_of_tycho_have_the_place_that_is_theirs() {
 }
 
 #[test]
-fn lines_that_are_wrong_are_told() {
+fn lines_that_are_wrong_are_reported() {
     for (text, words) in [
         (
             HIP2.replace("1.5497279598", "7.5497279598"),
@@ -105,8 +105,8 @@ fn lines_that_are_wrong_are_told() {
         (format!("{HIP2}{TYC2}"), "line 5, column all"),
         ("source_id,ra,dec\n".into(), "wanted a line of hip2.dat, tyc2.dat or suppl_1.dat, got \"source_id,ra,dec\""),
     ] {
-        let told = read(&text).expect_err(words);
-        assert!(told.contains(words) && told.contains("stars.dat"), "{words}: {told}");
+        let reported = read(&text).expect_err(words);
+        assert!(reported.contains(words) && reported.contains("stars.dat"), "{words}: {reported}");
     }
     assert!(read("").unwrap().hipparcos.is_empty());
     let mut bright = BrightStars::default();
@@ -118,7 +118,7 @@ fn lines_that_are_wrong_are_told() {
     };
     assert_eq!(wide(LONGEST_LINE), Ok(1));
     assert!(wide(LONGEST_LINE + 1).unwrap_err().contains("line 1: longer than 1000 bytes"));
-    assert_eq!(read(&TYC2.replace("|11.318|", "|      |").replace("|10.521|", "|      |")).unwrap().told.len(), 1);
+    assert_eq!(read(&TYC2.replace("|11.318|", "|      |").replace("|10.521|", "|      |")).unwrap().reported.len(), 1);
 }
 
 /// What becomes of a damaged text: an error with its place, or every line counted as a star or as one left out.
@@ -127,8 +127,12 @@ fn is_accounted_for(bytes: &[u8]) -> bool {
     match bright.read_text(bytes, Path::new("stars.dat")) {
         Ok(()) => {
             let lines = bytes.split(|byte| *byte == b'\n').filter(|line| !line.trim_ascii().is_empty()).count();
-            let left_out =
-                bright.told.iter().filter(|(what, _)| what.contains("left out")).map(|(_, count)| count).sum::<u64>();
+            let left_out = bright
+                .reported
+                .iter()
+                .filter(|(what, _)| what.contains("left out"))
+                .map(|(_, count)| count)
+                .sum::<u64>();
             (bright.hipparcos.len() + bright.tycho.len()) as u64 + left_out == lines as u64
         }
         Err(error) => error.to_string().contains("stars.dat"),
@@ -153,11 +157,11 @@ fn no_flipped_bit_and_no_cut_loses_a_line_silently() {
 
 #[test]
 fn stars_that_come_twice_or_are_too_faint_are_counted_and_not_added() {
-    let told = |text: &str, limit_mag: f32| {
+    let reported = |text: &str, limit_mag: f32| {
         let folder = tempfile::tempdir().unwrap();
         let mut sorting = Sorting::start(folder.path(), &[limit_mag]).unwrap();
         add_bright(read(text).unwrap(), 2016.0, &mut sorting).unwrap();
-        let count = |what: &str| sorting.told().find(|told| told.0 == what).map(|told| told.1);
+        let count = |what: &str| sorting.reported().find(|reported| reported.0 == what).map(|reported| reported.1);
         let counts = sorting.counts();
         (
             (counts.stars, counts.too_faint),
@@ -171,13 +175,13 @@ fn stars_that_come_twice_or_are_too_faint_are_counted_and_not_added() {
             }),
         )
     };
-    assert_eq!(told(HIP2, 10.0), ((4, 0), [Some(4), None, None]), "control");
-    assert_eq!(told(&HIP2.repeat(2), 10.0), ((4, 0), [Some(4), Some(4), None]));
-    assert_eq!(told(&TYC2.repeat(3), 20.0), ((4, 0), [Some(4), Some(8), None]));
+    assert_eq!(reported(HIP2, 10.0), ((4, 0), [Some(4), None, None]), "control");
+    assert_eq!(reported(&HIP2.repeat(2), 10.0), ((4, 0), [Some(4), Some(4), None]));
+    assert_eq!(reported(&TYC2.repeat(3), 20.0), ((4, 0), [Some(4), Some(8), None]));
     // Polaris is of G 1.9: both sides of a layer's end, and at it.
     let polaris = read(HIP2).unwrap().hipparcos[0].mag_g;
-    assert_eq!(told(HIP2, polaris), ((3, 0), [Some(3), None, Some(1)]));
-    assert_eq!(told(HIP2, polaris.next_up()), ((4, 0), [Some(4), None, None]));
+    assert_eq!(reported(HIP2, polaris), ((3, 0), [Some(3), None, Some(1)]));
+    assert_eq!(reported(HIP2, polaris.next_up()), ((4, 0), [Some(4), None, None]));
 }
 
 #[test]
@@ -504,14 +508,14 @@ fn merged(sky: &MadeSky, rule: Option<Rule>) -> (Vec<CatalogSource>, Vec<(String
         Some(rule) => add_by(rule, bright, 2016.0, &mut sorting).unwrap(),
         None => add_bright(bright, 2016.0, &mut sorting).unwrap(),
     }
-    let told = sorting.told().map(|(what, count)| (what.to_owned(), count)).collect();
+    let reported = sorting.reported().map(|(what, count)| (what.to_owned(), count)).collect();
     let reports = sorting.finish(&folder.path().join("layers"), 2016.0, "", &mut |_| {}).unwrap();
     let (mut all, mut found) = (Vec::new(), Vec::new());
     for report in reports {
         Layer::open(&report.path).unwrap().cone(DVec3::Z, PI, 99.0, &mut found).unwrap();
         all.append(&mut found);
     }
-    (all, told)
+    (all, reported)
 }
 
 /// How many entries each made star has, by kind: none, one, more. An entry is the star's that is nearest to it of all that
@@ -552,8 +556,8 @@ const ALL_BUT_PAIRS: [Kind; 4] = [Kind::Single, Kind::Fast, Kind::Variable, Kind
 #[test]
 fn a_made_sky_has_every_star_once() {
     let sky = made_sky();
-    let (layers, told) = merged(&sky, None);
-    eprintln!("{told:?}");
+    let (layers, reported) = merged(&sky, None);
+    eprintln!("{reported:?}");
     let [lost, once, doubled] = tally(&sky, &layers, &ALL_BUT_PAIRS);
     assert_eq!([lost, doubled], [0, 0], "of {once}");
     let [lost, once, doubled] = tally(&sky, &layers, &[Kind::Pair]);

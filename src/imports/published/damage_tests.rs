@@ -23,16 +23,16 @@ const ROWS: u64 = 5;
 struct Found {
     rows: u64,
     stars: u64,
-    told: BTreeMap<String, u64>,
+    reported: BTreeMap<String, u64>,
 }
 
 impl Found {
-    fn told(&self, what: &str) -> u64 {
-        self.told.get(what).copied().unwrap_or(0)
+    fn reported(&self, what: &str) -> u64 {
+        self.reported.get(what).copied().unwrap_or(0)
     }
 
     fn left_out(&self) -> u64 {
-        self.told(WITHOUT_PLACE) + self.told(WITHOUT_MAGNITUDE)
+        self.reported(WITHOUT_PLACE) + self.reported(WITHOUT_MAGNITUDE)
     }
 }
 
@@ -40,21 +40,21 @@ fn read(text: &[u8], folder: &Path) -> Result<Found, String> {
     let mut sorting = Sorting::start(folder, &[22.0]).unwrap();
     let rows = gaia::import_text(text, Path::new("g.csv"), &Names::default(), &mut sorting, &mut |_| {});
     let rows = rows.map_err(|error| error.to_string())?;
-    let told = sorting.told().map(|(what, count)| (what.to_owned(), count)).collect();
-    Ok(Found { rows, stars: sorting.counts().stars, told })
+    let reported = sorting.reported().map(|(what, count)| (what.to_owned(), count)).collect();
+    Ok(Found { rows, stars: sorting.counts().stars, reported })
 }
 
 /// Holds what was found against the text's lines; whether it was read.
 fn is_read(text: &[u8], folder: &Path) -> bool {
     match read(text, folder) {
-        Err(told) => {
-            assert!(told.contains("g.csv"), "{told}");
+        Err(reported) => {
+            assert!(reported.contains("g.csv"), "{reported}");
             false
         }
         Ok(found) => {
             let lines = text.split(|byte| *byte == b'\n').filter(|line| !line.trim_ascii().is_empty());
             let rows = lines.skip_while(|line| line.starts_with(b"#")).skip(1).count() as u64;
-            assert_eq!(found.rows + found.told(COMMENTS), rows, "{}", String::from_utf8_lossy(text));
+            assert_eq!(found.rows + found.reported(COMMENTS), rows, "{}", String::from_utf8_lossy(text));
             let too_faint = found.rows - found.stars - found.left_out();
             assert!(found.stars <= ROWS && found.rows <= ROWS && too_faint <= 1);
             true
@@ -67,7 +67,7 @@ fn no_flipped_bit_and_no_cut_loses_a_row_silently() {
     let (folder, text) = (tempfile::tempdir().unwrap(), TEXT.as_bytes());
     let whole = read(text, folder.path()).unwrap();
     assert_eq!((whole.rows, whole.stars, whole.left_out()), (ROWS, 3, 2), "control: the file undamaged");
-    assert_eq!(whole.told.len(), 2, "and nothing else is told: {:?}", whole.told);
+    assert_eq!(whole.reported.len(), 2, "and nothing else is told: {:?}", whole.reported);
     let (mut taken, mut refused) = (0, 0);
     for at in 0..text.len() {
         for bit in 0..8 {
@@ -85,10 +85,10 @@ fn no_flipped_bit_and_no_cut_loses_a_row_silently() {
             Ok(found) => {
                 // A header that is cut in a column that nobody needs is one.
                 assert!(found.stars <= 3 && (end > header_end || found.rows == 0), "cut at {end}");
-                let is_told = found.told(WITHOUT_END) == 1;
-                assert_eq!(is_told, !is_whole_line && found.rows > 0, "cut at {end}");
+                let is_reported = found.reported(WITHOUT_END) == 1;
+                assert_eq!(is_reported, !is_whole_line && found.rows > 0, "cut at {end}");
             }
-            Err(told) => assert!(!is_whole_line || end < header_end, "cut at {end}: {told}"),
+            Err(reported) => assert!(!is_whole_line || end < header_end, "cut at {end}: {reported}"),
         }
     }
 }
@@ -97,9 +97,9 @@ fn no_flipped_bit_and_no_cut_loses_a_row_silently() {
 fn one_bit_makes_no_comment_of_a_row_and_no_number_positive() {
     let folder = tempfile::tempdir().unwrap();
     let found = read(TEXT.replacen("\n34361", "\n#4361", 1).as_bytes(), folder.path()).unwrap();
-    assert_eq!((found.rows, found.told(COMMENTS)), (ROWS - 1, 1), "a row that looks like a comment is counted");
-    let told = read(TEXT.replacen(",-0.02", ",\r0.02", 1).as_bytes(), folder.path()).err().unwrap();
-    assert!(told.contains("line 7, column dec: wanted a number"), "{told}");
+    assert_eq!((found.rows, found.reported(COMMENTS)), (ROWS - 1, 1), "a row that looks like a comment is counted");
+    let reported = read(TEXT.replacen(",-0.02", ",\r0.02", 1).as_bytes(), folder.path()).err().unwrap();
+    assert!(reported.contains("line 7, column dec: wanted a number"), "{reported}");
 }
 
 #[test]
@@ -120,14 +120,14 @@ fn lines_are_read_up_to_the_longest() {
     };
     let plain = |text: &str| read(text.as_bytes(), &folder.path().join("work")).map(|found| found.rows);
     assert_eq!((plain(&text(LONGEST_LINE)), packed(&text(LONGEST_LINE))), (Ok(2), Ok(2)));
-    for told in [plain(&text(LONGEST_LINE + 1)).unwrap_err(), packed(&text(LONGEST_LINE + 1)).unwrap_err()] {
-        assert!(told.contains("line 6: longer than 1048576 bytes"), "{told}");
+    for reported in [plain(&text(LONGEST_LINE + 1)).unwrap_err(), packed(&text(LONGEST_LINE + 1)).unwrap_err()] {
+        assert!(reported.contains("line 6: longer than 1048576 bytes"), "{reported}");
     }
     // Comments and a file of one endless line are no exceptions.
     let comment = format!("#{}\n{TEXT}", "-".repeat(LONGEST_LINE));
     assert!(plain(&comment).unwrap_err().contains("line 1: longer"));
     let endless = "0".repeat(64 << 20);
-    for told in [plain(&endless).unwrap_err(), packed(&endless).unwrap_err()] {
-        assert!(told.contains("line 1: longer"), "{told}");
+    for reported in [plain(&endless).unwrap_err(), packed(&endless).unwrap_err()] {
+        assert!(reported.contains("line 1: longer"), "{reported}");
     }
 }

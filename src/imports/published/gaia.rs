@@ -158,7 +158,7 @@ pub fn import_text(
     let mut rows = 0;
     while let Some(line) = lines.next()? {
         if line.text.starts_with('#') {
-            sorting.tell(COMMENTS, 1);
+            sorting.announce(COMMENTS, 1);
             continue;
         }
         rows += 1;
@@ -167,7 +167,7 @@ pub fn import_text(
             sorting.add(&star).map_err(|source| ImportError::Star { path: path.into(), line: line.number, source })?;
         }
         if !line.is_ended {
-            sorting.tell(WITHOUT_END, 1);
+            sorting.announce(WITHOUT_END, 1);
         }
         if rows % ROWS_A_STEP == 0 {
             progress(rows);
@@ -192,7 +192,7 @@ pub(crate) fn star_of_row<E>(
     sorting: &mut Sorting,
 ) -> Result<Option<NewStar>, E> {
     let (Some(ra_deg), Some(dec_deg)) = (number(RA)?, number(DEC)?) else {
-        sorting.tell(WITHOUT_PLACE, 1);
+        sorting.announce(WITHOUT_PLACE, 1);
         return Ok(None);
     };
     for ((column, [low, high], wanted), angle) in ANGLES.into_iter().zip([ra_deg, dec_deg]) {
@@ -201,7 +201,7 @@ pub(crate) fn star_of_row<E>(
         }
     }
     let Some(mag_g) = number(G)? else {
-        sorting.tell(WITHOUT_MAGNITUDE, 1);
+        sorting.announce(WITHOUT_MAGNITUDE, 1);
         return Ok(None);
     };
     let bp_rp = match (number(BP_RP)?, number(BP)?, number(RP)?) {
@@ -356,7 +356,7 @@ mod tests {
         let text = format!("{head}1,,2.0,,,,15.0,1.0\n2,1.0,2.0,,,,null,1.0\n3,1.0,2.0,1.0,,,15.0,\n");
         let (done, sorting, _folder) = take(text.as_bytes(), "g.csv", &Names::default());
         assert_eq!((done.unwrap(), sorting.counts().stars), (3, 1));
-        assert_eq!(sorting.told().collect::<Vec<_>>(), [(WITHOUT_MAGNITUDE, 1), (WITHOUT_PLACE, 1)]);
+        assert_eq!(sorting.reported().collect::<Vec<_>>(), [(WITHOUT_MAGNITUDE, 1), (WITHOUT_PLACE, 1)]);
         assert_eq!(sorting.counts().without_motion, 1, "half a motion is none");
     }
 
@@ -381,30 +381,33 @@ mod tests {
         let (done, sorting, _folder) = take(format!("{head}{row}{last}{row}").as_bytes(), "g.csv", &Names::default());
         assert_eq!((done.unwrap(), sorting.counts().stars), (3, 3), "a quote where nobody looks");
         let stray = format!("{head}2,\"1.0,2.0,,,,15.0,1.0,\n{row}{row}");
-        let told = take(stray.as_bytes(), "g.csv", &Names::default()).0.unwrap_err().to_string();
-        assert!(told.contains("line 2, column ra: wanted a number"), "{told}");
+        let reported = take(stray.as_bytes(), "g.csv", &Names::default()).0.unwrap_err().to_string();
+        assert!(reported.contains("line 2, column ra: wanted a number"), "{reported}");
         let comma = format!("{head}{}", row.replace("\"n\"", "\"n,m\""));
-        let told = take(comma.as_bytes(), "g.csv", &Names::default()).0.unwrap_err().to_string();
-        assert!(told.contains("wanted 9 cells as the header has, got 10"), "{told}");
+        let reported = take(comma.as_bytes(), "g.csv", &Names::default()).0.unwrap_err().to_string();
+        assert!(reported.contains("wanted 9 cells as the header has, got 10"), "{reported}");
     }
 
     #[test]
-    fn what_is_wrong_is_told_with_file_line_and_column() {
+    fn what_is_wrong_is_reported_with_file_line_and_column() {
         let refused = |text: &[u8], name: &str| take(text, name, &Names::default()).0.unwrap_err().to_string();
         let bad = BULK.replace("11.938616", "11.9x");
-        let told = refused(bad.as_bytes(), "g.csv");
-        assert!(told.contains("g.csv, line 7, column pmra: wanted a number, or null, got \"11.9x\""), "{told}");
-        let told = refused(BULK.replace("phot_g_mean_mag", "g_mag").replace("pmra,", "pm_e,").as_bytes(), "g.csv");
-        assert!(told.contains("g.csv: no column pmra, phot_g_mean_mag; got solution_id,source_id"), "{told}");
-        assert!(told.contains("--column phot_g_mean_mag=NAME") && told.contains("--column pmra= "), "{told}");
-        let told = refused(BULK.replace("4295806720", "4.3e9").as_bytes(), "g.csv");
-        assert!(told.contains("column source_id: wanted a whole number"), "{told}");
-        let told = refused(BULK.replace("44.99615537864534", "444.9").as_bytes(), "g.csv");
-        assert!(told.contains("line 7, column ra: wanted degrees from 0 to 360, got \"444.9"), "{told}");
-        let told = refused(BULK.replace("0.005615226341865997", "95.5").as_bytes(), "g.csv");
-        assert!(told.contains("column dec: wanted degrees from -90 to 90, got \"95.5\""), "{told}");
-        let told = refused(BULK.replace(",1.2\n", "\n").as_bytes(), "g.csv");
-        assert!(told.contains("line 7: wanted 12 cells"), "{told}");
+        let reported = refused(bad.as_bytes(), "g.csv");
+        assert!(reported.contains("g.csv, line 7, column pmra: wanted a number, or null, got \"11.9x\""), "{reported}");
+        let reported = refused(BULK.replace("phot_g_mean_mag", "g_mag").replace("pmra,", "pm_e,").as_bytes(), "g.csv");
+        assert!(reported.contains("g.csv: no column pmra, phot_g_mean_mag; got solution_id,source_id"), "{reported}");
+        assert!(
+            reported.contains("--column phot_g_mean_mag=NAME") && reported.contains("--column pmra= "),
+            "{reported}"
+        );
+        let reported = refused(BULK.replace("4295806720", "4.3e9").as_bytes(), "g.csv");
+        assert!(reported.contains("column source_id: wanted a whole number"), "{reported}");
+        let reported = refused(BULK.replace("44.99615537864534", "444.9").as_bytes(), "g.csv");
+        assert!(reported.contains("line 7, column ra: wanted degrees from 0 to 360, got \"444.9"), "{reported}");
+        let reported = refused(BULK.replace("0.005615226341865997", "95.5").as_bytes(), "g.csv");
+        assert!(reported.contains("column dec: wanted degrees from -90 to 90, got \"95.5\""), "{reported}");
+        let reported = refused(BULK.replace(",1.2\n", "\n").as_bytes(), "g.csv");
+        assert!(reported.contains("line 7: wanted 12 cells"), "{reported}");
         let whole = packed(BULK.as_bytes());
         for cut in [whole.len() - 1, whole.len() - 9, whole.len() / 2] {
             refused(&whole[..cut], "g.csv.gz");

@@ -88,14 +88,14 @@ mod tests {
     fn the_longest_line_is_read_and_a_longer_one_is_not() {
         for end in ["", "\n", "\r\n"] {
             assert_eq!(all(format!("xyz{end}").as_bytes(), 3).unwrap().len(), 1);
-            let told = all(format!("a\nwxyz{end}").as_bytes(), 3).unwrap_err();
-            assert!(told.contains("a.csv, line 2: longer than 3 bytes"), "{told}");
+            let reported = all(format!("a\nwxyz{end}").as_bytes(), 3).unwrap_err();
+            assert!(reported.contains("a.csv, line 2: longer than 3 bytes"), "{reported}");
         }
     }
 
     #[test]
-    fn what_is_no_text_is_told() {
-        let told = all(b"a\n\xff\n", 3).unwrap_err();
-        assert!(told.contains("a.csv, line 2: not UTF-8"), "{told}");
+    fn non_utf8_lines_are_reported() {
+        let reported = all(b"a\n\xff\n", 3).unwrap_err();
+        assert!(reported.contains("a.csv, line 2: not UTF-8"), "{reported}");
     }
 }

@@ -134,8 +134,8 @@ fn stars_are_plausible() {
 #[test]
 fn numbers_that_make_no_layers_are_refused() {
     for limits in [&[][..], &[12.0, 10.0], &[10.0, 10.0], &[22.1], &[-0.1], &[f32::NAN]] {
-        let told = Population::new(limits, None, 1).unwrap_err();
-        assert!(told.contains("wanted rising magnitudes in 0..22"), "{told}");
+        let reported = Population::new(limits, None, 1).unwrap_err();
+        assert!(reported.contains("wanted rising magnitudes in 0..22"), "{reported}");
     }
     assert!(Population::new(&[10.0, 22.0], None, 1).is_ok(), "control");
 }

@@ -7,7 +7,7 @@ use std::io::{BufRead, BufReader, Chain, Cursor, Read};
 /// First words of classic pcap files, in microseconds and nanoseconds, in either byte order.
 const CLASSIC_PCAP: [u32; 4] = [0xA1B2_C3D4, 0xD4C3_B2A1, 0xA1B2_3C4D, 0x4D3C_B2A1];
 /// Characters of a refused line that are told.
-const TOLD: usize = 60;
+const REPORTED: usize = 60;
 
 /// Reads packets; after an error or the end there are no more.
 pub struct CaptureReader<R: Read> {
@@ -117,8 +117,8 @@ impl<R: BufRead> LineReader<R> {
     }
 
     fn refuse(&self, why: &'static str) -> CaptureError {
-        let told = String::from_utf8_lossy(&self.text);
-        let text = told.trim().chars().take(TOLD).map(|c| if c.is_control() { '.' } else { c }).collect();
+        let reported = String::from_utf8_lossy(&self.text);
+        let text = reported.trim().chars().take(REPORTED).map(|c| if c.is_control() { '.' } else { c }).collect();
         CaptureError::Line { line: self.line, why, text }
     }
 }

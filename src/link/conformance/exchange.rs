@@ -8,7 +8,7 @@ use firmware_protocol::can::CanFrame;
 /// Lengths of FD data (ISO 11898-1).
 const FD_LENGTHS: [usize; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
 /// Bytes that a serial line holds without anybody reading: half of a pseudo terminal's 4 KiB.
-const SERIAL_ROOM: usize = 2048;
+const SERIAL_SPACE: usize = 2048;
 /// Datagrams that any receive buffer holds without anybody reading.
 const DATAGRAMS_AT_ONCE: usize = 32;
 
@@ -48,7 +48,7 @@ impl Suite<'_> {
     /// Sends all of them and receives them at the other end. On a serial line no more than it holds is under way.
     pub(super) fn carry(&self, from: &mut dyn Link, to: &mut dyn Link, packets: &[Packet]) -> Result<(), String> {
         let at_once = match self.format {
-            WireFormat::Serial => SERIAL_ROOM / CHUNK_MAX,
+            WireFormat::Serial => SERIAL_SPACE / CHUNK_MAX,
             WireFormat::Plain => DATAGRAMS_AT_ONCE,
             WireFormat::CanClassic | WireFormat::CanFd => packets.len().max(1),
         };

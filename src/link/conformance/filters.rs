@@ -2,17 +2,17 @@
 
 use super::Check;
 use crate::conformance::PATIENCE;
-use crate::socketcan::Hears;
+use crate::socketcan::Receives;
 use crate::{Link, LinkError, Packet};
 use base::clock::Clock;
 use firmware_protocol::can::CanFrame;
 use std::sync::Arc;
 
 /// Identifiers of node 5 that a stimulator hears, ascending: SYNC for all nodes, then what its flight computer sends.
-const HEARD_BY_STIMULATOR: [u16; 14] =
+const RECEIVED_BY_STIMULATOR: [u16; 14] =
     [0x080, 0x205, 0x215, 0x225, 0x235, 0x245, 0x255, 0x285, 0x2A5, 0x305, 0x315, 0x485, 0x605, 0x705];
 /// The same for the flight computer.
-const HEARD_BY_FLIGHT_COMPUTER: [u16; 5] = [0x185, 0x195, 0x1A5, 0x585, 0x705];
+const RECEIVED_BY_FLIGHT_COMPUTER: [u16; 5] = [0x185, 0x195, 0x1A5, 0x585, 0x705];
 
 /// Sends a frame of every identifier, and wants each end to hear its own; `open` gives an end of node 5 on one bus that
 /// hears what is asked for.
@@ -21,31 +21,31 @@ const HEARD_BY_FLIGHT_COMPUTER: [u16; 5] = [0x185, 0x195, 0x1A5, 0x585, 0x705];
 /// What was heard instead, or why an end could not be opened.
 pub fn check_filters(
     clock: &Arc<dyn Clock>,
-    mut open: impl FnMut(Hears) -> Result<Box<dyn Link>, LinkError>,
+    mut open: impl FnMut(Receives) -> Result<Box<dyn Link>, LinkError>,
 ) -> Result<Check, String> {
-    let mut opened = |hears| open(hears).map_err(|error| error.to_string());
-    let mut from = opened(Hears::Everything)?;
+    let mut opened = |receives| open(receives).map_err(|error| error.to_string());
+    let mut from = opened(Receives::Everything)?;
     let mut ends = [
-        (opened(Hears::FlightComputer)?, &HEARD_BY_STIMULATOR[..]),
-        (opened(Hears::Stimulator)?, &HEARD_BY_FLIGHT_COMPUTER[..]),
+        (opened(Receives::FlightComputer)?, &RECEIVED_BY_STIMULATOR[..]),
+        (opened(Receives::Stimulator)?, &RECEIVED_BY_FLIGHT_COMPUTER[..]),
     ];
     let frames = (0..=0x7FF).filter_map(|id| CanFrame::classic(id, &id.to_be_bytes()));
     for frame in frames {
         from.send(&Packet::Can(frame)).map_err(|error| error.to_string())?;
     }
     for (end, wanted) in &mut ends {
-        let heard = heard_by(&mut **end, wanted.len(), clock)?;
-        if heard != *wanted {
-            return Err(format!("wanted identifiers {wanted:03x?}, heard {heard:03x?}"));
+        let got = received_by(&mut **end, wanted.len(), clock)?;
+        if got != *wanted {
+            return Err(format!("wanted identifiers {wanted:03x?}, heard {got:03x?}"));
         }
     }
-    let (stimulator, computer) = (HEARD_BY_STIMULATOR.len(), HEARD_BY_FLIGHT_COMPUTER.len());
+    let (stimulator, computer) = (RECEIVED_BY_STIMULATOR.len(), RECEIVED_BY_FLIGHT_COMPUTER.len());
     let seen = format!("of 2048 identifiers {stimulator} reach the stimulator and {computer} the flight computer");
     Ok(Check { promise: "each side of a node hears the other and nobody else", seen })
 }
 
 /// Identifiers of the next `count` frames, and of what else is there.
-fn heard_by(link: &mut dyn Link, count: usize, clock: &Arc<dyn Clock>) -> Result<Vec<u16>, String> {
+fn received_by(link: &mut dyn Link, count: usize, clock: &Arc<dyn Clock>) -> Result<Vec<u16>, String> {
     let mut ids = Vec::new();
     loop {
         let until = if ids.len() < count { clock.now() + PATIENCE } else { clock.now() };

@@ -33,7 +33,7 @@ pub(super) const LOOK_MS: u16 = 100;
 /// Between two tries to write to a client that has not read.
 const RETRY: Span = Span::from_ms(2);
 /// Between two looks at a full transmit queue.
-const ROOM: Span = Span::from_ms(1);
+const SPACE: Span = Span::from_ms(1);
 /// Frames formatted before they are written.
 const BATCH: usize = 64;
 
@@ -181,8 +181,8 @@ impl Client {
 
     /// Puts a frame on the bus; waits while the queue of its end is full.
     pub(super) fn send(&self, frame: &CanFrame) -> Sending {
-        while self.link.room() == 0 && !self.is_over() {
-            self.clock.sleep_until(self.clock.now() + ROOM);
+        while self.link.space() == 0 && !self.is_over() {
+            self.clock.sleep_until(self.clock.now() + SPACE);
         }
         if self.link.error_counters().state() == ErrorState::BusOff {
             return Sending::Refused("bus_off");

@@ -9,7 +9,7 @@
 //! that speaks HTTP or TLS is hung up on before anything of it is obeyed (`screen`), and a client that does not open the
 //! bus loses its seat (`OPENING_WITHIN`, `GRACE`). A frame of a client takes its place in the arbitration like any
 //! other; what one client sends reaches the others and not itself. `hil_scripts/test_gateways.py` checks all three with
-//! python-can, `hil_scripts/test_doors.py` with a browser; the parsers are tested beside their code.
+//! python-can, `hil_scripts/test_gateways.py` with a browser; the parsers are tested beside their code.
 
 mod address;
 mod admission;

@@ -19,7 +19,7 @@ pub(super) fn read_in_pieces<P: Default, T: PartialEq + core::fmt::Debug>(
 }
 
 /// Random words in their hundreds of thousands: most of what they say is refused, some of it is right by chance.
-pub(super) fn stands_random_words<P: Default, T, E>(
+pub(super) fn survives_random_words<P: Default, T, E>(
     words: &[&[u8]],
     count: u32,
     parsed: impl Fn(&mut P, &[u8]) -> Vec<Result<T, E>>,

@@ -154,7 +154,7 @@ impl Hall {
     /// Reads what the client has said before it hangs up: else its system would throw away what it was told.
     fn turn_away(&self, mut stream: TcpStream) {
         self.tally.lock().refused += 1;
-        let mut tell = || {
+        let mut announce = || {
             stream.set_nonblocking(false)?;
             stream.set_read_timeout(Some(Duration::from_millis(u64::from(LOOK_MS))))?;
             stream.set_write_timeout(Some(Duration::from_millis(u64::from(LOOK_MS))))?;
@@ -163,6 +163,6 @@ impl Hall {
             let mut said = [0; 256];
             stream.read(&mut said)
         };
-        let _it_may_be_gone_already = tell();
+        let _it_may_be_gone_already = announce();
     }
 }

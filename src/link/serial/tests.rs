@@ -38,7 +38,7 @@ fn refusal(params: SerialParams) -> String {
 }
 
 #[test]
-fn an_absent_port_is_told_with_those_that_exist() {
+fn an_absent_port_is_reported_with_those_that_exist() {
     let text = refusal(SerialParams::new("/dev/ttyNone9", 115_200));
     assert!(text.contains("/dev/ttyNone9") && text.contains("ports here:") && text.contains("cable"), "{text}");
 }

@@ -41,7 +41,7 @@ pub(super) fn frame(id: u16) -> Packet {
     Packet::Can(CanFrame::classic(id, &[0; 8]).unwrap())
 }
 
-pub(super) fn heard(link: &SimulatedLink) -> Vec<(Tai, Packet)> {
+pub(super) fn got(link: &SimulatedLink) -> Vec<(Tai, Packet)> {
     core::iter::from_fn(|| link.take(START)).map(|packet| (packet.at, packet.value)).collect()
 }
 
@@ -52,7 +52,7 @@ fn of_frames_queued_at_one_instant_the_lowest_identifier_goes_first() {
     assert_eq!(a.send(&frame(7)).unwrap(), START + FRAME, "as things stand");
     assert_eq!(b.send(&frame(3)).unwrap(), START + FRAME, "wins");
     bench.advance(Span::from_ms(5));
-    assert_eq!(heard(&listener), [(START + FRAME, frame(3)), (START + FRAME + FRAME, frame(7))]);
+    assert_eq!(got(&listener), [(START + FRAME, frame(3)), (START + FRAME + FRAME, frame(7))]);
     assert_eq!(a.departure(0), Departure::At(START + FRAME + FRAME), "later than it was told");
     assert_eq!(b.departure(0), Departure::At(START + FRAME));
     assert_eq!((a.error_counters(), b.error_counters()), Default::default(), "losing is no error");
@@ -66,7 +66,7 @@ fn the_head_of_a_queue_hides_what_is_behind_it() {
     assert_eq!(a.send(&frame(0x001)).unwrap(), START + FRAME + FRAME);
     assert_eq!(b.send(&frame(0x300)).unwrap(), START + FRAME);
     bench.advance(Span::from_ms(5));
-    let order: Vec<_> = heard(&listener).into_iter().map(|(_, packet)| packet).collect();
+    let order: Vec<_> = got(&listener).into_iter().map(|(_, packet)| packet).collect();
     assert_eq!(order, [0x300, 0x700, 0x001].map(frame));
 }
 
@@ -78,7 +78,7 @@ fn of_one_identifier_a_classic_frame_goes_before_an_fd_frame() {
     a.send(&fd).unwrap();
     b.send(&frame(5)).unwrap();
     bench.advance(Span::from_ms(5));
-    let order: Vec<_> = heard(&listener).into_iter().map(|(_, packet)| packet).collect();
+    let order: Vec<_> = got(&listener).into_iter().map(|(_, packet)| packet).collect();
     assert_eq!(order, [frame(5), fd]);
 }
 
@@ -126,12 +126,12 @@ fn simulated(sends: &[Sent], looks: usize) -> Vec<(i64, u16)> {
     for (number, (bit, end, id)) in sends.iter().enumerate() {
         bench.clock.advance_to(START + Span::from_ns(bit * BIT_NS));
         if looks > 0 && number % looks == 0 {
-            all.extend(heard(&listener));
+            all.extend(got(&listener));
         }
         ends[*end].put(&frame(*id)).unwrap();
     }
     bench.advance(FRAME_SPAN_OF_ALL);
-    all.extend(heard(&listener));
+    all.extend(got(&listener));
     let id = |packet: &Packet| if let Packet::Can(frame) = packet { frame.id() } else { 0 };
     all.iter().map(|(at, packet)| ((*at - START).ns() / BIT_NS, id(packet))).collect()
 }
@@ -165,16 +165,16 @@ fn random_traffic_is_that_of_a_bus_stepped_bit_by_bit() {
 fn a_full_transmit_queue_gives_up_the_newest() {
     let bench = Bench::new(CAN, BusModel { transmit_packets: 2, ..BusModel::default() });
     let [mut a, listener] = bench.ends();
-    assert_eq!(a.room(), 2);
+    assert_eq!(a.space(), 2);
     for id in 0..3 {
         a.send(&frame(id)).unwrap();
     }
-    assert_eq!((a.room(), a.counters().unsent), (0, 1));
+    assert_eq!((a.space(), a.counters().unsent), (0, 1));
     assert_eq!((a.departure(0), a.departure(2)), (Departure::Waiting, Departure::Never));
     bench.advance(Span::from_ms(5));
-    assert_eq!(heard(&listener).len(), 2);
+    assert_eq!(got(&listener).len(), 2);
     assert_eq!((a.departure(0), a.departure(1)), (Departure::At(START + FRAME), Departure::At(START + FRAME + FRAME)));
-    assert_eq!(a.departure(3), Departure::AsTold, "never sent");
+    assert_eq!(a.departure(3), Departure::AsReported, "never sent");
 }
 
 #[test]
@@ -185,7 +185,7 @@ fn old_departures_are_forgotten() {
         a.send(&frame(1)).unwrap();
         bench.advance(FRAME);
     }
-    assert_eq!(a.departure(0), Departure::AsTold);
+    assert_eq!(a.departure(0), Departure::AsReported);
     assert!(matches!(a.departure(1), Departure::At(_)));
 }
 
@@ -196,14 +196,14 @@ fn ends_come_and_go() {
     a.send(&frame(1)).unwrap();
     bench.advance(Span::from_ms(1));
     let late = bench.bus.attach();
-    assert_eq!((late.end(), heard(&late)), (2, Vec::new()), "hears nothing from before");
+    assert_eq!((late.end(), got(&late)), (2, Vec::new()), "hears nothing from before");
     a.send(&frame(2)).unwrap();
     drop(a);
     assert_eq!(bench.bus.statistics().ends, 2);
     let not_yet = bench.bus.attach();
     assert_eq!(not_yet.end(), 3, "the place of one with a frame to send is not given away");
     bench.advance(Span::from_ms(1));
-    assert_eq!(heard(&b).len(), 2, "what was queued still goes out");
-    assert_eq!(heard(&late).len(), 1);
+    assert_eq!(got(&b).len(), 2, "what was queued still goes out");
+    assert_eq!(got(&late).len(), 1);
     assert_eq!(bench.bus.attach().end(), 0, "a place that is free");
 }

@@ -159,7 +159,7 @@ impl SimulatedLink {
 
     /// Packets that [`Link::send`] would still queue.
     #[must_use]
-    pub fn room(&self) -> usize {
+    pub fn space(&self) -> usize {
         let medium = self.bus.settled();
         medium.model.transmit_packets.saturating_sub(medium.ends[self.end].outbox.len())
     }

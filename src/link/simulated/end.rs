@@ -83,10 +83,10 @@ impl End {
     }
 
     /// Queues a packet; false when there is no room or the controller is off the bus: counted, and never sent.
-    pub(super) fn queue(&mut self, packet: &Packet, at: Tai, duration: Span, room: usize) -> bool {
+    pub(super) fn queue(&mut self, packet: &Packet, at: Tai, duration: Span, space: usize) -> bool {
         let number = self.sent;
         self.sent += 1;
-        if self.is_off() || self.outbox.len() >= room {
+        if self.is_off() || self.outbox.len() >= space {
             self.give_up(number);
             return false;
         }
@@ -120,7 +120,7 @@ impl End {
         match known {
             Some((_, departure)) => *departure,
             None if waits() => Departure::Waiting,
-            None => Departure::AsTold,
+            None => Departure::AsReported,
         }
     }
 
@@ -198,12 +198,12 @@ impl End {
     }
 
     /// Another's frame went through.
-    pub(super) fn take(&mut self, packet: Stamped<Packet>, room: usize) {
+    pub(super) fn take(&mut self, packet: Stamped<Packet>, space: usize) {
         if self.is_off() || self.has_left {
             return;
         }
         self.errors.receive_succeeded();
-        if self.inbox.len() >= room {
+        if self.inbox.len() >= space {
             self.counters.overflows += 1;
             return;
         }

@@ -1,6 +1,6 @@
 //! Error frames, bus-off and babbling: counted by hand from the rules of the standard.
 
-use super::arbitration_tests::{Bench, frame, heard};
+use super::arbitration_tests::{Bench, frame, got};
 use super::*;
 use crate::{Departure, Link, Packet, SerialChunk};
 use base::clock::Clock;
@@ -30,7 +30,7 @@ fn a_destroyed_frame_is_sent_again_after_an_error_frame() {
         let fault = bench.bus.control().add(START, START + Span::from_ns(1), BusFault::BitErrors { share: 1.0 });
         a.send(&frame(1)).unwrap();
         bench.advance(Span::from_ms(5));
-        let arrivals = heard(&b);
+        let arrivals = got(&b);
         assert_eq!(arrivals.len(), 1, "once");
         let lost = arrivals[0].0 - FRAME - START;
         // An error within the 132 bits of the frame, then 17 to 23 bits.
@@ -64,7 +64,7 @@ fn thirty_two_errors_in_a_row_put_a_controller_off_the_bus() {
     b.send(&frame(4)).unwrap();
     a.send(&frame(5)).unwrap();
     bench.advance(Span::from_ms(1));
-    let order: Vec<_> = heard(&listener).into_iter().map(|(_, packet)| packet).collect();
+    let order: Vec<_> = got(&listener).into_iter().map(|(_, packet)| packet).collect();
     assert_eq!(order, [4, 5].map(frame));
 }
 
@@ -81,7 +81,7 @@ fn an_error_passive_controller_pauses_for_eight_bits() {
         }
         let passive_at = bench.clock.now();
         bench.advance(Span::from_ms(1));
-        (passive_at, heard(&b).first().map(|(at, _)| *at))
+        (passive_at, got(&b).first().map(|(at, _)| *at))
     };
     let (passive, none) = passive_at(END);
     assert_eq!(none, None);
@@ -101,7 +101,7 @@ fn a_share_of_the_frames_is_destroyed_and_none_is_lost() {
         bench.advance(FRAME + FRAME);
     }
     bench.advance(Span::from_s(1.0));
-    assert_eq!(heard(&b).len(), 5000);
+    assert_eq!(got(&b).len(), 5000);
     let destroyed = control.timed()[0].hits;
     assert_eq!(destroyed, bench.bus.statistics().error_frames);
     // Geometric: 5000 * 0.1 / 0.9 = 556 expected, standard deviation sqrt(5000 * 0.1) / 0.9 = 25; 5 of them.
@@ -125,15 +125,15 @@ fn a_controller_put_off_comes_back_after_128_times_11_recessive_bits() {
     assert_eq!(send_at(until + RECOVERY - Span::from_ns(1)), 3);
     assert_eq!(send_at(until + RECOVERY), 3, "back");
     bench.advance(FRAME);
-    assert_eq!(heard(&b).len(), 2);
+    assert_eq!(got(&b).len(), 2);
     assert_eq!((a.counters().bus_off, bench.bus.control().timed()[0].hits), (1, 1));
     b.send(&frame(2)).unwrap();
     bench.advance(FRAME);
-    assert_eq!(heard(&a).len(), 1, "and hears");
+    assert_eq!(got(&a).len(), 1, "and hears");
 }
 
 #[test]
-fn a_controller_that_is_off_hears_nothing_and_counts_frames_on_its_way_back() {
+fn a_controller_that_is_off_receives_nothing_and_counts_frames_on_its_way_back() {
     let bench = bench(0);
     let [a, mut b] = bench.ends();
     bench.bus.control().add(START, START + Span::from_ns(1), BusFault::BusOff { end: a.end() });
@@ -145,7 +145,7 @@ fn a_controller_that_is_off_hears_nothing_and_counts_frames_on_its_way_back() {
         frames += 1;
     }
     assert_eq!(frames, 128);
-    assert_eq!(heard(&a).len(), 0);
+    assert_eq!(got(&a).len(), 0);
     assert_eq!(b.counters().sent, 128, "the others go on");
 }
 
@@ -163,7 +163,7 @@ fn a_babbling_node_with_a_low_identifier_keeps_everyone_else_waiting() {
     bench.advance(Span::from_ms(1));
     // 38 frames of 0.27 ms start within 10 ms, the last at 9.99 ms.
     assert_eq!(a.departure(0), Departure::At(START + bits(39 * 135)));
-    assert_eq!((heard(&a).len(), heard(&b).len(), bench.bus.control().timed()[0].hits), (38, 39, 38));
+    assert_eq!((got(&a).len(), got(&b).len(), bench.bus.control().timed()[0].hits), (38, 39, 38));
     assert_eq!(bench.bus.statistics().babbled, 38);
 }
 
@@ -213,7 +213,7 @@ fn the_seed_decides_and_looking_does_not() {
             let next = START + bits(150 * step);
             while look > Span::ZERO && bench.clock.now() + look < next {
                 bench.advance(look);
-                all.extend(heard(&listener));
+                all.extend(got(&listener));
             }
             bench.clock.advance_to(next);
             a.send(&frame(3)).unwrap();
@@ -222,9 +222,9 @@ fn the_seed_decides_and_looking_does_not() {
             }
         }
         bench.advance(Span::from_ms(50));
-        all.extend(heard(&listener));
+        all.extend(got(&listener));
         let counters = (a.counters(), b.counters(), a.error_counters(), b.error_counters());
-        (all, heard(&a), heard(&b), counters)
+        (all, got(&a), got(&b), counters)
     };
     for seed in 0..30 {
         let wanted = run(seed, Span::ZERO);
@@ -247,6 +247,6 @@ fn a_serial_line_knows_no_such_faults() {
     control.add(START, END, BusFault::BusOff { end: 0 });
     a.send(&Packet::Serial(SerialChunk::new(&[7; 10]).unwrap())).unwrap();
     bench.advance(Span::from_ms(1));
-    assert_eq!(heard(&b).len(), 1);
+    assert_eq!(got(&b).len(), 1);
     assert!(control.timed().iter().all(|timed| timed.hits == 0));
 }

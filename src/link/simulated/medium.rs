@@ -251,8 +251,8 @@ impl Medium {
         self.frames += 1;
         self.babbled += u64::from(matches!(sender, Sender::Babbler(_)));
         let arrival = Stamped { at: done + self.params.latency, value: frame.packet };
-        let room = self.params.queue_packets;
-        self.others(sender).for_each(|end| end.take(arrival, room));
+        let space = self.params.queue_packets;
+        self.others(sender).for_each(|end| end.take(arrival, space));
         if let Sender::End(end) = sender {
             let pause = self.bits(SUSPEND_BITS);
             self.ends[end].left(frame.number, done, pause);

@@ -7,7 +7,7 @@ use socketcan::id::{CAN_EFF_FLAG, CAN_RTR_FLAG, CAN_SFF_MASK};
 
 /// Whose messages an end lets through.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Hears {
+pub enum Receives {
     /// What the flight computer of the node sends: the stimulator's side.
     FlightComputer,
     /// What the stimulator of the node sends: the flight computer's side.
@@ -38,12 +38,12 @@ const FROM_STIMULATOR: [MessageId; 5] =
 
 /// One filter per identifier: the kernel finds single standard identifiers in a table, whatever their number. Extended
 /// and remote frames never match.
-pub(super) fn filters(ids: &IdMap, hears: Hears) -> Vec<CanFilter> {
+pub(super) fn filters(ids: &IdMap, receives: Receives) -> Vec<CanFilter> {
     let data_frames = CAN_EFF_FLAG | CAN_RTR_FLAG;
     let one = |message: &MessageId| CanFilter::new(u32::from(ids.id(*message)), CAN_SFF_MASK | data_frames);
-    match hears {
-        Hears::FlightComputer => FROM_FLIGHT_COMPUTER.iter().map(one).collect(),
-        Hears::Stimulator => FROM_STIMULATOR.iter().map(one).collect(),
-        Hears::Everything => vec![CanFilter::new(0, data_frames)],
+    match receives {
+        Receives::FlightComputer => FROM_FLIGHT_COMPUTER.iter().map(one).collect(),
+        Receives::Stimulator => FROM_STIMULATOR.iter().map(one).collect(),
+        Receives::Everything => vec![CanFilter::new(0, data_frames)],
     }
 }

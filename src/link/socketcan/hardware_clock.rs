@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_set_anew_is_found_again() {
+    fn a_clock_set_again_is_found_again() {
         let mut clock = HardwareClock::default();
         for (true_ns, shift_ns) in [(0, 0), (1_000_000, 0), (2_000_000, -900_000_000), (3_000_000, -900_000_000)] {
             let kernel = Tai::from_ns(START_NS + true_ns);

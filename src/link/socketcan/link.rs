@@ -2,7 +2,7 @@
 
 use super::hardware_clock::HardwareClock;
 use super::raw_frame::RawFrame;
-use super::socket::{Heard, Socket};
+use super::socket::{Received, Socket};
 use super::{RETRY, SocketCanParams};
 use crate::kernel_stamp::StampMap;
 use crate::{Link, LinkCounters, LinkError, Packet, Stamped};
@@ -77,7 +77,7 @@ impl SocketCanLink {
         self.regain();
         let Some(socket) = &mut self.socket else { return Ok(Look::Empty) };
         match socket.read() {
-            Ok(Some(heard)) => Ok(self.take(&heard)),
+            Ok(Some(received_frame)) => Ok(self.take(&received_frame)),
             Ok(None) => {
                 self.stamps.drained();
                 Ok(Look::Empty)
@@ -86,12 +86,12 @@ impl SocketCanLink {
         }
     }
 
-    fn take(&mut self, heard: &Heard) -> Look {
-        self.counters.overflows += heard.drops;
-        match heard.frame {
+    fn take(&mut self, received_frame: &Received) -> Look {
+        self.counters.overflows += received_frame.drops;
+        match received_frame.frame {
             RawFrame::Data(frame) => {
                 self.counters.received += 1;
-                Look::Packet(Stamped { at: self.stamp(heard), value: Packet::Can(frame) })
+                Look::Packet(Stamped { at: self.stamp(received_frame), value: Packet::Can(frame) })
             }
             RawFrame::Report(report) => {
                 self.counters.errors += u64::from(report.error);
@@ -104,13 +104,13 @@ impl SocketCanLink {
         }
     }
 
-    fn stamp(&mut self, heard: &Heard) -> Tai {
-        let placed = self.stamps.place(heard.kernel_ns, PairedReading::take(&*self.clock));
+    fn stamp(&mut self, received_frame: &Received) -> Tai {
+        let placed = self.stamps.place(received_frame.kernel_ns, PairedReading::take(&*self.clock));
         if !placed.is_kernels {
             self.counters.unstamped += 1;
             return placed.at;
         }
-        heard.hardware_ns.map_or(placed.at, |hardware_ns| self.hardware.place(hardware_ns, placed.at))
+        received_frame.hardware_ns.map_or(placed.at, |hardware_ns| self.hardware.place(hardware_ns, placed.at))
     }
 
     /// An interface that went is counted and looked for again; anything else is for good.

@@ -4,7 +4,7 @@
 //! (`kernel_stamp`); both are placed on the bench clock when the frame is fetched. A virtual interface (`vcan`)
 //! has neither bit times nor an adapter: its stamp is the instant of sending.
 //!
-//! * The kernel lets through only the identifiers that this side hears (`Hears`), standard data frames, and error
+//! * The kernel lets through only the identifiers that this side hears (`Receives`), standard data frames, and error
 //!   frames. Error frames are counted and passed to nobody.
 //! * The receive buffer is enlarged; what the kernel drops all the same is counted as overflow.
 //! * A frame that finds the interface's queue full is given up and counted; nothing waits behind it.
@@ -28,7 +28,7 @@ mod tests;
 use base::time::Span;
 use firmware_protocol::can::IdMap;
 
-pub use filters::Hears;
+pub use filters::Receives;
 pub use link::SocketCanLink;
 
 /// A lost interface is looked for this often.
@@ -42,7 +42,7 @@ pub struct SocketCanParams {
     /// Identifiers of the node.
     pub ids: IdMap,
     /// What the kernel lets through.
-    pub hears: Hears,
+    pub receives: Receives,
     /// True for CAN FD: the interface must have an MTU of 72. Classic frames pass as well.
     pub fd: bool,
     /// FD frames switch to the data bit rate after arbitration. Without it they stay at the arbitration rate.

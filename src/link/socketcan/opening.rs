@@ -63,7 +63,7 @@ pub(super) fn open(params: &SocketCanParams) -> Result<CanFdSocket, LinkError> {
 }
 
 fn set_options(socket: &CanFdSocket, params: &SocketCanParams) -> io::Result<()> {
-    socket.set_filters(&filters(&params.ids, params.hears))?;
+    socket.set_filters(&filters(&params.ids, params.receives))?;
     socket.set_error_filter(ERR_MASK_ALL)?;
     // Other programs on this machine hear what is sent; the socket itself does not.
     socket.set_loopback(true)?;

@@ -26,7 +26,7 @@ pub(super) struct Socket {
 
 /// What one look at the socket gave.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Heard {
+pub(super) struct Received {
     pub(super) frame: RawFrame,
     /// CLOCK_REALTIME at which the kernel got it, ns.
     pub(super) kernel_ns: Option<i64>,
@@ -43,7 +43,7 @@ impl Socket {
     }
 
     /// The next frame in the kernel's queue; `None` when it is empty.
-    pub(super) fn read(&mut self) -> io::Result<Option<Heard>> {
+    pub(super) fn read(&mut self) -> io::Result<Option<Received>> {
         let mut bytes = [0; FD_BYTES];
         let mut slices = [IoSliceMut::new(&mut bytes)];
         let control = Some(&mut self.control[..]);
@@ -52,18 +52,18 @@ impl Socket {
             Err(nix::Error::EAGAIN | nix::Error::EINTR) => return Ok(None),
             Err(error) => return Err(error.into()),
         };
-        let mut heard = Heard { frame: RawFrame::Foreign, kernel_ns: None, hardware_ns: None, drops: 0 };
+        let mut got = Received { frame: RawFrame::Foreign, kernel_ns: None, hardware_ns: None, drops: 0 };
         for control in message.cmsgs()? {
             if let ControlMessageOwned::ScmTimestampsns(stamps) = control {
-                heard.stamp(&stamps);
+                got.stamp(&stamps);
             } else if let ControlMessageOwned::RxqOvfl(total) = control {
-                heard.drops = u64::from(total.wrapping_sub(self.drops));
+                got.drops = u64::from(total.wrapping_sub(self.drops));
                 self.drops = total;
             }
         }
         let len = message.bytes;
-        heard.frame = raw_frame::read(bytes.get(..len).unwrap_or(&[]));
-        Ok(Some(heard))
+        got.frame = raw_frame::read(bytes.get(..len).unwrap_or(&[]));
+        Ok(Some(got))
     }
 
     /// Hands a frame to the interface's queue.
@@ -79,7 +79,7 @@ impl Socket {
     }
 }
 
-impl Heard {
+impl Received {
     /// All zero means that no such stamp was taken.
     fn stamp(&mut self, stamps: &Timestamps) {
         self.kernel_ns = nonzero_ns(stamps.system);

@@ -1,7 +1,7 @@
 //! Byte layouts, filters and error frames, held against the socketcan crate's own types and by hand.
 
 use super::errors::ErrorReport;
-use super::filters::{Hears, filters};
+use super::filters::{Receives, filters};
 use super::raw_frame::{CLASSIC_BYTES, FD_BYTES, RawFrame, read, write};
 use super::*;
 use crate::LinkError;
@@ -93,27 +93,31 @@ fn error_frames_are_counted_by_what_they_say() {
 
 #[test]
 fn filters_let_through_one_side_of_one_node() {
-    let passes = |hears, node, id: u32| {
-        filters(&ids(node), hears).iter().any(|filter| {
+    let passes = |receives, node, id: u32| {
+        filters(&ids(node), receives).iter().any(|filter| {
             let filter = filter.as_ref();
             id & filter.can_mask == filter.can_id & filter.can_mask
         })
     };
-    let either = [Hears::FlightComputer, Hears::Stimulator];
+    let either = [Receives::FlightComputer, Receives::Stimulator];
     for message in MessageId::ALL {
         let id = u32::from(ids(3).id(message));
-        let heard = either.map(|hears| passes(hears, 3, id));
-        assert!(heard.contains(&true), "{message:?} is sent by nobody");
-        assert_eq!(heard == [true, true], message == MessageId::Heartbeat, "{message:?}: one sender");
-        for hears in either {
-            let other = passes(hears, 4, id);
-            assert_eq!(other, message == MessageId::Sync && hears == Hears::FlightComputer, "{message:?}: node 4");
-            assert!(!passes(hears, 3, id | 0x8000_0000), "{message:?}: extended");
+        let got = either.map(|receives| passes(receives, 3, id));
+        assert!(got.contains(&true), "{message:?} is sent by nobody");
+        assert_eq!(got == [true, true], message == MessageId::Heartbeat, "{message:?}: one sender");
+        for receives in either {
+            let other = passes(receives, 4, id);
+            assert_eq!(
+                other,
+                message == MessageId::Sync && receives == Receives::FlightComputer,
+                "{message:?}: node 4"
+            );
+            assert!(!passes(receives, 3, id | 0x8000_0000), "{message:?}: extended");
         }
-        assert!(passes(Hears::Everything, 3, id), "{message:?}");
+        assert!(passes(Receives::Everything, 3, id), "{message:?}");
     }
-    assert!(!passes(Hears::Everything, 3, 0x8000_0123), "extended");
-    assert!(!passes(Hears::Everything, 3, 0x4000_0123), "remote");
+    assert!(!passes(Receives::Everything, 3, 0x8000_0123), "extended");
+    assert!(!passes(Receives::Everything, 3, 0x4000_0123), "remote");
 }
 
 #[test]
@@ -122,7 +126,7 @@ fn an_absent_interface_is_a_clear_error() {
     let params = SocketCanParams {
         interface: "can_none".into(),
         ids: ids(0),
-        hears: Hears::FlightComputer,
+        receives: Receives::FlightComputer,
         fd: false,
         bit_rate_switch: false,
     };

@@ -48,17 +48,17 @@ impl Capture {
     /// # Errors
     /// When its beginning cannot be written or no thread can be had.
     pub fn start(out: Box<dyn Write + Send>, format: CaptureFormat, waits: bool) -> Result<Self, CaptureError> {
-        Self::with_room(out, format, waits, QUEUE_PACKETS)
+        Self::with_space(out, format, waits, QUEUE_PACKETS)
     }
 
-    pub(super) fn with_room(
+    pub(super) fn with_space(
         out: Box<dyn Write + Send>,
         format: CaptureFormat,
         waits: bool,
-        room: usize,
+        space: usize,
     ) -> Result<Self, CaptureError> {
         let writer = CaptureWriter::new(out, format)?;
-        let (queue, packets) = WriterQueue::new(room, waits);
+        let (queue, packets) = WriterQueue::new(space, waits);
         let written = Arc::<AtomicU64>::default();
         let count = Arc::clone(&written);
         let thread = std::thread::Builder::new().name("capture".into());

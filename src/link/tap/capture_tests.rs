@@ -12,23 +12,23 @@ use std::sync::{Arc, Mutex};
 
 const START: Tai = Tai::from_ns(1_790_000_000_000_000_000);
 
-/// An output that can be looked at, that takes `room` bytes and then has none left.
+/// An output that can be looked at, that takes `space` bytes and then has none left.
 #[derive(Clone)]
 struct Disk {
     bytes: Arc<Mutex<Vec<u8>>>,
-    room: usize,
+    space: usize,
 }
 
 impl Disk {
-    fn new(room: usize) -> Self {
-        Self { bytes: Arc::default(), room }
+    fn new(space: usize) -> Self {
+        Self { bytes: Arc::default(), space }
     }
 }
 
 impl Write for Disk {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let mut disk = self.bytes.lock().unwrap();
-        if disk.len() + bytes.len() > self.room {
+        if disk.len() + bytes.len() > self.space {
             return Err(io::ErrorKind::StorageFull.into());
         }
         disk.extend(bytes);
@@ -45,13 +45,13 @@ fn packet(n: u16) -> Packet {
 }
 
 /// Sends `packets` through a tap, answers each, and finishes.
-fn run(disk: &Disk, waits: bool, room: usize, packets: u16) -> super::CaptureOutcome {
+fn run(disk: &Disk, waits: bool, space: usize, packets: u16) -> super::CaptureOutcome {
     let clock = Arc::new(Virtual::new(START));
     let shared: Arc<dyn Clock> = Arc::<Virtual>::clone(&clock);
     let timing = BusTiming::CanClassic { bit_rate_bps: 1_000_000 };
     let bus = BusParams { name: "test".into(), timing, latency: Span::ZERO, queue_packets: 64 };
     let (near, mut far) = simulated_pair(bus, &shared);
-    let capture = Capture::with_room(Box::new(disk.clone()), CaptureFormat::Candump, waits, room).unwrap();
+    let capture = Capture::with_space(Box::new(disk.clone()), CaptureFormat::Candump, waits, space).unwrap();
     let mut near = capture.tap(Box::new(near), 0);
     for n in 0..packets {
         clock.advance_to(START + Span::from_ms(i64::from(n)));
@@ -87,7 +87,7 @@ fn everything_that_passes_is_written_in_order() {
 #[test]
 fn links_of_one_capture_keep_their_numbers() {
     let disk = Disk::new(usize::MAX);
-    let capture = Capture::with_room(Box::new(disk.clone()), CaptureFormat::Pcapng, true, 4).unwrap();
+    let capture = Capture::with_space(Box::new(disk.clone()), CaptureFormat::Pcapng, true, 4).unwrap();
     let shared: Arc<dyn Clock> = Arc::new(Virtual::new(START));
     let timing = BusTiming::CanClassic { bit_rate_bps: 1_000_000 };
     let (mut taps, mut ends) = (Vec::new(), Vec::new());
@@ -136,13 +136,13 @@ fn writer_that_blocks_is_given_up_and_what_it_has_not_written_is_lost() {
         }
     }
     // Where taps wait, room for two: the third packet waits for the writer. Where they do not, it is lost.
-    for (waits, room) in [(true, 2), (true, 64), (false, 2)] {
+    for (waits, space) in [(true, 2), (true, 64), (false, 2)] {
         let (_never, blocks) = crossbeam_channel::bounded(0);
         let shared: Arc<dyn Clock> = Arc::new(Virtual::new(START));
         let timing = BusTiming::CanClassic { bit_rate_bps: 1_000_000 };
         let bus = BusParams { name: "test".into(), timing, latency: Span::ZERO, queue_packets: 64 };
         let (near, _far) = simulated_pair(bus, &shared);
-        let capture = Capture::with_room(Box::new(Blocking(blocks)), CaptureFormat::Candump, waits, room).unwrap();
+        let capture = Capture::with_space(Box::new(Blocking(blocks)), CaptureFormat::Candump, waits, space).unwrap();
         let mut near = capture.tap(Box::new(near), 0);
         for n in 0..20 {
             near.send(&packet(n)).unwrap();
@@ -174,7 +174,7 @@ fn a_full_queue_loses_packets_and_counts_them() {
     let timing = BusTiming::CanClassic { bit_rate_bps: 1_000_000 };
     let bus = BusParams { name: "test".into(), timing, latency: Span::ZERO, queue_packets: 64 };
     let (near, _far) = simulated_pair(bus, &shared);
-    let capture = Capture::with_room(Box::new(hanging), CaptureFormat::Candump, false, 4).unwrap();
+    let capture = Capture::with_space(Box::new(hanging), CaptureFormat::Candump, false, 4).unwrap();
     let mut near = capture.tap(Box::new(near), 0);
     let closed = gate.lock().unwrap();
     for n in 0..100 {

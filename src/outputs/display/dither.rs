@@ -145,8 +145,11 @@ mod tests {
     #[test]
     fn a_cycle_that_there_is_not_is_refused() {
         for got in [0, 3, 5, 255, 257, 512] {
-            let told = Dither::over(got).unwrap_err().to_string();
-            assert!(told.contains(&format!("over {got} refreshes")) && told.contains("64, 128 or 256"), "{told}");
+            let reported = Dither::over(got).unwrap_err().to_string();
+            assert!(
+                reported.contains(&format!("over {got} refreshes")) && reported.contains("64, 128 or 256"),
+                "{reported}"
+            );
         }
         assert_eq!([1, 256].map(|cycle| Dither::over(cycle).unwrap().cycle()), [1, 256], "both ends");
     }

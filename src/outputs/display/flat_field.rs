@@ -126,7 +126,9 @@ pub fn fit_flat(dots: &[([f64; 2], f64)], size_px: [usize; 2]) -> Result<FlatFit
     let mut refusal = format!("wanted the flux of at least 2 dots, got {}", dots.len());
     for degree in 0..=DEGREE {
         match fit_degree(degree, dots, size_px) {
-            Ok((score, fit)) if best.as_ref().is_none_or(|(had, _)| score < had * WORTH) => best = Some((score, fit)),
+            Ok((score, fit)) if best.as_ref().is_none_or(|(obtained, _)| score < obtained * WORTH) => {
+                best = Some((score, fit))
+            }
             Ok(_) => {}
             Err(why) => refusal = why,
         }

@@ -232,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mirror_is_told_and_shown() {
+    fn a_mirror_is_reported_and_shown() {
         let mirror = DMat3::from_diagonal(DVec3::new(-1.0, 1.0, 1.0));
         assert_eq!(taken_apart(&(mirror * homography())), None);
         let plain = parameters(&taken_apart(&homography()).unwrap());

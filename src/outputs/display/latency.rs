@@ -216,7 +216,7 @@ impl Latency {
 
     /// In words, with what is not known.
     #[must_use]
-    pub fn told(&self) -> String {
+    pub fn reported(&self) -> String {
         let ms = |ns: i64| ns as f64 * 1e-6;
         let (median, spread) = (ms(self.median_ns), ms(self.spread_ns));
         match self.source {
@@ -257,7 +257,7 @@ mod tests {
         assert!((latency.median_ns - 25_000_000).abs() <= 100_000, "{}", latency.median_ns);
         assert!((latency.spread_ns - 8_900_000).abs() <= 200_000, "{}", latency.spread_ns);
         assert!((latency.range_ns[0] - 20_000_000).abs() < 10 && (latency.range_ns[1] - 29_900_000).abs() < 10);
-        assert!(latency.told().contains("in 99 flips (1 missed)"), "{}", latency.told());
+        assert!(latency.reported().contains("in 99 flips (1 missed)"), "{}", latency.reported());
     }
 
     #[test]
@@ -287,7 +287,7 @@ mod tests {
         assert!((latency.at_row(0.5).ms() - 33.0).abs() < 1e-3, "{}", latency.at_row(0.5).ms());
         let given = Latency::given(Span::from_ms(20), Span::from_ms(4));
         assert_eq!(given.at_row(1.0).ms(), 20.0);
-        assert!(given.told().contains("not measured"), "{}", given.told());
+        assert!(given.reported().contains("not measured"), "{}", given.reported());
     }
 
     #[test]

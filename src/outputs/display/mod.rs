@@ -21,7 +21,7 @@
 //! itself dies, Xlib ends the program; so does a client that is killed from outside (`xkill`).
 //!
 //! Tour: `params` (what is asked) -> `monitor` (which screen) -> `screen` (the sink): `refresh` (how often), `window`,
-//! `placement`, `plug` (a window that fills it) or `direct_scanout`, `mode` (a monitor without a server), `glass`, `surface`,
+//! `placement`, `plug` (a window that fills it) or `direct_scanout`, `mode` (a monitor without a server), `panel`, `surface`,
 //! `format`, `painter` (what can be shown on), `hand_over` (the newest frame whose time has come), `presenter` (each
 //! refresh) -> `grey`, `marker`, `picture` (what is shown) -> `counters`, `submitted`, `submit_log` (what came of it).
 //!

@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn one_that_is_not_there_is_told_with_those_that_are() {
+    fn one_that_is_not_there_is_reported_with_those_that_are() {
         let two = [monitor("DP-1", false), monitor("HDMI-1", true)];
         for (choice, part) in
             [(MonitorChoice::Named("HDMI".into()), "named \"HDMI\""), (MonitorChoice::Index(2), "number 2")]

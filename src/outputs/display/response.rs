@@ -355,8 +355,11 @@ mod tests {
         let falling: Vec<_> = good.iter().map(|l| GreyLevel { luminance: -l.luminance, ..*l }).collect();
         assert!(response_of(8, &falling).unwrap_err().to_string().contains("rises"));
         let clipped: Vec<_> = good.iter().map(|l| GreyLevel { luminance: l.luminance.min(700.0), ..*l }).collect();
-        let told = response_of(8, &clipped).unwrap_err().to_string();
-        assert!(told.contains("grey 229 is as bright as full grey") && told.contains("expose shorter"), "{told}");
+        let reported = response_of(8, &clipped).unwrap_err().to_string();
+        assert!(
+            reported.contains("grey 229 is as bright as full grey") && reported.contains("expose shorter"),
+            "{reported}"
+        );
         let linear: Vec<_> = good.iter().map(|l| GreyLevel { luminance: 30.0 + l.grey, ..*l }).collect();
         assert!(response_of(8, &linear).is_ok(), "the other side");
         let mut parameters = response_of(8, &good).unwrap();

@@ -138,8 +138,8 @@ mod tests {
     fn each_submit_is_a_line_with_its_expected_light() {
         let rows = logged(Some(Span::from_ns(450)));
         assert_eq!(rows.iter().map(|row| row.light_off_ns).collect::<Vec<_>>(), [Some(-50), Some(-49), None]);
-        let told: Vec<_> = rows.iter().map(|row| (row.frame, row.refresh, row.late, row.marker_is_white)).collect();
-        assert_eq!(told, [(0, 9, false, true), (1, 9, true, false), (2, 9, false, false)]);
+        let reported: Vec<_> = rows.iter().map(|row| (row.frame, row.refresh, row.late, row.marker_is_white)).collect();
+        assert_eq!(reported, [(0, 9, false, true), (1, 9, true, false), (2, 9, false, false)]);
         assert_eq!(rows[1].submit_tai_ns, 1_001);
         assert!(logged(None).iter().all(|row| row.light_off_ns.is_none()), "an unknown latency predicts nothing");
     }
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn a_full_disk_is_told_at_the_end_and_what_is_missing_is_counted() {
+    fn a_full_disk_is_reported_at_the_end_and_what_is_missing_is_counted() {
         let mut log = SubmitLog::into(Box::new(Full), Path::new("run/submits.csv"), None);
         (0..5000).for_each(|frame| log.add(&submitted(frame)));
         assert!(log.unwritten() > 4000, "{}", log.unwritten());

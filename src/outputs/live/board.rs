@@ -5,7 +5,7 @@
 
 use crate::live::Params;
 use crate::live::head::{Encoded, Head};
-use crate::live::numbers::Told;
+use crate::live::numbers::Reported;
 use crate::live::picture::Scale;
 use base::clock::Clock;
 use base::time::{Span, Tai};
@@ -55,21 +55,21 @@ pub(super) struct Board {
     /// When somebody asked last.
     pub(super) asked: Option<Tai>,
     pub(super) served: Served,
-    told: Receiver<Told>,
+    reported: Receiver<Reported>,
     rested: Tai,
 }
 
 impl Board {
-    pub(super) fn new(params: Params, clock: Arc<dyn Clock>, heads: Vec<Head>, told: Receiver<Told>) -> Self {
+    pub(super) fn new(params: Params, clock: Arc<dyn Clock>, heads: Vec<Head>, reported: Receiver<Reported>) -> Self {
         let rested = clock.now();
         let (served, numbers) = (Served::default(), Box::new(RunNumbers::NONE));
         let (has_numbers, has_totals) = (false, false);
-        Self { params, clock, heads, numbers, has_numbers, has_totals, asked: None, served, told, rested }
+        Self { params, clock, heads, numbers, has_numbers, has_totals, asked: None, served, reported, rested }
     }
 
     /// Takes in the numbers that have come.
     pub(super) fn listen(&mut self) {
-        if let Some(Told { numbers, are_last }) = self.told.try_iter().last() {
+        if let Some(Reported { numbers, are_last }) = self.reported.try_iter().last() {
             *self.numbers = numbers;
             (self.has_numbers, self.has_totals) = (true, are_last);
         }

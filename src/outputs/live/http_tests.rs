@@ -83,7 +83,7 @@ fn every_address_answers_and_what_it_promises_is_in_it() {
     let (view, mut sink, numbers) = start();
     assert_eq!(get(&view, "/frame.png").0, 404, "before the first frame");
     sink.send(&sample_frame(7)).unwrap();
-    numbers.tell(&RunNumbers::NONE);
+    numbers.announce(&RunNumbers::NONE);
     let (status, head, body) = get(&view, "/");
     assert_eq!(status, 200);
     assert!(head.contains("content-security-policy: default-src 'none'"), "{head}");
@@ -103,7 +103,7 @@ fn every_address_answers_and_what_it_promises_is_in_it() {
     assert_eq!(state["frame"]["number"], 7);
     assert!(get(&view, "/metrics").1.contains("text/plain; version=0.0.4"));
     drop(sink);
-    numbers.tell_last(&RunNumbers::NONE);
+    numbers.send_last(&RunNumbers::NONE);
     let state: serde_json::Value = serde_json::from_slice(&get(&view, "/state.json").2).unwrap();
     assert_eq!((&state["is_over"], &state["frame"]["number"]), (&true.into(), &7.into()), "the last one stays");
 }
@@ -310,7 +310,7 @@ fn frames_go_on_whatever_clients_do() {
         bad_clients.push(client);
         frame.meta.number = number;
         sink.send(&frame).unwrap();
-        numbers.tell(&RunNumbers::NONE);
+        numbers.announce(&RunNumbers::NONE);
     }
     assert_eq!(sink.finish().unwrap().frames, 101, "every send came back");
     // With its seats taken the view hangs up; when their time is over it serves again, and has counted all of them.
@@ -349,13 +349,13 @@ fn the_totals_of_a_run_are_served_before_the_view_ends() {
     sink.send(&sample_frame(7)).unwrap();
     let mut run = RunNumbers::NONE;
     (run.frames.rendered, run.frames.delivered) = (9, 5);
-    numbers.tell(&run);
+    numbers.announce(&run);
     let state = |view: &LiveView| -> serde_json::Value { serde_json::from_slice(&get(view, "/state.json").2).unwrap() };
     until("numbers", || state(&view)["run"]["frames"]["rendered"] == 9);
     drop(sink);
     assert_eq!(state(&view)["is_over"], false, "frames that are still counted come first");
     run.frames.delivered = 9;
-    numbers.tell_last(&run);
+    numbers.send_last(&run);
     let address = view.address();
     let ending = std::thread::Builder::new().name("end".into()).spawn(move || view.finish()).unwrap();
     let mut stream = TcpStream::connect(address).unwrap();

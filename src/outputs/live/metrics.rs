@@ -262,7 +262,7 @@ mod tests {
     use frames::sink::sample::sample_frame;
 
     #[test]
-    fn every_family_is_told_once_before_its_samples() {
+    fn every_family_is_described_once_before_its_samples() {
         let (mut board, mut sink, numbers) = board();
         sink.send(&sample_frame(4)).unwrap();
         let mut run = RunNumbers::NONE;
@@ -270,7 +270,7 @@ mod tests {
         run.events = [("late", 2)].into_iter().collect();
         let counts: NamedCounts = [("packets_received", 120)].into_iter().collect();
         run.push_port(PortCounts { counters: counts, rejects: NamedCounts::NONE });
-        numbers.tell(&run);
+        numbers.announce(&run);
         let text = metrics_of(&mut board);
         let mut families = Vec::new();
         for line in text.lines() {
@@ -282,10 +282,10 @@ mod tests {
                 assert!(name.starts_with(of.as_str()), "{line} after {of}");
             }
         }
-        let told = families.len();
+        let reported = families.len();
         families.sort();
         families.dedup();
-        assert_eq!(families.len(), told, "each once");
+        assert_eq!(families.len(), reported, "each once");
         for wanted in [
             "starloop_head_info{head=\"0\",name=\"head 0\",camera=\"test camera\"} 1",
             "starloop_readout_seconds{head=\"0\"} 0.08",

@@ -12,7 +12,7 @@ const TAKES_WITHIN: Duration = Duration::from_secs(1);
 
 /// Numbers on their way to the view.
 #[derive(Debug)]
-pub(super) struct Told {
+pub(super) struct Reported {
     pub(super) numbers: RunNumbers,
     /// The run is over: these are its totals.
     pub(super) are_last: bool,
@@ -21,23 +21,23 @@ pub(super) struct Told {
 /// Where the numbers of a run are told.
 #[derive(Debug, Clone)]
 pub struct Numbers {
-    to_view: Sender<Told>,
+    to_view: Sender<Reported>,
 }
 
 impl Numbers {
-    pub(super) fn new() -> (Self, Receiver<Told>) {
-        let (to_view, told) = bounded(1);
-        (Self { to_view }, told)
+    pub(super) fn new() -> (Self, Receiver<Reported>) {
+        let (to_view, reported) = bounded(1);
+        (Self { to_view }, reported)
     }
 
     /// Hands the numbers over; drops them while the view has not taken the ones before. No allocation, no wait.
-    pub fn tell(&self, numbers: &RunNumbers) {
-        let _the_view_is_busy = self.to_view.try_send(Told { numbers: *numbers, are_last: false });
+    pub fn announce(&self, numbers: &RunNumbers) {
+        let _the_view_is_busy = self.to_view.try_send(Reported { numbers: *numbers, are_last: false });
     }
 
     /// Hands over the totals of a run that is over. Waits for the view, but not for long: one that has ended takes none.
-    pub fn tell_last(&self, numbers: &RunNumbers) {
-        let last = Told { numbers: *numbers, are_last: true };
+    pub fn send_last(&self, numbers: &RunNumbers) {
+        let last = Reported { numbers: *numbers, are_last: true };
         let _the_view_has_ended = self.to_view.send_timeout(last, TAKES_WITHIN);
     }
 }

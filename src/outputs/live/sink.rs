@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn the_end_is_told_and_the_last_frame_stays() {
+    fn the_end_is_reported_and_the_last_frame_stays() {
         for is_finished in [true, false] {
             let (mut sink, mut reader) = view([31, 17]);
             (1..=2).for_each(|number| sink.send(&sample_frame(number)).unwrap());

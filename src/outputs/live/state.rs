@@ -97,8 +97,8 @@ fn stage_of(stage: Stage, tally: &TimeTally) -> Value {
 
 /// Names and counts from `least` on.
 fn counts<const MOST: usize>(named: &NamedCounts<MOST>, least: u64) -> Map<String, Value> {
-    let told = named.iter().filter(|(_, count)| *count >= least);
-    told.map(|(name, count)| (name.to_owned(), count.into())).collect()
+    let reported = named.iter().filter(|(_, count)| *count >= least);
+    reported.map(|(name, count)| (name.to_owned(), count.into())).collect()
 }
 
 #[cfg(test)]
@@ -121,13 +121,13 @@ mod tests {
     }
 
     #[test]
-    fn the_newest_frame_and_the_newest_numbers_are_told() {
+    fn the_newest_frame_and_the_newest_numbers_are_reported() {
         let (mut board, mut sink, numbers) = board();
         (3..=4).for_each(|number| sink.send(&sample_frame(number)).unwrap());
         let mut run = RunNumbers::NONE;
         (run.frames.scheduled, run.frames_in_run) = (9, Some(600));
         run.events = [("late", 2), ("held", 0)].into_iter().collect();
-        numbers.tell(&run);
+        numbers.announce(&run);
         let state = state_of(&mut board);
         let frame = &state["frame"];
         assert_eq!((&frame["number"], &frame["count"]), (&json!(4), &json!(2)));
@@ -138,7 +138,7 @@ mod tests {
         assert_eq!(state["run"]["events"], json!({ "late": 2 }), "what never happened is left out");
         drop(sink);
         assert_eq!(state_of(&mut board)["is_over"], json!(false), "its totals are still to come");
-        numbers.tell_last(&run);
+        numbers.send_last(&run);
         assert_eq!(state_of(&mut board)["is_over"], json!(true));
     }
 
@@ -175,7 +175,7 @@ mod tests {
     #[test]
     fn run_is_over_when_every_head_is() {
         let (mut board, mut sinks, numbers) = board_of(params_of_three());
-        numbers.tell_last(&RunNumbers::NONE);
+        numbers.send_last(&RunNumbers::NONE);
         drop(sinks.remove(1));
         let state = state_of(&mut board);
         assert_eq!((&state["is_over"], &state["heads"][1]["is_over"]), (&json!(false), &json!(true)));

@@ -108,8 +108,8 @@ impl Drop for LiveView {
 /// What the view is made of except its clients.
 fn parts(params: Params, clock: &Arc<dyn Clock>) -> (Board, Vec<LiveSink>, Numbers) {
     let (heads, sinks) = params.heads.iter().map(|head| head_and_sink(head, clock)).unzip();
-    let (numbers, told) = Numbers::new();
-    (Board::new(params, Arc::clone(clock), heads, told), sinks, numbers)
+    let (numbers, reported) = Numbers::new();
+    (Board::new(params, Arc::clone(clock), heads, reported), sinks, numbers)
 }
 
 /// The two ends of one head.
@@ -188,7 +188,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_taken_port_is_told_with_what_to_try() {
+    fn a_taken_port_is_reported_with_what_to_try() {
         let clock: Arc<dyn Clock> = Arc::new(Virtual::new(Tai::from_ns(0)));
         let (first, _sinks, _numbers) = LiveView::start(params(), Arc::clone(&clock)).unwrap();
         assert!(!first.is_exposed());

@@ -85,7 +85,7 @@ impl NetworkCamera {
         let (full, frames) = bounded(params.frames_queued as usize);
         let (given_back, free) = bounded(params.frames_queued as usize);
         for _ in 0..params.frames_queued {
-            let _there_is_room_for_all = given_back.try_send(Slot::with_capacity(pixels));
+            let _there_is_space_for_all = given_back.try_send(Slot::with_capacity(pixels));
         }
         let (ask, asks) = bounded(ASKS_QUEUED);
         let (tests, rate, tally) = (Arc::clone(&stream_socket), params.rate_bit_s, || Arc::clone(&shared.tally));
@@ -104,7 +104,7 @@ impl NetworkCamera {
             dn_bits: sensor.bits,
             pending: None,
         };
-        let broadcasts = hear_broadcasts(&found, address.port());
+        let broadcasts = receive_broadcasts(&found, address.port());
         let listener = Listener {
             device,
             shared: Arc::clone(&shared),
@@ -206,7 +206,7 @@ impl NetworkCamera {
 }
 
 /// Where discovery comes in by broadcast, as far as the system allows; without, the camera is found by its address.
-fn hear_broadcasts(found: &Interface, port: u16) -> Vec<UdpSocket> {
+fn receive_broadcasts(found: &Interface, port: u16) -> Vec<UdpSocket> {
     let to = [Ipv4Addr::BROADCAST, found.broadcast()];
     to.into_iter().filter_map(|broadcast| interface::broadcast_socket(broadcast, port).ok()).collect()
 }

@@ -118,7 +118,7 @@ mod tests {
     use frames::sink::sample::sample_frame;
 
     #[test]
-    fn the_truth_reads_back_at_the_places_the_table_tells() {
+    fn the_truth_reads_back_at_the_places_of_the_table() {
         let meta = sample_frame(77).meta;
         let mut out = vec![9; 5];
         append_chunks(&meta, 5, &mut out);

@@ -19,7 +19,7 @@ const SWITCHOVER: u32 = 0x4;
 struct Controller {
     address: SocketAddrV4,
     is_exclusive: bool,
-    heard: Tai,
+    got: Tai,
 }
 
 /// Control, given or not.
@@ -46,9 +46,9 @@ impl Control {
     }
 
     /// Notes that somebody was heard.
-    pub(super) fn hear(&mut self, from: SocketAddrV4, now: Tai) {
+    pub(super) fn take_in(&mut self, from: SocketAddrV4, now: Tai) {
         if let Some(controller) = self.controller.as_mut().filter(|controller| controller.address == from) {
-            controller.heard = now;
+            controller.got = now;
         }
     }
 
@@ -73,11 +73,11 @@ impl Control {
         if value & !(EXCLUSIVE | CONTROL | SWITCHOVER) != 0 {
             return Err(Status::InvalidParameter);
         }
-        let had = self.controller.is_some();
+        let obtained = self.controller.is_some();
         let wants = value & (EXCLUSIVE | CONTROL) != 0;
         let is_exclusive = value & EXCLUSIVE != 0;
-        self.controller = wants.then_some(Controller { address: from, is_exclusive, heard: now });
-        Ok(match (had, wants) {
+        self.controller = wants.then_some(Controller { address: from, is_exclusive, got: now });
+        Ok(match (obtained, wants) {
             (false, true) => Change::Taken,
             (true, false) => Change::Released,
             _ => Change::Kept,
@@ -91,7 +91,7 @@ impl Control {
 
     /// Ends the control of an application that has not been heard for longer than `timeout`; true when it did.
     pub(super) fn time_out(&mut self, now: Tai, timeout: Span) -> bool {
-        let is_silent = self.controller.is_some_and(|controller| now - controller.heard > timeout);
+        let is_silent = self.controller.is_some_and(|controller| now - controller.got > timeout);
         if is_silent {
             self.controller = None;
         }
@@ -131,9 +131,9 @@ mod tests {
         let timeout = Span::from_ms(3000);
         let mut control = Control::default();
         control.request(A, CONTROL, START).unwrap();
-        control.hear(B, START + Span::from_ms(2000));
+        control.take_in(B, START + Span::from_ms(2000));
         assert!(!control.time_out(START + timeout, timeout));
-        control.hear(A, START + Span::from_ms(2000));
+        control.take_in(A, START + Span::from_ms(2000));
         assert!(!control.time_out(START + Span::from_ms(5000), timeout));
         assert!(control.time_out(START + Span::from_ns(5_000_000_001), timeout));
         assert!(!control.time_out(START + Span::from_ms(9000), timeout), "only once");

@@ -214,15 +214,15 @@ impl Device {
 
     /// Takes one datagram that came to the control port.
     pub fn answer(&mut self, from: SocketAddrV4, bytes: &[u8], now: Tai, out: &mut Answer) {
-        self.hear(from, bytes, false, now, out);
+        self.take_in(from, bytes, false, now, out);
     }
 
     /// Takes one datagram that came by broadcast.
     pub fn answer_broadcast(&mut self, from: SocketAddrV4, bytes: &[u8], now: Tai, out: &mut Answer) {
-        self.hear(from, bytes, true, now, out);
+        self.take_in(from, bytes, true, now, out);
     }
 
-    fn hear(&mut self, from: SocketAddrV4, bytes: &[u8], is_broadcast: bool, now: Tai, out: &mut Answer) {
+    fn take_in(&mut self, from: SocketAddrV4, bytes: &[u8], is_broadcast: bool, now: Tai, out: &mut Answer) {
         out.reply.clear();
         (out.test_packet, out.resend) = (None, None);
         if !self.is_neighbour(*from.ip()) {
@@ -235,7 +235,7 @@ impl Device {
         if is_broadcast && !request.command.may_be_broadcast() {
             return self.tally().broadcasts_ignored.one();
         }
-        self.control.hear(from, now);
+        self.control.take_in(from, now);
         self.take_events();
         self.memory.set_long(own::TEMPERATURE, self.shared.temperature_bits());
         if let Some(reply) = self.last_change.answer_to(from, bytes, now) {

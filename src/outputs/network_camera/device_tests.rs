@@ -68,14 +68,14 @@ impl Bench {
     fn ask_again(&mut self, from: SocketAddrV4, code: u16, payload: &[u8]) -> Option<(u16, Vec<u8>)> {
         let bytes = self.datagram(code, payload);
         self.device.answer(from, &bytes, self.now, &mut self.answer);
-        self.told(code)
+        self.reported(code)
     }
 
     fn broadcast(&mut self, from: SocketAddrV4, code: u16, payload: &[u8]) -> Option<(u16, Vec<u8>)> {
         self.id += 1;
         let bytes = self.datagram(code, payload);
         self.device.answer_broadcast(from, &bytes, self.now, &mut self.answer);
-        self.told(code)
+        self.reported(code)
     }
 
     fn datagram(&self, code: u16, payload: &[u8]) -> Vec<u8> {
@@ -83,7 +83,7 @@ impl Bench {
         [&[0x42, 1][..], &code.to_be_bytes(), &length.to_be_bytes(), &self.id.to_be_bytes(), payload].concat()
     }
 
-    fn told(&self, code: u16) -> Option<(u16, Vec<u8>)> {
+    fn reported(&self, code: u16) -> Option<(u16, Vec<u8>)> {
         let reply = &self.answer.reply;
         if reply.is_empty() {
             return None;
@@ -94,14 +94,14 @@ impl Bench {
     }
 
     fn write(&mut self, from: SocketAddrV4, address: u32, value: u32) -> u16 {
-        let (status, told) = self.ask(from, 0x82, &[address.to_be_bytes(), value.to_be_bytes()].concat()).unwrap();
-        assert_eq!(told, [0, 0, 0, u8::from(status == OK)], "how many were written");
+        let (status, reported) = self.ask(from, 0x82, &[address.to_be_bytes(), value.to_be_bytes()].concat()).unwrap();
+        assert_eq!(reported, [0, 0, 0, u8::from(status == OK)], "how many were written");
         status
     }
 
     fn read(&mut self, from: SocketAddrV4, address: u32) -> Result<u32, u16> {
-        let (status, told) = self.ask(from, 0x80, &address.to_be_bytes()).unwrap();
-        if status == OK { Ok(u32::from_be_bytes(told.try_into().unwrap())) } else { Err(status) }
+        let (status, reported) = self.ask(from, 0x80, &address.to_be_bytes()).unwrap();
+        if status == OK { Ok(u32::from_be_bytes(reported.try_into().unwrap())) } else { Err(status) }
     }
 
     fn memory(&mut self, address: u32, bytes: usize) -> Vec<u8> {
@@ -109,9 +109,9 @@ impl Bench {
         while read.len() < bytes {
             let (next, count) = (address + u32::try_from(read.len()).unwrap(), (bytes - read.len()).min(512));
             let payload = [next.to_be_bytes(), u32::try_from(count).unwrap().to_be_bytes()].concat();
-            let (status, told) = self.ask(A, 0x84, &payload).unwrap();
-            assert_eq!((status, &told[..4]), (OK, &next.to_be_bytes()[..]));
-            read.extend(&told[4..]);
+            let (status, reported) = self.ask(A, 0x84, &payload).unwrap();
+            assert_eq!((status, &reported[..4]), (OK, &next.to_be_bytes()[..]));
+            read.extend(&reported[4..]);
         }
         read
     }
@@ -163,11 +163,11 @@ fn bench() -> Bench {
 #[test]
 fn discovery_is_answered_to_the_own_subnet_alone() {
     let mut bench = bench();
-    let (status, told) = bench.ask(B, 0x02, &[]).unwrap();
-    assert_eq!((status, told.len()), (OK, 0xF8));
-    assert_eq!(told[..16], [0, 1, 0, 2, 0x80, 0, 0, 1, 0, 0, 2, 0, 10, 0, 0, 1]);
-    assert_eq!(told[0x24..0x28], [10, 0, 0, 1]);
-    assert!(told[0x48..].starts_with(b"starloop\0"));
+    let (status, reported) = bench.ask(B, 0x02, &[]).unwrap();
+    assert_eq!((status, reported.len()), (OK, 0xF8));
+    assert_eq!(reported[..16], [0, 1, 0, 2, 0x80, 0, 0, 1, 0, 0, 2, 0, 10, 0, 0, 1]);
+    assert_eq!(reported[0x24..0x28], [10, 0, 0, 1]);
+    assert!(reported[0x48..].starts_with(b"starloop\0"));
     assert_eq!(bench.ask(STRANGER, 0x02, &[]), None);
     let counters = bench.device.counters();
     assert_eq!((counters.discoveries, counters.strangers), (1, 1));
@@ -561,7 +561,7 @@ proptest! {
     }
 
     #[test]
-    fn nobody_but_the_controller_changes_the_stream(steps in prop::collection::vec((any::<bool>(), any_datagram()), 1..60)) {
+    fn no_one_but_the_controller_changes_the_stream(steps in prop::collection::vec((any::<bool>(), any_datagram()), 1..60)) {
         let mut bench = bench();
         bench.stream();
         let before = bench.device.stream();

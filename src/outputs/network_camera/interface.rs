@@ -88,8 +88,8 @@ fn made_of(address: Ipv4Addr) -> [u8; 6] {
 }
 
 fn mtu(name: &str) -> u32 {
-    let told = std::fs::read_to_string(format!("/sys/class/net/{name}/mtu"));
-    told.ok().and_then(|text| text.trim().parse().ok()).unwrap_or(USUAL_MTU)
+    let reported = std::fs::read_to_string(format!("/sys/class/net/{name}/mtu"));
+    reported.ok().and_then(|text| text.trim().parse().ok()).unwrap_or(USUAL_MTU)
 }
 
 /// The control port. Without sharing: a second camera on the same address is refused by the system.
@@ -175,12 +175,12 @@ mod tests {
             Interface { name: "tun0".into(), address, mask, mac: [0; 6], mtu }.packet_bytes_max()
         };
         assert_eq!((of(576).unwrap(), of(1502).unwrap(), of(65_536).unwrap()), (576, 1500, 65_532));
-        let told = of(575).unwrap_err().to_string();
-        assert!(told.contains("tun0") && told.contains("575") && told.contains("576"), "{told}");
+        let reported = of(575).unwrap_err().to_string();
+        assert!(reported.contains("tun0") && reported.contains("575") && reported.contains("576"), "{reported}");
     }
 
     #[test]
-    fn a_port_that_is_taken_is_told() {
+    fn a_port_that_is_taken_is_reported() {
         let first = control_socket(Ipv4Addr::LOCALHOST, 0).unwrap();
         let error = control_socket(Ipv4Addr::LOCALHOST, first.local_addr().unwrap().port()).unwrap_err();
         assert!(error.to_string().contains("another camera"), "{error}");

@@ -85,8 +85,8 @@ impl Listener {
 
     fn ask_clock(&mut self) {
         if self.device.wants_ptp() {
-            let told = self.ptp.poll(self.clock.now());
-            self.device.note_ptp(told);
+            let reported = self.ptp.poll(self.clock.now());
+            self.device.note_ptp(reported);
         } else {
             self.ptp.rest();
         }

@@ -126,9 +126,9 @@ impl Outlet {
         let (mut sent, mut refused, mut is_gone) = (0, 0, false);
         let mut stale_errors = 0;
         while sent < filled {
-            let told = sendmmsg(&self.socket, &mut messages[sent..filled], SendFlags::empty());
+            let reported = sendmmsg(&self.socket, &mut messages[sent..filled], SendFlags::empty());
             let bytes = |range: Range<usize>| -> usize { range.map(|at| HEADER_BYTES + data[at].len()).sum() };
-            match told {
+            match reported {
                 Ok(more) if more > 0 => {
                     self.tally.packets.add(more as u64);
                     self.tally.bytes.add(bytes(sent..sent + more) as u64);
@@ -146,8 +146,8 @@ impl Outlet {
                 }
                 // A refused packet is lost, as on a wire; the client may ask for it again. The first of the rest was
                 // refused, or, when the wait for room was in vain, all of them: it is not waited for each.
-                told => {
-                    let lost = if told == Err(Errno::AGAIN) { filled - sent } else { 1 };
+                reported => {
+                    let lost = if reported == Err(Errno::AGAIN) { filled - sent } else { 1 };
                     refused += lost as u64;
                     sent += lost;
                 }

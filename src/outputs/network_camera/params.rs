@@ -227,13 +227,13 @@ mod tests {
     fn heads_differ_in_address_serial_number_and_hardware_address() {
         let identity = Identity { serial: "thirteen char".into(), ..Identity::default() };
         let first = Params { mac: Some([2, 0, 0, 0, 0, 0xFF]), identity, ..Params::default() };
-        let told = |head| {
+        let reported = |head| {
             let params = first.of_head(head).unwrap();
             params.identity.check().unwrap();
             (params.address.octets()[3], params.identity.serial, params.mac.unwrap())
         };
-        assert_eq!(told(0), (1, "thirteen char-0".into(), [2, 0, 0, 0, 0, 0xFF]));
-        assert_eq!(told(9), (10, "thirteen char-9".into(), [2, 0, 0, 0, 1, 8]));
+        assert_eq!(reported(0), (1, "thirteen char-0".into(), [2, 0, 0, 0, 0, 0xFF]));
+        assert_eq!(reported(9), (10, "thirteen char-9".into(), [2, 0, 0, 0, 1, 8]));
         let error = |head| first.of_head(head).unwrap_err().to_string();
         assert!(error(10).contains("thirteen char-10"), "{}", error(10));
         let short = Params::default();

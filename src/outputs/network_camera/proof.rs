@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn wrong_addresses_close_the_door_for_a_second() {
+    fn wrong_addresses_are_refused_for_a_second() {
         let mut proof = Proof::default();
         (1..MISSES_MAX).for_each(|_| proof.miss(NOW));
         proof.accept(client(1), None, NOW);

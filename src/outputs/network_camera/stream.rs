@@ -143,7 +143,7 @@ impl Stream {
             self.write_block(&mut slot, settings);
         }
         // Before its packets leave: the sink may want it.
-        let _there_is_room_for_all = self.free.try_send(slot);
+        let _there_is_space_for_all = self.free.try_send(slot);
         match destination {
             Some(to) => self.send_block(to),
             None => self.shared.tally.frames_cut.one(),
@@ -182,7 +182,7 @@ impl Stream {
                 self.shared.receiver_is_gone(acquisition);
                 return self.shared.tally.frames_cut.one();
             }
-            let _nobody_may_be_left_to_ask = self.serve();
+            let _no_one_may_be_left_to_ask = self.serve();
         }
         let tally = &self.shared.tally;
         if refused == 0 { tally.frames_sent.one() } else { tally.frames_refused.one() }
@@ -210,11 +210,11 @@ impl Stream {
             return None;
         };
         let Some(block) = self.kept.find(resend.block, settings.acquisition) else {
-            let told = resend.packets().min(GONE_MAX).min(self.kept.allowance);
-            let count = if told == 0 { &tally.resends_refused } else { &tally.resends_gone };
+            let reported = resend.packets().min(GONE_MAX).min(self.kept.allowance);
+            let count = if reported == 0 { &tally.resends_refused } else { &tally.resends_gone };
             count.add(resend.packets());
-            self.kept.allowance -= told;
-            self.outlet.send_gone(to, resend.block, resend.first, told as usize);
+            self.kept.allowance -= reported;
+            self.outlet.send_gone(to, resend.block, resend.first, reported as usize);
             return None;
         };
         let end = block.packets().min(resend.last.saturating_add(1)).max(resend.first);
@@ -266,9 +266,9 @@ mod tests {
         // One frame takes 10 ms of the clock.
         let outlet = Outlet::new(Arc::new(socket), clock, 8.8e5, None, Arc::clone(&shared.tally));
         let kept = Kept::new(2, 31 * 17, settings);
-        let told = Arc::clone(&shared);
+        let reported = Arc::clone(&shared);
         Stream { shared, frames, free, asks, outlet, kept, width_px: 31, dn_bits: 16, pending: None }.run();
-        let counters = told.tally.read();
+        let counters = reported.tally.read();
         [counters.frames_sent, counters.frames_refused, counters.frames_cut, counters.packets_refused]
     }
 
@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_whose_packets_the_system_refuses_is_not_told_as_sent() {
+    fn a_frame_whose_packets_the_system_refuses_is_not_reported_as_sent() {
         // The system sends to all only from sockets that asked for it.
         let to_all = SocketAddrV4::new(Ipv4Addr::BROADCAST, 9);
         let [sent, refused, cut, packets] = counts_of(to_all, Span::from_ms(1_000));

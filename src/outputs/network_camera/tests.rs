@@ -216,14 +216,14 @@ fn what_no_camera_can_be_is_refused_in_words() {
         NetworkCamera::start(&params, &SENSOR, None, Arc::new(Monotonic::start())).err().map(|error| error.to_string())
     };
     assert_eq!(start(base.clone()), None);
-    let told = |params| start(params).unwrap();
-    assert!(told(Params { packet_bytes: 575, ..base.clone() }).contains("576 to 65532"));
-    assert!(told(Params { rate_bit_s: f64::NAN, ..base.clone() }).contains("rate_bit_s"));
-    assert!(told(Params { frames_kept: 0, ..base.clone() }).contains("frames_kept"));
+    let reported = |params| start(params).unwrap();
+    assert!(reported(Params { packet_bytes: 575, ..base.clone() }).contains("576 to 65532"));
+    assert!(reported(Params { rate_bit_s: f64::NAN, ..base.clone() }).contains("rate_bit_s"));
+    assert!(reported(Params { frames_kept: 0, ..base.clone() }).contains("frames_kept"));
     let identity = Identity { serial: "sixteen letters.".into(), ..Identity::default() };
-    assert!(told(Params { identity, ..base.clone() }).contains("15 plain"));
+    assert!(reported(Params { identity, ..base.clone() }).contains("15 plain"));
     let identity = Identity { model: "<a>".into(), ..Identity::default() };
-    assert!(told(Params { identity, ..base }).contains("model"));
+    assert!(reported(Params { identity, ..base }).contains("model"));
 }
 
 /// A frame of 64 KiB: half a second at 1 Mbit/s.
@@ -306,9 +306,9 @@ fn single_frames_are_never_spent_on_the_acquisition_before() {
     client.write(own::ACQUISITION_STOP, 1);
     client.write(own::ACQUISITION_MODE, 1);
     let is_over = Arc::new(AtomicBool::new(false));
-    let told = Arc::clone(&is_over);
+    let reported = Arc::clone(&is_over);
     let feed = std::thread::Builder::new().name("feed".into()).spawn(move || {
-        while !told.load(Ordering::Acquire) {
+        while !reported.load(Ordering::Acquire) {
             camera.send(&sample_frame(1)).unwrap();
         }
         camera

@@ -171,13 +171,13 @@ mod tests {
 
     #[test]
     fn origin_and_horizon_say_what_was_done() {
-        let told = |at| (estimate(at).origin, estimate(at).horizon.ns() / 1_000_000);
-        assert_eq!(told(ms(45)), (PathOrigin::Interpolated, -5));
-        assert_eq!(told(ms(50)), (PathOrigin::Interpolated, 0));
-        assert_eq!(told(ms(100)), (PathOrigin::Predicted, 0));
-        assert_eq!(told(ms(150)), (PathOrigin::Predicted, 50));
-        assert_eq!(told(ms(600)), (PathOrigin::Predicted, 500));
-        assert_eq!(told(ms(601)), (PathOrigin::Held, 501));
+        let reported = |at| (estimate(at).origin, estimate(at).horizon.ns() / 1_000_000);
+        assert_eq!(reported(ms(45)), (PathOrigin::Interpolated, -5));
+        assert_eq!(reported(ms(50)), (PathOrigin::Interpolated, 0));
+        assert_eq!(reported(ms(100)), (PathOrigin::Predicted, 0));
+        assert_eq!(reported(ms(150)), (PathOrigin::Predicted, 50));
+        assert_eq!(reported(ms(600)), (PathOrigin::Predicted, 500));
+        assert_eq!(reported(ms(601)), (PathOrigin::Held, 501));
         assert_eq!(estimate(ms(45)).gap, Span::from_ms(10));
     }
 
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gap_of_100_ms_is_bridged_and_told() {
+    fn a_gap_of_100_ms_is_bridged_and_reported() {
         let mut history = AttitudeHistory::new(HistoryLimits::default());
         let full = spinning();
         let ends = [full.oldest().expect("held"), full.newest().expect("held")];

@@ -196,12 +196,12 @@ fn exposures_that_begin_before_the_first_sample_use_the_motion_at_their_middle()
 fn instants_and_reused_buffers_are_fine() {
     let history = history(limit_cycle, 2000);
     let mut path = blank_path();
-    let room = path.jitter.points.capacity();
+    let space = path.jitter.points.capacity();
     for i in 0..50 {
         let limits = EstimateLimits::default();
         compose(&history, &no_jitter(), mounting(), ms(10 * i), 1.0, &limits, &mut path).expect("a history");
     }
-    assert_eq!(path.jitter.points.capacity(), room, "no growth");
+    assert_eq!(path.jitter.points.capacity(), space, "no growth");
     let (_, instant) = composed(&history, 333, 0.0, StalePolicy::Hold);
     assert!((instant.rate_rad_s - mounting().apply(limit_cycle(0.333).1)).length() < 0.05 * ARCSEC, "its own rate");
 }

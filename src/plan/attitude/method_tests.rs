@@ -91,7 +91,7 @@ fn states_come_from_the_sample_before_and_the_one_after() {
 }
 
 #[test]
-fn what_is_not_there_is_told() {
+fn what_is_not_there_is_reported() {
     let history = history(DVec3::ZERO);
     let by = |method, at| state_by(method, &history, at).map(|state| state.at);
     let after = Err(AttitudeError::AfterHistory { at: ms(11), newest: ms(10) });

@@ -4,7 +4,7 @@ mod weighing;
 
 use crate::exposure::cost::{CostModel, Load};
 use crate::exposure::instrument::Instrument;
-use crate::exposure::ladder::Rung;
+use crate::exposure::levels::Degradation;
 use crate::exposure::lists::fill_nodes;
 use crate::exposure::mean_field::MeanField;
 use crate::exposure::method::{Method, MethodChoice, MethodName};
@@ -230,21 +230,27 @@ impl Chooser {
     }
 
     /// Chooses a method for every class of stars of `plan`, on a rung of the ladder.
-    pub(super) fn choose(&mut self, plan: &mut ExposurePlan, rung: Rung, brightest_e: f64, probes: &Probes) {
+    pub(super) fn choose(
+        &mut self,
+        plan: &mut ExposurePlan,
+        degradation: Degradation,
+        brightest_e: f64,
+        probes: &Probes,
+    ) {
         self.stars = plan.stars.len();
         if self.weighed.is_empty() {
             self.weigh(&plan.motion, brightest_e, probes);
         }
-        let budget = rung.loosened(&self.budget);
+        let budget = degradation.loosened(&self.budget);
         let pixels = self.instrument.camera.width_px() * self.instrument.camera.height_px();
         let empty_ms = self.cost.empty_frame_ms(pixels, self.moves);
         let limit_ms = self.limit_ms - empty_ms;
         let all = StarClass { brightest_e, faintest_e: 0.0, stars: plan.stars.len(), bands: 1, chosen: plan.chosen };
-        let mut together = self.best(&all, &budget, rung, (plan.extent_px, limit_ms), probes);
-        let may_help = !self.is_exact && (rung < Rung::MotionOut || self.is_fixed());
+        let mut together = self.best(&all, &budget, degradation, (plan.extent_px, limit_ms), probes);
+        let may_help = !self.is_exact && (degradation < Degradation::MotionOut || self.is_fixed());
         if self.moves && may_help && !self.is_tried && !together.chosen.verdict.keeps_shape() {
             self.try_methods(plan, &all, &budget, probes);
-            together = self.best(&all, &budget, rung, (plan.extent_px, limit_ms), probes);
+            together = self.best(&all, &budget, degradation, (plan.extent_px, limit_ms), probes);
         }
         plan.assessed.clear();
         plan.assessed.extend(self.weighed.iter().map(|weighed| {
@@ -254,8 +260,8 @@ impl Chooser {
         }));
         plan.assessed.sort_by(|a, b| a.cost_ms.total_cmp(&b.cost_ms));
         plan.classes.clear();
-        if matches!(self.choice, MethodChoice::Auto) && rung < Rung::MotionOut && self.weighed.len() > 1 {
-            self.choose_by_class(plan, brightest_e, &budget, rung, probes);
+        if matches!(self.choice, MethodChoice::Auto) && degradation < Degradation::MotionOut && self.weighed.len() > 1 {
+            self.choose_by_class(plan, brightest_e, &budget, degradation, probes);
         }
         let apart_ms: f64 = plan.classes.iter().map(|class| class.chosen.cost_ms).sum();
         if plan.classes.is_empty() || together.chosen.cost_ms <= apart_ms || !together.chosen.verdict.keeps_shape() {
@@ -333,7 +339,7 @@ impl Chooser {
         plan: &mut ExposurePlan,
         brightest_e: f64,
         budget: &AccuracyBudget,
-        rung: Rung,
+        degradation: Degradation,
         probes: &Probes,
     ) {
         let begin_e = brightest_e.min(self.saturating_e());
@@ -345,7 +351,7 @@ impl Chooser {
             if class.stars == 0 {
                 continue;
             }
-            let class = self.best(&class, budget, rung, (plan.extent_px, f64::INFINITY), probes);
+            let class = self.best(&class, budget, degradation, (plan.extent_px, f64::INFINITY), probes);
             match plan.classes.last_mut() {
                 Some(before) if before.chosen.method == class.chosen.method => {
                     before.stars += class.stars;
@@ -369,13 +375,13 @@ impl Chooser {
         &self,
         class: &StarClass,
         budget: &AccuracyBudget,
-        rung: Rung,
+        degradation: Degradation,
         (extent_px, limit_ms): (f64, f64),
         probes: &Probes,
     ) -> StarClass {
         let wanted = match self.choice {
             MethodChoice::Fixed(name, _) => Some(name),
-            MethodChoice::Auto if rung >= Rung::MotionOut => Some(MethodName::Static),
+            MethodChoice::Auto if degradation >= Degradation::MotionOut => Some(MethodName::Static),
             MethodChoice::Auto => None,
         };
         let of_wanted = |weighed: &&Weighed| wanted.is_none_or(|name| weighed.method.name() == name);

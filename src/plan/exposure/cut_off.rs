@@ -98,8 +98,8 @@ mod tests {
 
     #[test]
     fn stars_below_the_limit_are_left_out_and_crowds_are_kept() {
-        let lonely = [(3.0, [10.0, 10.0]), (3.0, [50.0, 50.0]), (500.0, [30.0, 30.0])];
-        let (limit_e, cut) = chosen(&lonely, 1.0);
+        let outlier = [(3.0, [10.0, 10.0]), (3.0, [50.0, 50.0]), (500.0, [30.0, 30.0])];
+        let (limit_e, cut) = chosen(&outlier, 1.0);
         assert!((limit_e, cut.stars) == (4.0, 2) && cut.most_in_pixel_e <= 1.0, "{limit_e} {cut:?}");
         let crowd: Vec<_> = (0..100).map(|i| (3.0, [20.0 + 0.01 * f64::from(i), 20.0])).collect();
         assert_eq!(chosen(&crowd, 1.0), (0.0, CutOff::default()), "300 e- in one place are no faint star");

@@ -10,7 +10,7 @@ pub mod cost;
 pub mod cost_fit;
 pub mod cut_off;
 mod instrument;
-pub mod ladder;
+pub mod levels;
 pub mod lists;
 pub mod mean_field;
 pub mod method;
@@ -38,7 +38,7 @@ mod trial;
 pub mod weigh;
 
 pub use instrument::Instrument;
-pub use ladder::Rung;
+pub use levels::Degradation;
 pub use method::{Method, MethodChoice};
 pub use motion::{Motion, Shutter};
 pub use pixel_path::{PixelPath, PixelPoint};

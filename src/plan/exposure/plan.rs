@@ -1,7 +1,7 @@
 //! The plan of one exposure: plain data that any backend can draw.
 
 use crate::exposure::correction::Correction;
-use crate::exposure::ladder::Rung;
+use crate::exposure::levels::Degradation;
 use crate::exposure::method::Method;
 use crate::exposure::moments::TracePoint;
 use crate::exposure::motion::{Motion, Shutter};
@@ -203,7 +203,7 @@ pub struct ExposurePlan {
     /// What was left out.
     pub cut_off: CutOff,
     /// How far the frame was degraded to keep its time budget.
-    pub rung: Rung,
+    pub degradation: Degradation,
     /// Path nodes of all lists.
     pub nodes: Vec<PathNode>,
     /// Lists of nodes.

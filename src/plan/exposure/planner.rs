@@ -8,7 +8,7 @@ use crate::exposure::choice::Chooser;
 use crate::exposure::cost::CostModel;
 use crate::exposure::cut_off::CutOffCells;
 use crate::exposure::instrument::Instrument;
-use crate::exposure::ladder::Rung;
+use crate::exposure::levels::Degradation;
 use crate::exposure::lists;
 use crate::exposure::mean_field::MeanField;
 use crate::exposure::method::{Method, MethodChoice};
@@ -38,7 +38,7 @@ pub struct Planner {
     instrument: Instrument,
     budget: AccuracyBudget,
     time_budget_ms: Option<f64>,
-    last_rung: Rung,
+    last_degradation: Degradation,
     plan: ExposurePlan,
     probes: Probes,
     means: MeanField,
@@ -77,7 +77,7 @@ impl Planner {
             assessed: Vec::with_capacity(16),
             classes: Vec::with_capacity(4),
             cut_off: CutOff::default(),
-            rung: Rung::Full,
+            degradation: Degradation::Full,
             nodes: Vec::with_capacity(nodes::MOST_DENSE_NODES),
             lists: Vec::with_capacity(256),
             reach_px: 0.0,
@@ -96,7 +96,7 @@ impl Planner {
             cells: CutOffCells::default(),
             lists: lists::Buffers::default(),
             time_budget_ms: None,
-            last_rung: Rung::LAST_BY_DEFAULT,
+            last_degradation: Degradation::LAST_BY_DEFAULT,
             instrument,
             budget,
             plan,
@@ -116,10 +116,10 @@ impl Planner {
         self
     }
 
-    /// With another level than [`Rung::LAST_BY_DEFAULT`] as the last one that may be taken.
+    /// With another level than [`Degradation::LAST_BY_DEFAULT`] as the last one that may be taken.
     #[must_use]
-    pub fn down_to(mut self, last_rung: Rung) -> Self {
-        self.last_rung = last_rung;
+    pub fn down_to(mut self, last_degradation: Degradation) -> Self {
+        self.last_degradation = last_degradation;
         self
     }
 
@@ -188,7 +188,7 @@ impl Planner {
         self.measure_path();
         let brightness = self.place(sources);
         self.targets.place(&self.plan, &self.instrument.illumination);
-        self.take_rungs(brightness);
+        self.take_degradations(brightness);
         let Self { plan, probes, lists, instrument, share, targets, .. } = self;
         lists::fill(plan, probes, &instrument.camera, lists);
         lists::give(plan, share, lists);
@@ -215,41 +215,41 @@ impl Planner {
     }
 
     /// Down the ladder until the frame fits its time.
-    fn take_rungs(&mut self, brightness: Brightness) {
-        let mut rung = Rung::Full;
+    fn take_degradations(&mut self, brightness: Brightness) {
+        let mut degradation = Degradation::Full;
         // Targets are drawn whatever the time: they are what the frame is for.
         let targets_ms = self.targets.cost_ms(&self.cost, &self.plan);
         self.plan.cut_off = CutOff::default();
-        self.leave_out_faint(rung, brightness.least_e);
+        self.leave_out_faint(degradation, brightness.least_e);
         loop {
-            self.plan.rung = rung;
+            self.plan.degradation = degradation;
             self.chooser.limit_ms = self.time_budget_ms.map_or(f64::INFINITY, |limit_ms| limit_ms - targets_ms);
-            self.chooser.choose(&mut self.plan, rung, brightness.most_e, &self.probes);
+            self.chooser.choose(&mut self.plan, degradation, brightness.most_e, &self.probes);
             self.plan.chosen.cost_ms += targets_ms;
             let Some(limit_ms) = self.time_budget_ms else { return };
             if self.plan.chosen.cost_ms <= limit_ms {
                 return;
             }
-            let Some(mut next) = rung.next() else { return };
-            if next == Rung::MotionOut && self.chooser.is_fixed() {
+            let Some(mut next) = degradation.next() else { return };
+            if next == Degradation::MotionOut && self.chooser.is_fixed() {
                 // A method that the user fixed stays.
-                next = Rung::BrightStarsOnly;
+                next = Degradation::BrightStarsOnly;
             }
-            if next > self.last_rung {
+            if next > self.last_degradation {
                 return;
             }
-            if next.cut_off_sigma(&self.budget) > rung.cut_off_sigma(&self.budget) {
+            if next.cut_off_sigma(&self.budget) > degradation.cut_off_sigma(&self.budget) {
                 self.leave_out_faint(next, brightness.least_e);
             }
-            if next == Rung::BrightStarsOnly {
+            if next == Degradation::BrightStarsOnly {
                 self.keep_brightest(limit_ms - targets_ms);
             }
-            rung = next;
+            degradation = next;
         }
     }
 
     /// Leaves out the stars that stay below the rung's share of the noise.
-    fn leave_out_faint(&mut self, rung: Rung, least_e: f64) {
+    fn leave_out_faint(&mut self, degradation: Degradation, least_e: f64) {
         let Self { plan, cells, instrument, budget, is_exact, .. } = self;
         let reach_px = light_reach_px(plan);
         let camera = &instrument.camera;
@@ -257,7 +257,7 @@ impl Planner {
             return;
         }
         // What an earlier rung left out counts too.
-        let allowed_e = rung.cut_off_sigma(budget) * instrument.read_noise_e_rms - plan.cut_off.most_in_pixel_e;
+        let allowed_e = degradation.cut_off_sigma(budget) * instrument.read_noise_e_rms - plan.cut_off.most_in_pixel_e;
         let peak = plan.psf.peak();
         if least_e * peak >= allowed_e {
             return;

@@ -5,7 +5,7 @@
 //! `phi(k) = E[exp(i k . d)]` shows it. Two images of one star differ by the inverse transform of
 //! `exp(-sigma^2 k^2 / 2) (phi_a - phi_b)`; a linear functional with weights `W(x)` on pixels (first moment in a 5 x 5
 //! window, one pixel) therefore differs by at most the integral of `|W(k)| exp(-sigma^2 k^2 / 2) |phi_a - phi_b|
-//! d^2k / (2 pi)^2`, wherever the star stands on its pixel. The integral is a polar sum, `DIRECTIONS` by `RADII`
+//! d^2k / (2 pi)^2`, wherever the star lies on its pixel. The integral is a polar sum, `DIRECTIONS` by `RADII`
 //! cells, `|W|` averaged over each cell, the difference taken at its centre and the sum doubled (`CELL_SAFETY`).
 //! Held against the reference by `tests/physics`.
 

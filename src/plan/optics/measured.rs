@@ -259,10 +259,10 @@ mod tests {
             let (size, at) = ([15 * k, 12 * k + 1], [7.3 * k as f64, 5.9 * k as f64]);
             let grid = (Measurement { samples_per_px: k, ..PLAIN }).psf(&cells(k, size, at, 0.0), size[0]).unwrap();
             assert!(worst(&grid) < 3e-4, "{k}: {:e}", worst(&grid));
-            let told = Measurement { samples_per_px: k, star_at: StarAt::Sample(at), ..PLAIN };
-            let grid = told.psf(&cells(k, size, at, 0.0), size[0]).unwrap();
+            let reported = Measurement { samples_per_px: k, star_at: StarAt::Sample(at), ..PLAIN };
+            let grid = reported.psf(&cells(k, size, at, 0.0), size[0]).unwrap();
             assert!(worst(&grid) < 3e-4, "{k}: {:e}", worst(&grid));
-            let beside = Measurement { star_at: StarAt::Sample([at[0] + 0.1 * k as f64, at[1]]), ..told };
+            let beside = Measurement { star_at: StarAt::Sample([at[0] + 0.1 * k as f64, at[1]]), ..reported };
             let grid = beside.psf(&cells(k, size, at, 0.0), size[0]).unwrap();
             assert!(worst(&grid) > 1e-2, "a tenth of a pixel off must be seen: {:e}", worst(&grid));
         }

@@ -138,8 +138,8 @@ mod tests {
             .map(|(x, y)| moffat.pixel(f64::from(x), f64::from(y)))
             .sum();
         // A disc made of pixels is as large as the circle but for its rim.
-        let (lost, told) = (1.0 - inside, moffat.lost_flux(f64::from(half)));
-        assert!((lost / told - 1.0).abs() < 0.02, "{lost:e} against {told:e}");
+        let (lost, reported) = (1.0 - inside, moffat.lost_flux(f64::from(half)));
+        assert!((lost / reported - 1.0).abs() < 0.02, "{lost:e} against {reported:e}");
     }
 
     #[test]

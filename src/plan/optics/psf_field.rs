@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn nodes_stand_at_the_edges_and_shares_are_bilinear() {
+    fn nodes_lie_at_the_edges_and_shares_are_bilinear() {
         let field = field();
         assert_eq!(
             [0, 1, 2, 5].map(|node| field.place_px(node)),

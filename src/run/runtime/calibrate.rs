@@ -297,9 +297,9 @@ mod tests {
     #[test]
     fn a_quick_calibration_gives_constants_that_predict_its_own_scenes() {
         let effort = Effort { sides_px: [256, 512], stars: [500, 2000], repeats: 3 };
-        let mut told = 0;
-        let found = calibrate(BackendChoice::Cpu, &effort, &mut |_, _, _| told += 1).unwrap();
-        assert_eq!(told, 11, "one line per scene and one at the end");
+        let mut reported = 0;
+        let found = calibrate(BackendChoice::Cpu, &effort, &mut |_, _, _| reported += 1).unwrap();
+        assert_eq!(reported, 11, "one line per scene and one at the end");
         assert_eq!(found.backend, "cpu");
         let CostModel { frame_ms, pixel_ns, readout_pixel_ns, .. } = found.cost;
         assert!(frame_ms + pixel_ns > 0.0 && readout_pixel_ns > 0.0, "{:?}", found.cost);

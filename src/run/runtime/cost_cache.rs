@@ -161,11 +161,11 @@ mod tests {
         for (got, owner) in owners {
             let foreign = CachedCost { owner, ..here.clone() };
             write(&path, &foreign).unwrap();
-            let told = read(&path, &here.owner).unwrap_err().to_string();
+            let reported = read(&path, &here.owner).unwrap_err().to_string();
             for part in ["costs.toml", "wanted", got] {
-                assert!(told.contains(part), "no \"{part}\" in: {told}");
+                assert!(reported.contains(part), "no \"{part}\" in: {reported}");
             }
-            assert_eq!(told.lines().count(), 1, "one line: {told}");
+            assert_eq!(reported.lines().count(), 1, "one line: {reported}");
         }
     }
 
@@ -188,8 +188,8 @@ mod tests {
         wrong.extend([half, negative, "\u{0}".into(), String::new()]);
         for wrong in wrong {
             std::fs::write(&path, wrong).unwrap();
-            let told = read(&path, &here.owner).unwrap_err().to_string();
-            assert!(told.contains("costs.toml") && told.lines().count() == 1, "{told}");
+            let reported = read(&path, &here.owner).unwrap_err().to_string();
+            assert!(reported.contains("costs.toml") && reported.lines().count() == 1, "{reported}");
         }
     }
 }

@@ -20,7 +20,7 @@ use std::thread::JoinHandle;
 pub const BUFFERS: usize = 4;
 
 /// A frame with its times.
-pub struct Parcel {
+pub struct FramePacket {
     /// The frame.
     pub frame: SentFrame,
     /// Its times: the frame thread begins them, the sink thread completes them.
@@ -59,10 +59,10 @@ pub struct Delivered {
 /// The sink thread and its queues.
 pub struct Delivery {
     /// `None`: no more frames come.
-    full: Option<Sender<Parcel>>,
-    empty: Receiver<Parcel>,
+    full: Option<Sender<FramePacket>>,
+    empty: Receiver<FramePacket>,
     /// Buffers that have come back, oldest first.
-    returned: VecDeque<Parcel>,
+    returned: VecDeque<FramePacket>,
     thread: JoinHandle<Delivered>,
 }
 
@@ -77,19 +77,19 @@ impl Delivery {
         clock: &Arc<dyn Clock>,
         hygiene: Option<&Arc<Hygiene>>,
     ) -> Result<Self, RunError> {
-        let (full, to_send) = bounded::<Parcel>(BUFFERS);
-        let (sent, empty) = bounded::<Parcel>(BUFFERS);
+        let (full, to_send) = bounded::<FramePacket>(BUFFERS);
+        let (sent, empty) = bounded::<FramePacket>(BUFFERS);
         for _ in 0..BUFFERS {
             let at = clock.now();
             let record = FrameRecord::released(0, [at; 3], [at; 2]);
-            let parcel = Parcel {
+            let frame_packet = FramePacket {
                 frame: prototype.touched_copy(),
                 record,
                 not_before: None,
                 delivered: false,
                 losses: Vec::new(),
             };
-            let _room_for_all = sent.try_send(parcel);
+            let _space_for_all = sent.try_send(frame_packet);
         }
         let (clock, hygiene) = (Arc::clone(clock), hygiene.map(Arc::clone));
         let thread = std::thread::Builder::new()
@@ -106,10 +106,10 @@ impl Delivery {
     }
 
     /// A free buffer, if there is one now. `visit` sees each buffer that has come back from the sink thread, once.
-    pub fn take(&mut self, mut visit: impl FnMut(&Parcel)) -> Option<Parcel> {
-        for parcel in self.empty.try_iter() {
-            visit(&parcel);
-            self.returned.push_back(parcel);
+    pub fn take(&mut self, mut visit: impl FnMut(&FramePacket)) -> Option<FramePacket> {
+        for frame_packet in self.empty.try_iter() {
+            visit(&frame_packet);
+            self.returned.push_back(frame_packet);
         }
         self.returned.pop_front()
     }
@@ -118,13 +118,13 @@ impl Delivery {
     ///
     /// # Errors
     /// When the sink thread has ended.
-    pub fn send(&self, mut parcel: Parcel, now: Tai) -> Result<(), RunError> {
-        parcel.record.submitted = Some(now);
-        parcel.delivered = false;
-        parcel.losses.clear();
+    pub fn send(&self, mut frame_packet: FramePacket, now: Tai) -> Result<(), RunError> {
+        frame_packet.record.submitted = Some(now);
+        frame_packet.delivered = false;
+        frame_packet.losses.clear();
         // There are as many places as buffers: this waits for nothing.
         let lost = || RunError::ThreadLost { name: "sink" };
-        self.full.as_ref().ok_or_else(lost)?.send(parcel).map_err(|_| lost())
+        self.full.as_ref().ok_or_else(lost)?.send(frame_packet).map_err(|_| lost())
     }
 
     /// No more frames come: the sink thread ends when it has sent those that wait. Several end at the same time so.
@@ -133,10 +133,10 @@ impl Delivery {
     }
 
     /// Waits until everything is delivered. `visit` sees the buffers that were not yet taken.
-    pub fn finish(mut self, mut visit: impl FnMut(&Parcel)) -> Delivered {
+    pub fn finish(mut self, mut visit: impl FnMut(&FramePacket)) -> Delivered {
         self.hang_up();
         let joined = self.thread.join();
-        self.empty.try_iter().for_each(|parcel| visit(&parcel));
+        self.empty.try_iter().for_each(|frame_packet| visit(&frame_packet));
         joined.unwrap_or_else(|_panicked| Delivered {
             frames: 0,
             refused: 0,
@@ -149,39 +149,44 @@ impl Delivery {
 }
 
 /// The sink thread: sends until the queue closes.
-fn carry(sink: &mut dyn Sink, clock: &dyn Clock, to_send: &Receiver<Parcel>, sent: &Sender<Parcel>) -> Carried {
+fn carry(
+    sink: &mut dyn Sink,
+    clock: &dyn Clock,
+    to_send: &Receiver<FramePacket>,
+    sent: &Sender<FramePacket>,
+) -> Carried {
     let mut carried = Carried { frames: 0, refused: 0, failure: None };
-    for mut parcel in to_send {
-        if let Some(at) = parcel.not_before.take() {
+    for mut frame_packet in to_send {
+        if let Some(at) = frame_packet.not_before.take() {
             clock.sleep_until(at);
         }
         let taken = clock.now();
-        let outcome = sink.send(&parcel.frame);
-        sink.take_losses(&mut |loss| parcel.losses.push(loss));
+        let outcome = sink.send(&frame_packet.frame);
+        sink.take_losses(&mut |loss| frame_packet.losses.push(loss));
         match outcome {
             Ok(()) => {
                 carried.frames += 1;
-                complete(&mut parcel, taken, clock.now());
+                complete(&mut frame_packet, taken, clock.now());
             }
             Err(error) => {
                 carried.refused += 1;
-                parcel.losses.push(Loss { kind: LossKind::Refused, frame: parcel.frame.meta.number });
+                frame_packet.losses.push(Loss { kind: LossKind::Refused, frame: frame_packet.frame.meta.number });
                 carried.failure.get_or_insert(error);
             }
         }
-        let _frame_thread_has_ended = sent.send(parcel);
+        let _frame_thread_has_ended = sent.send(frame_packet);
     }
     carried
 }
 
 /// Writes down when a frame was taken and delivered.
-fn complete(parcel: &mut Parcel, taken: Tai, delivered: Tai) {
-    let record = &mut parcel.record;
+fn complete(frame_packet: &mut FramePacket, taken: Tai, delivered: Tai) {
+    let record = &mut frame_packet.record;
     record.times.set(Stage::Queue, taken - record.submitted.unwrap_or(taken));
     record.times.set(Stage::Sink, delivered - taken);
     record.times.set(Stage::ReleaseToDelivered, delivered - record.release);
     record.delivered = Some(delivered);
-    parcel.delivered = true;
+    frame_packet.delivered = true;
 }
 
 /// Ends the sink; what it fails on now is told in its line.
@@ -217,17 +222,18 @@ mod tests {
         let clock: Arc<dyn Clock> = Arc::new(Monotonic::start());
         let mut delivery = Delivery::start(Box::new(NullSink::new()), &sample_frame(0), &clock, None).unwrap();
         for _ in 0..3 {
-            let parcel = delivery.take(|parcel| assert!(!parcel.delivered, "nothing has been sent")).unwrap();
-            delivery.send(parcel, clock.now()).unwrap();
+            let frame_packet =
+                delivery.take(|frame_packet| assert!(!frame_packet.delivered, "nothing has been sent")).unwrap();
+            delivery.send(frame_packet, clock.now()).unwrap();
             while delivery.empty.is_empty() {
                 std::thread::yield_now();
             }
             let mut seen = 0;
-            let parcel = delivery.take(|parcel| seen += u32::from(parcel.delivered)).unwrap();
+            let frame_packet = delivery.take(|frame_packet| seen += u32::from(frame_packet.delivered)).unwrap();
             assert_eq!(seen, 1, "also when other buffers are free");
-            delivery.returned.push_front(parcel);
+            delivery.returned.push_front(frame_packet);
         }
-        let delivered = delivery.finish(|parcel| assert!(!parcel.delivered, "all were seen"));
+        let delivered = delivery.finish(|frame_packet| assert!(!frame_packet.delivered, "all were seen"));
         assert_eq!(delivered.frames, 3);
     }
 }

@@ -25,7 +25,7 @@ pub fn origin_name(origin: PathOrigin) -> &'static str {
 
 /// Attitude and rate in the sensor's own axes, of a frame that is drawn in others, for a display. Its numbers are codes of
 /// luminance, which no gain makes electrons of.
-pub(super) fn tell_pointing(los: &LosPath, sensor_from_drawn: &Rotation<Sensor, Sensor>, meta: &mut FrameMeta) {
+pub(super) fn describe_pointing(los: &LosPath, sensor_from_drawn: &Rotation<Sensor, Sensor>, meta: &mut FrameMeta) {
     let sensor_from_icrf = *sensor_from_drawn * los.mid_sensor_from_icrf;
     let [ra, dec, roll] = ra_dec_roll(&sensor_from_icrf).map(f64::to_degrees);
     meta.attitude_wxyz = sensor_from_icrf.wxyz();
@@ -58,7 +58,7 @@ pub fn fill_meta(
     meta.backend = backend;
     // The reference integrates the exact motion, whatever method was planned.
     meta.method = if backend == "reference" { "exact" } else { plan.chosen.method.name().name() };
-    meta.rung = plan.rung.name();
+    meta.degradation = plan.degradation.name();
     (meta.left_out_stars, meta.left_out_e) = (plan.cut_off.stars, plan.cut_off.electrons);
     meta.origin = origin_name(los.origin);
     meta.faults = FaultFlags::NONE;

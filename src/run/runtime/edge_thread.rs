@@ -6,7 +6,7 @@
 
 use crate::runtime::error::RunError;
 use crate::runtime::hygiene::{Hygiene, Role};
-use crate::runtime::radio::Heard;
+use crate::runtime::link_thread::Received;
 use base::clock::Clock;
 use base::time::Span;
 use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -37,7 +37,7 @@ pub(super) struct EdgeThread {
 impl EdgeThread {
     pub(super) fn start(
         chip: TriggerChip,
-        arrived: Sender<Heard>,
+        arrived: Sender<Received>,
         clock: &Arc<dyn Clock>,
         hygiene: Option<Arc<Hygiene>>,
     ) -> Result<Self, RunError> {
@@ -69,7 +69,7 @@ impl Drop for EdgeThread {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
-            let _nobody_asks = thread.join();
+            let _no_one_asks = thread.join();
         }
     }
 }
@@ -77,7 +77,7 @@ impl Drop for EdgeThread {
 /// Until the run is over, or the chip is gone: the end of the thread is then reported.
 fn listen(
     TriggerChip { mut chip, heads }: TriggerChip,
-    arrived: &Sender<Heard>,
+    arrived: &Sender<Received>,
     clock: &dyn Clock,
     stop: &AtomicBool,
     lost: &AtomicU64,
@@ -87,8 +87,8 @@ fn listen(
         let Ok(edge) = chip.wait(STOP_POLL, clock) else { return };
         if let Some(edge) = edge {
             let head = heads.get(edge.line).copied().flatten();
-            let heard = Heard::Edge { head, at: edge.at, is_active: edge.is_active };
-            overflows += u64::from(arrived.try_send(heard).is_err());
+            let got = Received::Edge { head, at: edge.at, is_active: edge.is_active };
+            overflows += u64::from(arrived.try_send(got).is_err());
             lost.store(chip.counters().lost + overflows, Ordering::Relaxed);
         }
     }

@@ -2,7 +2,7 @@
 //! touches no file and takes no lock.
 
 use crate::runtime::conditions::Conditions;
-use crate::runtime::describe::{describe_exposure, tell_pointing};
+use crate::runtime::describe::{describe_exposure, describe_pointing};
 pub use crate::runtime::describe::{fill_meta, origin_name};
 use crate::runtime::error::RunError;
 use crate::runtime::exposing::Exposing;
@@ -30,7 +30,7 @@ use plan::attitude::{
     AttitudeMethod, EstimateLimits, JitterTrack, LosPath, MotionScale, PathOrigin, PathOutcome, PathReport, compose,
 };
 use plan::exposure::cost::CostModel;
-use plan::exposure::{Instrument, Planner, Rung, Source, SourcePlace};
+use plan::exposure::{Degradation, Instrument, Planner, Source, SourcePlace};
 use plan::optics::PsfModel;
 use scene::Scene;
 use scene::error::SceneError;
@@ -373,10 +373,17 @@ impl FrameEngine {
         if !plan.chosen.verdict.is_met() || is_coarse {
             note(ledger, EventKind::OverBudget, slot, Span::ZERO);
         }
-        if plan.rung > Rung::Full {
+        if plan.degradation > Degradation::Full {
             let predicted = Span::from_s(plan.chosen.cost_ms * 1e-3);
             let (at, frame) = (slot.release, Some(slot.number));
-            ledger.note(Event { kind: EventKind::Degraded, at, frame, span: predicted, rung: plan.rung, what: "" });
+            ledger.note(Event {
+                kind: EventKind::Degraded,
+                at,
+                frame,
+                span: predicted,
+                degradation: plan.degradation,
+                what: "",
+            });
         }
         let left_out = self.imager.disturbances().protons_left_out();
         let imaging = self.imager.image(plan, slot.number, &conditions, &mut frame.image)?;
@@ -394,7 +401,7 @@ impl FrameEngine {
         let levels = Levels::of_exposure(&self.params.camera.detector, &conditions);
         fill_meta(plan, slot.number, self.params.seeds(), &levels, self.imager.name(), &mut frame.meta);
         if let Some(drawn_from_sensor) = &self.params.drawn_from_sensor {
-            tell_pointing(&plan.motion.los, &drawn_from_sensor.inverse(), &mut frame.meta);
+            describe_pointing(&plan.motion.los, &drawn_from_sensor.inverse(), &mut frame.meta);
         }
         frame.meta.facts = self.params.drawn_from_sensor.is_none().then(|| self.params.camera.facts_of(&levels));
         let maker = self.wcs.as_mut().filter(|_| has_stars).zip(sight);
@@ -410,9 +417,9 @@ impl FrameEngine {
         frame.meta.attitude_age = receiver.age_at(slot.release).unwrap_or(Span::ZERO);
         frame.meta.faults |= flags_of(plan.motion.los.origin, has_stars);
         if let Some(marks) = &self.marks {
-            let (load, rung) = (self.load(), frame.meta.rung);
+            let (load, degradation) = (self.load(), frame.meta.degradation);
             let (messages, exposed) = (receiver.messages_by_port(), self.exposing.exposed(&slot));
-            marks.put(FrameMark { frame: slot.number, messages, load, rung, exposed });
+            marks.put(FrameMark { frame: slot.number, messages, load, degradation, exposed });
         }
         Ok(Some(times))
     }
@@ -510,7 +517,7 @@ fn new_planner(params: &RunParams, imager: &Imager, los: LosPath, psf: Option<Ps
     let instrument = Instrument { psf: psf.unwrap_or_else(|| own.psf.clone()), ..own };
     let mut planner = Planner::new(instrument, params.budget, cost, params.method, los);
     if params.degrade && imager.may_degrade() {
-        planner = planner.within_ms(params.drawing_budget_ms(&cost)).down_to(params.last_rung);
+        planner = planner.within_ms(params.drawing_budget_ms(&cost)).down_to(params.last_degradation);
     }
     if imager.is_exact() {
         planner = planner.exact();

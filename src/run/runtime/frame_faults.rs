@@ -235,7 +235,7 @@ impl FrameFaults {
         engine.conditions_mut().reset();
         for timed in &mut self.timed {
             let is_on = timed.from <= end && end < timed.until;
-            if timed.tell(is_on, slot, ledger)
+            if timed.announce(is_on, slot, ledger)
                 && let Made::Defects(first, count) = timed.made
             {
                 let commanded = &mut self.defects[first..first + count];
@@ -343,7 +343,7 @@ fn switch(commanded: &mut [Commanded], is_on: bool, list: &mut DefectEdit<'_>) -
 
 impl TimedFrameFault {
     /// Tells the ledger when it begins and when it is over; true when it did.
-    fn tell(&mut self, is_on: bool, slot: Slot, ledger: &mut Ledger) -> bool {
+    fn announce(&mut self, is_on: bool, slot: Slot, ledger: &mut Ledger) -> bool {
         if is_on == self.is_on {
             return false;
         }
@@ -380,8 +380,8 @@ fn expose_under(
         FrameFault::MissingBrightStars { count } => conditions.missing.brightest += count as usize,
         FrameFault::Protons(storm) => conditions.protons = Some(flux(storm)),
         FrameFault::FalseStars { .. } => {
-            let room = FALSE_STARS_MAX.saturating_sub(conditions.false_stars.len());
-            conditions.false_stars.extend_from_slice(&false_stars[..false_stars.len().min(room)]);
+            let space = FALSE_STARS_MAX.saturating_sub(conditions.false_stars.len());
+            conditions.false_stars.extend_from_slice(&false_stars[..false_stars.len().min(space)]);
         }
         // They act on the detector or on the finished frame.
         FrameFault::Drop

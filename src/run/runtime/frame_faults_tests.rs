@@ -89,7 +89,7 @@ fn one_bit_of_the_pixels_asked_for_is_the_other_way() {
 }
 
 #[test]
-fn false_stars_stand_where_they_were_put_and_on_the_detector() {
+fn false_stars_lie_where_they_were_put_and_on_the_detector() {
     let mut stars = Vec::new();
     let pixels = FaultPixels { at: Some([3, 90]), random: 500 };
     add_false_stars(&mut stars, pixels, [4.0, 1e4], [100, 120], 1, 7);

@@ -79,7 +79,7 @@ impl Role {
 /// The parameters, and what became of them. Threads enter at their start; the lock is never taken after that.
 pub struct Hygiene {
     params: HygieneParams,
-    told: Mutex<Vec<HygieneLine>>,
+    reported: Mutex<Vec<HygieneLine>>,
     announce: fn(&HygieneLine),
 }
 
@@ -87,7 +87,7 @@ impl Hygiene {
     /// Nothing has been asked of the system yet.
     #[must_use]
     pub fn new(params: HygieneParams) -> Self {
-        Self { params, told: Mutex::default(), announce: |_| {} }
+        Self { params, reported: Mutex::default(), announce: |_| {} }
     }
 
     /// Calls `announce` with every new line, when it is told.
@@ -100,7 +100,7 @@ impl Hygiene {
     /// Locks memory and starts the drawing threads. Call before anything is drawn: rayon starts them once.
     pub fn prepare(self: &Arc<Self>) {
         if self.params.realtime {
-            self.tell("locked memory", system::lock_memory());
+            self.report_each("locked memory", system::lock_memory());
         }
         if !self.params.realtime && self.params.affinity.is_empty() {
             return;
@@ -113,7 +113,7 @@ impl Hygiene {
             .thread_name(|i| format!("draw {i}"))
             .start_handler(move |_| hygiene.enter(Role::Drawing));
         if let Err(error) = pool.build_global() {
-            self.tell(Role::Drawing.name(), Err(error.to_string()));
+            self.report_each(Role::Drawing.name(), Err(error.to_string()));
         }
     }
 
@@ -121,30 +121,30 @@ impl Hygiene {
     pub fn enter(&self, role: Role) {
         if self.params.realtime {
             let priority = self.params.priority.saturating_add(role.above());
-            self.tell(&format!("{}: first-in-first-out", role.name()), system::schedule(priority));
+            self.report_each(&format!("{}: first-in-first-out", role.name()), system::schedule(priority));
         }
         if !self.params.affinity.is_empty() {
             let what = format!("{}: processors", role.name());
-            self.tell(&what, system::stay_on(&self.params.affinity));
+            self.report_each(&what, system::stay_on(&self.params.affinity));
         }
         touch_stack();
     }
 
-    fn tell(&self, what: &str, outcome: Result<String, String>) {
+    fn report_each(&self, what: &str, outcome: Result<String, String>) {
         let (got, detail) = outcome.map_or_else(|why| (false, why), |how| (true, how));
         let line = HygieneLine { what: what.to_owned(), got, detail };
-        let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut reported = self.reported.lock().unwrap_or_else(PoisonError::into_inner);
         // Drawing threads say the same thing.
-        if !told.contains(&line) {
+        if !reported.contains(&line) {
             (self.announce)(&line);
-            told.push(line);
+            reported.push(line);
         }
     }
 
     /// What was had so far, and what not; in order of names, because threads start in any order.
     #[must_use]
     pub fn lines(&self) -> Vec<HygieneLine> {
-        let mut lines = self.told.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let mut lines = self.reported.lock().unwrap_or_else(PoisonError::into_inner).clone();
         lines.sort_by(|a, b| (&a.what, &a.detail).cmp(&(&b.what, &b.detail)));
         lines
     }
@@ -212,7 +212,7 @@ mod tests {
     use super::*;
 
     /// What a thread of its own is told: this test's thread stays as it is.
-    fn told(params: HygieneParams, role: Role) -> Vec<HygieneLine> {
+    fn reported(params: HygieneParams, role: Role) -> Vec<HygieneLine> {
         let hygiene = Arc::new(Hygiene::new(params));
         let inside = Arc::clone(&hygiene);
         let thread = std::thread::Builder::new().name("told".into());
@@ -221,22 +221,22 @@ mod tests {
     }
 
     #[test]
-    fn whatever_is_asked_for_is_told_whether_it_was_had_or_not() {
-        let lines = told(HygieneParams { affinity: vec![0], ..HygieneParams::default() }, Role::Link);
+    fn every_request_is_reported_as_granted_or_refused() {
+        let lines = reported(HygieneParams { affinity: vec![0], ..HygieneParams::default() }, Role::Link);
         let names: Vec<&str> = lines.iter().map(|line| line.what.as_str()).collect();
         assert_eq!(names, ["link thread: first-in-first-out", "link thread: processors"]);
         assert!(lines.iter().all(|line| !line.detail.is_empty()), "{lines:?}");
         let nothing = HygieneParams { realtime: false, ..HygieneParams::default() };
-        assert!(told(nothing, Role::Sink).is_empty(), "nothing asked, nothing told");
+        assert!(reported(nothing, Role::Sink).is_empty(), "nothing asked, nothing told");
     }
 
     #[test]
-    fn what_cannot_be_had_says_why() {
+    fn what_is_unavailable_says_why() {
         for affinity in [vec![usize::MAX], vec![1023]] {
-            let lines = told(HygieneParams { realtime: false, affinity, ..HygieneParams::default() }, Role::Frame);
+            let lines = reported(HygieneParams { realtime: false, affinity, ..HygieneParams::default() }, Role::Frame);
             assert!(!lines[0].got && !lines[0].detail.is_empty(), "{lines:?}");
         }
-        let lines = told(HygieneParams { priority: 200, ..HygieneParams::default() }, Role::Drawing);
+        let lines = reported(HygieneParams { priority: 200, ..HygieneParams::default() }, Role::Drawing);
         assert!(!lines[0].got, "{lines:?}");
     }
 

@@ -3,7 +3,7 @@
 //! Counts survive when entries are overwritten. No allocation after construction, no text.
 
 use base::time::{Span, Tai};
-use plan::exposure::Rung;
+use plan::exposure::Degradation;
 
 macro_rules! events {
     ($($(#[$doc:meta])* $kind:ident = $name:literal,)*) => {
@@ -168,8 +168,8 @@ pub struct Event {
     pub frame: Option<u32>,
     /// How long (see the kind).
     pub span: Span,
-    /// How far a frame was degraded; [`Rung::Full`] in events of other kinds.
-    pub rung: Rung,
+    /// How far a frame was degraded; [`Degradation::Full`] in events of other kinds.
+    pub degradation: Degradation,
     /// Which fault, or which thread; empty in events of other kinds.
     pub what: &'static str,
 }
@@ -178,7 +178,7 @@ impl Event {
     /// An event that is no degradation.
     #[must_use]
     pub fn new(kind: EventKind, at: Tai, frame: Option<u32>, span: Span) -> Self {
-        Self { kind, at, frame, span, rung: Rung::Full, what: "" }
+        Self { kind, at, frame, span, degradation: Degradation::Full, what: "" }
     }
 }
 

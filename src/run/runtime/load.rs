@@ -111,18 +111,18 @@ mod tests {
     }
 
     #[test]
-    fn changes_are_told_once_and_not_for_every_flicker() {
+    fn changes_are_reported_once_and_not_for_every_flicker() {
         let mut load = LoadEstimate::default();
-        let mut told = Vec::new();
+        let mut reported = Vec::new();
         let series = [1.0, 3.0, 1.0, 3.0, 1.0, 3.0].into_iter().chain([1.0; 60]).chain([3.0]);
         for (i, ratio) in series.enumerate() {
-            told.extend(load.observe(19.5, 20.0 * ratio - 0.5).map(|change| (i, change)));
+            reported.extend(load.observe(19.5, 20.0 * ratio - 0.5).map(|change| (i, change)));
         }
         assert_eq!(
-            told.iter().map(|(_, change)| *change).collect::<Vec<_>>(),
+            reported.iter().map(|(_, change)| *change).collect::<Vec<_>>(),
             [LoadChange::Overloaded, LoadChange::Gone, LoadChange::Overloaded]
         );
-        assert_eq!((told[0].0, told[2].0), (1, 66), "at once");
+        assert_eq!((reported[0].0, reported[2].0), (1, 66), "at once");
     }
 
     #[test]

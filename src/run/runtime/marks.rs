@@ -24,7 +24,7 @@ pub struct FrameMark {
     /// Measured over predicted drawing time, as the planner had it.
     pub load: f64,
     /// How far the frame was degraded.
-    pub rung: &'static str,
+    pub degradation: &'static str,
     /// How a commanded camera exposed it; `None` without commands.
     pub exposed: Option<Exposed>,
 }
@@ -85,7 +85,7 @@ mod tests {
             frame,
             messages: [u64::from(frame) * 10; PORTS_MAX],
             load: 1.0,
-            rung: "full",
+            degradation: "full",
             exposed: None,
         };
         (0..QUEUE_MARKS as u32 + 3).for_each(|frame| marks.put(mark(frame)));

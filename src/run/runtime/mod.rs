@@ -30,7 +30,7 @@ mod path_facts;
 pub mod plant_queue;
 pub mod plant_sample;
 pub mod port_reading;
-mod radio;
+mod link_thread;
 mod real_head;
 pub mod real_time;
 pub mod receiver;

@@ -7,7 +7,7 @@ use base::time::{Span, Tai};
 use image::detector::Seeds;
 use plan::attitude::{EstimateLimits, HistoryLimits, JitterLine, RecordedJitter, RemoteClockLimits};
 use plan::exposure::cost::CostModel;
-use plan::exposure::{MethodChoice, Rung, Target};
+use plan::exposure::{Degradation, MethodChoice, Target};
 use scene::SceneParams;
 use scene::camera::CameraParams;
 use scene::sky_targets::SkyTarget;
@@ -87,7 +87,7 @@ pub struct RunParams {
     /// Whether frames that would not be drawn in time are degraded.
     pub degrade: bool,
     /// The last level of degradation that may be taken.
-    pub last_rung: Rung,
+    pub last_degradation: Degradation,
     /// Seed of the sensor (fixed patterns) and of faults.
     pub seed: u64,
     /// Seed of the noise of exposures.

@@ -23,7 +23,7 @@ struct Count {
     /// Name in reports.
     name: &'static str,
     /// In reports also when zero.
-    is_always_told: bool,
+    is_always_reported: bool,
     place: fn(&mut PortReading) -> &mut u64,
 }
 
@@ -51,11 +51,11 @@ const _: () = assert!(size_of::<LinkCounters>() == (COUNTS - 2) * size_of::<u64>
 const _: () = assert!(COUNTS <= NAMES_MAX && REASONS + PLAIN_REASONS <= NAMES_MAX);
 
 const fn always(name: &'static str, place: fn(&mut PortReading) -> &mut u64) -> Count {
-    Count { name, is_always_told: true, place }
+    Count { name, is_always_reported: true, place }
 }
 
 const fn sometimes(name: &'static str, place: fn(&mut PortReading) -> &mut u64) -> Count {
-    Count { name, is_always_told: false, place }
+    Count { name, is_always_reported: false, place }
 }
 
 /// What a port counted so far.
@@ -111,9 +111,9 @@ impl PortReading {
     }
 
     /// Names and counts for a report; most only when they are not zero.
-    pub fn told(&self) -> impl Iterator<Item = (&'static str, u64)> {
+    pub fn reported(&self) -> impl Iterator<Item = (&'static str, u64)> {
         let named = ALL.into_iter().zip(self.counts());
-        named.filter(|(count, value)| count.is_always_told || *value > 0).map(|(count, value)| (count.name, value))
+        named.filter(|(count, value)| count.is_always_reported || *value > 0).map(|(count, value)| (count.name, value))
     }
 
     /// All counts with their names, zeros included except those of plain messages.
@@ -134,7 +134,7 @@ impl PortReading {
     }
 
     /// Tells the ledger what has happened to the link since `earlier`.
-    pub fn tell(&self, earlier: &Self, at: Tai, ledger: &mut Ledger) {
+    pub fn announce(&self, earlier: &Self, at: Tai, ledger: &mut Ledger) {
         let (now, then) = (&self.counters, &earlier.counters);
         let risen = [
             (EventKind::LinkLost, now.lost, then.lost),
@@ -221,32 +221,32 @@ mod tests {
 
     #[test]
     fn reports_have_what_is_not_zero_and_a_few_counts_always() {
-        let told: Vec<_> = PortReading::default().told().collect();
+        let reported: Vec<_> = PortReading::default().reported().collect();
         let always = ["packets_received", "packets_sent", "packets_overflowed", "queue_overflowed"];
-        assert_eq!(told, always.map(|name| (name, 0)));
-        let told: Vec<_> = reading().told().map(|(_, count)| count).collect();
+        assert_eq!(reported, always.map(|name| (name, 0)));
+        let reported: Vec<_> = reading().reported().map(|(_, count)| count).collect();
         // Each of the fourteen once: 9 and 16 are the rejections' own.
-        assert_eq!(told, [1, 2, 3, 10, 13, 4, 5, 6, 11, 12, 7, 8, 14, 15]);
+        assert_eq!(reported, [1, 2, 3, 10, 13, 4, 5, 6, 11, 12, 7, 8, 14, 15]);
         let named = reading().named();
-        assert!(named.counters.iter().map(|(_, count)| count).eq(told), "the same with all names");
+        assert!(named.counters.iter().map(|(_, count)| count).eq(reported), "the same with all names");
         let refused: Vec<_> = named.rejects.iter().filter(|(_, count)| *count > 0).collect();
         let wanted = vec![("BadCrc", 9), ("plain_not_json", 16)];
         assert_eq!((refused, named.rejects.iter().count()), (wanted, REASONS + 1));
     }
 
     #[test]
-    fn only_what_has_risen_is_told() {
+    fn only_what_has_risen_is_reported() {
         let mut ledger = Ledger::default();
-        reading().tell(&reading(), Tai::from_ns(0), &mut ledger);
+        reading().announce(&reading(), Tai::from_ns(0), &mut ledger);
         assert!(EventKind::ALL.iter().all(|kind| ledger.count(*kind) == 0), "nothing has happened");
         let mut later = reading();
         later.counters.bus_off += 1;
         later.counters.received += 100;
-        later.tell(&reading(), Tai::from_ns(0), &mut ledger);
+        later.announce(&reading(), Tai::from_ns(0), &mut ledger);
         assert_eq!((ledger.count(EventKind::BusOff), ledger.count(EventKind::LinkLost)), (1, 0));
         assert_eq!(ledger.count(EventKind::InputRefused), 0);
         later.plain_rejects[0] += 1;
-        later.tell(&reading(), Tai::from_ns(0), &mut ledger);
+        later.announce(&reading(), Tai::from_ns(0), &mut ledger);
         assert_eq!(ledger.count(EventKind::InputRefused), 1);
     }
 }

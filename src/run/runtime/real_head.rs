@@ -4,7 +4,7 @@
 //! the slot. The frame thread takes the heads in turn; each has a sink thread of its own. Tests: as of `real_time`.
 
 use crate::runtime::camera_intake::CameraHead;
-use crate::runtime::delivery::{Delivery, Parcel};
+use crate::runtime::delivery::{Delivery, FramePacket};
 use crate::runtime::engine::{FrameEngine, origin_name};
 use crate::runtime::error::RunError;
 use crate::runtime::exposing::Exposing;
@@ -32,7 +32,7 @@ pub(super) struct RealHead<'a> {
     faults: Option<&'a mut FrameFaults>,
     /// What becomes of the frame that is being made.
     spoiling: Spoiling,
-    spare: Option<Parcel>,
+    spare: Option<FramePacket>,
     previous: SentFrame,
     has_previous: bool,
 }
@@ -87,7 +87,7 @@ impl<'a> RealHead<'a> {
         progress: &mut dyn FnMut(usize, &SentFrame, &RunRecord),
     ) -> Result<(), RunError> {
         let spare = self.spare.take().or_else(|| self.delivery.take(|back| take_back(record, back)));
-        let Some(mut parcel) = spare else {
+        let Some(mut frame_packet) = spare else {
             // A slot that began too late to be drawn, as after a pause of the whole program, is not missed because of the sink.
             let (kind, cause) = if self.is_over(slot, timed.woken) {
                 (EventKind::Dropped, timed.cause_of_late_start())
@@ -99,28 +99,28 @@ impl<'a> RealHead<'a> {
         };
         if self.is_over(slot, timed.woken) {
             // What was drawn before took so long that this slot is over: nothing is drawn for it.
-            parcel.frame.meta.lateness = timed.lateness;
+            frame_packet.frame.meta.lateness = timed.lateness;
             timed.cause = Some(timed.cause_of_late_start());
-            parcel.record = timed;
-            return self.deliver_late(parcel, slot, shared, record);
+            frame_packet.record = timed;
+            return self.deliver_late(frame_packet, slot, shared, record);
         }
         timed.load = self.engine.load();
-        let Some(times) = self.draw(slot, &mut parcel.frame, shared, record)? else {
-            self.leave_out(parcel, timed, shared, record);
+        let Some(times) = self.draw(slot, &mut frame_packet.frame, shared, record)? else {
+            self.leave_out(frame_packet, timed, shared, record);
             return Ok(());
         };
         let finished = shared.clock.now();
-        parcel.frame.meta.lateness = finished - slot.due;
+        frame_packet.frame.meta.lateness = finished - slot.due;
         self.engine.learn_load(drawn(&times), finished, slot, &mut record.ledger);
-        record.count_rendered(&parcel.frame, &times);
-        self.finish_record(&mut timed, &times, &parcel.frame.meta, finished, record);
-        parcel.record = timed;
-        progress(self.number, &parcel.frame, record);
+        record.count_rendered(&frame_packet.frame, &times);
+        self.finish_record(&mut timed, &times, &frame_packet.frame.meta, finished, record);
+        frame_packet.record = timed;
+        progress(self.number, &frame_packet.frame, record);
         if self.spoiling.is_dropped {
-            self.withhold(parcel, shared, record);
+            self.withhold(frame_packet, shared, record);
             return Ok(());
         }
-        self.deliver(parcel, slot, shared, record)
+        self.deliver(frame_packet, slot, shared, record)
     }
 
     /// Draws under the faults of the slot.
@@ -136,7 +136,7 @@ impl<'a> RealHead<'a> {
         let mut step = HeadStep { engine, receiver, faults: faults.as_deref_mut(), noted_already };
         let exposed = step.draw(slot, &mut record.ledger, frame);
         if matches!(exposed, Err(RunError::AttitudeStopped { .. })) && self.number == 0 {
-            shared.radio.send(0, shared.reply.stopped(self.receiver, slot.release));
+            shared.link_thread.send(0, shared.reply.stopped(self.receiver, slot.release));
         }
         Ok(exposed?.map(|(spoiling, times)| {
             self.spoiling = spoiling;
@@ -145,14 +145,20 @@ impl<'a> RealHead<'a> {
     }
 
     /// Sends nothing for a slot without an attitude, and says so to the flight computer.
-    fn leave_out(&mut self, parcel: Parcel, mut timed: FrameRecord, shared: &Shared<'_>, record: &mut RunRecord) {
+    fn leave_out(
+        &mut self,
+        frame_packet: FramePacket,
+        mut timed: FrameRecord,
+        shared: &Shared<'_>,
+        record: &mut RunRecord,
+    ) {
         if self.number == 0 {
-            shared.radio.send(0, shared.reply.stopped(self.receiver, shared.clock.now()));
+            shared.link_thread.send(0, shared.reply.stopped(self.receiver, shared.clock.now()));
         }
         record.frames.dropped += 1;
         (timed.fate, timed.cause) = (Fate::Dropped, Some(MissCause::AwaitingAttitude));
         record.ring.push(timed);
-        self.spare = Some(parcel);
+        self.spare = Some(frame_packet);
     }
 
     /// Writes down how a frame came about, and why it is missed if it is.
@@ -167,7 +173,7 @@ impl<'a> RealHead<'a> {
         timed.times.merge(times);
         timed.finished = Some(finished);
         timed.lateness = meta.lateness;
-        (timed.rung, timed.method, timed.origin) = (meta.rung, meta.method, meta.origin);
+        (timed.degradation, timed.method, timed.origin) = (meta.degradation, meta.method, meta.origin);
         timed.horizon = meta.horizon;
         (timed.end_horizon, timed.jitter_missing) = (meta.end_horizon, meta.jitter_missing);
         timed.pointing_bound_rad = self.engine.pointing_bound_rad();
@@ -179,13 +185,13 @@ impl<'a> RealHead<'a> {
     }
 
     /// Tells the flight computer what is in a frame. Heads share one exposure time: the first speaks for all.
-    fn tell(&self, meta: &FrameMeta, shared: &mut Shared<'_>) {
+    fn announce(&self, meta: &FrameMeta, shared: &mut Shared<'_>) {
         if self.number == 0 {
-            shared.tell(meta, self.engine.pointing_bound_rad(), self.receiver);
+            shared.announce(meta, self.engine.pointing_bound_rad(), self.receiver);
         }
         if self.receiver.session().cameras().is_reporting() {
             for page in camera_pages(self.number, meta) {
-                shared.radio.send(0, page);
+                shared.link_thread.send(0, page);
             }
         }
     }
@@ -198,101 +204,107 @@ impl<'a> RealHead<'a> {
     }
 
     /// Loses a frame on purpose: the flight computer hears of it, and nobody sees it.
-    fn withhold(&mut self, mut parcel: Parcel, shared: &mut Shared<'_>, record: &mut RunRecord) {
-        self.tell(&parcel.frame.meta, shared);
+    fn withhold(&mut self, mut frame_packet: FramePacket, shared: &mut Shared<'_>, record: &mut RunRecord) {
+        self.announce(&frame_packet.frame.meta, shared);
         if let Some(faults) = self.faults.as_mut() {
-            faults.spoil(&self.spoiling, &mut parcel.frame);
+            faults.spoil(&self.spoiling, &mut frame_packet.frame);
         }
         record.frames.dropped += 1;
-        parcel.record.fate = Fate::Dropped;
-        record.ring.push(parcel.record);
-        self.spare = Some(parcel);
+        frame_packet.record.fate = Fate::Dropped;
+        record.ring.push(frame_packet.record);
+        self.spare = Some(frame_packet);
     }
 
     /// Sends a finished frame, or does with a late one what the policy says.
     fn deliver(
         &mut self,
-        mut parcel: Parcel,
+        mut frame_packet: FramePacket,
         slot: Slot,
         shared: &mut Shared<'_>,
         record: &mut RunRecord,
     ) -> Result<(), RunError> {
         let policy = self.engine.params().deadline_policy;
-        let lateness = parcel.frame.meta.lateness;
+        let lateness = frame_packet.frame.meta.lateness;
         if lateness > Span::ZERO && policy != DeadlinePolicy::Late {
-            return self.deliver_late(parcel, slot, shared, record);
+            return self.deliver_late(frame_packet, slot, shared, record);
         }
-        parcel.record.fate = Fate::Sent;
+        frame_packet.record.fate = Fate::Sent;
         if lateness > Span::ZERO {
             record.frames.late += 1;
             record.note(EventKind::Late, slot.due + lateness, slot.number, lateness);
-            parcel.record.fate = Fate::Late;
+            frame_packet.record.fate = Fate::Late;
         }
-        self.spoil_and_send(parcel, shared, record)
+        self.spoil_and_send(frame_packet, shared, record)
     }
 
     /// A slot whose own frame does not go out: the previous one does under `hold`, else nothing.
     fn deliver_late(
         &mut self,
-        mut parcel: Parcel,
+        mut frame_packet: FramePacket,
         slot: Slot,
         shared: &mut Shared<'_>,
         record: &mut RunRecord,
     ) -> Result<(), RunError> {
-        let lateness = parcel.frame.meta.lateness;
+        let lateness = frame_packet.frame.meta.lateness;
         let at = slot.due + lateness;
         record.frames.late += 1;
         if self.engine.params().deadline_policy == DeadlinePolicy::Hold && self.has_previous {
             record.frames.held += 1;
             record.note(EventKind::Held, at, slot.number, lateness);
-            parcel.frame.copy_from(&self.previous);
-            parcel.frame.meta.number = slot.number;
-            parcel.frame.meta.lateness = lateness;
-            parcel.frame.meta.faults |= FaultFlags::FRAME_DUPLICATE;
-            parcel.record.fate = Fate::Held;
-            self.tell(&parcel.frame.meta, shared);
-            return self.send(parcel, Span::ZERO, shared.clock.now(), record);
+            frame_packet.frame.copy_from(&self.previous);
+            frame_packet.frame.meta.number = slot.number;
+            frame_packet.frame.meta.lateness = lateness;
+            frame_packet.frame.meta.faults |= FaultFlags::FRAME_DUPLICATE;
+            frame_packet.record.fate = Fate::Held;
+            self.announce(&frame_packet.frame.meta, shared);
+            return self.send(frame_packet, Span::ZERO, shared.clock.now(), record);
         }
-        let cause = parcel.record.cause.unwrap_or(MissCause::FramesBefore);
-        drop_slot(slot, &mut parcel.record, EventKind::Dropped, cause, record);
-        self.spare = Some(parcel);
+        let cause = frame_packet.record.cause.unwrap_or(MissCause::FramesBefore);
+        drop_slot(slot, &mut frame_packet.record, EventKind::Dropped, cause, record);
+        self.spare = Some(frame_packet);
         Ok(())
     }
 
     /// Tells the flight computer what is in a frame, spoils it if it is to be, and sends it.
     fn spoil_and_send(
         &mut self,
-        mut parcel: Parcel,
+        mut frame_packet: FramePacket,
         shared: &mut Shared<'_>,
         record: &mut RunRecord,
     ) -> Result<(), RunError> {
         // What the stimulator says of itself it says before its frame is spoilt.
-        self.tell(&parcel.frame.meta, shared);
+        self.announce(&frame_packet.frame.meta, shared);
         if let Some(faults) = self.faults.as_mut() {
-            faults.spoil(&self.spoiling, &mut parcel.frame);
+            faults.spoil(&self.spoiling, &mut frame_packet.frame);
         }
         if self.engine.params().deadline_policy == DeadlinePolicy::Hold {
             // What is repeated is what went out, with all that is said of it.
-            self.previous.copy_from(&parcel.frame);
+            self.previous.copy_from(&frame_packet.frame);
             self.has_previous = true;
         }
-        self.send(parcel, self.spoiling.delay, shared.clock.now(), record)
+        self.send(frame_packet, self.spoiling.delay, shared.clock.now(), record)
     }
 
     /// Sends a frame out `now`, or `delay` after it is due if there is one.
-    fn send(&mut self, mut parcel: Parcel, delay: Span, now: Tai, record: &mut RunRecord) -> Result<(), RunError> {
-        parcel.not_before = (delay > Span::ZERO).then(|| parcel.record.due + delay);
-        record.count_outgoing(&parcel.frame.meta);
-        let meta = &parcel.frame.meta;
+    fn send(
+        &mut self,
+        mut frame_packet: FramePacket,
+        delay: Span,
+        now: Tai,
+        record: &mut RunRecord,
+    ) -> Result<(), RunError> {
+        frame_packet.not_before = (delay > Span::ZERO).then(|| frame_packet.record.due + delay);
+        record.count_outgoing(&frame_packet.frame.meta);
+        let meta = &frame_packet.frame.meta;
         // A held image is as old as when it was made: latency is that of what is seen.
-        parcel.record.mid_exposure = meta.mid_exposure;
-        parcel.record.commanded =
+        frame_packet.record.mid_exposure = meta.mid_exposure;
+        frame_packet.record.commanded =
             (meta.origin != origin_name(PathOrigin::Absent)).then(|| meta.mid_exposure - meta.horizon);
-        if let Some(finished) = parcel.record.finished {
-            parcel.record.times.set(Stage::Handover, now - finished);
+        if let Some(finished) = frame_packet.record.finished {
+            frame_packet.record.times.set(Stage::Handover, now - finished);
         }
-        record.ring.push(parcel.record);
-        self.delivery.send(parcel, now)
+        record.ring.push(frame_packet.record);
+        self.delivery.send(frame_packet, now)
     }
 }
 

@@ -8,21 +8,21 @@
 //! against delivery). Tests: `tests/closed_loop/{deadline,budget}.rs`, which assert no wall time.
 
 use crate::runtime::camera_intake;
-use crate::runtime::delivery::Parcel;
+use crate::runtime::delivery::FramePacket;
 use crate::runtime::edge_thread::TriggerChip;
 use crate::runtime::engine::FrameEngine;
 use crate::runtime::error::RunError;
 use crate::runtime::frame_faults::FrameFaults;
 use crate::runtime::hygiene::{Hygiene, Role};
 use crate::runtime::ledger::{Event, EventKind, Ledger};
+use crate::runtime::link_thread::{LinkThread, Received};
 use crate::runtime::outcome::{RunOutcome, lines_of_head};
 use crate::runtime::plant_sample::PlantSample;
 use crate::runtime::port_reading::PortReading;
-use crate::runtime::radio::{Heard, Radio};
 use crate::runtime::real_head::RealHead;
 use crate::runtime::receiver::Receiver;
 use crate::runtime::record::RunRecord;
-use crate::runtime::reply::{Reply, ToldFrame};
+use crate::runtime::reply::{Reply, ReportedFrame};
 use crate::runtime::shutter::NextSlot;
 use crate::runtime::slot::Slot;
 use base::clock::Clock;
@@ -136,11 +136,11 @@ pub fn run_in(
             let (ports, summaries, sinks, lost_threads) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
             RunOutcome { record, ports, summaries, sinks, lost_threads, error: Some(error) }
         }
-        Ok((heads, radio)) => {
-            let readings = vec![PortReading::default(); radio.readings().count()];
+        Ok((heads, link_thread)) => {
+            let readings = vec![PortReading::default(); link_thread.readings().count()];
             let shared = Shared {
                 clock: &**setting.clock,
-                radio: &radio,
+                link_thread: &link_thread,
                 readings,
                 lost_edges: 0,
                 reply: Reply::default(),
@@ -160,8 +160,8 @@ pub fn run_in(
                 sinks.extend(lines_of_head(number, heads, delivered.lines));
                 error = delivered.error.or(error);
             }
-            let (has_lost_pulses, has_lost_chips) = (radio.has_lost_pulses(), radio.has_lost_chips());
-            let (ports, receiving) = radio.finish();
+            let (has_lost_pulses, has_lost_chips) = (link_thread.has_lost_pulses(), link_thread.has_lost_chips());
+            let (ports, receiving) = link_thread.finish();
             let (lost_threads, error) = (Vec::new(), receiving.or(error));
             let mut outcome = RunOutcome { record, ports, summaries, sinks, lost_threads, error };
             if has_lost_pulses {
@@ -180,7 +180,7 @@ fn start<'a>(
     setting: &Setting<'_>,
     heads: Vec<Head<'a>>,
     sources: Sources,
-) -> Result<(Vec<RealHead<'a>>, Radio), RunError> {
+) -> Result<(Vec<RealHead<'a>>, LinkThread), RunError> {
     let mut warm = Vec::with_capacity(heads.len());
     for head in heads {
         let camera = &head.engine.params().camera;
@@ -192,7 +192,7 @@ fn start<'a>(
         warm.push((head, prototype));
     }
     let Sources { ports, pulses, samples, chips } = sources;
-    let radio = Radio::start(ports, pulses, samples, chips, setting.clock, setting.hygiene)?;
+    let link_thread = LinkThread::start(ports, pulses, samples, chips, setting.clock, setting.hygiene)?;
     let started = warm
         .into_iter()
         .enumerate()
@@ -202,13 +202,13 @@ fn start<'a>(
     if let Some(hygiene) = setting.hygiene {
         hygiene.enter(Role::Frame);
     }
-    Ok((started, radio))
+    Ok((started, link_thread))
 }
 
 /// What all heads share.
 pub(super) struct Shared<'a> {
     pub(super) clock: &'a dyn Clock,
-    pub(super) radio: &'a Radio,
+    pub(super) link_thread: &'a LinkThread,
     /// What each port had counted at the frame before.
     readings: Vec<PortReading>,
     /// Edges of trigger lines that had been lost by then.
@@ -220,12 +220,12 @@ pub(super) struct Shared<'a> {
 
 impl Shared<'_> {
     /// Tells the flight computer what is in a frame.
-    pub(super) fn tell(&mut self, meta: &FrameMeta, pointing_bound_rad: Option<f64>, receiver: &Receiver) {
+    pub(super) fn announce(&mut self, meta: &FrameMeta, pointing_bound_rad: Option<f64>, receiver: &Receiver) {
         let now = self.clock.now();
         let rejects = PortReading::rejects_of_all(&self.readings);
-        let told = ToldFrame { meta, pointing_bound_rad, rejects: &rejects, now };
-        for message in self.reply.messages(&told, receiver) {
-            self.radio.send(0, message);
+        let reported = ReportedFrame { meta, pointing_bound_rad, rejects: &rejects, now };
+        for message in self.reply.messages(&reported, receiver) {
+            self.link_thread.send(0, message);
         }
     }
 }
@@ -255,7 +255,7 @@ impl Bench<'_> {
                 break;
             }
             let mut begun = self.shared.clock.now();
-            if self.shared.radio.is_finished() {
+            if self.shared.link_thread.is_finished() {
                 break; // its error is reported when the run ends
             }
             if begun < release || self.released(release).next().is_none() {
@@ -333,7 +333,7 @@ impl Bench<'_> {
         (stop, orders): (&AtomicBool, Option<&Queue<FrameOrder>>),
         record: &mut RunRecord,
     ) -> bool {
-        let (clock, radio, forecast) = (self.shared.clock, self.shared.radio, self.forecast());
+        let (clock, link_thread, forecast) = (self.shared.clock, self.shared.link_thread, self.forecast());
         while !stop.load(Ordering::Relaxed) {
             let now = clock.now();
             let is_ordered = orders.is_some_and(|orders| !orders.is_empty());
@@ -342,8 +342,8 @@ impl Bench<'_> {
             }
             let look = if self.has_desks() || orders.is_some() { DESK_POLL } else { STOP_POLL };
             let span = at.min(now + look) - now;
-            if let Some(heard) = radio.wait(Duration::from_nanos(span.ns().unsigned_abs())) {
-                self.take_in(&heard, record);
+            if let Some(got) = link_thread.wait(Duration::from_nanos(span.ns().unsigned_abs())) {
+                self.take_in(&got, record);
             }
         }
         false
@@ -383,20 +383,20 @@ impl Bench<'_> {
 
     /// What has arrived and was not waited for; and what became of the ports.
     fn receive(&mut self, record: &mut RunRecord) {
-        let radio = self.shared.radio;
-        for heard in radio.arrived() {
-            self.take_in(&heard, record);
+        let link_thread = self.shared.link_thread;
+        for got in link_thread.arrived() {
+            self.take_in(&got, record);
         }
         let now = self.shared.clock.now();
         if let Some(first) = self.heads.first_mut() {
             first.receiver.watch(now, &mut record.ledger);
         }
-        for (earlier, reading) in self.shared.readings.iter_mut().zip(radio.readings()) {
-            reading.tell(earlier, now, &mut record.ledger);
+        for (earlier, reading) in self.shared.readings.iter_mut().zip(link_thread.readings()) {
+            reading.announce(earlier, now, &mut record.ledger);
             *earlier = reading;
         }
         record.keep_ports(&self.shared.readings);
-        let lost = radio.lost_edges();
+        let lost = link_thread.lost_edges();
         for _ in self.shared.lost_edges..lost {
             record.ledger.note(Event::new(EventKind::TriggerEdgeLost, now, None, Span::ZERO));
         }
@@ -404,16 +404,16 @@ impl Bench<'_> {
     }
 
     /// Every head hears everything; the first one answers and notes.
-    fn take_in(&mut self, heard: &Heard, record: &mut RunRecord) {
-        if let Heard::Message { message, .. } = heard {
+    fn take_in(&mut self, got: &Received, record: &mut RunRecord) {
+        if let Received::Message { message, .. } = got {
             camera_intake::show(&mut self.heads, &message.value);
         }
         for head in &mut self.heads {
             let ledger = if head.number == 0 { &mut record.ledger } else { &mut self.shared.said_already };
-            match heard {
-                Heard::Pulse(at) => head.receiver.accept_pulse(*at),
-                Heard::Sample(sample) => head.receiver.take_sample(&sample.value, sample.at, ledger),
-                Heard::Edge { head: for_head, at, is_active } => {
+            match got {
+                Received::Pulse(at) => head.receiver.accept_pulse(*at),
+                Received::Sample(sample) => head.receiver.take_sample(&sample.value, sample.at, ledger),
+                Received::Edge { head: for_head, at, is_active } => {
                     if for_head.is_none_or(|number| number == head.number) {
                         let command = CameraCommand::Trigger { source: TriggerSource::Line, is_rising: *is_active };
                         let commanded = Commanded { command, at: *at, from: CommandSource::Line };
@@ -421,25 +421,25 @@ impl Bench<'_> {
                         let _noted = head.engine.exposing_mut().take(&commanded, &mut record.ledger);
                     }
                 }
-                Heard::Message { port, message } => {
+                Received::Message { port, message } => {
                     let answer = head.receiver.accept_input(*port, message, ledger);
                     if let Some(answer) = answer.filter(|_| head.number == 0) {
-                        self.shared.radio.send(*port, answer);
+                        self.shared.link_thread.send(*port, answer);
                     }
                 }
             }
         }
         camera_intake::give(&mut self.heads, &mut record.ledger);
-        if let Heard::Message { message, .. } = heard {
+        if let Received::Message { message, .. } = got {
             record.count_intake(self.shared.clock.now() - message.at);
         }
     }
 }
 
 /// What the sink thread says of a frame whose buffer comes back.
-pub(super) fn take_back(record: &mut RunRecord, parcel: &Parcel) {
-    if parcel.delivered {
-        record.complete(&parcel.record);
+pub(super) fn take_back(record: &mut RunRecord, frame_packet: &FramePacket) {
+    if frame_packet.delivered {
+        record.complete(&frame_packet.record);
     }
-    record.note_losses(&parcel.losses, parcel.record.due);
+    record.note_losses(&frame_packet.losses, frame_packet.record.due);
 }

@@ -242,7 +242,7 @@ impl Receiver {
             Message::Command(command) => return self.answer(command, at, ledger),
             Message::Wheels(wheels) => self.take_wheels(wheels, at, ledger),
             Message::Table(cell) => self.session.put(cell),
-            Message::Heartbeat(heartbeat) => self.session.hear(heartbeat, at, ledger),
+            Message::Heartbeat(heartbeat) => self.session.take_in(heartbeat, at, ledger),
             // Answers of a stimulator: ours, or another one's on the same bus.
             Message::Exposure(_) | Message::Status(_) | Message::Camera(_) | Message::Response(_) => {}
         }

@@ -160,8 +160,8 @@ fn exposure_time_is_that_of_the_new_clock_after_a_step_either_way() {
         let middle_ns = cable.now_ns - 10 * PERIOD_NS;
         for off_ns in [-5 * PERIOD_NS, -1_234_000, 0, 3_000_000] {
             let at_ns = middle_ns + off_ns;
-            let told = cable.receiver.remote_us_at(Tai::from_ns(at_ns)).unwrap();
-            let error_us = ticks_diff(told, wrapped((at_ns + cable.ahead_ns).div_euclid(1000)));
+            let reported = cable.receiver.remote_us_at(Tai::from_ns(at_ns)).unwrap();
+            let error_us = ticks_diff(reported, wrapped((at_ns + cable.ahead_ns).div_euclid(1000)));
             assert!(error_us.abs() <= 2, "step of {step_ns} ns, at {off_ns} ns: {error_us} us off");
         }
         let before = cable.receiver.remote_us_at(Tai::from_ns(middle_ns - 25 * PERIOD_NS)).unwrap();
@@ -180,8 +180,8 @@ fn exposure_time_stays_near_its_tags_when_the_order_of_epochs_is_another_than_th
         cable.receiver.keep_tag(t_us, at(ms));
     }
     // Between the epochs 5 and 10 ms lie the tags 1 020 000 and 1 010 000.
-    let told = cable.receiver.remote_us_at(at(7)).unwrap();
-    assert!((1_010_000..=1_020_000).contains(&told), "{told}");
+    let reported = cable.receiver.remote_us_at(at(7)).unwrap();
+    assert!((1_010_000..=1_020_000).contains(&reported), "{reported}");
 }
 
 #[test]

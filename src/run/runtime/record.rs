@@ -11,7 +11,7 @@ use frames::report::{
     RunSummary, SinkRow, Stage, StageHistogram, StageHistograms, StageTimes,
 };
 use frames::sink::{FaultFlags, FrameMeta, Loss, LossKind, SentFrame, SinkLine, SinkSummary};
-use plan::exposure::Rung;
+use plan::exposure::Degradation;
 use plan::exposure::method::MethodName;
 use std::collections::BTreeMap;
 
@@ -32,7 +32,7 @@ pub struct RunRecord {
     intake: StageHistogram,
     stars: CountHistogram,
     methods: [u64; MethodName::ALL.len()],
-    rungs: [u64; Rung::ALL.len()],
+    degradations: [u64; Degradation::ALL.len()],
     faults: Vec<u64>,
     /// What the ports had counted at the newest frame.
     ports: Vec<PortReading>,
@@ -54,7 +54,7 @@ impl Default for RunRecord {
             intake: StageHistogram::default(),
             stars: CountHistogram::default(),
             methods: [0; MethodName::ALL.len()],
-            rungs: [0; Rung::ALL.len()],
+            degradations: [0; Degradation::ALL.len()],
             faults: vec![0; FaultFlags::NAMED.len()],
             ports: Vec::with_capacity(PORTS),
         }
@@ -108,8 +108,8 @@ impl RunRecord {
         if let Some(i) = MethodName::ALL.iter().position(|method| method.name() == frame.meta.method) {
             self.methods[i] += 1;
         }
-        if let Some(i) = Rung::ALL.iter().position(|rung| rung.name() == frame.meta.rung) {
-            self.rungs[i] += 1;
+        if let Some(i) = Degradation::ALL.iter().position(|degradation| degradation.name() == frame.meta.degradation) {
+            self.degradations[i] += 1;
         }
     }
 
@@ -185,8 +185,9 @@ impl RunRecord {
         summary.intake = self.intake.quantiles();
         summary.link = link_counts(receiver, ports);
         summary.methods = named(MethodName::ALL.iter().map(|m| m.name()).zip(self.methods));
-        let degraded = Rung::ALL.iter().zip(self.rungs).filter(|(rung, _)| **rung > Rung::Full);
-        summary.degraded = named(degraded.map(|(rung, count)| (rung.name(), count)));
+        let degraded =
+            Degradation::ALL.iter().zip(self.degradations).filter(|(degradation, _)| **degradation > Degradation::Full);
+        summary.degraded = named(degraded.map(|(degradation, count)| (degradation.name(), count)));
         summary.faults = named(FaultFlags::NAMED.iter().map(|(_, name)| *name).zip(self.faults.iter().copied()));
         summary.event_counts = named(EventKind::ALL.iter().map(|kind| (kind.name(), self.ledger.count(*kind))));
         summary.last_events = self.ledger.last().map(event_line).collect();
@@ -257,7 +258,7 @@ fn link_counts(receiver: &Receiver, ports: &[PortReading]) -> LinkCounts {
 /// Counters of one port: the first has plain names, further ones have their number before them.
 fn count_port(counts: &mut LinkCounts, number: usize, port: &PortReading) {
     let name = |what: &str| if number == 0 { what.to_string() } else { format!("port_{number}_{what}") };
-    counts.counters.extend(port.told().map(|(what, count)| (name(what), count)));
+    counts.counters.extend(port.reported().map(|(what, count)| (name(what), count)));
     for (reason, count) in port.rejects().filter(|(_, count)| *count > 0) {
         *counts.rejects.entry(reject_name(reason)).or_default() += u64::from(count);
     }
@@ -297,7 +298,7 @@ fn event_line(event: &Event) -> EventLine {
         frame: event.frame,
         kind: event.kind.name().into(),
         detail: if event.kind == EventKind::Degraded {
-            format!("{}, drawn in {:.3} ms as predicted", event.rung, event.span.ms())
+            format!("{}, drawn in {:.3} ms as predicted", event.degradation, event.span.ms())
         } else if event.what.is_empty() {
             format!("{:.3} ms", event.span.ms())
         } else {

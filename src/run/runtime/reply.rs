@@ -25,19 +25,19 @@ const ONCE: Span = Span::from_ms(1000);
 pub struct Reply {
     /// Told of so far.
     frames: u64,
-    rejects: [Told; REASONS],
+    rejects: [Reported; REASONS],
 }
 
 /// What the flight computer knows of one reason's count.
 #[derive(Debug, Clone, Copy, Default)]
-struct Told {
+struct Reported {
     count: u32,
     at: Option<Tai>,
 }
 
 /// One frame as it is told of.
 #[derive(Debug, Clone, Copy)]
-pub struct ToldFrame<'a> {
+pub struct ReportedFrame<'a> {
     /// The frame's truth.
     pub meta: &'a FrameMeta,
     /// Bound of its pointing error, where one is known.
@@ -50,8 +50,12 @@ pub struct ToldFrame<'a> {
 
 impl Reply {
     /// Messages for one frame.
-    pub fn messages(&mut self, frame: &ToldFrame<'_>, receiver: &Receiver) -> impl Iterator<Item = Message> + use<> {
-        let ToldFrame { meta, now, .. } = *frame;
+    pub fn messages(
+        &mut self,
+        frame: &ReportedFrame<'_>,
+        receiver: &Receiver,
+    ) -> impl Iterator<Item = Message> + use<> {
+        let ReportedFrame { meta, now, .. } = *frame;
         self.frames += 1;
         let state = self.state(mode(meta, receiver), receiver, now);
         let in_turn = if self.frames.is_multiple_of(2) { prediction(frame) } else { clock(receiver) };
@@ -81,12 +85,12 @@ impl Reply {
 
     /// The reason told longest ago of those whose count has risen and that may be told again.
     fn reject(&mut self, counts: &[u32; REASONS], now: Tai) -> Option<StatusPage> {
-        let is_due = |told: &Told| told.at.is_none_or(|last| now - last >= ONCE);
+        let is_due = |reported: &Reported| reported.at.is_none_or(|last| now - last >= ONCE);
         let risen = self.rejects.iter_mut().zip(counts).zip(Reject::ALL);
-        let ((told, count), reason) = risen
-            .filter(|((told, count), _)| **count > told.count && is_due(told))
-            .min_by_key(|((told, _), _)| told.at)?;
-        *told = Told { count: *count, at: Some(now) };
+        let ((reported, count), reason) = risen
+            .filter(|((reported, count), _)| **count > reported.count && is_due(reported))
+            .min_by_key(|((reported, _), _)| reported.at)?;
+        *reported = Reported { count: *count, at: Some(now) };
         Some(StatusPage::Rejects { reason, count: *count })
     }
 }
@@ -137,7 +141,7 @@ fn frame_flags(meta: &FrameMeta) -> u16 {
 }
 
 /// How far the attitude was predicted, and how well, where that is known.
-fn prediction(frame: &ToldFrame<'_>) -> Option<StatusPage> {
+fn prediction(frame: &ReportedFrame<'_>) -> Option<StatusPage> {
     let ten_us = (frame.meta.horizon.ns() / 10_000).clamp(i64::from(i16::MIN), i64::from(i16::MAX));
     let horizon_10us = i16::try_from(ten_us).unwrap_or(i16::MAX);
     #[allow(clippy::cast_possible_truncation, reason = "an error in f32 is as good")]
@@ -237,18 +241,18 @@ mod tests {
     }
 
     #[test]
-    fn a_reason_is_told_when_its_count_has_risen_and_once_a_second() {
+    fn a_reason_is_reported_when_its_count_has_risen_and_once_a_second() {
         let mut reply = Reply::default();
         let mut counts = [0; REASONS];
-        let mut told = |counts: &[u32; REASONS], ms: i64| reply.reject(counts, Tai::from_ns(ms * 1_000_000));
-        assert_eq!(told(&counts, 0), None);
+        let mut reported = |counts: &[u32; REASONS], ms: i64| reply.reject(counts, Tai::from_ns(ms * 1_000_000));
+        assert_eq!(reported(&counts, 0), None);
         counts[Reject::BadCrc as usize] = 3;
         counts[Reject::TornGroup as usize] = 1;
-        assert_eq!(told(&counts, 100), Some(StatusPage::Rejects { reason: Reject::BadCrc, count: 3 }));
-        assert_eq!(told(&counts, 200), Some(StatusPage::Rejects { reason: Reject::TornGroup, count: 1 }));
+        assert_eq!(reported(&counts, 100), Some(StatusPage::Rejects { reason: Reject::BadCrc, count: 3 }));
+        assert_eq!(reported(&counts, 200), Some(StatusPage::Rejects { reason: Reject::TornGroup, count: 1 }));
         counts[Reject::BadCrc as usize] = 4;
-        assert_eq!(told(&counts, 1099), None, "within the second");
-        assert_eq!(told(&counts, 1100), Some(StatusPage::Rejects { reason: Reject::BadCrc, count: 4 }));
-        assert_eq!(told(&counts, 5000), None, "nothing new");
+        assert_eq!(reported(&counts, 1099), None, "within the second");
+        assert_eq!(reported(&counts, 1100), Some(StatusPage::Rejects { reason: Reject::BadCrc, count: 4 }));
+        assert_eq!(reported(&counts, 5000), None, "nothing new");
     }
 }

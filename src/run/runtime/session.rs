@@ -63,7 +63,7 @@ pub struct Session {
     /// Stopped, or refused, since the last RUN.
     is_halted: bool,
     /// The last heartbeat heard.
-    heard: Option<Tai>,
+    got: Option<Tai>,
     is_silent: bool,
     /// Its last heartbeat was of another major version.
     is_foreign: bool,
@@ -81,7 +81,7 @@ impl Session {
             triggers: Triggers::default(),
             cameras: CameraIntake::default(),
             is_halted: false,
-            heard: None,
+            got: None,
             is_silent: false,
             is_foreign: false,
         }
@@ -205,22 +205,22 @@ impl Session {
     }
 
     /// Takes a heartbeat of the flight computer in.
-    pub fn hear(&mut self, heartbeat: &Heartbeat, at: Tai, ledger: &mut Ledger) {
+    pub fn take_in(&mut self, heartbeat: &Heartbeat, at: Tai, ledger: &mut Ledger) {
         let is_foreign = heartbeat.major != version::MAJOR;
         if is_foreign && !self.is_foreign {
             ledger.note(Event::new(EventKind::VersionRefused, at, None, Span::ZERO));
         }
         self.is_foreign = is_foreign;
-        if let (true, Some(last)) = (self.is_silent, self.heard) {
+        if let (true, Some(last)) = (self.is_silent, self.got) {
             ledger.note(Event::new(EventKind::HeartbeatBack, at, None, at - last));
         }
         self.is_silent = false;
-        self.heard = self.heard.max(Some(at));
+        self.got = self.got.max(Some(at));
     }
 
     /// Notices, once each time, that heartbeats have stopped.
     pub fn watch(&mut self, now: Tai, ledger: &mut Ledger) {
-        let silence = self.heard.map_or(Span::ZERO, |last| now - last);
+        let silence = self.got.map_or(Span::ZERO, |last| now - last);
         if !self.is_silent && silence > self.params.heartbeat_timeout {
             self.is_silent = true;
             ledger.note(Event::new(EventKind::HeartbeatLost, now, None, silence));
@@ -369,18 +369,18 @@ mod tests {
     }
 
     #[test]
-    fn silence_is_told_once_and_so_is_its_end() {
+    fn silence_is_reported_once_and_so_is_its_end() {
         let mut talk = talk(SessionStart::AtOnce);
         let beat = Heartbeat { state: NodeState::Running, major: version::MAJOR };
         talk.session.watch(at_ms(60_000), &mut talk.ledger);
         assert_eq!(talk.count(EventKind::HeartbeatLost), 0, "who never spoke is not silent");
-        talk.session.hear(&beat, at_ms(0), &mut talk.ledger);
+        talk.session.take_in(&beat, at_ms(0), &mut talk.ledger);
         for ms in [3_500, 3_501, 9_000] {
             talk.session.watch(at_ms(ms), &mut talk.ledger);
             assert_eq!(talk.count(EventKind::HeartbeatLost), u64::from(ms > 3_500), "{ms} ms");
         }
-        talk.session.hear(&beat, at_ms(10_000), &mut talk.ledger);
-        talk.session.hear(&beat, at_ms(11_000), &mut talk.ledger);
+        talk.session.take_in(&beat, at_ms(10_000), &mut talk.ledger);
+        talk.session.take_in(&beat, at_ms(11_000), &mut talk.ledger);
         assert_eq!(talk.count(EventKind::HeartbeatBack), 1);
     }
 }

@@ -290,7 +290,7 @@ mod tests {
     #[test]
     fn instants_are_ahead_late_or_refused() {
         let now = 4_000_000_000_i64;
-        let told = |ahead_us: i64| wrapped(now + ahead_us);
+        let reported = |ahead_us: i64| wrapped(now + ahead_us);
         for (ahead_us, wanted) in [
             (0, Ok(false)),
             (-1, Ok(true)),
@@ -300,7 +300,7 @@ mod tests {
             (-300_000_001, Err(Refusal::TriggerTime)),
         ] {
             let mut triggers = expecting_all();
-            let got = take(&mut triggers, 5, told(ahead_us));
+            let got = take(&mut triggers, 5, reported(ahead_us));
             assert_eq!(got.map(|taken| taken.triggered.is_late), wanted, "{ahead_us} us ahead");
             assert_eq!(got.is_ok_and(|taken| taken.ahead.ns() == 1000 * ahead_us), got.is_ok(), "{got:?}");
             let acts = at_s(10_000) + Span::from_ns(1000 * ahead_us.max(0));

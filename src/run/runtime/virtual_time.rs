@@ -19,7 +19,7 @@ use crate::runtime::plant_sample::PlantSample;
 use crate::runtime::port_reading::PortReading;
 use crate::runtime::receiver::Receiver;
 use crate::runtime::record::RunRecord;
-use crate::runtime::reply::{Reply, ToldFrame, camera_pages};
+use crate::runtime::reply::{Reply, ReportedFrame, camera_pages};
 use crate::runtime::shutter::NextSlot;
 use crate::runtime::slot::Slot;
 use crate::runtime::tracker_orders::commands_of;
@@ -334,7 +334,7 @@ impl VirtualLoop {
         self.record.count_rendered(&frame, &times);
         // Heads share one exposure time: the first speaks for all.
         if i == 0 {
-            self.tell(&frame, slot.due, head, port)?;
+            self.announce(&frame, slot.due, head, port)?;
         }
         if head.receiver.session().cameras().is_reporting() {
             for page in camera_pages(i, &frame.meta) {
@@ -377,11 +377,11 @@ impl VirtualLoop {
     }
 
     /// Tells the flight computer what was drawn, and the ledger what became of the link.
-    fn tell(&mut self, frame: &SentFrame, now: Tai, head: &mut Head<'_>, port: &mut Port) -> Result<(), RunError> {
+    fn announce(&mut self, frame: &SentFrame, now: Tai, head: &mut Head<'_>, port: &mut Port) -> Result<(), RunError> {
         let reading = self.watch_link(now, head, port);
         let pointing_bound_rad = head.engine.pointing_bound_rad();
-        let told = ToldFrame { meta: &frame.meta, pointing_bound_rad, rejects: &reading.rejects, now };
-        for message in self.reply.messages(&told, head.receiver) {
+        let reported = ReportedFrame { meta: &frame.meta, pointing_bound_rad, rejects: &reading.rejects, now };
+        for message in self.reply.messages(&reported, head.receiver) {
             port.send(&message)?;
         }
         Ok(())
@@ -391,7 +391,7 @@ impl VirtualLoop {
     fn watch_link(&mut self, now: Tai, head: &mut Head<'_>, port: &Port) -> PortReading {
         head.receiver.watch(now, &mut self.record.ledger);
         let reading = PortReading::of(port, 0);
-        reading.tell(&self.reading, now, &mut self.record.ledger);
+        reading.announce(&self.reading, now, &mut self.record.ledger);
         self.reading = reading;
         self.record.keep_ports(&[reading]);
         reading

@@ -342,8 +342,8 @@ impl Assessment {
         let mut at_most = |name, limit: Option<f64>, got: Option<f64>, unit: &str| {
             if let Some(limit) = limit {
                 let wanted = format!("at most {limit} {unit}");
-                let told = got.map_or_else(|| "never".into(), |got| format!("{got:.3} {unit}"));
-                verdicts.push(Verdict { name, wanted, got: told, passed: got.is_some_and(|got| got <= limit) });
+                let reported = got.map_or_else(|| "never".into(), |got| format!("{got:.3} {unit}"));
+                verdicts.push(Verdict { name, wanted, got: reported, passed: got.is_some_and(|got| got <= limit) });
             }
         };
         let pointing = self.pointing().boresight_arcsec;

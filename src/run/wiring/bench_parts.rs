@@ -59,7 +59,7 @@ pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
         method: bench.render.method,
         cost: None,
         degrade: bench.timing.degrade.applies(false),
-        last_rung: bench.timing.degrade_to,
+        last_degradation: bench.timing.degrade_to,
         seed: bench.seed,
         noise_seed: bench.noise_seed(),
         first_exposure,

@@ -6,13 +6,13 @@ use crate::wiring::{bench_parts, plain_ends};
 use anyhow::{Context, Result};
 use base::clock::{Clock, PairedReading};
 use base::time::Span;
-use config::{self, Bench, Carrier, Doors, Link, Wire};
+use config::{self, Bench, Carrier, GatewayPorts, Link, Wire};
 use firmware_protocol::can::IdMap;
 use link::gateway::{GatewayParams, Gateways};
 use link::pps::Pps;
 use link::serial::{FlowControl, Parity, SerialLink, SerialParams, StopBits};
 use link::simulated::SimulatedBus;
-use link::socketcan::{Hears, SocketCanLink, SocketCanParams};
+use link::socketcan::{Receives, SocketCanLink, SocketCanParams};
 use link::udp::UdpLink;
 use link::{Link as LinkEnd, LinkError, Port};
 use std::path::Path;
@@ -95,16 +95,16 @@ fn open(link: &Link, number: usize, wants_far: bool, clock: &Arc<dyn Clock>, tap
     let (params, _) = bench_parts::bus_of(link);
     let near_end = End::Near(number);
     match &link.carrier {
-        Carrier::Simulated(doors) => {
+        Carrier::Simulated(gateway_ports) => {
             let bus = SimulatedBus::new(params, clock);
             let near = port_over(tap(near_end, Box::new(bus.attach())), link)?;
             let far = wants_far.then(|| port_over(tap(End::Far, Box::new(bus.attach())), link)).transpose()?;
-            Ok(Opened { near, far, gateways: gateways(doors, &bus, clock)?, notes: Vec::new() })
+            Ok(Opened { near, far, gateways: gateways(gateway_ports, &bus, clock)?, notes: Vec::new() })
         }
         Carrier::SocketCan { interface } => {
-            let end = |hears| can_link(interface, ids, hears, link.wire, clock);
-            let near = tap(near_end, Box::new(end(Hears::FlightComputer)?));
-            let far = wants_far.then(|| end(Hears::Stimulator)).transpose()?;
+            let end = |receives| can_link(interface, ids, receives, link.wire, clock);
+            let near = tap(near_end, Box::new(end(Receives::FlightComputer)?));
+            let far = wants_far.then(|| end(Receives::Stimulator)).transpose()?;
             let far = far.map(|far| port_over(tap(End::Far, Box::new(far)), link)).transpose()?;
             Ok(Opened { near: port_over(near, link)?, far, gateways: None, notes: Vec::new() })
         }
@@ -133,11 +133,15 @@ fn open(link: &Link, number: usize, wants_far: bool, clock: &Arc<dyn Clock>, tap
     }
 }
 
-fn gateways(doors: &Doors, bus: &SimulatedBus, clock: &Arc<dyn Clock>) -> Result<Option<Gateways>, LinkError> {
-    if *doors == Doors::default() {
+fn gateways(
+    gateway_ports: &GatewayPorts,
+    bus: &SimulatedBus,
+    clock: &Arc<dyn Clock>,
+) -> Result<Option<Gateways>, LinkError> {
+    if *gateway_ports == GatewayPorts::default() {
         return Ok(None);
     }
-    let Doors { slcan_tcp, slcan_pty, socketcand } = doors.clone();
+    let GatewayPorts { slcan_tcp, slcan_pty, socketcand } = gateway_ports.clone();
     let params = GatewayParams { slcan_tcp, slcan_pty, socketcand, ..GatewayParams::default() };
     Gateways::start(bus, &params, clock).map(Some)
 }
@@ -145,12 +149,12 @@ fn gateways(doors: &Doors, bus: &SimulatedBus, clock: &Arc<dyn Clock>) -> Result
 fn can_link(
     interface: &str,
     ids: IdMap,
-    hears: Hears,
+    receives: Receives,
     wire: Wire,
     clock: &Arc<dyn Clock>,
 ) -> Result<SocketCanLink, LinkError> {
     let fd = wire == Wire::CanFd;
-    let params = SocketCanParams { interface: interface.into(), ids, hears, fd, bit_rate_switch: true };
+    let params = SocketCanParams { interface: interface.into(), ids, receives, fd, bit_rate_switch: true };
     SocketCanLink::open(params, clock)
 }
 
@@ -183,12 +187,12 @@ pub fn identifiers(link: &Link) -> Result<IdMap> {
 /// Why a bench cannot be run on the virtual clock, if it cannot.
 #[must_use]
 pub fn needs_real_clock(bench: &Bench) -> Option<&'static str> {
-    let has_doors = |link: &Link| matches!(&link.carrier, Carrier::Simulated(doors) if *doors != Doors::default());
+    let has_gateways = |link: &Link| matches!(&link.carrier, Carrier::Simulated(gateway_ports) if *gateway_ports != GatewayPorts::default());
     let is_real = |link: &Link| !matches!(link.carrier, Carrier::Simulated(_));
     let any = |is: &dyn Fn(&Link) -> bool| core::iter::once(&bench.link).chain(&bench.extra_links).any(is);
     if any(&is_real) {
         Some("a real bus")
-    } else if any(&has_doors) {
+    } else if any(&has_gateways) {
         Some("gateways")
     } else if !bench.trigger_lines.is_empty() {
         Some("[[trigger_line]], a GPIO line")

@@ -59,7 +59,7 @@ pub(super) fn fly(
     let ring_frames = usize::try_from(scenario.bench.budget.ring_frames).unwrap_or(0);
     let orders: Option<&Queue<FrameOrder>> = frame_orders.as_ref();
     let setting = Setting { clock: &clock, stop, hygiene: hygiene.as_ref(), ring_frames, orders };
-    let mut seen_and_told = |head: usize, frame: &SentFrame, record: &RunRecord| {
+    let mut seen_and_reported = |head: usize, frame: &SentFrame, record: &RunRecord| {
         let _the_witness_may_be_busy = seen.try_send((head, frame.meta.clone()));
         progress(head, frame, record);
     };
@@ -71,7 +71,7 @@ pub(super) fn fly(
     });
     let (ports, chips) = (core::mem::take(&mut cable.near), core::mem::take(&mut cable.chips));
     let sources = Sources { ports, pulses: cable.pulses.take(), samples, chips };
-    let outcome = run_in(&setting, drawn.collect(), sources, &mut seen_and_told);
+    let outcome = run_in(&setting, drawn.collect(), sources, &mut seen_and_reported);
     let now = clock.now().min(times.end);
     over.store(true, Ordering::SeqCst);
     if let Some(steering) = &steering {

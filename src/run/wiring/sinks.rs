@@ -202,7 +202,7 @@ fn iceoryx(service: &str, _slots: u32, _setting: &SinkSetting<'_>) -> Result<Box
 
 /// A sink in words, for people.
 #[must_use]
-pub fn told(settings: &SinkSettings) -> String {
+pub fn reported(settings: &SinkSettings) -> String {
     let kind = settings.sink.kind();
     match &settings.sink {
         Kind::Recorder { directory, fits, ser, png_every } => {
@@ -239,8 +239,8 @@ pub fn told(settings: &SinkSettings) -> String {
 }
 
 /// Lines that tell the sinks of a bench: place and words.
-pub fn told_lines(sinks: &[SinkSettings]) -> impl Iterator<Item = (String, String)> {
-    sinks.iter().enumerate().map(|(number, settings)| (place(number), told(settings)))
+pub fn reported_lines(sinks: &[SinkSettings]) -> impl Iterator<Item = (String, String)> {
+    sinks.iter().enumerate().map(|(number, settings)| (place(number), reported(settings)))
 }
 
 #[cfg(test)]
@@ -365,12 +365,13 @@ mod tests {
     }
 
     #[test]
-    fn sinks_are_told_in_words() {
-        let told: Vec<String> = told_lines(&sinks(THREE)).map(|(place, words)| format!("{place} {words}")).collect();
-        assert_eq!(told[0], "sink null: nothing is kept");
+    fn sinks_are_reported_in_words() {
+        let reported: Vec<String> =
+            reported_lines(&sinks(THREE)).map(|(place, words)| format!("{place} {words}")).collect();
+        assert_eq!(reported[0], "sink null: nothing is kept");
         assert!(
-            told[2].contains("extra_sink[1] recorder: SER, truth tables, below the run's directory; 8"),
-            "{told:?}"
+            reported[2].contains("extra_sink[1] recorder: SER, truth tables, below the run's directory; 8"),
+            "{reported:?}"
         );
     }
 }

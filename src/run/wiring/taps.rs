@@ -26,7 +26,7 @@ impl Taps {
         // After a failure the last numbers stay away: a run that broke down must not look like one that is over.
         if end.error.is_none() {
             let frames = end.heads.iter().map(|head| u64::from(head.engine.params().frames)).sum();
-            live.numbers().tell_last(&end.record.numbers(Some(frames)));
+            live.numbers().send_last(&end.record.numbers(Some(frames)));
         }
         if !live.finish() {
             end.note_lost_thread("live view", now);

@@ -107,7 +107,7 @@ impl Witness {
     /// Holds one frame that went out against the true attitude (and rate, rad/s) at its mid-exposure.
     pub fn take_frame(&mut self, head: usize, meta: &FrameMeta, truth: Option<(Rotation<Body, Icrf>, f64)>) {
         // What a fault's flag says is the injector's word: only the stimulator's own excuses a frame.
-        let is_told = meta.origin != "interpolated";
+        let is_reported = meta.origin != "interpolated";
         let (Some((body_from_icrf, rate_rad_s)), Some(mounting)) = (truth, self.heads.get(head)) else {
             return self.assessment.note_unchecked();
         };
@@ -115,7 +115,7 @@ impl Witness {
             return self.assessment.violate(|| format!("frame {}: its attitude is no unit quaternion", meta.number));
         };
         let error_rad = (*mounting * body_from_icrf).rotation_vector_to(&rendered).length();
-        if is_told {
+        if is_reported {
             return;
         }
         self.assessment.note_rendered(error_rad);

@@ -125,7 +125,7 @@ fn ways_follow_the_apparent_places_within_their_bound() {
 }
 
 #[test]
-fn a_way_that_is_too_long_for_a_cubic_is_told() {
+fn a_way_that_is_too_long_for_a_cubic_is_reported() {
     let mut targets = targets_of(observer(), vec![crossing()]);
     targets.find_in_view(&at_the_crossing(20.0)).expect("a sky");
     assert!(!targets.in_view().is_empty() && !targets.is_coarse(), "20 s: within a hundredth of a pixel");

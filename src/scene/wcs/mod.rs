@@ -296,12 +296,12 @@ mod tests {
                     let attitude = sensor_from_ra_dec_roll(ra * DEG, dec * DEG, roll * DEG);
                     let wcs = maker.at(&attitude, &sight()).unwrap();
                     let worst = worst_px(&camera, output, &wcs, &attitude);
-                    let told = wcs.error_px;
+                    let reported = wcs.error_px;
                     assert!(
-                        worst < limit_px(&wcs) && told < limit_px(&wcs),
-                        "{output:?} {ra} {dec}: {worst:.1e} px, {told:.1e}"
+                        worst < limit_px(&wcs) && reported < limit_px(&wcs),
+                        "{output:?} {ra} {dec}: {worst:.1e} px, {reported:.1e}"
                     );
-                    assert!(worst < 1.5 * told + 5e-4, "the error is stated: {worst:.1e} px, {told:.1e}");
+                    assert!(worst < 1.5 * reported + 5e-4, "the error is stated: {worst:.1e} px, {reported:.1e}");
                     assert_eq!(wcs.has_sip(), distortion == STRONG, "polynomials only where needed");
                 }
             }

@@ -284,8 +284,8 @@ mod tests {
             (format!("{pair}ANOTHER\n"), 3),
             (format!("FILE OF JUNE\nVANGUARD 1\n{pair}"), 2),
         ] {
-            let told = TleOrbit::parse_one_of(&text, None).expect_err("damaged").to_string();
-            assert!(told.contains(&format!("line {line} of the file")), "{text}: {told}");
+            let reported = TleOrbit::parse_one_of(&text, None).expect_err("damaged").to_string();
+            assert!(reported.contains(&format!("line {line} of the file")), "{text}: {reported}");
             assert_eq!(TleOrbit::parse_one_of(&text, Some(5)).expect("asked for").norad_id(), 5);
         }
     }
@@ -294,11 +294,11 @@ mod tests {
     fn a_century_is_the_end() {
         let (orbit, epoch) = (orbit(), Tai::from_rfc3339("2000-06-27T18:50:19.733568Z").expect("a valid instant"));
         let days_later = |days: f64| orbit.geocentric_state(epoch + Span::from_s(days * DAY_S));
-        let told = |days: f64| days_later(days).err().map(|error| error.to_string()).unwrap_or_default();
+        let reported = |days: f64| days_later(days).err().map(|error| error.to_string()).unwrap_or_default();
         for sign in [-1.0, 1.0] {
-            assert!(!told(sign * (MOST_DAYS - 1.0)).contains("36525"), "SGP4's own word");
-            let told = told(sign * (MOST_DAYS + 1.0));
-            assert!(told.contains("wanted a time within 36525 days"), "{told}");
+            assert!(!reported(sign * (MOST_DAYS - 1.0)).contains("36525"), "SGP4's own word");
+            let reported = reported(sign * (MOST_DAYS + 1.0));
+            assert!(reported.contains("wanted a time within 36525 days"), "{reported}");
         }
     }
 

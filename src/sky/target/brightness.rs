@@ -127,12 +127,12 @@ mod tests {
     }
 
     #[test]
-    fn told_magnitudes_hold_where_they_were_told() {
+    fn reported_magnitudes_hold_where_they_were_reported() {
         let at = |brightness: &Brightness, km: f64, phase_deg: f64| brightness.mag_g(km, phase_deg * DEG, AU_KM);
-        let told = Brightness::AtThousandKm(4.0);
-        assert!((at(&told, 1_000.0, 90.0) - 4.0).abs() < 1e-12);
-        assert!((at(&told, 10_000.0, 90.0) - 9.0).abs() < 1e-12, "ten times as far: five magnitudes");
-        assert!((at(&told, 1_000.0, 0.0) - (4.0 - 2.5 * PI.log10())).abs() < 1e-12);
+        let reported = Brightness::AtThousandKm(4.0);
+        assert!((at(&reported, 1_000.0, 90.0) - 4.0).abs() < 1e-12);
+        assert!((at(&reported, 10_000.0, 90.0) - 9.0).abs() < 1e-12, "ten times as far: five magnitudes");
+        assert!((at(&reported, 1_000.0, 0.0) - (4.0 - 2.5 * PI.log10())).abs() < 1e-12);
         // A sphere told by its own magnitude is itself.
         let sphere = Brightness::Sphere { diameter_m: 2.0, diffuse: 0.2, specular: 0.0 };
         let same = Brightness::AtThousandKm(at(&sphere, 1_000.0, 90.0));
@@ -145,7 +145,7 @@ mod tests {
         let table = Brightness::Table(PhaseCurve { points: vec![[0.0, 3.0], [90.0 * DEG, 5.0]] });
         assert!((at(&table, 1_000.0, 45.0) - 4.0).abs() < 1e-12 && (at(&table, 1_000.0, 170.0) - 5.0).abs() < 1e-12);
         assert!((at(&Brightness::Constant(7.5), 12_345.0, 77.0) - 7.5).abs() < 1e-15);
-        let near = told.mag_g(1_000.0, 1.0, 0.98 * AU_KM) - told.mag_g(1_000.0, 1.0, AU_KM);
+        let near = reported.mag_g(1_000.0, 1.0, 0.98 * AU_KM) - reported.mag_g(1_000.0, 1.0, AU_KM);
         assert!((near - 5.0 * 0.98_f64.log10()).abs() < 1e-12, "a nearer Sun");
     }
 }

@@ -98,8 +98,8 @@ fn a_file_too_long_for_memory_is_refused_unread() {
     let path = folder.path().join("long.starcat");
     let file = std::fs::File::create(&path).expect("a new file");
     file.set_len(layout::MOST_BYTES + 1).expect("a sparse file");
-    let told = Catalog::open(&path).expect_err("too long").to_string();
-    assert!(told.contains("bytes, wanted at most") && told.contains("catalog import"), "{told}");
+    let reported = Catalog::open(&path).expect_err("too long").to_string();
+    assert!(reported.contains("bytes, wanted at most") && reported.contains("catalog import"), "{reported}");
     let long = "9".repeat(100_000);
     let cell = pack(format!("{HEADER}1,,10,{long},1,1,,8.1,1,\n").as_bytes(), 2016.0, None).expect_err("a bad cell");
     assert!(cell.to_string().len() < 600, "a long cell is not shown whole");
@@ -123,10 +123,11 @@ fn bad_files_are_refused_never_misread() {
     for version in [1, 3] {
         let mut other = good.clone();
         other[8] = version;
-        let told = refuse(&other).to_string();
+        let reported = refuse(&other).to_string();
         assert!(
-            told.contains("format version wanted 2 (pack its CSV again") && told.ends_with(&format!("got {version}")),
-            "{told}"
+            reported.contains("format version wanted 2 (pack its CSV again")
+                && reported.ends_with(&format!("got {version}")),
+            "{reported}"
         );
     }
 }

@@ -58,7 +58,7 @@ struct Progress {
     #[serde(default)]
     is_without_numbers: bool,
     /// What else the importer counts.
-    told: BTreeMap<String, u64>,
+    reported: BTreeMap<String, u64>,
 }
 
 /// Stars on their way into layers.
@@ -240,13 +240,13 @@ impl Sorting {
     }
 
     /// Counts something else that a person should know of.
-    pub fn tell(&mut self, what: &str, count: u64) {
-        *self.progress.told.entry(what.into()).or_default() += count;
+    pub fn announce(&mut self, what: &str, count: u64) {
+        *self.progress.reported.entry(what.into()).or_default() += count;
     }
 
     /// What else was counted.
-    pub fn told(&self) -> impl Iterator<Item = (&str, u64)> {
-        self.progress.told.iter().map(|(what, count)| (what.as_str(), *count))
+    pub fn reported(&self) -> impl Iterator<Item = (&str, u64)> {
+        self.progress.reported.iter().map(|(what, count)| (what.as_str(), *count))
     }
 
     /// Where the faintest layer ends, mag: stars from there on are not taken.

@@ -291,12 +291,12 @@ mod tests {
     }
 
     #[test]
-    fn rows_that_are_cut_are_told() {
+    fn rows_that_are_cut_are_reported() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("layer0_part0000.rows");
         fs::write(&path, &rows(3)[1..]).unwrap();
         let sort = RunSort { order: 8, most_rows: 10 };
-        let told = sort.each_star(&path, &mut |_, _| Ok(())).unwrap_err().to_string();
-        assert!(told.contains("are no whole rows"), "{told}");
+        let reported = sort.each_star(&path, &mut |_, _| Ok(())).unwrap_err().to_string();
+        assert!(reported.contains("are no whole rows"), "{reported}");
     }
 }

@@ -188,7 +188,7 @@ fn fainter_stars_than_the_last_layer_are_counted() {
 fn cut_short(work: &Path, halves: [&[NewStar]; 2], taken: usize) {
     let mut sorting = Sorting::start(work, &LIMITS).unwrap();
     halves[0].iter().for_each(|star| sorting.add(star).unwrap());
-    sorting.tell("rows without a place", 3);
+    sorting.announce("rows without a place", 3);
     sorting.checkpoint("first.csv", "11 bytes").unwrap();
     halves[1][..taken].iter().for_each(|star| sorting.add(star).unwrap());
     sorting.write_rows_for_tests();
@@ -206,7 +206,7 @@ fn an_import_that_is_cut_short_goes_on() {
     assert!(sorting.has("first.csv", "11 bytes").unwrap());
     assert!(!sorting.has("second.csv", "any").unwrap());
     assert_eq!(sorting.counts().stars, 1200, "what was counted after the checkpoint is gone with its rows");
-    assert_eq!(sorting.told().collect::<Vec<_>>(), [("rows without a place", 3)]);
+    assert_eq!(sorting.reported().collect::<Vec<_>>(), [("rows without a place", 3)]);
     let changed = sorting.has("first.csv", "12 bytes").unwrap_err().to_string();
     assert!(changed.contains("first.csv") && changed.contains("12 bytes"), "{changed}");
     halves.1.iter().for_each(|star| sorting.add(star).unwrap());
@@ -228,16 +228,16 @@ fn an_import_goes_on_only_with_the_same_options_and_all_its_inputs() {
     sorting.checkpoint("first.csv", "11 bytes").unwrap();
     let mut sorting = Sorting::start(&work, &LIMITS).unwrap();
     let mut refused = |options: &str, inputs: &[&str]| sorting.hold_to(options, inputs).unwrap_err().to_string();
-    let told = refused("epoch J2000", &["first.csv"]);
-    assert!(told.contains("an import with epoch J2016 was cut short here, wanted epoch J2000"), "{told}");
-    let told = refused(j2016, &["second.csv"]);
-    assert!(told.contains("took in \"first.csv\", which is not named now"), "{told}");
+    let reported = refused("epoch J2000", &["first.csv"]);
+    assert!(reported.contains("an import with epoch J2016 was cut short here, wanted epoch J2000"), "{reported}");
+    let reported = refused(j2016, &["second.csv"]);
+    assert!(reported.contains("took in \"first.csv\", which is not named now"), "{reported}");
     sorting.hold_to(j2016, &["zeroth.csv", "first.csv"]).unwrap();
 
     let unmarked = folder.path().join("unmarked");
     cut_short(&unmarked, [&stars, &stars], 0);
-    let told = Sorting::start(&unmarked, &LIMITS).unwrap().hold_to(j2016, &["first.csv"]).unwrap_err().to_string();
-    assert!(told.contains("an import with unknown options"), "{told}");
+    let reported = Sorting::start(&unmarked, &LIMITS).unwrap().hold_to(j2016, &["first.csv"]).unwrap_err().to_string();
+    assert!(reported.contains("an import with unknown options"), "{reported}");
 }
 
 #[test]
@@ -376,12 +376,15 @@ fn a_layer_with_holes_in_the_place_of_stars_is_refused_before_memory_is_taken() 
     std::fs::write(&path, &head).unwrap();
     let file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
     file.set_len(head_bytes as u64 + 24 * stars).expect("a file system with long files");
-    let told = Layer::open(&path).unwrap_err().to_string();
-    assert!(told.contains("sparse.starlayer") && told.contains("has holes where stars should be"), "{told}");
+    let reported = Layer::open(&path).unwrap_err().to_string();
+    assert!(
+        reported.contains("sparse.starlayer") && reported.contains("has holes where stars should be"),
+        "{reported}"
+    );
 }
 
 /// What is said of a layer whose bytes were changed, opened and read.
-fn told_of(bytes: &[u8], folder: &Path) -> Option<String> {
+fn reported_of(bytes: &[u8], folder: &Path) -> Option<String> {
     let path = folder.join("damaged.starlayer");
     std::fs::write(&path, bytes).unwrap();
     let read = Layer::open(&path).and_then(|layer| layer.verify(&mut |_| {}));
@@ -389,31 +392,31 @@ fn told_of(bytes: &[u8], folder: &Path) -> Option<String> {
 }
 
 #[test]
-fn damage_anywhere_is_told() {
+fn damage_anywhere_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     let reports = build(folder.path(), &stars(300, 10));
     let whole = std::fs::read(&reports[2].path).unwrap();
-    assert_eq!(told_of(&whole, folder.path()), None, "control: the whole file");
+    assert_eq!(reported_of(&whole, folder.path()), None, "control: the whole file");
     let mut rng = StdRng::seed_from_u64(11);
     let anywhere: Vec<usize> = (0..200).map(|_| rng.random_range(0..whole.len())).collect();
     for at in (0..64).chain(anywhere).chain(whole.len() - 64..whole.len()) {
         let mut flipped = whole.clone();
         flipped[at] ^= 1 << rng.random_range(0..8);
-        assert!(told_of(&flipped, folder.path()).is_some(), "byte {at}");
+        assert!(reported_of(&flipped, folder.path()).is_some(), "byte {at}");
     }
     for cut in [0, 5, 8, 63, 64, 10_000, whole.len() - 1] {
-        let told = told_of(&whole[..cut], folder.path()).expect("cut short");
-        assert!(told.contains("cut short") || told.contains("not a star layer"), "{cut}: {told}");
+        let reported = reported_of(&whole[..cut], folder.path()).expect("cut short");
+        assert!(reported.contains("cut short") || reported.contains("not a star layer"), "{cut}: {reported}");
     }
     let mut longer = whole.clone();
     longer.push(0);
-    assert!(told_of(&longer, folder.path()).unwrap().contains("follows its end"));
+    assert!(reported_of(&longer, folder.path()).unwrap().contains("follows its end"));
     let stars = reports[2].stars as usize;
     for (before_end, words) in [(8 * stars + 5, ["tile", "RA"]), (5, ["numbers of the stars of tile", "CRC-32"])] {
         let mut changed = whole.clone();
         changed[whole.len() - before_end] ^= 4;
-        let told = told_of(&changed, folder.path()).unwrap();
-        assert!(words.iter().all(|word| told.contains(word)), "{told}");
+        let reported = reported_of(&changed, folder.path()).unwrap();
+        assert!(words.iter().all(|word| reported.contains(word)), "{reported}");
     }
 }
 
@@ -423,16 +426,16 @@ fn heads_that_were_written_wrong_are_refused() {
     let reports = build(folder.path(), &stars(300, 15));
     let whole = std::fs::read(&reports[2].path).unwrap();
     // Checksums fit: it is the numbers that are wrong.
-    let told = |at: usize, value: f32| {
+    let reported = |at: usize, value: f32| {
         let mut bytes = whole.clone();
         bytes[at..at + 4].copy_from_slice(&value.to_le_bytes());
         let head = writer::head_bytes(reports[2].order, "whom it concerns".len(), true) as usize;
         let crc32 = layout::head_crc32(&bytes[..head]);
         bytes[layout::CRC_AT..][..4].copy_from_slice(&crc32.to_le_bytes());
-        told_of(&bytes, folder.path())
+        reported_of(&bytes, folder.path())
     };
     let (from_at, below_at, fastest_at) = (32, 36, 48);
-    assert_eq!((told(from_at, 14.0), told(below_at, 18.0)), (None, None), "control: what it is");
+    assert_eq!((reported(from_at, 14.0), reported(below_at, 18.0)), (None, None), "control: what it is");
     for (at, value, words) in [
         (from_at, f32::NAN, "magnitudes: wanted from, and below"),
         (from_at, 18.0, "got 18 and 18"),
@@ -443,8 +446,8 @@ fn heads_that_were_written_wrong_are_refused() {
         (fastest_at, f32::INFINITY, "fastest proper motion"),
         (fastest_at, 100.0, "proper motion: wanted at most 100 mas/yr"),
     ] {
-        let told = told(at, value).expect(words);
-        assert!(told.contains(words), "{told}");
+        let reported = reported(at, value).expect(words);
+        assert!(reported.contains(words), "{reported}");
     }
-    assert_eq!(told(fastest_at, 26_000.0), None, "the other side");
+    assert_eq!(reported(fastest_at, 26_000.0), None, "the other side");
 }

@@ -170,14 +170,14 @@ impl TileSky {
                     self.slots.push(slot);
                     self.field_stars += self.store.stars(slot).len() as u64;
                 }
-                Found::NoRoom => return Ok(Fit::TooMany),
+                Found::NoSpace => return Ok(Fit::TooMany),
                 Found::Late => {
                     shortfall.late_tiles += 1;
                     shortfall.late_stars += self.layers.stars_of(tile);
                     self.field_stars += self.stars_to_come(tile);
                 }
             }
-            if !self.store.has_room(self.field_stars, self.slots.len()) {
+            if !self.store.has_space(self.field_stars, self.slots.len()) {
                 return Ok(Fit::TooMany);
             }
         }
@@ -187,7 +187,7 @@ impl TileSky {
     /// Whether tiles have room beside those of the brighter layers, as far as is known: nothing is asked for in vain.
     fn may_fit(&self, tiles: &[TileId], places: &[Option<Place>]) -> bool {
         let stars = tiles.iter().zip(places).map(|(tile, place)| self.expected_stars(*tile, *place));
-        self.store.has_room(self.field_stars + stars.sum::<u64>(), self.slots.len() + tiles.len())
+        self.store.has_space(self.field_stars + stars.sum::<u64>(), self.slots.len() + tiles.len())
     }
 
     /// Stars of a tile that has this place: those that it has, or will have.
@@ -213,7 +213,7 @@ impl TileSky {
         if let Some(decoder) = &mut self.decoder {
             let mut block = Vec::new();
             decoder.read(tile, &mut block)?;
-            return Ok(self.store.insert(tile, block, self.field, drop).map_or(Found::NoRoom, Found::Slot));
+            return Ok(self.store.insert(tile, block, self.field, drop).map_or(Found::NoSpace, Found::Slot));
         }
         if place != Some(Place::Lacking) {
             self.ask(tile, Place::Lacking);
@@ -233,7 +233,7 @@ impl TileSky {
         for (number, tile) in ahead.iter().enumerate() {
             let place = self.store.place(*tile);
             stars += self.expected_stars(*tile, place);
-            if !self.store.has_room(stars, number) {
+            if !self.store.has_space(stars, number) {
                 break;
             }
             match place {
@@ -333,7 +333,7 @@ enum Fit {
 enum Found {
     Slot(u32),
     /// The field's own tiles fill the memory.
-    NoRoom,
+    NoSpace,
     /// Not read yet.
     Late,
 }

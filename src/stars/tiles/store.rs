@@ -57,11 +57,11 @@ impl Store {
 
     /// A tile that has been asked for, as lacking or ahead: false when there is no room for more names.
     pub(super) fn ask(&mut self, tile: TileId, place: Place) -> bool {
-        let has_room = self.places.len() < 2 * MOST_TILES || self.places.contains_key(&tile);
-        if has_room {
+        let has_space = self.places.len() < 2 * MOST_TILES || self.places.contains_key(&tile);
+        if has_space {
             self.places.insert(tile, place);
         }
-        has_room
+        has_space
     }
 
     /// Tiles that are to come.
@@ -84,7 +84,7 @@ impl Store {
     }
 
     /// Room for all of the field's tiles is there as long as their stars and their number stay below this.
-    pub(super) fn has_room(&self, stars: u64, tiles: usize) -> bool {
+    pub(super) fn has_space(&self, stars: u64, tiles: usize) -> bool {
         stars <= self.most_stars && tiles <= MOST_TILES
     }
 

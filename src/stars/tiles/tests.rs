@@ -201,7 +201,7 @@ fn a_tile_that_was_asked_for_ahead_and_then_lacking_comes_once() {
 }
 
 #[test]
-fn a_field_that_was_told_beforehand_is_there() {
+fn a_field_that_was_reported_beforehand_is_there() {
     let folder = tempfile::tempdir().unwrap();
     let paths = layers(folder.path(), 2016.0);
     let mut sky = sky(&paths, 6.5, 100_000);
@@ -222,22 +222,22 @@ fn a_field_that_was_told_beforehand_is_there() {
 }
 
 #[test]
-fn a_damaged_tile_is_told_by_either_way_of_reading() {
+fn a_damaged_tile_is_reported_by_either_way_of_reading() {
     let folder = tempfile::tempdir().unwrap();
     let paths = layers(folder.path(), 2016.0);
     let mut bytes = std::fs::read(&paths[0]).unwrap();
     *bytes.last_mut().unwrap() ^= 1;
     std::fs::write(&paths[0], bytes).unwrap();
     let mut in_line = sky(&paths, 6.5, 100_000);
-    let told = in_line.take_field(DVec3::X, 4.0).unwrap_err().to_string();
-    assert!(told.contains("g5.starlayer") && told.contains("tile"), "{told}");
+    let reported = in_line.take_field(DVec3::X, 4.0).unwrap_err().to_string();
+    assert!(reported.contains("g5.starlayer") && reported.contains("tile"), "{reported}");
     let mut ahead = sky(&paths, 6.5, 100_000);
     ahead.read_ahead().unwrap();
-    let told = (0..10_000).find_map(|_| {
+    let reported = (0..10_000).find_map(|_| {
         std::thread::sleep(std::time::Duration::from_millis(1));
         ahead.take_field(DVec3::X, 4.0).err()
     });
-    assert!(told.unwrap().to_string().contains("g5.starlayer"));
+    assert!(reported.unwrap().to_string().contains("g5.starlayer"));
 }
 
 #[test]
@@ -260,7 +260,7 @@ fn reader_that_breaks_down_is_known_and_its_tiles_stay_missing() {
 }
 
 #[test]
-fn a_sky_tells_where_its_stars_begin_and_end() {
+fn a_sky_reports_where_its_stars_begin_and_end() {
     let folder = tempfile::tempdir().unwrap();
     let paths = layers(folder.path(), 2016.0);
     let limits = |paths: &[PathBuf]| LayerSet::open(paths, 10.0).map(|set| set.magnitudes()).unwrap();
@@ -274,13 +274,16 @@ fn layers_that_are_no_one_sky_are_refused() {
     let paths = layers(&folder.path().join("a"), 2016.0);
     let refused = |paths: &[PathBuf], limit| LayerSet::open(paths, limit).unwrap_err().to_string();
     let others = layers(&folder.path().join("b"), 2000.0);
-    let told = refused(&[paths[0].clone(), others[1].clone()], 9.0);
-    assert!(told.contains("g7.starlayer") && told.contains("wanted J2016") && told.contains("J2000"), "{told}");
+    let reported = refused(&[paths[0].clone(), others[1].clone()], 9.0);
+    assert!(
+        reported.contains("g7.starlayer") && reported.contains("wanted J2016") && reported.contains("J2000"),
+        "{reported}"
+    );
     assert!(refused(&[folder.path().join("no.starlayer")], 1.0).contains("no.starlayer"));
-    let told = refused(&[paths[0].clone(), paths[0].clone()], 9.0);
-    assert!(told.contains("begins at G = -inf") && told.contains("ends at 5"), "twice: {told}");
-    let told = refused(&paths[1..], 4.0);
-    assert!(told.contains("begins at G = 5") && told.contains("stars to 4"), "{told}");
+    let reported = refused(&[paths[0].clone(), paths[0].clone()], 9.0);
+    assert!(reported.contains("begins at G = -inf") && reported.contains("ends at 5"), "twice: {reported}");
+    let reported = refused(&paths[1..], 4.0);
+    assert!(reported.contains("begins at G = 5") && reported.contains("stars to 4"), "{reported}");
     assert!(refused(&[], 4.0).contains("no layer"));
     let set = LayerSet::open(&[paths[1].clone(), paths[0].clone()], 6.0).unwrap();
     assert_eq!((set.layers().len(), set.epoch_yr()), (2, 2016.0), "in any order");

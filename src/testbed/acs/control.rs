@@ -201,7 +201,7 @@ impl Acs {
 
     fn enter(&mut self, at: Tai, event: &ModeEvent, input: &AcsInput) {
         for pointing in [&mut self.fine, &mut self.coarse, &mut self.safe] {
-            pointing.begin_anew();
+            pointing.start_again();
         }
         if event.to == Mode::CoarsePointing && self.target.is_none() {
             self.target = input.attitude;

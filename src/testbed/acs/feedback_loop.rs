@@ -28,7 +28,7 @@ impl FeedbackLoop {
     }
 
     /// Forgets integral and filter: the next step begins anew.
-    pub(super) fn begin_anew(&mut self) {
+    pub(super) fn start_again(&mut self) {
         *self = Self { integral_rad_s: DVec3::ZERO, saturated: false, fresh: true, ..*self };
     }
 

@@ -74,7 +74,7 @@ mod tests {
     }
 
     #[test]
-    fn the_covariance_equations_stand_still_at_the_solution() {
+    fn the_covariance_equations_stay_constant_at_the_solution() {
         for (nea, t, arw, rrw) in [(1e-5, 0.1, 1e-6, 1e-9), (3e-5, 1.0, 5e-6, 1e-7), (1e-6, 2.0, 1e-6, 1e-6)] {
             let gyro = GyroNoise { arw_rad_sqrt_s: arw, rrw_rad_s_sqrt_s: rrw };
             let f = Farrenkopf::new(nea, t, &gyro);

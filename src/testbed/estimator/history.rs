@@ -43,14 +43,14 @@ pub(super) struct Step {
 pub(super) struct History {
     steps: VecDeque<Step>,
     reach: Span,
-    room: usize,
+    space: usize,
 }
 
 impl History {
-    pub(super) fn new(first: Step, reach: Span, room: usize) -> Self {
-        let mut steps = VecDeque::with_capacity(room + 1);
+    pub(super) fn new(first: Step, reach: Span, space: usize) -> Self {
+        let mut steps = VecDeque::with_capacity(space + 1);
         steps.push_back(first);
-        Self { steps, reach, room }
+        Self { steps, reach, space }
     }
 
     /// The latest step. A history is never empty; the first step is its floor.
@@ -99,7 +99,7 @@ impl History {
     pub(super) fn forget(&mut self) {
         let oldest = self.last().at - self.reach;
         let unreachable = self.steps.partition_point(|step| step.at <= oldest).saturating_sub(1);
-        let gone = unreachable.max(self.steps.len().saturating_sub(self.room));
+        let gone = unreachable.max(self.steps.len().saturating_sub(self.space));
         self.steps.drain(..gone);
     }
 }
@@ -176,9 +176,9 @@ mod tests {
     }
 
     #[test]
-    fn the_room_is_taken_once_and_time_stays_in_order() {
-        for room in [16, 300] {
-            let mut history = History::new(step(0), Span::from_ms(2000), room);
+    fn memory_is_taken_once_and_time_stays_in_order() {
+        for space in [16, 300] {
+            let mut history = History::new(step(0), Span::from_ms(2000), space);
             let taken = history.steps.capacity();
             for k in 1..3000 {
                 history.push(step(20 * k));
@@ -187,12 +187,12 @@ mod tests {
                     history.split_after(before, step(late));
                     history.forget();
                 }
-                assert!(history.len() <= room, "room for {room}, held {}", history.len());
+                assert!(history.len() <= space, "room for {space}, held {}", history.len());
             }
             assert_eq!(history.steps.capacity(), taken, "nothing allocates later");
             assert!(history.steps.iter().is_sorted_by_key(|step| step.at), "in order");
             let reach = history.last().at - history.get(0).at;
-            assert!(room < 200 || reach >= Span::from_ms(2000), "reach {} ms", reach.ms());
+            assert!(space < 200 || reach >= Span::from_ms(2000), "reach {} ms", reach.ms());
         }
     }
 }

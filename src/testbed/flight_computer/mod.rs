@@ -288,7 +288,7 @@ impl FlightComputer {
         while let Some(message) = port.receive(now)? {
             self.tag_frame(&message);
             if let Message::Response(response) = &message.value {
-                self.talk.hear(response, self.clock.elapsed_us(message.at));
+                self.talk.take_in(response, self.clock.elapsed_us(message.at));
             }
             self.received.count(message);
         }
@@ -346,7 +346,7 @@ impl FlightComputer {
     fn send_follow_up(&mut self, port: &mut Port) -> Result<(), LinkError> {
         let Some(SentSync { counter, left_at, packet }) = self.sent_sync.take() else { return Ok(()) };
         let left_at = match port.departure(packet) {
-            Departure::AsTold => left_at,
+            Departure::AsReported => left_at,
             Departure::At(left_at) => left_at,
             Departure::Waiting | Departure::Never => return Ok(()),
         };

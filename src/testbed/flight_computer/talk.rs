@@ -111,7 +111,7 @@ impl Talk {
     }
 
     /// Takes an answer in; the next word is due at once.
-    pub(super) fn hear(&mut self, response: &Response, now_us: u64) {
+    pub(super) fn take_in(&mut self, response: &Response, now_us: u64) {
         let Some(request) = self.request().filter(|_| response.token == self.token()) else { return };
         let is_later = self.word >= WORDS.len();
         match response.reply {
@@ -154,7 +154,7 @@ mod tests {
     use firmware_protocol::message::{CameraSet, CameraSetting, CameraTrigger, CameraTriggered, Trigger, Triggered};
 
     fn answer(talk: &mut Talk, token: u8, reply: Reply, now_us: u64) {
-        talk.hear(&Response { token, reply }, now_us);
+        talk.take_in(&Response { token, reply }, now_us);
     }
 
     #[test]

@@ -143,7 +143,7 @@ fn a_tag_ten_microseconds_off_is_noticed() {
 }
 
 #[test]
-fn time_marks_tell_when_the_sync_left() {
+fn time_marks_report_when_the_sync_left() {
     for (format, timing, jitter) in FORMATS {
         let mut bench = bench(FlightComputerParams { jitter, ..params() }, format, timing);
         let messages = bench.run(Span::from_s(1.0));
@@ -174,7 +174,7 @@ fn first_follow_up(bench: &mut Bench) -> (u64, u8) {
 }
 
 #[test]
-fn a_sync_waits_for_the_frame_on_the_wire_and_is_told_as_it_left() {
+fn a_sync_waits_for_the_frame_on_the_wire_and_is_reported_as_it_left() {
     let sync_left = |hogs: u8| {
         let (format, timing, _) = FORMATS[1];
         let mut bench = bench_at(BOOT - Span::from_ns(1), params(), format, timing);
@@ -191,19 +191,19 @@ fn a_sync_waits_for_the_frame_on_the_wire_and_is_told_as_it_left() {
 }
 
 #[test]
-fn a_sync_that_lost_the_arbitration_is_told_as_it_left_or_not_at_all() {
-    let told = |babble: Span| {
+fn a_sync_that_lost_the_arbitration_is_reported_as_it_left_or_not_at_all() {
+    let reported = |babble: Span| {
         let mut bench = fd_bench(params());
         let fault = BusFault::Babble { id: 0, share_of_bandwidth: 1.0 };
         bench.bus.control().add(BOOT, BOOT + babble, fault);
         first_follow_up(&mut bench)
     };
     // Frames of 270 us start at 0, 270, 540 and 810 us; then the SYNC of one byte, 65 bits of 2 us.
-    let (left_ns, counter) = told(Span::from_ns(1_000_000));
+    let (left_ns, counter) = reported(Span::from_ns(1_000_000));
     assert_eq!(counter, 0);
     // 15 ppm of the clock's drift are 18 ps.
     assert!(left_ns.abs_diff(4 * 270_000 + 130_000) <= MARK_NS, "{left_ns} ns, and 130000 was known when it was sent");
-    assert_eq!(told(Span::from_ms(5)), (0, 0), "it has not left 2 ms after it was sent: no time is told");
+    assert_eq!(reported(Span::from_ms(5)), (0, 0), "it has not left 2 ms after it was sent: no time is told");
 }
 
 #[test]
@@ -311,7 +311,7 @@ fn what_the_stimulator_says_is_counted() {
 }
 
 #[test]
-fn the_loop_runs_on_the_real_clock_until_told_to_stop() {
+fn the_loop_runs_on_the_real_clock_until_stopped() {
     let clock: Arc<dyn Clock> = Arc::new(Monotonic::start());
     let bus = BusParams { name: "real".into(), timing: FORMATS[1].1, latency: LATENCY, queue_packets: 256 };
     let (near, far) = simulated_pair(bus, &clock);

@@ -42,7 +42,7 @@ pub struct MicroVibration {
 #[derive(Debug)]
 struct Wheel {
     /// As told last, rad/s.
-    told_rad_s: f64,
+    reported_rad_s: f64,
     /// Mean of the last two, rad/s: what the lines run at.
     speed_rad_s: f64,
 }
@@ -65,7 +65,7 @@ impl MicroVibration {
             let wanted = "more than 0 and below 1";
             within("free mode", index, "damping", mode.damping, wanted, is_oscillating)?;
         }
-        let wheel = |speed| Wheel { told_rad_s: speed, speed_rad_s: speed };
+        let wheel = |speed| Wheel { reported_rad_s: speed, speed_rad_s: speed };
         let mut new = Self {
             start,
             period,
@@ -85,9 +85,9 @@ impl MicroVibration {
         if self.time() + self.period > at {
             return;
         }
-        for (wheel, told) in self.wheels.iter_mut().zip(wheel_speeds_rad_s) {
-            wheel.speed_rad_s = 0.5 * (wheel.told_rad_s + told);
-            wheel.told_rad_s = *told;
+        for (wheel, reported) in self.wheels.iter_mut().zip(wheel_speeds_rad_s) {
+            wheel.speed_rad_s = 0.5 * (wheel.reported_rad_s + reported);
+            wheel.reported_rad_s = *reported;
         }
         self.take_up(1.0);
         self.respond();

@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_is_as_asked_and_shadow_is_told() {
+    fn noise_is_as_asked_and_shadow_is_reported() {
         let (sigma, draws) = (0.01, 4000);
         let mut sensor = SunSensor::new(sigma, 5);
         let attitude = Rotation::IDENTITY.rotated_by(DVec3::new(0.3, -0.2, 0.9));

@@ -13,7 +13,7 @@
 //!
 //! Assumptions: neighbouring stations are some pixels apart, by no whole number of pixels, and close against the field.
 //! Without repeats at stations, noise and pixel spatial error cannot be told apart: the first then holds both, and the
-//! second is `None`. Variances that come out negative are zero. Tests: `terms_are_told_apart`,
+//! second is `None`. Variances that come out negative are zero. Tests: `terms_are_distinguished`,
 //! `noise_agrees_with_prediction`.
 
 use super::geometry::Geometry;

@@ -2,7 +2,7 @@
 //!
 //! Two passes that touch only windows. First, peaks near the brightest stars vote for the common shift (the
 //! prediction's error); hot pixels and neighbours do not agree on one. The attitude of the stars that do puts every
-//! other star within a fraction of a pixel, where it is measured at once. Tests: `tracking_follows_a_slew`, `a_wrong_prediction_is_told`.
+//! other star within a fraction of a pixel, where it is measured at once. Tests: `tracking_follows_a_slew`, `a_wrong_prediction_is_reported`.
 
 use super::adjust::{Adjusted, MatchedStar, adjust};
 use super::background::{Background, RING_PX, ring};

@@ -122,12 +122,12 @@ fn word(value: u32, is_big_endian: bool) -> [u8; 4] {
 
 fn put_block(file: &mut Vec<u8>, kind: u32, body: &[u8], is_big_endian: bool, slip: u32) {
     let length = body.len().next_multiple_of(4);
-    let told = word(u32::try_from(length + 12).unwrap_or(0) + slip, is_big_endian);
+    let reported = word(u32::try_from(length + 12).unwrap_or(0) + slip, is_big_endian);
     file.extend(word(kind, is_big_endian));
-    file.extend(told);
+    file.extend(reported);
     file.extend(body);
     file.resize(file.len() + length - body.len(), 0);
-    file.extend(told);
+    file.extend(reported);
 }
 
 /// A line says the same when it is written again.

@@ -108,17 +108,17 @@ static EMPTY: LazyLock<Vec<u8>> = LazyLock::new(|| written(&[], &mut 0, false));
 /// A layer of any records, then any changes to it, then checksums that fit or do not.
 fn read_damaged(input: &mut Input<'_>) {
     let flags = input.u8();
-    let (mends_tiles, mends_head) = (flags & 1 == 0, flags & 2 == 0);
+    let (repairs_tiles, repairs_head) = (flags & 1 == 0, flags & 2 == 0);
     let (whole, tiles) = layer_of(input);
     let mut damaged = whole.clone();
     while !input.is_empty() && input.bool() {
         change(&mut damaged, input);
     }
-    if mends_tiles && damaged != whole {
-        mend_tiles(&mut damaged, &tiles);
+    if repairs_tiles && damaged != whole {
+        repair_tiles(&mut damaged, &tiles);
     }
-    if mends_head {
-        mend_head(&mut damaged);
+    if repairs_head {
+        repair_head(&mut damaged);
     }
     // What was changed in a checksum is as it was when that is mended.
     let is_damaged = damaged != whole;
@@ -126,7 +126,7 @@ fn read_damaged(input: &mut Input<'_>) {
         Ok(stars) => {
             let records: usize = tiles.iter().map(|(_, count)| count).sum();
             assert!(stars.len() == records || is_damaged, "{} stars of {records}", stars.len());
-            assert!(!is_damaged || mends_head, "damage was not told");
+            assert!(!is_damaged || repairs_head, "damage was not told");
         }
         Err(error) => assert!(!error.to_string().is_empty()),
     }
@@ -162,7 +162,7 @@ fn layer_of(input: &mut Input<'_>) -> (Vec<u8>, Vec<(usize, usize)>) {
     put_firsts(&mut layer, next..=TILES, stars);
     put(&mut layer, 16, &stars.to_le_bytes());
     put(&mut layer, 48, &2e4_f32.to_le_bytes());
-    mend_head(&mut layer);
+    repair_head(&mut layer);
     (layer, of_tiles)
 }
 
@@ -194,7 +194,7 @@ fn change(layer: &mut Vec<u8>, input: &mut Input<'_>) {
 }
 
 /// Checksums of the records that the tables tell of, as far as they are there.
-fn mend_tiles(layer: &mut [u8], tiles: &[(usize, usize)]) {
+fn repair_tiles(layer: &mut [u8], tiles: &[(usize, usize)]) {
     if layer.len() < CREDITS_AT {
         return;
     }
@@ -214,7 +214,7 @@ fn mend_tiles(layer: &mut [u8], tiles: &[(usize, usize)]) {
 }
 
 /// The checksum of everything before the records, its own field taken as zero.
-fn mend_head(layer: &mut [u8]) {
+fn repair_head(layer: &mut [u8]) {
     if layer.len() < CREDITS_AT {
         return;
     }

@@ -103,8 +103,8 @@ fn controller(device: &mut Device, now: Tai) -> Option<SocketAddrV4> {
     let question = [&[0x42, 1, 0, 0x80, 0, 8, 0, 1][..], &0xA04_u32.to_be_bytes(), &0xA14_u32.to_be_bytes()].concat();
     let mut answer = Answer::default();
     device.answer(WITNESS, &question, now, &mut answer);
-    let (status, told) = (answer.reply.get(..2)?, answer.reply.get(8..16)?);
-    let word = |place: usize| u32::from_be_bytes(told[place..place + 4].try_into().expect("four bytes"));
+    let (status, reported) = (answer.reply.get(..2)?, answer.reply.get(8..16)?);
+    let word = |place: usize| u32::from_be_bytes(reported[place..place + 4].try_into().expect("four bytes"));
     let address = SocketAddrV4::new(Ipv4Addr::from_bits(word(4)), u16::try_from(word(0)).expect("a port"));
     (status == [0, 0] && word(0) != 0).then_some(address)
 }

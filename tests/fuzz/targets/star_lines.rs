@@ -53,8 +53,8 @@ fn sorting() -> Sorting {
     Sorting::start(&work, &[10.0, 18.0]).expect("an empty folder")
 }
 
-fn told(sorting: &Sorting, what: &str) -> u64 {
-    sorting.told().find(|told| told.0 == what).map_or(0, |told| told.1)
+fn reported(sorting: &Sorting, what: &str) -> u64 {
+    sorting.reported().find(|reported| reported.0 == what).map_or(0, |reported| reported.1)
 }
 
 // --- Gaia ------------------------------------------------------------------------------------------------------------
@@ -78,12 +78,12 @@ fn read_gaia(text: &[u8], form: u8, length: u8) -> Read {
 fn counted(text: &[u8], done: Result<u64, ImportError>, sorting: &Sorting) -> Read {
     let rows = done.map_err(|error| shown(&error))?;
     let counts = sorting.counts();
-    let left_out = counts.too_faint + told(sorting, gaia::WITHOUT_PLACE) + told(sorting, gaia::WITHOUT_MAGNITUDE);
+    let left_out = counts.too_faint + reported(sorting, gaia::WITHOUT_PLACE) + reported(sorting, gaia::WITHOUT_MAGNITUDE);
     assert_eq!(counts.stars + left_out, rows, "every row is a star or counted");
     let mut lines = lines(text).skip_while(|line| line.starts_with(b"#"));
     assert!(lines.next().is_some(), "a header");
     let comments = lines.clone().filter(|line| line.starts_with(b"#")).count() as u64;
-    assert_eq!(told(sorting, gaia::COMMENTS), comments);
+    assert_eq!(reported(sorting, gaia::COMMENTS), comments);
     // Broken: such lines are taken to be rows.
     let not_rows = if control::is_broken() { 0 } else { comments };
     assert_eq!(rows + not_rows, lines.count() as u64, "every line is a row or counted");
@@ -140,7 +140,7 @@ fn read_bright(text: &[u8]) -> Result<BrightStars, String> {
     let memory = allocation_counter::measure(|| done = bright.read_text(text, Path::new("stars.dat")));
     assert!(memory.bytes_max < MEMORY_MAX, "{} bytes of memory for {}", memory.bytes_max, text.len());
     done.map_err(|error| shown(&error))?;
-    let left_out = bright.told.iter().filter(|(what, _)| what.contains("left out")).map(|(_, count)| count);
+    let left_out = bright.reported.iter().filter(|(what, _)| what.contains("left out")).map(|(_, count)| count);
     let stars = (bright.hipparcos.len() + bright.tycho.len()) as u64;
     assert_eq!(stars + left_out.sum::<u64>(), lines(text).count() as u64, "every line is a star or counted");
     Ok(bright)
@@ -157,7 +157,7 @@ fn merge(gaia: &[u8], bright: &[u8], form: u8) {
     let stars = (bright.hipparcos.len() + bright.tycho.len()) as u64;
     match add_bright(bright, gaia::EPOCH_YR, &mut sorting) {
         Ok(()) => {
-            let added = told(&sorting, "bright stars that were missing, added");
+            let added = reported(&sorting, "bright stars that were missing, added");
             assert_eq!(sorting.counts().stars - before.stars, added);
             let left_out = [
                 "bright stars that came twice, taken once",
@@ -165,7 +165,7 @@ fn merge(gaia: &[u8], bright: &[u8], form: u8) {
                 "bright stars fainter than the layers, left out",
                 "bright stars that were there, left out",
             ];
-            let left_out: u64 = left_out.iter().map(|what| told(&sorting, what)).sum();
+            let left_out: u64 = left_out.iter().map(|what| reported(&sorting, what)).sum();
             assert_eq!(added + left_out, stars, "every bright star is counted");
         }
         Err(error) => assert!(error.to_string().contains("source "), "{error}"),

@@ -37,7 +37,7 @@ fn lacking_e(all: &ExposurePlan, kept: &ExposurePlan) -> f64 {
 }
 
 #[test]
-fn stars_far_below_the_noise_are_left_out_and_no_pixel_lacks_more_than_told() {
+fn stars_far_below_the_noise_are_left_out_and_no_pixel_lacks_more_than_reported() {
     let faint = scattered();
     let plan = scene(&faint, 10.0).plan("samples:64");
     let all = scene(&faint, 1e-9).plan("samples:64");
@@ -70,7 +70,7 @@ fn a_crowd_of_the_same_stars_is_kept() {
 }
 
 #[test]
-fn footprints_drop_no_more_than_told() {
+fn footprints_drop_no_more_than_reported() {
     for sigma_px in [0.3, 0.8, 1.2] {
         for half_px in 2..=6 {
             let mut least = f64::INFINITY;
@@ -81,11 +81,11 @@ fn footprints_drop_no_more_than_told() {
                 plan.half_px = half_px;
                 least = least.min(draw_cpu(&plan).sum() / ELECTRONS);
             }
-            let (lost, told) = (1.0 - least, PsfModel::gaussian(sigma_px).lost_flux(half_px));
-            println!("sigma {sigma_px}, half {half_px}: lost {lost:.1e}, told {told:.1e}");
-            assert!(lost <= told + F32_FLUX, "sigma {sigma_px}, half {half_px}: lost {lost:e}, told {told:e}");
-            let is_tight = told < 10.0 * F32_FLUX || lost > told / SLACKEST;
-            assert!(is_tight, "sigma {sigma_px}, half {half_px}: lost {lost:e}, told {told:e}");
+            let (lost, reported) = (1.0 - least, PsfModel::gaussian(sigma_px).lost_flux(half_px));
+            println!("sigma {sigma_px}, half {half_px}: lost {lost:.1e}, told {reported:.1e}");
+            assert!(lost <= reported + F32_FLUX, "sigma {sigma_px}, half {half_px}: lost {lost:e}, told {reported:e}");
+            let is_tight = reported < 10.0 * F32_FLUX || lost > reported / SLACKEST;
+            assert!(is_tight, "sigma {sigma_px}, half {half_px}: lost {lost:e}, told {reported:e}");
         }
     }
 }

@@ -3,7 +3,7 @@
 
 mod cut_off;
 mod field;
-mod ladder;
+mod levels;
 mod motion;
 mod numbers;
 mod sampling;
@@ -85,7 +85,7 @@ fn is_over_budget(measured: &Measured) -> bool {
     measured.centroid_px > budget.centroid_px || measured.pixel_sigma > budget.pixel_sigma
 }
 
-fn tell(where_: &str, what: &str, method: &str, plan: &ExposurePlan, measured: &Measured) {
+fn announce(where_: &str, what: &str, method: &str, plan: &ExposurePlan, measured: &Measured) {
     println!(
         "{where_:7} {what}, {method}: {} told {:.1e} px {:.1e} sigma, measured {:.1e} px {:.1e} sigma",
         plan.chosen.method,
@@ -100,7 +100,7 @@ fn tell(where_: &str, what: &str, method: &str, plan: &ExposurePlan, measured: &
 fn assert_inside(what: &str, scene: &Scene, method: &str) -> ExposurePlan {
     let plan = scene.plan(method);
     let measured = measure(&plan);
-    tell("inside", what, method, &plan, &measured);
+    announce("inside", what, method, &plan, &measured);
     assert_eq!(plan.chosen.verdict, Verdict::Fits, "{what}, {method}: {:?}", plan.chosen);
     assert!(measured.is_within(&plan.chosen), "{what}, {method}: {measured:?}, told {:?}", plan.chosen);
     assert!(!is_over_budget(&measured), "{what}, {method}: {measured:?}");
@@ -111,7 +111,7 @@ fn assert_inside(what: &str, scene: &Scene, method: &str) -> ExposurePlan {
 fn assert_outside(what: &str, scene: &Scene, method: &str) -> ExposurePlan {
     let plan = scene.plan(method);
     let measured = measure(&plan);
-    tell("outside", what, method, &plan, &measured);
+    announce("outside", what, method, &plan, &measured);
     assert_ne!(plan.chosen.verdict, Verdict::Fits, "{what}, {method}: {:?}", plan.chosen);
     assert!(is_over_budget(&measured), "{what}, {method}: refused without need, {measured:?}");
     if plan.chosen.verdict.is_drawable() {

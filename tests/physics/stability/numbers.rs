@@ -144,11 +144,11 @@ fn three_hundred_thousand_stars_are_all_accounted_for() {
     let mut planner = planner(SIDE, &PsfModel::gaussian(0.8), "auto", scene.los, None);
     let plan = planner.plan(&stars);
     let image = draw_cpu(plan);
-    let (drawn, told) = (image.sum(), plan.electrons_on_detector());
-    println!("{} stars by {}: {drawn:.6e} e- drawn, {told:.6e} told", plan.stars.len(), plan.chosen.method);
+    let (drawn, reported) = (image.sum(), plan.electrons_on_detector());
+    println!("{} stars by {}: {drawn:.6e} e- drawn, {reported:.6e} told", plan.stars.len(), plan.chosen.method);
     assert!(plan.stars.len() + plan.cut_off.stars > 290_000, "they are there");
-    assert!((drawn / told - 1.0).abs() < SUM_REL, "{drawn} {told}");
+    assert!((drawn / reported - 1.0).abs() < SUM_REL, "{drawn} {reported}");
     assert!(is_finite(&image));
     let lost: f64 = plan.stars.iter().take(1000).map(|star| star.electrons_on_detector).sum();
-    assert!(lost / told > SUM_REL, "a thousand stars less would be seen");
+    assert!(lost / reported > SUM_REL, "a thousand stars less would be seen");
 }

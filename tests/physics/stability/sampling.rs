@@ -66,14 +66,14 @@ fn errors_stay_within_the_bounds_of_each_sampling() {
         for sigma_px in SIGMAS {
             let (got, verdict) = worst(sigma_px, sampling);
             let psf = scene(sigma_px, sampling, [0.0; 2]).instrument.psf;
-            let told = sampling_error(&psf, sampling);
+            let reported = sampling_error(&psf, sampling);
             let line = format!(
                 "{sampling:15} sigma {sigma_px}: told {:.1e} px {:.1e} peak, got {:.1e} px {:.1e} peak, {verdict:?}",
-                told.centroid_px, told.peak, got.centroid_px, got.peak
+                reported.centroid_px, reported.peak, got.centroid_px, got.peak
             );
             println!("{line}");
-            let slack = told.centroid_px > SLACKEST * got.centroid_px && told.centroid_px > SMALL_PX;
-            let over = got.centroid_px > told.centroid_px + F32_PX || got.peak > told.peak + F32_PEAK;
+            let slack = reported.centroid_px > SLACKEST * got.centroid_px && reported.centroid_px > SMALL_PX;
+            let over = got.centroid_px > reported.centroid_px + F32_PX || got.peak > reported.peak + F32_PEAK;
             if over || slack {
                 broken.push(line);
             }

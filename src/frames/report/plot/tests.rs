@@ -111,7 +111,7 @@ fn text_is_escaped() {
 }
 
 #[test]
-fn the_legend_stands_above_the_frame_and_between_the_margins() {
+fn the_legend_lies_above_the_frame_and_between_the_margins() {
     let many: Vec<Series> = (0..12).map(|group| series(Style::Points, group, &[[1.0, 1.0]])).collect();
     let svg = to_svg(&chart(many));
     let top = attribute(lines_with(&svg, "frame")[0], "y").unwrap();

@@ -161,7 +161,7 @@ pub const TABLE: &[Row] = &[
         .csv(&[Column("method", Plain)])
         .live(&[Key("method", Plain)])
         .control_meta(&[Key("method", Plain)]),
-    row("rung", Kind::Text, "", "How far the frame was degraded to be ready in time; `full`: not at all", |f| Fact::Text(f.meta.rung))
+    row("rung", Kind::Text, "", "How far the frame was degraded to be ready in time; `full`: not at all", |f| Fact::Text(f.meta.degradation))
         .fits(Part::Making, &[Card("RUNG", Plain, "degraded so far to be in time")])
         .csv(&[Column("rung", Plain)])
         .chunk(&[feature(21, "ChunkRung", Text, Plain, "", "How far the frame was degraded to be ready in time; full: not at all")])

@@ -126,11 +126,11 @@ fn real_text(value: f64) -> String {
 
 /// Text in quotes, inner quotes doubled, at least eight characters wide, cut to the card.
 fn quoted(text: &str) -> String {
-    let room = CARD_BYTES - VALUE_COLUMN - 2;
+    let space = CARD_BYTES - VALUE_COLUMN - 2;
     let mut inside = String::new();
     for c in printable(text).chars() {
         let repeat = if c == '\'' { 2 } else { 1 };
-        if inside.len() + repeat > room {
+        if inside.len() + repeat > space {
             break;
         }
         inside.extend(std::iter::repeat_n(c, repeat));

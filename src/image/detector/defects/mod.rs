@@ -19,7 +19,7 @@ pub mod telegraph;
 pub use population::DefectPopulation;
 pub use telegraph::Rates;
 
-use crate::detector::outliers::{Outlier, fold_equal, with_room};
+use crate::detector::outliers::{Outlier, fold_equal, with_space};
 use base::image::DnImage;
 use telegraph::Telegraph;
 
@@ -123,7 +123,7 @@ struct Stuck {
 
 /// Size and room of a list of defects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct DefectRoom {
+pub struct DefectSpace {
     /// Columns and rows of the sensor.
     pub size_px: [usize; 2],
     /// Sensor pixels, along each side, that the chip sums before the ADC.
@@ -137,7 +137,7 @@ pub struct DefectRoom {
 /// The defects of a detector.
 #[derive(Debug)]
 pub struct Defects {
-    room: DefectRoom,
+    space: DefectSpace,
     size_px: [u32; 2],
     seed: u64,
     frame_period_s: f64,
@@ -175,10 +175,10 @@ impl DefectEdit<'_> {
 impl Clone for Defects {
     fn clone(&self) -> Self {
         Self {
-            entries: with_room(&self.entries),
-            stuck: with_room(&self.stuck),
-            fixed: with_room(&self.fixed),
-            frame: with_room(&self.frame),
+            entries: with_space(&self.entries),
+            stuck: with_space(&self.stuck),
+            fixed: with_space(&self.fixed),
+            frame: with_space(&self.frame),
             ..*self
         }
     }
@@ -188,25 +188,25 @@ impl Defects {
     /// No defects yet; the seed fixes the telegraph signals, which are looked at every `frame_period_s`.
     #[must_use]
     #[allow(clippy::cast_possible_truncation, reason = "sides are below 2^16")]
-    pub fn new(room: DefectRoom, seed: u64, frame_period_s: f64) -> Self {
+    pub fn new(space: DefectSpace, seed: u64, frame_period_s: f64) -> Self {
         Self {
-            room,
-            size_px: room.size_px.map(|side| side as u32),
+            space,
+            size_px: space.size_px.map(|side| side as u32),
             seed,
             frame_period_s,
             held_px: 0,
             next: 0,
-            entries: Vec::with_capacity(room.defects),
-            stuck: Vec::with_capacity(room.pixels),
-            fixed: Vec::with_capacity(room.pixels),
-            frame: Vec::with_capacity(room.pixels),
+            entries: Vec::with_capacity(space.defects),
+            stuck: Vec::with_capacity(space.pixels),
+            fixed: Vec::with_capacity(space.pixels),
+            frame: Vec::with_capacity(space.pixels),
         }
     }
 
     /// What there is room for.
     #[must_use]
-    pub fn room(&self) -> DefectRoom {
-        self.room
+    pub fn space(&self) -> DefectSpace {
+        self.space
     }
 
     /// Frames come every so often from here on: how often telegraph pixels are looked at.
@@ -301,8 +301,8 @@ impl Defects {
     fn put(&mut self, defect: Defect) -> Result<DefectId, DefectError> {
         self.check(&defect)?;
         let wanted_px = self.pixels_of(defect.place);
-        if self.held_px + wanted_px > self.room.pixels || self.entries.len() == self.room.defects {
-            return Err(DefectError::Full { wanted_px, held_px: self.held_px, most_px: self.room.pixels });
+        if self.held_px + wanted_px > self.space.pixels || self.entries.len() == self.space.defects {
+            return Err(DefectError::Full { wanted_px, held_px: self.held_px, most_px: self.space.pixels });
         }
         let id = DefectId(self.next);
         self.next = self.next.wrapping_add(1);
@@ -370,7 +370,7 @@ impl Defects {
             match fixed_part(entry.defect.kind) {
                 Fixed::Outlier(outlier) => self.fixed.extend(pixels.map(|pixel| Outlier { pixel, ..outlier })),
                 Fixed::Stuck(dn) => {
-                    let by = self.room.charge_binning.max(1);
+                    let by = self.space.charge_binning.max(1);
                     let [width, height] = self.size_px;
                     let adc = |pixel: u32| [pixel % width / by, pixel / width / by];
                     // A rest that fills no sum is not read.

@@ -1,9 +1,9 @@
 use super::*;
 
-const ROOM: DefectRoom = DefectRoom { size_px: [64, 32], charge_binning: 1, defects: 1000, pixels: 1000 };
+const SPACE: DefectSpace = DefectSpace { size_px: [64, 32], charge_binning: 1, defects: 1000, pixels: 1000 };
 
 fn list() -> Defects {
-    Defects::new(ROOM, 7, 0.1)
+    Defects::new(SPACE, 7, 0.1)
 }
 
 /// An image of zeros with the stuck pixels in it.
@@ -51,7 +51,7 @@ fn columns_and_rows_cross() {
 
 #[test]
 fn a_sum_with_a_stuck_pixel_is_stuck() {
-    let mut defects = Defects::new(DefectRoom { charge_binning: 3, ..ROOM }, 7, 0.1);
+    let mut defects = Defects::new(DefectSpace { charge_binning: 3, ..SPACE }, 7, 0.1);
     defects.insert(stuck(DefectPlace::Pixel(5, 7), 100)).unwrap();
     // 64 = 21 * 3 + 1 and 32 = 10 * 3 + 2: the rest is not read.
     defects.insert(stuck(DefectPlace::Pixel(63, 31), 300)).unwrap();
@@ -77,8 +77,8 @@ fn what_is_removed_is_gone_and_what_is_left_stays() {
 }
 
 #[test]
-fn the_list_never_grows_past_its_room() {
-    let mut defects = Defects::new(DefectRoom { pixels: 40, ..ROOM }, 7, 0.1);
+fn the_list_never_grows_past_its_capacity() {
+    let mut defects = Defects::new(DefectSpace { pixels: 40, ..SPACE }, 7, 0.1);
     let column = defects.insert(hot(DefectPlace::Column(0), 1.0)).unwrap();
     let refused = defects.insert(hot(DefectPlace::Column(1), 1.0)).unwrap_err();
     assert_eq!(refused, DefectError::Full { wanted_px: 32, held_px: 32, most_px: 40 });
@@ -86,7 +86,7 @@ fn the_list_never_grows_past_its_room() {
     assert_eq!(defects.at_frame(0, 1.0).len(), 32, "as before");
     assert!(defects.remove(column));
     defects.insert(hot(DefectPlace::Column(1), 1.0)).unwrap();
-    let mut two = Defects::new(DefectRoom { defects: 2, ..ROOM }, 7, 0.1);
+    let mut two = Defects::new(DefectSpace { defects: 2, ..SPACE }, 7, 0.1);
     let three = [0, 1, 2].map(|x| hot(DefectPlace::Pixel(x, 0), 1.0));
     assert!(matches!(two.insert_all(three), Err(DefectError::Full { .. })));
     assert_eq!(two.at_frame(0, 1.0).len(), 2, "those before it are taken");

@@ -19,7 +19,7 @@ pub mod track;
 
 pub use track::ProtonTrack;
 
-use crate::detector::outliers::{Outlier, fold_equal, with_room};
+use crate::detector::outliers::{Outlier, fold_equal, with_space};
 use base::random::{Stage, attempt_counter, key, philox};
 use stopping_power::{DENSITY_G_CM3, DOMAIN_MEV, silicon_mev_cm2_g};
 
@@ -151,7 +151,7 @@ pub struct Protons {
 
 impl Clone for Protons {
     fn clone(&self) -> Self {
-        Self { tracks: with_room(&self.tracks), charge: with_room(&self.charge), ..*self }
+        Self { tracks: with_space(&self.tracks), charge: with_space(&self.charge), ..*self }
     }
 }
 

@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn no_room_leaves_the_list_as_it_was() {
+    fn no_space_leaves_the_list_as_it_was() {
         let mut few = Vec::with_capacity(8);
         few.push(Outlier::none(1));
         let track = ProtonTrack { start_px: [4.5, 7.0], end_px: [50.0, 40.0], electrons: 1000.0 };

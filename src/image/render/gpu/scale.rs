@@ -42,9 +42,9 @@ impl TileBounds {
     /// The scale when any pixel receives at most `additions` additions.
     pub(super) fn scale(&self, additions: f64) -> f32 {
         let most_e = self.tiles.iter().copied().fold(0.0, f64::max) * (1.0 + ROUNDING_SHARE);
-        let room = f64::from(i32::MAX) - 0.5 * additions;
+        let space = f64::from(i32::MAX) - 0.5 * additions;
         let mut scale = LARGEST_SCALE;
-        while most_e * scale > room && scale > f64::from(f32::MIN_POSITIVE) {
+        while most_e * scale > space && scale > f64::from(f32::MIN_POSITIVE) {
             scale *= 0.5;
         }
         scale as f32

@@ -8,18 +8,18 @@ const ROWS: usize = 60;
 const MOST_MIB: u64 = 400;
 
 /// What became of a file: the error, or nothing when every row is accounted for.
-fn told(path: &Path, bytes: &[u8]) -> Option<String> {
+fn reported(path: &Path, bytes: &[u8]) -> Option<String> {
     std::fs::write(path, bytes).unwrap();
     let (done, sorting, _folder) = take(path, &Names::default());
     match done {
         Err(error) => {
-            let told = error.to_string();
-            assert!(told.contains("damaged.parquet"), "names the file: {told}");
-            Some(told)
+            let reported = error.to_string();
+            assert!(reported.contains("damaged.parquet"), "names the file: {reported}");
+            Some(reported)
         }
         Ok(rows) => {
             let counted =
-                sorting.counts().stars + sorting.counts().too_faint + sorting.told().map(|(_, n)| n).sum::<u64>();
+                sorting.counts().stars + sorting.counts().too_faint + sorting.reported().map(|(_, n)| n).sum::<u64>();
             assert_eq!((rows, counted), (ROWS as u64, ROWS as u64), "every row is a star or counted");
             None
         }
@@ -49,13 +49,13 @@ fn files_that_are_cut_short_are_refused() {
     for form in forms() {
         write_file(&path, &columns(ROWS), &form);
         let whole = std::fs::read(&path).unwrap();
-        assert_eq!(told(&path, &whole), None, "control: the whole file");
+        assert_eq!(reported(&path, &whole), None, "control: the whole file");
         for cut in (0..whole.len()).step_by(37).chain(whole.len() - 20..whole.len()) {
-            let told = told(&path, &whole[..cut]).expect("cut short");
-            assert!(told.contains("no Parquet file"), "{cut}: {told}");
+            let reported = reported(&path, &whole[..cut]).expect("cut short");
+            assert!(reported.contains("no Parquet file"), "{cut}: {reported}");
         }
         let longer = [&whole[..], b"more"].concat();
-        assert!(told(&path, &longer).unwrap().contains("PAR1"));
+        assert!(reported(&path, &longer).unwrap().contains("PAR1"));
     }
 }
 
@@ -83,7 +83,7 @@ fn damage_is_an_error_or_leaves_every_row_accounted_for() {
                 bytes[at] ^= 1 << rng.random_range(0..8);
             }
             seen += 1;
-            refused += u32::from(told(&path, &bytes).is_some());
+            refused += u32::from(reported(&path, &bytes).is_some());
         }
     }
     assert!(refused > seen / 4, "control: {refused} of {seen} were refused");
@@ -108,17 +108,17 @@ fn sizes_that_are_too_large_are_refused_before_anything_is_allocated() {
     let mut footer = whole.clone();
     let end = whole.len() - 8;
     footer[end..end + 4].copy_from_slice(&u32::MAX.to_le_bytes());
-    assert!(told(&path, &footer).unwrap().contains("a footer of 4294967295 bytes"));
+    assert!(reported(&path, &footer).unwrap().contains("a footer of 4294967295 bytes"));
     // The tree of columns: the root has nine within it, by field 5 after its name.
     let root = place_of(&whole, b"test") + 4;
     assert_eq!(whole[root..root + 2], [0x15, 18], "nine columns");
     let mut tree = whole.clone();
     tree[root + 1] = 20;
-    assert!(told(&path, &tree).unwrap().contains("no sound list of columns"));
+    assert!(reported(&path, &tree).unwrap().contains("no sound list of columns"));
     let crowd = [&whole[..root + 1], &[0xFE, 0xFF, 0xFF, 0xFF, 0x0F], &whole[root + 2..end]].concat();
     let length = u32::from_le_bytes(whole[end..end + 4].try_into().unwrap()) + 4;
     let crowd = [&crowd[..], &length.to_le_bytes(), b"PAR1"].concat();
-    assert!(told(&path, &crowd).unwrap().contains("no sound list of columns"), "two billion columns");
+    assert!(reported(&path, &crowd).unwrap().contains("no sound list of columns"), "two billion columns");
 }
 
 #[test]
@@ -134,15 +134,15 @@ fn heads_of_pages_that_make_no_sense_are_refused() {
     let with = |at: usize, byte: u8| {
         let mut bytes = whole.clone();
         bytes[at] = byte;
-        told(&path, &bytes).expect("refused")
+        reported(&path, &bytes).expect("refused")
     };
-    let told = with(14, 0x7A);
+    let reported = with(14, 0x7A);
     let wanted = "column source_id: damaged: page at byte 4: a dictionary of 61 values in 480 bytes";
-    assert!(told.contains(wanted), "{told}");
-    let told = with(8, 0x7F);
-    assert!(told.contains("a dictionary of 60 values in 8160 bytes"), "unpacked to more: {told}");
-    let told = with(11, 0x0F);
-    assert!(told.contains("992 bytes, unpacked 480"), "packed to more than the column has: {told}");
-    let told = with(7, 0x0F);
-    assert!(told.contains("its head makes no sense"), "fewer than no bytes: {told}");
+    assert!(reported.contains(wanted), "{reported}");
+    let reported = with(8, 0x7F);
+    assert!(reported.contains("a dictionary of 60 values in 8160 bytes"), "unpacked to more: {reported}");
+    let reported = with(11, 0x0F);
+    assert!(reported.contains("992 bytes, unpacked 480"), "packed to more than the column has: {reported}");
+    let reported = with(7, 0x0F);
+    assert!(reported.contains("its head makes no sense"), "fewer than no bytes: {reported}");
 }

@@ -33,7 +33,7 @@ pub(in super::super) struct Channel {
     is_silent: bool,
     may_send: bool,
     /// Frames dropped and errors when the flags were last read.
-    told: (u64, u64),
+    reported: (u64, u64),
 }
 
 impl Channel {
@@ -43,7 +43,7 @@ impl Channel {
             BusTiming::CanFd { arbitration_bps, data_bps } => (*arbitration_bps, *data_bps),
             BusTiming::Serial { baud: rate } | BusTiming::Datagram { bit_rate_bps: rate } => (*rate, *rate),
         };
-        Self { parser: Parser::default(), rates_bps, is_silent: false, may_send: false, told: (0, 0) }
+        Self { parser: Parser::default(), rates_bps, is_silent: false, may_send: false, reported: (0, 0) }
     }
 
     /// The answer to a command; `Err` with the reason when it is refused.
@@ -107,11 +107,11 @@ impl Channel {
         let warns = counters.transmit.max(counters.receive) >= WARNING_LIMIT;
         let conditions = [
             (warns, WARNING),
-            (dropped > self.told.0, LOST),
+            (dropped > self.reported.0, LOST),
             (counters.state() != ErrorState::Active, PASSIVE),
-            (errors > self.told.1, BUS_ERROR),
+            (errors > self.reported.1, BUS_ERROR),
         ];
-        self.told = (dropped, errors);
+        self.reported = (dropped, errors);
         conditions.iter().filter(|(holds, _)| *holds).map(|(_, flag)| flag).sum()
     }
 }

@@ -1,7 +1,7 @@
 //! Every command, both sides of every length, and elements that come in pieces.
 
 use super::*;
-use crate::gateway::parser_checks::{read_in_pieces, stands_random_words};
+use crate::gateway::parser_checks::{read_in_pieces, survives_random_words};
 
 type Outcome = Result<Command, SocketcandReject>;
 
@@ -91,5 +91,5 @@ fn an_element_too_long_is_refused_once_and_the_next_is_whole() {
 #[test]
 fn a_million_random_bytes_are_refused_element_by_element() {
     let words: [&[u8]; 10] = [b"<", b">", b" ", b"send", b"12", b"1", b"0", b"echo", b"\xFF", b"open"];
-    stands_random_words(&words, 500_000, parsed);
+    survives_random_words(&words, 500_000, parsed);
 }

@@ -96,8 +96,8 @@ mod tests {
     fn both_sides_of_enough() {
         let of = |right: f64| enough(&geometry([-1.0, right, -1.0, 480.0]), &tracker(2000));
         assert!(of(485.0).is_ok());
-        let told = of(465.0).unwrap_err().to_string();
-        assert!(told.contains("enclose 48 %"), "{told}");
-        assert!(told.contains("at least 50 %"), "{told}");
+        let reported = of(465.0).unwrap_err().to_string();
+        assert!(reported.contains("enclose 48 %"), "{reported}");
+        assert!(reported.contains("at least 50 %"), "{reported}");
     }
 }

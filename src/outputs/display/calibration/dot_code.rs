@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn missing_images_are_told() {
+    fn missing_images_are_reported() {
         let (all, mut bits) = shown();
         bits.pop();
         assert!(numbers(&all, &bits, COUNT).unwrap_err().to_string().contains("dots_bit_6"));

@@ -105,7 +105,7 @@ fn any_changed_number_is_damage() {
 fn what_is_no_calibration_is_refused() {
     let (_folder, path, text) = written(&sample());
     let sum = sample().sum().unwrap();
-    for (wrong, told) in [
+    for (wrong, reported) in [
         (String::new(), "missing field"),
         (text[..text.len() / 2].to_owned(), "calibration"),
         (text.replace(&sum, "00000000"), "damaged or edited"),
@@ -116,7 +116,7 @@ fn what_is_no_calibration_is_refused() {
     ] {
         std::fs::write(&path, &wrong).unwrap();
         let error = Calibration::read(&path).unwrap_err().to_string();
-        assert!(error.contains(told) && error.lines().count() == 1, "{error}");
+        assert!(error.contains(reported) && error.lines().count() == 1, "{error}");
     }
     assert!(Calibration::read(&path.with_file_name("none")).is_err());
 }
@@ -137,11 +137,11 @@ fn a_file_of_something_else_is_refused_with_what_to_do() {
         (|c| c.tracker.geometry_crc32 = "1".into(), "tracker geometry"),
         (|c| c.measured_utc = "yesterday".into(), "not a time"),
     ];
-    for (change, told) in changes {
+    for (change, reported) in changes {
         let mut other = sample();
         change(&mut other);
         let error = admit(&other, now()).unwrap_err().to_string();
-        assert!(error.contains(told), "{error}");
+        assert!(error.contains(reported), "{error}");
     }
     assert!(good.admit(&good.display, None, now()).is_ok(), "a tracker that is not asked for");
 }
@@ -165,10 +165,10 @@ fn the_age_counts_from_the_measurement() {
 }
 
 #[test]
-fn a_plan_that_was_made_anew_is_told() {
+fn a_plan_that_was_made_again_is_reported() {
     let plan = crate::display::calibration::plan::tests::sample();
     let good = Calibration { plan_crc32: plan.crc32(), ..sample() };
     assert!(good.admit_plan(&plan).is_ok());
-    let told = sample().admit_plan(&plan).unwrap_err().to_string();
-    assert!(told.contains("another plan") && told.contains("00c0ffee"), "{told}");
+    let reported = sample().admit_plan(&plan).unwrap_err().to_string();
+    assert!(reported.contains("another plan") && reported.contains("00c0ffee"), "{reported}");
 }

@@ -137,11 +137,11 @@ mod tests {
 
     #[test]
     fn saturated_levels_are_left_out_or_refused() {
-        let clipped = |end: f64, is_told: bool| -> Vec<Sight> {
+        let clipped = |end: f64, is_reported: bool| -> Vec<Sight> {
             let all = sights(true, |place| 500.0 + 10.0 * place as f64).into_iter();
             let clip = |sight: Sight| {
                 let luminance = sight.luminance.map(|l| l.min(end));
-                Sight { luminance, is_saturated: is_told && luminance == Some(end), ..sight }
+                Sight { luminance, is_saturated: is_reported && luminance == Some(end), ..sight }
             };
             all.map(clip).collect()
         };
@@ -151,7 +151,7 @@ mod tests {
         assert!(fit.saturated > 5 && (found - (120.0_f64 / 255.0).powf(2.2)).abs() < 1e-3, "{found}");
         let none = fit_levels(&clipped(300.0, true), 8).unwrap_err().to_string();
         assert!(none.contains("saturated") && none.contains("shorter exposure"), "{none}");
-        let not_told = fit_levels(&clipped(300.0, false), 8).unwrap_err().to_string();
-        assert!(not_told.contains("as bright as full grey"), "clipped, and nobody said so: {not_told}");
+        let not_reported = fit_levels(&clipped(300.0, false), 8).unwrap_err().to_string();
+        assert!(not_reported.contains("as bright as full grey"), "clipped, and nobody said so: {not_reported}");
     }
 }

@@ -111,8 +111,8 @@ pub fn fit_map(dots: &[SeenDot], size_px: [usize; 2]) -> Result<MapFit, Calibrat
         let parameters = poly.parameters(&pinhole, mirrored, &shown);
         match DisplayGeometry::new(&parameters, size_px) {
             Err(error) => refusal = Some(error),
-            Ok(_) if best.as_ref().is_some_and(|(had, _)| poly.score >= had * WORTH) => {}
-            Ok(geometry) => best = Some((poly.score, told(&poly, parameters, geometry, dots))),
+            Ok(_) if best.as_ref().is_some_and(|(obtained, _)| poly.score >= obtained * WORTH) => {}
+            Ok(geometry) => best = Some((poly.score, reported(&poly, parameters, geometry, dots))),
         }
     }
     match (best, refusal) {
@@ -186,7 +186,7 @@ fn agreed_homography(tangents: &[DVec2], shown: &[DVec2]) -> Option<DMat3> {
         let Some(h) = (!is_repeated).then(|| homography(tangents, shown, &chosen, true)).flatten() else { continue };
         let mut sizes: Vec<f64> = tangents.iter().zip(shown).map(|(t, px)| off(&h, *t, *px)).collect();
         let score = median(&mut sizes);
-        if best.as_ref().is_none_or(|(had, _)| score < *had) {
+        if best.as_ref().is_none_or(|(obtained, _)| score < *obtained) {
             best = Some((score, h));
         }
     }
@@ -301,7 +301,7 @@ impl Polynomial {
 }
 
 /// The fit with the residuals of the map itself, not of the equations that led to it.
-fn told(poly: &Polynomial, parameters: GeometryParameters, geometry: DisplayGeometry, dots: &[SeenDot]) -> MapFit {
+fn reported(poly: &Polynomial, parameters: GeometryParameters, geometry: DisplayGeometry, dots: &[SeenDot]) -> MapFit {
     let residual = |dot: &SeenDot| {
         let mapped = geometry.project(dot.v_sensor).map_or(DVec2::splat(f64::INFINITY), DVec2::from);
         DVec2::from(dot.display_px) - mapped

@@ -60,8 +60,8 @@ fn a_fifth_may_be_wrong_and_no_more() {
     let fit = fit_map(&spoil(2), SIZE_PX).unwrap();
     assert!(fit.rms_px < 0.03, "{} px", fit.rms_px);
     assert_eq!(fit.is_used.iter().filter(|used| !**used).count(), 48);
-    let told = fit_map(&spoil(4), SIZE_PX).unwrap_err().to_string();
-    assert!(told.contains("three of four"), "{told}");
+    let reported = fit_map(&spoil(4), SIZE_PX).unwrap_err().to_string();
+    assert!(reported.contains("three of four"), "{reported}");
 }
 
 #[test]

@@ -85,14 +85,14 @@ pub(super) fn same_display(
     used: &DisplayIdentity,
     calibrated: &DisplayIdentity,
 ) -> Result<(), CalibrationError> {
-    let told = |d: &DisplayIdentity| {
+    let reported = |d: &DisplayIdentity| {
         [
             ("display", d.name.clone()),
             ("resolution", format!("{} x {} px", d.width_px, d.height_px)),
             ("depth of greys", format!("{} bits", d.bits)),
         ]
     };
-    difference(measured_utc, &told(used), &told(calibrated))
+    difference(measured_utc, &reported(used), &reported(calibrated))
 }
 
 /// Refuses a calibration by another tracker.
@@ -101,12 +101,12 @@ pub(super) fn same_tracker(
     used: &TrackerIdentity,
     calibrated: &TrackerIdentity,
 ) -> Result<(), CalibrationError> {
-    let told = |t: &TrackerIdentity| {
+    let reported = |t: &TrackerIdentity| {
         [
             ("tracker camera", t.name.clone()),
             ("detector size", format!("{} x {} px", t.width_px, t.height_px)),
             ("tracker geometry (focal length, principal point, distortion)", t.geometry_crc32.clone()),
         ]
     };
-    difference(measured_utc, &told(used), &told(calibrated))
+    difference(measured_utc, &reported(used), &reported(calibrated))
 }

@@ -118,15 +118,15 @@ mod tests {
     }
 
     #[test]
-    fn a_row_that_is_none_is_told_by_line() {
-        for (text, told) in [
+    fn a_row_that_is_none_is_reported_by_line() {
+        for (text, reported) in [
             ("pattern,luminance\nlevel_1,2\nlevle_2,3\n", "line 3: no pattern is called `levle_2`"),
             ("pattern,luminance\nlevel_1,bright\n", "line 2"),
             ("pattern,luminance\nlevel_1,NaN\n", "not finite"),
             ("pattern,brightness\nlevel_1,2\n", "brightness"),
         ] {
             let error = read(text).unwrap_err();
-            assert!(error.contains(told) && error.contains("m.csv"), "{error}");
+            assert!(error.contains(reported) && error.contains("m.csv"), "{error}");
         }
     }
 }

@@ -101,8 +101,8 @@ impl Grid {
     pub fn centre_px(&self, number: usize, display: &DisplayIdentity) -> Option<[usize; 2]> {
         let index = number.checked_sub(1).filter(|index| *index < self.count())?;
         let along = |i: usize, count: usize, side: usize| {
-            let room = side - 1 - 2 * self.margin_px;
-            self.margin_px + (i * room + (count - 1) / 2) / (count - 1)
+            let space = side - 1 - 2 * self.margin_px;
+            self.margin_px + (i * space + (count - 1) / 2) / (count - 1)
         };
         let column = along(index % self.columns, self.columns, display.width_px);
         let row = along(index / self.columns, self.rows, display.height_px);
@@ -136,8 +136,8 @@ impl Grid {
         }
         let sides = [("grid.columns", self.columns, display.width_px), ("grid.rows", self.rows, display.height_px)];
         for (name, count, side) in sides {
-            let room = side.saturating_sub(1 + 2 * self.margin_px);
-            let most = (room / (APART * self.dot_px) + 1).min(100);
+            let space = side.saturating_sub(1 + 2 * self.margin_px);
+            let most = (space / (APART * self.dot_px) + 1).min(100);
             if !(3..=most).contains(&count) {
                 return refuse(name, format!("3 to {most} (dots at least {APART} sides apart)"), count.to_string());
             }

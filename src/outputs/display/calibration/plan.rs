@@ -203,7 +203,7 @@ pub(super) mod tests {
         let path = folder.path().join("plan.toml");
         std::fs::write(&path, sample().to_toml().unwrap()).unwrap();
         assert_eq!(Plan::read(&path).unwrap(), sample());
-        for (from, to, told) in [
+        for (from, to, reported) in [
             ("dot_px = 5", "dot_px = 4", "odd"),
             ("columns = 8", "columns = 80", "grid.columns"),
             ("bits = 8", "bits = 33", "display.bits"),
@@ -217,7 +217,7 @@ pub(super) mod tests {
             let text = sample().to_toml().unwrap().replace(from, to);
             std::fs::write(&path, text).unwrap();
             let error = Plan::read(&path).unwrap_err().to_string();
-            assert!(error.contains(told), "{error}");
+            assert!(error.contains(reported), "{error}");
         }
         // Twice this is zero in 64 bits.
         let wide = Grid { margin_px: 1 << 63, ..sample().grid };

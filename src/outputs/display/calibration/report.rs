@@ -73,7 +73,7 @@ impl MagnitudeRange {
 
 /// What people want to know of a calibration.
 #[must_use]
-pub fn told(calibration: &Calibration, calibrated: &Calibrated, dither: Dither) -> String {
+pub fn reported(calibration: &Calibration, calibrated: &Calibrated, dither: Dither) -> String {
     let mut text = String::new();
     let mut line = |name: &str, value: String| {
         let _text_only_grows = writeln!(text, "  {name:<16} {value}");
@@ -87,21 +87,22 @@ pub fn told(calibration: &Calibration, calibrated: &Calibrated, dither: Dither) 
     line("tracker", format!("{}, {} x {} px", tracker.name, tracker.width_px, tracker.height_px));
     line("measured", format!("{measured_utc}, fitted {made_utc}, valid for {valid_days} days from the measurement"));
     for (name, value) in
-        map_told(calibration, calibrated).into_iter().chain(light_told(calibration, calibrated, dither))
+        map_reported(calibration, calibrated).into_iter().chain(light_reported(calibration, calibrated, dither))
     {
         line(name, value);
     }
     let latency = calibration.latency.as_ref();
     line(
         "latency",
-        latency.map_or_else(|| "not known: photons come after submit time by an unknown delay".into(), |l| l.told()),
+        latency
+            .map_or_else(|| "not known: photons come after submit time by an unknown delay".into(), |l| l.reported()),
     );
     text
 }
 
 type Line = (&'static str, String);
 
-fn map_told(calibration: &Calibration, calibrated: &Calibrated) -> Vec<Line> {
+fn map_reported(calibration: &Calibration, calibrated: &Calibrated) -> Vec<Line> {
     let (r, geometry) = (&calibration.residual, &calibration.geometry);
     let arcsec = calibrated.geometry.arcsec_per_px();
     let mirrored = if geometry.mirrored { ", seen mirrored" } else { "" };
@@ -129,7 +130,7 @@ fn map_told(calibration: &Calibration, calibrated: &Calibrated) -> Vec<Line> {
     ]
 }
 
-fn light_told(calibration: &Calibration, calibrated: &Calibrated, dither: Dither) -> Vec<Line> {
+fn light_reported(calibration: &Calibration, calibrated: &Calibrated, dither: Dither) -> Vec<Line> {
     let (r, response) = (&calibration.residual, &calibration.response);
     let [least, _] = calibrated.flat.range();
     let (greys, black) = (response.level.len(), 100.0 * response.black_share);

@@ -16,10 +16,10 @@ use crate::display::error::DisplayError;
 use crate::display::monitor::{self, MonitorFacts};
 use crate::display::params::{Bits, CardChoice, Params};
 use crate::display::picture::Picture;
-use crate::display::screen::glass::{Glass, Turn};
 use crate::display::screen::mode::{self, Mode};
+use crate::display::screen::panel::{Panel, Turn};
 use crate::display::screen::state::State;
-use crate::display::screen::surface::{MOST_LOSSES, Pane, VulkanGlass};
+use crate::display::screen::surface::{MOST_LOSSES, Pane, VulkanPanel};
 use core::panic::AssertUnwindSafe;
 use drm::Device as _;
 use drm::control::{Device as _, connector};
@@ -154,7 +154,7 @@ impl Connector {
         };
         let make = || {
             // SAFETY: the file is an open card that this program is master of, the connector and its mode are what this
-            // card told of itself. All stay so while the surface lives: `VulkanGlass` holds the connector in its pane, the
+            // card told of itself. All stay so while the surface lives: `VulkanPanel` holds the connector in its pane, the
             // last of its fields to be dropped, and nothing else keeps the surface or the instance.
             unsafe { instance.create_surface_unsafe(target) }
         };
@@ -212,7 +212,7 @@ pub(super) fn watch(connector: &Arc<Connector>, state: &Arc<State>) -> Result<()
 
 /// What the presenter shows on: a surface, made anew with its driver when it is lost or the monitor has been away.
 pub(super) struct ScanOut {
-    glass: Option<VulkanGlass>,
+    panel: Option<VulkanPanel>,
     connector: Arc<Connector>,
     image_px: [u32; 2],
     bits: Bits,
@@ -235,14 +235,14 @@ impl ScanOut {
         state: Arc<State>,
     ) -> Result<Self, DisplayError> {
         let (losses, last_refusal) = (0, String::new());
-        let mut opened = Self { glass: None, connector, image_px, bits, state, returns: 0, losses, last_refusal };
+        let mut opened = Self { panel: None, connector, image_px, bits, state, returns: 0, losses, last_refusal };
         opened.make()?;
         Ok(opened)
     }
 
     /// Adapter and format.
     pub(super) fn description(&self) -> &str {
-        self.glass.as_ref().map_or("", VulkanGlass::description)
+        self.panel.as_ref().map_or("", VulkanPanel::description)
     }
 
     fn counts(&self) -> Counts {
@@ -251,19 +251,19 @@ impl ScanOut {
 
     fn make(&mut self) -> Result<(), DisplayError> {
         // A driver hands a connector out once: the old one goes first.
-        self.glass = None;
+        self.panel = None;
         self.returns = self.counts().monitor_regained;
         let pane = Pane::Connector(Arc::clone(&self.connector));
-        self.glass = Some(VulkanGlass::open(pane, self.image_px, self.bits, Arc::clone(&self.state))?);
+        self.panel = Some(VulkanPanel::open(pane, self.image_px, self.bits, Arc::clone(&self.state))?);
         Ok(())
     }
 }
 
-impl Glass for ScanOut {
+impl Panel for ScanOut {
     fn turn(&mut self) -> Turn {
         // A monitor that was away has forgotten its mode, which is set for new surfaces only.
         let is_same = self.returns == self.counts().monitor_regained;
-        match self.glass.as_mut().filter(|_| is_same).map_or(Turn::Lost, Glass::turn) {
+        match self.panel.as_mut().filter(|_| is_same).map_or(Turn::Lost, Panel::turn) {
             Turn::Lost => {
                 self.losses += 1;
                 if let Err(error) = self.make() {
@@ -279,14 +279,14 @@ impl Glass for ScanOut {
     }
 
     fn show(&mut self, picture: &Picture, is_changed: bool) {
-        if let Some(glass) = &mut self.glass {
-            glass.show(picture, is_changed);
+        if let Some(panel) = &mut self.panel {
+            panel.show(picture, is_changed);
         }
     }
 
     fn failure(&self) -> Option<String> {
         let lost = || format!("the surface was lost {} times in a row: {}", self.losses, self.last_refusal);
-        let failed = self.glass.as_ref().and_then(Glass::failure);
+        let failed = self.panel.as_ref().and_then(Panel::failure);
         failed.or_else(|| (self.losses >= MOST_LOSSES).then(lost))
     }
 }
@@ -299,7 +299,7 @@ mod tests {
     const MODE: Mode = Mode { size_px: HD, refresh_mhz: 59_940, is_preferred: true };
 
     #[test]
-    fn what_is_no_card_is_told_with_what_to_try() {
+    fn devices_that_are_not_cards_are_reported_with_advice() {
         let folder = tempfile::tempdir().unwrap();
         let of = |choice: CardChoice| open_cards(&choice, folder.path()).unwrap_err();
         let none = of(CardChoice::First);
@@ -326,7 +326,7 @@ mod tests {
         let handle = drm::control::from_u32(1).unwrap();
         let connector = Arc::new(Connector { card, handle, name: "DP-1".into(), mode: MODE });
         let (state, last_refusal) = (Arc::new(State::default()), String::new());
-        ScanOut { glass: None, connector, image_px: HD, bits: Bits::Eight, state, returns: 0, losses, last_refusal }
+        ScanOut { panel: None, connector, image_px: HD, bits: Bits::Eight, state, returns: 0, losses, last_refusal }
     }
 
     #[test]
@@ -347,7 +347,7 @@ mod tests {
     }
 
     #[test]
-    fn a_connector_that_is_gone_is_told_as_an_unplugged_monitor() {
+    fn a_connector_that_is_gone_is_reported_as_an_unplugged_monitor() {
         let out = on_no_card(0);
         watch(&out.connector, &out.state).unwrap();
         while !out.state.is_away() {
@@ -358,7 +358,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mode_or_a_card_that_is_not_to_be_had_says_why() {
+    fn an_unavailable_mode_or_card_says_why() {
         let found = MODE.to_string();
         let none = DisplayError::NoMode { connector: "DP-1".into(), image_px: [1024, 768], found }.to_string();
         assert!(

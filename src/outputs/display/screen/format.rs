@@ -21,10 +21,12 @@ pub(super) fn choose(offered: &[SurfaceFormatCapabilities], bits: Bits) -> Resul
         Bits::Ten => &TEN,
     };
     let is_plain = |format: TextureFormat| {
-        offered.iter().any(|had| had.format == format && had.color_spaces.contains(SurfaceColorSpaces::SRGB))
+        offered
+            .iter()
+            .any(|obtained| obtained.format == format && obtained.color_spaces.contains(SurfaceColorSpaces::SRGB))
     };
     wanted.iter().copied().find(|format| is_plain(*format)).ok_or_else(|| {
-        let names: Vec<String> = offered.iter().map(|had| format!("{:?}", had.format)).collect();
+        let names: Vec<String> = offered.iter().map(|obtained| format!("{:?}", obtained.format)).collect();
         let advice = match bits {
             Bits::Eight => "another driver or server may",
             Bits::Ten => "ask for bits = 8, or set the X server to depth 30 and take a driver that offers A2B10G10R10",

@@ -56,7 +56,8 @@ pub(super) fn hand_over(pixels: usize) -> (Outgoing, Incoming) {
     let (full, fetched) = bounded(WAITING);
     let (returned, empty) = bounded(BUFFERS);
     for _ in 0..BUFFERS {
-        let _there_is_room_for_all = returned.try_send(Luminances { pixels: vec![0; pixels], ..Luminances::default() });
+        let _there_is_space_for_all =
+            returned.try_send(Luminances { pixels: vec![0; pixels], ..Luminances::default() });
     }
     let outgoing = Outgoing { full, not_fetched: fetched.clone(), empty, returned: returned.clone() };
     (outgoing, Incoming { full: fetched, returned, next: None })
@@ -79,7 +80,7 @@ impl Outgoing {
         while let Err(refused) = self.full.try_send(buffer) {
             if let Ok(older) = self.not_fetched.try_recv() {
                 has_replaced = true;
-                let _there_is_room_for_all = self.returned.try_send(older);
+                let _there_is_space_for_all = self.returned.try_send(older);
             }
             buffer = refused.into_inner();
         }
@@ -102,7 +103,7 @@ impl Incoming {
                 self.next = Some(next);
                 break;
             }
-            let _there_is_room_for_all = self.returned.try_send(core::mem::replace(shown, next));
+            let _there_is_space_for_all = self.returned.try_send(core::mem::replace(shown, next));
             fetched += 1;
         }
         fetched.checked_sub(1)
@@ -114,12 +115,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_newest_wins_and_what_it_replaced_is_told() {
+    fn the_newest_wins_and_what_it_replaced_is_reported() {
         let (outgoing, mut incoming) = hand_over(2);
         let mut shown = Luminances::default();
         assert_eq!(incoming.fetch(&mut shown, None), None, "nothing yet");
-        let told: Vec<bool> = (0..5).map(|number| outgoing.put(number, None, &[number as u16; 2])).collect();
-        assert_eq!(told, [false, false, true, true, true]);
+        let reported: Vec<bool> = (0..5).map(|number| outgoing.put(number, None, &[number as u16; 2])).collect();
+        assert_eq!(reported, [false, false, true, true, true]);
         assert_eq!(incoming.fetch(&mut shown, Some(Tai::from_ns(0))), Some(1), "3 was there too");
         assert_eq!((shown.number, shown.pixels.as_slice()), (4, [4; 2].as_slice()));
         assert_eq!(incoming.fetch(&mut shown, None), None, "fetched once");
@@ -148,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn a_presenter_that_is_gone_stops_nobody() {
+    fn a_presenter_that_is_gone_stops_no_one() {
         let (outgoing, incoming) = hand_over(1);
         drop(incoming);
         for number in 0..20 {

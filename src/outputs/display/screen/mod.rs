@@ -3,7 +3,7 @@
 #[cfg(feature = "direct_scanout")]
 mod direct_scanout;
 mod format;
-mod glass;
+mod panel;
 mod hand_over;
 #[cfg(feature = "direct_scanout")]
 mod mode;
@@ -25,11 +25,11 @@ use crate::display::params::{CardChoice, Params};
 use crate::display::picture::Picture;
 #[cfg(feature = "direct_scanout")]
 use crate::display::screen::direct_scanout::{Connector, ScanOut};
-use crate::display::screen::glass::Glass;
 use crate::display::screen::hand_over::{Outgoing, hand_over};
+use crate::display::screen::panel::Panel;
 use crate::display::screen::presenter::{Pace, Presenter, Showing};
 use crate::display::screen::state::State;
-use crate::display::screen::surface::{Pane, VulkanGlass};
+use crate::display::screen::surface::{Pane, VulkanPanel};
 use crate::display::screen::window::{Opened, Order};
 use crate::display::submit_log::SubmitLog;
 use crate::display::submitted::Submitted;
@@ -61,7 +61,7 @@ pub struct Display {
     description: String,
     latency: Option<Span>,
     log: Option<SubmitLog>,
-    has_told_its_end: bool,
+    has_reported_its_end: bool,
     is_finished: bool,
     frames: u64,
     refused: u64,
@@ -94,14 +94,14 @@ impl Display {
         })?;
         let (mhz, id) = (opened.monitor.refresh_mhz, opened.window.id());
         let rate =
-            refresh::told(params.refresh, mhz, params.window_px.is_none()).inspect_err(|_| window::forget(id))?;
+            refresh::reported(params.refresh, mhz, params.window_px.is_none()).inspect_err(|_| window::forget(id))?;
         let place = [Some(place_of(&opened, params)), rate].into_iter().flatten().collect::<Vec<_>>().join("; ");
         let refresh = opened.monitor.refresh_mhz.map(period);
         let (bits, shared) = (params.bits, Arc::clone(&state));
-        let glass = move || VulkanGlass::open(Pane::Window(opened.window), image_px, bits, shared);
+        let panel = move || VulkanPanel::open(Pane::Window(opened.window), image_px, bits, shared);
         let start = Start { params, image_px, maker, clock, state, refresh };
-        let describe = move |glass: &VulkanGlass| format!("{place}; {}", glass.description());
-        start.display(glass, describe, move || window::forget(id))
+        let describe = move |panel: &VulkanPanel| format!("{place}; {}", panel.description());
+        start.display(panel, describe, move || window::forget(id))
     }
 
     /// Which monitor, how it is filled, which driver and which format.
@@ -172,8 +172,8 @@ impl Sink for Display {
         }
         self.log_submits();
         let end = self.state.ended().cloned();
-        if let (Some(end), false) = (&end, self.has_told_its_end) {
-            self.has_told_its_end = true;
+        if let (Some(end), false) = (&end, self.has_reported_its_end) {
+            self.has_reported_its_end = true;
             return self.refuse(number, end.clone());
         }
         self.run_crc32.add(number, pixel_crc32(&frame.image));
@@ -226,7 +226,7 @@ impl Drop for Display {
     fn drop(&mut self) {
         self.state.finish();
         if let Some(presenter) = self.presenter.take() {
-            let _nobody_is_left_to_ask = presenter.join();
+            let _no_one_is_left_to_ask = presenter.join();
         }
     }
 }
@@ -245,13 +245,13 @@ fn scan_out(card: &CardChoice, start: Start<'_>) -> Result<Display, DisplayError
     let (params, image_px, state) = (start.params, start.image_px, Arc::clone(&start.state));
     let connector = Arc::new(Connector::take(card, params, image_px)?);
     let mhz = connector.refresh_mhz();
-    let place = [Some(connector.to_string()), refresh::told(params.refresh, Some(mhz), true)?];
+    let place = [Some(connector.to_string()), refresh::reported(params.refresh, Some(mhz), true)?];
     let place = place.into_iter().flatten().collect::<Vec<_>>().join("; ");
     state.set_window_px(connector.size_px());
     let (bits, shown, shared) = (params.bits, Arc::clone(&connector), Arc::clone(&state));
-    let glass = move || ScanOut::open(shown, image_px, bits, shared);
-    let describe = move |glass: &ScanOut| format!("{place}; {}", glass.description());
-    let display = Start { refresh: Some(period(mhz)), ..start }.display(glass, describe, || {})?;
+    let panel = move || ScanOut::open(shown, image_px, bits, shared);
+    let describe = move |panel: &ScanOut| format!("{place}; {}", panel.description());
+    let display = Start { refresh: Some(period(mhz)), ..start }.display(panel, describe, || {})?;
     direct_scanout::watch(&connector, &state)?;
     Ok(display)
 }
@@ -284,10 +284,10 @@ struct Start<'a> {
 }
 
 impl Start<'_> {
-    /// Starts the presenter. `glass` is made on its thread; `at_end` is called there when nothing is shown any more.
-    fn display<G: Glass>(
+    /// Starts the presenter. `panel` is made on its thread; `at_end` is called there when nothing is shown any more.
+    fn display<G: Panel>(
         self,
-        glass: impl FnOnce() -> Result<G, DisplayError> + Send + 'static,
+        panel: impl FnOnce() -> Result<G, DisplayError> + Send + 'static,
         describe: impl FnOnce(&G) -> String + Send + 'static,
         at_end: impl FnOnce() + Send + 'static,
     ) -> Result<Display, DisplayError> {
@@ -296,16 +296,16 @@ impl Start<'_> {
         let size_px = image_px.map(|length| length as usize);
         let (outgoing, incoming) = hand_over(size_px[0] * size_px[1]);
         let (submitted, submits) = bounded(SUBMITS);
-        let (told, answer) = bounded(1);
+        let (reported, answer) = bounded(1);
         let picture = Picture::new(size_px, params.marker, params.bits.most());
         let shared = Arc::clone(&state);
         let present = move || {
-            let opened = glass();
-            let _the_opener_waits = told.send(opened.as_ref().map(describe).map_err(Clone::clone));
-            if let Ok(glass) = opened {
+            let opened = panel();
+            let _the_opener_waits = reported.send(opened.as_ref().map(describe).map_err(Clone::clone));
+            if let Ok(panel) = opened {
                 let (pace, now) = (Pace::new(refresh), Showing::default());
                 let (state, submits) = (shared, submitted);
-                Presenter { glass, incoming, picture, maker, state, clock, submits, pace, lead, now }.run();
+                Presenter { panel, incoming, picture, maker, state, clock, submits, pace, lead, now }.run();
             }
             at_end();
         };
@@ -322,7 +322,7 @@ impl Start<'_> {
             description,
             latency,
             log: None,
-            has_told_its_end: false,
+            has_reported_its_end: false,
             is_finished: false,
             frames: 0,
             refused: 0,
@@ -338,7 +338,7 @@ mod tests {
     use crate::display::grey::GreyTable;
     use crate::display::marker::{Corner, Marker};
     use crate::display::params::Bits;
-    use crate::display::screen::glass::Turn;
+    use crate::display::screen::panel::Turn;
     use base::clock::Monotonic;
     use frames::sink::compliance::check_sink;
     use frames::sink::sample::sample_frame;
@@ -346,7 +346,7 @@ mod tests {
     /// Takes everything.
     struct Paper;
 
-    impl Glass for Paper {
+    impl Panel for Paper {
         fn turn(&mut self) -> Turn {
             Turn::Ready
         }
@@ -403,11 +403,11 @@ mod tests {
     }
 
     #[test]
-    fn a_closed_window_is_told_once_and_then_counted() {
+    fn a_closed_window_is_reported_once_and_then_counted() {
         let mut display = on_paper();
         display.state.end(DisplayError::Closed(Closing::Escape));
-        let told = display.send(&sample_frame(1)).unwrap_err().to_string();
-        assert!(told.contains("Esc"), "{told}");
+        let reported = display.send(&sample_frame(1)).unwrap_err().to_string();
+        assert!(reported.contains("Esc"), "{reported}");
         display.send(&sample_frame(2)).unwrap();
         let summary = display.finish().unwrap();
         assert_eq!((summary.frames, summary.refused, display.counts().unseen), (1, 1, 1));

@@ -9,8 +9,8 @@ use crate::display::counters::count;
 use crate::display::error::DisplayError;
 use crate::display::grey::GreyMaker;
 use crate::display::picture::Picture;
-use crate::display::screen::glass::{Glass, Turn};
 use crate::display::screen::hand_over::{Incoming, Luminances};
+use crate::display::screen::panel::{Panel, Turn};
 use crate::display::screen::state::State;
 use crate::display::submitted::Submitted;
 use base::clock::{Clock, Stopwatch};
@@ -64,14 +64,14 @@ impl Pace {
     }
 
     /// What follows does not follow what was before.
-    fn begin_anew(&mut self) {
+    fn start_again(&mut self) {
         self.is_first = true;
     }
 }
 
 /// All that one display's thread owns.
 pub(super) struct Presenter<G> {
-    pub(super) glass: G,
+    pub(super) panel: G,
     pub(super) incoming: Incoming,
     pub(super) picture: Picture,
     pub(super) maker: GreyMaker,
@@ -97,7 +97,7 @@ pub(super) struct Showing {
     takes_all: bool,
 }
 
-impl<G: Glass> Presenter<G> {
+impl<G: Panel> Presenter<G> {
     /// Presents until the run is over, the window closed, or the driver has failed; then shows what is still on its way.
     pub(super) fn run(&mut self) {
         while !self.state.is_over() && self.state.ended().is_none() {
@@ -125,7 +125,7 @@ impl<G: Glass> Presenter<G> {
             if self.fetch() {
                 count(&self.state.counters.unseen);
             }
-            self.pace.begin_anew();
+            self.pace.start_again();
             std::thread::sleep(AWAY);
             return;
         }
@@ -137,7 +137,7 @@ impl<G: Glass> Presenter<G> {
                 self.now.composing = submit - begun;
             }
         }
-        if let Some(failure) = self.glass.failure() {
+        if let Some(failure) = self.panel.failure() {
             self.state.end(DisplayError::Driver(failure));
         }
     }
@@ -145,7 +145,7 @@ impl<G: Glass> Presenter<G> {
     /// Whether there is an image to show something in.
     fn take_turn(&mut self) -> bool {
         let counters = &self.state.counters;
-        match self.glass.turn() {
+        match self.panel.turn() {
             Turn::Ready => return true,
             Turn::Reconfigured => {
                 count(&counters.reconfigured);
@@ -154,7 +154,7 @@ impl<G: Glass> Presenter<G> {
             Turn::Lost => count(&counters.lost_surface),
             Turn::NotNow => {}
         }
-        self.pace.begin_anew();
+        self.pace.start_again();
         std::thread::sleep(AWAY);
         false
     }
@@ -182,7 +182,7 @@ impl<G: Glass> Presenter<G> {
                 counters.clipped_px.fetch_add(clipped, Ordering::Relaxed);
             }
         }
-        self.glass.show(&self.picture, is_changed);
+        self.panel.show(&self.picture, is_changed);
         let submit = self.clock.now();
         let is_late = self.pace.is_late();
         if is_late {
@@ -218,7 +218,7 @@ mod tests {
         failure: Option<String>,
     }
 
-    impl Glass for Paper {
+    impl Panel for Paper {
         fn turn(&mut self) -> Turn {
             self.turns.pop().unwrap_or(Turn::Ready)
         }
@@ -244,7 +244,7 @@ mod tests {
         let clock = Arc::new(Virtual::new(Tai::from_ns(1000)));
         let (sender, submits) = bounded(4);
         let presenter = Presenter {
-            glass: Paper::default(),
+            panel: Paper::default(),
             incoming,
             picture: Picture::new([2, 1], marker, 255),
             maker,
@@ -271,7 +271,7 @@ mod tests {
         bench.presenter.refresh_once();
         bench.presenter.refresh_once();
         let wanted = [(vec![0, 0], false), (vec![1, 255], true), (vec![1, 255], false)];
-        assert_eq!(bench.presenter.glass.shown, wanted);
+        assert_eq!(bench.presenter.panel.shown, wanted);
         let counts = bench.presenter.state.counters.read();
         assert_eq!((counts.presented, counts.repeated), (1, 2));
         let submits: Vec<Submitted> = bench.submits.try_iter().collect();
@@ -332,10 +332,10 @@ mod tests {
             bench.presenter.refresh_once();
             bench.presenter.refresh_once();
         }
-        let patches: Vec<u16> = bench.presenter.glass.shown.iter().map(|(greys, _)| greys[0]).collect();
+        let patches: Vec<u16> = bench.presenter.panel.shown.iter().map(|(greys, _)| greys[0]).collect();
         assert_eq!(patches, [255, 255, 0, 0, 255, 255]);
-        let told: Vec<bool> = bench.submits.try_iter().map(|submitted| submitted.marker_is_white).collect();
-        assert_eq!(told, [true, false, true]);
+        let reported: Vec<bool> = bench.submits.try_iter().map(|submitted| submitted.marker_is_white).collect();
+        assert_eq!(reported, [true, false, true]);
     }
 
     #[test]
@@ -347,14 +347,14 @@ mod tests {
         let mut bench = bench(maker, None);
         bench.outgoing.put(1, None, &[0, 0]);
         (0..3).for_each(|_| bench.presenter.refresh_once());
-        let first: Vec<u16> = bench.presenter.glass.shown.iter().map(|(greys, _)| greys[0]).collect();
+        let first: Vec<u16> = bench.presenter.panel.shown.iter().map(|(greys, _)| greys[0]).collect();
         assert_eq!(first, [0, 1, 2]);
         assert_eq!(bench.presenter.state.counters.read().clipped_px, 2, "once for the frame, not for its repeats");
-        assert!(bench.presenter.glass.shown.iter().all(|(_, is_changed)| *is_changed));
+        assert!(bench.presenter.panel.shown.iter().all(|(_, is_changed)| *is_changed));
     }
 
     #[test]
-    fn an_absent_monitor_is_presented_to_nobody_and_counted() {
+    fn an_absent_monitor_is_presented_to_no_one_and_counted() {
         let mut bench = bench(nearest(), None);
         assert!(bench.presenter.state.monitor_is_there(false));
         for number in 0..3 {
@@ -366,18 +366,18 @@ mod tests {
         bench.presenter.refresh_once();
         let counts = bench.presenter.state.counters.read();
         assert_eq!((counts.unseen, counts.presented, counts.monitor_lost, counts.monitor_regained), (3, 1, 1, 1));
-        assert_eq!(bench.presenter.glass.shown, [(vec![1, 1], true)]);
+        assert_eq!(bench.presenter.panel.shown, [(vec![1, 1], true)]);
     }
 
     #[test]
-    fn surfaces_that_are_lost_or_made_anew_are_counted_and_no_frame_is_lost() {
+    fn surfaces_that_are_lost_or_made_again_are_counted_and_no_frame_is_lost() {
         let mut bench = bench(nearest(), None);
-        bench.presenter.glass.turns = vec![Turn::Reconfigured, Turn::NotNow, Turn::Lost];
+        bench.presenter.panel.turns = vec![Turn::Reconfigured, Turn::NotNow, Turn::Lost];
         bench.outgoing.put(1, None, &[257, 0]);
         (0..3).for_each(|_| bench.presenter.refresh_once());
         let counts = bench.presenter.state.counters.read();
         assert_eq!((counts.lost_surface, counts.reconfigured, counts.presented), (1, 1, 1));
-        assert_eq!(bench.presenter.glass.shown, [(vec![1, 0], true)]);
+        assert_eq!(bench.presenter.panel.shown, [(vec![1, 0], true)]);
     }
 
     #[test]
@@ -386,15 +386,15 @@ mod tests {
         bench.outgoing.put(1, None, &[257, 0]);
         bench.presenter.state.finish();
         bench.presenter.run();
-        assert_eq!(bench.presenter.glass.shown.len(), 1);
+        assert_eq!(bench.presenter.panel.shown.len(), 1);
         let mut bench = self::bench(nearest(), None);
-        bench.presenter.glass.failure = Some("lost".into());
+        bench.presenter.panel.failure = Some("lost".into());
         bench.presenter.run();
         assert_eq!(bench.presenter.state.ended(), Some(&DisplayError::Driver("lost".into())));
     }
 
     #[test]
-    fn submit_times_that_nobody_takes_are_counted() {
+    fn submit_times_that_no_one_takes_are_counted() {
         let mut bench = bench(nearest(), None);
         for number in 0..6 {
             bench.outgoing.put(number, None, &[0, 0]);
@@ -410,7 +410,7 @@ mod tests {
         assert!(!pace.is_late(), "the first follows nothing");
         std::thread::sleep(Duration::from_millis(1));
         assert!(pace.is_late(), "a millisecond at a refresh each nanosecond");
-        pace.begin_anew();
+        pace.start_again();
         std::thread::sleep(Duration::from_millis(1));
         assert!(!pace.is_late(), "nor does what comes after a gap");
         let mut long = Pace::new(Some(Span::from_s(1e6)));

@@ -10,13 +10,13 @@ use base::time::Span;
 /// Rates of one name differ by less: 60 and 59.94 Hz by 0.1 %.
 const SAME_RATE: f64 = 5e-3;
 /// The server tells rates to a millihertz, rounded.
-const TOLD_HZ: f64 = 5e-4;
+const REPORTED_HZ: f64 = 5e-4;
 
 /// What there is to say about it; `None`: frames were drawn for no refresh.
 ///
 /// # Errors
 /// When a full screen has another rate.
-pub(super) fn told(
+pub(super) fn reported(
     drawn: Option<Span>,
     monitor_mhz: Option<u32>,
     is_full_screen: bool,
@@ -33,10 +33,13 @@ pub(super) fn told(
         });
     }
     let what = if drawn_hz < monitor_hz { "shown twice" } else { "passed over" };
-    let often = if off_hz > TOLD_HZ {
+    let often = if off_hz > REPORTED_HZ {
         format!("a frame is {what} every {:.1} s", 1.0 / off_hz)
     } else {
-        format!("a frame is shown twice or passed over not before {:.0} s, as two clocks drift apart", 1.0 / TOLD_HZ)
+        format!(
+            "a frame is shown twice or passed over not before {:.0} s, as two clocks drift apart",
+            1.0 / REPORTED_HZ
+        )
     };
     Ok(Some(format!("frames for {drawn_hz:.3} Hz on {monitor_hz:.3} Hz: {often}")))
 }
@@ -46,7 +49,7 @@ mod tests {
     use super::*;
 
     fn at(drawn_hz: f64, mhz: Option<u32>, is_full_screen: bool) -> Result<Option<String>, DisplayError> {
-        told(Some(Span::from_s(1.0 / drawn_hz)), mhz, is_full_screen)
+        reported(Some(Span::from_s(1.0 / drawn_hz)), mhz, is_full_screen)
     }
 
     #[test]
@@ -66,10 +69,10 @@ mod tests {
     }
 
     #[test]
-    fn windows_and_servers_that_do_not_say_are_told_of() {
+    fn windows_and_servers_without_an_answer_are_reported() {
         let window = at(10.0, Some(60_000), false).unwrap().unwrap();
         assert!(window.contains("shown twice"), "{window}");
         assert!(at(60.0, None, true).unwrap().unwrap().contains("does not tell"));
-        assert_eq!(told(None, Some(60_000), true).unwrap(), None, "frames that were drawn for no refresh");
+        assert_eq!(reported(None, Some(60_000), true).unwrap(), None, "frames that were drawn for no refresh");
     }
 }

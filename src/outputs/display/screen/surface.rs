@@ -9,8 +9,8 @@ use crate::display::picture::Picture;
 #[cfg(feature = "direct_scanout")]
 use crate::display::screen::direct_scanout::Connector;
 use crate::display::screen::format;
-use crate::display::screen::glass::{Glass, Turn};
 use crate::display::screen::painter::GreyPainter;
+use crate::display::screen::panel::{Panel, Turn};
 use crate::display::screen::state::State;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use wgpu::{CurrentSurfaceTexture, SurfaceTexture};
@@ -77,7 +77,7 @@ impl Pane {
 }
 
 /// A surface, its device, and the pipeline that paints on it.
-pub(super) struct VulkanGlass {
+pub(super) struct VulkanPanel {
     // Dropped from the top: an image before its surface, the surface and its instance before what they show on.
     acquired: Option<SurfaceTexture>,
     surface: wgpu::Surface<'static>,
@@ -94,7 +94,7 @@ pub(super) struct VulkanGlass {
     pane: Pane,
 }
 
-impl VulkanGlass {
+impl VulkanPanel {
     /// A surface of `pane` for pictures of `image_px`.
     ///
     /// # Errors
@@ -196,22 +196,22 @@ impl VulkanGlass {
     }
 }
 
-impl Glass for VulkanGlass {
+impl Panel for VulkanPanel {
     fn turn(&mut self) -> Turn {
         let window_px = self.state.window_px();
-        let mut is_anew = window_px != [self.config.width, self.config.height] && !window_px.contains(&0);
-        if is_anew && !self.configure() {
+        let mut is_new = window_px != [self.config.width, self.config.height] && !window_px.contains(&0);
+        if is_new && !self.configure() {
             return self.remake();
         }
         let mut turn = self.acquire();
         if turn == Turn::Reconfigured {
-            is_anew = true;
+            is_new = true;
             turn = if self.configure() { self.acquire() } else { Turn::Lost };
         }
         match turn {
             Turn::Ready => {
                 self.losses = 0;
-                if is_anew { Turn::Reconfigured } else { Turn::Ready }
+                if is_new { Turn::Reconfigured } else { Turn::Ready }
             }
             Turn::NotNow => Turn::NotNow,
             Turn::Lost | Turn::Reconfigured => self.remake(),

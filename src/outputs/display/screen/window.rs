@@ -94,9 +94,9 @@ pub(super) fn forget(window: WindowId) {
 }
 
 fn start() -> Result<EventLoopProxy<Request>, String> {
-    let (told, answer) = bounded(1);
+    let (reported, answer) = bounded(1);
     let thread = std::thread::Builder::new().name("windows".into());
-    thread.spawn(move || run(&told)).map_err(|error| error.to_string())?;
+    thread.spawn(move || run(&reported)).map_err(|error| error.to_string())?;
     answer.recv_timeout(LONGEST_WAIT).map_err(|_| "the event loop ended or hangs at its start".to_owned())?
 }
 
@@ -106,13 +106,13 @@ fn without_source_path(error: &str) -> String {
     behind.map_or(error, |(_, reason)| reason).to_owned()
 }
 
-fn run(told: &Sender<Result<EventLoopProxy<Request>, String>>) {
+fn run(reported: &Sender<Result<EventLoopProxy<Request>, String>>) {
     let mut builder = EventLoop::with_user_event();
     builder.with_any_thread(true);
     match builder.with_x11().build() {
-        Err(error) => drop(told.send(Err(without_source_path(&error.to_string())))),
+        Err(error) => drop(reported.send(Err(without_source_path(&error.to_string())))),
         Ok(event_loop) => {
-            let _somebody_waits = told.send(Ok(event_loop.create_proxy()));
+            let _somebody_waits = reported.send(Ok(event_loop.create_proxy()));
             let _when_the_server_is_gone = event_loop.run_app(&mut Windows::new());
         }
     }
@@ -155,7 +155,7 @@ impl Shown {
             let ([x, y], [w, h]) = (facts.origin_px, facts.size_px);
             self.window.set_fullscreen(None);
             self.window.set_outer_position(PhysicalPosition::new(x, y));
-            let _told_by_an_event = self.window.request_inner_size(PhysicalSize::new(w, h));
+            let _reported_by_an_event = self.window.request_inner_size(PhysicalSize::new(w, h));
             if self.is_managed {
                 self.window.set_fullscreen(Some(Fullscreen::Borderless(Some(handle))));
             }

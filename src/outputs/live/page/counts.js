@@ -25,7 +25,7 @@ function fillList(name, rows) {
 
 const spaced = (name) => name.replaceAll("_", " ");
 
-function tellCounts(run) {
+function showCounts(run) {
   const tone = (name) => (run.frames[name] > 0 ? FRAME_TONE[name] : "");
   fillList("counts", FRAME_COUNTS.map((name) => [name, run.frames[name], tone(name), FRAME_MEANING[name]]));
   fillList("events", Object.entries(run.events).map(([name, n]) => [spaced(name), n]));
@@ -41,7 +41,7 @@ function tellCounts(run) {
   fillList("bus", [...ports, ...more]);
 }
 
-function tellFaults(frame) {
+function showFaults(frame) {
   const named = frame.faults.map((fault) => `${spaced(fault.name)} #${fault.number}: ${fault.value} ${fault.unit}`);
   const known = new Set(frame.faults.map((fault) => fault.name));
   const flags = frame.fault_flags.filter((flag) => !known.has(flag)).map(spaced);

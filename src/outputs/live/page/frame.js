@@ -78,13 +78,13 @@ function drawSmear(pen, star, [x, y], scale) {
   line(pen, [[x - dx, y - dy], [x + dx, y + dy]]);
 }
 
-function tellNoFrame() {
+function showNoFrame() {
   for (const name of ["number", "utc"]) byId(name).textContent = "–";
   for (const name of ["frame-facts", "pointing"]) byId(name).textContent = "\u00a0";
   byId("faults").replaceChildren();
 }
 
-function tellFrame(state) {
+function showFrame(state) {
   const frame = state.frame;
   const left_out = frame.left_out_stars ? `, ${frame.left_out_stars} left out` : "";
   byId("frame-facts").textContent =

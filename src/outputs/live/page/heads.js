@@ -31,16 +31,16 @@ function chooseHead(number) {
   if (lastState && lastState.heads[number]) show({ ...lastState, ...lastState.heads[number], is_over: lastState.is_over });
 }
 
-function tellHeads(heads) {
+function showHeads(heads) {
   const list = byId("heads");
   list.hidden = heads.length < 2;
   const wanted = list.hidden ? 0 : heads.length;
   while (list.children.length > wanted) list.lastChild.remove();
   while (list.children.length < wanted) list.append(newTile(list.children.length));
-  heads.slice(0, wanted).forEach((head, i) => tellTile(list.children[i], head));
+  heads.slice(0, wanted).forEach((head, i) => showTile(list.children[i], head));
 }
 
-function tellTile(tile, head) {
+function showTile(tile, head) {
   const text = (part, words) => (tile.querySelector("." + part).textContent = words);
   const frame = head.frame;
   tile.setAttribute("aria-pressed", String(head.head === chosenHead));

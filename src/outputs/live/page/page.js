@@ -24,20 +24,20 @@ function show(state) {
   byId("bench").textContent = `${state.bench} · ${state.camera}${head}`;
   document.title = state.frame ? `starloop ${state.frame.number}` : "starloop";
   if (state.run) {
-    tellCounts(state.run);
+    showCounts(state.run);
     byId("of").textContent = state.run.frames_in_run ? " of " + state.run.frames_in_run : "";
   }
   if (state.frame) {
     byId("number").textContent = state.frame.number;
     byId("utc").textContent = state.frame.utc.replace("T", " ").replace(/(\.\d{3})\d*Z$/, "$1 UTC");
-    tellFrame(state);
-    tellPointing(state.frame);
-    tellFaults(state.frame);
+    showFrame(state);
+    showPointing(state.frame);
+    showFaults(state.frame);
   } else {
-    tellNoFrame();
+    showNoFrame();
   }
   state.heads.forEach(rememberPointing);
-  tellHeads(state.heads);
+  showHeads(state.heads);
   drawAll();
 }
 
@@ -62,7 +62,7 @@ function signal() {
   return ["live", "live"];
 }
 
-function tellSignal() {
+function showSignal() {
   const [word, text] = signal();
   const status = byId("status");
   if (status.textContent !== text) status.textContent = text;
@@ -77,10 +77,10 @@ async function followState() {
       if (answer.ok) show(await answer.json());
       // Another run listens here now, with fewer heads.
       if (answer.status === 404) chooseHead(0);
-    } catch (_nobody_answers) {
+    } catch (_no_one_answers) {
       await pause(1000);
     }
-    tellSignal();
+    showSignal();
     await pause(STATE_EVERY_MS);
   }
 }
@@ -108,7 +108,7 @@ async function followPicture() {
     try {
       await newPicture();
       await newTilePicture();
-    } catch (_nobody_answers) {
+    } catch (_no_one_answers) {
       await pause(1000);
     }
     await pause(PICTURE_EVERY_MS);
@@ -123,6 +123,6 @@ window.addEventListener("resize", () => {
   drawOverlay();
   drawAll();
 });
-setInterval(tellSignal, 500);
+setInterval(showSignal, 500);
 followState();
 followPicture();

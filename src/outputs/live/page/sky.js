@@ -164,7 +164,7 @@ function drawField(pen, place, draw, state) {
   pen.fill();
 }
 
-function tellPointing(frame) {
+function showPointing(frame) {
   const rate = Math.hypot(...frame.rate_deg_s.map((r) => r || 0));
   const text = `RA ${fixed(frame.ra_deg, 4)}°  Dec ${fixed(frame.dec_deg, 4)}°  roll ${fixed(frame.roll_deg, 2)}°  rate ${rate.toPrecision(3)}°/s`;
   byId("pointing").textContent = text;

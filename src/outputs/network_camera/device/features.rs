@@ -26,22 +26,22 @@ impl Device {
         };
         let (colours, step) = (self.colours, offset_step(self.colours));
         let memory = &mut self.memory;
-        let room = |sensor, taken| memory.word(sensor).saturating_sub(memory.word(taken));
+        let space = |sensor, taken| memory.word(sensor).saturating_sub(memory.word(taken));
         match address {
             own::WIDTH => {
-                let most = room(own::SENSOR_WIDTH, own::OFFSET_X);
+                let most = space(own::SENSOR_WIDTH, own::OFFSET_X);
                 free().and_then(|()| set_if(memory, (1..=most).contains(&value)))?;
             }
             own::HEIGHT => {
-                let most = room(own::SENSOR_HEIGHT, own::OFFSET_Y);
+                let most = space(own::SENSOR_HEIGHT, own::OFFSET_Y);
                 free().and_then(|()| set_if(memory, (1..=most).contains(&value)))?;
             }
             own::OFFSET_X => {
-                let most = room(own::SENSOR_WIDTH, own::WIDTH);
+                let most = space(own::SENSOR_WIDTH, own::WIDTH);
                 free().and_then(|()| set_if(memory, value <= most && value.is_multiple_of(step)))?;
             }
             own::OFFSET_Y => {
-                let most = room(own::SENSOR_HEIGHT, own::HEIGHT);
+                let most = space(own::SENSOR_HEIGHT, own::HEIGHT);
                 free().and_then(|()| set_if(memory, value <= most && value.is_multiple_of(step)))?;
             }
             own::PIXEL_FORMAT => {

@@ -143,7 +143,7 @@ fn scheduled_actions_act_at_their_instant_and_late_ones_are_refused() {
         let mut bytes = bench.datagram(0x100, &[0, 0, 1, high, low].map(u32::to_be_bytes).concat());
         bytes[1] = 0x81;
         bench.device.answer(B, &bytes, bench.now, &mut bench.answer);
-        bench.told(0x100).unwrap().0
+        bench.reported(0x100).unwrap().0
     };
     let later = BENCH + Span::from_ms(700);
     assert_eq!(ask(&mut bench, later), OK);

@@ -53,7 +53,7 @@ fn more_pixels_than_the_sensor_has_are_refused_at_the_start() {
 }
 
 #[test]
-fn commanded_camera_is_told_to_read_out_the_regions_when_they_have_changed() {
+fn a_commanded_camera_reads_out_changed_regions() {
     let (mut bench, end) = commanded();
     bench.stream();
     assert_eq!(taken(&end), [], "the whole image, as it was");

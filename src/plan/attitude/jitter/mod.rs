@@ -395,11 +395,11 @@ mod tests {
     fn a_reused_track_does_not_grow() {
         let history = history();
         let mut track = history.new_track();
-        let room = track.points.capacity();
+        let space = track.points.capacity();
         for i in 0..100 {
             history.fill(us(i * 100), us(i * 100 + 9_000), &mut track);
         }
-        assert_eq!(track.points.capacity(), room);
+        assert_eq!(track.points.capacity(), space);
     }
 
     proptest! {

@@ -238,11 +238,11 @@ mod tests {
     #[test]
     fn speeds_have_a_bounded_memory() {
         let mut wheels = WheelHarmonics::new();
-        let room = wheels.speeds.capacity();
+        let space = wheels.speeds.capacity();
         for i in 0..2000 {
             wheels.set_speeds([1.0; 4], ms(i)).expect("rising");
         }
-        assert_eq!(wheels.speeds.capacity(), room);
+        assert_eq!(wheels.speeds.capacity(), space);
         let (_, turns) = wheels.state_at(0, ms(1999)).expect("speeds");
         assert!((turns * TAU - 1.999).abs() < 1e-9, "{turns}");
     }

@@ -155,12 +155,12 @@ mod tests {
     #[test]
     fn memory_is_bounded_when_every_point_is_a_vertex() {
         let mut hull = LowerHull::new();
-        let room = hull.vertices.capacity();
+        let space = hull.vertices.capacity();
         for i in 0..10_000 {
             let x_s = f64::from(i) * 0.01;
             hull.push(x_s, x_s * x_s);
         }
-        assert_eq!(hull.vertices.capacity(), room);
+        assert_eq!(hull.vertices.capacity(), space);
         let edge = hull.middle_edge().expect("points");
         assert!((edge.height_ns - 2500.0).abs() < 10.0, "{edge:?}: x^2 at 50");
     }

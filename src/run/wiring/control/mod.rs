@@ -40,7 +40,7 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use frames::sink::SentFrame;
 use lines::{Incoming, LineSocket};
 pub use newest::NewestFrames;
-use protocol::{Request, StepBy, refused, told};
+use protocol::{Request, StepBy, refused, reported};
 use serde_json::{Value, json};
 use std::net::TcpListener;
 use std::path::Path;
@@ -134,7 +134,7 @@ impl ControlSession {
     /// When the loop failed; the client has been told.
     pub fn serve(&mut self, stage: &mut Stage<'_>) -> Result<SessionEnd, LoopError> {
         if let Some(id) = self.hello.take() {
-            self.socket.send(&told(id, hello(stage)));
+            self.socket.send(&reported(id, hello(stage)));
         }
         loop {
             let line = match self.next_line(stage.stop) {
@@ -149,7 +149,7 @@ impl ControlSession {
                 Err(why) => Err(Refusal::Request(why)),
             };
             match answer {
-                Ok(answer) => self.socket.send(&told(id, answer)),
+                Ok(answer) => self.socket.send(&reported(id, answer)),
                 Err(Refusal::Request(why)) => self.socket.send(&refused(id, &why)),
                 Err(Refusal::Loop(error)) => {
                     self.socket.send(&refused(id, &format!("the run failed and is over: {error}")));
@@ -167,7 +167,7 @@ impl ControlSession {
     pub fn serve_steered(&mut self, scenario: &Scenario, steering: &Steering, over: &AtomicBool) -> SessionEnd {
         if let Some(id) = self.hello.take() {
             let hello = steered::hello(scenario, steering);
-            self.socket.send(&hello.map_or_else(|why| refused(id.clone(), &why), |hello| told(id.clone(), hello)));
+            self.socket.send(&hello.map_or_else(|why| refused(id.clone(), &why), |hello| reported(id.clone(), hello)));
         }
         loop {
             let line = match self.next_line(over) {
@@ -184,7 +184,8 @@ impl ControlSession {
                 Ok(request) => steered::answer(&request, scenario, steering),
                 Err(why) => Err(why),
             };
-            self.socket.send(&answer.map_or_else(|why| refused(id.clone(), &why), |answer| told(id.clone(), answer)));
+            self.socket
+                .send(&answer.map_or_else(|why| refused(id.clone(), &why), |answer| reported(id.clone(), answer)));
         }
     }
 
@@ -214,7 +215,7 @@ impl ControlSession {
 
     /// Sends the last reply: the final report and the exit status to come.
     pub fn close(mut self, id: Option<Value>, report: Value, exit_status: u8) {
-        self.socket.send(&told(id, json!({ "report": report, "exit_status": exit_status })));
+        self.socket.send(&reported(id, json!({ "report": report, "exit_status": exit_status })));
     }
 
     fn answer(&mut self, request: &Request, stage: &mut Stage<'_>) -> Result<Value, Refusal> {

@@ -156,7 +156,7 @@ pub fn refused(id: Option<Value>, why: &str) -> Value {
 
 /// A reply with an answer, which must be an object.
 #[must_use]
-pub fn told(id: Option<Value>, answer: Value) -> Value {
+pub fn reported(id: Option<Value>, answer: Value) -> Value {
     let mut reply = answer;
     reply["ok"] = Value::Bool(true);
     echo(id, &mut reply);

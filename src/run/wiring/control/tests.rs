@@ -164,7 +164,7 @@ fn connected() -> (LineSocket, TcpStream) {
 }
 
 #[test]
-fn lines_of_any_length_and_bytes_are_told_apart() {
+fn lines_of_any_length_and_bytes_are_distinguished() {
     let (mut socket, mut client) = connected();
     let longest = "x".repeat(LINE_BYTES_MAX);
     let mut sent = b"one\n\r\n  two\r\n\xff\xfe\x00\n".to_vec();

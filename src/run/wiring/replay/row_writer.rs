@@ -129,9 +129,9 @@ pub(super) struct RowSink {
 
 impl RowSink {
     fn put(&self, mark: &FrameMark, fate: CapturedFate, crc32: Option<u32>) {
-        let FrameMark { frame, messages, load, rung, exposed } = *mark;
+        let FrameMark { frame, messages, load, degradation, exposed } = *mark;
         let drawn = Some(DrawnFrom { messages, load, exposed });
-        self.queue.put(FrameRow { frame, head: self.head, drawn, rung: rung.into(), fate, crc32 });
+        self.queue.put(FrameRow { frame, head: self.head, drawn, degradation: degradation.into(), fate, crc32 });
     }
 
     /// Puts rows of the oldest frames that were drawn and never came.
@@ -171,8 +171,8 @@ impl Sink for RowSink {
         match self.waiting.iter().position(|mark| mark.frame == number).and_then(|place| self.waiting.remove(place)) {
             Some(mark) => self.put(&mark, fate, crc32),
             None => {
-                let rung = frame.meta.rung.into();
-                self.queue.put(FrameRow { frame: number, head: self.head, drawn: None, rung, fate, crc32 });
+                let degradation = frame.meta.degradation.into();
+                self.queue.put(FrameRow { frame: number, head: self.head, drawn: None, degradation, fate, crc32 });
             }
         }
         Ok(())
@@ -189,8 +189,8 @@ impl Sink for RowSink {
         self.inner.counts()
     }
 
-    fn take_losses(&mut self, tell: &mut dyn FnMut(Loss)) {
-        self.inner.take_losses(tell);
+    fn take_losses(&mut self, announce: &mut dyn FnMut(Loss)) {
+        self.inner.take_losses(announce);
     }
 
     fn lines(&self) -> Vec<SinkLine> {

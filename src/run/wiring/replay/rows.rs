@@ -89,7 +89,7 @@ pub struct FrameRow {
     /// What it was drawn from; `None`: nothing was drawn.
     pub drawn: Option<DrawnFrom>,
     /// How far it was degraded.
-    pub rung: String,
+    pub degradation: String,
     /// What became of it.
     pub fate: CapturedFate,
     /// Of the pixels that went out.
@@ -110,7 +110,7 @@ impl FrameRow {
             Some(DrawnFrom { load, .. }) => write!(out, ",{:016x},", load.to_bits())?,
             None => out.write_all(b",,")?,
         }
-        write!(out, "{},{},", self.rung, self.fate.name())?;
+        write!(out, "{},{},", self.degradation, self.fate.name())?;
         if let Some(crc32) = self.crc32 {
             write!(out, "{crc32:08x}")?;
         }
@@ -138,7 +138,9 @@ impl FrameRow {
         if form != RowForm::Three {
             fields.push("");
         }
-        let [frame, head, messages, load, rung, fate, crc32, exposed] = fields.as_slice() else { return Err(wanted) };
+        let [frame, head, messages, load, degradation, fate, crc32, exposed] = fields.as_slice() else {
+            return Err(wanted);
+        };
         let crc32 = match *crc32 {
             "" => None,
             crc32 => Some(u32::from_str_radix(crc32, 16).map_err(|_| "crc32: wanted 8 hexadecimal digits")?),
@@ -147,7 +149,7 @@ impl FrameRow {
             frame: frame.parse().map_err(|_| "frame: wanted a whole number")?,
             head: head.parse().map_err(|_| "head: wanted a whole number")?,
             drawn: drawn(messages, load, exposed)?,
-            rung: (*rung).into(),
+            degradation: (*degradation).into(),
             fate: CapturedFate::of_name(fate).ok_or("fate: wanted sent, late, held or dropped")?,
             crc32,
         })

@@ -34,7 +34,13 @@ fn read_head(text: &str, head: usize) -> Vec<FrameRow> {
 
 /// Ten messages of each link for each frame.
 fn mark(frame: u32) -> FrameMark {
-    FrameMark { frame, messages: [10 * u64::from(frame); PORTS_MAX], load: 1.0 / 3.0, rung: "full", exposed: None }
+    FrameMark {
+        frame,
+        messages: [10 * u64::from(frame); PORTS_MAX],
+        load: 1.0 / 3.0,
+        degradation: "full",
+        exposed: None,
+    }
 }
 
 fn frame(number: u32, lateness_ms: i64, faults: FaultFlags) -> SentFrame {

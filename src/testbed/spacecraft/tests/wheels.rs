@@ -44,7 +44,7 @@ fn friction_runs_a_wheel_down_in_closed_form() {
 }
 
 #[test]
-fn four_wheels_give_any_torque_and_tell_when_they_cannot() {
+fn four_wheels_give_any_torque_and_report_when_they_cannot() {
     let params = SpacecraftParams { wheels: pyramid(), ..bare(lopsided(), Span::from_ms(10)) };
     let mut craft = at_rest(&params);
     let wanted = DVec3::new(0.03, -0.05, 0.02);

@@ -27,9 +27,9 @@ struct Tally {
     chi: f64,
 }
 
-/// Gives `frames` frames of random attitudes to a tracker; `shot` says how they are taken, `told` whether the tracker
+/// Gives `frames` frames of random attitudes to a tracker; `shot` says how they are taken, `reported` whether the tracker
 /// is told the rate.
-fn survey(camera: Camera, guide: Arc<GuideStars>, frames: u32, seed: u64, shot: &Shot, told: bool) -> Tally {
+fn survey(camera: Camera, guide: Arc<GuideStars>, frames: u32, seed: u64, shot: &Shot, reported: bool) -> Tally {
     let mut painter = Painter::new(camera, catalog(), noon(), seed);
     let mut random = StdRng::seed_from_u64(seed);
     let mut tracker = Tracker::new(camera.params, guide);
@@ -38,7 +38,7 @@ fn survey(camera: Camera, guide: Arc<GuideStars>, frames: u32, seed: u64, shot: 
         let attitude = random_attitude(&mut random);
         let image = painter.shoot(&Shot { attitude, ..*shot });
         tracker.forget();
-        if let Outcome::Solved(s) = tracker.measure(&image, noon(), beta(), told.then_some(shot.rate_rad_s)) {
+        if let Outcome::Solved(s) = tracker.measure(&image, noon(), beta(), reported.then_some(shot.rate_rad_s)) {
             let error = s.sensor_from_icrf.rotation_vector_to(&attitude);
             assert_eq!((s.mode, s.at), (Mode::LostInSpace, noon()));
             tally.solved += 1;
@@ -99,13 +99,13 @@ fn random_attitudes_are_found_through_a_distorted_narrow_lens() {
 /// never wrong.
 #[test]
 fn trails_are_solved_or_refused() {
-    for (deg_s, steps, told, least) in
+    for (deg_s, steps, reported, least) in
         [(2.0, 8, true, 20), (4.0, 12, true, 20), (4.0, 12, false, 16), (16.0, 40, false, 0)]
     {
         let camera = Camera { steps, ..Camera::coarse() };
         let shot = Shot { rate_rad_s: DVec3::new(0.6, 0.8, 0.3) * deg_s * DEG, ..still() };
-        let tally = survey(camera, coarse_guide(), 20, 26, &shot, told);
-        assert!(tally.wrong == 0 && tally.solved >= least, "{deg_s} deg/s, told {told}: {tally:?}");
+        let tally = survey(camera, coarse_guide(), 20, 26, &shot, reported);
+        assert!(tally.wrong == 0 && tally.solved >= least, "{deg_s} deg/s, told {reported}: {tally:?}");
     }
 }
 

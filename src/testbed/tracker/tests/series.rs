@@ -25,10 +25,10 @@ impl Bench {
         Self { painter, tracker: Tracker::new(camera.params, guide), frame: 0 }
     }
 
-    fn look(&mut self, shot: &Shot, told: Option<DVec3>) -> Outcome {
+    fn look(&mut self, shot: &Shot, reported: Option<DVec3>) -> Outcome {
         let at = noon() + Span::from_s(f64::from(self.frame) * STEP_S);
         self.frame += 1;
-        self.tracker.measure(&self.painter.shoot(shot), at, beta(), told)
+        self.tracker.measure(&self.painter.shoot(shot), at, beta(), reported)
     }
 }
 
@@ -130,7 +130,7 @@ fn tracking_bridges_a_missed_frame() {
 
 /// A prediction that is 5 degrees wrong must give no attitude, not a wrong one.
 #[test]
-fn a_wrong_prediction_is_told() {
+fn a_wrong_prediction_is_reported() {
     let mut bench = Bench::new(Camera::coarse(), coarse_guide(), 45);
     let mut random = StdRng::seed_from_u64(45);
     let mut refused = 0;
@@ -177,7 +177,7 @@ fn noise_agrees_with_prediction() {
 
 /// Made-up errors of known size, each found by its own estimator.
 #[test]
-fn terms_are_told_apart() {
+fn terms_are_distinguished() {
     let geometry = Camera::coarse().params.geometry;
     let (bias, noise, pixel, slow) = (4.0, 3.0, 6.0, 8.0);
     let mut random = StdRng::seed_from_u64(47);

@@ -7,7 +7,7 @@ use plan::exposure::Source;
 use plan::exposure::cost::CostModel;
 use plan::exposure::method::MethodName;
 use plan::exposure::plan::Verdict;
-use plan::exposure::{ExposurePlan, MethodChoice, Planner, Rung};
+use plan::exposure::{Degradation, ExposurePlan, MethodChoice, Planner};
 use plan::optics::PsfModel;
 
 /// Detector, px.
@@ -50,74 +50,74 @@ fn planner(cost: CostModel) -> Planner {
 }
 
 fn within(limit_ms: f64) -> ExposurePlan {
-    planner(COST).within_ms(limit_ms).down_to(Rung::BrightStarsOnly).plan(&stars()).clone()
+    planner(COST).within_ms(limit_ms).down_to(Degradation::BrightStarsOnly).plan(&stars()).clone()
 }
 
 /// Without a word of the user nothing is drawn that no sensor would see: the frame is late instead.
 #[test]
-fn default_ladder_ends_before_motion_and_visible_stars_are_left_out() {
+fn default_degradation_ends_before_motion_and_visible_stars_are_left_out() {
     let plan = planner(COST).within_ms(0.0).plan(&stars()).clone();
-    assert_eq!(plan.rung, Rung::Budget10);
+    assert_eq!(plan.degradation, Degradation::Budget10);
     assert_ne!(plan.chosen.method.name(), MethodName::Static, "motion is drawn: {:?}", plan.chosen);
     assert!(plan.chosen.cost_ms > 0.0, "late by its prediction");
-    assert_eq!(within(0.0).rung, Rung::BrightStarsOnly, "which is there for those who name it");
+    assert_eq!(within(0.0).degradation, Degradation::BrightStarsOnly, "which is there for those who name it");
 }
 
 #[test]
-fn rungs_are_taken_in_order_as_time_shrinks() {
+fn degradations_are_taken_in_order_as_time_shrinks() {
     let full = planner(COST).plan(&stars()).clone();
-    assert_eq!((full.rung, full.chosen.verdict), (Rung::Full, Verdict::Fits), "{:?}", full.chosen);
-    let mut seen = vec![Rung::Full];
+    assert_eq!((full.degradation, full.chosen.verdict), (Degradation::Full, Verdict::Fits), "{:?}", full.chosen);
+    let mut seen = vec![Degradation::Full];
     let mut limit_ms = 1.1 * full.chosen.cost_ms;
     let mut kept = full.stars.len();
     for _ in 0..STEPS {
         let plan = within(limit_ms);
         let last = *seen.last().unwrap();
-        assert!(plan.rung >= last, "{limit_ms} ms: {} after {last}", plan.rung);
+        assert!(plan.degradation >= last, "{limit_ms} ms: {} after {last}", plan.degradation);
         assert!(plan.stars.len() <= kept, "{limit_ms} ms: {} stars after {kept}", plan.stars.len());
         assert!(
-            plan.chosen.cost_ms <= limit_ms || plan.rung == Rung::BrightStarsOnly,
+            plan.chosen.cost_ms <= limit_ms || plan.degradation == Degradation::BrightStarsOnly,
             "{limit_ms} ms: {:?}",
             plan.chosen
         );
         assert_eq!(plan.stars.len() + plan.cut_off.stars, stars().len(), "every star is drawn or counted");
-        if plan.rung != last {
+        if plan.degradation != last {
             println!(
                 "{limit_ms:8.3} ms: {:18} {:3} stars, {} ({} classes), {:.3} ms",
-                plan.rung.name(),
+                plan.degradation.name(),
                 plan.stars.len(),
                 plan.chosen.method,
                 plan.classes.len(),
                 plan.chosen.cost_ms
             );
-            seen.push(plan.rung);
+            seen.push(plan.degradation);
         }
         kept = plan.stars.len();
         limit_ms *= SHRINK;
     }
-    assert_eq!(seen, Rung::ALL, "every rung is worth its place");
+    assert_eq!(seen, Degradation::ALL, "every rung is worth its place");
     assert!(kept < full.stars.len() / 2, "in the end stars go: {kept}");
     assert!(kept == 0 || draw_cpu(&within(limit_ms)).sum() > 0.0, "the brightest are drawn");
 }
 
 #[test]
-fn each_rung_gives_up_what_it_says() {
+fn each_degradation_gives_up_what_it_says() {
     let full = planner(COST).plan(&stars()).clone();
     let mut limit_ms = full.chosen.cost_ms;
     for _ in 0..STEPS {
         let plan = within(limit_ms);
-        let budget = plan.rung.loosened(&AccuracyBudget::default());
-        match plan.rung {
-            Rung::Full => assert_eq!(plan.cut_off.stars, full.cut_off.stars),
-            Rung::FaintStarsOut | Rung::Budget3 | Rung::Budget10 => {
-                assert!(plan.cut_off.stars > full.cut_off.stars, "{}: {:?}", plan.rung, plan.cut_off);
-                assert!(plan.chosen.centroid_px <= budget.centroid_px, "{}: {:?}", plan.rung, plan.chosen);
-                assert!(plan.chosen.pixel_sigma <= budget.pixel_sigma, "{}: {:?}", plan.rung, plan.chosen);
+        let budget = plan.degradation.loosened(&AccuracyBudget::default());
+        match plan.degradation {
+            Degradation::Full => assert_eq!(plan.cut_off.stars, full.cut_off.stars),
+            Degradation::FaintStarsOut | Degradation::Budget3 | Degradation::Budget10 => {
+                assert!(plan.cut_off.stars > full.cut_off.stars, "{}: {:?}", plan.degradation, plan.cut_off);
+                assert!(plan.chosen.centroid_px <= budget.centroid_px, "{}: {:?}", plan.degradation, plan.chosen);
+                assert!(plan.chosen.pixel_sigma <= budget.pixel_sigma, "{}: {:?}", plan.degradation, plan.chosen);
             }
-            Rung::MotionOut | Rung::BrightStarsOnly => {
-                assert_eq!(plan.chosen.method.nodes(), 1, "{}: {}", plan.rung, plan.chosen.method);
-                let told = plan.chosen.centroid_px > AccuracyBudget::default().centroid_px;
-                assert!(told, "it is told: {:?}", plan.chosen);
+            Degradation::MotionOut | Degradation::BrightStarsOnly => {
+                assert_eq!(plan.chosen.method.nodes(), 1, "{}: {}", plan.degradation, plan.chosen.method);
+                let reported = plan.chosen.centroid_px > AccuracyBudget::default().centroid_px;
+                assert!(reported, "it is told: {:?}", plan.chosen);
             }
         }
         limit_ms *= SHRINK;
@@ -129,6 +129,6 @@ fn without_a_time_budget_nothing_is_ever_given_up() {
     let dear = CostModel { splat_ns: 1e12, table_pixel_ns: 1e12, kernel_entry_ns: 1e12, ..COST };
     let mut planner = planner(dear);
     let plan = planner.plan(&stars());
-    assert_eq!((plan.rung, plan.chosen.verdict), (Rung::Full, Verdict::Fits), "{:?}", plan.chosen);
+    assert_eq!((plan.degradation, plan.chosen.verdict), (Degradation::Full, Verdict::Fits), "{:?}", plan.chosen);
     assert!(plan.chosen.cost_ms > 1e6, "dear it is: {:?}", plan.chosen);
 }

@@ -31,7 +31,7 @@ const PULSE_POLL: Span = Span::from_ms(100);
 
 /// What the receiving threads bring.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Heard {
+pub(super) enum Received {
     /// A message.
     Message {
         /// Number of the port by which it came, from 0.
@@ -55,8 +55,8 @@ pub(super) enum Heard {
 }
 
 /// The receiving threads and their queues.
-pub(super) struct Radio {
-    received: Queue<Heard>,
+pub(super) struct LinkThread {
+    received: Queue<Received>,
     /// Samples of a plant outside; `None`: they come over no socket.
     samples: Option<Queue<Stamped<PlantSample>>>,
     stations: Vec<Station>,
@@ -73,7 +73,7 @@ struct Station {
     thread: Option<JoinHandle<Result<PortReading, RunError>>>,
 }
 
-impl Radio {
+impl LinkThread {
     /// Starts one thread per port, one per chip with trigger lines, and one for pulses where there is a source.
     ///
     /// # Errors
@@ -90,31 +90,31 @@ impl Radio {
         let pulses = pulses.map(|pulses| PulseThread::start(pulses, arrived.clone(), clock)).transpose()?;
         let edges = |chip| EdgeThread::start(chip, arrived.clone(), clock, hygiene.map(Arc::clone));
         let chips = chips.into_iter().map(edges).collect::<Result<_, _>>()?;
-        let mut radio = Self { received, samples, stations: Vec::with_capacity(ports.len()), pulses, chips };
+        let mut link_thread = Self { received, samples, stations: Vec::with_capacity(ports.len()), pulses, chips };
         for (number, port) in ports.into_iter().enumerate() {
             let own = Own { number, port, arrived: arrived.clone(), clock: Arc::clone(clock) };
-            radio.stations.push(Station::start(own, hygiene.map(Arc::clone))?);
+            link_thread.stations.push(Station::start(own, hygiene.map(Arc::clone))?);
         }
-        Ok(radio)
+        Ok(link_thread)
     }
 
     /// What has arrived.
-    pub(super) fn arrived(&self) -> impl Iterator<Item = Heard> {
+    pub(super) fn arrived(&self) -> impl Iterator<Item = Received> {
         let samples = self.samples.iter().flat_map(Queue::try_iter);
-        self.received.try_iter().chain(samples.map(Heard::Sample))
+        self.received.try_iter().chain(samples.map(Received::Sample))
     }
 
     /// Waits for a message, this long at most.
-    pub(super) fn wait(&self, at_most: Duration) -> Option<Heard> {
+    pub(super) fn wait(&self, at_most: Duration) -> Option<Received> {
         if let Some(samples) = &self.samples {
             return select! {
-                recv(self.received) -> heard => heard.ok(),
-                recv(samples) -> sample => sample.ok().map(Heard::Sample),
+                recv(self.received) -> got => got.ok(),
+                recv(samples) -> sample => sample.ok().map(Received::Sample),
                 default(at_most) => None,
             };
         }
         match self.received.recv_timeout(at_most) {
-            Ok(heard) => Some(heard),
+            Ok(got) => Some(got),
             Err(RecvTimeoutError::Timeout) => None,
             Err(RecvTimeoutError::Disconnected) => {
                 std::thread::sleep(at_most);
@@ -208,7 +208,7 @@ impl Drop for Station {
     /// A run that could not start leaves no thread behind.
     fn drop(&mut self) {
         if self.thread.is_some() {
-            let _nobody_asks = self.finish();
+            let _no_one_asks = self.finish();
         }
     }
 }
@@ -217,7 +217,7 @@ impl Drop for Station {
 struct Own {
     number: usize,
     port: Port,
-    arrived: Sender<Heard>,
+    arrived: Sender<Received>,
     clock: Arc<dyn Clock>,
 }
 
@@ -235,7 +235,8 @@ impl Own {
             }
             let polled = self.port.poll(self.clock.now() + SEND_POLL)?;
             if let Polled::Input(message) = polled {
-                overflows += u64::from(self.arrived.try_send(Heard::Message { port: self.number, message }).is_err());
+                overflows +=
+                    u64::from(self.arrived.try_send(Received::Message { port: self.number, message }).is_err());
             }
             shared.publish(&PortReading::of(&self.port, overflows));
         }
@@ -254,14 +255,14 @@ struct PulseThread {
 }
 
 impl PulseThread {
-    fn start(mut pulses: Pps, arrived: Sender<Heard>, clock: &Arc<dyn Clock>) -> Result<Self, RunError> {
+    fn start(mut pulses: Pps, arrived: Sender<Received>, clock: &Arc<dyn Clock>) -> Result<Self, RunError> {
         let stop = Arc::new(AtomicBool::new(false));
         let (stopped, clock) = (Arc::clone(&stop), Arc::clone(clock));
         let look = move || {
             while !stopped.load(Ordering::Relaxed) {
                 clock.sleep_until(clock.now() + PULSE_POLL);
                 if let Some(at) = pulses.poll(PairedReading::take(&*clock)) {
-                    let _a_pulse_lost_is_followed_by_another = arrived.try_send(Heard::Pulse(at));
+                    let _a_pulse_lost_is_followed_by_another = arrived.try_send(Received::Pulse(at));
                 }
             }
         };
@@ -280,7 +281,7 @@ impl Drop for PulseThread {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
-            let _nobody_asks = thread.join();
+            let _no_one_asks = thread.join();
         }
     }
 }
@@ -289,22 +290,22 @@ impl Drop for PulseThread {
 mod tests {
     use super::*;
 
-    fn radio_with(look: impl FnOnce() + Send + 'static) -> Radio {
+    fn link_thread_with(look: impl FnOnce() + Send + 'static) -> LinkThread {
         let (_arrived, received) = bounded(1);
         let thread = std::thread::Builder::new().name("pps".into()).spawn(look).unwrap();
         let pulses = PulseThread { stop: Arc::default(), thread: Some(thread) };
-        Radio { received, samples: None, stations: Vec::new(), pulses: Some(pulses), chips: Vec::new() }
+        LinkThread { received, samples: None, stations: Vec::new(), pulses: Some(pulses), chips: Vec::new() }
     }
 
     #[test]
     fn pulse_thread_that_panics_is_reported_as_lost() {
         let (gate, opened) = bounded::<()>(0);
-        let waiting = radio_with(move || {
+        let waiting = link_thread_with(move || {
             let _ = opened.recv();
         });
         assert!(!waiting.has_lost_pulses(), "control: at work");
         drop(gate);
-        let broken = radio_with(|| panic!("as the test wants it"));
+        let broken = link_thread_with(|| panic!("as the test wants it"));
         while !broken.pulses.as_ref().unwrap().thread.as_ref().unwrap().is_finished() {
             std::thread::sleep(Duration::from_millis(1));
         }

@@ -1,4 +1,4 @@
-"""What a web page can do to a run: nothing. python3 hil_scripts/test_doors.py
+"""What a web page can do to a run: nothing. python3 hil_scripts/test_services.py
 
 A real browser sends cross-origin POST requests, with bodies that the ports would obey, to the slcan, socketcand and control
 ports, while a flight computer flies over one of them. STARLOOP_BINARY names the program (default target/release/starloop),

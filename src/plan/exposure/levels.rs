@@ -6,7 +6,7 @@ use core::fmt;
 
 /// How far a frame was degraded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
-pub enum Rung {
+pub enum Degradation {
     /// Not at all.
     #[default]
     Full,
@@ -22,7 +22,7 @@ pub enum Rung {
     BrightStarsOnly,
 }
 
-impl Rung {
+impl Degradation {
     /// The last level that is taken unless the user names another one: those below it leave out motion, or stars that can be seen.
     pub const LAST_BY_DEFAULT: Self = Self::Budget10;
 
@@ -59,7 +59,7 @@ impl Rung {
     /// The next rung down; `None` at the end.
     #[must_use]
     pub fn next(self) -> Option<Self> {
-        let at = Self::ALL.iter().position(|rung| *rung == self)?;
+        let at = Self::ALL.iter().position(|degradation| *degradation == self)?;
         Self::ALL.get(at + 1).copied()
     }
 
@@ -83,7 +83,7 @@ impl Rung {
     }
 }
 
-impl fmt::Display for Rung {
+impl fmt::Display for Degradation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())
     }
@@ -94,15 +94,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rungs_are_taken_in_order_and_only_ever_give_up_more() {
+    fn degradations_are_taken_in_order_and_only_ever_give_up_more() {
         let budget = AccuracyBudget::default();
-        let mut rung = Rung::Full;
-        while let Some(next) = rung.next() {
-            assert!(next > rung);
-            assert!(next.loosened(&budget).centroid_px >= rung.loosened(&budget).centroid_px, "{next}");
-            assert!(next.cut_off_sigma(&budget) >= rung.cut_off_sigma(&budget), "{next}");
-            rung = next;
+        let mut degradation = Degradation::Full;
+        while let Some(next) = degradation.next() {
+            assert!(next > degradation);
+            assert!(next.loosened(&budget).centroid_px >= degradation.loosened(&budget).centroid_px, "{next}");
+            assert!(next.cut_off_sigma(&budget) >= degradation.cut_off_sigma(&budget), "{next}");
+            degradation = next;
         }
-        assert_eq!(rung, Rung::BrightStarsOnly);
+        assert_eq!(degradation, Degradation::BrightStarsOnly);
     }
 }

@@ -16,7 +16,7 @@ pub(super) enum Turn {
 }
 
 /// A surface of images that a monitor takes one by one.
-pub(super) trait Glass {
+pub(super) trait Panel {
     /// Waits for a free image: a second at most.
     fn turn(&mut self) -> Turn;
 
