@@ -13,7 +13,7 @@ pub struct Payload {
 }
 
 impl Payload {
-    /// The bytes.
+    /// Returns the bytes.
     #[must_use]
     pub fn as_slice(&self) -> &[u8] {
         self.bytes.get(..self.len).unwrap_or(&[])
@@ -48,7 +48,7 @@ impl Writer {
         self.put(&value.to_le_bytes())
     }
 
-    /// The low 24 bits.
+    /// Returns the low 24 bits.
     pub(crate) fn u24(&mut self, value: u32) -> &mut Self {
         let [a, b, c, _] = value.to_le_bytes();
         self.put(&[a, b, c])
@@ -108,7 +108,7 @@ impl<'a> Reader<'a> {
         self.take().map(u32::from_le_bytes)
     }
 
-    /// Finite floats only.
+    /// Returns the finite floats only.
     pub(crate) fn f32s<const N: usize>(&mut self) -> Result<[f32; N], Reject> {
         let mut values = [0.0; N];
         for value in &mut values {

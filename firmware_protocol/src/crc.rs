@@ -44,7 +44,7 @@ impl Crc16 {
         }))
     }
 
-    /// The CRC.
+    /// Returns the CRC.
     #[must_use]
     pub const fn value(self) -> u16 {
         self.0

@@ -92,26 +92,27 @@ impl Handshake {
         Self { dbc_crc32, rates, capabilities: 0, agreed: false, peer_minor: 0, running: false, last: None }
     }
 
-    /// The same with [`capability`] bits to tell; none without this.
+    /// Returns the same with [`capability`] bits to tell; none without this.
     #[must_use]
     pub const fn with_capabilities(mut self, capabilities: u16) -> Self {
         self.capabilities = capabilities;
         self
     }
 
-    /// True between an accepted RUN and the next STOP or refused HELLO.
+    /// Returns true between an accepted RUN and the next STOP or refused HELLO.
     #[must_use]
     pub const fn is_running(&self) -> bool {
         self.running
     }
 
-    /// The one answer to a command, by a side that takes no triggers; APPLY puts uploaded rows of `tables` into effect.
+    /// Returns the one answer to a command, by a side that takes no triggers; APPLY puts uploaded rows of `tables` into
+    /// effect.
     pub fn answer(&mut self, command: &Command, tables: &mut TableStore) -> Answer {
         self.answer_with(command, tables, |_| Err(Refusal::UnknownOpcode))
     }
 
-    /// The same by a side that takes triggers, if it says so in its capabilities: `fire` takes one in, or says why not.
-    /// It is not called again for a retry.
+    /// Returns the same by a side that takes triggers, if it says so in its capabilities: `fire` takes one in, or says
+    /// why not. It is not called again for a retry.
     pub fn answer_with(
         &mut self,
         command: &Command,
@@ -121,7 +122,7 @@ impl Handshake {
         self.answer_by(command, tables, &mut ByFiring(Some(fire)))
     }
 
-    /// The same by a side that takes what its capabilities name: `takes` takes it in, or says why not.
+    /// Returns the same by a side that takes what its capabilities name: `takes` takes it in, or says why not.
     pub fn answer_by(&mut self, command: &Command, tables: &mut TableStore, takes: &mut impl Takes) -> Answer {
         if let Some((last, response)) = self.last
             && last == *command

@@ -13,7 +13,7 @@ macro_rules! rejects {
             /// Every reason, in the order of the codes.
             pub const ALL: [Self; REASONS] = [$(Self::$name,)+];
 
-            /// Its name in reports.
+            /// Returns its name in reports.
             #[must_use]
             pub const fn name(self) -> &'static str {
                 match self { $(Self::$name => stringify!($name),)+ }
@@ -58,13 +58,13 @@ rejects! {
 }
 
 impl Reject {
-    /// The reason of a STATUS code.
+    /// Returns the reason of a STATUS code.
     #[must_use]
     pub fn from_code(code: u8) -> Option<Self> {
         Self::ALL.get(usize::from(code)).copied()
     }
 
-    /// The code in STATUS.
+    /// Returns the code in STATUS.
     #[must_use]
     pub const fn code(self) -> u8 {
         self as u8
@@ -105,7 +105,7 @@ impl RejectCounters {
         self.counts.iter().fold(0, |sum, count| sum.saturating_add(*count))
     }
 
-    /// Each reason with its count.
+    /// Returns each reason with its count.
     pub fn iter(&self) -> impl Iterator<Item = (Reject, u32)> + '_ {
         Reject::ALL.into_iter().zip(self.counts)
     }

@@ -16,7 +16,7 @@ impl Scale {
         (1 << (self.bits - 1)) - 1
     }
 
-    /// The nearest count; refused when it does not fit.
+    /// Returns the nearest count; refused when it does not fit.
     pub(crate) fn counts(self, value: f32) -> Result<i32, EncodeError> {
         let counts = f64::from(value) / self.lsb;
         let nearest = counts + 0.5_f64.copysign(counts);
@@ -29,7 +29,7 @@ impl Scale {
         }
     }
 
-    /// The value of a count; the lowest is no value.
+    /// Returns the value of a count; the lowest is no value.
     pub(crate) fn value(self, counts: i32) -> Result<f32, Reject> {
         if counts < -self.limit() {
             return Err(Reject::UnknownValue);
@@ -49,7 +49,7 @@ impl Scale {
         Ok(word)
     }
 
-    /// The inverse of [`Self::pack`].
+    /// Returns the inverse of [`Self::pack`].
     pub(crate) fn unpack<const N: usize>(self, word: u64) -> Result<[f32; N], Reject> {
         let mut values = [0.0; N];
         let mut rest = word;

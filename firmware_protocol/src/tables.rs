@@ -76,7 +76,7 @@ pub trait Row: Sized {
     /// Its values, one per column.
     type Cells: AsRef<[f32]>;
 
-    /// The values in the order of the columns.
+    /// Returns the values in the order of the columns.
     fn cells(&self) -> Self::Cells;
 }
 
@@ -110,7 +110,7 @@ impl Row for HarmonicRow {
     }
 }
 
-/// The messages that upload `rows`, row by row.
+/// Returns the messages that upload `rows`, row by row.
 pub fn cells<R: Row>(rows: &[R]) -> impl Iterator<Item = TableCell> + '_ {
     let values_of = |row: &R, number: u8| {
         let values = row.cells();
@@ -122,7 +122,7 @@ pub fn cells<R: Row>(rows: &[R]) -> impl Iterator<Item = TableCell> + '_ {
     (0..R::TABLE.rows_max()).zip(rows).flat_map(move |(number, row)| values_of(row, number))
 }
 
-/// The CRC-16 that APPLY carries: over all values, row by row, each as f32, little-endian.
+/// Returns the CRC-16 that APPLY carries: over all values, row by row, each as f32, little-endian.
 #[must_use]
 pub fn crc<R: Row>(rows: &[R]) -> u16 {
     rows.iter().fold(Crc16::new(), |crc, row| over_values(crc, row.cells().as_ref())).value()
@@ -203,7 +203,7 @@ impl Default for TableStore {
 }
 
 impl TableStore {
-    /// Empty tables.
+    /// Returns the empty tables.
     #[must_use]
     pub const fn new() -> Self {
         Self { lines: Sheet::EMPTY, psd: Sheet::EMPTY, harmonics: Sheet::EMPTY, psd_seed: 0 }
@@ -237,7 +237,7 @@ impl TableStore {
         Ok(Applied { table, rows })
     }
 
-    /// Lines in effect.
+    /// Returns lines in effect.
     pub fn lines(&self) -> impl Iterator<Item = LineRow> + '_ {
         self.lines.in_effect().iter().map(|&[frequency_hz, x, y, z, phase_rad]| LineRow {
             frequency_hz,
@@ -254,13 +254,13 @@ impl TableStore {
             .map(|&[frequency_hz, x, y, z]| PsdRow { frequency_hz, density_xyz_arcsec2_hz: [x, y, z] })
     }
 
-    /// Seed of the noise of [`Self::psd`].
+    /// Returns the seed of the noise of [`Self::psd`].
     #[must_use]
     pub const fn psd_seed(&self) -> u16 {
         self.psd_seed
     }
 
-    /// Wheel harmonics in effect.
+    /// Returns the wheel harmonics in effect.
     pub fn harmonics(&self) -> impl Iterator<Item = HarmonicRow> + '_ {
         self.harmonics.in_effect().iter().map(|&[wheel, harmonic, x, y, z, exponent, phase_rad]| HarmonicRow {
             #[allow(

@@ -91,7 +91,7 @@ impl<To, From> Rotation<To, From> {
         Self::from_quat(DQuat::from_mat3(&DMat3::from_cols(x, y, z).transpose()))
     }
 
-    /// Rotation of axes `To` away from `From` by a rotation vector (rad) written in either: `exp(-v/2)`.
+    /// Returns the rotation of axes `To` away from `From` by a rotation vector (rad) written in either: `exp(-v/2)`.
     #[must_use]
     pub fn from_rotation_vector(v_rad: DVec3) -> Self {
         Self { q: DQuat::from_scaled_axis(-v_rad), axes: PhantomData }
@@ -104,19 +104,19 @@ impl<To, From> Rotation<To, From> {
         [s * self.q.w, s * self.q.x, s * self.q.y, s * self.q.z]
     }
 
-    /// The same quaternion as `glam` stores it.
+    /// Returns the same quaternion as `glam` stores it.
     #[must_use]
     pub fn quat(&self) -> DQuat {
         self.q
     }
 
-    /// The direction-cosine matrix `C` with `v_to = C v_from`.
+    /// Returns the direction-cosine matrix `C` with `v_to = C v_from`.
     #[must_use]
     pub fn matrix(&self) -> DMat3 {
         DMat3::from_quat(self.q)
     }
 
-    /// The opposite rotation.
+    /// Returns the opposite rotation.
     #[must_use]
     pub fn inverse(&self) -> Rotation<From, To> {
         Rotation { q: self.q.conjugate(), axes: PhantomData }
@@ -129,8 +129,8 @@ impl<To, From> Rotation<To, From> {
         self.q * v_from
     }
 
-    /// Rotation vector (rad, in `To` axes) that takes `self` to `later`: the inverse of [`Self::rotated_by`].
-    /// Signs are aligned first: `q` and `-q` are one attitude.
+    /// Returns the rotation vector (rad, in `To` axes) that takes `self` to `later`: the inverse of
+    /// [`Self::rotated_by`]. Signs are aligned first: `q` and `-q` are one attitude.
     #[must_use]
     pub fn rotation_vector_to(&self, later: &Self) -> DVec3 {
         let mut d = later.q * self.q.conjugate();
@@ -143,7 +143,7 @@ impl<To, From> Rotation<To, From> {
         -v * scale
     }
 
-    /// Attitude after the `To` axes have turned by the rotation vector (rad, in `To` axes):
+    /// Returns the attitude after the `To` axes have turned by the rotation vector (rad, in `To` axes):
     /// `exp(-v/2) * q`.
     #[must_use]
     pub fn rotated_by(&self, v_rad: DVec3) -> Self {
@@ -158,8 +158,8 @@ impl<To, Mid, From> Mul<Rotation<Mid, From>> for Rotation<To, Mid> {
     }
 }
 
-/// Attitude of a sensor whose boresight points at (`ra_rad`, `dec_rad`); `roll_rad` is the position angle, east of
-/// north, of the image's up direction (towards row 0). With roll 0 north is up and east is left.
+/// Returns the attitude of a sensor whose boresight points at (`ra_rad`, `dec_rad`); `roll_rad` is the position angle,
+/// east of north, of the image's up direction (towards row 0). With roll 0 north is up and east is left.
 #[must_use]
 pub fn sensor_from_ra_dec_roll(ra_rad: f64, dec_rad: f64, roll_rad: f64) -> Rotation<Sensor, Icrf> {
     let (sin_ra, cos_ra) = ra_rad.sin_cos();
@@ -171,7 +171,7 @@ pub fn sensor_from_ra_dec_roll(ra_rad: f64, dec_rad: f64, roll_rad: f64) -> Rota
     Rotation::from_axes(down.cross(boresight), down, boresight)
 }
 
-/// Right ascension in `0..2 pi`, declination and roll (rad) of an attitude: the inverse of
+/// Returns the right ascension in `0..2 pi`, declination and roll (rad) of an attitude: the inverse of
 /// [`sensor_from_ra_dec_roll`]. At a pole the right ascension is the one `atan2` gives and roll follows it.
 #[must_use]
 pub fn ra_dec_roll(sensor_from_icrf: &Rotation<Sensor, Icrf>) -> [f64; 3] {

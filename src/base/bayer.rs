@@ -66,7 +66,7 @@ impl BayerPattern {
         }
     }
 
-    /// Whether red is in odd columns and in odd rows, counted from 0.
+    /// Returns whether red is in odd columns and in odd rows, counted from 0.
     const fn red_at(self) -> [bool; 2] {
         match self {
             Self::Rggb => [false, false],

@@ -8,11 +8,11 @@ use std::time::{Duration, Instant, SystemTime};
 
 /// A source of time that can also wait.
 pub trait Clock: Send + Sync {
-    /// The present instant.
+    /// Returns the present instant.
     fn now(&self) -> Tai;
     /// Returns at `at` or just after it; at once when `at` has passed.
     fn sleep_until(&self, at: Tai);
-    /// True when waiting takes wall time (a bench), false when time is only simulated.
+    /// Returns whether waiting takes wall time (a bench), false when time is only simulated.
     fn is_real(&self) -> bool;
 }
 
@@ -24,7 +24,7 @@ pub struct Monotonic {
 }
 
 impl Monotonic {
-    /// A clock that reads `at` now: a bench that plays another time of the sky.
+    /// Returns a clock that reads `at` now: a bench that plays another time of the sky.
     #[must_use]
     #[allow(clippy::disallowed_methods, reason = "the one place that reads the machine's clocks")]
     pub fn start_at(at: Tai) -> Self {
@@ -73,7 +73,7 @@ pub struct Virtual {
 }
 
 impl Virtual {
-    /// A virtual clock that stands at `start`.
+    /// Returns a virtual clock that stands at `start`.
     #[must_use]
     pub fn new(start: Tai) -> Self {
         Self { now_ns: AtomicI64::new(start.ns()) }
@@ -154,7 +154,7 @@ impl Stopwatch {
         Self { from: Instant::now() }
     }
 
-    /// Wall time since the start (or the last lap), and starts the next lap.
+    /// Returns the wall time since the start (or the last lap), and starts the next lap.
     #[allow(clippy::disallowed_methods, reason = "the one place that reads the machine's clocks")]
     pub fn lap(&mut self) -> Span {
         let now = Instant::now();

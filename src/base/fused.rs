@@ -3,7 +3,7 @@
 /// Adding this to a float of magnitude below 2^22 leaves its nearest integer in the low bits.
 const INTEGER_MAGIC: f32 = 12_582_912.0; // 1.5 * 2^23
 
-/// The low bits of a whole number below 2^22 in magnitude, in two's complement (take as many as 22 of them).
+/// Returns the low bits of a whole number below 2^22 in magnitude, in two's complement (take as many as 22 of them).
 /// An `as` cast saturates, and so does not vectorise.
 #[inline(always)]
 #[must_use]

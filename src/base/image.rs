@@ -14,7 +14,7 @@ pub type ElectronImage = Image<f32>;
 pub type DnImage = Image<u16>;
 
 impl<T: Copy + Default> Image<T> {
-    /// An image of default (zero) pixels.
+    /// Returns an image of default (zero) pixels.
     #[must_use]
     pub fn new(width: usize, height: usize) -> Self {
         Self { width, height, data: vec![T::default(); width * height] }
@@ -34,25 +34,25 @@ impl<T> Image<T> {
         self.height
     }
 
-    /// All pixels, row by row from the top.
+    /// Returns all pixels, row by row from the top.
     #[must_use]
     pub fn pixels(&self) -> &[T] {
         &self.data
     }
 
-    /// All pixels, writable.
+    /// Returns all pixels, writable.
     pub fn pixels_mut(&mut self) -> &mut [T] {
         &mut self.data
     }
 
-    /// The rows from the top.
+    /// Returns the rows from the top.
     pub fn rows(&self) -> impl Iterator<Item = &[T]> {
         self.data.chunks_exact(self.width.max(1))
     }
 }
 
 impl<T: Copy> Image<T> {
-    /// The pixel in column `x`, row `y`, or `None` outside the image.
+    /// Returns the pixel in column `x`, row `y`, or `None` outside the image.
     #[must_use]
     pub fn get(&self, x: usize, y: usize) -> Option<T> {
         if x < self.width { self.data.get(y * self.width + x).copied() } else { None }

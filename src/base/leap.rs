@@ -50,7 +50,7 @@ pub(super) fn tai_less_utc_of_unix_s(unix_s: i64) -> i64 {
     TABLE.iter().rev().find(|row| unix_s >= row.0).map_or(0, |row| row.1)
 }
 
-/// True inside a second 60. (The ten seconds of 1972-01-01 were no leap seconds.)
+/// Returns true inside a second 60. (The ten seconds of 1972-01-01 were no leap seconds.)
 pub(super) fn is_leap_second(tai_ns: i64) -> bool {
     let begins_ns = |(unix_s, after): &(i64, i64)| (unix_s + after - 1) * NS_PER_S;
     TABLE.iter().skip(1).any(|row| (begins_ns(row)..begins_ns(row) + NS_PER_S).contains(&tai_ns))

@@ -18,7 +18,8 @@ pub struct Basis {
 }
 
 impl Basis {
-    /// The basis of columns of equal length; `None` when one depends on the others, or there are more columns than rows.
+    /// Returns the basis of columns of equal length; `None` when one depends on the others, or there are more columns
+    /// than rows.
     #[must_use]
     pub fn of(columns: Vec<Vec<f64>>) -> Option<Self> {
         let mut basis = Self { q: Vec::new(), r: Vec::new(), lengths: Vec::new() };
@@ -52,7 +53,7 @@ impl Basis {
         (rest > DEPENDENT).then_some(shares)
     }
 
-    /// Coefficients of the columns whose sum is nearest to `values`.
+    /// Returns coefficients of the columns whose sum is nearest to `values`.
     #[must_use]
     pub fn solve(&self, values: &[f64]) -> Vec<f64> {
         let count = self.q.len();
@@ -71,8 +72,8 @@ impl Basis {
         coefficients.iter().zip(&self.lengths).map(|(c, length)| c / length).collect()
     }
 
-    /// How far a row decides its own fitted value, 0 to 1: a residual over one less this is what it would be without the
-    /// row.
+    /// Returns how far a row decides its own fitted value, 0 to 1: a residual over one less this is what it would be
+    /// without the row.
     #[must_use]
     pub fn leverage(&self, row: usize) -> f64 {
         self.q.iter().map(|q| q[row] * q[row]).sum()
@@ -83,7 +84,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// The middle value; of an even number the upper of the two middle ones. Not a number of nothing.
+/// Returns the middle value; of an even number the upper of the two middle ones. Not a number of nothing.
 #[must_use]
 pub fn median(values: &mut [f64]) -> f64 {
     if values.is_empty() {
@@ -93,7 +94,7 @@ pub fn median(values: &mut [f64]) -> f64 {
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
-/// Root of the mean square; 0 of nothing.
+/// Returns the root of the mean square; 0 of nothing.
 #[must_use]
 pub fn rms(values: impl Iterator<Item = f64> + Clone) -> f64 {
     let count = values.clone().count().max(1) as f64;

@@ -80,14 +80,14 @@ fn promised() -> Option<u64> {
     Some(number("CommitLimit:")?.saturating_sub(number("Committed_AS:")?))
 }
 
-/// A line such as `MemAvailable:   123 kB`, in bytes.
+/// Returns a line such as `MemAvailable:   123 kB`, in bytes.
 fn number_of(path: &str, key: &str) -> Option<u64> {
     let text = std::fs::read_to_string(path).ok()?;
     let line = text.lines().find_map(|line| line.strip_prefix(key))?;
     line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
 }
 
-/// The least that is left in the control group of this process and those above it.
+/// Returns the least that is left in the control group of this process and those above it.
 fn control_group() -> Option<u64> {
     let own = std::fs::read_to_string("/proc/self/cgroup").ok()?;
     let own = own.lines().find_map(|line| line.strip_prefix("0::"))?.trim_start_matches('/');

@@ -72,20 +72,20 @@ fn high(product: u64) -> u32 {
     (product >> 32) as u32
 }
 
-/// The key of a seed.
+/// Returns the key of a seed.
 #[must_use]
 pub fn key(seed: u64) -> [u32; 2] {
     [low(seed), high(seed)]
 }
 
-/// Counter of block `block` of `frame` for `stage`.
+/// Returns the counter of block `block` of `frame` for `stage`.
 #[inline(always)]
 #[must_use]
 pub fn counter(frame: u32, block: u32, stage: Stage) -> [u32; 4] {
     [block, frame, stage as u32, 0]
 }
 
-/// Counter of attempt `attempt` of `block`, where one draw may need several blocks of words.
+/// Returns the counter of attempt `attempt` of `block`, where one draw may need several blocks of words.
 #[inline(always)]
 #[must_use]
 pub fn attempt_counter(frame: u32, block: u32, stage: Stage, attempt: u32) -> [u32; 4] {

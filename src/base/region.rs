@@ -221,7 +221,7 @@ impl core::fmt::Display for Region {
 }
 
 impl core::fmt::Display for Regions {
-    /// The regions with `+` between them; nothing for the whole image.
+    /// Returns the regions with `+` between them; nothing for the whole image.
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         for (number, region) in self.as_slice().iter().enumerate() {
             write!(f, "{}{region}", if number == 0 { "" } else { "+" })?;

@@ -94,7 +94,7 @@ impl Tai {
         Self { ns }
     }
 
-    /// Nanoseconds of TAI since 1970-01-01T00:00:00 TAI.
+    /// Returns nanoseconds of TAI since 1970-01-01T00:00:00 TAI.
     #[must_use]
     pub const fn ns(self) -> i64 {
         self.ns
@@ -134,38 +134,38 @@ impl Tai {
         format!("{y:04}-{mo:02}-{d:02}T{h:02}:{mi:02}:{s:02}.{:06}Z", ns / 1000)
     }
 
-    /// Nanoseconds UTC since 1970-01-01T00:00:00 UTC, as Unix time counts them: exact; a leap second and the second after
-    /// it have the same counts.
+    /// Returns nanoseconds UTC since 1970-01-01T00:00:00 UTC, as Unix time counts them: exact; a leap second and the
+    /// second after it have the same counts.
     #[must_use]
     pub fn to_unix_ns(self) -> i64 {
         self.utc_count_ns()
     }
 
-    /// The instant of a Unix time; the later of two where a leap second made it count twice.
+    /// Returns the instant of a Unix time; the later of two where a leap second made it count twice.
     #[must_use]
     pub fn from_unix_ns(unix_ns: i64) -> Self {
         Self { ns: unix_ns.saturating_add(leap::tai_less_utc_of_unix_s(unix_ns.div_euclid(NS_PER_S)) * NS_PER_S) }
     }
 
-    /// Nanoseconds of terrestrial time since 1970-01-01T00:00:00 TT.
+    /// Returns nanoseconds of terrestrial time since 1970-01-01T00:00:00 TT.
     #[must_use]
     pub const fn to_tt_ns(self) -> i64 {
         self.ns.saturating_add(TT_LESS_TAI_NS)
     }
 
-    /// The instant of a terrestrial time.
+    /// Returns the instant of a terrestrial time.
     #[must_use]
     pub const fn from_tt_ns(tt_ns: i64) -> Self {
         Self { ns: tt_ns.saturating_sub(TT_LESS_TAI_NS) }
     }
 
-    /// Nanoseconds of GPS time since its epoch, 1980-01-06T00:00:00 UTC.
+    /// Returns nanoseconds of GPS time since its epoch, 1980-01-06T00:00:00 UTC.
     #[must_use]
     pub const fn to_gps_ns(self) -> i64 {
         self.ns.saturating_sub(GPS_EPOCH_NS)
     }
 
-    /// The instant of a GPS time.
+    /// Returns the instant of a GPS time.
     #[must_use]
     pub const fn from_gps_ns(gps_ns: i64) -> Self {
         Self { ns: gps_ns.saturating_add(GPS_EPOCH_NS) }
@@ -175,7 +175,7 @@ impl Tai {
         self.ns.saturating_sub(leap::tai_less_utc_s(self.ns) * NS_PER_S)
     }
 
-    /// Julian years (TDB) since J2000.0: the argument of space motion and of ephemerides.
+    /// Returns the Julian years (TDB) since J2000.0: the argument of space motion and of ephemerides.
     #[must_use]
     pub fn years_since_j2000(self) -> f64 {
         self.days_tdb_since_j2000() / JULIAN_YEAR_D
@@ -187,7 +187,7 @@ impl Tai {
         self.epoch().to_tdb_seconds() / DAY_S
     }
 
-    /// Seconds UTC since 1970-01-01T00:00:00 UTC, as Unix time counts them.
+    /// Returns seconds UTC since 1970-01-01T00:00:00 UTC, as Unix time counts them.
     #[must_use]
     pub fn unix_s(self) -> f64 {
         self.to_unix_ns() as f64 / NS_PER_S as f64

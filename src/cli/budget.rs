@@ -155,7 +155,7 @@ fn limits(bench: &Bench, engine: &FrameEngine) -> BudgetLimits {
     limits
 }
 
-/// The planner's time for drawing; with the detector's where a device does both in one go.
+/// Returns the planner's time for drawing; with the detector's where a device does both in one go.
 fn derived_render_ms(engine: &FrameEngine) -> Option<f64> {
     let params = engine.params();
     let RunParams { camera, cost, .. } = params;

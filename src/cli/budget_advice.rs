@@ -13,7 +13,7 @@ use run::runtime::load::ratio_of;
 use run::wiring::bench_parts;
 use testbed::flight_computer::FlightComputer;
 
-/// Lines of advice; none when nothing is broken.
+/// Returns lines of advice; none when nothing is broken.
 ///
 /// # Errors
 /// When the frame cannot be planned again.

@@ -138,8 +138,8 @@ pub struct Costs {
     pub origin: String,
 }
 
-/// The constants measured for this backend on this machine, if there are any. A cache that cannot be used is told of
-/// in one line on the error stream.
+/// Returns the constants measured for this backend on this machine, if there are any. A cache that cannot be used is
+/// told of in one line on the error stream.
 #[must_use]
 pub fn costs_here(imager: &Imager, only_built_in: bool) -> Costs {
     let built_in = |why: &str| Costs { measured: None, origin: format!("built in ({why})") };

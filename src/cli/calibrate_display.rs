@@ -224,7 +224,7 @@ fn plan(arguments: &PlanArgs) -> Result<()> {
     Ok(())
 }
 
-/// The plan and all images save the one of a display that is off.
+/// Returns the plan and all images save the one of a display that is off.
 pub(super) fn write_plan(plan: &Plan, folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder).with_context(|| format!("the folder {}", folder.display()))?;
     let text = plan.to_toml()?;
@@ -288,7 +288,7 @@ fn fit_measurements(arguments: &FitArgs) -> Result<()> {
     Ok(())
 }
 
-/// All that was measured, from folders and tables.
+/// Returns all that was measured, from folders and tables.
 fn measurements(arguments: &FitArgs, plan: &Plan, camera: &Camera) -> Result<Measurements> {
     let mut all = Measurements::default();
     for path in &arguments.measurements {
@@ -305,7 +305,7 @@ fn measurements(arguments: &FitArgs, plan: &Plan, camera: &Camera) -> Result<Mea
     Ok(all)
 }
 
-/// When the measurements were made: as somebody says, or as the first frame says.
+/// Returns when the measurements were made: as somebody says, or as the first frame says.
 fn measured(arguments: &FitArgs, first: Option<Result<Tai>>) -> Result<Tai> {
     match (&arguments.measured, first) {
         (Some(text), _) => date_of(text).context("--measured"),

@@ -34,7 +34,7 @@ pub(super) struct SimulateArgs {
     out: Option<PathBuf>,
 }
 
-/// The simulated tracker as a camera file. Its pixels are 10 um.
+/// Returns the simulated tracker as a camera file. Its pixels are 10 um.
 fn tracker_file(truth: &BenchTruth) -> String {
     let ([width, height], [x, y]) = (truth.tracker_px, truth.tracker_centre_px);
     format!(
@@ -47,7 +47,7 @@ fn tracker_file(truth: &BenchTruth) -> String {
     )
 }
 
-/// A bench that shows stars on the simulated display: in a window, since there is no such monitor.
+/// Returns a bench that shows stars on the simulated display: in a window, since there is no such monitor.
 fn bench_file(display: &DisplayIdentity) -> String {
     let (width, height) = (display.width_px, display.height_px);
     format!(
@@ -124,7 +124,7 @@ fn simulated_sights(bench: &mut DisplayBench, plan: &Plan) -> Vec<Sight> {
     sights
 }
 
-/// Largest error of the map over what its dots cover, display px.
+/// Returns the largest error of the map over what its dots cover, display px.
 fn worst_error_px(truth: &BenchTruth, fitted: &Fitted) -> f64 {
     const STEPS: u32 = 40;
     let [left, right, top, bottom] = fitted.map.geometry.covered().range_px();

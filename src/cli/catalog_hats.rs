@@ -88,7 +88,8 @@ impl Input {
     }
 }
 
-/// The files that are named, those of catalogs one by one. `epoch_yr` must be that of the catalogs that say theirs.
+/// Returns the files that are named, those of catalogs one by one. `epoch_yr` must be that of the catalogs that say
+/// theirs.
 pub(super) fn inputs(paths: &[PathBuf], names: &Names, epoch_yr: f64) -> anyhow::Result<Vec<Input>> {
     let mut inputs = Vec::new();
     for path in paths {

@@ -172,7 +172,7 @@ pub(super) fn print_layer(report: &LayerReport, out: &mut impl Write) -> anyhow:
     Ok(())
 }
 
-/// How files are read: by this an import that goes on tells that it would read the others in the same way.
+/// Returns how files are read: by this an import that goes on tells that it would read the others in the same way.
 fn options(args: &ImportArgs) -> String {
     let renamed = args.columns.iter().filter_map(|column| column.split_once('='));
     // As it comes out in the end, whatever the order of the arguments.
@@ -202,7 +202,7 @@ fn names(columns: &[String]) -> anyhow::Result<Names> {
     Ok(names)
 }
 
-/// The name of a file without its folder: it may be moved between two tries.
+/// Returns the name of a file without its folder: it may be moved between two tries.
 pub(super) fn name_of(path: &Path) -> anyhow::Result<String> {
     let name = path.file_name().and_then(|name| name.to_str());
     name.map(str::to_owned).with_context(|| format!("{}: wanted a file with a readable name", path.display()))

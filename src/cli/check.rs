@@ -44,7 +44,7 @@ pub struct CheckArgs {
     settings: Vec<String>,
 }
 
-/// The keys of `[[event]]`, from the list that files are checked by.
+/// Returns the keys of `[[event]]`, from the list that files are checked by.
 fn event_help() -> String {
     format!(
         "An [[event]] of a scenario has at_s, seconds after the first exposure, do, one of these words, and the word's \
@@ -68,7 +68,7 @@ pub fn run(arguments: &CheckArgs) -> Result<()> {
     Ok(())
 }
 
-/// Everything there is to say about the file.
+/// Returns everything there is to say about the file.
 fn checked(document: &Document, only_built_in: bool) -> Result<String> {
     let scenario = Scenario::from_document(document)?;
     let bench = report(&scenario.bench, &scenario.plant, only_built_in)?;
@@ -88,7 +88,7 @@ conventions
   truth        x, y: mean place over the exposure; electrons: what lands on the detector
 ";
 
-/// The whole report.
+/// Returns the whole report.
 fn report(bench: &Bench, plant: &Plant, only_built_in: bool) -> Result<String> {
     // The check itself makes one detector.
     RunMemory::of_image(&bench.camera, bench.render.backend == Backend::Reference, None).check()?;
@@ -200,7 +200,7 @@ fn write_memory(text: &mut String, bench: &Bench) -> Result<()> {
     Ok(())
 }
 
-/// The stars there are, and which of those that the camera sees are not.
+/// Returns the stars there are, and which of those that the camera sees are not.
 fn write_stars(text: &mut String, params: &RunParams, limiting_mag: f64, sky: &Sky) -> Result<()> {
     let Sky { layers, most_stars } = sky;
     let [from, faintest] = layers.magnitudes();

@@ -107,7 +107,7 @@ impl Situation {
     }
 }
 
-/// Time of one attitude record on an idle wire, no longer than this.
+/// Returns the time of one attitude record on an idle wire, no longer than this.
 fn record_on_wire(bench: &Bench) -> Span {
     let (timing, frames) =
         (bench_parts::bus(bench).0.timing, if bench.link.wire == Wire::CanClassic { CLASSIC_GROUP } else { 1 });
@@ -196,7 +196,7 @@ fn assessment_line(assessment: &AttitudeAssessment) -> String {
     format!("{method:<22} {bound:>12}  {verdict}")
 }
 
-/// Jitter by the way it travels, and what the methods would make of it if it were part of the records.
+/// Returns the jitter by the way it travels, and what the methods would make of it if it were part of the records.
 fn write_jitter(text: &mut String, bench: &Bench, situation: &Situation) -> Result<(), Error> {
     let lines: Vec<Sinusoid> = bench.flight_computer.jitter_lines.iter().map(|line| sinusoid(&line.line())).collect();
     if lines.is_empty() {
@@ -220,8 +220,8 @@ fn sinusoid(line: &plan::attitude::JitterLine) -> Sinusoid {
     Sinusoid { frequency_hz: line.frequency_hz, amplitude_rad: line.amplitude_rad.length() }
 }
 
-/// Straight lines between samples miss a sinusoid by `A (w dt)^2 / 8`, and by twice its amplitude at most; what has not
-/// arrived is held.
+/// Returns the straight lines between samples miss a sinusoid by `A (w dt)^2 / 8`, and by twice its amplitude at most;
+/// what has not arrived is held.
 fn write_sampled_jitter(
     text: &mut String,
     bench: &Bench,

@@ -56,7 +56,7 @@ pub(super) fn write_display(
     Ok(())
 }
 
-/// When frames are begun, when their light leaves, and how well that is known.
+/// Returns when frames are begun, when their light leaves, and how well that is known.
 fn write_times(text: &mut String, bench: &Bench, params: &RunParams, calibration: &Calibration) -> Result<()> {
     let Some(settings) = calibrated_display(bench) else { return Ok(()) };
     let refresh_s = params.frame_period.s();

@@ -35,7 +35,7 @@ pub(super) fn display_limits(calibration: &Calibration, params: &RunParams) -> R
     }))
 }
 
-/// Stars of one planned frame that are too bright, or where the map is a guess.
+/// Returns stars of one planned frame that are too bright, or where the map is a guess.
 ///
 /// # Errors
 /// When the text cannot grow.

@@ -49,7 +49,7 @@ pub(super) fn write_files(text: &mut String, bench: &Bench, plant: &Plant, param
     Ok(())
 }
 
-/// The methods of its segments, each once.
+/// Returns the methods of its segments, each once.
 fn methods(history: &AttitudeHistory) -> Vec<String> {
     let mut all: Vec<String> = history.segments().iter().map(|segment| segment.method().to_string()).collect();
     all.sort();
@@ -91,7 +91,7 @@ mod tests {
     use config::{Document, Scenario};
     use run::wiring::bench_parts;
 
-    /// A turn that accelerates evenly, as rows so many seconds apart.
+    /// Returns a turn that accelerates evenly, as rows so many seconds apart.
     fn report(step_s: f64, seconds: f64) -> String {
         let folder = tempfile::tempdir().unwrap();
         let mut rows = String::from("t_s,q_w,q_x,q_y,q_z\n");

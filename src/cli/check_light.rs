@@ -11,7 +11,8 @@ use scene::field_light::FieldLight;
 /// Angles of the Sun off the boresight at which stray light is told, deg.
 const SUN_ANGLES_DEG: [f64; 5] = [20.0, 30.0, 45.0, 60.0, 85.0];
 
-/// Illumination at the corners, constant background, and stray light against the Sun's angle; nothing when all is off.
+/// Returns the illumination at the corners, constant background, and stray light against the Sun's angle; nothing when
+/// all is off.
 pub(super) fn write_light(text: &mut String, camera: &CameraParams) -> Result<()> {
     let exposure_s = camera.exposure_s;
     if !camera.illumination.is_even() {
@@ -65,7 +66,7 @@ pub(super) fn write_light(text: &mut String, camera: &CameraParams) -> Result<()
     Ok(())
 }
 
-/// Background of one planned frame; nothing when there is none.
+/// Returns the background of one planned frame; nothing when there is none.
 pub(super) fn write_frame(
     text: &mut String,
     light: &FieldLight,

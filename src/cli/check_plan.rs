@@ -44,7 +44,7 @@ impl Planned {
     }
 }
 
-/// How pixel values are had from the PSF, and how wrong the other ways would be.
+/// Returns how pixel values are had from the PSF, and how wrong the other ways would be.
 ///
 /// # Errors
 /// When the text cannot grow.
@@ -107,7 +107,7 @@ pub(super) fn write_degradations(text: &mut String, planned: &Planned) -> Result
     writeln!(text)
 }
 
-/// One frame's plan.
+/// Returns one frame's plan.
 ///
 /// # Errors
 /// When the text cannot grow.
@@ -150,7 +150,7 @@ fn is_reported(assessment: &Assessment, plan: &ExposurePlan) -> bool {
     assessment.method == plan.chosen.method || best.is_some_and(|best| best.method == assessment.method)
 }
 
-/// The stars by brightness, when they are drawn by more than one method.
+/// Returns the stars by brightness, when they are drawn by more than one method.
 fn write_classes(text: &mut String, plan: &ExposurePlan) -> Result<(), Error> {
     if plan.classes.len() < 2 {
         return Ok(());

@@ -41,7 +41,7 @@ fn write_frames_expected(text: &mut String, expect: &ExpectFrames) -> Result<(),
     Ok(())
 }
 
-/// The section about what happens in the run.
+/// Returns the section about what happens in the run.
 ///
 /// # Errors
 /// When it cannot be flown.
@@ -110,7 +110,7 @@ fn write_events(text: &mut String, events: &[Event]) -> Result<(), Error> {
     Ok(())
 }
 
-/// The values of an event.
+/// Returns the values of an event.
 fn values(action: &Action) -> String {
     match action {
         Action::Slew(target) => pointing(target),

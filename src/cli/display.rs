@@ -127,7 +127,7 @@ fn params(arguments: &ShowArgs, image_px: [u32; 2]) -> Result<Params> {
     Ok(Params { monitor, window_px, bits, marker, ..Params::full_screen() })
 }
 
-/// The next item; `None` when there will be none, or none came in so many looks.
+/// Returns the next item; `None` when there will be none, or none came in so many looks.
 ///
 /// # Errors
 /// When the window is closed meanwhile.
@@ -147,7 +147,7 @@ fn wait<T>(display: &Display, items: &Receiver<T>, looks: Option<u32>) -> Result
     Ok(None)
 }
 
-/// One item for each line of the standard input.
+/// Returns one item for each line of the standard input.
 fn lines() -> Result<Receiver<()>> {
     let (sender, receiver) = bounded(1);
     let read = move || {
@@ -161,7 +161,7 @@ fn lines() -> Result<Receiver<()>> {
     Ok(receiver)
 }
 
-/// A grey PNG as luminances.
+/// Returns a grey PNG as luminances.
 pub(super) fn read(path: &Path) -> Result<DnImage> {
     let place = || format!("image {}", path.display());
     let file = std::fs::File::open(path).with_context(place)?;

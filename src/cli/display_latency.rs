@@ -47,7 +47,7 @@ impl CornerWord {
         }
     }
 
-    /// Row of the patch over the number of rows.
+    /// Returns the row of the patch over the number of rows.
     pub(super) fn row_share(self) -> f64 {
         match self {
             Self::TopLeft | Self::TopRight => 0.0,
@@ -56,7 +56,7 @@ impl CornerWord {
     }
 }
 
-/// The monitor that a command line names.
+/// Returns the monitor that a command line names.
 pub(super) fn monitor_choice(word: Option<&str>) -> MonitorChoice {
     match word {
         None => MonitorChoice::Primary,

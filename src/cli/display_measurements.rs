@@ -26,7 +26,7 @@ pub(super) struct Measurements {
     pub(super) missing: Vec<String>,
 }
 
-/// The rows of a table.
+/// Returns the rows of a table.
 pub(super) fn sights_of_table(path: &Path) -> Result<Vec<Sight>> {
     let file = File::open(path).with_context(|| path.display().to_string())?;
     Ok(read_csv(file, path)?)
@@ -54,7 +54,7 @@ pub(super) fn measurements_of_folder(folder: &Path, plan: &Plan, camera: &Camera
     Ok(found)
 }
 
-/// The earlier of two dates; a date that cannot be read comes before all others.
+/// Returns the earlier of two dates; a date that cannot be read comes before all others.
 pub(super) fn earlier(a: Option<Result<Tai>>, b: Option<Result<Tai>>) -> Option<Result<Tai>> {
     match (a, b) {
         (Some(Ok(a)), Some(Ok(b))) => Some(Ok(a.min(b))),
@@ -111,7 +111,7 @@ fn scale_of(camera: &Camera, exposure_s: f64) -> FrameScale {
     FrameScale { gain_e_per_dn, black_level_dn, exposure_s, largest_dn, full_well_e: detector.params.full_well_e }
 }
 
-/// A date of a FITS header: UTC without its letter, or a day.
+/// Returns a date of a FITS header: UTC without its letter, or a day.
 pub(super) fn date_of(text: &str) -> Result<Tai> {
     let text = text.trim();
     let is_zoned = text.ends_with('Z') || text.get(10..).is_some_and(|time| time.contains(['+', '-']));

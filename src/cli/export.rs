@@ -100,7 +100,7 @@ pub fn run(arguments: &ExportArgs) -> Result<()> {
     Ok(())
 }
 
-/// Names go into lines of `KEY = VALUE`.
+/// Returns names go into lines of `KEY = VALUE`.
 fn check_words(arguments: &ExportArgs) -> Result<()> {
     for (name, word) in [("--object-name", &arguments.object_name), ("--object-id", &arguments.object_id)] {
         if word.trim().is_empty() || word.chars().any(char::is_control) {

@@ -87,7 +87,7 @@ impl ExportSource {
         Ok(Self { states, folder: Some(folder.into()), scenario, head, first_exposure: Tai::from_ns(first) })
     }
 
-    /// The head that is meant, counted from 0.
+    /// Returns the head that is meant, counted from 0.
     pub(super) fn head(&self) -> usize {
         self.head
     }
@@ -187,7 +187,7 @@ impl ExportSource {
     }
 }
 
-/// The folder with the frames of a head: that of the run, or below it where the run has several.
+/// Returns the folder with the frames of a head: that of the run, or below it where the run has several.
 fn folder_of_head(run: &Path, head: Option<usize>) -> Result<PathBuf> {
     let is_recorded = |folder: &Path| path_in(folder).is_file();
     let heads = (0..).take_while(|&head| is_recorded(&directory_of_head(run, Some(head)))).count();
@@ -217,8 +217,8 @@ fn check_head(bench: &Bench, head: usize) -> Result<()> {
     if head < count { Ok(()) } else { bail!("--head: got {head}, wanted less than {count}, the number of heads") }
 }
 
-/// The lines whose time is after that of the lines before them, with the header; and how many are left out. A frame that
-/// is held shows an earlier time again.
+/// Returns the lines whose time is after that of the lines before them, with the header; and how many are left out. A
+/// frame that is held shows an earlier time again.
 fn rising_rows(text: &str) -> (String, usize) {
     let column =
         text.lines().next().and_then(|header| header.split(',').position(|name| name == "mid_exposure_tai_ns"));

@@ -24,7 +24,7 @@ impl<'a> FramePlans<'a> {
         Self { params, computer, scene: Scene::new(&params.scene(&params.almanac()), sky) }
     }
 
-    /// A planner that weighs every method; with a limit, one that goes down the ladder.
+    /// Returns a planner that weighs every method; with a limit, one that goes down the ladder.
     pub(super) fn planner(&self, cost: CostModel, limit_ms: Option<f64>) -> Planner {
         let RunParams { camera, budget, method, .. } = self.params;
         let los = LosPath::commanded(Rotation::IDENTITY, self.params.first_exposure, camera.exposure_s);
@@ -41,7 +41,7 @@ impl<'a> FramePlans<'a> {
         &self.scene
     }
 
-    /// Whether frame `number` has an attitude.
+    /// Returns whether frame `number` has an attitude.
     pub(super) fn has_attitude(&self, number: u32) -> bool {
         let half = Span::from_s(0.5 * self.params.camera.exposure_s);
         self.computer.truth(self.params.exposure_start(number) + half).is_some()

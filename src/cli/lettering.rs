@@ -47,7 +47,7 @@ pub(super) fn dots(text: &str) -> impl Iterator<Item = [usize; 2]> {
     })
 }
 
-/// Width of a line of text, dots.
+/// Returns the width of a line of text, dots.
 pub(super) fn width_px(text: &str) -> usize {
     text.chars().count() * ADVANCE_PX
 }

@@ -146,7 +146,7 @@ impl LinkCheckArgs {
         Ok(Box::new(SocketCanLink::open(params, clock)?))
     }
 
-    /// Two ports with a cable between them, or a pseudo terminal.
+    /// Returns two ports with a cable between them, or a pseudo terminal.
     fn serial(&self, clock: &Arc<dyn Clock>) -> Result<Ends, LinkError> {
         let open = |path| SerialLink::open(SerialParams::new(path, self.baud), clock).map(Box::new);
         match (&self.port, &self.peer) {
@@ -159,7 +159,7 @@ impl LinkCheckArgs {
         }
     }
 
-    /// The one end that echoes, and what others open to talk to it.
+    /// Returns the one end that echoes, and what others open to talk to it.
     fn one_end(&self, clock: &Arc<dyn Clock>) -> Result<(Box<dyn Link>, String), LinkError> {
         match (self.kind, &self.port) {
             (Kind::Serial, Some(port)) => {
@@ -199,7 +199,8 @@ fn echo(arguments: &LinkCheckArgs, clock: &Arc<dyn Clock>) -> Result<()> {
     Ok(())
 }
 
-/// One line per pulse: where it is on the bench clock, how old it was when read, how far from the one before it.
+/// Returns one line per pulse: where it is on the bench clock, how old it was when read, how far from the one before
+/// it.
 fn pulses(path: &Path, duration_s: f64, clock: &dyn Clock) -> Result<()> {
     let mut pps = Pps::open(path, PairedReading::take(clock))?;
     println!("ready {}", path.display());

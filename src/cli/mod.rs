@@ -165,7 +165,7 @@ enum Command {
     Catalog(catalog::CatalogArgs),
 }
 
-/// An error and its causes, without those that an error before them has already told.
+/// Returns an error and its causes, without those that an error before them has already told.
 fn chain(error: &anyhow::Error) -> String {
     let mut reported = String::new();
     for cause in error.chain().map(ToString::to_string) {

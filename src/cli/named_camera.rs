@@ -4,7 +4,7 @@ use anyhow::Result;
 use config::{Bench, Camera, Document, is_camera};
 use std::path::Path;
 
-/// The camera that was named, by itself or by its bench; of nothing, the built-in bench's.
+/// Returns the camera that was named, by itself or by its bench; of nothing, the built-in bench's.
 ///
 /// # Errors
 /// With what is wrong with the file.

@@ -4,7 +4,8 @@ use base::accuracy::AccuracyBudget;
 use plan::exposure::ExposurePlan;
 use plan::exposure::plan::{MOTION_SHARE, Verdict};
 
-/// Every error of `plan` that is over `budget` (or over the share of it that motion may use); `None` when there is none.
+/// Returns every error of `plan` that is over `budget` (or over the share of it that motion may use); `None` when there
+/// is none.
 pub(super) fn over_budget_reported(plan: &ExposurePlan, budget: &AccuracyBudget) -> Option<String> {
     let chosen = &plan.chosen;
     if chosen.verdict.is_met() {
@@ -48,7 +49,7 @@ mod tests {
     use plan::optics::PsfModel;
     use run::wiring::camera_parts::camera_params;
 
-    /// Words about a star of 1e4 e- in the middle of the built-in bench's camera.
+    /// Returns words about a star of 1e4 e- in the middle of the built-in bench's camera.
     fn words(sigma_px: f64, method: &str, rate_rad_s: f64) -> Option<String> {
         let own = camera_params(&Bench::built_in().unwrap().camera).unwrap().instrument();
         let instrument = Instrument { psf: PsfModel::gaussian(sigma_px), ..own };

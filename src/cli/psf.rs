@@ -135,7 +135,7 @@ impl Star {
         Ok(())
     }
 
-    /// Whether x and y differ.
+    /// Returns whether x and y differ.
     fn has_axes(&self) -> bool {
         self.chain.as_ref().is_some_and(|(chain, _)| chain.has_axes())
     }
@@ -271,7 +271,7 @@ fn energies(text: &mut String, star: &Star) -> Result<()> {
     concentration(text, star)
 }
 
-/// The share within the square around the Airy disc at the longest wavelength.
+/// Returns the share within the square around the Airy disc at the longest wavelength.
 fn concentration(text: &mut String, star: &Star) -> Result<()> {
     let lambda_n_px = match (&star.chain, &star.camera.psf) {
         (Some((chain, _)), _) => {
@@ -335,7 +335,7 @@ fn colors(text: &mut String, chain: &MtfChain, drawn: &ChainPsf, band: &Band) ->
     Ok(())
 }
 
-/// Largest difference of a pixel's share between two stars at the same place.
+/// Returns the largest difference of a pixel's share between two stars at the same place.
 fn largest_difference(a: &PsfModel, b: &PsfModel) -> f64 {
     // A pixel's share changes slowly against an eighth of a pixel, and fades beyond a few pixels.
     let at = |i: i32| f64::from(i) / 8.0;

@@ -6,7 +6,7 @@ use plan::optics::{StarLight, StarSpectra};
 /// Colours at which a band's colour term is told.
 const BLUE_AND_RED: [f64; 2] = [0.0, 2.0];
 
-/// One line.
+/// Returns one line.
 pub(super) fn radiometry_reported(camera: &Camera) -> String {
     let light = camera.star_light();
     match (&camera.band, &light, camera.radiometry.model) {

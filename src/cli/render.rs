@@ -170,7 +170,7 @@ impl RenderArgs {
     }
 }
 
-/// Seconds from image to image.
+/// Returns seconds from image to image.
 fn step_s(text: &str) -> Result<f64, String> {
     let step_s = text.parse::<f64>().ok().filter(|step_s| step_s.is_finite() && *step_s > 0.0);
     step_s.ok_or_else(|| format!("got \"{text}\", wanted seconds above 0"))
@@ -238,7 +238,7 @@ impl Scene {
         Ok(Self { camera, planner, imager, scene, sight, wcs, sources, frame, seeds, number: arguments.frame })
     }
 
-    /// Points the camera as image `number` of a series, whose noise it has.
+    /// Returns points the camera as image `number` of a series, whose noise it has.
     pub(super) fn aim(&mut self, series: &Series, number: usize) -> Result<()> {
         let (los, at) = series.los(number, self.camera.exposure_s)?;
         self.planner.motion_mut().los = los;
@@ -320,7 +320,7 @@ impl Scene {
         Ok(())
     }
 
-    /// Median wall times as one JSON line.
+    /// Returns the median wall times as one JSON line.
     fn time(&mut self, stage: StageName) -> Result<String> {
         const MOST_REPEATS: usize = 21;
         const LONG_ENOUGH_S: f64 = 5.0;
@@ -362,7 +362,7 @@ fn output_of(stage: StageName, camera: &CameraParams) -> OutputGeometry {
     }
 }
 
-/// Motion of the image during the exposure.
+/// Returns the motion of the image during the exposure.
 fn motion(arguments: &RenderArgs, exposure_s: f64) -> Result<Motion> {
     let start = arguments.time - Span::from_s(0.5 * exposure_s);
     let mut los = LosPath::commanded(attitude(arguments)?, start, exposure_s);

@@ -5,7 +5,7 @@ use base::units::ARCSEC;
 use plan::exposure::{PixelPath, PixelPoint, Source, SourcePlace};
 use std::path::Path;
 
-/// Three comma-separated numbers.
+/// Returns three comma-separated numbers.
 ///
 /// # Errors
 /// When there are not exactly three finite numbers.
@@ -13,7 +13,7 @@ pub fn three(text: &str) -> Result<[f64; 3], String> {
     numbers(text)
 }
 
-/// Four comma-separated numbers.
+/// Returns four comma-separated numbers.
 ///
 /// # Errors
 /// When there are not exactly four finite numbers.
@@ -65,7 +65,7 @@ const MOST_ELECTRONS: f64 = 1e12;
 /// Furthest place of a source from the first pixel, px.
 const FURTHEST_PX: f64 = 1e6;
 
-/// A table `x_px,y_px,electrons`.
+/// Returns a table `x_px,y_px,electrons`.
 ///
 /// # Errors
 /// When the file is no such table, or a source is negative.
@@ -87,7 +87,7 @@ pub fn read_sources(path: &Path) -> Result<Vec<Source>> {
     rows.into_iter().enumerate().map(source).collect()
 }
 
-/// A path `t_s,dx_px,dy_px,roll_arcsec`, linear between rows.
+/// Returns a path `t_s,dx_px,dy_px,roll_arcsec`, linear between rows.
 ///
 /// # Errors
 /// When the file is no such table or its times do not fit the exposure.
@@ -97,7 +97,7 @@ pub fn read_los(path: &Path, exposure_s: f64) -> Result<PixelPath> {
     PixelPath::line(points, exposure_s).with_context(|| path.display().to_string())
 }
 
-/// Equally weighted positions `dx_px,dy_px,roll_arcsec`.
+/// Returns the equally weighted positions `dx_px,dy_px,roll_arcsec`.
 ///
 /// # Errors
 /// When the file is no such table.

@@ -15,7 +15,7 @@ pub enum Format {
     Png,
 }
 
-/// The format of a file name.
+/// Returns the format of a file name.
 ///
 /// # Errors
 /// When the name ends in neither `.fits` nor `.png`.

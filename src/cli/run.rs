@@ -149,7 +149,7 @@ fn check_capture(arguments: &RunArgs, scenario: &Scenario) -> Result<()> {
     Ok(())
 }
 
-/// The file of telemetry, where a spacecraft is flown and files are kept.
+/// Returns the file of telemetry, where a spacecraft is flown and files are kept.
 fn telemetry(run: &mut Run, directory: Option<&Path>) -> Result<Option<TelemetryFile>> {
     let Some(directory) = directory.filter(|_| run.scenario().vehicle().is_some()) else { return Ok(None) };
     let (file, on_row) = telemetry_file(directory, run.times().zero)?;
@@ -175,7 +175,8 @@ fn prepared_hygiene(scenario: &Scenario, say: bool) -> Arc<Hygiene> {
     hygiene
 }
 
-/// Where files go: only when the command line or a sink wants any. A scenario over a bench has a folder of its own name.
+/// Returns where files go: only when the command line or a sink wants any. A scenario over a bench has a folder of its
+/// own name.
 fn directory(scenario: &Scenario, arguments: &RunArgs) -> Result<Option<PathBuf>> {
     let settings = arguments.sinks(&scenario.bench);
     let stamp = stamp(Monotonic::start().now());

@@ -77,7 +77,7 @@ pub struct RunArgs {
 }
 
 impl RunArgs {
-    /// The sinks of the run: the bench's, or the one that the command line names in their place.
+    /// Returns the sinks of the run: the bench's, or the one that the command line names in their place.
     pub(super) fn sinks(&self, bench: &Bench) -> Vec<config::SinkSettings> {
         let is_recorder = |settings: &&config::SinkSettings| matches!(settings.sink, config::Sink::Recorder { .. });
         match self.sink {
@@ -102,7 +102,7 @@ pub(super) enum ClockKind {
 }
 
 impl ClockKind {
-    /// The library's word for it.
+    /// Returns the library's word for it.
     pub(super) fn kind(self) -> RunClockKind {
         match self {
             Self::Real => RunClockKind::Real,
@@ -110,7 +110,7 @@ impl ClockKind {
         }
     }
 
-    /// Its name in summaries.
+    /// Returns its name in summaries.
     pub(super) fn summary_name(self) -> &'static str {
         match self {
             Self::Real => "monotonic",
@@ -129,7 +129,7 @@ pub(super) enum CaptureFormatName {
 }
 
 impl CaptureFormatName {
-    /// The library's word for it.
+    /// Returns the library's word for it.
     pub(super) fn format(self) -> CaptureFormat {
         match self {
             Self::Pcapng => CaptureFormat::Pcapng,
@@ -161,7 +161,7 @@ pub(super) enum SinkKind {
 }
 
 impl BackendName {
-    /// The config's word for it.
+    /// Returns the config's word for it.
     #[must_use]
     pub fn configured(self) -> config::Backend {
         match self {

@@ -37,12 +37,12 @@ pub(super) struct Client {
 }
 
 impl Client {
-    /// Whether it ended the run.
+    /// Returns whether it ended the run.
     pub(super) fn asked_to_finish(&self) -> bool {
         matches!(self.end, SessionEnd::Finish(_))
     }
 
-    /// Whether it went away before.
+    /// Returns whether it went away before.
     pub(super) fn is_gone(&self) -> bool {
         self.end == SessionEnd::Gone
     }

@@ -41,7 +41,8 @@ pub(super) fn verdict_line(finished: &Finished, report: Option<&ScenarioReport>,
     line
 }
 
-/// Frames that went out when they were due. A late frame is dropped, or goes out late or is replaced, by policy.
+/// Returns frames that went out when they were due. A late frame is dropped, or goes out late or is replaced, by
+/// policy.
 fn frames_on_time(frames: &FrameCounts, policy: DeadlinePolicy) -> u64 {
     let missed = match policy {
         DeadlinePolicy::Drop => frames.dropped.max(frames.late),
@@ -50,13 +51,13 @@ fn frames_on_time(frames: &FrameCounts, policy: DeadlinePolicy) -> u64 {
     frames.scheduled.saturating_sub(missed)
 }
 
-/// The bench's limit from release to delivery, ms.
+/// Returns the bench's limit from release to delivery, ms.
 fn release_limit_ms(finished: &Finished) -> Option<f64> {
     let limits = &finished.bench().budget.stage_p99_ms;
     limits.iter().find(|(name, _)| Stage::named(name) == Some(Stage::ReleaseToDelivered)).map(|(_, ms)| *ms)
 }
 
-/// The first expectation or invariant that does not hold, in words.
+/// Returns the first expectation or invariant that does not hold, in words.
 fn first_failure(report: &ScenarioReport) -> Option<String> {
     let failed = report.verdicts.iter().find(|verdict| !verdict.passed);
     let failed = failed.map(|verdict| format!("{}: wanted {}, got {}", verdict.name, verdict.wanted, verdict.got));

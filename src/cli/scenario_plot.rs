@@ -25,7 +25,7 @@ pub struct TelemetryPlot {
 }
 
 impl TelemetryPlot {
-    /// A picture without rows; times count from `zero`.
+    /// Returns a picture without rows; times count from `zero`.
     #[must_use]
     pub fn new(zero: Tai) -> Self {
         Self { zero, bin_s: 0.1, bins: Vec::with_capacity(BINS), modes: Vec::new() }
@@ -62,7 +62,7 @@ impl TelemetryPlot {
         self.bins = halved;
     }
 
-    /// The picture.
+    /// Returns the picture.
     #[must_use]
     pub fn svg(&self, title: &str) -> String {
         let line = |label: &str, kind: usize, group: usize| {

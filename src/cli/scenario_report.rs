@@ -144,13 +144,13 @@ impl ScenarioReport {
         }
     }
 
-    /// The same of a run that has ended: what each sink did, and all that was lost.
+    /// Returns the same of a run that has ended: what each sink did, and all that was lost.
     #[must_use]
     pub fn ended(self, sinks: &[SinkLine], losses: &Losses) -> Self {
         Self { sinks: sink_rows(sinks), losses: losses.clone(), ..self }
     }
 
-    /// The same with the connections that the control socket refused.
+    /// Returns the same with the connections that the control socket refused.
     #[must_use]
     pub fn with_control(self, refusals: Option<&ControlRefusals>) -> Self {
         Self { control_refusals: refusals.cloned().unwrap_or_default(), ..self }

@@ -89,7 +89,7 @@ pub(super) fn cause() -> &'static str {
     name(newest())
 }
 
-/// Number of the newest signal; SIGINT where none was caught.
+/// Returns the number of the newest signal; SIGINT where none was caught.
 fn newest() -> i32 {
     let newest = CAUGHT.get().map_or(0, |caught| caught.newest.load(Ordering::SeqCst));
     i32::try_from(newest).ok().filter(|signal| *signal != 0).unwrap_or(SIGINT)

@@ -98,7 +98,7 @@ pub fn run(arguments: &VerifyArgs) -> Result<u8> {
     Ok(if lines.iter().all(|line| line.holds()) { EXIT_DONE } else { EXIT_NOT_MET })
 }
 
-/// The detector's data sheet.
+/// Returns the detector's data sheet.
 fn photon_transfer(camera: &CameraParams, seed: u64) -> DataSheet {
     let params = camera.detector;
     let mut detector = Detector::new(params, FLAT_PX, FLAT_PX, seed);
@@ -111,7 +111,7 @@ fn photon_transfer(camera: &CameraParams, seed: u64) -> DataSheet {
     })
 }
 
-/// The detector without what a laboratory would switch off to measure the rest, and what that is.
+/// Returns the detector without what a laboratory would switch off to measure the rest, and what that is.
 fn plain(params: &DetectorParams) -> (DetectorParams, Vec<&'static str>) {
     // The layer that protons would go through is no effect.
     let spatial = SpatialParams { layer: params.spatial.layer, ..SpatialParams::OFF };
@@ -123,7 +123,7 @@ fn plain(params: &DetectorParams) -> (DetectorParams, Vec<&'static str>) {
     (plain, off.into_iter().filter(|(_, is_on)| *is_on).map(|(what, _)| what).collect())
 }
 
-/// Errors by brightness, as text.
+/// Returns errors by brightness, as text.
 fn stars(camera: &CameraParams, arguments: &VerifyArgs) -> Result<String> {
     let size_px = [camera.geometry.width_px(), camera.geometry.height_px()];
     if size_px.iter().any(|side| *side < LEAST_SIDE_PX) {
@@ -152,7 +152,7 @@ fn stars(camera: &CameraParams, arguments: &VerifyArgs) -> Result<String> {
     Ok(head + &table::fidelity(&measured, mag_of))
 }
 
-/// Even steps of magnitude, from the least signal-to-noise ratio to well below saturation.
+/// Returns the even steps of magnitude, from the least signal-to-noise ratio to well below saturation.
 fn brightnesses(camera: &CameraParams, truth: &Truth) -> Vec<f64> {
     let least_e = truth.electrons_for_snr(LEAST_SNR);
     let most_e = MOST_WELL * Stated::of(&camera.detector, camera.exposure_s).saturation_e / camera.psf.peak();

@@ -46,7 +46,7 @@ const REPLACED: [&str; 4] = [
 /// The mean value that the transmission table replaces.
 const TRANSMISSION: &str = "optics.transmission";
 
-/// The band, when the camera file has `[band]`; to be called after the sections whose mean values it replaces.
+/// Returns the band, when the camera file has `[band]`; to be called after the sections whose mean values it replaces.
 pub(super) fn check_band(
     keys: Option<&BandKeys>,
     transmission: f64,

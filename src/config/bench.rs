@@ -303,7 +303,7 @@ impl Bench {
         Self::from_document(&Document::open(path)?)
     }
 
-    /// The bench of the binary: runs with no file, hardware or GPU.
+    /// Returns the bench of the binary: runs with no file, hardware or GPU.
     ///
     /// # Errors
     /// Never, as a test holds.
@@ -311,7 +311,7 @@ impl Bench {
         Self::from_document(&Self::built_in_document()?)
     }
 
-    /// The text of that bench.
+    /// Returns the text of that bench.
     ///
     /// # Errors
     /// Never, as a test holds.
@@ -438,7 +438,7 @@ pub(super) struct BesideBench {
     pub(super) expect: ExpectKeys,
 }
 
-/// Whether the first sink is a display with a calibration.
+/// Returns whether the first sink is a display with a calibration.
 fn is_drawn_for_display(sinks: &[SinkSettings]) -> bool {
     matches!(sinks, [SinkSettings { sink: Sink::Display(display), .. }, ..] if display.calibration.is_some())
 }
@@ -463,7 +463,7 @@ impl Bench {
         1 + self.extra_heads.len()
     }
 
-    /// How each head is mounted, the first one first.
+    /// Returns how each head is mounted, the first one first.
     #[must_use]
     pub fn mountings(&self) -> Vec<Rotation<Sensor, Body>> {
         core::iter::once(self.sensor_from_body)

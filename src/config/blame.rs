@@ -47,7 +47,7 @@ fn range_of_key(root: &DeTable<'_>, key: &str) -> Option<Range<usize>> {
     None
 }
 
-/// The innermost key that begins on a line, with its value.
+/// Returns the innermost key that begins on a line, with its value.
 fn range_on_line(table: &DeTable<'_>, text: &str, line: usize) -> Option<Range<usize>> {
     let line_of = |offset: usize| 1 + text.bytes().take(offset).filter(|byte| *byte == b'\n').count();
     table.iter().find_map(|(key, value)| {
@@ -80,7 +80,7 @@ fn with_its_table(text: &str, range: Range<usize>) -> Range<usize> {
     line_start..end
 }
 
-/// The text with blanks in place of a range; `None` when the range does not end at whole characters.
+/// Returns the text with blanks in place of a range; `None` when the range does not end at whole characters.
 fn blanked(text: &str, range: Range<usize>) -> Option<String> {
     let inside = text.get(range.clone())?;
     let blanks: String = inside.chars().map(|c| if c == '\n' { '\n' } else { ' ' }).collect();

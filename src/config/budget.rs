@@ -88,7 +88,7 @@ section! {
 const QUANTILE: &str = "milliseconds that 99 % of the frames may take; leave the key out where any time will do";
 
 impl BudgetKeys {
-    /// Limits of the stages, in the order of a frame.
+    /// Returns limits of the stages, in the order of a frame.
     fn stages(&self) -> [Given<'_, f64>; 16] {
         [
             self.wake_ms(),

@@ -139,7 +139,7 @@ impl Camera {
         })
     }
 
-    /// Columns and rows of its images.
+    /// Returns columns and rows of its images.
     #[must_use]
     pub fn image_px(&self) -> [u32; 2] {
         let detector = &self.detector;
@@ -147,13 +147,13 @@ impl Camera {
         output.size_px.map(|side| u32::try_from(side).unwrap_or(u32::MAX))
     }
 
-    /// Angle of one pixel on the boresight, arcsec.
+    /// Returns the angle of one pixel on the boresight, arcsec.
     #[must_use]
     pub fn ifov_arcsec(&self) -> f64 {
         (self.detector.pixel_pitch_um * 1e-3 / self.optics.focal_length_mm).atan() / ARCSEC
     }
 
-    /// Full field of view along columns and rows, deg, without distortion.
+    /// Returns the full field of view along columns and rows, deg, without distortion.
     #[must_use]
     pub fn fov_deg(&self) -> [f64; 2] {
         [self.detector.width_px, self.detector.height_px].map(|side_px| {
@@ -162,7 +162,7 @@ impl Camera {
         })
     }
 
-    /// Magnitude and colour to electrons, as the file says.
+    /// Returns the magnitude and colour to electrons, as the file says.
     #[must_use]
     pub fn star_light(&self) -> StarLight {
         let parametric = plan::optics::Radiometry {
@@ -182,15 +182,15 @@ impl Camera {
         }
     }
 
-    /// Electrons per second of a star of instrument magnitude 0, over the whole image of the star; 0 under a grey
-    /// mapping, which knows no seconds.
+    /// Returns electrons per second of a star of instrument magnitude 0, over the whole image of the star; 0 under a
+    /// grey mapping, which knows no seconds.
     #[must_use]
     pub fn zero_point_e_per_s(&self) -> f64 {
         self.star_light().zero_point_e_per_s().unwrap_or(0.0)
     }
 }
 
-/// Whether a document describes a camera by itself, rather than a bench that names one.
+/// Returns whether a document describes a camera by itself, rather than a bench that names one.
 #[must_use]
 pub fn is_camera(document: &Document) -> bool {
     document.has_key("detector")

@@ -10,7 +10,7 @@ const NAME_MAX: usize = 100;
 /// Characters of a refused name that a message shows.
 const SHOWN: usize = 60;
 
-/// A refused name, escaped and not longer than a line.
+/// Returns a refused name, escaped and not longer than a line.
 fn quoted(name: &str) -> String {
     let shown: String = name.chars().take(SHOWN).collect();
     let more = if name.chars().count() > SHOWN { "..." } else { "" };
@@ -78,7 +78,7 @@ impl<'a> Checker<'a> {
         Self { document, defaulted: Vec::new() }
     }
 
-    /// The error of a value that breaks a rule.
+    /// Returns the error of a value that breaks a rule.
     pub(super) fn invalid(
         &self,
         key: &str,
@@ -108,7 +108,7 @@ impl<'a> Checker<'a> {
         })
     }
 
-    /// The `name` of what the document describes, or the file's: it is printed, and written into files.
+    /// Returns the `name` of what the document describes, or the file's: it is printed, and written into files.
     pub(super) fn label(&mut self, given: Option<String>) -> Result<String, ConfigError> {
         let name = self.given_or("name", given, self.document.stem());
         let is_printable = !name.trim().is_empty() && !name.chars().any(char::is_control);
@@ -124,7 +124,7 @@ impl<'a> Checker<'a> {
         ))
     }
 
-    /// The `name` of a bench or scenario, which is also that of a folder below `out/`.
+    /// Returns the `name` of a bench or scenario, which is also that of a folder below `out/`.
     pub(super) fn folder_name(&mut self, given: Option<String>) -> Result<String, ConfigError> {
         let name = self.label(given)?;
         if name.contains(['/', '\\']) || matches!(name.as_str(), "." | "..") {
@@ -134,12 +134,12 @@ impl<'a> Checker<'a> {
         Ok(name)
     }
 
-    /// The number itself, when it meets the rule.
+    /// Returns the number itself, when it meets the rule.
     pub(super) fn meets(&self, key: &str, value: f64, rule: Rule, advice: &str) -> Result<f64, ConfigError> {
         if rule.is_met_by(value) { Ok(value) } else { Err(self.invalid(key, value, rule, advice)) }
     }
 
-    /// A whole number in the range, or the default; without a default it must be given.
+    /// Returns a whole number in the range, or the default; without a default it must be given.
     pub(super) fn whole(
         &mut self,
         key: &str,
@@ -158,7 +158,7 @@ impl<'a> Checker<'a> {
         in_range.ok_or_else(|| self.invalid(key, value, wanted, advice))
     }
 
-    /// One of a few words, or the first of them.
+    /// Returns one of a few words, or the first of them.
     pub(super) fn choice<T: Copy>(
         &mut self,
         key: &str,

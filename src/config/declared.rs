@@ -22,7 +22,7 @@ pub(super) enum Presence {
 pub(super) trait Inner {
     /// How often.
     const PRESENCE: Presence;
-    /// Its forms: one, or one for each kind of it.
+    /// Returns its forms: one, or one for each kind of it.
     fn forms() -> Vec<Declared>;
 }
 
@@ -78,19 +78,19 @@ pub(super) struct Key {
 }
 
 impl Declared {
-    /// Whether a file must have something here.
+    /// Returns whether a file must have something here.
     pub(super) fn is_needed(&self) -> bool {
         self.keys.iter().any(|key| matches!(key.preset, Preset::Needed)) || self.tables.iter().any(Table::is_needed)
     }
 }
 
 impl Table {
-    /// Whether a file must have it.
+    /// Returns whether a file must have it.
     pub(super) fn is_needed(&self) -> bool {
         self.presence == Presence::Once && self.forms.iter().all(Declared::is_needed)
     }
 
-    /// Keys that all forms have.
+    /// Returns keys that all forms have.
     pub(super) fn is_common(&self, key: &Key) -> bool {
         self.forms.iter().all(|form| form.keys.iter().any(|other| other.name == key.name))
     }
@@ -125,7 +125,7 @@ const UNITS: &str = "\
     nm nm; um um; mm mm; km km; px px; dn DN; s s; e e-; c degrees Celsius; k K; m m";
 
 impl Key {
-    /// The unit of its numbers, as the name says it.
+    /// Returns the unit of its numbers, as the name says it.
     pub(super) fn unit(&self) -> Option<&'static str> {
         let is_number = match &self.shape {
             Shape::Number(_) | Shape::Whole(_) => true,

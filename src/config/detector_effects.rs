@@ -266,7 +266,7 @@ fn window(keys: &WindowKeys, fits: Fits, by: u32, check: &mut Checker<'_>) -> Re
     Ok(Window { left_px, top_px, width_px, height_px })
 }
 
-/// The exposure of a frame: `exposure_s` is that of one stage.
+/// Returns the exposure of a frame: `exposure_s` is that of one stage.
 pub(super) fn tdi_exposure(
     exposure: Exposure,
     spatial: &SpatialParams,

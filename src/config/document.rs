@@ -101,7 +101,7 @@ impl Document {
         Self::read(path, String::new())
     }
 
-    /// The same document without the key that an error is about; `None` when that cannot be found.
+    /// Returns the same document without the key that an error is about; `None` when that cannot be found.
     pub(super) fn without_the_blamed(&self, error: &ConfigError) -> Option<Self> {
         let text = without_the_blamed(&self.text, &self.name(), error)?;
         Some(Self { text, ..self.clone() })
@@ -117,26 +117,26 @@ impl Document {
         Ok(Self { origin: Origin::File(path.into()), text, settings: Vec::new() })
     }
 
-    /// A text that would stand in the file `path` (which need not exist).
+    /// Returns a text that would stand in the file `path` (which need not exist).
     #[must_use]
     pub fn from_text(text: &str, path: &Path) -> Self {
         Self { origin: Origin::File(path.into()), text: text.into(), settings: Vec::new() }
     }
 
-    /// The same with values changed, in this order; those of a file that it names are changed there.
+    /// Returns the same with values changed, in this order; those of a file that it names are changed there.
     #[must_use]
     pub fn with_settings(self, settings: Vec<Setting>) -> Self {
         Self { settings, ..self }
     }
 
-    /// The same with one more changed value.
+    /// Returns the same with one more changed value.
     #[must_use]
     pub fn with_setting(mut self, setting: Setting) -> Self {
         self.settings.push(setting);
         self
     }
 
-    /// A configuration of the binary, by its path below `configs/`, such as `benches/loopback.toml`.
+    /// Returns a configuration of the binary, by its path below `configs/`, such as `benches/loopback.toml`.
     ///
     /// # Errors
     /// When the binary has none of that name; the message lists those it has.
@@ -160,7 +160,7 @@ impl Document {
         Ok(Self { origin: Origin::BuiltIn(known.into()), text: (*text).into(), settings: Vec::new() })
     }
 
-    /// The document that the value of `key` names, relative to this one.
+    /// Returns the document that the value of `key` names, relative to this one.
     pub(super) fn named(&self, key: &str, path: &str) -> Result<Self, ConfigError> {
         let named_by = format!("; named by {key} in {}: paths are relative to the file that names them", self.name());
         let directory = |own: &PathBuf| own.parent().map(Path::to_path_buf).unwrap_or_default();
@@ -173,8 +173,8 @@ impl Document {
         document.map(|document| document.with_settings(settings))
     }
 
-    /// Where a file lies that is named by its place and not kept, such as a layer of stars: beside this document. What is packed
-    /// names the place it was packed from.
+    /// Returns where a file lies that is named by its place and not kept, such as a layer of stars: beside this
+    /// document. What is packed names the place it was packed from.
     pub(super) fn file_beside(&self, path: &str) -> PathBuf {
         let own = match &self.origin {
             Origin::File(own) | Origin::BuiltIn(own) => own.clone(),
@@ -183,8 +183,8 @@ impl Document {
         beside(&own, path)
     }
 
-    /// Where a file of data lies: beside this document; of a built-in one, in the working directory; of a packed one, where
-    /// it is kept, or, in packs of versions that kept none, beside the place it was packed from.
+    /// Returns where a file of data lies: beside this document; of a built-in one, in the working directory; of a
+    /// packed one, where it is kept, or, in packs of versions that kept none, beside the place it was packed from.
     pub(super) fn data_beside(&self, path: &str) -> PathBuf {
         match &self.origin {
             Origin::File(own) => beside(own, path),
@@ -193,7 +193,7 @@ impl Document {
         }
     }
 
-    /// The bytes of the file that the value of `key` names, relative to this one.
+    /// Returns the bytes of the file that the value of `key` names, relative to this one.
     pub(super) fn bytes_of(&self, key: &str, path: &str) -> Result<Vec<u8>, ConfigError> {
         let path = self.data_beside(path);
         let named_by = format!("; named by {key} in {}: paths are relative to the file that names them", self.name());
@@ -205,7 +205,7 @@ impl Document {
         std::fs::read(&path).map_err(why)
     }
 
-    /// How messages call it.
+    /// Returns how messages call it.
     #[must_use]
     pub fn name(&self) -> String {
         match &self.origin {
@@ -215,7 +215,7 @@ impl Document {
         }
     }
 
-    /// The document that was packed.
+    /// Returns the document that was packed.
     ///
     /// # Errors
     /// When it is not there.
@@ -230,12 +230,12 @@ impl Document {
         Ok(Self { origin: Origin::Packed { set: Arc::clone(set), keys: keys.into() }, text, settings: Vec::new() })
     }
 
-    /// The text as it is written, without settings.
+    /// Returns the text as it is written, without settings.
     pub(super) fn text(&self) -> &str {
         &self.text
     }
 
-    /// File name without its extension: the default name of what the document describes.
+    /// Returns the file name without its extension: the default name of what the document describes.
     pub(super) fn stem(&self) -> String {
         let name = match &self.origin {
             Origin::Packed { .. } => PathBuf::from(self.name().trim_start_matches("built-in ")),
@@ -311,7 +311,7 @@ impl Document {
         refused
     }
 
-    /// Where the key of a line is given for the first time, as a clause.
+    /// Returns where the key of a line is given for the first time, as a clause.
     fn first_line_of(&self, line: &str) -> String {
         let key_of = |line: &str| line.split_once('=').map(|(key, _)| key.trim().to_owned());
         let (Some(key), lines) = (key_of(line), self.text.lines()) else { return String::new() };
@@ -319,14 +319,14 @@ impl Document {
         first.map(|(_, number)| format!(": `{key}` is already in line {number}")).unwrap_or_default()
     }
 
-    /// Whether the text has this top-level key; false when it cannot be parsed.
+    /// Returns whether the text has this top-level key; false when it cannot be parsed.
     pub(super) fn has_key(&self, key: &str) -> bool {
         let is_set = self.settings.iter().any(|setting| setting.is_for(key));
         is_set || DeTable::parse(&self.text).is_ok_and(|table| table.get_ref().contains_key(key))
     }
 
-    /// The setting that gives a key, else file and line of a key such as `optics.focal_length_mm` or `flight_computer.jitter_line[1].phase_deg`; of the
-    /// innermost table that exists when the key does not.
+    /// Returns the setting that gives a key, else file and line of a key such as `optics.focal_length_mm` or
+    /// `flight_computer.jitter_line[1].phase_deg`; of the innermost table that exists when the key does not.
     pub(super) fn place(&self, key: &str) -> String {
         if let Some(setting) = self.settings.iter().rev().find(|setting| setting.gives(key)) {
             return format!("{} ({})", setting.reported(), self.name());
@@ -375,7 +375,7 @@ fn reason(error: &std::io::Error) -> String {
     }
 }
 
-/// A reader's message without the names of our types.
+/// Returns a reader's message without the names of our types.
 fn in_plain_words(message: &str) -> String {
     let message = message.trim().replace('\n', ", ");
     match message.rsplit_once("expected ") {
@@ -386,7 +386,7 @@ fn in_plain_words(message: &str) -> String {
     }
 }
 
-/// The key and its known neighbours out of serde's "unknown field `x`, expected one of `a`, `b`".
+/// Returns the key and its known neighbours out of serde's "unknown field `x`, expected one of `a`, `b`".
 fn unknown_key(message: &str) -> Option<(&str, Vec<&str>)> {
     let quoted = message.strip_prefix("unknown field ")?;
     let mut names = quoted.split('`').skip(1).step_by(2);
@@ -419,12 +419,12 @@ fn offset_of_key(root: &DeTable<'_>, key: &str) -> Option<usize> {
     offset
 }
 
-/// A path relative to the file that names it.
+/// Returns a path relative to the file that names it.
 pub(super) fn beside(own: &Path, path: &str) -> PathBuf {
     own.parent().map(Path::to_path_buf).unwrap_or_default().join(path)
 }
 
-/// The path with `.` and `..` resolved by name, as inside the binary there are no directories.
+/// Returns the path with `.` and `..` resolved by name, as inside the binary there are no directories.
 fn without_dots(path: &Path) -> PathBuf {
     path.components().fold(PathBuf::new(), |mut clean, component| {
         match component {

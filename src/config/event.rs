@@ -60,7 +60,7 @@ pub enum Action {
 }
 
 impl Action {
-    /// Whether it acts aboard a spacecraft that is flown inside the program.
+    /// Returns whether it acts aboard a spacecraft that is flown inside the program.
     #[must_use]
     pub fn is_aboard(&self) -> bool {
         match self {
@@ -130,7 +130,7 @@ impl Event {
         Ok(Self { at, on_trigger, lasts, action })
     }
 
-    /// Every word for `do` with its keys, a line each; keys that may be left out stand in brackets.
+    /// Returns every word for `do` with its keys, a line each; keys that may be left out stand in brackets.
     #[must_use]
     pub fn described_words() -> String {
         let mut text = String::new();

@@ -56,7 +56,7 @@ impl Taken<[f64; 3]> for DVec3 {
 }
 
 impl Reader<'_, '_> {
-    /// A pixel that is given and a number of random ones; one at random when neither is said.
+    /// Returns a pixel that is given and a number of random ones; one at random when neither is said.
     pub(super) fn pixels(&self, most: i64) -> Result<FaultPixels, ConfigError> {
         let px = self.keys.px();
         let along = |given: i64| {
@@ -68,7 +68,7 @@ impl Reader<'_, '_> {
         Ok(FaultPixels { at, random: random.unwrap_or(u32::from(at.is_none())) })
     }
 
-    /// Places of defects; one pixel at random when none is said.
+    /// Returns places of defects; one pixel at random when none is said.
     pub(super) fn spots(&self) -> Result<DefectSpots, ConfigError> {
         let column = self.keys.column().optional(self.check)?;
         let row = self.keys.row().optional(self.check)?;
@@ -78,7 +78,7 @@ impl Reader<'_, '_> {
         Ok(DefectSpots { pixels: FaultPixels { random, ..pixels }, column, row })
     }
 
-    /// Where protons come from; from all sides when neither angle is given.
+    /// Returns where protons come from; from all sides when neither angle is given.
     pub(super) fn beam_deg(&mut self) -> Result<Option<[f64; 2]>, ConfigError> {
         let keys = self.keys;
         let is_beam = keys.incidence_deg().is_given() || keys.azimuth_deg().is_given();
@@ -86,7 +86,7 @@ impl Reader<'_, '_> {
         Ok(is_beam.then_some([incidence_deg, azimuth_deg]))
     }
 
-    /// Which wheel.
+    /// Returns the which wheel.
     pub(super) fn wheel(&self) -> Result<usize, ConfigError> {
         let wheel = || self.keys.wheel();
         wheel()
@@ -94,7 +94,7 @@ impl Reader<'_, '_> {
             .ok_or_else(|| wheel().advised("such as 2").missing("its number, from 0", self.check))
     }
 
-    /// When it happens: `at_s`, `at_frame`, or after a trigger; frames are `frame_period` apart.
+    /// Returns when it happens: `at_s`, `at_frame`, or after a trigger; frames are `frame_period` apart.
     pub(super) fn begin(&mut self, row: &Row, frame_period: Span) -> Result<(Span, Option<u16>), ConfigError> {
         let keys = self.keys;
         if let Some(trigger) = keys.on_trigger().optional(self.check)? {
@@ -115,7 +115,7 @@ impl Reader<'_, '_> {
         Ok((Span::from_ns(frame_period.ns() * i64::from(frame) + 1), None))
     }
 
-    /// How long it lasts: `for_s`, or `for_frames`.
+    /// Returns how long it lasts: `for_s`, or `for_frames`.
     pub(super) fn lasts(&mut self, frame_period: Span) -> Result<Span, ConfigError> {
         let keys = self.keys;
         if !keys.for_frames().is_given() {

@@ -37,7 +37,7 @@ pub(super) struct Row {
 }
 
 impl Row {
-    /// The keys that go with it beside those of all: those it needs, and those that may be left out.
+    /// Returns the keys that go with it beside those of all: those it needs, and those that may be left out.
     pub(super) fn keys(&self) -> [Vec<&'static str>; 2] {
         let length = self.lasts().then_some("for_s");
         [length.into_iter().chain(self.needed.concat()).collect(), self.optional.concat()]
@@ -52,7 +52,7 @@ impl Row {
     }
 }
 
-/// The words whose row is wanted, each in quotes.
+/// Returns the words whose row is wanted, each in quotes.
 pub(super) fn words(is_wanted: impl Fn(&Row) -> bool) -> String {
     let wanted = ACTIONS.iter().filter(|(_, row)| is_wanted(row));
     wanted.map(|(word, _)| format!("\"{word}\"")).collect::<Vec<_>>().join(", ")
@@ -104,7 +104,7 @@ macro_rules! rows {
                 }
             }
 
-            /// The keys that make it again, with their values.
+            /// Returns the keys that make it again, with their values.
             pub(super) fn keys(&self) -> $crate::event_writer::Keys {
                 use $crate::event_writer::Written;
                 let mut keys = Vec::new();

@@ -52,7 +52,7 @@ const VALUES: [(&str, &str); 39] = [
     ("azimuth_deg", "30.0"),
 ];
 
-/// The event of a word with every key that it takes.
+/// Returns the event of a word with every key that it takes.
 pub(crate) fn given_in_full(word: &str, row: &Row) -> Event {
     checked(word, &row.keys().concat()).expect(word)
 }

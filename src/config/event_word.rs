@@ -113,7 +113,7 @@ const BEAM: &str = "degrees: a beam from there; from all sides when neither angl
 pub(super) const OF_ALL: [&str; 5] = ["do", "at_s", "at_frame", "on_trigger", "for_frames"];
 
 impl EventKeys {
-    /// The same, now when it says no other time.
+    /// Returns the same, now when it says no other time.
     pub(super) fn begun_by(mut self, now_s: f64) -> Self {
         if self.at_frame.is_none() && self.on_trigger.is_none() {
             self.at_s.get_or_insert(now_s);

@@ -98,7 +98,7 @@ mod tests {
         Event::from_json(&event.to_json(), 0.0, Span::from_ms(100)).expect("an event of ours")
     }
 
-    /// The rate that is written in other units.
+    /// Returns the rate that is written in other units.
     fn rate(action: Action) -> Option<DVec3> {
         let Action::Aboard(VehicleFault::GyroBiasJump(rate) | VehicleFault::GyroSpike(rate)) = action else {
             return None;

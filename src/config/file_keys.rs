@@ -9,7 +9,7 @@ use crate::link_keys::LinkTable;
 use crate::scenario::ScenarioKeys;
 use crate::spacecraft::SpacecraftKeys;
 
-/// All keys of a kind of files.
+/// Returns all keys of a kind of files.
 pub(super) fn declared(kind: FileKind) -> Declared {
     match kind {
         FileKind::Bench => BenchKeys::declared(),

@@ -41,7 +41,7 @@ impl FileKind {
     /// Every kind.
     pub const ALL: [Self; 5] = [Self::Bench, Self::Scenario, Self::Camera, Self::Link, Self::Spacecraft];
 
-    /// Its word on the command line and in messages.
+    /// Returns its word on the command line and in messages.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -53,7 +53,7 @@ impl FileKind {
         }
     }
 
-    /// How a file of this kind is used.
+    /// Returns how a file of this kind is used.
     const fn use_of_it(self) -> &'static str {
         match self {
             Self::Bench => "`starloop run`, `check` and `budget` take a bench",

@@ -39,7 +39,7 @@ pub struct JitterLineSettings {
 }
 
 impl JitterLineSettings {
-    /// The line as `plan::attitude` takes it, its epoch being the start of the run.
+    /// Returns the line as `plan::attitude` takes it, its epoch being the start of the run.
     #[must_use]
     pub fn line(&self) -> JitterLine {
         JitterLine {

@@ -153,7 +153,7 @@ impl JitterInput {
     }
 }
 
-/// The file that a key names, and its text.
+/// Returns the file that a key names, and its text.
 fn text_of(keys: &JitterKeys, name: &str, check: &Checker<'_>) -> Result<(String, String), ConfigError> {
     let given = if name == "series" { keys.series() } else { keys.density() };
     let path = given.raw().cloned().unwrap_or_default();

@@ -73,12 +73,12 @@ pub(super) struct Given<'k, T: KeyType> {
 }
 
 impl<'k, T: KeyType> Given<'k, T> {
-    /// Its name with its tables.
+    /// Returns its name with its tables.
     pub(super) fn key(&self) -> String {
         if self.table.is_empty() { self.name.into() } else { format!("{}.{}", self.table, self.name) }
     }
 
-    /// Whether the file gives it.
+    /// Returns whether the file gives it.
     pub(super) fn is_given(&self) -> bool {
         self.raw.is_some()
     }
@@ -108,7 +108,7 @@ impl<'k, T: KeyType> Given<'k, T> {
         Self { advice: advice.into(), ..self }
     }
 
-    /// The value that is given, or the default; checked.
+    /// Returns the value that is given, or the default; checked.
     pub(super) fn check(self, check: &mut Checker<'_>) -> Result<T::Checked, ConfigError> {
         let default = match (self.raw, &self.preset) {
             (Some(raw), _) => return self.read(raw, check),
@@ -124,7 +124,7 @@ impl<'k, T: KeyType> Given<'k, T> {
         self.read(&T::raw(default), check)
     }
 
-    /// The value that is given, checked; without one nothing.
+    /// Returns the value that is given, checked; without one nothing.
     pub(super) fn optional(self, check: &Checker<'_>) -> Result<Option<T::Checked>, ConfigError> {
         self.raw.map(|raw| self.read(raw, check)).transpose()
     }
@@ -135,7 +135,7 @@ impl<'k, T: KeyType> Given<'k, T> {
         })
     }
 
-    /// The error of a value that breaks a rule of its own, with the key's advice.
+    /// Returns the error of a value that breaks a rule of its own, with the key's advice.
     pub(super) fn invalid(
         &self,
         got: impl fmt::Display,
@@ -145,14 +145,14 @@ impl<'k, T: KeyType> Given<'k, T> {
         check.invalid(&self.key(), got, wanted, &self.advice)
     }
 
-    /// The error of a key that must be given.
+    /// Returns the error of a key that must be given.
     pub(super) fn missing(&self, wanted: impl fmt::Display, check: &Checker<'_>) -> ConfigError {
         self.invalid("missing", wanted, check)
     }
 }
 
 impl Given<'_, f64> {
-    /// The milliseconds that are given, or the default; checked.
+    /// Returns the milliseconds that are given, or the default; checked.
     pub(super) fn ms(self, check: &mut Checker<'_>) -> Result<Span, ConfigError> {
         Ok(Span::from_s(self.check(check)? * 1e-3))
     }
@@ -165,17 +165,17 @@ macro_rules! taken {
 
 /// A table of keys.
 pub(super) trait Section: Clone + Default + DeserializeOwned {
-    /// Its keys and tables, as they are declared.
+    /// Returns its keys and tables, as they are declared.
     fn declared() -> Declared;
 
-    /// Its place, as messages name it.
+    /// Returns its place, as messages name it.
     fn table(&self) -> &str;
 
-    /// The same at another place, such as `target[2]`.
+    /// Returns the same at another place, such as `target[2]`.
     #[must_use]
     fn at(&self, table: &str) -> Self;
 
-    /// Its keys, and whether each is given.
+    /// Returns its keys, and whether each is given.
     fn given(&self) -> Vec<(&'static str, bool)>;
 
     /// Refuses keys that have a meaning only with another choice, of which `owner` speaks.
@@ -190,17 +190,17 @@ pub(super) trait Section: Clone + Default + DeserializeOwned {
     }
 }
 
-/// The tables of a list, each at its place.
+/// Returns the tables of a list, each at its place.
 pub(super) fn listed<S: Section>(tables: &[S], name: &str) -> Vec<S> {
     tables.iter().enumerate().map(|(place, table)| table.at(&format!("{name}[{place}]"))).collect()
 }
 
-/// A name without the mark that lets Rust take it where it is a word of its own: `do`.
+/// Returns a name without the mark that lets Rust take it where it is a word of its own: `do`.
 pub(super) fn plain(name: &'static str) -> &'static str {
     name.trim_start_matches("r#")
 }
 
-/// The advice of a key: a text of its own, or its sentence as a clause.
+/// Returns the advice of a key: a text of its own, or its sentence as a clause.
 pub(super) fn advice(sentence: &'static str, own: &[&'static str]) -> Cow<'static, str> {
     if let Some(own) = own.first() {
         return (*own).into();

@@ -17,16 +17,16 @@ pub(super) trait KeyType {
     /// As the program takes it.
     type Checked;
 
-    /// A default as if it were given.
+    /// Returns a default as if it were given.
     fn raw(default: &Self::Default) -> Self::Raw;
 
-    /// The value, when it is within the limit.
+    /// Returns the value, when it is within the limit.
     fn read(raw: &Self::Raw, limit: &Self::Limit) -> Result<Self::Checked, Refusal>;
 
-    /// The limit as messages say it.
+    /// Returns the limit as messages say it.
     fn wanted(limit: &Self::Limit) -> String;
 
-    /// The limit as reference and schema say it.
+    /// Returns the limit as reference and schema say it.
     fn shape(limit: &Self::Limit) -> Shape;
 }
 
@@ -67,22 +67,22 @@ pub(super) enum Shape {
 }
 
 impl Shape {
-    /// A list of so many numbers.
+    /// Returns a list of so many numbers.
     pub(super) fn numbers(count: usize) -> Self {
         Self::Row(count, Box::new(Self::Number(Rule::Finite)))
     }
 
-    /// A list of pairs of numbers.
+    /// Returns a list of pairs of numbers.
     pub(super) fn pairs() -> Self {
         Self::list(Self::numbers(2))
     }
 
-    /// A list.
+    /// Returns a list.
     pub(super) fn list(of: Self) -> Self {
         Self::List(Box::new(of))
     }
 
-    /// One of two forms.
+    /// Returns one of two forms.
     pub(super) fn either(one: Self, other: Self) -> Self {
         Self::Either(Box::new([one, other]))
     }

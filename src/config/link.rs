@@ -228,7 +228,7 @@ fn carrier(keys: &LinkTable, kind: Kind, check: &mut Checker<'_>) -> Result<Carr
     })
 }
 
-/// A text that must be given.
+/// Returns a text that must be given.
 fn named(given: &Given<'_, String>, wanted: &str, check: &Checker<'_>) -> Result<String, ConfigError> {
     match given.raw().map(|text| text.trim()) {
         None => Err(given.missing(wanted, check)),
@@ -237,7 +237,7 @@ fn named(given: &Given<'_, String>, wanted: &str, check: &Checker<'_>) -> Result
     }
 }
 
-/// An address that must be given.
+/// Returns an address that must be given.
 pub(super) fn named_address(given: &Given<'_, Raw<Address>>, check: &Checker<'_>) -> Result<SocketAddr, ConfigError> {
     address(given, check)?.ok_or_else(|| given.missing("a port (on loopback) or \"address:port\"", check))
 }

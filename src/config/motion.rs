@@ -198,7 +198,7 @@ impl Motion {
         }
     }
 
-    /// First instant of the motion, s after the start of the run; nothing for one that has always been.
+    /// Returns the first instant of the motion, s after the start of the run; nothing for one that has always been.
     pub(super) fn first_s(&self) -> Option<f64> {
         match self {
             Self::Steady { .. } => None,

@@ -106,7 +106,7 @@ impl Chain {
         Ok(Self { params, light })
     }
 
-    /// The chain in its light; refuses what does not hold there.
+    /// Returns the chain in its light; refuses what does not hold there.
     pub(super) fn take_light(&mut self, band: Option<&Band>, check: &Checker<'_>) -> Result<(), ConfigError> {
         self.params.band = match (self.light, band) {
             (LightOfChain::Wavelength(nm), Some(band)) if band.response(nm) <= 0.0 => {
@@ -129,7 +129,7 @@ pub(super) fn belongs_to_chain(keys: Option<&MtfKeys>, psf: &Psf, check: &Checke
     check.unused("mtf", keys.is_some() && !matches!(psf, Psf::Chain(_)), "psf.model = \"chain\"")
 }
 
-/// One wavelength, or a colour in the band.
+/// Returns one wavelength, or a colour in the band.
 fn light(lens: &PsfKeys, check: &mut Checker<'_>) -> Result<LightOfChain, ConfigError> {
     if lens.bp_rp().is_given() {
         let owner = "one wavelength; psf.bp_rp asks for the whole band: keep one of the two";
@@ -139,7 +139,7 @@ fn light(lens: &PsfKeys, check: &mut Checker<'_>) -> Result<LightOfChain, Config
     lens.wavelength_nm().check(check).map(LightOfChain::Wavelength)
 }
 
-/// The key to blame for what a chain refuses.
+/// Returns the key to blame for what a chain refuses.
 fn refused(error: &MtfError, check: &Checker<'_>) -> ConfigError {
     let key = match error {
         MtfError::Wavefront { .. } => "mtf.wavefront_error_waves",
@@ -185,7 +185,7 @@ fn diffusion(keys: &MtfKeys, check: &mut Checker<'_>) -> Result<Option<Diffusion
     Ok(Some(Diffusion::Layered(Layers { depletion_um, diffusion_length_um, side })))
 }
 
-/// Blur of charge that follows the image; the stages are the detector's.
+/// Returns the blur of charge that follows the image; the stages are the detector's.
 fn tdi(keys: &MtfKeys, detector: Option<Tdi>, check: &mut Checker<'_>) -> Result<Option<TdiBlur>, ConfigError> {
     let Some(Tdi { stages }) = detector else {
         keys.refuse(&["tdi_phases", "tdi_mismatch_px"], "[detector.tdi]", check)?;

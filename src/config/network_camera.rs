@@ -101,7 +101,7 @@ fn identity(keys: &NetworkCameraKeys, check: &Checker<'_>) -> Result<Identity, C
     })
 }
 
-/// Six pairs of hexadecimal digits with colons.
+/// Returns the six pairs of hexadecimal digits with colons.
 fn mac(given: &Given<'_, String>, check: &Checker<'_>) -> Result<Option<[u8; 6]>, ConfigError> {
     let Some(text) = given.raw() else { return Ok(None) };
     let pairs: Vec<Option<u8>> = text

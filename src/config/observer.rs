@@ -167,7 +167,7 @@ impl ObserverKeys {
     }
 }
 
-/// Whether a text is a set of elements: lines that begin with 1 and 2, or JSON.
+/// Returns whether a text is a set of elements: lines that begin with 1 and 2, or JSON.
 fn is_elements(text: &str) -> bool {
     let has_line = |number: char| text.lines().any(|line| is_tle_line(line.trim_end(), number));
     text.trim_start().starts_with(['[', '{']) || (has_line('1') && has_line('2'))

@@ -10,7 +10,7 @@ struct OnlyObserver {
     observer: ObserverKeys,
 }
 
-/// The observer of a file with only this section, whether light is bent, and the keys that nobody gave.
+/// Returns the observer of a file with only this section, whether light is bent, and the keys that nobody gave.
 fn observer(lines: &str) -> Result<(Observer, bool, Vec<String>), ConfigError> {
     let document = Document::from_text(&format!("[observer]\n{lines}\n"), Path::new("lab/bench.toml"));
     let keys: OnlyObserver = document.read_as()?;
@@ -93,7 +93,7 @@ fn each_rule_has_a_failing_example() {
     assert!(observer(&two_body("semi_major_axis_km = -7000\neccentricity = 1.1")).is_ok(), "a flyby");
 }
 
-/// An observer by a file with this text, beside the document.
+/// Returns an observer by a file with this text, beside the document.
 fn of_file(text: &str, lines: &str) -> Result<Observer, ConfigError> {
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::write(folder.path().join("orbit.txt"), text).expect("a file");

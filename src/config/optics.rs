@@ -90,7 +90,7 @@ section! {
 pub(super) struct IsPolynomial(bool);
 
 impl Optics {
-    /// Focal length over aperture.
+    /// Returns the focal length over aperture.
     pub(super) fn f_number(&self) -> f64 {
         self.focal_length_mm / self.aperture_mm
     }

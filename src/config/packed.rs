@@ -125,7 +125,7 @@ impl Document {
 }
 
 impl PackedDocuments {
-    /// The same pack with its files of data kept below this folder.
+    /// Returns the same pack with its files of data kept below this folder.
     #[must_use]
     pub fn kept_in(self, folder: &Path) -> Self {
         Self { folder: Some(folder.to_path_buf()), ..self }
@@ -189,7 +189,7 @@ impl PackedDocuments {
         self.documents.get(keys).map_or_else(String::new, |packed| packed.name.clone())
     }
 
-    /// Where the file of data lies that the document of these keys names so.
+    /// Returns where the file of data lies that the document of these keys names so.
     pub(super) fn data_file(&self, keys: &str, path: &str) -> PathBuf {
         let Some(packed) = self.documents.get(keys) else { return PathBuf::from(path) };
         let data = packed.data.iter().find(|data| data.named == path);
@@ -204,7 +204,7 @@ impl PackedDocuments {
     }
 }
 
-/// Where a file lay when its document was packed.
+/// Returns where a file lay when its document was packed.
 fn original(packed: &PackedText, path: &str) -> PathBuf {
     if packed.name.starts_with(BUILT_IN) { PathBuf::from(path) } else { beside(Path::new(&packed.name), path) }
 }
@@ -213,7 +213,7 @@ fn unread(place: &Path, error: &std::io::Error, named_by: String) -> ConfigError
     ConfigError::Read { file: place.display().to_string(), why: error.to_string(), named_by }
 }
 
-/// Length and CRC-32 of a file.
+/// Returns the length and CRC-32 of a file.
 fn sum_of(path: &Path) -> std::io::Result<(u64, u32)> {
     let (mut file, mut hasher, mut bytes) = (File::open(path)?, crc32fast::Hasher::new(), 0);
     let mut buffer = vec![0; 1 << 16];
@@ -235,7 +235,7 @@ fn find_data(table: &toml::Table, under: &str, found: &mut Vec<(String, String)>
     }
 }
 
-/// True for a key that ends in one of [`NAMES_DATA`].
+/// Returns true for a key that ends in one of [`NAMES_DATA`].
 fn names_data(key: &str) -> bool {
     let ends_in = |known: &str| key.strip_suffix(known).is_some_and(|table| table.is_empty() || table.ends_with('.'));
     NAMES_DATA.iter().any(|known| ends_in(known))
@@ -254,7 +254,7 @@ fn find_in(is_path: bool, value: &toml::Value, key: String, found: &mut Vec<(Str
     }
 }
 
-/// The value of a key such as `band.qe_file`.
+/// Returns the value of a key such as `band.qe_file`.
 fn value_of<'a>(table: &'a toml::Table, key: &str) -> Option<&'a toml::Value> {
     match key.split_once('.') {
         Some((section, rest)) => value_of(table.get(section)?.as_table()?, rest),
@@ -262,7 +262,7 @@ fn value_of<'a>(table: &'a toml::Table, key: &str) -> Option<&'a toml::Value> {
     }
 }
 
-/// A key below those that led to a document.
+/// Returns a key below those that led to a document.
 pub(super) fn joined(keys: &str, key: &str) -> String {
     if keys.is_empty() { key.into() } else { format!("{keys}.{key}") }
 }

@@ -208,7 +208,7 @@ pub(super) enum PlantKind {
 }
 
 impl PlantKeys {
-    /// Whether the spacecraft is said to be moved from outside.
+    /// Returns whether the spacecraft is said to be moved from outside.
     pub(super) fn is_outside(&self) -> bool {
         self.kind().raw().is_some_and(|kind| kind == "outside")
     }

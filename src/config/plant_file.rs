@@ -100,7 +100,7 @@ impl FilePlant {
 /// From the start of the clock to the first exposure.
 const LEAD: Span = Span::from_ms(1000);
 
-/// The text of the file that a key names, and how messages call it.
+/// Returns the text of the file that a key names, and how messages call it.
 pub(super) fn text_of(given: &Given<'_, String>, check: &Checker<'_>) -> Result<(String, String), ConfigError> {
     let path = given.raw().ok_or_else(|| given.missing("the path of a file", check))?;
     let path = check.document.data_beside(path);
@@ -108,7 +108,7 @@ pub(super) fn text_of(given: &Given<'_, String>, check: &Checker<'_>) -> Result<
     Ok((text, path.display().to_string()))
 }
 
-/// The error of a file that a key names.
+/// Returns the error of a file that a key names.
 pub(super) fn refused(given: &Given<'_, String>, error: &HistoryError, check: &Checker<'_>) -> ConfigError {
     let advice = "src/guide/files_in_and_out.md has every format; paths are relative to the file that names them";
     check.invalid(&given.key(), format!("{error}"), "a file that can be read", advice)

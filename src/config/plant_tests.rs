@@ -4,7 +4,7 @@ use super::*;
 use crate::{Begins, Bench, Document, FilePlant, Scenario};
 use std::path::Path;
 
-/// A run file beside the shipped benches.
+/// Returns a run file beside the shipped benches.
 fn run_file(text: &str) -> Result<Scenario, ConfigError> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/benches");
     Scenario::from_document(&Document::from_text(text, &folder.join("lab.toml")))

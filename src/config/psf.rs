@@ -219,7 +219,7 @@ impl Psf {
         }
     }
 
-    /// How pixel values are had from the PSF.
+    /// Returns how pixel values are had from the PSF.
     pub(super) fn check_sampling(keys: &PsfKeys, check: &mut Checker<'_>) -> Result<PsfSampling, ConfigError> {
         let word = keys.sampling().check(check)?;
         let refuse = |wanted: &str| keys.sampling().invalid(format!("\"{word}\""), wanted, check);
@@ -265,14 +265,14 @@ impl NodeKeys {
         Ok(())
     }
 
-    /// A Moffat profile.
+    /// Returns a Moffat profile.
     pub(super) fn moffat(&self, check: &mut Checker<'_>) -> Result<PsfModel, ConfigError> {
         self.unused_by("moffat", check)?;
         let (fwhm_px, beta) = (self.fwhm_px().check(check)?, self.beta().check(check)?);
         Ok(PsfModel::Moffat(Moffat::of_fwhm(fwhm_px, beta)))
     }
 
-    /// The image of a star.
+    /// Returns the image of a star.
     pub(super) fn measured(&self, check: &mut Checker<'_>) -> Result<PsfModel, ConfigError> {
         self.unused_by("measured", check)?;
         let how = self.measurement(check)?;
@@ -307,7 +307,7 @@ impl NodeKeys {
         Ok(Measurement { samples_per_px, holds, background, star_at, light_inside })
     }
 
-    /// The PSF of one node.
+    /// Returns the PSF of one node.
     fn node(&self, check: &mut Checker<'_>) -> Result<PsfModel, ConfigError> {
         let model = self.model().check(check)?;
         if !matches!(model, NodeModel::Gaussian) {
@@ -346,7 +346,7 @@ pub(super) fn field(keys: &PsfKeys, size_px: [u32; 2], check: &mut Checker<'_>) 
     Ok(PsfModel::field(field?))
 }
 
-/// The PSF of a FITS image.
+/// Returns the PSF of a FITS image.
 fn grid_of(image: &FitsImage, how: &Measurement) -> Result<PsfGrid, MeasuredError> {
     how.psf(&image.top_row_first(), image.width)
 }

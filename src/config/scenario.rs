@@ -82,13 +82,13 @@ section! {
     }
 }
 
-/// Whether a document is a scenario: it names a spacecraft. A file that cannot be parsed is not.
+/// Returns whether a document is a scenario: it names a spacecraft. A file that cannot be parsed is not.
 #[must_use]
 pub fn is_scenario(document: &Document) -> bool {
     document.has_key("spacecraft")
 }
 
-/// Whether a file names a bench, or has tables that only such a file has at its top.
+/// Returns whether a file names a bench, or has tables that only such a file has at its top.
 fn is_over_bench(document: &Document) -> bool {
     ["bench", "initial", "tracker", "control", "telemetry", "duration_s"].iter().any(|key| document.has_key(key))
 }
@@ -301,7 +301,7 @@ fn check_triggers_fire_once(events: &[Event], check: &Checker<'_>) -> Result<(),
     Ok(())
 }
 
-/// How long the run lasts by the files alone, without settings; `None` when they do not say.
+/// Returns how long the run lasts by the files alone, without settings; `None` when they do not say.
 fn written_duration_s(document: &Document) -> Option<f64> {
     let document = document.clone().with_settings(Vec::new());
     if !is_over_bench(&document) {

@@ -46,28 +46,28 @@ impl Setting {
         Ok(Self { reported: format!("--set {text}"), steps, value })
     }
 
-    /// The value as it was given.
+    /// Returns the value as it was given.
     pub(super) fn value_text(&self) -> &str {
         self.reported.split_once('=').map_or("", |(_, value)| value)
     }
 
-    /// How messages call it: as it was given.
+    /// Returns how messages call it: as it was given.
     pub(super) fn reported(&self) -> &str {
         &self.reported
     }
 
-    /// Whether it gives the value of `key` (as [`super::Document::place`] takes it) or of a table around it.
+    /// Returns whether it gives the value of `key` (as [`super::Document::place`] takes it) or of a table around it.
     pub(super) fn gives(&self, key: &str) -> bool {
         let steps: Vec<String> = self.steps.iter().map(Step::to_string).collect();
         key.strip_prefix(&steps.join(".")).is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
     }
 
-    /// Whether it gives this top-level key as a whole.
+    /// Returns whether it gives this top-level key as a whole.
     pub(super) fn is_for(&self, key: &str) -> bool {
         matches!(self.steps.as_slice(), [only] if only.place.is_none() && only.name == key)
     }
 
-    /// The change of the file that `key` names; `None` when it changes something else.
+    /// Returns the change of the file that `key` names; `None` when it changes something else.
     pub(super) fn below(&self, key: &str) -> Option<Self> {
         let (first, rest) = self.steps.split_first()?;
         let is_below = first.place.is_none() && first.name == key && !rest.is_empty();
@@ -102,7 +102,7 @@ impl Setting {
         NAMES_A_FILE.iter().any(|key| named(key))
     }
 
-    /// The value itself, or its item when the step says which.
+    /// Returns the value itself, or its item when the step says which.
     fn item<'a>(&self, step: &Step, value: &'a mut toml::Value) -> Result<&'a mut toml::Value, ConfigError> {
         let Some(place) = step.place else { return Ok(value) };
         let list = value.as_array_mut().ok_or_else(|| self.refuse(step, "no list", "a list"))?;
@@ -142,7 +142,7 @@ impl core::fmt::Display for Step {
     }
 }
 
-/// A TOML value, or a word or path as a string.
+/// Returns a TOML value, or a word or path as a string.
 fn value(text: &str) -> Option<toml::Value> {
     let table: Option<toml::Table> = toml::from_str(&format!("value = {text}")).ok();
     let read = table.filter(|table| table.len() == 1).and_then(|mut table| table.remove("value"));

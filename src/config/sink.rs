@@ -63,7 +63,7 @@ pub enum Sink {
 }
 
 impl Sink {
-    /// The word for it in files and messages.
+    /// Returns the word for it in files and messages.
     #[must_use]
     pub fn kind(&self) -> &'static str {
         match self {
@@ -76,7 +76,7 @@ impl Sink {
         }
     }
 
-    /// The key that says where it writes to, and where that is, when nobody else may write there.
+    /// Returns the key that says where it writes to, and where that is, when nobody else may write there.
     fn place(&self) -> Option<(&'static str, String)> {
         match self {
             Self::Recorder { directory, .. } => Some(("directory", plain(directory.as_deref()?))),
@@ -90,7 +90,7 @@ impl Sink {
     }
 }
 
-/// A path without detours, for comparing.
+/// Returns a path without detours, for comparing.
 fn plain(path: &Path) -> String {
     let path = std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf());
     path.components().collect::<PathBuf>().display().to_string()
@@ -165,7 +165,7 @@ section! {
 
 impl Inner for SinkKeys {
     const PRESENCE: Presence = Presence::Once;
-    /// A form for each kind, in which `kind` is its word.
+    /// Returns a form for each kind, in which `kind` is its word.
     fn forms() -> Vec<Declared> {
         let own = |kind| match kind {
             Kind::Recorder => RecorderKeys::declared(),
@@ -201,7 +201,7 @@ pub(super) struct SinkTable<'a> {
 }
 
 impl SinkTable<'_> {
-    /// Its keys as those of a kind.
+    /// Returns its keys as those of a kind.
     fn read<S: Section>(&self, kind: &str, check: &Checker<'_>) -> Result<S, ConfigError> {
         let keys: S = check.document.read_table(&self.keys, self.name, &format!(" (kind = \"{kind}\")"))?;
         Ok(keys.at(self.name))
@@ -316,7 +316,7 @@ fn iceoryx(table: &SinkTable<'_>, check: &mut Checker<'_>) -> Result<Sink, Confi
     Ok(Sink::Iceoryx { service, slots: keys.slots().check(check)? })
 }
 
-/// The error for a kind that needs a feature of the build.
+/// Returns the error for a kind that needs a feature of the build.
 fn not_built(table: &SinkTable<'_>, kind: &str, advice: &'static str, check: &Checker<'_>) -> ConfigError {
     let key = format!("{}.kind", table.name);
     check.invalid(&key, format!("\"{kind}\""), "a kind that this starloop was built with", advice)

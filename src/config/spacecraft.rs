@@ -241,7 +241,7 @@ impl Spacecraft {
     }
 }
 
-/// Replaced by the bench's observer before anything flies.
+/// Returns the replaced by the bench's observer before anything flies.
 fn placeholder_orbit() -> CircularOrbitParams {
     CircularOrbitParams {
         epoch: Tai::from_ns(0),

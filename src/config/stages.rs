@@ -162,7 +162,7 @@ fn stale_policies(keys: &AttitudeKeys, check: &mut Checker<'_>) -> Result<[Stale
     Ok(if keys.stale_policy().is_given() { [policy; 2] } else { [StalePolicy::Hold, StalePolicy::Drop] })
 }
 
-/// Time correlation: what the link and the remote clock are like.
+/// Returns the time correlation: what the link and the remote clock are like.
 fn check_clock(keys: &AttitudeKeys, check: &mut Checker<'_>) -> Result<RemoteClockLimits, ConfigError> {
     let constant_delay = Span::from_s(keys.link_delay_us().check(check)? * 1e-6);
     let window = Span::from_s(keys.clock_window_s().check(check)?);
@@ -173,7 +173,8 @@ fn check_clock(keys: &AttitudeKeys, check: &mut Checker<'_>) -> Result<RemoteClo
     Ok(RemoteClockLimits { window, constant_delay, step, most_drift, allan_1s, pps_sigma })
 }
 
-/// Samples at a rate over a time, 64 at least; the rates and times are checked, so 10^6 is a limit on memory only.
+/// Returns samples at a rate over a time, 64 at least; the rates and times are checked, so 10^6 is a limit on memory
+/// only.
 fn capacity(rate_hz: f64, time_s: f64) -> usize {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped first")]
     let capacity = (rate_hz * time_s).ceil().clamp(64.0, 1e6) as usize;

@@ -105,7 +105,7 @@ const SCRIPT_KEYS: [&str; 6] = ["position_px", "velocity_px_s", "acceleration_px
 const LIGHT_KEYS: [&str; 5] = ["diameter_m", "albedo", "specular", "mag_1000km", "phase_mag_1000km"];
 
 impl OrbitSettings {
-    /// The orbit of a target.
+    /// Returns the orbit of a target.
     pub(super) fn check(keys: &TargetKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
         let kind = keys.orbit().check(check)?;
         for (name, kinds) in ORBIT_KEYS.iter().filter(|(_, kinds)| !kinds.contains(&kind)) {
@@ -174,7 +174,7 @@ fn phase_curve(
     Ok(PhaseCurve { points: points.iter().map(|[phase, mag]| [phase * DEG, *mag]).collect() })
 }
 
-/// Text of a file of elements.
+/// Returns the text of a file of elements.
 fn text_of(file: &Given<'_, String>, path: &str, check: &Checker<'_>) -> Result<String, ConfigError> {
     let bytes = check.document.bytes_of(&file.key(), path)?;
     if bytes.len() > LARGEST_FILE {

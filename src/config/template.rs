@@ -89,7 +89,7 @@ fn write_key(text: &mut String, key: &Key, path: &str, is_live: bool) {
     line(text, &format!("{} = {value}", key.name), is_live && is_needed);
 }
 
-/// A value of this form.
+/// Returns a value of this form.
 pub(super) fn sample(shape: &Shape) -> String {
     match shape {
         Shape::Number(Rule::Within(least, most)) if !(*least..=*most).contains(&1.0) => format!("{least:?}"),

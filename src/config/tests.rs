@@ -19,7 +19,7 @@ fn bench(text: &str) -> Result<Bench, ConfigError> {
     Bench::from_document(&Document::from_text(text, Path::new("lab/bench.toml")))
 }
 
-/// The minimal camera with a section added.
+/// Returns the minimal camera with a section added.
 fn camera_with(section: &str, line: &str) -> Result<Camera, ConfigError> {
     let header = format!("[{section}]\n");
     let text = if MINIMAL_CAMERA.contains(&header) {
@@ -412,7 +412,7 @@ fn a_missing_file_is_named() {
     assert!(error.contains("benches/loopback.toml"), "lists those there are: {error}");
 }
 
-/// Text that is nearly a configuration: keys of the schema with values of many kinds.
+/// Returns the text that is nearly a configuration: keys of the schema with values of many kinds.
 fn nearly_toml() -> impl Strategy<Value = String> {
     let sections = prop::sample::select(vec![
         "detector",

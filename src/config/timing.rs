@@ -30,7 +30,7 @@ pub enum Degrade {
 }
 
 impl Degrade {
-    /// Whether it applies to a run on the real (or else the virtual) clock.
+    /// Returns whether it applies to a run on the real (or else the virtual) clock.
     #[must_use]
     pub fn applies(self, on_real_clock: bool) -> bool {
         match self {
@@ -127,7 +127,7 @@ impl Timing {
         Ok(Self { frame_rate_hz, duration_s, ahead_ms, deadline_policy, degrade, degrade_to, start, phase })
     }
 
-    /// Frames in the run (at least one).
+    /// Returns frames in the run (at least one).
     #[must_use]
     pub fn frames(&self) -> u64 {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked: 0 to 1e11")]

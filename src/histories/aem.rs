@@ -91,14 +91,15 @@ impl<'m> Frames<'m> {
         if self.is_to_body { quaternion.conjugate() } else { quaternion }
     }
 
-    /// A rate of the frame B with respect to A, in the axes of one of them, as a rate of the body in its own axes.
+    /// Returns a rate of the frame B with respect to A, in the axes of one of them, as a rate of the body in its own
+    /// axes.
     pub(crate) fn body_rate(&self, rate_rad_s: DVec3, is_in_body: bool, body_from_axes: DQuat) -> DVec3 {
         let in_body = if is_in_body { rate_rad_s } else { body_from_axes * rate_rad_s };
         if self.is_to_body { in_body } else { -in_body }
     }
 }
 
-/// Whether version 1 goes from A to B.
+/// Returns whether version 1 goes from A to B.
 fn direction(metadata: &Metadata<'_>) -> Result<bool, HistoryError> {
     let entry = metadata.needed("ATTITUDE_DIR")?;
     match entry.value {
@@ -146,7 +147,7 @@ fn note(notes: &mut Vec<String>, said: [Option<&str>; 3]) {
     }
 }
 
-/// The interpolation that the file asks for.
+/// Returns the interpolation that the file asks for.
 fn method(metadata: &Metadata<'_>, has_rates: bool) -> Result<AttitudeInterpolation, HistoryError> {
     let usual = if has_rates { AttitudeInterpolation::CubicHermite } else { AttitudeInterpolation::Slerp };
     let Some(Wanted { name, degree, entry }) = metadata.interpolation()? else { return Ok(usual) };

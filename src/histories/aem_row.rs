@@ -199,7 +199,7 @@ fn rate_of(axes: [DVec3; 3], angles_rad: [f64; 3], rates_rad_s: [f64; 3]) -> DVe
     })
 }
 
-/// The axes of EULER_ROT_SEQ: letters in version 2, digits in version 1.
+/// Returns the axes of EULER_ROT_SEQ: letters in version 2, digits in version 1.
 fn angles(metadata: &Metadata<'_>, is_first: bool) -> Result<Form, HistoryError> {
     let entry = metadata.needed("EULER_ROT_SEQ")?;
     let axis = |letter: char| match letter.to_ascii_uppercase() {
@@ -229,7 +229,7 @@ fn is_scalar_first(metadata: &Metadata<'_>) -> Result<bool, HistoryError> {
     }
 }
 
-/// Whether ANGVEL_FRAME is that of the body.
+/// Returns whether ANGVEL_FRAME is that of the body.
 fn is_rate_in_body(metadata: &Metadata<'_>, frames: &Frames<'_>) -> Result<bool, HistoryError> {
     let axes = metadata.needed("ANGVEL_FRAME")?;
     let [a, b] = [metadata.value("REF_FRAME_A"), metadata.value("REF_FRAME_B")];

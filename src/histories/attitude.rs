@@ -138,7 +138,7 @@ impl AttitudeSegment {
         self.usable_ns
     }
 
-    /// The motion at an instant within the rows.
+    /// Returns the motion at an instant within the rows.
     fn at(&self, t_ns: i64) -> AttitudeMotion {
         let after = self.states.partition_point(|state| state.t_ns <= t_ns);
         if self.states.len() < 2 {
@@ -149,7 +149,8 @@ impl AttitudeSegment {
         self.method.between(&self.states, after.clamp(1, self.states.len() - 1) - 1, t_ns)
     }
 
-    /// The largest angle, rad, by which every second row misses the rows between; `None` with fewer than three rows.
+    /// Returns the largest angle, rad, by which every second row misses the rows between; `None` with fewer than three
+    /// rows.
     fn left_out_error_rad(&self) -> Option<f64> {
         let missed = |first: usize| {
             let kept: Vec<AttitudeState> = self.states.iter().skip(first).step_by(2).copied().collect();

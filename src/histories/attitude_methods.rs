@@ -54,14 +54,14 @@ impl AttitudeInterpolation {
     }
 }
 
-/// The rows that a polynomial of `count` nodes goes through: as many on both sides, where there are.
+/// Returns the rows that a polynomial of `count` nodes goes through: as many on both sides, where there are.
 pub(crate) fn around<S>(states: &[S], place: usize, count: usize) -> &[S] {
     let count = count.min(states.len());
     let first = (place + 1).saturating_sub(count / 2).min(states.len() - count);
     &states[first..first + count]
 }
 
-/// Seconds from one count of nanoseconds to another.
+/// Returns seconds from one count of nanoseconds to another.
 pub(crate) fn s_between(from_ns: i64, to_ns: i64) -> f64 {
     to_ns.saturating_sub(from_ns) as f64 / NS_PER_S as f64
 }
@@ -97,7 +97,7 @@ fn hermite(before: &AttitudeState, after: &AttitudeState, t_ns: i64) -> Attitude
 /// Below this angle the series of the Jacobian's coefficients are better than their closed forms, rad.
 const SMALL_RAD: f64 = 1e-3;
 
-/// The right Jacobian of SO(3) at `theta`, times `v`.
+/// Returns the right Jacobian of SO(3) at `theta`, times `v`.
 fn jacobian(theta: DVec3, v: DVec3) -> DVec3 {
     let square = theta.length_squared();
     let angle = square.sqrt();
@@ -110,7 +110,7 @@ fn jacobian(theta: DVec3, v: DVec3) -> DVec3 {
     v - a * once + b * theta.cross(once)
 }
 
-/// Its inverse at `theta`, of less than half a turn, times `v`.
+/// Returns its inverse at `theta`, of less than half a turn, times `v`.
 fn inverse_jacobian(theta: DVec3, v: DVec3) -> DVec3 {
     let square = theta.length_squared();
     let angle = square.sqrt();

@@ -55,7 +55,7 @@ pub(crate) fn read(source: &Source<'_>) -> Result<OrbitHistory, HistoryError> {
     Ok(history)
 }
 
-/// Places of position and velocity, and kilometres in their unit.
+/// Returns places of position and velocity, and kilometres in their unit.
 fn state_columns(table: &Table<'_>) -> Result<([usize; 6], f64), HistoryError> {
     if table.column(&["x_m"]).is_some() {
         return Ok((table.columns_of(["x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s"])?, METRE_KM));

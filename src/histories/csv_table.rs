@@ -159,7 +159,7 @@ pub(crate) const COUNTED_NS: core::ops::Range<i64> = -9_100_000_000_000_000_000.
 const MOST_S: f64 = 5e9;
 const WANTED_S: &str = "seconds, fewer than 5e9";
 
-/// Nanoseconds of decimal seconds, exact.
+/// Returns nanoseconds of decimal seconds, exact.
 fn unix_ns(word: &str) -> Option<i64> {
     let (whole, decimals) = word.split_once('.').unwrap_or((word, ""));
     let s = whole.parse::<i64>().ok().filter(|s| (0..5_000_000_000).contains(s))?;

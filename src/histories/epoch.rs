@@ -122,7 +122,7 @@ fn digits(text: &str) -> Option<i64> {
     is_number.then(|| text.parse().ok())?
 }
 
-/// Nanoseconds of decimals, rounded; 1e9 where they round up to a second.
+/// Returns nanoseconds of decimals, rounded; 1e9 where they round up to a second.
 fn fraction_ns(decimals: &str) -> Option<i64> {
     let is_number = decimals.bytes().all(|byte| byte.is_ascii_digit()) && decimals.len() <= 40;
     if decimals.is_empty() || !is_number {

@@ -111,7 +111,7 @@ fn segment<'a>(
     Ok(segment)
 }
 
-/// The values of one state in this order; those that are missing are left out, others are refused.
+/// Returns the values of one state in this order; those that are missing are left out, others are refused.
 fn row<'a>(source: &Source<'_>, state: Node<'_, '_>, order: &[&str], skipped: usize) -> Result<Row<'a>, HistoryError> {
     let mut values: [Option<&str>; ATTITUDE_ORDER.len()] = [None; ATTITUDE_ORDER.len()];
     let is_leaf = |node: &Node<'_, '_>| node.is_element() && !node.children().any(|child| child.is_element());

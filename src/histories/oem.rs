@@ -67,7 +67,7 @@ fn states(metadata: &Metadata<'_>, notes: &mut Vec<String>) -> Result<OrbitSegme
     fit.map_err(|error| source.refuse(segment.offset, "this segment", &error.to_string()))
 }
 
-/// The interpolation that the file asks for.
+/// Returns the interpolation that the file asks for.
 fn method(metadata: &Metadata<'_>) -> Result<OrbitInterpolation, HistoryError> {
     let Some(Wanted { name, degree, entry }) = metadata.interpolation()? else { return Ok(OrbitInterpolation::CUBIC) };
     match (name.as_str(), degree) {

@@ -109,7 +109,7 @@ mod tests {
 
     const MOST: u64 = 1 << 20;
 
-    /// A turn about z, a second a row, with a column that is not used.
+    /// Returns a turn about z, a second a row, with a column that is not used.
     fn written(folder: &Path, sense: Option<&str>) -> PathBuf {
         let path = folder.join("turn.parquet");
         let schema = "message m { required int64 tai_ns; required double q_w; required double q_x; required double q_y; \

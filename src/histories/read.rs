@@ -54,7 +54,7 @@ pub fn text_of(path: &Path) -> Result<String, HistoryError> {
     })
 }
 
-/// The first bytes of a file; `None` where it has fewer or cannot be read.
+/// Returns the first bytes of a file; `None` where it has fewer or cannot be read.
 fn beginning<const N: usize>(path: &Path) -> Option<[u8; N]> {
     let mut begin = [0; N];
     File::open(path).and_then(|mut file| file.read_exact(&mut begin)).ok().map(|()| begin)

@@ -64,7 +64,7 @@ impl ReferenceAxes {
     }
 }
 
-/// The passive rotation from ICRF into EME2000 axes.
+/// Returns the passive rotation from ICRF into EME2000 axes.
 fn bias() -> DQuat {
     let [xi, eta, ra] = [XI_MAS * MAS, ETA_MAS * MAS, RIGHT_ASCENSION_MAS * MAS];
     // Rows are the EME2000 axes, to first order; `from_axes` makes it a rotation (second order: 1e-15).

@@ -112,7 +112,7 @@ impl<'a> Block<'a> {
     }
 }
 
-/// Whether a line begins so, whatever its capitals.
+/// Returns whether a line begins so, whatever its capitals.
 fn starts(line: &str, begin: &str) -> bool {
     line.get(..begin.len()).is_some_and(|found| found.eq_ignore_ascii_case(begin))
 }

@@ -38,7 +38,7 @@ pub(crate) fn read(source: &Source<'_>) -> Result<OrbitHistory, HistoryError> {
     Ok(history)
 }
 
-/// The interpolation that the file asks for; cubic where it leaves it open.
+/// Returns the interpolation that the file asks for; cubic where it leaves it open.
 fn method(block: &Block<'_>) -> Result<OrbitInterpolation, HistoryError> {
     let samples_less_1 = block.degree("InterpolationSamplesM1")?.or(block.degree("InterpolationOrder")?);
     let Some(entry) = block.find("InterpolationMethod") else { return Ok(OrbitInterpolation::CUBIC) };

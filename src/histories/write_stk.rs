@@ -8,7 +8,7 @@ use base::time::Tai;
 use base::units::NS_PER_S;
 use std::io::{self, Write};
 
-/// Seconds from the epoch, exact to the nanosecond.
+/// Returns seconds from the epoch, exact to the nanosecond.
 fn seconds(t_ns: i64, epoch_ns: i64) -> String {
     let off_ns = t_ns.saturating_sub(epoch_ns);
     format!("{}.{:09}", off_ns / NS_PER_S, off_ns % NS_PER_S)

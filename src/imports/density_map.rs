@@ -70,7 +70,7 @@ impl DensityMap {
         Ok(())
     }
 
-    /// Stars in it.
+    /// Returns stars in it.
     #[must_use]
     pub fn stars(&self) -> u64 {
         self.counts.iter().sum()
@@ -101,13 +101,13 @@ impl DensityMap {
         count as f64 * self.counts.len() as f64 / SPHERE_DEG2
     }
 
-    /// Stars per square degree about a direction (unit vector).
+    /// Returns stars per square degree about a direction (unit vector).
     #[must_use]
     pub fn density(&self, direction_icrf: DVec3) -> f64 {
         self.per_deg2(self.counts[self.cell_of(direction_icrf)])
     }
 
-    /// Right ascension and declination of its cells, rad, with the stars in each and per square degree.
+    /// Returns the right ascension and declination of its cells, rad, with the stars in each and per square degree.
     pub fn cells(&self) -> impl Iterator<Item = ([f64; 2], u64, f64)> {
         (0..).zip(&self.counts).map(|(cell, count)| {
             let (ra, dec) = cdshealpix::nested::center(self.order, cell);
@@ -115,7 +115,7 @@ impl DensityMap {
         })
     }
 
-    /// Least and greatest density among cells with stars, stars per square degree; `None` without stars.
+    /// Returns the least and greatest density among cells with stars, stars per square degree; `None` without stars.
     #[must_use]
     pub fn range(&self) -> Option<[f64; 2]> {
         let with_stars = || self.counts.iter().copied().filter(|count| *count > 0);
@@ -123,7 +123,8 @@ impl DensityMap {
     }
 }
 
-/// The direction at a point of the picture, `None` beside the ellipse of the sky: `x` -1 (left) to 1, `y` -1 (bottom) to 1.
+/// Returns the direction at a point of the picture, `None` beside the ellipse of the sky: `x` -1 (left) to 1, `y` -1
+/// (bottom) to 1.
 #[must_use]
 pub fn direction_at(x: f64, y: f64, is_galactic: bool) -> Option<DVec3> {
     if x * x + y * y > 1.0 {

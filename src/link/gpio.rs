@@ -237,7 +237,7 @@ impl GpioChip {
         self.counters
     }
 
-    /// The edge of an event that was read at `now`.
+    /// Returns the edge of an event that was read at `now`.
     fn edge(&mut self, raw: RawEdge, now: PairedReading) -> Option<Edge> {
         let found = self.lines.iter().position(|line| line.offset == raw.offset).zip(raw.is_rising);
         let Some((number, is_rising)) = found else {

@@ -37,7 +37,7 @@ pub(super) struct Placed {
 }
 
 impl StampMap {
-    /// A map for a queue that was empty at `now`.
+    /// Returns a map for a queue that was empty at `now`.
     pub(super) fn new(now: PairedReading) -> Self {
         Self { last: now, distrust: false, latest: Tai::from_ns(i64::MIN) }
     }
@@ -47,8 +47,8 @@ impl StampMap {
         self.distrust = false;
     }
 
-    /// The instant of a stamp (CLOCK_REALTIME, ns) read at `now`. Never later than `now`, never earlier than the stamp
-    /// before it: a queue keeps the order.
+    /// Returns the instant of a stamp (CLOCK_REALTIME, ns) read at `now`. Never later than `now`, never earlier than
+    /// the stamp before it: a queue keeps the order.
     pub(super) fn place(&mut self, stamp_ns: Option<i64>, now: PairedReading) -> Placed {
         self.distrust |= self.steps_before(now);
         self.last = now;
@@ -57,7 +57,7 @@ impl StampMap {
         Placed { at: self.latest, is_kernels: at.is_some() }
     }
 
-    /// True when CLOCK_REALTIME jumped since the last reading.
+    /// Returns whether CLOCK_REALTIME jumped since the last reading.
     fn steps_before(&self, now: PairedReading) -> bool {
         let bench = now.bench - self.last.bench;
         let realtime_ns = now.realtime_ns.saturating_sub(self.last.realtime_ns);
@@ -79,7 +79,7 @@ mod tests {
 
     const WINDOW: Span = Span::from_ns(400);
 
-    /// A reading at `bench_ns` while CLOCK_REALTIME is `offset_ns` ahead of the bench clock.
+    /// Returns a reading at `bench_ns` while CLOCK_REALTIME is `offset_ns` ahead of the bench clock.
     fn reading(bench_ns: i64, offset_ns: i64) -> PairedReading {
         PairedReading { bench: Tai::from_ns(bench_ns), realtime_ns: bench_ns + offset_ns, window: WINDOW }
     }

@@ -127,8 +127,8 @@ pub enum Departure {
 
 /// One end of a connection that moves packets.
 pub trait Link: Send {
-    /// The next packet. On a real clock waits for it until `until` at most, without spinning; on the virtual clock
-    /// returns at once with what has arrived by now.
+    /// Returns the next packet. On a real clock waits for it until `until` at most, without spinning; on the virtual
+    /// clock returns at once with what has arrived by now.
     ///
     /// # Errors
     /// When the link is no longer able to receive.

@@ -47,7 +47,7 @@ impl<const MOST: usize> Bytes<MOST> {
         Some(all)
     }
 
-    /// The bytes.
+    /// Returns the bytes.
     #[must_use]
     pub fn as_slice(&self) -> &[u8] {
         &self.bytes[..self.len]
@@ -72,7 +72,7 @@ impl PartialEq for Packet {
 }
 
 impl Packet {
-    /// Kind of packet, for messages.
+    /// Returns the kind of packet, for messages.
     #[must_use]
     pub fn kind(&self) -> &'static str {
         match self {
@@ -83,7 +83,7 @@ impl Packet {
         }
     }
 
-    /// Bytes that the packet carries, without those of its frame.
+    /// Returns bytes that the packet carries, without those of its frame.
     #[must_use]
     pub fn data(&self) -> &[u8] {
         match self {

@@ -72,7 +72,7 @@ struct SerialCodec {
 }
 
 impl Port {
-    /// A port over `link`; `ids` matters on CAN only.
+    /// Returns a port over `link`; `ids` matters on CAN only.
     #[must_use]
     pub fn new(link: Box<dyn Link>, format: WireFormat, ids: IdMap) -> Self {
         let can = can::Decoder::new(ids);
@@ -90,34 +90,34 @@ impl Port {
         }
     }
 
-    /// The same with another layout of plain messages than the default.
+    /// Returns the same with another layout of plain messages than the default.
     #[must_use]
     pub fn with_layout(mut self, layout: PlainLayout) -> Self {
         self.plain = PlainCodec::new(layout);
         self
     }
 
-    /// The same with a constant delay taken off every stamp: how much longer this link's stamps are on their way than
-    /// those of the link that the clocks are correlated by.
+    /// Returns the same with a constant delay taken off every stamp: how much longer this link's stamps are on their
+    /// way than those of the link that the clocks are correlated by.
     #[must_use]
     pub fn less_delay(mut self, delay: Span) -> Self {
         self.delay = delay;
         self
     }
 
-    /// How messages look on this port's wire.
+    /// Returns how messages look on this port's wire.
     #[must_use]
     pub fn format(&self) -> WireFormat {
         self.format
     }
 
-    /// Why and how often input was refused.
+    /// Returns why and how often input was refused.
     #[must_use]
     pub fn rejects(&self) -> &RejectCounters {
         &self.rejects
     }
 
-    /// Why and how often plain messages were refused.
+    /// Returns why and how often plain messages were refused.
     #[must_use]
     pub fn plain_rejects(&self) -> &PlainRejectCounters {
         self.plain.rejects()
@@ -129,7 +129,7 @@ impl Port {
         self.link.counters()
     }
 
-    /// The next message of the protocol; waits as [`Link::receive`] does. Refused input is counted and skipped.
+    /// Returns the next message of the protocol; waits as [`Link::receive`] does. Refused input is counted and skipped.
     ///
     /// # Errors
     /// When the link is no longer able to receive.
@@ -143,7 +143,7 @@ impl Port {
         }
     }
 
-    /// The next message of either kind; waits as [`Link::receive`] does. Refused input is counted and skipped.
+    /// Returns the next message of either kind; waits as [`Link::receive`] does. Refused input is counted and skipped.
     ///
     /// # Errors
     /// When the link is no longer able to receive.
@@ -209,7 +209,7 @@ impl Port {
         datagram.map_or(Ok(Tai::from_ns(i64::MIN)), send)
     }
 
-    /// Packets that the link took so far: right after [`Self::send`], the last packet of that message is number
+    /// Returns packets that the link took so far: right after [`Self::send`], the last packet of that message is number
     /// `packets_sent() - 1` for [`Self::departure`].
     #[must_use]
     pub fn packets_sent(&self) -> u64 {
@@ -262,7 +262,7 @@ impl Port {
 }
 
 impl PlainClock {
-    /// The attitude of a message as a plain record, in double precision of its single precision.
+    /// Returns the attitude of a message as a plain record, in double precision of its single precision.
     fn record(&mut self, record: &AttitudeRecord) -> PlainRecord {
         let unwrapped_us = match self.last {
             Some((t_us, unwrapped_us)) => unwrapped_us.saturating_add(i64::from(ticks_diff(record.t_us, t_us))),
@@ -290,7 +290,7 @@ impl SerialCodec {
         self.taken = 0;
     }
 
-    /// The next message in the chunk at hand.
+    /// Returns the next message in the chunk at hand.
     fn next(&mut self, rejects: &mut RejectCounters) -> Option<Stamped<Input>> {
         let bytes = self.chunk.value.as_slice();
         let mut rest = &bytes[self.taken..];

@@ -70,7 +70,7 @@ impl Pps {
         Ok(Self { file, newest: first.count, stamps, counters })
     }
 
-    /// The newest pulse, once; `now` must have been read just before.
+    /// Returns the newest pulse, once; `now` must have been read just before.
     pub fn poll(&mut self, now: PairedReading) -> Option<Tai> {
         let Ok(pulse) = read(&self.file) else {
             self.counters.unreadable += 1;

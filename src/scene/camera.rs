@@ -49,7 +49,7 @@ pub struct CameraParams {
 }
 
 impl CameraParams {
-    /// Bits of the numbers in an image: the converter's, or more where numbers are summed.
+    /// Returns bits of the numbers in an image: the converter's, or more where numbers are summed.
     #[must_use]
     pub fn output_bits(&self) -> u32 {
         let summed = match self.detector.spatial.binning {
@@ -60,7 +60,7 @@ impl CameraParams {
         u32::BITS - largest.leading_zeros()
     }
 
-    /// The detector with its patterns: those that were measured, and the others drawn from the sensor seed.
+    /// Returns the detector with its patterns: those that were measured, and the others drawn from the sensor seed.
     ///
     /// # Errors
     /// When a measured pattern has another size than the detector.
@@ -90,7 +90,7 @@ impl CameraParams {
         }
     }
 
-    /// The camera as the planner sees it.
+    /// Returns the camera as the planner sees it.
     #[must_use]
     pub fn instrument(&self) -> Instrument {
         Instrument {
@@ -106,19 +106,19 @@ impl CameraParams {
 }
 
 impl CameraParams {
-    /// Columns and rows of the sensor, on which light is drawn.
+    /// Returns columns and rows of the sensor, on which light is drawn.
     #[must_use]
     pub fn sensor_px(&self) -> [usize; 2] {
         [self.geometry.width_px(), self.geometry.height_px()]
     }
 
-    /// Where the pixels of the image that is put out are on the sensor; its size.
+    /// Returns where the pixels of the image that is put out are on the sensor; its size.
     #[must_use]
     pub fn output(&self) -> OutputGeometry {
         self.detector.spatial.output(self.sensor_px())
     }
 
-    /// Predicted time of the detector, ms.
+    /// Returns the predicted time of the detector, ms.
     #[must_use]
     pub fn predicted_readout_ms(&self, cost: &CostModel) -> f64 {
         let [width, height] = [self.geometry.width_px(), self.geometry.height_px()];

@@ -51,7 +51,7 @@ pub enum Law {
 }
 
 impl Law {
-    /// Radiance for the cosines of incidence and emergence.
+    /// Returns the radiance for the cosines of incidence and emergence.
     #[must_use]
     pub fn radiance(self, incidence: f64, emergence: f64) -> f64 {
         match self {
@@ -61,7 +61,7 @@ impl Law {
         }
     }
 
-    /// Radiance integrated over a distant sphere's disc of unit radius, at a phase angle.
+    /// Returns the radiance integrated over a distant sphere's disc of unit radius, at a phase angle.
     #[must_use]
     pub fn over_disc(self, phase_rad: f64) -> f64 {
         let a = phase_rad.clamp(0.0, PI);
@@ -104,7 +104,8 @@ pub struct Drawn {
     pub step_px: f64,
 }
 
-/// Error at a sharp edge, as a share of the disc's level, of cells of `step_px` and a PSF that falls like a Gaussian.
+/// Returns the error at a sharp edge, as a share of the disc's level, of cells of `step_px` and a PSF that falls like a
+/// Gaussian.
 #[must_use]
 pub fn edge_error(step_px: f64, sigma_px: f64) -> f64 {
     // Steepest slope of a Gaussian line spread, integrated over a pixel, whose variance is 1/12 more.
@@ -112,8 +113,8 @@ pub fn edge_error(step_px: f64, sigma_px: f64) -> f64 {
     step_px * step_px / 24.0 / (TAU * core::f64::consts::E).sqrt() / variance
 }
 
-/// Ripple of an even disc, as a share of its level, drawn by cells of `step_px`, with such a PSF: none up to a pixel, as
-/// they divide it.
+/// Returns the ripple of an even disc, as a share of its level, drawn by cells of `step_px`, with such a PSF: none up
+/// to a pixel, as they divide it.
 #[must_use]
 pub fn ripple(step_px: f64, sigma_px: f64) -> f64 {
     if step_px <= 1.0 {
@@ -276,7 +277,7 @@ fn part_inside(depths: [f64; 4]) -> (f64, [f64; 2]) {
     if area <= 0.0 { (0.0, [0.5, 0.5]) } else { (area, first.map(|v| v / area)) }
 }
 
-/// The cells that a body may lie on; `None` when it is out of sight.
+/// Returns the cells that a body may lie on; `None` when it is out of sight.
 fn grid(
     body: &Spheroid,
     camera: &CameraGeometry,
@@ -309,7 +310,7 @@ fn grid(
     Some(Grid { origin_px, step_px, cells, is_whole })
 }
 
-/// Side of the cells for a disc of this radius, of which `area_px` may be on the detector.
+/// Returns the side of the cells for a disc of this radius, of which `area_px` may be on the detector.
 fn step_px(radius_px: f64, area_px: f64) -> f64 {
     if area_px > MOST_CELLS {
         return (area_px / MOST_CELLS).sqrt().ceil();
@@ -318,7 +319,8 @@ fn step_px(radius_px: f64, area_px: f64) -> f64 {
     1.0 / (CELLS_PER_RADIUS / radius_px).ceil().max(fine)
 }
 
-/// The rectangle that a limb lies in, px; `None` when a part of it is not imaged, or it is too wide to be followed by places.
+/// Returns the rectangle that a limb lies in, px; `None` when a part of it is not imaged, or it is too wide to be
+/// followed by places.
 fn limb_px(middle: DVec3, radius_rad: f64, camera: &CameraGeometry) -> Option<[[f64; 2]; 2]> {
     if radius_rad > WIDE_RAD || middle.angle_between(DVec3::Z) + radius_rad > WIDE_RAD {
         return None;
@@ -357,7 +359,8 @@ mod tests {
         .expect("a camera")
     }
 
-    /// A full disc of so many pixels radius about the axis, 1 electron per pixel: sources and how they were made.
+    /// Returns a full disc of so many pixels radius about the axis, 1 electron per pixel: sources and how they were
+    /// made.
     fn full(camera: &CameraGeometry, radius_px: f64) -> (Vec<Source>, Drawn) {
         let focal_px = camera.parameters().focal_px[0];
         let radius_rad = (radius_px / focal_px).atan();

@@ -53,7 +53,7 @@ impl FieldBounds {
 }
 
 impl Field {
-    /// False only for a direction that is more than the margin outside.
+    /// Returns false only for a direction that is more than the margin outside.
     pub(super) fn may_have(&self, direction_icrf: DVec3) -> bool {
         let [x, y, z] = self.axes_icrf.map(|axis| axis.dot(direction_icrf));
         x.abs() <= z * self.tangent[0] && y.abs() <= z * self.tangent[1]

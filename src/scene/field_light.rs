@@ -26,7 +26,8 @@ impl FieldLight {
         Self { light, observer }
     }
 
-    /// The glare at mid-exposure, and the background it makes; what is there without any sky when no attitude is known.
+    /// Returns the glare at mid-exposure, and the background it makes; what is there without any sky when no attitude
+    /// is known.
     ///
     /// # Errors
     /// When the observer's orbit cannot be computed at that time.

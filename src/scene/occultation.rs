@@ -27,19 +27,19 @@ impl Occultation {
         Self { bodies: [standpoint.earth(), standpoint.moon()].map(|body| body.filter(is_near)) }
     }
 
-    /// True when nothing in the field is hidden.
+    /// Returns whether nothing in the field is hidden.
     #[must_use]
     pub fn is_none(&self) -> bool {
         self.bodies.iter().all(Option::is_none)
     }
 
-    /// True when a body nearer than `range_km` stands before this apparent direction (unit).
+    /// Returns whether a body nearer than `range_km` stands before this apparent direction (unit).
     #[must_use]
     pub fn hides(&self, apparent_icrf: DVec3, range_km: f64) -> bool {
         self.bodies.iter().flatten().any(|body| lies_before(body, apparent_icrf, range_km))
     }
 
-    /// The same of the Moon alone.
+    /// Returns the same of the Moon alone.
     #[must_use]
     pub fn moon_hides(&self, apparent_icrf: DVec3, range_km: f64) -> bool {
         self.bodies[1].is_some_and(|moon| lies_before(&moon, apparent_icrf, range_km))

@@ -154,7 +154,7 @@ impl Scene {
         Ok(report)
     }
 
-    /// The sources that were found.
+    /// Returns the sources that were found.
     #[must_use]
     pub fn sources(&self) -> &[Source] {
         match &self.bodies {

@@ -108,7 +108,7 @@ impl SkyBodies {
         Self::through(body_camera, observer)
     }
 
-    /// The same with nothing else of a camera.
+    /// Returns the same with nothing else of a camera.
     #[must_use]
     pub fn through(camera: BodyCamera, observer: ObserverTrack) -> Self {
         Self {
@@ -126,7 +126,7 @@ impl SkyBodies {
         &mut self.observer
     }
 
-    /// Everything to draw in the latest frame.
+    /// Returns everything to draw in the latest frame.
     #[must_use]
     pub fn sources(&self) -> &[Source] {
         &self.sources
@@ -144,7 +144,7 @@ impl SkyBodies {
         self.painter.sweep_px = sweep_rad / ifov_x.min(ifov_y);
     }
 
-    /// Everything to draw: `stars` less those that are hidden, and the bodies in the field.
+    /// Returns everything to draw: `stars` less those that are hidden, and the bodies in the field.
     ///
     /// # Errors
     /// When the observer's orbit cannot be computed at that time, or it is at the barycentre.
@@ -187,7 +187,7 @@ impl SkyBodies {
         &self.before
     }
 
-    /// Every body as it is seen at `at`, the Sun first.
+    /// Returns every body as it is seen at `at`, the Sun first.
     ///
     /// # Errors
     /// As for [`Self::seen`].
@@ -217,7 +217,7 @@ impl SkyBodies {
         }
     }
 
-    /// True when a direction, sensor axes, is on the detector or nearer to it than `margin_px`.
+    /// Returns whether a direction, sensor axes, is on the detector or nearer to it than `margin_px`.
     fn is_on_detector(&self, direction: DVec3, margin_px: f64) -> bool {
         let camera = &self.camera.geometry;
         let size_px = [camera.width_px(), camera.height_px()];
@@ -284,7 +284,7 @@ impl SkyBodies {
         })
     }
 
-    /// The Earth: a Lambert sphere of its Bond albedo, as its stray light is.
+    /// Returns the Earth: a Lambert sphere of its Bond albedo, as its stray light is.
     fn earth(&self, standpoint: &Standpoint) -> Option<Disc> {
         let body = standpoint.earth()?;
         let from_sun_km = standpoint.from_sun_km - standpoint.from_earth.position_km;
@@ -311,7 +311,7 @@ impl SkyBodies {
     }
 }
 
-/// Every body as it is seen from there, the Sun first.
+/// Returns every body as it is seen from there, the Sun first.
 #[must_use]
 pub fn seen_from(standpoint: &Standpoint) -> Vec<SeenBody> {
     let mut all = vec![seen_sun(standpoint)];
@@ -321,12 +321,12 @@ pub fn seen_from(standpoint: &Standpoint) -> Vec<SeenBody> {
     all
 }
 
-/// Radiance that spreads so many electrons over a disc.
+/// Returns the radiance that spreads so many electrons over a disc.
 fn e_per_sr(electrons: f64, law: Law, phase_rad: f64, radius_rad: f64) -> f64 {
     electrons / (law.over_disc(phase_rad).max(LEAST_OVER_DISC) * radius_rad.sin().powi(2))
 }
 
-/// The Moon between Sun and observer.
+/// Returns the Moon between Sun and observer.
 fn moon_lighting(standpoint: &Standpoint) -> Lighting {
     let from_observer_km = -standpoint.from_moon.position_km;
     Lighting { from_sun_km: standpoint.from_sun_km + from_observer_km, from_observer_km }

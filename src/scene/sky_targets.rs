@@ -106,7 +106,7 @@ impl SkyTargets {
         Self::with_optics(camera.geometry, camera.shutter, camera.radiometry.clone(), observer, targets)
     }
 
-    /// The same by what it needs of a camera.
+    /// Returns the same by what it needs of a camera.
     fn with_optics(
         camera: CameraGeometry,
         shutter: Shutter,
@@ -127,13 +127,13 @@ impl SkyTargets {
         }
     }
 
-    /// The targets.
+    /// Returns the targets.
     #[must_use]
     pub fn targets(&self) -> &[SkyTarget] {
         &self.targets
     }
 
-    /// The targets that an exposure may see; how many were lost since.
+    /// Returns the targets that an exposure may see; how many were lost since.
     ///
     /// # Errors
     /// When the observer's own orbit cannot be computed at that time.
@@ -187,7 +187,7 @@ impl SkyTargets {
         &self.facts
     }
 
-    /// True when the way of one of them may be wrong by more than [`WAY_BUDGET_PX`].
+    /// Returns whether the way of one of them may be wrong by more than [`WAY_BUDGET_PX`].
     #[must_use]
     pub fn is_coarse(&self) -> bool {
         self.is_coarse
@@ -267,7 +267,7 @@ impl SkyTargets {
         Ok(())
     }
 
-    /// Whether a target may come into the field while the camera and it move.
+    /// Returns whether a target may come into the field while the camera and it move.
     fn is_near(&self, facts: &TargetFacts, exposure: &Exposure, los: &LosPath) -> bool {
         let [ifov_x, ifov_y] = self.camera.ifov_rad();
         let boresight = los.mid_sensor_from_icrf.inverse().apply(DVec3::Z);
@@ -279,7 +279,7 @@ impl SkyTargets {
         facts.apparent_icrf.angle_between(boresight) < reach_rad
     }
 
-    /// Its brightest, e-/s, and shares of that; `None` when it is dark all the time.
+    /// Returns its brightest, e-/s, and shares of that; `None` when it is dark all the time.
     fn light_curve(&self, target: &SkyTarget, way: &Way, exposure: &Exposure) -> Option<(f64, LightCurve)> {
         let sun_km = exposure.vantage.sun_km;
         let e_per_s = LightCurve::instants_s(exposure.half_s).map(|t_s| {
@@ -350,7 +350,7 @@ impl Exposure {
         Ok(Way { path, bound_km: SkyPath::bound_km(self.half_s, falls), light_time_s })
     }
 
-    /// The target from the geocentre when the light left, km.
+    /// Returns the target from the geocentre when the light left, km.
     fn target_km(&self, way: &Way, t_s: f64) -> DVec3 {
         let earth_moved_km = self.vantage.earth_km_s * way.light_time_s;
         way.path.from_observer_km(t_s) + earth_moved_km + self.observer_km.at(t_s)

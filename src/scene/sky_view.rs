@@ -50,7 +50,7 @@ const MARGIN_PX: f64 = 64.0;
 const AHEAD: Span = Span::from_ms(2000);
 
 impl SkyView {
-    /// The stars of `sky` through `camera` where `observer` flies.
+    /// Returns the stars of `sky` through `camera` where `observer` flies.
     #[must_use]
     pub fn new(camera: &CameraParams, observer: ObserverTrack, sky: &Sky) -> Self {
         let [ifov_x, ifov_y] = camera.geometry.ifov_rad();
@@ -73,7 +73,7 @@ impl SkyView {
         }
     }
 
-    /// Whether the Sun bends the stars' light: as a rule it does.
+    /// Returns whether the Sun bends the stars' light: as a rule it does.
     #[must_use]
     pub fn with_light_deflection(self, light_deflection: bool) -> Self {
         Self { light_deflection, ..self }
@@ -125,7 +125,7 @@ impl SkyView {
         self.sight.as_ref()
     }
 
-    /// Sources in view during an exposure: about its boresight, at mid-exposure, as far as it sweeps.
+    /// Returns sources in view during an exposure: about its boresight, at mid-exposure, as far as it sweeps.
     ///
     /// # Errors
     /// When the observer's orbit cannot be computed at that time, or a tile cannot be read.
@@ -134,14 +134,14 @@ impl SkyView {
         Ok(&self.sources)
     }
 
-    /// The sources that were found last.
+    /// Returns the sources that were found last.
     #[must_use]
     pub fn found(&self) -> &[Source] {
         &self.sources
     }
 
-    /// The name in its source catalog of a source that was found last, by its `id`; `None` when it has none. Reads no file and
-    /// allocates nothing.
+    /// Returns the name in its source catalog of a source that was found last, by its `id`; `None` when it has none.
+    /// Reads no file and allocates nothing.
     #[must_use]
     pub fn source_id(&self, id: u32) -> Option<SourceId> {
         self.tiles.source_id(id)
@@ -172,7 +172,8 @@ impl SkyView {
         Ok(())
     }
 
-    /// Sources in view around `boresight_icrf` at `at`; `sweep_rad` widens the cone by the motion in the exposure.
+    /// Returns sources in view around `boresight_icrf` at `at`; `sweep_rad` widens the cone by the motion in the
+    /// exposure.
     ///
     /// # Errors
     /// When the observer's orbit cannot be computed at that time, or a tile cannot be read.
@@ -220,7 +221,7 @@ impl SkyView {
     }
 }
 
-/// The camera's radiometry, for tiles as they are read.
+/// Returns the camera's radiometry, for tiles as they are read.
 fn light(camera: &CameraParams) -> Light {
     let (radiometry, exposure_s) = (camera.radiometry.clone(), camera.exposure_s);
     Light::new(move |mag_g, bp_rp| {

@@ -211,7 +211,7 @@ impl Directions<'_> {
     }
 }
 
-/// Path of a target's light on the sensor: of its own motion, and of the camera's where that moves.
+/// Returns the path of a target's light on the sensor: of its own motion, and of the camera's where that moves.
 fn smear_of(planned: &PlannedTarget, plan: &ExposurePlan) -> Smear {
     let ends = || {
         let times_s = seen_after_mid_s(&planned.target, &plan.motion, 0.0)?;

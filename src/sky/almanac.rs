@@ -82,13 +82,13 @@ impl Almanac {
         self.0.evaluated.load(Ordering::Relaxed)
     }
 
-    /// Barycentric state of the Earth's centre, ICRF axes.
+    /// Returns the barycentric state of the Earth's centre, ICRF axes.
     #[must_use]
     pub fn earth(&self, at: Tai) -> BarycentricState {
         self.between_days(at.days_tdb_since_j2000(), |day| day.earth)
     }
 
-    /// Barycentric state of the Sun's centre, ICRF axes.
+    /// Returns the barycentric state of the Sun's centre, ICRF axes.
     #[must_use]
     pub fn sun(&self, at: Tai) -> BarycentricState {
         let days = at.days_tdb_since_j2000();
@@ -97,7 +97,8 @@ impl Almanac {
         BarycentricState { position_km: noon.position_km + noon.velocity_km_s * since_noon_s, ..noon }
     }
 
-    /// Position of a planet from the Sun, days of TDB since J2000: by the table in its span, else by the cubic.
+    /// Returns the position of a planet from the Sun, days of TDB since J2000: by the table in its span, else by the
+    /// cubic.
     #[must_use]
     pub fn planet_km(&self, planet: Planet, days: f64) -> DVec3 {
         let by_table = ephemeris::state(planet.number(), days);
@@ -117,7 +118,7 @@ impl Almanac {
         )
     }
 
-    /// Cubic through positions and velocities at the start of a day and of the next.
+    /// Returns the cubic through positions and velocities at the start of a day and of the next.
     fn between_days(&self, days: f64, of: impl Fn(&Day) -> BarycentricState) -> BarycentricState {
         let (a, b) = (self.on(days.floor(), &of), self.on(days.floor() + 1.0, &of));
         let u = days - days.floor();

@@ -53,21 +53,22 @@ pub struct Standpoint {
 }
 
 impl Standpoint {
-    /// The Earth's surface (WGS 84 ellipsoid); `None` for an observer below it.
+    /// Returns the Earth's surface (WGS 84 ellipsoid); `None` for an observer below it.
     #[must_use]
     pub fn earth(&self) -> Option<Spheroid> {
         let is_outside = self.from_earth.position_km.length() > EARTH_RADIUS_KM;
         is_outside.then(|| Spheroid::seen_from(&self.from_earth, self.earth_axis, EARTH_RADIUS_KM, EARTH_FLATTENING))
     }
 
-    /// The Moon's surface (a sphere); `None` for an observer below it.
+    /// Returns the Moon's surface (a sphere); `None` for an observer below it.
     #[must_use]
     pub fn moon(&self) -> Option<Spheroid> {
         let is_outside = self.from_moon.position_km.length() > moon::RADIUS_KM;
         is_outside.then(|| Spheroid::seen_from(&self.from_moon, DVec3::Z, moon::RADIUS_KM, 0.0))
     }
 
-    /// A planet where its light left: from the Sun and from the observer, km. The aberration of stars is still to come.
+    /// Returns a planet where its light left: from the Sun and from the observer, km. The aberration of stars is still
+    /// to come.
     #[must_use]
     pub fn planet_km(&self, planet: Planet) -> [DVec3; 2] {
         let from_sun_km = self.planets_from_sun_km[planet as usize];
@@ -76,7 +77,7 @@ impl Standpoint {
 }
 
 impl ObserverTrack {
-    /// Where the bodies stand at `at`; depends on the time only. Does not allocate.
+    /// Returns where the bodies stand at `at`; depends on the time only. Does not allocate.
     ///
     /// # Errors
     /// When SGP4 cannot follow the elements to `at`, or the observer is at the barycentre.
@@ -91,7 +92,7 @@ impl ObserverTrack {
         })
     }
 
-    /// Place and motion of the observer at `at`, likewise.
+    /// Returns the place and motion of the observer at `at`, likewise.
     ///
     /// # Errors
     /// As for [`Self::bodies`], and when the ephemeris table is damaged.

@@ -28,8 +28,8 @@ const EQUATORIAL_FROM_VSOP87: [[f64; 3]; 3] = [
     [0.0, 0.397_776_982_902, 0.917_482_137_087],
 ];
 
-/// Barycentric state of the Earth's centre, ICRF axes: three evaluations of the series, 0.3 to 0.8 ms. Frames use
-/// [`crate::almanac`].
+/// Returns the barycentric state of the Earth's centre, ICRF axes: three evaluations of the series, 0.3 to 0.8 ms.
+/// Frames use [`crate::almanac`].
 #[must_use]
 pub fn barycentric_state(at: Tai) -> BarycentricState {
     state_on_day(at.days_tdb_since_j2000())
@@ -39,7 +39,8 @@ pub(super) fn state_on_day(days: f64) -> BarycentricState {
     state_by_difference(position_km, days, HALF_STEP_D)
 }
 
-/// State of a body by its place on a day (TDB since J2000.0): the velocity is the central difference over twice `half_step_d`.
+/// Returns the state of a body by its place on a day (TDB since J2000.0): the velocity is the central difference over
+/// twice `half_step_d`.
 pub(super) fn state_by_difference(position_km: impl Fn(f64) -> DVec3, days: f64, half_step_d: f64) -> BarycentricState {
     let [before_km, now_km, after_km] = [-half_step_d, 0.0, half_step_d].map(|step| position_km(days + step));
     BarycentricState { position_km: now_km, velocity_km_s: (after_km - before_km) / (2.0 * half_step_d * DAY_S) }
@@ -50,13 +51,13 @@ fn position_km(days_tdb_since_j2000: f64) -> DVec3 {
     equatorial_km(DVec3::new(p.x, p.y, p.z))
 }
 
-/// Barycentric position of the Sun's centre, ICRF axes, by the same theory.
+/// Returns the barycentric position of the Sun's centre, ICRF axes, by the same theory.
 pub(super) fn sun_position_km(days_tdb_since_j2000: f64) -> DVec3 {
     let p = vsop87::vsop87e::sun(J2000_JD + days_tdb_since_j2000);
     equatorial_km(DVec3::new(p.x, p.y, p.z))
 }
 
-/// Barycentric axes of the ICRF from those of the theory, in au.
+/// Returns the barycentric axes of the ICRF from those of the theory, in au.
 pub(super) fn equatorial_km(ecliptic_au: DVec3) -> DVec3 {
     let rows = EQUATORIAL_FROM_VSOP87.map(DVec3::from_array);
     DMat3::from_cols(rows[0], rows[1], rows[2]).transpose() * ecliptic_au * AU_KM

@@ -126,7 +126,7 @@ fn hermite(earlier: (Tai, BarycentricState), later: (Tai, BarycentricState), at:
     }
 }
 
-/// A state about a body, unless it is below its surface.
+/// Returns a state about a body, unless it is below its surface.
 pub(crate) fn above_surface(
     about: CentralBody,
     at: Tai,
@@ -149,7 +149,7 @@ mod tests {
         Tai::from_rfc3339("2026-03-01T12:00:00Z").expect("a valid instant")
     }
 
-    /// A circular orbit, by its formula.
+    /// Returns a circular orbit, by its formula.
     fn circle(t_s: f64) -> BarycentricState {
         let rate = (CentralBody::Earth.gm_km3_s2() / RADIUS_KM.powi(3)).sqrt();
         let (sin, cos) = (rate * t_s).sin_cos();
@@ -168,7 +168,7 @@ mod tests {
         states
     }
 
-    /// Largest errors over the states' middle, km and km/s.
+    /// Returns the largest errors over the states' middle, km and km/s.
     fn errors(states: &FollowedStates, until_s: f64) -> (f64, f64) {
         let mut worst = (0.0_f64, 0.0_f64);
         for k in 0..1000 {

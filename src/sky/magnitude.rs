@@ -35,20 +35,20 @@ pub struct Lighting {
 }
 
 impl Lighting {
-    /// Angle at the body between Sun and observer, rad.
+    /// Returns the angle at the body between Sun and observer, rad.
     #[must_use]
     pub fn phase_rad(&self) -> f64 {
         self.from_sun_km.angle_between(self.from_observer_km)
     }
 
-    /// Share of its disc that is lit.
+    /// Returns the share of its disc that is lit.
     #[must_use]
     pub fn lit_share(&self) -> f64 {
         0.5 * (1.0 + self.phase_rad().cos())
     }
 }
 
-/// V of the Moon.
+/// Returns the v of the Moon.
 #[must_use]
 pub fn moon_v(lighting: &Lighting) -> f64 {
     let phase_deg = lighting.phase_rad() / DEG;
@@ -59,7 +59,7 @@ pub fn moon_v(lighting: &Lighting) -> f64 {
         + 5.0 * ((sun_km / AU_KM) * (observer_km / MOON_DISTANCE_KM)).log10()
 }
 
-/// V of a planet; `year` is the Julian year.
+/// Returns the v of a planet; `year` is the Julian year.
 #[must_use]
 pub fn planet_v(planet: Planet, lighting: &Lighting, year: f64) -> f64 {
     let [sun_au, observer_au] = [lighting.from_sun_km, lighting.from_observer_km].map(|km| km.length() / AU_KM);
@@ -67,7 +67,7 @@ pub fn planet_v(planet: Planet, lighting: &Lighting, year: f64) -> f64 {
     5.0 * (sun_au * observer_au).log10() + at_one_au(planet, phase_deg, lighting, year)
 }
 
-/// Largest phase angle that a planet's magnitudes were measured at, deg.
+/// Returns the largest phase angle that a planet's magnitudes were measured at, deg.
 #[must_use]
 pub const fn most_phase_deg(planet: Planet) -> f64 {
     match planet {
@@ -107,8 +107,8 @@ fn at_one_au(planet: Planet, a: f64, lighting: &Lighting, year: f64) -> f64 {
     }
 }
 
-/// Sine of the angle by which Saturn's rings are open: the geometric mean for Sun and observer, 0 when they look on
-/// different sides.
+/// Returns the sine of the angle by which Saturn's rings are open: the geometric mean for Sun and observer, 0 when they
+/// look on different sides.
 fn ring_sine(lighting: &Lighting) -> f64 {
     let [ra, dec] = SATURN_POLE_DEG.map(|deg| deg * DEG);
     let pole = DVec3::new(dec.cos() * ra.cos(), dec.cos() * ra.sin(), dec.sin());

@@ -70,15 +70,15 @@ pub fn method(at: Tai) -> Method {
     Method::on_day(at.days_tdb_since_j2000())
 }
 
-/// Position from the Earth's centre, ICRF axes, km. Does not allocate; below a microsecond by the table, a few by the
-/// series.
+/// Returns the position from the Earth's centre, ICRF axes, km. Does not allocate; below a microsecond by the table, a
+/// few by the series.
 #[must_use]
 pub fn geocentric_km(at: Tai) -> DVec3 {
     let by_table = ephemeris::state(NUMBER, at.days_tdb_since_j2000());
     by_table.map_or_else(|| by_series_km(at), |state| state.position_km)
 }
 
-/// Position and velocity from the Earth's centre, ICRF axes.
+/// Returns the position and velocity from the Earth's centre, ICRF axes.
 #[must_use]
 pub fn geocentric_state(at: Tai) -> BarycentricState {
     ephemeris::state(NUMBER, at.days_tdb_since_j2000()).unwrap_or_else(|| {
@@ -150,7 +150,8 @@ mod tests {
         (14_955.25, [375_424.352, 8_638.890, -26_705.832]),
     ];
 
-    /// The instant at which so many days of TDB have passed since J2000 (its offset from TAI is constant to 2 ms).
+    /// Returns the instant at which so many days of TDB have passed since J2000 (its offset from TAI is constant to 2
+    /// ms).
     fn at(days: f64) -> Tai {
         Tai::from_rfc3339("2000-01-01T11:58:55.816Z").expect("J2000.0") + Span::from_s(DAY_S * days)
     }

@@ -39,7 +39,7 @@ pub enum Observer {
 }
 
 impl Observer {
-    /// The body it is about; `None` at the barycentre.
+    /// Returns the body it is about; `None` at the barycentre.
     #[must_use]
     pub fn about(&self) -> Option<CentralBody> {
         match self {
@@ -50,7 +50,7 @@ impl Observer {
         }
     }
 
-    /// State from the centre of that body; at rest at the barycentre. Does not allocate.
+    /// Returns the state from the centre of that body; at rest at the barycentre. Does not allocate.
     ///
     /// # Errors
     /// When SGP4 cannot follow the elements to `at`, a file has no state there, or the orbit is below the surface.
@@ -65,7 +65,7 @@ impl Observer {
     }
 }
 
-/// The body that a file's positions are from; `None` for the barycentre.
+/// Returns the body that a file's positions are from; `None` for the barycentre.
 fn body_of(centre: Centre) -> Option<CentralBody> {
     match centre {
         Centre::Earth => Some(CentralBody::Earth),
@@ -150,7 +150,7 @@ impl ObserverTrack {
         followed.map_or_else(|| self.observer.relative_state(at), Ok)
     }
 
-    /// State at `at`; depends on the time only. Does not allocate.
+    /// Returns the state at `at`; depends on the time only. Does not allocate.
     ///
     /// # Errors
     /// As for [`Observer::relative_state`].
@@ -165,7 +165,7 @@ impl ObserverTrack {
             })
     }
 
-    /// State from the Earth's centre, likewise; `None` at the barycentre.
+    /// Returns the state from the Earth's centre, likewise; `None` at the barycentre.
     ///
     /// # Errors
     /// As for [`Observer::relative_state`].
@@ -178,7 +178,7 @@ impl ObserverTrack {
         }))
     }
 
-    /// Barycentric state of the Sun's centre.
+    /// Returns the barycentric state of the Sun's centre.
     #[must_use]
     pub fn sun_state(&self, at: Tai) -> BarycentricState {
         self.almanac.sun(at)
@@ -197,7 +197,7 @@ mod tests {
         Observer::TwoBody { about, orbit }
     }
 
-    /// Three times the errors of an almanac.
+    /// Returns three times the errors of an almanac.
     fn near(a: BarycentricState, b: BarycentricState) -> bool {
         let off = a - b;
         off.position_km.length() < 0.5 && off.velocity_km_s.length() < 4e-5

@@ -10,7 +10,8 @@ use glam::DVec3;
 const LIGHT_STEPS: usize = 3;
 
 impl Planet {
-    /// Where it was when the light left that an observer at `observer_km` from the Sun gets at `at`: from the Sun, km.
+    /// Returns where it was when the light left that an observer at `observer_km` from the Sun gets at `at`: from the
+    /// Sun, km.
     #[must_use]
     pub fn light_left_km(self, at: Tai, observer_km: DVec3, almanac: &Almanac) -> DVec3 {
         let days = at.days_tdb_since_j2000();

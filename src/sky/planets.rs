@@ -34,7 +34,7 @@ impl Planet {
     pub const ALL: [Self; 7] =
         [Self::Mercury, Self::Venus, Self::Mars, Self::Jupiter, Self::Saturn, Self::Uranus, Self::Neptune];
 
-    /// Number in order from the Sun, the Earth being 3.
+    /// Returns the number in order from the Sun, the Earth being 3.
     #[must_use]
     pub const fn number(self) -> u32 {
         match self {
@@ -48,7 +48,7 @@ impl Planet {
         }
     }
 
-    /// Its name.
+    /// Returns its name.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -76,7 +76,7 @@ impl Planet {
         }
     }
 
-    /// Position from the Sun on a day, TDB since J2000, by VSOP87E: milliseconds.
+    /// Returns the position from the Sun on a day, TDB since J2000, by VSOP87E: milliseconds.
     #[cfg(test)]
     pub(super) fn by_series_km(self, days: f64) -> DVec3 {
         barycentric_km(self, days) - earth::sun_position_km(days)
@@ -89,7 +89,7 @@ impl Planet {
     }
 }
 
-/// Barycentric position of a planet, ICRF axes, by VSOP87E.
+/// Returns the barycentric position of a planet, ICRF axes, by VSOP87E.
 fn barycentric_km(planet: Planet, days_tdb_since_j2000: f64) -> DVec3 {
     use vsop87::vsop87e;
     let series = match planet {

@@ -40,33 +40,33 @@ pub struct SurfacePoint {
 }
 
 impl Spheroid {
-    /// A body of which the observer has this state: position from its centre and velocity with respect to it.
+    /// Returns a body of which the observer has this state: position from its centre and velocity with respect to it.
     #[must_use]
     pub fn seen_from(state: &BarycentricState, axis: DVec3, radius_km: f64, flattening: f64) -> Self {
         let beta = state.velocity_km_s / SPEED_OF_LIGHT_KM_S;
         Self { centre_km: -state.position_km, axis, radius_km, stretch: 1.0 / (1.0 - flattening), beta }
     }
 
-    /// A small sphere in an apparent direction (unit) and at a distance: aberration has been taken care of.
+    /// Returns a small sphere in an apparent direction (unit) and at a distance: aberration has been taken care of.
     #[must_use]
     pub fn sphere(apparent: DVec3, distance_km: f64, radius_km: f64) -> Self {
         Self { centre_km: apparent * distance_km, axis: DVec3::Z, radius_km, stretch: 1.0, beta: DVec3::ZERO }
     }
 
-    /// Angular radius of the largest circle, rad; a right angle for an observer inside.
+    /// Returns the angular radius of the largest circle, rad; a right angle for an observer inside.
     #[must_use]
     pub fn angular_radius_rad(&self) -> f64 {
         (self.radius_km / self.centre_km.length()).min(1.0).asin()
     }
 
-    /// Where its centre is seen, unit.
+    /// Returns where its centre is seen, unit.
     #[must_use]
     pub fn apparent_centre(&self) -> DVec3 {
         (self.centre_km.normalize() + self.beta).normalize()
     }
 
-    /// How far inside the limb a direction is, in radii by which its line passes the limb: 0 on it, 1 in the middle,
-    /// negative outside. Linear in the angle near the limb.
+    /// Returns how far inside the limb a direction is, in radii by which its line passes the limb: 0 on it, 1 in the
+    /// middle, negative outside. Linear in the angle near the limb.
     #[must_use]
     pub fn depth(&self, apparent: DVec3) -> f64 {
         let (u, centre_km) = (self.stretched(apparent - self.beta), self.stretched(self.centre_km));
@@ -76,13 +76,13 @@ impl Spheroid {
         1.0 - (centre_km.cross(u).length_squared() / u.length_squared()).sqrt() / self.radius_km
     }
 
-    /// True when it stands before everything farther away in this direction.
+    /// Returns whether it stands before everything farther away in this direction.
     #[must_use]
     pub fn hides(&self, apparent: DVec3) -> bool {
         self.depth(apparent) > 0.0
     }
 
-    /// The point of the surface seen in a direction; `None` outside the limb.
+    /// Returns the point of the surface seen in a direction; `None` outside the limb.
     #[must_use]
     pub fn surface(&self, apparent: DVec3) -> Option<SurfacePoint> {
         let natural = (apparent - self.beta).normalize();

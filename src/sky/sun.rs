@@ -11,8 +11,8 @@ use base::time::Tai;
 /// Half of the interval over which positions are differenced, days.
 const HALF_STEP_D: f64 = 0.5;
 
-/// Barycentric state of the Sun's centre, ICRF axes: three evaluations of the series, about 1 ms. Frames use
-/// [`crate::almanac`].
+/// Returns the barycentric state of the Sun's centre, ICRF axes: three evaluations of the series, about 1 ms. Frames
+/// use [`crate::almanac`].
 #[must_use]
 pub fn barycentric_state(at: Tai) -> BarycentricState {
     state_on_day(at.days_tdb_since_j2000())

@@ -9,7 +9,8 @@ use base::source::direction_from_ra_dec;
 use core::f64::consts::PI;
 use glam::DVec3;
 
-/// Squared chord of an angle on the unit sphere, exact for angles of milliarcseconds; more than any chord from pi on.
+/// Returns the squared chord of an angle on the unit sphere, exact for angles of milliarcseconds; more than any chord
+/// from pi on.
 #[must_use]
 pub fn chord_squared(angle_rad: f64) -> f64 {
     if angle_rad >= PI { f64::INFINITY } else { 4.0 * (angle_rad / 2.0).sin().powi(2) }
@@ -59,7 +60,7 @@ mod tests {
     use base::source::ra_dec_rad;
     use base::units::DEG;
 
-    /// A spiral over the sphere.
+    /// Returns a spiral over the sphere.
     fn directions(count: u32) -> impl Iterator<Item = DVec3> {
         let golden = PI * (3.0 - 5.0_f64.sqrt());
         (0..count).map(move |i| {

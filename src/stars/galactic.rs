@@ -13,14 +13,14 @@ const GALACTIC_FROM_ICRF: DMat3 = DMat3::from_cols_array_2d(&[
     [-0.483_835_015_5, 0.746_982_244_5, 0.455_983_776_2],
 ]);
 
-/// Galactic longitude, -pi..pi, and latitude of a direction (unit vector), rad.
+/// Returns the galactic longitude, -pi..pi, and latitude of a direction (unit vector), rad.
 #[must_use]
 pub fn galactic_rad(direction_icrf: DVec3) -> [f64; 2] {
     let galactic = GALACTIC_FROM_ICRF * direction_icrf;
     [galactic.y.atan2(galactic.x), galactic.z.atan2(galactic.x.hypot(galactic.y))]
 }
 
-/// Direction in ICRF axes of a galactic longitude and latitude, rad.
+/// Returns the direction in ICRF axes of a galactic longitude and latitude, rad.
 #[must_use]
 pub fn direction_of_galactic(longitude_rad: f64, latitude_rad: f64) -> DVec3 {
     GALACTIC_FROM_ICRF.transpose() * direction_from_ra_dec(longitude_rad, latitude_rad)

@@ -32,32 +32,32 @@ pub struct StarIndex {
 }
 
 impl StarIndex {
-    /// Stars in it.
+    /// Returns stars in it.
     #[must_use]
     pub fn stars(&self) -> u64 {
         self.firsts.last().copied().unwrap_or(0)
     }
 
-    /// How many stars each tile has, in nested order.
+    /// Returns how many stars each tile has, in nested order.
     pub fn stars_of_tiles(&self) -> impl Iterator<Item = u64> {
         self.firsts.windows(2).map(|pair| pair[1] - pair[0])
     }
 
-    /// Places of a tile's stars in the store.
+    /// Returns places of a tile's stars in the store.
     #[must_use]
     pub fn places(&self, tile: u64) -> Range<u64> {
         let tile = usize::try_from(tile).unwrap_or(usize::MAX);
         self.firsts[tile]..self.firsts[tile + 1]
     }
 
-    /// Stars of one tile.
+    /// Returns stars of one tile.
     #[must_use]
     pub fn stars_of_tile(&self, tile: u64) -> u64 {
         let places = self.places(tile);
         places.end - places.start
     }
 
-    /// The tile that has the star at this place of the store.
+    /// Returns the tile that has the star at this place of the store.
     #[must_use]
     pub(crate) fn tile_of(&self, place: u64) -> Option<u64> {
         (place < self.stars()).then(|| self.firsts.partition_point(|first| *first <= place) as u64 - 1)
@@ -76,7 +76,7 @@ impl StarIndex {
         });
     }
 
-    /// The name in its source catalog of the star with a stored number.
+    /// Returns the name in its source catalog of the star with a stored number.
     #[must_use]
     pub fn source_id(&self, number: i64) -> Option<SourceId> {
         self.numbering?.source_id(number)

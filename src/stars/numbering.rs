@@ -30,7 +30,7 @@ const HIPPARCOS_END: i64 = 1_000_000;
 /// Epochs of the positions of Gaia's releases, Julian years.
 const GAIA_EPOCHS: [(f64, GaiaRelease); 2] = [(2015.5, GaiaRelease::Dr2), (2016.0, GaiaRelease::Dr3)];
 
-/// True when a star at this place may have this number in Gaia's archive.
+/// Returns whether a star at this place may have this number in Gaia's archive.
 #[must_use]
 pub fn is_gaia_number(number: i64, ra_rad: f64, dec_rad: f64) -> bool {
     let Some(cell) = u64::try_from(number).ok().map(|number| number >> GAIA_CELL_BITS) else { return false };
@@ -88,7 +88,7 @@ impl Origins {
         self.named_tycho += u64::from(names("tyc"));
     }
 
-    /// True when the stars' numbers above zero are Gaia's.
+    /// Returns whether the stars' numbers above zero are Gaia's.
     #[must_use]
     pub fn is_gaia(&self) -> bool {
         self.numbered > 0 && self.gaia as f64 >= GAIA_SHARE * self.numbered as f64
@@ -104,15 +104,15 @@ impl Origins {
         self.is_bright = true;
     }
 
-    /// True when numbers below zero are those of Hipparcos and Tycho-2: bright files were read, a packed CSV names them, or
-    /// the others are Gaia's.
+    /// Returns whether numbers below zero are those of Hipparcos and Tycho-2: bright files were read, a packed CSV
+    /// names them, or the others are Gaia's.
     #[must_use]
     pub fn has_bright_numbers(&self) -> bool {
         let is_known = self.is_bright || self.is_gaia() || self.named_hipparcos + self.named_tycho > 0;
         is_known && self.negative == 0
     }
 
-    /// Whether Hipparcos, and Tycho-2, have given stars or motions.
+    /// Returns whether Hipparcos, and Tycho-2, have given stars or motions.
     #[must_use]
     pub fn are_bright(&self) -> [bool; 2] {
         let is_numbered = self.is_bright || self.has_bright_numbers();
@@ -122,7 +122,7 @@ impl Origins {
         ]
     }
 
-    /// How the numbers of these stars, of epoch `epoch_yr`, are to be read.
+    /// Returns how the numbers of these stars, of epoch `epoch_yr`, are to be read.
     #[must_use]
     pub fn numbering(&self, epoch_yr: f64) -> Numbering {
         let release = GAIA_EPOCHS.iter().find(|(epoch, _)| (epoch - epoch_yr).abs() < 0.01);
@@ -161,7 +161,7 @@ impl Numbering {
         Some(Self { gaia, bright: mark & BRIGHT_MARK != 0 })
     }
 
-    /// The name of the star with a stored number; `None` when it has none.
+    /// Returns the name of the star with a stored number; `None` when it has none.
     #[must_use]
     pub fn source_id(self, number: i64) -> Option<SourceId> {
         if number == NO_NUMBER {
@@ -173,7 +173,7 @@ impl Numbering {
     }
 }
 
-/// The stored number of a name: [`NO_NUMBER`] of none.
+/// Returns the stored number of a name: [`NO_NUMBER`] of none.
 #[must_use]
 pub fn stored_number(id: Option<SourceId>) -> i64 {
     match id {
@@ -188,7 +188,7 @@ pub fn stored_number(id: Option<SourceId>) -> i64 {
     }
 }
 
-/// The bright star with a number below zero.
+/// Returns the bright star with a number below zero.
 fn bright(number: i64) -> Option<SourceId> {
     let size = number.checked_neg()?;
     if (1..HIPPARCOS_END).contains(&size) {

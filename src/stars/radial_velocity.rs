@@ -47,7 +47,7 @@ const FASTEST: [Measured; 17] = [
     measured(  8_102, 2_452_378_776_434_477_184,  -16.6), // tau Ceti
 ];
 
-/// The radial velocity of a star, km/s, where it is known.
+/// Returns the radial velocity of a star, km/s, where it is known.
 #[must_use]
 pub fn radial_velocity_km_s(id: SourceId) -> Option<f64> {
     let is_it = |star: &&Measured| match id {
@@ -58,8 +58,8 @@ pub fn radial_velocity_km_s(id: SourceId) -> Option<f64> {
     FASTEST.iter().find(is_it).map(|star| star.km_s)
 }
 
-/// The share of its distance by which a star recedes in a year, in units of a milliarcsecond, as proper motions are; zero
-/// when its radial velocity or its parallax is not known. `speed_mas_yr`: its proper motion.
+/// Returns the share of its distance by which a star recedes in a year, in units of a milliarcsecond, as proper motions
+/// are; zero when its radial velocity or its parallax is not known. `speed_mas_yr`: its proper motion.
 #[must_use]
 #[allow(clippy::cast_possible_truncation, reason = "an f32 holds it to 1e-7 of itself")]
 pub fn radial_mas_yr(id: Option<SourceId>, speed_mas_yr: f32, parallax_mas: Option<f32>) -> f32 {

@@ -16,8 +16,8 @@ pub struct Sky {
 }
 
 impl Sky {
-    /// The stars of `layers` not fainter than `limiting_mag` (Gaia G), of which `memory_mb` MiB are in memory at a time;
-    /// without layers the built-in catalog, which is in memory whole.
+    /// Returns the stars of `layers` not fainter than `limiting_mag` (Gaia G), of which `memory_mb` MiB are in memory
+    /// at a time; without layers the built-in catalog, which is in memory whole.
     ///
     /// # Errors
     /// When a layer cannot be read or is damaged, or the layers are no one sky.

@@ -81,8 +81,8 @@ pub struct BenchTruth {
 }
 
 impl BenchTruth {
-    /// A bench with every error at once: a tilted, rolled display behind a distorting collimator, off-centre vignetting,
-    /// a response that is no power, black that is not dark.
+    /// Returns a bench with every error at once: a tilted, rolled display behind a distorting collimator, off-centre
+    /// vignetting, a response that is no power, black that is not dark.
     #[must_use]
     pub fn crooked() -> Self {
         Self {
@@ -115,7 +115,7 @@ impl BenchTruth {
         }
     }
 
-    /// Light of a grey relative to full, black level included.
+    /// Returns the light of a grey relative to full, black level included.
     #[must_use]
     pub fn light(&self, grey: u16) -> f64 {
         let v = f64::from(grey) / f64::from((1_u32 << self.bits) - 1);
@@ -126,7 +126,7 @@ impl BenchTruth {
         self.black_share + (1.0 - self.black_share) * curve
     }
 
-    /// Light of a place relative to the brightest.
+    /// Returns the light of a place relative to the brightest.
     #[must_use]
     pub fn vignette(&self, px: DVec2) -> f64 {
         let half_diagonal = 0.5 * (self.display_px[0] as f64).hypot(self.display_px[1] as f64);
@@ -134,7 +134,7 @@ impl BenchTruth {
         1.0 - self.vignetting * r * r
     }
 
-    /// Direction in the tracker's sensor axes of a display pixel.
+    /// Returns the direction in the tracker's sensor axes of a display pixel.
     #[must_use]
     pub fn direction(&self, px: DVec2) -> DVec3 {
         let shown = (px - DVec2::from(self.axis_px)) / self.focal_px;
@@ -155,7 +155,7 @@ impl BenchTruth {
         (turn * bent.extend(1.0)).normalize()
     }
 
-    /// Tracker pixel of a direction in its sensor axes.
+    /// Returns the tracker pixel of a direction in its sensor axes.
     #[must_use]
     pub fn tracker_place(&self, v_sensor: DVec3) -> DVec2 {
         let tangent = v_sensor.truncate() / v_sensor.z;
@@ -163,20 +163,20 @@ impl BenchTruth {
         DVec2::from(self.tracker_centre_px) + bent * self.tracker_focal_px
     }
 
-    /// Tracker pixel of a display pixel.
+    /// Returns the tracker pixel of a display pixel.
     #[must_use]
     pub fn seen_at(&self, display: DVec2) -> DVec2 {
         self.tracker_place(self.direction(display))
     }
 
-    /// Display pixel that a tracker pixel sees, and the display pixels per tracker pixel there; `None` where Newton's
-    /// steps do not end.
+    /// Returns the display pixel that a tracker pixel sees, and the display pixels per tracker pixel there; `None`
+    /// where Newton's steps do not end.
     #[must_use]
     pub fn display_place(&self, tracker: DVec2) -> Option<(DVec2, f64)> {
         self.display_place_from(tracker, DVec2::from(self.axis_px))
     }
 
-    /// The same, from a first guess.
+    /// Returns the same, from a first guess.
     fn display_place_from(&self, tracker: DVec2, guess: DVec2) -> Option<(DVec2, f64)> {
         let mut display = guess;
         for _ in 0..NEWTON_STEPS {
@@ -225,13 +225,13 @@ impl DisplayBench {
         Self { noise: Gaussian::new(truth.seed), truth, full_level_e }
     }
 
-    /// The truth.
+    /// Returns the truth.
     #[must_use]
     pub fn truth(&self) -> &BenchTruth {
         &self.truth
     }
 
-    /// One frame of greys; `None`: the display is off.
+    /// Returns one frame of greys; `None`: the display is off.
     pub fn frame(&mut self, greys: Option<&Image<u16>>) -> DnImage {
         let electrons = greys.map_or_else(|| vec![0.0; self.full_level_e.len()], |greys| self.mean_e(greys));
         let [width, height] = self.truth.tracker_px;
@@ -247,7 +247,7 @@ impl DisplayBench {
         frame
     }
 
-    /// Mean electrons of the display's light, without noise.
+    /// Returns the mean electrons of the display's light, without noise.
     #[must_use]
     pub fn mean_e(&self, greys: &Image<u16>) -> Vec<f64> {
         let shared = greys.pixels().iter().copied().min().unwrap_or(0);
@@ -273,7 +273,7 @@ impl DisplayBench {
         }
     }
 
-    /// First pixel of a spot along one side, and the share of its light in each.
+    /// Returns the first pixel of a spot along one side, and the share of its light in each.
     fn shares(&self, at: f64, side: usize) -> (usize, Vec<f64>) {
         let reach = REACH_SIGMA * self.truth.psf_sigma_px + 1.0;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the image")]

@@ -14,17 +14,17 @@ pub(crate) struct Gaussian {
 }
 
 impl Gaussian {
-    /// The sequence of one seed.
+    /// Returns the sequence of one seed.
     pub(crate) fn new(seed: u64) -> Self {
         Self { generator: StdRng::seed_from_u64(seed) }
     }
 
-    /// Three independent numbers of standard deviation `sigma`.
+    /// Returns three independent numbers of standard deviation `sigma`.
     pub(crate) fn vector(&mut self, sigma: f64) -> DVec3 {
         DVec3::new(self.unit(), self.unit(), self.unit()) * sigma
     }
 
-    /// One number of standard deviation 1. The uniform number is in `0..1`, so its complement has a logarithm.
+    /// Returns one number of standard deviation 1. The uniform number is in `0..1`, so its complement has a logarithm.
     pub(crate) fn unit(&mut self) -> f64 {
         let (radius, turn): (f64, f64) = (self.generator.random(), self.generator.random());
         (-2.0 * (1.0 - radius).ln()).sqrt() * (TAU * turn).cos()

@@ -29,14 +29,14 @@ pub(crate) struct Found {
 }
 
 impl Found {
-    /// True when a line of this repository is on the stack and the block is not one of rayon's queue of jobs from
+    /// Returns whether a line of this repository is on the stack and the block is not one of rayon's queue of jobs from
     /// threads outside its pool, which takes one for every 63 of them: it does not grow by what we draw, and cannot be
     /// reserved. (The test harness's own thread may print a line while a test runs.)
     pub(crate) fn is_ours(&self) -> bool {
         self.stack.contains("at ./") && !self.stack.contains("crossbeam_deque::deque::Injector")
     }
 
-    /// The innermost calls of starloop.
+    /// Returns the innermost calls of starloop.
     pub(crate) fn place(&self) -> String {
         let ours = self.stack.lines().map(str::trim).filter(|line| line.starts_with("at ./src/"));
         ours.take(4).collect::<Vec<_>>().join(" < ")
@@ -96,7 +96,7 @@ fn take(bytes: usize) {
     MOST_HELD.fetch_max(held, Ordering::Relaxed);
 }
 
-/// The most bytes that all threads hold at a time while `work` runs, beyond those that were held before.
+/// Returns the most bytes that all threads hold at a time while `work` runs, beyond those that were held before.
 pub(crate) fn most_held_in(work: impl FnOnce()) -> usize {
     let before = HELD.load(Ordering::Relaxed);
     MOST_HELD.store(before, Ordering::Relaxed);

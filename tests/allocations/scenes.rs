@@ -44,7 +44,7 @@ pub(crate) struct Scene {
     is_disturbed: bool,
 }
 
-/// All scenes.
+/// Returns all scenes.
 pub(crate) fn all() -> Vec<Scene> {
     let scene = |name, method| Scene {
         name,
@@ -174,7 +174,7 @@ impl Drawn {
     }
 }
 
-/// Everything that disturbs pixels and passes charge on; the image keeps its size.
+/// Returns everything that disturbs pixels and passes charge on; the image keeps its size.
 fn disturbed() -> SpatialParams {
     let rates = Rates { up_per_s: 1.0, down_per_s: 1.0 };
     SpatialParams {
@@ -195,7 +195,7 @@ fn disturbed() -> SpatialParams {
     }
 }
 
-/// Along one axis, from a good way outside the detector on one side to the other, px.
+/// Returns the along one axis, from a good way outside the detector on one side to the other, px.
 fn place(i: u32, axis: usize) -> f64 {
     philox([i, 0, 0, 0], [1, 2]).map(|word| f64::from(word) / 4_294_967_296.0)[axis] * 400.0 - 20.0
 }

@@ -83,7 +83,7 @@ fn cone(c: &mut Criterion) {
     group.finish();
 }
 
-/// A deep sky about the Galactic centre, 2 degrees around.
+/// Returns a deep sky about the Galactic centre, 2 degrees around.
 fn deep_layers() -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("synthetic_centre_18");
     let paths: Vec<PathBuf> = DEEP_MAG.iter().map(|limit| folder.join(format!("g{limit}.starlayer"))).collect();
@@ -98,7 +98,7 @@ fn deep_layers() -> Vec<PathBuf> {
 
 const DEEP_MAG: [f32; 2] = [14.0, 18.0];
 
-/// A camera whose field about the Galactic centre, 2.5 degrees square, has some 300,000 stars.
+/// Returns a camera whose field about the Galactic centre, 2.5 degrees square, has some 300,000 stars.
 fn dense_camera() -> CameraParams {
     let file = Document::built_in("cameras/detection_limit_22mag.toml").expect("a built-in file");
     let mut camera = camera_params(&Camera::from_document(&file).expect("a camera")).expect("a camera");

@@ -7,7 +7,7 @@ use starloop_image::detector::{Detector, DetectorConditions, DetectorParams, Lin
 
 const SIZE: usize = 1000;
 
-/// Full noise, and each effect on top of it.
+/// Returns the full noise, and each effect on top of it.
 fn cases() -> Vec<(&'static str, DetectorParams)> {
     let base = DetectorParams {
         full_well_e: 6e4,

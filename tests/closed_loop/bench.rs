@@ -54,7 +54,7 @@ impl Sink for Keeper {
     }
 }
 
-/// The built-in bench, `seconds` long.
+/// Returns the built-in bench, `seconds` long.
 pub(crate) fn built_in(seconds: f64) -> Bench {
     let mut bench = Bench::built_in().unwrap();
     bench.timing.duration_s = seconds;
@@ -62,7 +62,7 @@ pub(crate) fn built_in(seconds: f64) -> Bench {
     bench
 }
 
-/// The same over another wire, at a rate that carries it.
+/// Returns the same over another wire, at a rate that carries it.
 pub(crate) fn over(wire: Wire, seconds: f64) -> Bench {
     let mut bench = built_in(seconds);
     bench.link.wire = wire;
@@ -70,7 +70,7 @@ pub(crate) fn over(wire: Wire, seconds: f64) -> Bench {
     bench
 }
 
-/// When the bench's clock starts.
+/// Returns when the bench's clock starts.
 pub(crate) fn start(bench: &Bench) -> Tai {
     match bench.timing.start {
         StartTime::At(at) => at,

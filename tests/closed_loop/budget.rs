@@ -90,7 +90,8 @@ fn load_degrades_frames_at_once_and_they_come_back_when_it_goes() {
     assert!(whole(&degradations(&bench, true, load).0), "nor where frames may not be degraded");
 }
 
-/// Bounds of every frame's pointing error, rad, on the virtual clock, for a body that is said to move like this.
+/// Returns bounds of every frame's pointing error, rad, on the virtual clock, for a body that is said to move like
+/// this.
 fn bounds(bench: &Bench, motion: Option<MotionScale>) -> Vec<Option<f64>> {
     let start = start(bench);
     let params = bench_parts::run_params(bench, start).unwrap();
@@ -137,7 +138,7 @@ fn the_attitude_has_a_bound_where_the_motion_is_known_and_none_where_it_is_not()
     assert!(bounds(&bench, Some(motion(1.0))).iter().all(Option::is_none), "nor beyond the acceleration's horizon");
 }
 
-/// A bench on the real clock with nobody at the other end of the bus.
+/// Returns a bench on the real clock with nobody at the other end of the bus.
 fn alone(bench: &Bench, ring_frames: usize) -> (Vec<FrameRecord>, run::runtime::RunOutcome) {
     let start = start(bench);
     let params = bench_parts::run_params(bench, start).unwrap();

@@ -12,7 +12,7 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
-/// The one file of a cache.
+/// Returns the one file of a cache.
 fn cache_file(cache: &Path) -> std::path::PathBuf {
     let mut files = std::fs::read_dir(cache.join("starloop")).unwrap();
     files.next().unwrap().unwrap().path()

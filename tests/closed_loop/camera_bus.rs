@@ -49,7 +49,7 @@ struct Flown {
     received: Received,
 }
 
-/// A bench in an even light.
+/// Returns a bench in an even light.
 fn bright(seconds: f64) -> Bench {
     let mut bench = built_in(seconds);
     let full_e = bench.camera.detector.params.full_well_e;
@@ -107,7 +107,7 @@ fn fly(bench: &Bench, said: &[(f64, Said)]) -> Flown {
     Flown { start, outcome, frames, answers: computer.camera_answers(), received: *computer.received() }
 }
 
-/// The middle one of the frames with these settings, in their light.
+/// Returns the middle one of the frames with these settings, in their light.
 fn light_dn(flown: &Flown, exposure_s: f64, gain_db: f64) -> f64 {
     let has = |frame: &&Frame| {
         (frame.meta.exposure_s - exposure_s).abs() < 1e-9 && (frame.meta.gain_db - gain_db).abs() < 1e-9

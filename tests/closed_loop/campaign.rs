@@ -126,7 +126,7 @@ fn events_that_name_what_is_not_there_are_refused() {
     }
 }
 
-/// A quiet flight of `seconds` with these events, small frames.
+/// Returns a quiet flight of `seconds` with these events, small frames.
 fn flown(seconds: f64, events: Vec<Event>) -> (run::wiring::run_end::RunEnd, testbed::acs::Mode) {
     let mut scenario = quiet();
     scenario.bench.timing.duration_s = seconds;

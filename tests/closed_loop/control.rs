@@ -31,13 +31,13 @@ fn command_on(clock: &str, arguments: &[&str]) -> Command {
     command
 }
 
-/// The report on standard output.
+/// Returns the report on standard output.
 fn report(output: &Output) -> Value {
     serde_json::from_slice(&output.stdout)
         .unwrap_or_else(|error| panic!("{error}: {}", String::from_utf8_lossy(&output.stderr)))
 }
 
-/// The parts of a report that the bits of a run decide.
+/// Returns the parts of a report that the bits of a run decide.
 fn bits(report: &Value) -> Value {
     let mut bits = report.clone();
     for of_the_machine in ["wall_s", "speed", "machine"] {
@@ -83,7 +83,7 @@ impl Waiting {
         Self { child, address, token, token_file, _runtime: runtime }
     }
 
-    /// Everything that comes back for these bytes until the program closes the connection.
+    /// Returns everything that comes back for these bytes until the program closes the connection.
     fn answer(&self, bytes: &[u8]) -> String {
         let mut stream = TcpStream::connect(&self.address).unwrap();
         let _the_rest_may_find_it_closed = stream.write_all(bytes);
@@ -95,7 +95,7 @@ impl Waiting {
         String::from_utf8(said).unwrap()
     }
 
-    /// The client with the token.
+    /// Returns the client with the token.
     fn admitted(self) -> Stepped {
         let stream = TcpStream::connect(&self.address).unwrap();
         let replies = BufReader::new(stream.try_clone().unwrap());
@@ -106,7 +106,7 @@ impl Waiting {
     }
 }
 
-/// The next line on standard error, byte by byte, so that nothing after it is taken away from `wait`.
+/// Returns the next line on standard error, byte by byte, so that nothing after it is taken away from `wait`.
 fn next_line(child: &mut Child) -> String {
     let (mut line, mut byte) = (Vec::new(), [0]);
     let stderr = child.stderr.as_mut().unwrap();

@@ -22,7 +22,7 @@ const FRAMES: u64 = 10;
 /// Stars that are drawn whatever the time.
 const LEAST_STARS: usize = 32;
 
-/// All stars of the catalog, and hardly time for any.
+/// Returns all stars of the catalog, and hardly time for any.
 fn without_time(readout_s: f64, degrade: Degrade) -> Bench {
     let mut bench = over(Wire::CanFd, 1.0);
     bench.camera.radiometry.limiting_mag = 12.0;

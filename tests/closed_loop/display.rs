@@ -31,7 +31,7 @@ fn change(file: &Path, from: &str, to: &str) {
     std::fs::write(file, text.replacen(from, to, 1)).unwrap();
 }
 
-/// The files of a simulated bench with a calibrated display.
+/// Returns the files of a simulated bench with a calibrated display.
 fn bench() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let reported = succeeds(&["calibrate", "display", "simulate", "--out", "."], folder.path());
@@ -65,13 +65,14 @@ impl Run {
         pixels.to_vec()
     }
 
-    /// Stars of a frame that stand alone, with what is seen of them.
+    /// Returns stars of a frame that stand alone, with what is seen of them.
     fn seen(&self, number: u32) -> Vec<(TruthStar, Seen)> {
         let (stars, pixels) = (self.stars(number), self.pixels(number));
         stars.iter().filter_map(|star| Some((*star, measured(&pixels, [star.x_px, star.y_px], &stars)?))).collect()
     }
 
-    /// Light of a star in the tracker, e-/s, by its pixels and by its magnitude: the calibration's numbers alone.
+    /// Returns the light of a star in the tracker, e-/s, by its pixels and by its magnitude: the calibration's numbers
+    /// alone.
     fn light_e_per_s(&self, star: &TruthStar, seen: &Seen) -> [f64; 2] {
         let light = self.calibration.light.as_ref().unwrap();
         let by_magnitude = light.zero_point_e_per_s * 10_f64.powf(-0.4 * f64::from(star.mag));
@@ -110,7 +111,7 @@ fn a_display_is_in_a_closed_loop_in_which_the_tracker_inside_sees_the_sky() {
     assert!(!seen.seen(seen.rows.len() as u32 - 1).is_empty(), "and the display has stars");
 }
 
-/// Unit vector of a star.
+/// Returns the unit vector of a star.
 fn direction(star: &TruthStar) -> DVec3 {
     let [ra, dec] = star.apparent_deg.map(|deg| deg * DEG);
     DVec3::new(dec.cos() * ra.cos(), dec.cos() * ra.sin(), dec.sin())
@@ -254,7 +255,7 @@ struct Seen {
 }
 
 impl Seen {
-    /// Spread of the light along a direction.
+    /// Returns the spread of the light along a direction.
     fn variance_px2(&self, along: DVec2) -> f64 {
         along.x * along.x * self.xx_px2 + 2.0 * along.x * along.y * self.xy_px2 + along.y * along.y * self.yy_px2
     }

@@ -67,7 +67,7 @@ fn run_params(seconds: f64, start: Tai) -> RunParams {
     bench_parts::run_params(&bench, start).unwrap()
 }
 
-/// Time marks every 1,000 messages, wheel speeds in between.
+/// Returns the time marks every 1,000 messages, wheel speeds in between.
 fn on_the_bus(number: u64, now: Tai, boot: Tai) -> Message {
     let counter = u8::try_from(number / 1000 % 256).unwrap();
     match number % 1000 {

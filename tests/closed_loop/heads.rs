@@ -33,12 +33,12 @@ fn quaternion([w, x, y, z]: [f64; 4]) -> DQuat {
     DQuat::from_xyzw(x, y, z, w).normalize()
 }
 
-/// The angle between two attitudes, rad.
+/// Returns the angle between two attitudes, rad.
 fn apart(a: DQuat, b: DQuat) -> f64 {
     2.0 * (a * b.conjugate()).xyz().length().min(1.0).asin()
 }
 
-/// Attitude of every frame of its own of one head, by number, from the files of a run.
+/// Returns the attitude of every frame of its own of one head, by number, from the files of a run.
 fn attitudes(run: &Path, head: usize) -> BTreeMap<u32, DQuat> {
     let mut reader = csv::Reader::from_path(run.join(format!("head{head}/frames.csv"))).unwrap();
     let names = reader.headers().unwrap().clone();
@@ -104,7 +104,7 @@ fn heads_have_patterns_and_noise_of_their_own() {
     assert_ne!(read("head0/frame_000001.fits"), read("head1/frame_000001.fits"));
 }
 
-/// The bench of [`bench`] with three heads.
+/// Returns the bench of [`bench`] with three heads.
 fn three() -> Bench {
     let mut bench = bench();
     bench.extra_heads = vec![bench.first_head(); 2];

@@ -98,7 +98,7 @@ fn every_frame_names_its_faults_and_shows_them() {
     assert_eq!((count(EventKind::Fault), count(EventKind::FaultOver)), (11, 11), "begin and end of each");
 }
 
-/// Stray light, dark current, flood and defocus are in the pixels.
+/// Returns the stray light, dark current, flood and defocus are in the pixels.
 fn check_light<'a>(at: &impl Fn(f64) -> &'a Seen) {
     let quiet = at(205.0).mean_dn;
     let gain = 25.1;

@@ -131,7 +131,7 @@ fn bench(wire: Wire, source: JitterSource) -> Bench {
     bench
 }
 
-/// The largest displacement of any star between two frames, arcsec.
+/// Returns the largest displacement of any star between two frames, arcsec.
 fn error_arcsec(frame: &Shot, truth: &Shot) -> f64 {
     let off = |(id, a): (&u32, &[f64; 2])| truth.places.get(id).map(|b| (a[0] - b[0]).hypot(a[1] - b[1]));
     let off_px: Vec<f64> = frame.places.iter().filter_map(off).collect();

@@ -42,7 +42,7 @@ fn assembled(scenario: &Scenario) -> SteppedRun {
     SteppedRun::of(Run::assemble(scenario, options).unwrap()).unwrap()
 }
 
-/// A turn at a constant rate: the attitude so long after the first exposure.
+/// Returns a turn at a constant rate: the attitude so long after the first exposure.
 fn turned(t_s: f64) -> Rotation<Body, Icrf> {
     Rotation::from_rotation_vector(DVec3::new(0.3, -1.1, 0.4)).rotated_by(RATE_RAD_S * t_s)
 }
@@ -53,7 +53,7 @@ fn sample(zero: Tai, t_s: f64) -> PlantSample {
     PlantSample { attitude, ..PlantSample::at(zero + Span::from_s(t_s)) }
 }
 
-/// Samples every 10 ms from before the first exposure to after the last.
+/// Returns samples every 10 ms from before the first exposure to after the last.
 fn samples(zero: Tai) -> Vec<PlantSample> {
     (-10..140).map(|step| sample(zero, 0.01 * f64::from(step))).collect()
 }
@@ -223,7 +223,7 @@ fn the_built_in_tracker_finds_the_attitude_that_was_sent() {
     assert!(blind.contains("[plant.tracker]"), "control: {blind}");
 }
 
-/// Mean distance between the places of the stars that both runs have, px.
+/// Returns the mean distance between the places of the stars that both runs have, px.
 fn moved_px(one: &Flight, other: &Flight) -> f64 {
     let both = |(key, a): (&(u32, u64), &[f64; 2])| {
         other.places_px.get(key).map(|b: &[f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]))

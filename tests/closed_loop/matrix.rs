@@ -87,7 +87,7 @@ impl Drop for NullModem {
     }
 }
 
-/// The run file of one combination, beside the shipped benches.
+/// Returns the run file of one combination, beside the shipped benches.
 fn document(who: Who, bus: Bus, heads: usize, (modem, folder): (&NullModem, &Path)) -> Document {
     let history = folder.join("attitude.csv");
     std::fs::write(&history, "0.0, 1, 0, 0, 0\n1.0, 0.9999619, 0.0087265, 0, 0\n").unwrap();
@@ -154,7 +154,7 @@ fn fly(document: &Document, clock: RunClockKind, folder: &Path) -> Result<RunEnd
     Ok(end)
 }
 
-/// The reason of physics for which a combination cannot run, if there is one.
+/// Returns the reason of physics for which a combination cannot run, if there is one.
 fn refusal(who: Who, bus: Bus, clock: RunClockKind) -> Option<&'static str> {
     match (who, bus, clock) {
         // Whoever is outside must be able to get in.

@@ -16,7 +16,7 @@ use testbed::acs::Mode;
 /// (pixel phase, neighbours), and the window holds few independent values of a slow loop.
 const OVER_PREDICTION: f64 = 1.5;
 
-/// A scenario of `configs/scenarios`.
+/// Returns a scenario of `configs/scenarios`.
 pub(crate) fn scenario(name: &str) -> Scenario {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/scenarios").join(name);
     Scenario::load(&path.with_extension("toml")).unwrap()

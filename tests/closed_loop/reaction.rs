@@ -13,7 +13,7 @@ use testbed::vehicle::Vehicle;
 /// Flexible modes and disturbances beside a torque of 10 mN m over seconds.
 const MECHANICS: f64 = 0.05;
 
-/// A spacecraft at rest at its target, without flexible modes.
+/// Returns a spacecraft at rest at its target, without flexible modes.
 fn scenario() -> Scenario {
     let text = "camera = \"../cameras/small_tracker.toml\"\nspacecraft = \"../spacecraft/smallsat.toml\"\n\
                 [timing]\nduration_s = 60.0\nframe_rate_hz = 5.0\n[render]\nbackend = \"cpu\"\n\
@@ -99,7 +99,7 @@ fn wheels_driven_outside_give_the_body_what_they_take() {
     assert!(error.contains("wanted a hand-over"), "{error}");
 }
 
-/// A proportional and differential law by the truth, ten times a second, against a constant push.
+/// Returns a proportional and differential law by the truth, ten times a second, against a constant push.
 fn flown_outside(has_control: bool) -> f64 {
     let mut run = begun();
     let target = run.with_vehicle(Vehicle::target).unwrap();
@@ -137,7 +137,7 @@ fn control_outside_flies_the_spacecraft_inside() {
     assert!(adrift > 50.0 * flown, "control: without commands it drifts {} arcsec", adrift / ARCSEC);
 }
 
-/// Error of the estimate after 20 s with attitudes of a tracker outside that are off by this, arcsec.
+/// Returns the error of the estimate after 20 s with attitudes of a tracker outside that are off by this, arcsec.
 fn sighted_outside(offset: DVec3) -> (f64, bool) {
     let mut run = SteppedRun::new(&scenario(), |_| Box::new(NullSink::new())).unwrap();
     step_to(&mut run, 0.0);

@@ -61,7 +61,7 @@ fn change_end(directory: &Path, change: impl FnOnce(&mut serde_json::Value)) {
     std::fs::write(&path, session.to_string()).unwrap();
 }
 
-/// The place of the attitude record that decides frame 10: the last one that arrived before it.
+/// Returns the place of the attitude record that decides frame 10: the last one that arrived before it.
 fn decisive(directory: &Path, packets: &[CapturedPacket]) -> usize {
     let messages: usize = rows(directory)[10][2].parse().unwrap();
     let received = packets.iter().enumerate().filter(|(_, packet)| packet.direction == Direction::Received);
@@ -443,7 +443,8 @@ fn tool(program: &str, arguments: &[&str]) -> Option<String> {
     }
 }
 
-/// The Python that has the packages of `hil_scripts/requirements.txt`, where it was made beside the build; else the system's.
+/// Returns the Python that has the packages of `hil_scripts/requirements.txt`, where it was made beside the build; else
+/// the system's.
 fn python() -> String {
     let beside = std::env::current_exe().unwrap().ancestors().nth(3).unwrap().join("python/bin/python3");
     if beside.exists() { beside.to_str().unwrap().into() } else { "python3".into() }

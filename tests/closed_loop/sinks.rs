@@ -84,7 +84,7 @@ fn run(sink: Box<dyn Sink>, at_end: Option<crossbeam_channel::Sender<()>>) -> Ru
     })
 }
 
-/// The troubled sink beside one that keeps up.
+/// Returns the troubled sink beside one that keeps up.
 fn beside_another(trouble: Trouble) -> Box<dyn Sink> {
     let camera = bench_parts::run_params(&bench(), start(&bench())).unwrap().camera;
     let [width, height] = camera.output().size_px;
@@ -140,7 +140,7 @@ fn without_a_queue_of_its_own_a_slow_sink_costs_slots() {
     assert!(sink_busy(&outcome) > 0, "{:?}", outcome.record.frames);
 }
 
-/// A run whose only sink is slow and has no queue.
+/// Returns a run whose only sink is slow and has no queue.
 fn slow_alone() -> RunOutcome {
     let (at_end, gate) = bounded(0);
     let slow = Troubled { inner: NullSink::new(), trouble: Trouble::Slow(gate.clone()) };

@@ -13,7 +13,7 @@ fn scenario() -> Scenario {
     Scenario::from_document(&Document::built_in("scenarios/study.toml").unwrap()).unwrap()
 }
 
-/// Measured values of one kind, over what was varied.
+/// Returns the measured values of one kind, over what was varied.
 fn measured(studied: &Studied, kind: &str, varied: &str) -> Vec<[f64; 2]> {
     let points = studied.points.iter().filter(|point| point.kind == kind && point.varied == varied);
     points.map(|point| [point.value, point.measured]).collect()

@@ -46,7 +46,7 @@ struct Flown {
     start: Tai,
 }
 
-/// A receiver of a run whose faults wait for these numbers.
+/// Returns a receiver of a run whose faults wait for these numbers.
 fn receiver(bench: &Bench, start: Tai, numbers: &[u16]) -> Receiver {
     let params = bench_parts::run_params(bench, start).unwrap();
     let mut receiver = Receiver::new(params.attitude).unwrap().with_session(bench_parts::session_params(bench));
@@ -95,7 +95,7 @@ fn fly(bench: &Bench, sent: &[Sent], numbers: &[u16]) -> Flown {
     Flown { pixels_crc32, outcome, answers: computer.trigger_answers(), captured, engine, start }
 }
 
-/// Instant and frame of the triggers that acted.
+/// Returns the instant and frame of the triggers that acted.
 fn fired(ledger: &Ledger) -> Vec<(Tai, u32)> {
     let is_fired = |event: &&Event| event.kind == EventKind::TriggerFired;
     ledger.last().filter(is_fired).map(|event| (event.at, event.frame.unwrap())).collect()

@@ -32,7 +32,7 @@ struct Call {
     is_marked: bool,
 }
 
-/// The calls of the program in `document`.
+/// Returns the calls of the program in `document`.
 fn calls(document: &str) -> Vec<Call> {
     let mut calls = Vec::new();
     let mut lines = document.lines();
@@ -51,12 +51,12 @@ fn calls(document: &str) -> Vec<Call> {
     calls
 }
 
-/// Whether the commands of a block under this line run.
+/// Returns whether the commands of a block under this line run.
 fn is_mark(line: &str) -> bool {
     line == MARK || cfg!(feature = "display") && line == MARK_DISPLAY
 }
 
-/// The `$ ` lines of a block.
+/// Returns the `$ ` lines of a block.
 fn commands(block: &[&str]) -> Vec<String> {
     let mut commands: Vec<String> = Vec::new();
     let mut is_continued = false;
@@ -81,7 +81,7 @@ fn call(written: String, is_marked: bool) -> Option<Call> {
     Some(Call { written, arguments, is_marked })
 }
 
-/// Why a marked call cannot run here, if it cannot.
+/// Returns why a marked call cannot run here, if it cannot.
 fn obstacle(call: &Call) -> Option<&'static str> {
     let value = |argument: &str| argument.rsplit('=').next().is_some_and(|value| value.starts_with('/'));
     if call.arguments.iter().any(|argument| value(argument) || argument.contains("..")) {
@@ -111,7 +111,7 @@ fn run(call: &Call, folder: &Path) -> Option<String> {
     failure(program().args(arguments).current_dir(folder), &call.written)
 }
 
-/// The written command and its last words, when it fails or does not end.
+/// Returns the written command and its last words, when it fails or does not end.
 fn failure(command: &mut Command, written: &str) -> Option<String> {
     let output = match output_within(command, LIMIT_S) {
         Ok(output) => output,
@@ -139,7 +139,7 @@ pub(crate) fn output_within(command: &mut Command, limit_s: u64) -> std::io::Res
     Err(std::io::Error::new(std::io::ErrorKind::TimedOut, format!("not over after {limit_s} s")))
 }
 
-/// The pages that hold at least one call of the program.
+/// Returns the pages that hold at least one call of the program.
 fn pages_with_calls() -> Vec<(String, Vec<Call>)> {
     let pages = pages().into_iter().map(|page| (page.path, calls(&page.text)));
     pages.filter(|(_, calls)| !calls.is_empty()).collect()

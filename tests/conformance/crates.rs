@@ -21,7 +21,7 @@ fn short(name: &str) -> String {
     name.strip_prefix("starloop_").unwrap_or(name).to_owned()
 }
 
-/// The workspace's crates, read by `cargo metadata`.
+/// Returns the workspace's crates, read by `cargo metadata`.
 fn graph() -> Graph {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let mut command = Command::new(cargo);
@@ -39,13 +39,13 @@ fn dependencies(package: &Value) -> BTreeSet<String> {
     normal.map(|dependency| short(dependency["name"].as_str().unwrap())).collect()
 }
 
-/// The crates of the workspace among the dependencies.
+/// Returns the crates of the workspace among the dependencies.
 fn inside(graph: &Graph) -> Graph {
     let own = |all: &BTreeSet<String>| all.iter().filter(|name| graph.contains_key(*name)).cloned().collect();
     graph.iter().map(|(name, all)| (name.clone(), own(all))).collect()
 }
 
-/// Every crate that `name` reaches through its dependencies.
+/// Returns every crate that `name` reaches through its dependencies.
 fn reached_from(name: &str, graph: &Graph) -> BTreeSet<String> {
     let mut reached = BTreeSet::new();
     let mut waiting = vec![name.to_owned()];
@@ -67,7 +67,7 @@ fn in_backticks(cell: &str) -> BTreeSet<String> {
     cell.split('`').skip(1).step_by(2).map(str::to_owned).collect()
 }
 
-/// Rows of the table of crates: `| name | sentence | dependencies |`.
+/// Returns rows of the table of crates: `| name | sentence | dependencies |`.
 fn table(document: &str) -> Graph {
     let mut rows = Graph::new();
     let mut is_in_table = false;

@@ -22,7 +22,7 @@ struct Excerpt<'a> {
     lines: Vec<&'a str>,
 }
 
-/// The marked excerpts of a document.
+/// Returns the marked excerpts of a document.
 fn excerpts(document: &str) -> Vec<Excerpt<'_>> {
     let mut found = Vec::new();
     let mut lines = document.lines();
@@ -38,7 +38,7 @@ fn excerpts(document: &str) -> Vec<Excerpt<'_>> {
     found
 }
 
-/// True for a number that an excerpt may give as a time of the machine.
+/// Returns true for a number that an excerpt may give as a time of the machine.
 fn is_time(word: &str) -> bool {
     let decimals = word.split_once('.').map_or(0, |(_, decimals)| decimals.len());
     (1..=2).contains(&decimals) && word.parse::<f64>().is_ok()
@@ -51,7 +51,7 @@ fn is_same_line(quoted: &str, printed: &str, times_vary: bool) -> bool {
     quoted.clone().count() == printed.clone().count() && quoted.zip(printed).all(is_same_word)
 }
 
-/// The first quoted line that is not printed, in order.
+/// Returns the first quoted line that is not printed, in order.
 fn first_difference<'a>(excerpt: &Excerpt<'a>, printed: &str) -> Option<&'a str> {
     let mut rest = printed.lines();
     excerpt

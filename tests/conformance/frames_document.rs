@@ -28,7 +28,7 @@ fn slot_head() -> Vec<Field> {
     }
 }
 
-/// The tables of the document that have offsets, in order.
+/// Returns the tables of the document that have offsets, in order.
 fn documented(text: &str) -> Vec<Vec<(usize, String, String)>> {
     let tables = text.split("| offset |").skip(1);
     let row = |line: &str| {
@@ -38,7 +38,7 @@ fn documented(text: &str) -> Vec<Vec<(usize, String, String)>> {
     tables.map(|table| table.lines().skip(2).take_while(|line| line.starts_with('|')).map(row).collect()).collect()
 }
 
-/// Bytes of a type as the document writes it.
+/// Returns bytes of a type as the document writes it.
 fn size_of_kind(kind: &str) -> usize {
     let (scalar, count) = kind.split_once('[').unwrap_or((kind, "1]"));
     let bits: usize = scalar[1..].parse().unwrap();

@@ -26,7 +26,7 @@ pub(crate) fn pages() -> Vec<Page> {
     paths.into_iter().map(read).collect()
 }
 
-/// The lines outside fenced blocks.
+/// Returns the lines outside fenced blocks.
 fn prose(text: &str) -> impl Iterator<Item = &str> {
     let mut is_code = false;
     text.lines().filter(move |line| {
@@ -44,7 +44,7 @@ fn targets(text: &str) -> Vec<String> {
     targets.filter(|target| !target.contains("://") && !target.contains([' ', '`', '\n'])).collect()
 }
 
-/// The anchor of a heading, as forges make it.
+/// Returns the anchor of a heading, as forges make it.
 fn anchor(heading: &str) -> String {
     let heading = heading.trim().to_lowercase();
     let kept = heading.chars().filter(|c| c.is_alphanumeric() || matches!(c, ' ' | '-' | '_'));
@@ -55,7 +55,7 @@ fn has_anchor(text: &str, wanted: &str) -> bool {
     prose(text).filter(|line| line.starts_with('#')).any(|line| anchor(line.trim_start_matches('#')) == wanted)
 }
 
-/// True when a link of the page at `from` leads to a file, and to a heading of it where one is named.
+/// Returns whether a link of the page at `from` leads to a file, and to a heading of it where one is named.
 fn leads_somewhere(from: &Path, target: &str) -> bool {
     let (file, wanted) = target.split_once('#').unwrap_or((target, ""));
     let folder = from.parent().unwrap_or(Path::new(""));

@@ -4,7 +4,7 @@
 
 use std::path::{Path, PathBuf};
 
-/// The repository root.
+/// Returns the repository root.
 pub(crate) fn root() -> PathBuf {
     std::env::var_os("CARGO_MANIFEST_DIR").unwrap_or_else(|| env!("CARGO_MANIFEST_DIR").into()).into()
 }
@@ -16,7 +16,7 @@ pub(crate) struct SourceFile {
     pub(crate) text: String,
 }
 
-/// Every file under `folders` with one of the `extensions`, sorted by path. Panics when there is none.
+/// Returns every file under `folders` with one of the `extensions`, sorted by path. Panics when there is none.
 pub(crate) fn files(folders: &[&str], extensions: &[&str]) -> Vec<SourceFile> {
     let root = root();
     let mut found = Vec::new();
@@ -54,7 +54,7 @@ pub(crate) struct Token {
 }
 
 impl Token {
-    /// True for identifiers, keywords and numbers.
+    /// Returns true for identifiers, keywords and numbers.
     pub(crate) fn is_word(&self) -> bool {
         self.text.starts_with(is_word_character)
     }
@@ -64,7 +64,7 @@ fn is_word_character(c: char) -> bool {
     c.is_alphanumeric() || c == '_'
 }
 
-/// The code of `text`, comments and documentation left out.
+/// Returns the code of `text`, comments and documentation left out.
 pub(crate) fn tokens(text: &str) -> Vec<Token> {
     let mut scanner = Scanner { rest: text, line: 1, tokens: Vec::new() };
     while scanner.step() {}
@@ -132,7 +132,7 @@ fn word_len(text: &str) -> usize {
     text.find(|c| !is_word_character(c)).unwrap_or(text.len())
 }
 
-/// Length of a literal that begins with `quote`, its closing quote included.
+/// Returns the length of a literal that begins with `quote`, its closing quote included.
 fn quoted_len(text: &str, quote: char) -> usize {
     let mut escaped = false;
     for (at, c) in text.char_indices().skip(1) {
@@ -147,7 +147,7 @@ fn quoted_len(text: &str, quote: char) -> usize {
     text.len()
 }
 
-/// Length of `r"..."`, `br#"..."#` and the like; `None` when `text` begins with anything else.
+/// Returns the length of `r"..."`, `br#"..."#` and the like; `None` when `text` begins with anything else.
 fn raw_string_len(text: &str) -> Option<usize> {
     let prefix = ["r", "br", "cr"].into_iter().find(|prefix| *prefix == &text[..word_len(text)])?;
     let after = &text[prefix.len()..];
@@ -158,7 +158,7 @@ fn raw_string_len(text: &str) -> Option<usize> {
     Some(prefix.len() + hashes + 1 + len)
 }
 
-/// Length of a block comment, nested ones included.
+/// Returns the length of a block comment, nested ones included.
 fn block_comment_len(text: &str) -> usize {
     let mut depth = 0_usize;
     let mut at = 0;

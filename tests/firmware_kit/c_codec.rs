@@ -91,7 +91,7 @@ fn examine(exam: &mut Exam, vector: &Vector) {
     }
 }
 
-/// All of vectors.json.
+/// Returns all of vectors.json.
 pub(crate) fn exam_of_vectors() -> Exam {
     let mut exam = Exam::default();
     messages().iter().for_each(|vector| examine(&mut exam, vector));
@@ -123,7 +123,7 @@ fn outcomes_of_line(decoder: &mut serial::Decoder, line: &[u8]) -> String {
     if outcomes.is_empty() { "nothing".to_owned() } else { outcomes.join(";") }
 }
 
-/// Random messages as the Rust crate sends them, damaged, and what it makes of them.
+/// Returns the random messages as the Rust crate sends them, damaged, and what it makes of them.
 pub(crate) fn exam_of_frames(seed: u64, inputs: usize) -> Exam {
     let (mut exam, mut samples) = (Exam::default(), Samples::new(seed));
     let ids = IdMap::new(0x20, 6).unwrap();
@@ -144,7 +144,7 @@ pub(crate) fn exam_of_frames(seed: u64, inputs: usize) -> Exam {
     exam
 }
 
-/// Bytes on a line: packets, damaged ones, noise with many zeros.
+/// Returns bytes on a line: packets, damaged ones, noise with many zeros.
 pub(crate) fn exam_of_bytes(seed: u64, inputs: usize) -> Exam {
     let (mut exam, mut samples) = (Exam::default(), Samples::new(seed));
     let (mut encoder, mut decoder) = (serial::Encoder::new(), serial::Decoder::new());
@@ -166,7 +166,7 @@ pub(crate) fn exam_of_bytes(seed: u64, inputs: usize) -> Exam {
     exam
 }
 
-/// A packet that is whole, of any version, type and payload.
+/// Returns a packet that is whole, of any version, type and payload.
 fn random_packet(samples: &mut Samples) -> Vec<u8> {
     let ids = firmware_protocol::MessageId::ALL;
     let number = ids[usize::try_from(samples.below(ids.len() as u64)).unwrap()].number();
@@ -216,7 +216,7 @@ fn examine_restart(exam: &mut Exam) {
     }
 }
 
-/// Values at and beyond the edges of scaled fields, and NaN: the same frames, or refused by both.
+/// Returns values at and beyond the edges of scaled fields, and NaN: the same frames, or refused by both.
 fn exam_of_edges() -> Exam {
     let mut exam = Exam::default();
     let limits = [8191.75_f32, 8191.87, 8191.88, 8192.0, 163.82, 163.829, 163.831, 1.048_575, 1.048_575_4, 1.048_576];
@@ -270,7 +270,7 @@ fn exam_of_edges() -> Exam {
     exam
 }
 
-/// All exams, of any implementation of the header.
+/// Returns all exams, of any implementation of the header.
 pub(crate) fn failures(program: &Program, seed: u64, inputs: usize) -> Vec<String> {
     let exams = [
         exam_of_vectors(),

@@ -22,7 +22,7 @@ pub(crate) fn compile(arguments: &[&Path], to: &Path, extra: &[&str]) {
     assert!(output.status.success(), "cc {arguments:?}:\n{}", String::from_utf8_lossy(&output.stderr));
 }
 
-/// A folder of this test's own.
+/// Returns a folder of this test's own.
 pub(crate) fn folder(name: &str) -> PathBuf {
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("firmware_kit").join(name);
     std::fs::create_dir_all(&folder).unwrap();
@@ -34,7 +34,7 @@ pub(crate) fn driver_source() -> PathBuf {
 }
 
 impl Program {
-    /// The driver with the C implementation.
+    /// Returns the driver with the C implementation.
     pub(crate) fn of_c_sources(name: &str) -> Self {
         let path = folder(name).join("driver");
         let library = crate::kit().join("c/starloop_protocol.c");
@@ -42,12 +42,12 @@ impl Program {
         Self { path }
     }
 
-    /// A driver that was linked already.
+    /// Returns a driver that was linked already.
     pub(crate) fn at(path: PathBuf) -> Self {
         Self { path }
     }
 
-    /// One answer per question.
+    /// Returns one answer per question.
     pub(crate) fn ask(&self, questions: &[String]) -> Vec<String> {
         let mut command = Command::new(&self.path);
         // Nothing is allocated, and the search for leaks wants rights that a container may lack.
@@ -68,7 +68,7 @@ impl Program {
     }
 }
 
-/// Bytes as the driver takes them; `-` for none.
+/// Returns bytes as the driver takes them; `-` for none.
 pub(crate) fn hex(bytes: &[u8]) -> String {
     if bytes.is_empty() {
         return "-".to_owned();

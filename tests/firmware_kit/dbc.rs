@@ -25,7 +25,7 @@ pub(crate) fn raw(id: &DbcId) -> u16 {
     }
 }
 
-/// The value of a message's attribute, or the default 0.
+/// Returns the value of a message's attribute, or the default 0.
 pub(crate) fn attribute(dbc: &Dbc, name: &str, id: &DbcId) -> f64 {
     let found = dbc.attribute_values_message.iter().find(|value| value.name == name && value.message_id == *id);
     match found.map(|found| &found.value) {
@@ -63,7 +63,7 @@ fn differences(dbc: &Dbc, message: &Message, frame: &CanFrame) -> Vec<String> {
     found
 }
 
-/// All differences of many random messages, CAN FD and classic.
+/// Returns all differences of many random messages, CAN FD and classic.
 fn all_differences(dbc: &Dbc) -> Vec<String> {
     let mut samples = Samples::new(7);
     let mut found = Vec::new();
@@ -105,7 +105,7 @@ fn every_spoiled_signal_is_noticed() {
     assert!(!all_differences(&dbc).is_empty(), "floats read as integers");
 }
 
-/// Like [`all_differences`], of one message only and fewer samples.
+/// Returns the like [`all_differences`], of one message only and fewer samples.
 fn all_differences_of(dbc: &Dbc, index: usize) -> Vec<String> {
     let id = raw(&dbc.messages[index].id);
     let mut samples = Samples::new(8);
@@ -220,7 +220,7 @@ fn enumerations_have_the_names_of_the_crate() {
     assert_eq!(names("VAL_ 416 StartedBy"), debug(&starts));
 }
 
-/// Places of the kit that name a version: what each says, and what the crate says.
+/// Returns places of the kit that name a version: what each says, and what the crate says.
 fn named_versions(dbc: &str, header: &str, document: &str) -> Vec<(String, String)> {
     let version = format!("{}.{}", version::MAJOR, version::MINOR);
     let between = |text: &str, start: &str, end: &str| {

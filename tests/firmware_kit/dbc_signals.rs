@@ -7,13 +7,13 @@ use firmware_protocol::message::{
     StatusPage, Table, TableCell,
 };
 
-/// Bits of a signal, least significant first.
+/// Returns bits of a signal, least significant first.
 fn bits(data: &[u8], signal: &Signal) -> u64 {
     let bit = |at: u64| u64::from(data[usize::try_from(at / 8).unwrap()] >> (at % 8) & 1);
     (0..signal.size).fold(0, |value, i| value | bit(signal.start_bit + i) << i)
 }
 
-/// Physical value of a signal.
+/// Returns the physical value of a signal.
 #[allow(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "at most 32 bits")]
 fn physical(dbc: &Dbc, described: &Described, signal: &Signal, data: &[u8]) -> f64 {
     let raw = bits(data, signal);
@@ -33,7 +33,7 @@ fn physical(dbc: &Dbc, described: &Described, signal: &Signal, data: &[u8]) -> f
     value * signal.factor + signal.offset
 }
 
-/// True when the signal's multiplexors, up to the first, have the values that select it.
+/// Returns whether the signal's multiplexors, up to the first, have the values that select it.
 pub(crate) fn is_active(dbc: &Dbc, described: &Described, signal: &Signal, data: &[u8]) -> bool {
     let selected_by =
         |parent: &Signal, value: u64| bits(data, parent) == value && is_active(dbc, described, parent, data);
@@ -55,7 +55,7 @@ pub(crate) fn is_active(dbc: &Dbc, described: &Described, signal: &Signal, data:
     }
 }
 
-/// Every signal that the payload holds, by name.
+/// Returns every signal that the payload holds, by name.
 pub(crate) fn decode(dbc: &Dbc, described: &Described, data: &[u8]) -> Vec<(String, f64)> {
     let active = described.signals.iter().filter(|signal| is_active(dbc, described, signal, data));
     active.map(|signal| (signal.name.clone(), physical(dbc, described, signal, data))).collect()

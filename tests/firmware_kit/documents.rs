@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::process::Command;
 
-/// Cells of every table row between this heading and the next of the same or a higher level.
+/// Returns cells of every table row between this heading and the next of the same or a higher level.
 fn rows(text: &str, heading: &str) -> Vec<Vec<String>> {
     let level = heading.chars().take_while(|c| *c == '#').count();
     let is_end = |line: &&str| {
@@ -48,7 +48,7 @@ fn wrong_messages(text: &str) -> Vec<String> {
     missing.chain(extra).collect()
 }
 
-/// Bits of `4`, `0..4` (bytes) or `0..63` (bits).
+/// Returns bits of `4`, `0..4` (bytes) or `0..63` (bits).
 fn bit_range(text: &str, bits_per_unit: u64) -> Range<u64> {
     let (start, end): (u64, u64) = match text.split_once("..") {
         Some((start, end)) => (start.parse().unwrap(), end.parse().unwrap()),
@@ -57,7 +57,7 @@ fn bit_range(text: &str, bits_per_unit: u64) -> Range<u64> {
     start * bits_per_unit..end * bits_per_unit
 }
 
-/// The page or opcode under which a signal is read; `all` without one.
+/// Returns the page or opcode under which a signal is read; `all` without one.
 fn branch_of(dbc: &Dbc, message: &Described, signal: &Signal) -> String {
     let parent = dbc.extended_multiplex.iter().find_map(|entry| {
         let is_own = entry.message_id == message.id && entry.signal_name == signal.name;
@@ -71,7 +71,7 @@ fn branch_of(dbc: &Dbc, message: &Described, signal: &Signal) -> String {
     }
 }
 
-/// Byte tables whose rows leave gaps, or cut a signal of the DBC in two.
+/// Returns the byte tables whose rows leave gaps, or cut a signal of the DBC in two.
 fn wrong_layouts(text: &str) -> Vec<String> {
     let dbc = dbc();
     let mut found = Vec::new();
@@ -105,7 +105,7 @@ fn wrong_layouts(text: &str) -> Vec<String> {
     found
 }
 
-/// Lines of the worked example in order: identifier and bytes, or a serial packet.
+/// Returns lines of the worked example in order: identifier and bytes, or a serial packet.
 fn example(text: &str) -> Vec<(Option<u16>, Vec<u8>)> {
     let body = text.lines().skip_while(|line| !line.starts_with("## 8.")).take_while(|line| !line.starts_with("## 9."));
     let inside = body.scan(false, |is_code, line| {
@@ -166,7 +166,8 @@ fn the_worked_example_says_what_the_text_says() {
     assert!(matches!(last.reply, Reply::Applied(applied) if applied.rows == 2));
 }
 
-/// Node of a CANopen identifier of the predefined connection set (CiA 301); 0 for what belongs to the network.
+/// Returns the node of a CANopen identifier of the predefined connection set (CiA 301); 0 for what belongs to the
+/// network.
 fn canopen_node(id: u16) -> Option<u16> {
     const FUNCTIONS: [u16; 12] = [0x080, 0x180, 0x200, 0x280, 0x300, 0x380, 0x400, 0x480, 0x500, 0x580, 0x600, 0x700];
     // NMT, SYNC, TIME, LSS.

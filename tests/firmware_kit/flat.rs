@@ -23,7 +23,7 @@ impl Flat {
         })
     }
 
-    /// The inverse of [`Self::line`]; what is written with a point or an exponent was an f32.
+    /// Returns the inverse of [`Self::line`]; what is written with a point or an exponent was an f32.
     pub(crate) fn parse(line: &str) -> Self {
         let mut words = line.split_whitespace();
         let number = words.next().unwrap().parse().unwrap();

@@ -17,12 +17,12 @@ mod vectors;
 
 use std::path::PathBuf;
 
-/// Folder of the kit.
+/// Returns the folder of the kit.
 fn kit() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// A text file of the kit.
+/// Returns a text file of the kit.
 fn text(path: &str) -> String {
     std::fs::read_to_string(kit().join(path)).unwrap_or_else(|error| panic!("firmware_protocol/{path}: {error}"))
 }

@@ -85,7 +85,7 @@ fn every_message_table_column_and_reason_has_a_vector() {
     }
 }
 
-/// Outcome of each piece.
+/// Returns the outcome of each piece.
 fn outcomes(input: &Input) -> Vec<Result<(), Reject>> {
     match input {
         Input::Frames(frames) => {

@@ -52,7 +52,7 @@ impl Samples {
         (self.int::<u32>(24) as f32) / 8_388_608.0 - 1.0
     }
 
-    /// A multiple of `lsb` up to `limit` counts, as a decoder gives it.
+    /// Returns a multiple of `lsb` up to `limit` counts, as a decoder gives it.
     #[allow(clippy::cast_possible_truncation, reason = "the value a decoder gives")]
     fn stepped(&mut self, limit: i32, lsb: f64) -> f32 {
         let counts = self.int::<i32>(31) % (2 * limit + 1) - limit;
@@ -63,7 +63,7 @@ impl Samples {
         from[usize::try_from(self.below(from.len() as u64)).unwrap()]
     }
 
-    /// Every kind of message in turn.
+    /// Returns every kind of message in turn.
     pub(crate) fn message(&mut self) -> Message {
         self.turn += 1;
         match self.turn % KINDS {
@@ -194,7 +194,7 @@ impl Samples {
         }
     }
 
-    /// The message; an attitude sometimes with values that no decoder lets through.
+    /// Returns the message; an attitude sometimes with values that no decoder lets through.
     pub(crate) fn strange_message(&mut self) -> Message {
         let mut message = self.message();
         if let Message::Attitude(record) = &mut message {
@@ -205,7 +205,7 @@ impl Samples {
         message
     }
 
-    /// The frame with some of its bits, its length or its identifier changed; half of the time as it was.
+    /// Returns the frame with some of its bits, its length or its identifier changed; half of the time as it was.
     pub(crate) fn spoiled(&mut self, frame: &CanFrame) -> CanFrame {
         let (mut id, mut data) = (frame.id(), frame.data().to_vec());
         match self.below(8) {

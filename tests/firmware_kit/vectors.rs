@@ -56,7 +56,7 @@ fn document() -> Value {
     serde_json::from_str(&crate::text("vectors.json")).unwrap()
 }
 
-/// Every message of vectors.json.
+/// Returns every message of vectors.json.
 pub(crate) fn messages() -> Vec<Vector> {
     let vector = |value: &Value| Vector {
         name: value["name"].as_str().unwrap().to_owned(),
@@ -71,7 +71,7 @@ pub(crate) fn messages() -> Vec<Vector> {
     document()["messages"].as_array().unwrap().iter().map(vector).collect()
 }
 
-/// Every rejected input of vectors.json.
+/// Returns every rejected input of vectors.json.
 pub(crate) fn rejected() -> Vec<Rejected> {
     let rejected = |value: &Value| {
         let reason = value["reason"].as_str().unwrap();

@@ -17,7 +17,7 @@ use std::sync::Arc;
 const SHARE: f64 = 5e-4;
 const SIZE: [usize; 2] = [301, 203];
 
-/// Every effect on its own, added to the detector with full noise; then all of them.
+/// Returns every effect on its own, added to the detector with full noise; then all of them.
 fn effects(base: DetectorParams) -> Vec<(&'static str, DetectorParams)> {
     let knots = [[2000.0, 1980.0], [20_000.0, 19_500.0], [50_000.0, 48_000.0], [90_000.0, 80_000.0]];
     let nonlinearity = Nonlinearity::through(&knots).expect("rising");

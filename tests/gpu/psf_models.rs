@@ -14,13 +14,13 @@ const FLOOR_E: f64 = 1e-3;
 /// Rounding to units is unbiased but for wings below half a unit, which vanish.
 const FLUX_REL: f64 = 2e-5;
 
-/// Share of a Gaussian's light in the pixel `x` from its middle.
+/// Returns the share of a Gaussian's light in the pixel `x` from its middle.
 fn cell(x: f64, sigma: f64) -> f64 {
     let edge = |x: f64| 0.5 * libm::erf(x / (sigma * 2.0_f64.sqrt()));
     edge(x + 0.5) - edge(x - 0.5)
 }
 
-/// Wider along x than along y, with a flare to the right and up.
+/// Returns the wider along x than along y, with a flare to the right and up.
 fn lopsided(wider: f64) -> PsfModel {
     let shape = |x: f64, y: f64| {
         0.8 * cell(x - 0.1, 0.95 + wider) * cell(y, 0.65) + 0.2 * cell(x - 1.4, 0.8) * cell(y + 0.9, 1.1)

@@ -22,7 +22,7 @@ use std::sync::{Arc, OnceLock};
 /// Exposure of every scene, s.
 pub const EXPOSURE_S: f64 = 0.1;
 
-/// The device, or `None` (and a printed line that a script counts) when there is none and none is required.
+/// Returns the device, or `None` (and a printed line that a script counts) when there is none and none is required.
 pub fn device() -> Option<Arc<GpuDevice>> {
     static DEVICE: OnceLock<Result<Arc<GpuDevice>, String>> = OnceLock::new();
     let opened = DEVICE.get_or_init(|| GpuDevice::open(&AdapterChoice::Best).map_err(|error| error.to_string()));
@@ -36,7 +36,7 @@ pub fn device() -> Option<Arc<GpuDevice>> {
     }
 }
 
-/// A uniform in [0, 1).
+/// Returns a uniform in [0, 1).
 pub fn unit(i: u32, stream: u32) -> f64 {
     f64::from(philox([i, stream, 7, 0], [3, 4])[0]) / 4_294_967_296.0
 }
@@ -75,7 +75,7 @@ impl Scene {
         Self { size, ..self }
     }
 
-    /// A planner set up for this scene.
+    /// Returns a planner set up for this scene.
     pub fn planner(&self) -> Planner {
         let [width_px, height_px] = self.size;
         let camera = CameraGeometry::new(CameraParameters {
@@ -135,7 +135,7 @@ impl Scene {
         planner
     }
 
-    /// Random stars all over the detector and up to 10 px beyond its edges.
+    /// Returns the random stars all over the detector and up to 10 px beyond its edges.
     pub fn stars(&self, count: u32) -> Vec<Source> {
         let place = |i, stream, size: usize| unit(i, stream) * (size as f64 + 20.0) - 10.5;
         let [width, height] = self.size;
@@ -187,7 +187,7 @@ impl Difference {
         Self { largest_e, peak_e, flux_rel: (sum(b) - sum(a)) / sum(a).max(1.0) }
     }
 
-    /// True when no pixel is off by more than `share` of the peak and `floor_e`, and the flux agrees to `flux`.
+    /// Returns whether no pixel is off by more than `share` of the peak and `floor_e`, and the flux agrees to `flux`.
     pub fn within(&self, share: f64, floor_e: f64, flux: f64) -> bool {
         self.largest_e <= share * self.peak_e + floor_e && self.flux_rel.abs() <= flux
     }
@@ -210,7 +210,7 @@ impl DnDifference {
         Self { largest_dn: differences().max().unwrap_or(0), share: differing as f64 / a.pixels().len() as f64 }
     }
 
-    /// True when no pixel is off by more than 1 DN and no more than `share` of them differ.
+    /// Returns whether no pixel is off by more than 1 DN and no more than `share` of them differ.
     pub fn within(&self, share: f64) -> bool {
         self.largest_dn <= 1 && self.share <= share
     }

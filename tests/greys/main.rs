@@ -15,7 +15,7 @@ const TARGET_PX: [u32; 2] = [66, 18];
 /// Rows of a copy to a buffer begin at multiples of 256 bytes.
 const ROW_BYTES: u32 = 512;
 
-/// The device, or `None` (and a printed line that a script counts) when there is none and none is required.
+/// Returns the device, or `None` (and a printed line that a script counts) when there is none and none is required.
 fn device() -> Option<Arc<GpuDevice>> {
     match GpuDevice::open(&AdapterChoice::Best) {
         Ok(device) => Some(device),
@@ -60,12 +60,12 @@ fn painted(gpu: &GpuDevice, format: TextureFormat, most: u16, greys: &[u16]) -> 
     rows.flat_map(|row| row.chunks_exact(4).map(|word| u32::from_le_bytes(word.try_into().unwrap()))).collect()
 }
 
-/// The three colours of a stored word.
+/// Returns the three colours of a stored word.
 fn colours(word: u32, bits: u32) -> [u32; 3] {
     [0, 1, 2].map(|i| (word >> (i * bits)) & ((1 << bits) - 1))
 }
 
-/// Pixels that do not show the grey of `greys`, or black beyond.
+/// Returns pixels that do not show the grey of `greys`, or black beyond.
 fn wrong(stored: &[u32], greys: &[u16], bits: u32) -> usize {
     let [width, height] = SIZE_PX;
     let is_wrong = |(at, word): (u32, &u32)| {

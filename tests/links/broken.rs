@@ -33,7 +33,7 @@ struct Broken {
     held: Option<Stamped<Packet>>,
 }
 
-/// The same packet with its last byte gone, or altered.
+/// Returns the same packet with its last byte gone, or altered.
 fn spoilt(packet: Packet, alter: bool) -> Packet {
     let spoil = |bytes: &[u8]| -> Vec<u8> {
         let mut bytes = bytes.to_vec();

@@ -11,7 +11,7 @@ use run::wiring::bench_parts;
 use sky::almanac::Almanac;
 use stars::Sky;
 
-/// A run about `middle` with stars, bodies, a target, stray light and zodiacal light.
+/// Returns a run about `middle` with stars, bodies, a target, stray light and zodiacal light.
 fn run_about(middle: Tai, frame_period: Span) -> RunParams {
     let settings = [
         "sky.bodies=true",
@@ -26,7 +26,7 @@ fn run_about(middle: Tai, frame_period: Span) -> RunParams {
     RunParams { first_exposure: middle - half, frame_period, ..params }
 }
 
-/// Frames of the run in which series were evaluated; every frame.
+/// Returns frames of the run in which series were evaluated; every frame.
 fn follow(params: &RunParams, almanac: &Almanac) -> [usize; 2] {
     let sky = Sky::open(&[], params.camera.limiting_mag, 1).unwrap();
     let mut scene = Scene::new(&params.scene(almanac), &sky);

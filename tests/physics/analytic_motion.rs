@@ -37,7 +37,7 @@ impl Turn {
         Self { axis, cubic: [0.0; 3], hz, amplitude_rad, phase_rad }
     }
 
-    /// Angle and its two derivatives.
+    /// Returns the angle and its two derivatives.
     fn angle(&self, t: f64) -> [f64; 3] {
         let ([w, a, j], v) = (self.cubic, TAU * self.hz);
         let (sin, cos) = (v * t + self.phase_rad).sin_cos();
@@ -89,7 +89,7 @@ impl Motion {
         scale
     }
 
-    /// Samples at `start` and `span` later; the second sign of a quaternion is `sign`.
+    /// Returns samples at `start` and `span` later; the second sign of a quaternion is `sign`.
     pub(crate) fn history(&self, start: f64, span: f64, sign: f64) -> AttitudeHistory {
         let mut history = AttitudeHistory::new(HistoryLimits::default());
         for (seq, at, sign) in [(0, epoch(start), 1.0), (1, epoch(start) + Span::from_s(span), sign)] {
@@ -100,7 +100,8 @@ impl Motion {
         history
     }
 
-    /// Error of `method` for samples at `start`: `span` later, or the worst of seven places between two samples.
+    /// Returns the error of `method` for samples at `start`: `span` later, or the worst of seven places between two
+    /// samples.
     pub(crate) fn error_rad(&self, method: AttitudeMethod, start: f64, span: f64) -> f64 {
         let interpolates = method == AttitudeMethod::Interpolation;
         let history = self.history(start, if interpolates { span } else { span + 1.0 }, 1.0);
@@ -113,7 +114,7 @@ impl Motion {
         places.map(error).fold(0.0, f64::max)
     }
 
-    /// The worst start within one period of `hz`.
+    /// Returns the worst start within one period of `hz`.
     pub(crate) fn worst_error_rad(&self, method: AttitudeMethod, hz: f64, span: f64) -> f64 {
         let starts = (0..STARTS).map(|k| f64::from(k) / f64::from(STARTS) / hz);
         starts.map(|start| self.error_rad(method, start, span)).fold(0.0, f64::max)

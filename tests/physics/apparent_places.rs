@@ -136,8 +136,9 @@ fn planet_au(t: f64, [a, e, longitude_deg, rate_deg, perihelion_deg]: [f64; 5]) 
     [c * x - s * y, s * x + c * y, 0.0]
 }
 
-/// Barycentric position of the Earth, J2000 equator, au; `t` Julian centuries from J2000. Sun: Meeus, Astronomical
-/// Algorithms, 2nd ed., ch. 25 (0.01 deg). The Moon's 12 m/s on the Earth is left out: 9 mas of aberration.
+/// Returns the barycentric position of the Earth, J2000 equator, au; `t` Julian centuries from J2000. Sun: Meeus,
+/// Astronomical Algorithms, 2nd ed., ch. 25 (0.01 deg). The Moon's 12 m/s on the Earth is left out: 9 mas of
+/// aberration.
 fn earth_au(t: f64) -> [f64; 3] {
     let longitude_deg = 280.466_46 + t * (36_000.769_83 + t * 0.000_303_2);
     let anomaly = (357.529_11 + t * (35_999.050_29 - t * 0.000_153_7)) * DEG;
@@ -154,7 +155,7 @@ fn earth_au(t: f64) -> [f64; 3] {
     ecliptic_to_equatorial(sum(sum(heliocentric, jupiter, -1.0 / 1_047.35), saturn, -1.0 / 3_497.9))
 }
 
-/// Barycentric velocity of the Earth in units of the speed of light, by differences over 0.02 day.
+/// Returns the barycentric velocity of the Earth in units of the speed of light, by differences over 0.02 day.
 fn earth_velocity_c(t: f64) -> [f64; 3] {
     const HALF_STEP_D: f64 = 0.01;
     let half = HALF_STEP_D / 36_525.0;
@@ -170,7 +171,7 @@ enum LeaveOut {
     Parallax,
 }
 
-/// Direction in which an observer at the geocentre sees the star at `at`: unit vector, ICRF.
+/// Returns the direction in which an observer at the geocentre sees the star at `at`: unit vector, ICRF.
 pub(crate) fn apparent_icrf(star: &Star, at: Tai) -> [f64; 3] {
     apparent(star, at, LeaveOut::Nothing)
 }
@@ -256,7 +257,7 @@ fn apart_arcsec(a: [f64; 3], b: [f64; 3]) -> f64 {
     2.0 * (dot(d, d).sqrt() / 2.0).asin() / ARCSEC
 }
 
-/// Distance of each star from the nearest production source, arcsec, with the star.
+/// Returns the distance of each star from the nearest production source, arcsec, with the star.
 fn distances(stars: &[Star], at: Tai, leave_out: LeaveOut) -> Vec<(f64, Star)> {
     let found = production(apparent_icrf(&stars[0], at), at);
     assert!(!found.is_empty(), "the cone must hold stars");
@@ -335,7 +336,7 @@ fn camera(pointing: &Pointing) -> CameraGeometry {
     CameraGeometry::new(parameters).expect("a valid camera")
 }
 
-/// Largest pixel distance between both paths over the stars in view of `seen_by`, and how many there were.
+/// Returns the largest pixel distance between both paths over the stars in view of `seen_by`, and how many there were.
 fn worst_px(pointing: &Pointing, seen_by: &Pointing, at: Tai) -> (f64, usize) {
     let [ra, dec, roll] = pointing.ra_dec_roll_rad;
     let (attitude, camera) = (sensor_from_ra_dec_roll(ra, dec, roll), camera(pointing));

@@ -61,7 +61,7 @@ fn vantage(observer_name: &str, at: Tai) -> Vantage {
     Vantage::of(&ObserverTrack::new(observer(observer_name, at), at), at, true).unwrap()
 }
 
-/// The observers of the script; orbits are at their elements on the first of January.
+/// Returns the observers of the script; orbits are at their elements on the first of January.
 fn observer(name: &str, at: Tai) -> Observer {
     let epoch = Tai::from_rfc3339(&format!("{}-01-01T00:00:00Z", &at.to_rfc3339()[..4])).unwrap();
     let conic = |about: CentralBody, [a, e, i, node, periapsis, mean]: [f64; 6]| {
@@ -91,7 +91,7 @@ fn observer(name: &str, at: Tai) -> Observer {
     }
 }
 
-/// Difference of a case, mas, with (0) and without (1) deflection, after `edit` of what goes in.
+/// Returns the difference of a case, mas, with (0) and without (1) deflection, after `edit` of what goes in.
 fn off_mas(case: &Case, edit: &dyn Fn(&mut CatalogSource, &mut Vantage)) -> [f64; 2] {
     let off = |vantage: Vantage, wanted: DVec3| {
         let (mut source, mut vantage) = (case.source, vantage);
@@ -122,7 +122,7 @@ fn apparent_places_agree_with_erfa_to_a_milliarcsecond() {
     assert!(farthest < AGREEMENT_MAS, "{farthest} mas");
 }
 
-/// Worst difference with deflection over the cases of an observer.
+/// Returns the worst difference with deflection over the cases of an observer.
 fn worst_mas(observer: &str, edit: &dyn Fn(&mut CatalogSource, &mut Vantage)) -> f64 {
     cases().iter().filter(|case| case.observer == observer).map(|case| off_mas(case, edit)[0]).fold(0.0, f64::max)
 }

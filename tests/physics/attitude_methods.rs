@@ -200,7 +200,7 @@ fn direction(dice: &mut Dice) -> DVec3 {
     DVec3::new(within(-1.0, 1.0), within(-1.0, 1.0), within(-1.0, 1.0)).normalize_or(DVec3::X)
 }
 
-/// A slew and up to three sinusoids; magnitudes spread over decades.
+/// Returns a slew and up to three sinusoids; magnitudes spread over decades.
 fn random_motion(dice: &mut Dice) -> Motion {
     let decades = |dice: &mut Dice, low: f64, high: f64| 10_f64.powf(dice.between(low, high));
     let axis = direction(dice);
@@ -213,7 +213,7 @@ fn random_motion(dice: &mut Dice) -> Motion {
     Motion { initial: Rotation::from_rotation_vector(direction(dice) * dice.between(0.0, PI)), turns }
 }
 
-/// Error over bound of 600 random motions, each by every method whose domain has it.
+/// Returns the error over bound of 600 random motions, each by every method whose domain has it.
 fn shares() -> Vec<(AttitudeMethod, f64, f64)> {
     let mut dice = Dice::new(20);
     let mut found = Vec::new();

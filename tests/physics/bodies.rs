@@ -83,7 +83,7 @@ fn seen(standpoint: &Standpoint, body: &str) -> SeenBody {
     seen_from(standpoint).into_iter().find(is_it).expect("a body of that name")
 }
 
-/// Worst error over all rows of bodies that `wants`, arcsec; `edit` breaks something.
+/// Returns the worst error over all rows of bodies that `wants`, arcsec; `edit` breaks something.
 fn worst_arcsec(wants: impl Fn(&Row) -> bool, edit: impl Fn(&mut Standpoint)) -> f64 {
     let all = rows();
     assert_eq!(all.len(), 108);
@@ -199,7 +199,7 @@ fn camera(size: usize, focal_px: f64) -> BodyCamera {
     BodyCamera { geometry, light: light(), exposure_s: 0.1, limiting_mag: 8.0 }
 }
 
-/// North up, the boresight there.
+/// Returns the north up, the boresight there.
 fn pointed(boresight: DVec3) -> Rotation<Sensor, Icrf> {
     let ra = boresight.y.atan2(boresight.x);
     let dec = boresight.z.clamp(-1.0, 1.0).asin();
@@ -278,7 +278,7 @@ fn the_lit_part_of_the_disc_is_the_phase() {
 /// Polar radius of WGS 84, km.
 const POLAR_KM: f64 = 6_356.752_314_245;
 
-/// A direction and a line meet the WGS 84 ellipsoid: roots of its quadratic equation, in axes of the Earth.
+/// Returns a direction and a line meet the WGS 84 ellipsoid: roots of its quadratic equation, in axes of the Earth.
 fn is_behind_earth(standpoint: &Standpoint, apparent: DVec3, polar_km: f64) -> bool {
     let (a, b) = (6_378.137_f64, polar_km);
     let turn = DQuat::from_rotation_arc(standpoint.earth_axis, DVec3::Z);

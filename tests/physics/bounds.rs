@@ -80,7 +80,7 @@ impl Tally {
     }
 }
 
-/// All scenes, by as many threads as there are.
+/// Returns all scenes, by as many threads as there are.
 fn tally(scenes: u32) -> Tally {
     tally_of(scenes, Tally::take, Tally::add)
 }

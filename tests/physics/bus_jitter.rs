@@ -50,7 +50,7 @@ fn lines() -> [JitterLine; 3] {
     ]
 }
 
-/// Mean and mean square of the rotation over an exposure: Simpson's rule, so many panels per second.
+/// Returns the mean and mean square of the rotation over an exposure: Simpson's rule, so many panels per second.
 fn moments(track: &JitterTrack, from_s: f64, exposure_s: f64, panels_per_s: f64) -> (DVec3, DVec3) {
     let panels = 2 * (0.5 * panels_per_s * exposure_s).ceil() as u32;
     let weight = |i: u32| if i == 0 || i == panels { 1.0 } else { f64::from(2 + 2 * (i % 2)) };
@@ -120,7 +120,7 @@ fn density() -> Vec<PsdPoint> {
     ]
 }
 
-/// The integral of the density of x over a band, by small steps of straight lines in log-log.
+/// Returns the integral of the density of x over a band, by small steps of straight lines in log-log.
 fn band_power(points: &[PsdPoint], low_hz: f64, high_hz: f64) -> f64 {
     fine_power(points, low_hz, high_hz, 20_000)
 }
@@ -144,13 +144,13 @@ fn noise(seed: u64) -> JitterHistory {
     history
 }
 
-/// Samples of x, rad, every 1/1024 s.
+/// Returns samples of x, rad, every 1/1024 s.
 fn samples(seed: u64, count: u32) -> Vec<f64> {
     let track = track_of(&noise(seed), 1000.0, f64::from(count) / 1024.0);
     (0..count).map(|i| track.rotation_at(at(1000.0 + f64::from(i) / 1024.0)).x).collect()
 }
 
-/// Power of a band by the periodogram with a Hann window, at every bin.
+/// Returns the power of a band by the periodogram with a Hann window, at every bin.
 fn periodogram_power(x: &[f64], low_hz: f64, high_hz: f64) -> f64 {
     let n = x.len() as f64;
     let window: Vec<f64> = (0..x.len()).map(|i| 0.5 - 0.5 * (TAU * (i as f64 + 0.5) / n).cos()).collect();

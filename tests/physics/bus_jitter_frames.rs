@@ -31,7 +31,7 @@ fn estimate() -> ClockEstimate {
     }
 }
 
-/// One frame with the jitter of a history: by the reference and by the CPU's automatic method.
+/// Returns one frame with the jitter of a history: by the reference and by the CPU's automatic method.
 fn frames(history: &JitterHistory) -> [Picture; 2] {
     let mut los = LosPath { jitter: history.new_track(), ..los() };
     history.fill(los.exposure_start, los.exposure_start + Span::from_s(EXPOSURE_S), &mut los.jitter);

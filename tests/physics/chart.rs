@@ -21,7 +21,7 @@ const LEAST_FITTING: usize = 40;
 /// Share of the light to which a footprint's pixels sum, beyond the bound.
 const ROUNDING: f64 = 1e-12;
 
-/// One quick run for all tests here; the GPU too where there is one.
+/// Returns one quick run for all tests here; the GPU too where there is one.
 fn charted() -> &'static Charted {
     static DONE: OnceLock<Charted> = OnceLock::new();
     DONE.get_or_init(|| {

@@ -28,7 +28,7 @@ fn behind(pattern: BayerPattern) -> SpatialParams {
     SpatialParams { colour_filter: Some(filter(pattern)), ..SpatialParams::OFF }
 }
 
-/// A flat field of one second.
+/// Returns a flat field of one second.
 fn flat(detector: &mut Detector) -> DnImage {
     let mut light: Image<f32> = Image::new(SIZE[0], SIZE[1]);
     light.pixels_mut().fill(LIGHT_E as f32);
@@ -42,7 +42,7 @@ fn frame(spatial: SpatialParams) -> DnImage {
     flat(&mut Detector::new(params(spatial), SIZE[0], SIZE[1], 9))
 }
 
-/// Mean and variance of the pixels that a pattern of this name gives this letter.
+/// Returns the mean and variance of the pixels that a pattern of this name gives this letter.
 fn moments(image: &DnImage, name: &str, letter: char) -> [f64; 2] {
     let letters: Vec<char> = name.chars().collect();
     let is_of = |i: usize| letters[2 * ((i / image.width()) % 2) + (i % image.width()) % 2] == letter;
@@ -52,7 +52,7 @@ fn moments(image: &DnImage, name: &str, letter: char) -> [f64; 2] {
     [mean, numbers.iter().map(|dn| (dn - mean).powi(2)).sum::<f64>() / (numbers.len() - 1) as f64]
 }
 
-/// Largest distance of a colour's mean from response x light + dark signal, in standard errors.
+/// Returns the largest distance of a colour's mean from response x light + dark signal, in standard errors.
 fn worst_sigmas(image: &DnImage, name: &str) -> f64 {
     let sigmas = RESPONSES.map(|(letter, response)| {
         let wanted = response * (LIGHT_E + f64::from(SKY_E)) + DARK_E;

@@ -13,7 +13,7 @@ fn warm(operating_c: f64) -> DetectorParams {
     DetectorParams { dark_e_per_s: DarkLaw::e_per_s_of_density(0.02, 15.0), dark_law, ..DetectorParams::QUIET }
 }
 
-/// The formula written afresh: seconds x A/cm^2 x cm^2 / C.
+/// Returns the formula written afresh: seconds x A/cm^2 x cm^2 / C.
 fn formula_e(exposure_s: f64, operating_c: f64) -> f64 {
     let amperes = 0.02e-9 * 15e-4 * 15e-4 * f64::powf(2.0, (operating_c - 20.0) / 6.5);
     exposure_s * amperes / 1.602_176_634e-19

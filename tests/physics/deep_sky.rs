@@ -111,8 +111,8 @@ fn layers_show_the_sky_of_the_catalog_they_were_made_of() {
 /// Seconds from field to field: fewer than tiles are read ahead for.
 const STEP_S: f64 = 1.5;
 
-/// Attitude of a slew at 3 deg/s about the sensor's vertical axis, at field `i`, and the rate that is told: `turn` times the
-/// real one.
+/// Returns the attitude of a slew at 3 deg/s about the sensor's vertical axis, at field `i`, and the rate that is told:
+/// `turn` times the real one.
 fn slew(i: u32, turn: f64) -> (Rotation<Sensor, Icrf>, glam::DVec3) {
     let attitude = sensor_from_ra_dec_roll(84.0 * DEG, 0.0, 0.0);
     let rate_rad_s = glam::DVec3::new(0.0, 3.0 * DEG, 0.0);

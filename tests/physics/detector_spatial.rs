@@ -52,7 +52,7 @@ fn detector(spatial: SpatialParams) -> Detector {
     Detector::new(params(spatial), SIZE[0], SIZE[1], 5)
 }
 
-/// Mean and variance of the numbers.
+/// Returns the mean and variance of the numbers.
 fn moments(numbers: &[f64]) -> [f64; 2] {
     let n = numbers.len() as f64;
     let mean = numbers.iter().sum::<f64>() / n;
@@ -63,7 +63,7 @@ fn electrons(image: &DnImage) -> Vec<f64> {
     image.pixels().iter().map(|dn| f64::from(*dn) - BLACK_DN).collect()
 }
 
-/// Mean place of what is above the black level.
+/// Returns the mean place of what is above the black level.
 fn centroid(image: &DnImage, black_dn: f64) -> [f64; 2] {
     let weight = |i: usize| f64::from(image.pixels()[i]) - black_dn;
     let all = 0..image.pixels().len();

@@ -57,7 +57,7 @@ fn options() -> FitOptions {
     }
 }
 
-/// The fit of a tracker whose file says that it vignettes nothing.
+/// Returns the fit of a tracker whose file says that it vignettes nothing.
 fn fit_with(plan: &Plan, sights: &[Sight], camera: &CameraGeometry) -> Result<Fitted, CalibrationError> {
     fit(plan, sights, &Tracker { name: "tracker", geometry: camera, illumination: &|_| 1.0 }, &options())
 }
@@ -83,7 +83,7 @@ fn measured(bench: &mut DisplayBench, plan: &Plan) -> Vec<Sight> {
     sights
 }
 
-/// The crooked bench's plan, measurements and fit: made once, as no test changes them.
+/// Returns the crooked bench's plan, measurements and fit: made once, as no test changes them.
 fn crooked() -> &'static (Plan, Vec<Sight>, Fitted) {
     static CROOKED: OnceLock<(Plan, Vec<Sight>, Fitted)> = OnceLock::new();
     CROOKED.get_or_init(|| calibrated(&BenchTruth::crooked()))
@@ -96,7 +96,7 @@ fn calibrated(truth: &BenchTruth) -> (Plan, Vec<Sight>, Fitted) {
     (plan, sights, fitted)
 }
 
-/// Largest error of the map over what its dots cover, display px.
+/// Returns the largest error of the map over what its dots cover, display px.
 fn map_error_px(truth: &BenchTruth, fitted: &Fitted) -> f64 {
     let [left, right, top, bottom] = fitted.map.geometry.covered().range_px();
     let places = (0..=40).flat_map(|i| (0..=30).map(move |j| [f64::from(i) / 40.0, f64::from(j) / 30.0]));
@@ -138,7 +138,7 @@ fn without_its_polynomial_the_map_is_off() {
     assert_eq!(plan.display, fitted.calibration.display);
 }
 
-/// Relative luminance of a grey as the bench has it, above black.
+/// Returns the relative luminance of a grey as the bench has it, above black.
 fn true_luminance(truth: &BenchTruth, grey: u16) -> f64 {
     (truth.light(grey) - truth.black_share) / (1.0 - truth.black_share)
 }
@@ -181,8 +181,8 @@ fn star(size_px: [usize; 2], at: [f64; 2], peak: f64) -> Vec<f32> {
     rows.flat_map(|row| columns.iter().map(move |column| (row * column) as f32)).collect()
 }
 
-/// Where the tracker sees the star that is drawn for a direction, less where it should, display px: mean light of so many
-/// refreshes, without noise.
+/// Returns where the tracker sees the star that is drawn for a direction, less where it should, display px: mean light
+/// of so many refreshes, without noise.
 fn star_error_px(bench: &DisplayBench, fitted: &Fitted, drive: &DisplayDrive, v_sensor: DVec3, refreshes: u64) -> f64 {
     let truth = bench.truth();
     let size_px = truth.display_px;

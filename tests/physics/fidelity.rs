@@ -87,7 +87,7 @@ fn misses(table: &Fidelity) -> Vec<String> {
     out
 }
 
-/// The camera of the file, with a range that holds the brightest star.
+/// Returns the camera of the file, with a range that holds the brightest star.
 fn camera() -> (DetectorParams, f64) {
     let (params, exposure_s) = built_in("cameras/cubesat_tracker.toml");
     (DetectorParams { full_well_e: 1e5, bits: 16, gain_e_per_dn: 1.5, ..params }, exposure_s)

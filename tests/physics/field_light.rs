@@ -22,7 +22,7 @@ const SIZE: usize = 256;
 const STOPS: Vignetting = Vignetting { window_radius_mm: 12.0, pupil_radius_mm: 10.0, distance_mm: 300.0 };
 const LIT: Illumination = Illumination { vignetting: Some(STOPS), cos4: true, unblocked: 0.93 };
 
-/// Relative illumination by its definition: the shared area by integrating chords, the cosine by its angle.
+/// Returns the relative illumination by its definition: the shared area by integrating chords, the cosine by its angle.
 fn wanted_illumination(tangent: f64) -> f64 {
     let (a, b, d) = (STOPS.window_radius_mm, STOPS.pupil_radius_mm, STOPS.distance_mm * tangent);
     let shared = |d: f64| {
@@ -142,8 +142,8 @@ fn noon() -> Tai {
     Tai::from_rfc3339("2026-05-05T12:00:00Z").unwrap()
 }
 
-/// Direction of the Sun from the Earth's centre and its distance in au, equatorial axes of date: the Astronomical
-/// Almanac's low-precision formulae (page C5), 0.01 deg.
+/// Returns the direction of the Sun from the Earth's centre and its distance in au, equatorial axes of date: the
+/// Astronomical Almanac's low-precision formulae (page C5), 0.01 deg.
 fn almanac_sun(days_since_j2000: f64) -> (DVec3, f64) {
     let g = (357.528 + 0.985_600_3 * days_since_j2000).to_radians();
     let longitude = (280.460 + 0.985_647_4 * days_since_j2000 + 1.915 * g.sin() + 0.020 * (2.0 * g).sin()).to_radians();
@@ -153,7 +153,7 @@ fn almanac_sun(days_since_j2000: f64) -> (DVec3, f64) {
     (DVec3::new(c, tilt.cos() * s, tilt.sin() * s), au)
 }
 
-/// An attitude with `sun` at this angle off the boresight, towards the image's direction (x right, y down).
+/// Returns an attitude with `sun` at this angle off the boresight, towards the image's direction (x right, y down).
 fn attitude_with(sun: DVec3, off_axis_deg: f64, towards: DVec2) -> Rotation<Sensor, Icrf> {
     let angle = off_axis_deg.to_radians();
     let in_sensor = (towards.normalize() * angle.sin()).extend(angle.cos());

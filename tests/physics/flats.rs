@@ -18,7 +18,7 @@ impl Flats {
         Self { detector: Detector::new(params, size_px[0], size_px[1], SEED), warmer_k: 0.0, size_px }
     }
 
-    /// One frame of so many electrons in every pixel: electrons by the detector's own gain and black level.
+    /// Returns one frame of so many electrons in every pixel: electrons by the detector's own gain and black level.
     pub(crate) fn frame_e(&mut self, electrons: f64, frame: u32, exposure_s: f64) -> Vec<f64> {
         let [width, height] = self.size_px;
         let mut mean: ElectronImage = Image::new(width, height);
@@ -31,7 +31,7 @@ impl Flats {
         dn.pixels().iter().map(|dn| (f64::from(*dn) - black_level_dn) * gain_e_per_dn).collect()
     }
 
-    /// The mean of `frames` frames, pixel by pixel.
+    /// Returns the mean of `frames` frames, pixel by pixel.
     pub(crate) fn averaged_e(&mut self, electrons: f64, frames: u32, exposure_s: f64) -> Vec<f64> {
         let mut sum = vec![0.0; self.size_px[0] * self.size_px[1]];
         for frame in 0..frames {
@@ -62,7 +62,7 @@ pub(crate) fn column_means(values: &[f64], width: usize) -> Vec<f64> {
     (0..width).map(|x| values.iter().skip(x).step_by(width).sum::<f64>() / rows).collect()
 }
 
-/// How many standard errors a variance is from the wanted one, of so many independent normal values.
+/// Returns how many standard errors a variance is from the wanted one, of so many independent normal values.
 pub(crate) fn variance_error(found: f64, wanted: f64, count: usize) -> f64 {
     (found / wanted - 1.0) / (2.0 / count as f64).sqrt()
 }

@@ -25,7 +25,7 @@ fn middle() -> Vec<Source> {
     vec![star(0, ELECTRONS, [96.2, 95.7])]
 }
 
-/// Share of a Gaussian's light in a pixel along one axis.
+/// Returns the share of a Gaussian's light in a pixel along one axis.
 fn cell(from_star_px: f64, sigma_px: f64) -> f64 {
     let scale = core::f64::consts::FRAC_1_SQRT_2 / sigma_px;
     let (low, high) = ((from_star_px.abs() - 0.5) * scale, (from_star_px.abs() + 0.5) * scale);
@@ -83,7 +83,7 @@ fn the_reference_holds_all_of_a_wide_gaussian() {
     assert!((drawn_e / table_e - 1.0).abs() < 1e-6, "{drawn_e} drawn, {table_e} in the truth table");
 }
 
-/// Largest error of an unsaturated pixel, sigma of its noise.
+/// Returns the largest error of an unsaturated pixel, sigma of its noise.
 fn unsaturated_sigma(image: &Picture, truth: &Picture) -> f64 {
     let errors = image.pixels.iter().zip(&truth.pixels).filter(|(_, truth)| **truth < FULL_WELL_E);
     errors.map(|(a, b)| (a - b).abs() / b.max(0.0).sqrt().hypot(READ_NOISE_E)).fold(0.0, f64::max)

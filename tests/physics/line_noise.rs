@@ -4,7 +4,7 @@ use crate::flats::{Flats, column_means, mean, row_means, variance, variance_erro
 use crate::noise::STANDARD_ERRORS;
 use image::detector::{DetectorParams, LinePattern, RowNoise};
 
-/// Fine steps about a high black level: numbers are electrons within 0.03 e-.
+/// Returns the fine steps about a high black level: numbers are electrons within 0.03 e-.
 fn fine() -> DetectorParams {
     DetectorParams { gain_e_per_dn: 0.1, black_level_dn: 30_000.0, ..DetectorParams::QUIET }
 }

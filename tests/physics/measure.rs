@@ -24,7 +24,7 @@ pub(crate) struct Measured {
 }
 
 impl Measured {
-    /// True when nothing is over the bounds of `reported`.
+    /// Returns whether nothing is over the bounds of `reported`.
     pub(crate) fn is_within(&self, reported: &Assessment) -> bool {
         self.centroid_px <= reported.centroid_px
             && self.flux_rel <= reported.flux_rel + F32_FLUX
@@ -37,7 +37,7 @@ pub(crate) fn measure(plan: &ExposurePlan) -> Measured {
     compare(plan, &draw_cpu(plan), &draw_reference(plan))
 }
 
-/// Errors of `image` where `truth` is due.
+/// Returns errors of `image` where `truth` is due.
 pub(crate) fn compare(plan: &ExposurePlan, image: &Picture, truth: &Picture) -> Measured {
     let mut worst = Measured::default();
     for star in &plan.stars {
@@ -60,7 +60,7 @@ pub(crate) fn compare(plan: &ExposurePlan, image: &Picture, truth: &Picture) -> 
     worst
 }
 
-/// Largest pixel error relative to the brightest pixel.
+/// Returns the largest pixel error relative to the brightest pixel.
 pub(crate) fn peak_error(image: &Picture, truth: &Picture) -> f64 {
     let peak = truth.pixels.iter().copied().fold(0.0, f64::max);
     image.pixels.iter().zip(&truth.pixels).map(|(a, b)| (a - b).abs() / peak).fold(0.0, f64::max)
@@ -77,7 +77,7 @@ pub(crate) fn around(plan: &ExposurePlan, px: [f64; 2]) -> Window {
     Window { columns: range(px[0], plan.camera.width_px()), rows: range(px[1], plan.camera.height_px()) }
 }
 
-/// True when an edge cuts nothing off a square that is [`around`] a star.
+/// Returns whether an edge cuts nothing off a square that is [`around`] a star.
 fn is_whole(plan: &ExposurePlan, around: &Window) -> bool {
     let sides = [(&around.columns, plan.camera.width_px()), (&around.rows, plan.camera.height_px())];
     sides.iter().all(|(range, size)| range.start > 0 && range.end < *size)

@@ -30,7 +30,7 @@ const TONES: [([f64; 2], f64, f64); 6] = [
     ([20.0, 35.0], 4371.0, 0.9),
 ];
 
-/// The text of a record of some seconds, every `every`-th row of 10 kHz.
+/// Returns the text of a record of some seconds, every `every`-th row of 10 kHz.
 fn text(scale: f64, every: usize) -> String {
     let mut text = "t_s,x_arcsec,y_arcsec\n".to_owned();
     for row in (0..40_000).step_by(every) {
@@ -47,7 +47,7 @@ fn record(text: &str) -> Arc<JitterRecord> {
     Arc::new(read_series(text, RecordEnd::Still).expect("a record"))
 }
 
-/// Variance of a picture along x and y together, px^2.
+/// Returns the variance of a picture along x and y together, px^2.
 fn spread_px2(picture: &Picture) -> f64 {
     let (mut sums, mut flux) = ([0.0; 4], 0.0);
     for i in 0..SIZE * SIZE {
@@ -87,7 +87,7 @@ fn starts_s() -> impl Iterator<Item = f64> {
     (0..12).map(|i| 0.2 + 0.2837 * f64::from(i))
 }
 
-/// Mean smear of the frames, px^2.
+/// Returns the mean smear of the frames, px^2.
 fn mean_smear_px2(record: &Arc<JitterRecord>) -> [f64; 2] {
     let still = smear_px2(None, 0.0);
     let frames = starts_s().map(|start_s| smear_px2(Some(record), start_s));

@@ -60,19 +60,19 @@ fn central(values: &[f64], order: i32) -> f64 {
     values.iter().map(|v| (v - mean).powi(order)).sum::<f64>() / values.len() as f64
 }
 
-/// Counted electrons at mean `lambda`: DN with the black level moved down so that 16 bits hold them.
+/// Returns the counted electrons at mean `lambda`: DN with the black level moved down so that 16 bits hold them.
 fn counts(lambda: f64, frames: u32) -> Vec<f64> {
     counts_by(PoissonMethod::Auto, lambda, frames)
 }
 
-/// The same, drawn by `poisson`.
+/// Returns the same, drawn by `poisson`.
 pub(crate) fn counts_by(poisson: PoissonMethod, lambda: f64, frames: u32) -> Vec<f64> {
     let below = if lambda > 6e4 { (lambda - 3e4).round() } else { 0.0 };
     let params = DetectorParams { black_level_dn: -below, poisson, ..shot_only() };
     values(params, lambda, frames).into_iter().map(|dn| dn + below).collect()
 }
 
-/// Probability of `k` at mean `lambda`.
+/// Returns the probability of `k` at mean `lambda`.
 fn poisson(k: f64, lambda: f64) -> f64 {
     (k * lambda.ln() - lambda - libm::lgamma(k + 1.0)).exp()
 }
@@ -108,7 +108,7 @@ pub(crate) fn chi_square(counts: &[f64], lambda: f64) -> (f64, f64) {
     (chi2, freedom * (1.0 - ninth + FALSE_ALARM_Z * ninth.sqrt()).powi(3))
 }
 
-/// Standard errors by which mean and variance of `counts` are off Poisson's.
+/// Returns the standard errors by which mean and variance of `counts` are off Poisson's.
 pub(crate) fn moment_errors(counts: &[f64], lambda: f64) -> [f64; 2] {
     let n = counts.len() as f64;
     // Variance of a sample variance: (mu4 - s^4) / n with mu4 = lambda + 3 lambda^2.
@@ -148,7 +148,7 @@ fn another_law_fails_the_same_tests() {
     assert!(moment_errors(&scaled, 50.0)[1].abs() > STANDARD_ERRORS, "1 % of variance: {variance}");
 }
 
-/// Read noise of 10 e- at 10 DN per electron, dark.
+/// Returns the read noise of 10 e- at 10 DN per electron, dark.
 fn read_noise() -> DetectorParams {
     DetectorParams { read_noise_e_rms: 10.0, gain_e_per_dn: 0.1, black_level_dn: 30_000.0, ..shot_only() }
 }
@@ -205,7 +205,7 @@ fn photon_transfer_slope_is_the_reciprocal_gain() {
     }
 }
 
-/// Mean DN of every pixel over `frames` frames of a flat image.
+/// Returns the mean DN of every pixel over `frames` frames of a flat image.
 fn averaged(detector: &mut Detector, electrons: f64, frames: u32) -> Vec<f64> {
     let mean = flat(electrons);
     let mut sum = vec![0.0; PIXELS];
@@ -262,7 +262,7 @@ fn dark_current_adds_its_mean_and_its_shot_noise() {
     assert!(mean.abs() < STANDARD_ERRORS && variance.abs() < STANDARD_ERRORS, "off by {mean} and {variance}");
 }
 
-/// Every DN of a pixel that is full to exactly `full_well_e`.
+/// Returns every DN of a pixel that is full to exactly `full_well_e`.
 fn full(full_well_e: f64, params: DetectorParams) -> Vec<f64> {
     let params = DetectorParams { full_well_e, ..params };
     values(params, 3.0 * full_well_e + 1000.0, 1)
@@ -288,7 +288,7 @@ fn wells_fill_and_numbers_clip() {
     assert!(values.iter().all(|v| *v < 70.0), "nothing wraps round");
 }
 
-/// Correlation of values with those `lag` places on, and of their squares about the mean.
+/// Returns the correlation of values with those `lag` places on, and of their squares about the mean.
 fn lagged(values: &[f64], lag: usize) -> [f64; 2] {
     let mean = mean_of(values);
     let squares: Vec<f64> = values.iter().map(|v| (v - mean).powi(2)).collect();

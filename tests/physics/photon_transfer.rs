@@ -24,7 +24,7 @@ pub(crate) fn built_in(name: &str) -> (DetectorParams, f64) {
     (camera_params(&camera).unwrap().detector, camera.exposure.exposure_s)
 }
 
-/// The data sheet of a detector from its frames.
+/// Returns the data sheet of a detector from its frames.
 fn sheet(params: DetectorParams, exposure_s: f64, seed: u64) -> DataSheet {
     let longest_dark_s = DARK_SIGNAL_E / (params.dark_e_per_s * params.dark_law.factor());
     sheet_by(&Procedure::new(exposure_s, longest_dark_s), params, seed)

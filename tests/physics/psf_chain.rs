@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 /// What is asked of a stamp, share of the flux per pixel.
 const STAMP: f64 = 1e-4;
 
-/// Pixels of 1 um: lengths in um are in px.
+/// Returns pixels of 1 um: lengths in um are in px.
 fn plain(lambda_n_px: f64, obscuration: f64) -> ChainParams {
     ChainParams::diffraction(1.0, lambda_n_px / 0.5, obscuration, 500.0)
 }
@@ -28,7 +28,7 @@ fn draw(params: ChainParams, drawing: &Drawing) -> ChainPsf {
     ChainPsf::draw(&chain(params), drawing).unwrap()
 }
 
-/// A star of every term at once.
+/// Returns a star of every term at once.
 fn all_terms() -> ChainParams {
     ChainParams {
         wavefront: Some(Wavefront { rms_waves: 0.05, at_nm: 632.8 }),
@@ -78,7 +78,7 @@ impl Case {
     }
 }
 
-/// The Airy stamps of the repository, by case.
+/// Returns the Airy stamps of the repository, by case.
 fn committed() -> Vec<(String, Vec<Stamp>)> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/stamps");
     let case = |name: &&str| {
@@ -101,7 +101,7 @@ fn committed() -> Vec<(String, Vec<Stamp>)> {
     ["airy_f2_eps0.3", "airy_f8_eps0"].iter().map(case).collect()
 }
 
-/// Largest difference of a drawn star from the stamps, and its own bound.
+/// Returns the largest difference of a drawn star from the stamps, and its own bound.
 fn stamp_error(stamps: &[Stamp], drawing: &Drawing, spoil: impl Fn(&mut ChainParams)) -> (f64, f64) {
     let mut params = plain(stamps[0].lambda_n_px, stamps[0].obscuration);
     spoil(&mut params);
@@ -214,7 +214,7 @@ fn the_transform_of_the_drawn_star_is_the_chains_product() {
     assert!((back - smoothed_chain(&other, [0.5, 0.0], WINDOW_PX)).abs() > 100.0 * TRANSFORM, "another blur must show");
 }
 
-/// The star by another road: `P(x, y)` as an integral over polar frequencies, one point, no grid and no period.
+/// Returns the star by another road: `P(x, y)` as an integral over polar frequencies, one point, no grid and no period.
 fn polar(chain: &MtfChain, x: f64, y: f64) -> f64 {
     let end = chain.cutoff();
     let panels = 24 + (8.0 * end * x.hypot(y)) as u32;

@@ -19,13 +19,13 @@ const ELECTRONS: f64 = 2e4;
 /// Pixel error against the reference, share of the peak: a table's promise of 3e-5, and what the footprint drops.
 const TABLE_PIXEL: f64 = 6e-5;
 
-/// Share of a Gaussian's light in the pixel `x` from its middle.
+/// Returns the share of a Gaussian's light in the pixel `x` from its middle.
 fn cell(x: f64, sigma: f64) -> f64 {
     let edge = |x: f64| 0.5 * libm::erf(x / (sigma * 2.0_f64.sqrt()));
     edge(x + 0.5) - edge(x - 0.5)
 }
 
-/// Round in one corner, longer and with a flare towards the others.
+/// Returns the round in one corner, longer and with a flare towards the others.
 fn node(column: usize, row: usize) -> PsfModel {
     let (x0, y0) = (column as f64, row as f64);
     let shape = |x: f64, y: f64| {

@@ -6,7 +6,7 @@ use frames::sink::fits::{Pixels, write_image};
 use plan::optics::{PsfModel, RoundPsf};
 use std::path::Path;
 
-/// Share of a Gaussian's light in the pixel `x` from its middle.
+/// Returns the share of a Gaussian's light in the pixel `x` from its middle.
 fn cell(x: f64, sigma: f64) -> f64 {
     let edge = |x: f64| 0.5 * libm::erf(x / (sigma * 2.0_f64.sqrt()));
     edge(x + 0.5) - edge(x - 0.5)

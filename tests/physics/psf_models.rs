@@ -28,13 +28,13 @@ const F32_PEAK: f64 = 2e-6;
 /// Single precision of a centroid, px.
 const F32_PX: f64 = 5e-6;
 
-/// Share of a Gaussian's light in the pixel `x` from its middle.
+/// Returns the share of a Gaussian's light in the pixel `x` from its middle.
 fn cell(x: f64, sigma: f64) -> f64 {
     let edge = |x: f64| 0.5 * libm::erf(x / (sigma * 2.0_f64.sqrt()));
     edge(x + 0.5) - edge(x - 0.5)
 }
 
-/// A core that is wider along x than along y, with a flare to the right and up.
+/// Returns a core that is wider along x than along y, with a flare to the right and up.
 fn lopsided(x: f64, y: f64) -> f64 {
     0.8 * cell(x - 0.1, 0.95) * cell(y, 0.65) + 0.2 * cell(x - 1.4, 0.8) * cell(y + 0.9, 1.1)
 }

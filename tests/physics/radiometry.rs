@@ -8,14 +8,14 @@ const PLANCK_J_S: f64 = 6.626_070_15e-34;
 /// Step of the sums in this file, nm.
 const STEP_NM: f64 = 0.25;
 
-/// Sum over wavelength by the trapezoid rule: nothing of the crate's quadrature.
+/// Returns the sum over wavelength by the trapezoid rule: nothing of the crate's quadrature.
 fn sum(from_nm: f64, to_nm: f64, f: impl Fn(f64) -> f64) -> f64 {
     let steps = ((to_nm - from_nm) / STEP_NM).round() as usize;
     let at = |i: usize| f(from_nm + STEP_NM * i as f64);
     STEP_NM * ((1..steps).map(at).sum::<f64>() + 0.5 * (at(0) + at(steps)))
 }
 
-/// Straight lines through values at equal steps.
+/// Returns the straight lines through values at equal steps.
 fn table(first_nm: f64, step_nm: f64, values: &[f64]) -> impl Fn(f64) -> f64 + '_ {
     move |nm| {
         let at = (nm - first_nm) / step_nm;
@@ -85,7 +85,7 @@ const JOHNSON: [Johnson; 3] = [
 ];
 
 impl Johnson {
-    /// Magnitude of a star of G = 0 with this spectrum.
+    /// Returns the magnitude of a star of G = 0 with this spectrum.
     fn mag(&self, star: &StarSpectrum) -> f64 {
         let photons = |nm: f64| table(self.first_nm, 20.0, self.energy)(nm) / nm;
         let to_nm = self.first_nm + 20.0 * (self.energy.len() - 1) as f64;
@@ -95,13 +95,14 @@ impl Johnson {
         -2.5 * (counted / zero).log10()
     }
 
-    /// The documentation's magnitude of a star of G = 0.
+    /// Returns the documentation's magnitude of a star of G = 0.
     fn published(&self, bp_rp: f64) -> f64 {
         -self.g_minus.iter().rev().fold(0.0, |sum, coefficient| sum * bp_rp + coefficient)
     }
 }
 
-/// Largest difference of the model's magnitudes from the published ones over colours, mag; colours shifted by `shift`.
+/// Returns the largest difference of the model's magnitudes from the published ones over colours, mag; colours shifted
+/// by `shift`.
 fn worst(band: &Johnson, to_color: f64, shift: f64) -> f64 {
     let spectra = StarSpectra::new();
     let colors = (0..).map(|i| -0.4 + 0.1 * f64::from(i)).take_while(|color| *color <= to_color + 1e-9);

@@ -44,7 +44,7 @@ pub(crate) struct Scene {
     sigma_px: f64,
 }
 
-/// The scene of a number: the same on every machine.
+/// Returns the scene of a number: the same on every machine.
 pub(crate) fn scene(number: u32) -> Scene {
     let mut dice = Dice::new(number);
     let dice = &mut dice;
@@ -126,7 +126,7 @@ fn camera(dice: &mut Dice, focal_px: f64) -> CameraGeometry {
     CameraGeometry::new(parameters).expect("a camera")
 }
 
-/// One star near each corner: their light does not meet.
+/// Returns one star near each corner: their light does not meet.
 fn stars(dice: &mut Dice) -> Vec<Source> {
     let decades = (ELECTRONS[1] / ELECTRONS[0]).log10();
     let corners = [[12.0, 12.0], [51.0, 13.0], [13.0, 50.0], [50.0, 51.0]];
@@ -139,7 +139,7 @@ fn stars(dice: &mut Dice) -> Vec<Source> {
         .collect()
 }
 
-/// Rate that moves the middle of the image by (`x`, `y`) px during the exposure and turns it by `roll_rad`.
+/// Returns the rate that moves the middle of the image by (`x`, `y`) px during the exposure and turns it by `roll_rad`.
 fn rate(focal_px: f64, x: f64, y: f64, roll_rad: f64) -> DVec3 {
     DVec3::new(y / focal_px, -x / focal_px, roll_rad) / EXPOSURE_S
 }
@@ -157,7 +157,7 @@ fn line_of_jitter(dice: &mut Dice, focal_px: f64) -> JitterLine {
     }
 }
 
-/// A millisecond random walk that covers the exposure.
+/// Returns a millisecond random walk that covers the exposure.
 fn walk(dice: &mut Dice, focal_px: f64) -> Vec<JitterPoint> {
     let step_rad = dice.between(0.05, 0.5) / focal_px;
     let mut rotation_rad = DVec3::ZERO;

@@ -51,20 +51,20 @@ impl Picture {
         self.pixels.iter().sum()
     }
 
-    /// The brightest pixel among those of `window`.
+    /// Returns the brightest pixel among those of `window`.
     pub(crate) fn brightest(&self, window: &Window) -> [usize; 2] {
         let places = window.rows.clone().flat_map(|y| window.columns.clone().map(move |x| [x, y]));
         places.max_by(|a, b| self.at(a[0], a[1]).total_cmp(&self.at(b[0], b[1]))).expect("the window has pixels")
     }
 
-    /// The 5 x 5 window about the brightest pixel among those of `window`.
+    /// Returns the 5 x 5 window about the brightest pixel among those of `window`.
     pub(crate) fn tracker_window(&self, window: &Window) -> Window {
         let [x, y] = self.brightest(window);
         let around = |v: usize, end: usize| v.saturating_sub(WINDOW_HALF)..(v + WINDOW_HALF + 1).min(end);
         Window { columns: around(x, self.width), rows: around(y, self.pixels.len() / self.width) }
     }
 
-    /// Flux and centroid inside `window`.
+    /// Returns the flux and centroid inside `window`.
     pub(crate) fn moments(&self, window: &Window) -> (f64, [f64; 2]) {
         let (mut flux, mut first) = (0.0, [0.0, 0.0]);
         for y in window.rows.clone() {
@@ -79,23 +79,23 @@ impl Picture {
     }
 }
 
-/// Distance of the centroids of two images in the same window, px.
+/// Returns the distance of the centroids of two images in the same window, px.
 pub(crate) fn centroid_error_px(image: &Picture, truth: &Picture, window: &Window) -> f64 {
     let ([a, b], [c, d]) = (image.moments(window).1, truth.moments(window).1);
     (a - c).hypot(b - d)
 }
 
-/// Relative difference of the flux of two images in the same window.
+/// Returns the relative difference of the flux of two images in the same window.
 pub(crate) fn flux_error(image: &Picture, truth: &Picture, window: &Window) -> f64 {
     (image.moments(window).0 / truth.moments(window).0 - 1.0).abs()
 }
 
-/// The whole of a square detector.
+/// Returns the whole of a square detector.
 pub(crate) fn everything(size: usize) -> Window {
     Window { columns: 0..size, rows: 0..size }
 }
 
-/// A camera of `size` x `size` pixels without distortion.
+/// Returns a camera of `size` x `size` pixels without distortion.
 pub(crate) fn camera(size: usize) -> CameraGeometry {
     let middle = 0.5 * (size as f64 - 1.0);
     let parameters = CameraParameters {
@@ -108,7 +108,7 @@ pub(crate) fn camera(size: usize) -> CameraGeometry {
     CameraGeometry::new(parameters).expect("a camera")
 }
 
-/// A line of sight at rest.
+/// Returns a line of sight at rest.
 pub(crate) fn los() -> LosPath {
     LosPath {
         exposure_start: Tai::from_ns(0),
@@ -122,7 +122,7 @@ pub(crate) fn los() -> LosPath {
     }
 }
 
-/// An instrument with a full well of [`FULL_WELL_E`] and a read noise of [`READ_NOISE_E`].
+/// Returns an instrument with a full well of [`FULL_WELL_E`] and a read noise of [`READ_NOISE_E`].
 pub(crate) fn instrument(camera: CameraGeometry, psf: &PsfModel) -> Instrument {
     Instrument {
         camera,
@@ -135,12 +135,12 @@ pub(crate) fn instrument(camera: CameraGeometry, psf: &PsfModel) -> Instrument {
     }
 }
 
-/// A planner with the default budget.
+/// Returns a planner with the default budget.
 pub(crate) fn planner(size: usize, psf: &PsfModel, method: &str, los: LosPath, path: Option<PixelPath>) -> Planner {
     planner_of(instrument(camera(size), psf), method, los, path)
 }
 
-/// A planner for an instrument, with the default budget.
+/// Returns a planner for an instrument, with the default budget.
 pub(crate) fn planner_of(instrument: Instrument, method: &str, los: LosPath, path: Option<PixelPath>) -> Planner {
     let choice: MethodChoice = method.parse().expect("a method");
     let mut planner = Planner::new(instrument, AccuracyBudget::default(), CostModel::CPU, choice, los);

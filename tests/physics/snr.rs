@@ -23,7 +23,7 @@ fn sensitivity(camera: &Camera, bp_rp: f64) -> Sensitivity {
     Sensitivity::new(camera, &Conditions { bp_rp, ..Conditions::default() }).unwrap()
 }
 
-/// Limiting magnitude of the sum over 3 x 3 pixels, from the camera file's numbers and a zero point.
+/// Returns the limiting magnitude of the sum over 3 x 3 pixels, from the camera file's numbers and a zero point.
 fn limit_by_hand(camera: &Camera, sigma_px: f64, zero_point_e_per_s: f64, snr: f64) -> f64 {
     let d = &camera.detector.params;
     let t = camera.exposure.exposure_s;
@@ -67,7 +67,7 @@ const FRAMES: u32 = 8;
 /// PSF.
 const SIGMA_PX: f64 = 0.7;
 
-/// A detector of the class of the 15 mag camera, noisy enough that its rounding is one noise among others.
+/// Returns a detector of the class of the 15 mag camera, noisy enough that its rounding is one noise among others.
 fn detector() -> DetectorParams {
     let camera = camera("detection_limit_15mag");
     let params = run::wiring::camera_parts::camera_params(&camera).unwrap().detector;
@@ -95,7 +95,7 @@ fn places() -> impl Iterator<Item = [usize; 2]> {
     row().flat_map(move |y| row().map(move |x| [x, y]))
 }
 
-/// Mean electrons of a frame with a star of so many electrons on each place, drawn by the CPU backend.
+/// Returns the mean electrons of a frame with a star of so many electrons on each place, drawn by the CPU backend.
 fn drawn(electrons: f64) -> ElectronImage {
     let stars: Vec<_> = (0..).zip(places()).map(|(id, [x, y])| star(id, electrons, [x as f64, y as f64])).collect();
     let mut planner = planner(SIZE, &psf(), "static", crate::scene::los(), None);
@@ -135,7 +135,7 @@ fn mean_and_sigma(values: &[f64]) -> (f64, f64) {
     (mean, (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt())
 }
 
-/// Relative standard error of an SNR measured on `n` sums: of the mean and of sigma.
+/// Returns the relative standard error of an SNR measured on `n` sums: of the mean and of sigma.
 fn standard_error(snr: f64, n: usize) -> f64 {
     (1.0 / (snr * snr) + 0.5).sqrt() / (n as f64).sqrt()
 }

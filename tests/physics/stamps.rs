@@ -83,7 +83,7 @@ impl Case {
         if self.kind == "airy" { AIRY_PIXEL } else { GAUSSIAN_PIXEL }
     }
 
-    /// Displacement at share `t` of the exposure, px, and its second derivative in `t`.
+    /// Returns the displacement at share `t` of the exposure, px, and its second derivative in `t`.
     fn displacement_px(&self, t: f64) -> ([f64; 2], [f64; 2]) {
         let (sin, cos) = self.angle_deg.unwrap_or(0.0).to_radians().sin_cos();
         let turn = |f: f64| core::f64::consts::TAU * f;
@@ -109,7 +109,8 @@ impl Case {
         (at, bend)
     }
 
-    /// The path as rows: vertices stand outside the curve by `h^2 r'' / 12`, so that every piece has its arc's mean.
+    /// Returns the path as rows: vertices stand outside the curve by `h^2 r'' / 12`, so that every piece has its arc's
+    /// mean.
     fn path(&self) -> Option<PixelPath> {
         let pieces = match (self.length_px, self.amplitude_px, self.freq_cycles.is_empty()) {
             (Some(_), ..) => 1,
@@ -178,7 +179,7 @@ impl Errors {
     }
 }
 
-/// The committed cases with their stamps, by name.
+/// Returns the committed cases with their stamps, by name.
 fn committed() -> BTreeMap<String, (Case, Vec<Stamp>)> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/stamps");
     let files = std::fs::read_dir(&folder).expect("the folder of stamps");
@@ -220,7 +221,7 @@ fn read_csv(path: &Path) -> Vec<Stamp> {
     stamps
 }
 
-/// Worst errors of the reference and of `auto`, and the method `auto` took.
+/// Returns the worst errors of the reference and of `auto`, and the method `auto` took.
 fn measure(case: &Case, stamps: &[Stamp]) -> (Errors, Errors, String) {
     let path = case.path();
     let (mut reference, mut auto, mut method) = (Errors::default(), Errors::default(), String::new());

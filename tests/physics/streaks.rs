@@ -102,12 +102,12 @@ impl Streak {
         self.planner(method).plan(&self.stars).clone()
     }
 
-    /// Light of each star by the integral.
+    /// Returns the light of each star by the integral.
     fn truth(&self) -> Vec<Picture> {
         (0..self.stars.len()).map(|i| self.star(self.places_px[i], self.stars[i].electrons)).collect()
     }
 
-    /// Where a fixed star is seen `t_s` after mid-exposure, px.
+    /// Returns where a fixed star is seen `t_s` after mid-exposure, px.
     fn place_px(&self, tangent: DVec2, t_s: f64) -> Option<[f64; 2]> {
         // Rodrigues: a fixed direction turns backwards in axes that turn.
         let angle = -self.rate_rad_s.length() * t_s;
@@ -176,13 +176,13 @@ impl Streak {
         Picture { width: SIZE, pixels }
     }
 
-    /// Share of the light in a pixel along one axis.
+    /// Returns the share of the light in a pixel along one axis.
     fn cell(&self, from_star_px: f64) -> f64 {
         let scale = core::f64::consts::FRAC_1_SQRT_2 / self.sigma_px;
         0.5 * (libm::erfc((from_star_px - 0.5) * scale) - libm::erfc((from_star_px + 0.5) * scale))
     }
 
-    /// Errors of `image` where `truth` is due, star by star.
+    /// Returns errors of `image` where `truth` is due, star by star.
     fn errors(&self, image: &Picture, truth: &[Picture]) -> Found {
         let mut sum = Picture { width: SIZE, pixels: vec![0.0; SIZE * SIZE] };
         for (pixel, light) in truth.iter().flat_map(|star| star.pixels.iter().enumerate()) {
@@ -222,7 +222,7 @@ impl Streak {
     }
 }
 
-/// Pixels within `reach_px` of a place.
+/// Returns pixels within `reach_px` of a place.
 fn near(v: f64, reach_px: f64) -> core::ops::Range<usize> {
     let clamp = |v: f64| v.clamp(0.0, SIZE as f64) as usize;
     clamp((v - reach_px).ceil())..clamp((v + reach_px).floor() + 1.0)
@@ -271,7 +271,7 @@ impl Tally {
     }
 }
 
-/// All streaks, by as many threads as there are.
+/// Returns all streaks, by as many threads as there are.
 fn tally(streaks: u32, method: &str) -> Tally {
     tally_of(streaks, |tally: &mut Tally, number| tally.take(number, method), Tally::add)
 }

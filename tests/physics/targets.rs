@@ -49,13 +49,13 @@ fn cell(d: f64) -> f64 {
     0.5 * (libm::erf((d + 0.5) * scale) - libm::erf((d - 0.5) * scale))
 }
 
-/// Mean electrons of light that stands at `px(t)`, t in s after mid-exposure, from `from_s` to `to_s`; rows at `y` see it
-/// `late_s(y)` later.
+/// Returns the mean electrons of light that stands at `px(t)`, t in s after mid-exposure, from `from_s` to `to_s`; rows
+/// at `y` see it `late_s(y)` later.
 fn integral(px: impl Fn(f64) -> [f64; 2], seen_s: [f64; 2], late_s: impl Fn(usize) -> f64) -> Picture {
     integral_of(px, |_| 1.0, seen_s, late_s)
 }
 
-/// The same of light that changes: shares of it at an instant.
+/// Returns the same of light that changes: shares of it at an instant.
 fn integral_of(
     px: impl Fn(f64) -> [f64; 2],
     share: impl Fn(f64) -> f64,
@@ -314,7 +314,7 @@ const PASS_KM: [[f64; 3]; 2] = [[0.4, -0.7, 500.0], [9.0, 3.0, 5.5]];
 /// The observer's barycentric velocity, km/s, and its change, km/s^2: sensor axes.
 const FLIGHT_KM_S: [[f64; 3]; 2] = [[21.0, -18.0, 9.0], [-0.006, 0.004, 0.003]];
 
-/// The direction in which it is seen: aberration by components, along the velocity and across it.
+/// Returns the direction in which it is seen: aberration by components, along the velocity and across it.
 fn seen_at(t: f64) -> DVec3 {
     let [u, b] = [PASS_KM, FLIGHT_KM_S].map(|[at, rate]| DVec3::from_array(at) + t * DVec3::from_array(rate));
     let (u, b) = (u.normalize(), b / 299_792.458);
@@ -327,7 +327,7 @@ fn px_of(v: DVec3) -> [f64; 2] {
     [middle + FOCAL_PX * v.x / v.z, middle + FOCAL_PX * v.y / v.z]
 }
 
-/// The pass as a target on the sky of a camera with this attitude.
+/// Returns the pass as a target on the sky of a camera with this attitude.
 fn passing(sensor_from_icrf: &Rotation<Sensor, Icrf>, light: Option<LightCurve>) -> Target {
     let half_s = 0.5 * EXPOSURE_S;
     let icrf = |v: DVec3| sensor_from_icrf.inverse().apply(v);

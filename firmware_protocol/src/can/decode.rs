@@ -16,7 +16,7 @@ pub struct Decoder {
 }
 
 impl Decoder {
-    /// A decoder that has seen nothing.
+    /// Returns a decoder that has seen nothing.
     #[must_use]
     pub fn new(ids: IdMap) -> Self {
         Self { ids, group: Group::default(), sequences: Sequences::default() }

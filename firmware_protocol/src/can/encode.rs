@@ -24,13 +24,13 @@ pub struct Frames {
 }
 
 impl Frames {
-    /// The frames in the order to send them.
+    /// Returns the frames in the order to send them.
     pub fn iter(&self) -> impl Iterator<Item = &CanFrame> {
         self.frames.iter().flatten()
     }
 }
 
-/// The frames of a message.
+/// Returns the frames of a message.
 ///
 /// # Errors
 /// When a scaled field cannot hold its value, or the format has no form for the message.

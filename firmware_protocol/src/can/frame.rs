@@ -19,13 +19,13 @@ pub struct CanFrame {
 }
 
 impl CanFrame {
-    /// A classic frame; `None` when the identifier exceeds 11 bits or the data 8 bytes.
+    /// Returns a classic frame; `None` when the identifier exceeds 11 bits or the data 8 bytes.
     #[must_use]
     pub fn classic(id: u16, data: &[u8]) -> Option<Self> {
         (data.len() <= CLASSIC_MAX).then(|| Self::new(id, false, data)).flatten()
     }
 
-    /// An FD frame; `None` when the identifier exceeds 11 bits or no length code says the length of the data.
+    /// Returns an FD frame; `None` when the identifier exceeds 11 bits or no length code says the length of the data.
     #[must_use]
     pub fn fd(id: u16, data: &[u8]) -> Option<Self> {
         FD_LENGTHS.contains(&data.len()).then(|| Self::new(id, true, data)).flatten()
@@ -38,19 +38,19 @@ impl CanFrame {
         (id <= STANDARD_ID_MAX).then_some(Self { id, fd, len, data })
     }
 
-    /// The 11-bit identifier.
+    /// Returns the 11-bit identifier.
     #[must_use]
     pub const fn id(&self) -> u16 {
         self.id
     }
 
-    /// True for CAN FD.
+    /// Returns true for CAN FD.
     #[must_use]
     pub const fn is_fd(&self) -> bool {
         self.fd
     }
 
-    /// The payload.
+    /// Returns the payload.
     #[must_use]
     pub fn data(&self) -> &[u8] {
         self.data.get(..usize::from(self.len)).unwrap_or(&[])

@@ -21,7 +21,7 @@ pub(super) struct Group {
 }
 
 impl Group {
-    /// The parts of a record.
+    /// Returns the parts of a record.
     pub(super) fn of(record: &AttitudeRecord) -> Result<Self, EncodeError> {
         let [w, x, y, z] = record.q_wxyz;
         let rate = record.flags.rate.then(|| RATE.pack(record.rate_rad_s)).transpose()?;
@@ -41,7 +41,7 @@ impl Group {
         self.parts.get(part as usize).copied().flatten()
     }
 
-    /// The ATT_T that closes this group.
+    /// Returns the ATT_T that closes this group.
     pub(super) fn commit(&self, record: &AttitudeRecord) -> Payload {
         let mut to = Writer::new();
         to.u32(record.t_us).u8(record.seq).u8(record.flags.bits());

@@ -16,8 +16,8 @@ pub struct IdMap {
 }
 
 impl IdMap {
-    /// A map; `None` when the node exceeds 15, the base is no multiple of 16, or the highest identifier exceeds 11
-    /// bits (base above 0x0F0).
+    /// Returns a map; `None` when the node exceeds 15, the base is no multiple of 16, or the highest identifier exceeds
+    /// 11 bits (base above 0x0F0).
     #[must_use]
     pub fn new(base: u16, node: u8) -> Option<Self> {
         let node = u16::from(node);
@@ -26,13 +26,13 @@ impl IdMap {
         legal.then_some(Self { base, node })
     }
 
-    /// The identifier of a message.
+    /// Returns the identifier of a message.
     #[must_use]
     pub fn id(&self, message: MessageId) -> u16 {
         self.base + ((u16::from(message.number()) << NODE_BITS) | self.node_of(message))
     }
 
-    /// The message of an identifier.
+    /// Returns the message of an identifier.
     ///
     /// # Errors
     /// [`Reject::UnknownId`] when it is none of this version's messages, or meant for another node.

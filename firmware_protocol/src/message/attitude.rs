@@ -58,7 +58,7 @@ impl AttitudeFlags {
     /// Rate and acceleration both hold.
     pub const ALL: Self = Self { rate: true, acceleration: true };
 
-    /// The byte on the wire.
+    /// Returns the byte on the wire.
     #[must_use]
     pub const fn bits(self) -> u8 {
         (if self.rate { RATE_BIT } else { 0 }) | (if self.acceleration { ACCELERATION_BIT } else { 0 })
@@ -98,7 +98,7 @@ impl AttitudeRecord {
         .judged()
     }
 
-    /// The record if it is legal, with the parts that do not hold at zero.
+    /// Returns the record if it is legal, with the parts that do not hold at zero.
     pub(crate) fn judged(mut self) -> Result<Self, Reject> {
         if !self.q_wxyz.iter().all(|value| value.is_finite()) {
             return Err(Reject::NotFinite);

@@ -227,14 +227,14 @@ impl Refusal {
         Self::CameraFull,
     ];
 
-    /// The code in RSP.
+    /// Returns the code in RSP.
     #[must_use]
     pub const fn code(self) -> u8 {
         self as u8
     }
 
-    /// The refusal to send to a peer of this minor version: its decoder rejects codes that came later, so that it would
-    /// wait for an answer in vain. Code 1 asks it to do without.
+    /// Returns the refusal to send to a peer of this minor version: its decoder rejects codes that came later, so that
+    /// it would wait for an answer in vain. Code 1 asks it to do without.
     #[must_use]
     pub const fn for_minor(self, minor: u8) -> Self {
         match self {
@@ -262,7 +262,7 @@ impl Refusal {
 }
 
 impl Request {
-    /// First byte of the command.
+    /// Returns the first byte of the command.
     #[must_use]
     pub const fn opcode(&self) -> u8 {
         match self {

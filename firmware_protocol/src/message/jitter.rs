@@ -64,7 +64,7 @@ impl JitterBurst {
         (count > 0 && period_us > 0).then_some(Self { t_first_us, period_us, seq, count, samples_arcsec: samples })
     }
 
-    /// The samples, oldest first: rotation about body X and body Y, arcsec.
+    /// Returns the samples, oldest first: rotation about body X and body Y, arcsec.
     #[must_use]
     pub fn samples_arcsec(&self) -> &[[f32; 2]] {
         self.samples_arcsec.get(..usize::from(self.count)).unwrap_or(&[])

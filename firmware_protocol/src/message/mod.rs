@@ -97,7 +97,7 @@ impl MessageId {
         Self::Heartbeat,
     ];
 
-    /// The message of a number.
+    /// Returns the message of a number.
     ///
     /// # Errors
     /// [`Reject::UnknownId`] when this version has none.
@@ -105,13 +105,13 @@ impl MessageId {
         Self::ALL.into_iter().find(|id| id.number() == number).ok_or(Reject::UnknownId)
     }
 
-    /// The number on the wire.
+    /// Returns the number on the wire.
     #[must_use]
     pub const fn number(self) -> u8 {
         self as u8
     }
 
-    /// Bytes of its frame on CAN; of its payload on a serial line, where the message travels in one piece.
+    /// Returns bytes of its frame on CAN; of its payload on a serial line, where the message travels in one piece.
     #[must_use]
     pub const fn len_bytes(self) -> usize {
         match self {
@@ -136,7 +136,7 @@ impl MessageId {
         }
     }
 
-    /// False for the parts of the classic attitude group, which only classic CAN has.
+    /// Returns false for the parts of the classic attitude group, which only classic CAN has.
     #[must_use]
     pub const fn is_whole(self) -> bool {
         !matches!(
@@ -182,7 +182,7 @@ pub enum Message {
 }
 
 impl Message {
-    /// The number under which the message travels in one piece (CAN FD and serial).
+    /// Returns the number under which the message travels in one piece (CAN FD and serial).
     #[must_use]
     pub const fn id(&self) -> MessageId {
         match self {
@@ -202,8 +202,8 @@ impl Message {
         }
     }
 
-    /// The payload in one piece. Values are not judged here, so that a test can send bad ones; only what the layout
-    /// cannot hold is refused.
+    /// Returns the payload in one piece. Values are not judged here, so that a test can send bad ones; only what the
+    /// layout cannot hold is refused.
     ///
     /// # Errors
     /// [`EncodeError::OutOfRange`] when a scaled field cannot hold its value.

@@ -99,7 +99,7 @@ pub enum StimulatorMode {
 impl StimulatorMode {
     const ALL: [Self; 5] = [Self::Idle, Self::Running, Self::Holding, Self::Blank, Self::Stopped];
 
-    /// The mode of a code on the wire.
+    /// Returns the mode of a code on the wire.
     #[must_use]
     pub fn from_code(code: u8) -> Option<Self> {
         Self::ALL.get(usize::from(code)).copied()

@@ -19,19 +19,19 @@ impl Table {
     /// Every table, in the order of the numbers.
     pub const ALL: [Self; 3] = [Self::Lines, Self::Psd, Self::WheelHarmonics];
 
-    /// The table of a number.
+    /// Returns the table of a number.
     #[must_use]
     pub fn from_number(number: u8) -> Option<Self> {
         Self::ALL.into_iter().find(|table| table.number() == number)
     }
 
-    /// The number on the wire.
+    /// Returns the number on the wire.
     #[must_use]
     pub const fn number(self) -> u8 {
         self as u8
     }
 
-    /// Rows at most.
+    /// Returns rows at most.
     #[must_use]
     pub const fn rows_max(self) -> u8 {
         match self {
@@ -73,7 +73,7 @@ pub struct TableCell {
 }
 
 impl TableCell {
-    /// True when the table has such a row and column.
+    /// Returns whether the table has such a row and column.
     #[must_use]
     pub const fn exists(&self) -> bool {
         self.row < self.table.rows_max() && self.column < self.table.columns()

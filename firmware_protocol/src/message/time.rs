@@ -48,7 +48,7 @@ impl Scet {
         (u64::from(fraction) < FRACTIONS_PER_S).then_some(Self { seconds, fraction })
     }
 
-    /// The latest SCET that is not after `ns`; seconds wrap after 136 years.
+    /// Returns the latest SCET that is not after `ns`; seconds wrap after 136 years.
     #[must_use]
     #[allow(clippy::cast_possible_truncation, reason = "seconds wrap by definition; the fraction is below 2^24")]
     pub const fn from_ns(ns: u64) -> Self {
@@ -56,20 +56,20 @@ impl Scet {
         Self { seconds, fraction: (ns % NS_PER_S * FRACTIONS_PER_S / NS_PER_S) as u32 }
     }
 
-    /// Nanoseconds since the sender's epoch, rounded to nearest.
+    /// Returns nanoseconds since the sender's epoch, rounded to nearest.
     #[must_use]
     pub const fn ns(self) -> u64 {
         let fraction_ns = (self.fraction as u64 * NS_PER_S + FRACTIONS_PER_S / 2) / FRACTIONS_PER_S;
         self.seconds as u64 * NS_PER_S + fraction_ns
     }
 
-    /// Whole seconds.
+    /// Returns the whole seconds.
     #[must_use]
     pub const fn seconds(self) -> u32 {
         self.seconds
     }
 
-    /// The rest, 2^-24 s.
+    /// Returns the rest, 2^-24 s.
     #[must_use]
     pub const fn fraction(self) -> u32 {
         self.fraction

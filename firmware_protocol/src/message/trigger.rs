@@ -19,7 +19,7 @@ pub struct Triggered {
 }
 
 impl Trigger {
-    /// True when it acts as soon as it has come.
+    /// Returns whether it acts as soon as it has come.
     #[must_use]
     pub const fn is_at_once(&self) -> bool {
         self.at_us == 0

@@ -27,14 +27,14 @@ impl Default for Decoder {
 }
 
 impl Decoder {
-    /// A decoder that has seen nothing.
+    /// Returns a decoder that has seen nothing.
     #[must_use]
     pub fn new() -> Self {
         let (packets, sequences) = (PacketCount::default(), Sequences::default());
         Self { stuffed: [0; STUFFED_MAX], len: 0, packets, sequences }
     }
 
-    /// Packets missing from the sequence so far.
+    /// Returns packets missing from the sequence so far.
     #[must_use]
     pub const fn lost_packets(&self) -> u32 {
         self.packets.lost

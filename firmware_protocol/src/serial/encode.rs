@@ -12,13 +12,13 @@ pub struct Encoder {
 }
 
 impl Encoder {
-    /// An encoder whose first packet has sequence number 0.
+    /// Returns an encoder whose first packet has sequence number 0.
     #[must_use]
     pub const fn new() -> Self {
         Self { seq: 0 }
     }
 
-    /// An encoder whose first packet has this sequence number.
+    /// Returns an encoder whose first packet has this sequence number.
     #[must_use]
     pub const fn starting_at(seq: u8) -> Self {
         Self { seq }

@@ -98,7 +98,7 @@ fn failed(error: EncodeError) -> c_int {
     }
 }
 
-/// The message of the crate; `None` when it has none of these values.
+/// Returns the message of the crate; `None` when it has none of these values.
 fn read(raw: &RawMessage) -> Option<Message> {
     let id = MessageId::from_number(raw.number).ok()?;
     // SAFETY: the caller wrote the member that `number` names, and every bit pattern is a value of it.
@@ -122,7 +122,7 @@ fn read(raw: &RawMessage) -> Option<Message> {
     }
 }
 
-/// The C form of a message; what it does not use is zero.
+/// Returns the C form of a message; what it does not use is zero.
 fn raw_of(message: &Message) -> RawMessage {
     // SAFETY: the structure consists of numbers, for which zero is a value.
     let mut raw: RawMessage = unsafe { core::mem::zeroed() };
@@ -149,7 +149,7 @@ fn raw_of(message: &Message) -> RawMessage {
     raw
 }
 
-/// Result of a reader.
+/// Returns the result of a reader.
 fn outcome(read: Result<Option<Message>, Reject>, raw: &mut MaybeUninit<RawMessage>) -> c_int {
     match read {
         Ok(None) => NOTHING,
@@ -161,7 +161,7 @@ fn outcome(read: Result<Option<Message>, Reject>, raw: &mut MaybeUninit<RawMessa
     }
 }
 
-/// The `len` bytes at `bytes`.
+/// Returns the `len` bytes at `bytes`.
 ///
 /// # Safety
 /// `bytes` is valid for reading `len` bytes as long as the result lives, unless `len` is 0.

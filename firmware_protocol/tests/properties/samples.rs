@@ -10,7 +10,7 @@ use firmware_protocol::{Message, Reject};
 use proptest::array::{uniform2, uniform3, uniform4};
 use proptest::prelude::*;
 
-/// Unit quaternions whose components are rounded to f32.
+/// Returns the unit quaternions whose components are rounded to f32.
 fn quaternion() -> impl Strategy<Value = [f32; 4]> {
     uniform4(-1.0_f32..1.0).prop_filter_map("too short to normalise", |q| {
         let norm = q.iter().map(|value| value * value).sum::<f32>().sqrt();
@@ -121,7 +121,7 @@ fn applied() -> impl Strategy<Value = Reply> {
         .prop_map(|(table, rows)| Reply::Applied(Applied { table, rows }))
 }
 
-/// Any message except a jitter burst, which classic CAN does not carry.
+/// Returns any message except a jitter burst, which classic CAN does not carry.
 pub(crate) fn classic_message() -> impl Strategy<Value = Message> {
     let follow_up = (any::<u32>(), 0_u32..1 << 24, any::<u8>());
     prop_oneof![

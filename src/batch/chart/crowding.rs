@@ -39,7 +39,7 @@ pub struct CrowdingRow {
 }
 
 impl CrowdingRow {
-    /// Planning and drawing, ms.
+    /// Returns the planning and drawing, ms.
     #[must_use]
     pub fn total_ms(&self) -> f64 {
         self.plan_ms + self.draw_ms
@@ -60,7 +60,7 @@ fn scene(stars: usize, quick: bool) -> Scene {
     }
 }
 
-/// All numbers of stars on all backends.
+/// Returns all numbers of stars on all backends.
 ///
 /// # Errors
 /// When a backend fails.
@@ -96,7 +96,8 @@ pub fn measure(settings: &Settings, drawers: &mut [Drawer], effort: Effort) -> R
     Ok(rows)
 }
 
-/// Power with which the time grows with the number of stars between neighbours of one backend, and between which.
+/// Returns the power with which the time grows with the number of stars between neighbours of one backend, and between
+/// which.
 #[must_use]
 pub fn growth(rows: &[CrowdingRow]) -> Vec<(&str, usize, f64)> {
     let of_pair = |pair: &[CrowdingRow]| {
@@ -108,7 +109,7 @@ pub fn growth(rows: &[CrowdingRow]) -> Vec<(&str, usize, f64)> {
         .collect()
 }
 
-/// The chart.
+/// Returns the chart.
 #[must_use]
 pub fn chart(rows: &[CrowdingRow]) -> Chart {
     let mut series = Vec::new();
@@ -133,7 +134,7 @@ pub fn chart(rows: &[CrowdingRow]) -> Chart {
     }
 }
 
-/// Lines for a terminal.
+/// Returns lines for a terminal.
 #[must_use]
 pub fn summary(rows: &[CrowdingRow]) -> String {
     let mut text = String::from(

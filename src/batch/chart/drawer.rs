@@ -42,7 +42,7 @@ pub enum Drawer {
 }
 
 impl Drawer {
-    /// The backends asked for, and a line about one that is missing.
+    /// Returns the backends asked for, and a line about one that is missing.
     ///
     /// # Errors
     /// When a GPU was asked for by name and is not there.
@@ -62,7 +62,7 @@ impl Drawer {
         Ok((drawers, None))
     }
 
-    /// The name people type.
+    /// Returns the name people type.
     #[must_use]
     pub fn name(&self) -> &'static str {
         match self {
@@ -77,7 +77,7 @@ impl Drawer {
         matches!(self, Self::Gpu { device, .. } if device.is_software())
     }
 
-    /// The device behind it.
+    /// Returns the device behind it.
     #[must_use]
     pub fn description(&self) -> String {
         match self {
@@ -86,7 +86,7 @@ impl Drawer {
         }
     }
 
-    /// Cost constants.
+    /// Returns the cost constants.
     #[must_use]
     pub fn cost(&self) -> CostModel {
         match self {
@@ -143,7 +143,7 @@ impl Drawer {
     }
 }
 
-/// The reference's image of `plan`'s motion and stars.
+/// Returns the reference's image of `plan`'s motion and stars.
 ///
 /// # Errors
 /// When the reference refuses the plan.

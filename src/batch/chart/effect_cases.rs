@@ -102,7 +102,7 @@ fn bent() -> Nonlinearity {
     Nonlinearity::through(&[[1e4, 1e4], [2e4, 1.95e4], [4e4, 3.7e4]]).unwrap_or(Nonlinearity::OFF)
 }
 
-/// Nine PSFs, sharper in the middle.
+/// Returns the nine PSFs, sharper in the middle.
 fn over_the_field(instrument: &Instrument) -> PsfModel {
     let size_px = [instrument.camera.width_px(), instrument.camera.height_px()];
     let node = |i: u32| PsfModel::moffat(1.2 + 0.1 * f64::from((i % 3).abs_diff(1) + (i / 3).abs_diff(1)), 3.5);

@@ -42,7 +42,7 @@ const LIGHT_E: f32 = 20.0;
 /// Turns at most.
 const MOST_TURNS: usize = 41;
 
-/// The scene of the drawing cases; the detector's are of the same size.
+/// Returns the scene of the drawing cases; the detector's are of the same size.
 fn scene(quick: bool) -> Scene {
     Scene {
         name: "effects",
@@ -57,7 +57,7 @@ fn scene(quick: bool) -> Scene {
     }
 }
 
-/// Every effect on every backend.
+/// Returns every effect on every backend.
 ///
 /// # Errors
 /// When a backend fails.
@@ -78,7 +78,7 @@ pub fn measure(quick: bool, drawers: &mut [Drawer]) -> Result<Vec<EffectRow>, Ch
     Ok(rows)
 }
 
-/// Planning and drawing without and with an effect, ms.
+/// Returns the planning and drawing without and with an effect, ms.
 fn drawing(stage: &Stage, switch: DrawingSwitch, drawer: &mut Drawer, turns: usize) -> Result<[f64; 2], RenderError> {
     let mut with = stage.clone();
     if let DrawingSwitch::Instrument(switch) = switch {
@@ -91,7 +91,7 @@ fn drawing(stage: &Stage, switch: DrawingSwitch, drawer: &mut Drawer, turns: usi
     by_turns(turns, |i| drawer.draw(planners[i].plan(&stage.sources)))
 }
 
-/// Reading out without and with an effect, ms.
+/// Returns the reading out without and with an effect, ms.
 fn detector(size_px: usize, switch: Switch, drawer: &Drawer, turns: usize) -> Result<[f64; 2], RenderError> {
     let mut params = DetectorParams::QUIET;
     if let Switch::Params(switch) = switch {
@@ -197,7 +197,7 @@ impl Readout {
     }
 }
 
-/// The table for a terminal.
+/// Returns the table for a terminal.
 #[must_use]
 pub fn summary(rows: &[EffectRow]) -> String {
     let mut text = format!(

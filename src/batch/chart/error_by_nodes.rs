@@ -16,7 +16,7 @@ pub fn charts(rows: &[MethodRow], scenes: &[Scene], backends: &[&str]) -> Vec<(S
     charted.map(|scene| (format!("error_by_nodes_{}", scene.name), chart(rows, scene, backend))).collect()
 }
 
-/// The chart of one scene.
+/// Returns the chart of one scene.
 #[must_use]
 pub fn chart(rows: &[MethodRow], scene: &Scene, backend: &str) -> Chart {
     let mut series = Vec::new();

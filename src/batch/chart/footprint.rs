@@ -59,7 +59,7 @@ fn lost_by_half_width(psf: &PsfModel, [fx, fy]: [f64; 2], most_half_px: usize) -
     out
 }
 
-/// Light lost against half-width.
+/// Returns the light lost against half-width.
 #[must_use]
 pub fn chart(rows: &[FootprintRow]) -> Chart {
     let mut names: Vec<&str> = rows.iter().map(|row| row.psf.as_str()).collect();

@@ -37,7 +37,7 @@ struct Window {
 }
 
 impl Errors {
-    /// Errors of `image` over the stars of `plan`.
+    /// Returns errors of `image` over the stars of `plan`.
     #[must_use]
     pub fn of(image: &Picture, truth: &Picture, plan: &ExposurePlan) -> Self {
         let mut worst = Self { l1_rel: l1_rel(image, truth), ..Self::default() };
@@ -55,7 +55,7 @@ impl Errors {
     }
 }
 
-/// Electrons of the brightest star.
+/// Returns electrons of the brightest star.
 #[must_use]
 pub fn brightest_e(plan: &ExposurePlan) -> f64 {
     plan.stars.iter().map(|star| star.electrons).fold(0.0, f64::max)
@@ -94,7 +94,7 @@ impl Window {
         Self { columns: about(x, image.width), rows: about(y, height) }
     }
 
-    /// Flux and centroid.
+    /// Returns the flux and centroid.
     fn moments(&self, image: &Picture) -> (f64, [f64; 2]) {
         let (mut flux, mut first) = (0.0, [0.0, 0.0]);
         for y in self.rows.clone() {

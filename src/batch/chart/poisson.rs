@@ -37,7 +37,7 @@ fn lambdas_e(quick: bool) -> Vec<f64> {
     lambdas
 }
 
-/// Every method at every mean of its domain.
+/// Returns every method at every mean of its domain.
 ///
 /// # Errors
 /// When there is no thread to measure on.
@@ -79,7 +79,7 @@ fn ns_per_pixel(detector: &mut Detector, lambda_e: f64, side_px: usize, effort: 
     collected.map_or(f64::NAN, |time| time.median_ms * 1e6 / (side_px * side_px) as f64)
 }
 
-/// Distance against mean, with bounds; `auto` is inversion and Cornish-Fisher.
+/// Returns the distance against mean, with bounds; `auto` is inversion and Cornish-Fisher.
 #[must_use]
 pub fn chart(rows: &[PoissonRow]) -> Chart {
     let shown = PoissonMethod::ALL.into_iter().filter(|method| *method != PoissonMethod::Auto);

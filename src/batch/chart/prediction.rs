@@ -45,7 +45,7 @@ fn motions() -> [(&'static str, &'static str, AnalyticMotion); 2] {
     ]
 }
 
-/// Every method over a range of horizons on both motions.
+/// Returns every method over a range of horizons on both motions.
 #[must_use]
 pub fn measure(quick: bool) -> Vec<PredictionRow> {
     let per_decade = if quick { 4 } else { 10 };
@@ -64,7 +64,7 @@ pub fn measure(quick: bool) -> Vec<PredictionRow> {
     motions().iter().flat_map(rows).collect()
 }
 
-/// A chart for each motion, with its file name; the first bears none.
+/// Returns a chart for each motion, with its file name; the first bears none.
 #[must_use]
 pub fn charts(rows: &[PredictionRow]) -> Vec<(String, Chart)> {
     let file = |i: usize, name: &str| if i == 0 { "prediction".into() } else { format!("prediction_{name}") };

@@ -60,8 +60,8 @@ pub struct MethodRow {
 }
 
 impl MethodRow {
-    /// True when the planner promised bounds and all of them hold; light beyond the footprint is in the flux bound, and
-    /// shows in pixels too.
+    /// Returns whether the planner promised bounds and all of them hold; light beyond the footprint is in the flux
+    /// bound, and shows in pixels too.
     #[must_use]
     pub fn holds(&self) -> bool {
         let pixel_sigma = self.bound_pixel_sigma + self.brightest_e * self.bound_flux_rel / self.read_noise_e;
@@ -70,19 +70,19 @@ impl MethodRow {
             && self.pixel_sigma <= pixel_sigma
     }
 
-    /// True when the planner would draw with it.
+    /// Returns whether the planner would draw with it.
     #[must_use]
     pub fn fits(&self) -> bool {
         self.verdict == FITS
     }
 
-    /// True when an image came of it.
+    /// Returns whether an image came of it.
     #[must_use]
     pub fn is_drawn(&self) -> bool {
         self.verdict != NOT_DRAWN
     }
 
-    /// True for the planner's own choice.
+    /// Returns true for the planner's own choice.
     #[must_use]
     pub fn is_choice(&self) -> bool {
         self.method == "auto"
@@ -100,13 +100,13 @@ impl MethodRow {
     }
 }
 
-/// Rows that the planner accepted and whose bounds do not hold.
+/// Returns rows that the planner accepted and whose bounds do not hold.
 #[must_use]
 pub fn broken(rows: &[MethodRow]) -> Vec<&MethodRow> {
     rows.iter().filter(|row| row.fits() && !row.holds()).collect()
 }
 
-/// The word for a verdict in tables.
+/// Returns the word for a verdict in tables.
 #[must_use]
 pub fn verdict_name(verdict: Verdict) -> &'static str {
     match verdict {
@@ -121,7 +121,7 @@ pub fn verdict_name(verdict: Verdict) -> &'static str {
     }
 }
 
-/// Rows as CSV with a line of names.
+/// Returns rows as CSV with a line of names.
 ///
 /// # Errors
 /// When a row does not go into CSV.

@@ -169,7 +169,7 @@ const S4: Scene = Scene {
     ..S2
 };
 
-/// All scenes; a quick run has a smaller S3.
+/// Returns all scenes; a quick run has a smaller S3.
 #[must_use]
 pub fn scenes(quick: bool) -> Vec<Scene> {
     let s3 = if quick { S3_QUICK } else { S3 };
@@ -177,13 +177,13 @@ pub fn scenes(quick: bool) -> Vec<Scene> {
 }
 
 impl Scene {
-    /// True when what counts is the time.
+    /// Returns whether what counts is the time.
     #[must_use]
     pub fn is_for_speed(&self) -> bool {
         matches!(self.stars, Stars::Field(_))
     }
 
-    /// A scene without motion, through a Gaussian of `sigma_px`.
+    /// Returns a scene without motion, through a Gaussian of `sigma_px`.
     #[must_use]
     pub fn still(sigma_px: f64) -> Self {
         Self { psf: Psf::Gaussian(sigma_px), ..STILL }

@@ -18,22 +18,22 @@ pub fn charts(rows: &[MethodRow], scenes: &[Scene], backends: &[&str]) -> Vec<(S
     backends.iter().enumerate().flat_map(|at| charted().map(move |scene| named(at, scene))).collect()
 }
 
-/// Rows of one scene by one backend that were drawn.
+/// Returns rows of one scene by one backend that were drawn.
 fn rows_of<'a>(rows: &'a [MethodRow], scene: &Scene, backend: &str) -> Vec<&'a MethodRow> {
     rows.iter().filter(|row| row.scene == scene.name && row.backend == backend && row.is_drawn()).collect()
 }
 
-/// Time and error of a row.
+/// Returns the time and error of a row.
 fn point(row: &MethodRow) -> [f64; 2] {
     [row.draw_ms, row.centroid_px]
 }
 
-/// Method that was drawn, without its numbers.
+/// Returns the method that was drawn, without its numbers.
 fn family(row: &MethodRow) -> &str {
     row.drawn.split(' ').next().unwrap_or_default()
 }
 
-/// The chart of one scene.
+/// Returns the chart of one scene.
 #[must_use]
 pub fn chart(rows: &[MethodRow], scene: &Scene, backend: &str) -> Chart {
     let rows = rows_of(rows, scene, backend);

@@ -45,7 +45,7 @@ pub struct Stage {
 }
 
 impl Stage {
-    /// The scene with the numbers of `seed`.
+    /// Returns the scene with the numbers of `seed`.
     ///
     /// # Errors
     /// When the camera is refused.
@@ -72,7 +72,7 @@ impl Stage {
         Ok(Self { instrument, sources, los, path, is_field: scene.is_for_speed() })
     }
 
-    /// A planner with the default budget.
+    /// Returns a planner with the default budget.
     #[must_use]
     pub fn planner(&self, cost: CostModel, choice: MethodChoice) -> Planner {
         let budget = AccuracyBudget::default();
@@ -92,7 +92,7 @@ impl Stage {
     }
 }
 
-/// The brightest stars of the first class that keep their distance from one another.
+/// Returns the brightest stars of the first class that keep their distance from one another.
 fn alone(plan: &ExposurePlan) -> Vec<plan::exposure::PlannedStar> {
     let faintest_e = plan.classes.first().map_or(0.0, |class| class.faintest_e);
     // With one class for all, errors in units of noise still want bright stars.
@@ -111,7 +111,7 @@ fn alone(plan: &ExposurePlan) -> Vec<plan::exposure::PlannedStar> {
     chosen
 }
 
-/// The `i`-th number in [0, 1) of a stream.
+/// Returns the `i`-th number in [0, 1) of a stream.
 fn unit(seed: u32, stream: u32, i: u32) -> f64 {
     f64::from(philox([i, stream, 0, 0], [seed, 0x00c4_a127])[0]) / 4_294_967_296.0
 }
@@ -158,7 +158,7 @@ fn motion(movement: &Movement, seed: u32) -> (LosPath, Option<PixelPath>) {
     }
 }
 
-/// Straight pieces along a sum of sinusoids of equal amplitude, one in every unit of frequency.
+/// Returns the straight pieces along a sum of sinusoids of equal amplitude, one in every unit of frequency.
 fn wander(rms_px: f64, most_cycles: u32, seed: u32) -> PixelPath {
     let amplitude_px = rms_px * (2.0 / f64::from(most_cycles)).sqrt();
     let along = |axis: u32, share: f64| -> f64 {
@@ -179,7 +179,7 @@ fn star(id: u32, electrons: f64, px: [f64; 2]) -> Source {
     Source { id, electrons, mag: f32::NAN, place: SourcePlace::Pixel(px) }
 }
 
-/// A grid from corner to corner, each star a random part of a pixel off.
+/// Returns a grid from corner to corner, each star a random part of a pixel off.
 fn apart(count: usize, size_px: usize, seed: u32) -> Vec<Source> {
     let columns = (1..=count).find(|n| n * n >= count).unwrap_or(1);
     let rows = count.div_ceil(columns);
@@ -193,7 +193,7 @@ fn apart(count: usize, size_px: usize, seed: u32) -> Vec<Source> {
     (0..).take(count).map(|i| star(i, ELECTRONS, place(i))).collect()
 }
 
-/// Uniform over the detector, few bright and many faint.
+/// Returns the uniform over the detector, few bright and many faint.
 fn field(count: usize, size_px: usize, seed: u32) -> Vec<Source> {
     let place = |i: u32| [unit(seed, 3, i), unit(seed, 4, i)].map(|v| v * size_px as f64 - 0.5);
     (0..).take(count).map(|i| star(i, 200.0 + 5000.0 * unit(seed, 5, i).powi(4), place(i))).collect()

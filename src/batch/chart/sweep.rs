@@ -43,7 +43,7 @@ const QUICK: [Trial; 7] = [
 const STILL: [Trial; 3] =
     [(MethodName::Static, &[None]), (MethodName::Samples, &[Some(4)]), (MethodName::EffectivePsf, &[Some(4)])];
 
-/// The planner's choice, then every method that is tried on `scene`.
+/// Returns the planner's choice, then every method that is tried on `scene`.
 fn trials(scene: &Scene, quick: bool) -> Vec<MethodChoice> {
     let list: &[Trial] = match (scene.motion, quick) {
         (Movement::Still, _) => &STILL,
@@ -134,7 +134,7 @@ pub struct Truth {
 }
 
 impl Truth {
-    /// The one that is known, or a new one where the stars are others.
+    /// Returns the one that is known, or a new one where the stars are others.
     fn of<'a>(known: &'a mut Option<Self>, plan: &ExposurePlan) -> Result<&'a Picture, RenderError> {
         let ids: Vec<u32> = plan.stars.iter().map(|star| star.id).collect();
         let truth = match known.take() {
@@ -145,7 +145,7 @@ impl Truth {
     }
 }
 
-/// A row without numbers.
+/// Returns a row without numbers.
 #[must_use]
 pub fn blank_row(scene: &str, backend: &str, choice: MethodChoice) -> MethodRow {
     let (method, parameter) = match choice {

@@ -6,7 +6,7 @@ use crate::chart::scenes::Scene;
 /// Predicted and measured times may differ by this factor.
 const COST_FACTOR: f64 = 1.5;
 
-/// Lines of text; `notes` name the backends.
+/// Returns lines of text; `notes` name the backends.
 pub(super) fn summary(methods: &[MethodRow], samplings: &[MethodRow], scenes: &[Scene], notes: &[String]) -> String {
     let mut lines = notes.to_vec();
     lines.push(String::new());
@@ -56,12 +56,12 @@ fn line(row: &MethodRow, scene: &Scene) -> String {
     line.trim_end().to_owned() + &note
 }
 
-/// Predicted time over the medians of planning and drawing.
+/// Returns the predicted time over the medians of planning and drawing.
 fn to_median(row: &MethodRow) -> f64 {
     row.predicted_ms / (row.plan_ms + row.draw_ms)
 }
 
-/// Predicted time over planning and the fastest drawing.
+/// Returns the predicted time over planning and the fastest drawing.
 fn to_fastest(row: &MethodRow) -> f64 {
     row.predicted_ms / (row.plan_ms + row.fastest_ms)
 }

@@ -53,7 +53,7 @@ impl Effort {
     }
 }
 
-/// Middle value; NaN of nothing.
+/// Returns the middle value; NaN of nothing.
 #[must_use]
 pub fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);

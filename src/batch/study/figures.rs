@@ -20,7 +20,7 @@ pub struct File {
     pub text: String,
 }
 
-/// The table and every chart.
+/// Returns the table and every chart.
 ///
 /// # Errors
 /// When the table cannot be written.
@@ -140,7 +140,7 @@ fn pointing_error(points: &[StudyPoint]) -> Chart {
     }
 }
 
-/// Lines for a terminal.
+/// Returns lines for a terminal.
 #[must_use]
 pub(super) fn table(points: &[StudyPoint]) -> String {
     let head = ["measured", "predicted", "ratio", "allowed"];

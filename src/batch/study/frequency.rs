@@ -70,7 +70,7 @@ impl Latency {
     }
 }
 
-/// Phase margin and crossover with this latency.
+/// Returns the phase margin and crossover with this latency.
 pub(super) fn margin(study: &Study, latency: Latency) -> Result<Vec<StudyPoint>, LoopError> {
     let paper = latency.on_paper(&study.paper);
     let (Some(crossover), Some(wanted)) = (paper.crossover_rad_s(), paper.phase_margin_rad()) else {
@@ -120,7 +120,7 @@ pub fn delay_margin_s(points: &[[f64; 2]]) -> Option<f64> {
     zero_s.is_finite().then_some(zero_s)
 }
 
-/// The delay margin that measured phase margins point to.
+/// Returns the delay margin that measured phase margins point to.
 pub(super) fn delay_margin(study: &Study, points: &[StudyPoint]) -> Option<StudyPoint> {
     let of_actuation = |point: &&StudyPoint| point.kind == PHASE_MARGIN && point.varied == ACTUATION_DELAY;
     let line: Vec<[f64; 2]> =
@@ -155,7 +155,7 @@ pub(super) fn rejection(study: &Study, frequencies_hz: &[f64]) -> Result<Vec<Stu
     Ok(injection.tones.iter().enumerate().map(point).collect())
 }
 
-/// A tone that should show with this amplitude, or less where its rate would be too large.
+/// Returns a tone that should show with this amplitude, or less where its rate would be too large.
 fn tone(paper: &LoopOnPaper, frequency_hz: f64, axis: usize, shown_rad: f64) -> Tone {
     let w = TAU * frequency_hz;
     let left = paper.sensitivity(w).modulus();

@@ -147,7 +147,7 @@ pub struct Studied {
 }
 
 impl Studied {
-    /// True when no point was outside its tolerance.
+    /// Returns whether no point was outside its tolerance.
     #[must_use]
     pub fn is_met(&self) -> bool {
         self.points.iter().all(|point| point.verdict != Agreement::NotMet)
@@ -165,7 +165,7 @@ enum Part {
 }
 
 impl Study {
-    /// A study of a scenario.
+    /// Returns a study of a scenario.
     ///
     /// # Errors
     /// When its control has no crossover.
@@ -191,7 +191,7 @@ impl Study {
         })
     }
 
-    /// The loop on paper.
+    /// Returns the loop on paper.
     #[must_use]
     pub fn paper(&self) -> &LoopOnPaper {
         &self.paper
@@ -223,7 +223,7 @@ impl Study {
         Ok(Studied { files: figures::files(self, &points)?, summary: figures::table(&points), points })
     }
 
-    /// The work, longest parts first.
+    /// Returns the work, longest parts first.
     fn parts(&self) -> Vec<Part> {
         let effort = &self.effort;
         let margin_s = self.paper.delay_margin_s().unwrap_or(0.0);
@@ -250,7 +250,7 @@ impl Study {
         }
     }
 
-    /// Sensor from body of the first head.
+    /// Returns the sensor from body of the first head.
     fn head(&self) -> glam::DQuat {
         self.scenario.bench.sensor_from_body.quat()
     }
@@ -276,7 +276,7 @@ impl Part {
     }
 }
 
-/// The nearest multiple of `unit`.
+/// Returns the nearest multiple of `unit`.
 pub(crate) fn rounded_to(unit: f64, value: f64) -> f64 {
     (value / unit).round() * unit
 }

@@ -56,7 +56,7 @@ pub(super) fn pointing_error(study: &Study, latency: Latency) -> Result<Vec<Stud
     Ok(vec![StudyPoint::judged(POINTING_ERROR, latency.varied(), got, POINTING_SHARE * got[1])])
 }
 
-/// Variance of the boresight's direction about its mean, two axes together, rad^2.
+/// Returns the variance of the boresight's direction about its mean, two axes together, rad^2.
 fn variance_across(samples: &[Sample], head: glam::DQuat) -> f64 {
     let count = samples.len() as f64;
     let seen = || samples.iter().map(|sample| (head * sample.error_rad).truncate());
@@ -64,8 +64,8 @@ fn variance_across(samples: &[Sample], head: glam::DQuat) -> f64 {
     seen().map(|error| (error - mean).length_squared()).sum::<f64>() / count
 }
 
-/// How far wrong time tags leave the estimate behind in a steady turn. The same turn with true tags is taken off, which
-/// takes the gyro's errors with it.
+/// Returns how far wrong time tags leave the estimate behind in a steady turn. The same turn with true tags is taken
+/// off, which takes the gyro's errors with it.
 pub(super) fn tag_error(study: &Study, tag_s: f64) -> Result<Vec<StudyPoint>, LoopError> {
     let wrong = turning(study, tag_s)?;
     let right = turning(study, 0.0)?;
@@ -105,7 +105,7 @@ fn turning(study: &Study, tag_s: f64) -> Result<Trace, LoopError> {
     fly(&scenario)
 }
 
-/// A delay beyond the margin: the loop must leave fine pointing, which it does above a stated error.
+/// Returns a delay beyond the margin: the loop must leave fine pointing, which it does above a stated error.
 pub(super) fn beyond(study: &Study, times_margin: f64) -> Result<Vec<StudyPoint>, LoopError> {
     let Some(margin_s) = study.paper.delay_margin_s() else { return Ok(Vec::new()) };
     let latency = Latency::Actuation(rounded_to(study.step_s, times_margin * margin_s));

@@ -69,7 +69,7 @@ impl StudyPoint {
         Self { kind, varied, value, measured, predicted, ratio: measured / predicted, allowed, verdict }
     }
 
-    /// The same, shown but not judged.
+    /// Returns the same, shown but not judged.
     #[must_use]
     pub fn reported(self) -> Self {
         Self { verdict: Agreement::Reported, ..self }

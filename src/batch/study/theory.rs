@@ -43,13 +43,13 @@ impl LoopOnPaper {
         Self { textbook, gyro_period_s: period_s }
     }
 
-    /// The same with another delay from control step to torque.
+    /// Returns the same with another delay from control step to torque.
     #[must_use]
     pub fn with_delay(&self, delay_s: f64) -> Self {
         Self { textbook: PointingLoop { delay_s, ..self.textbook }, ..*self }
     }
 
-    /// Open loop `L(i w)`.
+    /// Returns the open loop `L(i w)`.
     #[must_use]
     pub fn open_loop(&self, w_rad_s: f64) -> Complex {
         let half = 0.5 * w_rad_s * self.gyro_period_s;
@@ -64,7 +64,7 @@ impl LoopOnPaper {
         Complex::ONE / (Complex::ONE + self.open_loop(w_rad_s))
     }
 
-    /// Frequency at which `|L| = 1`, rad/s; `None` where the textbook's loop has none.
+    /// Returns the frequency at which `|L| = 1`, rad/s; `None` where the textbook's loop has none.
     #[must_use]
     pub fn crossover_rad_s(&self) -> Option<f64> {
         let near = self.textbook.gain_crossover_rad_s()?;
@@ -80,20 +80,20 @@ impl LoopOnPaper {
         Some(0.5 * (below + above))
     }
 
-    /// Phase margin, rad, in `-pi..=pi`; negative when the loop is unstable.
+    /// Returns the phase margin, rad, in `-pi..=pi`; negative when the loop is unstable.
     #[must_use]
     pub fn phase_margin_rad(&self) -> Option<f64> {
         Some(phase_margin_rad(self.open_loop(self.crossover_rad_s()?)))
     }
 
-    /// Delay beyond the present one at which the loop becomes unstable, s.
+    /// Returns the delay beyond the present one at which the loop becomes unstable, s.
     #[must_use]
     pub fn delay_margin_s(&self) -> Option<f64> {
         Some(self.phase_margin_rad()? / self.crossover_rad_s()?)
     }
 
-    /// Sigma of the pointing error about one axis, rad. The gyro's lateness counts as the delay that costs as much of
-    /// the delay margin.
+    /// Returns the sigma of the pointing error about one axis, rad. The gyro's lateness counts as the delay that costs
+    /// as much of the delay margin.
     #[must_use]
     pub fn pointing_sigma_rad(&self, noise: &PointingNoise) -> f64 {
         let lag_s = self.textbook.delay_margin_s().zip(self.delay_margin_s()).map_or(0.0, |(all, left)| all - left);
@@ -102,7 +102,7 @@ impl LoopOnPaper {
     }
 }
 
-/// Phase of `-L`: at the crossover the phase margin, rad.
+/// Returns the phase of `-L`: at the crossover the phase margin, rad.
 #[must_use]
 pub fn phase_margin_rad(open_loop: Complex) -> f64 {
     (-open_loop).argument_rad()
@@ -120,8 +120,8 @@ pub fn noise_of(vehicle: &VehicleParams, nea_rad: f64, tracker_period_s: f64, la
     PointingNoise { nea_rad: nea_rad / heads.sqrt(), tracker_period_s, latency_s: latency_s + delay_s, gyro }
 }
 
-/// Share of a constant error of the tracker that the steady estimator has taken over `after_s` after it began: step
-/// response of `(k1 s + k2) / (s^2 + k1 s + k2)` with Farrenkopf's gains.
+/// Returns the share of a constant error of the tracker that the steady estimator has taken over `after_s` after it
+/// began: step response of `(k1 s + k2) / (s^2 + k1 s + k2)` with Farrenkopf's gains.
 #[must_use]
 pub fn taken_over(noise: &PointingNoise, after_s: f64) -> f64 {
     let steady = Farrenkopf::new(noise.nea_rad, noise.tracker_period_s, &noise.gyro);

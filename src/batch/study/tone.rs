@@ -8,7 +8,7 @@
 use core::f64::consts::TAU;
 use testbed::acs::complex::Complex;
 
-/// Phasor at `frequency_hz` of `samples` taken every `period_s` from `first_s` on.
+/// Returns the phasor at `frequency_hz` of `samples` taken every `period_s` from `first_s` on.
 #[must_use]
 pub fn phasor(samples: impl ExactSizeIterator<Item = f64>, first_s: f64, period_s: f64, frequency_hz: f64) -> Complex {
     let count = samples.len() as f64;

@@ -81,7 +81,7 @@ pub struct Trace {
     pub nea_rad: Option<f64>,
 }
 
-/// A scenario at rest on its target for `duration_s`, judged in its last `window_s`.
+/// Returns a scenario at rest on its target for `duration_s`, judged in its last `window_s`.
 #[must_use]
 pub fn at_rest(scenario: &Scenario, duration_s: f64, window_s: f64, injection: &Injection) -> Scenario {
     let mut scenario = scenario.clone();
@@ -145,7 +145,7 @@ pub fn fly(scenario: &Scenario) -> Result<Trace, LoopError> {
 }
 
 impl Trace {
-    /// The last samples, `count` of them, when there are so many and all were in fine pointing.
+    /// Returns the last samples, `count` of them, when there are so many and all were in fine pointing.
     #[must_use]
     pub fn last(&self, count: usize) -> Option<&[Sample]> {
         let first = self.samples.len().checked_sub(count)?;
@@ -184,8 +184,8 @@ pub fn measured_sensitivity(
     Ok(Some(injection.tones.iter().map(sensitivity).collect()))
 }
 
-/// Time that the loop needs to forget a beginning, s: its resonance decays by 5 nepers. Damping ratio about half the
-/// phase margin, at the crossover.
+/// Returns the time that the loop needs to forget a beginning, s: its resonance decays by 5 nepers. Damping ratio about
+/// half the phase margin, at the crossover.
 #[must_use]
 pub fn settling_s(paper: &LoopOnPaper) -> f64 {
     const NEPERS: f64 = 5.0;

@@ -64,21 +64,21 @@ pub struct Comparison {
 const STANDARD_ERRORS: f64 = 4.0;
 
 impl Comparison {
-    /// Measured over stated, less 1; the difference itself where the file says none.
+    /// Returns the measured over stated, less 1; the difference itself where the file says none.
     #[must_use]
     pub fn error(&self) -> f64 {
         if self.file == 0.0 { self.measured } else { self.measured / self.file - 1.0 }
     }
 
-    /// True when the two agree.
+    /// Returns whether the two agree.
     #[must_use]
     pub fn holds(&self) -> bool {
         self.error().abs() <= self.most.max(STANDARD_ERRORS * self.se)
     }
 }
 
-/// Largest relative difference between the response that points show and the one that a file states, from 5 to 95 % of
-/// saturation. Both are taken against their own slope at the first point of that range.
+/// Returns the largest relative difference between the response that points show and the one that a file states, from 5
+/// to 95 % of saturation. Both are taken against their own slope at the first point of that range.
 #[must_use]
 pub fn response_error(points: &[LightPoint], saturation_e: f64, seen_e: impl Fn(f64) -> f64) -> f64 {
     let judged = points.iter().filter(|p| (0.05..=0.95).contains(&(p.light_e / saturation_e)));
@@ -131,7 +131,7 @@ pub const SHEET_REL: f64 = 0.01;
 pub const DARK_REL: f64 = 0.02;
 
 impl DataSheet {
-    /// The sheet beside its file.
+    /// Returns the sheet beside its file.
     #[must_use]
     pub fn compare(&self, file: &Stated) -> [Comparison; 8] {
         let line = |name, unit, file, measured| Comparison { name, unit, file, measured, most: SHEET_REL, se: 0.0 };
@@ -155,7 +155,7 @@ impl DataSheet {
         ]
     }
 
-    /// Variance over signal, with the line of the gain.
+    /// Returns the variance over signal, with the line of the gain.
     #[must_use]
     pub fn chart(&self, camera: &str) -> Chart {
         let measured = self.points.iter().map(|p| [p.signal_dn, p.variance_dn2]).collect();

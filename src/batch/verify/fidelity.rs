@@ -53,8 +53,8 @@ struct Own {
 }
 
 impl Truth {
-    /// Truth about the frames of `detector`, exposed for so long, whose stars have this PSF. Its response is straight, and
-    /// no effect of neighbours is on.
+    /// Returns the truth about the frames of `detector`, exposed for so long, whose stars have this PSF. Its response
+    /// is straight, and no effect of neighbours is on.
     #[must_use]
     pub fn of(detector: &Detector, psf: PsfModel, exposure_s: f64) -> Self {
         let (params, stated) = (detector.params(), Stated::of(detector.params(), exposure_s));
@@ -72,7 +72,8 @@ impl Truth {
         }
     }
 
-    /// Electrons of a star whose window has this signal-to-noise ratio: the larger root of `S^2 = snr^2 (S + n v)`.
+    /// Returns electrons of a star whose window has this signal-to-noise ratio: the larger root of `S^2 = snr^2 (S + n
+    /// v)`.
     #[must_use]
     pub fn electrons_for_snr(&self, snr: f64) -> f64 {
         let pixels = (2 * HALF_PX + 1).pow(2) as f64;
@@ -80,7 +81,7 @@ impl Truth {
         0.5 * (snr * snr + (snr.powi(4) + 4.0 * snr * snr * noise).sqrt())
     }
 
-    /// Variance of a pixel that does not come of its charge, e-^2.
+    /// Returns the variance of a pixel that does not come of its charge, e-^2.
     fn white_noise_e2(&self) -> f64 {
         self.read_noise_e_rms.powi(2) + self.gain_e_per_dn.powi(2) / 12.0
     }
@@ -200,7 +201,7 @@ impl StarSums {
         }
     }
 
-    /// True variance of the window's signal, and of its centroid along both axes.
+    /// Returns true variance of the window's signal, and of its centroid along both axes.
     fn variances(&self, truth: &Truth) -> (f64, [f64; 2]) {
         let mut variances = (0.0, [0.0; 2]);
         // What a pixel's noise does to the centroid, along both axes.
@@ -222,7 +223,7 @@ impl StarSums {
         variances
     }
 
-    /// Centroid of the mean of all frames, from the true one, px.
+    /// Returns the centroid of the mean of all frames, from the true one, px.
     fn bias_px(&self, frames: f64) -> [f64; 2] {
         let pixels = self.truth.iter().zip(&self.pixels_e);
         let mean = pixels.map(|((at, [_, without]), sum)| (*at, sum / frames - without));

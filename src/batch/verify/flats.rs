@@ -55,7 +55,7 @@ pub struct Pattern {
 }
 
 impl Stack {
-    /// Room for images of so many pixels.
+    /// Returns the room for images of so many pixels.
     #[must_use]
     pub fn new(pixels: usize) -> Self {
         Self { sums: vec![0; pixels], squares: vec![0; pixels], images: 0 }
@@ -70,7 +70,7 @@ impl Stack {
         }
     }
 
-    /// Mean and temporal variance of one pixel, DN and DN^2.
+    /// Returns the mean and temporal variance of one pixel, DN and DN^2.
     #[must_use]
     pub fn pixel(&self, at: usize) -> [f64; 2] {
         let images = f64::from(self.images);

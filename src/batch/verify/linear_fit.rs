@@ -26,7 +26,7 @@ impl Line {
         Self { offset: mean_y - slope * mean_x, slope }
     }
 
-    /// Value at `x`.
+    /// Returns the value at `x`.
     #[must_use]
     pub fn at(&self, x: f64) -> f64 {
         self.slope.mul_add(x, self.offset)

@@ -114,7 +114,7 @@ impl Laboratory<'_> {
         Pair::of(&self.images[0], &self.images[1])
     }
 
-    /// Mean of a saturated image, DN, and the light that first gave it.
+    /// Returns the mean of a saturated image, DN, and the light that first gave it.
     fn saturation(&mut self, exposure_s: f64) -> (f64, f64) {
         let mut before = self.pair(0.0, exposure_s).mean_dn;
         let dark = before;
@@ -142,7 +142,7 @@ impl Laboratory<'_> {
         (1..=procedure.levels).map(point).collect()
     }
 
-    /// Lines of mean and variance over the exposure, in the dark.
+    /// Returns lines of mean and variance over the exposure, in the dark.
     fn dark_series(&mut self, procedure: &Procedure) -> [Line; 2] {
         let pair = |i: u32| {
             let exposure_s = procedure.longest_dark_s * f64::from(i) / f64::from(procedure.darks);
@@ -176,26 +176,26 @@ fn between(
     points.iter().filter(move |p| (low * saturation_dn..=high * saturation_dn).contains(&p.signal_dn))
 }
 
-/// Variance over mean.
+/// Returns the variance over mean.
 fn transfer(points: &[LightPoint], most_dn: f64) -> Line {
     let fitted = between(points, most_dn, [0.0, 1.0]);
     Line::through(fitted.map(|p| [p.signal_dn, p.variance_dn2, p.total_variance_dn2.powi(-2)]))
 }
 
-/// Mean over light.
+/// Returns the mean over light.
 fn responsivity(points: &[LightPoint], saturation_dn: f64) -> Line {
     let judged = between(points, saturation_dn, JUDGED);
     Line::through(judged.map(|p| [p.light_e, p.signal_dn, p.signal_dn.powi(-2)]))
 }
 
-/// Largest relative deviation from the straight line.
+/// Returns the largest relative deviation from the straight line.
 fn linearity_error(points: &[LightPoint], saturation_dn: f64) -> f64 {
     let line = responsivity(points, saturation_dn);
     let judged = between(points, saturation_dn, JUDGED);
     judged.map(|p| (p.signal_dn / line.at(p.light_e) - 1.0).abs()).fold(0.0, f64::max)
 }
 
-/// Light that gives half of the saturation signal.
+/// Returns the light that gives half of the saturation signal.
 fn half_light(points: &[LightPoint], saturation_dn: f64) -> f64 {
     let line = responsivity(points, saturation_dn);
     (0.5 * saturation_dn - line.offset) / line.slope

@@ -56,7 +56,7 @@ impl StarField {
         field
     }
 
-    /// Its stars for a planner.
+    /// Returns its stars for a planner.
     #[must_use]
     pub fn sources(&self) -> Vec<Source> {
         let source = |(id, star): (u32, &FieldStar)| Source {
@@ -70,7 +70,7 @@ impl StarField {
 }
 
 impl FieldStar {
-    /// The pixels of its window, by row.
+    /// Returns the pixels of its window, by row.
     pub fn window(&self) -> impl Iterator<Item = [usize; 2]> + Clone + use<> {
         #[allow(clippy::cast_possible_truncation, reason = "a place on a detector")]
         let [column, row] = self.px.map(|v| v.round() as i64);

@@ -107,7 +107,7 @@ impl BudgetLine {
     }
 }
 
-/// Every line: the stages in order (but for the wait), the latency, the missed slots.
+/// Returns every line: the stages in order (but for the wait), the latency, the missed slots.
 #[must_use]
 pub fn budget_lines(limits: &BudgetLimits, stages: &StageHistograms, ring: &FrameRing) -> Vec<BudgetLine> {
     let of_stage = |stage: &Stage| {
@@ -175,7 +175,7 @@ pub struct BudgetReport {
 }
 
 impl BudgetReport {
-    /// The lines that are broken.
+    /// Returns the lines that are broken.
     pub fn broken(&self) -> impl Iterator<Item = &BudgetLine> {
         self.lines.iter().filter(|line| line.verdict == LineVerdict::Broken)
     }
@@ -193,7 +193,7 @@ impl BudgetReport {
         Some(stage.or(most_missed).unwrap_or_else(|| self.longest_stage().unwrap_or(first.name).to_owned()))
     }
 
-    /// The stage of work with the largest 99 % quantile.
+    /// Returns the stage of work with the largest 99 % quantile.
     fn longest_stage(&self) -> Option<&'static str> {
         let is_work = |line: &&BudgetLine| Stage::OF_A_FRAME.iter().any(|stage| stage.name() == line.name);
         let p99_ms = |line: &BudgetLine| line.times.map_or(0.0, |times| times.p99_ms);

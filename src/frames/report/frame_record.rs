@@ -23,7 +23,7 @@ impl Fate {
     /// All of them.
     pub const ALL: [Self; 4] = [Self::Sent, Self::Late, Self::Held, Self::Dropped];
 
-    /// Name in tables and files.
+    /// Returns the name in tables and files.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -58,12 +58,12 @@ impl MissCause {
     /// How many there are.
     pub const COUNT: usize = CAUSES.len() + Stage::COUNT;
 
-    /// Every cause, in the order of [`Self::index`].
+    /// Returns every cause, in the order of [`Self::index`].
     pub fn all() -> impl Iterator<Item = Self> {
         CAUSES.into_iter().chain(Stage::ALL.into_iter().map(Self::Stage))
     }
 
-    /// Place among all causes.
+    /// Returns the place among all causes.
     #[must_use]
     pub fn index(self) -> usize {
         match self {
@@ -177,20 +177,21 @@ impl FrameRecord {
         }
     }
 
-    /// True when the slot was missed.
+    /// Returns whether the slot was missed.
     #[must_use]
     pub fn is_missed(&self) -> bool {
         self.cause.is_some()
     }
 
-    /// Why a slot began too late for its frame to be drawn at all: its thread was at the frames before, or asleep.
+    /// Returns why a slot began too late for its frame to be drawn at all: its thread was at the frames before, or
+    /// asleep.
     #[must_use]
     pub fn cause_of_late_start(&self) -> MissCause {
         if self.asked > self.release { MissCause::FramesBefore } else { MissCause::ReleasedLate }
     }
 
-    /// Why a frame that was drawn was late: the stage that took longest beyond its median. Where no excess explains half
-    /// of the lateness (every frame is late), the stage that took longest.
+    /// Returns why a frame that was drawn was late: the stage that took longest beyond its median. Where no excess
+    /// explains half of the lateness (every frame is late), the stage that took longest.
     #[must_use]
     pub fn cause_of_lateness(&self, usual: &StageHistograms) -> MissCause {
         let run = || Stage::OF_A_FRAME.into_iter().filter_map(|stage| self.times.get(stage).map(|time| (stage, time)));
@@ -205,7 +206,7 @@ impl FrameRecord {
     }
 }
 
-/// A frame delivered in time: 100 ms exposure from 100 ms times its number, due 80 ms later.
+/// Returns a frame delivered in time: 100 ms exposure from 100 ms times its number, due 80 ms later.
 #[cfg(test)]
 pub(crate) fn sample_record(number: u32) -> FrameRecord {
     let start = Tai::from_ns(1_790_000_000_000_000_000) + Span::from_ms(100 * i64::from(number));

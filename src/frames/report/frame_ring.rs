@@ -56,7 +56,7 @@ pub struct FrameRing {
 }
 
 impl FrameRing {
-    /// Room for the last `frames` frames of each of `heads`; counts alone when it is 0.
+    /// Returns the room for the last `frames` frames of each of `heads`; counts alone when it is 0.
     #[must_use]
     pub fn with_capacity(frames: usize, heads: usize) -> Self {
         let capacity = frames * heads;
@@ -130,7 +130,7 @@ impl FrameRing {
         counts.map(|(cause, count)| (cause.name().to_owned(), count)).collect()
     }
 
-    /// Latency of the frames delivered so far.
+    /// Returns the latency of the frames delivered so far.
     #[must_use]
     pub fn latency(&self) -> Latency {
         let of = &self.latency;
@@ -142,7 +142,7 @@ impl FrameRing {
         }
     }
 
-    /// The records kept, earliest first.
+    /// Returns the records kept, earliest first.
     pub fn last(&self) -> impl Iterator<Item = &FrameRecord> {
         let oldest =
             (0..self.records.len()).min_by_key(|i| (self.records[*i].number, self.records[*i].head)).unwrap_or(0);
@@ -150,7 +150,7 @@ impl FrameRing {
         older.iter().chain(newer)
     }
 
-    /// The `count` records with the greatest lateness, worst first.
+    /// Returns the `count` records with the greatest lateness, worst first.
     #[must_use]
     pub fn worst(&self, count: usize) -> Vec<FrameRecord> {
         let mut records: Vec<FrameRecord> = self.last().copied().collect();

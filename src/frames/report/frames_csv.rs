@@ -9,7 +9,7 @@ use base::units::ARCSEC;
 /// Word for a bound that is not known.
 const UNKNOWN: &str = "unknown";
 
-/// The rows, with a heading.
+/// Returns the rows, with a heading.
 ///
 /// # Errors
 /// [`ReportError::Csv`] when they cannot be expressed.

@@ -32,13 +32,13 @@ pub struct GatewayRow {
 pub(super) const HEADINGS: [&str; 6] = ["clients", "refused", "stalled", "from them", "to them", "dropped"];
 
 impl GatewayRow {
-    /// The cells under [`HEADINGS`].
+    /// Returns the cells under [`HEADINGS`].
     pub(super) fn cells(&self) -> [String; 6] {
         [self.clients, self.refused, self.stalled, self.from_clients, self.to_clients, self.dropped]
             .map(|count| count.to_string())
     }
 
-    /// The lines below its row: where it listened, and a line for each reason.
+    /// Returns the lines below its row: where it listened, and a line for each reason.
     pub(super) fn lines(&self) -> Vec<String> {
         let mut lines = vec![format!("  at {}", self.address)];
         if self.withheld > 0 {
@@ -49,7 +49,7 @@ impl GatewayRow {
     }
 }
 
-/// A gateway with something in every field.
+/// Returns a gateway with something in every field.
 #[cfg(test)]
 pub(super) fn sample_gateway_row() -> GatewayRow {
     GatewayRow {

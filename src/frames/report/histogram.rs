@@ -61,13 +61,13 @@ impl StageHistogram {
         self.tally.record_ns(ns);
     }
 
-    /// The same times in few bins, small enough to be copied while the run goes on.
+    /// Returns the same times in few bins, small enough to be copied while the run goes on.
     #[must_use]
     pub fn tally(&self) -> &TimeTally {
         &self.tally
     }
 
-    /// Half of the times so far were at most this, ms; 0 when nothing was recorded. Cheaper than all quantiles.
+    /// Returns half of the times so far were at most this, ms; 0 when nothing was recorded. Cheaper than all quantiles.
     #[must_use]
     pub fn median_ms(&self) -> f64 {
         self.at_ms(0.5)
@@ -81,7 +81,7 @@ impl StageHistogram {
         }
     }
 
-    /// Summary of the times so far.
+    /// Returns the summary of the times so far.
     #[must_use]
     pub fn quantiles(&self) -> Quantiles {
         let count = self.histogram.len();
@@ -148,7 +148,7 @@ impl CountHistogram {
 mod tests {
     use super::*;
 
-    /// Three significant digits, and one step of 512 ns.
+    /// Returns three significant digits, and one step of 512 ns.
     fn within_resolution(got_ms: f64, wanted_ms: f64) -> bool {
         (got_ms - wanted_ms).abs() <= 1e-3 * wanted_ms + 0.000_512
     }

@@ -7,7 +7,7 @@ use crate::report::budget::{BudgetLine, BudgetReport, LineVerdict};
 use crate::report::xml::escaped;
 use core::fmt::Write;
 
-/// The report as an XML document.
+/// Returns the report as an XML document.
 #[must_use]
 pub fn to_junit(report: &BudgetReport) -> String {
     let count = |wanted: &[LineVerdict]| report.lines.iter().filter(|line| wanted.contains(&line.verdict)).count();

@@ -26,7 +26,7 @@ impl Machine {
     }
 }
 
-/// The first model named in the text of `/proc/cpuinfo` (x86: `model name`, Arm boards: `Model`).
+/// Returns the first model named in the text of `/proc/cpuinfo` (x86: `model name`, Arm boards: `Model`).
 fn cpu_model(cpuinfo: &str) -> Option<&str> {
     let value = |wanted: &str| {
         cpuinfo

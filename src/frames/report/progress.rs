@@ -29,7 +29,7 @@ pub struct Progress {
     pub method: &'static str,
 }
 
-/// The line without a line break, at most `width` characters; what is cut ends in `…`.
+/// Returns the line without a line break, at most `width` characters; what is cut ends in `…`.
 #[must_use]
 pub fn progress_line(p: &Progress, width: usize) -> String {
     let frames = p.frames.map_or_else(|| Cow::Borrowed("-"), |n| n.to_string().into());
@@ -40,8 +40,8 @@ pub fn progress_line(p: &Progress, width: usize) -> String {
     cut(line, width)
 }
 
-/// One line about a job of `total` parts of which `done` are done after `elapsed_s`: what is next, and the time left where
-/// it can be guessed; at most `width` characters.
+/// Returns one line about a job of `total` parts of which `done` are done after `elapsed_s`: what is next, and the time
+/// left where it can be guessed; at most `width` characters.
 #[must_use]
 pub fn step_line(done: usize, total: usize, elapsed_s: f64, next: &str, width: usize) -> String {
     let left = match done {

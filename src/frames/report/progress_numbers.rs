@@ -43,7 +43,7 @@ impl<const MOST: usize> NamedCounts<MOST> {
         self.list[..self.len].iter().copied()
     }
 
-    /// Names for which there was no room.
+    /// Returns names for which there was no room.
     #[must_use]
     pub fn left_out(&self) -> usize {
         self.left_out
@@ -125,7 +125,7 @@ impl RunNumbers {
         self.port_count.saturating_sub(PORTS_MAX)
     }
 
-    /// The ports that are told.
+    /// Returns the ports that are told.
     #[must_use]
     pub fn ports(&self) -> &[PortCounts] {
         &self.ports[..self.port_count.min(PORTS_MAX)]

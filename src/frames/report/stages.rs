@@ -16,7 +16,7 @@ macro_rules! stages {
             /// Every stage in order.
             pub const ALL: [Self; [$($name),*].len()] = [$(Self::$stage),*];
 
-            /// Name in tables and files.
+            /// Returns the name in tables and files.
             #[must_use]
             pub const fn name(self) -> &'static str {
                 match self {
@@ -86,7 +86,7 @@ impl Stage {
         Self::Sink,
     ];
 
-    /// The stage of that name.
+    /// Returns the stage of that name.
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|stage| stage.name() == name)
@@ -112,7 +112,7 @@ impl StageTimes {
         }
     }
 
-    /// The time of a stage; `None` when the frame did not go through it.
+    /// Returns the time of a stage; `None` when the frame did not go through it.
     #[must_use]
     pub fn get(&self, stage: Stage) -> Option<Span> {
         self.spans[stage as usize]
@@ -146,25 +146,25 @@ impl StageHistograms {
         self.histograms[stage as usize].record(time);
     }
 
-    /// Summary of one stage so far.
+    /// Returns the summary of one stage so far.
     #[must_use]
     pub fn of(&self, stage: Stage) -> Quantiles {
         self.histograms[stage as usize].quantiles()
     }
 
-    /// Every stage so far in few bins, in the order of [`Stage::ALL`]: a copy, without allocation.
+    /// Returns every stage so far in few bins, in the order of [`Stage::ALL`]: a copy, without allocation.
     #[must_use]
     pub fn tallies(&self) -> [TimeTally; Stage::COUNT] {
         core::array::from_fn(|i| *self.histograms[i].tally())
     }
 
-    /// Median of one stage so far, ms.
+    /// Returns the median of one stage so far, ms.
     #[must_use]
     pub fn median_ms(&self, stage: Stage) -> f64 {
         self.histograms[stage as usize].median_ms()
     }
 
-    /// Summary of every stage so far, in the order of [`Stage::ALL`].
+    /// Returns the summary of every stage so far, in the order of [`Stage::ALL`].
     #[must_use]
     pub fn quantiles(&self) -> [Quantiles; Stage::COUNT] {
         Stage::ALL.map(|stage| self.of(stage))

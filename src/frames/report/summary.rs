@@ -136,7 +136,7 @@ pub struct EventLine {
 }
 
 impl RunSummary {
-    /// Summary of a run that has not begun: names empty, counts zero.
+    /// Returns the summary of a run that has not begun: names empty, counts zero.
     #[must_use]
     pub fn empty(machine: Machine) -> Self {
         Self {
@@ -190,7 +190,7 @@ fn by_stage_name<S: Serializer>(stages: &[Quantiles; Stage::COUNT], serializer: 
     serializer.collect_map(Stage::ALL.iter().map(|stage| stage.name()).zip(stages))
 }
 
-/// A run with something in every field.
+/// Returns a run with something in every field.
 #[cfg(test)]
 pub(crate) fn sample_summary() -> RunSummary {
     let machine = Machine { cpu: "Example CPU".into(), cores: 8, system: "linux x86_64".into() };

@@ -61,13 +61,13 @@ impl TimeTally {
         self.max_ns = self.max_ns.max(ns);
     }
 
-    /// Times recorded.
+    /// Returns times recorded.
     #[must_use]
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// Their sum, s.
+    /// Returns the their sum, s.
     #[must_use]
     pub fn sum_s(&self) -> f64 {
         self.sum_ns as f64 / 1e9
@@ -85,8 +85,8 @@ impl TimeTally {
         self.sum_ns as f64 / self.count.max(1) as f64 / 1e6
     }
 
-    /// A share `q` (0 to 1) of the times was at most this, ms: inside the right bin by its share of the bin's count, and
-    /// never above the longest. 0 when nothing was recorded.
+    /// Returns a share `q` (0 to 1) of the times was at most this, ms: inside the right bin by its share of the bin's
+    /// count, and never above the longest. 0 when nothing was recorded.
     #[must_use]
     pub fn quantile_ms(&self, q: f64) -> f64 {
         let rank = q.clamp(0.0, 1.0) * self.count as f64;
@@ -104,7 +104,8 @@ impl TimeTally {
         self.max_ms()
     }
 
-    /// Upper bounds, s, of a histogram with three bounds per decade (1, 2, 5), and how many times were at most each.
+    /// Returns the upper bounds, s, of a histogram with three bounds per decade (1, 2, 5), and how many times were at
+    /// most each.
     pub fn cumulative(&self) -> impl Iterator<Item = (f64, u64)> + '_ {
         let mut sum = 0;
         let summed = UPPER_NS.iter().zip(&self.bins).map(move |(upper, bin)| {

@@ -67,7 +67,7 @@ fn document(title: &str, body: &str, height_px: f64) -> String {
     )
 }
 
-/// The stages of one frame, one after another; queue and sink from the moment of their handing over.
+/// Returns the stages of one frame, one after another; queue and sink from the moment of their handing over.
 fn bars(record: &FrameRecord) -> Vec<Bar> {
     let after_ms = |at: Tai| (at - record.release).ms();
     let mut from_ms = 0.0;

@@ -62,7 +62,7 @@ impl ActiveFaults {
         &self.list[..self.count.min(NAMED_FAULTS)]
     }
 
-    /// How many there are, named or not.
+    /// Returns how many there are, named or not.
     #[must_use]
     pub fn count(&self) -> usize {
         self.count

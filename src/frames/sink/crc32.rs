@@ -29,7 +29,7 @@ impl Crc32 {
         }
     }
 
-    /// The checksum of everything taken in so far.
+    /// Returns the checksum of everything taken in so far.
     #[must_use]
     pub fn value(self) -> u32 {
         self.value
@@ -55,7 +55,7 @@ impl RunCrc32 {
         self.0.update(&pixel_crc32.to_le_bytes());
     }
 
-    /// The checksum of the frames so far.
+    /// Returns the checksum of the frames so far.
     #[must_use]
     pub fn value(self) -> u32 {
         self.0.value()

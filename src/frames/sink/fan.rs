@@ -55,7 +55,7 @@ impl Fan {
         Ok(Self { branches, on_full, tally: Tally::default(), finished: None })
     }
 
-    /// Frames that a sink has been handed and is not done with.
+    /// Returns frames that a sink has been handed and is not done with.
     #[cfg(test)]
     pub(super) fn lag(&self, sink: usize) -> usize {
         self.branches[sink].lag()
@@ -93,7 +93,7 @@ fn is_given_up(error: &SinkError) -> bool {
 }
 
 impl Sink for Fan {
-    /// The first sink's.
+    /// Returns the first sink's.
     fn name(&self) -> &'static str {
         self.branches.first().map_or("nothing", |branch| branch.line().kind)
     }

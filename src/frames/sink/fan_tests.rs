@@ -98,7 +98,7 @@ fn fan(sinks: Vec<Box<dyn Sink>>, buffers: usize, on_full: OnFull) -> Fan {
     Fan::start(named, &sample_frame(0), on_full).unwrap()
 }
 
-/// Frames taken, dropped, refused.
+/// Returns frames taken, dropped, refused.
 fn counts(line: &SinkLine) -> [u64; 3] {
     [line.frames, line.dropped, line.refused]
 }

@@ -25,31 +25,31 @@ impl FaultFlags {
     /// No fault.
     pub const NONE: Self = Self(0);
 
-    /// The set as a word, for files and the wire.
+    /// Returns the set as a word, for files and the wire.
     #[must_use]
     pub const fn bits(self) -> u32 {
         self.0
     }
 
-    /// The set from a word; bits without a name are kept.
+    /// Returns the set from a word; bits without a name are kept.
     #[must_use]
     pub const fn from_bits(bits: u32) -> Self {
         Self(bits)
     }
 
-    /// True when no fault is in the set.
+    /// Returns whether no fault is in the set.
     #[must_use]
     pub const fn is_empty(self) -> bool {
         self.0 == 0
     }
 
-    /// True when every fault of `other` is in the set.
+    /// Returns whether every fault of `other` is in the set.
     #[must_use]
     pub const fn contains(self, other: Self) -> bool {
         self.0 & other.0 == other.0
     }
 
-    /// The names in the set, by bit.
+    /// Returns the names in the set, by bit.
     pub fn names(self) -> impl Iterator<Item = &'static str> {
         Self::NAMED.iter().filter(move |(fault, _)| self.contains(*fault)).map(|&(_, name)| name)
     }

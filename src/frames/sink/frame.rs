@@ -39,7 +39,7 @@ impl SentFrame {
         }
     }
 
-    /// A copy with the same room for stars, every page of it written to.
+    /// Returns a copy with the same room for stars, every page of it written to.
     #[must_use]
     pub fn touched_copy(&self) -> Self {
         let mut copy = self.clone();
@@ -94,7 +94,7 @@ impl TruthKind {
         (Self::ProtonTrack, "proton_track"),
     ];
 
-    /// Its word in files.
+    /// Returns its word in files.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -257,7 +257,7 @@ pub struct CameraFacts {
 }
 
 impl FrameMeta {
-    /// Metadata of a frame that has not been exposed yet.
+    /// Returns the metadata of a frame that has not been exposed yet.
     #[must_use]
     pub fn empty(camera: Arc<str>) -> Self {
         Self {
@@ -303,7 +303,7 @@ impl FrameMeta {
         }
     }
 
-    /// Start of the exposure.
+    /// Returns the start of the exposure.
     #[must_use]
     pub fn exposure_start(&self) -> Tai {
         self.mid_exposure - Span::from_s(self.exposure_s / 2.0)

@@ -243,19 +243,19 @@ impl FrameFault {
         }
     }
 
-    /// Its word in files.
+    /// Returns its word in files.
     #[must_use]
     pub fn name(self) -> &'static str {
         self.facts().0
     }
 
-    /// The flag it sets in the frames it hits.
+    /// Returns the flag it sets in the frames it hits.
     #[must_use]
     pub fn flag(self) -> FaultFlags {
         self.facts().1
     }
 
-    /// How much of it a frame has when `share` of its time is over.
+    /// Returns how much of it a frame has when `share` of its time is over.
     #[must_use]
     pub fn amount(self, share: f64) -> Amount {
         let Facts(_, _, [from, to], unit) = self.facts();
@@ -263,7 +263,7 @@ impl FrameFault {
         Amount { value, unit }
     }
 
-    /// The pixels that it names, and what they are counted on.
+    /// Returns the pixels that it names, and what they are counted on.
     #[must_use]
     pub fn spots(self) -> Option<(PixelsOf, DefectSpots)> {
         match self {
@@ -289,7 +289,7 @@ impl FrameFault {
 }
 
 impl fmt::Display for FrameFault {
-    /// How much of it there is, from begin to end; nothing when it takes a whole frame.
+    /// Returns how much of it there is, from begin to end; nothing when it takes a whole frame.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Facts(_, _, [from, to], unit) = self.facts();
         match unit {

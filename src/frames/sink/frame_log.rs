@@ -116,7 +116,7 @@ impl FrameLog {
         }
     }
 
-    /// A log whose lines cannot be written.
+    /// Returns a log whose lines cannot be written.
     #[cfg(test)]
     pub(super) fn on_a_full_disk() -> Self {
         let path = PathBuf::from("/dev/full");
@@ -208,7 +208,7 @@ pub fn read_frame_log(input: impl Read) -> Result<Vec<FrameRow>, SinkError> {
     csv::Reader::from_reader(input).into_deserialize().map(|row| row.map_err(bad)).collect()
 }
 
-/// Name of the file in a recording.
+/// Returns the name of the file in a recording.
 #[must_use]
 pub fn path_in(directory: &Path) -> PathBuf {
     directory.join("frames.csv")

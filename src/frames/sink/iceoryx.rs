@@ -112,12 +112,12 @@ mod tests {
     use crate::sink::sample::sample_frame;
     use iceoryx2::port::subscriber::Subscriber;
 
-    /// A name that no other test and no other run of the tests has.
+    /// Returns a name that no other test and no other run of the tests has.
     fn service(test: &str) -> String {
         format!("starloop test/{test}/{}", std::process::id())
     }
 
-    /// A reader with what it needs to stay.
+    /// Returns a reader with what it needs to stay.
     fn reader(service: &str) -> Subscriber<ipc_threadsafe::Service, [u16], SlotHead> {
         let node = NodeBuilder::new().create::<ipc_threadsafe::Service>().unwrap();
         let service = node.service_builder(&service.try_into().unwrap()).publish_subscribe::<[u16]>();

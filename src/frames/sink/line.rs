@@ -37,7 +37,7 @@ pub struct SinkLine {
 }
 
 impl SinkLine {
-    /// The line of a sink that is alone.
+    /// Returns the line of a sink that is alone.
     #[must_use]
     pub fn alone(sink: &dyn Sink, summary: Option<&SinkSummary>) -> Self {
         let mut line = Self { place: "sink".into(), kind: sink.name(), counts: sink.counts(), ..Self::default() };
@@ -47,7 +47,7 @@ impl SinkLine {
         line
     }
 
-    /// True when a frame was refused, or the sink failed in another way: a drop alone is none.
+    /// Returns whether a frame was refused, or the sink failed in another way: a drop alone is none.
     #[must_use]
     pub fn has_failed(&self) -> bool {
         self.first_error.is_some() || self.is_lost || self.refused > 0
@@ -60,7 +60,7 @@ impl SinkLine {
     }
 }
 
-/// The lines of a sink that has finished: its own when it is several, else one.
+/// Returns the lines of a sink that has finished: its own when it is several, else one.
 #[must_use]
 pub fn sink_lines(sink: &dyn Sink, summary: Option<&SinkSummary>) -> Vec<SinkLine> {
     let lines = sink.lines();

@@ -70,7 +70,7 @@ use std::path::PathBuf;
 
 /// Where finished frames go. One sink is owned by one thread.
 pub trait Sink: Send {
-    /// Short name for messages and the run summary.
+    /// Returns the short name for messages and the run summary.
     fn name(&self) -> &'static str;
 
     /// Sends one frame; returns when its buffers may be reused.
@@ -85,7 +85,7 @@ pub trait Sink: Send {
     /// When something accepted could not be brought out.
     fn finish(&mut self) -> Result<SinkSummary, SinkError>;
 
-    /// Numbers of its own for the run summary, beside those that every sink has.
+    /// Returns numbers of its own for the run summary, beside those that every sink has.
     fn counts(&self) -> Vec<(&'static str, u64)> {
         Vec::new()
     }

@@ -10,7 +10,7 @@ pub struct NullSink {
 }
 
 impl NullSink {
-    /// A sink that has seen nothing.
+    /// Returns a sink that has seen nothing.
     #[must_use]
     pub fn new() -> Self {
         Self::default()

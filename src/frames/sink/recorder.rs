@@ -94,7 +94,7 @@ impl Recorder {
         Ok(())
     }
 
-    /// The frame in what holds all frames: in every one of them or in none.
+    /// Returns the frame in what holds all frames: in every one of them or in none.
     fn append(&mut self, frame: &SentFrame, crc32: u32) -> Result<u64, SinkError> {
         let images = self.ser.as_mut().map_or(Ok(0), |ser| ser.append(frame))?;
         match self.log.append(&FactSource::of_frame(frame, Some(crc32))) {
@@ -163,7 +163,7 @@ impl FrameFiles {
     }
 }
 
-/// Path of one file of a frame: `frame_000012.<ending>`.
+/// Returns the path of one file of a frame: `frame_000012.<ending>`.
 #[must_use]
 pub fn frame_path(directory: &Path, number: u32, ending: &str) -> PathBuf {
     directory.join(format!("frame_{number:06}.{ending}"))

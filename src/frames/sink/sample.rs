@@ -123,7 +123,7 @@ pub fn compare_with_file(path: &Path, got: &str) -> Result<(), String> {
     Err(format!("{path}, line {}: wanted {wanted:?}, got {found:?}; all of it: {place}", line + 1))
 }
 
-/// Bytes as text, 16 of them in a line after their place.
+/// Returns bytes as text, 16 of them in a line after their place.
 #[must_use]
 pub fn hex_lines(bytes: &[u8]) -> String {
     let line = |(i, part): (usize, &[u8])| {

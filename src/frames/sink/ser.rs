@@ -55,7 +55,7 @@ impl SerFile {
         }
     }
 
-    /// Frames in it.
+    /// Returns frames in it.
     #[must_use]
     pub fn frames(&self) -> usize {
         self.times.len()
@@ -153,7 +153,7 @@ fn ticks(at: Tai) -> i64 {
 /// Pixels without colours.
 const MONO: i32 = 0;
 
-/// The number that the format has for the colours of pixels.
+/// Returns the number that the format has for the colours of pixels.
 const fn color_id(pattern: BayerPattern) -> i32 {
     match pattern {
         BayerPattern::Rggb => 8,
@@ -163,7 +163,7 @@ const fn color_id(pattern: BayerPattern) -> i32 {
     }
 }
 
-/// The header of a file without frames.
+/// Returns the header of a file without frames.
 fn header(first: &SentFrame) -> io::Result<Vec<u8>> {
     let side = |px: usize| i32::try_from(px).map_err(|_| io::Error::from(io::ErrorKind::FileTooLarge));
     let (little_endian, depth, frames) = (0, 16, 0);
@@ -205,7 +205,7 @@ mod tests {
         i64::from_le_bytes(bytes[at..at + 8].try_into().unwrap())
     }
 
-    /// A file with so many frames, not finished.
+    /// Returns a file with so many frames, not finished.
     fn begun(directory: &Path, frames: u32) -> (SerFile, PathBuf) {
         let path = directory.join("frames.ser");
         let mut ser = SerFile::create(path.clone()).unwrap();

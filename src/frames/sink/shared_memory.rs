@@ -246,7 +246,7 @@ fn take_lock(file: &File) -> io::Result<bool> {
 /// The byte that the writer locks: behind every ring's end.
 const LOCKED_BYTE: i64 = 1 << 62;
 
-/// True when the open file is the one that bears the name.
+/// Returns whether the open file is the one that bears the name.
 fn has_name(file: &File, path: &Path) -> bool {
     let identity = |found: fs::Metadata| (found.dev(), found.ino());
     match (file.metadata(), fs::symlink_metadata(path)) {
@@ -337,7 +337,7 @@ mod tests {
     use crate::sink::compliance::check_sink;
     use crate::sink::sample::sample_frame;
 
-    /// Frame `n` (from 1) as a reader finds it; `None` when it is not there (any more).
+    /// Returns the frame `n` (from 1) as a reader finds it; `None` when it is not there (any more).
     fn read(file: &File, n: u64) -> Option<(SlotHead, Vec<u16>)> {
         let mut head = FileHead::zeroed();
         file.read_exact_at(bytemuck::bytes_of_mut(&mut head), 0).unwrap();

@@ -61,7 +61,7 @@ impl Stretch {
         Self { black, soft, grey_per_asinh: if range > 0.0 { 255.0 / range } else { 0.0 } }
     }
 
-    /// Grey of one pixel value; black when it is not a number.
+    /// Returns the grey of one pixel value; black when it is not a number.
     #[must_use]
     pub fn grey(&self, value: f64) -> u8 {
         // A float-to-int cast saturates, and takes NaN to 0.
@@ -69,7 +69,7 @@ impl Stretch {
     }
 }
 
-/// Index of the `q` quantile among `count` sorted values.
+/// Returns the index of the `q` quantile among `count` sorted values.
 fn rank(q: f64, count: usize) -> usize {
     (q * count.saturating_sub(1) as f64).round() as usize
 }
@@ -78,7 +78,7 @@ fn rank(q: f64, count: usize) -> usize {
 mod tests {
     use super::*;
 
-    /// Background of 64 +- 4 DN (triangular noise), one star of 10 sigma and one of 4000 DN.
+    /// Returns the background of 64 +- 4 DN (triangular noise), one star of 10 sigma and one of 4000 DN.
     fn star_field() -> Vec<u16> {
         let mut pixels: Vec<u16> = (0..10_000_u32).map(|i| 60 + ((i * 7_919 % 5) + (i * 104_729 % 4)) as u16).collect();
         (pixels[5_000], pixels[7_000]) = (104, 4_000);

@@ -57,7 +57,7 @@ pub fn tap(size_px: [usize; 2], space: usize) -> (Tap, TapEnd) {
 }
 
 impl Tap {
-    /// Frames that the other end was too slow to take.
+    /// Returns frames that the other end was too slow to take.
     #[must_use]
     pub fn lost(&self) -> u64 {
         self.lost
@@ -65,7 +65,7 @@ impl Tap {
 }
 
 impl TapEnd {
-    /// The oldest frame not yet taken; give it back with [`Self::give_back`].
+    /// Returns the oldest frame not yet taken; give it back with [`Self::give_back`].
     #[must_use]
     pub fn take(&self) -> Option<TappedFrame> {
         self.full.try_recv().ok()

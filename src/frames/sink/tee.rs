@@ -32,7 +32,7 @@ impl Sink for Tee {
         second.map(|_| first)
     }
 
-    /// The first one's.
+    /// Returns the first one's.
     fn counts(&self) -> Vec<(&'static str, u64)> {
         self.first.counts()
     }
@@ -42,7 +42,7 @@ impl Sink for Tee {
         self.second.take_losses(announce);
     }
 
-    /// The first one's, as the summary is.
+    /// Returns the first one's, as the summary is.
     fn lines(&self) -> Vec<SinkLine> {
         self.first.lines()
     }

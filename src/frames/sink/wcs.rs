@@ -54,7 +54,7 @@ pub struct Wcs {
 }
 
 impl Wcs {
-    /// Whether the header has polynomials.
+    /// Returns whether the header has polynomials.
     #[must_use]
     pub fn has_sip(&self) -> bool {
         self.sip.is_some() || self.quadratic_px != [[0.0; 3]; 2]

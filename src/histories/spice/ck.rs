@@ -121,7 +121,7 @@ impl Reader<'_> {
         (0..count).map(interval).collect()
     }
 
-    /// One row: a quaternion, and perhaps an angular velocity in reference axes.
+    /// Returns one row: a quaternion, and perhaps an angular velocity in reference axes.
     fn row(&self, ticks: f64, record: &[f64]) -> Result<AttitudeState, HistoryError> {
         let quaternion = [record[0], record[1], record[2], record[3]];
         let Some(body_from_icrf) = Rotation::<Body, Icrf>::from_wxyz(quaternion, COMPUTED_NORM_TOLERANCE) else {

@@ -23,7 +23,7 @@ pub(super) struct EarthTime {
 }
 
 impl EarthTime {
-    /// The constants of a leap-second kernel, or the usual ones.
+    /// Returns the constants of a leap-second kernel, or the usual ones.
     pub(super) fn of(texts: &[TextKernel]) -> Self {
         let given = |name: &str, count: usize| {
             let numbers = texts.iter().rev().find_map(|kernel| kernel.numbers(name));
@@ -70,7 +70,7 @@ pub(super) struct SpacecraftClock {
 }
 
 impl SpacecraftClock {
-    /// The clock of an instrument: that of the spacecraft with a thousandth of its number.
+    /// Returns the clock of an instrument: that of the spacecraft with a thousandth of its number.
     pub(super) fn of(
         texts: &[TextKernel],
         instrument: i32,
@@ -111,7 +111,7 @@ impl SpacecraftClock {
         if self.is_tt { tai_ns_of_tt([time_s, since_s, 0.0]) } else { self.earth.tai_ns_of_tdb([time_s, since_s]) }
     }
 
-    /// Parallel seconds per tick at an instant.
+    /// Returns the parallel seconds per tick at an instant.
     pub(super) fn s_per_tick(&self, ticks: f64) -> f64 {
         let after = self.ranges.partition_point(|range| range[0] <= ticks);
         self.ranges[after.saturating_sub(1)][2] / self.ticks_per_count

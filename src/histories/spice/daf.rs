@@ -82,7 +82,7 @@ impl<'a> Daf<'a> {
         Some(Summary { doubles, integers })
     }
 
-    /// The words of a segment.
+    /// Returns the words of a segment.
     pub(super) fn words(&self, summary: &Summary, source: &Source<'_>) -> Result<Vec<f64>, HistoryError> {
         let [.., begin, end] = summary.integers;
         let range = usize::try_from(begin).ok().zip(usize::try_from(end).ok()).filter(|(begin, end)| {
@@ -108,7 +108,7 @@ impl<'a> Daf<'a> {
     }
 }
 
-/// A count that a kernel keeps as a double; anything that is none becomes too large for any segment.
+/// Returns a count that a kernel keeps as a double; anything that is none becomes too large for any segment.
 pub(super) fn whole(value: f64) -> usize {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked in the condition")]
     if (0.0..1e15).contains(&value) { value as usize } else { usize::MAX }

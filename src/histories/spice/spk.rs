@@ -164,7 +164,7 @@ impl Reader<'_> {
     }
 }
 
-/// Value and derivative of a Chebyshev series.
+/// Returns the value and derivative of a Chebyshev series.
 fn series_at(coefficients: &[f64], at: f64) -> [f64; 2] {
     let (mut t, mut slopes) = ([1.0, at], [0.0, 1.0]);
     let [mut value, mut slope] = [0.0; 2];

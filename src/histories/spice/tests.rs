@@ -12,7 +12,7 @@ const SCLK: &str = "KPL/SCLK\n\\begindata\nSCLK_KERNEL_ID = ( @2026-01-01/00:00:
                     SCLK01_TIME_SYSTEM_7 = ( 2 )\nSCLK01_MODULI_7 = ( 4294967296 100 )\n\
                     SCLK01_COEFFICIENTS_7 = ( 0.0E+00 1.0D+03\n 1.0E+00 )\nSCLK01_COEFFICIENTS_7 += ( 1.0E6 2.0D4 1.0 )\n\\begintext\n";
 
-/// A file of segments: two doubles and four integers of each summary, and words.
+/// Returns a file of segments: two doubles and four integers of each summary, and words.
 fn daf(kind: &str, segments: &[Segment], is_little: bool) -> Vec<u8> {
     let mut file = vec![0_u8; 3 * 1024];
     let integer = |value: i32| if is_little { value.to_le_bytes() } else { value.to_be_bytes() };
@@ -47,14 +47,14 @@ fn quaternion(angle_rad: f64) -> [f64; 4] {
 /// Doubles and whole numbers of a segment's summary, and its words.
 type Segment = ([f64; 2], [i32; 4], Vec<f64>);
 
-/// Four rows a second apart at 0.1 rad/s about Z, the last two of which are another interval.
+/// Returns four rows a second apart at 0.1 rad/s about Z, the last two of which are another interval.
 fn type_3() -> Segment {
     let mut words: Vec<f64> = (0..4).flat_map(|i| quaternion(0.1 * f64::from(i))).collect();
     words.extend([0.0, 100.0, 200.0, 300.0, 0.0, 200.0, 2.0, 4.0]);
     ([0.0, 300.0], [-7, 1, 3, 0], words)
 }
 
-/// One interval of two seconds at 0.1 rad/s about Z.
+/// Returns one interval of two seconds at 0.1 rad/s about Z.
 fn type_2() -> Segment {
     let mut words = quaternion(0.4).to_vec();
     words.extend([0.0, 0.0, 0.1, 0.01, 400.0, 600.0]);

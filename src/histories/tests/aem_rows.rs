@@ -11,7 +11,7 @@ fn message(kind: &str, more: &str, rows: [&str; 2]) -> String {
         .replace("0.14943813247359922 0 0 0.9887710779360422", last)
 }
 
-/// The message of version 1.
+/// Returns the message of version 1.
 fn first_version(text: &str) -> String {
     text.replace("VERS = 2.0", "VERS = 1.0").replace("TIME_SYSTEM", "ATTITUDE_DIR = A2B\nTIME_SYSTEM")
 }

@@ -9,7 +9,7 @@ fn history(states: Vec<AttitudeState>, method: Method) -> AttitudeHistory {
     AttitudeHistory::new("test", Times::Absolute, vec![segment]).unwrap()
 }
 
-/// Largest error of a history against its motion, rad, rad/s and rad/s^2.
+/// Returns the largest error of a history against its motion, rad, rad/s and rad/s^2.
 fn errors(history: &AttitudeHistory, motion: impl Fn(f64) -> (Rotation<Body, Icrf>, DVec3)) -> [f64; 3] {
     let [first, last] = history.span_ns();
     let count = 4001;
@@ -28,7 +28,7 @@ fn errors(history: &AttitudeHistory, motion: impl Fn(f64) -> (Rotation<Body, Icr
     })
 }
 
-/// A body that swings about one axis and spins about another: rates change in all axes.
+/// Returns a body that swings about one axis and spins about another: rates change in all axes.
 fn swing(t_s: f64) -> (Rotation<Body, Icrf>, DVec3) {
     let spin = turned(DVec3::Z * 0.3 * t_s);
     let angle = 0.4 * (1.1 * t_s).sin();
@@ -38,7 +38,7 @@ fn swing(t_s: f64) -> (Rotation<Body, Icrf>, DVec3) {
     (body, rate + DVec3::X * 0.44 * (1.1 * t_s).cos())
 }
 
-/// A turn that accelerates evenly about y.
+/// Returns a turn that accelerates evenly about y.
 fn accelerated(t_s: f64) -> (Rotation<Body, Icrf>, DVec3) {
     (turned(DVec3::Y * 0.15 * t_s * t_s), DVec3::Y * 0.3 * t_s)
 }

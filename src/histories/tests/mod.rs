@@ -65,7 +65,7 @@ DATA_START
 DATA_STOP
 ";
 
-/// A circle of 7000 km radius about the Earth in steps of 60 s, one revolution in 5400 s or so.
+/// Returns a circle of 7000 km radius about the Earth in steps of 60 s, one revolution in 5400 s or so.
 fn oem(rows: u32, step_s: f64) -> String {
     let (radius_km, rate_rad_s) = (7000.0, 1.1e-3);
     let zero = utc("2026-03-01T00:00:00Z");

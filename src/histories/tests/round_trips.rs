@@ -30,7 +30,7 @@ fn written(format: AttitudeFormat, history: &AttitudeHistory) -> String {
     String::from_utf8(out).unwrap()
 }
 
-/// The largest differences of rows: attitude, rate.
+/// Returns the largest differences of rows: attitude, rate.
 fn differences(a: &AttitudeHistory, b: &AttitudeHistory) -> [f64; 2] {
     assert_eq!(a.rows(), b.rows());
     let states = |history: &AttitudeHistory| -> Vec<AttitudeState> {

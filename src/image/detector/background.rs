@@ -25,7 +25,7 @@ impl Background {
     /// None.
     pub const DARK: Self = Self { uniform_e: 0.0, gradient_e: [0.0; 2], quadratic_e: 0.0, sky_e: 0.0 };
 
-    /// The same in every pixel.
+    /// Returns the same in every pixel.
     #[must_use]
     pub const fn uniform(uniform_e: f32) -> Self {
         Self { uniform_e, ..Self::DARK }
@@ -42,7 +42,7 @@ impl Background {
         if has_map { self.uniform_e } else { self.uniform_e + self.sky_e }
     }
 
-    /// True when it differs from pixel to pixel.
+    /// Returns whether it differs from pixel to pixel.
     pub(super) fn is_shaped(&self, has_map: bool) -> bool {
         self.gradient_e != [0.0; 2] || self.quadratic_e != 0.0 || (has_map && self.sky_e != 0.0)
     }
@@ -110,7 +110,7 @@ mod tests {
         (0..SIZE[0] * SIZE[1]).map(|i| 1.0 - (i % SIZE[0]) as f32 / 600.0).collect()
     }
 
-    /// The formula, in double precision.
+    /// Returns the formula, in double precision.
     fn wanted_e(background: &Background, x: usize, y: usize, lit: f32) -> f64 {
         let half_diagonal = 0.5 * (SIZE[0] as f64).hypot(SIZE[1] as f64);
         let [u, v] =

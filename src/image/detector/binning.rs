@@ -94,7 +94,7 @@ impl Levels {
         params.spatial.binning.map_or(pixel, |binning| pixel.binned(binning))
     }
 
-    /// These levels after binning.
+    /// Returns the these levels after binning.
     #[must_use]
     pub fn binned(self, binning: Binning) -> Self {
         let pixels = f64::from(binning.factor * binning.factor);

@@ -22,7 +22,7 @@ pub struct Blooming {
 }
 
 impl Blooming {
-    /// Share of the excess that goes each way.
+    /// Returns the share of the excess that goes each way.
     #[must_use]
     #[allow(clippy::cast_possible_truncation, reason = "the inner loops work in single precision")]
     pub fn each_way(&self) -> f32 {
@@ -126,7 +126,7 @@ mod tests {
         column.iter().map(|e| f64::from(*e)).sum()
     }
 
-    /// A crowded column: some pixels far above the full well, most below.
+    /// Returns a crowded column: some pixels far above the full well, most below.
     fn crowded(rows: u32, stream: u32) -> Vec<f32> {
         let pixel = |y| {
             let [a, b, ..] = philox([y, stream, 3, 0], [1, 2]).map(|word| word as f32 / 4_294_967_296.0);

@@ -51,13 +51,13 @@ impl ChargeTransfer {
     /// Nothing is left behind.
     pub const NONE: Self = Self { parallel_share: 0.0, serial_share: 0.0, corner: OutputCorner::TopLeft };
 
-    /// True when rows are counted from the last one.
+    /// Returns whether rows are counted from the last one.
     #[must_use]
     pub fn is_from_bottom(&self) -> bool {
         matches!(self.corner, OutputCorner::BottomLeft | OutputCorner::BottomRight)
     }
 
-    /// True when columns are counted from the last one.
+    /// Returns whether columns are counted from the last one.
     #[must_use]
     pub fn is_from_right(&self) -> bool {
         matches!(self.corner, OutputCorner::TopRight | OutputCorner::BottomRight)
@@ -90,13 +90,13 @@ impl Trails {
         Self { shares, places }
     }
 
-    /// Pixels that a packet spreads over, its own included.
+    /// Returns pixels that a packet spreads over, its own included.
     #[must_use]
     pub fn terms(&self) -> usize {
         self.shares.len() / self.places.max(1)
     }
 
-    /// All shares, `[delay * places + place]`.
+    /// Returns all shares, `[delay * places + place]`.
     #[must_use]
     pub fn shares(&self) -> &[f32] {
         &self.shares
@@ -107,7 +107,7 @@ impl Trails {
     }
 }
 
-/// Shares by delay of a packet that needs `transfers`; the last one has all that is left.
+/// Returns shares by delay of a packet that needs `transfers`; the last one has all that is left.
 fn law(share: f64, transfers: usize, terms: usize) -> Vec<f64> {
     let n = transfers as f64;
     let mut term = libm::pow(1.0 - share, n);
@@ -122,7 +122,7 @@ fn law(share: f64, transfers: usize, terms: usize) -> Vec<f64> {
     all
 }
 
-/// Terms after which less than [`TAIL`] of the farthest packet is left.
+/// Returns terms after which less than [`TAIL`] of the farthest packet is left.
 fn terms_for(share: f64, places: usize) -> usize {
     if share == 0.0 {
         return 1;
@@ -178,7 +178,7 @@ impl NeighbourStage for ChargeTransferStage {
     }
 }
 
-/// One row of the image after the parallel transfers: sums over the rows before it, counted from the output.
+/// Returns one row of the image after the parallel transfers: sums over the rows before it, counted from the output.
 fn shift_row(from: &[f32], to: &mut [f32], trails: &Trails, place: usize, row_at: impl Fn(usize) -> usize) {
     let width = to.len();
     to.fill(0.0);
@@ -209,8 +209,8 @@ mod tests {
 
     const AT: FrameAt = FrameAt { frame: 0, exposure_s: 1.0, key: [0; 2] };
 
-    /// Every packet by every transfer: each tick all packets move one place towards the output, but for the share that
-    /// stays. What leaves place 0 at tick `t` is pixel `t`.
+    /// Returns every packet by every transfer: each tick all packets move one place towards the output, but for the
+    /// share that stays. What leaves place 0 at tick `t` is pixel `t`.
     fn by_ticks(line: &[f64], share: f64) -> Vec<f64> {
         let mut wells = line.to_vec();
         (0..line.len())

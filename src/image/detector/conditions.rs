@@ -27,13 +27,13 @@ pub struct DetectorConditions {
 }
 
 impl DetectorConditions {
-    /// An exposure without background, at the temperature and with the protons of the parameters.
+    /// Returns an exposure without background, at the temperature and with the protons of the parameters.
     #[must_use]
     pub const fn dark(exposure_s: f64) -> Self {
         Self::lit(exposure_s, Background::DARK)
     }
 
-    /// The same with background light.
+    /// Returns the same with background light.
     #[must_use]
     pub const fn lit(exposure_s: f64, background: Background) -> Self {
         Self {

@@ -44,7 +44,7 @@ pub struct EffectCost {
     pub share: f64,
 }
 
-/// The effects that are on and cost time, in the order of light.
+/// Returns the effects that are on and cost time, in the order of light.
 pub fn effect_costs(
     params: &DetectorParams,
     patterns: &Patterns,

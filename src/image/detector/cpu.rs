@@ -43,7 +43,7 @@ pub struct Detector {
 }
 
 impl Detector {
-    /// A detector of this size; `seeds` fix its patterns and its noise (one number: both).
+    /// Returns a detector of this size; `seeds` fix its patterns and its noise (one number: both).
     #[must_use]
     pub fn new(params: DetectorParams, width_px: usize, height_px: usize, seeds: impl Into<Seeds>) -> Self {
         let seeds = seeds.into();
@@ -72,8 +72,8 @@ impl Detector {
         made
     }
 
-    /// The same with patterns that are given instead of drawn, sensor pixel by sensor pixel: TDI averages them along its
-    /// stages, charge binning adds up offsets.
+    /// Returns the same with patterns that are given instead of drawn, sensor pixel by sensor pixel: TDI averages them
+    /// along its stages, charge binning adds up offsets.
     ///
     /// # Errors
     /// When one has not as many pixels as the detector.
@@ -118,7 +118,7 @@ impl Detector {
         self.illumination = map.filter(|map| map.len() == self.size_px[0] * self.size_px[1]);
     }
 
-    /// The map, where there is one.
+    /// Returns the map, where there is one.
     #[must_use]
     pub fn illumination_map(&self) -> Option<&[f32]> {
         self.illumination.as_deref()
@@ -135,13 +135,13 @@ impl Detector {
         &mut self.disturbances
     }
 
-    /// Columns and rows of the ADC's image: charge binning makes it smaller than the sensor.
+    /// Returns columns and rows of the ADC's image: charge binning makes it smaller than the sensor.
     #[must_use]
     pub fn adc_px(&self) -> [usize; 2] {
         self.output.adc_px()
     }
 
-    /// How the image that is put out comes from that of the ADC, and where its pixels are on the sensor.
+    /// Returns how the image that is put out comes from that of the ADC, and where its pixels are on the sensor.
     #[must_use]
     pub fn output(&self) -> &Output {
         &self.output
@@ -164,31 +164,32 @@ impl Detector {
         &self.patterns
     }
 
-    /// Fixed patterns of columns and rows; empty where off.
+    /// Returns the fixed patterns of columns and rows; empty where off.
     #[must_use]
     pub fn lines(&self) -> &Lines {
         &self.lines
     }
 
-    /// Columns and rows.
+    /// Returns columns and rows.
     #[must_use]
     pub fn size_px(&self) -> [usize; 2] {
         self.size_px
     }
 
-    /// Whether all stages run in one pass: no neighbour stage is on, and pixels that are not read out need no light.
+    /// Returns whether all stages run in one pass: no neighbour stage is on, and pixels that are not read out need no
+    /// light.
     #[must_use]
     pub fn is_one_pass(&self) -> bool {
         self.neighbours.is_empty()
     }
 
-    /// The neighbour stages that are on, in order.
+    /// Returns the neighbour stages that are on, in order.
     pub fn neighbour_effects(&self) -> impl Iterator<Item = Effect> + '_ {
         self.neighbours.iter().map(|stage| stage.effect())
     }
 
-    /// Charge of the latest frame in the pixels, e-, where two passes are run; after the neighbour stages that keep the
-    /// image's size.
+    /// Returns the charge of the latest frame in the pixels, e-, where two passes are run; after the neighbour stages
+    /// that keep the image's size.
     #[must_use]
     pub fn charge(&self) -> Option<&Image<f32>> {
         (!self.neighbours.is_empty()).then_some(&self.charge)
@@ -284,7 +285,7 @@ mod tests {
         }
     }
 
-    /// Dark and bright pixels, below zero and above the full well.
+    /// Returns the dark and bright pixels, below zero and above the full well.
     fn mean() -> Image<f32> {
         let mut mean = Image::new(SIZE[0], SIZE[1]);
         for (i, e) in mean.pixels_mut().iter_mut().enumerate() {

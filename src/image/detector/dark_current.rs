@@ -33,19 +33,19 @@ impl DarkLaw {
     /// The detector is as warm as when the rate was measured.
     pub const AT_REFERENCE: Self = Self { reference_c: 20.0, operating_c: 20.0, doubling_k: DOUBLING_K };
 
-    /// The law of a detector that is warmer than this one.
+    /// Returns the law of a detector that is warmer than this one.
     #[must_use]
     pub fn warmer_by(self, warmer_k: f64) -> Self {
         Self { operating_c: self.operating_c + warmer_k, ..self }
     }
 
-    /// Rate over the rate at the reference; exactly 1 there.
+    /// Returns the rate over the rate at the reference; exactly 1 there.
     #[must_use]
     pub fn factor(&self) -> f64 {
         ((self.operating_c - self.reference_c) / self.doubling_k).exp2()
     }
 
-    /// Electrons per second of one square pixel from a current density.
+    /// Returns electrons per second of one square pixel from a current density.
     #[must_use]
     pub fn e_per_s_of_density(na_per_cm2: f64, pixel_pitch_um: f64) -> f64 {
         let area_cm2 = (pixel_pitch_um * 1e-4).powi(2);

@@ -63,7 +63,7 @@ impl Disturbances {
         &mut self.defects
     }
 
-    /// Proton tracks of the latest frame, in sensor pixels.
+    /// Returns the proton tracks of the latest frame, in sensor pixels.
     #[must_use]
     pub fn proton_tracks(&self) -> &[ProtonTrack] {
         self.protons.tracks()
@@ -85,7 +85,7 @@ impl Disturbances {
         self.outliers.merge(defects, tracks);
     }
 
-    /// The outliers of the latest frame.
+    /// Returns the outliers of the latest frame.
     #[must_use]
     pub fn outliers(&self) -> &Outliers {
         &self.outliers

@@ -79,7 +79,7 @@ pub enum Part {
 }
 
 impl Effect {
-    /// The part of the chain that it belongs to.
+    /// Returns the part of the chain that it belongs to.
     #[must_use]
     pub const fn part(self) -> Part {
         match self {
@@ -99,7 +99,7 @@ impl Effect {
     }
 }
 
-/// The effects of one part, in order.
+/// Returns the effects of one part, in order.
 #[must_use]
 pub fn effects_of(part: Part) -> &'static [Effect] {
     let start = ORDER.iter().position(|effect| effect.part() == part).unwrap_or(ORDER.len());

@@ -5,7 +5,8 @@
 
 use base::fused::{mul_add, whole_bits};
 
-/// Natural logarithm of a positive normal number: exponent, then the series of `2 atanh((m - 1) / (m + 1))`.
+/// Returns the natural logarithm of a positive normal number: exponent, then the series of `2 atanh((m - 1) / (m +
+/// 1))`.
 #[inline(always)]
 #[must_use]
 pub fn ln<const FUSED: bool>(x: f32) -> f32 {
@@ -40,7 +41,7 @@ pub fn exp_negative<const FUSED: bool>(x: f32) -> f32 {
     p * f32::from_bits(whole_bits(k + 127.0) << 23)
 }
 
-/// Sine and cosine of `u` turns, `0 <= u < 1`.
+/// Returns the sine and cosine of `u` turns, `0 <= u < 1`.
 #[inline(always)]
 #[must_use]
 pub fn sin_cos_turns<const FUSED: bool>(u: f32) -> (f32, f32) {
@@ -64,7 +65,7 @@ pub fn sin_cos_turns<const FUSED: bool>(u: f32) -> (f32, f32) {
     (sin, cos)
 }
 
-/// A uniform in (0, 1) from the high 24 bits of a word, never 0 or 1.
+/// Returns a uniform in (0, 1) from the high 24 bits of a word, never 0 or 1.
 #[inline(always)]
 #[must_use]
 pub fn open_unit(word: u32) -> f32 {
@@ -72,15 +73,15 @@ pub fn open_unit(word: u32) -> f32 {
     ((word >> 9).cast_signed() as f32 + 0.5) * (1.0 / 8_388_608.0)
 }
 
-/// A uniform in [0, 1) from the high 24 bits of a word.
+/// Returns a uniform in [0, 1) from the high 24 bits of a word.
 #[inline(always)]
 #[must_use]
 pub fn unit(word: u32) -> f32 {
     (word >> 8).cast_signed() as f32 * (1.0 / 16_777_216.0)
 }
 
-/// Standard normal quantile of `u` in (0, 1). Source: M. Giles, "Approximating the erfinv function", GPU Computing
-/// Gems Jade Edition (2010), single-precision form; error 2e-6 sigma up to |z| = 5.2.
+/// Returns the standard normal quantile of `u` in (0, 1). Source: M. Giles, "Approximating the erfinv function", GPU
+/// Computing Gems Jade Edition (2010), single-precision form; error 2e-6 sigma up to |z| = 5.2.
 #[inline(always)]
 #[must_use]
 pub fn normal_quantile<const FUSED: bool>(u: f32) -> f32 {

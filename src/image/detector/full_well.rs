@@ -2,7 +2,7 @@
 
 use crate::detector::DetectorParams;
 
-/// Saturation capacity as the inner loops want it, e-.
+/// Returns the saturation capacity as the inner loops want it, e-.
 #[must_use]
 #[allow(clippy::cast_possible_truncation, reason = "the inner loops work in single precision")]
 pub fn limit_e(params: &DetectorParams) -> f32 {

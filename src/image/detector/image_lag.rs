@@ -29,7 +29,7 @@ pub struct Memory {
 }
 
 impl Memory {
-    /// Share of the rest that comes with frame `frame`, which is then the latest.
+    /// Returns the share of the rest that comes with frame `frame`, which is then the latest.
     #[allow(clippy::cast_possible_truncation, reason = "the inner loops work in single precision")]
     pub fn advance(&mut self, frame: u32, share: f64) -> f32 {
         let missed = self.latest.and_then(|latest| frame.checked_sub(latest)).and_then(|step| step.checked_sub(1));
@@ -88,7 +88,7 @@ impl NeighbourStage for ImageLagStage {
 mod tests {
     use super::*;
 
-    /// Charge of frames `numbers`, one pixel each, out of what comes in.
+    /// Returns the charge of frames `numbers`, one pixel each, out of what comes in.
     fn frames(stage: &mut ImageLagStage, frames: &[(u32, f32)]) -> Vec<f32> {
         frames
             .iter()

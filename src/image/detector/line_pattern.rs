@@ -27,7 +27,7 @@ impl LinePattern {
     /// All columns and rows alike.
     pub const OFF: Self = Self { column_e_rms: 0.0, column_gain_rms: 0.0, row_e_rms: 0.0 };
 
-    /// Whether columns differ.
+    /// Returns whether columns differ.
     #[must_use]
     pub fn has_columns(&self) -> bool {
         self.column_e_rms > 0.0 || self.column_gain_rms > 0.0

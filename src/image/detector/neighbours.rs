@@ -25,7 +25,7 @@ pub struct FrameAt {
 
 /// One stage.
 pub trait NeighbourStage: Debug + Send + Sync {
-    /// Which effect it is: stages run in the order of [`crate::detector::ORDER`].
+    /// Returns the which effect it is: stages run in the order of [`crate::detector::ORDER`].
     fn effect(&self) -> Effect;
 
     /// Changes the charge, e- per pixel, and returns the image that the next stage goes on with: the same one, or one

@@ -61,13 +61,13 @@ impl Nonlinearity {
         Ok(made)
     }
 
-    /// Whether the response differs from none.
+    /// Returns whether the response differs from none.
     #[must_use]
     pub fn is_on(&self) -> bool {
         self.count > 0
     }
 
-    /// The knots.
+    /// Returns the knots.
     #[must_use]
     pub fn knots_e(&self) -> &[[f64; 2]] {
         self.knots_e.get(..self.count).unwrap_or_default()

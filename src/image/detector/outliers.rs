@@ -23,13 +23,13 @@ pub struct Outlier {
 }
 
 impl Outlier {
-    /// A pixel in which nothing is different.
+    /// Returns a pixel in which nothing is different.
     #[must_use]
     pub fn none(pixel: u32) -> Self {
         Self { pixel, response: 1.0, dark_e: 0.0, charge_e: 0.0 }
     }
 
-    /// Both in one: responses multiply, electrons add.
+    /// Returns both in one: responses multiply, electrons add.
     #[must_use]
     pub fn with(self, other: Self) -> Self {
         Self {
@@ -54,25 +54,25 @@ impl Clone for Outliers {
 }
 
 impl Outliers {
-    /// Room for so many pixels; there is never more.
+    /// Returns the room for so many pixels; there is never more.
     #[must_use]
     pub fn with_capacity(pixels: usize) -> Self {
         Self { list: Vec::with_capacity(pixels) }
     }
 
-    /// Pixels there is room for.
+    /// Returns pixels there is room for.
     #[must_use]
     pub fn capacity(&self) -> usize {
         self.list.capacity()
     }
 
-    /// All of them.
+    /// Returns all of them.
     #[must_use]
     pub fn list(&self) -> &[Outlier] {
         &self.list
     }
 
-    /// True when every pixel is as its neighbours.
+    /// Returns whether every pixel is as its neighbours.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.list.is_empty()
@@ -122,7 +122,7 @@ impl Outliers {
     }
 }
 
-/// A copy that has as much room: a plain clone has none to spare.
+/// Returns a copy that has as much room: a plain clone has none to spare.
 #[must_use]
 pub fn with_space<T: Clone>(list: &Vec<T>) -> Vec<T> {
     let mut copy = Vec::with_capacity(list.capacity());

@@ -34,13 +34,13 @@ impl Output {
         Self { geometry, adc_px, first_px, digital, adc }
     }
 
-    /// Where the output's pixels are on the sensor.
+    /// Returns where the output's pixels are on the sensor.
     #[must_use]
     pub fn geometry(&self) -> OutputGeometry {
         self.geometry
     }
 
-    /// Columns and rows of the ADC's image.
+    /// Returns columns and rows of the ADC's image.
     #[must_use]
     pub fn adc_px(&self) -> [usize; 2] {
         self.adc_px
@@ -53,7 +53,7 @@ impl Output {
         regions.enlarged(self.digital.map_or(1, |binning| binning.factor), self.first_px.map(|first| first as u32))
     }
 
-    /// The image that the ADC's numbers go to.
+    /// Returns the image that the ADC's numbers go to.
     pub fn adc_image<'a>(&'a mut self, out: &'a mut DnImage) -> &'a mut DnImage {
         self.adc.as_mut().unwrap_or(out)
     }

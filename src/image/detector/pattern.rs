@@ -34,7 +34,7 @@ pub struct PatternSizeError {
 }
 
 impl Patterns {
-    /// Drawn from the seed, as the parameters ask.
+    /// Returns the drawn from the seed, as the parameters ask.
     #[must_use]
     pub fn draw(params: &DetectorParams, pixels: usize, seed: u64) -> Self {
         let dark = normal_map(pixels, params.dark_nonuniformity, seed, Stage::DarkCurrent);
@@ -46,7 +46,7 @@ impl Patterns {
         }
     }
 
-    /// Whether all that are given have so many pixels.
+    /// Returns whether all that are given have so many pixels.
     ///
     /// # Errors
     /// With the first that has not.
@@ -78,7 +78,7 @@ impl Patterns {
     }
 }
 
-/// One normal deviate per pixel times `rms`, or `None` when the effect is off. The same on every machine.
+/// Returns one normal deviate per pixel times `rms`, or `None` when the effect is off. The same on every machine.
 #[must_use]
 #[allow(clippy::cast_possible_truncation, reason = "images hold fewer than 2^32 pixels; patterns are f32")]
 pub fn normal_map(pixels: usize, rms: f64, seed: u64, stage: Stage) -> Option<Vec<f32>> {

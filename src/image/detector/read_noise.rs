@@ -21,7 +21,7 @@ pub fn add<const FUSED: bool>(electrons: &mut [f32; BLOCK], words: &Words, sigma
     }
 }
 
-/// Two independent standard normal deviates from two words.
+/// Returns two independent standard normal deviates from two words.
 #[inline(always)]
 #[must_use]
 pub fn normal_pair<const FUSED: bool>(a: u32, b: u32) -> (f32, f32) {

@@ -40,7 +40,7 @@ impl RowNoise {
     /// None.
     pub const OFF: Self = Self { e_rms: 0.0, corner_cycles_per_row: 0.0 };
 
-    /// Whether there is any.
+    /// Returns whether there is any.
     #[must_use]
     pub fn is_on(&self) -> bool {
         self.e_rms > 0.0
@@ -57,7 +57,7 @@ impl RowNoise {
         2.0 * self.e_rms.powi(2) + self.poles().map(of_pole).iter().sum::<f64>()
     }
 
-    /// Variance of one row's number over many frames, e-^2.
+    /// Returns the variance of one row's number over many frames, e-^2.
     #[must_use]
     pub fn variance_e2(&self) -> f64 {
         self.e_rms.powi(2) + self.poles().map(|pole| pole.variance_e2).iter().sum::<f64>()

@@ -26,7 +26,7 @@ mod tests {
 
     const SIZE: [usize; 2] = [160, 120];
 
-    /// A flat of 20,000 e- with 1 % PRNU: patterns of 200 e-, noise of 142 e-.
+    /// Returns a flat of 20,000 e- with 1 % PRNU: patterns of 200 e-, noise of 142 e-.
     fn flat(seeds: Seeds, frame: u32) -> DnImage {
         let params = DetectorParams { full_well_e: 1e5, prnu: 0.01, read_noise_e_rms: 10.0, ..DetectorParams::QUIET };
         let mut mean = Image::new(SIZE[0], SIZE[1]);

@@ -14,7 +14,7 @@ pub struct GrowableBuffer {
 }
 
 impl GrowableBuffer {
-    /// A storage buffer of `bytes` zeros.
+    /// Returns a storage buffer of `bytes` zeros.
     ///
     /// # Errors
     /// When the device takes no buffer of this size.
@@ -22,7 +22,7 @@ impl GrowableBuffer {
         Self::new(gpu, what, BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC, bytes)
     }
 
-    /// A uniform buffer of `bytes` zeros.
+    /// Returns a uniform buffer of `bytes` zeros.
     ///
     /// # Errors
     /// When the device takes no buffer of this size.
@@ -35,7 +35,7 @@ impl GrowableBuffer {
         Ok(Self { what, usage, buffer })
     }
 
-    /// The buffer itself.
+    /// Returns the buffer itself.
     #[must_use]
     pub fn buffer(&self) -> &wgpu::Buffer {
         &self.buffer
@@ -69,7 +69,7 @@ impl GrowableBuffer {
     }
 }
 
-/// Largest buffer of a usage, bytes.
+/// Returns the largest buffer of a usage, bytes.
 fn largest(gpu: &GpuDevice, usage: BufferUsages) -> u64 {
     let limits = gpu.device().limits();
     let binding = if usage.contains(BufferUsages::STORAGE) {
@@ -82,7 +82,7 @@ fn largest(gpu: &GpuDevice, usage: BufferUsages) -> u64 {
     binding.min(limits.max_buffer_size)
 }
 
-/// A zeroed buffer; sizes are rounded up to whole `vec4`s.
+/// Returns a zeroed buffer; sizes are rounded up to whole `vec4`s.
 pub(crate) fn create(
     gpu: &GpuDevice,
     what: &'static str,

@@ -77,25 +77,25 @@ impl GpuDevice {
         format!("{}, driver {driver}, {kind}", self.info.name)
     }
 
-    /// True when the "GPU" is this machine's processor.
+    /// Returns whether the "GPU" is this machine's processor.
     #[must_use]
     pub fn is_software(&self) -> bool {
         self.info.device_type == DeviceType::Cpu
     }
 
-    /// The device.
+    /// Returns the device.
     #[must_use]
     pub fn device(&self) -> &wgpu::Device {
         &self.device
     }
 
-    /// The queue.
+    /// Returns the queue.
     #[must_use]
     pub fn queue(&self) -> &wgpu::Queue {
         &self.queue
     }
 
-    /// Whether all went well so far.
+    /// Returns whether all went well so far.
     ///
     /// # Errors
     /// The first failure of this device.
@@ -115,7 +115,7 @@ impl GpuDevice {
         result.map(|_| ()).map_err(|error| GpuError::Failed(error.to_string()))
     }
 
-    /// A new list of commands.
+    /// Returns a new list of commands.
     #[must_use]
     pub fn encoder(&self, label: &'static str) -> wgpu::CommandEncoder {
         self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(label) })
@@ -131,7 +131,7 @@ impl GpuDevice {
     }
 }
 
-/// Index of the adapter to take.
+/// Returns the index of the adapter to take.
 fn choose(infos: &[wgpu::AdapterInfo], choice: &AdapterChoice) -> Option<usize> {
     let fits = |info: &wgpu::AdapterInfo| match choice {
         AdapterChoice::Best => true,

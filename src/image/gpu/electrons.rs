@@ -19,7 +19,7 @@ pub struct DeviceElectrons {
 }
 
 impl DeviceElectrons {
-    /// An image of zeros.
+    /// Returns an image of zeros.
     ///
     /// # Errors
     /// When the device takes no image of this size.

@@ -17,7 +17,7 @@ pub struct ReadbackRing {
 }
 
 impl ReadbackRing {
-    /// A ring of `depth` buffers of `bytes` each.
+    /// Returns a ring of `depth` buffers of `bytes` each.
     ///
     /// # Errors
     /// When the device takes no buffer of this size.

@@ -20,7 +20,7 @@ pub fn switch(name: &str, on: bool) -> String {
     format!("const {name} = {on};\n")
 }
 
-/// One shader of constants and parts: WGSL takes declarations in any order.
+/// Returns one shader of constants and parts: WGSL takes declarations in any order.
 #[must_use]
 pub fn assemble<'a>(constants: &str, parts: impl IntoIterator<Item = &'a str>) -> String {
     parts.into_iter().fold(constants.to_owned(), |text, part| text + "\n" + part)
@@ -36,7 +36,7 @@ pub fn coefficients(name: &str, values: &[f32]) -> String {
     })
 }
 
-/// Shortest decimal that reads back as the same number (nine digits at most), with a WGSL suffix.
+/// Returns the shortest decimal that reads back as the same number (nine digits at most), with a WGSL suffix.
 fn literal(value: f32) -> String {
     format!("{value:e}f")
 }

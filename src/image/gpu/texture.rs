@@ -16,7 +16,7 @@ pub struct TableTexture {
 }
 
 impl TableTexture {
-    /// One empty layer.
+    /// Returns one empty layer.
     ///
     /// # Errors
     /// When the device failed.

@@ -147,7 +147,7 @@ impl NodeColumns {
         }
     }
 
-    /// Number `k` (0: weight) of the nodes from `first`.
+    /// Returns the number `k` (0: weight) of the nodes from `first`.
     #[inline(always)]
     pub(super) fn lanes(&self, k: usize, first: usize) -> &[f32; BLOCK] {
         const NONE: [f32; BLOCK] = [0.0; BLOCK];
@@ -156,7 +156,7 @@ impl NodeColumns {
     }
 }
 
-/// Empty bands of one chunk; memory that is never written is never taken.
+/// Returns the empty bands of one chunk; memory that is never written is never taken.
 fn chunk(bands: usize) -> Vec<Members> {
     let space = (SPACE * CHUNK).div_ceil(bands.max(1)).min(CHUNK);
     let members = |_| Members { spots: Vec::with_capacity(space), trails: Vec::with_capacity(space) };

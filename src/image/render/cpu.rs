@@ -109,7 +109,7 @@ pub(super) struct Band<'a> {
 }
 
 impl Band<'_> {
-    /// Rows in the band.
+    /// Returns rows in the band.
     #[inline(always)]
     pub(super) fn rows(&self) -> i32 {
         (self.pixels.len() / self.width) as i32
@@ -212,7 +212,7 @@ impl Splats {
 }
 
 impl Draw<'_> {
-    /// The kernel or the PSF that a star is drawn from (see [`Spot::kernel`](crate::render::bands::Spot)).
+    /// Returns the kernel or the PSF that a star is drawn from (see [`Spot::kernel`](crate::render::bands::Spot)).
     #[inline(always)]
     fn table(&self, number: u32) -> Option<&PsfTable> {
         self.kernels.get(number as usize).or_else(|| self.bases.get((NO_KERNEL - number) as usize))
@@ -398,8 +398,8 @@ fn steps<const FUSED: bool>(nodes: &NodeColumns, first: usize, trail: &Trail, sp
     }
 }
 
-/// A whole number within 2^22 as an integer; beyond, any number far off the detector. An `as` cast saturates, and so
-/// does not vectorise.
+/// Returns a whole number within 2^22 as an integer; beyond, any number far off the detector. An `as` cast saturates,
+/// and so does not vectorise.
 #[inline(always)]
 fn whole_i32(whole: f32) -> i32 {
     const FAR: f32 = 2_097_152.0;

@@ -14,7 +14,7 @@ pub const ERF_Q: [f32; 6] = [1.0, 0.503_436_454, 0.114_758_817, 0.015_109_322_1,
 /// Where the argument is clamped.
 pub const ERF_CLAMP: f32 = 3.9;
 
-/// Error function; see the module for its error.
+/// Returns the error function; see the module for its error.
 #[inline(always)]
 #[must_use]
 pub fn erf<const FUSED: bool>(x: f32) -> f32 {

@@ -28,10 +28,10 @@ use plan::exposure::{ExposurePlan, Method, PsfSampling};
 
 /// Draws plans.
 pub trait Backend: Send {
-    /// The name people type: `cpu`, `gpu` or `reference`.
+    /// Returns the name people type: `cpu`, `gpu` or `reference`.
     fn name(&self) -> &'static str;
 
-    /// The device behind it, for reports.
+    /// Returns the device behind it, for reports.
     fn description(&self) -> String;
 
     /// Draws `plan`; the image stays with the backend until the next call.
@@ -44,7 +44,7 @@ pub trait Backend: Send {
     /// the other pixels whatever was there.
     fn set_regions(&mut self, _regions: &Regions) {}
 
-    /// The latest image.
+    /// Returns the latest image.
     fn electrons(&self) -> Electrons<'_>;
 }
 

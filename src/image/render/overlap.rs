@@ -27,20 +27,20 @@ impl Apart {
         Self { half: None, single, precise, is_precise: false, lost_e: 0.0 }
     }
 
-    /// Electrons that the latest image lacks: the light of the fainter in every pixel.
+    /// Returns electrons that the latest image lacks: the light of the fainter in every pixel.
     #[must_use]
     pub fn lost_e(&self) -> f64 {
         self.lost_e
     }
 
-    /// The plan without its targets.
+    /// Returns the plan without its targets.
     pub fn stars_of(&mut self, plan: &ExposurePlan) -> &ExposurePlan {
         let half = self.copy_of(plan);
         half.stars.extend_from_slice(plan.sky_stars());
         half
     }
 
-    /// The plan's targets alone.
+    /// Returns the plan's targets alone.
     pub fn targets_of(&mut self, plan: &ExposurePlan) -> &ExposurePlan {
         let first = plan.sky_stars().len();
         let half = self.copy_of(plan);
@@ -52,7 +52,7 @@ impl Apart {
         half
     }
 
-    /// A copy without sources, in buffers that are kept.
+    /// Returns a copy without sources, in buffers that are kept.
     fn copy_of(&mut self, plan: &ExposurePlan) -> &mut ExposurePlan {
         let half = self.half.get_or_insert_with(|| Box::new(plan.clone()));
         half.camera = plan.camera;
@@ -128,7 +128,7 @@ fn copy<T: Copy + Default>(from: &Image<T>, to: &mut Image<T>) {
     to.pixels_mut().copy_from_slice(from.pixels());
 }
 
-/// The larger of two numbers in every pixel; the sum of the smaller ones.
+/// Returns the larger of two numbers in every pixel; the sum of the smaller ones.
 fn keep_brighter<T: Copy + PartialOrd + Into<f64>>(kept: &mut [T], other: &[T]) -> f64 {
     let mut lost_e = 0.0;
     for (kept, other) in kept.iter_mut().zip(other) {

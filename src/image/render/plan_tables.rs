@@ -116,7 +116,7 @@ impl PlanTables {
         if self.is_analytic(plan) { &[] } else { &self.bases }
     }
 
-    /// Index of the table of the PSF that a list is drawn with.
+    /// Returns the index of the table of the PSF that a list is drawn with.
     #[must_use]
     pub fn psf_of(&self, plan: &ExposurePlan, list: usize) -> usize {
         let psfs = plan.lists.get(list).map(|list| plan.psf.around(list.psf_px));
@@ -129,13 +129,13 @@ impl PlanTables {
         &self.kernels[..self.list_of_kernel.len()]
     }
 
-    /// Index of a list's kernel.
+    /// Returns the index of a list's kernel.
     #[must_use]
     pub fn kernel_of(&self, list: usize) -> Option<usize> {
         self.kernel_of_list.get(list).copied().flatten()
     }
 
-    /// True when stars without a kernel are drawn analytically.
+    /// Returns whether stars without a kernel are drawn analytically.
     #[must_use]
     pub fn is_analytic(&self, plan: &ExposurePlan) -> bool {
         let tabled = matches!(plan.sampling, PsfSampling::Table { .. });
@@ -143,7 +143,7 @@ impl PlanTables {
     }
 }
 
-/// Furthest any kernel's path leads from its mean along x and y, px.
+/// Returns the furthest any kernel's path leads from its mean along x and y, px.
 fn kernel_reach(plan: &ExposurePlan) -> [f64; 2] {
     let mut reach = [0.0_f64; 2];
     for list in &plan.lists {
@@ -156,7 +156,7 @@ fn kernel_reach(plan: &ExposurePlan) -> [f64; 2] {
     reach
 }
 
-/// Grid points per pixel of the plan's tables.
+/// Returns the grid points per pixel of the plan's tables.
 fn grid_points(plan: &ExposurePlan) -> usize {
     match plan.sampling {
         PsfSampling::Table { oversampling } => oversampling,

@@ -177,7 +177,7 @@ fn add<const FUSED: bool>(sum: &mut [f32; LANES], values: &[f32; LANES], weight:
     }
 }
 
-/// Numbers of terms for which there is a loop.
+/// Returns numbers of terms for which there is a loop.
 fn drawn_terms(terms: usize) -> usize {
     [1, 2, 3, 4, 5, 6, 8, 12].into_iter().find(|drawn| *drawn >= terms).unwrap_or(MOST_TERMS)
 }
@@ -212,7 +212,7 @@ impl NullaryFnOnce for Eliminate<'_> {
 }
 
 impl Eliminate<'_> {
-    /// How many terms there are; `None`: more than the most.
+    /// Returns how many terms there are; `None`: more than the most.
     #[inline(always)]
     fn terms<const FUSED: bool>(self) -> Option<usize> {
         let Self { products: Products { rest, rows, columns, .. }, grid, most, .. } = self;

@@ -51,12 +51,12 @@ impl Profile {
         }
     }
 
-    /// Sum of the values of the pixels that end at or before this edge.
+    /// Returns the sum of the values of the pixels that end at or before this edge.
     fn running_sum(&self, edge: f32) -> f32 {
         (1..=2 * REACH).map(|i| self.value(f64::from(edge) + 0.5 - f64::from(i))).sum::<f64>() as f32
     }
 
-    /// Value of the pixel whose centre lies `x` px from the star.
+    /// Returns the value of the pixel whose centre lies `x` px from the star.
     fn value(&self, x: f64) -> f64 {
         match self.kind {
             Kind::Exact => 0.0,

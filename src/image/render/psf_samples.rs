@@ -83,7 +83,7 @@ pub(super) fn of_grid(psf: &PsfGrid, oversampling: usize, grid: &mut Grid) {
     }
 }
 
-/// Coefficients of a PSF's own spline on the finer `grid`; false when its knots are not among the grid's.
+/// Returns coefficients of a PSF's own spline on the finer `grid`; false when its knots are not among the grid's.
 pub(super) fn refine(psf: &PsfGrid, oversampling: usize, grid: &mut Grid) -> bool {
     let ratio = oversampling / psf.oversampling();
     if !oversampling.is_multiple_of(psf.oversampling()) || !ratio.is_power_of_two() {
@@ -111,7 +111,7 @@ pub(super) fn refine(psf: &PsfGrid, oversampling: usize, grid: &mut Grid) -> boo
     true
 }
 
-/// The same spline on knots half as far apart: `side` coefficients along each side become `2 side - 3`.
+/// Returns the same spline on knots half as far apart: `side` coefficients along each side become `2 side - 3`.
 fn halved(coarse: &[f64], side: usize) -> Vec<f64> {
     let finer = 2 * side - 3;
     // Fine knot k stands at coarse (k + 1) / 2.

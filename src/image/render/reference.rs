@@ -160,7 +160,8 @@ fn add_row(psf: &PsfModel, half: usize, row: &mut [f64], y: usize, px: [f64; 2],
 /// Light at a place: px, e-.
 type Lit = ([f64; 2], f64);
 
-/// A target's light along its way while rows that are `delay_s` late see it: its own way and the camera's exact motion.
+/// Returns a target's light along its way while rows that are `delay_s` late see it: its own way and the camera's exact
+/// motion.
 fn target_way(plan: &ExposurePlan, planned: &PlannedTarget, delay_s: f64) -> Vec<Lit> {
     let (target, motion) = (&planned.target, &plan.motion);
     let Some([from_s, to_s]) = seen_after_mid_s(target, motion, delay_s) else { return Vec::new() };
@@ -178,7 +179,7 @@ fn target_way(plan: &ExposurePlan, planned: &PlannedTarget, delay_s: f64) -> Vec
     instants.iter().filter(|at| (from_s..=to_s).contains(&at.t_s)).filter_map(lit).collect()
 }
 
-/// Exact place of a star at one instant, px (NaN when it has left the camera's domain).
+/// Returns the exact place of a star at one instant, px (NaN when it has left the camera's domain).
 fn place(plan: &ExposurePlan, star: &StarPlace, at: &Instant) -> [f64; 2] {
     let motion = &plan.motion;
     let smooth = motion.smooth_rotation_rad(at.t_s);
@@ -199,7 +200,7 @@ fn place(plan: &ExposurePlan, star: &StarPlace, at: &Instant) -> [f64; 2] {
     [cx + cos * rx - sin * ry + path.dx_px, cy + sin * rx + cos * ry + path.dy_px]
 }
 
-/// The instants of an exposure that is `delay_s` late, with weights that sum to 1.
+/// Returns the instants of an exposure that is `delay_s` late, with weights that sum to 1.
 fn instants(motion: &Motion, plan: &ExposurePlan, delay_s: f64) -> Vec<Instant> {
     instants_along(motion, plan, delay_s, 0.0, [f64::NEG_INFINITY, f64::INFINITY])
 }
@@ -257,7 +258,8 @@ fn instants_along(motion: &Motion, plan: &ExposurePlan, delay_s: f64, own_px: f6
     out
 }
 
-/// Length of the smooth part of the longest path, px: chords from the middle to both ends, and a little for the arc.
+/// Returns the length of the smooth part of the longest path, px: chords from the middle to both ends, and a little for
+/// the arc.
 fn smooth_length_px(plan: &ExposurePlan) -> f64 {
     let half_s = 0.5 * plan.motion.los.exposure_s;
     let chord = |star: &PlannedStar, t_s: f64| {

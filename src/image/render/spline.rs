@@ -24,7 +24,7 @@ pub fn prefilter(samples: &mut [f32]) {
     }
 }
 
-/// Weights of the coefficients at offsets -1, 0, 1, 2 for a point a share `t` in [0, 1) past offset 0.
+/// Returns weights of the coefficients at offsets -1, 0, 1, 2 for a point a share `t` in [0, 1) past offset 0.
 #[inline(always)]
 #[must_use]
 pub fn weights(t: f32) -> [f32; 4] {

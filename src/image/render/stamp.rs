@@ -20,7 +20,7 @@ pub(super) struct Stamped {
 }
 
 impl Stamped {
-    /// First column and row, in the band, and the rows of the footprint that lie in it.
+    /// Returns the first column and row, in the band, and the rows of the footprint that lie in it.
     #[inline(always)]
     fn place(&self, band: &Band<'_>, table: &PsfTable) -> ([i32; 2], core::ops::Range<usize>) {
         let left = self.origin[0] - table.half_px[0].cast_signed() as i32;
@@ -138,7 +138,7 @@ mod tests {
     use plan::exposure::sampling::PRODUCTS_ERROR;
     use plan::optics::PsfModel;
 
-    /// Stars all over a small image and over its edges.
+    /// Returns stars all over a small image and over its edges.
     fn drawn(table: &PsfTable) -> Vec<f32> {
         let (width, height) = (50, 40);
         let mut pixels = vec![0.0; width * height];

@@ -78,13 +78,13 @@ impl PsfTable {
         self.oversampling + 4
     }
 
-    /// Columns and rows of one image.
+    /// Returns columns and rows of one image.
     #[must_use]
     pub fn size_px(&self) -> [usize; 2] {
         self.half_px.map(|half| 2 * half + 1)
     }
 
-    /// First tap and the four weights for a star fraction in [-1/2, 1/2]: `(first phase, weights)`.
+    /// Returns the first tap and the four weights for a star fraction in [-1/2, 1/2]: `(first phase, weights)`.
     #[inline(always)]
     #[must_use]
     pub fn taps(&self, fraction: f32) -> (usize, [f32; 4]) {
@@ -95,7 +95,7 @@ impl PsfTable {
         (j as usize, spline::weights(s - j))
     }
 
-    /// Sixteen columns (the `c`-th) of a row at four phases along x, from `px` on.
+    /// Returns the sixteen columns (the `c`-th) of a row at four phases along x, from `px` on.
     #[inline(always)]
     pub(super) fn four(&self, py: usize, row: usize, c: usize, px: usize) -> Option<&[[f32; LANES]; 4]> {
         let (vectors, _) = self.data.as_chunks::<LANES>();
@@ -103,7 +103,7 @@ impl PsfTable {
         vectors.get(at..)?.first_chunk::<4>()
     }
 
-    /// One coefficient.
+    /// Returns one coefficient.
     #[must_use]
     pub fn value(&self, py: usize, px: usize, row: usize, column: usize) -> f32 {
         let (c, lane) = (column / LANES, column % LANES);
@@ -111,13 +111,13 @@ impl PsfTable {
         self.data.get(at * LANES + lane).copied().unwrap_or(0.0)
     }
 
-    /// A table to be filled.
+    /// Returns a table to be filled.
     #[must_use]
     pub fn empty(form: Form) -> Self {
         Self { form, ..Self::default() }
     }
 
-    /// The PSF itself, `s` grid points per pixel.
+    /// Returns the PSF itself, `s` grid points per pixel.
     #[must_use]
     pub fn of_psf(psf: &PsfModel, half_px: usize, s: usize, form: Form) -> Self {
         let mut table = Self::empty(form);
@@ -288,7 +288,7 @@ mod tests {
     use super::*;
     use plan::exposure::sampling::{MOST_OVERSAMPLING, TABLE_ERROR, oversampling};
 
-    /// Largest error over pixels and fractions, relative to the peak.
+    /// Returns the largest error over pixels and fractions, relative to the peak.
     fn worst(psf: &PsfModel, half_px: usize) -> f64 {
         let table = PsfTable::of_psf(psf, half_px, oversampling(psf), Form::Images);
         let mut worst = 0.0_f64;

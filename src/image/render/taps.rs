@@ -34,7 +34,7 @@ impl Taps {
         taps
     }
 
-    /// First phase and weights of the `k`-th star.
+    /// Returns the first phase and weights of the `k`-th star.
     #[inline(always)]
     pub(super) fn of_star(&self, k: usize) -> (usize, [f32; 4]) {
         (self.first[k] as usize, self.weights.map(|weights| weights[k]))

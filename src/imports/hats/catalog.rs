@@ -76,7 +76,7 @@ impl HatsCatalog {
         Ok(catalog)
     }
 
-    /// Its files, in the order of the list.
+    /// Returns its files, in the order of the list.
     #[must_use]
     pub fn partitions(&self) -> &[Partition] {
         &self.partitions
@@ -94,7 +94,7 @@ impl HatsCatalog {
         Ok(())
     }
 
-    /// Epoch of the positions, Julian year, where the catalog says it.
+    /// Returns the epoch of the positions, Julian year, where the catalog says it.
     ///
     /// # Errors
     /// When it is no number.
@@ -109,7 +109,7 @@ impl HatsCatalog {
         self.properties.get(ACKNOWLEDGEMENT)
     }
 
-    /// Rows by the footers of all files against what the catalog says.
+    /// Returns rows by the footers of all files against what the catalog says.
     fn check_rows(&self) -> Result<(), HatsError> {
         let rows = self.partitions.iter().map(|partition| ParquetFile::open(&partition.path)?.rows());
         let got = rows.sum::<Result<u64, HatsError>>()?;
@@ -123,7 +123,7 @@ impl HatsCatalog {
     }
 }
 
-/// The pixels of `partition_info.csv`, none within another.
+/// Returns the pixels of `partition_info.csv`, none within another.
 fn listed(path: &Path) -> Result<Vec<Pixel>, HatsError> {
     let text = std::fs::read_to_string(path).map_err(HatsError::file("cannot read", path))?;
     let mut lines = text.lines().enumerate();
@@ -149,7 +149,7 @@ fn listed(path: &Path) -> Result<Vec<Pixel>, HatsError> {
     }
 }
 
-/// The files of each pixel that are on disk.
+/// Returns the files of each pixel that are on disk.
 fn there(folder: &Path, suffix: &str) -> Result<BTreeMap<Pixel, Vec<PathBuf>>, HatsError> {
     let mut there = BTreeMap::new();
     let mut orders = visible(&folder.join("dataset"))?;

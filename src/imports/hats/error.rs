@@ -180,7 +180,7 @@ pub enum HatsError {
 }
 
 impl HatsError {
-    /// A failure of the system with `path`.
+    /// Returns a failure of the system with `path`.
     pub(super) fn file(what: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.to_path_buf();
         move |source| Self::File { what, path, source }

@@ -172,7 +172,7 @@ impl<'a> Export<'a> {
         Ok(())
     }
 
-    /// The stars of a pixel, sorted as a catalog has them.
+    /// Returns the stars of a pixel, sorted as a catalog has them.
     fn read(&self, pixel: Pixel) -> Result<Vec<CatalogRow>, HatsError> {
         let (mut rows, mut stars, mut bytes) = (Vec::new(), Vec::new(), Vec::new());
         let mut first = 0;

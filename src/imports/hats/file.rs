@@ -71,7 +71,7 @@ impl ParquetFile {
         Ok(file)
     }
 
-    /// Rows of the file.
+    /// Returns rows of the file.
     pub(super) fn rows(&self) -> Result<u64, HatsError> {
         let mut groups = self.metadata.row_groups().iter().map(|group| u64::try_from(group.num_rows()).ok());
         let sum = groups.try_fold(0_u64, |sum, rows| sum.checked_add(rows?));
@@ -109,7 +109,7 @@ impl ParquetFile {
     }
 }
 
-/// Whether every column that has columns within it has as many as there are, and they are not endlessly deep.
+/// Returns whether every column that has columns within it has as many as there are, and they are not endlessly deep.
 fn has_sound_columns(footer: &[u8]) -> Option<bool> {
     let mut compact = Compact { bytes: footer };
     let mut last = 0;
@@ -193,7 +193,7 @@ impl PageHead {
         Some(())
     }
 
-    /// The rows it holds, when it fits into the bytes that are left.
+    /// Returns the rows it holds, when it fits into the bytes that are left.
     fn check(&self, left_bytes: u64, value_bytes: u64) -> Result<u64, String> {
         let Self { kind, unpacked_bytes, packed_bytes, values, encoding } = self;
         if *packed_bytes > left_bytes || (*packed_bytes).max(*unpacked_bytes) > MOST_BYTES {

@@ -23,42 +23,42 @@ pub struct Pixel {
 }
 
 impl Pixel {
-    /// A pixel that there is.
+    /// Returns a pixel that there is.
     #[must_use]
     pub fn new(order: u64, number: u64) -> Option<Self> {
         let order = u8::try_from(order).ok().filter(|order| *order <= MOST_ORDER)?;
         (number < 12 << (2 * order)).then_some(Self { order, number })
     }
 
-    /// The pixel of a place; `None` when it is no place on the sphere.
+    /// Returns the pixel of a place; `None` when it is no place on the sphere.
     pub(super) fn of(order: u8, ra_rad: f64, dec_rad: f64) -> Option<Self> {
         let is_place = (0.0..=TAU).contains(&ra_rad) && (-FRAC_PI_2..=FRAC_PI_2).contains(&dec_rad);
         is_place.then(|| Self { order, number: cdshealpix::nested::hash(order, ra_rad, dec_rad) })
     }
 
-    /// Its first number at the finest order, and the first beyond.
+    /// Returns its first number at the finest order, and the first beyond.
     pub(super) fn finest(self) -> Range<u64> {
         let within = 2 * (MOST_ORDER - self.order);
         self.number << within..(self.number + 1) << within
     }
 
-    /// Its numbers at a finer order.
+    /// Returns its numbers at a finer order.
     pub(super) fn at(self, order: u8) -> Range<u64> {
         let within = 2 * (order - self.order);
         self.number << within..(self.number + 1) << within
     }
 
-    /// Its four parts.
+    /// Returns its four parts.
     pub(super) fn parts(self) -> [Self; 4] {
         core::array::from_fn(|part| Self { order: self.order + 1, number: 4 * self.number + part as u64 })
     }
 
-    /// The folders of its partition within `dataset`.
+    /// Returns the folders of its partition within `dataset`.
     pub(super) fn folder(self) -> String {
         format!("Norder={}/Dir={}", self.order, self.number / DIR_PIXELS * DIR_PIXELS)
     }
 
-    /// Whether a place lies in it, or so little beyond its edge that another program may have rounded it there.
+    /// Returns whether a place lies in it, or so little beyond its edge that another program may have rounded it there.
     pub(super) fn has(self, ra_rad: f64, dec_rad: f64, is_coarse: bool) -> bool {
         let edge_rad = if is_coarse { COARSE_EDGE_RAD } else { EDGE_RAD };
         if Self::of(self.order, ra_rad, dec_rad) == Some(self) {

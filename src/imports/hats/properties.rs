@@ -31,7 +31,7 @@ impl Properties {
         Ok(Self { values: parse(&text), path })
     }
 
-    /// The folder of the catalog.
+    /// Returns the folder of the catalog.
     pub(super) fn folder(&self) -> &Path {
         self.path.parent().unwrap_or(Path::new("."))
     }
@@ -40,12 +40,12 @@ impl Properties {
         self.values.get(key).map(String::as_str).filter(|value| !value.is_empty())
     }
 
-    /// A property that must be there.
+    /// Returns a property that must be there.
     pub(super) fn wanted(&self, key: &'static str, wanted: &str) -> Result<&str, HatsError> {
         self.get(key).ok_or_else(|| self.refuse(key, wanted, "nothing"))
     }
 
-    /// A whole number, where there is one.
+    /// Returns a whole number, where there is one.
     pub(super) fn number(&self, key: &'static str) -> Result<Option<u64>, HatsError> {
         let number = |text: &str| text.parse().map_err(|_| self.refuse(key, "a whole number", text));
         self.get(key).map(number).transpose()
@@ -61,7 +61,7 @@ fn file_of(folder: &Path) -> PathBuf {
     there.unwrap_or_else(|| folder.join(FILES[0]))
 }
 
-/// Keys and values; of a key that comes twice the last.
+/// Returns keys and values; of a key that comes twice the last.
 fn parse(text: &str) -> BTreeMap<String, String> {
     let mut values = BTreeMap::new();
     let mut lines = text.lines();
@@ -87,7 +87,7 @@ fn parse(text: &str) -> BTreeMap<String, String> {
     values
 }
 
-/// The text up to the first character that `ends` it and is not escaped, without its escapes; and the rest.
+/// Returns the text up to the first character that `ends` it and is not escaped, without its escapes; and the rest.
 fn part(text: &str, ends: impl Fn(char) -> bool) -> (String, &str) {
     let (mut out, mut letters) = (String::new(), text.char_indices());
     while let Some((at, letter)) = letters.next() {
@@ -111,7 +111,7 @@ fn part(text: &str, ends: impl Fn(char) -> bool) -> (String, &str) {
     (out, "")
 }
 
-/// Keys and values as a file of properties.
+/// Returns keys and values as a file of properties.
 pub(super) fn write(path: &Path, values: &[(&str, String)]) -> Result<(), HatsError> {
     let mut text = String::from("#HATS catalog\n");
     for (key, value) in values.iter().filter(|(_, value)| !value.is_empty()) {

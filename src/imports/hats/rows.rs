@@ -78,7 +78,7 @@ impl Rows {
         Ok(Self { file, names, places, group: 0, left: 0, readers, before: 0, batch })
     }
 
-    /// Whether places are of single precision: good to a tenth of an arcsecond.
+    /// Returns whether places are of single precision: good to a tenth of an arcsecond.
     pub(super) fn has_coarse_places(&self) -> bool {
         let schema = self.file.metadata.file_metadata().schema_descr();
         [RA, DEC]
@@ -133,7 +133,7 @@ impl Rows {
         Ok(())
     }
 
-    /// Row of the file, from 1.
+    /// Returns the row of the file, from 1.
     pub(super) fn number_of(&self, row: usize) -> u64 {
         self.before + row as u64 + 1
     }
@@ -142,7 +142,7 @@ impl Rows {
         self.batch.ids[row].ok_or_else(|| self.refuse(row, SOURCE_ID, "a whole number", "null".into()))
     }
 
-    /// A number, or `None` where the cell is blank or the file has no such column.
+    /// Returns a number, or `None` where the cell is blank or the file has no such column.
     pub(super) fn number(&self, row: usize, column: usize) -> Result<Option<f64>, HatsError> {
         match self.batch.numbers[column].get(row).copied().filter(|number| !number.is_nan()) {
             Some(number) if number.is_infinite() => {
@@ -152,7 +152,7 @@ impl Rows {
         }
     }
 
-    /// True when the rows' numbers are their places in layers, and not those of a source catalog.
+    /// Returns whether the rows' numbers are their places in layers, and not those of a source catalog.
     pub(super) fn has_places_as_ids(&self) -> bool {
         self.names[SOURCE_ID] == STARLOOP_ID
     }
@@ -163,7 +163,7 @@ impl Rows {
     }
 }
 
-/// Whether a column holds what it should: what was wanted, and what it is.
+/// Returns whether a column holds what it should: what was wanted, and what it is.
 fn check_type(column: &ColumnDescriptor, is_whole: bool) -> Result<(), (&'static str, String)> {
     let wanted = if is_whole { WANTED_WHOLE } else { WANTED_NUMBER };
     let kind = column.physical_type();

@@ -20,7 +20,7 @@ mod damage;
 
 const LIMITS: [f32; 3] = [10.0, 14.0, 18.0];
 
-/// Stars all over the sky, a quarter of them within a degree of the north pole, many at the ends of the layers.
+/// Returns stars all over the sky, a quarter of them within a degree of the north pole, many at the ends of the layers.
 fn stars(count: usize, seed: u64) -> Vec<NewStar> {
     let mut rng = StdRng::seed_from_u64(seed);
     let star = |i: usize| {
@@ -54,7 +54,7 @@ fn opened(reports: &[LayerReport]) -> Vec<Layer> {
     reports.iter().map(|report| Layer::open(&report.path).unwrap()).collect()
 }
 
-/// All partitions of a catalog into layers.
+/// Returns all partitions of a catalog into layers.
 fn import_all(catalog: &Path, folder: &Path) -> Result<Vec<LayerReport>, HatsError> {
     let catalog = HatsCatalog::open(catalog)?;
     let mut names = Names::default();
@@ -394,7 +394,7 @@ fn cells_that_are_wrong_are_reported_with_file_row_and_column() {
     );
 }
 
-/// A catalog of two partitions, in pixels 4 and 6 of order 0, about RA 0 and 180 on the equator.
+/// Returns a catalog of two partitions, in pixels 4 and 6 of order 0, about RA 0 and 180 on the equator.
 fn catalog(folder: &Path) -> PathBuf {
     let path = folder.join("catalog");
     for (pixel, ra) in [(4, 1.0), (6, 180.0)] {

@@ -39,13 +39,14 @@ impl Compact<'_> {
         None
     }
 
-    /// A signed number.
+    /// Returns a signed number.
     pub(super) fn signed(&mut self) -> Option<i64> {
         let folded = self.unsigned()?;
         Some((folded >> 1).cast_signed() ^ -(folded & 1).cast_signed())
     }
 
-    /// Number and kind of the next field of a struct, `None` at its end; `last` is the number of the field before.
+    /// Returns the number and kind of the next field of a struct, `None` at its end; `last` is the number of the field
+    /// before.
     pub(super) fn field(&mut self, last: &mut i64) -> Option<Option<(i64, u8)>> {
         let head = self.byte()?;
         if head & 0x0F == 0 {
@@ -55,7 +56,7 @@ impl Compact<'_> {
         Some(Some((*last, head & 0x0F)))
     }
 
-    /// Kind and number of the elements of a list.
+    /// Returns the kind and number of the elements of a list.
     pub(super) fn list(&mut self) -> Option<(u8, u64)> {
         let head = self.byte()?;
         let count = if head >> 4 == 15 { self.unsigned()? } else { u64::from(head >> 4) };

@@ -29,7 +29,7 @@ const MIDDLING_VI_MAG: f64 = 0.7;
 /// BT - VT of a star of unknown colour, mag.
 const MIDDLING_BTVT_MAG: f64 = 0.7;
 
-/// G and BP - RP by what Hipparcos measured.
+/// Returns the g and BP - RP by what Hipparcos measured.
 #[must_use]
 pub(super) fn of_hipparcos(hp_mag: f64, vi_mag: Option<f64>) -> (f64, Option<f64>) {
     let [low, high] = VI_DOMAIN_MAG;
@@ -38,7 +38,7 @@ pub(super) fn of_hipparcos(hp_mag: f64, vi_mag: Option<f64>) -> (f64, Option<f64
     (g, vi.map(|vi| polynomial(&BP_RP_BY_VI, vi)))
 }
 
-/// G and BP - RP by what Tycho measured; `None` when it measured neither band.
+/// Returns the g and BP - RP by what Tycho measured; `None` when it measured neither band.
 #[must_use]
 pub(super) fn of_tycho(bt_mag: Option<f64>, vt_mag: Option<f64>) -> Option<(f64, Option<f64>)> {
     let [low, high] = BTVT_DOMAIN_MAG;

@@ -47,7 +47,7 @@ pub struct BrightStar {
 }
 
 impl BrightStar {
-    /// The star at a Julian year, as a layer takes it.
+    /// Returns the star at a Julian year, as a layer takes it.
     #[must_use]
     pub fn at(&self, epoch_yr: f64) -> NewStar {
         let (direction, motion_mas_yr) = moved(self.direction_icrf, self.motion_mas_yr, epoch_yr - self.epoch_yr);
@@ -179,7 +179,7 @@ impl Line<'_> {
         }
     }
 
-    /// A number, or `None` where the field is blank.
+    /// Returns a number, or `None` where the field is blank.
     pub(super) fn number(&self, column: &str, field: &str) -> Result<Option<f64>, ImportError> {
         let field = field.trim();
         if field.is_empty() {

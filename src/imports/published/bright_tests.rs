@@ -202,7 +202,7 @@ fn stars_move_along_great_circles() {
     assert_eq!(moved(polaris, None, 100.0), (polaris, None));
 }
 
-/// A bright star that does not move.
+/// Returns a bright star that does not move.
 fn still(direction_icrf: DVec3) -> BrightStar {
     BrightStar {
         source_id: -1,
@@ -360,7 +360,7 @@ impl MadeSky {
     }
 }
 
-/// Normal numbers enough for errors.
+/// Returns the normal numbers enough for errors.
 fn normal(rng: &mut StdRng) -> f64 {
     (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0
 }
@@ -518,8 +518,9 @@ fn merged(sky: &MadeSky, rule: Option<Rule>) -> (Vec<CatalogSource>, Vec<(String
     (all, reported)
 }
 
-/// How many entries each made star has, by kind: none, one, more. An entry is the star's that is nearest to it of all that
-/// are as bright, within 2.5 arcsec (stars that Gaia lacks and that have no motion have moved from their places).
+/// Returns how many entries each made star has, by kind: none, one, more. An entry is the star's that is nearest to it
+/// of all that are as bright, within 2.5 arcsec (stars that Gaia lacks and that have no motion have moved from their
+/// places).
 fn tally(sky: &MadeSky, layers: &[CatalogSource], kinds: &[Kind]) -> [usize; 3] {
     let mut by_z: Vec<&CatalogSource> = layers.iter().collect();
     by_z.sort_by(|a, b| a.direction_icrf.z.total_cmp(&b.direction_icrf.z));

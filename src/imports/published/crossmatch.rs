@@ -39,7 +39,8 @@ pub(super) const REACH_ARCSEC: f64 = 15.0;
 /// Pairs kept for a star.
 const PAIRS_PER_STAR: usize = 4;
 
-/// How far magnitudes of one star may be apart, mag, by its G, the scatter of its measurements, and whether its colour is known.
+/// Returns how far magnitudes of one star may be apart, mag, by its G, the scatter of its measurements, and whether its
+/// colour is known.
 #[must_use]
 pub(super) fn tolerance_mag(mag_g: f64, scatter_mag: f64, has_colour: bool) -> f64 {
     let saturated = if mag_g < 4.0 { 0.5 } else { 0.0 };
@@ -98,7 +99,7 @@ pub(super) struct Crossmatch<'a> {
 }
 
 impl<'a> Crossmatch<'a> {
-    /// Stars to be found among reference stars of about `epoch_yr`.
+    /// Returns stars to be found among reference stars of about `epoch_yr`.
     pub(super) fn new(stars: &'a [BrightStar], epoch_yr: f64, rule: Rule) -> Self {
         let cell = |star: &BrightStar| {
             let at = star.at(epoch_yr);
@@ -136,7 +137,7 @@ impl<'a> Crossmatch<'a> {
         }
     }
 
-    /// How far apart a pair is that may be one star.
+    /// Returns how far apart a pair is that may be one star.
     #[allow(clippy::cast_possible_truncation, reason = "a rank among pairs")]
     fn apart(&self, star: &BrightStar, reference: &ReferenceStar) -> Option<f32> {
         let years = star.epoch_yr - reference.epoch_yr;
@@ -161,7 +162,7 @@ impl<'a> Crossmatch<'a> {
         });
     }
 
-    /// Whether each star is among the reference stars.
+    /// Returns whether each star is among the reference stars.
     pub(super) fn found(mut self) -> Vec<bool> {
         self.pairs.sort_by(|a, b| a.apart.total_cmp(&b.apart).then((a.star, a.reference).cmp(&(b.star, b.reference))));
         let (mut found, mut taken) = (vec![false; self.stars.len()], HashSet::new());
@@ -176,13 +177,13 @@ impl<'a> Crossmatch<'a> {
     }
 }
 
-/// A cell and those that touch it.
+/// Returns a cell and those that touch it.
 fn around(cell: u64) -> impl Iterator<Item = u64> {
     // Cells at the corners of the base cells have one neighbour less.
     cdshealpix::nested::neighbours(CELL_ORDER, cell, true).values_vec().into_iter()
 }
 
-/// The word of the bits that has a cell's.
+/// Returns the word of the bits that has a cell's.
 fn place(cell: u64) -> usize {
     usize::try_from(cell / 64).unwrap_or(usize::MAX)
 }
@@ -200,7 +201,7 @@ impl From<&BrightStar> for ReferenceStar {
 }
 
 impl ReferenceStar {
-    /// A star that an import has taken in, of `epoch_yr`.
+    /// Returns a star that an import has taken in, of `epoch_yr`.
     pub(super) fn taken_in(star: &stars::layer::TakenStar, epoch_yr: f64) -> Self {
         Self {
             source_id: star.source_id,

@@ -73,7 +73,8 @@ impl Default for Names {
 }
 
 impl Names {
-    /// The column that Gaia's archive calls `archive` is called `here`; false when the archive has no such column.
+    /// Returns the column that Gaia's archive calls `archive` is called `here`; false when the archive has no such
+    /// column.
     pub fn rename(&mut self, archive: &str, here: &str) -> bool {
         let place = ARCHIVE.iter().position(|name| *name == archive);
         place.map(|place| self.columns[place] = here.into()).is_some()
@@ -91,8 +92,8 @@ impl Names {
         &self.columns[column]
     }
 
-    /// The columns that a file must have and `is_there` says it has not, by their names in the file: all but colours, of
-    /// which one form is enough, and those that are said to be missing (an empty name).
+    /// Returns the columns that a file must have and `is_there` says it has not, by their names in the file: all but
+    /// colours, of which one form is enough, and those that are said to be missing (an empty name).
     pub(crate) fn missing(&self, is_there: impl Fn(usize) -> bool) -> Vec<&str> {
         let is_missing = |column: &usize| match *column {
             BP_RP => !(is_there(BP_RP) || is_there(BP) && is_there(RP)),
@@ -103,7 +104,8 @@ impl Names {
         wanted.map(|column| self.here(column)).collect()
     }
 
-    /// Columns that may be said to be missing, by their names in Gaia's archive: nothing else is known of their values.
+    /// Returns columns that may be said to be missing, by their names in Gaia's archive: nothing else is known of their
+    /// values.
     #[must_use]
     pub fn may_be_missing(archive: &str) -> bool {
         [PM_RA, PM_DEC, PARALLAX, BP_RP].iter().any(|column| ARCHIVE[*column] == archive)
@@ -183,8 +185,9 @@ type CellRange = (usize, [f64; 2], &'static str);
 const ANGLES: [CellRange; 2] =
     [(RA, [0.0, 360.0], "degrees from 0 to 360"), (DEC, [-90.0, 90.0], "degrees from -90 to 90")];
 
-/// A row of Gaia's archive as a star; `None`, counted, when nothing can be drawn of it. `number` gives a cell by its column,
-/// `None` where it is blank; `refuse` makes an error of a cell by its column, what was wanted, and what it holds.
+/// Returns a row of Gaia's archive as a star; `None`, counted, when nothing can be drawn of it. `number` gives a cell
+/// by its column, `None` where it is blank; `refuse` makes an error of a cell by its column, what was wanted, and what
+/// it holds.
 pub(crate) fn star_of_row<E>(
     source_id: i64,
     number: impl Fn(usize) -> Result<Option<f64>, E>,
@@ -265,7 +268,7 @@ impl<'a> Row<'a> {
         Ok(Self { columns, line: line.number, cells })
     }
 
-    /// The star of the row; `None`, counted, when nothing can be drawn of it.
+    /// Returns the star of the row; `None`, counted, when nothing can be drawn of it.
     fn star(&self, sorting: &mut Sorting) -> Result<Option<NewStar>, ImportError> {
         let text = self.text(SOURCE_ID);
         let source_id = text.parse().map_err(|_| self.refuse(SOURCE_ID, "a whole number"))?;
@@ -277,7 +280,7 @@ impl<'a> Row<'a> {
         self.columns.places[column].and_then(|place| self.cells.get(place)).map_or("", |cell| without_quotes(cell))
     }
 
-    /// A number, or `None` where the cell is blank or the file has no such column.
+    /// Returns a number, or `None` where the cell is blank or the file has no such column.
     fn number(&self, column: usize) -> Result<Option<f64>, ImportError> {
         let text = self.text(column);
         if text.is_empty() || ["null", "nan"].iter().any(|blank| text.eq_ignore_ascii_case(blank)) {

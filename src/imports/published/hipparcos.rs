@@ -31,7 +31,7 @@ const HP: [usize; 2] = [130, 136];
 const SCATTER: [usize; 2] = [145, 149];
 const V_I: [usize; 2] = [166, 171];
 
-/// The star of a line; `None` when it has no magnitude.
+/// Returns the star of a line; `None` when it has no magnitude.
 #[allow(clippy::cast_possible_truncation, reason = "magnitudes to 1e-6, and a number checked to be small")]
 pub(super) fn star(line: &Line<'_>) -> Result<Option<BrightStar>, ImportError> {
     let field = |[first, last]: [usize; 2]| &line.text[first - 1..last];

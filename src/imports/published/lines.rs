@@ -27,12 +27,12 @@ pub(super) struct TextLine<'a> {
 }
 
 impl<'a, R: BufRead> Lines<'a, R> {
-    /// Lines of at most `longest` bytes, their ends not counted.
+    /// Returns lines of at most `longest` bytes, their ends not counted.
     pub(super) fn new(text: R, path: &'a Path, longest: usize) -> Self {
         Self { text, path, longest, line: Vec::new(), number: 0 }
     }
 
-    /// The next line; `None` after the last.
+    /// Returns the next line; `None` after the last.
     pub(super) fn next(&mut self) -> Result<Option<TextLine<'_>>, ImportError> {
         let length = loop {
             let Some(length) = self.read()? else { return Ok(None) };

@@ -41,7 +41,7 @@ const FLAG: usize = 1;
 const OBSERVED_EPOCHS: [usize; 2] = [26, 27];
 const MAGNITUDE_FLAG: usize = 10;
 
-/// The star of a line of `tyc2.dat`; `None` when it has no magnitude.
+/// Returns the star of a line of `tyc2.dat`; `None` when it has no magnitude.
 pub(super) fn star(line: &Line<'_>) -> Result<Option<BrightStar>, ImportError> {
     let parts = parts::<PARTS>(line);
     if parts[FLAG].trim().is_empty() {
@@ -51,7 +51,7 @@ pub(super) fn star(line: &Line<'_>) -> Result<Option<BrightStar>, ImportError> {
     star_at(line, &parts, &OBSERVED, 1990.0 + 0.5 * (ra? + dec?))
 }
 
-/// The star of a line of `suppl_1.dat`; `None` when it has no magnitude.
+/// Returns the star of a line of `suppl_1.dat`; `None` when it has no magnitude.
 pub(super) fn supplement_star(line: &Line<'_>) -> Result<Option<BrightStar>, ImportError> {
     let parts = parts::<SUPPLEMENT_PARTS>(line);
     let star = star_at(line, &parts, &SUPPLEMENT, SUPPLEMENT_EPOCH_YR)?;

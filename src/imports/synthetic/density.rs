@@ -66,7 +66,7 @@ impl Density {
         Self { log10_counts, slopes: slopes(&log10_counts) }
     }
 
-    /// Stars per square degree brighter than `mag_g`.
+    /// Returns stars per square degree brighter than `mag_g`.
     #[must_use]
     pub fn brighter_than(&self, mag_g: f64) -> f64 {
         10.0_f64.powf(self.log10_brighter_than(mag_g))

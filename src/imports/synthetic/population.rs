@@ -44,8 +44,8 @@ pub struct Population {
 }
 
 impl Population {
-    /// The sky of a seed, in layers with these faint ends (G magnitudes, rising). `stars`: how many are expected in all;
-    /// as many as were measured when it is left out.
+    /// Returns the sky of a seed, in layers with these faint ends (G magnitudes, rising). `stars`: how many are
+    /// expected in all; as many as were measured when it is left out.
     ///
     /// # Errors
     /// The faint ends when there are none, they do not rise, or one is beyond what a population has.
@@ -59,14 +59,14 @@ impl Population {
         Ok(Self { limits_mag: limits_mag.to_vec(), scale, seed, around: None })
     }
 
-    /// The same stars, but only those of tiles that reach within `radius_rad` of `axis`: a deep sky where one looks, on a
-    /// small disk.
+    /// Returns the same stars, but only those of tiles that reach within `radius_rad` of `axis`: a deep sky where one
+    /// looks, on a small disk.
     #[must_use]
     pub fn around(self, axis: DVec3, radius_rad: f64) -> Self {
         Self { around: Some((axis, radius_rad)), ..self }
     }
 
-    /// How many stars are expected over the whole sky.
+    /// Returns how many stars are expected over the whole sky.
     #[must_use]
     pub fn expected(&self) -> f64 {
         (0..self.limits_mag.len()).map(|layer| self.draw(layer).1).sum()
@@ -95,7 +95,7 @@ impl Population {
         whole.into_iter().map(UnnamedLayer::name).collect()
     }
 
-    /// How a layer is drawn, and how many stars are expected in it.
+    /// Returns how a layer is drawn, and how many stars are expected in it.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "float-to-int casts saturate")]
     fn draw(&self, layer: usize) -> (LayerDraw, f64) {
         let from = layer.checked_sub(1).map_or(BRIGHTEST_MAG, |before| f64::from(self.limits_mag[before]));

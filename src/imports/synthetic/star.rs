@@ -69,7 +69,7 @@ impl LayerDraw {
         }
     }
 
-    /// Eight words of a star's own.
+    /// Returns the eight words of a star's own.
     #[allow(clippy::cast_possible_truncation, reason = "tiles of order 10 are fewer than 2^24")]
     fn words(&self, tile: u64, number: u32) -> [u32; 8] {
         let block = |half: u32| {
@@ -114,7 +114,7 @@ fn normals([a, b]: [u32; 2]) -> [f64; 2] {
     [size * cos, size * sin]
 }
 
-/// A word as a number between 0 and 1, neither of them.
+/// Returns a word as a number between 0 and 1, neither of them.
 fn unit(word: u32) -> f64 {
     (f64::from(word) + 0.5) / 4_294_967_296.0
 }

@@ -22,7 +22,7 @@ fn read(report: &LayerReport) -> Vec<CatalogSource> {
     found
 }
 
-/// Five standard deviations of a Poisson number, and what cells across a border are worth.
+/// Returns the five standard deviations of a Poisson number, and what cells across a border are worth.
 fn is_near(got: usize, expected: f64, share: f64) -> bool {
     (got as f64 - expected).abs() < 5.0 * expected.sqrt() + share * expected
 }
@@ -140,7 +140,7 @@ fn numbers_that_make_no_layers_are_refused() {
     assert!(Population::new(&[10.0, 22.0], None, 1).is_ok(), "control");
 }
 
-/// Whether a layer of these bytes is refused, at its head or when its stars are read.
+/// Returns whether a layer of these bytes is refused, at its head or when its stars are read.
 fn is_refused(path: &Path, bytes: &[u8]) -> bool {
     std::fs::write(path, bytes).unwrap();
     let read = |layer: Layer| layer.cone(DVec3::Z, 0.1, 99.0, &mut Vec::new());

@@ -66,7 +66,7 @@ pub fn parse_line(line: &[u8]) -> Result<Line, &'static str> {
     Ok(frame.map_or(Line::Skipped, |frame| Line::Packet(captured(frame))))
 }
 
-/// The number at the end of an interface's name; 0 without one, the last number for all beyond it.
+/// Returns the number at the end of an interface's name; 0 without one, the last number for all beyond it.
 fn interface_number(name: &[u8]) -> u8 {
     let digits = name.iter().rev().take_while(|byte| byte.is_ascii_digit()).count();
     let number = name[name.len() - digits..].iter();
@@ -93,7 +93,7 @@ fn decimal(digits: &[u8]) -> Option<i64> {
     is_number.then(|| core::str::from_utf8(digits).ok()?.parse().ok()).flatten()
 }
 
-/// The frame; `None` for one that has no form here.
+/// Returns the frame; `None` for one that has no form here.
 fn frame(word: &[u8]) -> Result<Option<CanFrame>, &'static str> {
     let hash = word.iter().position(|byte| *byte == b'#').ok_or("no # between identifier and data")?;
     let (id, rest) = (&word[..hash], &word[hash + 1..]);

@@ -46,7 +46,7 @@ impl<R: Read> CaptureReader<R> {
         Ok(Self { form, is_over: false })
     }
 
-    /// Which format it is.
+    /// Returns the which format it is.
     #[must_use]
     pub fn format(&self) -> CaptureFormat {
         match self.form {
@@ -55,7 +55,7 @@ impl<R: Read> CaptureReader<R> {
         }
     }
 
-    /// Frames so far that have no form here: 29-bit identifiers, remote and error frames, other link types.
+    /// Returns frames so far that have no form here: 29-bit identifiers, remote and error frames, other link types.
     #[must_use]
     pub fn skipped(&self) -> u64 {
         match &self.form {
@@ -64,7 +64,7 @@ impl<R: Read> CaptureReader<R> {
         }
     }
 
-    /// The next packet; `None` at the end and after an error.
+    /// Returns the next packet; `None` at the end and after an error.
     ///
     /// # Errors
     /// When the file is damaged or cut off here.

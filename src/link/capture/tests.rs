@@ -17,7 +17,7 @@ fn can(ns: i64, direction: Direction, frame: Option<CanFrame>) -> CapturedPacket
     CapturedPacket { at: at(ns), direction, interface: 0, packet: Packet::Can(frame.unwrap()) }
 }
 
-/// Frames of every kind and length.
+/// Returns frames of every kind and length.
 fn frames() -> Vec<CapturedPacket> {
     let data: Vec<u8> = (0..64).map(|i: u8| i.wrapping_mul(37)).collect();
     vec![
@@ -48,7 +48,7 @@ fn written(format: CaptureFormat, packets: &[CapturedPacket]) -> Vec<u8> {
     bytes
 }
 
-/// Everything up to the end or the first error, the error, and what was skipped.
+/// Returns everything up to the end or the first error, the error, and what was skipped.
 fn read(bytes: &[u8]) -> (Vec<CapturedPacket>, Option<CaptureError>, u64) {
     let mut reader = match CaptureReader::new(bytes) {
         Ok(reader) => reader,
@@ -89,7 +89,7 @@ fn candump_log_refuses_datagrams() {
     assert!(matches!(writer.write(&datagram(0, &[1])), Err(CaptureError::NotCan)));
 }
 
-/// The same packets as if each came by another link, the last one by a link beyond all numbers.
+/// Returns the same packets as if each came by another link, the last one by a link beyond all numbers.
 fn of_links(mut packets: Vec<CapturedPacket>) -> Vec<CapturedPacket> {
     for (packet, interface) in packets.iter_mut().zip([1, 0, 1, 7, 0, u8::MAX]) {
         packet.interface = interface;
@@ -226,14 +226,14 @@ fn files_that_are_no_captures_are_refused_with_advice() {
     assert!(refusal(b"\x7FELF\x02\x01\x01\0\0").contains("line 1: "), "a program is cut off or no line");
 }
 
-/// A block by the specification, in an order of choice.
+/// Returns a block by the specification, in an order of choice.
 fn block(big: bool, kind: u32, body: &[u8]) -> Vec<u8> {
     let word = |word: u32| if big { word.to_be_bytes() } else { word.to_le_bytes() };
     let length = word(u32::try_from(body.len() + 12).unwrap());
     [&word(kind), &length, body, &length].concat()
 }
 
-/// A section with one interface (link type, units option, offset) and one packet without options.
+/// Returns a section with one interface (link type, units option, offset) and one packet without options.
 fn foreign(big: bool, link_type: u16, resolution: u8, ticks: u64, data: &[u8]) -> Vec<u8> {
     let word = |word: u32| if big { word.to_be_bytes() } else { word.to_le_bytes() };
     let half = |half: u16| if big { half.to_be_bytes() } else { half.to_le_bytes() };

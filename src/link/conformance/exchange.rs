@@ -22,7 +22,7 @@ pub(super) fn all_lengths(format: WireFormat) -> Vec<usize> {
     }
 }
 
-/// Packet number `number`: its own identifier and bytes, different from those of its neighbours.
+/// Returns the packet number `number`: its own identifier and bytes, different from those of its neighbours.
 pub(super) fn packet(format: WireFormat, number: usize, len: usize) -> Result<Packet, String> {
     let bytes: Vec<u8> = (0..len).map(|at| scrambled(number, at)).collect();
     // 1999 is prime to the steps of the loops: identifiers go up and down.
@@ -36,7 +36,7 @@ pub(super) fn packet(format: WireFormat, number: usize, len: usize) -> Result<Pa
     made.ok_or_else(|| format!("the suite made an impossible packet of {len} bytes"))
 }
 
-/// Weyl steps, scrambled: every byte value occurs, and no packet is a shift of another.
+/// Returns the weyl steps, scrambled: every byte value occurs, and no packet is a shift of another.
 #[allow(clippy::cast_possible_truncation, reason = "the top byte of the product is wanted")]
 fn scrambled(number: usize, at: usize) -> u8 {
     let mut x = (number as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ (at as u64).wrapping_mul(0xD1B5_4A32_D192_ED03);

@@ -68,7 +68,7 @@ pub fn check_link(
     check_lengths(link, format, exchange::all_lengths(format), clock, make)
 }
 
-/// The same for a link that carries plain records of one length.
+/// Returns the same for a link that carries plain records of one length.
 ///
 /// # Errors
 /// As [`check_link`].
@@ -113,7 +113,7 @@ fn check_lengths(
 }
 
 impl Suite<'_> {
-    /// A length of some eight bytes, or the nearest that the link carries.
+    /// Returns a length of some eight bytes, or the nearest that the link carries.
     fn usual_length(&self) -> usize {
         self.lengths.iter().copied().min_by_key(|length| length.abs_diff(8)).unwrap_or(8)
     }

@@ -27,7 +27,7 @@ fn attitude(seq: u8) -> AttitudeRecord {
     }
 }
 
-/// One message of each kind that this wire carries; values that every layout holds exactly.
+/// Returns one message of each kind that this wire carries; values that every layout holds exactly.
 fn every_message(format: WireFormat) -> Vec<Message> {
     let burst = JitterBurst::new(7, 1000, 1, &[[0.0; 2]; 14]).map(Message::Jitter);
     let mut messages = vec![
@@ -119,7 +119,7 @@ fn mark(format: WireFormat, counter: u8) -> Result<Vec<Packet>, String> {
     }
 }
 
-/// The attitude record with a legal layout and an illegal value.
+/// Returns the attitude record with a legal layout and an illegal value.
 fn illegal_records() -> [(Reject, AttitudeRecord); 3] {
     let good = attitude(1);
     [

@@ -88,7 +88,7 @@ impl Listening {
         self.from_ns.load(Ordering::Acquire) != i64::MAX
     }
 
-    /// How far `now` is before the first frame wanted; not positive when frames are wanted.
+    /// Returns how far `now` is before the first frame wanted; not positive when frames are wanted.
     fn starts_in(&self, now: Tai) -> Span {
         Tai::from_ns(self.from_ns.load(Ordering::Acquire)) - now
     }
@@ -134,7 +134,7 @@ impl Client {
         Ok(Self { link, clock, tally, listening, on_stall, patience, ended, admission, is_gone, fd, outgoing })
     }
 
-    /// True when nothing that the client sends is obeyed any more.
+    /// Returns whether nothing that the client sends is obeyed any more.
     pub(super) fn is_over(&self) -> bool {
         self.is_gone.load(Ordering::Acquire) || self.ended.load(Ordering::Acquire)
     }
@@ -152,7 +152,7 @@ impl Client {
         self.link.wake();
     }
 
-    /// True when the other end has closed the connection, also while bytes of it are unread.
+    /// Returns whether the other end has closed the connection, also while bytes of it are unread.
     pub(super) fn is_leaving(&self) -> bool {
         let mut fds = [event::PollFd::new(&self.fd, event::PollFlags::RDHUP)];
         self.is_over() || event::poll(&mut fds, Some(&event::Timespec::default())).is_ok_and(|ready| ready > 0)
@@ -205,7 +205,7 @@ impl Client {
         self.flush();
     }
 
-    /// Frames dropped and errors seen, of this gateway and this end.
+    /// Returns frames dropped and errors seen, of this gateway and this end.
     pub(super) fn losses(&self) -> (u64, u64) {
         (self.tally.lock().dropped, self.link.counters().errors)
     }

@@ -29,7 +29,7 @@ pub struct GatewayCounters {
 }
 
 impl GatewayCounters {
-    /// Everything refused, whatever the reason.
+    /// Returns everything refused, whatever the reason.
     #[must_use]
     pub fn rejected(&self) -> u64 {
         self.rejects.values().sum()

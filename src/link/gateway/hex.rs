@@ -1,11 +1,11 @@
 //! Hexadecimal digits, without allocation.
 
-/// Value of one digit, in either case.
+/// Returns the value of one digit, in either case.
 pub(super) fn digit(character: u8) -> Option<u8> {
     char::from(character).to_digit(16).and_then(|value| u8::try_from(value).ok())
 }
 
-/// Value of one to eight digits.
+/// Returns the value of one to eight digits.
 pub(super) fn digits(text: &[u8]) -> Option<u32> {
     if text.is_empty() || text.len() > 8 {
         return None;

@@ -162,7 +162,7 @@ impl Gateways {
         Ok(())
     }
 
-    /// Where each gateway is found.
+    /// Returns where each gateway is found.
     #[must_use]
     pub fn addresses(&self) -> Vec<(GatewayKind, GatewayAddress)> {
         self.at_work.iter().map(|(kind, address, _)| (*kind, address.clone())).collect()

@@ -18,7 +18,8 @@ pub(super) fn read_in_pieces<P: Default, T: PartialEq + core::fmt::Debug>(
     whole
 }
 
-/// Random words in their hundreds of thousands: most of what they say is refused, some of it is right by chance.
+/// Returns the random words in their hundreds of thousands: most of what they say is refused, some of it is right by
+/// chance.
 pub(super) fn survives_random_words<P: Default, T, E>(
     words: &[&[u8]],
     count: u32,

@@ -107,7 +107,7 @@ fn is_live_link(path: &Path, ours: &Path) -> Option<bool> {
     }
 }
 
-/// The writing half of slcan.
+/// Returns the writing half of slcan.
 pub(super) fn slcan_scribe() -> super::client::Scribe {
     Box::new(|packet, listening, out| slcan::line(packet, listening.stamps.load(Ordering::Relaxed), out))
 }

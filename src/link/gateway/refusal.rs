@@ -2,7 +2,7 @@
 
 use crate::LinkError;
 
-/// The error of a link that could not do something.
+/// Returns the error of a link that could not do something.
 pub(super) fn system(link: &str, doing: &'static str, source: std::io::Error, advice: &'static str) -> LinkError {
     LinkError::System { link: link.into(), doing, source, advice }
 }

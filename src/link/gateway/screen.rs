@@ -28,7 +28,7 @@ pub enum Foreign {
 }
 
 impl Foreign {
-    /// Word in counters.
+    /// Returns the word in counters.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -143,7 +143,7 @@ impl Screen {
     }
 }
 
-/// True for the characters of a method or a header's name (RFC 9110 5.6.2).
+/// Returns true for the characters of a method or a header's name (RFC 9110 5.6.2).
 fn is_of_a_word(byte: u8) -> bool {
     byte.is_ascii_alphanumeric() || b"!#$%&'*+-.^_`|~".contains(&byte)
 }

@@ -96,7 +96,7 @@ impl Hall {
         }
     }
 
-    /// True when there is a seat for one client more. Waits for seats that are about to become free.
+    /// Returns whether there is a seat for one client more. Waits for seats that are about to become free.
     fn has_seat(&self, clients: &mut Vec<Served>) -> bool {
         let until = self.clock.now() + GRACE + LEAVES_WITHIN;
         loop {

@@ -117,7 +117,7 @@ fn a_port_that_is_taken_is_refused_and_nothing_is_left_running() {
     assert_eq!(bus.statistics().ends, 0);
 }
 
-/// One gateway of a kind on a bus with an end of ours.
+/// Returns one gateway of a kind on a bus with an end of ours.
 fn one_gateway(kind: GatewayKind, opening_within: Span) -> (Arc<dyn Clock>, crate::simulated::SimulatedLink, Gateways) {
     let clock = real_clock();
     let bus = bus(CAN, &clock);
@@ -129,7 +129,7 @@ fn one_gateway(kind: GatewayKind, opening_within: Span) -> (Arc<dyn Clock>, crat
     (clock, end, gateways)
 }
 
-/// Everything that comes until the other end closes the connection, which may be by a reset.
+/// Returns everything that comes until the other end closes the connection, which may be by a reset.
 fn until_closed(mut stream: TcpStream) -> Vec<u8> {
     let mut said = Vec::new();
     match stream.read_to_end(&mut said) {

@@ -17,20 +17,20 @@ pub struct PlainCodec {
 }
 
 impl PlainCodec {
-    /// A codec that has read nothing.
+    /// Returns a codec that has read nothing.
     #[must_use]
     pub fn new(layout: PlainLayout) -> Self {
         let (sequence, rejects) = (Sequence::default(), PlainRejectCounters::default());
         Self { layout, sequence, forty_two: FortyTwo::default(), rejects, sent: 0 }
     }
 
-    /// Which numbers it reads.
+    /// Returns the which numbers it reads.
     #[must_use]
     pub fn layout(&self) -> &PlainLayout {
         &self.layout
     }
 
-    /// How often and why messages were refused.
+    /// Returns how often and why messages were refused.
     #[must_use]
     pub fn rejects(&self) -> &PlainRejectCounters {
         &self.rejects
@@ -69,7 +69,7 @@ impl PlainCodec {
 }
 
 impl PlainLayout {
-    /// Whether these bytes are a message of this layout: what a sender is known by.
+    /// Returns whether these bytes are a message of this layout: what a sender is known by.
     #[must_use]
     pub fn is_message(&self, bytes: &[u8]) -> bool {
         numbers::read(self, bytes).and_then(|values| self.record(&values)).is_ok()

@@ -78,7 +78,7 @@ pub struct PlainLayout {
 }
 
 impl Default for PlainLayout {
-    /// Eight little-endian doubles: seconds of any clock or 0, quaternion w x y z, rate in rad/s.
+    /// Returns the eight little-endian doubles: seconds of any clock or 0, quaternion w x y z, rate in rad/s.
     fn default() -> Self {
         use Field::{Quaternion, Rate, Time};
         let quaternion = (0..4).map(Quaternion);
@@ -204,7 +204,7 @@ impl PlainLayout {
         self.fields.contains(&field)
     }
 
-    /// Bytes of each message, where all have the same; `None` for text.
+    /// Returns bytes of each message, where all have the same; `None` for text.
     #[must_use]
     pub fn record_bytes(&self) -> Option<usize> {
         match self.encoding {
@@ -213,7 +213,7 @@ impl PlainLayout {
         }
     }
 
-    /// Values as the message has them -> a record in starloop's units and conventions.
+    /// Returns values as the message has them -> a record in starloop's units and conventions.
     pub(super) fn record(&self, values: &Values) -> Result<PlainRecord, PlainReject> {
         if self.fields.iter().any(|field| !values.get(*field).is_finite()) {
             return Err(PlainReject::NotFinite);
@@ -260,7 +260,7 @@ impl PlainLayout {
         }
     }
 
-    /// A record -> the values of its message.
+    /// Returns a record -> the values of its message.
     pub(super) fn values(&self, record: &PlainRecord, sequence: u32) -> Values {
         let mut values = Values { sequence: Some(f64::from(sequence)), ..Values::NONE };
         values.time = match record.time {

@@ -66,7 +66,7 @@ impl PlainRejectCounters {
         self.counts.iter().map(|count| u64::from(*count)).sum()
     }
 
-    /// Each reason with its count.
+    /// Returns each reason with its count.
     pub fn iter(&self) -> impl Iterator<Item = (PlainReject, u32)> + '_ {
         PlainReject::ALL.into_iter().zip(self.counts)
     }

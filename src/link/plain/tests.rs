@@ -6,7 +6,7 @@ use proptest::prelude::*;
 
 const ANGLE: f64 = 0.1;
 
-/// A body turned by +0.1 about x, as starloop has it.
+/// Returns a body turned by +0.1 about x, as starloop has it.
 fn turned() -> [f64; 4] {
     [(0.5 * ANGLE).cos(), -(0.5 * ANGLE).sin(), 0.0, 0.0]
 }

@@ -63,7 +63,8 @@ impl SerialLink {
         Ok(Self::over(port, params, clock))
     }
 
-    /// The master's end of a pseudo terminal; `baud` is that of the line it stands for and limits the time of a write.
+    /// Returns the master's end of a pseudo terminal; `baud` is that of the line it stands for and limits the time of a
+    /// write.
     #[must_use]
     pub fn of_terminal(terminal: PseudoTerminal, baud: u32, clock: &Arc<dyn Clock>) -> Self {
         let params = SerialParams::new(terminal.path(), baud);
@@ -85,7 +86,7 @@ impl SerialLink {
         }
     }
 
-    /// True while the port is there.
+    /// Returns true while the port is there.
     #[must_use]
     pub fn is_up(&self) -> bool {
         self.port.is_some()
@@ -118,7 +119,7 @@ impl SerialLink {
         LinkError::System { link: name(&self.params), doing, source, advice: "" }
     }
 
-    /// One read: everything that has arrived, up to a chunk.
+    /// Returns one read: everything that has arrived, up to a chunk.
     fn read(&mut self) -> Result<Option<Stamped<Packet>>, LinkError> {
         self.regain();
         let Some(port) = &self.port else { return Ok(None) };

@@ -63,7 +63,7 @@ impl SerialParams {
         Self { path: path.into(), baud, parity, stop_bits, flow }
     }
 
-    /// Bits on the line per byte: start, 8 data, parity, stop.
+    /// Returns bits on the line per byte: start, 8 data, parity, stop.
     #[must_use]
     pub fn bits_per_byte(&self) -> i64 {
         let parity = i64::from(self.parity != Parity::None);

@@ -27,7 +27,7 @@ pub(super) fn open_port(params: &SerialParams) -> Result<OwnedFd, LinkError> {
     Ok(port)
 }
 
-/// Name of a link, for messages.
+/// Returns the name of a link, for messages.
 pub(super) fn name(params: &SerialParams) -> String {
     params.path.display().to_string()
 }
@@ -48,7 +48,7 @@ fn refused(params: &SerialParams, error: Errno) -> LinkError {
     LinkError::System { link: name(params), doing: "open the port", source, advice }
 }
 
-/// The ports of this machine, as text.
+/// Returns the ports of this machine, as text.
 fn ports() -> String {
     let ports = serialport::available_ports().unwrap_or_default();
     let names: Vec<_> = ports.into_iter().map(|port| port.port_name).collect();

@@ -20,7 +20,7 @@ pub struct PseudoTerminal {
 }
 
 impl PseudoTerminal {
-    /// A new pseudo terminal in raw mode.
+    /// Returns a new pseudo terminal in raw mode.
     ///
     /// # Errors
     /// When the system has none left.
@@ -46,14 +46,14 @@ impl PseudoTerminal {
         Ok(Self { master, path, port })
     }
 
-    /// Its parts, for whoever serves it otherwise: the master, which does not block, the port, to be kept open, and the
-    /// port's path.
+    /// Returns its parts, for whoever serves it otherwise: the master, which does not block, the port, to be kept open,
+    /// and the port's path.
     #[must_use]
     pub fn into_ends(self) -> (OwnedFd, OwnedFd, PathBuf) {
         (self.master, self.port, self.path)
     }
 
-    /// The port that others open.
+    /// Returns the port that others open.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path

@@ -19,7 +19,7 @@ fn open(path: &Path, clock: &Arc<dyn Clock>) -> SerialLink {
     SerialLink::open(SerialParams::new(path, 3_000_000), clock).unwrap()
 }
 
-/// Everything that arrives until `count` bytes are there.
+/// Returns everything that arrives until `count` bytes are there.
 fn bytes(link: &mut SerialLink, count: usize, until: Tai) -> Vec<u8> {
     let mut got = Vec::new();
     while got.len() < count {

@@ -85,7 +85,7 @@ fn of_one_identifier_a_classic_frame_goes_before_an_fd_frame() {
 /// A send: bit time, end, identifier.
 type Sent = (i64, usize, u16);
 
-/// The independent bus: one step per bit. Returns (bit at which the frame is over, identifier).
+/// Returns the independent bus: one step per bit. Returns (bit at which the frame is over, identifier).
 fn stepped(sends: &[Sent], pick: fn(&[(i64, u16)]) -> usize) -> Vec<(i64, u16)> {
     let mut queues = vec![Vec::<(i64, u16)>::new(); 4];
     let mut over = Vec::new();
@@ -117,7 +117,7 @@ fn first_come(heads: &[(i64, u16)]) -> usize {
     (0..heads.len()).min_by_key(|head| heads[*head].0).unwrap()
 }
 
-/// The same on the simulated bus; `looks` is how often somebody listens in between.
+/// Returns the same on the simulated bus; `looks` is how often somebody listens in between.
 fn simulated(sends: &[Sent], looks: usize) -> Vec<(i64, u16)> {
     let bench = Bench::new(CAN, BusModel::default());
     let ends: [SimulatedLink; 4] = bench.ends();

@@ -69,7 +69,7 @@ pub fn simulated_pair(params: BusParams, clock: &Arc<dyn Clock>) -> (SimulatedLi
     (bus.attach(), bus.attach())
 }
 
-/// A bus with `ends` ends.
+/// Returns a bus with `ends` ends.
 #[must_use]
 pub fn simulated_bus(params: BusParams, clock: &Arc<dyn Clock>, ends: usize) -> Vec<SimulatedLink> {
     let bus = SimulatedBus::new(params, clock);
@@ -85,14 +85,14 @@ impl SimulatedBus {
         Self::with_model(params, BusModel { transmit_packets, ..usual }, clock)
     }
 
-    /// The same, modelled otherwise than by default.
+    /// Returns the same, modelled otherwise than by default.
     #[must_use]
     pub fn with_model(params: BusParams, model: BusModel, clock: &Arc<dyn Clock>) -> Self {
         let medium = Mutex::new(Medium::new(params.clone(), model, clock.now()));
         Self { bus: Arc::new(Bus { params, clock: Arc::clone(clock), medium, changed: Condvar::new() }) }
     }
 
-    /// One more end, at any time. The number of an end that has left is given again.
+    /// Returns one more end, at any time. The number of an end that has left is given again.
     #[must_use]
     pub fn attach(&self) -> SimulatedLink {
         let end = self.bus.settled().attach();
@@ -122,12 +122,12 @@ impl SimulatedBus {
 }
 
 impl Bus {
-    /// A thread that panicked while it held the lock left counters and queues whole.
+    /// Returns a thread that panicked while it held the lock left counters and queues whole.
     fn lock(&self) -> MutexGuard<'_, Medium> {
         self.medium.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The wire as it is now.
+    /// Returns the wire as it is now.
     pub(super) fn settled(&self) -> MutexGuard<'_, Medium> {
         let mut medium = self.lock();
         medium.settle(self.clock.now());
@@ -145,19 +145,19 @@ impl Bus {
 }
 
 impl SimulatedLink {
-    /// Number of this end on its bus, from 0 in the order of attaching.
+    /// Returns the number of this end on its bus, from 0 in the order of attaching.
     #[must_use]
     pub fn end(&self) -> usize {
         self.end
     }
 
-    /// Error counters of its controller.
+    /// Returns the error counters of its controller.
     #[must_use]
     pub fn error_counters(&self) -> ErrorCounters {
         self.bus.settled().ends[self.end].errors
     }
 
-    /// Packets that [`Link::send`] would still queue.
+    /// Returns packets that [`Link::send`] would still queue.
     #[must_use]
     pub fn space(&self) -> usize {
         let medium = self.bus.settled();

@@ -68,7 +68,7 @@ impl BusControl {
         number
     }
 
-    /// Every fault, in the order in which they were added, with its hits.
+    /// Returns every fault, in the order in which they were added, with its hits.
     #[must_use]
     pub fn timed(&self) -> Vec<TimedBusFault> {
         self.bus.settled().faults.clone()

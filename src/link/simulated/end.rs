@@ -68,7 +68,7 @@ impl End {
         }
     }
 
-    /// True when nobody uses it and nothing of it is left to send.
+    /// Returns whether nobody uses it and nothing of it is left to send.
     pub(super) fn is_free(&self) -> bool {
         self.has_left && self.outbox.is_empty() && self.on_the_wire.is_none()
     }
@@ -77,7 +77,7 @@ impl End {
         self.recovery.is_some()
     }
 
-    /// When the first packet that waits could start on an idle wire.
+    /// Returns when the first packet that waits could start on an idle wire.
     pub(super) fn ready_at(&self) -> Option<Tai> {
         self.outbox.front().map(|first| first.at.max(self.not_before))
     }
@@ -219,7 +219,7 @@ impl End {
         }
     }
 
-    /// The oldest packet that has arrived by `now`.
+    /// Returns the oldest packet that has arrived by `now`.
     pub(super) fn due_by(&mut self, now: Tai) -> Option<Stamped<Packet>> {
         let is_due = self.inbox.front().is_some_and(|first| first.at <= now);
         let packet = if is_due { self.inbox.pop_front() } else { None };

@@ -88,7 +88,7 @@ impl Medium {
         Self { params, model, ends, faults, wires, dice, bit, since, busy, frames: 0, babbled: 0, error_frames: 0 }
     }
 
-    /// A place for one more end: that of one that left, or a new one.
+    /// Returns a place for one more end: that of one that left, or a new one.
     pub(super) fn attach(&mut self) -> usize {
         let end = End::new(self.params.queue_packets, self.model.transmit_packets);
         if let Some(place) = self.ends.iter().position(End::is_free) {
@@ -149,7 +149,7 @@ impl Medium {
         }
     }
 
-    /// When the next frame starts as things stand, and whose it is.
+    /// Returns when the next frame starts as things stand, and whose it is.
     fn next_start(&self, wire: usize) -> Option<(Tai, Sender)> {
         let ends = self.senders(wire).filter_map(|end| self.ends[end].ready_at().map(|at| (at, Sender::End(end))));
         let babblers =
@@ -171,7 +171,7 @@ impl Medium {
         }
     }
 
-    /// When a babbling node has its next frame ready.
+    /// Returns when a babbling node has its next frame ready.
     fn babble_at(&self, fault: usize) -> Option<Tai> {
         let timed = &self.faults[fault];
         let babbles = matches!(timed.fault, BusFault::Babble { share_of_bandwidth, .. } if share_of_bandwidth > 0.0);
@@ -204,7 +204,8 @@ impl Medium {
         Some(Queued { number: 0, at: start, packet, duration })
     }
 
-    /// Whether bit errors destroy a frame that starts at `start`: the time from there to the end of the error frame.
+    /// Returns whether bit errors destroy a frame that starts at `start`: the time from there to the end of the error
+    /// frame.
     fn destroyed_after(&mut self, start: Tai, duration: Span) -> Option<Span> {
         let shared = self.params.timing.is_shared();
         let dice = &mut self.dice;
@@ -290,7 +291,7 @@ impl Medium {
 
     // --- what the ends ask -------------------------------------------------------------------------------------------
 
-    /// Time on the wire; `None` when this wire does not carry such packets.
+    /// Returns the time on the wire; `None` when this wire does not carry such packets.
     pub(super) fn duration(&self, packet: &Packet) -> Option<Span> {
         self.params.timing.duration_with(packet, self.model.stuffing)
     }
@@ -303,7 +304,7 @@ impl Medium {
         self.estimate(end, now)
     }
 
-    /// When the last packet in the queue of `end` leaves as the queues stand.
+    /// Returns when the last packet in the queue of `end` leaves as the queues stand.
     fn estimate(&mut self, end: usize, now: Tai) -> Tai {
         let wire = self.wire_of(end);
         let mut at = self.wires[wire].current.map_or(self.wires[wire].free_at.max(now), |current| current.done);
@@ -320,7 +321,7 @@ impl Medium {
         at
     }
 
-    /// When something may next arrive anywhere, as things stand: an end that waits need not look before.
+    /// Returns when something may next arrive anywhere, as things stand: an end that waits need not look before.
     pub(super) fn next_arrival(&self) -> Option<Tai> {
         let per_wire = |wire: usize| match self.wires[wire].current {
             Some(current) => Some(current.done),

@@ -60,7 +60,7 @@ impl Stuffer {
     }
 }
 
-/// Stuff bits of a classic frame.
+/// Returns the stuff bits of a classic frame.
 pub(super) fn classic(frame: &CanFrame) -> u64 {
     let mut wire = Stuffer::new();
     // Start of frame, identifier, RTR, IDE and r0, length, data.
@@ -75,7 +75,7 @@ pub(super) fn classic(frame: &CanFrame) -> u64 {
     wire.stuffed + u64::from(wire.run == RUN)
 }
 
-/// Stuff bits of an FD frame with bit rate switching: up to the switch, and from there to the CRC field.
+/// Returns the stuff bits of an FD frame with bit rate switching: up to the switch, and from there to the CRC field.
 ///
 /// Five equal bits at the end of the data have no stuff bit of their own: the CRC field begins with a fixed one.
 pub(super) fn fd(frame: &CanFrame) -> (u64, u64) {
@@ -92,7 +92,7 @@ pub(super) fn fd(frame: &CanFrame) -> (u64, u64) {
     (head, wire.stuffed - head)
 }
 
-/// The 4 bits that say a length.
+/// Returns the 4 bits that say a length.
 fn length_code(len: usize) -> u16 {
     match len {
         0..=8 => u16::try_from(len).unwrap_or(0),

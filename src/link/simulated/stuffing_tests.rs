@@ -9,7 +9,7 @@ fn digits(value: usize, count: usize) -> String {
     format!("{value:0count$b}")
 }
 
-/// The remainder of the polynomial division, by hand as on paper: 16 digits of divisor under the first 1.
+/// Returns the remainder of the polynomial division, by hand as on paper: 16 digits of divisor under the first 1.
 fn remainder(message: &str) -> String {
     let divisor = b"1100010110011001";
     let mut rest = [message.as_bytes(), &[b'0'; 15]].concat();
@@ -21,7 +21,7 @@ fn remainder(message: &str) -> String {
     String::from_utf8(rest[rest.len() - 15..].to_vec()).unwrap()
 }
 
-/// The bits with their stuff bits in place.
+/// Returns the bits with their stuff bits in place.
 fn stuffed(bits: &str, stuffs_the_end: bool) -> String {
     let mut out = String::new();
     for (place, bit) in bits.chars().enumerate() {
@@ -56,7 +56,7 @@ fn fd_by_text(frame: &CanFrame) -> (u64, u64) {
     ((in_head) as u64, (stuffed(&bits, false).len() - bits.len() - in_head) as u64)
 }
 
-/// Bytes that make runs likely.
+/// Returns bytes that make runs likely.
 fn random_data(dice: &mut StdRng, len: usize) -> Vec<u8> {
     let bytes = [0x00, 0xFF, 0x0F, 0xF8, 0x1F, 0x07];
     (0..len).map(|_| if dice.random::<bool>() { bytes[dice.random_range(0..6)] } else { dice.random() }).collect()

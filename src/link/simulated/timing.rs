@@ -45,13 +45,13 @@ const LEAST_FRAME: u64 = 84;
 const BITS_PER_BYTE: u64 = 10;
 
 impl BusTiming {
-    /// True when both directions share the wire.
+    /// Returns whether both directions share the wire.
     #[must_use]
     pub fn is_shared(&self) -> bool {
         !matches!(self, Self::Serial { .. } | Self::Datagram { .. })
     }
 
-    /// Kind of packet carried, for messages.
+    /// Returns the kind of packet carried, for messages.
     #[must_use]
     pub fn kind(&self) -> &'static str {
         match self {
@@ -62,7 +62,7 @@ impl BusTiming {
         }
     }
 
-    /// Time of one bit outside the data phase of FD frames, rounded up to the nanosecond.
+    /// Returns the time of one bit outside the data phase of FD frames, rounded up to the nanosecond.
     #[must_use]
     pub fn bit_time(&self) -> Span {
         match self {
@@ -72,15 +72,15 @@ impl BusTiming {
         }
     }
 
-    /// Time on the wire with the most stuff bits, rounded up to the nanosecond; `None` when this wire does not carry
-    /// such packets.
+    /// Returns the time on the wire with the most stuff bits, rounded up to the nanosecond; `None` when this wire does
+    /// not carry such packets.
     #[must_use]
     pub fn duration(&self, packet: &Packet) -> Option<Span> {
         self.duration_with(packet, Stuffing::Worst)
     }
 
-    /// Time on the wire with these stuff bits, rounded up to the nanosecond; `None` when this wire does not carry such
-    /// packets.
+    /// Returns the time on the wire with these stuff bits, rounded up to the nanosecond; `None` when this wire does not
+    /// carry such packets.
     #[must_use]
     pub fn duration_with(&self, packet: &Packet, stuffing: Stuffing) -> Option<Span> {
         match (self, packet) {
@@ -109,7 +109,7 @@ fn span(bits: u64, bit_rate_bps: u32) -> Span {
     Span::from_ns(i64::try_from(ns).unwrap_or(i64::MAX))
 }
 
-/// Bits of a standard frame with its stuff bits and the 3 bits of interframe space: at most 135 for 8 bytes.
+/// Returns bits of a standard frame with its stuff bits and the 3 bits of interframe space: at most 135 for 8 bytes.
 ///
 /// 34 bits of header and CRC are subject to stuffing, 10 are not.
 fn classic_bits(frame: &CanFrame, stuffing: Stuffing) -> u64 {
@@ -122,7 +122,7 @@ fn classic_bits(frame: &CanFrame, stuffing: Stuffing) -> u64 {
     stuffed + stuff + plain + interframe
 }
 
-/// Bits of a standard FD frame with its stuff bits: at the arbitration rate, at the data rate.
+/// Returns bits of a standard FD frame with its stuff bits: at the arbitration rate, at the data rate.
 fn fd_bits(frame: &CanFrame, stuffing: Stuffing) -> (u64, u64) {
     let data = 8 * frame.data().len() as u64;
     // Start, 11 identifier bits, RRS, IDE, FDF, reserved, BRS; then, after the CRC: delimiter, acknowledge slot and

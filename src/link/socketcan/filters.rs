@@ -36,8 +36,8 @@ const FROM_FLIGHT_COMPUTER: [MessageId; 14] = [
 const FROM_STIMULATOR: [MessageId; 5] =
     [MessageId::Exposure, MessageId::Status, MessageId::CameraStatus, MessageId::Response, MessageId::Heartbeat];
 
-/// One filter per identifier: the kernel finds single standard identifiers in a table, whatever their number. Extended
-/// and remote frames never match.
+/// Returns one filter per identifier: the kernel finds single standard identifiers in a table, whatever their number.
+/// Extended and remote frames never match.
 pub(super) fn filters(ids: &IdMap, receives: Receives) -> Vec<CanFilter> {
     let data_frames = CAN_EFF_FLAG | CAN_RTR_FLAG;
     let one = |message: &MessageId| CanFilter::new(u32::from(ids.id(*message)), CAN_SFF_MASK | data_frames);

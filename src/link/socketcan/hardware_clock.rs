@@ -24,7 +24,7 @@ pub(super) struct HardwareClock {
 }
 
 impl HardwareClock {
-    /// The instant of a frame that the adapter stamped `hardware_ns` and the kernel `kernel`.
+    /// Returns the instant of a frame that the adapter stamped `hardware_ns` and the kernel `kernel`.
     pub(super) fn place(&mut self, hardware_ns: i64, kernel: Tai) -> Tai {
         let distance_ns = kernel.ns().saturating_sub(hardware_ns);
         self.learn(distance_ns, kernel);

@@ -51,7 +51,7 @@ impl SocketCanLink {
         Ok(Self { params, clock, socket, retry_at, stamps, hardware, counters })
     }
 
-    /// True while the interface is there and up.
+    /// Returns true while the interface is there and up.
     #[must_use]
     pub fn is_up(&self) -> bool {
         self.socket.is_some()
@@ -113,7 +113,7 @@ impl SocketCanLink {
         received_frame.hardware_ns.map_or(placed.at, |hardware_ns| self.hardware.place(hardware_ns, placed.at))
     }
 
-    /// An interface that went is counted and looked for again; anything else is for good.
+    /// Returns an interface that went is counted and looked for again; anything else is for good.
     fn lose(&mut self, doing: &'static str, source: io::Error) -> Result<(), LinkError> {
         if !is_lost(&source) {
             return Err(LinkError::System { link: self.params.interface.clone(), doing, source, advice: "" });
@@ -186,7 +186,7 @@ impl Link for SocketCanLink {
     }
 }
 
-/// The interface's queue, or the socket's, has no room.
+/// Returns the interface's queue, or the socket's, has no room.
 fn is_full(error: &io::Error) -> bool {
     matches!(errno(error), Errno::ENOBUFS | Errno::EAGAIN | Errno::EINTR)
 }

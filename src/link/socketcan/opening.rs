@@ -74,7 +74,7 @@ fn set_options(socket: &CanFdSocket, params: &SocketCanParams) -> io::Result<()>
     enlarge_receive_buffer(socket)
 }
 
-/// The adapter's raw stamp where there is one; the kernel's always.
+/// Returns the adapter's raw stamp where there is one; the kernel's always.
 fn stamps_wanted() -> TimestampingFlag {
     TimestampingFlag::SOF_TIMESTAMPING_RX_SOFTWARE
         | TimestampingFlag::SOF_TIMESTAMPING_SOFTWARE
@@ -82,7 +82,7 @@ fn stamps_wanted() -> TimestampingFlag {
         | TimestampingFlag::SOF_TIMESTAMPING_RAW_HARDWARE
 }
 
-/// Beyond the system's limit (`net.core.rmem_max`) where the rights suffice, else up to it.
+/// Returns the beyond the system's limit (`net.core.rmem_max`) where the rights suffice, else up to it.
 fn enlarge_receive_buffer(socket: &CanFdSocket) -> io::Result<()> {
     setsockopt(socket, RcvBufForce, &RECEIVE_BUFFER_BYTES)
         .or_else(|_| setsockopt(socket, RcvBuf, &RECEIVE_BUFFER_BYTES))

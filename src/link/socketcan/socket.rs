@@ -42,7 +42,7 @@ impl Socket {
         Ok(Self { inner, control: Box::new([0; CONTROL_BYTES]), drops: 0, bit_rate_switch })
     }
 
-    /// The next frame in the kernel's queue; `None` when it is empty.
+    /// Returns the next frame in the kernel's queue; `None` when it is empty.
     pub(super) fn read(&mut self) -> io::Result<Option<Received>> {
         let mut bytes = [0; FD_BYTES];
         let mut slices = [IoSliceMut::new(&mut bytes)];

@@ -14,7 +14,7 @@ fn ids(node: u8) -> IdMap {
     IdMap::new(0, node).unwrap()
 }
 
-/// A kernel frame written by hand.
+/// Returns a kernel frame written by hand.
 fn raw(id: u32, len: u8, data: &[u8], size: usize) -> Vec<u8> {
     let mut bytes = vec![0; size];
     bytes[..4].copy_from_slice(&id.to_ne_bytes());

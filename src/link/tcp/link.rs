@@ -118,7 +118,7 @@ impl TcpLink {
         self.retry_at = self.clock.now() + RETRY;
     }
 
-    /// The next whole message of what was read.
+    /// Returns the next whole message of what was read.
     fn take(&mut self) -> Option<Datagram> {
         let mut rest = self.bytes.get(self.taken..self.read).unwrap_or(&[]);
         let message = self.reassembly.next(&mut rest);
@@ -173,7 +173,7 @@ impl TcpLink {
         wait_for_any(&fds, until - now).map_err(|error| failed(self.address, "wait for bytes", error, ""))
     }
 
-    /// The bytes of a message as they go over the stream.
+    /// Returns the bytes of a message as they go over the stream.
     fn framed(&self, datagram: &Datagram) -> Result<Vec<u8>, LinkError> {
         let wrong = |wanted| {
             let (link, got) = (format!("tcp {}", self.address), "datagram of another length or with a line's end");

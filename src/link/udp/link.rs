@@ -48,7 +48,7 @@ impl UdpLink {
         Ok(Self { params, clock, socket, address, sender: None, stamps, counters: LinkCounters::default() })
     }
 
-    /// The same with this address as the other end.
+    /// Returns the same with this address as the other end.
     #[must_use]
     pub fn with_peer(mut self, peer: SocketAddr) -> Self {
         self.params.peer = Some(peer);
@@ -88,8 +88,8 @@ impl UdpLink {
         Look::Packet(Stamped { at: placed.at, value: Packet::Datagram(datagram) })
     }
 
-    /// Whether a datagram is of the sender that has the link, or of one that may have it. While the link is free all is
-    /// handed on: the port counts by its reason what is no message.
+    /// Returns whether a datagram is of the sender that has the link, or of one that may have it. While the link is
+    /// free all is handed on: the port counts by its reason what is no message.
     fn admits(&mut self, from: SocketAddr, arrived: &Arrived, at: Tai) -> bool {
         if let Some(peer) = self.params.peer {
             return peer == from;

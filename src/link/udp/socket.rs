@@ -49,7 +49,7 @@ impl Socket {
         self.inner.local_addr()
     }
 
-    /// The next datagram in the kernel's queue; `None` when it is empty.
+    /// Returns the next datagram in the kernel's queue; `None` when it is empty.
     pub(super) fn read(&mut self) -> io::Result<Option<Arrived>> {
         let mut bytes = [0; DATAGRAM_MAX + 1];
         let mut slices = [IoSliceMut::new(&mut bytes)];

@@ -60,7 +60,7 @@ pub struct BeatError {
 }
 
 impl BeatInput {
-    /// Light over phase, and what to do about it.
+    /// Returns the light over phase, and what to do about it.
     ///
     /// # Errors
     /// When a number is out of range.
@@ -102,7 +102,7 @@ impl BeatInput {
         within("drift_ppm", "0 to 1e5", self.drift_ppm, 1e5)
     }
 
-    /// Time in which the phase of a frame's start passes through one refresh.
+    /// Returns the time in which the phase of a frame's start passes through one refresh.
     fn period_s(&self) -> f64 {
         let periods = self.frame_period_s * self.refresh_hz;
         let off = (periods - periods.round()).abs().max(periods * self.drift_ppm * 1e-6);
@@ -111,13 +111,13 @@ impl BeatInput {
 }
 
 impl Beat {
-    /// Whether frames of the same scene differ by more than anybody would notice.
+    /// Returns whether frames of the same scene differ by more than anybody would notice.
     #[must_use]
     pub fn is_seen(&self) -> bool {
         self.ripple_mag > UNSEEN_MAG
     }
 
-    /// One or two sentences, for `check`.
+    /// Returns one or two sentences, for `check`.
     #[must_use]
     pub fn advice(&self) -> String {
         if !self.is_seen() {
@@ -151,7 +151,7 @@ mod tests {
         BeatInput { exposure_s, frame_period_s: 0.1, refresh_hz: 60.0, duty, drift_ppm: 0.0 }
     }
 
-    /// Light by adding up thin slices of time, phase by phase.
+    /// Returns the light by adding up thin slices of time, phase by phase.
     fn counted(input: &BeatInput) -> [f64; 2] {
         const SLICES: u32 = 6000;
         let per_refresh = 1000.0;

@@ -43,7 +43,7 @@ impl Covered {
         (is_finite && corners_px.len() >= 3).then_some(Self { corners_px })
     }
 
-    /// The corners.
+    /// Returns the corners.
     #[must_use]
     pub fn corners_px(&self) -> &[[f64; 2]] {
         &self.corners_px
@@ -59,7 +59,7 @@ impl Covered {
         })
     }
 
-    /// Smallest and largest column, smallest and largest row.
+    /// Returns the smallest and largest column, smallest and largest row.
     #[must_use]
     pub fn range_px(&self) -> [f64; 4] {
         let start = [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY];

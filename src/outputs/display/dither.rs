@@ -33,7 +33,7 @@ pub struct Dither {
 }
 
 impl Dither {
-    /// The cycle of so many refreshes: a power of two, 1 (none: the nearer grey) to [`LONGEST_CYCLE`].
+    /// Returns the cycle of so many refreshes: a power of two, 1 (none: the nearer grey) to [`LONGEST_CYCLE`].
     ///
     /// # Errors
     /// When there is no such cycle.
@@ -48,13 +48,13 @@ impl Dither {
         self.cycle
     }
 
-    /// Largest error of the mean over one cycle, steps between greys.
+    /// Returns the largest error of the mean over one cycle, steps between greys.
     #[must_use]
     pub fn bound(self) -> f64 {
         0.5 / f64::from(self.cycle)
     }
 
-    /// Where in the cycle a pixel begins.
+    /// Returns where in the cycle a pixel begins.
     #[must_use]
     pub fn start(self, x: u32, y: u32) -> u8 {
         #[allow(clippy::cast_possible_truncation, reason = "below the cycle, which is 256 at most")]
@@ -62,7 +62,8 @@ impl Dither {
         start
     }
 
-    /// Threshold of a refresh for a pixel that begins at `start`: the brighter grey where the share is above it.
+    /// Returns the threshold of a refresh for a pixel that begins at `start`: the brighter grey where the share is
+    /// above it.
     #[must_use]
     pub fn threshold(self, refresh: u64, start: u8) -> f32 {
         let mask = u64::from(self.cycle - 1);
@@ -73,7 +74,7 @@ impl Dither {
         (reversed as f32 + 0.5) / self.cycle as f32
     }
 
-    /// Whether a refresh shows the brighter of the two greys.
+    /// Returns whether a refresh shows the brighter of the two greys.
     #[must_use]
     pub fn is_brighter(self, share: f32, refresh: u64, start: u8) -> bool {
         share > self.threshold(refresh, start)

@@ -128,7 +128,7 @@ mod tests {
         light
     }
 
-    /// Light of a point at 4 + `fraction`, split over its two pixels.
+    /// Returns the light of a point at 4 + `fraction`, split over its two pixels.
     fn split(fraction: f32) -> [f32; 9] {
         let mut wanted = [0.0; 9];
         wanted[4] = 0.5 * (1.0 - fraction);

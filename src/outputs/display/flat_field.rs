@@ -88,7 +88,7 @@ impl FlatField {
         Self { parameters: FlatParameters { degree: 0, coefficient: vec![1.0] }, size_px }
     }
 
-    /// The numbers as given.
+    /// Returns the numbers as given.
     #[must_use]
     pub fn parameters(&self) -> &FlatParameters {
         &self.parameters
@@ -100,7 +100,7 @@ impl FlatField {
         value(self.parameters.degree, &self.parameters.coefficient, px, self.size_px)
     }
 
-    /// Least and most light on the display.
+    /// Returns the least and most light on the display.
     #[must_use]
     pub fn range(&self) -> [f64; 2] {
         let place = |i: usize, side: usize| i as f64 * (side as f64 - 1.0) / (LOOKED_AT as f64 - 1.0);

@@ -87,8 +87,8 @@ impl DisplayGeometry {
         Ok(Self { camera, drawn_from_sensor, mirrored: parameters.mirrored, covered })
     }
 
-    /// The camera that a renderer draws this display's frames with: directions in *drawn* axes -> display px, columns
-    /// not yet mirrored. Error against the fitted map: [`CAMERA_PX`].
+    /// Returns the camera that a renderer draws this display's frames with: directions in *drawn* axes -> display px,
+    /// columns not yet mirrored. Error against the fitted map: [`CAMERA_PX`].
     #[must_use]
     pub fn camera(&self) -> &CameraGeometry {
         &self.camera
@@ -101,7 +101,7 @@ impl DisplayGeometry {
         self.drawn_from_sensor
     }
 
-    /// Whether drawn columns are to be shown in reverse order: column x at `width - 1 - x`.
+    /// Returns whether drawn columns are to be shown in reverse order: column x at `width - 1 - x`.
     #[must_use]
     pub fn mirrored(&self) -> bool {
         self.mirrored
@@ -113,7 +113,8 @@ impl DisplayGeometry {
         &self.covered
     }
 
-    /// Display pixel, as shown, of a direction in the tracker's sensor axes; `None` as for [`CameraGeometry::project`].
+    /// Returns the display pixel, as shown, of a direction in the tracker's sensor axes; `None` as for
+    /// [`CameraGeometry::project`].
     #[must_use]
     pub fn project(&self, v_sensor: DVec3) -> Option<[f64; 2]> {
         self.camera.project(self.drawn_from_sensor.apply(v_sensor)).map(|px| self.shown(px))
@@ -131,7 +132,7 @@ impl DisplayGeometry {
         if self.mirrored { [self.camera.width_px() as f64 - 1.0 - x, y] } else { [x, y] }
     }
 
-    /// Angle of one display pixel in the middle of what is covered, arcsec.
+    /// Returns the angle of one display pixel in the middle of what is covered, arcsec.
     #[must_use]
     pub fn arcsec_per_px(&self) -> f64 {
         let [left, right, top, bottom] = self.covered.range_px();
@@ -189,7 +190,7 @@ mod tests {
     use super::*;
     use glam::DVec2;
 
-    /// A tilted, rolled, sheared display.
+    /// Returns a tilted, rolled, sheared display.
     fn homography() -> DMat3 {
         let k = DMat3::from_cols_array(&[2000.0, 0.0, 0.0, 12.0, 1990.0, 0.0, 630.0, 355.0, 1.0]);
         let turn = DMat3::from_rotation_z(2.1) * DMat3::from_rotation_y(0.08) * DMat3::from_rotation_x(-0.05);

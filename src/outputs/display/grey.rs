@@ -21,7 +21,7 @@ pub struct GreyTable {
 }
 
 impl GreyTable {
-    /// A table of greys at luminances 0, 1/(n-1), ..., 1 of the full one.
+    /// Returns a table of greys at luminances 0, 1/(n-1), ..., 1 of the full one.
     ///
     /// # Errors
     /// When there are fewer than 4096 or more than 65536 entries, or `bits` is neither 8 nor 10, or an entry is no number
@@ -66,13 +66,13 @@ impl GreyTable {
         Self::new(bits, entries)
     }
 
-    /// Bits of a grey.
+    /// Returns bits of a grey.
     #[must_use]
     pub fn bits(&self) -> u32 {
         self.bits
     }
 
-    /// The grey of a luminance, with its fraction.
+    /// Returns the grey of a luminance, with its fraction.
     #[must_use]
     pub fn grey(&self, luminance: u16) -> f64 {
         let steps = self.entries.len() - 1;
@@ -84,7 +84,7 @@ impl GreyTable {
         low + (high - low) * part
     }
 
-    /// The nearest whole grey of a luminance; halves go up.
+    /// Returns the nearest whole grey of a luminance; halves go up.
     #[must_use]
     pub fn nearest(&self, luminance: u16) -> u16 {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 1023 by the table's checks")]
@@ -117,7 +117,7 @@ pub struct GreyMaker {
 }
 
 impl GreyMaker {
-    /// The nearest grey of a table.
+    /// Returns the nearest grey of a table.
     #[must_use]
     pub fn nearest(table: &GreyTable) -> Self {
         let greys: Vec<u16> = (0..=u16::MAX).map(|luminance| table.nearest(luminance)).collect();
@@ -130,9 +130,9 @@ impl GreyMaker {
         Self { bits: table.bits(), changes_by_refresh: false, make: Box::new(make) }
     }
 
-    /// Any function of a row and a refresh. `changes_by_refresh`: frames that are repeated are made anew at each
-    /// refresh. `make` gives how many pixels wanted more light than the display has; greys above `2^bits - 1` show as
-    /// the brightest.
+    /// Returns any function of a row and a refresh. `changes_by_refresh`: frames that are repeated are made anew at
+    /// each refresh. `make` gives how many pixels wanted more light than the display has; greys above `2^bits - 1` show
+    /// as the brightest.
     #[must_use]
     pub fn by_row(
         bits: u32,
@@ -142,13 +142,13 @@ impl GreyMaker {
         Self { bits, changes_by_refresh, make: Box::new(make) }
     }
 
-    /// Bits of a grey.
+    /// Returns bits of a grey.
     #[must_use]
     pub fn bits(&self) -> u32 {
         self.bits
     }
 
-    /// Whether a repeated frame has other greys.
+    /// Returns whether a repeated frame has other greys.
     #[must_use]
     pub fn changes_by_refresh(&self) -> bool {
         self.changes_by_refresh

@@ -108,8 +108,9 @@ pub struct Flip {
     pub edge_s: Option<f64>,
 }
 
-/// The edge of each flip: the first after its submit and before the next one's. Flips with another one within [`APART_S`],
-/// before or after, are left out, as an edge may be of either. Times in seconds of one clock, in any order.
+/// Returns the edge of each flip: the first after its submit and before the next one's. Flips with another one within
+/// [`APART_S`], before or after, are left out, as an edge may be of either. Times in seconds of one clock, in any
+/// order.
 ///
 /// # Errors
 /// When too few flips are left.
@@ -138,7 +139,7 @@ pub fn flips_of(submits_s: &[f64], edges_s: &[f64]) -> Result<Vec<Flip>, Latency
 }
 
 impl Latency {
-    /// A latency that somebody gives, with its full spread.
+    /// Returns a latency that somebody gives, with its full spread.
     #[must_use]
     pub fn given(latency: Span, spread: Span) -> Self {
         let half = spread.ns() / 2;
@@ -171,7 +172,7 @@ impl Latency {
         Self::of_flips(&flips, marker_row_share, scan)
     }
 
-    /// The latency that flips of the marker show.
+    /// Returns the latency that flips of the marker show.
     ///
     /// # Errors
     /// When too few have an edge.

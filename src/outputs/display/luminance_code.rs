@@ -15,7 +15,7 @@ pub const KNOTS: [[f64; 2]; 4] = [[1.0 / 512.0, 18_079.0], [1.0 / 64.0, 33_898.0
 /// Finest step between codes, of the full luminance.
 pub const LEAST_STEP: f64 = KNOTS[0][0] / KNOTS[0][1];
 
-/// Where a value lies between knots: from axis `from` to the other one.
+/// Returns where a value lies between knots: from axis `from` to the other one.
 fn along(value: f64, from: usize) -> f64 {
     let mut before = [0.0; 2];
     for knot in KNOTS {
@@ -28,13 +28,13 @@ fn along(value: f64, from: usize) -> f64 {
     before[1 - from]
 }
 
-/// Luminance of a code, 0 to 1.
+/// Returns the luminance of a code, 0 to 1.
 #[must_use]
 pub fn luminance(code: u16) -> f64 {
     along(f64::from(code), 1)
 }
 
-/// The nearest code of a luminance; beyond 0 to 1, and for what is not a number, the ends.
+/// Returns the nearest code of a luminance; beyond 0 to 1, and for what is not a number, the ends.
 #[must_use]
 pub fn code(luminance: f64) -> u16 {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 65535")]

@@ -50,7 +50,7 @@ impl core::fmt::Display for MonitorFacts {
     }
 }
 
-/// Index of the monitor that was asked for.
+/// Returns the index of the monitor that was asked for.
 ///
 /// # Errors
 /// When it is not there; the message lists what is.

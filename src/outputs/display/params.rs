@@ -16,7 +16,7 @@ pub enum Bits {
 }
 
 impl Bits {
-    /// The number.
+    /// Returns the number.
     #[must_use]
     pub const fn count(self) -> u32 {
         match self {
@@ -25,7 +25,7 @@ impl Bits {
         }
     }
 
-    /// The brightest grey, `2^bits - 1`.
+    /// Returns the brightest grey, `2^bits - 1`.
     #[must_use]
     pub const fn most(self) -> u16 {
         match self {
@@ -68,7 +68,7 @@ pub struct Params {
 }
 
 impl Params {
-    /// The whole primary monitor, 8 bits, no marker.
+    /// Returns the whole primary monitor, 8 bits, no marker.
     #[must_use]
     pub const fn full_screen() -> Self {
         Self {
@@ -82,8 +82,8 @@ impl Params {
         }
     }
 
-    /// How long before its light is to leave a frame may be submitted at the earliest: the latency and half a refresh,
-    /// so that of all refreshes it gets the one whose light comes nearest. `None`: at any time.
+    /// Returns how long before its light is to leave a frame may be submitted at the earliest: the latency and half a
+    /// refresh, so that of all refreshes it gets the one whose light comes nearest. `None`: at any time.
     #[must_use]
     pub fn lead(&self) -> Option<Span> {
         let refresh = self.refresh?;

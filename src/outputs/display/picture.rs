@@ -19,13 +19,13 @@ impl Picture {
         Self { size_px, greys: vec![0; size_px[0] * size_px[1]], marker, white }
     }
 
-    /// Columns and rows.
+    /// Returns columns and rows.
     #[must_use]
     pub fn size_px(&self) -> [usize; 2] {
         self.size_px
     }
 
-    /// All greys.
+    /// Returns all greys.
     #[must_use]
     pub fn greys(&self) -> &[u16] {
         &self.greys

@@ -134,7 +134,8 @@ impl Response {
         }
     }
 
-    /// A response of luminance = (grey / highest)^gamma without black: what a display is taken for before it is measured.
+    /// Returns a response of luminance = (grey / highest)^gamma without black: what a display is taken for before it is
+    /// measured.
     ///
     /// # Errors
     /// When the bits are out of range or gamma does not rise.
@@ -150,19 +151,20 @@ impl Response {
         Self::new(ResponseParameters { bits, black_share: 0.0, level: (0..=32).map(node).collect() })
     }
 
-    /// The numbers as given.
+    /// Returns the numbers as given.
     #[must_use]
     pub fn parameters(&self) -> &ResponseParameters {
         &self.parameters
     }
 
-    /// Luminance above black of every grey, 0 to 1, rising.
+    /// Returns the luminance above black of every grey, 0 to 1, rising.
     #[must_use]
     pub fn luminance(&self) -> &[f64] {
         &self.luminance
     }
 
-    /// The grey, and the share of the step to the next one, whose luminance is `luminance`; beyond 0 to 1 the ends.
+    /// Returns the grey, and the share of the step to the next one, whose luminance is `luminance`; beyond 0 to 1 the
+    /// ends.
     #[must_use]
     pub fn grey_of(&self, luminance: f64) -> (usize, f64) {
         let above = self.luminance.partition_point(|l| *l <= luminance);
@@ -176,7 +178,7 @@ impl Response {
         }
     }
 
-    /// Standard error of the measured greys above 1 % of full, magnitudes, their median.
+    /// Returns the standard error of the measured greys above 1 % of full, magnitudes, their median.
     #[must_use]
     pub fn sigma_mag(&self) -> f64 {
         let bright = self.parameters.level.iter().filter(|level| level.luminance > DARKEST_FOR_GAMMA);
@@ -240,7 +242,7 @@ fn pooled(levels: impl Iterator<Item = GreyLevel>) -> Vec<GreyLevel> {
     pools.into_iter().map(|(level, _)| level).collect()
 }
 
-/// Slope of log luminance over log grey, least squares; 1 when nothing tells.
+/// Returns the slope of log luminance over log grey, least squares; 1 when nothing tells.
 fn gamma(level: &[GreyLevel], highest: f64) -> f64 {
     let bright = level.iter().filter(|l| l.luminance > DARKEST_FOR_GAMMA && l.luminance < 1.0);
     let logs = bright.map(|l| [(l.grey / highest).ln(), l.luminance.ln()]);
@@ -301,7 +303,7 @@ mod tests {
         greys.map(|grey| GreyLevel { grey: f64::from(grey), luminance: luminance(grey), sigma: 0.5 }).collect()
     }
 
-    /// Sixteen greys after black, closer together near black.
+    /// Returns the sixteen greys after black, closer together near black.
     fn ramp() -> Vec<GreyLevel> {
         measured([0, 2, 7, 15, 24, 35, 48, 62, 78, 95, 114, 135, 157, 180, 204, 229, 255].into_iter(), |_| 0.0)
     }

@@ -50,8 +50,8 @@ impl SubmitRow {
         }
     }
 
-    /// Submit time, seconds since 1970 as UTC counts them: what other programs of the same machine stamp with, where the
-    /// run's clock is the machine's (`starloop display flip`, a bench with `start_utc = "now"`).
+    /// Returns the submit time, seconds since 1970 as UTC counts them: what other programs of the same machine stamp
+    /// with, where the run's clock is the machine's (`starloop display flip`, a bench with `start_utc = "now"`).
     #[must_use]
     pub fn submit_unix_s(&self) -> f64 {
         Tai::from_ns(self.submit_tai_ns).to_unix_ns() as f64 * 1e-9
@@ -74,7 +74,7 @@ impl core::fmt::Debug for SubmitLog {
 }
 
 impl SubmitLog {
-    /// A new file.
+    /// Returns a new file.
     ///
     /// # Errors
     /// When it is there already, or cannot be made.
@@ -97,7 +97,7 @@ impl SubmitLog {
         self.unwritten += u64::from(self.failure.is_some());
     }
 
-    /// Submit times that did not get into the file.
+    /// Returns the submit times that did not get into the file.
     pub(super) fn unwritten(&self) -> u64 {
         self.unwritten
     }

@@ -26,7 +26,7 @@ impl Display {
         Err(DisplayError::NotBuilt)
     }
 
-    /// Which monitor, driver and format.
+    /// Returns the which monitor, driver and format.
     #[must_use]
     pub fn description(&self) -> &str {
         match self.0 {}
@@ -46,13 +46,13 @@ impl Display {
         match self.0 {}
     }
 
-    /// Submit times, for one reader.
+    /// Returns the submit times, for one reader.
     #[must_use]
     pub fn submits(&self) -> Receiver<Submitted> {
         match self.0 {}
     }
 
-    /// Why nothing is shown any more, if so.
+    /// Returns why nothing is shown any more, if so.
     #[must_use]
     pub fn ended(&self) -> Option<&DisplayError> {
         match self.0 {}

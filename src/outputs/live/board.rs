@@ -80,7 +80,7 @@ impl Board {
         self.heads.iter().all(Head::is_over) && (self.has_totals || !self.has_numbers)
     }
 
-    /// The newest picture of a head as a PNG.
+    /// Returns the newest picture of a head as a PNG.
     pub(super) fn encode(&mut self, head: usize, scale: Scale) -> Result<Encoded, NoPicture> {
         let head = self.heads.get_mut(head).ok_or(NoPicture::NoHead)?;
         if let Some(known) = head.known(scale) {

@@ -35,7 +35,7 @@ fn connect(view: &LiveView) -> TcpStream {
     stream
 }
 
-/// Everything that comes back until the server hangs up.
+/// Returns everything that comes back until the server hangs up.
 fn all_of(mut stream: TcpStream) -> Vec<u8> {
     let mut answer = Vec::new();
     match stream.read_to_end(&mut answer) {
@@ -61,7 +61,7 @@ fn get(view: &LiveView, path: &str) -> (u16, String, Vec<u8>) {
     ask(view, format!("GET {path} HTTP/1.1\r\nHost: localhost\r\n\r\n").as_bytes())
 }
 
-/// A counter of the view's own.
+/// Returns a counter of the view's own.
 fn counted(view: &LiveView, name: &str) -> u64 {
     let text = String::from_utf8(get(view, "/metrics").2).unwrap();
     let line = text.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(' '));
@@ -159,7 +159,7 @@ fn head_beyond_the_last_is_refused_with_a_sentence() {
     assert!(String::from_utf8_lossy(&said).contains("wanted 0, the only head of this run"));
 }
 
-/// The first pixel of a PNG.
+/// Returns the first pixel of a PNG.
 fn first_grey(png: &[u8]) -> u8 {
     let mut reader = png::Decoder::new(std::io::Cursor::new(png)).read_info().unwrap();
     let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
@@ -267,7 +267,7 @@ fn half_a_request_is_given_up() {
     until("the client is counted", || counted(&view, "starloop_live_clients_failed_total") == 1);
 }
 
-/// A frame of noise, which no PNG makes small: more than the system takes for a client that does not read.
+/// Returns a frame of noise, which no PNG makes small: more than the system takes for a client that does not read.
 fn large_frame(side_px: usize) -> SentFrame {
     let mut frame = sample_frame(0);
     frame.image = DnImage::new(side_px, side_px);

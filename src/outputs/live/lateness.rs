@@ -34,7 +34,7 @@ impl LatenessBins {
         self.sum_s += lateness.s();
     }
 
-    /// Half of the width covered, s.
+    /// Returns half of the width covered, s.
     pub(super) fn reach_s(&self) -> f64 {
         self.reach_s
     }
@@ -44,17 +44,17 @@ impl LatenessBins {
         &self.counts
     }
 
-    /// Frames counted.
+    /// Returns frames counted.
     pub(super) fn total(&self) -> u64 {
         self.counts.iter().sum()
     }
 
-    /// Sum of the lateness, s.
+    /// Returns the sum of the lateness, s.
     pub(super) fn sum_s(&self) -> f64 {
         self.sum_s
     }
 
-    /// Upper bounds, s, of every fourth bin, and how many frames were at most each.
+    /// Returns the upper bounds, s, of every fourth bin, and how many frames were at most each.
     pub(super) fn cumulative(&self) -> impl Iterator<Item = (f64, u64)> + '_ {
         let mut sum = 0;
         let half = (BINS / 2) as f64;

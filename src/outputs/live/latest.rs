@@ -39,7 +39,7 @@ pub(super) struct Reader {
     between: Arc<Mutex<Between>>,
 }
 
-/// Two sides with a copy of `empty` each, and one between them.
+/// Returns two sides with a copy of `empty` each, and one between them.
 pub(super) fn latest(empty: Picture) -> (Writer, Reader) {
     let between = Between { picture: Box::new(empty.clone()), is_new: false, is_over: false };
     let between = Arc::new(Mutex::new(between));
@@ -48,7 +48,7 @@ pub(super) fn latest(empty: Picture) -> (Writer, Reader) {
 }
 
 impl Writer {
-    /// The writer's own buffer: an older picture, to be overwritten.
+    /// Returns the writer's own buffer: an older picture, to be overwritten.
     pub(super) fn buffer(&mut self) -> &mut Picture {
         &mut self.mine
     }
@@ -67,7 +67,7 @@ impl Writer {
 }
 
 impl Reader {
-    /// The newest picture.
+    /// Returns the newest picture.
     pub(super) fn newest(&mut self) -> &Picture {
         let mut between = self.between.lock().unwrap_or_else(PoisonError::into_inner);
         if between.is_new {
@@ -78,7 +78,7 @@ impl Reader {
         &self.mine
     }
 
-    /// True when no picture comes any more.
+    /// Returns whether no picture comes any more.
     pub(super) fn is_over(&self) -> bool {
         self.between.lock().unwrap_or_else(PoisonError::into_inner).is_over
     }

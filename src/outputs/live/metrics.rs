@@ -72,12 +72,12 @@ impl Text {
     }
 }
 
-/// A label's value as the format has it.
+/// Returns a label's value as the format has it.
 fn escaped(text: &str) -> String {
     text.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', "\\n")
 }
 
-/// All metrics now.
+/// Returns all metrics now.
 pub(super) fn metrics_of(board: &mut Board) -> String {
     board.listen();
     let mut out = Text { text: String::with_capacity(64 * 1024) };

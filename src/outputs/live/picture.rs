@@ -40,7 +40,7 @@ impl Scale {
     pub(super) const NAMED: [(Self, &'static str); 4] =
         [(Self::Stars, "stars"), (Self::Faint, "faint"), (Self::Linear, "linear"), (Self::Log, "log")];
 
-    /// Grey of every DN, fitted to these pixels.
+    /// Returns the grey of every DN, fitted to these pixels.
     fn greys(self, pixels: &[u16]) -> Vec<u8> {
         if self == Self::Stars {
             let stretch = Stretch::of_dn(pixels);
@@ -62,13 +62,13 @@ impl Scale {
     }
 }
 
-/// Grey of every DN, by its share of white.
+/// Returns the grey of every DN, by its share of white.
 fn every_dn(share: impl Fn(f64) -> f64) -> Vec<u8> {
     // A float-to-int cast saturates.
     (0..LEVELS).map(|dn| (share(dn as f64) * 255.0).round() as u8).collect()
 }
 
-/// One sigma below, median, maximum, DN; zeros without pixels.
+/// Returns one sigma below, median, maximum, DN; zeros without pixels.
 fn quantiles(pixels: &[u16]) -> [f64; 3] {
     let mut counts = vec![0_usize; LEVELS];
     pixels.iter().for_each(|&dn| counts[usize::from(dn)] += 1);
@@ -83,7 +83,7 @@ fn quantiles(pixels: &[u16]) -> [f64; 3] {
     })
 }
 
-/// The image as a PNG, 8-bit grey.
+/// Returns the image as a PNG, 8-bit grey.
 ///
 /// # Errors
 /// When the image has no pixels.
@@ -99,7 +99,7 @@ pub(super) fn png_of(image: &DnImage, scale: Scale) -> io::Result<Vec<u8>> {
 mod tests {
     use super::*;
 
-    /// Background of 60 to 67 DN, a star of 160 DN and one of 4000 DN.
+    /// Returns the background of 60 to 67 DN, a star of 160 DN and one of 4000 DN.
     fn field() -> DnImage {
         let mut image = DnImage::new(100, 50);
         image.pixels_mut().iter_mut().enumerate().for_each(|(i, dn)| *dn = 60 + (i * 7_919 % 8) as u16);

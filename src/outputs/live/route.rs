@@ -58,7 +58,7 @@ pub(super) fn lock(board: &SharedBoard) -> MutexGuard<'_, Board> {
     board.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The answer to a request, counted.
+/// Returns the answer to a request, counted.
 pub(super) async fn answer(board: &SharedBoard, request: &Parts) -> Answer {
     let answer = answered(board, request).await;
     let mut board = lock(board);

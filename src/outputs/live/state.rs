@@ -12,7 +12,7 @@ use frames::report::{NamedCounts, RunNumbers, Stage, TimeTally};
 use frames::sink::facts::{FactSource, json_keys};
 use serde_json::{Map, Value, json};
 
-/// The state now, with head `chosen` at the top; `None` when there is no such head.
+/// Returns the state now, with head `chosen` at the top; `None` when there is no such head.
 pub(super) fn state_of(board: &mut Board, chosen: usize) -> Option<Value> {
     board.listen();
     let now = board.clock.now();
@@ -32,7 +32,7 @@ pub(super) fn state_of(board: &mut Board, chosen: usize) -> Option<Value> {
     Some(Value::Object(state))
 }
 
-/// One head: what it is, and its newest frame.
+/// Returns one head: what it is, and its newest frame.
 fn head_of(number: usize, head: &mut Head, now: Tai) -> Map<String, Value> {
     let frame = head.newest().map(|picture| frame_of(picture, (now - picture.taken).s()));
     let lateness = head.newest().map(lateness_of);

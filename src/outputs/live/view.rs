@@ -79,7 +79,7 @@ impl LiveView {
         self.end()
     }
 
-    /// Where it listens.
+    /// Returns where it listens.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
@@ -92,7 +92,7 @@ impl LiveView {
         thread.join().is_ok() && was_at_work
     }
 
-    /// True when other machines can reach it: it asks for no password.
+    /// Returns whether other machines can reach it: it asks for no password.
     #[must_use]
     pub fn is_exposed(&self) -> bool {
         !self.address.ip().is_loopback()

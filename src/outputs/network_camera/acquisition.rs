@@ -34,7 +34,7 @@ impl Wanted {
         before.ok().map(acquisition)
     }
 
-    /// The acquisition for which a frame would be taken now.
+    /// Returns the acquisition for which a frame would be taken now.
     #[must_use]
     pub fn by(&self) -> Option<u32> {
         let word = self.acquisition_and_left.load(Ordering::Acquire);
@@ -52,7 +52,7 @@ impl Wanted {
         self.begin(acquisition, frames);
     }
 
-    /// True for an exposure that started before the acquisition.
+    /// Returns true for an exposure that started before the acquisition.
     #[must_use]
     pub fn is_before(&self, exposure_start: Tai) -> bool {
         exposure_start.ns() < self.from_ns.load(Ordering::Acquire)
@@ -92,7 +92,7 @@ pub(super) struct Turn {
 }
 
 impl Turn {
-    /// True when this frame, which comes during an acquisition, is one that its rate chooses.
+    /// Returns whether this frame, which comes during an acquisition, is one that its rate chooses.
     pub(super) fn comes(&mut self, acquisition: u32, wanted: &Wanted) -> bool {
         if self.acquisition != acquisition {
             *self = Self { acquisition, since_last: 0 };
@@ -137,17 +137,17 @@ impl Acquisition {
         *self = Self::default();
     }
 
-    /// True from the start to the stop, or to the last frame of a limited acquisition.
+    /// Returns true from the start to the stop, or to the last frame of a limited acquisition.
     pub(super) fn is_running(&self, wanted: &Wanted) -> bool {
         self.is_started && (self.triggers_left != Some(0) || wanted.by().is_some())
     }
 
-    /// True from the start to the stop.
+    /// Returns true from the start to the stop.
     pub(super) fn is_started(&self) -> bool {
         self.is_started
     }
 
-    /// A trigger; false when it is not heeded.
+    /// Returns a trigger; false when it is not heeded.
     pub(super) fn trigger(&mut self, wanted: &Wanted) -> bool {
         let is_heeded = self.is_started && self.triggers_left != Some(0);
         if is_heeded {

@@ -140,13 +140,13 @@ impl NetworkCamera {
         })
     }
 
-    /// Where clients find it.
+    /// Returns where clients find it.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// True when other machines can reach it: a camera asks for no password.
+    /// Returns whether other machines can reach it: a camera asks for no password.
     #[must_use]
     pub fn is_exposed(&self) -> bool {
         !self.address.ip().is_loopback()
@@ -187,7 +187,7 @@ impl NetworkCamera {
         }
     }
 
-    /// True when both threads are at work.
+    /// Returns whether both threads are at work.
     fn is_whole(&self) -> bool {
         let runs = |thread: &Option<JoinHandle<()>>| thread.as_ref().is_some_and(|thread| !thread.is_finished());
         runs(&self.stream) && runs(&self.listener)
@@ -205,7 +205,8 @@ impl NetworkCamera {
     }
 }
 
-/// Where discovery comes in by broadcast, as far as the system allows; without, the camera is found by its address.
+/// Returns where discovery comes in by broadcast, as far as the system allows; without, the camera is found by its
+/// address.
 fn receive_broadcasts(found: &Interface, port: u16) -> Vec<UdpSocket> {
     let to = [Ipv4Addr::BROADCAST, found.broadcast()];
     to.into_iter().filter_map(|broadcast| interface::broadcast_socket(broadcast, port).ok()).collect()
@@ -272,7 +273,7 @@ mod tests {
         colours: None,
     };
 
-    /// A thread that broke down.
+    /// Returns a thread that broke down.
     fn broken() -> JoinHandle<()> {
         let thread = std::thread::Builder::new().name("broken".into()).spawn(|| panic!("for a test")).unwrap();
         while !thread.is_finished() {

@@ -40,7 +40,7 @@ pub(super) enum Change {
 }
 
 impl Control {
-    /// The controller's address.
+    /// Returns the controller's address.
     pub(super) fn controller(&self) -> Option<SocketAddrV4> {
         self.controller.map(|controller| controller.address)
     }
@@ -65,7 +65,7 @@ impl Control {
         if self.controller() == Some(from) { Ok(()) } else { Err(Status::AccessDenied) }
     }
 
-    /// A write to the privilege register.
+    /// Returns a write to the privilege register.
     pub(super) fn request(&mut self, from: SocketAddrV4, value: u32, now: Tai) -> Result<Change, Status> {
         if self.controller.is_some() {
             self.may_write(from)?;

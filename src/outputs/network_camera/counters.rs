@@ -22,7 +22,7 @@ macro_rules! counters {
         }
 
         impl Counters {
-            /// Every count that is not zero, by name.
+            /// Returns every count that is not zero, by name.
             #[must_use]
             pub fn named(&self) -> Vec<(&'static str, u64)> {
                 let counts = [$((stringify!($name), self.$name)),*];

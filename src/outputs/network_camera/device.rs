@@ -136,7 +136,7 @@ pub struct Device {
 }
 
 impl Device {
-    /// A device that nobody controls.
+    /// Returns a device that nobody controls.
     ///
     /// # Errors
     /// When the XML cannot be deflated, which memory alone could prevent.
@@ -192,7 +192,7 @@ impl Device {
         Ok(device)
     }
 
-    /// The count of frames that clients still want.
+    /// Returns the count of frames that clients still want.
     #[must_use]
     pub fn wanted(&self) -> Arc<Wanted> {
         Arc::clone(&self.shared.wanted)
@@ -295,7 +295,7 @@ impl Device {
         Err(Status::AccessDenied)
     }
 
-    /// How frames are to be sent from now on.
+    /// Returns how frames are to be sent from now on.
     #[must_use]
     pub fn stream(&self) -> StreamSettings {
         let word = |address| self.memory.word(address);

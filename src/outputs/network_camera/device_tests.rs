@@ -64,7 +64,7 @@ impl Bench {
         self.ask_again(from, code, payload)
     }
 
-    /// The same under the number of the last command.
+    /// Returns the same under the number of the last command.
     fn ask_again(&mut self, from: SocketAddrV4, code: u16, payload: &[u8]) -> Option<(u16, Vec<u8>)> {
         let bytes = self.datagram(code, payload);
         self.device.answer(from, &bytes, self.now, &mut self.answer);
@@ -116,7 +116,7 @@ impl Bench {
         read
     }
 
-    /// The XML that a URL register names, as its bytes.
+    /// Returns the XML that a URL register names, as its bytes.
     fn xml(&mut self, url: u32) -> (String, Vec<u8>) {
         let text = self.memory(url, 512);
         let text = String::from_utf8(text).unwrap().trim_end_matches('\0').to_owned();
@@ -132,7 +132,7 @@ impl Bench {
         assert_eq!(self.write(A, at::CONTROL, 2), OK);
     }
 
-    /// The address at which a client sees the XML of a URL register.
+    /// Returns the address at which a client sees the XML of a URL register.
     fn shown_at(&mut self, from: SocketAddrV4, url: u32) -> u32 {
         let (status, answer) = self.ask(from, 0x84, &[url.to_be_bytes(), 512_u32.to_be_bytes()].concat()).unwrap();
         assert_eq!(status, OK);

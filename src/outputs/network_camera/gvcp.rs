@@ -61,7 +61,7 @@ pub enum Status {
 }
 
 impl Status {
-    /// Its number on the wire.
+    /// Returns its number on the wire.
     #[must_use]
     pub const fn code(self) -> u16 {
         match self {
@@ -144,12 +144,12 @@ pub(super) enum Command<'a> {
 }
 
 impl Command<'_> {
-    /// True for what looks for devices, or is meant for many; all else goes to one device.
+    /// Returns true for what looks for devices, or is meant for many; all else goes to one device.
     pub(super) fn may_be_broadcast(&self) -> bool {
         matches!(self, Self::Discovery | Self::ForceAddress { .. } | Self::Action(_))
     }
 
-    /// True for what changes the device, or what it does: once, however often it comes.
+    /// Returns true for what changes the device, or what it does: once, however often it comes.
     pub(super) fn is_change(&self) -> bool {
         matches!(self, Self::WriteRegisters(_) | Self::WriteMemory { .. } | Self::Action(_))
     }
@@ -167,7 +167,7 @@ pub struct Resend {
 }
 
 impl Resend {
-    /// How many.
+    /// Returns how many.
     #[must_use]
     pub fn packets(&self) -> u64 {
         u64::from(self.last - self.first) + 1

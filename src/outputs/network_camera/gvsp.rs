@@ -64,7 +64,7 @@ impl StreamSettings {
     };
 }
 
-/// The head of one packet.
+/// Returns the head of one packet.
 pub(super) fn header(status: Status, block: u16, kind_and_number: u32) -> [u8; HEADER_BYTES] {
     let [a, b] = status.code().to_be_bytes();
     let [c, d] = block.to_be_bytes();
@@ -84,7 +84,7 @@ pub(super) struct Block {
 }
 
 impl Block {
-    /// A block with room for so many bytes of image and chunks.
+    /// Returns a block with room for so many bytes of image and chunks.
     pub(super) fn with_capacity(payload_bytes: usize, settings: StreamSettings) -> Self {
         let small = || Vec::with_capacity(64);
         Self { id: 0, settings, payload: Vec::with_capacity(payload_bytes), leader: small(), trailer: small() }
@@ -120,17 +120,17 @@ impl Block {
         self.id = id;
     }
 
-    /// Data bytes of all payload packets but the last.
+    /// Returns the data bytes of all payload packets but the last.
     fn data_bytes(&self) -> usize {
         self.settings.packet_bytes.saturating_sub(IP_UDP_BYTES + HEADER_BYTES).max(1)
     }
 
-    /// Packets of the frame, leader and trailer included.
+    /// Returns packets of the frame, leader and trailer included.
     pub(super) fn packets(&self) -> u32 {
         u32::try_from(self.payload.len().div_ceil(self.data_bytes())).unwrap_or(u32::MAX - 2) + 2
     }
 
-    /// Header and data of packet `number`; `None` past the trailer.
+    /// Returns the header and data of packet `number`; `None` past the trailer.
     pub(super) fn packet(&self, number: u32) -> Option<([u8; HEADER_BYTES], &[u8])> {
         let last = self.packets() - 1;
         let (kind, data): (_, &[u8]) = match number {
@@ -147,12 +147,12 @@ impl Block {
     }
 }
 
-/// The head that says that packet `number` of a block is gone.
+/// Returns the head that says that packet `number` of a block is gone.
 pub(super) fn gone(block: u16, number: u32) -> [u8; HEADER_BYTES] {
     header(Status::PacketUnavailable, block, PAYLOAD << 24 | number & 0xFF_FFFF)
 }
 
-/// The block after `id`.
+/// Returns the block after `id`.
 pub(super) fn next_id(id: u16) -> u16 {
     if id == u16::MAX { 1 } else { id + 1 }
 }

@@ -30,7 +30,7 @@ pub(super) struct Interface {
 }
 
 impl Interface {
-    /// The interface that has `address`.
+    /// Returns the interface that has `address`.
     pub(super) fn of(address: Ipv4Addr) -> Result<Self, NetworkCameraError> {
         let all: Vec<InterfaceAddress> =
             getifaddrs().map_err(|error| system(address, "list the interfaces", error.into(), ""))?.collect();
@@ -52,7 +52,7 @@ impl Interface {
         Ok(Self { mac: mac.unwrap_or_else(|| made_of(address)), mtu: mtu(&name), name, address, mask })
     }
 
-    /// Most bytes of a packet, a whole number of words.
+    /// Returns the most bytes of a packet, a whole number of words.
     pub(super) fn packet_bytes_max(&self) -> Result<u32, NetworkCameraError> {
         if self.mtu < PACKET_BYTES_MIN {
             let (address, name, mtu) = (self.address, self.name.clone(), self.mtu);
@@ -61,13 +61,13 @@ impl Interface {
         Ok(self.mtu.min(PACKET_BYTES_MAX) & !3)
     }
 
-    /// The address that reaches everybody in the subnet.
+    /// Returns the address that reaches everybody in the subnet.
     pub(super) fn broadcast(&self) -> Ipv4Addr {
         Ipv4Addr::from_bits(self.address.to_bits() | !self.mask.to_bits())
     }
 }
 
-/// The interface that a label such as `eth0:1` belongs to.
+/// Returns the interface that a label such as `eth0:1` belongs to.
 fn base_name(name: &str) -> &str {
     name.split_once(':').map_or(name, |(base, _)| base)
 }
@@ -81,7 +81,7 @@ fn hardware_address(entry: &InterfaceAddress) -> Option<[u8; 6]> {
     (mac != [0; 6]).then_some(mac)
 }
 
-/// A locally administered address, for an interface that has none, or has told its own for another address.
+/// Returns a locally administered address, for an interface that has none, or has told its own for another address.
 fn made_of(address: Ipv4Addr) -> [u8; 6] {
     let [a, b, c, d] = address.octets();
     [2, 0, a, b, c, d]
@@ -92,7 +92,7 @@ fn mtu(name: &str) -> u32 {
     reported.ok().and_then(|text| text.trim().parse().ok()).unwrap_or(USUAL_MTU)
 }
 
-/// The control port. Without sharing: a second camera on the same address is refused by the system.
+/// Returns the control port. Without sharing: a second camera on the same address is refused by the system.
 pub(super) fn control_socket(address: Ipv4Addr, port: u16) -> Result<UdpSocket, NetworkCameraError> {
     let advice = "; another camera may have it: take another address (127.0.0.2, ...) or port";
     let open = || {
@@ -103,7 +103,7 @@ pub(super) fn control_socket(address: Ipv4Addr, port: u16) -> Result<UdpSocket, 
     open().map_err(|source| system(address, "open the control port", source, advice))
 }
 
-/// The port that messages come from.
+/// Returns the port that messages come from.
 pub(super) fn message_socket(address: Ipv4Addr) -> Result<UdpSocket, NetworkCameraError> {
     let open = || {
         let socket = UdpSocket::bind((address, 0))?;
@@ -113,7 +113,7 @@ pub(super) fn message_socket(address: Ipv4Addr) -> Result<UdpSocket, NetworkCame
     open().map_err(|source| system(address, "open the message port", source, ""))
 }
 
-/// A socket that hears broadcasts to a port, beside other cameras that hear the same.
+/// Returns a socket that hears broadcasts to a port, beside other cameras that hear the same.
 pub(super) fn broadcast_socket(broadcast: Ipv4Addr, port: u16) -> io::Result<UdpSocket> {
     let socket = socket(AddressFamily::INET, SocketType::DGRAM, None)?;
     set_socket_reuseaddr(&socket, true)?;
@@ -124,7 +124,7 @@ pub(super) fn broadcast_socket(broadcast: Ipv4Addr, port: u16) -> io::Result<Udp
     Ok(socket)
 }
 
-/// The port that packets come from. They are never fragmented.
+/// Returns the port that packets come from. They are never fragmented.
 pub(super) fn stream_socket(address: Ipv4Addr) -> Result<UdpSocket, NetworkCameraError> {
     let open = || {
         let socket = UdpSocket::bind((address, 0))?;

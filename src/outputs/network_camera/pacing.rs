@@ -21,12 +21,12 @@ pub(super) struct Pace {
 }
 
 impl Pace {
-    /// A pace of so many bits a second.
+    /// Returns a pace of so many bits a second.
     pub(super) fn new(rate_bit_s: f64, now: Tai) -> Self {
         Self { ns_per_byte: 8e9 / rate_bit_s, next: now }
     }
 
-    /// Packets of one batch, 1 to `most`.
+    /// Returns packets of one batch, 1 to `most`.
     pub(super) fn batch(&self, packet_bytes: usize, delay_ns: u32, most: usize) -> usize {
         let packet_ns = self.packet_ns(packet_bytes, delay_ns);
         let fit = (BATCH.ns() as f64 / packet_ns.max(1.0)).floor();
@@ -70,7 +70,7 @@ mod tests {
         }
     }
 
-    /// Seconds that 10 MB take in batches of 10 packets.
+    /// Returns seconds that 10 MB take in batches of 10 packets.
     fn duration_s(delay_ns: u32, oversleep: Span) -> f64 {
         let clock = Sleepy(Virtual::new(START), oversleep);
         let mut pace = Pace::new(8e8, START);

@@ -67,7 +67,7 @@ impl Outlet {
         Self { socket, clock, pace, loss, tally }
     }
 
-    /// The time on the clock of the pace.
+    /// Returns the time on the clock of the pace.
     pub(super) fn now(&self) -> Tai {
         self.clock.now()
     }

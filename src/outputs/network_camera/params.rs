@@ -147,8 +147,8 @@ pub struct CommandParams {
 }
 
 impl Params {
-    /// One of several cameras of a bench: its number is added to the address and to a hardware address that is given, and
-    /// stands behind the serial number, so that clients tell them apart.
+    /// Returns one of several cameras of a bench: its number is added to the address and to a hardware address that is
+    /// given, and stands behind the serial number, so that clients tell them apart.
     ///
     /// # Errors
     /// When there is no room for the number.

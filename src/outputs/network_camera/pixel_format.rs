@@ -82,7 +82,7 @@ impl PixelFormat {
         }
     }
 
-    /// Its number in registers and packets, of a sensor with these colours or none.
+    /// Returns its number in registers and packets, of a sensor with these colours or none.
     #[must_use]
     pub const fn code(self, colours: Option<BayerPattern>) -> u32 {
         match colours {
@@ -113,13 +113,13 @@ impl PixelFormat {
         }
     }
 
-    /// The format of a number, of a sensor with these colours or none.
+    /// Returns the format of a number, of a sensor with these colours or none.
     #[must_use]
     pub fn from_code(code: u32, colours: Option<BayerPattern>) -> Option<Self> {
         Self::NAMED.into_iter().map(|(_, format)| format).find(|format| format.code(colours) == code)
     }
 
-    /// Every format with its name, of a sensor with these colours or none.
+    /// Returns every format with its name, of a sensor with these colours or none.
     pub(super) fn named(colours: Option<BayerPattern>) -> impl Iterator<Item = (String, Self)> {
         let name = move |(mono, format): (&str, Self)| {
             let letters = colours.map(|pattern| &pattern.name()[..2]);
@@ -131,7 +131,7 @@ impl PixelFormat {
         Self::NAMED.into_iter().map(name)
     }
 
-    /// The narrowest unpacked format that holds pixels of so many bits.
+    /// Returns the narrowest unpacked format that holds pixels of so many bits.
     #[must_use]
     pub const fn for_bits(bits: u32) -> Self {
         match bits {
@@ -143,13 +143,13 @@ impl PixelFormat {
         }
     }
 
-    /// Bits of one sample.
+    /// Returns bits of one sample.
     #[must_use]
     pub const fn bits(self) -> u32 {
         self.row().1
     }
 
-    /// Bytes of so many pixels.
+    /// Returns bytes of so many pixels.
     #[must_use]
     pub const fn bytes(self, pixels: usize) -> usize {
         match self.row().2 {
@@ -161,7 +161,7 @@ impl PixelFormat {
     }
 }
 
-/// A DN of `from` bits as a sample of `to` bits.
+/// Returns a DN of `from` bits as a sample of `to` bits.
 fn shifted(dn: u16, from: u32, to: u32) -> u16 {
     let dn = u32::from(dn).min((1 << from) - 1);
     let sample = if to >= from { dn << (to - from) } else { dn >> (from - to) };

@@ -206,8 +206,8 @@ impl PtpClient {
     }
 }
 
-/// A socket that answers come to, by its name in a folder of its own: a name that also a clock in another network namespace
-/// can answer to. Both go together.
+/// Returns a socket that answers come to, by its name in a folder of its own: a name that also a clock in another
+/// network namespace can answer to. Both go together.
 fn open() -> std::io::Result<(UnixDatagram, TempDir)> {
     let folder = tempfile::Builder::new().prefix("starloop_ptp_").tempdir()?;
     let socket = UnixDatagram::bind(folder.path().join("answers"))?;

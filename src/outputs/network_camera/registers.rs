@@ -160,12 +160,12 @@ impl Memory {
         block.bytes.get(from..from.saturating_add(bytes)).ok_or(Status::InvalidAddress)
     }
 
-    /// A word; zero where there is none.
+    /// Returns a word; zero where there is none.
     pub(super) fn word(&self, address: u32) -> u32 {
         self.read(address, 4).ok().and_then(|bytes| bytes.try_into().ok()).map_or(0, u32::from_be_bytes)
     }
 
-    /// A number of double precision; zero where there is none.
+    /// Returns a number of double precision; zero where there is none.
     pub(super) fn float(&self, address: u32) -> f64 {
         self.read(address, 8).ok().and_then(|bytes| bytes.try_into().ok()).map_or(0.0, f64::from_be_bytes)
     }

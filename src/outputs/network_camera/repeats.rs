@@ -26,7 +26,7 @@ impl LastChange {
         }
     }
 
-    /// The answer to a datagram that is the last one again, number included.
+    /// Returns the answer to a datagram that is the last one again, number included.
     pub(super) fn answer_to(&self, from: SocketAddrV4, request: &[u8], now: Tai) -> Option<&[u8]> {
         let (sender, at) = self.kept?;
         (sender == from && now - at <= KEPT && self.request == request).then_some(&self.reply)

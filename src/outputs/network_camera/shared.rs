@@ -48,7 +48,7 @@ impl Shared {
         self.acquisition.store(settings.acquisition, Ordering::Release);
     }
 
-    /// The acquisition of the settings.
+    /// Returns the acquisition of the settings.
     pub(super) fn acquisition(&self) -> u32 {
         self.acquisition.load(Ordering::Acquire)
     }
@@ -70,7 +70,7 @@ impl Shared {
         self.deadline_ns.store(deadline.ns(), Ordering::Release);
     }
 
-    /// True when the time for what waits is over.
+    /// Returns whether the time for what waits is over.
     pub(super) fn is_overdue(&self, now: Tai) -> bool {
         now.ns() >= self.deadline_ns.load(Ordering::Acquire)
     }

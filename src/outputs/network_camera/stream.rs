@@ -56,7 +56,7 @@ pub(super) struct Kept {
 }
 
 impl Kept {
-    /// Room for so many frames of a sensor, in any format, with chunks.
+    /// Returns the room for so many frames of a sensor, in any format, with chunks.
     pub(super) fn new(frames: usize, pixels: usize, settings: StreamSettings) -> Self {
         let bytes = PixelFormat::Mono16.bytes(pixels) + chunk::added_bytes();
         let blocks = (0..frames).map(|_| Block::with_capacity(bytes, settings)).collect();
@@ -77,7 +77,7 @@ impl Kept {
         block
     }
 
-    /// The block of a number, when it is of this acquisition and still there.
+    /// Returns the block of a number, when it is of this acquisition and still there.
     fn find(&self, id: u16, acquisition: u32) -> Option<&Block> {
         let is_of_now = id != 0 && self.acquisition == acquisition;
         self.blocks.iter().find(|block| is_of_now && block.id == id)
@@ -188,7 +188,7 @@ impl Stream {
         if refused == 0 { tally.frames_sent.one() } else { tally.frames_refused.one() }
     }
 
-    /// One batch of what was asked for; false when there is nothing. `Err` when nobody is left to ask.
+    /// Returns one batch of what was asked for; false when there is nothing. `Err` when nobody is left to ask.
     fn serve(&mut self) -> Result<bool, RecvError> {
         let ask = match self.pending.take() {
             Some(ask) => ask,
@@ -202,7 +202,7 @@ impl Stream {
         Ok(true)
     }
 
-    /// One batch of the packets; the rest of them.
+    /// Returns one batch of the packets; the rest of them.
     fn resend(&mut self, resend: Resend) -> Option<Resend> {
         let (tally, settings) = (&self.shared.tally, self.shared.settings());
         let Some(to) = settings.destination else {
@@ -244,7 +244,8 @@ mod tests {
     const START: Tai = Tai::from_ns(1_000_000_000);
     const FRAMES: u64 = 3;
 
-    /// A stream of three frames to `to`, from a sink that hangs up with so much time left; nobody asks for anything.
+    /// Returns a stream of three frames to `to`, from a sink that hangs up with so much time left; nobody asks for
+    /// anything.
     fn counts_of(to: SocketAddrV4, time_left: Span) -> [u64; 4] {
         let clock = Arc::new(Virtual::new(START));
         let shared = Arc::new(Shared::new());

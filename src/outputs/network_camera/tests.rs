@@ -68,7 +68,7 @@ impl Client {
         assert_eq!(answer[..bytes], [&[0, 0, 0, 0x83, 0, 4][..], &id, &[0, 0, 0, 1]].concat(), "{address:x}");
     }
 
-    /// Data of one READMEM.
+    /// Returns the data of one READMEM.
     fn read(&self, address: u32, bytes: u32) -> Vec<u8> {
         self.id.set(self.id.get() + 1);
         let id = self.id.get().to_be_bytes();
@@ -99,7 +99,7 @@ impl Client {
         self.control.send(&[&[0x42, 0, 0, 0x40, 0, 12, 0, 1][..], &request].concat()).unwrap();
     }
 
-    /// The next packet of the stream.
+    /// Returns the next packet of the stream.
     fn packet(&self) -> Vec<u8> {
         let mut packet = [0; 2048];
         let bytes = self.stream.recv(&mut packet).unwrap();
@@ -226,7 +226,7 @@ fn what_no_camera_can_be_is_refused_in_words() {
     assert!(reported(Params { identity, ..base }).contains("model"));
 }
 
-/// A frame of 64 KiB: half a second at 1 Mbit/s.
+/// Returns a frame of 64 KiB: half a second at 1 Mbit/s.
 fn large_frame(number: u32) -> SentFrame {
     let mut frame = SentFrame::with_capacity(256, 128, 0, "large".into());
     frame.meta.number = number;

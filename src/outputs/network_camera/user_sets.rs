@@ -52,14 +52,14 @@ pub(super) struct UserSet {
 }
 
 impl UserSet {
-    /// The settings as they are now.
+    /// Returns the settings as they are now.
     pub(super) fn of(memory: &Memory, regions: &RegionSet, chunks: u32, is_commanded: bool) -> Self {
         let more: &[u32] = if is_commanded { &COMMANDED_WORDS } else { &[] };
         let words = WORDS.iter().chain(more).map(|address| (*address, memory.word(*address)));
         Self { words: words.collect(), chunks, regions: regions.clone() }
     }
 
-    /// Every write that loads it.
+    /// Returns every write that loads it.
     pub(super) fn writes(&self, is_commanded: bool) -> impl Iterator<Item = (u32, u32)> {
         let automatic: &[u32] = if is_commanded { &[own::EXPOSURE_AUTO, own::GAIN_AUTO] } else { &[] };
         automatic.iter().map(|address| (*address, 0)).chain(self.words.iter().copied())

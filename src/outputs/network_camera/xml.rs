@@ -31,7 +31,7 @@ const ACQUISITION_FEATURES: [&str; 7] = [
 ];
 const GAIN_FEATURES: [&str; 4] = ["GainSelector", "GainAuto", "BlackLevelSelector", "BlackLevel"];
 
-/// The XML as text, filled up with line ends to whole words.
+/// Returns the XML as text, filled up with line ends to whole words.
 pub(super) fn plain(
     identity: &Identity,
     place: &DeviceParams,
@@ -43,7 +43,7 @@ pub(super) fn plain(
     text
 }
 
-/// The XML in a zip archive of whole words.
+/// Returns the XML in a zip archive of whole words.
 pub(super) fn zipped(
     identity: &Identity,
     place: &DeviceParams,
@@ -80,7 +80,7 @@ pub(super) const fn offset_step(colours: Option<BayerPattern>) -> u32 {
     if colours.is_some() { 2 } else { 1 }
 }
 
-/// The template with the settings that clients command, or only read.
+/// Returns the template with the settings that clients command, or only read.
 fn with_settings(commands: Option<&CommandParams>) -> String {
     let Some(commands) = commands else {
         let fields = ["\n{ACQUISITION_FEATURES}", "\n{GAIN_FEATURES}", "\n{MORE_SOURCES}"];
@@ -125,7 +125,7 @@ fn c_name(text: &str) -> String {
     if name.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_') { name } else { format!("_{name}") }
 }
 
-/// One entry of the selector for each field, without the word that all their names begin with.
+/// Returns one entry of the selector for each field, without the word that all their names begin with.
 fn chunk_entries() -> String {
     let entry = |(value, field): (usize, &Field)| {
         let name = field.feature.name.trim_start_matches("Chunk");

@@ -29,7 +29,7 @@ pub(super) struct Entry<'a> {
 }
 
 impl<'a> Entry<'a> {
-    /// An entry that the naming convention has.
+    /// Returns an entry that the naming convention has.
     pub(super) const fn standard(name: &'a str, value: u32) -> Self {
         Self { name, value, is_standard: true }
     }

@@ -96,7 +96,7 @@ pub fn decide(estimated: &EstimatedAttitude, policy: StalePolicy) -> Decision {
     }
 }
 
-/// The attitude at `at`. Beyond `stale_after` it is `Held` whatever the policy ([`decide`] applies that).
+/// Returns the attitude at `at`. Beyond `stale_after` it is `Held` whatever the policy ([`decide`] applies that).
 ///
 /// # Errors
 /// When nothing was received yet, or when `at` is before everything the history holds.
@@ -152,7 +152,7 @@ mod tests {
         Tai::from_ns(t_ms * 1_000_000)
     }
 
-    /// A constant spin sampled every 10 ms from 0 to 100 ms.
+    /// Returns a constant spin sampled every 10 ms from 0 to 100 ms.
     fn spinning() -> AttitudeHistory {
         let mut history = AttitudeHistory::new(HistoryLimits::default());
         let rate_rad_s = DVec3::new(0.0, 0.03, 0.04);

@@ -120,7 +120,7 @@ pub fn compose(
     })
 }
 
-/// Time between the samples on both sides of an instant, also where a sample is of that very instant.
+/// Returns the time between the samples on both sides of an instant, also where a sample is of that very instant.
 fn interval_at(history: &AttitudeHistory, at: Tai) -> Option<Span> {
     let instants = [at - Span::from_ns(1), at];
     instants.into_iter().find_map(|at| match history.around(at) {
@@ -146,8 +146,8 @@ impl Motion<'_> {
         self.exposure_start + Span::from_s(self.exposure_s)
     }
 
-    /// Rotation vector (body axes, rad) from mid-exposure to `at`; by the state at mid-exposure where the history
-    /// does not reach back that far.
+    /// Returns the rotation vector (body axes, rad) from mid-exposure to `at`; by the state at mid-exposure where the
+    /// history does not reach back that far.
     fn turned_rad(&self, middle: &EstimatedAttitude, at: Tai) -> DVec3 {
         match state_at(self.history, at, self.limits) {
             Ok(there) => middle.state.body_from_icrf.rotation_vector_to(&there.state.body_from_icrf),
@@ -158,7 +158,7 @@ impl Motion<'_> {
         }
     }
 
-    /// Rate and acceleration (body axes) of the quadratic through start, middle and end.
+    /// Returns the rate and acceleration (body axes) of the quadratic through start, middle and end.
     fn quadratic(&self, middle: &EstimatedAttitude) -> [DVec3; 2] {
         if self.exposure_s < FIT_FROM_S {
             return [middle.state.rate_rad_s, middle.state.acceleration_rad_s2];

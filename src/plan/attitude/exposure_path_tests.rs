@@ -20,14 +20,14 @@ fn ms(t_ms: i64) -> Tai {
     Tai::from_ns(t_ms * 1_000_000)
 }
 
-/// Constant acceleration about one body axis.
+/// Returns the constant acceleration about one body axis.
 fn accelerating(t_s: f64) -> (Rotation<Body, Icrf>, DVec3, DVec3) {
     let (axis, rate, acceleration) = (DVec3::new(0.6, 0.0, 0.8), 2.0 * DEG, 1.0 * DEG);
     let turned = axis * (rate * t_s + 0.5 * acceleration * t_s * t_s);
     (start().rotated_by(turned), axis * (rate + acceleration * t_s), axis * acceleration)
 }
 
-/// A limit cycle of the attitude control: 2 Hz, 20 arcsec.
+/// Returns a limit cycle of the attitude control: 2 Hz, 20 arcsec.
 fn limit_cycle(t_s: f64) -> (Rotation<Body, Icrf>, DVec3, DVec3) {
     let (axis, w) = (DVec3::X, TAU * 2.0);
     let amplitude = axis * (20.0 * ARCSEC);
@@ -39,7 +39,7 @@ fn start() -> Rotation<Body, Icrf> {
     Rotation::from_rotation_vector(DVec3::new(-1.0, 0.4, 2.0))
 }
 
-/// The motion sampled at 100 Hz until `until_ms`.
+/// Returns the motion sampled at 100 Hz until `until_ms`.
 fn history(motion: Motion, until_ms: i64) -> AttitudeHistory {
     let mut history = AttitudeHistory::new(HistoryLimits::default());
     for (seq, t_ms) in (0..=255_u8).cycle().zip((0..=until_ms).step_by(10)) {
@@ -54,7 +54,7 @@ fn no_jitter() -> JitterHistory {
     JitterHistory::new(HistoryLimits::default(), Span::from_ms(100))
 }
 
-/// A quarter turn about z, and a tilt.
+/// Returns a quarter turn about z, and a tilt.
 fn mounting() -> Rotation<Sensor, Body> {
     Rotation::from_rotation_vector(DVec3::new(0.3, 0.0, 1.5))
 }
@@ -70,7 +70,7 @@ fn composed(history: &AttitudeHistory, from_ms: i64, exposure_s: f64, policy: St
     (outcome.expect("a history"), path)
 }
 
-/// Largest angle between the path and the motion over the exposure.
+/// Returns the largest angle between the path and the motion over the exposure.
 fn path_error_rad(path: &LosPath, motion: Motion) -> f64 {
     (-50..=50).fold(0.0, |worst, i| {
         let t_s = path.exposure_s * 0.01 * f64::from(i);

@@ -17,7 +17,7 @@ pub struct AttitudeHistory {
 }
 
 impl AttitudeHistory {
-    /// An empty history; all memory is taken here.
+    /// Returns an empty history; all memory is taken here.
     #[must_use]
     pub fn new(limits: HistoryLimits) -> Self {
         Self { ring: EpochRing::new(limits), counts: HistoryCounts::default() }
@@ -60,38 +60,38 @@ impl AttitudeHistory {
         self.counts
     }
 
-    /// Samples held.
+    /// Returns samples held.
     #[must_use]
     pub fn len(&self) -> usize {
         self.ring.len()
     }
 
-    /// True before the first sample.
+    /// Returns true before the first sample.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.ring.len() == 0
     }
 
-    /// The sample with the earliest epoch held.
+    /// Returns the sample with the earliest epoch held.
     #[must_use]
     pub fn oldest(&self) -> Option<&AttitudeSample> {
         self.ring.oldest()
     }
 
-    /// The sample with the latest epoch held.
+    /// Returns the sample with the latest epoch held.
     #[must_use]
     pub fn newest(&self) -> Option<&AttitudeSample> {
         self.ring.newest()
     }
 
-    /// The last sample at or before `at`, and the first after it.
+    /// Returns the last sample at or before `at`, and the first after it.
     #[must_use]
     pub fn around(&self, at: Tai) -> (Option<&AttitudeSample>, Option<&AttitudeSample>) {
         let after = self.ring.count_until(at);
         (after.checked_sub(1).and_then(|place| self.ring.get(place)), self.ring.get(after))
     }
 
-    /// All samples, earliest epoch first.
+    /// Returns all samples, earliest epoch first.
     pub fn iter(&self) -> impl DoubleEndedIterator<Item = &AttitudeSample> {
         self.ring.iter()
     }

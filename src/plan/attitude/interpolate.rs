@@ -20,7 +20,7 @@ use glam::DVec3;
 /// are exact to `x^6 / 10^6`.
 const SERIES_BELOW_RAD: f64 = 1e-2;
 
-/// The state at `at` on the curve between `earlier` and `later`.
+/// Returns the state at `at` on the curve between `earlier` and `later`.
 ///
 /// `at` should lie between the two epochs; outside them the cubic is continued. Samples of the same epoch give the
 /// earlier one.
@@ -43,8 +43,8 @@ pub fn interpolate(earlier: &AttitudeSample, later: &AttitudeSample, at: Tai) ->
     }
 }
 
-/// Largest error, rad, of the curve between samples `interval_s` apart when the fourth derivative of the rotation
-/// angle is at most `snap_rad_s4` (for `A sin(2 pi f t)`: `A (2 pi f)^4`).
+/// Returns the largest error, rad, of the curve between samples `interval_s` apart when the fourth derivative of the
+/// rotation angle is at most `snap_rad_s4` (for `A sin(2 pi f t)`: `A (2 pi f)^4`).
 #[must_use]
 pub fn hermite_error_bound_rad(interval_s: f64, snap_rad_s4: f64) -> f64 {
     interval_s.powi(4) * snap_rad_s4 / 384.0
@@ -75,7 +75,7 @@ fn hermite(end: DVec3, start_slope: DVec3, end_slope: DVec3, h_s: f64, t_s: f64)
     [value, slope, c3 * (6.0 * t_s) + c2 * 2.0]
 }
 
-/// Slope of the rotation vector at `phi` when the body turns at `rate` (body axes): Bortz's equation.
+/// Returns the slope of the rotation vector at `phi` when the body turns at `rate` (body axes): Bortz's equation.
 fn slope_of_rate(phi: DVec3, rate: DVec3) -> DVec3 {
     let x = phi.length();
     let k = if x < SERIES_BELOW_RAD {
@@ -96,13 +96,13 @@ fn kinematic_coefficients(x: f64) -> (f64, f64) {
     }
 }
 
-/// Rate of the body (body axes) whose rotation vector `phi` has this slope.
+/// Returns the rate of the body (body axes) whose rotation vector `phi` has this slope.
 fn rate_of_slope(phi: DVec3, slope: DVec3) -> DVec3 {
     let (b, c) = kinematic_coefficients(phi.length());
     slope - phi.cross(slope) * b + phi.cross(phi.cross(slope)) * c
 }
 
-/// Derivative of [`rate_of_slope`], with its two coefficients held.
+/// Returns the derivative of [`rate_of_slope`], with its two coefficients held.
 fn acceleration_of_curvature(phi: DVec3, slope: DVec3, curvature: DVec3) -> DVec3 {
     let (b, c) = kinematic_coefficients(phi.length());
     let double_cross = slope.cross(phi.cross(slope)) + phi.cross(phi.cross(curvature));
@@ -130,7 +130,7 @@ mod tests {
         AttitudeSample { at: epoch(t_s), seq: 0, body_from_icrf, rate_rad_s, acceleration_rad_s2: DVec3::ZERO }
     }
 
-    /// Attitude after a constant rate.
+    /// Returns the attitude after a constant rate.
     fn spun(rate_rad_s: DVec3, t_s: f64) -> Rotation<Body, Icrf> {
         Rotation::from_rotation_vector(DVec3::new(0.2, 0.4, -0.7)).rotated_by(rate_rad_s * t_s)
     }
@@ -159,7 +159,7 @@ mod tests {
         assert!((plain.rate_rad_s - rate).length() < ROUNDING_RAD_S, "{}", plain.rate_rad_s);
     }
 
-    /// A wobble about a fixed axis: analytic attitude and rate.
+    /// Returns a wobble about a fixed axis: analytic attitude and rate.
     fn wobble(t_s: f64, amplitude_rad: f64, hz: f64) -> AttitudeSample {
         let (sin, cos) = (TAU * hz * t_s).sin_cos();
         let axis = DVec3::new(0.6, 0.0, 0.8);
@@ -167,7 +167,7 @@ mod tests {
         sample(t_s, q, axis * amplitude_rad * TAU * hz * cos)
     }
 
-    /// Largest error over one period, samples every `h_s`.
+    /// Returns the largest error over one period, samples every `h_s`.
     fn wobble_error_rad(amplitude_rad: f64, hz: f64, h_s: f64) -> f64 {
         (0..2000).fold(0.0, |worst, i| {
             let t = f64::from(i) / 2000.0 / hz;

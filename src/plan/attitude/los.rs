@@ -91,20 +91,21 @@ impl JitterTrack {
         Self { lines: Vec::new(), lines_epoch: Tai::from_ns(0), points: Vec::new() }
     }
 
-    /// True when there is nothing to integrate.
+    /// Returns whether there is nothing to integrate.
     #[must_use]
     pub fn is_still(&self) -> bool {
         self.lines.is_empty() && self.points.is_empty()
     }
 
-    /// Highest frequency, Hz, of the lines that move anything (0 without lines): quadrature must resolve it.
+    /// Returns the highest frequency, Hz, of the lines that move anything (0 without lines): quadrature must resolve
+    /// it.
     #[must_use]
     pub fn highest_line_hz(&self) -> f64 {
         let moving = self.lines.iter().filter(|line| line.amplitude_rad.abs().max_element() > NEGLIGIBLE_RAD);
         moving.fold(0.0, |highest, line| line.frequency_hz.max(highest))
     }
 
-    /// Rotation vector of the sensor axes at `at`, sensor axes, rad.
+    /// Returns the rotation vector of the sensor axes at `at`, sensor axes, rad.
     #[must_use]
     pub fn rotation_at(&self, at: Tai) -> DVec3 {
         let t_s = (at - self.lines_epoch).s();
@@ -174,7 +175,7 @@ pub(super) fn polyline_at(points: &[JitterPoint], at: Tai) -> DVec3 {
 }
 
 impl LosPath {
-    /// A line of sight that stands still, as the user commanded it.
+    /// Returns a line of sight that stands still, as the user commanded it.
     #[must_use]
     pub fn commanded(sensor_from_icrf: Rotation<Sensor, Icrf>, exposure_start: Tai, exposure_s: f64) -> Self {
         Self {
@@ -189,20 +190,20 @@ impl LosPath {
         }
     }
 
-    /// The instant in the middle of the exposure.
+    /// Returns the instant in the middle of the exposure.
     #[must_use]
     pub fn mid_exposure(&self) -> Tai {
         self.exposure_start + Span::from_s(0.5 * self.exposure_s)
     }
 
-    /// Smooth rotation vector away from mid-exposure, `t_s` seconds from mid-exposure, sensor axes, rad:
+    /// Returns the smooth rotation vector away from mid-exposure, `t_s` seconds from mid-exposure, sensor axes, rad:
     /// `w t + a t^2 / 2` (error: commutation `|w x a| t^3 / 12`, and the jerk).
     #[must_use]
     pub fn smooth_rotation_rad(&self, t_s: f64) -> DVec3 {
         self.rate_rad_s * t_s + self.acceleration_rad_s2 * (0.5 * t_s * t_s)
     }
 
-    /// Jitter rotation vector `t_s` seconds from mid-exposure, sensor axes, rad.
+    /// Returns the jitter rotation vector `t_s` seconds from mid-exposure, sensor axes, rad.
     #[must_use]
     pub fn jitter_rotation_rad(&self, t_s: f64) -> DVec3 {
         self.jitter.rotation_at(self.mid_exposure() + Span::from_s(t_s))

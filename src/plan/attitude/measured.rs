@@ -79,7 +79,7 @@ impl AnalyticMotion {
         self.sinusoids.iter().fold(slew, |inner, turn| turn.applied(&inner, t))
     }
 
-    /// The motion's magnitudes from time zero to `until_s`.
+    /// Returns the motion's magnitudes from time zero to `until_s`.
     #[must_use]
     pub fn scale(&self, until_s: f64) -> MotionScale {
         let [w, a, j] = [self.rate_rad_s, self.acceleration_rad_s2, self.jerk_rad_s3].map(f64::abs);
@@ -91,14 +91,14 @@ impl AnalyticMotion {
         }
     }
 
-    /// Time over which starts are spread: the longest period, or 1 s without sinusoids.
+    /// Returns the time over which starts are spread: the longest period, or 1 s without sinusoids.
     fn longest_period_s(&self) -> f64 {
         let slowest_hz =
             self.sinusoids.iter().map(|turn| turn.sinusoid.frequency_hz.abs()).fold(f64::INFINITY, f64::min);
         if slowest_hz.is_finite() && slowest_hz > 0.0 { 1.0 / slowest_hz } else { 1.0 }
     }
 
-    /// Largest error of `method` for samples at `start` and `horizon` later.
+    /// Returns the largest error of `method` for samples at `start` and `horizon` later.
     fn error_from_rad(&self, method: AttitudeMethod, start: Tai, horizon: Span) -> f64 {
         let mut history = AttitudeHistory::new(HistoryLimits::default());
         let sees_later = method == AttitudeMethod::Interpolation;
@@ -135,7 +135,7 @@ impl SinusoidTurn {
     }
 }
 
-/// The worst error found and the bound of every method over every horizon, method by method.
+/// Returns the worst error found and the bound of every method over every horizon, method by method.
 #[must_use]
 pub fn measured_prediction_errors(motion: &AnalyticMotion, horizons_s: &[f64]) -> Vec<MeasuredError> {
     let spread_s = motion.longest_period_s();

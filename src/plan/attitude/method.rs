@@ -85,7 +85,7 @@ impl AttitudeMethod {
     /// All methods, the least demanding first.
     pub const ALL: [Self; 4] = [Self::Hold, Self::ConstantRate, Self::ConstantAcceleration, Self::Interpolation];
 
-    /// Name in tables.
+    /// Returns the name in tables.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -96,7 +96,8 @@ impl AttitudeMethod {
         }
     }
 
-    /// Largest error, rad, for any motion within `motion`'s magnitudes, in any phase and direction, from perfect samples.
+    /// Returns the largest error, rad, for any motion within `motion`'s magnitudes, in any phase and direction, from
+    /// perfect samples.
     ///
     /// `span_s` is the time since the sample; for `Interpolation`, the time between the samples. Never above half a
     /// turn, and half a turn outside the method's domain.
@@ -136,7 +137,7 @@ impl fmt::Display for AttitudeMethod {
     }
 }
 
-/// Why the bound of the interpolation says nothing about `motion`.
+/// Returns why the bound of the interpolation says nothing about `motion`.
 fn interpolation_refusal(motion: &MotionScale, spacing_s: f64) -> Option<AttitudeVerdict> {
     let frequency_hz = motion.highest_frequency_hz();
     if frequency_hz * spacing_s > 0.5 {
@@ -146,20 +147,20 @@ fn interpolation_refusal(motion: &MotionScale, spacing_s: f64) -> Option<Attitud
     (turn_rad > INTERPOLATION_TURN_MAX_RAD).then_some(AttitudeVerdict::TurnsTooFar)
 }
 
-/// Every method against `budget_rad`, in the order of [`AttitudeMethod::ALL`].
+/// Returns every method against `budget_rad`, in the order of [`AttitudeMethod::ALL`].
 #[must_use]
 pub fn assess_methods(budget_rad: f64, motion: &MotionScale, reach: Reach) -> [AttitudeAssessment; 4] {
     AttitudeMethod::ALL.map(|method| method.assess(budget_rad, motion, reach))
 }
 
-/// The least demanding method that fits; `None` when none does.
+/// Returns the least demanding method that fits; `None` when none does.
 #[must_use]
 pub fn cheapest(assessed: &[AttitudeAssessment]) -> Option<AttitudeMethod> {
     assessed.iter().filter(|a| a.verdict == AttitudeVerdict::Fits).map(|a| a.method).min()
 }
 
-/// The state at `at` by `method`, from the last sample at or before `at` and, for `Interpolation`, the first after it.
-/// A sample of that very instant is taken as it is.
+/// Returns the state at `at` by `method`, from the last sample at or before `at` and, for `Interpolation`, the first
+/// after it. A sample of that very instant is taken as it is.
 ///
 /// # Errors
 /// No samples, none at or before `at`, or none after it where the method needs one.

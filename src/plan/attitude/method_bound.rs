@@ -22,8 +22,8 @@ use glam::DVec3;
 /// the series, which is never below them, is within 0.1 %.
 const SERIES_BELOW_RAD: f64 = 0.1;
 
-/// Largest error of a Taylor polynomial of a sinusoid of amplitude 1, over all phases, `x` radians after the point of
-/// expansion or less; `terms` of the polynomial are used (1 to 3).
+/// Returns the largest error of a Taylor polynomial of a sinusoid of amplitude 1, over all phases, `x` radians after
+/// the point of expansion or less; `terms` of the polynomial are used (1 to 3).
 pub(super) fn worst_phase(terms: u32, x: f64) -> f64 {
     if x < SERIES_BELOW_RAD {
         return [x, x * x / 2.0, x.powi(3) / 6.0][terms as usize - 1];
@@ -43,19 +43,19 @@ fn sinusoids_rad(motion: &MotionScale, terms: u32, horizon_s: f64) -> f64 {
     motion.sinusoids.iter().map(|s| s.amplitude_rad.abs() * worst(s.angular_rad_s() * horizon_s)).sum()
 }
 
-/// The last attitude, `t` seconds old.
+/// Returns the last attitude, `t` seconds old.
 pub(super) fn hold_rad(motion: &MotionScale, t: f64) -> f64 {
     motion.rate_rad_s * t + sinusoids_rad(motion, 1, t)
 }
 
-/// The last rate, `t` seconds old.
+/// Returns the last rate, `t` seconds old.
 pub(super) fn constant_rate_rad(motion: &MotionScale, t: f64) -> f64 {
     let unused_acceleration_rad_s2 = motion.acceleration_rad_s2 + motion.coupled_acceleration();
     let errors = PredictionErrors { unused_acceleration_rad_s2, ..Default::default() };
     errors.bound_rad(DVec3::ZERO, DVec3::ZERO, t) + sinusoids_rad(motion, 2, t)
 }
 
-/// The last rate and acceleration, `t` seconds old.
+/// Returns the last rate and acceleration, `t` seconds old.
 pub(super) fn constant_acceleration_rad(motion: &MotionScale, t: f64) -> f64 {
     // A parabola that is as steep as the sinusoids goes on to this rate.
     let tilt_rate = motion.sinusoid_sum(1) + motion.sinusoid_sum(2) * t;
@@ -70,7 +70,7 @@ pub(super) fn constant_acceleration_rad(motion: &MotionScale, t: f64) -> f64 {
     errors.bound_rad(rate, acceleration, t) + commutation * next_term + sinusoids_rad(motion, 3, t)
 }
 
-/// The cubic between samples `h` seconds apart, no more than 1 rad of turn between them.
+/// Returns the cubic between samples `h` seconds apart, no more than 1 rad of turn between them.
 pub(super) fn interpolation_rad(motion: &MotionScale, h: f64) -> f64 {
     let sinusoid = |amplitude_rad: f64, w: f64| {
         let uncorrelated_rad = amplitude_rad * (2.0 + w * h / 4.0);
@@ -80,7 +80,8 @@ pub(super) fn interpolation_rad(motion: &MotionScale, h: f64) -> f64 {
     sinusoids + rotation_vector_jerk(motion, h) * h.powi(3) / 96.0
 }
 
-/// Largest third derivative of the rotation vector from the earlier sample, rad/s^3, without the sinusoids' own.
+/// Returns the largest third derivative of the rotation vector from the earlier sample, rad/s^3, without the sinusoids'
+/// own.
 fn rotation_vector_jerk(motion: &MotionScale, h: f64) -> f64 {
     let body = motion.body_extremes();
     // |Bernoulli numbers| / n! give 1 + x / 2 + x^2 / 12 + x^4 / 720 ..; below 1 rad x^2 / 10 covers the rest, and
@@ -102,7 +103,7 @@ mod tests {
     use super::*;
     use core::f64::consts::TAU;
 
-    /// Error of `terms` of the Taylor polynomial, the worst of many phases.
+    /// Returns the error of `terms` of the Taylor polynomial, the worst of many phases.
     fn scanned(terms: u32, x: f64) -> f64 {
         let phases = (0..20_000).map(|i| f64::from(i) / 20_000.0 * TAU);
         let error = |p: f64| {

@@ -19,7 +19,7 @@ fn wobbling(frequency_hz: f64) -> MotionScale {
     MotionScale { sinusoids, ..MotionScale::default() }
 }
 
-/// Samples at 0 and 10 ms of a constant spin.
+/// Returns samples at 0 and 10 ms of a constant spin.
 fn history(rate_rad_s: DVec3) -> AttitudeHistory {
     let mut history = AttitudeHistory::new(HistoryLimits::default());
     for seq in 0..2_u8 {

@@ -20,7 +20,7 @@ pub struct Sinusoid {
 }
 
 impl Sinusoid {
-    /// Angular frequency, rad/s.
+    /// Returns the angular frequency, rad/s.
     #[must_use]
     pub fn angular_rad_s(&self) -> f64 {
         TAU * self.frequency_hz.abs()
@@ -54,7 +54,7 @@ impl MotionScale {
         self.sinusoids.iter().map(|s| s.amplitude_rad.abs() * s.angular_rad_s().powi(power)).sum()
     }
 
-    /// Highest frequency of the sinusoids, Hz; 0 without any.
+    /// Returns the highest frequency of the sinusoids, Hz; 0 without any.
     #[must_use]
     pub fn highest_frequency_hz(&self) -> f64 {
         self.sinusoids.iter().fold(0.0, |highest, s| s.frequency_hz.abs().max(highest))
@@ -73,7 +73,7 @@ impl MotionScale {
             + (tilt_acceleration + tilt_rate * tilt_rate) * (rate + tilt_rate)
     }
 
-    /// Smooth motion, sinusoids and coupling together.
+    /// Returns the smooth motion, sinusoids and coupling together.
     pub(super) fn body_extremes(&self) -> BodyExtremes {
         let [g1, g2, g3] = [1, 2, 3].map(|power| self.sinusoid_sum(power));
         BodyExtremes {

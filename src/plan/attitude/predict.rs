@@ -34,7 +34,7 @@ impl From<&AttitudeSample> for AttitudeState {
     }
 }
 
-/// The state at `at`, trusting the acceleration for `acceleration_horizon` and the rate after that.
+/// Returns the state at `at`, trusting the acceleration for `acceleration_horizon` and the rate after that.
 ///
 /// A time before the state's own runs the same equations backwards (no limit on the acceleration there).
 #[must_use]
@@ -58,8 +58,8 @@ fn accelerated(from: &AttitudeState, at: Tai) -> AttitudeState {
     }
 }
 
-/// The state at `at` when the stream stopped at `from`: the rate decays as `exp(-t / rate_decay)`, so the attitude
-/// comes to rest `w * rate_decay` further on. A decay of zero stops it at once.
+/// Returns the state at `at` when the stream stopped at `from`: the rate decays as `exp(-t / rate_decay)`, so the
+/// attitude comes to rest `w * rate_decay` further on. A decay of zero stops it at once.
 #[must_use]
 pub fn held_state(from: &AttitudeState, at: Tai, rate_decay: Span) -> AttitudeState {
     let (t_s, decay_s) = ((at - from.at).s().max(0.0), rate_decay.s());
@@ -89,7 +89,7 @@ pub struct PredictionErrors {
 }
 
 impl PredictionErrors {
-    /// Largest error, rad, of a prediction by `horizon_s` at this rate and acceleration. Commutation adds
+    /// Returns the largest error, rad, of a prediction by `horizon_s` at this rate and acceleration. Commutation adds
     /// `|w x a| T^3 / 12` (second term of the Magnus series).
     #[must_use]
     pub fn bound_rad(&self, rate_rad_s: DVec3, acceleration_rad_s2: DVec3, horizon_s: f64) -> f64 {

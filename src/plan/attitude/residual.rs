@@ -18,7 +18,7 @@ const PROBES: i32 = 24;
 /// Residuals below this are not worth a knot: a tenth of the default line-of-sight budget.
 pub(super) const RESIDUAL_TOLERANCE_RAD: f64 = 0.01 * ARCSEC;
 
-/// Largest residual, rad, among equally spaced probes from `from` to `until`.
+/// Returns the largest residual, rad, among equally spaced probes from `from` to `until`.
 pub(super) fn largest_rad(from: Tai, until: Tai, residual_at: impl Fn(Tai) -> DVec3) -> f64 {
     let probe_s = (until - from).s() / f64::from(PROBES);
     let probe = |i: i32| residual_at(from + Span::from_s(probe_s * f64::from(i))).length();

@@ -47,7 +47,7 @@ pub struct HistoryCounts {
 }
 
 impl HistoryCounts {
-    /// All refusals together.
+    /// Returns all refusals together.
     #[must_use]
     pub fn refused(&self) -> u64 {
         self.duplicate_epoch + self.stale + self.future + self.not_finite + self.too_fast + self.older_than_history
@@ -80,7 +80,7 @@ impl<T: Copy> EpochRing<T> {
         Self { slots: VecDeque::with_capacity(limits.capacity), limits }
     }
 
-    /// The place at which a value of this epoch would be inserted.
+    /// Returns the place at which a value of this epoch would be inserted.
     pub(super) fn admit(&self, at: Tai, received_at: Tai) -> Result<usize, HistoryReject> {
         if at < received_at - self.limits.max_age {
             return Err(HistoryReject::Stale);
@@ -129,7 +129,7 @@ impl<T: Copy> EpochRing<T> {
         self.slots.back().map(|(_, value)| value)
     }
 
-    /// How many values have an epoch of `at` or earlier: also the place of the first later one.
+    /// Returns how many values have an epoch of `at` or earlier: also the place of the first later one.
     pub(super) fn count_until(&self, at: Tai) -> usize {
         self.slots.partition_point(|(epoch, _)| *epoch <= at)
     }

@@ -203,7 +203,7 @@ impl Chooser {
         self.common = self.common.plus(error);
     }
 
-    /// Error of drawing rows at the edge of a band with the path of the band's middle.
+    /// Returns the error of drawing rows at the edge of a band with the path of the band's middle.
     fn band_error(&mut self, motion: &Motion, probes: &Probes, bands: usize) -> NodeError {
         let height = self.instrument.camera.height_px();
         let half_s = 0.5 * self.instrument.shutter.line_s() * height as f64 / bands as f64;
@@ -364,13 +364,13 @@ impl Chooser {
         }
     }
 
-    /// Electrons of a star that fills its brightest pixel: errors of brighter ones are no larger.
+    /// Returns electrons of a star that fills its brightest pixel: errors of brighter ones are no larger.
     fn saturating_e(&self) -> f64 {
         self.instrument.full_well_e / self.instrument.psf.peak()
     }
 
-    /// The cheapest method for one class that is inside the budget; without one, the least wrong one of those that fit
-    /// the time, or of all. Its cost is that of its stars.
+    /// Returns the cheapest method for one class that is inside the budget; without one, the least wrong one of those
+    /// that fit the time, or of all. Its cost is that of its stars.
     fn best(
         &self,
         class: &StarClass,
@@ -402,12 +402,12 @@ impl Chooser {
         StarClass { chosen, bands: if chosen.method.kernels() > 0 { 1 } else { self.bands }, ..*class }
     }
 
-    /// True when the user fixed the method.
+    /// Returns whether the user fixed the method.
     pub(super) fn is_fixed(&self) -> bool {
         matches!(self.choice, MethodChoice::Fixed(..))
     }
 
-    /// How many of the plan's stars fit `limit_ms` with the method that the plan has now.
+    /// Returns how many of the plan's stars fit `limit_ms` with the method that the plan has now.
     #[must_use]
     pub(super) fn stars_within(&self, plan: &ExposurePlan, limit_ms: f64) -> usize {
         let pixels = self.instrument.camera.width_px() * self.instrument.camera.height_px();
@@ -420,7 +420,8 @@ impl Chooser {
         keep
     }
 
-    /// Largest pixel error in units of its own noise when it is `peak` of the peak of a star of `brightest_e`.
+    /// Returns the largest pixel error in units of its own noise when it is `peak` of the peak of a star of
+    /// `brightest_e`.
     fn pixel_sigma(&self, peak: f64, brightest_e: f64, probes: &Probes) -> f64 {
         let psf = &self.instrument.psf;
         let whole_e = brightest_e * psf.peak();
@@ -433,7 +434,7 @@ impl Chooser {
         peak * peak_e * steeper / noise_e
     }
 
-    /// True when a tracker uses stars of this brightness.
+    /// Returns whether a tracker uses stars of this brightness.
     fn is_tracked(&self, brightest_e: f64) -> bool {
         brightest_e * self.instrument.psf.peak() >= TRACKED_SIGMA * self.instrument.read_noise_e_rms.max(1.0)
     }
@@ -442,8 +443,8 @@ impl Chooser {
         Load { psf: &self.instrument.psf, half_px: self.half_px, extent_px, stars, moves: self.moves }
     }
 
-    /// Bounds of a method for one class of stars, or what it was found to err by; its cost is that of the class's stars.
-    /// With it, the largest error as a multiple of the budget, pixels beyond a star's peak included.
+    /// Returns bounds of a method for one class of stars, or what it was found to err by; its cost is that of the
+    /// class's stars. With it, the largest error as a multiple of the budget, pixels beyond a star's peak included.
     fn assess(
         &self,
         weighed: &Weighed,
@@ -495,27 +496,29 @@ impl Chooser {
         (Assessment { method, centroid_px, flux_rel, pixel_sigma, cost_ms, verdict }, excess)
     }
 
-    /// Centroid error of light that the footprint drops, px: none while the footprint's rim stays outside the window.
+    /// Returns the centroid error of light that the footprint drops, px: none while the footprint's rim stays outside
+    /// the window.
     fn rim_error_px(&self, extent_px: f64) -> f64 {
         let rim_px = self.half_px as f64 - 0.5 - extent_px;
         if rim_px > 0.5 * WINDOW_PX + 0.5 { 0.0 } else { 0.5 * self.instrument.psf.lost_flux(self.half_px) }
     }
 }
 
-/// Share of a star's light in the brightest pixel outside a footprint of `half_px`, wherever in its pixel it stands.
+/// Returns the share of a star's light in the brightest pixel outside a footprint of `half_px`, wherever in its pixel
+/// it stands.
 fn rim_share(psf: &PsfModel, half_px: usize) -> f64 {
     psf.nodes().iter().map(|psf| psf.pixel(half_px as f64 + 0.5, 0.0)).fold(0.0, f64::max)
 }
 
 impl Weighed {
-    /// True when it is drawn from nodes that are known before the plan is made.
+    /// Returns whether it is drawn from nodes that are known before the plan is made.
     fn can_be_tried(&self) -> bool {
         self.verdict.is_none() && !matches!(self.method, Method::ZonalPsf { .. })
     }
 }
 
 impl TriedError {
-    /// The larger of both errors as a multiple of the budget, centroids where stars `is_tracked`.
+    /// Returns the larger of both errors as a multiple of the budget, centroids where stars `is_tracked`.
     fn excess(&self, budget: &AccuracyBudget, is_tracked: bool) -> f64 {
         let Self { centroid_px, pixel_sigma } = self.reported();
         let of_centroid = if is_tracked { centroid_px / (MOTION_SHARE * budget.centroid_px) } else { 0.0 };

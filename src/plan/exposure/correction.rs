@@ -72,7 +72,7 @@ impl Correction {
     }
 }
 
-/// Lagrange weights at `t` for points at -1, 0, 1.
+/// Returns the lagrange weights at `t` for points at -1, 0, 1.
 #[inline(always)]
 #[must_use]
 pub fn quadratic(t: f64) -> [f64; 3] {

@@ -116,7 +116,7 @@ impl CostModel {
         readout_pixel_ns: 4.0,
     };
 
-    /// True when every constant is finite and not negative, and something does the work.
+    /// Returns whether every constant is finite and not negative, and something does the work.
     #[must_use]
     pub fn is_sound(&self) -> bool {
         // Every constant by name: a new one cannot be forgotten.
@@ -127,7 +127,7 @@ impl CostModel {
         constants.into_iter().chain(rest).all(|constant| constant.is_finite() && constant >= 0.0)
     }
 
-    /// Milliseconds a frame of `pixels` takes before any star is drawn.
+    /// Returns milliseconds a frame of `pixels` takes before any star is drawn.
     #[must_use]
     pub fn empty_frame_ms(&self, pixels: usize, moves: bool) -> f64 {
         let motion_ms = if moves { self.motion_ms } else { 0.0 };
@@ -140,7 +140,7 @@ impl CostModel {
         pixels as f64 * self.readout_pixel_ns * 1e-6
     }
 
-    /// Milliseconds `method` takes for the stars of `load`, beyond an empty frame.
+    /// Returns milliseconds `method` takes for the stars of `load`, beyond an empty frame.
     #[must_use]
     pub fn stars_ms(&self, method: Method, load: &Load<'_>) -> f64 {
         let stars = load.stars as f64;
@@ -158,7 +158,7 @@ impl CostModel {
         (drawing_ns + stars * self.star_ns + moved_ns) * 1e-6
     }
 
-    /// Nanoseconds for building the kernels of `method`.
+    /// Returns nanoseconds for building the kernels of `method`.
     fn kernels_ns(&self, method: Method, psf: &PsfModel, half_px: usize) -> f64 {
         let s = oversampling(psf);
         let grid = ((2 * half_px + 1) * s) as f64;
@@ -172,7 +172,8 @@ impl CostModel {
     }
 }
 
-/// Bytes of all kernels of `method`: images by phase, the grid they are taken from, and both axes of every node.
+/// Returns bytes of all kernels of `method`: images by phase, the grid they are taken from, and both axes of every
+/// node.
 #[must_use]
 pub fn kernel_bytes(method: Method, psf: &PsfModel, half_px: usize, extent_px: f64) -> usize {
     let (side, s) = (2 * kernel_half_px(half_px, extent_px) + 1, oversampling(psf));
@@ -204,7 +205,7 @@ pub fn kernel_half_px(half_px: usize, extent_px: f64) -> usize {
     half_px + extent
 }
 
-/// Pixels of a footprint whose rows are padded to whole vectors of 16.
+/// Returns pixels of a footprint whose rows are padded to whole vectors of 16.
 fn padded_pixels(half_px: usize) -> f64 {
     let side = 2 * half_px + 1;
     (side * side.next_multiple_of(16)) as f64

@@ -35,7 +35,7 @@ impl Timing<'_> {
     }
 }
 
-/// The constants, none below 0, whose predictions come nearest to the timings.
+/// Returns the constants, none below 0, whose predictions come nearest to the timings.
 #[must_use]
 pub fn fit(timings: &[Timing<'_>], usual: &CostModel) -> CostModel {
     let (mut normal, mut right) = ([[0.0; FITTED]; FITTED], [0.0; FITTED]);
@@ -64,7 +64,7 @@ pub fn fit(timings: &[Timing<'_>], usual: &CostModel) -> CostModel {
     with(usual, constants)
 }
 
-/// The constants that are fitted.
+/// Returns the constants that are fitted.
 fn fitted(cost: &mut CostModel) -> [&mut f64; FITTED] {
     [
         &mut cost.frame_ms,
@@ -112,7 +112,7 @@ mod tests {
         readout_pixel_ns: 2.0,
     };
 
-    /// Frames like those that are measured, as `cost` predicts them.
+    /// Returns frames like those that are measured, as `cost` predicts them.
     fn timings<'a>(cost: &CostModel, psf: &'a PsfModel, airy: &'a PsfModel) -> Vec<Timing<'a>> {
         let frames = [
             (1 << 18, Method::Static, 0),

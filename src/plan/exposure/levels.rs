@@ -30,7 +30,7 @@ impl Degradation {
     pub const ALL: [Self; 6] =
         [Self::Full, Self::FaintStarsOut, Self::Budget3, Self::Budget10, Self::MotionOut, Self::BrightStarsOnly];
 
-    /// The word for it in files.
+    /// Returns the word for it in files.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -56,14 +56,14 @@ impl Degradation {
         }
     }
 
-    /// The next rung down; `None` at the end.
+    /// Returns the next rung down; `None` at the end.
     #[must_use]
     pub fn next(self) -> Option<Self> {
         let at = Self::ALL.iter().position(|degradation| *degradation == self)?;
         Self::ALL.get(at + 1).copied()
     }
 
-    /// The accuracy budget on this rung.
+    /// Returns the accuracy budget on this rung.
     #[must_use]
     pub fn loosened(self, budget: &AccuracyBudget) -> AccuracyBudget {
         let times = match self {
@@ -74,7 +74,7 @@ impl Degradation {
         AccuracyBudget { centroid_px: budget.centroid_px * times, pixel_sigma: budget.pixel_sigma * times, ..*budget }
     }
 
-    /// Share of the noise below which stars are left out.
+    /// Returns the share of the noise below which stars are left out.
     #[must_use]
     pub fn cut_off_sigma(self, budget: &AccuracyBudget) -> f64 {
         const SHARE_OF_BUDGET: f64 = 0.2;

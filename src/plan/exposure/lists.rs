@@ -195,7 +195,7 @@ pub fn fill_nodes(motion: &Motion, method: Method, delay_s: f64, probes: &Probes
     }
 }
 
-/// The band that holds row `y_px`.
+/// Returns the band that holds row `y_px`.
 pub(super) fn band_of(y_px: f64, height: f64, bands: usize) -> usize {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the bands")]
     let band = ((y_px + 0.5) / height * bands as f64).clamp(0.0, bands as f64 - 1.0) as usize;
@@ -214,12 +214,12 @@ impl Grid {
         Self { cells: zones.map(usize::from), size_px: [camera.width_px() as f64, camera.height_px() as f64] }
     }
 
-    /// The cells of a field of PSFs.
+    /// Returns the cells of a field of PSFs.
     fn of_field(camera: &CameraGeometry, field: &PsfField) -> Self {
         Self { cells: field.cells(), size_px: [camera.width_px() as f64, camera.height_px() as f64] }
     }
 
-    /// The number of a star's cell.
+    /// Returns the number of a star's cell.
     fn cell_index(&self, star: &PlannedStar) -> usize {
         self.index(self.cell_of(star))
     }
@@ -230,7 +230,7 @@ impl Grid {
         Cell { corners, origin_px, size_px: [end_px[0] - origin_px[0], end_px[1] - origin_px[1]] }
     }
 
-    /// The cell of a star: column and row.
+    /// Returns the cell of a star: column and row.
     fn cell_of(&self, star: &PlannedStar) -> [usize; 2] {
         core::array::from_fn(|i| band_of(star.mean_px[i], self.size_px[i], self.cells[i]))
     }

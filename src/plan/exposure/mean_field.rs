@@ -66,13 +66,13 @@ impl MeanField {
         self.correction = Correction::through(self.size_px, off);
     }
 
-    /// True when every star stays where it stands at mid-exposure.
+    /// Returns whether every star stays where it stands at mid-exposure.
     #[must_use]
     pub fn is_still(&self) -> bool {
         !self.moves
     }
 
-    /// Mean pose and correction, where all rows have the same.
+    /// Returns the mean pose and correction, where all rows have the same.
     #[must_use]
     pub fn same_for_all_rows(&self) -> Option<(Pose, Correction)> {
         match self.poses.as_slice() {
@@ -82,7 +82,7 @@ impl MeanField {
         }
     }
 
-    /// Mean pose of the exposure of the row at `y_px`.
+    /// Returns the mean pose of the exposure of the row at `y_px`.
     #[must_use]
     pub fn pose_at(&self, y_px: f64) -> Pose {
         let Some(last) = self.poses.len().checked_sub(1) else { return Pose::STILL };
@@ -98,7 +98,7 @@ impl MeanField {
         pose.plus(c, &self.poses[middle + 1])
     }
 
-    /// Mean displacement of a star, px.
+    /// Returns the mean displacement of a star, px.
     #[inline]
     #[must_use]
     pub fn displacement_px(&self, track: &StarTrack) -> [f64; 2] {
@@ -134,7 +134,7 @@ impl MeanField {
     }
 }
 
-/// Mean pose of an exposure that is `delay_s` late.
+/// Returns the mean pose of an exposure that is `delay_s` late.
 fn row_mean(motion: &Motion, delay_s: f64) -> Pose {
     if motion.is_smooth() {
         let nodes = (0..SMOOTH_NODES).map(|i| gauss_legendre_node(SMOOTH_NODES, i));

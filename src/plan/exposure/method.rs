@@ -83,7 +83,7 @@ impl MethodName {
         Self::ZonalPsf,
     ];
 
-    /// The name people type.
+    /// Returns the name people type.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -97,7 +97,7 @@ impl MethodName {
         }
     }
 
-    /// True when a number of nodes (segments, for segments) can be asked for.
+    /// Returns whether a number of nodes (segments, for segments) can be asked for.
     #[must_use]
     pub fn takes_number(self) -> bool {
         !matches!(self, Self::Static | Self::Gaussian)
@@ -105,7 +105,7 @@ impl MethodName {
 }
 
 impl Method {
-    /// The method without its parameter.
+    /// Returns the method without its parameter.
     #[must_use]
     pub fn name(self) -> MethodName {
         match self {

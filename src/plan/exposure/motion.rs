@@ -28,7 +28,7 @@ pub struct Motion {
 }
 
 impl Shutter {
-    /// Time from one row's exposure to the next, s (0: all together).
+    /// Returns the time from one row's exposure to the next, s (0: all together).
     #[must_use]
     pub fn line_s(self) -> f64 {
         match self {
@@ -37,7 +37,7 @@ impl Shutter {
         }
     }
 
-    /// How much later than the middle of an image of `height_px` rows the row at `y_px` is exposed, s.
+    /// Returns how much later than the middle of an image of `height_px` rows the row at `y_px` is exposed, s.
     #[must_use]
     pub fn delay_s(self, y_px: f64, height_px: usize) -> f64 {
         self.line_s() * (y_px - 0.5 * (height_px as f64 - 1.0))
@@ -45,25 +45,25 @@ impl Shutter {
 }
 
 impl Motion {
-    /// Smooth rotation vector `t_s` after mid-exposure, sensor axes, rad.
+    /// Returns the smooth rotation vector `t_s` after mid-exposure, sensor axes, rad.
     #[must_use]
     pub fn smooth_rotation_rad(&self, t_s: f64) -> DVec3 {
         self.los.smooth_rotation_rad(t_s)
     }
 
-    /// True when nothing but smooth rotation moves the image.
+    /// Returns whether nothing but smooth rotation moves the image.
     #[must_use]
     pub fn is_smooth(&self) -> bool {
         self.image_path.is_none() && self.los.jitter.is_still()
     }
 
-    /// True when nothing moves at all.
+    /// Returns whether nothing moves at all.
     #[must_use]
     pub fn is_still(&self) -> bool {
         self.is_smooth() && self.los.rate_rad_s == DVec3::ZERO && self.los.acceleration_rad_s2 == DVec3::ZERO
     }
 
-    /// Pose at `tau` in [-1/2, 1/2] of an exposure that is `delay_s` later than the frame's own.
+    /// Returns the pose at `tau` in [-1/2, 1/2] of an exposure that is `delay_s` later than the frame's own.
     #[must_use]
     pub fn pose_at(&self, tau: f64, delay_s: f64) -> Pose {
         let t_s = tau * self.los.exposure_s + delay_s;
@@ -84,7 +84,7 @@ impl Motion {
         }
     }
 
-    /// Pose `t_s` after mid-exposure at a given point of the image path.
+    /// Returns the pose `t_s` after mid-exposure at a given point of the image path.
     #[must_use]
     pub fn pose_on_path(&self, t_s: f64, point: &PixelPoint) -> Pose {
         let smooth = DQuat::from_scaled_axis(-self.smooth_rotation_rad(t_s));
@@ -92,7 +92,7 @@ impl Motion {
     }
 }
 
-/// Position of a path at `tau`; held beyond its ends.
+/// Returns the position of a path at `tau`; held beyond its ends.
 #[must_use]
 pub fn point_at(path: &PixelPath, tau: f64, exposure_s: f64) -> PixelPoint {
     let points = path.points();

@@ -157,7 +157,7 @@ pub fn dense(motion: &Motion, sigma_px: f64, reach_px: f64, radius_px: f64, dela
     }
 }
 
-/// The two Gauss-Legendre nodes of a piece, as shares of it.
+/// Returns the two Gauss-Legendre nodes of a piece, as shares of it.
 fn pair() -> [f64; 2] {
     const OFF: f64 = 0.288_675_134_594_812_9; // 1 / (2 sqrt 3)
     [0.5 - OFF, 0.5 + OFF]

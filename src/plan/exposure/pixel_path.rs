@@ -62,7 +62,7 @@ const LARGEST_PX: f64 = 1e6;
 const TIME_SLACK: f64 = 1e-9;
 
 impl PixelPath {
-    /// A path that is linear between rows.
+    /// Returns a path that is linear between rows.
     ///
     /// # Errors
     /// When there is no row, a number is not finite, or the times are not ascending within the exposure.
@@ -78,7 +78,7 @@ impl PixelPath {
         Ok(Self::Line(points))
     }
 
-    /// A list of equally weighted positions.
+    /// Returns a list of equally weighted positions.
     ///
     /// # Errors
     /// When there is no row or a number is not finite.
@@ -87,7 +87,7 @@ impl PixelPath {
         Ok(Self::Samples(points))
     }
 
-    /// Rows of the path.
+    /// Returns rows of the path.
     #[must_use]
     pub fn points(&self) -> &[PixelPoint] {
         match self {
@@ -97,7 +97,7 @@ impl PixelPath {
 }
 
 impl PixelPoint {
-    /// The point a share `s` of the way to `next`.
+    /// Returns the point a share `s` of the way to `next`.
     #[must_use]
     pub fn towards(&self, next: &Self, s: f64) -> Self {
         let mix = |a: f64, b: f64| a + s * (b - a);
@@ -109,7 +109,8 @@ impl PixelPoint {
         }
     }
 
-    /// Upper bound of how far any star within `radius_px` of the principal point moves on the way to `next`, px.
+    /// Returns the upper bound of how far any star within `radius_px` of the principal point moves on the way to
+    /// `next`, px.
     #[must_use]
     pub fn distance_px(&self, next: &Self, radius_px: f64) -> f64 {
         (next.dx_px - self.dx_px).hypot(next.dy_px - self.dy_px) + (next.roll_rad - self.roll_rad).abs() * radius_px

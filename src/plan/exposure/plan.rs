@@ -151,19 +151,19 @@ pub enum Verdict {
 }
 
 impl Verdict {
-    /// True when every error is inside the budget.
+    /// Returns whether every error is inside the budget.
     #[must_use]
     pub fn is_met(self) -> bool {
         self == Self::Fits
     }
 
-    /// True when motion is drawn inside the budget; light that no method keeps may be lost.
+    /// Returns whether motion is drawn inside the budget; light that no method keeps may be lost.
     #[must_use]
     pub fn keeps_shape(self) -> bool {
         matches!(self, Self::Fits | Self::FluxOverBudget)
     }
 
-    /// True when the method can be drawn at all.
+    /// Returns whether the method can be drawn at all.
     #[must_use]
     pub fn is_drawable(self) -> bool {
         !matches!(self, Self::NeedsSmoothMotion | Self::PathTooLong | Self::TooManyKernels | Self::OtherSampling)
@@ -232,21 +232,21 @@ impl CutOff {
 }
 
 impl ExposurePlan {
-    /// The stars without the nodes of targets.
+    /// Returns the stars without the nodes of targets.
     #[must_use]
     pub fn sky_stars(&self) -> &[PlannedStar] {
         let nodes = self.targets.first().map_or(self.stars.len(), |target| target.nodes.start);
         &self.stars[..nodes.min(self.stars.len())]
     }
 
-    /// The test for stars of a class.
+    /// Returns the test for stars of a class.
     pub fn is_member(&self, class: usize) -> impl Fn(&PlannedStar) -> bool + Copy + Sync + use<> {
         let only = self.classes.len() == 1;
         let (above, faintest) = self.brightness_of(class);
         move |star| only || (star.electrons < above && star.electrons >= faintest)
     }
 
-    /// Electrons between which the stars of a class lie: below the first, from the second on.
+    /// Returns electrons between which the stars of a class lie: below the first, from the second on.
     #[must_use]
     pub fn brightness_of(&self, class: usize) -> (f64, f64) {
         let above_e = class.checked_sub(1).map_or(f64::INFINITY, |before| self.classes[before].faintest_e);
@@ -265,7 +265,7 @@ impl ExposurePlan {
         &self.lists[star.list as usize]
     }
 
-    /// Where a star's poses count from when it is drawn node by node: its mean comes out at `mean_px`.
+    /// Returns where a star's poses count from when it is drawn node by node: its mean comes out at `mean_px`.
     #[must_use]
     pub fn origin_px(&self, star: &PlannedStar, track: &StarTrack) -> [f64; 2] {
         let list = self.list_of(star);
@@ -273,8 +273,8 @@ impl ExposurePlan {
         [star.mean_px[0] - x - cx, star.mean_px[1] - y - cy]
     }
 
-    /// Displacement about its mean, for every node, of a star that stands where the kernel is made: the shape of an
-    /// effective PSF.
+    /// Returns the displacement about its mean, for every node, of a star that stands where the kernel is made: the
+    /// shape of an effective PSF.
     pub fn kernel_trace<'a>(
         &'a self,
         nodes: &'a [PathNode],
@@ -304,13 +304,13 @@ impl ExposurePlan {
         parts.into_iter().filter(|(_, share)| *share > 0.0)
     }
 
-    /// True when any star is drawn from a kernel.
+    /// Returns whether any star is drawn from a kernel.
     #[must_use]
     pub fn has_kernel(&self) -> bool {
         self.lists.iter().any(|list| matches!(list.drawing, Drawing::Kernel(_)))
     }
 
-    /// Sum of the electrons that land on the detector.
+    /// Returns the sum of the electrons that land on the detector.
     #[must_use]
     pub fn electrons_on_detector(&self) -> f64 {
         self.stars.iter().map(|star| star.electrons_on_detector).sum()

@@ -57,7 +57,7 @@ pub struct Planner {
 }
 
 impl Planner {
-    /// A planner for one instrument, budget and backend.
+    /// Returns a planner for one instrument, budget and backend.
     #[must_use]
     pub fn new(
         instrument: Instrument,
@@ -109,7 +109,7 @@ impl Planner {
         }
     }
 
-    /// Milliseconds in which drawing must be done; without one, frames are never degraded.
+    /// Returns milliseconds in which drawing must be done; without one, frames are never degraded.
     #[must_use]
     pub fn within_ms(mut self, time_budget_ms: f64) -> Self {
         self.time_budget_ms = Some(time_budget_ms);
@@ -172,12 +172,12 @@ impl Planner {
         self.targets.light_share = share;
     }
 
-    /// The motion of the next exposure, to be filled in before [`Self::plan`].
+    /// Returns the motion of the next exposure, to be filled in before [`Self::plan`].
     pub fn motion_mut(&mut self) -> &mut Motion {
         &mut self.plan.motion
     }
 
-    /// The latest plan.
+    /// Returns the latest plan.
     #[must_use]
     pub fn latest(&self) -> &ExposurePlan {
         &self.plan
@@ -298,7 +298,7 @@ impl Planner {
     }
 }
 
-/// How far from its mean place a star leaves light, px.
+/// Returns how far from its mean place a star leaves light, px.
 fn light_reach_px(plan: &ExposurePlan) -> f64 {
     plan.half_px as f64 + 1.0 + plan.extent_px
 }

@@ -61,7 +61,7 @@ impl Pose {
         ])
     }
 
-    /// The shift alone.
+    /// Returns the shift alone.
     #[must_use]
     pub fn only_shift(&self) -> Self {
         let mut pose = Self::STILL;
@@ -75,14 +75,14 @@ impl Pose {
         Self(core::array::from_fn(|i| self.0[i] + share * other.0[i]))
     }
 
-    /// The pose a share `s` of the way to `next`, along a straight line.
+    /// Returns the pose a share `s` of the way to `next`, along a straight line.
     #[must_use]
     pub fn towards(&self, next: &Self, s: f64) -> Self {
         Self(core::array::from_fn(|i| self.0[i] + s * (next.0[i] - self.0[i])))
     }
 }
 
-/// Weighted mean of a list.
+/// Returns the weighted mean of a list.
 #[must_use]
 pub fn mean_pose(nodes: &[PathNode]) -> Pose {
     nodes.iter().fold(Pose::STILL, |mean, node| mean.plus(node.weight, &node.pose))

@@ -82,32 +82,32 @@ impl Probes {
         }
     }
 
-    /// The probe in the middle of the detector.
+    /// Returns the probe in the middle of the detector.
     #[must_use]
     pub fn centre(&self) -> Option<&Probe> {
         self.probes.get(self.centre_index())
     }
 
-    /// Its index.
+    /// Returns its index.
     #[must_use]
     pub fn centre_index(&self) -> usize {
         self.probes.len() / 2
     }
 
-    /// The probe whose path spreads most.
+    /// Returns the probe whose path spreads most.
     #[must_use]
     pub fn widest_index(&self) -> usize {
         let spread = |i: &usize| self.probes[*i].moments.covariance_px2[0] + self.probes[*i].moments.covariance_px2[2];
         (0..self.probes.len()).max_by(|a, b| spread(a).total_cmp(&spread(b))).unwrap_or(0)
     }
 
-    /// Mean pose of the middle row's exposure.
+    /// Returns the mean pose of the middle row's exposure.
     #[must_use]
     pub fn mean(&self) -> Pose {
         self.rows[SIDE / 2].mean
     }
 
-    /// Dense nodes of the middle row's exposure.
+    /// Returns the dense nodes of the middle row's exposure.
     #[must_use]
     pub fn dense(&self) -> &[PathNode] {
         &self.dense[self.rows[SIDE / 2].nodes.clone()]
@@ -137,7 +137,7 @@ impl Probes {
         }
     }
 
-    /// Delay of a row of probes, s.
+    /// Returns the delay of a row of probes, s.
     #[must_use]
     pub fn delay_s(&self, row: usize) -> f64 {
         let height = self.camera.height_px();
@@ -149,8 +149,8 @@ impl Probes {
         dense_nodes(motion, sigma_px, self.reach_px, furthest_corner_px(&self.camera), delay_s, out);
     }
 
-    /// Largest distance of a mean position worked out by `mean_px` from the true one, between the probes, px. `own` is
-    /// room for the nodes of a row.
+    /// Returns the largest distance of a mean position worked out by `mean_px` from the true one, between the probes,
+    /// px. `own` is room for the nodes of a row.
     #[must_use]
     pub fn mean_error_px(
         &self,
@@ -205,7 +205,7 @@ impl Probe {
         self.moments = Moments::of(&self.trace);
     }
 
-    /// Upper bound of the length of the star's path on the detector, px.
+    /// Returns the upper bound of the length of the star's path on the detector, px.
     fn path_length_px(&self, motion: &Motion, radius_px: f64) -> f64 {
         let moved = |v: DVec3| v.abs().dot(self.px_per_rad.into());
         let half_s = 0.5 * motion.los.exposure_s;
@@ -243,7 +243,7 @@ fn dense_nodes(motion: &Motion, sigma_px: f64, reach_px: f64, radius_px: f64, de
     }
 }
 
-/// Distance of the furthest pixel from the principal point, px.
+/// Returns the distance of the furthest pixel from the principal point, px.
 #[must_use]
 pub fn furthest_corner_px(camera: &CameraGeometry) -> f64 {
     let [cx, cy] = camera.parameters().principal_point_px;

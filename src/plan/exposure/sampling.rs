@@ -53,7 +53,7 @@ pub enum PsfSampling {
 }
 
 impl PsfSampling {
-    /// True for exact pixel integrals and tables of them.
+    /// Returns true for exact pixel integrals and tables of them.
     #[must_use]
     pub fn is_exact(self) -> bool {
         matches!(self, Self::Auto | Self::Table { .. })
@@ -117,7 +117,7 @@ impl FromStr for PsfSampling {
     }
 }
 
-/// Grid points per pixel that keep a table's interpolation error below [`TABLE_ERROR`].
+/// Returns the grid points per pixel that keep a table's interpolation error below [`TABLE_ERROR`].
 #[must_use]
 pub fn oversampling(psf: &PsfModel) -> usize {
     let enough = |s: &usize| table_error(psf, *s) <= TABLE_ERROR - PRODUCTS_ERROR;
@@ -133,7 +133,7 @@ pub fn oversampling(psf: &PsfModel) -> usize {
     }
 }
 
-/// Interpolation error of a table with `s` grid points per pixel, relative to the peak.
+/// Returns the interpolation error of a table with `s` grid points per pixel, relative to the peak.
 #[must_use]
 pub fn table_error(psf: &PsfModel, s: usize) -> f64 {
     psf.table_error(s as f64)
@@ -154,7 +154,7 @@ pub struct SamplingError {
     pub peak: f64,
 }
 
-/// Bounds of what `sampling` errs by for a PSF with a core of `sigma_px`.
+/// Returns bounds of what `sampling` errs by for a PSF with a core of `sigma_px`.
 #[must_use]
 pub fn sampling_error(psf: &PsfModel, sampling: PsfSampling) -> SamplingError {
     let sigma_px = psf.core_sigma_px();
@@ -171,7 +171,8 @@ pub fn sampling_error(psf: &PsfModel, sampling: PsfSampling) -> SamplingError {
     SamplingError { centroid_px: peak * TABLE_CENTROID_SAFETY * window_sensitivity(sigma_px), peak }
 }
 
-/// Light in the pixel whose centre lies `x` px from a star along one axis, by a method that takes points of the PSF.
+/// Returns the light in the pixel whose centre lies `x` px from a star along one axis, by a method that takes points of
+/// the PSF.
 fn sampled(sigma_px: f64, sampling: PsfSampling, x: f64) -> f64 {
     let density = |x: f64| (-0.5 * (x / sigma_px).powi(2)).exp() / (sigma_px * (2.0 * PI).sqrt());
     let mean = |n: usize| (0..n).map(|i| density(x + (i as f64 + 0.5) / n as f64 - 0.5)).sum::<f64>() / n as f64;
@@ -186,7 +187,7 @@ fn sampled(sigma_px: f64, sampling: PsfSampling, x: f64) -> f64 {
     }
 }
 
-/// Bicubic convolution kernel with a = -1/2 (Keys 1981, eq. 4 with his optimal a).
+/// Returns the bicubic convolution kernel with a = -1/2 (Keys 1981, eq. 4 with his optimal a).
 #[must_use]
 pub fn keys(x: f64) -> f64 {
     let x = x.abs();
@@ -199,7 +200,8 @@ pub fn keys(x: f64) -> f64 {
     }
 }
 
-/// Largest errors over all phases. Along one axis the centroid of a window does not know the other; a pixel does.
+/// Returns the largest errors over all phases. Along one axis the centroid of a window does not know the other; a pixel
+/// does.
 fn tried_error(sigma_px: f64, sampling: PsfSampling) -> SamplingError {
     let mut pixels = Vec::new();
     let mut centroid_px = 0.0_f64;

@@ -35,7 +35,7 @@ impl Share {
         Self { nodes, field: psf.as_field().cloned() }
     }
 
-    /// Share of `star`'s electrons on the detector.
+    /// Returns the share of `star`'s electrons on the detector.
     #[must_use]
     pub fn on_detector(&self, star: &PlannedStar, camera: &CameraGeometry, nodes: &[PathNode], extent_px: f64) -> f64 {
         let on = |node: usize| self.nodes[node].on_detector(star, camera, nodes, extent_px);
@@ -107,7 +107,7 @@ impl NodeShare {
         nodes.iter().map(|node| node.weight * on(node)).sum()
     }
 
-    /// Share of the light at `v` px that lies on the pixels of one axis.
+    /// Returns the share of the light at `v` px that lies on the pixels of one axis.
     fn along(&self, axis: usize, v: f64) -> f64 {
         let size = self.size_px[axis];
         let clear_px = self.half_px as f64 + 1.0;
@@ -121,7 +121,7 @@ impl NodeShare {
         }
     }
 
-    /// Signed share of the footprint's light between the star and a line `px` away.
+    /// Returns the signed share of the footprint's light between the star and a line `px` away.
     fn within(&self, axis: usize, px: f64) -> f64 {
         let line = &self.lines[axis][usize::from(px > 0.0)];
         let at = px.abs() / self.step_px;
@@ -132,12 +132,12 @@ impl NodeShare {
     }
 }
 
-/// Share of a Gaussian's light no further than `px` from its middle, one axis.
+/// Returns the share of a Gaussian's light no further than `px` from its middle, one axis.
 fn gaussian_within(px: f64, sigma_px: f64) -> f64 {
     libm::erf(px / sigma_px * core::f64::consts::FRAC_1_SQRT_2)
 }
 
-/// Share of the footprint's light of a Gaussian between its middle and every step, one axis.
+/// Returns the share of the footprint's light of a Gaussian between its middle and every step, one axis.
 fn gaussian_line(half_px: usize, sigma_px: f64) -> Vec<f64> {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a footprint is small")]
     let steps = ((half_px as f64 + 2.0) / (GAUSSIAN_STEP * sigma_px)).ceil() as usize;
@@ -147,7 +147,8 @@ fn gaussian_line(half_px: usize, sigma_px: f64) -> Vec<f64> {
     (0..=steps).map(|i| within(i as f64 * GAUSSIAN_STEP * sigma_px)).collect()
 }
 
-/// Cumulative line-spread function of a round profile within its footprint, from 0, normalised to 1/2 at the rim.
+/// Returns the cumulative line-spread function of a round profile within its footprint, from 0, normalised to 1/2 at
+/// the rim.
 fn line_integral(irradiance: impl Fn(f64) -> f64 + Sync, half_px: usize, step_px: f64) -> Vec<f64> {
     let reach_px = half_px as f64 + 0.5;
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a footprint is small")]
@@ -168,8 +169,8 @@ fn line_integral(irradiance: impl Fn(f64) -> f64 + Sync, half_px: usize, step_px
     line
 }
 
-/// Light of a grid within its footprint, and by axis the share of it between the star and a line before or after it:
-/// light comes by whole pixels, so the light before a line is the sum over the columns before it.
+/// Returns the light of a grid within its footprint, and by axis the share of it between the star and a line before or
+/// after it: light comes by whole pixels, so the light before a line is the sum over the columns before it.
 fn grid_lines(grid: &PsfGrid, half_px: usize) -> (f64, [[Vec<f64>; 2]; 2]) {
     let reach = (2 * half_px + 1) * HALF_PIXEL;
     let s = grid.oversampling();

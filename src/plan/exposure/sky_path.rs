@@ -52,7 +52,7 @@ impl Cubic {
         Self { powers_km: [even - square, odd - cube, square, cube], half_s }
     }
 
-    /// Place `t_s` after the middle, km.
+    /// Returns the place `t_s` after the middle, km.
     #[must_use]
     pub fn at(&self, t_s: f64) -> DVec3 {
         let u = t_s / self.half_s;
@@ -72,7 +72,7 @@ pub struct SkyPath {
 }
 
 impl SkyPath {
-    /// When places are wanted, s after mid-exposure, for a way of `2 half_s`.
+    /// Returns when places are wanted, s after mid-exposure, for a way of `2 half_s`.
     #[must_use]
     pub fn instants_s(half_s: f64) -> [f64; PATH_INSTANTS] {
         [-half_s, -half_s / 3.0, half_s / 3.0, half_s]
@@ -96,19 +96,19 @@ impl SkyPath {
         falls.into_iter().map(fourth).sum::<f64>() * step_s.powi(4) / 24.0
     }
 
-    /// Place from the observer `t_s` after mid-exposure, km.
+    /// Returns the place from the observer `t_s` after mid-exposure, km.
     #[must_use]
     pub fn from_observer_km(&self, t_s: f64) -> DVec3 {
         self.from_observer_km.at(t_s)
     }
 
-    /// Apparent direction `t_s` after mid-exposure, ICRF axes.
+    /// Returns the apparent direction `t_s` after mid-exposure, ICRF axes.
     #[must_use]
     pub fn apparent_icrf(&self, t_s: f64) -> DVec3 {
         aberrated(self.from_observer_km(t_s).normalize(), self.observer_km_s + self.observer_km_s2 * t_s)
     }
 
-    /// Angle that the direction turns through between two instants, rad; a little more, if the way bends.
+    /// Returns the angle that the direction turns through between two instants, rad; a little more, if the way bends.
     #[must_use]
     pub fn swept_rad(&self, from_s: f64, to_s: f64) -> f64 {
         let middle = self.apparent_icrf(0.5 * (from_s + to_s));
@@ -122,7 +122,7 @@ mod tests {
 
     const EARTH_GM_KM3_S2: f64 = 398_600.441_8;
 
-    /// A circular orbit of radius r about an axis, as seen from a place at rest.
+    /// Returns a circular orbit of radius r about an axis, as seen from a place at rest.
     fn circle_km(r: f64, t_s: f64) -> DVec3 {
         let n = (EARTH_GM_KM3_S2 / r.powi(3)).sqrt();
         let (sin, cos) = (n * t_s).sin_cos();

@@ -99,7 +99,8 @@ fn path_px(
     length_px
 }
 
-/// When the path has its corner number `corner` in an exposure that is `delay_s` late: share of the exposure from its middle.
+/// Returns when the path has its corner number `corner` in an exposure that is `delay_s` late: share of the exposure
+/// from its middle.
 fn corner_tau(motion: &Motion, corner: usize, delay_s: f64) -> Option<f64> {
     let exposure_s = motion.los.exposure_s;
     let after_mid_s = match &motion.image_path {
@@ -167,7 +168,8 @@ mod tests {
         (polyline_px((0..=STEPS).map(at)), (by - ay).atan2(bx - ax))
     }
 
-    /// Largest error of the length, share of the longest in the field, and largest error of the direction, rad.
+    /// Returns the largest error of the length, share of the longest in the field, and largest error of the direction,
+    /// rad.
     fn errors(camera: &CameraGeometry, los: &LosPath) -> [f64; 2] {
         let motion = Motion { los: los.clone(), image_path: None };
         let mut probes = Probes::new(camera, Shutter::Global);

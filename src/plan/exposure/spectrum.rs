@@ -57,7 +57,7 @@ impl Sensitivity {
         Self { step, centroid, peak }
     }
 
-    /// Characteristic function of a trace.
+    /// Returns the characteristic function of a trace.
     #[must_use]
     pub fn spectrum(&self, trace: &[TracePoint]) -> Spectrum {
         let mut sum = NOTHING;
@@ -79,8 +79,8 @@ impl Sensitivity {
         sum
     }
 
-    /// Bounds for an image drawn with `drawn` where `truth` holds: first moment of the 5 x 5 window, px times the
-    /// star's flux, and the largest pixel error relative to the star's peak.
+    /// Returns bounds for an image drawn with `drawn` where `truth` holds: first moment of the 5 x 5 window, px times
+    /// the star's flux, and the largest pixel error relative to the star's peak.
     #[must_use]
     pub fn error(&self, drawn: &Spectrum, truth: &Spectrum) -> (f64, f64) {
         let (mut centroid, mut peak) = (0.0, 0.0);
@@ -95,12 +95,12 @@ impl Sensitivity {
     }
 }
 
-/// Angle of direction `d`.
+/// Returns the angle of direction `d`.
 fn angle(d: f64) -> f64 {
     PI * d / DIRECTIONS as f64
 }
 
-/// Mean of `value` over the polar cell about direction `d` and radius `j`.
+/// Returns the mean of `value` over the polar cell about direction `d` and radius `j`.
 fn cell_mean(d: usize, j: usize, step: f64, value: impl Fn(f64, f64) -> f64) -> f64 {
     let offset = |i: usize| (i as f64 + 0.5) / CELL_POINTS as f64 - 0.5;
     let points = (0..CELL_POINTS * CELL_POINTS).map(|i| (offset(i / CELL_POINTS), offset(i % CELL_POINTS)));

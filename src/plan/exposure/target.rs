@@ -71,13 +71,13 @@ pub struct LightCurve {
 }
 
 impl LightCurve {
-    /// When samples are wanted, s after mid-exposure.
+    /// Returns when samples are wanted, s after mid-exposure.
     #[must_use]
     pub fn instants_s(half_s: f64) -> [f64; LIGHT_SAMPLES] {
         core::array::from_fn(|i| half_s * (2.0 * i as f64 / (LIGHT_SAMPLES as f64 - 1.0) - 1.0))
     }
 
-    /// Share `t_s` after mid-exposure; held beyond the samples.
+    /// Returns the share `t_s` after mid-exposure; held beyond the samples.
     #[must_use]
     pub fn at(&self, t_s: f64) -> f64 {
         let place = (0.5 * (t_s / self.half_s + 1.0)).clamp(0.0, 1.0) * (LIGHT_SAMPLES as f64 - 1.0);
@@ -120,7 +120,7 @@ pub struct Smear {
 const SMALL_TURN_RAD: f64 = 1e-4;
 
 impl TargetPath {
-    /// Place `t_s` after it is first seen, px.
+    /// Returns the place `t_s` after it is first seen, px.
     #[must_use]
     pub fn at(&self, t_s: f64) -> [f64; 2] {
         let ([x, y], [vx, vy]) = (self.position_px, self.velocity_px_s);
@@ -134,7 +134,7 @@ impl TargetPath {
         }
     }
 
-    /// Velocity `t_s` after it is first seen, px/s.
+    /// Returns the velocity `t_s` after it is first seen, px/s.
     #[must_use]
     pub fn velocity_at(&self, t_s: f64) -> [f64; 2] {
         let [vx, vy] = self.velocity_px_s;
@@ -148,7 +148,7 @@ impl TargetPath {
         }
     }
 
-    /// Length of the way from one instant to another, px; an upper bound for an accelerating target.
+    /// Returns the length of the way from one instant to another, px; an upper bound for an accelerating target.
     #[must_use]
     pub fn length_px(&self, from_s: f64, to_s: f64) -> f64 {
         let speed = |t_s: f64| self.velocity_at(t_s).into_iter().fold(0.0, f64::hypot);
@@ -167,27 +167,27 @@ fn chord(a: f64) -> [f64; 2] {
 }
 
 impl Target {
-    /// When it is seen in an exposure from `from` to `to`: seconds after `begin`; `None` when it is not.
+    /// Returns when it is seen in an exposure from `from` to `to`: seconds after `begin`; `None` when it is not.
     #[must_use]
     pub fn seen_s(&self, from: Tai, to: Tai) -> Option<[f64; 2]> {
         let (from, to) = (from.max(self.begin), to.min(self.end));
         (to - from > Span::ZERO).then(|| [(from - self.begin).s(), (to - self.begin).s()])
     }
 
-    /// Whether its light changes within the exposure.
+    /// Returns whether its light changes within the exposure.
     #[must_use]
     pub fn fades(&self) -> bool {
         self.light.is_some_and(|light| light.shares.iter().any(|share| (share - light.shares[0]).abs() > 1e-3))
     }
 
-    /// Light `t_s` after mid-exposure, e-/s.
+    /// Returns the light `t_s` after mid-exposure, e-/s.
     #[must_use]
     pub fn e_per_s_at(&self, t_s: f64) -> f64 {
         self.light.map_or(self.e_per_s, |light| self.e_per_s * light.at(t_s))
     }
 
-    /// Where it stands `t_s` after mid-exposure without the camera's motion in the exposure, px; `None` where a way on the
-    /// sky leaves the camera's domain.
+    /// Returns where it stands `t_s` after mid-exposure without the camera's motion in the exposure, px; `None` where a
+    /// way on the sky leaves the camera's domain.
     #[must_use]
     pub fn own_px(&self, camera: &CameraGeometry, los: &LosPath, t_s: f64) -> Option<[f64; 2]> {
         match &self.way {
@@ -196,7 +196,7 @@ impl Target {
         }
     }
 
-    /// The same as a place that the camera's motion can act on; `None` where no direction is imaged.
+    /// Returns the same as a place that the camera's motion can act on; `None` where no direction is imaged.
     #[must_use]
     pub fn own_place(&self, camera: &CameraGeometry, los: &LosPath, t_s: f64) -> Option<StarPlace> {
         match &self.way {

@@ -102,7 +102,7 @@ impl TargetPlanner {
         (self.targets.capacity().max(self.targets.len()) * MOST_NODES).min(MOST_RESERVED)
     }
 
-    /// How many scripts there are.
+    /// Returns how many scripts there are.
     pub(super) fn scripts(&self) -> usize {
         self.scripts
     }
@@ -116,7 +116,7 @@ impl TargetPlanner {
         self.targets.extend_from_slice(targets);
     }
 
-    /// Predicted time of drawing the nodes of the exposure that was placed last, ms.
+    /// Returns the predicted time of drawing the nodes of the exposure that was placed last, ms.
     pub(super) fn cost_ms(&self, cost: &CostModel, plan: &ExposurePlan) -> f64 {
         let load =
             Load { psf: &plan.psf, half_px: plan.half_px, extent_px: 0.0, stars: self.nodes.len(), moves: false };
@@ -199,8 +199,8 @@ fn take_corners(all: impl Iterator<Item = f64> + Clone, corners: &mut Vec<f64>) 
     every > 1
 }
 
-/// Where a target stands `t_s` after mid-exposure, px, the camera's motion included; rows there are `delay_s` late.
-/// `None` when no direction is imaged there.
+/// Returns where a target stands `t_s` after mid-exposure, px, the camera's motion included; rows there are `delay_s`
+/// late. `None` when no direction is imaged there.
 #[must_use]
 pub fn target_px(
     target: &Target,
@@ -218,7 +218,7 @@ pub fn target_px(
     Some([place.mid_px[0] + dx, place.mid_px[1] + dy])
 }
 
-/// When a target is seen in an exposure that is `delay_s` late: s after mid-exposure.
+/// Returns when a target is seen in an exposure that is `delay_s` late: s after mid-exposure.
 #[must_use]
 pub fn seen_after_mid_s(target: &Target, motion: &Motion, delay_s: f64) -> Option<[f64; 2]> {
     let mid = motion.los.mid_exposure();
@@ -297,7 +297,8 @@ fn place(
     })
 }
 
-/// Where the rows see a target whose frame's time is `t_s` after mid-exposure, px; `None` where no direction is imaged.
+/// Returns where the rows see a target whose frame's time is `t_s` after mid-exposure, px; `None` where no direction is
+/// imaged.
 #[must_use]
 pub fn seen_by_row(target: &Target, plan: &ExposurePlan, t_s: f64) -> Option<[f64; 2]> {
     let ExposurePlan { camera, motion, shutter, .. } = plan;
@@ -311,7 +312,7 @@ pub fn seen_by_row(target: &Target, plan: &ExposurePlan, t_s: f64) -> Option<[f6
     Some(px)
 }
 
-/// True when any node leaves light on the detector.
+/// Returns whether any node leaves light on the detector.
 fn is_near(nodes: &[PlannedStar], plan: &ExposurePlan) -> bool {
     let margin = plan.half_px as f64 + 1.0;
     let inside = |v: f64, size: usize| v > -margin && v < size as f64 - 1.0 + margin;

@@ -44,7 +44,7 @@ impl StarPlace {
         Some(Self { mid_px, tangent })
     }
 
-    /// Unit direction at mid-exposure, sensor axes.
+    /// Returns the unit direction at mid-exposure, sensor axes.
     #[must_use]
     pub fn mid_sensor(&self) -> DVec3 {
         self.tangent.extend(1.0).normalize()
@@ -52,7 +52,7 @@ impl StarPlace {
 }
 
 impl StarTrack {
-    /// Track of a star at `place`.
+    /// Returns the track of a star at `place`.
     #[inline]
     #[must_use]
     pub fn new(camera: &CameraGeometry, place: StarPlace) -> Self {
@@ -62,7 +62,7 @@ impl StarTrack {
         Self { place, px_per_tangent, from_principal_px: [x - cx, y - cy] }
     }
 
-    /// Displacement from mid-exposure at `pose` as backends draw it, px.
+    /// Returns the displacement from mid-exposure at `pose` as backends draw it, px.
     #[inline]
     #[must_use]
     pub fn displacement_px(&self, pose: &Pose) -> [f64; 2] {
@@ -71,7 +71,7 @@ impl StarTrack {
         rolled_and_shifted(moved, self.from_principal_px, pose)
     }
 
-    /// Displacement from mid-exposure at `pose`, distortion and all, px.
+    /// Returns the displacement from mid-exposure at `pose`, distortion and all, px.
     #[must_use]
     pub fn exact_px(&self, camera: &CameraGeometry, pose: &Pose) -> [f64; 2] {
         if !camera.is_distorted() {
@@ -83,7 +83,7 @@ impl StarTrack {
         rolled_and_shifted([x - mx, y - my], self.from_principal_px, pose)
     }
 
-    /// Place at `pose`, distortion and all, px; `None` outside the camera's domain.
+    /// Returns the place at `pose`, distortion and all, px; `None` outside the camera's domain.
     #[must_use]
     pub fn seen_px(&self, camera: &CameraGeometry, pose: &Pose) -> Option<[f64; 2]> {
         let tangent = self.place.tangent;
@@ -111,7 +111,7 @@ fn rolled_and_shifted([x, y]: [f64; 2], [rx, ry]: [f64; 2], Pose(p): &Pose) -> [
     [x + less * ax - sin * ay + p[SHIFT], y + sin * ax + less * ay + p[SHIFT + 1]]
 }
 
-/// Direction of a fixed star after the sensor axes have turned by `rotation_rad`.
+/// Returns the direction of a fixed star after the sensor axes have turned by `rotation_rad`.
 #[must_use]
 pub fn turned(mid_sensor: DVec3, rotation_rad: DVec3) -> DVec3 {
     DQuat::from_scaled_axis(-rotation_rad) * mid_sensor
@@ -133,7 +133,7 @@ mod tests {
         CameraGeometry::new(parameters).unwrap()
     }
 
-    /// Largest difference of a displacement from that of two exact projections, px.
+    /// Returns the largest difference of a displacement from that of two exact projections, px.
     fn worst(camera: &CameraGeometry, displacement: impl Fn(&StarTrack, &Pose) -> [f64; 2]) -> f64 {
         let rotation = DVec3::new(1.1e-3, -0.7e-3, 2e-3);
         let pose = Pose::new(DQuat::from_scaled_axis(-rotation), 0.0, [0.0; 2]);

@@ -244,7 +244,7 @@ fn brightness(star: &Option<PlannedStar>) -> f64 {
     star.map_or(0.0, |star| star.electrons)
 }
 
-/// The brightest star of every zone of the detector.
+/// Returns the brightest star of every zone of the detector.
 fn brightest_of_zones(plan: &ExposurePlan) -> [Option<PlannedStar>; ZONES * ZONES] {
     let size = [plan.camera.width_px(), plan.camera.height_px()];
     let mut brightest = [None; ZONES * ZONES];
@@ -331,7 +331,7 @@ fn window_error(
     TriedError { centroid_px, pixel_sigma }
 }
 
-/// Centroid of a window, px from its first pixel.
+/// Returns the centroid of a window, px from its first pixel.
 fn centroid(shares: &Shares) -> [f64; 2] {
     let mut moments = [0.0; 3];
     for (y, row) in (0_u8..).zip(shares) {

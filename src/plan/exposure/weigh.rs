@@ -25,13 +25,13 @@ pub struct NodeError {
 }
 
 impl NodeError {
-    /// The larger of each.
+    /// Returns the larger of each.
     #[must_use]
     pub fn worst(self, other: Self) -> Self {
         Self { centroid_px: self.centroid_px.max(other.centroid_px), peak: self.peak.max(other.peak) }
     }
 
-    /// The sum of each.
+    /// Returns the sum of each.
     #[must_use]
     pub fn plus(self, other: Self) -> Self {
         Self { centroid_px: self.centroid_px + other.centroid_px, peak: self.peak + other.peak }
@@ -77,7 +77,7 @@ impl Scales {
         }
     }
 
-    /// Largest error of `lists` (one per row of probes, or one for all) over all probes.
+    /// Returns the largest error of `lists` (one per row of probes, or one for all) over all probes.
     pub fn error(&mut self, lists: &[Vec<PathNode>], shape: ShapeOf, probes: &Probes) -> NodeError {
         let mut worst = NodeError::default();
         let centre_track = probes.centre().map(|probe| probe.track);
@@ -178,8 +178,8 @@ fn add_spectrum(sum: &mut Spectrum, share: f64, other: &Spectrum) {
 /// Nothing is known, and nothing is promised.
 const UNKNOWN: NodeError = NodeError { centroid_px: f64::INFINITY, peak: f64::INFINITY };
 
-/// Least share of a star's light in the brightest square of `side_px`: along the path's length, or all over the square
-/// that holds the path.
+/// Returns the least share of a star's light in the brightest square of `side_px`: along the path's length, or all over
+/// the square that holds the path.
 #[must_use]
 pub fn light_share(side_px: f64, probes: &Probes) -> f64 {
     let along = side_px / (side_px + probes.reach_px);
@@ -195,9 +195,9 @@ fn exact_trace(camera: &CameraGeometry, track: &StarTrack, nodes: &[PathNode], o
     trace(nodes.iter().map(|node| point(node, track.exact_px(camera, &node.pose))), out);
 }
 
-/// Bound of the shear of a star's image by a rolling shutter within its own footprint, which no method draws: a path
-/// of `speed_px_s` moves by `speed_px_s * line_s` from row to row, and covariance with the rows is `sigma^2` times
-/// that.
+/// Returns the bound of the shear of a star's image by a rolling shutter within its own footprint, which no method
+/// draws: a path of `speed_px_s` moves by `speed_px_s * line_s` from row to row, and covariance with the rows is
+/// `sigma^2` times that.
 #[must_use]
 pub fn shear_error(speed_px_s: f64, line_s: f64, sigma_px: f64) -> NodeError {
     let per_row = speed_px_s * line_s;
@@ -212,10 +212,10 @@ pub fn shear_error(speed_px_s: f64, line_s: f64, sigma_px: f64) -> NodeError {
     }
 }
 
-/// Bound of the relative flux error of a star that moves along the rows of a rolling shutter: its light is multiplied
-/// by `1 / (1 - v)`, `v = speed_px_s * line_s`, for its mean velocity; what is left is of second order where the velocity
-/// changes, the S-curve of an undersampled star, `2 exp(-2 pi^2 sigma^2) v`, and a share of `v` where the path is not smooth
-/// (largest measured: 0.1).
+/// Returns the bound of the relative flux error of a star that moves along the rows of a rolling shutter: its light is
+/// multiplied by `1 / (1 - v)`, `v = speed_px_s * line_s`, for its mean velocity; what is left is of second order where
+/// the velocity changes, the S-curve of an undersampled star, `2 exp(-2 pi^2 sigma^2) v`, and a share of `v` where the
+/// path is not smooth (largest measured: 0.1).
 #[must_use]
 pub fn stretch_error(speed_px_s: f64, line_s: f64, sigma_px: f64, is_smooth: bool) -> f64 {
     const ROUGH: f64 = 0.25;

@@ -28,7 +28,7 @@ impl Airy {
         Self { lambda_n_px, obscuration, nodes: gauss_legendre(n) }
     }
 
-    /// Wavelength times F-number, px.
+    /// Returns the wavelength times F-number, px.
     #[must_use]
     pub fn lambda_n_px(&self) -> f64 {
         self.lambda_n_px
@@ -48,14 +48,14 @@ impl RoundPsf for Airy {
         over_pixel(&self.nodes, [x_px, y_px], |r_px| self.irradiance(r_px))
     }
 
-    /// Envelope of the pattern's wings, `2 L (1 + e) /
+    /// Returns the envelope of the pattern's wings, `2 L (1 + e) /
     /// (pi^2 r (1 - e^2))` (Born and Wolf 8.5.2, asymptotic form of `J0^2 + J1^2`, taken per annulus).
     fn lost_flux(&self, r_px: f64) -> f64 {
         let e = self.obscuration;
         (2.0 * self.lambda_n_px * (1.0 + e) / (PI * PI * r_px.max(0.5) * (1.0 - e * e))).min(1.0)
     }
 
-    /// Radial integral (without obscuration: Rayleigh 1881).
+    /// Returns the radial integral (without obscuration: Rayleigh 1881).
     fn encircled_energy(&self, r_px: f64) -> f64 {
         ringed(r_px, 0.25 * self.lambda_n_px, |r| TAU * self.irradiance(r))
     }
@@ -69,7 +69,7 @@ impl RoundPsf for Airy {
         0.42 * self.lambda_n_px
     }
 
-    /// Band limit 1 / L cycles per px: the pattern's own fourth derivative at the peak, (2 pi / L)^4 / 24.
+    /// Returns the band limit 1 / L cycles per px: the pattern's own fourth derivative at the peak, (2 pi / L)^4 / 24.
     fn table_error(&self, per_px: f64) -> f64 {
         (2.0 * PI / (self.lambda_n_px * per_px)).powi(4) / (24.0 * 384.0)
     }

@@ -56,13 +56,13 @@ pub struct BackgroundRates {
 }
 
 impl BackgroundLight {
-    /// True when there is none of it.
+    /// Returns whether there is none of it.
     #[must_use]
     pub fn is_dark(&self) -> bool {
         *self == Self::default()
     }
 
-    /// True when it depends on where Sun, Moon and Earth stand.
+    /// Returns whether it depends on where Sun, Moon and Earth stand.
     #[must_use]
     pub fn needs_bodies(&self) -> bool {
         self.stray.is_some() || self.sky.zodiacal
@@ -80,7 +80,8 @@ impl BackgroundLight {
         }
     }
 
-    /// Background with the boresight and the Sun in these directions (ICRF axes), and this stray light of bodies.
+    /// Returns the background with the boresight and the Sun in these directions (ICRF axes), and this stray light of
+    /// bodies.
     #[must_use]
     pub fn rates(&self, boresight_icrf: DVec3, sun_icrf: DVec3, glare: &Glare) -> BackgroundRates {
         let mut rates = self.constant();
@@ -93,7 +94,7 @@ impl BackgroundLight {
 }
 
 impl StrayLight {
-    /// Glare of the bodies.
+    /// Returns the glare of the bodies.
     #[must_use]
     pub fn glare(&self, bodies: &BrightBodies) -> Glare {
         self.baffle.glare(bodies)
@@ -110,7 +111,7 @@ impl StrayLight {
 /// Gaia G of a star of the Sun's colour whose light over a square arcsecond is 1 S10.
 pub const S10_MAG_G: f64 = S10_MAG_PER_ARCSEC2 - SUN_V_LESS_G;
 
-/// Electrons per second and pixel that the Sun at 1 au would leave on a bare detector behind the band's filter.
+/// Returns electrons per second and pixel that the Sun at 1 au would leave on a bare detector behind the band's filter.
 ///
 /// A star of the Sun's magnitude and colour leaves `collected_e_per_s` through an aperture of `effective_m2` (clear area
 /// times transmission); a pixel has `pixel_m2`.

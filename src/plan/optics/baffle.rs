@@ -111,7 +111,7 @@ impl PointSourceTransmittance {
         Ok(Self { angle_rad, ln: rows.iter().map(|row| row[1].ln()).collect() })
     }
 
-    /// Share of a source's irradiance that reaches the detector, at an angle off the boresight.
+    /// Returns the share of a source's irradiance that reaches the detector, at an angle off the boresight.
     #[must_use]
     pub fn at(&self, off_axis_rad: f64) -> f64 {
         if off_axis_rad > FRAC_PI_2 || off_axis_rad.is_nan() {
@@ -174,7 +174,7 @@ impl Glare {
 }
 
 impl Baffle {
-    /// Stray light of the bodies. Does not allocate; 2048 angles when the Earth shines, some 0.1 ms.
+    /// Returns the stray light of the bodies. Does not allocate; 2048 angles when the Earth shines, some 0.1 ms.
     #[must_use]
     pub fn glare(&self, bodies: &BrightBodies) -> Glare {
         let mut glare = Glare::default();
@@ -237,12 +237,12 @@ impl Baffle {
     }
 }
 
-/// Irradiance by the Sun at `km` from it over that at 1 au.
+/// Returns the irradiance by the Sun at `km` from it over that at 1 au.
 fn nearness(km: DVec3) -> f64 {
     AU_KM * AU_KM / km.length_squared()
 }
 
-/// Irradiance by the Moon over that of the Sun at 1 au.
+/// Returns the irradiance by the Moon over that of the Sun at 1 au.
 fn moonlight(bodies: &BrightBodies) -> f64 {
     let sun_from_moon_km = bodies.sun_km - bodies.moon_km;
     let phase_deg = sun_from_moon_km.angle_between(-bodies.moon_km) / DEG;
@@ -255,7 +255,7 @@ fn apparent_radius_rad(km: DVec3, radius_km: f64) -> f64 {
     (radius_km / km.length()).min(1.0).asin()
 }
 
-/// Share of a body's disc that the Earth leaves to be seen: linear in depth.
+/// Returns the share of a body's disc that the Earth leaves to be seen: linear in depth.
 fn seen_past_earth(body_km: DVec3, radius_km: f64, earth_km: Option<DVec3>) -> f64 {
     let Some(earth_km) = earth_km else { return 1.0 };
     let [earth_rad, body_rad] =
@@ -340,7 +340,7 @@ mod tests {
         assert!((at_phase(90.0) / at_phase(0.0) - 10_f64.powf(-0.4 * 2.602_44)).abs() < 1e-6);
     }
 
-    /// Lambert sphere seen from far away: (2/3) A (R/d)^2 (sin a + (pi - a) cos a) / pi (Russell 1916).
+    /// Returns the lambert sphere seen from far away: (2/3) A (R/d)^2 (sin a + (pi - a) cos a) / pi (Russell 1916).
     fn lambert(phase_rad: f64, distance_km: f64) -> f64 {
         let shape = (phase_rad.sin() + (PI - phase_rad) * phase_rad.cos()) / PI;
         2.0 / 3.0 * 0.3 * (EARTH_RADIUS_KM / distance_km).powi(2) * shape

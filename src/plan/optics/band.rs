@@ -41,7 +41,7 @@ impl PartialEq for Band {
 }
 
 impl Band {
-    /// A band of two tables of shares.
+    /// Returns a band of two tables of shares.
     ///
     /// # Errors
     /// Transmission stated where QE is not; a product that is zero everywhere.
@@ -55,7 +55,7 @@ impl Band {
         Self { transmission: Transmission::Table(transmission), qe, cells }.not_dark()
     }
 
-    /// A band of which the optics pass the same share, 0 to 1, at every wavelength of the QE.
+    /// Returns a band of which the optics pass the same share, 0 to 1, at every wavelength of the QE.
     ///
     /// # Errors
     /// A product that is zero everywhere.
@@ -69,7 +69,7 @@ impl Band {
         if self.cells.integral(|nm| self.response(nm)) > 0.0 { Ok(self) } else { Err(SpectrumError::Dark) }
     }
 
-    /// Electrons per photon above the optics; 0 outside the tables.
+    /// Returns electrons per photon above the optics; 0 outside the tables.
     #[must_use]
     pub fn response(&self, nm: f64) -> f64 {
         let transmission = match &self.transmission {
@@ -79,7 +79,7 @@ impl Band {
         transmission * self.qe.at(nm)
     }
 
-    /// First and last wavelength of the tables, nm.
+    /// Returns the first and last wavelength of the tables, nm.
     #[must_use]
     pub fn range_nm(&self) -> (f64, f64) {
         match &self.transmission {
@@ -88,27 +88,27 @@ impl Band {
         }
     }
 
-    /// Electrons s^-1 m^-2 of a star of G = 0 with this spectrum.
+    /// Returns electrons s^-1 m^-2 of a star of G = 0 with this spectrum.
     #[must_use]
     pub fn e_per_s_m2(&self, star: &StarSpectrum) -> f64 {
         self.cells.integral(|nm| self.response(nm) * star.photons_per_s_m2_nm(nm))
     }
 
-    /// Mean transmission for the electrons of such a star: with it, over without it.
+    /// Returns the mean transmission for the electrons of such a star: with it, over without it.
     #[must_use]
     pub fn mean_transmission(&self, star: &StarSpectrum) -> f64 {
         let bare = self.cells.integral(|nm| self.qe.at(nm) * star.photons_per_s_m2_nm(nm));
         if bare > 0.0 { self.e_per_s_m2(star) / bare } else { 0.0 }
     }
 
-    /// Mean wavelength of the electrons of such a star, nm.
+    /// Returns the mean wavelength of the electrons of such a star, nm.
     #[must_use]
     pub fn mean_wavelength_nm(&self, star: &StarSpectrum) -> f64 {
         let moment = self.cells.integral(|nm| nm * self.response(nm) * star.photons_per_s_m2_nm(nm));
         moment / self.e_per_s_m2(star)
     }
 
-    /// First and last wavelength at which electrons are made, nm.
+    /// Returns the first and last wavelength at which electrons are made, nm.
     fn support_nm(&self) -> (f64, f64) {
         let (first, last) = self.range_nm();
         let edges = self.cells.edges_nm();
@@ -120,8 +120,8 @@ impl Band {
     }
 }
 
-/// The band as `n` wavelengths (at least one) for a star of this colour: equal parts of the band, each at the mean
-/// wavelength of its electrons and with their share. Shares sum to 1, and the mean wavelength is the band's; parts
+/// Returns the band as `n` wavelengths (at least one) for a star of this colour: equal parts of the band, each at the
+/// mean wavelength of its electrons and with their share. Shares sum to 1, and the mean wavelength is the band's; parts
 /// without electrons are left out.
 #[must_use]
 pub fn spectral_weights(band: &Band, bp_rp: f64, n: usize) -> Vec<SpectralWeight> {
@@ -161,13 +161,13 @@ impl BandRadiometry {
         Self { zero_point_e_per_s: zero * clear_aperture_m2, offsets_mag: (0..COLORS).map(offset).collect() }
     }
 
-    /// Electrons per second of a star of G = 0 and BP-RP = 0.
+    /// Returns electrons per second of a star of G = 0 and BP-RP = 0.
     #[must_use]
     pub fn zero_point_e_per_s(&self) -> f64 {
         self.zero_point_e_per_s
     }
 
-    /// Instrument magnitude: 0 for the zero point's electrons.
+    /// Returns the instrument magnitude: 0 for the zero point's electrons.
     #[must_use]
     pub fn mag_instrument(&self, mag_g: f64, bp_rp: f64) -> f64 {
         let color = if bp_rp.is_finite() { bp_rp.clamp(COLOR_RANGE.0, COLOR_RANGE.1) } else { 0.0 };

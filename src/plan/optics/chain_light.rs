@@ -27,7 +27,7 @@ pub struct ChainLight {
 }
 
 impl ChainLight {
-    /// Samples the chain once.
+    /// Returns samples the chain once.
     #[must_use]
     pub fn of(chain: &MtfChain) -> Self {
         let p = chain.params();
@@ -43,20 +43,20 @@ impl ChainLight {
         Self { band: (0..PANELS).flat_map(panel).collect() }
     }
 
-    /// Irradiance at `r_px` from the star, share of the flux per square pixel.
+    /// Returns the irradiance at `r_px` from the star, share of the flux per square pixel.
     #[must_use]
     pub fn irradiance(&self, r_px: f64) -> f64 {
         TAU * self.band.iter().map(|[f, m]| m * f * libm::j0(TAU * f * r_px)).sum::<f64>()
     }
 
-    /// Share of the light within `radius_px` of the star.
+    /// Returns the share of the light within `radius_px` of the star.
     #[must_use]
     pub fn encircled_energy(&self, radius_px: f64) -> f64 {
         TAU * radius_px * self.band.iter().map(|[f, m]| m * libm::j1(TAU * f * radius_px)).sum::<f64>()
     }
 
-    /// Full width at half height, px. A ring-shaped star (much defocus behind an obscuration) has the width at which
-    /// it last falls to half of its highest irradiance.
+    /// Returns the full width at half height, px. A ring-shaped star (much defocus behind an obscuration) has the width
+    /// at which it last falls to half of its highest irradiance.
     #[must_use]
     pub fn fwhm_px(&self) -> f64 {
         const STEP_PX: f64 = 0.02;

@@ -59,7 +59,7 @@ pub struct Drawing {
 }
 
 impl Default for Drawing {
-    /// A tenth of the 1e-4 of the flux that a rendered pixel may err by.
+    /// Returns a tenth of the 1e-4 of the flux that a rendered pixel may err by.
     fn default() -> Self {
         Self { pixel: 1e-5, outside: 1e-4, oversampling: None, half_px: None }
     }
@@ -157,7 +157,7 @@ impl<'a> Spectrum<'a> {
         Self { chain, round, step, end, slope: -chain.slope_at_zero(), disc_px: disc_um / p.pixel_pitch_um }
     }
 
-    /// The round factor at a magnitude: the cubic through four rows.
+    /// Returns the round factor at a magnitude: the cubic through four rows.
     fn round_at(&self, f: f64) -> f64 {
         let place = f / self.step;
         if place > (ROWS - 1) as f64 {
@@ -171,7 +171,7 @@ impl<'a> Spectrum<'a> {
         -r[0] * b * c * d / 6.0 + r[1] * a * c * d / 2.0 - r[2] * a * b * d / 2.0 + r[3] * a * b * c / 6.0
     }
 
-    /// The factor of each axis every `step` cycles/px: the colourless terms are separable.
+    /// Returns the factor of each axis every `step` cycles/px: the colourless terms are separable.
     fn axes(&self, step: f64, first: f64, count: usize) -> [Vec<f64>; 2] {
         let at = |i: usize| (first + i as f64) * step;
         let x = (0..count).map(|i| self.chain.colorless([at(i), 0.0])).collect();
@@ -179,7 +179,7 @@ impl<'a> Spectrum<'a> {
         [x, y]
     }
 
-    /// Bound of the spline's error between samples, with `oversampling` of them per pixel.
+    /// Returns the bound of the spline's error between samples, with `oversampling` of them per pixel.
     fn between(&self, oversampling: usize) -> f64 {
         const CELLS: usize = 192;
         let step = self.end / CELLS as f64;
@@ -227,7 +227,7 @@ impl<'a> Spectrum<'a> {
         Ok((half_px, outside[half_px]))
     }
 
-    /// Bound of what the repetitions of the star add to a sample of a grid.
+    /// Returns the bound of what the repetitions of the star add to a sample of a grid.
     fn folded(&self, half_px: usize, period_px: usize) -> f64 {
         // From the furthest corner of the grid, a pixel and the blur disc nearer.
         let reach = core::f64::consts::SQRT_2 * (half_px as f64 + 1.0) + self.disc_px;
@@ -238,13 +238,13 @@ impl<'a> Spectrum<'a> {
         REPETITIONS * RINGS * self.slope / (4.0 * PI * PI * nearest.powi(3))
     }
 
-    /// The shortest period that keeps the repetitions below `wanted`, or the longest.
+    /// Returns the shortest period that keeps the repetitions below `wanted`, or the longest.
     fn period_px(&self, half_px: usize, wanted: f64) -> usize {
         let longest = PERIODS[PERIODS.len() - 1];
         PERIODS.into_iter().find(|period| self.folded(half_px, *period) <= wanted).unwrap_or(longest)
     }
 
-    /// Samples of the PSF, row by row.
+    /// Returns samples of the PSF, row by row.
     fn samples(&self, oversampling: usize, half_px: usize, period_px: usize) -> Vec<f64> {
         let middle = half_px * oversampling + oversampling / 2;
         let waves = Waves::new(period_px * oversampling, middle + 1);
@@ -277,7 +277,7 @@ impl Waves {
         Self { transform: FftPlanner::new().plan_fft_forward(length), length, places }
     }
 
-    /// One line of `places` sums for each of `lines`, from amplitudes `a(line, j)`, `j < count`.
+    /// Returns one line of `places` sums for each of `lines`, from amplitudes `a(line, j)`, `j < count`.
     fn transform(&self, lines: usize, count: usize, a: impl Fn(usize, usize) -> f64) -> Vec<f64> {
         let mut sums = vec![0.0; lines * self.places];
         let mut buffer = vec![Complex64::default(); self.length];
@@ -306,14 +306,15 @@ impl Waves {
     }
 }
 
-/// Largest error of cubic spline interpolation for a wave of `u` cycles per sample and amplitude 1.
+/// Returns the largest error of cubic spline interpolation for a wave of `u` cycles per sample and amplitude 1.
 fn spline_error(u: f64) -> f64 {
     let sinc = crate::optics::mtf::aperture::sinc(u);
     let samples = (2.0 + (2.0 * PI * u).cos()) / 3.0;
     2.0 * (1.0 - (sinc.powi(4) / samples).min(1.0))
 }
 
-/// Share of the light outside squares of half-width 0, 1, ... (and a half) px, mean over all places of the star.
+/// Returns the share of the light outside squares of half-width 0, 1, ... (and a half) px, mean over all places of the
+/// star.
 fn outside_by_half_width(samples: &[f64], oversampling: usize) -> Vec<f64> {
     let side = samples.len().isqrt();
     let middle = side / 2;

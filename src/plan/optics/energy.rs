@@ -23,7 +23,7 @@ pub enum Centring {
     Corner,
 }
 
-/// Share of the light within `radius_px` of the star; of what pixels see for a grid and a field.
+/// Returns the share of the light within `radius_px` of the star; of what pixels see for a grid and a field.
 #[must_use]
 pub fn encircled_energy(psf: &PsfModel, radius_px: f64) -> f64 {
     match psf.form() {
@@ -33,13 +33,13 @@ pub fn encircled_energy(psf: &PsfModel, radius_px: f64) -> f64 {
     }
 }
 
-/// Share of what pixels see within `radius_px` of the star.
+/// Returns the share of what pixels see within `radius_px` of the star.
 #[must_use]
 pub fn seen_encircled_energy(psf: &PsfModel, radius_px: f64) -> f64 {
     ringed(radius_px, 0.25, |r| around(psf, r))
 }
 
-/// Integral of what pixels see over the angle, at a distance.
+/// Returns the integral of what pixels see over the angle, at a distance.
 fn around(psf: &PsfModel, r_px: f64) -> f64 {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few tens a pixel")]
     let steps = (24.0 + 12.0 * r_px).ceil().min(2000.0) as u32;
@@ -50,8 +50,8 @@ fn around(psf: &PsfModel, r_px: f64) -> f64 {
     (0..steps).map(at).sum::<f64>() * TAU / f64::from(steps)
 }
 
-/// Share of the light in a square of `side_px` whole pixels with the star in its middle: an odd square has a pixel
-/// there, an even one a corner.
+/// Returns the share of the light in a square of `side_px` whole pixels with the star in its middle: an odd square has
+/// a pixel there, an even one a corner.
 #[must_use]
 pub fn ensquared_energy(psf: &PsfModel, side_px: usize) -> f64 {
     let middle = 0.5 * (side_px as f64 - 1.0);
@@ -59,7 +59,7 @@ pub fn ensquared_energy(psf: &PsfModel, side_px: usize) -> f64 {
     (0..side_px * side_px).map(|i| psf.pixel(at(i % side_px), at(i / side_px))).sum()
 }
 
-/// Share of the light in the pixel that the star stands on, or in one of the four it stands between.
+/// Returns the share of the light in the pixel that the star stands on, or in one of the four it stands between.
 #[must_use]
 pub fn energy_on_detector(psf: &PsfModel, centring: Centring) -> f64 {
     match centring {
@@ -68,7 +68,7 @@ pub fn energy_on_detector(psf: &PsfModel, centring: Centring) -> f64 {
     }
 }
 
-/// Full width at half height of the light, px, mean of x and y; of what pixels see for a grid and a field.
+/// Returns the full width at half height of the light, px, mean of x and y; of what pixels see for a grid and a field.
 #[must_use]
 pub fn fwhm_px(psf: &PsfModel) -> f64 {
     match psf.form() {
@@ -78,7 +78,7 @@ pub fn fwhm_px(psf: &PsfModel) -> f64 {
     }
 }
 
-/// Full width at half height of what pixels see, px, mean of x and y.
+/// Returns the full width at half height of what pixels see, px, mean of x and y.
 #[must_use]
 pub fn seen_fwhm_px(psf: &PsfModel) -> f64 {
     let toward = |x: f64, y: f64| half_width(0.05, |r| psf.pixel(r * x, r * y));

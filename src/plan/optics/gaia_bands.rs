@@ -44,13 +44,13 @@ impl GaiaBand {
         Self { response: Spectrum::sampled(600.0, STEP_NM, &RP), zero_point_mag: 24.747_895_501_2 }
     }
 
-    /// Magnitude of a source from which the telescope would count this many electrons s^-1 m^-2.
+    /// Returns the magnitude of a source from which the telescope would count this many electrons s^-1 m^-2.
     #[must_use]
     pub fn mag(&self, e_per_s_m2: f64) -> f64 {
         self.zero_point_mag - 2.5 * (PUPIL_M2 * e_per_s_m2).log10()
     }
 
-    /// Electrons s^-1 m^-2 that the telescope counts from a source of magnitude 0.
+    /// Returns electrons s^-1 m^-2 that the telescope counts from a source of magnitude 0.
     #[must_use]
     pub fn zero_magnitude_e_per_s_m2(&self) -> f64 {
         10_f64.powf(0.4 * self.zero_point_mag) / PUPIL_M2

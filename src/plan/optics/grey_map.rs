@@ -36,7 +36,7 @@ pub struct GreyMap {
 }
 
 impl GreyMap {
-    /// Sum of a star's grey above black, DN.
+    /// Returns the sum of a star's grey above black, DN.
     #[must_use]
     pub fn grey_dn(&self, mag: f64) -> f64 {
         let (bright, faint) = (self.brightest_mag, self.faintest_mag);
@@ -51,7 +51,7 @@ impl GreyMap {
         self.faintest_grey_dn + (self.brightest_grey_dn - self.faintest_grey_dn) * share
     }
 
-    /// Electrons of a star in any exposure.
+    /// Returns electrons of a star in any exposure.
     #[must_use]
     pub fn electrons(&self, mag: f64) -> f64 {
         self.gain_e_per_dn * self.grey_dn(mag)

@@ -24,7 +24,7 @@ impl Halo {
         Self { parts: [(1.0 - halo_share, sigma_px), (halo_share, halo_sigma_px)] }
     }
 
-    /// Sum of a number of both parts by their standard deviation, weighted by their light.
+    /// Returns the sum of a number of both parts by their standard deviation, weighted by their light.
     fn sum(&self, of: impl Fn(f64) -> f64) -> f64 {
         self.parts.iter().map(|(share, sigma_px)| share * of(*sigma_px)).sum()
     }
@@ -51,12 +51,12 @@ impl RoundPsf for Halo {
         2.0 * half_width(0.05 * self.core_sigma_px(), |r| self.irradiance(r))
     }
 
-    /// That of the Gaussian that is curved alike at the peak.
+    /// Returns the that of the Gaussian that is curved alike at the peak.
     fn core_sigma_px(&self) -> f64 {
         (self.sum(|sigma| sigma.powi(-2)) / self.sum(|sigma| sigma.powi(-4))).sqrt()
     }
 
-    /// Each part by its share of the peak; once in the table, and once more where a kernel displaces it.
+    /// Returns each part by its share of the peak; once in the table, and once more where a kernel displaces it.
     fn table_error(&self, per_px: f64) -> f64 {
         let peak = |sigma| gaussian::cell(0.0, sigma).powi(2);
         BOTH_AXES * self.sum(|sigma| peak(sigma) * gaussian::table_error(sigma, per_px)) / self.sum(peak)

@@ -59,13 +59,14 @@ impl Illumination {
     /// Every field point is lit alike.
     pub const EVEN: Self = Self { vignetting: None, cos4: false, unblocked: 1.0 };
 
-    /// True when it changes nothing.
+    /// Returns whether it changes nothing.
     #[must_use]
     pub fn is_even(&self) -> bool {
         *self == Self::EVEN
     }
 
-    /// Relative illumination at a field point, given by the tangents (X/Z, Y/Z) of its direction without distortion.
+    /// Returns the relative illumination at a field point, given by the tangents (X/Z, Y/Z) of its direction without
+    /// distortion.
     #[inline]
     #[must_use]
     pub fn at(&self, tangent: DVec2) -> f64 {
@@ -78,7 +79,7 @@ impl Illumination {
         self.unblocked * vignetting * cos4
     }
 
-    /// Bound of the change of [`Self::at`] per unit of tangent, anywhere.
+    /// Returns the bound of the change of [`Self::at`] per unit of tangent, anywhere.
     #[must_use]
     pub fn steepest_per_tangent(&self) -> f64 {
         let cos4 = if self.cos4 { COS4_SLOPE } else { 0.0 };
@@ -87,7 +88,7 @@ impl Illumination {
 }
 
 impl Vignetting {
-    /// Share of the beam on the axis that passes at `tan w`.
+    /// Returns the share of the beam on the axis that passes at `tan w`.
     fn at(&self, tangent: f64) -> f64 {
         let Self { window_radius_mm: a, pupil_radius_mm: b, distance_mm } = *self;
         let smaller = a.min(b);
@@ -106,7 +107,7 @@ impl Vignetting {
     }
 }
 
-/// Area that circles of radius `a` and `b` share when their centres are `d` apart.
+/// Returns the area that circles of radius `a` and `b` share when their centres are `d` apart.
 fn overlap(a: f64, b: f64, d: f64) -> f64 {
     let smaller = a.min(b);
     if d <= (a - b).abs() {
@@ -128,7 +129,7 @@ mod tests {
     const STOPS: Vignetting = Vignetting { window_radius_mm: 14.0, pupil_radius_mm: 10.0, distance_mm: 60.0 };
     const ALL: Illumination = Illumination { vignetting: Some(STOPS), cos4: true, unblocked: 0.9 };
 
-    /// Shared area by counting cells of a fine grid.
+    /// Returns the shared area by counting cells of a fine grid.
     fn counted(a: f64, b: f64, d: f64) -> f64 {
         const N: i32 = 1500;
         let step = 2.0 * b / f64::from(N);

@@ -14,7 +14,7 @@ pub struct Spline {
 }
 
 impl Spline {
-    /// Through samples, row by row, `columns` in each.
+    /// Returns the through samples, row by row, `columns` in each.
     #[must_use]
     pub fn new(samples: &[f64], columns: usize) -> Self {
         let rows = samples.len() / columns;
@@ -33,13 +33,13 @@ impl Spline {
         Self { coefficients: out, columns, rows }
     }
 
-    /// Coefficients row by row, with one more on every side than there are samples.
+    /// Returns coefficients row by row, with one more on every side than there are samples.
     #[must_use]
     pub fn coefficients(&self) -> &[f64] {
         &self.coefficients
     }
 
-    /// Its value at a place counted in samples from the first; 0 outside.
+    /// Returns its value at a place counted in samples from the first; 0 outside.
     #[must_use]
     pub fn at(&self, x: f64, y: f64) -> f64 {
         // Negated, so that what is no number is outside.
@@ -59,7 +59,7 @@ impl Spline {
     }
 }
 
-/// First of four coefficients along an axis of `n` samples, and their weights.
+/// Returns the first of four coefficients along an axis of `n` samples, and their weights.
 fn taps(at: f64, n: usize) -> (usize, [f64; 4]) {
     // The last interval holds its own end.
     let j = at.floor().clamp(0.0, n as f64 - 2.0);
@@ -87,7 +87,7 @@ fn natural(samples: impl Iterator<Item = f64>, out: &mut [f64]) {
     out[last + 1] = 2.0 * out[last] - out[last - 1];
 }
 
-/// Weights of the coefficients at offsets -1, 0, 1, 2 for a point a share `t` in [0, 1] past offset 0.
+/// Returns weights of the coefficients at offsets -1, 0, 1, 2 for a point a share `t` in [0, 1] past offset 0.
 fn weights(t: f64) -> [f64; 4] {
     let r = 1.0 - t;
     [r * r * r / 6.0, (4.0 - 3.0 * t * t * (2.0 - t)) / 6.0, (4.0 - 3.0 * r * r * (2.0 - r)) / 6.0, t * t * t / 6.0]

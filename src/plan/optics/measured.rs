@@ -117,7 +117,7 @@ pub enum MeasuredError {
 }
 
 impl Measurement {
-    /// The PSF of an image of `width` columns.
+    /// Returns the PSF of an image of `width` columns.
     ///
     /// # Errors
     /// When the image is too small, not finite, dark, on a background that nobody mentioned, or no PSF ([`PsfGridError`]).

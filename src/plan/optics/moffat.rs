@@ -38,13 +38,14 @@ impl Moffat {
         moffat
     }
 
-    /// The profile with this width at half its height, px: `2 alpha sqrt(2^(1 / beta) - 1)`.
+    /// Returns the profile with this width at half its height, px: `2 alpha sqrt(2^(1 / beta) - 1)`.
     #[must_use]
     pub fn of_fwhm(fwhm_px: f64, beta: f64) -> Self {
         Self::new(0.5 * fwhm_px / (2.0_f64.powf(1.0 / beta) - 1.0).sqrt(), beta)
     }
 
-    /// Largest fourth derivative of the pixel integral along an axis through the star, of the peak, 1 / px^4.
+    /// Returns the largest fourth derivative of the pixel integral along an axis through the star, of the peak, 1 /
+    /// px^4.
     fn largest_fourth_derivative(&self) -> f64 {
         const POINTS: u32 = 120;
         let step = DERIVATIVE_STEP * self.core_sigma_px().hypot(0.3);
@@ -80,12 +81,12 @@ impl RoundPsf for Moffat {
         2.0 * self.alpha_px * (2.0_f64.powf(1.0 / self.beta) - 1.0).sqrt()
     }
 
-    /// That of the Gaussian that is curved alike at the peak: `alpha / sqrt(2 beta)`.
+    /// Returns the that of the Gaussian that is curved alike at the peak: `alpha / sqrt(2 beta)`.
     fn core_sigma_px(&self) -> f64 {
         self.alpha_px / (2.0 * self.beta).sqrt()
     }
 
-    /// Once in the table, and once more where a kernel displaces it.
+    /// Returns the once in the table, and once more where a kernel displaces it.
     fn table_error(&self, per_px: f64) -> f64 {
         2.0 * BOTH_AXES * self.fourth_derivative / (384.0 * per_px.powi(4))
     }

@@ -16,7 +16,7 @@ pub fn g_minus_v(bp_rp: f64) -> f64 {
     c0 + x * (c1 + x * (c2 + x * c3))
 }
 
-/// V of a star.
+/// Returns the v of a star.
 #[must_use]
 pub fn mag_v(mag_g: f64, bp_rp: f64) -> f64 {
     mag_g - g_minus_v(bp_rp)

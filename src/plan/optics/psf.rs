@@ -45,31 +45,31 @@ pub enum PsfForm<'a> {
 }
 
 impl PsfModel {
-    /// A circular Gaussian.
+    /// Returns a circular Gaussian.
     #[must_use]
     pub fn gaussian(sigma_px: f64) -> Self {
         Self::Gaussian { sigma_px }
     }
 
-    /// An Airy pattern; see [`Airy::new`].
+    /// Returns an Airy pattern; see [`Airy::new`].
     #[must_use]
     pub fn airy(lambda_n_px: f64, obscuration: f64) -> Self {
         Self::Airy(Airy::new(lambda_n_px, obscuration))
     }
 
-    /// A Moffat profile; see [`Moffat::new`].
+    /// Returns a Moffat profile; see [`Moffat::new`].
     #[must_use]
     pub fn moffat(alpha_px: f64, beta: f64) -> Self {
         Self::Moffat(Moffat::new(alpha_px, beta))
     }
 
-    /// A Gaussian with a halo; see [`Halo::new`].
+    /// Returns a Gaussian with a halo; see [`Halo::new`].
     #[must_use]
     pub fn halo(sigma_px: f64, halo_sigma_px: f64, halo_share: f64) -> Self {
         Self::Halo(Halo::new(sigma_px, halo_sigma_px, halo_share))
     }
 
-    /// Samples of the pixel integral.
+    /// Returns samples of the pixel integral.
     #[must_use]
     pub fn grid(grid: PsfGrid) -> Self {
         Self::Grid(Arc::new(grid))
@@ -81,7 +81,7 @@ impl PsfModel {
         Self::Field(Arc::new(field))
     }
 
-    /// How it is drawn.
+    /// Returns how it is drawn.
     #[must_use]
     pub fn form(&self) -> PsfForm<'_> {
         match self {
@@ -94,19 +94,19 @@ impl PsfModel {
         }
     }
 
-    /// Whether it is a Gaussian, which needs no table.
+    /// Returns whether it is a Gaussian, which needs no table.
     #[must_use]
     pub fn is_gaussian(&self) -> bool {
         matches!(self, Self::Gaussian { .. })
     }
 
-    /// The field, where the PSF depends on the place.
+    /// Returns the field, where the PSF depends on the place.
     #[must_use]
     pub fn as_field(&self) -> Option<&Arc<PsfField>> {
         if let Self::Field(field) = self { Some(field) } else { None }
     }
 
-    /// The PSFs that this one is made of: itself, or those at the nodes of a field.
+    /// Returns the PSFs that this one is made of: itself, or those at the nodes of a field.
     #[must_use]
     pub fn nodes(&self) -> &[Self] {
         self.as_field().map_or(core::slice::from_ref(self), |field| field.nodes())
@@ -130,8 +130,8 @@ impl PsfModel {
         self.as_field().map_or_else(|| self.pixel(x_px, y_px), |field| field.pixel(star_px, x_px, y_px))
     }
 
-    /// Share of the light in the pixel whose centre lies (`x_px`, `y_px`) from the star, which in a field stands in the
-    /// middle of the detector.
+    /// Returns the share of the light in the pixel whose centre lies (`x_px`, `y_px`) from the star, which in a field
+    /// stands in the middle of the detector.
     #[must_use]
     pub fn pixel(&self, x_px: f64, y_px: f64) -> f64 {
         match self.form() {
@@ -152,7 +152,8 @@ impl PsfModel {
         }
     }
 
-    /// Standard deviation of the Gaussian with the same core, px: the scale against which motion is short or long.
+    /// Returns the standard deviation of the Gaussian with the same core, px: the scale against which motion is short
+    /// or long.
     #[must_use]
     pub fn core_sigma_px(&self) -> f64 {
         match self.form() {
@@ -164,7 +165,7 @@ impl PsfModel {
         }
     }
 
-    /// Share of the light outside a square footprint of half-width `half_px + 1/2` px (upper bound).
+    /// Returns the share of the light outside a square footprint of half-width `half_px + 1/2` px (upper bound).
     #[must_use]
     pub fn lost_flux(&self, half_px: usize) -> f64 {
         match self.form() {
@@ -176,8 +177,8 @@ impl PsfModel {
         }
     }
 
-    /// Footprint half-width within which all light is that double precision can see, where the PSF ends there: a Gaussian
-    /// of any width; other PSFs are cut as by [`Self::half_px`].
+    /// Returns the footprint half-width within which all light is that double precision can see, where the PSF ends
+    /// there: a Gaussian of any width; other PSFs are cut as by [`Self::half_px`].
     #[must_use]
     pub fn whole_half_px(&self) -> usize {
         /// Light that may be lost.
@@ -195,7 +196,8 @@ impl PsfModel {
         }
     }
 
-    /// Smallest footprint half-width that loses no more than `flux_rel`, at most [`LARGEST_HALF_PX`] and a grid's own.
+    /// Returns the smallest footprint half-width that loses no more than `flux_rel`, at most [`LARGEST_HALF_PX`] and a
+    /// grid's own.
     #[must_use]
     pub fn half_px(&self, flux_rel: f64) -> usize {
         let most = match self.form() {
@@ -206,7 +208,8 @@ impl PsfModel {
         (1..most).find(|&half| self.lost_flux(half) <= flux_rel).unwrap_or(most)
     }
 
-    /// Interpolation error of a cubic spline table with `per_px` grid points per pixel, relative to the peak.
+    /// Returns the interpolation error of a cubic spline table with `per_px` grid points per pixel, relative to the
+    /// peak.
     #[must_use]
     pub fn table_error(&self, per_px: f64) -> f64 {
         match self.form() {

@@ -69,19 +69,19 @@ impl PsfField {
         Ok(Self { cells: [columns - 1, rows - 1], size_px: size_px.map(|n| n as f64), nodes: psfs })
     }
 
-    /// Cells between the nodes along a row and a column.
+    /// Returns cells between the nodes along a row and a column.
     #[must_use]
     pub fn cells(&self) -> [usize; 2] {
         self.cells
     }
 
-    /// The PSFs at the nodes, row by row.
+    /// Returns the PSFs at the nodes, row by row.
     #[must_use]
     pub fn nodes(&self) -> &[PsfModel] {
         &self.nodes
     }
 
-    /// Place of a node, px.
+    /// Returns the place of a node, px.
     #[must_use]
     pub fn place_px(&self, node: usize) -> [f64; 2] {
         let columns = self.cells[0] + 1;
@@ -117,7 +117,7 @@ impl PsfField {
         nodes.map(|(node, share)| share * self.nodes[node].pixel(x_px, y_px)).sum()
     }
 
-    /// The middle of the detector, px.
+    /// Returns the middle of the detector, px.
     #[must_use]
     pub fn middle_px(&self) -> [f64; 2] {
         self.size_px.map(|size| 0.5 * (size - 1.0))

@@ -116,13 +116,13 @@ pub struct PsfGrid {
 impl Eq for PsfGrid {}
 
 impl PsfGrid {
-    /// Samples along each side of a grid.
+    /// Returns samples along each side of a grid.
     #[must_use]
     pub fn side_of(oversampling: usize, half_px: usize) -> usize {
         2 * half_px * oversampling + oversampling + 1
     }
 
-    /// The PSF through `samples`, row by row, [`Self::side_of`] along each side, the star on the middle one.
+    /// Returns the PSF through `samples`, row by row, [`Self::side_of`] along each side, the star on the middle one.
     ///
     /// # Errors
     /// When the samples have another shape, are not finite, fall below zero by more than [`NEGATIVE_SHARE`] of the peak,
@@ -159,7 +159,7 @@ impl PsfGrid {
         Ok(grid)
     }
 
-    /// Samples of `pixel` on such a grid: x and y from the star, px.
+    /// Returns samples of `pixel` on such a grid: x and y from the star, px.
     ///
     /// # Errors
     /// As [`Self::new`].
@@ -170,7 +170,7 @@ impl PsfGrid {
         Self::new(oversampling, half_px, samples)
     }
 
-    /// Samples per pixel.
+    /// Returns samples per pixel.
     #[must_use]
     pub fn oversampling(&self) -> usize {
         self.oversampling
@@ -188,22 +188,22 @@ impl PsfGrid {
         self.peak
     }
 
-    /// Share of the light that the grid holds, mean over all places of the star on its pixel.
+    /// Returns the share of the light that the grid holds, mean over all places of the star on its pixel.
     #[must_use]
     pub fn flux(&self) -> f64 {
         self.flux
     }
 
-    /// Standard deviation of the Gaussian that is as sharply curved, before a pixel integrates it, as this is where it
-    /// is sharpest, px.
+    /// Returns the standard deviation of the Gaussian that is as sharply curved, before a pixel integrates it, as this
+    /// is where it is sharpest, px.
     #[must_use]
     pub fn core_sigma_px(&self) -> f64 {
         self.core_sigma_px
     }
 
-    /// Interpolation error of a table with `per_px` grid points per pixel, relative to the peak. The spline has steps of
-    /// its third derivative at its knots: a table whose knots hold them is that spline, and a kernel, which displaces it,
-    /// errs by this bound.
+    /// Returns the interpolation error of a table with `per_px` grid points per pixel, relative to the peak. The spline
+    /// has steps of its third derivative at its knots: a table whose knots hold them is that spline, and a kernel,
+    /// which displaces it, errs by this bound.
     #[must_use]
     pub fn table_error(&self, per_px: f64) -> f64 {
         let own = self.oversampling as f64;
@@ -217,14 +217,14 @@ impl PsfGrid {
         BOTH_AXES * knots * self.third_step / per_px.powi(3)
     }
 
-    /// Share of the light outside a square footprint of half-width `half_px + 1/2` px (upper bound over all places of
-    /// the star on its pixel).
+    /// Returns the share of the light outside a square footprint of half-width `half_px + 1/2` px (upper bound over all
+    /// places of the star on its pixel).
     #[must_use]
     pub fn lost_flux(&self, half_px: usize) -> f64 {
         self.lost.get(half_px).or(self.lost.last()).copied().unwrap_or(1.0)
     }
 
-    /// Share of the light in the pixel whose centre lies (`x_px`, `y_px`) from the star.
+    /// Returns the share of the light in the pixel whose centre lies (`x_px`, `y_px`) from the star.
     #[must_use]
     pub fn pixel(&self, x_px: f64, y_px: f64) -> f64 {
         let reach = self.half_px as f64 + 0.5;
@@ -237,7 +237,8 @@ impl PsfGrid {
         self.spline.at(at(x_px), at(y_px))
     }
 
-    /// Spline coefficient `column`, `row` steps of the grid from the star; beyond the grid's margin of one, 0.
+    /// Returns the spline coefficient `column`, `row` steps of the grid from the star; beyond the grid's margin of one,
+    /// 0.
     #[must_use]
     pub fn coefficient(&self, column: isize, row: isize) -> f64 {
         let middle = (self.stride() / 2).cast_signed();
@@ -248,12 +249,12 @@ impl PsfGrid {
         }
     }
 
-    /// Coefficients along each side.
+    /// Returns coefficients along each side.
     fn stride(&self) -> usize {
         Self::side_of(self.oversampling, self.half_px) + 2
     }
 
-    /// Highest value about the highest sample.
+    /// Returns the highest value about the highest sample.
     fn highest_near(&self, samples: &[f64]) -> f64 {
         const PARTS: i32 = 8;
         let side = Self::side_of(self.oversampling, self.half_px);
@@ -265,7 +266,7 @@ impl PsfGrid {
         parts.map(|(x, y)| self.pixel(place(best % side, x), place(best / side, y))).fold(0.0, f64::max)
     }
 
-    /// Largest fourth difference of the coefficients along x or y, 1 / px^3.
+    /// Returns the largest fourth difference of the coefficients along x or y, 1 / px^3.
     fn largest_third_step(&self) -> f64 {
         let (c, stride) = (self.spline.coefficients(), self.stride());
         let mut most = 0.0_f64;
@@ -280,7 +281,7 @@ impl PsfGrid {
         most * (self.oversampling as f64).powi(3)
     }
 
-    /// Largest second derivative in any direction at any sample, 1 / px^2.
+    /// Returns the largest second derivative in any direction at any sample, 1 / px^2.
     fn sharpest_curvature(&self) -> f64 {
         let (stride, side) = (self.stride(), Self::side_of(self.oversampling, self.half_px));
         let per_px2 = (self.oversampling as f64).powi(2);
@@ -307,7 +308,8 @@ impl PsfGrid {
     }
 }
 
-/// Trapezoidal sum over the grid: the mean, over all places of the star on its pixel, of the light on its pixels.
+/// Returns the trapezoidal sum over the grid: the mean, over all places of the star on its pixel, of the light on its
+/// pixels.
 fn flux_of(samples: &[f64], side: usize, oversampling: usize) -> f64 {
     let weight = |i: usize| if i == 0 || i + 1 == side { 0.5 } else { 1.0 };
     let rows = samples.chunks_exact(side).enumerate();
@@ -338,8 +340,8 @@ fn lost_by_half_width(samples: &[f64], side: usize, oversampling: usize, half_px
     lost
 }
 
-/// Sigma of the Gaussian whose pixel integral is, where it is sharpest, curved like this, of its peak, 1 / px^2; by
-/// bisection.
+/// Returns the sigma of the Gaussian whose pixel integral is, where it is sharpest, curved like this, of its peak, 1 /
+/// px^2; by bisection.
 fn core_sigma_px(curvature: f64) -> f64 {
     const STEPS: i32 = 64;
     let of_gaussian = |sigma: f64| {
@@ -361,7 +363,7 @@ fn core_sigma_px(curvature: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// An elongated Gaussian off its centre: nothing about it is symmetric.
+    /// Returns an elongated Gaussian off its centre: nothing about it is symmetric.
     fn skewed(x: f64, y: f64) -> f64 {
         gaussian::cell(x - 0.3, 0.9) * gaussian::cell(y + 0.2, 0.6)
     }

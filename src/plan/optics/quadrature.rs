@@ -15,7 +15,7 @@ pub struct Node {
 /// Newton steps; convergence is quadratic from the asymptotic start and needs at most six.
 const NEWTON_STEPS: usize = 12;
 
-/// Node `i` of `n` (ascending in x).
+/// Returns the node `i` of `n` (ascending in x).
 #[must_use]
 pub fn gauss_legendre_node(n: usize, i: usize) -> Node {
     let mut x = -(core::f64::consts::PI * (i as f64 + 0.75) / (n as f64 + 0.5)).cos();
@@ -33,7 +33,7 @@ pub fn gauss_legendre_node(n: usize, i: usize) -> Node {
     Node { x: 0.5 * x, weight: 1.0 / ((1.0 - x * x) * slope * slope) }
 }
 
-/// All `n` nodes, ascending.
+/// Returns all `n` nodes, ascending.
 #[must_use]
 pub fn gauss_legendre(n: usize) -> Vec<Node> {
     (0..n).map(|i| gauss_legendre_node(n, i)).collect()
@@ -52,7 +52,7 @@ pub fn over_pixel(nodes: &[Node], [x_px, y_px]: [f64; 2], irradiance: impl Fn(f6
     sum
 }
 
-/// Legendre polynomial of degree `n` and its derivative at `x` in (-1, 1).
+/// Returns the legendre polynomial of degree `n` and its derivative at `x` in (-1, 1).
 fn legendre(n: usize, x: f64) -> (f64, f64) {
     let (mut before, mut value) = (1.0, x);
     for k in 2..=n {
@@ -62,7 +62,7 @@ fn legendre(n: usize, x: f64) -> (f64, f64) {
     (value, n as f64 * (x * value - before) / (x * x - 1.0))
 }
 
-/// Integral of `r around(r)` from 0 to `radius_px`, in panels no wider than `panel_px`.
+/// Returns the integral of `r around(r)` from 0 to `radius_px`, in panels no wider than `panel_px`.
 pub(super) fn ringed(radius_px: f64, panel_px: f64, around: impl Fn(f64) -> f64) -> f64 {
     const NODES: usize = 6;
     let nodes = gauss_legendre(NODES);
@@ -76,7 +76,7 @@ pub(super) fn ringed(radius_px: f64, panel_px: f64, around: impl Fn(f64) -> f64)
     (0..panels).map(panel).sum()
 }
 
-/// Distance at which a profile first falls to half of what it is at 0, found in steps and then halved.
+/// Returns the distance at which a profile first falls to half of what it is at 0, found in steps and then halved.
 pub(super) fn half_width(step_px: f64, profile: impl Fn(f64) -> f64) -> f64 {
     let half = 0.5 * profile(0.0);
     let mut low = 0.0;

@@ -7,30 +7,31 @@ use core::fmt::Debug;
 
 /// A round PSF: optics only, unit flux over the infinite plane.
 pub trait RoundPsf: Debug + Send + Sync {
-    /// Irradiance at distance `r_px` from the star, share of the flux per square pixel.
+    /// Returns the irradiance at distance `r_px` from the star, share of the flux per square pixel.
     fn irradiance(&self, r_px: f64) -> f64;
 
-    /// Share of the light in the pixel whose centre lies (`x_px`, `y_px`) from the star, to 1e-12.
+    /// Returns the share of the light in the pixel whose centre lies (`x_px`, `y_px`) from the star, to 1e-12.
     fn pixel(&self, x_px: f64, y_px: f64) -> f64;
 
-    /// Share of the light outside a circle of `r_px`, at most 1: an upper bound beyond 7 times the core's sigma.
+    /// Returns the share of the light outside a circle of `r_px`, at most 1: an upper bound beyond 7 times the core's
+    /// sigma.
     fn lost_flux(&self, r_px: f64) -> f64;
 
-    /// Share of the light within a circle of `r_px`, to 1e-9.
+    /// Returns the share of the light within a circle of `r_px`, to 1e-9.
     fn encircled_energy(&self, r_px: f64) -> f64;
 
-    /// Full width at half height, px.
+    /// Returns the full width at half height, px.
     fn fwhm_px(&self) -> f64;
 
-    /// Standard deviation of the Gaussian with the same core, px.
+    /// Returns the standard deviation of the Gaussian with the same core, px.
     fn core_sigma_px(&self) -> f64;
 
-    /// Interpolation error of a cubic spline table of the pixel integral with `per_px` grid points per pixel, relative to
-    /// the peak (upper bound).
+    /// Returns the interpolation error of a cubic spline table of the pixel integral with `per_px` grid points per
+    /// pixel, relative to the peak (upper bound).
     fn table_error(&self, per_px: f64) -> f64;
 
-    /// Step at which the light within a straight line is tabulated, px: linear interpolation errs by `step^2 / 8` of the
-    /// line-spread function's slope, which should be below 1e-4.
+    /// Returns the step at which the light within a straight line is tabulated, px: linear interpolation errs by
+    /// `step^2 / 8` of the line-spread function's slope, which should be below 1e-4.
     fn line_step_px(&self) -> f64;
 }
 

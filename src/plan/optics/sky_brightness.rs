@@ -63,7 +63,7 @@ const ZODIACAL_S10: [[f64; 11]; 19] = [
     [180.0, 166.0, 152.0, 139.0, 127.0, 116.0, 105.0, 82.0, 65.0, 56.0, 60.0],
 ];
 
-/// Zodiacal light in a direction, S10, with the Sun in another (ICRF axes, any length).
+/// Returns the zodiacal light in a direction, S10, with the Sun in another (ICRF axes, any length).
 #[must_use]
 pub fn zodiacal_s10(direction_icrf: DVec3, sun_icrf: DVec3) -> f64 {
     let [longitude, latitude] = ecliptic_rad(direction_icrf);
@@ -71,7 +71,7 @@ pub fn zodiacal_s10(direction_icrf: DVec3, sun_icrf: DVec3) -> f64 {
     table_s10(from_sun, latitude / DEG)
 }
 
-/// Light of the Galaxy in a direction (ICRF axes, any length), mean over galactic longitude, S10.
+/// Returns the light of the Galaxy in a direction (ICRF axes, any length), mean over galactic longitude, S10.
 #[must_use]
 pub fn galactic_s10(direction_icrf: DVec3) -> f64 {
     let [ra, dec] = GALACTIC_POLE_DEG.map(|deg| deg * DEG);
@@ -81,13 +81,13 @@ pub fn galactic_s10(direction_icrf: DVec3) -> f64 {
     POLE_S10 * seen(SLAB_DEPTH / sine) / seen(SLAB_DEPTH)
 }
 
-/// V magnitude per square arcsecond of so many S10.
+/// Returns the v magnitude per square arcsecond of so many S10.
 #[must_use]
 pub fn mag_per_arcsec2(s10: f64) -> f64 {
     S10_MAG_PER_ARCSEC2 - 2.5 * s10.log10()
 }
 
-/// Ecliptic longitude and latitude (J2000), rad.
+/// Returns the ecliptic longitude and latitude (J2000), rad.
 fn ecliptic_rad(icrf: DVec3) -> [f64; 2] {
     let (sin_e, cos_e) = (OBLIQUITY_ARCSEC / 3600.0 * DEG).sin_cos();
     let DVec3 { x, y, z } = icrf.normalize_or_zero();
@@ -95,7 +95,7 @@ fn ecliptic_rad(icrf: DVec3) -> [f64; 2] {
     [ecliptic.y.atan2(ecliptic.x), ecliptic.z.clamp(-1.0, 1.0).asin()]
 }
 
-/// The table at a helioecliptic longitude and a latitude, deg.
+/// Returns the table at a helioecliptic longitude and a latitude, deg.
 fn table_s10(longitude_deg: f64, latitude_deg: f64) -> f64 {
     // Both hemispheres and both sides of the Sun are alike.
     let turned = longitude_deg.rem_euclid(360.0);
@@ -107,7 +107,7 @@ fn table_s10(longitude_deg: f64, latitude_deg: f64) -> f64 {
     (near * (1.0 - u) + far * u).exp()
 }
 
-/// The cell of `value` among rising nodes, and the share of it that lies below `value`.
+/// Returns the cell of `value` among rising nodes, and the share of it that lies below `value`.
 fn cell(nodes: &[f64], value: f64) -> (usize, f64) {
     let i = nodes.partition_point(|node| *node <= value).clamp(1, nodes.len() - 1) - 1;
     (i, ((value - nodes[i]) / (nodes[i + 1] - nodes[i])).clamp(0.0, 1.0))
@@ -125,13 +125,13 @@ pub struct SkyBrightness {
 }
 
 impl SkyBrightness {
-    /// True when it shines nowhere.
+    /// Returns whether it shines nowhere.
     #[must_use]
     pub fn is_dark(&self) -> bool {
         !(self.zodiacal || self.galactic)
     }
 
-    /// Electrons per second and pixel in a direction, with the Sun in another (ICRF axes).
+    /// Returns electrons per second and pixel in a direction, with the Sun in another (ICRF axes).
     #[must_use]
     pub fn e_per_s(&self, direction_icrf: DVec3, sun_icrf: DVec3) -> f64 {
         let zodiacal = if self.zodiacal { zodiacal_s10(direction_icrf, sun_icrf) } else { 0.0 };

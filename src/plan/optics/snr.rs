@@ -35,7 +35,7 @@ pub struct PixelNoise {
 }
 
 impl PixelNoise {
-    /// Variance of one frame, e-^2, fixed patterns left out.
+    /// Returns the variance of one frame, e-^2, fixed patterns left out.
     #[must_use]
     pub fn variance_e2(&self) -> f64 {
         self.dark_e + self.background_e + self.read_noise_e_rms.powi(2) + self.lsb_e.powi(2) / 12.0
@@ -60,7 +60,7 @@ impl NoiseInAperture {
     }
 }
 
-/// Electrons of the whole star whose sum over the aperture has this SNR: the positive root of
+/// Returns electrons of the whole star whose sum over the aperture has this SNR: the positive root of
 /// `(S E)^2 - snr^2 S E - snr^2 n b = 0`.
 #[must_use]
 pub fn electrons_for_snr(snr: f64, noise: &NoiseInAperture) -> f64 {
@@ -104,7 +104,7 @@ pub struct Terms {
 }
 
 impl Window {
-    /// A window of `side_px` (made odd) pixels squared.
+    /// Returns a window of `side_px` (made odd) pixels squared.
     #[must_use]
     pub fn new(psf: &PsfModel, side_px: usize) -> Self {
         let half = (side_px / 2) as i64;
@@ -113,7 +113,7 @@ impl Window {
         Self { side_px: 2 * (side_px / 2) + 1, shares }
     }
 
-    /// The window, up to `most_px`, in which the faintest star is found at this SNR.
+    /// Returns the window, up to `most_px`, in which the faintest star is found at this SNR.
     #[must_use]
     pub fn best(psf: &PsfModel, pixel: &PixelNoise, snr: f64, most_px: usize) -> Self {
         let mut best = Self::new(psf, 1);
@@ -134,19 +134,19 @@ impl Window {
         self.side_px
     }
 
-    /// Share of the star's light in the window (ensquared energy).
+    /// Returns the share of the star's light in the window (ensquared energy).
     #[must_use]
     pub fn share(&self) -> f64 {
         self.shares.iter().sum()
     }
 
-    /// Share of the star's light in the brightest pixel.
+    /// Returns the share of the star's light in the brightest pixel.
     #[must_use]
     pub fn peak(&self) -> f64 {
         self.shares.iter().copied().fold(0.0, f64::max)
     }
 
-    /// The aperture and its noise without a star.
+    /// Returns the aperture and its noise without a star.
     #[must_use]
     pub fn noise(&self, pixel: &PixelNoise) -> NoiseInAperture {
         NoiseInAperture { share: self.share(), variance_e2: self.shares.len() as f64 * pixel.variance_e2() }
@@ -163,7 +163,7 @@ impl Window {
         self.shares.iter().map(of_pixel).sum::<f64>().sqrt()
     }
 
-    /// Everything about a star of so many electrons in all.
+    /// Returns everything about a star of so many electrons in all.
     #[must_use]
     pub fn terms(&self, electrons: f64, pixel: &PixelNoise) -> Terms {
         let pixels = self.shares.len() as f64;
@@ -184,7 +184,8 @@ impl Window {
         }
     }
 
-    /// Electrons of the whole star at which its brightest pixel holds `full_e` with everything else that is in it.
+    /// Returns electrons of the whole star at which its brightest pixel holds `full_e` with everything else that is in
+    /// it.
     #[must_use]
     pub fn saturating_electrons(&self, full_e: f64, pixel: &PixelNoise) -> f64 {
         ((full_e - pixel.dark_e - pixel.background_e) / self.peak()).max(0.0)

@@ -112,12 +112,12 @@ impl Spectrum {
         Ok(Self { points })
     }
 
-    /// Samples at equal steps from `first_nm`; for the tables of this crate, which hold to the rules.
+    /// Returns samples at equal steps from `first_nm`; for the tables of this crate, which hold to the rules.
     pub(super) fn sampled(first_nm: f64, step_nm: f64, values: &[f64]) -> Self {
         Self { points: values.iter().enumerate().map(|(i, value)| [first_nm + step_nm * i as f64, *value]).collect() }
     }
 
-    /// Value at a wavelength; 0 outside the table.
+    /// Returns the value at a wavelength; 0 outside the table.
     #[must_use]
     pub fn at(&self, nm: f64) -> f64 {
         let above = self.points.partition_point(|point| point[0] < nm);
@@ -128,7 +128,7 @@ impl Spectrum {
         }
     }
 
-    /// First and last wavelength, nm.
+    /// Returns the first and last wavelength, nm.
     #[must_use]
     pub fn range_nm(&self) -> (f64, f64) {
         (self.points[0][0], self.points[self.points.len() - 1][0])
@@ -173,12 +173,12 @@ impl Cells {
         Self { edges_nm, nodes: gauss_legendre(NODES) }
     }
 
-    /// Edges of the cells, ascending, nm.
+    /// Returns edges of the cells, ascending, nm.
     pub(super) fn edges_nm(&self) -> &[f64] {
         &self.edges_nm
     }
 
-    /// Integral of `f(nm)`, per nm of its unit.
+    /// Returns the integral of `f(nm)`, per nm of its unit.
     pub(super) fn integral(&self, f: impl Fn(f64) -> f64) -> f64 {
         self.edges_nm.windows(2).map(|cell| self.cell_integral(cell[0], cell[1], &f)).sum()
     }

@@ -50,7 +50,7 @@ impl StarLight {
         }
     }
 
-    /// Instrument magnitude: 0 for the zero point's electrons; G itself under a grey mapping.
+    /// Returns the instrument magnitude: 0 for the zero point's electrons; G itself under a grey mapping.
     #[must_use]
     pub fn mag_instrument(&self, mag_g: f64, bp_rp: f64) -> f64 {
         match self {
@@ -61,7 +61,8 @@ impl StarLight {
         }
     }
 
-    /// Electrons per second of a star of instrument magnitude 0; `None` where electrons do not follow the exposure.
+    /// Returns electrons per second of a star of instrument magnitude 0; `None` where electrons do not follow the
+    /// exposure.
     #[must_use]
     pub fn zero_point_e_per_s(&self) -> Option<f64> {
         match self {
@@ -71,7 +72,7 @@ impl StarLight {
         }
     }
 
-    /// G of the star of this colour that leaves so many electrons; `None` when none does.
+    /// Returns the g of the star of this colour that leaves so many electrons; `None` when none does.
     #[must_use]
     pub fn mag_g_of_electrons(&self, electrons: f64, bp_rp: f64, exposure_s: f64) -> Option<f64> {
         let of = |mag_g: f64| self.electrons(mag_g, bp_rp, exposure_s);
@@ -87,8 +88,8 @@ impl StarLight {
     }
 }
 
-/// Electrons per second and pixel of a sky of this surface brightness (instrument magnitudes per square arcsecond), with
-/// pixels of `ifov_arcsec` squared: `zero_point 10^(-0.4 mu) ifov^2`.
+/// Returns electrons per second and pixel of a sky of this surface brightness (instrument magnitudes per square
+/// arcsecond), with pixels of `ifov_arcsec` squared: `zero_point 10^(-0.4 mu) ifov^2`.
 #[must_use]
 pub fn surface_brightness_e_per_s_px(zero_point_e_per_s: f64, mag_per_arcsec2: f64, ifov_arcsec: f64) -> f64 {
     zero_point_e_per_s * 10_f64.powf(-0.4 * mag_per_arcsec2) * ifov_arcsec * ifov_arcsec

@@ -34,7 +34,7 @@ pub struct StarSpectrum {
 }
 
 impl StarSpectrum {
-    /// Colour temperature, K.
+    /// Returns the colour temperature, K.
     #[must_use]
     pub fn temperature_k(&self) -> f64 {
         self.temperature_k
@@ -47,7 +47,7 @@ impl StarSpectrum {
     }
 }
 
-/// Shape of a black body in photons per wavelength.
+/// Returns the shape of a black body in photons per wavelength.
 fn planck_photons(nm: f64, reciprocal_k: f64) -> f64 {
     // In micrometres, so that the numbers stay near one.
     (nm * 1e-3).powi(-4) / (C2_NM_K * reciprocal_k / nm).exp_m1()
@@ -79,7 +79,7 @@ impl StarSpectra {
         Self { g: ready(GaiaBand::g()), bp: ready(GaiaBand::bp()), rp: ready(GaiaBand::rp()) }
     }
 
-    /// The spectrum of a star of G = 0 and this colour.
+    /// Returns the spectrum of a star of G = 0 and this colour.
     #[must_use]
     pub fn of_color(&self, bp_rp: f64) -> StarSpectrum {
         let color = if bp_rp.is_finite() { bp_rp.clamp(COLOR_RANGE.0, COLOR_RANGE.1) } else { 0.0 };
@@ -93,7 +93,8 @@ impl StarSpectra {
         self.bp.0.mag(counts(&self.bp, reciprocal_k)) - self.rp.0.mag(counts(&self.rp, reciprocal_k))
     }
 
-    /// Reciprocal of the colour temperature: the colour rises with it, nearly in proportion. False position (Illinois).
+    /// Returns the reciprocal of the colour temperature: the colour rises with it, nearly in proportion. False position
+    /// (Illinois).
     fn reciprocal_of_color(&self, color: f64) -> f64 {
         let (mut low, mut high) = RECIPROCAL_RANGE_PER_K;
         let (mut below, mut above) = (self.color(low) - color, self.color(high) - color);
@@ -114,7 +115,7 @@ impl StarSpectra {
     }
 }
 
-/// Electrons that Gaia counts of a black body of that shape, in arbitrary units.
+/// Returns electrons that Gaia counts of a black body of that shape, in arbitrary units.
 fn counts((band, cells): &(GaiaBand, Cells), reciprocal_k: f64) -> f64 {
     cells.integral(|nm| band.response.at(nm) * planck_photons(nm, reciprocal_k))
 }

@@ -51,7 +51,7 @@ pub struct Effort {
 }
 
 impl Effort {
-    /// A few seconds; `quick`: about one. The reference backend gets scenes it can draw in that time.
+    /// Returns a few seconds; `quick`: about one. The reference backend gets scenes it can draw in that time.
     #[must_use]
     pub fn of(choice: BackendChoice, quick: bool) -> Self {
         match (choice, quick) {
@@ -153,7 +153,7 @@ pub fn calibrate(
     Ok(Calibration { backend: imager.name(), adapter: imager.description(), cost, scenes: measured })
 }
 
-/// The constants that explain the times.
+/// Returns the constants that explain the times.
 fn constants(scenes: &[MeasuredScene], imager: &Imager) -> CostModel {
     let built_in = imager.cost();
     let threads = if built_in.threads > 1.0 { rayon::current_num_threads() as f64 } else { built_in.threads };
@@ -272,14 +272,14 @@ fn planner(scene: &Scene, side_px: usize, cost: CostModel) -> Result<Planner, Ru
     Ok(planner)
 }
 
-/// A path along a line, as a list of positions.
+/// Returns a path along a line, as a list of positions.
 fn path(positions: usize) -> Option<PixelPath> {
     let at = |i: usize| PATH_PX * ((i as f64 + 0.5) / positions as f64 - 0.5);
     let point = |i| PixelPoint { t_s: 0.0, dx_px: at(i), dy_px: 0.3 * at(i), roll_rad: 0.0 };
     PixelPath::samples((0..positions).map(point).collect()).ok()
 }
 
-/// Stars all over the detector, none of them faint.
+/// Returns stars all over the detector, none of them faint.
 #[allow(clippy::cast_possible_truncation, reason = "thousands of stars")]
 fn sources(stars: usize, side_px: usize) -> Vec<Source> {
     let source = |i: u32| {

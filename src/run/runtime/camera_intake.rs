@@ -111,7 +111,7 @@ impl CameraIntake {
         Ok(())
     }
 
-    /// The heads that a command is for.
+    /// Returns the heads that a command is for.
     fn heads(&self, head: u8) -> Result<Range<usize>, Refusal> {
         let (all, one) = (0..self.views.len(), usize::from(head));
         let heads = if head == ALL_HEADS { all.clone() } else { one..one + 1 };
@@ -119,7 +119,7 @@ impl CameraIntake {
     }
 }
 
-/// The answer to a flight computer whose setting a camera does not take.
+/// Returns the answer to a flight computer whose setting a camera does not take.
 fn refusal(why: SettingRefusal) -> Refusal {
     match why {
         SettingRefusal::OutOfRange | SettingRefusal::Region => Refusal::CameraRange,
@@ -167,7 +167,7 @@ fn choice<T: Copy, const N: usize>(value: u32, choices: [T; N]) -> Result<T, Ref
 
 /// A head of either loop.
 pub(super) trait CameraHead {
-    /// Its exposures.
+    /// Returns its exposures.
     fn exposing_mut(&mut self) -> &mut Exposing;
     /// What it has heard.
     fn receiver_mut(&mut self) -> &mut Receiver;
@@ -215,7 +215,7 @@ mod tests {
         Tai::from_ns(7)
     }
 
-    /// Two cameras and a display.
+    /// Returns two cameras and a display.
     fn intake() -> CameraIntake {
         let mut intake = CameraIntake::default();
         intake.see(0, CameraView { range: Some(RANGE), places: 9 });

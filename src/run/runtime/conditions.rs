@@ -137,7 +137,7 @@ impl Conditions {
         all_light && self.missing == Missing::default() && self.false_stars.is_empty()
     }
 
-    /// The sources as they are seen. Bodies are not among the stars that may be missing.
+    /// Returns the sources as they are seen. Bodies are not among the stars that may be missing.
     pub(super) fn seen<'a>(
         &'a mut self,
         sources: &'a [Source],
@@ -187,12 +187,12 @@ impl Default for Conditions {
     }
 }
 
-/// A number in [0, 1) that belongs to a source.
+/// Returns a number in [0, 1) that belongs to a source.
 fn lot(id: u32, stream: u32, seed: u64) -> f64 {
     f64::from(philox([id, stream, 1, FAULT_STREAM], key(seed))[0]) / 4_294_967_296.0
 }
 
-/// Electrons of the star of this rank, brightest first; 0 when there are fewer.
+/// Returns electrons of the star of this rank, brightest first; 0 when there are fewer.
 fn nth_brightest(electrons: &mut [f64], rank: usize) -> f64 {
     if rank > electrons.len() {
         return 0.0;

@@ -43,7 +43,7 @@ pub struct CachedCost {
 }
 
 impl CostOwner {
-    /// A backend on this machine, by this version.
+    /// Returns a backend on this machine, by this version.
     #[must_use]
     pub fn here(backend: &str, adapter: &str) -> Self {
         let Machine { cpu, cores, system } = Machine::read();
@@ -51,7 +51,7 @@ impl CostOwner {
         Self { starloop_version, cpu, cores, system, backend: backend.into(), adapter: adapter.into() }
     }
 
-    /// Its file in a folder.
+    /// Returns its file in a folder.
     #[must_use]
     pub fn file_in(&self, folder: &Path) -> PathBuf {
         let plain = |c: char| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' };
@@ -59,7 +59,7 @@ impl CostOwner {
         folder.join(format!("costs_{}_{cpu}.toml", self.backend))
     }
 
-    /// The first thing in which `other` is not this: name, wanted, got.
+    /// Returns the first thing in which `other` is not this: name, wanted, got.
     fn difference(&self, other: &Self) -> Option<(&'static str, String, String)> {
         let fields = |owner: &Self| {
             [
@@ -76,7 +76,7 @@ impl CostOwner {
     }
 }
 
-/// The cache's folder, when the system has a place for one.
+/// Returns the cache's folder, when the system has a place for one.
 #[must_use]
 pub fn folder() -> Option<PathBuf> {
     let absolute = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());

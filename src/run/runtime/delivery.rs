@@ -105,7 +105,8 @@ impl Delivery {
         Ok(Self { full: Some(full), empty, returned: VecDeque::with_capacity(BUFFERS), thread })
     }
 
-    /// A free buffer, if there is one now. `visit` sees each buffer that has come back from the sink thread, once.
+    /// Returns a free buffer, if there is one now. `visit` sees each buffer that has come back from the sink thread,
+    /// once.
     pub fn take(&mut self, mut visit: impl FnMut(&FramePacket)) -> Option<FramePacket> {
         for frame_packet in self.empty.try_iter() {
             visit(&frame_packet);
@@ -148,7 +149,7 @@ impl Delivery {
     }
 }
 
-/// The sink thread: sends until the queue closes.
+/// Returns the sink thread: sends until the queue closes.
 fn carry(
     sink: &mut dyn Sink,
     clock: &dyn Clock,

@@ -11,7 +11,7 @@ use image::detector::binning::Levels;
 use plan::attitude::{LosPath, PathOrigin};
 use plan::exposure::ExposurePlan;
 
-/// Name of an attitude's origin in files.
+/// Returns the name of an attitude's origin in files.
 #[must_use]
 pub fn origin_name(origin: PathOrigin) -> &'static str {
     match origin {

@@ -54,7 +54,7 @@ impl EdgeThread {
         Ok(Self { stop, lost, thread })
     }
 
-    /// Edges lost so far.
+    /// Returns edges lost so far.
     pub(super) fn lost_edges(&self) -> u64 {
         self.lost.load(Ordering::Relaxed)
     }

@@ -74,7 +74,7 @@ pub struct FrameEngine {
 }
 
 impl FrameEngine {
-    /// Everything that can be made before the first frame.
+    /// Returns everything that can be made before the first frame.
     ///
     /// # Errors
     /// When the backend or the catalog is unavailable.
@@ -199,7 +199,7 @@ impl FrameEngine {
         self.marks = Some(marks);
     }
 
-    /// Measured over predicted drawing time; 1 where it is not followed.
+    /// Returns the measured over predicted drawing time; 1 where it is not followed.
     #[must_use]
     pub fn load(&self) -> f64 {
         self.load.map_or(1.0, |load| load.ratio())
@@ -223,8 +223,9 @@ impl FrameEngine {
         self.motion = Some(motion);
     }
 
-    /// Bound of the latest frame's pointing error, rad, by the attitude method that made it; `None` when nothing is known
-    /// of the motion, or the method has no bound (held, or predicted beyond the acceleration's horizon).
+    /// Returns the bound of the latest frame's pointing error, rad, by the attitude method that made it; `None` when
+    /// nothing is known of the motion, or the method has no bound (held, or predicted beyond the acceleration's
+    /// horizon).
     #[must_use]
     pub fn pointing_bound_rad(&self) -> Option<f64> {
         self.pointing_bound_rad
@@ -237,7 +238,7 @@ impl FrameEngine {
         self.wcs.as_ref().map(WcsMaker::lens_error_px)
     }
 
-    /// Backend and detector.
+    /// Returns the backend and detector.
     #[must_use]
     pub fn imager(&self) -> &Imager {
         &self.imager
@@ -249,19 +250,19 @@ impl FrameEngine {
         &self.params
     }
 
-    /// The slot of frame `number` of a run without commands to its camera.
+    /// Returns the slot of frame `number` of a run without commands to its camera.
     #[must_use]
     pub fn slot(&self, number: u32) -> Slot {
         self.exposing.nominal(number)
     }
 
-    /// Times and settings of its exposures.
+    /// Returns times and settings of its exposures.
     #[must_use]
     pub fn exposing(&self) -> &Exposing {
         &self.exposing
     }
 
-    /// The same, for commands.
+    /// Returns the same, for commands.
     pub fn exposing_mut(&mut self) -> &mut Exposing {
         &mut self.exposing
     }
@@ -444,7 +445,7 @@ impl FrameEngine {
         Ok(self.scene.stars.observer().barycentric_state(at)?.velocity_km_s / SPEED_OF_LIGHT_KM_S)
     }
 
-    /// Line of sight of the slot into the planner.
+    /// Returns the line of sight of the slot into the planner.
     fn compose(&mut self, slot: Slot, receiver: &Receiver, ledger: &mut Ledger) -> Result<Shown, RunError> {
         let (params, rows_s) = (receiver.params(), self.rows_s());
         self.path = PathFacts::default();
@@ -510,7 +511,7 @@ fn flags_of(origin: PathOrigin, has_stars: bool) -> FaultFlags {
     blank | stale
 }
 
-/// A planner of the run, for the camera's own optics or for others.
+/// Returns a planner of the run, for the camera's own optics or for others.
 fn new_planner(params: &RunParams, imager: &Imager, los: LosPath, psf: Option<PsfModel>) -> Planner {
     let (camera, cost) = (&params.camera, params.cost.unwrap_or(imager.cost()));
     let own = camera.instrument();
@@ -540,7 +541,8 @@ fn show_nothing(los: &mut LosPath, exposure_start: Tai, exposure_s: f64) {
     los.horizon = Span::ZERO;
 }
 
-/// How old what the bus brought is at the slot's release, how well its time is known, and how long after its trigger it began.
+/// Returns how old what the bus brought is at the slot's release, how well its time is known, and how long after its
+/// trigger it began.
 fn bus_times(slot: Slot, receiver: &Receiver) -> StageTimes {
     let mut times = StageTimes::default();
     let trigger = match slot.started {
@@ -561,7 +563,7 @@ fn bus_times(slot: Slot, receiver: &Receiver) -> StageTimes {
     times
 }
 
-/// Bound of the error at mid-exposure, rad, where the method that was used has one.
+/// Returns the bound of the error at mid-exposure, rad, where the method that was used has one.
 fn bound_rad(origin: PathOrigin, report: &PathReport, motion: &MotionScale, limits: &EstimateLimits) -> Option<f64> {
     let bound_rad = match origin {
         PathOrigin::Interpolated => AttitudeMethod::Interpolation.bound_rad(motion, report.gap.s()),

@@ -153,7 +153,7 @@ impl Exposing {
         self.shutter.settings()
     }
 
-    /// The slot of frame `number` without commands.
+    /// Returns the slot of frame `number` without commands.
     #[must_use]
     pub fn nominal(&self, number: u32) -> Slot {
         self.shutter.nominal(number)

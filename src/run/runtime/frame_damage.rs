@@ -58,7 +58,7 @@ pub(super) fn flip(bit: u8, pixels: FaultPixels, stream: u32, frame: &mut SentFr
     frame.meta.regions.clear_outside(&mut frame.image);
 }
 
-/// A random word as a whole number below `below`.
+/// Returns a random word as a whole number below `below`.
 #[allow(clippy::cast_possible_truncation, reason = "the high half of a product is below `below`")]
 pub(super) fn scaled(word: u32, below: usize) -> usize {
     ((u64::from(word) * below as u64) >> 32) as usize

@@ -160,7 +160,7 @@ impl FrameFaults {
         self.marks.push(Mark { from, until, flag });
     }
 
-    /// Every fault, in the order in which they were added.
+    /// Returns every fault, in the order in which they were added.
     #[must_use]
     pub fn timed(&self) -> &[TimedFrameFault] {
         &self.timed

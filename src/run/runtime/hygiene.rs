@@ -54,7 +54,7 @@ pub enum Role {
 }
 
 impl Role {
-    /// Name in reports.
+    /// Returns the name in reports.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {

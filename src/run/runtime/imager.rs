@@ -174,7 +174,8 @@ impl Imager {
         Ok(Self { drawing, tables: 0, size_px, apart: None, is_apart: false, cost, note: None })
     }
 
-    /// A second backend of the same kind with tables of its own, so that another PSF can be drawn without building any.
+    /// Returns a second backend of the same kind with tables of its own, so that another PSF can be drawn without
+    /// building any.
     ///
     /// # Errors
     /// When the device cannot have it.
@@ -234,7 +235,7 @@ impl Imager {
         Ok(())
     }
 
-    /// Electrons that the latest image lacks because only the brighter of stars and targets is kept.
+    /// Returns electrons that the latest image lacks because only the brighter of stars and targets is kept.
     #[must_use]
     pub fn overlap_lost_e(&self) -> f64 {
         self.apart.as_ref().map_or(0.0, |apart| apart.lost_e())
@@ -247,19 +248,19 @@ impl Imager {
         }
     }
 
-    /// Name of the backend.
+    /// Returns the name of the backend.
     #[must_use]
     pub fn name(&self) -> &'static str {
         self.backend().name()
     }
 
-    /// Device behind it.
+    /// Returns the device behind it.
     #[must_use]
     pub fn description(&self) -> String {
         self.backend().description()
     }
 
-    /// Why this backend and not another, in one line, when the choice was left to us.
+    /// Returns why this backend and not another, in one line, when the choice was left to us.
     #[must_use]
     pub fn note(&self) -> Option<&str> {
         self.note.as_deref()
@@ -271,25 +272,25 @@ impl Imager {
         self.cost
     }
 
-    /// True for the reference: it integrates every star's exact path.
+    /// Returns true for the reference: it integrates every star's exact path.
     #[must_use]
     pub fn is_exact(&self) -> bool {
         self.name() == "reference"
     }
 
-    /// False for the reference: it is the truth, however long it takes.
+    /// Returns false for the reference: it is the truth, however long it takes.
     #[must_use]
     pub fn may_degrade(&self) -> bool {
         !self.is_exact()
     }
 
-    /// True when drawing is only submitted in the first of a frame's [`ImagingTimes`].
+    /// Returns whether drawing is only submitted in the first of a frame's [`ImagingTimes`].
     #[must_use]
     pub fn is_on_device(&self) -> bool {
         matches!(self.drawing, Drawing::Device { .. })
     }
 
-    /// Relative illumination of every pixel, row by row, for the sky's part of the background.
+    /// Returns the relative illumination of every pixel, row by row, for the sky's part of the background.
     ///
     /// # Errors
     /// When the device has no room for it.
@@ -363,7 +364,7 @@ impl Imager {
         }
     }
 
-    /// Where stars and targets are drawn apart: not in plans without targets.
+    /// Returns where stars and targets are drawn apart: not in plans without targets.
     fn apart_for<'a>(apart: &'a mut Option<Box<Apart>>, plan: &ExposurePlan) -> Option<&'a mut Apart> {
         let apart = apart.as_deref_mut()?;
         apart.set_lost_e(0.0);

@@ -82,7 +82,7 @@ mod tests {
         history
     }
 
-    /// A quarter turn about body z: body x is sensor -y or y, by the convention that `apply` has.
+    /// Returns a quarter turn about body z: body x is sensor -y or y, by the convention that `apply` has.
     fn mounting() -> Rotation<Sensor, Body> {
         Rotation::from_rotation_vector(DVec3::Z * core::f64::consts::FRAC_PI_2)
     }

@@ -17,7 +17,7 @@ macro_rules! events {
             /// Every kind.
             pub const ALL: [Self; [$($name),*].len()] = [$(Self::$kind),*];
 
-            /// Name in tables and files.
+            /// Returns the name in tables and files.
             #[must_use]
             pub const fn name(self) -> &'static str {
                 match self {
@@ -175,7 +175,7 @@ pub struct Event {
 }
 
 impl Event {
-    /// An event that is no degradation.
+    /// Returns an event that is no degradation.
     #[must_use]
     pub fn new(kind: EventKind, at: Tai, frame: Option<u32>, span: Span) -> Self {
         Self { kind, at, frame, span, degradation: Degradation::Full, what: "" }
@@ -211,13 +211,13 @@ impl Ledger {
         self.next = (self.next + 1) % KEPT;
     }
 
-    /// How often something happened.
+    /// Returns how often something happened.
     #[must_use]
     pub fn count(&self, kind: EventKind) -> u64 {
         self.counts[kind as usize]
     }
 
-    /// The last events, oldest first.
+    /// Returns the last events, oldest first.
     pub fn last(&self) -> impl Iterator<Item = &Event> {
         let split = if self.last.len() < KEPT { 0 } else { self.next };
         let (newer, older) = self.last.split_at(split);

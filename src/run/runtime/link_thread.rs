@@ -137,7 +137,7 @@ impl LinkThread {
         self.stations.iter().map(Station::reading)
     }
 
-    /// True when a thread has ended early.
+    /// Returns whether a thread has ended early.
     pub(super) fn is_finished(&self) -> bool {
         self.stations.iter().any(|station| station.thread.as_ref().is_none_or(JoinHandle::is_finished))
     }
@@ -152,7 +152,7 @@ impl LinkThread {
         self.chips.iter().any(EdgeThread::is_lost)
     }
 
-    /// Edges of trigger lines that were lost so far.
+    /// Returns edges of trigger lines that were lost so far.
     pub(super) fn lost_edges(&self) -> u64 {
         self.chips.iter().map(EdgeThread::lost_edges).sum()
     }

@@ -34,7 +34,7 @@ pub enum LoadChange {
     Gone,
 }
 
-/// Measured over predicted time of one frame, from 1 to [`MOST`]; `None` for times that are no numbers.
+/// Returns the measured over predicted time of one frame, from 1 to [`MOST`]; `None` for times that are no numbers.
 #[must_use]
 pub fn ratio_of(predicted_ms: f64, measured_ms: f64) -> Option<f64> {
     let seen = (measured_ms + SLACK_MS) / (predicted_ms + SLACK_MS);
@@ -49,13 +49,13 @@ impl Default for LoadEstimate {
 }
 
 impl LoadEstimate {
-    /// Measured over predicted time, from 1 to [`MOST`].
+    /// Returns the measured over predicted time, from 1 to [`MOST`].
     #[must_use]
     pub fn ratio(&self) -> f64 {
         self.ratio
     }
 
-    /// An estimate that stands at `ratio`, as one that was written down.
+    /// Returns an estimate that stands at `ratio`, as one that was written down.
     #[must_use]
     pub fn standing_at(ratio: f64) -> Self {
         Self { ratio: ratio.clamp(1.0, MOST), ..Self::default() }

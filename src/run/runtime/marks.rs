@@ -43,7 +43,7 @@ pub struct FrameMarksEnd {
     lost: Arc<AtomicU64>,
 }
 
-/// A queue of marks.
+/// Returns a queue of marks.
 #[must_use]
 pub fn frame_marks() -> (FrameMarks, FrameMarksEnd) {
     let (queue, end) = bounded(QUEUE_MARKS);
@@ -61,7 +61,7 @@ impl FrameMarks {
 }
 
 impl FrameMarksEnd {
-    /// The oldest mark that waits.
+    /// Returns the oldest mark that waits.
     #[must_use]
     pub fn take(&self) -> Option<FrameMark> {
         self.queue.try_recv().ok()

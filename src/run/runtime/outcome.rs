@@ -48,7 +48,7 @@ pub fn note_lost_reader(losses: &mut Losses, ledger: &Ledger) {
     }
 }
 
-/// The lines of one head's sinks; with several heads their places say which.
+/// Returns the lines of one head's sinks; with several heads their places say which.
 pub fn lines_of_head(head: usize, heads: usize, lines: Vec<SinkLine>) -> impl Iterator<Item = SinkLine> {
     let named = move |line: SinkLine| match heads {
         0 | 1 => line,

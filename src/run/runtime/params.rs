@@ -139,7 +139,7 @@ impl RunParams {
         }
     }
 
-    /// The stars of the run.
+    /// Returns the stars of the run.
     ///
     /// # Errors
     /// When a layer cannot be read or is damaged, or the layers are no one sky.
@@ -147,13 +147,15 @@ impl RunParams {
         Sky::open(&self.layers, self.camera.limiting_mag, self.star_memory_mb)
     }
 
-    /// Time in which a frame must be drawn, ms: its share of the readout time without the detector's own and a margin.
+    /// Returns the time in which a frame must be drawn, ms: its share of the readout time without the detector's own
+    /// and a margin.
     #[must_use]
     pub fn drawing_budget_ms(&self, cost: &CostModel) -> f64 {
         self.drawing_budget_under_ms(cost, 1.0)
     }
 
-    /// The same, in predicted time, on a machine on which drawing and detector take `load` times as long as predicted.
+    /// Returns the same, in predicted time, on a machine on which drawing and detector take `load` times as long as
+    /// predicted.
     #[must_use]
     pub fn drawing_budget_under_ms(&self, cost: &CostModel, load: f64) -> f64 {
         self.drawing_budget_of_ms([1.0, self.camera.predicted_readout_ms(cost)], load)
@@ -166,13 +168,13 @@ impl RunParams {
         (1.0 - TIME_MARGIN) * share_ms / load - detector_ms
     }
 
-    /// True when any target may be drawn.
+    /// Returns whether any target may be drawn.
     #[must_use]
     pub fn has_targets(&self) -> bool {
         !self.targets.is_empty() || !self.sky_targets.is_empty()
     }
 
-    /// First instant of frame `number`'s exposure.
+    /// Returns the first instant of frame `number`'s exposure.
     #[must_use]
     pub fn exposure_start(&self, number: u32) -> Tai {
         self.first_exposure + Span::from_ns(self.frame_period.ns() * i64::from(number))

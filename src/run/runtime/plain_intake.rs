@@ -55,7 +55,7 @@ impl Receiver {
         self.take_plant(&sample, arrived, ledger);
     }
 
-    /// Whether the sender's clock reads what it read before.
+    /// Returns whether the sender's clock reads what it read before.
     fn is_repeated(&self, time: PlainTime) -> bool {
         match time {
             PlainTime::Arrival => false,
@@ -63,7 +63,7 @@ impl Receiver {
         }
     }
 
-    /// The instant of a record. `None` before a clock of any epoch is known.
+    /// Returns the instant of a record. `None` before a clock of any epoch is known.
     fn plain_instant(&mut self, time: PlainTime, arrived: Tai, ledger: &mut Ledger) -> Option<Tai> {
         match time {
             PlainTime::Arrival => Some(arrived - self.params.clock.constant_delay),

@@ -94,12 +94,12 @@ impl PortReading {
         core::array::from_fn(|i| readings.iter().fold(0_u32, |sum, reading| sum.saturating_add(reading.rejects[i])))
     }
 
-    /// Each reason with its count.
+    /// Returns each reason with its count.
     pub fn rejects(&self) -> impl Iterator<Item = (Reject, u32)> + '_ {
         Reject::ALL.into_iter().zip(self.rejects)
     }
 
-    /// Each reason to refuse plain messages with its count.
+    /// Returns each reason to refuse plain messages with its count.
     pub fn plain_rejects(&self) -> impl Iterator<Item = (PlainReject, u32)> + '_ {
         PlainReject::ALL.into_iter().zip(self.plain_rejects)
     }

@@ -48,7 +48,7 @@ impl CameraHead for RealHead<'_> {
 }
 
 impl<'a> RealHead<'a> {
-    /// A head whose engine is warm; starts its sink thread.
+    /// Returns a head whose engine is warm; starts its sink thread.
     pub(super) fn start(
         number: usize,
         head: Head<'a>,
@@ -196,7 +196,7 @@ impl<'a> RealHead<'a> {
         }
     }
 
-    /// True when drawing a slot makes no sense any more: it is past due, and under `late` by more than a frame.
+    /// Returns whether drawing a slot makes no sense any more: it is past due, and under `late` by more than a frame.
     fn is_over(&self, slot: Slot, now: Tai) -> bool {
         let params = self.engine.params();
         let grace = if params.deadline_policy == DeadlinePolicy::Late { params.frame_period } else { Span::ZERO };
@@ -237,7 +237,7 @@ impl<'a> RealHead<'a> {
         self.spoil_and_send(frame_packet, shared, record)
     }
 
-    /// A slot whose own frame does not go out: the previous one does under `hold`, else nothing.
+    /// Returns a slot whose own frame does not go out: the previous one does under `hold`, else nothing.
     fn deliver_late(
         &mut self,
         mut frame_packet: FramePacket,
@@ -317,7 +317,7 @@ fn drop_slot(slot: Slot, timed: &mut FrameRecord, kind: EventKind, cause: MissCa
     record.ring.push(*timed);
 }
 
-/// Drawing and detector together, on whichever side of a device.
+/// Returns the drawing and detector together, on whichever side of a device.
 fn drawn(times: &StageTimes) -> Span {
     let stages = [Stage::Upload, Stage::Render, Stage::Detector, Stage::Readback];
     stages.into_iter().filter_map(|stage| times.get(stage)).fold(Span::ZERO, |sum, time| sum + time)

@@ -121,9 +121,9 @@ pub fn run(
     run_in(&setting, heads, port.into(), &mut |_head, frame, record| progress(frame, record))
 }
 
-/// The same for several heads and in a setting of choice. The calling thread becomes the frame thread and stays what it
-/// is made. Each head has its own slots; heads that are released at the same instant are drawn one after another.
-/// `progress` sees the number of the head, and frames before they are spoilt.
+/// Returns the same for several heads and in a setting of choice. The calling thread becomes the frame thread and stays
+/// what it is made. Each head has its own slots; heads that are released at the same instant are drawn one after
+/// another. `progress` sees the number of the head, and frames before they are spoilt.
 pub fn run_in(
     setting: &Setting<'_>,
     heads: Vec<Head<'_>>,
@@ -289,7 +289,7 @@ impl Bench<'_> {
         Ok(())
     }
 
-    /// When the next slot of any head is released, or a wait for triggers ends; `None` when all are over.
+    /// Returns when the next slot of any head is released, or a wait for triggers ends; `None` when all are over.
     fn next_release(&self) -> Option<Tai> {
         let now = self.shared.clock.now();
         let left = self.heads.iter().map(|head| head.engine.exposing().next()).filter(|next| !next.is_over(now));
@@ -311,7 +311,7 @@ impl Bench<'_> {
         self.forecast() != before
     }
 
-    /// The earliest release that is known of.
+    /// Returns the earliest release that is known of.
     fn forecast(&self) -> Option<Tai> {
         let slots = self.heads.iter().filter_map(|head| head.engine.exposing().next().slot());
         slots.map(|slot| slot.release).min()

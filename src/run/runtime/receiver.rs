@@ -77,7 +77,7 @@ pub struct Receiver {
 }
 
 impl Receiver {
-    /// A receiver that has heard nothing.
+    /// Returns a receiver that has heard nothing.
     ///
     /// # Errors
     /// When a jitter line is not finite.
@@ -108,7 +108,7 @@ impl Receiver {
         })
     }
 
-    /// The same with a session kept in another way than the default; before anything is heard.
+    /// Returns the same with a session kept in another way than the default; before anything is heard.
     #[must_use]
     pub fn with_session(mut self, params: SessionParams) -> Self {
         self.session = Session::new(params);
@@ -120,19 +120,19 @@ impl Receiver {
         self.session.expect_trigger(number);
     }
 
-    /// Camera commands of the flight computer, for the loop that gives them to the heads.
+    /// Returns the camera commands of the flight computer, for the loop that gives them to the heads.
     pub fn cameras_mut(&mut self) -> &mut CameraIntake {
         self.session.cameras_mut()
     }
 
-    /// The conversation with the flight computer.
+    /// Returns the conversation with the flight computer.
     #[must_use]
     pub fn session(&self) -> &Session {
         &self.session
     }
 
-    /// The flight computer's triggers that act at or before `up_to`, by rising time, each once. What is not taken from the
-    /// iterator stays. Allocates nothing.
+    /// Returns the flight computer's triggers that act at or before `up_to`, by rising time, each once. What is not
+    /// taken from the iterator stays. Allocates nothing.
     pub fn take_triggers(&mut self, up_to: Tai) -> impl Iterator<Item = FiredTrigger> + use<'_> {
         let triggers = self.session.triggers_mut();
         core::iter::from_fn(move || triggers.next(up_to))
@@ -158,7 +158,7 @@ impl Receiver {
         &self.history
     }
 
-    /// Jitter so far.
+    /// Returns the jitter so far.
     #[must_use]
     pub fn jitter(&self) -> &JitterHistory {
         &self.jitter
@@ -180,7 +180,7 @@ impl Receiver {
         self.late_jitter
     }
 
-    /// Time correlation.
+    /// Returns the time correlation.
     #[must_use]
     pub fn clock(&self) -> &RemoteClock {
         &self.clock
@@ -198,7 +198,7 @@ impl Receiver {
         &self.params
     }
 
-    /// Messages taken in, all kinds.
+    /// Returns messages taken in, all kinds.
     #[must_use]
     pub fn messages(&self) -> u64 {
         self.messages.iter().sum()
@@ -210,13 +210,13 @@ impl Receiver {
         self.messages
     }
 
-    /// Age at `at` of the newest attitude accepted.
+    /// Returns the age at `at` of the newest attitude accepted.
     #[must_use]
     pub fn age_at(&self, at: Tai) -> Option<Span> {
         self.newest_epoch.map(|epoch| at - epoch)
     }
 
-    /// Time from the arrival of the attitude accepted last to `at`.
+    /// Returns the time from the arrival of the attitude accepted last to `at`.
     #[must_use]
     pub fn arrival_age_at(&self, at: Tai) -> Option<Span> {
         self.newest_arrival.map(|arrival| at - arrival)
@@ -278,8 +278,8 @@ impl Receiver {
         }
     }
 
-    /// The flight computer's time of an instant, us modulo 2^32, by the tags of the attitudes about it: the time by which
-    /// they were read, also when the clock's estimate has moved since. `None` before the first attitude.
+    /// Returns the flight computer's time of an instant, us modulo 2^32, by the tags of the attitudes about it: the
+    /// time by which they were read, also when the clock's estimate has moved since. `None` before the first attitude.
     #[must_use]
     pub fn remote_us_at(&self, at: Tai) -> Option<u32> {
         let after = self.tags.partition_point(|(_, epoch)| *epoch <= at);

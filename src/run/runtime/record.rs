@@ -65,7 +65,7 @@ impl Default for RunRecord {
 const _: () = assert!(EventKind::ALL.len() <= EVENTS_MAX);
 
 impl RunRecord {
-    /// A record that keeps the times of the last `frames` frames of each of `heads`.
+    /// Returns a record that keeps the times of the last `frames` frames of each of `heads`.
     #[must_use]
     pub fn with_ring(frames: usize, heads: usize) -> Self {
         Self { ring: FrameRing::with_capacity(frames, heads), ..Self::default() }
@@ -137,7 +137,7 @@ impl RunRecord {
         self.ports.extend_from_slice(readings);
     }
 
-    /// Counts and times so far, for whoever watches the run: a copy, without allocation.
+    /// Returns counts and times so far, for whoever watches the run: a copy, without allocation.
     #[must_use]
     pub fn numbers(&self, frames_in_run: Option<u64>) -> RunNumbers {
         let events = EventKind::ALL.iter().map(|kind| (kind.name(), self.ledger.count(*kind))).collect();
@@ -156,7 +156,7 @@ impl RunRecord {
         self.stages.of(Stage::ReleaseToDelivered).p99_ms
     }
 
-    /// The summary of the run (names of bench, clock and times are the caller's to fill in).
+    /// Returns the summary of the run (names of bench, clock and times are the caller's to fill in).
     #[must_use]
     pub fn summary(
         &self,

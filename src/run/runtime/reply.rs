@@ -49,7 +49,7 @@ pub struct ReportedFrame<'a> {
 }
 
 impl Reply {
-    /// Messages for one frame.
+    /// Returns messages for one frame.
     pub fn messages(
         &mut self,
         frame: &ReportedFrame<'_>,
@@ -140,7 +140,7 @@ fn frame_flags(meta: &FrameMeta) -> u16 {
     jitter | attitude
 }
 
-/// How far the attitude was predicted, and how well, where that is known.
+/// Returns how far the attitude was predicted, and how well, where that is known.
 fn prediction(frame: &ReportedFrame<'_>) -> Option<StatusPage> {
     let ten_us = (frame.meta.horizon.ns() / 10_000).clamp(i64::from(i16::MIN), i64::from(i16::MAX));
     let horizon_10us = i16::try_from(ten_us).unwrap_or(i16::MAX);
@@ -183,7 +183,7 @@ fn started_by(meta: &FrameMeta) -> StartedBy {
     }
 }
 
-/// The nearest count, at most `largest`; 0 for what is below it, and for NaN.
+/// Returns the nearest count, at most `largest`; 0 for what is below it, and for NaN.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "float-to-int casts saturate")]
 fn rounded(value: f64, largest: u32) -> u32 {
     (value.round() as u32).min(largest)

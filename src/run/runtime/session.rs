@@ -87,30 +87,30 @@ impl Session {
         }
     }
 
-    /// The parameter tables in effect.
+    /// Returns the parameter tables in effect.
     #[must_use]
     pub fn tables(&self) -> &TableStore {
         &self.tables
     }
 
-    /// The triggers taken in.
+    /// Returns the triggers taken in.
     #[must_use]
     pub fn triggers(&self) -> &Triggers {
         &self.triggers
     }
 
-    /// The same, for whoever takes out those whose instant has come, or knows the clock anew.
+    /// Returns the same, for whoever takes out those whose instant has come, or knows the clock anew.
     pub fn triggers_mut(&mut self) -> &mut Triggers {
         &mut self.triggers
     }
 
-    /// The camera commands taken in.
+    /// Returns the camera commands taken in.
     #[must_use]
     pub fn cameras(&self) -> &CameraIntake {
         &self.cameras
     }
 
-    /// The same, for whoever shows it the heads and takes commands out.
+    /// Returns the same, for whoever shows it the heads and takes commands out.
     pub fn cameras_mut(&mut self) -> &mut CameraIntake {
         &mut self.cameras
     }
@@ -125,7 +125,7 @@ impl Session {
         self.tables.put(cell);
     }
 
-    /// True when frames show what is received.
+    /// Returns whether frames show what is received.
     #[must_use]
     pub fn is_rendering(&self) -> bool {
         match self.params.start {
@@ -134,7 +134,7 @@ impl Session {
         }
     }
 
-    /// The one answer to a command that arrived at `at`; `clock` is what is known of the flight computer's.
+    /// Returns the one answer to a command that arrived at `at`; `clock` is what is known of the flight computer's.
     pub fn answer(&mut self, command: &Command, at: Tai, clock: Option<&ClockEstimate>, ledger: &mut Ledger) -> Answer {
         let was_rendering = self.is_rendering();
         let (triggers, cameras) = (&mut self.triggers, &mut self.cameras);

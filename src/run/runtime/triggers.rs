@@ -109,7 +109,7 @@ impl Triggers {
         taken
     }
 
-    /// A trigger with its instant, and how far ahead of its arrival that lies.
+    /// Returns a trigger with its instant, and how far ahead of its arrival that lies.
     fn dated(&self, trigger: Trigger, clock: Option<&ClockEstimate>, at: Tai) -> Result<(Waiting, Span), Refusal> {
         if self.expected.binary_search(&trigger.number).is_err() {
             return Err(Refusal::UnknownTrigger);
@@ -172,7 +172,7 @@ impl Triggers {
         self.forget_where(|_all| true)
     }
 
-    /// The next trigger that acts at or before `up_to`.
+    /// Returns the next trigger that acts at or before `up_to`.
     pub fn next(&mut self, up_to: Tai) -> Option<FiredTrigger> {
         self.waiting.front().filter(|waiting| waiting.fired.at <= up_to)?;
         self.counts.fired += 1;
@@ -203,7 +203,8 @@ pub(super) struct Instant {
     pub(super) remote_ns: Option<i64>,
 }
 
-/// The instant that a command carries which arrived at `at`: microseconds of the flight computer's clock, 0 for at once.
+/// Returns the instant that a command carries which arrived at `at`: microseconds of the flight computer's clock, 0 for
+/// at once.
 ///
 /// # Errors
 /// When no time is known yet, or the instant is too far away.
@@ -233,7 +234,7 @@ mod tests {
         Tai::from_ns(s * NS_PER_S)
     }
 
-    /// The flight computer's clock at 4000 s of its own when it is 10 000 s here, and the same rate.
+    /// Returns the flight computer's clock at 4000 s of its own when it is 10 000 s here, and the same rate.
     fn clock() -> ClockEstimate {
         clock_behind(6000 * NS_PER_S)
     }

@@ -107,7 +107,7 @@ enum Next {
 }
 
 impl VirtualLoop {
-    /// A loop in which nothing has happened.
+    /// Returns a loop in which nothing has happened.
     #[must_use]
     pub fn new(clock: Arc<Virtual>) -> Self {
         Self {
@@ -126,19 +126,19 @@ impl VirtualLoop {
         }
     }
 
-    /// Simulated time.
+    /// Returns the simulated time.
     #[must_use]
     pub fn now(&self) -> Tai {
         self.clock.now()
     }
 
-    /// Counts and events so far.
+    /// Returns counts and events so far.
     #[must_use]
     pub fn record(&self) -> &RunRecord {
         &self.record
     }
 
-    /// The same, for events that others bring.
+    /// Returns the same, for events that others bring.
     pub fn record_mut(&mut self) -> &mut RunRecord {
         &mut self.record
     }
@@ -164,38 +164,38 @@ impl VirtualLoop {
         self.trackers = trackers;
     }
 
-    /// The tracker of a head beside a plant outside, if it has one.
+    /// Returns the tracker of a head beside a plant outside, if it has one.
     #[must_use]
     pub fn tracker(&self, head: usize) -> Option<&OutsideTracker> {
         self.trackers.get(head).and_then(Option::as_ref)
     }
 
-    /// Samples of a plant outside that wait.
+    /// Returns samples of a plant outside that wait.
     #[must_use]
     pub fn plant(&self) -> &PlantQueue {
         &self.plant
     }
 
-    /// True when `progress` ended the run.
+    /// Returns whether `progress` ended the run.
     #[must_use]
     pub fn is_stopped(&self) -> bool {
         self.stopped
     }
 
-    /// Frames drawn that have not gone out, and when the last of them will.
+    /// Returns frames drawn that have not gone out, and when the last of them will.
     #[must_use]
     pub fn on_the_way(&self) -> (u64, Option<Tai>) {
         let last = self.pending.iter().map(|pending| pending.deliver_at).max();
         (self.pending.len() as u64, last)
     }
 
-    /// When the next frame goes out, of those that are drawn.
+    /// Returns when the next frame goes out, of those that are drawn.
     #[must_use]
     pub fn next_out(&self) -> Option<Tai> {
         self.pending.iter().map(|pending| pending.deliver_at).min()
     }
 
-    /// True when every slot of every head has been drawn and every frame is out.
+    /// Returns whether every slot of every head has been drawn and every frame is out.
     #[must_use]
     pub fn is_finished(&self, heads: &[Head<'_>]) -> bool {
         let drawn = |head: &Head<'_>| head.engine.exposing().next().is_over(self.clock.now());
@@ -246,7 +246,7 @@ impl VirtualLoop {
         }
     }
 
-    /// The record, when the run is over.
+    /// Returns the record, when the run is over.
     #[must_use]
     pub fn into_record(self) -> RunRecord {
         self.record
@@ -296,7 +296,7 @@ impl VirtualLoop {
         }
     }
 
-    /// The earliest event; of simultaneous ones the first by kind.
+    /// Returns the earliest event; of simultaneous ones the first by kind.
     fn next(&self, heads: &[Head<'_>]) -> Option<(Tai, Next)> {
         let plant = self.plant.next_at().map(|at| (at, Next::Plant));
         let far_end = self.far_due.map(|at| (at, Next::FarEnd));
@@ -442,7 +442,7 @@ impl VirtualLoop {
         sink.take_losses(&mut |loss| record.note_losses(&[loss], now));
     }
 
-    /// A buffer of the engine's size.
+    /// Returns a buffer of the engine's size.
     fn take_buffer(&mut self, engine: &FrameEngine) -> SentFrame {
         let size = engine.params().camera.output().size_px;
         let fits = |frame: &SentFrame| {
@@ -453,7 +453,7 @@ impl VirtualLoop {
     }
 }
 
-/// The latest instant at which a head may still draw, by what is known now.
+/// Returns the latest instant at which a head may still draw, by what is known now.
 pub(crate) fn last_release(engine: &FrameEngine) -> Tai {
     let nominal = engine.slot(engine.params().frames.saturating_sub(1)).release;
     match engine.exposing().next() {
@@ -485,7 +485,7 @@ pub fn run(
     run_in(clock, heads, &mut World { port, far_end, progress })
 }
 
-/// The same for several heads.
+/// Returns the same for several heads.
 pub fn run_in(clock: &Arc<Virtual>, mut heads: Vec<Head<'_>>, world: &mut World<'_>) -> RunOutcome {
     let mut going = VirtualLoop::new(Arc::clone(clock));
     let mut error = going.finish(&mut heads, world).err();

@@ -87,7 +87,7 @@ pub struct RunOptions<'a> {
 }
 
 impl<'a> RunOptions<'a> {
-    /// A run on the virtual clock with these outputs and nothing else.
+    /// Returns a run on the virtual clock with these outputs and nothing else.
     #[must_use]
     pub fn stepped(outputs: Outputs<'a>) -> Self {
         let (costs, hygiene, capture, live, steering) = (None, None, None, None, None);
@@ -95,7 +95,7 @@ impl<'a> RunOptions<'a> {
         Self { clock, outputs, costs, hygiene, capture, live, steering, is_controlled }
     }
 
-    /// The same on the real clock.
+    /// Returns the same on the real clock.
     #[must_use]
     pub fn real(outputs: Outputs<'a>) -> Self {
         Self { clock: RunClockKind::Real, ..Self::stepped(outputs) }
@@ -297,7 +297,7 @@ impl Run {
             .collect()
     }
 
-    /// Places the events of the file; returns what the ledger says of them.
+    /// Returns places the events of the file; returns what the ledger says of them.
     pub(super) fn place_events(&mut self, far: &mut FarSide) -> Result<Vec<crate::runtime::ledger::Event>, LoopError> {
         let mut notes = Vec::new();
         for event in in_order_of_placing(&self.scenario.events) {
@@ -312,31 +312,31 @@ impl Run {
         Ok(notes)
     }
 
-    /// The scenario.
+    /// Returns the scenario.
     #[must_use]
     pub fn scenario(&self) -> &Scenario {
         &self.scenario
     }
 
-    /// Its instants.
+    /// Returns its instants.
     #[must_use]
     pub fn times(&self) -> RunTimes {
         self.times
     }
 
-    /// Its heads, the first one first; at least one.
+    /// Returns its heads, the first one first; at least one.
     #[must_use]
     pub fn heads(&self) -> &[RunHead] {
         &self.heads
     }
 
-    /// Frames of all heads in the whole run.
+    /// Returns frames of all heads in the whole run.
     #[must_use]
     pub fn frames(&self) -> u64 {
         self.heads.iter().map(|head| u64::from(head.engine.params().frames)).sum()
     }
 
-    /// Where the numbers of the live view go, where there is one.
+    /// Returns where the numbers of the live view go, where there is one.
     #[must_use]
     pub fn numbers(&self) -> Option<Numbers> {
         self.taps.live.as_ref().map(LiveTap::numbers)
@@ -367,7 +367,7 @@ fn check_memory(
     Ok(())
 }
 
-/// The instants of a run: from the first exposure of the first head to the end of the last frame of any.
+/// Returns the instants of a run: from the first exposure of the first head to the end of the last frame of any.
 fn times(start: Tai, heads: &[RunHead]) -> Result<RunTimes, LoopError> {
     let params = || heads.iter().map(|head| head.engine.params());
     let zero = params().next().map(|params| params.first_exposure).context("a run without a head")?;

@@ -109,7 +109,7 @@ pub struct Assessment {
     largest_rendered_rad: f64,
 }
 
-/// Name of a mode in files.
+/// Returns the name of a mode in files.
 #[must_use]
 pub fn mode_name(mode: Mode) -> &'static str {
     match mode {
@@ -206,7 +206,7 @@ impl Assessment {
         }
     }
 
-    /// First exposure.
+    /// Returns the first exposure.
     #[must_use]
     pub fn zero(&self) -> Tai {
         self.zero
@@ -223,13 +223,13 @@ impl Assessment {
         self.frames_unchecked += 1;
     }
 
-    /// Frames that could not be held against the truth.
+    /// Returns frames that could not be held against the truth.
     #[must_use]
     pub fn frames_unchecked(&self) -> u64 {
         self.frames_unchecked
     }
 
-    /// Frames held against the truth, and the largest distance from it, arcsec.
+    /// Returns frames held against the truth, and the largest distance from it, arcsec.
     #[must_use]
     pub fn rendered(&self) -> (u64, f64) {
         (self.frames_held_to_truth, self.largest_rendered_rad / ARCSEC)
@@ -248,7 +248,7 @@ impl Assessment {
         &self.refusals
     }
 
-    /// Broken invariants so far, in words (the first few).
+    /// Returns the broken invariants so far, in words (the first few).
     #[must_use]
     pub fn violations(&self) -> (u64, &[String]) {
         (self.violations, &self.violation_lines)
@@ -272,13 +272,13 @@ impl Assessment {
         self.telemetry_crc32.value()
     }
 
-    /// Rows so far.
+    /// Returns rows so far.
     #[must_use]
     pub fn rows(&self) -> u64 {
         self.rows
     }
 
-    /// Share of the rows in which a head had an attitude.
+    /// Returns the share of the rows in which a head had an attitude.
     #[must_use]
     pub fn tracker_availability(&self) -> f64 {
         self.solved_rows as f64 / self.rows.max(1) as f64
@@ -291,44 +291,45 @@ impl Assessment {
         (count > 0).then(|| (sum / count as f64).sqrt())
     }
 
-    /// Largest micro-vibration, arcsec, and the largest wheel speed then, in revolutions per second; `None`: none.
+    /// Returns the largest micro-vibration, arcsec, and the largest wheel speed then, in revolutions per second;
+    /// `None`: none.
     #[must_use]
     pub fn vibration(&self) -> Option<(f64, f64)> {
         let (vibration_rad, speed_rad_s) = self.vibration;
         (vibration_rad > 0.0).then(|| (vibration_rad / ARCSEC, speed_rad_s / core::f64::consts::TAU))
     }
 
-    /// Smallest angle between the kept boresight and the Sun, rad.
+    /// Returns the smallest angle between the kept boresight and the Sun, rad.
     #[must_use]
     pub fn least_sun_angle_rad(&self) -> Option<f64> {
         self.least_sun_angle_rad
     }
 
-    /// Seconds from the first exposure to fine pointing.
+    /// Returns seconds from the first exposure to fine pointing.
     #[must_use]
     pub fn fine_after_s(&self) -> Option<f64> {
         self.first_fine.map(|at| (at - self.zero).s())
     }
 
-    /// Pointing errors in the window: from the true attitude to the target's.
+    /// Returns the pointing errors in the window: from the true attitude to the target's.
     #[must_use]
     pub fn pointing(&self) -> WindowErrors {
         window(&self.pointing)
     }
 
-    /// Knowledge errors in the window: from the true attitude to the estimated one.
+    /// Returns the knowledge errors in the window: from the true attitude to the estimated one.
     #[must_use]
     pub fn knowledge(&self) -> WindowErrors {
         window(&self.knowledge)
     }
 
-    /// When pointing was last off by more than `recovered_arcsec`.
+    /// Returns when pointing was last off by more than `recovered_arcsec`.
     #[must_use]
     pub fn last_off(&self) -> Tai {
         self.last_off
     }
 
-    /// True when the last row was on target.
+    /// Returns whether the last row was on target.
     #[must_use]
     pub fn is_on_target(&self) -> bool {
         self.last_boresight_rad <= self.expect.recovered_arcsec * ARCSEC

@@ -34,7 +34,7 @@ use testbed::flight_computer::{
 /// Time before the first exposure: the bus carries its first time marks and attitudes.
 const LEAD: Span = Span::from_ms(1000);
 
-/// Parameters of a run on the virtual clock that begins when the clock reads `start`.
+/// Returns parameters of a run on the virtual clock that begins when the clock reads `start`.
 ///
 /// # Errors
 /// When the camera or the observer's orbit cannot be used.
@@ -152,7 +152,7 @@ fn seen(settings: &TargetSettings, first_exposure: Tai) -> [Tai; 2] {
     [begin, begin + Span::from_s(settings.for_s.min(3e9))]
 }
 
-/// Whether bodies are drawn: their light needs electrons that follow the exposure.
+/// Returns whether bodies are drawn: their light needs electrons that follow the exposure.
 fn bodies(bench: &Bench, camera: &CameraParams) -> Result<bool> {
     if bench.bodies && camera.radiometry.zero_point_e_per_s().is_none() {
         bail!(
@@ -203,7 +203,7 @@ fn scripted(bench: &Bench, camera: &CameraParams, first_exposure: Tai) -> Result
     Ok((FIRST_TARGET_ID..).zip(&bench.targets).filter_map(target).collect())
 }
 
-/// The imager of a run.
+/// Returns the imager of a run.
 ///
 /// # Errors
 /// When the backend cannot be had.
@@ -219,7 +219,7 @@ pub fn take_real_clock(params: &mut RunParams, bench: &Bench, measured: Option<C
     params.attitude.estimate.policy = bench.attitude.policy_on_real_clock;
 }
 
-/// The backend a bench or a user names.
+/// Returns the backend a bench or a user names.
 #[must_use]
 pub fn backend_choice(backend: config::Backend) -> BackendChoice {
     match backend {
@@ -253,7 +253,7 @@ fn attitude_params(bench: &Bench, boot: Tai) -> AttitudeParams {
     }
 }
 
-/// The record that the bench names, as this head turns it.
+/// Returns the record that the bench names, as this head turns it.
 fn jitter_record(bench: &Bench, first_exposure: Tai, exposure_s: f64) -> Result<Option<RecordedJitter>> {
     let Some(input) = &bench.jitter else { return Ok(None) };
     let sensor_from_record = match input.axes {
@@ -299,7 +299,7 @@ fn observer(observer: &config::Observer, epoch: Tai) -> Result<Observer> {
     })
 }
 
-/// How the session is kept.
+/// Returns how the session is kept.
 #[must_use]
 pub fn session_params(bench: &Bench) -> SessionParams {
     let start = match bench.session.start {
@@ -309,13 +309,13 @@ pub fn session_params(bench: &Bench) -> SessionParams {
     SessionParams { start, heartbeat_timeout: bench.session.heartbeat_timeout }
 }
 
-/// The bus between the simulated flight computer and the stimulator, and the form of messages on it.
+/// Returns the bus between the simulated flight computer and the stimulator, and the form of messages on it.
 #[must_use]
 pub fn bus(bench: &Bench) -> (BusParams, WireFormat) {
     bus_of(&bench.link)
 }
 
-/// The simulated bus of a link, and the form of messages on it.
+/// Returns the simulated bus of a link, and the form of messages on it.
 #[must_use]
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the config's bit rates are checked")]
 pub fn bus_of(link: &config::Link) -> (BusParams, WireFormat) {
@@ -332,8 +332,8 @@ pub fn bus_of(link: &config::Link) -> (BusParams, WireFormat) {
     (BusParams { name: "simulated".into(), timing, latency, queue_packets: link.queue as usize }, format)
 }
 
-/// The simulated flight computer of a plant, of which `zero` is the first exposure; one without a plant of its own holds
-/// or slews as the bench says.
+/// Returns the simulated flight computer of a plant, of which `zero` is the first exposure; one without a plant of its
+/// own holds or slews as the bench says.
 #[must_use]
 pub fn flight_computer_of(plant: &Plant, bench: &Bench, boot: Tai, zero: Tai) -> FlightComputerParams {
     let params = flight_computer(bench, boot);
@@ -343,7 +343,7 @@ pub fn flight_computer_of(plant: &Plant, bench: &Bench, boot: Tai, zero: Tai) ->
     }
 }
 
-/// The simulated flight computer that boots at `boot`.
+/// Returns the simulated flight computer that boots at `boot`.
 #[must_use]
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the config's rates are checked")]
 pub fn flight_computer(bench: &Bench, boot: Tai) -> FlightComputerParams {
@@ -376,7 +376,7 @@ pub fn flight_computer(bench: &Bench, boot: Tai) -> FlightComputerParams {
     }
 }
 
-/// The scripted motion that starts at `start` from `initial`.
+/// Returns the scripted motion that starts at `start` from `initial`.
 fn profile(bench: &Bench, initial: Rotation<Body, Icrf>, start: Tai) -> Profile {
     let settings = &bench.flight_computer;
     if let Some(Motion::Steady { rate_deg_s, swings }) = &settings.motion {

@@ -62,7 +62,7 @@ impl Cable {
         self.gateways.iter_mut().map(Gateways::finish).sum()
     }
 
-    /// Where the gateways and plain links are, and whether other machines can reach them.
+    /// Returns where the gateways and plain links are, and whether other machines can reach them.
     pub(super) fn notes(&self) -> Vec<String> {
         self.notes.iter().cloned().chain(self.gateways.iter().flat_map(gateway_notes)).collect()
     }

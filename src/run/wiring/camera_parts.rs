@@ -10,7 +10,7 @@ use plan::optics::{BackgroundLight, PsfModel};
 use scene::camera::CameraParams;
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 
-/// The camera as the other crates take it.
+/// Returns the camera as the other crates take it.
 ///
 /// # Errors
 /// When the distortion model does not hold over the whole detector, or light is wanted that the photometry cannot give.

@@ -59,7 +59,7 @@ const SAME_ZERO_POINT: f64 = 1e-3;
 /// The row that timing is for, of all rows.
 const MIDDLE_ROW: f64 = 0.5;
 
-/// The display of a bench that is drawn for one: its first sink, calibrated.
+/// Returns the display of a bench that is drawn for one: its first sink, calibrated.
 #[must_use]
 pub fn calibrated_display(bench: &Bench) -> Option<&DisplaySettings> {
     match bench.sinks.first().map(|settings| &settings.sink) {
@@ -186,14 +186,14 @@ pub fn beat(bench: &Bench) -> Result<Option<Beat>> {
     Ok(Some(input.beat()?))
 }
 
-/// Submit to light in the middle of the display: the bench's own figure before the calibration's.
+/// Returns the submit to light in the middle of the display: the bench's own figure before the calibration's.
 #[must_use]
 pub fn latency(settings: &DisplaySettings, calibration: Option<&Calibration>) -> Option<Span> {
     let measured = || calibration?.latency.as_ref().map(|latency| latency.at_row(MIDDLE_ROW));
     settings.params.latency.or_else(measured)
 }
 
-/// The same light, so many times brighter.
+/// Returns the same light, so many times brighter.
 fn brighter(light: &StarLight, times: f64) -> Result<StarLight> {
     let scaled = |radiometry: &Radiometry| Radiometry {
         zero_magnitude_photons_per_s_m2: radiometry.zero_magnitude_photons_per_s_m2 * times,

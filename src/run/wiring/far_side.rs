@@ -55,7 +55,8 @@ pub(super) struct FarSide {
 }
 
 impl FarSide {
-    /// The far end of a run with these times and mountings of the heads; `port` is its end of the cable, where it is simulated.
+    /// Returns the far end of a run with these times and mountings of the heads; `port` is its end of the cable, where
+    /// it is simulated.
     pub(super) fn new(
         scenario: &Scenario,
         port: Option<Port>,
@@ -86,17 +87,17 @@ impl FarSide {
         })
     }
 
-    /// Whether there is anything to step.
+    /// Returns whether there is anything to step.
     pub(super) fn is_simulated(&self) -> bool {
         self.simulated.is_some()
     }
 
-    /// The vehicle, where one is flown.
+    /// Returns the vehicle, where one is flown.
     pub(super) fn vehicle(&self) -> Option<&Vehicle> {
         self.simulated.as_ref().and_then(|(_, computer)| computer.vehicle())
     }
 
-    /// The same, to act on it.
+    /// Returns the same, to act on it.
     pub(super) fn vehicle_mut(&mut self) -> Option<&mut Vehicle> {
         self.simulated.as_mut().and_then(|(_, computer)| computer.vehicle_mut())
     }
@@ -145,14 +146,14 @@ impl FarSide {
         }
     }
 
-    /// How often the fault of this number has hit something aboard.
+    /// Returns how often the fault of this number has hit something aboard.
     pub(super) fn hits_aboard(&self, number: usize) -> u64 {
         let Some(watched) = self.watched.iter().find(|watched| watched.number == number) else { return 0 };
         let now = self.vehicle().map_or(0, |vehicle| vehicle.fault_hits(&watched.fault));
         watched.ended_at.unwrap_or(now) - watched.began_at
     }
 
-    /// Everything due by `now`; when the next thing is due.
+    /// Returns everything due by `now`; when the next thing is due.
     pub(super) fn step(&mut self, now: Tai) -> Result<Tai, FarEndError> {
         if let Some((port, computer)) = &mut self.simulated {
             computer.listen(now, port)?;

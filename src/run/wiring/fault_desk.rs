@@ -76,7 +76,7 @@ impl FaultDesk {
         Placed { event, aboard, disturbances, note: fault.and_then(LoggedFault::ledger_event) }
     }
 
-    /// Every fault so far with what it hit; `aboard` counts the hits of one aboard by its number.
+    /// Returns every fault so far with what it hit; `aboard` counts the hits of one aboard by its number.
     #[must_use]
     pub(super) fn lines(&self, frames: Vec<&FrameFaults>, aboard: &dyn Fn(usize) -> u64) -> Vec<FaultLine> {
         let (to_stimulator, to_computer) = (&self.to_stimulator, &self.to_computer);

@@ -39,7 +39,7 @@ const MOST_CUT: f64 = 0.3;
 /// under their identifiers that is as frequent as they are could not be told from them.
 const BABBLED: [u16; 2] = [0x300, 0x7FF];
 
-/// The events of `seed`.
+/// Returns the events of `seed`.
 #[must_use]
 pub fn fault_schedule(seed: u64, limits: &ScheduleLimits) -> Vec<Event> {
     let mut draw = Draw { dice: StdRng::seed_from_u64(seed), wheels: limits.wheels, wheel_has_failed: false };
@@ -68,7 +68,7 @@ impl Draw {
         least + (most - least) * self.dice.random::<f64>()
     }
 
-    /// Uniform in the logarithm.
+    /// Returns the uniform in the logarithm.
     fn scale(&mut self, least: f64, most: f64) -> f64 {
         self.between(least.ln(), most.ln()).exp()
     }
@@ -126,7 +126,7 @@ impl Draw {
         (Action::Bus(fault), self.between(2.0, 60.0))
     }
 
-    /// Uniform in the logarithm of its size, of either sign.
+    /// Returns the uniform in the logarithm of its size, of either sign.
     fn either_way(&mut self, least: f64, most: f64) -> f64 {
         let size = self.scale(least, most);
         if self.dice.random::<bool>() { size } else { -size }

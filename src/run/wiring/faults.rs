@@ -160,19 +160,19 @@ impl FaultLog {
         }
     }
 
-    /// Begin and end of the faults that wait for this trigger.
+    /// Returns the begin and end of the faults that wait for this trigger.
     pub fn triggered_by(&self, number: u16) -> impl Iterator<Item = (Tai, Tai)> + '_ {
         let waits = move |fault: &&LoggedFault| fault.trigger.is_some_and(|(own, _)| own == number);
         self.faults.iter().filter(waits).map(|fault| (fault.from, fault.until))
     }
 
-    /// Every fault so far.
+    /// Returns every fault so far.
     #[must_use]
     pub fn faults(&self) -> &[LoggedFault] {
         &self.faults
     }
 
-    /// Every fault as a report has it, its times counted from `zero`.
+    /// Returns every fault as a report has it, its times counted from `zero`.
     #[must_use]
     pub fn lines(&self, zero: Tai, places: &PlacesRead<'_>) -> Vec<FaultLine> {
         let after_zero_s = |at: Tai| if at == NEVER { f64::INFINITY } else { (at - zero).s() };
@@ -184,7 +184,7 @@ impl FaultLog {
         self.faults.iter().map(line).collect()
     }
 
-    /// How often a fault hit: packets, frames, gyro samples.
+    /// Returns how often a fault hit: packets, frames, gyro samples.
     #[must_use]
     pub fn hits(&self, fault: &LoggedFault, places: &PlacesRead<'_>) -> u64 {
         match &fault.place {
@@ -211,7 +211,7 @@ impl LoggedFault {
         (!matches!(self.place, Place::Frames(_))).then_some(LedgerEvent { what: self.name, ..event })
     }
 
-    /// Begin and end; of one that waits for a trigger, as the frames have it.
+    /// Returns the begin and end; of one that waits for a trigger, as the frames have it.
     fn times(&self, places: &PlacesRead<'_>) -> (Tai, Tai) {
         let Place::Frames(numbers) = &self.place else { return (self.from, self.until) };
         let timed = places.frames.iter().zip(numbers).find_map(|(faults, number)| faults.timed().get((*number)?));

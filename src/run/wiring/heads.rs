@@ -139,7 +139,7 @@ struct Shared {
 }
 
 impl Shared {
-    /// An almanac over the exposures of all heads.
+    /// Returns an almanac over the exposures of all heads.
     fn new<'a>(params: impl Iterator<Item = &'a RunParams>) -> Self {
         let spans = params.map(|params| (params.first_exposure, params.exposure_start(params.frames)));
         let whole = spans.reduce(|whole, own| (whole.0.min(own.0), whole.1.max(own.1)));

@@ -43,12 +43,12 @@ impl LiveTap {
         Ok(Self { view, numbers })
     }
 
-    /// Where the run's numbers go.
+    /// Returns where the run's numbers go.
     pub(super) fn numbers(&self) -> Numbers {
         self.numbers.clone()
     }
 
-    /// Where it is, and whether other machines can reach it.
+    /// Returns where it is, and whether other machines can reach it.
     pub(super) fn notes(&self) -> Vec<String> {
         let address = self.view.address();
         let mut notes = vec![format!("live view: http://{address}/")];

@@ -203,13 +203,13 @@ impl RunMemory {
         }
     }
 
-    /// The parts, in no order.
+    /// Returns the parts, in no order.
     #[must_use]
     pub fn parts(&self) -> &[MemoryPart] {
         &self.parts
     }
 
-    /// The sum, bytes.
+    /// Returns the sum, bytes.
     #[must_use]
     pub fn total(&self) -> u64 {
         sum(self.parts.iter())
@@ -256,13 +256,13 @@ fn pixels(size_px: [u32; 2]) -> u64 {
     width * height
 }
 
-/// Bytes of the images and maps of one head's detector.
+/// Returns bytes of the images and maps of one head's detector.
 fn detector_bytes(camera: &Camera, is_reference: bool) -> u64 {
     let side_px = [camera.detector.width_px, camera.detector.height_px];
     detector_numbers(camera, is_reference) * CHARGE_BYTES * pixels(side_px)
 }
 
-/// Numbers per sensor pixel and head: the drawn image, maps, and the images of stages with neighbours.
+/// Returns numbers per sensor pixel and head: the drawn image, maps, and the images of stages with neighbours.
 fn detector_numbers(camera: &Camera, is_reference: bool) -> u64 {
     let detector = &camera.detector;
     let spatial = &detector.params.spatial;
@@ -286,13 +286,13 @@ fn detector_numbers(camera: &Camera, is_reference: bool) -> u64 {
     drawn + maps + drawing + stages + charge + converter
 }
 
-/// A frame with its truth table.
+/// Returns a frame with its truth table.
 fn frame_bytes(bench: &Bench) -> u64 {
     let truth = (STARS_AT_FIRST * size_of::<TruthStar>() + bench.targets.len() * size_of::<TargetRow>()) as u64;
     DN_BYTES * pixels(bench.camera.image_px()) + truth
 }
 
-/// A number of bytes for people.
+/// Returns a number of bytes for people.
 fn size(bytes: u64) -> impl fmt::Display {
     let mib = bytes as f64 / f64::from(1 << 20);
     if mib < 1024.0 { format!("{mib:.0} MiB") } else { format!("{:.1} GiB", mib / 1024.0) }
@@ -307,7 +307,7 @@ mod tests {
     const GIB: u64 = 1 << 30;
     const REAL: RunForm = RunForm { is_real: true, has_view: false };
 
-    /// The built-in camera with another number of pixels, and these sinks.
+    /// Returns the built-in camera with another number of pixels, and these sinks.
     fn bench(side_px: u32, sinks: &str) -> Bench {
         let mut bench = Bench::from_document(&Document::from_text(sinks, Path::new("b.toml"))).unwrap();
         bench.camera.detector.width_px = side_px;

@@ -10,21 +10,21 @@ use link::udp::{UdpLink, UdpParams};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::sync::Arc;
 
-/// The stimulator's end: its sender is known by messages of the layout.
+/// Returns the stimulator's end: its sender is known by messages of the layout.
 pub(super) fn udp(listen: SocketAddr, link: &Link) -> UdpParams {
     let Plain { layout, sender_timeout } = plain(link);
     let is_message = Box::new(move |bytes: &[u8]| layout.is_message(bytes));
     UdpParams { sender_timeout, is_message, ..UdpParams::new(listen) }
 }
 
-/// The end of a simulated flight computer, on loopback.
+/// Returns the end of a simulated flight computer, on loopback.
 pub(super) fn far_udp(near: SocketAddr, clock: &Arc<dyn Clock>) -> Result<UdpLink, LinkError> {
     let peer = reachable(near);
     let own = SocketAddr::new(if peer.is_ipv4() { Ipv4Addr::LOCALHOST.into() } else { peer.ip() }, 0);
     Ok(UdpLink::open(UdpParams::new(own), clock)?.with_peer(peer))
 }
 
-/// The stimulator's end.
+/// Returns the stimulator's end.
 pub(super) fn tcp(address: SocketAddr, connects: bool, link: &Link) -> TcpParams {
     let layout = plain(link).layout;
     let framing = layout.record_bytes().map_or(Framing::Lines, Framing::Records);
@@ -52,7 +52,7 @@ pub(super) fn open_tcp(
     }
 }
 
-/// Where a plain link is found, and whether other machines can reach it.
+/// Returns where a plain link is found, and whether other machines can reach it.
 pub(super) fn notes(kind: &str, address: SocketAddr) -> Vec<String> {
     let place = format!("link: {kind} at {address}");
     let is_exposed = !address.ip().is_loopback();
@@ -61,7 +61,7 @@ pub(super) fn notes(kind: &str, address: SocketAddr) -> Vec<String> {
     core::iter::once(place).chain(is_exposed.then(exposed)).collect()
 }
 
-/// An address at which this machine reaches one that may be any of its own.
+/// Returns an address at which this machine reaches one that may be any of its own.
 fn reachable(address: SocketAddr) -> SocketAddr {
     let any = address.ip().is_unspecified();
     SocketAddr::new(if any { IpAddr::V4(Ipv4Addr::LOCALHOST) } else { address.ip() }, address.port())

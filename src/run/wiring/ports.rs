@@ -77,7 +77,7 @@ struct Opened {
     notes: Vec<String>,
 }
 
-/// A port over an end of a link, with the link's identifiers and layout.
+/// Returns a port over an end of a link, with the link's identifiers and layout.
 ///
 /// # Errors
 /// Never for a checked link.
@@ -176,7 +176,7 @@ fn serial_params(settings: &config::SerialPort, path: &Path, bit_rate: f64) -> S
     }
 }
 
-/// The identifiers of a link's node.
+/// Returns the identifiers of a link's node.
 ///
 /// # Errors
 /// Never for a checked link.
@@ -184,7 +184,7 @@ pub fn identifiers(link: &Link) -> Result<IdMap> {
     IdMap::new(link.id_base, link.node).context("CAN identifiers: node or base out of range")
 }
 
-/// Why a bench cannot be run on the virtual clock, if it cannot.
+/// Returns why a bench cannot be run on the virtual clock, if it cannot.
 #[must_use]
 pub fn needs_real_clock(bench: &Bench) -> Option<&'static str> {
     let has_gateways = |link: &Link| matches!(&link.carrier, Carrier::Simulated(gateway_ports) if *gateway_ports != GatewayPorts::default());

@@ -126,7 +126,7 @@ impl RunEnd {
         self.losses.note_thread(name);
     }
 
-    /// Whether expectations and invariants hold.
+    /// Returns whether expectations and invariants hold.
     #[must_use]
     pub fn holds(&self) -> bool {
         let verdicts = self.assessment.verdicts(self.flown.predicted_pointing_arcsec(), &self.record);

@@ -73,25 +73,25 @@ impl Sensitivity {
         Ok(Self { light: params.radiometry, window, pixel, exposure_s, bp_rp: conditions.bp_rp, full_e })
     }
 
-    /// Electrons of a star.
+    /// Returns electrons of a star.
     #[must_use]
     pub fn electrons(&self, mag_g: f64) -> f64 {
         self.light.electrons(mag_g, self.bp_rp, self.exposure_s)
     }
 
-    /// Signal and noise of a star.
+    /// Returns the signal and noise of a star.
     #[must_use]
     pub fn terms(&self, mag_g: f64) -> Terms {
         self.window.terms(self.electrons(mag_g), &self.pixel)
     }
 
-    /// G at which the sum over the window has this SNR; `None` when no star does.
+    /// Returns the g at which the sum over the window has this SNR; `None` when no star does.
     #[must_use]
     pub fn limiting_mag(&self, snr: f64) -> Option<f64> {
         self.mag_of(electrons_for_snr(snr, &self.window.noise(&self.pixel)))
     }
 
-    /// G at which the optimally weighted sum has this SNR; `None` when no star does.
+    /// Returns the g at which the optimally weighted sum has this SNR; `None` when no star does.
     #[must_use]
     pub fn limiting_mag_optimal(&self, snr: f64) -> Option<f64> {
         // Never more than the plain sum needs, and SNR rises with the star.
@@ -103,7 +103,7 @@ impl Sensitivity {
         self.mag_of(bright_e)
     }
 
-    /// G at which the brightest pixel is full; `None` when no star fills it, or it is full without one.
+    /// Returns the g at which the brightest pixel is full; `None` when no star fills it, or it is full without one.
     #[must_use]
     pub fn saturation_mag(&self) -> Option<f64> {
         self.mag_of(self.window.saturating_electrons(self.full_e, &self.pixel))

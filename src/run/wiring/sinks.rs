@@ -88,12 +88,12 @@ pub fn directory_of_head(run: &Path, head: Option<usize>) -> PathBuf {
     head.map_or_else(|| run.to_path_buf(), |head| run.join(format!("head{head}")))
 }
 
-/// Where a sink stands in its bench.
+/// Returns where a sink stands in its bench.
 fn place(number: usize) -> String {
     number.checked_sub(1).map_or_else(|| "sink".into(), |extra| format!("extra_sink[{extra}]"))
 }
 
-/// One sink.
+/// Returns one sink.
 fn make(settings: &SinkSettings, number: usize, setting: &SinkSetting<'_>) -> Result<Box<dyn Sink>> {
     match &settings.sink {
         Kind::Recorder { directory, fits, ser, png_every } => {
@@ -112,7 +112,7 @@ fn make(settings: &SinkSettings, number: usize, setting: &SinkSetting<'_>) -> Re
     }
 }
 
-/// The queues to the exposures of the head, where they can be commanded.
+/// Returns the queues to the exposures of the head, where they can be commanded.
 fn commands(setting: &SinkSetting<'_>) -> Option<CommandParams> {
     let (exposing, desks) = setting.commands?;
     let (range, settings, start) = (*exposing.range()?, *exposing.next_settings(), *exposing.start());
@@ -128,7 +128,7 @@ fn commands(setting: &SinkSetting<'_>) -> Option<CommandParams> {
     })
 }
 
-/// A camera on the network, whose address is told.
+/// Returns a camera on the network, whose address is told.
 fn network_camera(params: &network_camera::Params, setting: &SinkSetting<'_>) -> Result<Box<dyn Sink>> {
     let camera = setting.camera;
     // Several heads are several cameras: each has an address and names of its own, counted up from the first.
@@ -151,7 +151,7 @@ fn network_camera(params: &network_camera::Params, setting: &SinkSetting<'_>) ->
     Ok(Box::new(made))
 }
 
-/// A monitor; what it is driven by is told.
+/// Returns a monitor; what it is driven by is told.
 fn display(settings: &DisplaySettings, number: usize, setting: &SinkSetting<'_>) -> Result<Box<dyn Sink>> {
     let directory = setting.directory.map(|_run| files_of(number, None, setting));
     let (display, notes) = open_display(settings, setting, directory.as_deref())?;
@@ -200,7 +200,7 @@ fn iceoryx(service: &str, _slots: u32, _setting: &SinkSetting<'_>) -> Result<Box
     anyhow::bail!("{service}: got a starloop without iceoryx2; wanted `--features iceoryx2`")
 }
 
-/// A sink in words, for people.
+/// Returns a sink in words, for people.
 #[must_use]
 pub fn reported(settings: &SinkSettings) -> String {
     let kind = settings.sink.kind();
@@ -238,7 +238,7 @@ pub fn reported(settings: &SinkSettings) -> String {
     }
 }
 
-/// Lines that tell the sinks of a bench: place and words.
+/// Returns lines that tell the sinks of a bench: place and words.
 pub fn reported_lines(sinks: &[SinkSettings]) -> impl Iterator<Item = (String, String)> {
     sinks.iter().enumerate().map(|(number, settings)| (place(number), reported(settings)))
 }

@@ -61,7 +61,8 @@ mod tests {
         span.ns().abs() < 5_000_000
     }
 
-    /// Bench minus machine: the smallest of some readings, because the machine may stop the test between the two clocks.
+    /// Returns the bench minus machine: the smallest of some readings, because the machine may stop the test between
+    /// the two clocks.
     fn offset(clock: &Monotonic) -> Span {
         let readings = (0..20).map(|_| clock.now() - Monotonic::start().now());
         readings.min_by_key(|reading| reading.ns().abs()).unwrap()

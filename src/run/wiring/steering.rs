@@ -122,7 +122,7 @@ impl Steering {
         lock(&self.injected).clone()
     }
 
-    /// Whether the run has begun, and may be over.
+    /// Returns whether the run has begun, and may be over.
     #[must_use]
     pub fn has_begun(&self) -> bool {
         lock(&self.attached).is_some() || self.ended().is_some()
@@ -133,7 +133,7 @@ impl Steering {
         lock(&self.attached).clone().ok_or_else(none)
     }
 
-    /// The run's instants, and its clock now.
+    /// Returns the run's instants, and its clock now.
     ///
     /// # Errors
     /// When the run has not begun, or is over.
@@ -141,7 +141,7 @@ impl Steering {
         self.attached().map(|attached| (attached.times, attached.clock.now()))
     }
 
-    /// A copy of the newest frames, made while no sink waits for longer than the copy takes.
+    /// Returns a copy of the newest frames, made while no sink waits for longer than the copy takes.
     #[must_use]
     pub fn newest(&self) -> NewestFrames {
         lock(&self.newest).clone()
@@ -200,7 +200,7 @@ impl Steering {
         Ok(attached.samples.len())
     }
 
-    /// Counts a list of samples that could not be read.
+    /// Returns counts a list of samples that could not be read.
     ///
     /// # Errors
     /// When the run is over or does not answer.
@@ -211,7 +211,7 @@ impl Steering {
         })
     }
 
-    /// Counts and times so far.
+    /// Returns counts and times so far.
     ///
     /// # Errors
     /// When the run is over or does not answer.

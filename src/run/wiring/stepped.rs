@@ -44,7 +44,8 @@ pub struct SteppedRun {
 }
 
 impl SteppedRun {
-    /// A run of `scenario` in which nothing has happened. `sink` makes the sink of each head; trackers see the same frames.
+    /// Returns a run of `scenario` in which nothing has happened. `sink` makes the sink of each head; trackers see the
+    /// same frames.
     ///
     /// # Errors
     /// The first thing that cannot be made.
@@ -52,7 +53,7 @@ impl SteppedRun {
         Self::of(Run::assemble(scenario, RunOptions::stepped(Outputs::Made(&mut sink)))?)
     }
 
-    /// An assembled run in which nothing has happened.
+    /// Returns an assembled run in which nothing has happened.
     ///
     /// # Errors
     /// When it is on the real clock, its cable cannot be opened or its far end cannot be made.
@@ -98,7 +99,7 @@ impl SteppedRun {
         Ok(())
     }
 
-    /// The flight computer fires a trigger over the bus, to act at `at` or as soon as it has come.
+    /// Returns the flight computer fires a trigger over the bus, to act at `at` or as soon as it has come.
     ///
     /// # Errors
     /// When too many wait to be sent, or the instant is more than an hour away.
@@ -136,13 +137,14 @@ impl SteppedRun {
         self.going.record_mut().ledger.note(LedgerEvent::new(EventKind::SampleRefused, now, None, Span::ZERO));
     }
 
-    /// Whether the plant is outside.
+    /// Returns whether the plant is outside.
     #[must_use]
     pub fn is_outside(&self) -> bool {
         self.is_outside
     }
 
-    /// Samples of a plant outside that wait for their instants, and the instant of the last attitude among them.
+    /// Returns samples of a plant outside that wait for their instants, and the instant of the last attitude among
+    /// them.
     #[must_use]
     pub fn plant_waiting(&self) -> (usize, Option<Tai>) {
         (self.going.plant().len(), self.going.plant().last_attitude_at())
@@ -171,7 +173,7 @@ impl SteppedRun {
         })
     }
 
-    /// Attitude of the body that frames of the first head are drawn with, by the samples taken in so far.
+    /// Returns the attitude of the body that frames of the first head are drawn with, by the samples taken in so far.
     ///
     /// # Errors
     /// When no sample is near: before the first one, or before what is kept.
@@ -181,37 +183,37 @@ impl SteppedRun {
         estimated.map_err(|error| LoopError::Parts(error.into()))
     }
 
-    /// Time from one frame to the next.
+    /// Returns the time from one frame to the next.
     #[must_use]
     pub fn frame_period(&self) -> Span {
         self.params().frame_period
     }
 
-    /// First exposure: where scenario time is zero.
+    /// Returns the first exposure: where scenario time is zero.
     #[must_use]
     pub fn zero(&self) -> Tai {
         self.times.zero
     }
 
-    /// End of the last frame's period.
+    /// Returns the end of the last frame's period.
     #[must_use]
     pub fn end_at(&self) -> Tai {
         self.times.end
     }
 
-    /// Simulated time.
+    /// Returns the simulated time.
     #[must_use]
     pub fn now(&self) -> Tai {
         self.going.now()
     }
 
-    /// Counts and events so far.
+    /// Returns counts and events so far.
     #[must_use]
     pub fn record(&self) -> &RunRecord {
         self.going.record()
     }
 
-    /// Every fault so far with the number of packets, frames or times it hit.
+    /// Returns every fault so far with the number of packets, frames or times it hit.
     #[must_use]
     pub fn faults(&self) -> Vec<FaultLine> {
         let far = self.far.borrow();
@@ -233,19 +235,19 @@ impl SteppedRun {
         self.far.get_mut().vehicle_mut().map(|vehicle| act(vehicle, now)).ok_or(LoopError::NothingFlown)
     }
 
-    /// Mounting of the first head.
+    /// Returns the mounting of the first head.
     #[must_use]
     pub fn mounting(&self) -> Rotation<Sensor, Body> {
         self.mounting
     }
 
-    /// Mounting of a head; of the first one where there is no such head.
+    /// Returns the mounting of a head; of the first one where there is no such head.
     #[must_use]
     pub fn mounting_of(&self, head: usize) -> Rotation<Sensor, Body> {
         self.heads.get(head).map_or(self.mounting, |head| head.mounting)
     }
 
-    /// When the next frame goes out, of those that are drawn or known of; `None` when none is.
+    /// Returns when the next frame goes out, of those that are drawn or known of; `None` when none is.
     #[must_use]
     pub fn next_frame_out(&self) -> Option<Tai> {
         let next = self.heads[0].engine.exposing().next().slot().map(|slot| slot.due);
@@ -276,13 +278,13 @@ impl SteppedRun {
         Ok(act(head.engine.exposing_mut(), &mut self.going.record_mut().ledger, now))
     }
 
-    /// The exposures of a head.
+    /// Returns the exposures of a head.
     #[must_use]
     pub fn exposing(&self, head: usize) -> Option<&Exposing> {
         self.heads.get(head).map(|head| head.engine.exposing())
     }
 
-    /// True when the last frame is out.
+    /// Returns whether the last frame is out.
     #[must_use]
     pub fn is_finished(&self) -> bool {
         self.now() >= self.last_release() && self.going.on_the_way().0 == 0 && self.is_drawn()
@@ -310,12 +312,12 @@ impl SteppedRun {
         }
     }
 
-    /// True when no head has a frame to draw any more.
+    /// Returns whether no head has a frame to draw any more.
     fn is_drawn(&self) -> bool {
         self.heads.iter().all(|head| head.engine.exposing().next().is_over(self.now()))
     }
 
-    /// When the last frame of the run has been drawn, by what is known now.
+    /// Returns when the last frame of the run has been drawn, by what is known now.
     fn last_release(&self) -> Tai {
         self.heads.iter().map(|head| last_release(&head.engine)).max().unwrap_or(self.times.end)
     }
@@ -334,12 +336,12 @@ impl SteppedRun {
         })
     }
 
-    /// Parameters of the first head.
+    /// Returns parameters of the first head.
     fn params(&self) -> &RunParams {
         self.heads[0].engine.params()
     }
 
-    /// Since the first exposure, s; the last frame's readout is not counted.
+    /// Returns the since the first exposure, s; the last frame's readout is not counted.
     fn simulated_s(&self) -> f64 {
         let RunTimes { zero, end, .. } = self.times;
         let until = if self.is_finished() { end } else { self.now().min(end) };

@@ -29,7 +29,7 @@ const AIRY_SIGMA: f64 = 0.42;
 /// Longest exposure that a tracker commands, as a share of the time from frame to frame, where the camera's own is no longer.
 const LONGEST_SHARE: f64 = 0.9;
 
-/// The vehicle that flies a scenario whose first exposure is at `first_exposure`.
+/// Returns the vehicle that flies a scenario whose first exposure is at `first_exposure`.
 #[must_use]
 pub fn vehicle_params(scenario: &Scenario, flown: &Vehicle, first_exposure: Tai) -> VehicleParams {
     let head = scenario.bench.sensor_from_body;
@@ -59,7 +59,7 @@ pub fn vehicle_params(scenario: &Scenario, flown: &Vehicle, first_exposure: Tai)
     }
 }
 
-/// Attitude of a head that points there.
+/// Returns the attitude of a head that points there.
 #[must_use]
 pub fn attitude(pointing: &Pointing) -> Rotation<base::axes::Sensor, Icrf> {
     sensor_from_ra_dec_roll(pointing.ra_deg * DEG, pointing.dec_deg * DEG, pointing.roll_deg * DEG)
@@ -81,7 +81,7 @@ fn spacecraft_params(scenario: &Scenario, craft: &config::Spacecraft, epoch: Tai
     params
 }
 
-/// Uniform over all attitudes (Shoemake, "Uniform random rotations", Graphics Gems III, 1992).
+/// Returns the uniform over all attitudes (Shoemake, "Uniform random rotations", Graphics Gems III, 1992).
 fn random_attitude(seed: u64) -> Rotation<Body, Icrf> {
     use core::f64::consts::TAU;
     let [u1, u2, u3] = crate::wiring::seeded::uniforms(seed);
@@ -169,8 +169,8 @@ fn thresholds(slew_rate_rad_s: f64) -> Thresholds {
     }
 }
 
-/// Largest torque about each body axis that the wheels can give about all three at once: the smallest motor over the
-/// largest sum of a row of the pseudo-inverse.
+/// Returns the largest torque about each body axis that the wheels can give about all three at once: the smallest motor
+/// over the largest sum of a row of the pseudo-inverse.
 fn largest_torque_n_m(spacecraft: &SpacecraftParams) -> f64 {
     let axes = spacecraft.wheels.iter().map(|wheel| wheel.axis_body.normalize_or_zero());
     let square =

@@ -45,7 +45,7 @@ pub struct Witness {
 }
 
 impl Witness {
-    /// A witness who has seen nothing.
+    /// Returns a witness who has seen nothing.
     #[must_use]
     pub fn new(scenario: &Scenario, heads: Vec<Rotation<Sensor, Body>>, zero: Tai, end: Tai) -> Self {
         let head = scenario.bench.sensor_from_body;

@@ -77,8 +77,8 @@ fn path_of(target: &Target) -> &SkyPath {
     }
 }
 
-/// The apparent direction by the definition: light time by iteration between barycentric places, each from the Earth's own
-/// series; then aberration by components.
+/// Returns the apparent direction by the definition: light time by iteration between barycentric places, each from the
+/// Earth's own series; then aberration by components.
 fn apparent(orbit: &Orbit, observer: &Observer, at: Tai) -> DVec3 {
     let observer = earth::barycentric_state(at) + observer.relative_state(at).expect("an orbit about the Earth");
     let mut from = DVec3::X;
@@ -186,7 +186,7 @@ fn brightness_is_that_of_range_and_phase() {
     assert!(light.shares[0] >= 1.0 && light.shares[16] < 1.0 && light.shares[16] > 0.99, "{light:?}");
 }
 
-/// A target that stands behind the Earth as the observer flies, and the instant when it sets.
+/// Returns a target that stands behind the Earth as the observer flies, and the instant when it sets.
 fn setting() -> (SkyTarget, Tai) {
     let high = target(Orbit::Circular(CircularOrbit::new(35_786.0, 0.0, 0.0, 100.0, start()).expect("a valid orbit")));
     let targets = targets_of(observer(), vec![high.clone()]);

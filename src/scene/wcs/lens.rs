@@ -40,12 +40,12 @@ pub(super) struct ImagePlane<'a> {
 }
 
 impl ImagePlane<'_> {
-    /// Principal point in image pixels, the first one's centre at 0.
+    /// Returns the principal point in image pixels, the first one's centre at 0.
     pub(super) fn principal_px(&self) -> Pair {
         self.output.output_from_sensor(self.camera.parameters().principal_point_px)
     }
 
-    /// Focal lengths in image pixels.
+    /// Returns the focal lengths in image pixels.
     pub(super) fn focal_px(&self) -> Pair {
         self.camera.parameters().focal_px.map(|focal_px| focal_px / f64::from(self.output.binning))
     }
@@ -57,7 +57,7 @@ impl ImagePlane<'_> {
         self.camera.tangent_of_pixel(sensor_px).map(|tangent| tangent.to_array())
     }
 
-    /// Places of a grid over the image, from the principal point: `share` (0 to 1) of its width and height.
+    /// Returns places of a grid over the image, from the principal point: `share` (0 to 1) of its width and height.
     pub(super) fn grid(&self, side: usize, share: impl Fn(usize) -> f64) -> Vec<Pair> {
         let [cx, cy] = self.principal_px();
         let [width, height] = self.output.size_px.map(|side| side as f64);
@@ -91,7 +91,7 @@ impl Lens {
         Some(Self { linear, sip: Some(Arc::new(sip)) })
     }
 
-    /// Undistorted place of `u` by the polynomials, image px.
+    /// Returns the undistorted place of `u` by the polynomials, image px.
     pub(super) fn ideal_px(&self, u: Pair) -> Pair {
         let forward = self.sip.as_ref().map_or(&[][..], |sip| &sip.forward);
         let bent = sum(forward, u);
@@ -145,17 +145,17 @@ fn linear_of(terms: &[SipTerm]) -> Option<Matrix> {
     Some([[xx, xy], [yx, yy]])
 }
 
-/// Product of a matrix and a vector.
+/// Returns the product of a matrix and a vector.
 pub(super) fn times(m: &Matrix, v: Pair) -> Pair {
     m.map(|[a, b]| a * v[0] + b * v[1])
 }
 
-/// Product of two matrices.
+/// Returns the product of two matrices.
 pub(super) fn product(a: &Matrix, b: &Matrix) -> Matrix {
     a.map(|[x, y]| [x * b[0][0] + y * b[1][0], x * b[0][1] + y * b[1][1]])
 }
 
-/// Inverse of a matrix; `None` when it has none.
+/// Returns the inverse of a matrix; `None` when it has none.
 pub(super) fn inverse([[a, b], [c, d]]: &Matrix) -> Option<Matrix> {
     let determinant = a * d - b * c;
     let is_good = determinant.is_finite() && determinant != 0.0;

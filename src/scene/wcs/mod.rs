@@ -136,7 +136,7 @@ impl WcsMaker {
         })
     }
 
-    /// Linear part alone.
+    /// Returns the linear part alone.
     fn plain(&self) -> Fitted {
         let mut linear = [[0.0; 2]; 2];
         for (place, seen) in self.places.iter().zip(&self.seen) {
@@ -149,7 +149,7 @@ impl WcsMaker {
         Fitted { linear, quadratic: [[0.0; 3]; 2] }
     }
 
-    /// Linear and quadratic parts together.
+    /// Returns the linear and quadratic parts together.
     fn bent(&self) -> Fitted {
         let mut sums = [[0.0; COLUMNS]; 2];
         for (place, seen) in self.places.iter().zip(&self.seen) {
@@ -162,7 +162,7 @@ impl WcsMaker {
         Fitted { linear: sums.map(|[x, y, ..]| [x, y]), quadratic: sums.map(|[_, _, xx, xy, yy]| [xx, xy, yy]) }
     }
 
-    /// Quadratic terms in image px, before the linear part: what SIP adds to a pixel.
+    /// Returns the quadratic terms in image px, before the linear part: what SIP adds to a pixel.
     fn quadratic_px(&self, fitted: &Fitted, per_px: &Matrix) -> Option<[[f64; 3]; 2]> {
         let [[a, b], [c, d]] = product(&self.tangent_per_px, &self.lens.linear);
         // x = a u + b v, y = c u + d v.
@@ -178,7 +178,7 @@ impl WcsMaker {
         Some(back.map(|[p, q]| core::array::from_fn(|i| p * x[i] + q * y[i])))
     }
 
-    /// Largest error over the grid, px, of the map as the header has it.
+    /// Returns the largest error over the grid, px, of the map as the header has it.
     fn error_px(&self, fitted: &Fitted) -> Option<f64> {
         let back = inverse(&fitted.linear)?;
         let lens = product(&self.tangent_per_px, &self.lens.linear);
@@ -233,14 +233,14 @@ mod tests {
         if wcs.has_sip() { WCS_PX } else { PLAIN_PX }
     }
 
-    /// Seen from the Earth's orbit, with the Sun aside.
+    /// Returns the seen from the Earth's orbit, with the Sun aside.
     fn sight() -> Sight {
         let observer = BarycentricState { position_km: DVec3::X * AU_KM, velocity_km_s: DVec3::new(3.0, 27.0, 11.7) };
         Vantage { observer, heliocentric_km: Some(observer.position_km) }.sight()
     }
 
-    /// Where a reader of the header puts an image pixel (the first one's centre at 0): SIP, CD, gnomonic, all written anew
-    /// from the papers.
+    /// Returns where a reader of the header puts an image pixel (the first one's centre at 0): SIP, CD, gnomonic, all
+    /// written anew from the papers.
     fn read(wcs: &Wcs, px: Pair) -> DVec3 {
         let (u, v) = (px[0] + 1.0 - wcs.crpix[0], px[1] + 1.0 - wcs.crpix[1]);
         let mut bent = [u, v];
@@ -263,7 +263,7 @@ mod tests {
         (middle + east * xi + north * eta).normalize()
     }
 
-    /// Largest distance of a pixel from where the star of its catalog place is drawn, px.
+    /// Returns the largest distance of a pixel from where the star of its catalog place is drawn, px.
     fn worst_px(camera: &CameraGeometry, output: &OutputGeometry, wcs: &Wcs, attitude: &Rotation<Sensor, Icrf>) -> f64 {
         let [width, height] = output.size_px.map(|side| side as f64 - 1.0);
         let mut worst = 0.0_f64;

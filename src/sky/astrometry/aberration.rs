@@ -25,7 +25,7 @@ impl Aberration {
         Self { speed, inverse_gamma: (1.0 - speed.length_squared()).sqrt() }
     }
 
-    /// Direction in which it sees light that one at rest sees in `direction_icrf`; unit vectors.
+    /// Returns the direction in which it sees light that one at rest sees in `direction_icrf`; unit vectors.
     #[inline]
     #[must_use]
     pub fn aberrated(&self, direction_icrf: DVec3) -> DVec3 {
@@ -45,8 +45,8 @@ impl Aberration {
     }
 }
 
-/// Direction of light seen by an observer moving at `velocity_km_s` (barycentric, slower than light), where one at
-/// rest sees `direction_icrf`; unit vectors.
+/// Returns the direction of light seen by an observer moving at `velocity_km_s` (barycentric, slower than light), where
+/// one at rest sees `direction_icrf`; unit vectors.
 #[must_use]
 pub fn aberrated(direction_icrf: DVec3, velocity_km_s: DVec3) -> DVec3 {
     Aberration::of(velocity_km_s).aberrated(direction_icrf)

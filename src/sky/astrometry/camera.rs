@@ -53,7 +53,7 @@ impl CameraGeometry {
         Self::with_distortion(parameters, Distortion::BrownConrady(parameters.distortion))
     }
 
-    /// The same with a polynomial in place of Brown and Conrady's distortion, which must be zero.
+    /// Returns the same with a polynomial in place of Brown and Conrady's distortion, which must be zero.
     ///
     /// # Errors
     /// As [`Self::new`], and when both models bend.
@@ -82,13 +82,13 @@ impl CameraGeometry {
         Ok(camera)
     }
 
-    /// The parameters as given.
+    /// Returns the parameters as given.
     #[must_use]
     pub fn parameters(&self) -> &CameraParameters {
         &self.parameters
     }
 
-    /// The lens's distortion, by whichever model.
+    /// Returns the lens's distortion, by whichever model.
     #[must_use]
     pub fn distortion(&self) -> &Distortion {
         &self.distortion
@@ -106,20 +106,21 @@ impl CameraGeometry {
         self.parameters.height_px
     }
 
-    /// Angle of one pixel on the boresight, along columns and rows, rad.
+    /// Returns the angle of one pixel on the boresight, along columns and rows, rad.
     #[must_use]
     pub fn ifov_rad(&self) -> [f64; 2] {
         self.parameters.focal_px.map(|focal_px| 1.0 / focal_px)
     }
 
-    /// Largest angle between the boresight and a corner of the image, rad: the radius of the cone that holds it.
+    /// Returns the largest angle between the boresight and a corner of the image, rad: the radius of the cone that
+    /// holds it.
     #[must_use]
     pub fn half_diagonal_rad(&self) -> f64 {
         self.half_diagonal_rad
     }
 
-    /// Pixel coordinates of a direction (sensor axes, any length). `None` behind the camera, for a direction that is
-    /// not finite, and beyond the domain of the distortion; pixels outside the image are given.
+    /// Returns the pixel coordinates of a direction (sensor axes, any length). `None` behind the camera, for a
+    /// direction that is not finite, and beyond the domain of the distortion; pixels outside the image are given.
     #[must_use]
     pub fn project(&self, v_sensor: DVec3) -> Option<[f64; 2]> {
         self.ideal(v_sensor).map(|ideal| self.pixel(self.distortion.distort(ideal)))
@@ -132,9 +133,9 @@ impl CameraGeometry {
         Some(ideal.extend(1.0).normalize())
     }
 
-    /// Rate of the pixel position of a fixed star with the sensor's rotation: `[d x_px / d v, d y_px / d v]`, px/rad,
-    /// `v` the rotation vector by which the sensor axes turn, in sensor axes (`Rotation::rotated_by`); the star's
-    /// direction changes by -v x s. `None` as for [`Self::project`].
+    /// Returns the rate of the pixel position of a fixed star with the sensor's rotation: `[d x_px / d v, d y_px / d
+    /// v]`, px/rad, `v` the rotation vector by which the sensor axes turn, in sensor axes (`Rotation::rotated_by`); the
+    /// star's direction changes by -v x s. `None` as for [`Self::project`].
     #[must_use]
     pub fn jacobian(&self, v_sensor: DVec3) -> Option<[[f64; 3]; 2]> {
         let ideal = self.ideal(v_sensor)?;
@@ -154,7 +155,7 @@ impl CameraGeometry {
         self.ideal(v_sensor)
     }
 
-    /// Pixel coordinates of tangents, distorted; they are not held against the domain.
+    /// Returns the pixel coordinates of tangents, distorted; they are not held against the domain.
     #[inline]
     #[must_use]
     pub fn pixel_of_tangent(&self, tangent: DVec2) -> [f64; 2] {
@@ -173,7 +174,7 @@ impl CameraGeometry {
         }
     }
 
-    /// Derivative of the pixel coordinates by the tangents, px: rows x and y.
+    /// Returns the derivative of the pixel coordinates by the tangents, px: rows x and y.
     #[inline]
     #[must_use]
     pub fn px_per_tangent(&self, tangent: DVec2) -> [[f64; 2]; 2] {
@@ -185,13 +186,13 @@ impl CameraGeometry {
         [[fx * derivative.x_axis.x, fx * derivative.y_axis.x], [fy * derivative.x_axis.y, fy * derivative.y_axis.y]]
     }
 
-    /// Largest tangent of the angle to the boresight that is imaged.
+    /// Returns the largest tangent of the angle to the boresight that is imaged.
     #[must_use]
     pub fn largest_tangent(&self) -> f64 {
         self.domain.radius
     }
 
-    /// True when the lens distorts.
+    /// Returns whether the lens distorts.
     #[inline]
     #[must_use]
     pub fn is_distorted(&self) -> bool {
@@ -210,7 +211,7 @@ impl CameraGeometry {
         [0, 1].map(|i| p.principal_point_px[i] + p.focal_px[i] * distorted[i])
     }
 
-    /// Outer corners of the corner pixels.
+    /// Returns the outer corners of the corner pixels.
     fn corners_px(&self) -> [[f64; 2]; 4] {
         let [right, bottom] = [self.parameters.width_px, self.parameters.height_px].map(|side| side as f64 - 0.5);
         [[-0.5, -0.5], [right, -0.5], [-0.5, bottom], [right, bottom]]
@@ -262,7 +263,7 @@ impl PixelPosition {
         Some(Self { column, row, fraction_x, fraction_y })
     }
 
-    /// The whole position, px.
+    /// Returns the whole position, px.
     #[must_use]
     pub fn px(&self) -> [f64; 2] {
         [f64::from(self.column) + f64::from(self.fraction_x), f64::from(self.row) + f64::from(self.fraction_y)]
@@ -306,7 +307,7 @@ mod tests {
         CameraGeometry::new(parameters()).expect("a valid camera")
     }
 
-    /// The same with a polynomial that bends as much, lopsidedly.
+    /// Returns the same with a polynomial that bends as much, lopsidedly.
     fn polynomial_camera() -> CameraGeometry {
         let terms = [(1, 0, 1e-3, 2e-3), (1, 1, 2e-3, 1e-3), (3, 0, -0.2, 0.0), (1, 2, -0.2, 0.01), (2, 1, 0.02, -0.2)];
         let with = |model: PolynomialDistortion, (i, j, a, b)| model.with_term(i, j, a, b).expect("a term");

@@ -40,7 +40,7 @@ impl Deflection {
         }
     }
 
-    /// Direction of light that came from `direction_icrf` (unit vector). Its length is 1 to 1e-10.
+    /// Returns the direction of light that came from `direction_icrf` (unit vector). Its length is 1 to 1e-10.
     #[inline]
     #[must_use]
     pub fn deflected(&self, direction_icrf: DVec3) -> DVec3 {
@@ -51,7 +51,8 @@ impl Deflection {
     }
 }
 
-/// Direction of light that came from `direction_icrf` (unit vector) at `heliocentric_km` from the Sun's centre.
+/// Returns the direction of light that came from `direction_icrf` (unit vector) at `heliocentric_km` from the Sun's
+/// centre.
 #[must_use]
 pub fn deflected(direction_icrf: DVec3, heliocentric_km: DVec3) -> DVec3 {
     Deflection::at(heliocentric_km).deflected(direction_icrf)
@@ -62,7 +63,7 @@ mod tests {
     use super::*;
     use base::units::{ARCSEC, DEG, MAS};
 
-    /// Direction at `elongation_deg` from the Sun for an observer at +X of it.
+    /// Returns the direction at `elongation_deg` from the Sun for an observer at +X of it.
     fn at(elongation_deg: f64) -> DVec3 {
         let (sin, cos) = (elongation_deg * DEG).sin_cos();
         DVec3::new(-cos, sin, 0.0)

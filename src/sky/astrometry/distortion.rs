@@ -45,7 +45,7 @@ pub struct BrownConrady {
 }
 
 impl BrownConrady {
-    /// Distorted coordinates of ideal ones.
+    /// Returns the distorted coordinates of ideal ones.
     #[must_use]
     pub fn distort(&self, ideal: DVec2) -> DVec2 {
         let DVec2 { x, y } = ideal;
@@ -57,7 +57,7 @@ impl BrownConrady {
         ideal * self.scale(r2) + tangential
     }
 
-    /// Derivative of [`Self::distort`]; symmetric.
+    /// Returns the derivative of [`Self::distort`]; symmetric.
     #[must_use]
     pub fn derivative(&self, ideal: DVec2) -> DMat2 {
         let DVec2 { x, y } = ideal;
@@ -75,7 +75,7 @@ impl BrownConrady {
         1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3))
     }
 
-    /// Lower bound of the Jacobian's smaller eigenvalue on the circle of radius `r`.
+    /// Returns the lower bound of the Jacobian's smaller eigenvalue on the circle of radius `r`.
     fn least_stretch(&self, r: f64) -> f64 {
         let r2 = r * r;
         let radial = 1.0 + r2 * (3.0 * self.k1 + r2 * (5.0 * self.k2 + r2 * 7.0 * self.k3));
@@ -94,7 +94,7 @@ pub enum Distortion {
 }
 
 impl Distortion {
-    /// Distorted coordinates of ideal ones.
+    /// Returns the distorted coordinates of ideal ones.
     #[must_use]
     pub fn distort(&self, ideal: DVec2) -> DVec2 {
         match self {
@@ -103,7 +103,7 @@ impl Distortion {
         }
     }
 
-    /// Derivative of [`Self::distort`]: columns by x and y.
+    /// Returns the derivative of [`Self::distort`]: columns by x and y.
     #[must_use]
     pub fn derivative(&self, ideal: DVec2) -> DMat2 {
         match self {
@@ -112,7 +112,7 @@ impl Distortion {
         }
     }
 
-    /// True when it bends nothing.
+    /// Returns whether it bends nothing.
     #[must_use]
     pub fn is_none(&self) -> bool {
         match self {
@@ -121,7 +121,7 @@ impl Distortion {
         }
     }
 
-    /// Lower bound of the Jacobian's stretch in any direction, on the circle of radius `r`.
+    /// Returns the lower bound of the Jacobian's stretch in any direction, on the circle of radius `r`.
     fn least_stretch(&self, r: f64) -> f64 {
         match self {
             Self::BrownConrady(model) => model.least_stretch(r),
@@ -129,7 +129,7 @@ impl Distortion {
         }
     }
 
-    /// Radii at which the end of the domain is looked for, from small to large.
+    /// Returns the radii at which the end of the domain is looked for, from small to large.
     fn search_radius(&self, step: u32) -> Option<f64> {
         match self {
             Self::BrownConrady(_) if step <= SEARCH_STEPS => {
@@ -178,8 +178,8 @@ impl Domain {
         ideal.length_squared() <= self.radius * self.radius
     }
 
-    /// Ideal coordinates that are distorted into `wanted`, by Newton's method with halved steps; `None` when none of
-    /// the domain is.
+    /// Returns the ideal coordinates that are distorted into `wanted`, by Newton's method with halved steps; `None`
+    /// when none of the domain is.
     pub(super) fn undistort(&self, model: &Distortion, wanted: DVec2) -> Option<DVec2> {
         let mut ideal = wanted.clamp_length_max(self.radius);
         let mut residual = model.distort(ideal) - wanted;
@@ -193,7 +193,7 @@ impl Domain {
         None
     }
 
-    /// The first of the steps 1, 1/2, 1/4 ... that stays in the domain and comes nearer.
+    /// Returns the first of the steps 1, 1/2, 1/4 ... that stays in the domain and comes nearer.
     fn shorter_step(
         &self,
         model: &Distortion,
@@ -227,7 +227,7 @@ mod tests {
         Distortion::Polynomial(terms.iter().fold(PolynomialDistortion::default(), with))
     }
 
-    /// All that a polynomial can bend: scale and shear, tilt, barrel, something lopsided of degree five.
+    /// Returns all that a polynomial can bend: scale and shear, tilt, barrel, something lopsided of degree five.
     fn bent() -> Distortion {
         polynomial(&[
             (1, 0, 2e-3, -1e-3),

@@ -47,12 +47,12 @@ impl PolynomialDistortion {
         Some(self)
     }
 
-    /// Every coefficient, for checks.
+    /// Returns every coefficient, for checks.
     pub fn coefficients(&self) -> impl Iterator<Item = f64> + '_ {
         self.terms.iter().flat_map(|term| term.to_array())
     }
 
-    /// Distorted coordinates of ideal ones.
+    /// Returns the distorted coordinates of ideal ones.
     #[must_use]
     pub fn distort(&self, ideal: DVec2) -> DVec2 {
         let (x, y) = (powers(ideal.x), powers(ideal.y));
@@ -60,7 +60,7 @@ impl PolynomialDistortion {
         ideal + bends.fold(DVec2::ZERO, |sum, bend| sum + bend)
     }
 
-    /// Derivative of [`Self::distort`]: columns by x and y; not symmetric in general.
+    /// Returns the derivative of [`Self::distort`]: columns by x and y; not symmetric in general.
     #[must_use]
     pub fn derivative(&self, ideal: DVec2) -> DMat2 {
         let (x, y) = (powers(ideal.x), powers(ideal.y));
@@ -76,7 +76,7 @@ impl PolynomialDistortion {
         DMat2::from_cols(columns[0], columns[1])
     }
 
-    /// Lower bound of the smaller eigenvalue of the Jacobian's symmetric part on the circle of radius `r`.
+    /// Returns the lower bound of the smaller eigenvalue of the Jacobian's symmetric part on the circle of radius `r`.
     pub(super) fn least_stretch(&self, r: f64) -> f64 {
         let step_rad = core::f64::consts::TAU / f64::from(ANGLES);
         let stretch = |k: u32| smaller_eigenvalue(&self.derivative(DVec2::from_angle(f64::from(k) * step_rad) * r));
@@ -84,7 +84,7 @@ impl PolynomialDistortion {
         least - 0.5 * step_rad * self.slope_along_circle(r)
     }
 
-    /// Bound of the change of the Jacobian (norm) per radian along the circle of radius `r`.
+    /// Returns the bound of the change of the Jacobian (norm) per radian along the circle of radius `r`.
     fn slope_along_circle(&self, r: f64) -> f64 {
         let slope = |((i, j), term): ((usize, usize), &DVec2)| {
             let degree = (i + j) as f64;
@@ -104,7 +104,7 @@ fn powers(v: f64) -> [f64; DEGREE + 1] {
     powers
 }
 
-/// Smaller eigenvalue of the symmetric part.
+/// Returns the smaller eigenvalue of the symmetric part.
 fn smaller_eigenvalue(m: &DMat2) -> f64 {
     let half_trace = 0.5 * (m.x_axis.x + m.y_axis.y);
     let half_difference = 0.5 * (m.x_axis.x - m.y_axis.y);

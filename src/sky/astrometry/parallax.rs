@@ -9,8 +9,8 @@
 use base::units::{AU_KM, MAS};
 use glam::DVec3;
 
-/// Direction of a source from the barycentric position `observer_km`; unit vector. `direction_icrf` has the length of its
-/// distance in units of that at which it has `parallax_mas`.
+/// Returns the direction of a source from the barycentric position `observer_km`; unit vector. `direction_icrf` has the
+/// length of its distance in units of that at which it has `parallax_mas`.
 #[must_use]
 pub fn parallax_shifted(direction_icrf: DVec3, parallax_mas: f32, observer_km: DVec3) -> DVec3 {
     (direction_icrf - observer_km * (f64::from(parallax_mas) * MAS / AU_KM)).normalize()

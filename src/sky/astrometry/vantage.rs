@@ -60,7 +60,7 @@ impl From<BarycentricState> for Vantage {
 }
 
 impl Vantage {
-    /// That of a followed observer at `at`; at the barycentre no light is bent. Does not allocate.
+    /// Returns the that of a followed observer at `at`; at the barycentre no light is bent. Does not allocate.
     ///
     /// # Errors
     /// When the observer's orbit cannot be computed at that time.
@@ -71,8 +71,8 @@ impl Vantage {
         Ok(Self { observer, heliocentric_km })
     }
 
-    /// Direction in which the observer sees what is in the direction `natural_icrf` from its place; unit vectors. For
-    /// many of them: [`Self::sight`].
+    /// Returns the direction in which the observer sees what is in the direction `natural_icrf` from its place; unit
+    /// vectors. For many of them: [`Self::sight`].
     #[must_use]
     pub fn apparent(&self, natural_icrf: DVec3) -> DVec3 {
         self.sight().apparent(natural_icrf)
@@ -85,8 +85,8 @@ impl Vantage {
         Sight { deflection, aberration: Aberration::of(self.observer.velocity_km_s) }
     }
 
-    /// How far a star beside the Sun's disc may be seen from its barycentric direction, rad: parallax of the nearest, and
-    /// deflection, and aberration, which turns no direction by more than asin(v / c).
+    /// Returns how far a star beside the Sun's disc may be seen from its barycentric direction, rad: parallax of the
+    /// nearest, and deflection, and aberration, which turns no direction by more than asin(v / c).
     #[must_use]
     pub fn margin_rad(&self) -> f64 {
         let BarycentricState { position_km, velocity_km_s } = self.observer;

@@ -36,7 +36,7 @@ pub enum Method {
 }
 
 impl Method {
-    /// The method that serves on a day, TDB since J2000.
+    /// Returns the method that serves on a day, TDB since J2000.
     #[must_use]
     pub fn on_day(days: f64) -> Self {
         if (FIRST_DAY..LAST_DAY).contains(&days) && table().is_ok() { Self::Table } else { Self::Series }
@@ -51,8 +51,8 @@ pub fn check() -> Result<(), &'static TableError> {
     table().map(|_| ())
 }
 
-/// State of a body of the table by its number: 10 for the Moon (geocentric), 1 to 8 for planets (heliocentric); `None`
-/// outside the table.
+/// Returns the state of a body of the table by its number: 10 for the Moon (geocentric), 1 to 8 for planets
+/// (heliocentric); `None` outside the table.
 pub(super) fn state(number: u32, days: f64) -> Option<BarycentricState> {
     table().ok()?.state(number, days)
 }

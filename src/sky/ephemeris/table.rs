@@ -106,7 +106,7 @@ impl Table {
         Ok(Self { first_day: f64_at(head, 16), last_day: f64_at(head, 24), bodies })
     }
 
-    /// State of a body; `None` for one that is not there, or outside the span.
+    /// Returns the state of a body; `None` for one that is not there, or outside the span.
     pub(super) fn state(&self, number: u32, days: f64) -> Option<BarycentricState> {
         if !(self.first_day..self.last_day).contains(&days) {
             return None;
@@ -126,7 +126,7 @@ impl Row {
         Ok(Self { number: u32_at(row, 0), granule_d: f64_at(row, 8), step_km: f64_at(row, 16), wide, narrow, data })
     }
 
-    /// Position and velocity so many days after the table's first.
+    /// Returns the position and velocity so many days after the table's first.
     fn state(&self, days: f64) -> Option<BarycentricState> {
         let turn = days / self.granule_d;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "days of the span, not negative")]
@@ -143,7 +143,7 @@ impl Row {
         Some(state)
     }
 
-    /// Sum of the polynomials and its derivative, in steps, by the recurrences of T and of T'.
+    /// Returns the sum of the polynomials and its derivative, in steps, by the recurrences of T and of T'.
     fn sum(&self, data: &[u8], x: f64) -> (f64, f64) {
         let (wide, narrow) = data.split_at(4 * self.wide);
         let wide = wide.chunks_exact(4).map(|b| f64::from(i32::from_le_bytes([b[0], b[1], b[2], b[3]])));
@@ -160,7 +160,7 @@ impl Row {
     }
 }
 
-/// Bytes of a granule: three axes.
+/// Returns bytes of a granule: three axes.
 fn granule_bytes(wide: usize, narrow: usize) -> usize {
     3 * (4 * wide + 2 * narrow)
 }

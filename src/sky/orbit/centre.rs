@@ -22,7 +22,7 @@ pub enum CentralBody {
 }
 
 impl CentralBody {
-    /// Gravitational parameter, km^3/s^2.
+    /// Returns the gravitational parameter, km^3/s^2.
     #[must_use]
     pub fn gm_km3_s2(self) -> f64 {
         match self {

@@ -28,8 +28,8 @@ pub struct CircularOrbit {
 }
 
 impl CircularOrbit {
-    /// An orbit at `altitude_km` above the equatorial radius that is `latitude_argument_deg` past its ascending node
-    /// at `epoch`.
+    /// Returns an orbit at `altitude_km` above the equatorial radius that is `latitude_argument_deg` past its ascending
+    /// node at `epoch`.
     ///
     /// # Errors
     /// When the altitude is outside 100..400000 km or an angle is not a finite number in -360..360 (inclination
@@ -58,7 +58,7 @@ impl CircularOrbit {
         })
     }
 
-    /// State from the geocentre at `at`.
+    /// Returns the state from the geocentre at `at`.
     #[must_use]
     pub fn geocentric_state(&self, at: Tai) -> BarycentricState {
         let turned_rad = (self.rate_rad_s * (at - self.epoch).s()).rem_euclid(TAU);
@@ -71,7 +71,7 @@ impl CircularOrbit {
         }
     }
 
-    /// Time for one revolution, s.
+    /// Returns the time for one revolution, s.
     #[must_use]
     pub fn period_s(&self) -> f64 {
         TAU / self.rate_rad_s

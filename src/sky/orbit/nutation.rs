@@ -36,7 +36,7 @@ const TERMS: [([i8; 5], f64, f64); 21] = [
     ([-2, 0, 0, 2, 0], -47_722.0, 477.0),
 ];
 
-/// Nutation in longitude and in obliquity, rad, `t` Julian centuries (TDB) after J2000.
+/// Returns the nutation in longitude and in obliquity, rad, `t` Julian centuries (TDB) after J2000.
 pub(super) fn nutation_rad(t: f64) -> [f64; 2] {
     let arguments = DELAUNAY.map(|[at_j2000, rate]| (at_j2000 + t * rate) * ARCSEC);
     let mut sums = [0.0; 2];

@@ -58,7 +58,7 @@ fn refuse(why: String) -> ObserverError {
     ObserverError::Omm { why }
 }
 
-/// The catalog number of an object, where it has one.
+/// Returns the catalog number of an object, where it has one.
 fn number_of(object: &Value) -> Option<u64> {
     let number = object.get("NORAD_CAT_ID")?;
     number.as_str().map_or_else(|| number.as_u64(), |text| text.trim().parse().ok())

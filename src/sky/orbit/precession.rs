@@ -16,12 +16,12 @@ use base::time::Tai;
 use base::units::{ARCSEC, JULIAN_YEAR_D};
 use glam::{DMat3, DVec3};
 
-/// Rotation from mean axes of date to ICRF axes.
+/// Returns the rotation from mean axes of date to ICRF axes.
 pub(crate) fn icrf_from_mean_of_date(at: Tai) -> DMat3 {
     date_from_icrf(centuries_tdb(at), [0.0; 2]).transpose()
 }
 
-/// Rotation from SGP4's axes to ICRF axes. Two microseconds; does not allocate.
+/// Returns the rotation from SGP4's axes to ICRF axes. Two microseconds; does not allocate.
 pub(crate) fn icrf_from_teme(at: Tai) -> DMat3 {
     let t = centuries_tdb(at);
     let [longitude, obliquity] = nutation_rad(t);
@@ -51,13 +51,13 @@ fn mean_obliquity_rad(t: f64) -> f64 {
     (84_381.406 + t * (-46.836_769 + t * (-0.000_183_1 + t * 0.002_003_4))) * ARCSEC
 }
 
-/// Passive rotation: the axes turn by `angle_rad` about +Z.
+/// Returns the passive rotation: the axes turn by `angle_rad` about +Z.
 fn turn_axes_about_z(angle_rad: f64) -> DMat3 {
     let (s, c) = angle_rad.sin_cos();
     DMat3::from_cols(DVec3::new(c, -s, 0.0), DVec3::new(s, c, 0.0), DVec3::Z)
 }
 
-/// Passive rotation: the axes turn by `angle_rad` about +X.
+/// Returns the passive rotation: the axes turn by `angle_rad` about +X.
 fn turn_axes_about_x(angle_rad: f64) -> DMat3 {
     let (s, c) = angle_rad.sin_cos();
     DMat3::from_cols(DVec3::X, DVec3::new(0.0, c, -s), DVec3::new(0.0, s, c))
@@ -90,7 +90,7 @@ mod tests {
         Tai::from_rfc3339(text).expect("a valid instant")
     }
 
-    /// Largest displacement of a unit vector along an axis.
+    /// Returns the largest displacement of a unit vector along an axis.
     fn turn_rad(a: DMat3, b: DMat3) -> f64 {
         [DVec3::X, DVec3::Y, DVec3::Z].into_iter().map(|axis| (a * axis).distance(b * axis)).fold(0.0, f64::max)
     }

@@ -98,7 +98,7 @@ impl TleOrbit {
         Self::from_elements(&elements)
     }
 
-    /// An orbit of elements that were read already.
+    /// Returns an orbit of elements that were read already.
     pub(super) fn from_elements(elements: &sgp4::Elements) -> Result<Self, ObserverError> {
         let norad_id = elements.norad_id;
         let refuse = |why: String| ObserverError::Elements { norad_id, why };
@@ -119,7 +119,7 @@ impl TleOrbit {
         Ok(Self { norad_id, epoch_unix_s, constants })
     }
 
-    /// Number of the object in the elements.
+    /// Returns the number of the object in the elements.
     #[must_use]
     pub fn norad_id(&self) -> u64 {
         self.norad_id
@@ -131,7 +131,7 @@ impl TleOrbit {
         (at.unix_s() - self.epoch_unix_s) / DAY_S
     }
 
-    /// State from the geocentre at `at`.
+    /// Returns the state from the geocentre at `at`.
     ///
     /// # Errors
     /// When SGP4 cannot follow the elements that far.
@@ -168,7 +168,8 @@ impl TleOrbit {
     }
 }
 
-/// A catalog number of five characters, the first of which may be a letter without I and O for 10 to 33 (Alpha-5).
+/// Returns a catalog number of five characters, the first of which may be a letter without I and O for 10 to 33
+/// (Alpha-5).
 fn number_of(text: &str) -> Option<u64> {
     let letter = text.chars().next().filter(char::is_ascii_uppercase);
     let Some(letter) = letter else { return text.trim().parse().ok() };
@@ -203,7 +204,7 @@ fn check_line(line: usize, text: &str) -> Result<(), ObserverError> {
     Ok(())
 }
 
-/// Sum of the digits, a minus sign counting 1, modulo 10.
+/// Returns the sum of the digits, a minus sign counting 1, modulo 10.
 fn checksum(text: &str) -> u32 {
     let value = |c: char| if c == '-' { 1 } else { c.to_digit(10).unwrap_or(0) };
     text.chars().take(LINE_LENGTH - 1).map(value).sum::<u32>() % 10

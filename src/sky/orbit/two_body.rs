@@ -71,7 +71,7 @@ pub struct TwoBodyOrbit {
 }
 
 impl TwoBodyOrbit {
-    /// The orbit through this state at `epoch`.
+    /// Returns the orbit through this state at `epoch`.
     ///
     /// # Errors
     /// When a number is not finite or out of range, or the orbit falls straight at the centre.
@@ -92,7 +92,7 @@ impl TwoBodyOrbit {
         Ok(orbit)
     }
 
-    /// The orbit with these elements at `epoch`.
+    /// Returns the orbit with these elements at `epoch`.
     ///
     /// # Errors
     /// When a number is not finite or out of range, or axis and eccentricity do not go together (a parabola has no
@@ -123,7 +123,7 @@ impl TwoBodyOrbit {
         Ok(Self { since_s, alpha_per_km: 1.0 / a, ..through })
     }
 
-    /// State from the central body at `at`. Does not allocate; about a microsecond.
+    /// Returns the state from the central body at `at`. Does not allocate; about a microsecond.
     #[must_use]
     pub fn state(&self, at: Tai) -> BarycentricState {
         let mut after_s = (at - self.epoch).s() + self.since_s;
@@ -142,20 +142,20 @@ impl TwoBodyOrbit {
         BarycentricState { position_km, velocity_km_s: f_rate * self.position_km + g_rate * self.velocity_km_s }
     }
 
-    /// The instant of the state or elements it was made of.
+    /// Returns the instant of the state or elements it was made of.
     #[must_use]
     pub fn epoch(&self) -> Tai {
         self.epoch
     }
 
-    /// Time for one revolution, s; `None` on an open orbit.
+    /// Returns the time for one revolution, s; `None` on an open orbit.
     #[must_use]
     pub fn period_s(&self) -> Option<f64> {
         let period_s = TAU / (self.gm_km3_s2 * self.alpha_per_km.powi(3)).sqrt();
         period_s.is_finite().then_some(period_s)
     }
 
-    /// Nearest distance from the centre on the whole orbit, km.
+    /// Returns the nearest distance from the centre on the whole orbit, km.
     #[must_use]
     pub fn periapsis_km(&self) -> f64 {
         let parameter_km = self.position_km.cross(self.velocity_km_s).length_squared() / self.gm_km3_s2;
@@ -163,13 +163,13 @@ impl TwoBodyOrbit {
         parameter_km / (1.0 + eccentricity)
     }
 
-    /// Greatest speed on the whole orbit, km/s.
+    /// Returns the greatest speed on the whole orbit, km/s.
     #[must_use]
     pub fn fastest_km_s(&self) -> f64 {
         (self.gm_km3_s2 * (2.0 / self.periapsis_km() - self.alpha_per_km).max(0.0)).sqrt()
     }
 
-    /// The root of `time_s(x) = after_s`.
+    /// Returns the root of `time_s(x) = after_s`.
     fn universal_anomaly(&self, after_s: f64) -> f64 {
         let [mut low, mut high] = self.bracket(after_s);
         let mut x = (after_s * self.gm_km3_s2.sqrt() / self.position_km.length()).clamp(low, high);
@@ -192,7 +192,7 @@ impl TwoBodyOrbit {
         x
     }
 
-    /// Two values with the root between them, by doubling from where every conic is still well behaved.
+    /// Returns two values with the root between them, by doubling from where every conic is still well behaved.
     fn bracket(&self, after_s: f64) -> [f64; 2] {
         let first = self.position_km.length().sqrt().min(self.alpha_per_km.abs().sqrt().recip());
         let mut far = first;
@@ -202,7 +202,7 @@ impl TwoBodyOrbit {
         if after_s < 0.0 { [-far, 0.0] } else { [0.0, far] }
     }
 
-    /// Time from the reference state, s, and its derivative, at the universal anomaly `x`, sqrt(km).
+    /// Returns the time from the reference state, s, and its derivative, at the universal anomaly `x`, sqrt(km).
     fn time_s(&self, x: f64) -> (f64, f64) {
         let root_gm = self.gm_km3_s2.sqrt();
         let r0 = self.position_km.length();
@@ -215,7 +215,7 @@ impl TwoBodyOrbit {
     }
 }
 
-/// Unit vectors towards the nearest point and a quarter of a turn after it.
+/// Returns the unit vectors towards the nearest point and a quarter of a turn after it.
 fn axes(elements: &KeplerElements) -> [DVec3; 2] {
     let (sin_node, cos_node) = elements.raan_rad.sin_cos();
     let (sin_i, cos_i) = elements.inclination_rad.sin_cos();

@@ -49,7 +49,7 @@ pub enum Brightness {
 }
 
 impl Brightness {
-    /// Magnitude in full sunlight at `range_km`, where the Sun is `sun_km` from the target.
+    /// Returns the magnitude in full sunlight at `range_km`, where the Sun is `sun_km` from the target.
     #[must_use]
     pub fn mag_g(&self, range_km: f64, phase_rad: f64, sun_km: f64) -> f64 {
         let from_thousand = 5.0 * (range_km / STANDARD_RANGE_KM).log10() + 5.0 * (sun_km / AU_KM).log10();
@@ -67,7 +67,7 @@ impl Brightness {
     }
 }
 
-/// Light of a diffuse sphere over that at phase 0: `(sin p + (pi - p) cos p) / pi`.
+/// Returns the light of a diffuse sphere over that at phase 0: `(sin p + (pi - p) cos p) / pi`.
 #[must_use]
 pub fn sphere_phase(phase_rad: f64) -> f64 {
     // Rounding may bring it below 0 where it ends.
@@ -91,7 +91,8 @@ mod tests {
     use base::units::DEG;
     use glam::DVec3;
 
-    /// Light of a Lambert sphere of unit radius and reflectance by summing its surface: both cosines over pi.
+    /// Returns the light of a Lambert sphere of unit radius and reflectance by summing its surface: both cosines over
+    /// pi.
     fn summed(phase_rad: f64) -> f64 {
         const STEPS: usize = 400;
         let (sun, observer) = (DVec3::X, DVec3::new(phase_rad.cos(), phase_rad.sin(), 0.0));

@@ -40,7 +40,7 @@ impl Sunlight {
         }
     }
 
-    /// Its word in tables.
+    /// Returns its word in tables.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -51,12 +51,13 @@ impl Sunlight {
     }
 }
 
-/// Axes in which the Earth is a sphere of its equatorial radius.
+/// Returns axes in which the Earth is a sphere of its equatorial radius.
 fn rounded(geocentric_km: DVec3) -> DVec3 {
     DVec3::new(geocentric_km.x, geocentric_km.y, geocentric_km.z * OBLATENESS)
 }
 
-/// Share of the Sun's disc that a target at `target_km` sees past the Earth, 0 to 1; both from the geocentre, km.
+/// Returns the share of the Sun's disc that a target at `target_km` sees past the Earth, 0 to 1; both from the
+/// geocentre, km.
 #[must_use]
 pub fn sunlight(target_km: DVec3, sun_km: DVec3) -> f64 {
     let (target, sun) = (rounded(target_km), rounded(sun_km));
@@ -66,7 +67,7 @@ pub fn sunlight(target_km: DVec3, sun_km: DVec3) -> f64 {
     1.0 - covered_share(sun_rad, earth_rad, to_sun.angle_between(to_earth))
 }
 
-/// Share of a circle of radius `a` that one of radius `b`, `c` away, covers.
+/// Returns the share of a circle of radius `a` that one of radius `b`, `c` away, covers.
 fn covered_share(a: f64, b: f64, c: f64) -> f64 {
     if c >= a + b {
         return 0.0;
@@ -83,8 +84,8 @@ fn covered_share(a: f64, b: f64, c: f64) -> f64 {
     (segments / (core::f64::consts::PI * a * a)).clamp(0.0, 1.0)
 }
 
-/// How far above the limb the line of sight from `observer_km` to `target_km` passes, km (from the geocentre, both);
-/// negative when the Earth stands between. An observer inside the Earth, as at its centre, sees through it.
+/// Returns how far above the limb the line of sight from `observer_km` to `target_km` passes, km (from the geocentre,
+/// both); negative when the Earth stands between. An observer inside the Earth, as at its centre, sees through it.
 #[must_use]
 pub fn limb_clearance_km(observer_km: DVec3, target_km: DVec3) -> f64 {
     let (observer, target) = (rounded(observer_km), rounded(target_km));

@@ -28,7 +28,7 @@ pub enum Orbit {
 }
 
 impl Orbit {
-    /// State from the geocentre, ICRF axes.
+    /// Returns the state from the geocentre, ICRF axes.
     ///
     /// # Errors
     /// When SGP4 cannot follow the elements to `at`.
@@ -55,7 +55,7 @@ pub struct Sighting {
 }
 
 impl Sighting {
-    /// The target of `orbit` as `observer` (from the geocentre) sees it at `at`; two evaluations of the orbit.
+    /// Returns the target of `orbit` as `observer` (from the geocentre) sees it at `at`; two evaluations of the orbit.
     ///
     /// # Errors
     /// When SGP4 cannot follow the elements.
@@ -83,27 +83,27 @@ impl Sighting {
         self.from_observer_km.length()
     }
 
-    /// How fast the distance grows, km/s.
+    /// Returns how fast the distance grows, km/s.
     #[must_use]
     pub fn range_rate_km_s(&self) -> f64 {
         self.velocity_km_s().dot(self.from_observer_km.normalize())
     }
 
-    /// How fast the direction turns with respect to the stars, rad/s.
+    /// Returns how fast the direction turns with respect to the stars, rad/s.
     #[must_use]
     pub fn rate_rad_s(&self) -> f64 {
         let from = self.from_observer_km;
         from.cross(self.velocity_km_s()).length() / from.length_squared()
     }
 
-    /// Velocity from the observer, km/s.
+    /// Returns the velocity from the observer, km/s.
     #[must_use]
     pub fn velocity_km_s(&self) -> DVec3 {
         self.target.velocity_km_s - self.observer.velocity_km_s
     }
 
-    /// Angle at the target between the Sun (`sun_km` from the geocentre) and the observer, rad: 0 when it is lit as a
-    /// full moon is.
+    /// Returns the angle at the target between the Sun (`sun_km` from the geocentre) and the observer, rad: 0 when it
+    /// is lit as a full moon is.
     #[must_use]
     pub fn phase_rad(&self, sun_km: DVec3) -> f64 {
         (sun_km - self.target.position_km).angle_between(-self.from_observer_km)
@@ -115,7 +115,7 @@ mod tests {
     use super::*;
     use base::units::{ARCSEC, DEG};
 
-    /// Two circles whose bodies pass each other within a thousand kilometres.
+    /// Returns two circles whose bodies pass each other within a thousand kilometres.
     fn pair() -> (Orbit, CircularOrbit, Tai) {
         let at = Tai::from_rfc3339("2026-03-01T00:00:00Z").expect("a valid instant");
         let target = CircularOrbit::new(900.0, 60.0, 33.0, 14.0, at).expect("a valid orbit");

@@ -25,7 +25,7 @@ pub struct Catalog {
 }
 
 impl Catalog {
-    /// The catalog that is part of the program.
+    /// Returns the catalog that is part of the program.
     ///
     /// # Errors
     /// Never with the bytes this version was built from (`the_built_in_catalog_opens`).
@@ -77,19 +77,19 @@ impl Catalog {
         Ok(Self { index, sources })
     }
 
-    /// Its facts and tiles.
+    /// Returns its facts and tiles.
     #[must_use]
     pub fn index(&self) -> &StarIndex {
         &self.index
     }
 
-    /// All sources; a source's `id` is its place here.
+    /// Returns all sources; a source's `id` is its place here.
     #[must_use]
     pub fn sources(&self) -> &[CatalogSource] {
         &self.sources
     }
 
-    /// The stars of a tile that are not fainter than `limiting_mag` (Gaia G), brightest first.
+    /// Returns the stars of a tile that are not fainter than `limiting_mag` (Gaia G), brightest first.
     pub(crate) fn bright_of_tile(&self, tile: u64, limiting_mag: f32) -> &[CatalogSource] {
         #[allow(clippy::cast_possible_truncation, reason = "places of `sources`")]
         let stars = &self.sources[self.index.places(tile).start as usize..self.index.places(tile).end as usize];
@@ -201,7 +201,7 @@ fn star_of(id: u32, source_id: Option<SourceId>, star: &StarRecord) -> CatalogSo
     )
 }
 
-/// The first star of each tile, and the number of stars; of each tile the brightest is the first.
+/// Returns the first star of each tile, and the number of stars; of each tile the brightest is the first.
 fn first_stars(offsets: &[u8], sources: &[CatalogSource]) -> Result<Vec<u64>, CatalogError> {
     let firsts: Vec<u64> = (0..=TILES).map(|tile| u64::from(u32_at(offsets, tile * 4))).collect();
     let stars = sources.len() as u64;

@@ -130,8 +130,8 @@ impl Sorting {
         credits_of(&self.progress.origins)
     }
 
-    /// True when an earlier import into the folder `work` had begun to write its layers into `out`: those that are there
-    /// may be its own, and it goes on.
+    /// Returns whether an earlier import into the folder `work` had begun to write its layers into `out`: those that
+    /// are there may be its own, and it goes on.
     #[must_use]
     pub fn is_finishing(work: &Path, out: &Path) -> bool {
         let progress =
@@ -185,7 +185,7 @@ impl Sorting {
         missing.map_or(Ok(()), |path| Err(LayerError::Work { path, why: "missing".into() }))
     }
 
-    /// True when this input was taken in whole before; `mark` tells that it is the same one.
+    /// Returns whether this input was taken in whole before; `mark` tells that it is the same one.
     ///
     /// # Errors
     /// When an input of that name was another one.
@@ -249,7 +249,7 @@ impl Sorting {
         self.progress.reported.iter().map(|(what, count)| (what.as_str(), *count))
     }
 
-    /// Where the faintest layer ends, mag: stars from there on are not taken.
+    /// Returns where the faintest layer ends, mag: stars from there on are not taken.
     #[must_use]
     pub fn faint_end_mag(&self) -> f64 {
         self.progress.limits_mag.last().map_or(f64::NEG_INFINITY, |limit| f64::from(*limit))
@@ -390,13 +390,13 @@ fn folder_mark(folder: &Path) -> std::io::Result<String> {
     Ok(fs::canonicalize(folder)?.to_string_lossy().into_owned())
 }
 
-/// Whether a file of a folder is one of an import.
+/// Returns whether a file of a folder is one of an import.
 fn is_ours(path: &Path) -> bool {
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     name == PROGRESS || name == "progress.part" || (name.starts_with("layer") && name.ends_with(".rows"))
 }
 
-/// The file of a layer to this magnitude.
+/// Returns the file of a layer to this magnitude.
 #[must_use]
 pub fn layer_name(limit_mag: f32) -> String {
     format!("g{limit_mag}.starlayer")

@@ -187,7 +187,7 @@ pub enum LayerError {
 }
 
 impl LayerError {
-    /// A failure of the system with `path`.
+    /// Returns a failure of the system with `path`.
     pub fn file(what: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> Self {
         move |source| Self::File { what, path: path.into(), source }
     }

@@ -72,13 +72,13 @@ const REACH: f64 = 1.25;
 /// Steps of a coordinate.
 const COORDINATE_STEPS: f64 = 16_777_216.0;
 
-/// Tiles of the sphere at an order.
+/// Returns tiles of the sphere at an order.
 #[must_use]
 pub fn tiles_of(order: u8) -> usize {
     12 << (2 * order)
 }
 
-/// The order at which so many stars make tiles of a handy size.
+/// Returns the order at which so many stars make tiles of a handy size.
 #[must_use]
 pub fn order_for(stars: u64) -> u8 {
     let enough = |order: &u8| tiles_of(*order) as u64 * STARS_PER_TILE >= stars;
@@ -172,18 +172,18 @@ impl StarRecord {
         }
     }
 
-    /// Proper motion eastward (with cos dec) and northward, mas/yr, where it is known.
+    /// Returns the proper motion eastward (with cos dec) and northward, mas/yr, where it is known.
     pub(super) fn motion_mas_yr(&self) -> Option<[f64; 2]> {
         (!self.motion.contains(&NO_MOTION)).then(|| self.motion.map(motion_mas_yr))
     }
 
-    /// Total proper motion, mas/yr; 0 when it is unknown.
+    /// Returns the total proper motion, mas/yr; 0 when it is unknown.
     pub(super) fn speed_mas_yr(&self) -> f64 {
         self.motion_mas_yr().map_or(0.0, |[east, north]| east.hypot(north))
     }
 }
 
-/// A proper motion in stored steps: 0.05 mas/yr up to 1.4 arcsec/yr, 2.5 mas/yr beyond.
+/// Returns a proper motion in stored steps: 0.05 mas/yr up to 1.4 arcsec/yr, 2.5 mas/yr beyond.
 #[must_use]
 #[allow(clippy::cast_possible_truncation, reason = "float-to-int casts saturate")]
 pub(super) fn motion_steps(mas_yr: f64) -> i16 {
@@ -217,7 +217,7 @@ impl TileFrame {
         Self { centre, east, north: centre.cross(east), reach: REACH / f64::from(1_u32 << order) }
     }
 
-    /// A direction of the tile in steps.
+    /// Returns a direction of the tile in steps.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "float-to-int casts saturate")]
     pub(super) fn steps(&self, direction: DVec3) -> [u32; 2] {
         let ahead = direction.dot(self.centre);

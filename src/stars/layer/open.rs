@@ -31,7 +31,7 @@ const PIECE_STARS: usize = 1 << 16;
 const MOST_PACKED: u64 = 64;
 /// Shorter files may pack better: their head is mostly zeros.
 const LEAST_HOLES_BYTES: u64 = 16 << 20;
-/// Whether a file begins as a layer does. A file that cannot be read does not.
+/// Returns whether a file begins as a layer does. A file that cannot be read does not.
 #[must_use]
 pub fn is_layer(path: &Path) -> bool {
     let mut magic = [0; MAGIC.len()];
@@ -67,7 +67,7 @@ pub(super) struct Piece<'a> {
 }
 
 impl Piece<'_> {
-    /// The stars: place in the layer, record, and number, [`NO_NUMBER`] where the layer has none.
+    /// Returns the stars: place in the layer, record, and number, [`NO_NUMBER`] where the layer has none.
     pub(super) fn stars(&self) -> impl Iterator<Item = (u64, &[u8; RECORD_BYTES], i64)> {
         let number = |place: usize| self.numbers.get(place).map_or(NO_NUMBER, |bytes| i64::from_le_bytes(*bytes));
         (self.first..)
@@ -143,13 +143,13 @@ impl Layer {
         Ok(Self { path: path.into(), file, index, crcs: words(crcs), records_at, numbers })
     }
 
-    /// Its file.
+    /// Returns its file.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Its facts and tiles.
+    /// Returns its facts and tiles.
     #[must_use]
     pub fn index(&self) -> &StarIndex {
         &self.index
@@ -313,7 +313,7 @@ impl Layer {
     }
 }
 
-/// Memory for a head, if it is there.
+/// Returns the memory for a head, if it is there.
 fn zeros(path: &Path, bytes: usize) -> Result<Vec<u8>, LayerError> {
     let mut zeros = Vec::new();
     zeros.try_reserve_exact(bytes).map_err(|_| LayerError::Memory { path: path.into(), bytes })?;

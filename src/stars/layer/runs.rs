@@ -106,7 +106,7 @@ impl RunSort {
         Ok(doubled)
     }
 
-    /// Memory for as many of `rows` rows as are sorted at a time.
+    /// Returns the memory for as many of `rows` rows as are sorted at a time.
     fn buffer(&self, path: &Path, rows: u64) -> Result<Vec<Sorted>, LayerError> {
         let rows = usize::try_from(rows).unwrap_or(usize::MAX).min(self.most_rows.max(1));
         let mut sorted = Vec::new();
@@ -194,7 +194,7 @@ impl Runs<'_> {
     }
 }
 
-/// A new file in the place of one that a killed import may have left; no link is followed.
+/// Returns a new file in the place of one that a killed import may have left; no link is followed.
 pub(super) fn new_file(path: &Path) -> std::io::Result<File> {
     match fs::remove_file(path) {
         Err(error) if error.kind() != ErrorKind::NotFound => return Err(error),

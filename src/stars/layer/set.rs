@@ -79,7 +79,7 @@ impl LayerSet {
         Ok(Self::of(layers.into_iter().map(Part::File).collect(), limiting_mag))
     }
 
-    /// The stars of a catalog in memory, those not fainter than `limiting_mag` (Gaia G).
+    /// Returns the stars of a catalog in memory, those not fainter than `limiting_mag` (Gaia G).
     #[must_use]
     pub fn of_catalog(catalog: Catalog, limiting_mag: f32) -> Self {
         Self::of(vec![Part::Memory(catalog)], limiting_mag)
@@ -114,7 +114,7 @@ impl LayerSet {
         [from.map_or(f32::INFINITY, |index| index.magnitudes[0]), below.map_or(f32::MIN, |index| index.magnitudes[1])]
     }
 
-    /// Julian year to which the positions refer.
+    /// Returns the Julian year to which the positions refer.
     #[must_use]
     pub fn epoch_yr(&self) -> f64 {
         self.layers().next().map_or(f64::NAN, |index| index.epoch_yr)
@@ -138,7 +138,7 @@ impl LayerSet {
         }
     }
 
-    /// Stars of a tile, those too faint among them.
+    /// Returns stars of a tile, those too faint among them.
     #[must_use]
     pub fn stars_of(&self, tile: TileId) -> u64 {
         self.parts[usize::from(tile.layer)].index().stars_of_tile(u64::from(tile.tile))
@@ -159,8 +159,8 @@ impl LayerSet {
         }
     }
 
-    /// Where the star with this `id` is: its tile, and its place in it. In skies of more than 2^32 stars `id`s come twice: the
-    /// star found may be another one of the same `id`.
+    /// Returns where the star with this `id` is: its tile, and its place in it. In skies of more than 2^32 stars `id`s
+    /// come twice: the star found may be another one of the same `id`.
     #[must_use]
     pub fn place_of(&self, id: u32) -> Option<(TileId, usize)> {
         let number = self.first_ids.partition_point(|first| *first <= id).checked_sub(1)?;
@@ -170,13 +170,13 @@ impl LayerSet {
         Some((TileId { layer: u8::try_from(number).ok()?, tile: u32::try_from(tile).ok()? }, within))
     }
 
-    /// The name in its source catalog of a star of a layer, by its stored number.
+    /// Returns the name in its source catalog of a star of a layer, by its stored number.
     #[must_use]
     pub fn source_id(&self, layer: u8, number: i64) -> Option<SourceId> {
         self.parts[usize::from(layer)].index().source_id(number)
     }
 
-    /// Every tile with stars, layer by layer.
+    /// Returns every tile with stars, layer by layer.
     pub fn all_tiles(&self) -> impl Iterator<Item = TileId> {
         (0..).zip(self.layers()).flat_map(move |(layer, of)| {
             let all = (0..tiles_of(of.order)).map(move |tile| {

@@ -76,7 +76,7 @@ pub(super) struct WaitingRow {
     parallax: u16,
 }
 
-/// Stars of one tile as its records, brightest first; each is in the tile.
+/// Returns stars of one tile as its records, brightest first; each is in the tile.
 pub fn tile_records(order: u8, tile: u64, stars: &[NewStar]) -> Result<Vec<StarRecord>, LayerError> {
     let (frame, mut counts) = (TileFrame::new(order, tile), StarCounts::default());
     let record = |star: &NewStar| Ok(WaitingRow::new(star, &mut counts)?.record(&frame));
@@ -91,7 +91,7 @@ pub(super) const ROW_BYTES: usize = 34;
 pub(super) const IDENTITY_BYTES: usize = 26;
 
 impl WaitingRow {
-    /// A star in stored steps, and what was found in it.
+    /// Returns a star in stored steps, and what was found in it.
     pub(super) fn new(star: &NewStar, counts: &mut StarCounts) -> Result<Self, LayerError> {
         let inside = |what, value: f64, low: f64, high: f64| {
             let wanted = || format!("{low}..{high}");
@@ -129,7 +129,7 @@ impl WaitingRow {
         Ok(Self { source_id: star.source_id, ra_rad, dec_rad, g, bp_rp, motion, parallax })
     }
 
-    /// The tile it belongs to.
+    /// Returns the tile it belongs to.
     pub(super) fn tile(&self, order: u8) -> u64 {
         cdshealpix::nested::hash(order, self.ra_rad, self.dec_rad)
     }

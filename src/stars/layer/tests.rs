@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 const LIMITS: [f32; 3] = [10.0, 14.0, 18.0];
 
-/// Stars all over the sky, more of them in a cluster at a pole.
+/// Returns stars all over the sky, more of them in a cluster at a pole.
 fn stars(count: usize, seed: u64) -> Vec<NewStar> {
     let mut rng = StdRng::seed_from_u64(seed);
     let star = |i: usize| {

@@ -261,7 +261,7 @@ impl LayerWriter {
     }
 }
 
-/// Bytes before the first record.
+/// Returns bytes before the first record.
 pub(super) fn head_bytes(order: u8, credits_bytes: usize, has_numbers: bool) -> u64 {
     let checksums = if has_numbers { 8 } else { 4 };
     (HEADER_BYTES + 8 * (tiles_of(order) + 1) + checksums * tiles_of(order) + credits_bytes) as u64

@@ -47,7 +47,7 @@ pub struct TileSky {
 }
 
 impl TileSky {
-    /// Stars of `layers` by their `light`, at most so many in memory.
+    /// Returns stars of `layers` by their `light`, at most so many in memory.
     #[must_use]
     pub fn new(layers: Arc<LayerSet>, light: Light, most_stars: u64) -> Self {
         let decoder = Some(Decoder::new(Arc::clone(&layers), light));
@@ -82,7 +82,7 @@ impl TileSky {
         }
     }
 
-    /// The layers.
+    /// Returns the layers.
     #[must_use]
     pub fn layers(&self) -> &LayerSet {
         &self.layers
@@ -108,7 +108,8 @@ impl TileSky {
         self.reader.as_ref().is_some_and(Reader::is_lost)
     }
 
-    /// The field within `radius_rad` of `axis` (a unit vector): what it lacks. Its stars are in [`Self::blocks`] then.
+    /// Returns the field within `radius_rad` of `axis` (a unit vector): what it lacks. Its stars are in
+    /// [`Self::blocks`] then.
     ///
     /// # Errors
     /// When a tile cannot be read or is damaged.
@@ -138,7 +139,7 @@ impl TileSky {
         Ok(shortfall)
     }
 
-    /// The field's tiles of one layer.
+    /// Returns the field's tiles of one layer.
     fn take_layer(&mut self, range: Range<usize>, shortfall: &mut Shortfall) -> Result<Fit, LayerError> {
         let mut places = core::mem::take(&mut self.places);
         places.clear();
@@ -184,13 +185,14 @@ impl TileSky {
         Ok(Fit::Whole)
     }
 
-    /// Whether tiles have room beside those of the brighter layers, as far as is known: nothing is asked for in vain.
+    /// Returns whether tiles have room beside those of the brighter layers, as far as is known: nothing is asked for in
+    /// vain.
     fn may_fit(&self, tiles: &[TileId], places: &[Option<Place>]) -> bool {
         let stars = tiles.iter().zip(places).map(|(tile, place)| self.expected_stars(*tile, *place));
         self.store.has_space(self.field_stars + stars.sum::<u64>(), self.slots.len() + tiles.len())
     }
 
-    /// Stars of a tile that has this place: those that it has, or will have.
+    /// Returns stars of a tile that has this place: those that it has, or will have.
     fn expected_stars(&self, tile: TileId, place: Option<Place>) -> u64 {
         match place {
             Some(Place::Held(slot)) => self.store.stars(slot).len() as u64,
@@ -198,14 +200,15 @@ impl TileSky {
         }
     }
 
-    /// Stars that a tile will have when it is read, by the tiles of its layer that were: none as long as nothing is known.
+    /// Returns stars that a tile will have when it is read, by the tiles of its layer that were: none as long as
+    /// nothing is known.
     fn stars_to_come(&self, tile: TileId) -> u64 {
         let [all, kept] = self.decoded[usize::from(tile.layer)];
         let stars = u128::from(self.layers.stars_of(tile)) * u128::from(kept) / u128::from(all.max(1));
         u64::try_from(stars).unwrap_or(u64::MAX)
     }
 
-    /// A tile of the present field that has this place in the store.
+    /// Returns a tile of the present field that has this place in the store.
     fn find(&mut self, tile: TileId, place: Option<Place>) -> Result<Found, LayerError> {
         if let Some(Place::Held(slot)) = place {
             return Ok(Found::Slot(slot));
@@ -284,18 +287,19 @@ impl TileSky {
         Ok(())
     }
 
-    /// The stars of the field's tiles, brightest layer first, those of a tile together and brightest first.
+    /// Returns the stars of the field's tiles, brightest layer first, those of a tile together and brightest first.
     pub fn blocks(&self) -> impl Iterator<Item = &[TileStar]> {
         self.slots.iter().map(|slot| self.store.stars(*slot))
     }
 
-    /// One of these blocks.
+    /// Returns one of these blocks.
     #[must_use]
     pub fn block(&self, number: usize) -> &[TileStar] {
         self.store.stars(self.slots[number])
     }
 
-    /// The name in its source catalog of a star of the field, by its `id`; `None` when it has none, or is not in memory.
+    /// Returns the name in its source catalog of a star of the field, by its `id`; `None` when it has none, or is not
+    /// in memory.
     #[must_use]
     pub fn source_id(&self, id: u32) -> Option<SourceId> {
         let (tile, place) = self.layers.place_of(id)?;

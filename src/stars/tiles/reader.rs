@@ -98,7 +98,7 @@ impl Reader {
         queue.try_send(Asked { tile, field }).is_ok()
     }
 
-    /// The next answer that is there.
+    /// Returns the next answer that is there.
     pub(super) fn answer(&self) -> Option<Answer> {
         self.ends.as_ref()?.answers.try_recv().ok()
     }
@@ -122,7 +122,7 @@ impl Drop for Reader {
     }
 }
 
-/// The next name, those that a field lacks first; `None` when nobody asks any more.
+/// Returns the next name, those that a field lacks first; `None` when nobody asks any more.
 fn next(lacking: &Receiver<Asked>, ahead: &Receiver<Asked>) -> Option<Asked> {
     match lacking.try_recv() {
         Ok(asked) => return Some(asked),

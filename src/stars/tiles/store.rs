@@ -55,7 +55,7 @@ impl Store {
         self.places.get(&tile).copied()
     }
 
-    /// A tile that has been asked for, as lacking or ahead: false when there is no room for more names.
+    /// Returns a tile that has been asked for, as lacking or ahead: false when there is no room for more names.
     pub(super) fn ask(&mut self, tile: TileId, place: Place) -> bool {
         let has_space = self.places.len() < 2 * MOST_TILES || self.places.contains_key(&tile);
         if has_space {
@@ -64,7 +64,7 @@ impl Store {
         has_space
     }
 
-    /// Tiles that are to come.
+    /// Returns tiles that are to come.
     pub(super) fn asked(&self) -> usize {
         self.places.len() - (self.slots.len() - self.free.len())
     }
@@ -88,7 +88,7 @@ impl Store {
         stars <= self.most_stars && tiles <= MOST_TILES
     }
 
-    /// Stars in memory.
+    /// Returns stars in memory.
     #[cfg(test)]
     pub(super) fn held_stars(&self) -> u64 {
         self.stars

@@ -31,7 +31,7 @@ fn layers(folder: &Path, epoch_yr: f64) -> Vec<PathBuf> {
     reports.into_iter().map(|report| report.path).collect()
 }
 
-/// Electrons that tell magnitude and colour.
+/// Returns electrons that tell magnitude and colour.
 fn light() -> Light {
     Light::new(|mag_g, bp_rp| (f64::from(mag_g) * 1000.0 + f64::from(bp_rp), mag_g))
 }
@@ -40,7 +40,7 @@ fn sky(paths: &[PathBuf], limiting_mag: f32, most_stars: u64) -> TileSky {
     TileSky::new(Arc::new(LayerSet::open(paths, limiting_mag).unwrap()), light(), most_stars)
 }
 
-/// Stars of the field within its radius, in order.
+/// Returns stars of the field within its radius, in order.
 fn found(sky: &TileSky, axis: DVec3, radius_rad: f64) -> Vec<TileStar> {
     let within = |star: &&TileStar| star.direction_icrf.angle_between(axis) <= radius_rad;
     sky.blocks().flatten().filter(within).copied().collect()

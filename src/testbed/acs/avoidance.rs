@@ -34,19 +34,19 @@ pub struct KeepOut {
     pub margin_rad: f64,
 }
 
-/// Angle between two vectors, rad; exact for small angles too.
+/// Returns the angle between two vectors, rad; exact for small angles too.
 fn angle_between(a: DVec3, b: DVec3) -> f64 {
     a.cross(b).length().atan2(a.dot(b))
 }
 
 impl KeepOut {
-    /// Angle between boresight and Sun, rad.
+    /// Returns the angle between boresight and Sun, rad.
     #[must_use]
     pub fn sun_angle_rad(&self, body_from_icrf: &Rotation<Body, Icrf>, sun_icrf: DVec3) -> f64 {
         angle_between(self.boresight_icrf(body_from_icrf), sun_icrf)
     }
 
-    /// Smallest angle between boresight and Sun during one turn, rad, in closed form.
+    /// Returns the smallest angle between boresight and Sun during one turn, rad, in closed form.
     #[must_use]
     pub fn closest_approach_rad(&self, leg: &Leg, sun_icrf: DVec3) -> f64 {
         let axis = leg.start().inverse().apply(leg.axis_body());
@@ -61,14 +61,14 @@ impl KeepOut {
         }
     }
 
-    /// Smallest angle between boresight and Sun during a path, rad.
+    /// Returns the smallest angle between boresight and Sun during a path, rad.
     #[must_use]
     pub fn closest_approach_of_path_rad(&self, path: &SlewPath, sun_icrf: DVec3) -> f64 {
         path.legs().iter().map(|leg| self.closest_approach_rad(leg, sun_icrf)).fold(PI, f64::min)
     }
 
-    /// The quickest path found from `start` to `end` that keeps half angle and margin, or, when an end is closer to
-    /// the Sun than that, comes no closer than the ends.
+    /// Returns the quickest path found from `start` to `end` that keeps half angle and margin, or, when an end is
+    /// closer to the Sun than that, comes no closer than the ends.
     #[must_use]
     pub fn path(
         &self,
@@ -146,7 +146,7 @@ impl<'a> Around<'a> {
         SlewPath::new(&[first, second]).unwrap_or(SlewPath::single(first))
     }
 
-    /// Radially to the end's Sun angle, around the Sun, roll.
+    /// Returns the radially to the end's Sun angle, around the Sun, roll.
     fn constant_angle_path(&self, limits: &SlewLimits) -> SlewPath {
         let angle = |attitude| self.keep_out.sun_angle_rad(attitude, self.sun);
         let outward = self.sun.cross(self.zero) * (angle(&self.end) - angle(&self.start));

@@ -31,7 +31,7 @@ fn attitude(random: &mut StdRng) -> Rotation<Body, Icrf> {
     }
 }
 
-/// Cosine of the Sun's angle, written without the module's functions.
+/// Returns the cosine of the Sun's angle, written without the module's functions.
 fn cosine(attitude: &Rotation<Body, Icrf>, sun: DVec3) -> f64 {
     attitude.apply(sun).dot(KEEP_OUT.boresight_body.normalize())
 }

@@ -66,7 +66,7 @@ impl Sensors {
         DVec3::new(one(), one(), one())
     }
 
-    /// The mean rate since the last sample.
+    /// Returns the mean rate since the last sample.
     fn gyro(&mut self, body: &TestBody, noise: &PointingNoise) -> DVec3 {
         let dt_s = PERIOD.s();
         let turned = self.before.rotation_vector_to(&body.attitude);

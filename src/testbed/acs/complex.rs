@@ -15,13 +15,13 @@ impl Complex {
     /// One.
     pub const ONE: Self = Self { re: 1.0, im: 0.0 };
 
-    /// A real number.
+    /// Returns a real number.
     #[must_use]
     pub const fn real(re: f64) -> Self {
         Self { re, im: 0.0 }
     }
 
-    /// An imaginary number.
+    /// Returns an imaginary number.
     #[must_use]
     pub const fn imaginary(im: f64) -> Self {
         Self { re: 0.0, im }
@@ -39,7 +39,7 @@ impl Complex {
         self.re.hypot(self.im)
     }
 
-    /// Square of the modulus.
+    /// Returns the square of the modulus.
     #[must_use]
     pub fn modulus_squared(self) -> f64 {
         self.re * self.re + self.im * self.im

@@ -86,7 +86,7 @@ impl Acs {
         Ok(())
     }
 
-    /// One control period up to `at`.
+    /// Returns one control period up to `at`.
     pub fn step(&mut self, at: Tai, input: &AcsInput) -> AcsOutput {
         let input = input.finite();
         self.attitude = input.attitude;
@@ -112,19 +112,19 @@ impl Acs {
         }
     }
 
-    /// The mode.
+    /// Returns the mode.
     #[must_use]
     pub fn mode(&self) -> Mode {
         self.logic.mode()
     }
 
-    /// The slew under way or done last, with its beginning.
+    /// Returns the slew under way or done last, with its beginning.
     #[must_use]
     pub fn slew(&self) -> Option<&(Tai, SlewPath)> {
         self.slew.as_ref()
     }
 
-    /// The mode at the next step, as far as commands go: a later command does not undo one to safe mode.
+    /// Returns the mode at the next step, as far as commands go: a later command does not undo one to safe mode.
     fn mode_to_be(&self) -> Mode {
         self.asked.map_or(self.logic.mode(), |(mode, _)| mode)
     }
@@ -178,7 +178,7 @@ impl Acs {
         Ok(self.planned(self.slew_start(attitude), target))
     }
 
-    /// Around the Sun where there is a cone and the Sun is known; else straight.
+    /// Returns the around the Sun where there is a cone and the Sun is known; else straight.
     fn planned(&self, start: Rotation<Body, Icrf>, end: &Rotation<Body, Icrf>) -> SlewPath {
         let cone: Option<(&KeepOut, DVec3)> = self.params.exclusion.as_ref().zip(self.sun_icrf);
         cone.map_or_else(

@@ -22,7 +22,7 @@ pub(super) struct FeedbackLoop {
 }
 
 impl FeedbackLoop {
-    /// A loop that begins with the first step.
+    /// Returns a loop that begins with the first step.
     pub(super) fn new(gains: LoopGains, filter: Biquad) -> Self {
         Self { gains, filter: filter.at_rest(), integral_rad_s: DVec3::ZERO, saturated: false, fresh: true }
     }

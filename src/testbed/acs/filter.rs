@@ -46,8 +46,8 @@ pub struct BiquadState {
 }
 
 impl StructuralFilter {
-    /// The section of a control period; [`StructuralFilter::None`] passes everything. `None` when a frequency is not
-    /// between zero and half the control frequency, or a width or damping is not positive.
+    /// Returns the section of a control period; [`StructuralFilter::None`] passes everything. `None` when a frequency
+    /// is not between zero and half the control frequency, or a width or damping is not positive.
     #[must_use]
     pub fn section(&self, period_s: f64) -> Option<Biquad> {
         let allowed = |hz: f64| (hz.is_finite() && hz > 0.0 && hz * period_s < 0.5).then_some(TAU * hz * period_s);
@@ -74,7 +74,7 @@ impl Biquad {
         Self { b: b.map(|v| v * scale), a: [-2.0 * w.cos() * scale, (1.0 - alpha) * scale], period_s }
     }
 
-    /// Complex gain at a frequency, with `z = exp(i w T)`: modulus and phase lag in closed form.
+    /// Returns the complex gain at a frequency, with `z = exp(i w T)`: modulus and phase lag in closed form.
     #[must_use]
     pub fn response(&self, frequency_hz: f64) -> Complex {
         let back = Complex::unit(-TAU * frequency_hz * self.period_s);
@@ -91,7 +91,7 @@ impl Biquad {
 }
 
 impl BiquadState {
-    /// One period.
+    /// Returns one period.
     pub fn step(&mut self, input: DVec3) -> DVec3 {
         let Biquad { b, a, .. } = self.section;
         let output = input * b[0] + self.kept[0];
@@ -118,7 +118,7 @@ mod tests {
     /// Transients of 400 periods of filters with 1 Hz corners have died out; the rest is rounding.
     const STEADY: f64 = 1e-9;
 
-    /// Gain and phase measured on the running filter, by correlation over whole cycles.
+    /// Returns the gain and phase measured on the running filter, by correlation over whole cycles.
     fn measured(filter: StructuralFilter, hz: f64) -> Complex {
         let mut state = filter.section(PERIOD_S).expect("in range").at_rest();
         let mut sum = Complex::real(0.0);

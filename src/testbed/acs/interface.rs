@@ -54,7 +54,7 @@ pub struct AcsOutput {
 }
 
 impl AcsInput {
-    /// Numbers that are not finite count as missing; a rate as none.
+    /// Returns numbers that are not finite count as missing; a rate as none.
     pub(super) fn finite(&self) -> Self {
         let direction = |v: &DVec3| v.is_finite() && v.length_squared() > 0.0;
         let or_zero = |v: DVec3| if v.is_finite() { v } else { DVec3::ZERO };

@@ -33,7 +33,7 @@ pub struct LoopGains {
 }
 
 impl Gains {
-    /// Undamped natural frequency, rad/s.
+    /// Returns the undamped natural frequency, rad/s.
     #[must_use]
     pub fn natural_rad_s(&self) -> f64 {
         TAU * self.bandwidth_hz
@@ -54,13 +54,13 @@ impl Gains {
     }
 }
 
-/// Torque that undoes the gyroscopic coupling of body and wheels: `w x (J w + h)`.
+/// Returns the torque that undoes the gyroscopic coupling of body and wheels: `w x (J w + h)`.
 #[must_use]
 pub fn gyroscopic(inertia_kg_m2: &DMat3, rate_rad_s: DVec3, wheel_momentum_n_m_s: DVec3) -> DVec3 {
     rate_rad_s.cross(*inertia_kg_m2 * rate_rad_s + wheel_momentum_n_m_s)
 }
 
-/// The error shortened so that the loop turns no faster than `largest_rate_rad_s` and can still stop with
+/// Returns the error shortened so that the loop turns no faster than `largest_rate_rad_s` and can still stop with
 /// `deceleration_rad_s2`: Wie, Bailey and Heiberg (2002), eq. 32, with `sqrt(a e)`, half the deceleration of theirs,
 /// in reserve.
 #[must_use]
@@ -69,14 +69,15 @@ pub fn shortened(error_rad: DVec3, gains: &LoopGains, largest_rate_rad_s: f64, d
     error_rad.clamp_length_max(rate * gains.error_per_rate_s)
 }
 
-/// A torque scaled so that no axis exceeds `largest_n_m`; its direction is kept.
+/// Returns a torque scaled so that no axis exceeds `largest_n_m`; its direction is kept.
 #[must_use]
 pub fn limited(torque_n_m: DVec3, largest_n_m: f64) -> DVec3 {
     let most = torque_n_m.abs().max_element();
     if most > largest_n_m { torque_n_m * (largest_n_m / most) } else { torque_n_m }
 }
 
-/// Rotation vector (rad, body axes) that turns the body axis `axis_body` onto the measured direction `sun_body`.
+/// Returns the rotation vector (rad, body axes) that turns the body axis `axis_body` onto the measured direction
+/// `sun_body`.
 #[must_use]
 pub fn error_to_direction(axis_body: DVec3, sun_body: DVec3) -> DVec3 {
     let (axis, sun) = (axis_body.normalize_or_zero(), sun_body.normalize_or_zero());

@@ -34,13 +34,13 @@ pub struct PointingLoop {
 }
 
 impl PointingLoop {
-    /// A loop without delay, hold and filter: the textbook's.
+    /// Returns a loop without delay, hold and filter: the textbook's.
     #[must_use]
     pub fn ideal(gains: Gains) -> Self {
         Self { gains, delay_s: 0.0, control_period_s: 0.0, filter: StructuralFilter::None, inertia_ratio: 1.0 }
     }
 
-    /// Gain from angle to acceleration, without the rate's part: `wn^2 + wn^2 / (Ti s)`.
+    /// Returns the gain from angle to acceleration, without the rate's part: `wn^2 + wn^2 / (Ti s)`.
     #[must_use]
     pub fn angle_gain(&self, w_rad_s: f64) -> Complex {
         let stiffness = self.gains.natural_rad_s().powi(2);
@@ -48,7 +48,7 @@ impl PointingLoop {
         Complex { re: stiffness, im: -integral }
     }
 
-    /// Gain from rate to acceleration: `2 zeta wn`, 1/s.
+    /// Returns the gain from rate to acceleration: `2 zeta wn`, 1/s.
     #[must_use]
     pub fn rate_gain(&self) -> f64 {
         2.0 * self.gains.damping * self.gains.natural_rad_s()
@@ -63,7 +63,7 @@ impl PointingLoop {
         self.filtered(w_rad_s) * late * (-1.0 / (self.inertia_ratio * w_rad_s * w_rad_s))
     }
 
-    /// Open loop `L(i w)`.
+    /// Returns the open loop `L(i w)`.
     #[must_use]
     pub fn open_loop(&self, w_rad_s: f64) -> Complex {
         (self.angle_gain(w_rad_s) + Complex::imaginary(self.rate_gain() * w_rad_s)) * self.plant(w_rad_s)
@@ -82,14 +82,14 @@ impl PointingLoop {
         open / (Complex::ONE + open)
     }
 
-    /// Angle per disturbing torque over inertia, `1 / (r s^2 (1 + L))`, s^2: jitter rejection of the loop.
+    /// Returns the angle per disturbing torque over inertia, `1 / (r s^2 (1 + L))`, s^2: jitter rejection of the loop.
     #[must_use]
     pub fn compliance(&self, w_rad_s: f64) -> Complex {
         self.sensitivity(w_rad_s) * (-1.0 / (self.inertia_ratio * w_rad_s * w_rad_s))
     }
 
-    /// Highest frequency at which `|L| = 1`, rad/s. `None` when there is none within a factor of 1000 of the natural
-    /// frequency (or below half the control frequency).
+    /// Returns the highest frequency at which `|L| = 1`, rad/s. `None` when there is none within a factor of 1000 of
+    /// the natural frequency (or below half the control frequency).
     #[must_use]
     pub fn gain_crossover_rad_s(&self) -> Option<f64> {
         let wn = self.gains.natural_rad_s();
@@ -111,8 +111,8 @@ impl PointingLoop {
         None
     }
 
-    /// Phase margin at the gain crossover, rad; negative when the loop is unstable. The double integrator's -180
-    /// degrees are exact, delay and hold are straight lines, so nothing wraps.
+    /// Returns the phase margin at the gain crossover, rad; negative when the loop is unstable. The double integrator's
+    /// -180 degrees are exact, delay and hold are straight lines, so nothing wraps.
     #[must_use]
     pub fn phase_margin_rad(&self) -> Option<f64> {
         let w = self.gain_crossover_rad_s()?;
@@ -120,7 +120,8 @@ impl PointingLoop {
         Some(lead + self.filtered(w).argument_rad() - w * (self.delay_s + self.control_period_s / 2.0))
     }
 
-    /// Delay beyond the present one at which the loop becomes unstable, s: phase margin over crossover frequency.
+    /// Returns the delay beyond the present one at which the loop becomes unstable, s: phase margin over crossover
+    /// frequency.
     #[must_use]
     pub fn delay_margin_s(&self) -> Option<f64> {
         Some(self.phase_margin_rad()? / self.gain_crossover_rad_s()?)
@@ -132,7 +133,7 @@ impl PointingLoop {
     }
 }
 
-/// Zero of a function that is positive at `below` and not at `above`.
+/// Returns the zero of a function that is positive at `below` and not at `above`.
 fn bisected(mut below: f64, mut above: f64, excess: impl Fn(f64) -> f64) -> f64 {
     for _ in 0..HALVINGS {
         let middle = 0.5 * (below + above);

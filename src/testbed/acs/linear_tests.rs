@@ -81,7 +81,7 @@ fn grows(model: &PointingLoop, late_steps: usize) -> bool {
     most[1] > most[0]
 }
 
-/// Delay at which the simulated loop begins to grow, s.
+/// Returns the delay at which the simulated loop begins to grow, s.
 fn simulated_edge_s(model: &PointingLoop) -> f64 {
     let (mut stable, mut unstable) = (0_usize, 2000_usize);
     while unstable - stable > 1 {
@@ -144,7 +144,8 @@ fn the_noise_bandwidth_is_the_integral_in_closed_form() {
     assert!((other / wanted - 1.0).abs() > 1e-3, "another damping must differ: {other}");
 }
 
-/// Amplitude of the angle's answer to `amplitude(t)`-shaped disturbances at `w`, by correlation over whole cycles.
+/// Returns the amplitude of the angle's answer to `amplitude(t)`-shaped disturbances at `w`, by correlation over whole
+/// cycles.
 fn answer(model: &PointingLoop, w: f64, drive: impl Fn(f64) -> (f64, f64, f64)) -> f64 {
     let late = (model.delay_s / model.control_period_s * f64::from(FINE)).round() as usize;
     let mut axis = Axis::new(model, late);
@@ -180,8 +181,8 @@ fn simulated_sines_come_out_as_the_transfer_functions_say() {
     }
 }
 
-/// One axis with gyro, tracker and a filter with Farrenkopf's constant gains; returns the rms of pointing and of
-/// knowledge.
+/// Returns one axis with gyro, tracker and a filter with Farrenkopf's constant gains; returns the rms of pointing and
+/// of knowledge.
 fn simulated_errors(model: &PointingLoop, noise: &PointingNoise, seconds: u32, seed: u64) -> (f64, f64) {
     let mut random = StdRng::seed_from_u64(seed);
     let mut gaussian = move || {

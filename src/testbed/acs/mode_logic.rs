@@ -178,13 +178,13 @@ impl ModeLogic {
         Self { mode, since: [None; ROWS], thresholds }
     }
 
-    /// The mode.
+    /// Returns the mode.
     #[must_use]
     pub fn mode(&self) -> Mode {
         self.mode
     }
 
-    /// One step; the event when the mode changes.
+    /// Returns one step; the event when the mode changes.
     pub fn step(&mut self, at: Tai, situation: &Situation) -> Option<ModeEvent> {
         let mut fires = None;
         for (row, since) in TABLE.iter().zip(&mut self.since) {

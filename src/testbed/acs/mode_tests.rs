@@ -4,7 +4,7 @@ use super::mode_logic::{Cause, Mode, ModeLogic, Situation, Thresholds};
 use super::test_body::{PERIOD, start, thresholds};
 use base::time::{Span, Tai};
 
-/// A body at rest on its target.
+/// Returns a body at rest on its target.
 fn calm() -> Situation {
     Situation { rate_rad_s: 0.0, rate_error_rad_s: 0.0, error_rad: Some(0.0), sigma_rad: 0.0, slew_over: false }
 }

@@ -63,7 +63,7 @@ struct Observer {
 }
 
 impl PointingLoop {
-    /// Pointing error to be expected from this loop with an estimator that is tuned to the same noise.
+    /// Returns the pointing error to be expected from this loop with an estimator that is tuned to the same noise.
     #[must_use]
     pub fn pointing_error(&self, noise: &PointingNoise) -> PointingPrediction {
         let steady = Farrenkopf::new(noise.nea_rad, noise.tracker_period_s, &noise.gyro);
@@ -94,8 +94,8 @@ impl PointingLoop {
         }
     }
 
-    /// Equivalent noise bandwidth of the closed loop for noise of the measured angle and its rate, Hz, two-sided:
-    /// `(1 / 2 pi) int |T|^2 dw` over all frequencies.
+    /// Returns the equivalent noise bandwidth of the closed loop for noise of the measured angle and its rate, Hz,
+    /// two-sided: `(1 / 2 pi) int |T|^2 dw` over all frequencies.
     #[must_use]
     pub fn noise_bandwidth_hz(&self) -> f64 {
         let wn = self.gains.natural_rad_s();
@@ -115,7 +115,7 @@ impl PointingLoop {
 }
 
 impl Observer {
-    /// Attitude and rate error per tracker, rate and bias noise.
+    /// Returns the attitude and rate error per tracker, rate and bias noise.
     fn errors(&self, w_rad_s: f64) -> [(Complex, Complex); 3] {
         let s = Complex::imaginary(w_rad_s);
         let (k1, k2) = (self.k1, Complex::real(self.k2));
@@ -133,7 +133,7 @@ impl Observer {
         })
     }
 
-    /// White noise integrated once and twice over the latency: `(1 - m) / s` and `(l - (1 - m) / s) / s`.
+    /// Returns the white noise integrated once and twice over the latency: `(1 - m) / s` and `(l - (1 - m) / s) / s`.
     fn since(&self, s: Complex, late: Complex) -> [Complex; 2] {
         let l = self.latency_s;
         if s.im * l < 1e-4 {

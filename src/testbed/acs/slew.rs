@@ -60,7 +60,7 @@ impl Reference {
 }
 
 impl Leg {
-    /// The turn by a rotation vector (rad, body axes; at most pi or, for a turn the long way, 2 pi).
+    /// Returns the turn by a rotation vector (rad, body axes; at most pi or, for a turn the long way, 2 pi).
     #[must_use]
     pub fn turn(start: Rotation<Body, Icrf>, vector_rad: DVec3, limits: &SlewLimits) -> Self {
         let angle_rad = vector_rad.length();
@@ -72,19 +72,19 @@ impl Leg {
         Self { start, axis, angle_rad, acceleration_rad_s2: acceleration, ramp_s, coast_s }
     }
 
-    /// The shortest turn between two attitudes.
+    /// Returns the shortest turn between two attitudes.
     #[must_use]
     pub fn between(start: Rotation<Body, Icrf>, end: &Rotation<Body, Icrf>, limits: &SlewLimits) -> Self {
         Self::turn(start, start.rotation_vector_to(end), limits)
     }
 
-    /// Attitude at the beginning.
+    /// Returns the attitude at the beginning.
     #[must_use]
     pub fn start(&self) -> Rotation<Body, Icrf> {
         self.start
     }
 
-    /// Attitude at the end.
+    /// Returns the attitude at the end.
     #[must_use]
     pub fn end(&self) -> Rotation<Body, Icrf> {
         self.start.rotated_by(self.axis * self.angle_rad)
@@ -96,13 +96,14 @@ impl Leg {
         self.axis
     }
 
-    /// Angle of the turn, rad.
+    /// Returns the angle of the turn, rad.
     #[must_use]
     pub fn angle_rad(&self) -> f64 {
         self.angle_rad
     }
 
-    /// Time from rest to rest, s: `2 sqrt(2 angle / A)` for a small turn, `angle / w + 2 w / A` for a large one.
+    /// Returns the time from rest to rest, s: `2 sqrt(2 angle / A)` for a small turn, `angle / w + 2 w / A` for a large
+    /// one.
     #[must_use]
     pub fn duration_s(&self) -> f64 {
         2.0 * self.ramp_s + self.coast_s
@@ -152,7 +153,7 @@ impl SlewPath {
         Some(Self { legs: kept, count: legs.len() })
     }
 
-    /// One turn.
+    /// Returns one turn.
     #[must_use]
     pub fn single(leg: Leg) -> Self {
         Self { legs: [leg; MOST_LEGS], count: 1 }
@@ -170,7 +171,7 @@ impl SlewPath {
         self.legs().iter().map(Leg::duration_s).sum()
     }
 
-    /// Attitude at the end.
+    /// Returns the attitude at the end.
     #[must_use]
     pub fn end(&self) -> Rotation<Body, Icrf> {
         self.legs[self.count - 1].end()

@@ -17,7 +17,7 @@ pub(super) const PERIOD: Span = Span::from_ms(100);
 /// Physics steps per control period.
 const FINE: u32 = 10;
 
-/// Inertia of a small satellite with products of inertia.
+/// Returns the inertia of a small satellite with products of inertia.
 pub(super) fn inertia() -> DMat3 {
     DMat3::from_cols(DVec3::new(12.0, 0.6, -0.4), DVec3::new(0.6, 10.0, 0.8), DVec3::new(-0.4, 0.8, 7.0))
 }
@@ -119,7 +119,7 @@ impl TestBody {
         self.at = self.at + PERIOD;
     }
 
-    /// Momentum of body and wheels, ICRF.
+    /// Returns the momentum of body and wheels, ICRF.
     pub(super) fn momentum_icrf(&self) -> DVec3 {
         self.attitude.inverse().apply(inertia() * self.rate + self.wheels)
     }

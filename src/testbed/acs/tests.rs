@@ -13,7 +13,7 @@ use base::units::{ARCSEC, DEG};
 use core::f64::consts::{PI, TAU};
 use glam::DVec3;
 
-/// Fine pointing at rest on the body's attitude.
+/// Returns the fine pointing at rest on the body's attitude.
 fn settled(params: AcsParams, body: &mut TestBody) -> Acs {
     let mut acs = Acs::new(params, start()).expect("settings in range");
     acs.command(Command::Point(body.attitude)).expect("accepted");
@@ -26,7 +26,7 @@ fn off_target(body: &TestBody, target: &Rotation<Body, Icrf>) -> DVec3 {
     body.attitude.rotation_vector_to(target)
 }
 
-/// Overshoot and time of the first peak after a step of the target about `axis`.
+/// Returns the overshoot and time of the first peak after a step of the target about `axis`.
 fn step_response(gains: Gains, axis: DVec3) -> (f64, f64, f64) {
     let mut body = TestBody::new(DVec3::ZERO);
     let mut acs = settled(AcsParams { fine: gains, ..params() }, &mut body);

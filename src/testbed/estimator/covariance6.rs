@@ -36,7 +36,7 @@ pub struct Gain {
 }
 
 impl Covariance6 {
-    /// Independent attitude and bias errors.
+    /// Returns the independent attitude and bias errors.
     #[must_use]
     pub fn independent(attitude: DMat3, bias: DMat3) -> Self {
         Self { attitude, cross: DMat3::ZERO, bias }
@@ -55,7 +55,7 @@ impl Covariance6 {
         }
     }
 
-    /// Gain for an innovation whose covariance has the inverse `inverse_innovation`.
+    /// Returns the gain for an innovation whose covariance has the inverse `inverse_innovation`.
     #[must_use]
     pub fn gain(&self, inverse_innovation: &DMat3) -> Gain {
         Gain { attitude: self.attitude * *inverse_innovation, bias: self.cross.transpose() * *inverse_innovation }
@@ -76,13 +76,13 @@ impl Covariance6 {
         }
     }
 
-    /// Standard deviations of the attitude error, rad, body axes.
+    /// Returns the standard deviations of the attitude error, rad, body axes.
     #[must_use]
     pub fn attitude_sigma_rad(&self) -> DVec3 {
         root_of_diagonal(&self.attitude)
     }
 
-    /// Standard deviations of the bias error, rad/s, body axes.
+    /// Returns the standard deviations of the bias error, rad/s, body axes.
     #[must_use]
     pub fn bias_sigma_rad_s(&self) -> DVec3 {
         root_of_diagonal(&self.bias)

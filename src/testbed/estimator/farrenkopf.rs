@@ -32,7 +32,7 @@ pub struct Farrenkopf {
 }
 
 impl Farrenkopf {
-    /// The steady state for a tracker with noise `nea_rad` (one sigma) every `period_s`. With
+    /// Returns the steady state for a tracker with noise `nea_rad` (one sigma) every `period_s`. With
     /// `Su = sigma_u T^1.5 / sigma_n` and `Sv = sigma_v T^0.5 / sigma_n`:
     /// `xi + 1 / xi = Su / 2 + 2 sqrt(1 + Sv^2 / 4 + Su^2 / 48)`.
     #[must_use]

@@ -53,7 +53,7 @@ impl History {
         Self { steps, reach, space }
     }
 
-    /// The latest step. A history is never empty; the first step is its floor.
+    /// Returns the latest step. A history is never empty; the first step is its floor.
     pub(super) fn last(&self) -> &Step {
         &self.steps[self.steps.len() - 1]
     }
@@ -70,7 +70,7 @@ impl History {
         self.steps.len()
     }
 
-    /// Index of the last step at or before `at`; `None` when all are later.
+    /// Returns the index of the last step at or before `at`; `None` when all are later.
     pub(super) fn at_or_before(&self, at: Tai) -> Option<usize> {
         self.steps.partition_point(|step| step.at <= at).checked_sub(1)
     }
@@ -104,7 +104,7 @@ impl History {
     }
 }
 
-/// The estimate after turning with `rate_measured_rad_s` for `span`.
+/// Returns the estimate after turning with `rate_measured_rad_s` for `span`.
 pub(super) fn propagated(
     from: &Estimate,
     params: &MekfParams,
@@ -130,8 +130,8 @@ pub(super) fn propagated(
     }
 }
 
-/// Transition of the errors over `dt_s` at a constant rate: Markley and Crassidis (2014), eq. 6.82: attitude
-/// `exp(-[w x] dt)`, bias to attitude minus its integral over time.
+/// Returns the transition of the errors over `dt_s` at a constant rate: Markley and Crassidis (2014), eq. 6.82:
+/// attitude `exp(-[w x] dt)`, bias to attitude minus its integral over time.
 fn turn(rate_rad_s: DVec3, dt_s: f64) -> Turn {
     let attitude = Rotation::<Body, Body>::from_rotation_vector(rate_rad_s * dt_s).matrix();
     let angle = rate_rad_s.length() * dt_s;
@@ -147,8 +147,8 @@ fn turn(rate_rad_s: DVec3, dt_s: f64) -> Turn {
     Turn { attitude, cross: -integral }
 }
 
-/// Noise of one gyro step: Farrenkopf (1978); Markley and Crassidis (2014), eq. 6.93. Exact for slow turns; the
-/// turning of the axes within one step is left out.
+/// Returns the noise of one gyro step: Farrenkopf (1978); Markley and Crassidis (2014), eq. 6.93. Exact for slow turns;
+/// the turning of the axes within one step is left out.
 fn gyro_noise(params: &MekfParams, dt_s: f64) -> Covariance6 {
     let arw = params.gyro_arw_rad_sqrt_s * params.gyro_arw_rad_sqrt_s;
     let rrw = params.gyro_rrw_rad_s_sqrt_s * params.gyro_rrw_rad_s_sqrt_s;

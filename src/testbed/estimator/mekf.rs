@@ -61,7 +61,7 @@ pub struct Mekf {
 }
 
 impl Mekf {
-    /// A filter that knows no attitude yet.
+    /// Returns a filter that knows no attitude yet.
     ///
     /// # Errors
     /// Settings out of range.
@@ -97,7 +97,7 @@ impl Mekf {
         usable(&fix) && self.restart(at, &fix) == Measured::Started
     }
 
-    /// An attitude from a star tracker that held at `at`, with its noise covariance in body axes (rad^2).
+    /// Returns an attitude from a star tracker that held at `at`, with its noise covariance in body axes (rad^2).
     ///
     /// The history is split at `at`, the attitude worked in there and everything later repeated, so that the result
     /// is that of a tracker without delay. Attitudes may come in any order.
@@ -119,8 +119,8 @@ impl Mekf {
         result
     }
 
-    /// Attitude at `at`: from the history, or past its end with the last rate. `None` before the first start and
-    /// before what the history holds.
+    /// Returns the attitude at `at`: from the history, or past its end with the last rate. `None` before the first
+    /// start and before what the history holds.
     #[must_use]
     pub fn attitude(&self, at: Tai) -> Option<Rotation<Body, Icrf>> {
         if !self.started {
@@ -133,32 +133,32 @@ impl Mekf {
         Some(from.after.attitude.rotated_by(rate * (at - from.at).s()))
     }
 
-    /// Last rate less the bias, rad/s, body axes.
+    /// Returns the last rate less the bias, rad/s, body axes.
     #[must_use]
     pub fn rate_rad_s(&self) -> DVec3 {
         let last = self.history.last();
         last.rate_measured_rad_s - last.after.bias_rad_s
     }
 
-    /// Gyro bias, rad/s, body axes.
+    /// Returns the gyro bias, rad/s, body axes.
     #[must_use]
     pub fn bias_rad_s(&self) -> DVec3 {
         self.history.last().after.bias_rad_s
     }
 
-    /// Standard deviation of the attitude error about each body axis, rad.
+    /// Returns the standard deviation of the attitude error about each body axis, rad.
     #[must_use]
     pub fn sigma_rad(&self) -> DVec3 {
         self.history.last().after.covariance.attitude_sigma_rad()
     }
 
-    /// Covariance at the last gyro sample.
+    /// Returns the covariance at the last gyro sample.
     #[must_use]
     pub fn covariance(&self) -> &Covariance6 {
         &self.history.last().after.covariance
     }
 
-    /// Time of the last gyro sample.
+    /// Returns the time of the last gyro sample.
     #[must_use]
     pub fn at(&self) -> Tai {
         self.history.last().at
@@ -189,7 +189,7 @@ impl Mekf {
         silent + (last.at - begun_at)
     }
 
-    /// Index of the step right before `at`, or why there is none.
+    /// Returns the index of the step right before `at`, or why there is none.
     fn step_before(&self, at: Tai) -> Result<usize, Measured> {
         let now = self.history.last().at;
         if at > now {
@@ -201,7 +201,7 @@ impl Mekf {
         self.history.at_or_before(at).ok_or(Measured::TooOld)
     }
 
-    /// The step that ends at `at`, cut out of the one it falls into; not yet in the history.
+    /// Returns the step that ends at `at`, cut out of the one it falls into; not yet in the history.
     fn cut(&self, index: usize, at: Tai) -> Step {
         let from = *self.history.get(index);
         let (rate, silent) = if index + 1 < self.history.len() {

@@ -65,7 +65,7 @@ impl World {
         world
     }
 
-    /// Three numbers of standard deviation 1 (Box and Muller 1958).
+    /// Returns three numbers of standard deviation 1 (Box and Muller 1958).
     fn gaussian(&mut self) -> DVec3 {
         let mut one = || {
             let (u, v): (f64, f64) = (self.noise.random(), self.noise.random());
@@ -74,8 +74,8 @@ impl World {
         DVec3::new(one(), one(), one())
     }
 
-    /// One gyro sample. The walk of the bias within the step reaches the angle with half its weight, and a third of
-    /// its variance in all: `b0 + walk / 2 + walk' / sqrt(12)`.
+    /// Returns one gyro sample. The walk of the bias within the step reaches the angle with half its weight, and a
+    /// third of its variance in all: `b0 + walk / 2 + walk' / sqrt(12)`.
     fn step(&mut self) -> DVec3 {
         let (dt, k) = (GYRO_STEP.s(), f64::from(self.steps));
         let rate = DVec3::new(0.5 * (0.02 * k).sin(), 0.3, -0.4 * (0.03 * k).cos()) * DEG;
@@ -93,7 +93,8 @@ impl World {
         self.attitude.rotated_by(noise)
     }
 
-    /// Squared error of attitude and bias together, weighed with the filter's own covariance (chi-square, 6).
+    /// Returns the squared error of attitude and bias together, weighed with the filter's own covariance (chi-square,
+    /// 6).
     fn nees(&self, filter: &Mekf) -> f64 {
         let estimate = filter.attitude(self.at).expect("started");
         let (a, b) = (estimate.rotation_vector_to(&self.attitude), self.bias - filter.bias_rad_s());
@@ -125,8 +126,8 @@ fn run(world: &mut World, filter: &mut Mekf, steps: u32) -> f64 {
 const RUNS: u32 = 200;
 const RUN_STEPS: u32 = 400;
 
-/// Mean of the squared weighed errors at the end, and of the squared weighed innovations, over `RUNS` runs whose gyro
-/// has `arw_factor` times the noise the filter believes in.
+/// Returns the mean of the squared weighed errors at the end, and of the squared weighed innovations, over `RUNS` runs
+/// whose gyro has `arw_factor` times the noise the filter believes in.
 fn consistency(arw_factor: f64) -> (f64, f64) {
     let (mut nees, mut nis) = (0.0, 0.0);
     for seed in 0..RUNS {
@@ -138,7 +139,8 @@ fn consistency(arw_factor: f64) -> (f64, f64) {
     (nees, nis)
 }
 
-/// Five standard errors of a mean of chi-square numbers (variance 2 n): false alarm below 1e-6 for a fresh seed.
+/// Returns the five standard errors of a mean of chi-square numbers (variance 2 n): false alarm below 1e-6 for a fresh
+/// seed.
 fn five_sigma(degrees: f64, draws: f64) -> f64 {
     5.0 * (2.0 * degrees / draws).sqrt()
 }

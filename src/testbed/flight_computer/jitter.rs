@@ -45,7 +45,7 @@ impl JitterStream {
 }
 
 impl JitterLineParams {
-    /// Rotation vector `t_s` after boot, body axes, rad.
+    /// Returns the rotation vector `t_s` after boot, body axes, rad.
     #[must_use]
     pub fn rotation_rad(&self, t_s: f64) -> DVec3 {
         let turns = (self.frequency_hz * t_s).fract();

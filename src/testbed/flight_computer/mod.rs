@@ -143,7 +143,7 @@ pub struct FlightComputer {
 }
 
 impl FlightComputer {
-    /// A flight computer that has sent nothing.
+    /// Returns a flight computer that has sent nothing.
     #[must_use]
     pub fn new(params: FlightComputerParams) -> Self {
         let clock = RemoteClock::new(params.boot, params.clock_drift_ppm);
@@ -153,30 +153,30 @@ impl FlightComputer {
         Self { params, vehicle: None, clock, schedule, talk, noise, sent_sync: None, received: Received::default() }
     }
 
-    /// The same with a vehicle that flies the attitude. Jitter on the bus is the vehicle's micro-vibration.
+    /// Returns the same with a vehicle that flies the attitude. Jitter on the bus is the vehicle's micro-vibration.
     #[must_use]
     pub fn flying(params: FlightComputerParams, vehicle: Vehicle) -> Self {
         Self { vehicle: Some(Box::new(vehicle)), ..Self::new(params) }
     }
 
-    /// The vehicle, when one is flown.
+    /// Returns the vehicle, when one is flown.
     #[must_use]
     pub fn vehicle(&self) -> Option<&Vehicle> {
         self.vehicle.as_deref()
     }
 
-    /// The vehicle, when one is flown.
+    /// Returns the vehicle, when one is flown.
     pub fn vehicle_mut(&mut self) -> Option<&mut Vehicle> {
         self.vehicle.as_deref_mut()
     }
 
-    /// Its clock.
+    /// Returns its clock.
     #[must_use]
     pub fn clock(&self) -> RemoteClock {
         self.clock
     }
 
-    /// When the next message, or the vehicle's next control step, is due.
+    /// Returns when the next message, or the vehicle's next control step, is due.
     #[must_use]
     pub fn next_due(&self) -> Tai {
         let message = self.clock.at_us(self.schedule.next().1.min(self.talk.next_us()));
@@ -189,7 +189,7 @@ impl FlightComputer {
         &self.received
     }
 
-    /// True when the stimulator has accepted its RUN.
+    /// Returns whether the stimulator has accepted its RUN.
     #[must_use]
     pub fn is_running(&self) -> bool {
         self.talk.is_running()
@@ -222,7 +222,7 @@ impl FlightComputer {
         self.say(Request::CameraTrigger(CameraTrigger { head, at_us }), now)
     }
 
-    /// An instant as a command carries it.
+    /// Returns an instant as a command carries it.
     fn instant_us(&self, at: Option<Tai>, now: Tai) -> Result<u32, TriggerError> {
         match at.map(|at| at.max(now) - at.min(now)).filter(|away| *away > TRIGGER_MOST_AWAY) {
             Some(away) => Err(TriggerError::TooFar { away_s: away.s() }),
@@ -248,13 +248,13 @@ impl FlightComputer {
         self.talk.trigger_answers()
     }
 
-    /// The scripted attitude at `at`, without noise and jitter; `None` where a file has none.
+    /// Returns the scripted attitude at `at`, without noise and jitter; `None` where a file has none.
     #[must_use]
     pub fn truth(&self, at: Tai) -> Option<AttitudeTruth> {
         self.params.profile.at(at)
     }
 
-    /// The scripted jitter at `at`: rotation vector of the body away from the smooth attitude, body axes, rad.
+    /// Returns the scripted jitter at `at`: rotation vector of the body away from the smooth attitude, body axes, rad.
     #[must_use]
     pub fn jitter_truth(&self, at: Tai) -> DVec3 {
         let t_s = (at - self.params.boot).s();
@@ -354,7 +354,7 @@ impl FlightComputer {
         port.send(&Message::TimeFollowUp(TimeFollowUp { scet, counter })).map(|_| ())
     }
 
-    /// The record of an instant; `None` where a file has no attitude.
+    /// Returns the record of an instant; `None` where a file has no attitude.
     fn attitude_record(&mut self, due_us: u64, count: u64) -> Result<Option<AttitudeRecord>, FlightError> {
         let at = self.clock.at_us(due_us);
         let truth = match self.vehicle.as_mut() {
@@ -378,7 +378,7 @@ impl FlightComputer {
         }))
     }
 
-    /// Samples `count * n ..` of the jitter, n per message.
+    /// Returns samples `count * n ..` of the jitter, n per message.
     fn jitter_message(&mut self, count: u64) -> Result<Option<Message>, FlightError> {
         let JitterStream { samples, period_us } = self.params.jitter;
         let first_us = count * samples as u64 * u64::from(period_us);

@@ -57,7 +57,7 @@ impl SteadyMotion {
 }
 
 impl Swing {
-    /// The motion of a body that turns so in the axes of `truth`.
+    /// Returns the motion of a body that turns so in the axes of `truth`.
     fn on(&self, truth: &AttitudeTruth, t_s: f64) -> AttitudeTruth {
         let axis = self.axis_body.normalize_or_zero();
         let angular_rad_s = TAU * self.frequency_hz;
@@ -135,7 +135,7 @@ const HALF_TURN_MARGIN_RAD: f64 = 0.01;
 const SCAN_POINTS: u32 = 64;
 
 impl WaypointMotion {
-    /// A path through these waypoints.
+    /// Returns a path through these waypoints.
     ///
     /// # Errors
     /// Fewer than two, times that do not rise, or half a turn between neighbours.
@@ -180,7 +180,7 @@ impl WaypointMotion {
         }
     }
 
-    /// Bounds of rate, acceleration and jerk anywhere on the path, rad/s, rad/s^2, rad/s^3.
+    /// Returns bounds of rate, acceleration and jerk anywhere on the path, rad/s, rad/s^2, rad/s^3.
     ///
     /// Between scanned points a derivative of `phi` changes by no more than the next one allows. With `p1`, `p2`, `p3`
     /// bounds of the derivatives of `phi`, the body's rate is below `p1`, its acceleration below `p2 + p1^2 / 2`, its jerk
@@ -194,7 +194,7 @@ impl WaypointMotion {
     }
 }
 
-/// Rates at the waypoints, body axes, rad/s, for turns and times between them.
+/// Returns rates at the waypoints, body axes, rad/s, for turns and times between them.
 fn rates_at(turns: &[(DVec3, f64)], at_waypoints: AtWaypoints) -> Vec<DVec3> {
     let mut rates = vec![DVec3::ZERO; turns.len() + 1];
     if at_waypoints == AtWaypoints::Pass {
@@ -232,7 +232,7 @@ impl Piece {
         }
     }
 
-    /// Derivative of the rotation vector, `t_s` after the begin of the piece.
+    /// Returns the derivative of the rotation vector, `t_s` after the begin of the piece.
     fn derivative(&self, order: i32, t_s: f64) -> DVec3 {
         let terms = (1..).zip(&self.powers).filter(|(power, _)| *power >= order);
         terms.fold(DVec3::ZERO, |sum, (power, coefficient)| {
@@ -314,7 +314,7 @@ fn slope_of_rate(phi: DVec3, rate: DVec3) -> DVec3 {
     rate + across * 0.5 + phi.cross(across) * k
 }
 
-/// Second derivative of the rotation vector where the body turns at `rate` and does not accelerate.
+/// Returns the second derivative of the rotation vector where the body turns at `rate` and does not accelerate.
 fn curvature_without_acceleration(phi: DVec3, slope: DVec3, rate: DVec3) -> DVec3 {
     let [k, dk] = shares_of_slope(phi.length());
     let (across, slope_across) = (phi.cross(rate), slope.cross(rate));

@@ -6,7 +6,7 @@ const ZERO: Tai = Tai::from_ns(5_000_000_000);
 /// Step of the central differences.
 const STEP_S: f64 = 1e-4;
 
-/// Largest differences of rate and acceleration from the central differences of attitude and rate.
+/// Returns the largest differences of rate and acceleration from the central differences of attitude and rate.
 fn differences(at_s: impl Fn(f64) -> AttitudeTruth, t_s: f64) -> [f64; 2] {
     let (before, now, later) = (at_s(t_s - STEP_S), at_s(t_s), at_s(t_s + STEP_S));
     let turned = before.body_from_icrf.rotation_vector_to(&later.body_from_icrf) / (2.0 * STEP_S);

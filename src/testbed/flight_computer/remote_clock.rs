@@ -10,13 +10,13 @@ pub struct RemoteClock {
 }
 
 impl RemoteClock {
-    /// A clock that reads zero at `boot` and runs fast by `drift_ppm`.
+    /// Returns a clock that reads zero at `boot` and runs fast by `drift_ppm`.
     #[must_use]
     pub fn new(boot: Tai, drift_ppm: f64) -> Self {
         Self { boot, drift: drift_ppm * 1e-6 }
     }
 
-    /// Nanoseconds since boot; zero before it.
+    /// Returns nanoseconds since boot; zero before it.
     #[must_use]
     pub fn elapsed_ns(&self, at: Tai) -> u64 {
         let true_span = at - self.boot;
@@ -24,13 +24,13 @@ impl RemoteClock {
         u64::try_from(read.ns()).unwrap_or(0)
     }
 
-    /// Whole microseconds since boot, not wrapped.
+    /// Returns the whole microseconds since boot, not wrapped.
     #[must_use]
     pub fn elapsed_us(&self, at: Tai) -> u64 {
         self.elapsed_ns(at) / 1000
     }
 
-    /// The instant at which the clock reads `us` microseconds.
+    /// Returns the instant at which the clock reads `us` microseconds.
     #[must_use]
     pub fn at_us(&self, us: u64) -> Tai {
         let read = Span::from_ns(i64::try_from(us.saturating_mul(1000)).unwrap_or(i64::MAX));

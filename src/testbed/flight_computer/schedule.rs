@@ -37,7 +37,7 @@ pub(super) struct Schedule {
 }
 
 impl Timer {
-    /// Never due for 0 Hz.
+    /// Returns the never due for 0 Hz.
     fn at_hz(stream: Stream, rate_hz: u32) -> Self {
         Self { stream, offset_us: 0, numerator_us: US_PER_S, denominator: u64::from(rate_hz), count: 0 }
     }
@@ -47,7 +47,7 @@ impl Timer {
         self
     }
 
-    /// Due with the last sample of each message.
+    /// Returns the due with the last sample of each message.
     fn jitter(jitter: JitterStream) -> Self {
         let (samples, period_us) = (jitter.samples as u64, u64::from(jitter.period_us));
         Self {
@@ -64,7 +64,7 @@ impl Timer {
         since_offset.map_or(u64::MAX, |us| self.offset_us + us)
     }
 
-    /// The first time not before `start_us`.
+    /// Returns the first time not before `start_us`.
     fn starting(mut self, start_us: u64) -> Self {
         self.count = (start_us.saturating_sub(self.offset_us) * self.denominator).div_ceil(self.numerator_us.max(1));
         self
@@ -84,7 +84,7 @@ impl Schedule {
         Self { timers: timers.map(|timer| timer.starting(start_us)) }
     }
 
-    /// The stream due next, when, and its message's number since boot.
+    /// Returns the stream due next, when, and its message's number since boot.
     pub(super) fn next(&self) -> (Stream, u64, u64) {
         let timer = self.timers[self.next_index()];
         (timer.stream, timer.due_us(), timer.count)

@@ -46,8 +46,8 @@ pub struct SlewProfile {
     shape: RampShape,
 }
 
-/// Attitude of a body whose +Z points at (`ra_rad`, `dec_rad`), rolled as a sensor's image would be: body and sensor
-/// axes coincide.
+/// Returns the attitude of a body whose +Z points at (`ra_rad`, `dec_rad`), rolled as a sensor's image would be: body
+/// and sensor axes coincide.
 #[must_use]
 pub fn body_from_ra_dec_roll(ra_rad: f64, dec_rad: f64, roll_rad: f64) -> Rotation<Body, Icrf> {
     Rotation::from_quat(sensor_from_ra_dec_roll(ra_rad, dec_rad, roll_rad).quat())
@@ -86,7 +86,7 @@ impl SlewProfile {
         Self { initial, axis, start, peak_rate_rad_s, ramp_s, cruise_s, shape: slew.shape }
     }
 
-    /// When the turn is over, s after its start; infinite for a constant rate.
+    /// Returns when the turn is over, s after its start; infinite for a constant rate.
     #[must_use]
     pub fn duration_s(&self) -> f64 {
         2.0 * self.ramp_s + self.cruise_s

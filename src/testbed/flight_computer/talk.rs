@@ -61,14 +61,14 @@ pub(super) struct Talk {
 }
 
 impl Talk {
-    /// A talk that begins at `start_us`.
+    /// Returns a talk that begins at `start_us`.
     pub(super) fn new(start_us: u64) -> Self {
         let (answers, camera) = (TriggerAnswers::default(), CameraAnswers::default());
         let waiting = VecDeque::with_capacity(WAITING_MAX);
         Self { word: 0, due_us: start_us, is_refused: false, waiting, answers, camera }
     }
 
-    /// When the next word is due; `u64::MAX` when all is said.
+    /// Returns when the next word is due; `u64::MAX` when all is said.
     pub(super) fn next_us(&self) -> u64 {
         if self.is_refused || self.request().is_none() { u64::MAX } else { self.due_us }
     }
@@ -100,7 +100,7 @@ impl Talk {
         WORDS.get(self.word).copied().or(self.waiting.front().copied())
     }
 
-    /// The word that is due, to be said now.
+    /// Returns the word that is due, to be said now.
     pub(super) fn take(&mut self, now_us: u64) -> Option<Command> {
         if self.next_us() > now_us {
             return None;
@@ -137,7 +137,7 @@ impl Talk {
         (self.word, self.due_us) = (self.word + 1, now_us);
     }
 
-    /// True when RUN was accepted.
+    /// Returns whether RUN was accepted.
     pub(super) fn is_running(&self) -> bool {
         self.word >= WORDS.len()
     }

@@ -164,7 +164,7 @@ fn time_marks_report_when_the_sync_left() {
     }
 }
 
-/// Time on the FC's clock that the first follow-up within 50 ms tells, ns; and the counter of its SYNC.
+/// Returns the time on the FC's clock that the first follow-up within 50 ms tells, ns; and the counter of its SYNC.
 fn first_follow_up(bench: &mut Bench) -> (u64, u8) {
     let first = bench.run(Span::from_ms(50)).into_iter().find_map(|message| {
         let Message::TimeFollowUp(mark) = message.value else { return None };
@@ -222,7 +222,7 @@ fn jitter_samples_are_the_truth_at_their_times() {
     }
 }
 
-/// Sample times of the first half second, where the slots of pairs have not wrapped.
+/// Returns the sample times of the first half second, where the slots of pairs have not wrapped.
 fn timed_samples(message: &Message) -> Vec<(u64, [f32; 2])> {
     let timed = |first_us: u64, period_us: u64, samples: &[[f32; 2]]| {
         samples.iter().enumerate().map(|(i, sample)| (first_us + i as u64 * period_us, *sample)).collect()

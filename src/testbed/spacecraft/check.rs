@@ -22,7 +22,7 @@ pub(super) const STEP_SMALLEST: Span = Span::from_ns(100_000);
 /// Step above which the body itself would be badly integrated.
 const STEP_LARGEST: Span = Span::from_ms(100);
 
-/// The first thing that is wrong with `params`.
+/// Returns the first thing that is wrong with `params`.
 ///
 /// # Errors
 /// See [`SpacecraftError`].

@@ -21,7 +21,7 @@ use glam::{DMat3, DQuat, DVec3};
 /// Speed at which Coulomb friction has reached 76 % (`tanh 1`) of its value: keeps it differentiable at rest.
 pub(super) const COULOMB_SMOOTHING_RAD_S: f64 = 0.5;
 
-/// Inertia that the body shows at once: the whole less free rotors about their axes, less appendages.
+/// Returns the inertia that the body shows at once: the whole less free rotors about their axes, less appendages.
 /// `J - sum J_w a a' - sum delta delta'`.
 pub(super) fn reduced_inertia(params: &SpacecraftParams) -> DMat3 {
     let mut reduced = params.inertia_kg_m2;
@@ -98,7 +98,7 @@ pub(super) struct Equations {
 }
 
 impl Rotor {
-    /// Friction torque that brakes the rotor, N m.
+    /// Returns the friction torque that brakes the rotor, N m.
     pub(super) fn friction_n_m(&self, speed_rad_s: f64) -> f64 {
         let viscous = self.viscous_n_m_s * speed_rad_s;
         if self.coulomb_n_m == 0.0 {
@@ -154,7 +154,7 @@ impl Equations {
         }
     }
 
-    /// One step of the classical fourth-order Runge-Kutta method from `t_s` (s since the start of the run).
+    /// Returns one step of the classical fourth-order Runge-Kutta method from `t_s` (s since the start of the run).
     pub(super) fn step(&self, from: &State, held: &Held, t_s: f64, h_s: f64) -> State {
         let middle = self.radial(t_s + 0.5 * h_s);
         let k1 = self.derivative(from, held, self.radial(t_s));
@@ -170,17 +170,17 @@ impl Equations {
         to
     }
 
-    /// Acceleration of the body at `t_s`, body axes, rad/s^2.
+    /// Returns the acceleration of the body at `t_s`, body axes, rad/s^2.
     pub(super) fn acceleration(&self, state: &State, held: &Held, t_s: f64) -> DVec3 {
         self.derivative(state, held, self.radial(t_s)).rate
     }
 
-    /// Unit vector from the Earth's centre, ICRF; zero when gravity gradient is off.
+    /// Returns the unit vector from the Earth's centre, ICRF; zero when gravity gradient is off.
     fn radial(&self, t_s: f64) -> DVec3 {
         if self.disturbance.gravity_gradient { self.orbit.radial(self.orbit_offset_s + t_s) } else { DVec3::ZERO }
     }
 
-    /// Angular momentum of everything, body axes, N m s.
+    /// Returns the angular momentum of everything, body axes, N m s.
     pub(super) fn momentum(&self, state: &State) -> DVec3 {
         let mut momentum = self.inertia * state.rate;
         for (rotor, speed) in self.rotors.iter().zip(&state.speeds) {
@@ -197,7 +197,7 @@ impl Equations {
         self.rotors.iter().zip(speeds).map(|(rotor, speed)| rotor.axis * (rotor.inertia_kg_m2 * speed)).sum()
     }
 
-    /// Kinetic and elastic energy, J.
+    /// Returns the kinetic and elastic energy, J.
     pub(super) fn energy(&self, state: &State) -> f64 {
         let mut energy = 0.5 * state.rate.dot(self.inertia * state.rate);
         for (rotor, speed) in self.rotors.iter().zip(&state.speeds) {
@@ -242,7 +242,8 @@ impl Equations {
         }
     }
 
-    /// Gravity gradient `3 mu / r^3  n x J n` (Hughes, chapter 8), solar pressure and the constant torque, body axes.
+    /// Returns the gravity gradient `3 mu / r^3  n x J n` (Hughes, chapter 8), solar pressure and the constant torque,
+    /// body axes.
     fn outside_torque(&self, q: DQuat, radial: DVec3) -> DVec3 {
         let mut torque = self.disturbance.constant_torque_n_m;
         if self.disturbance.gravity_gradient {

@@ -34,7 +34,7 @@ pub(super) struct FreeMode {
     pub(super) shape: DVec3,
 }
 
-/// Inertia with the rotors free about their axes, kg m^2.
+/// Returns the inertia with the rotors free about their axes, kg m^2.
 pub(super) fn free_inertia(params: &SpacecraftParams) -> DMat3 {
     let mut inertia = params.inertia_kg_m2;
     for wheel in &params.wheels {
@@ -44,7 +44,7 @@ pub(super) fn free_inertia(params: &SpacecraftParams) -> DMat3 {
     inertia
 }
 
-/// The free modes of checked parameters, in no order.
+/// Returns the free modes of checked parameters, in no order.
 pub(super) fn free_modes(params: &SpacecraftParams) -> Vec<FreeMode> {
     let modes = &params.modes;
     let inverse = free_inertia(params).inverse();

@@ -77,7 +77,7 @@ pub struct Gyro {
 }
 
 impl Gyro {
-    /// A triad with its bias at the initial value.
+    /// Returns a triad with its bias at the initial value.
     ///
     /// # Errors
     /// When a parameter is negative or not finite, or there is no largest rate.
@@ -97,8 +97,8 @@ impl Gyro {
         })
     }
 
-    /// The turn from `previous` to `now`, `dt` apart and less than half a turn. An interval that is not positive gives
-    /// no valid reading and changes nothing.
+    /// Returns the turn from `previous` to `now`, `dt` apart and less than half a turn. An interval that is not
+    /// positive gives no valid reading and changes nothing.
     pub fn measure(&mut self, previous: &Rotation<Body, Icrf>, now: &Rotation<Body, Icrf>, dt: Span) -> GyroReading {
         let dt_s = dt.s();
         if dt_s <= 0.0 {
@@ -133,13 +133,13 @@ impl Gyro {
         (self.is_stuck, self.is_silent, self.spike_rad_s) = (false, false, DVec3::ZERO);
     }
 
-    /// The true bias, gyro axes, rad/s: for tests and truth tables.
+    /// Returns the true bias, gyro axes, rad/s: for tests and truth tables.
     #[must_use]
     pub fn bias_rad_s(&self) -> DVec3 {
         self.bias_rad_s
     }
 
-    /// Mean bias and noise over `dt_s`, rad/s; the bias walks on.
+    /// Returns the mean bias and noise over `dt_s`, rad/s; the bias walks on.
     fn drift(&mut self, dt_s: f64) -> DVec3 {
         let (angle_walk, rate_walk) =
             (self.params.angle_random_walk_rad_sqrt_s, self.params.rate_random_walk_rad_s_sqrt_s);

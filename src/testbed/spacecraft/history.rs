@@ -26,17 +26,17 @@ impl<T: Copy> History<T> {
         self.pushed += 1;
     }
 
-    /// Number of the next entry.
+    /// Returns the number of the next entry.
     pub(super) fn next(&self) -> u64 {
         self.pushed
     }
 
-    /// Number of the oldest entry kept; `next` when there is none.
+    /// Returns the number of the oldest entry kept; `next` when there is none.
     pub(super) fn oldest(&self) -> u64 {
         self.pushed - self.entries.len() as u64
     }
 
-    /// Entry `number`, when it is kept.
+    /// Returns the entry `number`, when it is kept.
     pub(super) fn get(&self, number: u64) -> Option<&T> {
         if number < self.oldest() || number >= self.pushed {
             return None;

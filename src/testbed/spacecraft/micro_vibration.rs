@@ -97,14 +97,14 @@ impl MicroVibration {
         }
     }
 
-    /// When the last sample was taken.
+    /// Returns when the last sample was taken.
     #[must_use]
     pub fn time(&self) -> Tai {
         self.instant(self.samples.next() - 1)
     }
 
-    /// Rotation vector, rad, body axes, at `at`: the sample of that instant, or a cubic through the four about it. The
-    /// cubic errs by 0.4 % of a line at a tenth of the sampling frequency, and by the fourth power below.
+    /// Returns the rotation vector, rad, body axes, at `at`: the sample of that instant, or a cubic through the four
+    /// about it. The cubic errs by 0.4 % of a line at a tenth of the sampling frequency, and by the fourth power below.
     ///
     /// # Errors
     /// When `at` is not kept: about two seconds are.
@@ -173,7 +173,7 @@ impl MicroVibration {
     }
 }
 
-/// Weight of `point` of `count` points at 0, 1, 2, ... for the value at `place`.
+/// Returns the weight of `point` of `count` points at 0, 1, 2, ... for the value at `place`.
 fn lagrange(point: u64, count: u64, place: f64) -> f64 {
     let others = (0..count).filter(|other| *other != point);
     others.map(|other| (place - other as f64) / (point as f64 - other as f64)).product()

@@ -118,15 +118,15 @@ impl Spacecraft {
         }
     }
 
-    /// The boundary that the motion has reached.
+    /// Returns the boundary that the motion has reached.
     #[must_use]
     pub fn time(&self) -> Tai {
         self.boundary(self.steps.next())
     }
 
-    /// The truth at `at`, from about two seconds ago up to [`Self::time`]: one step of the method from the boundary
-    /// before `at` to `at`, with the torques held then. So the error is that of the integration itself, and at a
-    /// boundary the integrated state comes out bit for bit. The acceleration jumps where torques do; at a boundary it
+    /// Returns the truth at `at`, from about two seconds ago up to [`Self::time`]: one step of the method from the
+    /// boundary before `at` to `at`, with the torques held then. So the error is that of the integration itself, and at
+    /// a boundary the integrated state comes out bit for bit. The acceleration jumps where torques do; at a boundary it
     /// is that of the step that ends there.
     ///
     /// # Errors
@@ -183,8 +183,8 @@ impl Spacecraft {
         self.is_unloading = is_on;
     }
 
-    /// The motor of wheel `index` is dead from [`Self::time`] on: it coasts against its friction. The torque already
-    /// commanded is not redistributed; the next one is.
+    /// Returns the motor of wheel `index` is dead from [`Self::time`] on: it coasts against its friction. The torque
+    /// already commanded is not redistributed; the next one is.
     ///
     /// # Errors
     /// When there is no such wheel.
@@ -214,25 +214,26 @@ impl Spacecraft {
         &self.state.speeds[..self.equations.rotors.len()]
     }
 
-    /// Momentum of the wheels relative to the body at [`Self::time`], body axes, N m s.
+    /// Returns the momentum of the wheels relative to the body at [`Self::time`], body axes, N m s.
     #[must_use]
     pub fn wheel_momentum_n_m_s(&self) -> DVec3 {
         self.equations.wheel_momentum(&self.state.speeds)
     }
 
-    /// Angular momentum of everything at [`Self::time`], ICRF, N m s: constant without torques from outside.
+    /// Returns the angular momentum of everything at [`Self::time`], ICRF, N m s: constant without torques from
+    /// outside.
     #[must_use]
     pub fn momentum_icrf_n_m_s(&self) -> DVec3 {
         self.state.q.conjugate() * self.equations.momentum(&self.state)
     }
 
-    /// Kinetic and elastic energy at [`Self::time`], J: constant without torques, friction and damping.
+    /// Returns the kinetic and elastic energy at [`Self::time`], J: constant without torques, friction and damping.
     #[must_use]
     pub fn energy_j(&self) -> f64 {
         self.equations.energy(&self.state)
     }
 
-    /// Modal coordinates at [`Self::time`], sqrt(kg) m.
+    /// Returns the modal coordinates at [`Self::time`], sqrt(kg) m.
     #[must_use]
     pub fn modal_coordinates(&self) -> &[f64] {
         &self.state.modal[..self.equations.modes.len()]
@@ -264,7 +265,7 @@ impl Spacecraft {
         self.test_torques.iter().map(|torque| torque.at_n_m(middle_s)).sum()
     }
 
-    /// The mean of the torques from outside over the next step.
+    /// Returns the mean of the torques from outside over the next step.
     fn pushed_n_m(&self) -> DVec3 {
         let (begin, end) = (self.time(), self.time() + self.step);
         let share = |from: Tai, until: Tai| (until.min(end) - from.max(begin)).s().max(0.0) / self.step.s();

@@ -59,7 +59,7 @@ impl Motors {
         self.distribute(equations);
     }
 
-    /// Motor torques that are possible during the next `h_s`.
+    /// Returns the motor torques that are possible during the next `h_s`.
     pub(super) fn torques(&self, equations: &Equations, state: &State, h_s: f64) -> [f64; WHEELS_MAX] {
         let mut torques = [0.0; WHEELS_MAX];
         for (i, rotor) in equations.rotors.iter().enumerate() {

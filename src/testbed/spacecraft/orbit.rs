@@ -26,7 +26,7 @@ pub struct CircularOrbit {
 }
 
 impl CircularOrbit {
-    /// The orbit of `params`.
+    /// Returns the orbit of `params`.
     #[must_use]
     pub fn new(params: &CircularOrbitParams) -> Self {
         let radius_m = EARTH_RADIUS_M + params.altitude_m;
@@ -42,27 +42,27 @@ impl CircularOrbit {
         }
     }
 
-    /// Place with respect to the Earth's centre, ICRF, m.
+    /// Returns the place with respect to the Earth's centre, ICRF, m.
     #[must_use]
     pub fn position_m(&self, at: Tai) -> DVec3 {
         self.radial((at - self.epoch).s()) * self.radius_m
     }
 
-    /// Velocity with respect to the Earth's centre, ICRF, m/s: the small part of aberration.
+    /// Returns the velocity with respect to the Earth's centre, ICRF, m/s: the small part of aberration.
     #[must_use]
     pub fn velocity_m_s(&self, at: Tai) -> DVec3 {
         let (sin, cos) = self.argument((at - self.epoch).s()).sin_cos();
         (self.quarter * cos - self.node * sin) * (self.radius_m * self.rate_rad_s)
     }
 
-    /// Angular rate of the orbit, rad/s.
+    /// Returns the angular rate of the orbit, rad/s.
     #[must_use]
     pub fn rate_rad_s(&self) -> f64 {
         self.rate_rad_s
     }
 
-    /// False inside the Earth's shadow, taken as a cylinder away from the Sun (unit vector, ICRF). The penumbra of a
-    /// low orbit lasts some ten seconds.
+    /// Returns false inside the Earth's shadow, taken as a cylinder away from the Sun (unit vector, ICRF). The penumbra
+    /// of a low orbit lasts some ten seconds.
     #[must_use]
     pub fn is_sunlit(&self, at: Tai, sun_icrf: DVec3) -> bool {
         let position_m = self.position_m(at);
@@ -70,7 +70,7 @@ impl CircularOrbit {
         along_m > 0.0 || (position_m - sun_icrf * along_m).length() > EARTH_RADIUS_M
     }
 
-    /// Unit vector away from the Earth's centre, `t_s` after the epoch.
+    /// Returns the unit vector away from the Earth's centre, `t_s` after the epoch.
     pub(super) fn radial(&self, t_s: f64) -> DVec3 {
         let (sin, cos) = self.argument(t_s).sin_cos();
         self.node * cos + self.quarter * sin

@@ -16,7 +16,7 @@ const PRECESSION_DEG_D: f64 = 5029.0966 / 3600.0 / 36_525.0;
 /// Mean obliquity of the ecliptic at J2000.0, degrees (the formula's own).
 const OBLIQUITY_J2000_DEG: f64 = 23.439;
 
-/// Unit vector from the Earth to the Sun, ICRF; error below 0.02 degrees from 1950 to 2050.
+/// Returns the unit vector from the Earth to the Sun, ICRF; error below 0.02 degrees from 1950 to 2050.
 #[must_use]
 pub fn sun_direction_icrf(at: Tai) -> DVec3 {
     let n = at.days_tdb_since_j2000();
@@ -26,7 +26,7 @@ pub fn sun_direction_icrf(at: Tai) -> DVec3 {
     DVec3::new(cos, cos_obliquity * sin, sin_obliquity * sin)
 }
 
-/// Apparent ecliptic longitude of date, degrees, `n` days after J2000.0.
+/// Returns the apparent ecliptic longitude of date, degrees, `n` days after J2000.0.
 fn apparent_longitude_deg(n: f64) -> f64 {
     let mean_longitude = 280.460 + 0.985_647_4 * n;
     let anomaly = (357.528 + 0.985_600_3 * n) * DEG;
@@ -50,13 +50,13 @@ pub struct SunSensor {
 }
 
 impl SunSensor {
-    /// Noise `noise_rad` is 1 sigma per axis.
+    /// Returns the noise `noise_rad` is 1 sigma per axis.
     #[must_use]
     pub fn new(noise_rad: f64, seed: u64) -> Self {
         Self { noise_rad, noise: Gaussian::new(seed) }
     }
 
-    /// The Sun at `sun_icrf` (unit vector) from a body with this attitude. Draws the same numbers in shadow.
+    /// Returns the Sun at `sun_icrf` (unit vector) from a body with this attitude. Draws the same numbers in shadow.
     pub fn measure(&mut self, body_from_icrf: &Rotation<Body, Icrf>, sun_icrf: DVec3, is_sunlit: bool) -> SunReading {
         let noisy = body_from_icrf.apply(sun_icrf) + self.noise.vector(self.noise_rad);
         let direction_body = if is_sunlit { noisy.normalize_or_zero() } else { DVec3::ZERO };

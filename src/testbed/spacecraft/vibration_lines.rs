@@ -44,7 +44,7 @@ pub(super) struct Oscillator {
     transition: [DVec2; 2],
 }
 
-/// All harmonics of all wheels, phases drawn from `seed`.
+/// Returns all harmonics of all wheels, phases drawn from `seed`.
 pub(super) fn lines(params: &SpacecraftParams, seed: u64) -> Vec<Line> {
     let mut generator = StdRng::seed_from_u64(seed);
     let inverse = free_inertia(params).inverse();
@@ -98,18 +98,18 @@ impl Line {
         self.phase = self.turn.rotate(self.phase);
     }
 
-    /// Steady rotation of the body, rad.
+    /// Returns the steady rotation of the body, rad.
     pub(super) fn rotation(&self) -> DVec3 {
         self.response[0] * self.phase.x + self.response[1] * self.phase.y
     }
 
-    /// Unit vector of the torque now: for the oracle of the tests.
+    /// Returns the unit vector of the torque now: for the oracle of the tests.
     #[cfg(test)]
     pub(super) fn torque_direction(&self) -> DVec3 {
         self.across[0] * self.phase.x + self.across[1] * self.phase.y
     }
 
-    /// Steady motion of mode `m`: coordinate and rate.
+    /// Returns the steady motion of mode `m`: coordinate and rate.
     pub(super) fn modal_motion(&self, m: usize) -> DVec2 {
         let now = self.phase.rotate(self.modal[m]);
         DVec2::new(now.x, -self.frequency_rad_s * now.y)
@@ -135,7 +135,7 @@ impl Oscillator {
         self.decay = DVec2::new(first.dot(self.decay), second.dot(self.decay));
     }
 
-    /// Rotation of the body by the decay, rad.
+    /// Returns the rotation of the body by the decay, rad.
     pub(super) fn rotation(&self) -> DVec3 {
         self.mode.shape * -self.decay.x
     }

@@ -16,8 +16,8 @@ const PRECESSION_DEG_D: f64 = 50.2880 / 3600.0 / 365.25;
 /// Obliquity of the ecliptic at J2000.0, deg (IAU 2006: 84381.406 arcsec).
 const OBLIQUITY_DEG: f64 = 84381.406 / 3600.0;
 
-/// Apparent unit direction (ICRF axes) of a unit direction, for an observer with the velocity `beta` = v/c (ICRF axes,
-/// with respect to the barycentre).
+/// Returns the apparent unit direction (ICRF axes) of a unit direction, for an observer with the velocity `beta` = v/c
+/// (ICRF axes, with respect to the barycentre).
 #[must_use]
 pub fn apparent(direction: DVec3, beta: DVec3) -> DVec3 {
     let inverse_lorentz = (1.0 - beta.length_squared()).max(0.0).sqrt();
@@ -26,7 +26,8 @@ pub fn apparent(direction: DVec3, beta: DVec3) -> DVec3 {
     (sum / (1.0 + along)).normalize()
 }
 
-/// Velocity of the Earth's centre about the Sun over the speed of light, ICRF axes; error below 0.1 arcsec (5e-7).
+/// Returns the velocity of the Earth's centre about the Sun over the speed of light, ICRF axes; error below 0.1 arcsec
+/// (5e-7).
 #[must_use]
 pub fn earth_beta(at: Tai) -> DVec3 {
     let days = at.days_tdb_since_j2000();

@@ -126,7 +126,7 @@ fn leave_out_worst(
     any
 }
 
-/// Inverse covariance of a spot's place, 1/px^2.
+/// Returns the inverse covariance of a spot's place, 1/px^2.
 fn weight(spot: &Spot, floor_px: f64) -> DMat2 {
     let [xx, xy, yy] = spot.covariance_px2;
     let floor = floor_px * floor_px;
@@ -152,7 +152,7 @@ fn normal_equations(
     (information, gradient)
 }
 
-/// Inverse of an information matrix, unless it leaves an axis free.
+/// Returns the inverse of an information matrix, unless it leaves an axis free.
 fn solve(information: &DMat3) -> Option<DMat3> {
     let scale = information.x_axis.x.max(information.y_axis.y).max(information.z_axis.z);
     let determinant = information.determinant();

@@ -27,7 +27,7 @@ pub(super) struct Background {
     pub(super) sigma_dn: f64,
 }
 
-/// Background of samples, which are reordered. No samples give zeros.
+/// Returns the background of samples, which are reordered. No samples give zeros.
 pub(super) fn clipped(samples: &mut [u16]) -> Background {
     if samples.is_empty() {
         return Background::default();
@@ -97,7 +97,7 @@ impl BackgroundGrid {
         }
     }
 
-    /// A threshold in DN that is nowhere in the cell above the local one.
+    /// Returns a threshold in DN that is nowhere in the cell above the local one.
     pub(super) fn threshold_dn(&self, column: usize, row: usize) -> f64 {
         self.thresholds_dn[row * self.columns + column]
     }
@@ -112,7 +112,7 @@ impl BackgroundGrid {
         (self.columns, self.rows, self.cell_px)
     }
 
-    /// Background at a place: level bilinear between cell centres, noise likewise.
+    /// Returns the background at a place: level bilinear between cell centres, noise likewise.
     pub(super) fn at(&self, x_px: f64, y_px: f64) -> Background {
         let (c, fx) = between(x_px, self.cell_px, self.columns);
         let (r, fy) = between(y_px, self.cell_px, self.rows);
@@ -126,7 +126,7 @@ impl BackgroundGrid {
         Background { level_dn: mix(|b| b.level_dn), sigma_dn: mix(|b| b.sigma_dn) }
     }
 
-    /// The lowest midpoint to a neighbour: bilinear levels inside the cell are between its midpoints.
+    /// Returns the lowest midpoint to a neighbour: bilinear levels inside the cell are between its midpoints.
     fn lowest_threshold(&self, column: usize, row: usize, sigmas: f64) -> f64 {
         let own = &self.cells[row * self.columns + column];
         let mut lowest = own.level_dn + sigmas * own.sigma_dn;
@@ -143,13 +143,14 @@ impl BackgroundGrid {
         lowest
     }
 
-    /// Mean level of all cells, DN.
+    /// Returns the mean level of all cells, DN.
     pub(super) fn mean_level_dn(&self) -> f64 {
         self.cells.iter().map(|cell| cell.level_dn).sum::<f64>() / self.cells.len() as f64
     }
 }
 
-/// Index of the cell whose centre is at or before a coordinate, and the fraction of the way to the next centre.
+/// Returns the index of the cell whose centre is at or before a coordinate, and the fraction of the way to the next
+/// centre.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the grid")]
 fn between(coordinate_px: f64, cell_px: usize, count: usize) -> (usize, f64) {
     let place = ((coordinate_px + 0.5) / cell_px as f64 - 0.5).clamp(0.0, count as f64 - 1.0);
@@ -160,7 +161,7 @@ fn between(coordinate_px: f64, cell_px: usize, count: usize) -> (usize, f64) {
 /// Width of the ring around a star from which its background is taken, px.
 pub(super) const RING_PX: usize = 2;
 
-/// Background of the ring outside a square window of half-width `half_px` about (`x`, `y`); `buffer` is
+/// Returns the background of the ring outside a square window of half-width `half_px` about (`x`, `y`); `buffer` is
 /// reused. `None` when no part of the ring is on the image.
 pub(super) fn ring(image: &DnImage, x: usize, y: usize, half_px: usize, buffer: &mut Vec<u16>) -> Option<Background> {
     let outer = half_px + RING_PX;

@@ -35,7 +35,7 @@ impl Blend {
         Self { sigma_px, half_px, noise_e, limit_e, limiting_mag: params.limiting_mag }
     }
 
-    /// Pull towards a neighbour, px, on a star of magnitude `mag_g` by one `ratio` times as bright.
+    /// Returns the pull towards a neighbour, px, on a star of magnitude `mag_g` by one `ratio` times as bright.
     pub(super) fn pull_px(&self, mag_g: f64, ratio: f64, distance_px: f64) -> f64 {
         let flux_e = self.limit_e * 10f64.powf(-0.4 * (mag_g - self.limiting_mag));
         let variance = self.sigma_px * self.sigma_px;

@@ -63,7 +63,7 @@ pub struct Spot {
 }
 
 impl Spot {
-    /// Standard deviation of the place per axis, px (root mean square of both axes).
+    /// Returns the standard deviation of the place per axis, px (root mean square of both axes).
     #[must_use]
     pub fn sigma_px(&self) -> f64 {
         (0.5 * (self.covariance_px2[0] + self.covariance_px2[2])).sqrt()
@@ -97,7 +97,7 @@ struct Window<'a> {
 }
 
 impl<'a> Window<'a> {
-    /// The window about a place; `None` when it leaves the image.
+    /// Returns the window about a place; `None` when it leaves the image.
     fn about(image: &'a DnImage, place_px: DVec2, half_px: usize) -> Option<Self> {
         let half = half_px as f64;
         let corner = place_px.round() - half;
@@ -113,8 +113,8 @@ impl<'a> Window<'a> {
     }
 }
 
-/// Windowed centre of gravity about `start_px`: the window is the spot's own Gaussian, widened by the trail.
-/// `None` when the window leaves the image or the iteration does not settle.
+/// Returns the windowed centre of gravity about `start_px`: the window is the spot's own Gaussian, widened by the
+/// trail. `None` when the window leaves the image or the iteration does not settle.
 pub(super) fn centre_of_gravity(image: &DnImage, start_px: DVec2, model: &SpotModel) -> Option<DVec2> {
     let window = Window::about(image, start_px, model.half_px())?;
     let variance = model.psf_sigma_px.powi(2) + 1.0 / 12.0 + model.trail_px.length_squared() / 12.0;
@@ -179,8 +179,8 @@ struct Normal {
     saturated: bool,
 }
 
-/// Weighted least-squares fit of place and flux, from `start_px`. `None` when the window leaves the image, the fit
-/// runs away or no light is there.
+/// Returns the weighted least-squares fit of place and flux, from `start_px`. `None` when the window leaves the image,
+/// the fit runs away or no light is there.
 pub(super) fn gaussian_fit(image: &DnImage, start_px: DVec2, model: &SpotModel) -> Option<Spot> {
     let window = Window::about(image, start_px, model.half_px())?;
     let mut place = start_px;

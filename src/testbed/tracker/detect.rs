@@ -146,8 +146,8 @@ impl Detector {
         self.blobs.push(Blob { place_px: mean, flux_dn: flux, moments_px2 });
     }
 
-    /// Whether the brightest pixel holds more of its 3 x 3 neighbourhood than any spot's could. Saturated regions of
-    /// several pixels are stars.
+    /// Returns whether the brightest pixel holds more of its 3 x 3 neighbourhood than any spot's could. Saturated
+    /// regions of several pixels are stars.
     fn is_hot(&self, image: &DnImage, level_dn: f64) -> bool {
         let value = |&(x, y): &(usize, usize)| image.get(x, y).unwrap_or(0);
         let Some(&(x, y)) = self.members.iter().max_by_key(|place| value(place)) else { return true };
@@ -165,7 +165,8 @@ impl Detector {
     }
 }
 
-/// Share of the 3 x 3 light above which the middle pixel is hot: half-way between a centred star's share and 1.
+/// Returns the share of the 3 x 3 light above which the middle pixel is hot: half-way between a centred star's share
+/// and 1.
 pub(super) fn hot_share(psf_sigma_px: f64) -> f64 {
     let inside = |half_px: f64| libm::erf(half_px / (core::f64::consts::SQRT_2 * psf_sigma_px)).powi(2);
     0.5 * (1.0 + inside(0.5) / inside(1.5))

@@ -58,7 +58,7 @@ struct Station {
     samples: f64,
 }
 
-/// Error terms of a series in order of time; `None` with fewer than three stations.
+/// Returns the error terms of a series in order of time; `None` with fewer than three stations.
 #[must_use]
 pub fn error_terms(series: &[AttitudePair], geometry: &Geometry) -> Option<ErrorTerms> {
     let reach_rad = ONE_STATION_PX * geometry.ifov_rad();
@@ -92,10 +92,10 @@ pub fn error_terms(series: &[AttitudePair], geometry: &Geometry) -> Option<Error
     })
 }
 
-/// Noise equivalent angle, rad about X, Y and Z, of `stars` stars spread evenly over the field, each with the place's
-/// error `sigma_px` per axis: `sigma ifov / sqrt(N)` across, and about the boresight the same over the stars' root mean
-/// square distance from it in tangent coordinates (Liebe, "Accuracy performance of star trackers: a tutorial", IEEE
-/// Trans. AES 38 (2002), 587, with a uniform rectangle in place of his mean distance).
+/// Returns the noise equivalent angle, rad about X, Y and Z, of `stars` stars spread evenly over the field, each with
+/// the place's error `sigma_px` per axis: `sigma ifov / sqrt(N)` across, and about the boresight the same over the
+/// stars' root mean square distance from it in tangent coordinates (Liebe, "Accuracy performance of star trackers: a
+/// tutorial", IEEE Trans. AES 38 (2002), 587, with a uniform rectangle in place of his mean distance).
 #[must_use]
 pub fn predicted_nea_rad(geometry: &Geometry, stars: u32, sigma_px: f64) -> DVec3 {
     let across_rad = sigma_px * geometry.ifov_rad() / f64::from(stars).sqrt();

@@ -98,13 +98,13 @@ impl GuideStars {
         Ok(Self { stars, pattern_directions, pattern_beta, pairs, cone_cos })
     }
 
-    /// All guide stars, brightest first.
+    /// Returns all guide stars, brightest first.
     #[must_use]
     pub fn stars(&self) -> &[GuideStar] {
         &self.stars
     }
 
-    /// How many of them, the brightest, are in the pair index.
+    /// Returns how many of them, the brightest, are in the pair index.
     #[must_use]
     pub fn pattern_stars(&self) -> usize {
         self.pattern_directions.len()
@@ -114,7 +114,7 @@ impl GuideStars {
         &self.pairs
     }
 
-    /// Apparent directions of the pattern stars for the observer of [`Self::pattern_beta`].
+    /// Returns the apparent directions of the pattern stars for the observer of [`Self::pattern_beta`].
     pub(super) fn pattern_directions(&self) -> &[DVec3] {
         &self.pattern_directions
     }
@@ -172,7 +172,7 @@ fn guide_stars(catalog: &Catalog, params: &TrackerParams, years: f64) -> Vec<Gui
     (0..stars.len()).filter_map(|at| spot.photocentre(&stars, at, params.limiting_mag)).collect()
 }
 
-/// A source's direction `years` after the catalog's epoch.
+/// Returns a source's direction `years` after the catalog's epoch.
 fn moved(source: &CatalogSource, years: f64) -> DVec3 {
     let at = source.direction_icrf;
     let (Some(motion), Some(east)) = (source.proper_motion, DVec3::Z.cross(at).try_normalize()) else { return at };
@@ -189,7 +189,7 @@ struct SpotOnSky {
 }
 
 impl SpotOnSky {
-    /// The star `at` of a list sorted by z, where its spot's centre lies, or `None` when it cannot serve.
+    /// Returns the star `at` of a list sorted by z, where its spot's centre lies, or `None` when it cannot serve.
     fn photocentre(&self, stars: &[GuideStar], at: usize, limiting_mag: f64) -> Option<GuideStar> {
         let star = stars[at];
         if star.mag_g > limiting_mag + MERGER_MAG {

@@ -113,7 +113,7 @@ pub struct Tracker {
 }
 
 impl Tracker {
-    /// A tracker that is lost in space. `params` are those the guide stars were made with.
+    /// Returns a tracker that is lost in space. `params` are those the guide stars were made with.
     #[must_use]
     pub fn new(params: TrackerParams, guide: Arc<GuideStars>) -> Self {
         Self {
@@ -193,19 +193,19 @@ impl Tracker {
         self.track = None;
     }
 
-    /// Frames by what became of them.
+    /// Returns frames by what became of them.
     #[must_use]
     pub fn counts(&self) -> TrackerCounts {
         self.counts
     }
 
-    /// The stars of the last image that gave an attitude, brightest first; outliers are marked unused.
+    /// Returns the stars of the last image that gave an attitude, brightest first; outliers are marked unused.
     #[must_use]
     pub fn matched_stars(&self) -> &[MatchedStar] {
         &self.matches
     }
 
-    /// The guide stars [`MatchedStar::star`] counts in.
+    /// Returns the guide stars [`MatchedStar::star`] counts in.
     #[must_use]
     pub fn guide_stars(&self) -> &GuideStars {
         &self.guide
@@ -270,7 +270,7 @@ impl Tracker {
         }
     }
 
-    /// Lost in space. Two attitudes in a row give a rate.
+    /// Returns the lost in space. Two attitudes in a row give a rate.
     fn find(&mut self, image: &DnImage, at: Tai, beta: DVec3, rate_rad_s: Option<DVec3>) -> Result<Solution, Reason> {
         let before = self.track.take();
         if !self.regions.is_whole() {
@@ -338,8 +338,8 @@ fn is_usable(track: &Track, at: Tai) -> bool {
     (0.0..LONGEST_GAP_S).contains(&(at - track.at).s())
 }
 
-/// The trail that the brightest spots share, from the median excess of their second moments over a spot's: a line of
-/// length L has L^2 / 12 along itself. Zero when it is short.
+/// Returns the trail that the brightest spots share, from the median excess of their second moments over a spot's: a
+/// line of length L has L^2 / 12 along itself. Zero when it is short.
 fn trail_of_blobs(blobs: &[Blob], sigma_px: f64) -> DVec2 {
     let bright = &blobs[..blobs.len().min(TRAIL_SPOTS)];
     let median = |index: usize| {

@@ -243,7 +243,7 @@ impl Identifier {
 }
 
 impl Search<'_> {
-    /// Angle between two sightings and its tolerance, rad.
+    /// Returns the angle between two sightings and its tolerance, rad.
     fn side(&self, one: usize, other: usize) -> (f64, f64) {
         let (a, b) = (&self.sightings[one], &self.sightings[other]);
         let chord = a.direction.distance(b.direction);
@@ -257,7 +257,7 @@ impl Search<'_> {
         a.dot(b.cross(c)) > 0.0
     }
 
-    /// Whether a triangle's sides and height are long enough to give an attitude.
+    /// Returns whether a triangle's sides and height are long enough to give an attitude.
     fn is_useful(&self, triangle: Triangle) -> bool {
         let [a, b, c] = triangle.map(|at| self.sightings[at].spot.place_px);
         let sides = [a.distance(b), b.distance(c), c.distance(a)];
@@ -274,7 +274,7 @@ impl Search<'_> {
         }))
     }
 
-    /// How far from its true place a triangle's attitude may put a star at the far end of the image, px.
+    /// Returns how far from its true place a triangle's attitude may put a star at the far end of the image, px.
     fn reach_px(&self, triangle: Triangle) -> f64 {
         let places: [DVec2; 3] = triangle.map(|at| self.sightings[at].spot.place_px);
         let longest =
@@ -284,7 +284,7 @@ impl Search<'_> {
         (TOLERANCE_SIGMA * sigma_px * lever).clamp(0.5, WIDEST_PX)
     }
 
-    /// Bound on the probability that so many confirmations are chance.
+    /// Returns the bound on the probability that so many confirmations are chance.
     fn chance(&self, matched: usize, expected: usize, tolerance_px: f64) -> f64 {
         let geometry = &self.params.geometry;
         let image_px2 = (geometry.width_px * geometry.height_px) as f64;
@@ -300,7 +300,7 @@ impl Search<'_> {
     }
 }
 
-/// Chord of an angle, rad; zero below zero.
+/// Returns the chord of an angle, rad; zero below zero.
 fn chord(angle_rad: f64) -> f64 {
     2.0 * (0.5 * angle_rad.max(0.0)).sin()
 }

@@ -38,7 +38,7 @@ impl PairIndex {
         Self { angles_rad, stars, below, first_rad, step_rad }
     }
 
-    /// The pairs whose angle is within `tolerance_rad` of `angle_rad`.
+    /// Returns the pairs whose angle is within `tolerance_rad` of `angle_rad`.
     pub(super) fn within(&self, angle_rad: f64, tolerance_rad: f64) -> &[[u32; 2]] {
         let (low, high) = (angle_rad - tolerance_rad, angle_rad + tolerance_rad);
         let mut start = self.line_below(low);
@@ -52,7 +52,7 @@ impl PairIndex {
         &self.stars[start..end]
     }
 
-    /// How many pairs certainly lie below an angle.
+    /// Returns how many pairs certainly lie below an angle.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the line's steps")]
     fn line_below(&self, angle_rad: f64) -> usize {
         let last = self.below.len() - 1;
@@ -77,7 +77,7 @@ fn collect(directions: &[DVec3], shortest_rad: f64, longest_rad: f64) -> Vec<(f6
     pairs
 }
 
-/// Angle between unit vectors a chord apart, rad: exact for small angles, unlike the arc cosine.
+/// Returns the angle between unit vectors a chord apart, rad: exact for small angles, unlike the arc cosine.
 pub(super) fn angle_of_chord(chord: f64) -> f64 {
     2.0 * (0.5 * chord).min(1.0).asin()
 }

@@ -70,7 +70,7 @@ impl TrackerParams {
         }
     }
 
-    /// Standard deviation of the spot with the pixel's own width (variance 1/12 px^2), px.
+    /// Returns the standard deviation of the spot with the pixel's own width (variance 1/12 px^2), px.
     #[must_use]
     pub fn pixel_psf_sigma_px(&self) -> f64 {
         (self.psf_sigma_px * self.psf_sigma_px + 1.0 / 12.0).sqrt()

@@ -157,7 +157,7 @@ impl Follower {
         Regions::of(&list[..count]).unwrap_or(Regions::WHOLE)
     }
 
-    /// First pass: peaks about the brightest stars, within the search radius.
+    /// Returns the first pass: peaks about the brightest stars, within the search radius.
     fn search(&mut self, params: &TrackerParams, image: &DnImage, prediction: &Prediction) -> Pool {
         let mut pool = Pool::default();
         self.peaks.clear();
@@ -235,13 +235,14 @@ impl Follower {
     }
 }
 
-/// How far from a star's place pixels are looked at, px: its spot, the ring around it, and where it is searched.
+/// Returns how far from a star's place pixels are looked at, px: its spot, the ring around it, and where it is
+/// searched.
 fn reach_px(params: &TrackerParams, prediction: &Prediction, expected: &Expected, search_px: f64) -> f64 {
     let model = spot_model(params, trail_px(params, prediction, expected.apparent_icrf));
     (model.half_px() + RING_PX) as f64 + search_px
 }
 
-/// Too bright a background hides the stars: more than 0.7 of the range above black.
+/// Returns the too bright a background hides the stars: more than 0.7 of the range above black.
 pub(super) fn refuse_bright(params: &TrackerParams, level_dn: f64) -> Result<(), Reason> {
     let d = &params.detector;
     let share = (level_dn - d.black_level_dn) / (f64::from(d.saturation_dn) - d.black_level_dn);
@@ -261,12 +262,12 @@ fn matched(expected: &Expected, spot: Spot) -> MatchedStar {
     MatchedStar { star, apparent_icrf, spot, residual_px: spot.place_px - place_px, used: true }
 }
 
-/// A star's way over the image during the exposure, px.
+/// Returns a star's way over the image during the exposure, px.
 fn trail_px(params: &TrackerParams, prediction: &Prediction, apparent_icrf: DVec3) -> DVec2 {
     trail_of(params, prediction.rate_rad_s, prediction.attitude.apply(apparent_icrf))
 }
 
-/// The way over the image, during an exposure, of a direction in sensor axes, px.
+/// Returns the way over the image, during an exposure, of a direction in sensor axes, px.
 pub(super) fn trail_of(params: &TrackerParams, rate_rad_s: DVec3, direction: DVec3) -> DVec2 {
     let turn = rate_rad_s * params.exposure_s;
     params
@@ -275,7 +276,7 @@ pub(super) fn trail_of(params: &TrackerParams, rate_rad_s: DVec3, direction: DVe
         .map_or(DVec2::ZERO, |(_, slope)| slope[0] * turn.x + slope[1] * turn.y + slope[2] * turn.z)
 }
 
-/// The spot without its background.
+/// Returns the spot without its background.
 pub(super) fn spot_model(params: &TrackerParams, trail_px: DVec2) -> SpotModel {
     let d = &params.detector;
     SpotModel {
@@ -294,7 +295,7 @@ pub(super) fn set_background(model: &mut SpotModel, background: Background) {
     model.background_sigma_e = background.sigma_dn * model.gain_e_per_dn;
 }
 
-/// Ring about a place; `None` outside the image.
+/// Returns the ring about a place; `None` outside the image.
 pub(super) fn ring_about(
     image: &DnImage,
     place_px: DVec2,
@@ -309,7 +310,8 @@ pub(super) fn ring_about(
     ring(image, to_index(place.x), to_index(place.y), half_px, buffer)
 }
 
-/// The pixels within a radius whose 3 x 3 sums are largest and stand out, brightest first; hot pixels are passed over.
+/// Returns the pixels within a radius whose 3 x 3 sums are largest and stand out, brightest first; hot pixels are
+/// passed over.
 fn brightest(
     image: &DnImage,
     place_px: DVec2,

@@ -23,7 +23,8 @@ pub(super) struct Observation {
     pub(super) weight: f64,
 }
 
-/// The attitude that minimises the weighted squared distances between measured and rotated reference directions.
+/// Returns the attitude that minimises the weighted squared distances between measured and rotated reference
+/// directions.
 pub(super) fn davenport(observations: impl Iterator<Item = Observation>) -> Rotation<Sensor, Icrf> {
     // Column c of B is the sum of weight * measured * reference[c].
     let mut b = DMat3::ZERO;

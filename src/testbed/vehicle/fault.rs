@@ -23,7 +23,7 @@ pub enum VehicleFault {
 }
 
 impl fmt::Display for VehicleFault {
-    /// How much of it there is, or what it hits.
+    /// Returns how much of it there is, or what it hits.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::GyroDropout | Self::GyroStuck => Ok(()),
@@ -90,7 +90,7 @@ impl ActiveFaults {
         }
     }
 
-    /// Samples hit so far, or things broken for good.
+    /// Returns samples hit so far, or things broken for good.
     pub(super) fn hits(&self, fault: &VehicleFault) -> u64 {
         match fault {
             VehicleFault::GyroDropout => self.dropout_hits,

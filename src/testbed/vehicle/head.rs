@@ -71,7 +71,7 @@ impl Head {
         }
     }
 
-    /// Middle of a frame's exposure, when its message has come. Numbers on the bus are modulo 256.
+    /// Returns the middle of a frame's exposure, when its message has come. Numbers on the bus are modulo 256.
     pub(super) fn tag_of(&self, number: u32) -> Option<Tai> {
         self.tags.iter().find(|(tagged, _)| u32::from(*tagged) == number & 0xff).map(|(_, mid_exposure)| *mid_exposure)
     }
@@ -106,7 +106,7 @@ impl Head {
         }
     }
 
-    /// The next attitude that is ready at `at`, in body axes, with its covariance.
+    /// Returns the next attitude that is ready at `at`, in body axes, with its covariance.
     pub(super) fn next_ready(&mut self, at: Tai) -> Option<BodyAttitude> {
         let (_, solution) = self.ready.front().filter(|(ready, _)| *ready <= at).copied()?;
         self.ready.pop_front();
@@ -119,7 +119,7 @@ impl Head {
         })
     }
 
-    /// Whether the last frame gave an attitude, and came lately.
+    /// Returns whether the last frame gave an attitude, and came lately.
     pub(super) fn is_solved(&self, now: Tai) -> bool {
         let is_fresh = self.last_frame.is_some_and(|at| now - at < FRESH);
         is_fresh && matches!(self.report.last, Some(Outcome::Solved(_)))

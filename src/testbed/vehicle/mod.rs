@@ -107,7 +107,7 @@ pub struct Vehicle {
 }
 
 impl Vehicle {
-    /// A vehicle at `start`; its first control step is one period later.
+    /// Returns a vehicle at `start`; its first control step is one period later.
     ///
     /// # Errors
     /// The first parameter that cannot be flown.
@@ -153,13 +153,13 @@ impl Vehicle {
         })
     }
 
-    /// When the next control step is due.
+    /// Returns when the next control step is due.
     #[must_use]
     pub fn next_due(&self) -> Tai {
         self.last.0 + self.params.acs.control_period
     }
 
-    /// The smooth attitude at `at`: at most two seconds ago, at most the next control step.
+    /// Returns the smooth attitude at `at`: at most two seconds ago, at most the next control step.
     ///
     /// # Errors
     /// When `at` is outside.
@@ -168,7 +168,7 @@ impl Vehicle {
         Ok(self.spacecraft.attitude_at(at)?)
     }
 
-    /// The same of what has been flown already: looking changes nothing. At most a bus record's time behind.
+    /// Returns the same of what has been flown already: looking changes nothing. At most a bus record's time behind.
     ///
     /// # Errors
     /// When `at` is outside.
@@ -205,7 +205,7 @@ impl Vehicle {
         self.heads.iter_mut().for_each(|head| head.tag(frame, tagged));
     }
 
-    /// Whether the EXPOSURE message of a frame has come.
+    /// Returns whether the EXPOSURE message of a frame has come.
     #[must_use]
     pub fn has_tag(&self, head: usize, number: u32) -> bool {
         self.heads.get(head).is_some_and(|head| head.tag_of(number).is_some())
@@ -232,7 +232,7 @@ impl Vehicle {
         self.heads.get_mut(head)?.wish.take()
     }
 
-    /// One control step, at [`Self::next_due`].
+    /// Returns one control step, at [`Self::next_due`].
     ///
     /// # Errors
     /// When the motion left what can be integrated.
@@ -259,7 +259,7 @@ impl Vehicle {
         Ok(())
     }
 
-    /// A command from the ground.
+    /// Returns a command from the ground.
     ///
     /// # Errors
     /// When the control refuses it.
@@ -299,7 +299,8 @@ impl Vehicle {
         }
     }
 
-    /// How often faults of this kind have hit something so far: gyro samples, frames not looked at, things broken.
+    /// Returns how often faults of this kind have hit something so far: gyro samples, frames not looked at, things
+    /// broken.
     #[must_use]
     pub fn fault_hits(&self, fault: &VehicleFault) -> u64 {
         match fault {
@@ -315,7 +316,7 @@ impl Vehicle {
         }
     }
 
-    /// Telemetry not yet taken.
+    /// Returns the telemetry not yet taken.
     pub fn telemetry_mut(&mut self) -> &mut Telemetry {
         &mut self.telemetry
     }
@@ -331,25 +332,25 @@ impl Vehicle {
         self.estimator.counts()
     }
 
-    /// Mode of the control.
+    /// Returns the mode of the control.
     #[must_use]
     pub fn mode(&self) -> Mode {
         self.acs.mode()
     }
 
-    /// Estimated attitude now, if there is one.
+    /// Returns the estimated attitude now, if there is one.
     #[must_use]
     pub fn estimate(&self) -> Option<Rotation<Body, Icrf>> {
         self.estimator.attitude(self.last.0)
     }
 
-    /// One sigma of the estimated attitude per body axis, rad.
+    /// Returns one sigma of the estimated attitude per body axis, rad.
     #[must_use]
     pub fn estimate_sigma_rad(&self) -> DVec3 {
         self.estimator.sigma_rad()
     }
 
-    /// When the estimate holds: the last control step.
+    /// Returns when the estimate holds: the last control step.
     #[must_use]
     pub fn estimate_at(&self) -> Tai {
         self.last.0
@@ -361,7 +362,7 @@ impl Vehicle {
         &self.params
     }
 
-    /// Commanded target.
+    /// Returns the commanded target.
     #[must_use]
     pub fn target(&self) -> Rotation<Body, Icrf> {
         self.target
@@ -452,7 +453,8 @@ impl Vehicle {
         self.heads.iter_mut().enumerate().filter(chosen).for_each(|(_, head)| head.switch(is_off));
     }
 
-    /// Velocity of the vehicle about the barycentre over the speed of light: what its ephemeris aboard says.
+    /// Returns the velocity of the vehicle about the barycentre over the speed of light: what its ephemeris aboard
+    /// says.
     fn beta(&self, at: Tai) -> DVec3 {
         earth_beta(at) + self.orbit.velocity_m_s(at) / LIGHT_M_S
     }
@@ -487,7 +489,7 @@ impl Vehicle {
         }
     }
 
-    /// The first head's last attitude, when its last frame gave one.
+    /// Returns the first head's last attitude, when its last frame gave one.
     fn solution(&self) -> Option<Solution> {
         match self.heads.first()?.report.last? {
             Outcome::Solved(solution) => Some(solution),
@@ -512,7 +514,7 @@ fn keep_out_holds(params: &VehicleParams, start: Tai) -> Result<(), AcsError> {
     Err(AcsError::TargetInKeepOut { sun_angle_deg, least_deg })
 }
 
-/// The heads; equal trackers share one list of guide stars.
+/// Returns the heads; equal trackers share one list of guide stars.
 fn heads(params: &VehicleParams, start: Tai) -> Result<Vec<Head>, VehicleError> {
     let catalog = Catalog::built_in()?;
     let mut guides: Vec<(TrackerParams, Arc<GuideStars>)> = Vec::new();

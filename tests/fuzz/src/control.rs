@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 
 static BROKEN: LazyLock<bool> = LazyLock::new(|| std::env::var_os("STARLOOP_FUZZ_BROKEN").is_some());
 
-/// True when the target is to do its one thing wrong.
+/// Returns whether the target is to do its one thing wrong.
 #[must_use]
 pub fn is_broken() -> bool {
     *BROKEN

@@ -9,7 +9,7 @@ pub struct Input<'a> {
 }
 
 impl<'a> Input<'a> {
-    /// All of the fuzzer's bytes.
+    /// Returns all of the fuzzer's bytes.
     #[must_use]
     pub fn new(bytes: &'a [u8]) -> Self {
         Self { rest: bytes }
@@ -21,20 +21,20 @@ impl<'a> Input<'a> {
         self.rest
     }
 
-    /// True when everything has been taken.
+    /// Returns whether everything has been taken.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.rest.is_empty()
     }
 
-    /// The next bytes, fewer at the end.
+    /// Returns the next bytes, fewer at the end.
     pub fn take(&mut self, count: usize) -> &'a [u8] {
         let (taken, rest) = self.rest.split_at(count.min(self.rest.len()));
         self.rest = rest;
         taken
     }
 
-    /// The next bytes, zeros past the end.
+    /// Returns the next bytes, zeros past the end.
     pub fn array<const N: usize>(&mut self) -> [u8; N] {
         let mut bytes = [0; N];
         let taken = self.take(N);
@@ -42,37 +42,37 @@ impl<'a> Input<'a> {
         bytes
     }
 
-    /// One byte.
+    /// Returns one byte.
     pub fn u8(&mut self) -> u8 {
         self.array::<1>()[0]
     }
 
-    /// Two bytes.
+    /// Returns two bytes.
     pub fn u16(&mut self) -> u16 {
         u16::from_le_bytes(self.array())
     }
 
-    /// Four bytes.
+    /// Returns four bytes.
     pub fn u32(&mut self) -> u32 {
         u32::from_le_bytes(self.array())
     }
 
-    /// Eight bytes.
+    /// Returns the eight bytes.
     pub fn i64(&mut self) -> i64 {
         i64::from_le_bytes(self.array())
     }
 
-    /// A bit of one byte.
+    /// Returns a bit of one byte.
     pub fn bool(&mut self) -> bool {
         self.u8() & 1 != 0
     }
 
-    /// A number below `end`, from two bytes; 0 when `end` is.
+    /// Returns a number below `end`, from two bytes; 0 when `end` is.
     pub fn below(&mut self, end: usize) -> usize {
         usize::from(self.u16()).checked_rem(end).unwrap_or(0)
     }
 
-    /// A finite number of any size.
+    /// Returns a finite number of any size.
     pub fn finite(&mut self) -> f32 {
         let value = f32::from_bits(self.u32());
         if value.is_finite() { value } else { 0.0 }

@@ -10,7 +10,7 @@ use firmware_protocol::message::{
 /// Largest count of a rate in the classic group, 1 urad/s each.
 const RATE_MAX: i32 = (1 << 20) - 1;
 
-/// A unit quaternion.
+/// Returns a unit quaternion.
 pub fn quaternion(input: &mut Input<'_>) -> [f32; 4] {
     let mut parts = || f64::from(i16::from_le_bytes(input.array()));
     let q = [parts(), parts(), parts(), parts()];
@@ -18,7 +18,7 @@ pub fn quaternion(input: &mut Input<'_>) -> [f32; 4] {
     if norm > 0.0 { q.map(|part| (part / norm) as f32) } else { [1.0, 0.0, 0.0, 0.0] }
 }
 
-/// A record that the classic group carries without rounding.
+/// Returns a record that the classic group carries without rounding.
 pub fn attitude(input: &mut Input<'_>) -> AttitudeRecord {
     let flags = AttitudeFlags::from_bits(input.u8());
     let (t_us, seq, q_wxyz) = (input.u32(), input.u8(), quaternion(input));
@@ -32,7 +32,7 @@ pub fn attitude(input: &mut Input<'_>) -> AttitudeRecord {
     AttitudeRecord { t_us, seq, flags, q_wxyz, rate_rad_s, acceleration_rad_s2 }
 }
 
-/// A message without a sequence number: no decoder takes it for a repeat.
+/// Returns a message without a sequence number: no decoder takes it for a repeat.
 pub fn unnumbered(input: &mut Input<'_>) -> Message {
     match input.u8() % 6 {
         0 => Message::Sync(Sync { counter: input.u8() }),

@@ -12,13 +12,13 @@ static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
     folder
 });
 
-/// A path in the folder.
+/// Returns a path in the folder.
 #[must_use]
 pub fn path(name: &str) -> PathBuf {
     FOLDER.join(name)
 }
 
-/// A file of these bytes.
+/// Returns a file of these bytes.
 #[must_use]
 pub fn file(name: &str, bytes: &[u8]) -> PathBuf {
     let path = path(name);

@@ -48,7 +48,8 @@ fn read_stream(ids: IdMap, input: &mut Input<'_>) {
     assert_eq!(rejects.total(), rejects.iter().map(|(_, count)| count).sum::<u32>());
 }
 
-/// A frame of a known message or of any identifier. Some are sealed, that is made legal where chance never would.
+/// Returns a frame of a known message or of any identifier. Some are sealed, that is made legal where chance never
+/// would.
 fn frame(ids: IdMap, parts: &Parts, input: &mut Input<'_>) -> Option<CanFrame> {
     let (choice, form) = (input.u8(), input.u8());
     let message = MessageId::ALL.get(usize::from(choice >> 3)).copied();
@@ -152,7 +153,7 @@ fn judge_message(message: &Message, kind: MessageId, data: &[u8]) {
     }
 }
 
-/// The bytes as a sender of this version writes them. Broken: the reserved byte of table cells is forgotten.
+/// Returns the bytes as a sender of this version writes them. Broken: the reserved byte of table cells is forgotten.
 fn with_reserved_zero(kind: MessageId, data: &[u8]) -> Vec<u8> {
     let mut bytes = data.to_vec();
     match (kind, data[0]) {

@@ -93,7 +93,7 @@ fn assert_has_a_place(error: &CaptureError, bytes: &[u8]) {
     }
 }
 
-/// A pcapng file of any blocks whose lengths are right, mostly: chance alone never gets past them.
+/// Returns a pcapng file of any blocks whose lengths are right, mostly: chance alone never gets past them.
 fn blocks(input: &mut Input<'_>) -> Vec<u8> {
     let mut file = Vec::new();
     let mut is_big_endian = input.bool();

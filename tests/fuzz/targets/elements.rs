@@ -52,7 +52,7 @@ fuzz_target!(|bytes: &[u8]| {
     }
 });
 
-/// The orbit or the error of a reader, and a state of the orbit.
+/// Returns the orbit or the error of a reader, and a state of the orbit.
 fn read(text: &str, at: Tai, parse: impl Fn(&str) -> Result<TleOrbit, ObserverError>) -> Option<TleOrbit> {
     let mut parsed = None;
     let memory = allocation_counter::measure(|| parsed = Some(parse(text)));
@@ -92,7 +92,7 @@ fn read_lines(text: &str, norad_id: u64, at: Tai) {
     }
 }
 
-/// Two lines of one object, whose checksums fit.
+/// Returns two lines of one object, whose checksums fit.
 fn is_pair(lines: &[&str]) -> bool {
     let checksum = |line: &str| {
         let value = |byte: u8| match byte {
@@ -150,7 +150,7 @@ fn read_message(text: &str, norad_id: u64, at: Tai) {
     }
 }
 
-/// A list of objects with all keys, and any text in the place of some values.
+/// Returns a list of objects with all keys, and any text in the place of some values.
 fn message(input: &mut Input<'_>) -> String {
     let mut objects = Vec::new();
     for _ in 0..=input.u8() % 2 {

@@ -35,7 +35,7 @@ fuzz_target!(|bytes: &[u8]| {
 
 // --- reading ---------------------------------------------------------------------------------------------------------
 
-/// The stars that were read, when all of them were and `verify` finds nothing wrong.
+/// Returns the stars that were read, when all of them were and `verify` finds nothing wrong.
 fn read(bytes: &[u8]) -> Result<Vec<CatalogSource>, LayerError> {
     let path = scratch::file("any.starlayer", bytes);
     let mut opened = None;
@@ -68,7 +68,7 @@ fn read(bytes: &[u8]) -> Result<Vec<CatalogSource>, LayerError> {
     Ok(stars)
 }
 
-/// All stars, and how many tiles could not be read.
+/// Returns all stars, and how many tiles could not be read.
 fn read_tiles(layer: &Layer) -> (Vec<CatalogSource>, usize) {
     let (mut scratch, mut all, mut wrong, mut stars) = (Vec::new(), Vec::new(), 0, 0);
     for (tile, count) in (0..).zip(layer.index().stars_of_tiles()).filter(|(_, count)| *count > 0) {
@@ -132,7 +132,7 @@ fn read_damaged(input: &mut Input<'_>) {
     }
 }
 
-/// A layer whose checksums fit, and its tiles: number and count of records.
+/// Returns a layer whose checksums fit, and its tiles: number and count of records.
 fn layer_of(input: &mut Input<'_>) -> (Vec<u8>, Vec<(usize, usize)>) {
     let credits_length = usize::from(input.u8() % 64);
     let credits = input.take(credits_length);
@@ -227,7 +227,7 @@ fn repair_head(layer: &mut [u8]) {
 
 // --- written layers --------------------------------------------------------------------------------------------------
 
-/// The bytes of the layer to magnitude 20 of these stars; `doubled` counts those that came twice.
+/// Returns the bytes of the layer to magnitude 20 of these stars; `doubled` counts those that came twice.
 fn written(stars: &[NewStar], doubled: &mut u64, has_numbers: bool) -> Vec<u8> {
     let work = scratch::path("work");
     let _ = fs::remove_dir_all(&work);
@@ -261,7 +261,7 @@ fn write_and_read(input: &mut Input<'_>) {
     }
 }
 
-/// A star that can be stored, mostly.
+/// Returns a star that can be stored, mostly.
 fn star(input: &mut Input<'_>) -> NewStar {
     let flags = input.u8();
     let mut share = || f64::from(input.u16()) / 65_535.0;

@@ -38,7 +38,7 @@ fn layout(input: &mut Input<'_>) -> PlainLayout {
     other.ok().filter(|other| other.check().is_ok()).unwrap_or(usual)
 }
 
-/// A unit quaternion about one axis.
+/// Returns a unit quaternion about one axis.
 fn good(input: &mut Input<'_>) -> PlainRecord {
     let half = f64::from(input.u16()) * 1e-4;
     let rate = f64::from(input.u16()) * 1e-4;

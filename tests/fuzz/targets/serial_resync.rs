@@ -72,7 +72,8 @@ fn outcomes(decoder: &mut serial::Decoder, bytes: &[u8]) -> Vec<Result<Message, 
     core::iter::from_fn(|| decoder.read(&mut rest)).collect()
 }
 
-/// The packet behind a line, damaged, on a line again: stuffing is written afresh, so that the error is the one made.
+/// Returns the packet behind a line, damaged, on a line again: stuffing is written afresh, so that the error is the one
+/// made.
 fn damaged(line: &[u8], flips: &mut Input<'_>) -> Vec<u8> {
     let mut packet = unstuffed(line);
     let crc = packet.len() - 2;

@@ -53,7 +53,7 @@ fuzz_target!(|bytes: &[u8]| {
 
 // --- what is said ----------------------------------------------------------------------------------------------------
 
-/// Values at both sides of every limit of every column.
+/// Returns values at both sides of every limit of every column.
 fn value(input: &mut Input<'_>) -> f32 {
     const VALUES: [f32; 24] = [
         1.0,
@@ -124,7 +124,7 @@ fn command(choice: u8, model: &Model, input: &mut Input<'_>) -> Command {
     Command { token, request }
 }
 
-/// A stimulator that takes even numbers, finds 1 too far away, and has nothing that waits for 3.
+/// Returns a stimulator that takes even numbers, finds 1 too far away, and has nothing that waits for 3.
 fn fire(trigger: Trigger) -> Result<Triggered, Refusal> {
     let triggered = Triggered { number: trigger.number, is_late: trigger.at_us % 2 == 1 };
     match trigger.number % 4 {
@@ -134,7 +134,7 @@ fn fire(trigger: Trigger) -> Result<Triggered, Refusal> {
     }
 }
 
-/// A camera that lacks head 1, and refuses head 3 for a reason of its own.
+/// Returns a camera that lacks head 1, and refuses head 3 for a reason of its own.
 fn expose(head: u8) -> Result<(), Refusal> {
     match head {
         1 => Err(Refusal::UnknownHead),
@@ -206,7 +206,7 @@ impl Model {
         }
     }
 
-    /// The values of rows `0..rows`, if all have come.
+    /// Returns the values of rows `0..rows`, if all have come.
     fn uploaded(&self, table: u8, rows: u8) -> Option<Vec<f32>> {
         let columns = Table::from_number(table)?.columns();
         let places = (0..rows).flat_map(|row| (0..columns).map(move |column| (table, row, column)));

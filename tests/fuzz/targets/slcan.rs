@@ -53,7 +53,7 @@ fn expected(stream: &[u8]) -> Vec<Wanted> {
     .collect()
 }
 
-/// The command's text with upper-case digits, `b` for `d`.
+/// Returns the command's text with upper-case digits, `b` for `d`.
 fn understood(letter: u8, rest: &[u8]) -> Wanted {
     let digits = rest.iter().all(u8::is_ascii_hexdigit).then(|| String::from_utf8_lossy(rest).to_uppercase());
     let is_one_of = |choice: &[u8]| matches!(rest, [one] if choice.contains(one));
@@ -78,7 +78,7 @@ fn is_frame(digits: &str, is_classic: bool) -> bool {
     id <= "7FF" && (code <= 8 || !is_classic) && rest.len() == 1 + 2 * DATA_LENGTHS[code as usize]
 }
 
-/// A command as text.
+/// Returns a command as text.
 fn shown(command: &Command) -> String {
     match command {
         Command::Open => "O".into(),

@@ -90,7 +90,7 @@ fn counted(text: &[u8], done: Result<u64, ImportError>, sorting: &Sorting) -> Re
     Ok((rows, counts.stars))
 }
 
-/// Lines that are not empty.
+/// Returns lines that are not empty.
 fn lines(text: &[u8]) -> impl Iterator<Item = &[u8]> + Clone {
     let lines = text.split(|byte| *byte == b'\n').map(|line| line.strip_suffix(b"\r").unwrap_or(line));
     lines.filter(|line| !line.is_empty())

@@ -30,7 +30,7 @@ fn scattered() -> Vec<[f64; 2]> {
     (0..64).map(|i| [i % 8, i / 8].map(|cell| 32.0 * f64::from(cell) + 16.0 + dice.between(-6.0, 6.0))).collect()
 }
 
-/// Largest pixel of all sources' image less that of the stars kept, by the reference, e-.
+/// Returns the largest pixel of all sources' image less that of the stars kept, by the reference, e-.
 fn lacking_e(all: &ExposurePlan, kept: &ExposurePlan) -> f64 {
     let (all, kept) = (draw_reference(all), draw_reference(kept));
     all.pixels.iter().zip(&kept.pixels).map(|(a, b)| a - b).fold(0.0, f64::max)

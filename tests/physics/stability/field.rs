@@ -15,7 +15,7 @@ const TALL: [usize; 2] = [48, 512];
 /// PSF, px.
 const SIGMA_PX: f64 = 0.8;
 
-/// Stars all the way down a tall detector whose rows are exposed `line_s` apart.
+/// Returns stars all the way down a tall detector whose rows are exposed `line_s` apart.
 fn tall(shutter: Shutter, amplitude_px: f64, cycles: f64) -> Scene {
     let [width_px, height_px] = TALL;
     let parameters = CameraParameters {

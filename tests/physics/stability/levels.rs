@@ -33,7 +33,7 @@ const COST: CostModel = CostModel {
     readout_pixel_ns: 0.0,
 };
 
-/// Stars over four decades.
+/// Returns stars over four decades.
 fn stars() -> Vec<Source> {
     let mut dice = Dice::new(21);
     let mut place = || dice.between(5.0, SIDE as f64 - 6.0);

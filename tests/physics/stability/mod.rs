@@ -33,19 +33,19 @@ struct Scene {
 }
 
 impl Scene {
-    /// A star near the middle and one near a corner, at rest.
+    /// Returns a star near the middle and one near a corner, at rest.
     fn still(sigma_px: f64) -> Self {
         let stars = vec![star(0, ELECTRONS, [31.3, 30.8]), star(1, ELECTRONS, [52.2, 51.9])];
         Self { instrument: instrument(camera(SIZE), &PsfModel::gaussian(sigma_px)), los: los(), path: None, stars }
     }
 
-    /// Line of sight that moves the image by `x_px` and 0.4 times as much down.
+    /// Returns the line of sight that moves the image by `x_px` and 0.4 times as much down.
     fn drifting(sigma_px: f64, x_px: f64) -> Self {
         let rate_rad_s = DVec3::new(0.4 * x_px, -x_px, 0.0) / (FOCAL_PX * EXPOSURE_S);
         Self { los: LosPath { rate_rad_s, ..los() }, ..Self::still(sigma_px) }
     }
 
-    /// A sinusoid along the rows, and an eighth of it down.
+    /// Returns a sinusoid along the rows, and an eighth of it down.
     fn shaken(sigma_px: f64, amplitude_px: f64, cycles: f64) -> Self {
         let mut scene = Self::still(sigma_px);
         let amplitude_rad = DVec3::new(0.125, 1.0, 0.0) * (amplitude_px / scene.focal_px());
@@ -53,14 +53,14 @@ impl Scene {
         scene
     }
 
-    /// A commanded image path that turns by `roll_rad` about the middle of the detector.
+    /// Returns a commanded image path that turns by `roll_rad` about the middle of the detector.
     fn rolled(sigma_px: f64, roll_rad: f64) -> Self {
         let point = |i: u32| point(0.0, [0.0; 2], roll_rad * (f64::from(i) / 63.0 - 0.5));
         let path = PixelPath::samples((0..64).map(point).collect()).unwrap();
         Self { path: Some(path), ..Self::still(sigma_px) }
     }
 
-    /// A straight commanded path.
+    /// Returns a straight commanded path.
     fn straight(sigma_px: f64, x_px: f64) -> Self {
         let ends = [-0.5, 0.5].map(|side| point((side + 0.5) * EXPOSURE_S, [side * x_px, 0.3 * side * x_px], 0.0));
         Self { path: Some(PixelPath::line(ends.into(), EXPOSURE_S).unwrap()), ..Self::still(sigma_px) }
@@ -79,7 +79,7 @@ fn point(t_s: f64, [dx_px, dy_px]: [f64; 2], roll_rad: f64) -> PixelPoint {
     PixelPoint { t_s, dx_px, dy_px, roll_rad }
 }
 
-/// True when something is over the budget.
+/// Returns whether something is over the budget.
 fn is_over_budget(measured: &Measured) -> bool {
     let budget = AccuracyBudget::default();
     measured.centroid_px > budget.centroid_px || measured.pixel_sigma > budget.pixel_sigma

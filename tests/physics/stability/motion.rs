@@ -17,7 +17,8 @@ const NARROW_PX: f64 = 0.3;
 /// Cycles per exposure of the sinusoids.
 const CYCLES: f64 = 10.3;
 
-/// A path with power up to 40 cycles per exposure, as a structure's modes have it: amplitudes fall with frequency.
+/// Returns a path with power up to 40 cycles per exposure, as a structure's modes have it: amplitudes fall with
+/// frequency.
 fn like_a_psd(sigma_px: f64, rms_px: f64) -> Scene {
     const MODES: u32 = 24;
     let mut dice = Dice::new(5);
@@ -38,7 +39,7 @@ fn like_a_psd(sigma_px: f64, rms_px: f64) -> Scene {
     scene
 }
 
-/// The same motion of the image in a telescope's field, where it is the same for all stars.
+/// Returns the same motion of the image in a telescope's field, where it is the same for all stars.
 pub(super) fn narrow_field(scene: &Scene) -> Scene {
     const TIMES: f64 = 16.0;
     let mut parameters = *scene.instrument.camera.parameters();
@@ -52,7 +53,7 @@ pub(super) fn narrow_field(scene: &Scene) -> Scene {
     scene
 }
 
-/// A commanded path of straight legs.
+/// Returns a commanded path of straight legs.
 pub(super) fn zigzag(sigma_px: f64, legs: u32, size_px: f64) -> Scene {
     let mut dice = Dice::new(8);
     let corner = |i: u32| {

@@ -75,14 +75,14 @@ fn a_telescope_of_one_arcsecond_per_pixel() {
     assert_replaced("telescope", &scene, "static");
 }
 
-/// Stars drawn by a planner that leaves none out.
+/// Returns stars drawn by a planner that leaves none out.
 fn noiseless(scene: &Scene, electrons: f64) -> ExposurePlan {
     let instrument = Instrument { read_noise_e_rms: 0.0, ..scene.instrument.clone() };
     let stars = scene.stars.iter().map(|star| Source { electrons, ..*star }).collect();
     Scene { instrument, stars, ..scene.clone() }.plan("samples:64")
 }
 
-/// Time that drawing `plan` takes over and over, s.
+/// Returns the time that drawing `plan` takes over and over, s.
 fn drawing_s(plan: &ExposurePlan) -> f64 {
     const REPEATS: u32 = 300;
     let mut cpu = Cpu::new(SIZE, SIZE);

@@ -22,7 +22,7 @@ const SLACKEST: f64 = 60.0;
 /// Errors below this are not asked to be near their bounds.
 const SMALL_PX: f64 = 1e-4;
 
-/// The methods that are compared.
+/// Returns the methods that are compared.
 fn samplings() -> Vec<PsfSampling> {
     let tables = [2, 4, 8, 16].map(|oversampling| PsfSampling::Table { oversampling });
     let points = [3, 5].map(|n| PsfSampling::Supersampled { n });
@@ -40,7 +40,7 @@ fn scene(sigma_px: f64, sampling: PsfSampling, [dx, dy]: [f64; 2]) -> Scene {
     }
 }
 
-/// Largest errors over all phases, and what the planner says.
+/// Returns the largest errors over all phases, and what the planner says.
 fn worst(sigma_px: f64, sampling: PsfSampling) -> (SamplingError, Verdict) {
     let mut worst = SamplingError::default();
     let mut verdict = Verdict::Fits;

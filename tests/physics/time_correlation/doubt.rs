@@ -14,7 +14,7 @@ fn error_ns(clock: &RemoteClock, bench: &Bench) -> f64 {
     (clock.estimate().expect("marks").to_tai(remote_ns) - truth).ns() as f64
 }
 
-/// A clock that has seen `marks` marks at 10 Hz, and the time of the next one.
+/// Returns a clock that has seen `marks` marks at 10 Hz, and the time of the next one.
 fn settled(seed: u64, marks: u32) -> (Bench, RemoteClock, f64) {
     let mut bench = Bench::new(seed, QUIET, Link::USUAL);
     let mut clock = RemoteClock::new(limits());

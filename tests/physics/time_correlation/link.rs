@@ -108,14 +108,14 @@ impl Bench {
         self.elapsed_s = elapsed_s;
     }
 
-    /// The remote clock's reading, ns, and the true local time.
+    /// Returns the remote clock's reading, ns, and the true local time.
     pub(super) fn truth(&self) -> (i64, Tai) {
         let elapsed_ns = (self.elapsed_s * 1e9).round() as i64;
         let remote_ns = elapsed_ns + self.ahead_ns.round() as i64 + self.stepped_ns;
         (remote_ns, Tai::from_ns(BOOT_NS + elapsed_ns + self.local_stepped_ns))
     }
 
-    /// A mark sent at `at_s`: SCET as it goes over the wire, and the receive stamp.
+    /// Returns a mark sent at `at_s`: SCET as it goes over the wire, and the receive stamp.
     pub(super) fn mark(&mut self, at_s: f64) -> (i64, Tai) {
         self.advance_to(at_s);
         let (remote_ns, local) = self.truth();
@@ -133,12 +133,13 @@ pub(super) fn scet(remote_ns: i64) -> Scet {
     Scet::from_ns(u64::try_from(remote_ns).unwrap())
 }
 
-/// The conversion of the receiver.
+/// Returns the conversion of the receiver.
 pub(super) fn received_ns(scet: Scet) -> i64 {
     i64::try_from(scet.ns()).unwrap()
 }
 
-/// The SCET with one of the 24 bits of its fraction (from 0), or of the 32 of its seconds (from 24), the other way.
+/// Returns the SCET with one of the 24 bits of its fraction (from 0), or of the 32 of its seconds (from 24), the other
+/// way.
 pub(super) fn with_bit_flipped(scet: Scet, bit: u32) -> Scet {
     let (seconds, fraction) = (scet.seconds(), scet.fraction());
     let flipped = if bit < 24 { (seconds, fraction ^ (1 << bit)) } else { (seconds ^ (1 << (bit - 24)), fraction) };

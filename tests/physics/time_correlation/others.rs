@@ -63,7 +63,7 @@ impl HullAlone {
         keep(&mut self.marks, remote_ns, local, (HULL_S * 1e9) as i64);
     }
 
-    /// The height over the middle, as a function of the slope, is concave: its maximum by golden section.
+    /// Returns the height over the middle, as a function of the slope, is concave: its maximum by golden section.
     pub(super) fn to_tai(&self, remote_ns: i64) -> Tai {
         let (first, last) = (self.marks[0], self.marks[self.marks.len() - 1]);
         let middle_ns = (first.0 + last.0) / 2;

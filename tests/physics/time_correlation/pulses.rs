@@ -5,7 +5,7 @@ use super::{CONVERGED_S, QUIET};
 use base::time::{Span, Tai};
 use plan::attitude::{ObservedPps, RemoteClock, RemoteClockLimits};
 
-/// The local time at which the remote clock reads the second that comes next, by small steps of the truth.
+/// Returns the local time at which the remote clock reads the second that comes next, by small steps of the truth.
 fn edge_after(bench: &mut Bench, at_s: f64) -> Tai {
     bench.advance_to(at_s);
     let (remote_ns, local) = bench.truth();

@@ -29,7 +29,7 @@ pub(super) struct Ruler {
 }
 
 impl Ruler {
-    /// A ruler with room for all `values` (which have a place on it) and round ends.
+    /// Returns a ruler with room for all `values` (which have a place on it) and round ends.
     pub(super) fn around(scale: Scale, values: impl Iterator<Item = f64>, from_px: f64, to_px: f64) -> Self {
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
         values.for_each(|v| (low, high) = (low.min(v), high.max(v)));
@@ -41,7 +41,7 @@ impl Ruler {
         Self { scale, low, high, step, from_px, to_px }
     }
 
-    /// Place of a value.
+    /// Returns the place of a value.
     pub(super) fn px(&self, value: f64) -> f64 {
         let share = match self.scale {
             Scale::Log => (value.log10() - self.low.log10()) / (self.high.log10() - self.low.log10()),
@@ -96,7 +96,7 @@ impl Ruler {
     }
 }
 
-/// The power of ten at or below a positive value.
+/// Returns the power of ten at or below a positive value.
 fn decade(value: f64) -> i32 {
     #[allow(clippy::cast_possible_truncation, reason = "the exponents of f64 are within 400")]
     let n = (value.log10() + 1e-9).floor() as i32;
@@ -118,26 +118,26 @@ fn label_of(digit: i32, n: i32, is_plain: bool) -> String {
     }
 }
 
-/// Raised digits: characters of their own, since not every renderer places a raised `tspan` well.
+/// Returns the raised digits: characters of their own, since not every renderer places a raised `tspan` well.
 fn superscript(n: i32) -> String {
     const RAISED: [char; 10] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
     let raised = |c: char| c.to_digit(10).map_or('⁻', |digit| RAISED[digit as usize]);
     n.to_string().chars().map(raised).collect()
 }
 
-/// The largest of 1, 2, 5 times a power of ten that is not above `value`.
+/// Returns the largest of 1, 2, 5 times a power of ten that is not above `value`.
 fn round_below(value: f64) -> f64 {
     let unit = power(decade(value));
     [5.0, 2.0].into_iter().map(|digit| digit * unit).find(|round| *round <= value).unwrap_or(unit)
 }
 
-/// The smallest of 1, 2, 5 times a power of ten that is not below `value`.
+/// Returns the smallest of 1, 2, 5 times a power of ten that is not below `value`.
 fn round_above(value: f64) -> f64 {
     let unit = power(decade(value));
     [1.0, 2.0, 5.0].into_iter().map(|digit| digit * unit).find(|round| *round >= value).unwrap_or(10.0 * unit)
 }
 
-/// Low and high end and the step between ticks.
+/// Returns the low and high end and the step between ticks.
 fn linear_ends(low: f64, high: f64) -> [f64; 3] {
     let (low, high) = if high > low { (low, high) } else { (low - 0.5, high + 0.5) };
     let step = round_above((high - low) / INTERVALS);

@@ -56,7 +56,7 @@ impl Layout {
         Self { legend, left_px, right_px, top_px, bottom_px, x, y, notes, height_px }
     }
 
-    /// Base line of the first note, px.
+    /// Returns the base line of the first note, px.
     pub(super) fn notes_px(&self) -> f64 {
         self.bottom_px + BELOW_PX + LINE_PX * 0.75
     }
@@ -66,7 +66,7 @@ fn text_px(text: &str) -> f64 {
     text.chars().count() as f64 * CHARACTER_PX
 }
 
-/// Names from left to right, in as many rows as they need; also the base line of the last row.
+/// Returns names from left to right, in as many rows as they need; also the base line of the last row.
 fn legend(chart: &Chart, left_px: f64, right_px: f64, first_px: f64) -> (Vec<Entry>, f64) {
     let named = chart.series.iter().filter(|series| !series.name.is_empty());
     let series = named.map(|series| (series.name.clone(), Some((series.style, series.group))));
@@ -85,7 +85,7 @@ fn legend(chart: &Chart, left_px: f64, right_px: f64, first_px: f64) -> (Vec<Ent
     (entries, y_px)
 }
 
-/// The notes, and how many points are missing, in lines that fit.
+/// Returns the notes, and how many points are missing, in lines that fit.
 fn notes(chart: &Chart, width_px: f64) -> Vec<String> {
     let left_out = match chart.left_out() {
         0 => None,

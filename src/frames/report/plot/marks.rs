@@ -19,7 +19,7 @@ pub(in crate::report) fn colour(group: usize) -> &'static str {
     COLOURS[group % COLOURS.len()]
 }
 
-/// Outline of a group's mark, relative to its place.
+/// Returns the outline of a group's mark, relative to its place.
 pub(super) fn shape(group: usize) -> &'static str {
     SHAPES[group % SHAPES.len()]
 }

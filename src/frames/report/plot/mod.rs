@@ -85,13 +85,13 @@ pub struct Chart {
 }
 
 impl Axis {
-    /// A logarithmic axis.
+    /// Returns a logarithmic axis.
     #[must_use]
     pub fn log(label: impl Into<String>) -> Self {
         Self { label: label.into(), scale: Scale::Log }
     }
 
-    /// A linear axis.
+    /// Returns a linear axis.
     #[must_use]
     pub fn linear(label: impl Into<String>) -> Self {
         Self { label: label.into(), scale: Scale::Linear }
@@ -107,7 +107,7 @@ impl Chart {
         self.x.has_place_for(point[0]) && self.y.has_place_for(point[1])
     }
 
-    /// All points that are drawn.
+    /// Returns all points that are drawn.
     fn drawn(&self) -> impl Iterator<Item = [f64; 2]> {
         self.series.iter().flat_map(|series| series.points.iter().copied()).filter(|point| self.has_place_for(*point))
     }

@@ -18,7 +18,7 @@ impl Page {
     }
 }
 
-/// The chart as an SVG document.
+/// Returns the chart as an SVG document.
 #[must_use]
 pub fn to_svg(chart: &Chart) -> String {
     let layout = Layout::of(chart);

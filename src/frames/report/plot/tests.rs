@@ -15,7 +15,7 @@ fn chart(series: Vec<Series>) -> Chart {
     }
 }
 
-/// The value of `name="..."` in one line of SVG.
+/// Returns the value of `name="..."` in one line of SVG.
 fn attribute(line: &str, name: &str) -> Option<f64> {
     let value = line.split(&format!(" {name}=\"")).nth(1)?.split('"').next()?;
     value.parse().ok()
@@ -25,7 +25,7 @@ fn lines_with<'a>(svg: &'a str, class: &str) -> Vec<&'a str> {
     svg.lines().filter(|line| line.contains(&format!("class=\"{class}\""))).collect()
 }
 
-/// Places of marks, rings and corners of lines.
+/// Returns places of marks, rings and corners of lines.
 fn places(svg: &str) -> Vec<[f64; 2]> {
     let pair = |text: &str| {
         let mut numbers = text.split([' ', ',']).map(|n| n.parse().unwrap());

@@ -9,7 +9,7 @@ use crate::sink::frame_log::FrameLog;
 use crate::sink::sample::{bare_sample_frame, compare_with_pinned, differs_from_pinned, hex_lines, sample_frame};
 use crate::sink::shared_memory::slot_head;
 
-/// The cards of a FITS file, a line each; without the version and the checksum over it.
+/// Returns the cards of a FITS file, a line each; without the version and the checksum over it.
 fn cards(bytes: &[u8]) -> String {
     let card = |card: &[u8]| String::from_utf8_lossy(card).trim_end().replace(env!("CARGO_PKG_VERSION"), "VERSION");
     let cards = bytes.chunks(CARD_BYTES).map(card);

@@ -140,7 +140,7 @@ impl Part {
         [Self::Camera, Self::Frame, Self::Time, Self::Attitude, Self::Making, Self::Optics];
 }
 
-/// A row that no output has yet.
+/// Returns a row that no output has yet.
 pub(super) const fn row(
     name: &'static str,
     kind: Kind,
@@ -153,7 +153,7 @@ pub(super) const fn row(
     Row { name, unit, kind, about, value, fits, part, csv, memory, chunk, live, control, control_meta }
 }
 
-/// A feature of the chunk data.
+/// Returns a feature of the chunk data.
 pub(super) const fn feature(
     place: usize,
     name: &'static str,
@@ -166,37 +166,37 @@ pub(super) const fn feature(
 }
 
 impl Row {
-    /// The row with cards in FITS files.
+    /// Returns the row with cards in FITS files.
     pub(super) const fn fits(self, part: Part, fits: &'static [Card]) -> Self {
         Self { part, fits, ..self }
     }
 
-    /// The row with columns in the frame log.
+    /// Returns the row with columns in the frame log.
     pub(super) const fn csv(self, csv: &'static [Column]) -> Self {
         Self { csv, ..self }
     }
 
-    /// The row with a place in shared memory.
+    /// Returns the row with a place in shared memory.
     pub(super) const fn memory(self, first_byte: usize, stored: Stored, form: Form) -> Self {
         Self { memory: Some(Place(first_byte, stored, form)), ..self }
     }
 
-    /// The row with features in the chunk data.
+    /// Returns the row with features in the chunk data.
     pub(super) const fn chunk(self, chunk: &'static [Feature]) -> Self {
         Self { chunk, ..self }
     }
 
-    /// The row with keys in the live view.
+    /// Returns the row with keys in the live view.
     pub(super) const fn live(self, live: &'static [Key]) -> Self {
         Self { live, ..self }
     }
 
-    /// The row with keys in the control socket's answer.
+    /// Returns the row with keys in the control socket's answer.
     pub(super) const fn control(self, control: &'static [Key]) -> Self {
         Self { control, ..self }
     }
 
-    /// The row with keys in `meta` of that answer.
+    /// Returns the row with keys in `meta` of that answer.
     pub(super) const fn control_meta(self, control_meta: &'static [Key]) -> Self {
         Self { control_meta, ..self }
     }

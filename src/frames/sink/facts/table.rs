@@ -268,17 +268,17 @@ pub const TABLE: &[Row] = &[
         .control(&[Key("crc32", Hex)]),
 ];
 
-/// A number of the camera, where the image is that of its own detector.
+/// Returns a number of the camera, where the image is that of its own detector.
 fn of_camera<'a>(source: &FactSource<'a>, number: impl Fn(&CameraFacts) -> f64) -> Fact<'a> {
     source.meta.facts.as_ref().map_or(Fact::Absent, |facts| Fact::Real(number(facts)))
 }
 
-/// The colours of the image's pixels, where they have any.
+/// Returns the colours of the image's pixels, where they have any.
 fn colours(source: &FactSource<'_>) -> Option<BayerPattern> {
     source.meta.facts.as_ref().and_then(|facts| facts.colours)
 }
 
-/// A number of the whole frame, where it is there.
+/// Returns a number of the whole frame, where it is there.
 fn of_frame<'a>(source: &FactSource<'a>, count: impl Fn(&SentFrame) -> usize) -> Fact<'a> {
     source.frame.map_or(Fact::Absent, |frame| Fact::Count(count(frame)))
 }

@@ -13,7 +13,7 @@ fn names(of: impl Fn(&Row) -> Vec<&'static str>) -> Vec<&'static str> {
     TABLE.iter().flat_map(of).collect()
 }
 
-/// Names that are there twice.
+/// Returns names that are there twice.
 fn repeated(names: &[&'static str]) -> Vec<&'static str> {
     let mut seen = BTreeSet::new();
     names.iter().copied().filter(|name| !seen.insert(*name)).collect()

@@ -23,13 +23,13 @@ pub struct FactSource<'a> {
 }
 
 impl<'a> FactSource<'a> {
-    /// The facts of a frame without its pixels.
+    /// Returns the facts of a frame without its pixels.
     #[must_use]
     pub const fn of_meta(meta: &'a FrameMeta) -> Self {
         Self { meta, frame: None, pixel_crc32: None }
     }
 
-    /// The facts of a whole frame, with the checksum of its pixels where it is known.
+    /// Returns the facts of a whole frame, with the checksum of its pixels where it is known.
     #[must_use]
     pub const fn of_frame(frame: &'a SentFrame, pixel_crc32: Option<u32>) -> Self {
         Self { meta: &frame.meta, frame: Some(frame), pixel_crc32 }

@@ -97,13 +97,13 @@ pub fn format_comment(comment: &str) -> Card {
     padded(&format!("COMMENT {}", printable(comment)))
 }
 
-/// The card that ends every header.
+/// Returns the card that ends every header.
 #[must_use]
 pub fn end_card() -> Card {
     padded("END")
 }
 
-/// Eight characters of `A-Z 0-9 - _`.
+/// Returns the eight characters of `A-Z 0-9 - _`.
 fn keyword_text(keyword: &str) -> String {
     let allowed = |c: char| {
         let c = c.to_ascii_uppercase();
@@ -112,7 +112,7 @@ fn keyword_text(keyword: &str) -> String {
     format!("{:<8}", keyword.chars().take(8).map(allowed).collect::<String>())
 }
 
-/// Shortest digits that read back exactly, with a decimal point and `E`; empty when not finite.
+/// Returns the shortest digits that read back exactly, with a decimal point and `E`; empty when not finite.
 fn real_text(value: f64) -> String {
     if !value.is_finite() {
         return String::new();
@@ -124,7 +124,7 @@ fn real_text(value: f64) -> String {
     format!("{mantissa}{point}{e}{exponent}")
 }
 
-/// Text in quotes, inner quotes doubled, at least eight characters wide, cut to the card.
+/// Returns the text in quotes, inner quotes doubled, at least eight characters wide, cut to the card.
 fn quoted(text: &str) -> String {
     let space = CARD_BYTES - VALUE_COLUMN - 2;
     let mut inside = String::new();
@@ -202,20 +202,20 @@ impl Header {
         self.cards.push(card);
     }
 
-    /// The cards in order.
+    /// Returns the cards in order.
     #[must_use]
     pub fn cards(&self) -> &[Card] {
         &self.cards
     }
 
-    /// The value of the first card with this keyword.
+    /// Returns the value of the first card with this keyword.
     #[must_use]
     pub fn get(&self, keyword: &str) -> Option<Value<'static>> {
         let wanted = keyword_text(keyword);
         self.cards.iter().find(|card| card.starts_with(wanted.as_bytes())).and_then(parse_value)
     }
 
-    /// A number, integer or real.
+    /// Returns a number, integer or real.
     #[must_use]
     pub fn real(&self, keyword: &str) -> Option<f64> {
         match self.get(keyword)? {
@@ -225,13 +225,13 @@ impl Header {
         }
     }
 
-    /// An integer.
+    /// Returns an integer.
     #[must_use]
     pub fn integer(&self, keyword: &str) -> Option<i128> {
         if let Value::Integer(v) = self.get(keyword)? { Some(v) } else { None }
     }
 
-    /// A text.
+    /// Returns a text.
     #[must_use]
     pub fn text(&self, keyword: &str) -> Option<String> {
         if let Value::Text(v) = self.get(keyword)? { Some(v.into_owned()) } else { None }

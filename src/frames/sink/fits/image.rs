@@ -133,7 +133,7 @@ fn convert<T: Copy, const N: usize>(
     Ok(())
 }
 
-/// Bytes from `length` to the end of its block.
+/// Returns bytes from `length` to the end of its block.
 pub(super) fn fill_bytes(length: usize) -> usize {
     (BLOCK_BYTES - length % BLOCK_BYTES) % BLOCK_BYTES
 }

@@ -34,7 +34,7 @@ pub enum OwnedPixels {
 }
 
 impl OwnedPixels {
-    /// The same pixels, borrowed.
+    /// Returns the same pixels, borrowed.
     #[must_use]
     pub fn as_pixels(&self) -> Pixels<'_> {
         match self {
@@ -54,7 +54,7 @@ impl FitsImage {
         read_image(input)
     }
 
-    /// The pixels as numbers, the top row first: that is the first one of the file, unless it says
+    /// Returns the pixels as numbers, the top row first: that is the first one of the file, unless it says
     /// `ROWORDER = 'BOTTOM-UP'`.
     #[must_use]
     pub fn top_row_first(&self) -> Vec<f64> {

@@ -222,7 +222,7 @@ impl Defects {
         self.entries.iter().map(|entry| (entry.id, entry.defect))
     }
 
-    /// True when there is none.
+    /// Returns whether there is none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.entries.is_empty()
@@ -263,7 +263,7 @@ impl Defects {
         self.rebuild();
     }
 
-    /// The outliers of frame `frame`, sorted by pixel.
+    /// Returns the outliers of frame `frame`, sorted by pixel.
     pub fn at_frame(&mut self, frame: u32, exposure_s: f64) -> &[Outlier] {
         #[allow(clippy::cast_possible_truncation, reason = "the inner loops work in single precision")]
         let exposure_s = exposure_s as f32;
@@ -353,7 +353,7 @@ impl Defects {
         }
     }
 
-    /// Random numbers go by place, not by the order of insertion.
+    /// Returns the random numbers go by place, not by the order of insertion.
     fn stream(&self, place: DefectPlace) -> u32 {
         match place {
             DefectPlace::Pixel(x, y) => y * self.size_px[0] + x,

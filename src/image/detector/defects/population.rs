@@ -38,7 +38,7 @@ impl DefectPopulation {
         rts_rates: Rates { up_per_s: 0.0, down_per_s: 0.0 },
     };
 
-    /// Pixels of all kinds together.
+    /// Returns pixels of all kinds together.
     #[must_use]
     pub fn count(&self, pixels: usize) -> usize {
         [self.hot_share, self.dead_share, self.rts_share].iter().map(|share| share_of(*share, pixels)).sum()

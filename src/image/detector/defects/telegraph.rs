@@ -42,7 +42,7 @@ enum Verdict {
 }
 
 impl Telegraph {
-    /// A signal with its own stream of random numbers; frames come every `frame_period_s`.
+    /// Returns a signal with its own stream of random numbers; frames come every `frame_period_s`.
     #[must_use]
     pub fn new(rates: Rates, frame_period_s: f64, stream: u32) -> Self {
         let sum_per_s = rates.up_per_s + rates.down_per_s;
@@ -52,7 +52,7 @@ impl Telegraph {
         Self { stream, high_share, set_below: high_share * mixed, clear_from, latest: None }
     }
 
-    /// True when frame `frame` is at the high level.
+    /// Returns whether frame `frame` is at the high level.
     pub fn is_high(&mut self, frame: u32, seed: u64) -> bool {
         let high = self.look_back(frame, seed);
         self.latest = Some((frame, high));
@@ -103,7 +103,8 @@ mod tests {
         (0..frames).map(|frame| signal.is_high(frame, 5)).collect()
     }
 
-    /// Share of frames at the high level, and share of high frames that are low in the next and the other way round.
+    /// Returns the share of frames at the high level, and share of high frames that are low in the next and the other
+    /// way round.
     fn statistics(levels: &[bool]) -> [f64; 3] {
         let count = |from: bool, to: bool| levels.windows(2).filter(|w| w[0] == from && w[1] == to).count() as f64;
         let high = levels.iter().filter(|high| **high).count() as f64;
@@ -112,7 +113,7 @@ mod tests {
         [high / levels.len() as f64, down, up]
     }
 
-    /// The transition matrix by its power series, not by the closed form.
+    /// Returns the transition matrix by its power series, not by the closed form.
     fn switching(rates: Rates) -> [f64; 2] {
         let steps = 1_000_000.0;
         let (up, down) = (rates.up_per_s * PERIOD_S / steps, rates.down_per_s * PERIOD_S / steps);

@@ -41,7 +41,7 @@ impl GpuChargeBinning {
         Ok(Self { pass, group, sums, squares: columns * rows })
     }
 
-    /// Where the sums are.
+    /// Returns where the sums are.
     pub(super) fn sums(&self) -> &wgpu::Buffer {
         &self.sums
     }

@@ -162,7 +162,7 @@ impl GpuDetector {
         }
     }
 
-    /// Wall time of the latest frame.
+    /// Returns the wall time of the latest frame.
     #[must_use]
     pub fn times(&self) -> FrameTimes {
         self.times

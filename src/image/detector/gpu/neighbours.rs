@@ -14,7 +14,7 @@ use core::fmt::Debug;
 
 /// One stage. Its pipeline, buffers and bind groups are made once, in [`stages`].
 pub trait GpuNeighbourStage: Debug + Send + Sync {
-    /// Which effect it is.
+    /// Returns the which effect it is.
     fn effect(&self) -> Effect;
 
     /// Records the stage's work on the charge it was made for.

@@ -32,7 +32,7 @@ pub(super) struct Maps {
 }
 
 impl Maps {
-    /// The patterns of `detector` on the device; a stub for each that is off.
+    /// Returns the patterns of `detector` on the device; a stub for each that is off.
     pub(super) fn new(gpu: &GpuDevice, detector: &Detector) -> Result<Self, GpuError> {
         let patterns = detector.patterns();
         let outliers_capacity = detector.disturbances().outliers().capacity();
@@ -83,7 +83,7 @@ impl Maps {
         }
     }
 
-    /// Another map of the illumination; what was bound must be bound anew.
+    /// Returns another map of the illumination; what was bound must be bound anew.
     pub(super) fn set_illumination(&mut self, gpu: &GpuDevice, map: Option<&[f32]>) -> Result<(), GpuError> {
         self.illumination = pattern(gpu, "illumination map", map)?;
         Ok(())
@@ -118,14 +118,14 @@ pub(super) struct ImagePass {
 }
 
 impl ImagePass {
-    /// All stages.
+    /// Returns all stages.
     pub(super) fn all(gpu: &GpuDevice, detector: &Detector) -> Result<Self, GpuError> {
         let charge = [include_str!("outliers.wgsl"), include_str!("charge.wgsl")];
         let parts = [charge[0], charge[1], include_str!("readout.wgsl"), include_str!("one_pass.wgsl")];
         Self::new(gpu, "detector", detector, &parts)
     }
 
-    /// The stages before the neighbours.
+    /// Returns the stages before the neighbours.
     pub(super) fn charge(gpu: &GpuDevice, detector: &Detector) -> Result<Self, GpuError> {
         Self::new(
             gpu,
@@ -135,7 +135,7 @@ impl ImagePass {
         )
     }
 
-    /// The stages after the neighbours.
+    /// Returns the stages after the neighbours.
     pub(super) fn readout(gpu: &GpuDevice, detector: &Detector) -> Result<Self, GpuError> {
         Self::new(gpu, "read out", detector, &[include_str!("readout.wgsl"), include_str!("readout_pass.wgsl")])
     }
@@ -191,7 +191,7 @@ impl Maps {
     }
 }
 
-/// The shader's constants. What is off is a constant too, and the driver leaves it out.
+/// Returns the shader's constants. What is off is a constant too, and the driver leaves it out.
 fn constants(detector: &Detector) -> String {
     let (params, patterns, lines) = (detector.params(), detector.patterns(), detector.lines());
     let mut text: String = PHILOX.iter().map(|(name, value)| shader::constant_u32(name, *value)).collect();
@@ -221,7 +221,7 @@ fn places([width, height]: [usize; 2]) -> String {
     starts.chain([shader::constant_u32("WIDTH", width.max(1))]).collect()
 }
 
-/// The response's pieces.
+/// Returns the response's pieces.
 fn response(nonlinearity: &Nonlinearity) -> String {
     let pieces = nonlinearity.pieces();
     shader::switch("NONLINEAR", nonlinearity.is_on())

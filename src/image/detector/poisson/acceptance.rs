@@ -23,7 +23,7 @@ const NODES: [(f64, f64); 6] = [
     (0.966_234_757_101_576, 0.085_662_246_189_585_17),
 ];
 
-/// The law of `hat`'s counts over the counts of `truth`, accepted where `is_below` says so.
+/// Returns the law of `hat`'s counts over the counts of `truth`, accepted where `is_below` says so.
 pub(crate) fn law(hat: &Hat, truth: &Law, is_below: impl Fn(f32, f32, f32) -> bool + Copy) -> Law {
     let mut sum = 0.0;
     let mut begin = 0_u32;
@@ -40,7 +40,7 @@ pub(crate) fn law(hat: &Hat, truth: &Law, is_below: impl Fn(f32, f32, f32) -> bo
     Law { first: truth.first, cumulative }
 }
 
-/// First word of `begin..end` for which `is_beyond` holds, or `end`; it holds for all after the first.
+/// Returns the first word of `begin..end` for which `is_beyond` holds, or `end`; it holds for all after the first.
 pub(crate) fn first_word(begin: u32, end: u32, is_beyond: impl Fn(u32) -> bool) -> u32 {
     let (mut low, mut high) = (begin, end);
     while low < high {
@@ -54,7 +54,7 @@ pub(crate) fn first_word(begin: u32, end: u32, is_beyond: impl Fn(u32) -> bool) 
     low
 }
 
-/// Accepted pairs whose first word lies in `begin..end`, in words.
+/// Returns the accepted pairs whose first word lies in `begin..end`, in words.
 fn accepted(hat: &Hat, begin: u32, end: u32, is_below: impl Fn(f32, f32, f32) -> bool + Copy) -> f64 {
     let mut total = 0.0;
     let mut from = begin;
@@ -72,7 +72,7 @@ fn accepted(hat: &Hat, begin: u32, end: u32, is_below: impl Fn(f32, f32, f32) ->
     total
 }
 
-/// Words at which the acceptance has a seam, in order.
+/// Returns words at which the acceptance has a seam, in order.
 fn seams() -> [u32; 5] {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below 2^23")]
     let word = |u: f64| (u * f64::from(WORDS)).round() as u32;
@@ -80,7 +80,7 @@ fn seams() -> [u32; 5] {
     [word(low), word(middle), word(centre), word(1.0 - middle), word(1.0 - low)]
 }
 
-/// Share of second words that accept the candidate of `word`.
+/// Returns the share of second words that accept the candidate of `word`.
 fn share(hat: &Hat, word: u32, is_below: impl Fn(f32, f32, f32) -> bool + Copy) -> f64 {
     let candidate = hat.candidate(word << SHIFT);
     let taken = first_word(0, WORDS, |second| !hat.takes(candidate, second << SHIFT, is_below));

@@ -39,7 +39,7 @@ pub fn cornish_fisher<const FUSED: bool>(means: &[f32; GROUP], words: &[u32; GRO
     out
 }
 
-/// Count of one pixel; a mean below 1 is drawn as 1.
+/// Returns the count of one pixel; a mean below 1 is drawn as 1.
 #[inline(always)]
 #[must_use]
 pub fn count<const FUSED: bool>(mean: f32, word: u32) -> f32 {
@@ -52,8 +52,8 @@ pub fn count<const FUSED: bool>(mean: f32, word: u32) -> f32 {
     if x > 0.0 { x } else { 0.0 }
 }
 
-/// Bound on the Kolmogorov distance: the next term of the expansion, the word, the quantile, and four roundings at the
-/// size of the mean. Below mean 5 nothing is known.
+/// Returns the bound on the Kolmogorov distance: the next term of the expansion, the word, the quantile, and four
+/// roundings at the size of the mean. Below mean 5 nothing is known.
 #[must_use]
 pub fn error_bound(lambda: f64) -> f64 {
     if lambda < LEAST_BOUNDED {

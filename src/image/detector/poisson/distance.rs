@@ -14,14 +14,14 @@ use crate::detector::poisson::{cornish_fisher, inversion::invert, rounded_normal
 /// Largest mean that is looked at: beyond it, f32 no longer tells neighbouring counts apart.
 const MOST_MEAN: f64 = 16_777_216.0;
 
-/// Kolmogorov distance between Poisson's law at mean `lambda` (as f32) and what `method` draws there, inside or outside
-/// its domain; none when `lambda` is not a mean above 0 and below 2^24.
+/// Returns the kolmogorov distance between Poisson's law at mean `lambda` (as f32) and what `method` draws there,
+/// inside or outside its domain; none when `lambda` is not a mean above 0 and below 2^24.
 #[must_use]
 pub fn distance(method: PoissonMethod, lambda: f64) -> Option<f64> {
     departure(method, lambda).map(|found| found.kolmogorov)
 }
 
-/// The same with the errors of mean and variance.
+/// Returns the same with the errors of mean and variance.
 #[must_use]
 #[allow(clippy::cast_possible_truncation, reason = "detectors draw from means in f32")]
 pub fn departure(method: PoissonMethod, lambda: f64) -> Option<Departure> {
@@ -36,7 +36,7 @@ pub fn departure(method: PoissonMethod, lambda: f64) -> Option<Departure> {
     found.into_iter().max_by(|a, b| a.kolmogorov.total_cmp(&b.kolmogorov))
 }
 
-/// The law that `method` draws at `mean`, over the counts of `truth`.
+/// Returns the law that `method` draws at `mean`, over the counts of `truth`.
 fn drawn<const FUSED: bool>(method: PoissonMethod, mean: f32, truth: &Law) -> Law {
     match method {
         PoissonMethod::Auto if mean < INVERSION_LIMIT => drawn::<FUSED>(PoissonMethod::Inversion, mean, truth),
@@ -53,7 +53,7 @@ fn drawn<const FUSED: bool>(method: PoissonMethod, mean: f32, truth: &Law) -> La
     }
 }
 
-/// The law of a count that grows with the high `bits` of a word.
+/// Returns the law of a count that grows with the high `bits` of a word.
 fn by_words(truth: &Law, bits: u32, count: impl Fn(u32) -> f32) -> Law {
     let words = 1_u32 << bits;
     let mut begin = 0;
@@ -68,7 +68,7 @@ fn by_words(truth: &Law, bits: u32, count: impl Fn(u32) -> f32) -> Law {
 mod tests {
     use super::*;
 
-    /// The law of every word of 23 bits, counted one by one.
+    /// Returns the law of every word of 23 bits, counted one by one.
     fn counted(mean: f32, truth: &Law) -> Law {
         let mut seen = vec![0.0; truth.cumulative.len()];
         for start in (0..1_u32 << 23).step_by(GROUP) {

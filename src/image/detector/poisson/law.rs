@@ -59,13 +59,13 @@ impl Law {
         Self { first, cumulative }
     }
 
-    /// Counts of the table.
+    /// Returns counts of the table.
     pub fn counts(&self) -> impl Iterator<Item = f64> + use<> {
         let first = self.first;
         (0..self.cumulative.len()).map(move |i| first + i as f64)
     }
 
-    /// Mean and variance about `centre`.
+    /// Returns the mean and variance about `centre`.
     fn moments(&self, centre: f64) -> [f64; 2] {
         let mut below = 0.0;
         let (mut mean, mut square) = (0.0, 0.0);
@@ -78,7 +78,7 @@ impl Law {
         [mean, square - mean * mean]
     }
 
-    /// How far this law is from `truth` of mean `lambda`, over the same counts.
+    /// Returns how far this law is from `truth` of mean `lambda`, over the same counts.
     #[must_use]
     pub fn departure(&self, truth: &Self, lambda: f64) -> Departure {
         let differences = self.cumulative.iter().zip(&truth.cumulative).map(|(a, b)| (a - b).abs());

@@ -34,7 +34,7 @@ impl PoissonMethod {
     /// All methods, the default first.
     pub const ALL: [Self; 5] = [Self::Auto, Self::Inversion, Self::CornishFisher, Self::Ptrs, Self::RoundedNormal];
 
-    /// The name people type.
+    /// Returns the name people type.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -58,7 +58,7 @@ impl PoissonMethod {
         }
     }
 
-    /// Kolmogorov distance that the method promises within its domain.
+    /// Returns the kolmogorov distance that the method promises within its domain.
     #[must_use]
     pub fn promise(self) -> f64 {
         match self {
@@ -68,7 +68,8 @@ impl PoissonMethod {
         }
     }
 
-    /// Bound on the Kolmogorov distance at mean `lambda`, known before anything is drawn; 1 where nothing is promised.
+    /// Returns the bound on the Kolmogorov distance at mean `lambda`, known before anything is drawn; 1 where nothing
+    /// is promised.
     #[must_use]
     pub fn error_bound(self, lambda: f64) -> f64 {
         match self {
@@ -80,8 +81,8 @@ impl PoissonMethod {
         }
     }
 
-    /// Nanoseconds per pixel on one thread, words and conversion to DN included, where the method is given to a detector.
-    /// Measured by `cargo bench --bench poisson` on a two-core AVX-512 machine; a factor of two on others.
+    /// Returns nanoseconds per pixel on one thread, words and conversion to DN included, where the method is given to a
+    /// detector. Measured by `cargo bench --bench poisson` on a two-core AVX-512 machine; a factor of two on others.
     #[must_use]
     pub fn cost_ns(self, lambda: f64) -> f64 {
         match self {
@@ -96,7 +97,7 @@ impl PoissonMethod {
         }
     }
 
-    /// Whether the bound holds the promise at mean `lambda`.
+    /// Returns whether the bound holds the promise at mean `lambda`.
     #[must_use]
     pub fn is_within_domain(self, lambda: f64) -> bool {
         self.domain().contains(&lambda)

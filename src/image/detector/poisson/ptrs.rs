@@ -56,7 +56,7 @@ impl Hat {
         }
     }
 
-    /// The candidate of a word and its distance from the nearer end of the uniform's range.
+    /// Returns the candidate of a word and its distance from the nearer end of the uniform's range.
     #[inline(always)]
     pub(crate) fn candidate(&self, word: u32) -> (f32, f32) {
         let u = open_unit(word) - 0.5;
@@ -64,7 +64,8 @@ impl Hat {
         (self.whole + ((2.0 * self.a / to_end + self.b) * u + self.part).floor(), to_end)
     }
 
-    /// Whether a candidate is taken; `is_below(k, mean, level)` says whether `level` is below the probability of `k`.
+    /// Returns whether a candidate is taken; `is_below(k, mean, level)` says whether `level` is below the probability
+    /// of `k`.
     #[inline(always)]
     pub(crate) fn takes(
         &self,
@@ -111,7 +112,7 @@ fn draw_one_with(
     hat.whole
 }
 
-/// Whether `level` is at most the probability of `k`, in saddle-point form.
+/// Returns whether `level` is at most the probability of `k`, in saddle-point form.
 #[inline(always)]
 pub(crate) fn saddle_point<const FUSED: bool>(k: f32, mean: f32, level: f32) -> bool {
     if k < 1.0 {
@@ -141,8 +142,8 @@ fn deviance<const FUSED: bool>(k: f32, mean: f32) -> f32 {
     difference * v + 2.0 * k * v * series
 }
 
-/// Bound on the Kolmogorov distance: half the acceptance's relative error on either side of a threshold, the series,
-/// the word. Below [`LEAST_MEAN`] nothing is promised.
+/// Returns the bound on the Kolmogorov distance: half the acceptance's relative error on either side of a threshold,
+/// the series, the word. Below [`LEAST_MEAN`] nothing is promised.
 #[must_use]
 pub fn error_bound(lambda: f64) -> f64 {
     if lambda < f64::from(LEAST_MEAN) { 1.0 } else { ACCEPTANCE_REL + SERIES + WORD }
@@ -156,7 +157,7 @@ mod tests {
     const MEAN: f32 = 1e6;
     const DRAWS: u32 = 4_000_000;
 
-    /// The textbook's test, with the best `lgamma` that f32 can hold.
+    /// Returns the textbook's test, with the best `lgamma` that f32 can hold.
     #[allow(clippy::cast_possible_truncation, reason = "single precision is the point")]
     fn textbook(k: f32, mean: f32, level: f32) -> bool {
         level.ln() <= k * mean.ln() - mean - libm::lgamma(f64::from(k) + 1.0) as f32

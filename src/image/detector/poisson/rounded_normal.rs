@@ -29,7 +29,7 @@ pub fn rounded_normal<const FUSED: bool>(means: &[f32; GROUP], words: &[u32; GRO
     out
 }
 
-/// Count of one pixel.
+/// Returns the count of one pixel.
 #[inline(always)]
 #[must_use]
 pub fn count<const FUSED: bool>(mean: f32, word: u32) -> f32 {
@@ -38,7 +38,7 @@ pub fn count<const FUSED: bool>(mean: f32, word: u32) -> f32 {
     if x > 0.0 { x } else { 0.0 }
 }
 
-/// Bound on the Kolmogorov distance: skewness, the next term, the word, the quantile, two roundings.
+/// Returns the bound on the Kolmogorov distance: skewness, the next term, the word, the quantile, two roundings.
 #[must_use]
 pub fn error_bound(lambda: f64) -> f64 {
     if lambda < 1.0 {

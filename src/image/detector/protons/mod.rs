@@ -88,7 +88,7 @@ pub struct ProtonFluxError {
 }
 
 impl ProtonFlux {
-    /// The flux itself when it means something.
+    /// Returns the flux itself when it means something.
     ///
     /// # Errors
     /// With the first value that does not.
@@ -125,7 +125,7 @@ impl ProtonFlux {
         self.per_cm2_s * area_cm2 * share
     }
 
-    /// Mean electrons of a path, and their standard deviation.
+    /// Returns the mean electrons of a path, and their standard deviation.
     #[must_use]
     pub fn deposit_e(&self, path_um: f64) -> [f64; 2] {
         let g_cm2 = DENSITY_G_CM3 * path_um * 1e-4;
@@ -175,7 +175,7 @@ impl Protons {
         self.left_out
     }
 
-    /// Area of the detector, cm^2.
+    /// Returns the area of the detector, cm^2.
     #[must_use]
     pub fn area_cm2(&self) -> f64 {
         let pitch_cm = self.layer.pixel_pitch_um * 1e-4;
@@ -235,7 +235,7 @@ impl Protons {
     }
 }
 
-/// One more than the mean number in the time left: the proton at hand and those after it.
+/// Returns one more than the mean number in the time left: the proton at hand and those after it.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a rate is not negative; casts saturate")]
 fn expected_left(rate_per_s: f64, left_s: f64) -> u64 {
     1 + (rate_per_s * left_s).round() as u64

@@ -47,7 +47,7 @@ const TABLE: [[f64; 2]; 33] = [
     [10_000.0, 1.830],
 ];
 
-/// Stopping power at an energy; outside the table that of its end.
+/// Returns the stopping power at an energy; outside the table that of its end.
 #[must_use]
 pub fn silicon_mev_cm2_g(energy_mev: f64) -> f64 {
     let after = TABLE.partition_point(|[energy, _]| *energy <= energy_mev);

@@ -15,7 +15,7 @@ fn beam(incidence_deg: f64) -> ProtonDirection {
     ProtonDirection::Beam { incidence_deg, azimuth_deg: 30.0 }
 }
 
-/// All tracks of so many frames of 0.5 s.
+/// Returns all tracks of so many frames of 0.5 s.
 fn tracks(direction: ProtonDirection, frames: u32) -> Vec<ProtonTrack> {
     let mut protons = protons();
     (0..frames)

@@ -115,7 +115,7 @@ mod tests {
         list.iter().map(|o| f64::from(o.charge_e)).sum()
     }
 
-    /// Mean place of the charge.
+    /// Returns the mean place of the charge.
     fn centroid(list: &[Outlier]) -> [f64; 2] {
         let weighted = |of: fn(u32) -> u32| {
             list.iter().map(|o| f64::from(of(o.pixel)) * f64::from(o.charge_e)).sum::<f64>() / sum(list)

@@ -75,7 +75,7 @@ impl Brighter {
         Ok(())
     }
 
-    /// The image of both.
+    /// Returns the image of both.
     #[must_use]
     pub fn electrons(&self) -> &DeviceElectrons {
         &self.kept
@@ -111,7 +111,7 @@ impl Brighter {
     }
 }
 
-/// Bits by which a power of two shifts.
+/// Returns bits by which a power of two shifts.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a ratio of two scales, both powers of two")]
 fn shift(ratio: f32) -> u32 {
     ratio.log2().round().clamp(0.0, 31.0) as u32

@@ -115,13 +115,13 @@ impl Gpu {
         self.stars_a_block = stars.clamp(1, MOST_STARS_A_BLOCK);
     }
 
-    /// The device, to share with a detector.
+    /// Returns the device, to share with a detector.
     #[must_use]
     pub fn device(&self) -> &Arc<GpuDevice> {
         &self.gpu
     }
 
-    /// The latest image, still on the device.
+    /// Returns the latest image, still on the device.
     #[must_use]
     pub fn device_electrons(&self) -> &DeviceElectrons {
         &self.image
@@ -136,7 +136,7 @@ impl Gpu {
         Ok(self.image.read(&self.gpu, ring, out)?)
     }
 
-    /// The same for an image that others made on the device.
+    /// Returns the same for an image that others made on the device.
     ///
     /// # Errors
     /// When the device failed or `out` has another size.
@@ -186,7 +186,7 @@ impl Gpu {
         self.stars.iter().map(|star| star.nodes as usize).max().unwrap_or(1)
     }
 
-    /// Scale of the frame when no pixel of a star receives more than `peak` of its electrons.
+    /// Returns the scale of the frame when no pixel of a star receives more than `peak` of its electrons.
     fn choose_scale(&mut self, peak: f64, slices: usize) -> f32 {
         self.bounds.clear();
         for star in &self.stars {
@@ -275,12 +275,12 @@ impl Gpu {
     }
 }
 
-/// The layer of the first kernel: after the PSF's own tables.
+/// Returns the layer of the first kernel: after the PSF's own tables.
 fn first_kernel(plan: &ExposurePlan) -> usize {
     plan.psf.nodes().len()
 }
 
-/// The ring for images of this size, made when it is first wanted.
+/// Returns the ring for images of this size, made when it is first wanted.
 fn readback<'a>(
     ring: &'a mut Option<ReadbackRing>,
     gpu: &GpuDevice,
@@ -406,7 +406,8 @@ impl From<GpuError> for RenderError {
     }
 }
 
-/// Bound of a table's values: spline weights are positive and sum to 1, so no value lies beyond the coefficients.
+/// Returns the bound of a table's values: spline weights are positive and sum to 1, so no value lies beyond the
+/// coefficients.
 fn largest_coefficient(table: &PsfTable) -> f64 {
     f64::from(table.data.iter().fold(0.0_f32, |most, value| most.max(value.abs())))
 }

@@ -39,7 +39,7 @@ impl TileBounds {
         }
     }
 
-    /// The scale when any pixel receives at most `additions` additions.
+    /// Returns the scale when any pixel receives at most `additions` additions.
     pub(super) fn scale(&self, additions: f64) -> f32 {
         let most_e = self.tiles.iter().copied().fold(0.0, f64::max) * (1.0 + ROUNDING_SHARE);
         let space = f64::from(i32::MAX) - 0.5 * additions;

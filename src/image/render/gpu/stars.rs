@@ -43,7 +43,7 @@ pub(super) struct Source {
 const SLACK_PX: i64 = 2;
 
 impl StarRecord {
-    /// First pixel and size of the star's box.
+    /// Returns the first pixel and size of the star's box.
     pub(super) fn box_px(&self) -> ([usize; 2], [usize; 2]) {
         let start = self.box_start.map(|v| usize::try_from(v).unwrap_or(0));
         (start, [(self.box_size & 0xffff) as usize, (self.box_size >> 16) as usize])
@@ -70,7 +70,7 @@ pub(super) fn fill_nodes(plan: &ExposurePlan, nodes: &mut Vec<NodeRecord>) {
     nodes.extend(plan.nodes.iter().map(NodeRecord::new));
 }
 
-/// Stars of a plan that touch an image of `size` px, those without a table layer first; how many those are.
+/// Returns stars of a plan that touch an image of `size` px, those without a table layer first; how many those are.
 pub(super) fn fill_stars(
     plan: &ExposurePlan,
     source: impl Fn(usize) -> Source,
@@ -134,7 +134,7 @@ fn record(
     })
 }
 
-/// First node and number of nodes of a list; the node of stars drawn once comes before all.
+/// Returns the first node and number of nodes of a list; the node of stars drawn once comes before all.
 fn node_range(list: &NodeList) -> (u32, u32) {
     let count = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
     (count(list.nodes.start + 1), count(list.nodes.len()))

@@ -26,7 +26,7 @@ fn reported(path: &Path, bytes: &[u8]) -> Option<String> {
     }
 }
 
-/// The most memory that this program has had, MiB; nothing where the system does not tell.
+/// Returns the most memory that this program has had, MiB; nothing where the system does not tell.
 fn most_memory_mib() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
@@ -92,7 +92,7 @@ fn damage_is_an_error_or_leaves_every_row_accounted_for() {
     }
 }
 
-/// The first place of `needle` in a file.
+/// Returns the first place of `needle` in a file.
 fn place_of(bytes: &[u8], needle: &[u8]) -> usize {
     bytes.windows(needle.len()).position(|window| window == needle).expect("there")
 }

@@ -108,7 +108,7 @@ impl<R: Read> PcapngReader<R> {
         Ok(self.word(bytes))
     }
 
-    /// Type of the next block; `None` at the end of the file.
+    /// Returns the type of the next block; `None` at the end of the file.
     fn block_kind(&mut self) -> Result<Option<u32>, CaptureError> {
         let mut bytes = [0; 4];
         let mut got = 0;
@@ -125,7 +125,7 @@ impl<R: Read> PcapngReader<R> {
         Ok(Some(self.word(bytes)))
     }
 
-    /// A new section: its byte order holds from its own length on.
+    /// Returns a new section: its byte order holds from its own length on.
     fn section(&mut self) -> Result<(), CaptureError> {
         let (mut length, mut magic) = ([0; 4], [0; 4]);
         self.fill(&mut length)?;
@@ -146,7 +146,7 @@ impl<R: Read> PcapngReader<R> {
         self.check_end(length)
     }
 
-    /// Length of the block at hand.
+    /// Returns the length of the block at hand.
     fn length(&mut self) -> Result<u32, CaptureError> {
         let length = self.read_word()?;
         if length < EMPTY_BLOCK || !length.is_multiple_of(4) {
@@ -206,7 +206,7 @@ impl<R: Read> PcapngReader<R> {
         self.half(bytes.unwrap_or_default())
     }
 
-    /// The options from `place` on: code, and where the value lies. Damaged ones end the list.
+    /// Returns the options from `place` on: code, and where the value lies. Damaged ones end the list.
     fn options(&self, mut place: usize) -> impl Iterator<Item = (u16, &[u8])> {
         core::iter::from_fn(move || {
             let (code, length) = (self.half_at(place), usize::from(self.half_at(place + 2)));
@@ -290,18 +290,18 @@ impl<R: Read> PcapngReader<R> {
     }
 }
 
-/// The number in an interface's name of ours.
+/// Returns the number in an interface's name of ours.
 fn number_of(name: &[u8]) -> Option<u8> {
     core::str::from_utf8(name).ok()?.strip_prefix(NAME_BEFORE)?.parse().ok()
 }
 
-/// The instant in a comment of ours.
+/// Returns the instant in a comment of ours.
 fn tai_of(comment: &[u8]) -> Option<Tai> {
     let text = core::str::from_utf8(comment).ok()?;
     text.strip_prefix(TAI_BEFORE)?.strip_suffix(TAI_AFTER)?.parse().ok().map(Tai::from_ns)
 }
 
-/// A stamp as Unix time, ns; `None` beyond what nanoseconds in 64 bits hold.
+/// Returns a stamp as Unix time, ns; `None` beyond what nanoseconds in 64 bits hold.
 fn unix_ns(ticks: u64, interface: &Interface) -> Option<i64> {
     let (ticks, power) = (i128::from(ticks), u32::from(interface.resolution & 0x7F));
     let ns = if interface.resolution & 0x80 == 0 {
@@ -315,7 +315,7 @@ fn unix_ns(ticks: u64, interface: &Interface) -> Option<i64> {
     i64::try_from(ns.checked_add(i128::from(interface.offset_s) * NS_PER_S)?).ok()
 }
 
-/// The frame behind a SocketCAN header; `None` for one that has no form here.
+/// Returns the frame behind a SocketCAN header; `None` for one that has no form here.
 fn can_frame(data: &[u8]) -> Option<CanFrame> {
     let (header, rest) = data.split_at_checked(CAN_HEADER)?;
     let id = u32::from_be_bytes(header[..4].try_into().ok()?);

@@ -46,7 +46,7 @@ impl Channel {
         Self { parser: Parser::default(), rates_bps, is_silent: false, may_send: false, reported: (0, 0) }
     }
 
-    /// The answer to a command; `Err` with the reason when it is refused.
+    /// Returns the answer to a command; `Err` with the reason when it is refused.
     fn obey(&mut self, command: &Command, client: &Client, answer: &mut Vec<u8>) -> Result<(), &'static str> {
         match *command {
             Command::Open => self.open(client, !self.is_silent),
@@ -170,7 +170,7 @@ pub(in super::super) fn line(packet: &Stamped<Packet>, stamps: bool, out: &mut V
     true
 }
 
-/// Time stamps of `Z1`: milliseconds, from 0 again each minute.
+/// Returns the time stamps of `Z1`: milliseconds, from 0 again each minute.
 fn milliseconds_of_minute(at: Tai) -> u32 {
     u32::try_from(at.ns().div_euclid(1_000_000).rem_euclid(60_000)).unwrap_or(0)
 }

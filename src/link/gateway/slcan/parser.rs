@@ -65,7 +65,7 @@ pub enum SlcanReject {
 }
 
 impl SlcanReject {
-    /// Word in counters.
+    /// Returns the word in counters.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -158,7 +158,7 @@ fn alone(rest: &[u8], command: Command) -> Result<Command, SlcanReject> {
     if rest.is_empty() { Ok(command) } else { Err(SlcanReject::BadLength) }
 }
 
-/// One digit, 0 to 8.
+/// Returns one digit, 0 to 8.
 fn code(rest: &[u8]) -> Result<u8, SlcanReject> {
     let [code] = rest else { return Err(SlcanReject::BadLength) };
     let value = digit(*code).ok_or(SlcanReject::BadDigit)?;
@@ -180,7 +180,7 @@ fn word(rest: &[u8]) -> Result<u32, SlcanReject> {
     digits(rest).ok_or(SlcanReject::BadDigit)
 }
 
-/// Three digits of identifier, one of length, two per byte.
+/// Returns three digits of identifier, one of length, two per byte.
 fn frame(rest: &[u8], is_fd: bool) -> Result<CanFrame, SlcanReject> {
     let (head, data) = rest.split_at_checked(4).ok_or(SlcanReject::BadLength)?;
     let (id, length) = head.split_at(3);

@@ -42,7 +42,7 @@ impl BusName {
         Some(Self { bytes, len: name.len() })
     }
 
-    /// The name.
+    /// Returns the name.
     #[must_use]
     pub fn as_bytes(&self) -> &[u8] {
         self.bytes.get(..self.len).unwrap_or(&[])
@@ -84,7 +84,7 @@ pub enum SocketcandReject {
 }
 
 impl SocketcandReject {
-    /// Word in counters.
+    /// Returns the word in counters.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {

@@ -52,7 +52,7 @@ pub(super) fn cut_the_tail(packet: &mut Packet, dice: &mut StdRng) -> bool {
     true
 }
 
-/// A packet of random content; `None` when there is none of such an identifier.
+/// Returns a packet of random content; `None` when there is none of such an identifier.
 pub(super) fn babble(format: WireFormat, id: u16, bytes: u8, dice: &mut StdRng) -> Option<Packet> {
     let mut content = [0; CHUNK_MAX];
     dice.fill(&mut content[..]);
@@ -65,7 +65,7 @@ pub(super) fn babble(format: WireFormat, id: u16, bytes: u8, dice: &mut StdRng) 
     }
 }
 
-/// The frame with the longest legal length that the data fill.
+/// Returns the frame with the longest legal length that the data fill.
 fn can(id: u16, is_fd: bool, data: &[u8]) -> Option<CanFrame> {
     let make = if is_fd { CanFrame::fd } else { CanFrame::classic };
     (0..=data.len()).rev().find_map(|length| make(id, &data[..length]))

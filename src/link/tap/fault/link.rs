@@ -63,20 +63,20 @@ impl FaultyLink {
         }
     }
 
-    /// The same with babble of another wire.
+    /// Returns the same with babble of another wire.
     #[must_use]
     pub fn babbling_as(self, format: WireFormat) -> Self {
         Self { format, ..self }
     }
 
-    /// The same with faults of `control` on the way out: where the other end is no part of this program, losses and
-    /// silence on its side hit what is sent.
+    /// Returns the same with faults of `control` on the way out: where the other end is no part of this program, losses
+    /// and silence on its side hit what is sent.
     #[must_use]
     pub fn losing_sent(self, control: FaultControl) -> Self {
         Self { sent_faults: Some(control), ..self }
     }
 
-    /// Whether a packet that is sent now is lost on its way.
+    /// Returns whether a packet that is sent now is lost on its way.
     fn loses_sent(&mut self, now: Tai) -> bool {
         let Self { sent_faults: Some(control), dice, .. } = self else { return false };
         let mut is_lost = false;
@@ -111,7 +111,7 @@ impl FaultyLink {
         }
     }
 
-    /// The next packet of babble that is due by `until`.
+    /// Returns the next packet of babble that is due by `until`.
     fn next_babble(&mut self, until: Tai) -> Option<Stamped<Packet>> {
         let Self { control, dice, format, .. } = self;
         loop {
@@ -244,7 +244,7 @@ impl Link for FaultyLink {
         Ok(leaves)
     }
 
-    /// Right for what was sent after the last packet that was lost here, and for that packet.
+    /// Returns the right for what was sent after the last packet that was lost here, and for that packet.
     fn departure(&mut self, sent: u64) -> Departure {
         if self.last_unsent.is_some_and(|lost| sent <= lost) {
             return Departure::Never;

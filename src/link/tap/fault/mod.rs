@@ -114,7 +114,7 @@ impl LinkFault {
 }
 
 impl fmt::Display for LinkFault {
-    /// How much of it there is; nothing when it takes everything.
+    /// Returns how much of it there is; nothing when it takes everything.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let ms = |span: Span| span.s() * 1e3;
         match *self {
@@ -153,7 +153,7 @@ impl TimedLinkFault {
         self.from <= at && at < self.until
     }
 
-    /// When the next packet of babble is due.
+    /// Returns when the next packet of babble is due.
     fn babble_due(&self) -> Option<Tai> {
         let LinkFault::Babble { period, .. } = self.fault else { return None };
         let count = i64::try_from(self.hits).unwrap_or(i64::MAX);
@@ -180,7 +180,7 @@ impl FaultControl {
         timed.len() - 1
     }
 
-    /// Every fault, in the order in which they were added, with its hits.
+    /// Returns every fault, in the order in which they were added, with its hits.
     #[must_use]
     pub fn timed(&self) -> Vec<TimedLinkFault> {
         self.lock().clone()

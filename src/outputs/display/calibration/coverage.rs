@@ -14,7 +14,7 @@ pub const LEAST_COVERAGE: f64 = 0.5;
 /// Places along each side of the display.
 const PLACES: usize = 48;
 
-/// Share of what `tracker` sees of the display that lies within the outermost dots; 0 when it sees nothing.
+/// Returns the share of what `tracker` sees of the display that lies within the outermost dots; 0 when it sees nothing.
 #[must_use]
 pub fn coverage(geometry: &DisplayGeometry, tracker: &CameraGeometry) -> f64 {
     let camera = geometry.camera();
@@ -32,7 +32,7 @@ pub fn coverage(geometry: &DisplayGeometry, tracker: &CameraGeometry) -> f64 {
     f64::from(covered) / f64::from(seen.max(1))
 }
 
-/// The coverage, when it will do.
+/// Returns the coverage, when it will do.
 ///
 /// # Errors
 /// When it is below [`LEAST_COVERAGE`].

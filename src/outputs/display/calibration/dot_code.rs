@@ -15,13 +15,13 @@ pub fn bits_of(count: usize) -> u32 {
     usize::BITS - count.leading_zeros() + 1
 }
 
-/// The code of dot `number` of `count`.
+/// Returns the code of dot `number` of `count`.
 #[must_use]
 pub fn code(number: usize, count: usize) -> usize {
     number | (number.count_ones() as usize % 2) << (bits_of(count) - 1)
 }
 
-/// The number of a code; `None` for one that no dot has.
+/// Returns the number of a code; `None` for one that no dot has.
 fn number(code: usize, count: usize) -> Option<usize> {
     let number = code & !(1 << (bits_of(count) - 1));
     (code.count_ones().is_multiple_of(2) && (1..=count).contains(&number)).then_some(number)

@@ -127,13 +127,13 @@ impl Calibrated {
 }
 
 impl Calibration {
-    /// Its content as text, without the check sum.
+    /// Returns its content as text, without the check sum.
     fn content(&self) -> Result<String, CalibrationError> {
         toml::to_string(self)
             .map_err(|error| CalibrationError::File { path: "calibration".into(), reason: error.to_string() })
     }
 
-    /// The check sum of its content.
+    /// Returns the check sum of its content.
     ///
     /// # Errors
     /// When the content cannot be written as TOML.
@@ -217,7 +217,7 @@ impl Calibration {
         age_days(&self.measured_utc, now)
     }
 
-    /// Its numbers, checked.
+    /// Returns its numbers, checked.
     ///
     /// # Errors
     /// When a number is out of range.
@@ -241,7 +241,7 @@ fn age_days(measured_utc: &str, now: Tai) -> Result<f64, CalibrationError> {
     Ok((now - measured).s() / DAY_S)
 }
 
-/// The age of measurements in days, when they are neither too old nor from the future.
+/// Returns the age of measurements in days, when they are neither too old nor from the future.
 pub(super) fn in_time(measured_utc: &str, valid_days: u32, now: Tai) -> Result<f64, CalibrationError> {
     let age_days = age_days(measured_utc, now)?;
     if (-CLOCK_DAYS..=f64::from(valid_days)).contains(&age_days) {

@@ -124,7 +124,7 @@ pub fn fit(
     Ok(Fitted { calibration, map, dots, flat, unread, has_dark, saturated_levels })
 }
 
-/// Electrons and magnitudes, where a zero point is known.
+/// Returns electrons and magnitudes, where a zero point is known.
 fn light_of(flat: &FlatFit, options: &FitOptions) -> Option<Light> {
     let zero_point_e_per_s = options.zero_point_e_per_s.filter(|zero_point| *zero_point > 0.0)?;
     let (full_px_e_per_s, spot_sigma_px) = (flat.full_flux, options.spot_sigma_px);
@@ -186,7 +186,7 @@ fn seen_dots(plan: &Plan, sights: &[Sight], tracker: &Tracker<'_>) -> Result<See
     Ok(seen)
 }
 
-/// The flat field of the dots that the map fits; `None` when no fluxes were given.
+/// Returns the flat field of the dots that the map fits; `None` when no fluxes were given.
 fn flat_of(
     plan: &Plan,
     dots: &[SeenDot],

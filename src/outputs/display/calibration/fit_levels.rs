@@ -39,7 +39,7 @@ pub struct LevelFit {
     pub saturated: usize,
 }
 
-/// The response of a display of `bits`.
+/// Returns the response of a display of `bits`.
 ///
 /// # Errors
 /// When levels are missing or saturated, or do not rise.
@@ -79,7 +79,7 @@ pub fn fit_levels(sights: &[Sight], bits: u32) -> Result<LevelFit, CalibrationEr
     Ok(LevelFit { response: response_of(bits, &levels)?, has_dark: !all_dark.is_empty(), saturated })
 }
 
-/// Mean and its standard error, without outliers; no standard error of one value.
+/// Returns the mean and its standard error, without outliers; no standard error of one value.
 fn level(grey: u16, shares: &[f64]) -> GreyLevel {
     let middle = median(&mut shares.to_vec());
     let spread = SIGMA_PER_MEDIAN * median(&mut shares.iter().map(|share| (share - middle).abs()).collect::<Vec<_>>());

@@ -193,7 +193,7 @@ fn agreed_homography(tangents: &[DVec2], shown: &[DVec2]) -> Option<DMat3> {
     best.map(|(_, h)| h)
 }
 
-/// Least squares over the chosen dots, the last entry 1 at their middle; an affine map without keystone.
+/// Returns the least squares over the chosen dots, the last entry 1 at their middle; an affine map without keystone.
 fn homography(tangents: &[DVec2], shown: &[DVec2], chosen: &[usize], keystone: bool) -> Option<DMat3> {
     let [from_centred, to_centred] = [tangents, shown].map(|points| {
         let middle = chosen.iter().map(|i| points[*i]).sum::<DVec2>() / chosen.len() as f64;
@@ -300,7 +300,7 @@ impl Polynomial {
     }
 }
 
-/// The fit with the residuals of the map itself, not of the equations that led to it.
+/// Returns the fit with the residuals of the map itself, not of the equations that led to it.
 fn reported(poly: &Polynomial, parameters: GeometryParameters, geometry: DisplayGeometry, dots: &[SeenDot]) -> MapFit {
     let residual = |dot: &SeenDot| {
         let mapped = geometry.project(dot.v_sensor).map_or(DVec2::splat(f64::INFINITY), DVec2::from);

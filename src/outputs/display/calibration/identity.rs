@@ -20,13 +20,13 @@ pub struct DisplayIdentity {
 }
 
 impl DisplayIdentity {
-    /// Columns and rows.
+    /// Returns columns and rows.
     #[must_use]
     pub fn size_px(&self) -> [usize; 2] {
         [self.width_px, self.height_px]
     }
 
-    /// The brightest grey.
+    /// Returns the brightest grey.
     #[must_use]
     pub fn full_grey(&self) -> u16 {
         u16::try_from((1_u32 << self.bits.min(16)) - 1).unwrap_or(u16::MAX)
@@ -48,7 +48,7 @@ pub struct TrackerIdentity {
 }
 
 impl TrackerIdentity {
-    /// The identity of a camera.
+    /// Returns the identity of a camera.
     #[must_use]
     pub fn of(name: &str, camera: &CameraGeometry) -> Self {
         let p = camera.parameters();
@@ -64,7 +64,7 @@ impl TrackerIdentity {
     }
 }
 
-/// The first thing in which two lists of named texts differ.
+/// Returns the first thing in which two lists of named texts differ.
 fn difference(
     measured_utc: &str,
     wanted: &[(&'static str, String)],

@@ -47,7 +47,7 @@ pub enum Pattern {
 }
 
 impl Pattern {
-    /// Name in files and tables.
+    /// Returns the name in files and tables.
     #[must_use]
     pub fn name(self) -> String {
         match self {
@@ -60,7 +60,7 @@ impl Pattern {
         }
     }
 
-    /// The pattern of a name.
+    /// Returns the pattern of a name.
     #[must_use]
     pub fn of_name(name: &str) -> Option<Self> {
         match name.trim() {
@@ -96,7 +96,7 @@ impl Grid {
         self.columns * self.rows
     }
 
-    /// Display px of the centre of dot `number`, counted from 1 row by row.
+    /// Returns the display px of the centre of dot `number`, counted from 1 row by row.
     #[must_use]
     pub fn centre_px(&self, number: usize, display: &DisplayIdentity) -> Option<[usize; 2]> {
         let index = number.checked_sub(1).filter(|index| *index < self.count())?;

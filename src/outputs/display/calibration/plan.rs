@@ -40,7 +40,7 @@ pub struct Step {
 }
 
 impl Plan {
-    /// A plan, checked.
+    /// Returns a plan, checked.
     ///
     /// # Errors
     /// When the dots do not fit the display, or a number is out of range.
@@ -62,7 +62,7 @@ impl Plan {
         Ok(plan)
     }
 
-    /// Every image in order.
+    /// Returns every image in order.
     #[must_use]
     pub fn patterns(&self) -> Vec<Pattern> {
         let bits = (0..bits_of(self.grid.count())).map(Pattern::DotsBit);
@@ -71,7 +71,7 @@ impl Plan {
         [Pattern::Dark, Pattern::Dots].into_iter().chain(bits).chain(ramp).chain(marker).collect()
     }
 
-    /// The greys of an image.
+    /// Returns the greys of an image.
     #[must_use]
     pub fn draw(&self, pattern: Pattern) -> Image<u16> {
         let is_lit = |number: usize| match pattern {
@@ -81,7 +81,8 @@ impl Plan {
         draw(pattern, &self.display, &self.grid, is_lit)
     }
 
-    /// An image as luminances in even steps, 65535 full: `starloop display show` at gamma 1 shows its very greys.
+    /// Returns an image as luminances in even steps, 65535 full: `starloop display show` at gamma 1 shows its very
+    /// greys.
     #[must_use]
     pub fn luminances(&self, pattern: Pattern) -> Image<u16> {
         let mut image = self.draw(pattern);
@@ -105,7 +106,7 @@ impl Plan {
         format!("{:08x}", crc.value())
     }
 
-    /// Centre of a dot, display px.
+    /// Returns the centre of a dot, display px.
     #[must_use]
     pub fn dot_px(&self, number: usize) -> Option<[f64; 2]> {
         self.grid.centre_px(number, &self.display).map(|px| px.map(|v| v as f64))

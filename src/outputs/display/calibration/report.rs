@@ -31,25 +31,25 @@ pub struct MagnitudeRange {
     pub black_arcsec2: f64,
 }
 
-/// Largest share of a star's light in one pixel.
+/// Returns the largest share of a star's light in one pixel.
 #[must_use]
 pub fn peak_share(spot_sigma_px: f64) -> f64 {
     libm::erf(0.5 / (SQRT_2 * spot_sigma_px)).powi(2)
 }
 
-/// Magnitude of so many full pixels' light.
+/// Returns the magnitude of so many full pixels' light.
 fn magnitude(light: &Light, full_pixels: f64) -> f64 {
     -2.5 / LN_10 * (full_pixels * light.full_px_e_per_s / light.zero_point_e_per_s).ln()
 }
 
-/// The brightest star that is not clipped where the flat field has this value.
+/// Returns the brightest star that is not clipped where the flat field has this value.
 #[must_use]
 pub fn brightest_star(light: &Light, flat: f64) -> f64 {
     magnitude(light, flat / peak_share(light.spot_sigma_px))
 }
 
 impl MagnitudeRange {
-    /// The range, dithered over `dither`.
+    /// Returns the range, dithered over `dither`.
     #[must_use]
     pub fn of(light: &Light, calibrated: &Calibrated, dither: Dither) -> Self {
         let of = |full_pixels: f64| magnitude(light, full_pixels);

@@ -49,7 +49,7 @@ pub struct FrameScale {
 }
 
 impl FrameScale {
-    /// A frame in electrons per second.
+    /// Returns a frame in electrons per second.
     #[must_use]
     pub fn applied(&self, frame: &DnImage) -> Image<f64> {
         let mut scaled = Image::new(frame.width(), frame.height());
@@ -59,7 +59,7 @@ impl FrameScale {
         scaled
     }
 
-    /// Least value of a pixel that is at the camera's end, electrons per second.
+    /// Returns the least value of a pixel that is at the camera's end, electrons per second.
     #[must_use]
     pub fn saturated_from(&self) -> f64 {
         // Half a number below the largest, so that rounding does not matter.
@@ -109,7 +109,7 @@ fn blocks(frame: &Image<f64>) -> impl Iterator<Item = ([f64; 2], f64)> + '_ {
     })
 }
 
-/// The spots of a frame.
+/// Returns the spots of a frame.
 #[must_use]
 pub fn spots(frame: &Image<f64>) -> Vec<Spot> {
     let mut values: Vec<f64> = frame.pixels().iter().copied().filter(|v| v.is_finite()).collect();
@@ -128,7 +128,7 @@ pub fn spots(frame: &Image<f64>) -> Vec<Spot> {
     groups.iter().filter_map(|group| measured(frame, group, background)).collect()
 }
 
-/// Pixels above a threshold that touch by their sides, as lists of places.
+/// Returns pixels above a threshold that touch by their sides, as lists of places.
 fn groups(frame: &Image<f64>, threshold: f64) -> Vec<Vec<usize>> {
     let (width, height) = (frame.width(), frame.height());
     let mut is_waiting: Vec<bool> = frame.pixels().iter().map(|v| *v > threshold).collect();

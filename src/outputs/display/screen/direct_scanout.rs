@@ -69,7 +69,8 @@ impl Card {
     }
 }
 
-/// The cards to look at: the one that was chosen, or all below `directory` that can be opened, in the order of their names.
+/// Returns the cards to look at: the one that was chosen, or all below `directory` that can be opened, in the order of
+/// their names.
 fn open_cards(choice: &CardChoice, directory: &Path) -> Result<Vec<Card>, DisplayError> {
     if let CardChoice::At(path) = choice {
         return Ok(vec![Card::open(path)?]);
@@ -130,17 +131,17 @@ impl Connector {
         Ok(Self { card, handle: info.handle(), name, mode })
     }
 
-    /// Refresh rate, mHz.
+    /// Returns the refresh rate, mHz.
     pub(super) fn refresh_mhz(&self) -> u32 {
         self.mode.refresh_mhz
     }
 
-    /// Columns and rows.
+    /// Returns columns and rows.
     pub(super) fn size_px(&self) -> [u32; 2] {
         self.mode.size_px
     }
 
-    /// A surface of this connector. It must be dropped, and `instance` with it, before the connector.
+    /// Returns a surface of this connector. It must be dropped, and `instance` with it, before the connector.
     #[allow(unsafe_code, reason = "wgpu opens a connector by no other call")]
     pub(super) fn surface(&self, instance: &wgpu::Instance) -> Result<wgpu::Surface<'static>, String> {
         let [width, height] = self.mode.size_px;
@@ -240,7 +241,7 @@ impl ScanOut {
         Ok(opened)
     }
 
-    /// Adapter and format.
+    /// Returns the adapter and format.
     pub(super) fn description(&self) -> &str {
         self.panel.as_ref().map_or("", VulkanPanel::description)
     }

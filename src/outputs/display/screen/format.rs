@@ -11,7 +11,7 @@ const EIGHT: [TextureFormat; 2] = [TextureFormat::Bgra8Unorm, TextureFormat::Rgb
 /// Formats with 10.
 const TEN: [TextureFormat; 1] = [TextureFormat::Rgb10a2Unorm];
 
-/// The format to take.
+/// Returns the format to take.
 ///
 /// # Errors
 /// When the surface offers none; the message lists what it does offer.

@@ -89,7 +89,7 @@ impl Outgoing {
 }
 
 impl Incoming {
-    /// Whether nothing is on its way.
+    /// Returns whether nothing is on its way.
     pub(super) fn is_empty(&self) -> bool {
         self.next.is_none() && self.full.is_empty()
     }

@@ -104,7 +104,7 @@ impl Display {
         start.display(panel, describe, move || window::forget(id))
     }
 
-    /// Which monitor, how it is filled, which driver and which format.
+    /// Returns the which monitor, how it is filled, which driver and which format.
     #[must_use]
     pub fn description(&self) -> &str {
         &self.description
@@ -131,19 +131,19 @@ impl Display {
         self.submits.try_iter().for_each(|submitted| log.add(&submitted));
     }
 
-    /// Submit times, oldest first, for one reader; when 4096 wait, further ones are lost and counted.
+    /// Returns the submit times, oldest first, for one reader; when 4096 wait, further ones are lost and counted.
     #[must_use]
     pub fn submits(&self) -> Receiver<Submitted> {
         self.submits.clone()
     }
 
-    /// Submit to light, as it was given.
+    /// Returns the submit to light, as it was given.
     #[must_use]
     pub fn latency(&self) -> Option<Span> {
         self.latency
     }
 
-    /// Why nothing is shown any more, if so.
+    /// Returns why nothing is shown any more, if so.
     #[must_use]
     pub fn ended(&self) -> Option<&DisplayError> {
         self.state.ended()
@@ -239,7 +239,7 @@ fn check(params: &Params, image_px: [u32; 2], maker: &GreyMaker) -> Result<(), D
     params.marker.map_or(Ok(()), |marker| marker.check(image_px))
 }
 
-/// A display on a connector of `card`.
+/// Returns a display on a connector of `card`.
 #[cfg(feature = "direct_scanout")]
 fn scan_out(card: &CardChoice, start: Start<'_>) -> Result<Display, DisplayError> {
     let (params, image_px, state) = (start.params, start.image_px, Arc::clone(&start.state));

@@ -24,6 +24,6 @@ pub(super) trait Panel {
     /// those of the last call.
     fn show(&mut self, picture: &Picture, is_changed: bool);
 
-    /// The first failure that does not mend itself.
+    /// Returns the first failure that does not mend itself.
     fn failure(&self) -> Option<String>;
 }

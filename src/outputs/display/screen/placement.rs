@@ -48,12 +48,12 @@ pub(super) struct Placement {
 }
 
 impl Placement {
-    /// A window that is wanted there.
+    /// Returns a window that is wanted there.
     pub(super) fn new(wanted: Area) -> Self {
         Self { wanted, looks: 0, right: 0 }
     }
 
-    /// Where it is wanted.
+    /// Returns where it is wanted.
     pub(super) fn wanted(&self) -> Area {
         self.wanted
     }

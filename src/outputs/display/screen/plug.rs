@@ -20,7 +20,7 @@ impl Plugs {
         Some(Self { server, root })
     }
 
-    /// Whether the output of this name is connected and shows something; `None` when the server does not say.
+    /// Returns whether the output of this name is connected and shows something; `None` when the server does not say.
     pub(super) fn is_in(&self, name: &str) -> Option<bool> {
         let resources = self.server.randr_get_screen_resources_current(self.root).ok()?.reply().ok()?;
         for output in resources.outputs {

@@ -46,7 +46,7 @@ impl Pace {
         Self { refresh, watch: Stopwatch::start(), since_last: Span::ZERO, is_first: true }
     }
 
-    /// How long to wait before the next image is asked for.
+    /// Returns how long to wait before the next image is asked for.
     fn left(&mut self) -> Duration {
         self.since_last = self.since_last + self.watch.lap();
         let least_s = self.refresh.unwrap_or(USUAL_REFRESH).s() * PACE;
@@ -142,7 +142,7 @@ impl<G: Panel> Presenter<G> {
         }
     }
 
-    /// Whether there is an image to show something in.
+    /// Returns whether there is an image to show something in.
     fn take_turn(&mut self) -> bool {
         let counters = &self.state.counters;
         match self.panel.turn() {
@@ -159,7 +159,7 @@ impl<G: Panel> Presenter<G> {
         false
     }
 
-    /// Whether there is another frame to show.
+    /// Returns whether there is another frame to show.
     fn fetch(&mut self) -> bool {
         let lead = self.lead.filter(|_| !self.now.takes_all);
         let by = lead.map(|lead| self.clock.now() + self.now.composing + lead);

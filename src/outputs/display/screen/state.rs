@@ -25,7 +25,7 @@ impl State {
         self.is_over.store(true, Ordering::Release);
     }
 
-    /// Whether the run is over.
+    /// Returns whether the run is over.
     pub(super) fn is_over(&self) -> bool {
         self.is_over.load(Ordering::Acquire)
     }
@@ -35,12 +35,12 @@ impl State {
         let _first = self.end.set(why);
     }
 
-    /// Why nothing is shown any more, if so.
+    /// Returns why nothing is shown any more, if so.
     pub(super) fn ended(&self) -> Option<&DisplayError> {
         self.end.get()
     }
 
-    /// Whether the monitor is away.
+    /// Returns whether the monitor is away.
     pub(super) fn is_away(&self) -> bool {
         self.is_away.load(Ordering::Acquire)
     }
@@ -60,7 +60,7 @@ impl State {
         self.window_px.store(u64::from(columns) << 32 | u64::from(rows), Ordering::Release);
     }
 
-    /// Columns and rows of the window.
+    /// Returns columns and rows of the window.
     pub(super) fn window_px(&self) -> [u32; 2] {
         let packed = self.window_px.load(Ordering::Acquire);
         #[allow(clippy::cast_possible_truncation, reason = "the two halves of what was packed")]

@@ -70,7 +70,7 @@ impl Pane {
         }
     }
 
-    /// Whether it gives another surface when one is lost; a driver hands out a connector once.
+    /// Returns whether it gives another surface when one is lost; a driver hands out a connector once.
     fn is_lasting(&self) -> bool {
         matches!(self, Self::Window(_))
     }
@@ -142,7 +142,7 @@ impl VulkanPanel {
         })
     }
 
-    /// Adapter and format.
+    /// Returns the adapter and format.
     pub(super) fn description(&self) -> &str {
         &self.adapter
     }
@@ -155,7 +155,7 @@ impl VulkanPanel {
         self.is_well()
     }
 
-    /// Whether nobody complained since the last look.
+    /// Returns whether nobody complained since the last look.
     fn is_well(&mut self) -> bool {
         match self.trouble.take() {
             None => true,
@@ -166,7 +166,7 @@ impl VulkanPanel {
         }
     }
 
-    /// The next image, or why there is none.
+    /// Returns the next image, or why there is none.
     fn acquire(&mut self) -> Turn {
         match self.surface.get_current_texture() {
             // Suboptimal images are shown as they are: what matters, the size, is watched by itself.

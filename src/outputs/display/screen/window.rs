@@ -69,7 +69,7 @@ pub(super) fn open(order: Order) -> Result<Opened, DisplayError> {
     ask(|reply| Request::Open(order, reply))?
 }
 
-/// The monitors that there are.
+/// Returns the monitors that there are.
 ///
 /// # Errors
 /// When there is no server, or it does not answer.
@@ -261,7 +261,7 @@ fn attributes(wanted: Area, fullscreen: Option<Fullscreen>, is_managed: bool) ->
     }
 }
 
-/// The monitors that there are, with what is known of them.
+/// Returns the monitors that there are, with what is known of them.
 fn monitors_of(event_loop: &ActiveEventLoop) -> Vec<(MonitorFacts, MonitorHandle)> {
     let primary = event_loop.primary_monitor();
     let all = event_loop.available_monitors().enumerate().map(|(index, handle)| {

@@ -87,7 +87,7 @@ impl Device {
         Ok(())
     }
 
-    /// The rate nearest to the one that is asked for: the bench's, or that of each n-th of its frames.
+    /// Returns the rate nearest to the one that is asked for: the bench's, or that of each n-th of its frames.
     fn write_rate(&mut self, low: u32) -> Result<(), Status> {
         let asked_hz = self.number_at(own::FRAME_RATE, low);
         let bench_hz = self.memory.float(own::FRAME_RATE_MOST);
@@ -150,8 +150,8 @@ impl Device {
         self.acquisition.stop();
     }
 
-    /// A trigger of a source at an instant of the bench clock: it starts an exposure of a commanded camera, or chooses the
-    /// next frame of another one.
+    /// Returns a trigger of a source at an instant of the bench clock: it starts an exposure of a commanded camera, or
+    /// chooses the next frame of another one.
     pub(super) fn trigger(&mut self, source: u32, at: Tai) -> Result<(), Status> {
         if self.memory.word(own::TRIGGER_SOURCE) != source {
             return Ok(());

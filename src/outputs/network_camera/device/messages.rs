@@ -12,7 +12,7 @@ const TIMEOUT_MOST_MS: u32 = 10_000;
 const RETRIES_MOST: u32 = 20;
 
 impl Device {
-    /// Where messages go; `None` as long as the client has not said, or has not proven its address.
+    /// Returns where messages go; `None` as long as the client has not said, or has not proven its address.
     fn message_receiver(&self) -> Option<SocketAddrV4> {
         let port = u16::try_from(self.memory.word(at::MESSAGE_PORT) & 0xFFFF).ok().filter(|port| *port != 0)?;
         let address = Ipv4Addr::from_bits(self.memory.word(at::MESSAGE_ADDRESS));

@@ -4,8 +4,9 @@ use super::Device;
 use std::net::{Ipv4Addr, SocketAddrV4};
 
 impl Device {
-    /// A few bytes of commands make many of frames: they go to who sent the commands, so that the camera cannot be turned
-    /// against a third party; when the bench allows others, to one neighbour or a multicast group, never to all.
+    /// Returns a few bytes of commands make many of frames: they go to who sent the commands, so that the camera cannot
+    /// be turned against a third party; when the bench allows others, to one neighbour or a multicast group, never to
+    /// all.
     pub(super) fn may_receive(&self, receiver: Ipv4Addr, controller: SocketAddrV4) -> bool {
         let host_bits = !self.place.mask.to_bits();
         let is_all = receiver.is_broadcast() || host_bits > 1 && receiver.to_bits() & host_bits == host_bits;
@@ -15,7 +16,7 @@ impl Device {
     }
 }
 
-/// True for a multicast group that may carry frames: 224.0.0.0/24 is for the network's own use.
+/// Returns true for a multicast group that may carry frames: 224.0.0.0/24 is for the network's own use.
 fn is_group(address: Ipv4Addr) -> bool {
     address.is_multicast() && address.octets()[..3] != [224, 0, 0]
 }

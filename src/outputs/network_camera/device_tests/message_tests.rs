@@ -23,7 +23,7 @@ fn open(bench: &mut Bench, timeout_ms: u32) {
     }
 }
 
-/// Messages that leave now: event and frame of each.
+/// Returns messages that leave now: event and frame of each.
 fn messages(bench: &mut Bench) -> Vec<(u16, u8)> {
     bench.device.tick(bench.now);
     let (mut out, mut all) = (Vec::new(), Vec::new());

@@ -16,7 +16,7 @@ pub(super) fn turns(frequency_hz: f64, span: Span) -> f64 {
     (whole_turns + frequency_hz * Span::from_ns(rest_ns).s()).fract()
 }
 
-/// The line with its phase `later` than where it held.
+/// Returns the line with its phase `later` than where it held.
 pub(super) fn moved(line: &JitterLine, later: Span) -> JitterLine {
     JitterLine { phase_rad: line.phase_rad + TAU * turns(line.frequency_hz, later), ..*line }
 }

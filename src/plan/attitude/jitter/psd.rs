@@ -53,7 +53,7 @@ impl Piece {
         Self { low_hz: a.0, high_hz: b.0, density: if is_empty { 0.0 } else { a.1 }, slope }
     }
 
-    /// Integral of the density from the low end to `frequency_hz`.
+    /// Returns the integral of the density from the low end to `frequency_hz`.
     pub(super) fn power_to(&self, frequency_hz: f64) -> f64 {
         let octaves = libm::log(frequency_hz.clamp(self.low_hz, self.high_hz) / self.low_hz);
         let steps = (self.slope + 1.0) * octaves;
@@ -62,7 +62,7 @@ impl Piece {
         self.density * self.low_hz * octaves * ratio
     }
 
-    /// The frequency up to which the power is this.
+    /// Returns the frequency up to which the power is this.
     fn frequency_of(&self, power: f64) -> f64 {
         if self.density <= 0.0 {
             return self.low_hz;
@@ -106,7 +106,7 @@ impl Band<'_> {
         last_hz
     }
 
-    /// The frequency below which a share of the strata lies: mean of the shares of power and of log frequency.
+    /// Returns the frequency below which a share of the strata lies: mean of the shares of power and of log frequency.
     fn edge(&self, share: f64, total: f64) -> f64 {
         let (Some(first), Some(last)) = (self.points.first(), self.points.last()) else {
             return 0.0;
@@ -126,7 +126,7 @@ impl Band<'_> {
     }
 }
 
-/// The power of a density per axis, rad^2: the variance of the noise.
+/// Returns the power of a density per axis, rad^2: the variance of the noise.
 #[must_use]
 pub fn psd_variance(points: &[PsdPoint]) -> DVec3 {
     let power = |axis| Band { points, axis }.pieces().map(|piece| piece.power_to(piece.high_hz)).sum();

@@ -81,7 +81,7 @@ pub struct JitterRecord {
 }
 
 impl JitterRecord {
-    /// A record of rotation vectors, rad, so far apart.
+    /// Returns a record of rotation vectors, rad, so far apart.
     ///
     /// # Errors
     /// Too few or too many samples, an illegal period, or a sample that is not finite.
@@ -98,7 +98,7 @@ impl JitterRecord {
         Ok(Self { period_s, samples, end })
     }
 
-    /// Time between samples, s.
+    /// Returns the time between samples, s.
     #[must_use]
     pub fn period_s(&self) -> f64 {
         self.period_s
@@ -110,7 +110,7 @@ impl JitterRecord {
         &self.samples
     }
 
-    /// How long it is, s.
+    /// Returns how long it is, s.
     #[must_use]
     pub fn duration_s(&self) -> f64 {
         self.period_s * self.samples.len() as f64
@@ -122,7 +122,7 @@ impl JitterRecord {
         self.end
     }
 
-    /// The sample of this number, also before the first and after the last.
+    /// Returns the sample of this number, also before the first and after the last.
     fn sample(&self, number: i64) -> DVec3 {
         let place = match self.end {
             RecordEnd::Still => usize::try_from(number).ok(),
@@ -244,7 +244,7 @@ impl RecordReader {
         self.missing(window)
     }
 
-    /// The record below `band_hz`, `t_s` after its start, in its own axes.
+    /// Returns the record below `band_hz`, `t_s` after its start, in its own axes.
     fn slow_at(&self, t_s: f64, band_hz: f64) -> DVec3 {
         let record = &self.jitter.record;
         let per_lobe = 2.0 * band_hz;
@@ -322,7 +322,8 @@ fn add_clipped(moments: &mut Moments, a: (f64, DVec3), b: (f64, DVec3), window: 
     }
 }
 
-/// Columns whose outer products sum to the part of a covariance that is one (Cholesky; what is below zero is left out).
+/// Returns columns whose outer products sum to the part of a covariance that is one (Cholesky; what is below zero is
+/// left out).
 fn root(covariance: DMat3) -> [DVec3; 3] {
     let c = covariance;
     let least = 1e-9 * (c.x_axis.x.abs() + c.y_axis.y.abs() + c.z_axis.z.abs());
@@ -336,7 +337,7 @@ fn root(covariance: DMat3) -> [DVec3; 3] {
     [DVec3::new(a, b, d), DVec3::new(0.0, e, f), DVec3::new(0.0, 0.0, g)]
 }
 
-/// The sinc of so many lobes, by Blackman's window of [`LOBES`].
+/// Returns the sinc of so many lobes, by Blackman's window of [`LOBES`].
 fn windowed_sinc(lobes: f64) -> f64 {
     let sinc = if lobes.abs() < 1e-12 { 1.0 } else { libm::sin(PI * lobes) / (PI * lobes) };
     let turn = PI * lobes / LOBES as f64;

@@ -51,7 +51,7 @@ pub enum DensityError {
 }
 
 impl JitterRecord {
-    /// A series with this density, at least `duration_s` long where its rate allows it; it repeats.
+    /// Returns a series with this density, at least `duration_s` long where its rate allows it; it repeats.
     ///
     /// # Errors
     /// When the rows are no density, or its frequencies fit no series.
@@ -78,7 +78,7 @@ impl JitterRecord {
         Ok(Self::new(1.0 / rate_hz, samples, RecordEnd::Repeat)?)
     }
 
-    /// Power by frequency.
+    /// Returns the power by frequency.
     #[must_use]
     pub fn spectrum(&self) -> Vec<SpectrumBin> {
         let samples = self.samples();
@@ -119,7 +119,8 @@ pub fn band_power_rad2(spectrum: &[SpectrumBin], [from_hz, below_hz]: [f64; 2]) 
     spectrum.iter().filter(inside).map(|bin| bin.power_rad2).sum()
 }
 
-/// Mean variance of the line of sight within an exposure, rad^2: each frequency counts by `1 - sinc^2(f T)`.
+/// Returns the mean variance of the line of sight within an exposure, rad^2: each frequency counts by `1 - sinc^2(f
+/// T)`.
 #[must_use]
 pub fn smear_power_rad2(spectrum: &[SpectrumBin], exposure_s: f64) -> DVec3 {
     let within = |bin: &SpectrumBin| {
@@ -137,7 +138,7 @@ fn phase(seed: u64, axis: usize, place: usize) -> f64 {
     TAU * (f64::from(a) + 0.5) / 4_294_967_296.0
 }
 
-/// Power of a checked density in each bin from the first to `last`.
+/// Returns the power of a checked density in each bin from the first to `last`.
 fn bin_powers(points: &[PsdPoint], axis: usize, bin_hz: f64, last: usize) -> Vec<(usize, f64)> {
     let end = |point: &PsdPoint| (point.frequency_hz, point.density[axis]);
     let mut pieces = points.windows(2).map(|pair| Piece::between(end(&pair[0]), end(&pair[1]))).peekable();

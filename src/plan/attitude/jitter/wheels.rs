@@ -62,7 +62,7 @@ pub(super) struct WheelHarmonics {
 }
 
 impl Speeds {
-    /// Speed and angle of a wheel at an instant, when its speed changes by `slope` per second from here.
+    /// Returns the speed and angle of a wheel at an instant, when its speed changes by `slope` per second from here.
     fn after(&self, wheel: usize, slope_rad_s2: f64, at: Tai) -> (f64, f64) {
         let t_s = (at - self.at).s();
         let rad = self.rad_s[wheel] * t_s + 0.5 * slope_rad_s2 * t_s * t_s;
@@ -124,7 +124,7 @@ impl WheelHarmonics {
         Ok(())
     }
 
-    /// Speed (rad/s) and angle (turns) of a wheel.
+    /// Returns the speed (rad/s) and angle (turns) of a wheel.
     fn state_at(&self, wheel: usize, at: Tai) -> Option<(f64, f64)> {
         let after = self.speeds.partition_point(|speeds| speeds.at <= at);
         let before = after.checked_sub(1).and_then(|place| self.speeds.get(place));

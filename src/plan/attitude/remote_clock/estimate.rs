@@ -26,13 +26,13 @@ pub struct ClockEstimate {
 }
 
 impl ClockEstimate {
-    /// Local time of a remote time.
+    /// Returns the local time of a remote time.
     #[must_use]
     pub fn to_tai(&self, remote_ns: i64) -> Tai {
         Tai::from_ns(remote_ns) + self.offset + self.drifted(remote_ns)
     }
 
-    /// Remote time, ns, of a local time: the inverse of [`Self::to_tai`] to 1 ns.
+    /// Returns the remote time, ns, of a local time: the inverse of [`Self::to_tai`] to 1 ns.
     #[must_use]
     pub fn to_remote_ns(&self, local: Tai) -> i64 {
         let undrifted = local - self.offset;
@@ -41,8 +41,8 @@ impl ClockEstimate {
         remote.ns()
     }
 
-    /// One sigma at a remote time: what the offset and the drift may err by, and how far the drift may have wandered
-    /// (`q t^3 / 3`). Offset and drift are taken as independent, and their errors are added: never too small.
+    /// Returns one sigma at a remote time: what the offset and the drift may err by, and how far the drift may have
+    /// wandered (`q t^3 / 3`). Offset and drift are taken as independent, and their errors are added: never too small.
     #[must_use]
     pub fn sigma_at(&self, remote_ns: i64) -> Span {
         let since_s = Span::from_ns(remote_ns.saturating_sub(self.reference_remote_ns)).s().abs();

@@ -45,7 +45,7 @@ pub(super) struct LowerHull {
 }
 
 impl LowerHull {
-    /// An empty hull; all memory is taken here.
+    /// Returns an empty hull; all memory is taken here.
     pub(super) fn new() -> Self {
         Self { vertices: Vec::with_capacity(VERTICES_MAX), count: 0, first_x_s: 0.0, last_x_s: 0.0 }
     }
@@ -55,7 +55,7 @@ impl LowerHull {
         self.count = 0;
     }
 
-    /// Points taken.
+    /// Returns points taken.
     pub(super) fn count(&self) -> usize {
         self.count
     }
@@ -103,7 +103,7 @@ impl LowerHull {
         }
     }
 
-    /// The edge over the middle of the points; a level line through the only vertex; `None` without points.
+    /// Returns the edge over the middle of the points; a level line through the only vertex; `None` without points.
     pub(super) fn middle_edge(&self) -> Option<Edge> {
         let x_s = 0.5 * (self.first_x_s + self.last_x_s);
         let after = self.vertices.partition_point(|vertex| vertex.x_s <= x_s);

@@ -32,7 +32,7 @@ pub(super) struct TwoState {
 }
 
 impl TwoState {
-    /// An offset and a rate of 0, with deviations.
+    /// Returns an offset and a rate of 0, with deviations.
     pub(super) fn new(remote_ns: i64, offset_ns: i64, offset_sigma_ns: f64, rate_sigma_ns_per_s: f64) -> Self {
         Self {
             at_remote_ns: remote_ns,
@@ -66,12 +66,12 @@ impl TwoState {
         self.rate_variance.max(0.0).sqrt()
     }
 
-    /// How far an offset lies above this state's, ns.
+    /// Returns how far an offset lies above this state's, ns.
     pub(super) fn above_ns(&self, offset_ns: i64) -> f64 {
         offset_ns.saturating_sub(self.base_ns) as f64 - self.offset_ns
     }
 
-    /// The state at another time.
+    /// Returns the state at another time.
     pub(super) fn at(mut self, remote_ns: i64, walk: f64) -> Self {
         let t_s = remote_ns.saturating_sub(self.at_remote_ns) as f64 * 1e-9;
         let age_s = t_s.abs();
@@ -112,7 +112,7 @@ impl TwoState {
         self
     }
 
-    /// The same rate, a little less sure of itself, with an offset of which nothing is known but its size.
+    /// Returns the same rate, a little less sure of itself, with an offset of which nothing is known but its size.
     pub(super) fn shifted_to(mut self, remote_ns: i64, offset_ns: i64, offset_sigma_ns: f64, rate_shock: f64) -> Self {
         self.at_remote_ns = remote_ns;
         self.base_ns = offset_ns;
@@ -123,7 +123,7 @@ impl TwoState {
         self
     }
 
-    /// A rate within its limit.
+    /// Returns a rate within its limit.
     pub(super) fn limited(mut self, most_ns_per_s: f64) -> Self {
         self.rate_ns_per_s = self.rate_ns_per_s.clamp(-most_ns_per_s, most_ns_per_s);
         self

@@ -108,7 +108,7 @@ impl Rising {
         self.least_above_ns = self.least_above_ns.min(above_ns);
     }
 
-    /// The newest marks, oldest first.
+    /// Returns the newest marks, oldest first.
     fn kept(&self) -> impl Iterator<Item = Mark> + use<> {
         let (marks, count) = (self.newest, self.count);
         (count.saturating_sub(RISEN_KEPT)..count).map(move |i| marks[i % RISEN_KEPT])
@@ -174,28 +174,28 @@ impl Line {
         self.now = self.fused(mark.remote_ns);
     }
 
-    /// The newest mark taken.
+    /// Returns the newest mark taken.
     pub(super) fn newest(&self) -> Mark {
         self.newest
     }
 
-    /// Mean of queueing delays near the floor, ns.
+    /// Returns the mean of queueing delays near the floor, ns.
     pub(super) fn scale_ns(&self) -> f64 {
         self.floor.scale_ns()
     }
 
-    /// Height of the newest mark over the line as it was before that mark, ns.
+    /// Returns the height of the newest mark over the line as it was before that mark, ns.
     pub(super) fn residual_ns(&self) -> f64 {
         self.residual_ns
     }
 
-    /// Smallest and largest difference, and marks, of this window and the one before.
+    /// Returns the smallest and largest difference, and marks, of this window and the one before.
     pub(super) fn seen(&self) -> (i64, i64, usize) {
         let seen = self.seen[0].with(self.seen[1]);
         (seen.smallest_ns, seen.largest_ns, seen.marks)
     }
 
-    /// The line at a remote time.
+    /// Returns the line at a remote time.
     pub(super) fn at(&self, remote_ns: i64) -> TwoState {
         self.now.at(remote_ns, self.params.walk)
     }

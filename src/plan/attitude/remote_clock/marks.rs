@@ -51,12 +51,12 @@ pub(super) struct Doubts {
 }
 
 impl Mark {
-    /// Remote seconds from another mark to this.
+    /// Returns the remote seconds from another mark to this.
     pub(super) fn since_s(&self, other: &Self) -> f64 {
         self.remote_ns.saturating_sub(other.remote_ns) as f64 * 1e-9
     }
 
-    /// Remote time so many seconds after this mark, ns.
+    /// Returns the remote time so many seconds after this mark, ns.
     pub(super) fn later_ns(&self, by_s: f64) -> i64 {
         #[allow(clippy::cast_possible_truncation, reason = "float-to-int casts saturate")]
         let by_ns = (by_s * 1e9).round() as i64;
@@ -64,7 +64,7 @@ impl Mark {
     }
 }
 
-/// How far below the line a mark may lie, ns.
+/// Returns how far below the line a mark may lie, ns.
 pub(super) fn gate_ns(line: &Line, mark: &Mark) -> f64 {
     let (offset_sigma_ns, rate_sigma_ns_per_s) = line.sigmas();
     let silent_s = mark.since_s(&line.newest()).abs();
@@ -72,8 +72,8 @@ pub(super) fn gate_ns(line: &Line, mark: &Mark) -> f64 {
     LEAST_GATE_NS + young_ns + GATE_SIGMAS * rate_sigma_ns_per_s * silent_s
 }
 
-/// Whether a mark is one of the former line's and none of the present one's: near the floor of the one and not of the
-/// other, or no step away from the one (late, perhaps) and a step away from the other.
+/// Returns whether a mark is one of the former line's and none of the present one's: near the floor of the one and not
+/// of the other, or no step away from the one (late, perhaps) and a step away from the other.
 pub(super) fn belongs_rather(mark: &Mark, former: &Line, present: &Line, step_ns: f64) -> bool {
     let is_near = |line: &Line| lies_within(line, mark, gate_ns(line, mark) + AGREE_SCALES * line.scale_ns());
     let could_be = |line: &Line| lies_within(line, mark, step_ns);

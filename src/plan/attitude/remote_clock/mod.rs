@@ -225,7 +225,7 @@ impl RemoteClock {
         observed
     }
 
-    /// The bus's delay, once pulses have shown it.
+    /// Returns the bus's delay, once pulses have shown it.
     #[must_use]
     pub fn measured_delay(&self) -> Option<MeasuredDelay> {
         self.delay
@@ -264,7 +264,7 @@ impl RemoteClock {
         }
     }
 
-    /// The present estimate; `None` before the first mark.
+    /// Returns the present estimate; `None` before the first mark.
     #[must_use]
     pub fn estimate(&self) -> Option<ClockEstimate> {
         self.estimate
@@ -300,8 +300,8 @@ impl RemoteClock {
         self.steps
     }
 
-    /// The instant of a tick count that was taken within 35.8 minutes of `near` (the receive time); `None` before
-    /// the first mark. Resolution 1 us (ticks are whole microseconds, rounded down).
+    /// Returns the instant of a tick count that was taken within 35.8 minutes of `near` (the receive time); `None`
+    /// before the first mark. Resolution 1 us (ticks are whole microseconds, rounded down).
     #[must_use]
     pub fn to_tai(&self, t_us: u32, near: Tai) -> Option<Tai> {
         let estimate = self.estimate()?;
@@ -310,7 +310,7 @@ impl RemoteClock {
     }
 }
 
-/// Random walk of the rate, (ns/s)^2/s.
+/// Returns the random walk of the rate, (ns/s)^2/s.
 fn walk(limits: &RemoteClockLimits) -> f64 {
     3.0 * (limits.allan_1s * 1e9).powi(2)
 }

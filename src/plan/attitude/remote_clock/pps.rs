@@ -86,7 +86,7 @@ impl Pulses {
         self.odd_in_a_row = 0;
     }
 
-    /// Offset and drift at a remote time, while edges come.
+    /// Returns the offset and drift at a remote time, while edges come.
     pub(super) fn at(&self, remote_ns: i64) -> Option<TwoState> {
         let state = self.state.filter(|_| self.edges >= EDGES_FOR_USE)?;
         let silent_s = remote_ns.saturating_sub(state.at_remote_ns()) as f64 * 1e-9;

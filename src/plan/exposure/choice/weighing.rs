@@ -148,7 +148,8 @@ impl Chooser {
         }
     }
 
-    /// Most nodes of a path that is not commanded: as many as its length is worth where there is time for them.
+    /// Returns the most nodes of a path that is not commanded: as many as its length is worth where there is time for
+    /// them.
     fn most_nodes(&self, motion: &Motion, probes: &Probes) -> usize {
         // Smooth motion has Gauss-Legendre's.
         if motion.is_smooth() || self.limit_ms.is_finite() {
@@ -160,7 +161,7 @@ impl Chooser {
         most.next_power_of_two()
     }
 
-    /// True when more nodes would not help: what the other errors leave of the budget is kept.
+    /// Returns whether more nodes would not help: what the other errors leave of the budget is kept.
     fn is_enough(&self, error: NodeError, brightest_e: f64, probes: &Probes) -> bool {
         const LEAST_LEFT: f64 = 0.3;
         let taken = self.pixel_sigma(self.common.peak.min(1.0), brightest_e, probes);
@@ -252,12 +253,12 @@ impl Chooser {
         }
     }
 
-    /// Predicted time of all stars by `method`.
+    /// Returns the predicted time of all stars by `method`.
     fn stars_ms(&self, method: Method, probes: &Probes) -> f64 {
         self.cost.stars_ms(method, &self.load(self.stars, probes.extent_px))
     }
 
-    /// Why the kernels of a method cannot be made.
+    /// Returns why the kernels of a method cannot be made.
     fn kernel_verdict(&self, method: Method, probes: &Probes) -> Option<Verdict> {
         if method.kernels() == 0 {
             None

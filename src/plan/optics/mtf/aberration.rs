@@ -8,7 +8,8 @@
 /// Largest RMS wavefront error of the fit, waves.
 pub const LARGEST_RMS_WAVES: f64 = 0.18;
 
-/// Factor at the share `v` of the diffraction cutoff; 1 beyond the cutoff, where diffraction passes nothing.
+/// Returns the factor at the share `v` of the diffraction cutoff; 1 beyond the cutoff, where diffraction passes
+/// nothing.
 ///
 /// `None`: `rms_waves` is outside the domain.
 #[must_use]
@@ -16,7 +17,7 @@ pub fn mtf(v: f64, rms_waves: f64) -> Option<f64> {
     (0.0..=LARGEST_RMS_WAVES).contains(&rms_waves).then(|| in_domain(v, rms_waves))
 }
 
-/// The same for an error that is known to be in the domain.
+/// Returns the same for an error that is known to be in the domain.
 pub(super) fn in_domain(v: f64, rms_waves: f64) -> f64 {
     if v >= 1.0 {
         return 1.0;
@@ -25,7 +26,7 @@ pub(super) fn in_domain(v: f64, rms_waves: f64) -> f64 {
     1.0 - share * share * (1.0 - 4.0 * middle * middle)
 }
 
-/// Slope at frequency 0 against the share of the cutoff.
+/// Returns the slope at frequency 0 against the share of the cutoff.
 pub(super) fn slope_at_zero(rms_waves: f64) -> f64 {
     let share = rms_waves / LARGEST_RMS_WAVES;
     -4.0 * share * share
@@ -37,7 +38,7 @@ mod tests {
     use crate::optics::mtf::diffraction;
     use core::f64::consts::TAU;
 
-    /// Volume under the transfer function with and without aberrations: Strehl's ratio.
+    /// Returns the volume under the transfer function with and without aberrations: Strehl's ratio.
     fn strehl(rms_waves: f64) -> f64 {
         let volume = |rms: f64| -> f64 {
             let n = 2000;

@@ -60,7 +60,7 @@ impl Term {
         if self == Self::Tdi { [0.0, 1.0] } else { [1.0, 0.0] }
     }
 
-    /// Its name in tables.
+    /// Returns its name in tables.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -112,12 +112,12 @@ impl MtfChain {
         &self.params
     }
 
-    /// Terms that are not off.
+    /// Returns terms that are not off.
     pub fn terms(&self) -> impl Iterator<Item = Term> {
         Term::ALL.into_iter().filter(|term| self.is_on(*term))
     }
 
-    /// Whether columns and rows differ.
+    /// Returns whether columns and rows differ.
     #[must_use]
     pub fn has_axes(&self) -> bool {
         self.is_on(Term::Tdi) || self.is_on(Term::Circuit)
@@ -192,13 +192,14 @@ impl MtfChain {
         self.colored(frequency[0].hypot(frequency[1])) * self.colorless(frequency)
     }
 
-    /// Frequency from which on nothing passes the pupil at any wavelength, cycles/px.
+    /// Returns the frequency from which on nothing passes the pupil at any wavelength, cycles/px.
     #[must_use]
     pub fn cutoff(&self) -> f64 {
         self.colors.iter().map(|c| diffraction::cutoff(c.lambda_n_px)).fold(0.0, f64::max)
     }
 
-    /// Slope of the product at frequency 0, per cycle/px: `-s |f|`, whose transform is a wing of `s / (4 pi^2 r^3)`.
+    /// Returns the slope of the product at frequency 0, per cycle/px: `-s |f|`, whose transform is a wing of `s / (4
+    /// pi^2 r^3)`.
     #[must_use]
     pub fn slope_at_zero(&self) -> f64 {
         let of = |c: &Color| {
@@ -208,8 +209,8 @@ impl MtfChain {
         self.colors.iter().map(of).sum()
     }
 
-    /// Standard deviation of the Gaussian that passes as much, without the pixel, at half the Nyquist frequency, px: the
-    /// scale of the star's core.
+    /// Returns the standard deviation of the Gaussian that passes as much, without the pixel, at half the Nyquist
+    /// frequency, px: the scale of the star's core.
     #[must_use]
     pub fn core_sigma_px(&self) -> f64 {
         let f = 0.25;
@@ -218,7 +219,7 @@ impl MtfChain {
         (-0.5 * passed.ln()).sqrt() / (core::f64::consts::PI * f)
     }
 
-    /// Mean wavelength of the electrons, nm.
+    /// Returns the mean wavelength of the electrons, nm.
     #[must_use]
     pub fn mean_wavelength_nm(&self) -> f64 {
         self.colors.iter().map(|c| c.light.weight * c.light.wavelength_nm).sum()

@@ -83,7 +83,7 @@ pub struct ChainParams {
 }
 
 impl ChainParams {
-    /// Diffraction and the pixel at one wavelength, nothing else.
+    /// Returns the diffraction and the pixel at one wavelength, nothing else.
     #[must_use]
     pub fn diffraction(pixel_pitch_um: f64, f_number: f64, obscuration: f64, wavelength_nm: f64) -> Self {
         Self {
@@ -102,7 +102,7 @@ impl ChainParams {
         }
     }
 
-    /// The same in a band, for a star of this BP-RP.
+    /// Returns the same in a band, for a star of this BP-RP.
     #[must_use]
     pub fn in_band(&self, band: &Band, bp_rp: f64) -> Self {
         Self { band: spectral_weights(band, bp_rp, WAVELENGTHS), ..self.clone() }

@@ -19,7 +19,7 @@ pub struct Circuit {
 /// Lowest bandwidth accepted, cycles/px: below it one pixel's charge runs over tens of its neighbours.
 pub const LOWEST_CUTOFF: f64 = 0.1;
 
-/// Factor at `fx` (cycles/px, along the rows).
+/// Returns the factor at `fx` (cycles/px, along the rows).
 #[must_use]
 pub fn mtf(fx: f64, circuit: Circuit) -> f64 {
     let ratio = (fx / circuit.cutoff).abs();
@@ -33,7 +33,8 @@ mod tests {
     use super::*;
     use core::f64::consts::{FRAC_1_SQRT_2, TAU};
 
-    /// Amplitude of a wave after `dy/dt = wc (x - y)`, by small steps: independent of any transfer function.
+    /// Returns the amplitude of a wave after `dy/dt = wc (x - y)`, by small steps: independent of any transfer
+    /// function.
     fn filtered_amplitude(f: f64, cutoff: f64) -> f64 {
         let step = 1e-4 / f;
         let (rate, mut y, mut largest) = (TAU * cutoff, 0.0_f64, 0.0_f64);

@@ -27,13 +27,13 @@ pub const GEOMETRIC_LARGE_WAVES: f64 = 5.0;
 /// Largest error of diffraction times the geometric form in its domain, at any frequency, obscuration up to 0.7.
 pub const GEOMETRIC_ERROR: f64 = 0.1;
 
-/// Wavefront error at the edge of the pupil, waves, of a focus error in um at a wavelength in nm.
+/// Returns the wavefront error at the edge of the pupil, waves, of a focus error in um at a wavelength in nm.
 #[must_use]
 pub fn w20_waves(defocus_um: f64, f_number: f64, wavelength_nm: f64) -> f64 {
     defocus_um * 1e3 / (8.0 * f_number * f_number * wavelength_nm)
 }
 
-/// The geometric form at the share `v` of the diffraction cutoff; multiplies the diffraction term.
+/// Returns the geometric form at the share `v` of the diffraction cutoff; multiplies the diffraction term.
 ///
 /// `None`: outside its domain.
 #[must_use]
@@ -41,13 +41,13 @@ pub fn geometric(v: f64, w20_waves: f64, obscuration: f64) -> Option<f64> {
     holds_geometrically(w20_waves).then(|| blur_disc(v, w20_waves, obscuration))
 }
 
-/// Whether a wavefront error is in the domain of the geometric form.
+/// Returns whether a wavefront error is in the domain of the geometric form.
 #[must_use]
 pub fn holds_geometrically(w20_waves: f64) -> bool {
     w20_waves.abs() <= GEOMETRIC_SMALL_WAVES || w20_waves.abs() >= GEOMETRIC_LARGE_WAVES
 }
 
-/// Transform of a uniform disc (or ring), whatever its size.
+/// Returns the transform of a uniform disc (or ring), whatever its size.
 pub(super) fn blur_disc(v: f64, w20_waves: f64, e: f64) -> f64 {
     let x = 8.0 * PI * w20_waves.abs() * v;
     (jinc(x) - e * e * jinc(e * x)) / (1.0 - e * e)
@@ -78,7 +78,7 @@ impl DefocusedPupil {
         Some(Self { w20_waves, obscuration, nodes })
     }
 
-    /// Factor at the share `v` of the diffraction cutoff.
+    /// Returns the factor at the share `v` of the diffraction cutoff.
     #[must_use]
     pub fn mtf(&self, v: f64) -> f64 {
         let (v, e) = (v.abs(), self.obscuration);
@@ -94,7 +94,7 @@ impl DefocusedPupil {
         4.0 * sum / (PI * (1.0 - e * e))
     }
 
-    /// Integral of the chord above the axis times the phase over `from..to`.
+    /// Returns the integral of the chord above the axis times the phase over `from..to`.
     fn piece(&self, v: f64, from: f64, to: f64) -> f64 {
         if to - from < 1e-15 {
             return 0.0;
@@ -111,7 +111,7 @@ impl DefocusedPupil {
         sum * half * PI
     }
 
-    /// Height above the axis that both pupils leave open, `x` from the middle between them.
+    /// Returns the height above the axis that both pupils leave open, `x` from the middle between them.
     fn half_chord(&self, v: f64, x: f64) -> f64 {
         let (far, near) = (x + v, x - v);
         let outer = (1.0 - far * far).max(0.0).sqrt();
@@ -125,7 +125,7 @@ mod tests {
     use super::*;
     use crate::optics::mtf::diffraction;
 
-    /// Real part of the pupil's autocorrelation, summed over a grid: no chord, no symmetry.
+    /// Returns the real part of the pupil's autocorrelation, summed over a grid: no chord, no symmetry.
     fn summed(v: f64, w20: f64, e: f64) -> f64 {
         let n = 1000;
         let at = |i: i32| (f64::from(i) + 0.5) / f64::from(n) * 4.0 - 2.0;
@@ -179,7 +179,7 @@ mod tests {
         assert!(DefocusedPupil::new(16.1, 0.0).is_none() && DefocusedPupil::new(f64::NAN, 0.0).is_none(), "edges");
     }
 
-    /// Largest difference of the approximation from the truth, over all frequencies.
+    /// Returns the largest difference of the approximation from the truth, over all frequencies.
     fn geometric_error(w20: f64, e: f64) -> f64 {
         let pupil = DefocusedPupil::new(w20, e).unwrap();
         let error = |v: f64| diffraction::at_share_of_cutoff(v, e) * blur_disc(v, w20, e) - pupil.mtf(v);

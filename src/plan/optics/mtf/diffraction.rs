@@ -8,19 +8,19 @@
 
 use core::f64::consts::PI;
 
-/// Factor at `frequency` (cycles/px); `lambda_n_px` is wavelength times F-number over pixel pitch.
+/// Returns the factor at `frequency` (cycles/px); `lambda_n_px` is wavelength times F-number over pixel pitch.
 #[must_use]
 pub fn mtf(frequency: f64, lambda_n_px: f64, obscuration: f64) -> f64 {
     at_share_of_cutoff(frequency.abs() * lambda_n_px, obscuration)
 }
 
-/// Frequency from which on nothing passes, cycles/px.
+/// Returns the frequency from which on nothing passes, cycles/px.
 #[must_use]
 pub fn cutoff(lambda_n_px: f64) -> f64 {
     1.0 / lambda_n_px
 }
 
-/// Factor at the share `v` of the cutoff.
+/// Returns the factor at the share `v` of the cutoff.
 pub(super) fn at_share_of_cutoff(v: f64, e: f64) -> f64 {
     if v >= 1.0 {
         return 0.0;
@@ -34,7 +34,8 @@ pub(super) fn at_share_of_cutoff(v: f64, e: f64) -> f64 {
     (common / (PI * (1.0 - e * e))).max(0.0)
 }
 
-/// Slope at frequency 0 against the share of the cutoff: the cone that makes the PSF's wings fall as `r^-3`.
+/// Returns the slope at frequency 0 against the share of the cutoff: the cone that makes the PSF's wings fall as
+/// `r^-3`.
 ///
 /// `a(R, R)` loses `2 R` per unit of distance, the circle inside nothing: `-(4 + 4 e) / (pi (1 - e^2))`.
 #[must_use]
@@ -42,7 +43,7 @@ pub fn slope_at_zero(obscuration: f64) -> f64 {
     -4.0 / (PI * (1.0 - obscuration))
 }
 
-/// Area common to circles of radius `big >= small`, whose centres are `apart`.
+/// Returns the area common to circles of radius `big >= small`, whose centres are `apart`.
 fn common_area(big: f64, small: f64, apart: f64) -> f64 {
     if apart >= big + small {
         return 0.0;
@@ -55,7 +56,7 @@ fn common_area(big: f64, small: f64, apart: f64) -> f64 {
     segment(big, x) + segment(small, apart - x)
 }
 
-/// Area of a circle beyond a chord at distance `x` from its centre (negative: the larger part).
+/// Returns the area of a circle beyond a chord at distance `x` from its centre (negative: the larger part).
 fn segment(radius: f64, x: f64) -> f64 {
     let share = (x / radius).clamp(-1.0, 1.0);
     radius * radius * (share.acos() - share * (1.0 - share * share).sqrt())
@@ -65,7 +66,7 @@ fn segment(radius: f64, x: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Share of the pupil that a copy of it, moved by `2 v` radii, covers: midpoints of a fine grid.
+    /// Returns the share of the pupil that a copy of it, moved by `2 v` radii, covers: midpoints of a fine grid.
     fn counted(v: f64, e: f64) -> f64 {
         let n = 1200;
         let at = |i: i32| (f64::from(i) + 0.5) / f64::from(n) * 4.0 - 2.0;

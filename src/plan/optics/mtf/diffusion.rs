@@ -53,7 +53,8 @@ pub enum Side {
 }
 
 impl Diffusion {
-    /// Factor at `frequency` (cycles/um) for light of `wavelength_nm`; `None` where absorption is not known.
+    /// Returns the factor at `frequency` (cycles/um) for light of `wavelength_nm`; `None` where absorption is not
+    /// known.
     #[must_use]
     pub fn mtf(&self, frequency: f64, wavelength_nm: f64) -> Option<f64> {
         match self {
@@ -64,13 +65,13 @@ impl Diffusion {
 }
 
 impl Layers {
-    /// Factor at `frequency` (cycles/um) for an absorption coefficient in 1/um.
+    /// Returns the factor at `frequency` (cycles/um) for an absorption coefficient in 1/um.
     #[must_use]
     pub fn mtf(&self, frequency: f64, absorption_per_um: f64) -> f64 {
         self.collected(frequency, absorption_per_um) / self.collected(0.0, absorption_per_um)
     }
 
-    /// Share of the electrons that are collected, of a wave of this frequency.
+    /// Returns the share of the electrons that are collected, of a wave of this frequency.
     fn collected(&self, frequency: f64, a: f64) -> f64 {
         let length = 1.0 / (1.0 / self.diffusion_length_um).hypot(TAU * frequency);
         match self.side {
@@ -83,7 +84,7 @@ impl Layers {
     }
 }
 
-/// Share that reaches the far side of field-free silicon of thickness `t`, the near surface losing nothing.
+/// Returns the share that reaches the far side of field-free silicon of thickness `t`, the near surface losing nothing.
 fn wandered(a: f64, length: f64, t: f64) -> f64 {
     // The closed form is 0 / 0 at a L = 1, where it is smooth: a millionth beside, it errs by less than that.
     let length = if (a * length - 1.0).abs() < 1e-6 { (1.0 + 1e-6) / a } else { length };
@@ -96,8 +97,9 @@ fn wandered(a: f64, length: f64, t: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Share collected at the sink by `n'' = n / L^2 - a exp(-a z)` on `n` cells, tridiagonal elimination, the flux at
-    /// both ends; `z` from the lit side. The near end: a sink (front) or closed (back); the far end is the other.
+    /// Returns the share collected at the sink by `n'' = n / L^2 - a exp(-a z)` on `n` cells, tridiagonal elimination,
+    /// the flux at both ends; `z` from the lit side. The near end: a sink (front) or closed (back); the far end is the
+    /// other.
     fn solved(a: f64, length: f64, thickness: f64, is_sink_near: bool) -> f64 {
         let cells = 40_000;
         let h = thickness / f64::from(cells);

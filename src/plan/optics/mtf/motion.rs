@@ -18,19 +18,19 @@ use crate::optics::mtf::TdiBlur;
 use crate::optics::mtf::aperture::sinc;
 use core::f64::consts::{PI, TAU};
 
-/// Constant speed over `length_px`.
+/// Returns the constant speed over `length_px`.
 #[must_use]
 pub fn smear(frequency: f64, length_px: f64) -> f64 {
     sinc(length_px * frequency)
 }
 
-/// A sinusoid of `amplitude_px` over whole cycles.
+/// Returns a sinusoid of `amplitude_px` over whole cycles.
 #[must_use]
 pub fn sinusoid(frequency: f64, amplitude_px: f64) -> f64 {
     libm::j0(TAU * amplitude_px * frequency)
 }
 
-/// Discrete steps of the charge, `phases` to a pixel, under an image that moves evenly.
+/// Returns the discrete steps of the charge, `phases` to a pixel, under an image that moves evenly.
 #[must_use]
 pub fn tdi_steps(frequency: f64, phases: u32) -> f64 {
     sinc(frequency / f64::from(phases))
@@ -42,7 +42,7 @@ pub fn tdi(frequency: f64, TdiBlur { stages, phases, mismatch_px }: TdiBlur) -> 
     tdi_steps(frequency, phases) * tdi_mismatch(frequency, stages, mismatch_px)
 }
 
-/// Image and charge drift apart by `mismatch_px` from one of `stages` to the next.
+/// Returns the image and charge drift apart by `mismatch_px` from one of `stages` to the next.
 #[must_use]
 pub fn tdi_mismatch(frequency: f64, stages: u32, mismatch_px: f64) -> f64 {
     let angle = PI * mismatch_px * frequency;
@@ -60,7 +60,7 @@ pub fn tdi_mismatch(frequency: f64, stages: u32, mismatch_px: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Mean of a wave of frequency `f` over places `x(t)`, `t` in (0, 1).
+    /// Returns the mean of a wave of frequency `f` over places `x(t)`, `t` in (0, 1).
     fn averaged(f: f64, n: i32, x: impl Fn(f64) -> f64) -> f64 {
         (0..n).map(|i| (TAU * f * x((f64::from(i) + 0.5) / f64::from(n))).cos()).sum::<f64>() / f64::from(n)
     }

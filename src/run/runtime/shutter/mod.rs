@@ -208,20 +208,20 @@ impl Shutter {
         self.forecast();
     }
 
-    /// The slot of frame `number` without commands.
+    /// Returns the slot of frame `number` without commands.
     #[must_use]
     pub fn nominal(&self, number: u32) -> Slot {
         let start = self.params.first_exposure + Span::from_ns(self.params.period.ns() * i64::from(number));
         self.slot(number, start, &self.params.settings, Started::Rate)
     }
 
-    /// The settings of exposures without commands.
+    /// Returns the settings of exposures without commands.
     #[must_use]
     pub fn nominal_settings(&self) -> &CameraSettings {
         &self.params.settings
     }
 
-    /// The slot of an exposure.
+    /// Returns the slot of an exposure.
     #[must_use]
     pub fn slot(&self, number: u32, exposure_start: Tai, settings: &CameraSettings, started: Started) -> Slot {
         let exposure_end = exposure_start + settings.exposure;
@@ -277,7 +277,7 @@ impl Shutter {
         self.seen.ignored_at = walk.seen.ignored_at.or(self.seen.ignored_at);
     }
 
-    /// The length of the next exposure: as set, or as long as the line of its trigger is active.
+    /// Returns the length of the next exposure: as set, or as long as the line of its trigger is active.
     fn exposure(&self, walk: &Walk, started: Started) -> Span {
         let (true, Started::Trigger { source, at }) = (walk.state.is_by_width(), started) else {
             return walk.state.settings.exposure;

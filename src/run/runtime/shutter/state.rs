@@ -62,7 +62,7 @@ impl State {
         &self.start
     }
 
-    /// Number of the next frame.
+    /// Returns the number of the next frame.
     pub(super) fn number(&self) -> u32 {
         self.number
     }
@@ -72,7 +72,7 @@ impl State {
         self.start.mode == ExposureMode::TriggerWidth
     }
 
-    /// Start of the next exposure and what starts it; `None`: a trigger is waited for.
+    /// Returns the start of the next exposure and what starts it; `None`: a trigger is waited for.
     pub(super) fn candidate(&self, params: &ShutterParams) -> Option<(Tai, Started)> {
         let earliest = self.earliest(params);
         match self.armed {
@@ -94,7 +94,7 @@ impl State {
         self.armed.is_some_and(|armed| self.previous.is_none_or(|previous| previous.start < armed.at))
     }
 
-    /// The first instant at which the sensor can start an exposure.
+    /// Returns the first instant at which the sensor can start an exposure.
     fn earliest(&self, params: &ShutterParams) -> Tai {
         let Some(previous) = self.previous else { return params.first_exposure };
         // A readout that lasts longer than the period is a delay of delivery: frames are on their way together.

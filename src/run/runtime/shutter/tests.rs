@@ -52,7 +52,7 @@ fn trigger(shutter: &mut Shutter, at: f64) {
     command(shutter, at, CameraCommand::Trigger { source: TriggerSource::Bus, is_rising: true });
 }
 
-/// Start and length of the next exposure, ms; its frame is then drawn.
+/// Returns the start and length of the next exposure, ms; its frame is then drawn.
 fn next(shutter: &mut Shutter) -> Option<(f64, f64)> {
     let slot = shutter.next().slot()?;
     shutter.advance();

@@ -39,7 +39,7 @@ impl Instants {
         Self { zero: going.zero(), now: going.now(), end: going.end_at() }
     }
 
-    /// Seconds after the first exposure.
+    /// Returns seconds after the first exposure.
     pub(super) fn s(&self, at: Tai) -> f64 {
         (at - self.zero).s()
     }
@@ -72,7 +72,7 @@ pub(super) fn hello(scenario: &Scenario, instants: &Instants, clock: &str) -> Va
     })
 }
 
-/// Counts so far; `mode` is that of the flight computer where a spacecraft is flown.
+/// Returns counts so far; `mode` is that of the flight computer where a spacecraft is flown.
 pub(super) fn state(numbers: &RunNumbers, instants: &Instants, mode: Option<Mode>, is_finished: bool) -> Value {
     let frames = numbers.frames;
     let events: Map<String, Value> = numbers
@@ -98,7 +98,7 @@ pub(super) fn state(numbers: &RunNumbers, instants: &Instants, mode: Option<Mode
     })
 }
 
-/// Where a step goes, when it goes forward and not past the end.
+/// Returns where a step goes, when it goes forward and not past the end.
 pub(super) fn step_goal(by: StepBy, going: &SteppedRun, frames_out: u64) -> Result<Goal, String> {
     let (now, end_s) = (going.now(), (going.end_at() - going.zero()).s());
     if going.is_finished() {
@@ -150,7 +150,7 @@ pub(super) fn plant(samples: &SampleList, going: &mut SteppedRun) -> Result<Valu
     Ok(json!({ "taken": samples.len(), "waiting": waiting, "attitude_until_s": attitude_until_s }))
 }
 
-/// The attitude that frames of the first head are drawn with, by the samples of a plant outside.
+/// Returns the attitude that frames of the first head are drawn with, by the samples of a plant outside.
 pub(super) fn received_truth(at_s: Option<f64>, going: &SteppedRun) -> Result<Value, String> {
     let at = at_s.map_or(going.now(), |at_s| going.zero() + Span::from_s(at_s));
     if at > going.now() {
@@ -187,7 +187,7 @@ pub(super) fn tracker(head: usize, going: &SteppedRun) -> Result<Value, String> 
     Ok(answer)
 }
 
-/// An attitude that a tracker has found.
+/// Returns an attitude that a tracker has found.
 fn solved(solution: &Solution) -> Value {
     let mut answer = attitude(&solution.sensor_from_icrf);
     answer["stars"] = solution.stars.into();
@@ -206,7 +206,7 @@ pub(super) fn trigger(number: u16, at_s: Option<f64>, going: &mut SteppedRun) ->
     Ok(json!({ "number": number, "at_s": at_s.unwrap_or_else(|| now_s(going)) }))
 }
 
-/// The true attitude of the first head, at most two seconds ago.
+/// Returns the true attitude of the first head, at most two seconds ago.
 pub(super) fn truth(
     at_s: Option<f64>,
     vehicle: Option<&Vehicle>,

@@ -159,7 +159,7 @@ fn answer(exposing: &Exposing, zero: Tai) -> Value {
     json!({ "next": next })
 }
 
-/// A command by its key and value, and what the camera takes in its place.
+/// Returns a command by its key and value, and what the camera takes in its place.
 fn described(command: &CameraCommand, range: &CameraRange) -> [String; 2] {
     let us = |span: Span| span.s() * 1e6;
     match command {

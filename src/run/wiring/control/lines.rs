@@ -22,7 +22,7 @@ pub struct ControlAddress {
 }
 
 impl ControlAddress {
-    /// When it is a loopback address.
+    /// Returns when it is a loopback address.
     #[must_use]
     pub fn of(address: SocketAddr) -> Option<Self> {
         address.ip().is_loopback().then_some(Self { address })
@@ -102,7 +102,7 @@ impl LineSocket {
         })
     }
 
-    /// The next line that is not empty.
+    /// Returns the next line that is not empty.
     pub(super) fn read_line(&mut self, stop: &AtomicBool) -> Incoming {
         loop {
             match self.look() {
@@ -113,7 +113,7 @@ impl LineSocket {
         }
     }
 
-    /// The next line that is not empty, if there is one before [`LOOK`] is over.
+    /// Returns the next line that is not empty, if there is one before [`LOOK`] is over.
     pub(super) fn look(&mut self) -> Option<Incoming> {
         let mut chunk = [0; 4096];
         loop {
@@ -154,7 +154,7 @@ impl LineSocket {
         self.received.extend_from_slice(ours);
     }
 
-    /// One line with its end; `None`: an empty one, which asks for nothing.
+    /// Returns one line with its end; `None`: an empty one, which asks for nothing.
     fn usable(&mut self, line: &[u8]) -> Option<Incoming> {
         if core::mem::take(&mut self.is_skipping) || line.len() > LINE_BYTES_MAX + 1 {
             let why = format!("the line is longer than {LINE_BYTES_MAX} bytes; wanted one request a line");

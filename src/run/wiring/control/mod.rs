@@ -81,7 +81,7 @@ impl ControlListener {
         Ok(Self { listener, address, token, file })
     }
 
-    /// Where it listens, and the token with its file, a line each.
+    /// Returns where it listens, and the token with its file, a line each.
     #[must_use]
     pub fn announcement(&self) -> String {
         let Self { address, token, file, .. } = self;

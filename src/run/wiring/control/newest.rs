@@ -63,17 +63,18 @@ impl NewestFrames {
         self.heads.iter().map(|head| head.crc32.value()).collect()
     }
 
-    /// Frames that have gone out, all heads together.
+    /// Returns frames that have gone out, all heads together.
     pub(super) fn out(&self) -> u64 {
         self.heads.iter().map(|head| head.out).sum()
     }
 
-    /// Frames of the first head that have gone out.
+    /// Returns frames of the first head that have gone out.
     pub(super) fn out_of_first_head(&self) -> u64 {
         self.heads.first().map_or(0, |head| head.out)
     }
 
-    /// The newest frame of a head, its pixels in the reply, in a new FITS file below the output folder, or nowhere.
+    /// Returns the newest frame of a head, its pixels in the reply, in a new FITS file below the output folder, or
+    /// nowhere.
     pub(super) fn answer(&self, head: usize, path: Option<&str>, pixels: bool, zero: Tai) -> Result<Value, String> {
         let heads = self.heads.len();
         let kept = self.heads.get(head).ok_or_else(|| format!("head is {head}; there are {heads}, counted from 0"))?;

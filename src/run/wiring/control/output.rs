@@ -10,7 +10,7 @@ use std::io::{self, BufWriter, Write};
 use std::os::fd::OwnedFd;
 use std::path::{Component, Path};
 
-/// A new file below `folder`, written by `write`; its size in bytes. Removed when it could not be written.
+/// Returns a new file below `folder`, written by `write`; its size in bytes. Removed when it could not be written.
 pub(super) fn write_below(
     folder: Option<&Path>,
     relative: &str,
@@ -40,7 +40,7 @@ pub(super) fn write_below(
     })
 }
 
-/// The parts of a relative path; `None` when it leads upwards or starts at the root.
+/// Returns the parts of a relative path; `None` when it leads upwards or starts at the root.
 fn names(relative: &str) -> Option<Vec<&OsStr>> {
     let parts = Path::new(relative).components().filter(|part| *part != Component::CurDir);
     parts.map(|part| if let Component::Normal(name) = part { Some(name) } else { None }).collect()

@@ -146,7 +146,7 @@ pub fn parse(line: &str) -> (Option<Value>, Result<Request, String>) {
     (id, Keys { keys }.request())
 }
 
-/// A reply that says what went wrong.
+/// Returns a reply that says what went wrong.
 #[must_use]
 pub fn refused(id: Option<Value>, why: &str) -> Value {
     let mut reply = json!({ "ok": false, "error": why });
@@ -154,7 +154,7 @@ pub fn refused(id: Option<Value>, why: &str) -> Value {
     reply
 }
 
-/// A reply with an answer, which must be an object.
+/// Returns a reply with an answer, which must be an object.
 #[must_use]
 pub fn reported(id: Option<Value>, answer: Value) -> Value {
     let mut reply = answer;
@@ -296,7 +296,7 @@ fn kind(value: &Value) -> &'static str {
     }
 }
 
-/// A value for a message: itself when short, else what it is.
+/// Returns a value for a message: itself when short, else what it is.
 fn shown(value: &Value) -> String {
     let text = value.to_string();
     if text.len() <= 60 { text } else { kind(value).into() }

@@ -136,7 +136,7 @@ fn rotation(keys: &Map<String, Value>) -> Result<Rotation<Body, Icrf>, String> {
     })
 }
 
-/// True is outside.
+/// Returns true is outside.
 fn side(keys: &Map<String, Value>, key: &str) -> Result<Option<bool>, String> {
     match keys.get(key).map(|value| (value, value.as_str())) {
         None => Ok(None),

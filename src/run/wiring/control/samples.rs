@@ -77,7 +77,7 @@ impl SampleList {
 }
 
 impl Subject {
-    /// A row in words.
+    /// Returns a row in words.
     const fn row(self) -> &'static str {
         match self {
             Self::Attitude => {
@@ -131,7 +131,7 @@ fn not_unit(wxyz: [f64; 4]) -> String {
     format!("has a quaternion of norm {norm}, which is further than {COMPUTED_NORM_TOLERANCE} from 1")
 }
 
-/// The numbers of a row; JSON has no infinite ones.
+/// Returns the numbers of a row; JSON has no infinite ones.
 fn numbers(row: &Value) -> Result<Vec<f64>, String> {
     let Value::Array(values) = row else { return Err("is no list".into()) };
     values.iter().map(|value| value.as_f64().ok_or_else(|| "has something that is no number".to_owned())).collect()

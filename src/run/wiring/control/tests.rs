@@ -156,7 +156,7 @@ fn only_loopback_addresses_are_taken() {
     }
 }
 
-/// A server's socket and a client's stream.
+/// Returns a server's socket and a client's stream.
 fn connected() -> (LineSocket, TcpStream) {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
     let client = TcpStream::connect(listener.local_addr().expect("bound")).expect("a listener");

@@ -25,7 +25,7 @@ pub(super) struct Token {
 }
 
 impl Token {
-    /// A new one, from the operating system.
+    /// Returns a new one, from the operating system.
     pub(super) fn random() -> Result<Self, ControlError> {
         let mut bytes = [0; BYTES];
         SysRng
@@ -34,7 +34,7 @@ impl Token {
         Ok(Self { text: bytes.iter().map(|byte| format!("{byte:02x}")).collect() })
     }
 
-    /// True when `text` is this token. Takes the same time wherever the first difference is.
+    /// Returns whether `text` is this token. Takes the same time wherever the first difference is.
     pub(super) fn is(&self, text: &str) -> bool {
         let pairs = self.text.bytes().zip(text.bytes());
         let differences = pairs.fold(0, |all, (ours, theirs)| black_box(all | (ours ^ theirs)));
@@ -84,7 +84,7 @@ impl Drop for TokenFile {
     }
 }
 
-/// The folder of the user's tokens.
+/// Returns the folder of the user's tokens.
 fn folder() -> PathBuf {
     match std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from).filter(|folder| folder.is_absolute()) {
         Some(runtime) => runtime.join("starloop"),

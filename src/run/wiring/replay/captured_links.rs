@@ -29,7 +29,7 @@ impl Source<'_> {
         ReplayError::Capture { path: self.bus.into(), source }
     }
 
-    /// When the first packet passed.
+    /// Returns when the first packet passed.
     pub(super) fn first_at(&self) -> Result<Tai, ReplayError> {
         let first = self.open()?.read().map_err(|error| self.refuse(error))?;
         let none = || ReplayError::Parts(format!("{}: holds no packet that could be used", self.bus.display()));
@@ -129,7 +129,7 @@ impl CapturedLink {
         Ok(Self { port, played, delay, next: None, is_over: false })
     }
 
-    /// When the next message arrived; `None` at the end.
+    /// Returns when the next message arrived; `None` at the end.
     fn arrival(&mut self) -> Result<Option<Tai>, ReplayError> {
         if self.next.is_none() && !self.is_over {
             self.next = self.port.receive_any(Tai::from_ns(i64::MAX)).map_err(RunError::from)?;
@@ -171,12 +171,12 @@ impl CapturedLinks {
         Ok(taken)
     }
 
-    /// True when no link has a message left.
+    /// Returns whether no link has a message left.
     pub(super) fn are_over(&self) -> bool {
         self.links.iter().all(|link| link.is_over)
     }
 
-    /// When the last packet so far passed.
+    /// Returns when the last packet so far passed.
     pub(super) fn last_at(&self) -> Option<Tai> {
         self.links.iter().filter_map(|link| lock(&link.played).last_at).max()
     }

@@ -37,17 +37,17 @@ impl HeadFaults {
         self.injected.push_back((self.zero + came, event));
     }
 
-    /// The faults of the head.
+    /// Returns the faults of the head.
     pub(super) fn own(&mut self) -> Option<&mut FrameFaults> {
         self.of_heads.get_mut(self.head)
     }
 
-    /// Whether a frame may show what the one before was.
+    /// Returns whether a frame may show what the one before was.
     pub(super) fn has_any(&self) -> bool {
         !self.injected.is_empty() || self.of_heads.get(self.head).is_some_and(|faults| !faults.timed().is_empty())
     }
 
-    /// Places the events of the run file, at the start of the run.
+    /// Returns places the events of the run file, at the start of the run.
     pub(super) fn place_all(
         &mut self,
         events: &[Event],
@@ -58,7 +58,7 @@ impl HeadFaults {
         in_order_of_placing(events).try_for_each(|event| self.place(event, start, receiver, engine))
     }
 
-    /// Places the events that came before `at`, when a frame is drawn.
+    /// Returns places the events that came before `at`, when a frame is drawn.
     pub(super) fn place_injected_before(
         &mut self,
         at: Tai,

@@ -38,7 +38,7 @@ pub(super) struct Replayed<'a> {
 }
 
 impl<'a> Replayed<'a> {
-    /// The heads of a run whose clock started at `start`, as it makes them.
+    /// Returns the heads of a run whose clock started at `start`, as it makes them.
     pub(super) fn with_heads(
         scenario: &'a Scenario,
         start: Tai,
@@ -124,7 +124,7 @@ impl HeadPlayback {
         self.engine.imager()
     }
 
-    /// Frames of it in the whole run.
+    /// Returns frames of it in the whole run.
     pub(super) fn frame_count(&self) -> u32 {
         self.engine.params().frames
     }

@@ -27,7 +27,7 @@ impl KeptEvent {
         Self { keys: event.to_json().iter().map(|(key, value)| (key.clone(), as_text(value))).collect() }
     }
 
-    /// The event.
+    /// Returns the event.
     pub(super) fn event(&self) -> Result<Event, ReplayError> {
         let mut keys = Map::new();
         for (key, value) in &self.keys {
@@ -50,18 +50,18 @@ pub struct Injected {
 }
 
 impl Injected {
-    /// An event that came so long after the first exposure.
+    /// Returns an event that came so long after the first exposure.
     pub(super) fn new(event: &Event, came: Span) -> Self {
         Self { came_s: exact(came.s()), event: KeptEvent::new(event) }
     }
 
-    /// When it came, after the first exposure, and the event.
+    /// Returns when it came, after the first exposure, and the event.
     pub(super) fn event(&self) -> Result<(Span, Event), ReplayError> {
         Ok((Span::from_s(number("injected.came_s", &self.came_s)?), self.event.event()?))
     }
 }
 
-/// The value, its numbers with a fraction as text.
+/// Returns the value, its numbers with a fraction as text.
 fn as_text(value: &Value) -> Value {
     match value {
         Value::Number(given) if given.is_f64() => given.as_f64().map(exact).into(),
@@ -70,7 +70,7 @@ fn as_text(value: &Value) -> Value {
     }
 }
 
-/// The value, its text as numbers.
+/// Returns the value, its text as numbers.
 fn as_number(key: &str, value: &Value) -> Result<Value, ReplayError> {
     Ok(match value {
         Value::String(text) => number(key, text)?.into(),

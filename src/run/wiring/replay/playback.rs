@@ -100,7 +100,7 @@ pub struct ReplayOptions {
 }
 
 impl ReplayOptions {
-    /// The heads that are wanted, with their numbers; the others are given up.
+    /// Returns the heads that are wanted, with their numbers; the others are given up.
     fn wanted(&self, heads: Vec<RunHead>) -> Result<Vec<(usize, RunHead)>, ReplayError> {
         let count = heads.len();
         match self.head.filter(|head| *head >= count) {
@@ -191,7 +191,7 @@ pub fn replay_bus(
     Ok(outcome)
 }
 
-/// Bits repeat on the same version and vector level only.
+/// Returns bits repeat on the same version and vector level only.
 fn doubts_of_machine(session: &Session, playback: &HeadPlayback) -> Vec<String> {
     let mut doubts = Vec::new();
     let here = env!("CARGO_PKG_VERSION");

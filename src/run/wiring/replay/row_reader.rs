@@ -44,13 +44,13 @@ impl<R: BufRead> RowReader<R> {
         Ok(Self { lines, form })
     }
 
-    /// True when the last line was cut off, as by a power cut; it is left out.
+    /// Returns whether the last line was cut off, as by a power cut; it is left out.
     #[must_use]
     pub fn is_cut_off(&self) -> bool {
         self.lines.is_cut_off()
     }
 
-    /// The next row; `None` at the end.
+    /// Returns the next row; `None` at the end.
     ///
     /// # Errors
     /// When the line is no row.
@@ -80,7 +80,7 @@ impl<R: BufRead> RowsOfHead<R> {
         self.reader.is_cut_off()
     }
 
-    /// The next row; `None` at the end.
+    /// Returns the next row; `None` at the end.
     pub(super) fn read(&mut self) -> Result<Option<FrameRow>, ReplayError> {
         loop {
             let first = self.waiting.first_key_value().map(|((frame, _), _)| *frame);

@@ -80,7 +80,7 @@ impl RowWriter {
         Ok(Self { queue, shared, writer })
     }
 
-    /// A sink around the sink of a head; `holds`: whether a late frame is replaced by the one before.
+    /// Returns a sink around the sink of a head; `holds`: whether a late frame is replaced by the one before.
     pub(super) fn sink(&self, head: usize, inner: Box<dyn Sink>, marks: FrameMarksEnd, holds: bool) -> RowSink {
         let (queue, shared) = (self.queue.clone(), Arc::clone(&self.shared));
         RowSink { inner, head, marks, waiting: VecDeque::new(), holds, queue, shared }
@@ -100,7 +100,7 @@ impl RowWriter {
     }
 }
 
-/// The writer's thread: each row is in the file before the next is taken, as a power cut should cost few rows.
+/// Returns the writer's thread: each row is in the file before the next is taken, as a power cut should cost few rows.
 fn write_all(rows: &Receiver<Option<FrameRow>>, links: usize, out: &mut dyn Write, shared: &Shared) -> Option<String> {
     let mut error = None;
     for row in rows.iter().map_while(|row| row) {

@@ -32,7 +32,7 @@ fn read_head(text: &str, head: usize) -> Vec<FrameRow> {
     core::iter::from_fn(|| rows.read().unwrap()).collect()
 }
 
-/// Ten messages of each link for each frame.
+/// Returns the ten messages of each link for each frame.
 fn mark(frame: u32) -> FrameMark {
     FrameMark {
         frame,
@@ -49,7 +49,7 @@ fn frame(number: u32, lateness_ms: i64, faults: FaultFlags) -> SentFrame {
     frame
 }
 
-/// Numbers and fates.
+/// Returns numbers and fates.
 fn fates(rows: &[FrameRow]) -> Vec<(u32, CapturedFate)> {
     rows.iter().map(|row| (row.frame, row.fate)).collect()
 }

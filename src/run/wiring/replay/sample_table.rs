@@ -233,7 +233,7 @@ pub(super) fn read_all(directory: &Path) -> Result<Samples, ReplayError> {
     Ok(Samples { samples, is_cut_off: reader.is_cut_off() })
 }
 
-/// Counts the rows of a captured run.
+/// Returns counts the rows of a captured run.
 pub(super) fn count(path: &Path) -> Result<u64, ReplayError> {
     let mut reader = SampleReader::open(path)?;
     let mut rows = 0;

@@ -113,7 +113,7 @@ pub struct SessionParams<'a> {
 }
 
 impl Session {
-    /// A session that has not ended.
+    /// Returns a session that has not ended.
     ///
     /// # Errors
     /// When a file that the run file names cannot be read, or it does not check.
@@ -199,13 +199,13 @@ impl Session {
         Ok(self.run_file.check_data()?)
     }
 
-    /// When the run's clock started.
+    /// Returns when the run's clock started.
     #[must_use]
     pub fn start(&self) -> Tai {
         Tai::from_ns(self.start_tai_ns)
     }
 
-    /// The run file, checked with the run's duration.
+    /// Returns the run file, checked with the run's duration.
     fn checked(&self) -> Result<Scenario, ReplayError> {
         let document = Document::packed(self.run_file.clone())?;
         let settings: Vec<Setting> = self.settings.iter().map(|text| Setting::parse(text)).collect::<Result<_, _>>()?;
@@ -225,7 +225,7 @@ impl Session {
         Ok(added)
     }
 
-    /// The run file as it ran, with all its events except those that were injected.
+    /// Returns the run file as it ran, with all its events except those that were injected.
     ///
     /// # Errors
     /// When it no longer checks, or a number is none.
@@ -279,7 +279,7 @@ impl Session {
     }
 }
 
-/// The fewest digits that give the same bits again.
+/// Returns the fewest digits that give the same bits again.
 pub(super) fn exact(value: f64) -> String {
     format!("{value:?}")
 }

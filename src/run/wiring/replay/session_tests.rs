@@ -6,7 +6,7 @@ use base::time::Span;
 use config::{Action, Bench};
 use testbed::vehicle::VehicleFault;
 
-/// A session of a run file that ran for so many seconds.
+/// Returns a session of a run file that ran for so many seconds.
 fn session_of(document: &Document, scenario: &Scenario, settings: &[String], cost: Option<CostModel>) -> Session {
     let params = SessionParams {
         document,
@@ -26,7 +26,7 @@ fn is_exact(event: &Event) -> bool {
     !matches!(event.action, Action::Aboard(VehicleFault::GyroBiasJump(_) | VehicleFault::GyroSpike(_)))
 }
 
-/// The session after it was written and read.
+/// Returns the session after it was written and read.
 fn again(session: &Session) -> Session {
     let folder = tempfile::tempdir().unwrap();
     session.write(folder.path()).unwrap();

@@ -31,17 +31,17 @@ impl<R: BufRead> TableLines<R> {
         Self { source, path: path.into(), doing, most, line: 0, is_cut_off: false }
     }
 
-    /// True when the last line was cut off, as by a power cut; it is left out.
+    /// Returns whether the last line was cut off, as by a power cut; it is left out.
     pub(super) fn is_cut_off(&self) -> bool {
         self.is_cut_off
     }
 
-    /// Number of the latest line, from 1.
+    /// Returns the number of the latest line, from 1.
     pub(super) fn line(&self) -> u64 {
         self.line
     }
 
-    /// The next line without its end; `None` at the end of the file.
+    /// Returns the next line without its end; `None` at the end of the file.
     pub(super) fn read(&mut self) -> Result<Option<String>, ReplayError> {
         let (most, too_long) = self.most;
         let mut bytes = Vec::new();
@@ -59,7 +59,7 @@ impl<R: BufRead> TableLines<R> {
         }
     }
 
-    /// The error of the latest line.
+    /// Returns the error of the latest line.
     pub(super) fn refuse(&self, why: &'static str, text: &str) -> ReplayError {
         let text = text.chars().take(60).map(|c| if c.is_control() { '.' } else { c }).collect();
         ReplayError::Row { path: self.path.clone(), line: self.line, why, text }

@@ -94,7 +94,7 @@ fn a_published_case() {
     assert!(got.velocity_km_s.distance(DVec3::new(3.689_866, -1.916_735, -6.112_511)) < 1e-5, "{}", got.velocity_km_s);
 }
 
-/// Position on a parabola in its own axes, by Barker's equation.
+/// Returns the position on a parabola in its own axes, by Barker's equation.
 fn parabola_km(periapsis_km: f64, gm: f64, since_s: f64) -> DVec3 {
     let w = 1.5 * (gm / (2.0 * periapsis_km.powi(3))).sqrt() * since_s;
     let y = (w + (w * w + 1.0).sqrt()).cbrt();

@@ -27,7 +27,7 @@ fn a_symmetric_top_precesses_as_euler_found() {
     assert!((got - wrong).length() > 0.01, "negative control");
 }
 
-/// Gravity gradient acceleration at rest, from the formula with the place of the public orbit.
+/// Returns the gravity gradient acceleration at rest, from the formula with the place of the public orbit.
 fn gravity_gradient(params: &SpacecraftParams, body_from_icrf: &Rotation<Body, Icrf>, at: Tai) -> DVec3 {
     let place_m = body_from_icrf.apply(CircularOrbit::new(&params.orbit).position_m(at));
     let inertia = params.inertia_kg_m2;
@@ -48,14 +48,14 @@ fn gravity_gradient_is_the_formula() {
     assert!((torque - later).length() > 0.01 * wanted.length(), "negative control: another place");
 }
 
-/// Body axes along radial (x), velocity (y) and orbit normal (z), turned by `pitch_rad` about z.
+/// Returns the body axes along radial (x), velocity (y) and orbit normal (z), turned by `pitch_rad` about z.
 fn orbit_pointing(params: &SpacecraftParams, pitch_rad: f64) -> Rotation<Body, Icrf> {
     let orbit = CircularOrbit::new(&params.orbit);
     let (x, y) = (orbit.position_m(START).normalize(), orbit.velocity_m_s(START).normalize());
     Rotation::from_axes(x, y, x.cross(y)).rotated_by(DVec3::Z * pitch_rad)
 }
 
-/// Seconds between the first two times that pitch passes zero.
+/// Returns seconds between the first two times that pitch passes zero.
 fn half_period_s(params: &SpacecraftParams, pitch_rad: f64) -> Option<f64> {
     let orbit = CircularOrbit::new(&params.orbit);
     let rate = DVec3::Z * orbit.rate_rad_s();

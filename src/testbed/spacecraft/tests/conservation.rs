@@ -59,7 +59,7 @@ fn a_torque_from_outside_is_seen_by_the_same_comparison() {
     assert!((craft.energy_j() / energy - 1.0).abs() > CONSERVED, "negative control: friction");
 }
 
-/// Attitude error after 20 s against a step 16 times shorter, for a case with everything in it.
+/// Returns the attitude error after 20 s against a step 16 times shorter, for a case with everything in it.
 fn errors(steps_ms: &[i64]) -> Vec<f64> {
     let run = |step: Span| {
         let modes = vec![mode(0.7, 0.01, DVec3::new(1.0, -2.0, 3.0)), mode(1.1, 0.02, DVec3::new(2.0, 1.0, -1.0))];

@@ -3,7 +3,7 @@
 use super::*;
 use core::f64::consts::{PI, TAU};
 
-/// A body with one mode about z that holds the share `kappa` of the inertia.
+/// Returns a body with one mode about z that holds the share `kappa` of the inertia.
 fn one_mode(inertia_kg_m2: f64, kappa: f64, damping: f64) -> SpacecraftParams {
     let coupling = DVec3::Z * (kappa * inertia_kg_m2).sqrt();
     SpacecraftParams {
@@ -12,13 +12,13 @@ fn one_mode(inertia_kg_m2: f64, kappa: f64, damping: f64) -> SpacecraftParams {
     }
 }
 
-/// Modal coordinate by `x'' + 2 z o x' + o^2 x = 0` from 0.1 at rest.
+/// Returns the modal coordinate by `x'' + 2 z o x' + o^2 x = 0` from 0.1 at rest.
 fn decay(o: f64, z: f64, t_s: f64) -> f64 {
     let damped = o * (1.0 - z * z).sqrt();
     0.1 * f64::exp(-z * o * t_s) * ((damped * t_s).cos() + z * o / damped * (damped * t_s).sin())
 }
 
-/// Largest difference between the modal coordinate and `decay` over 20 s.
+/// Returns the largest difference between the modal coordinate and `decay` over 20 s.
 fn worst(params: &SpacecraftParams, o: f64, z: f64) -> f64 {
     let mut craft = at_rest(params);
     craft.state.modal[0] = 0.1;

@@ -8,7 +8,7 @@ const INERTIA: f64 = 100.0;
 const IMBALANCE: f64 = 1e-6;
 const MS: Span = Span::from_ms(1);
 
-/// One wheel about x with one line, one mode about z: only the torque along z excites it.
+/// Returns one wheel about x with one line, one mode about z: only the torque along z excites it.
 fn one_line(multiple: f64, speed_rad_s: f64, kappa: f64) -> SpacecraftParams {
     let line = Harmonic { multiple, torque_n_m_s2: IMBALANCE };
     let coupling = DVec3::Z * (kappa * INERTIA).sqrt();
@@ -23,15 +23,15 @@ fn start(params: &SpacecraftParams) -> MicroVibration {
     MicroVibration::new(params, START, MS, 3).expect("sound parameters")
 }
 
-/// Amplitude of body rotation about z per torque about z at `n` rad/s: both equations of motion solved by hand with
-/// complex numbers, `theta = -(o^2 - n^2 + i c n) / (n^2 J (o^2 - (1 - kappa) n^2 + i c n))`, `c = 2 z o`.
+/// Returns the amplitude of body rotation about z per torque about z at `n` rad/s: both equations of motion solved by
+/// hand with complex numbers, `theta = -(o^2 - n^2 + i c n) / (n^2 J (o^2 - (1 - kappa) n^2 + i c n))`, `c = 2 z o`.
 fn transfer(n: f64, kappa: f64) -> f64 {
     let (o, c) = (3.0 * TAU, 2.0 * 0.005 * 3.0 * TAU);
     let above = DVec2::new(o * o - n * n, c * n).length();
     above / (n * n * INERTIA * DVec2::new(o * o - (1.0 - kappa) * n * n, c * n).length())
 }
 
-/// Largest |theta| about z and y over `seconds` at constant speed.
+/// Returns the largest |theta| about z and y over `seconds` at constant speed.
 fn largest(vibration: &mut MicroVibration, speed: f64, seconds: i64) -> DVec3 {
     let mut largest = DVec3::ZERO;
     let end = vibration.time() + Span::from_ms(1000 * seconds);
@@ -93,7 +93,7 @@ struct Oracle {
 }
 
 impl Oracle {
-    /// Steady at `speed`, settled into the phase that the torque of `vibration` has now.
+    /// Returns the steady at `speed`, settled into the phase that the torque of `vibration` has now.
     fn steady(kappa: f64, speed: f64, vibration: &MicroVibration) -> Self {
         let torque = vibration.lines[0].torque_direction();
         let phase = torque.y.atan2(torque.z);
@@ -106,7 +106,7 @@ impl Oracle {
         oracle
     }
 
-    /// About x, z turns to -y: the angle from z towards y falls.
+    /// Returns the about x, z turns to -y: the angle from z towards y falls.
     fn sense(&self) -> f64 {
         -1.0
     }
@@ -138,7 +138,8 @@ impl Oracle {
     }
 }
 
-/// Largest rotation about z over the rigid one, in a sweep from 18 to 24 rad/s through the free mode at 21.07.
+/// Returns the largest rotation about z over the rigid one, in a sweep from 18 to 24 rad/s through the free mode at
+/// 21.07.
 fn amplification(rate_rad_s2: f64) -> f64 {
     let params = one_line(1.0, 18.0, 0.2);
     let mut vibration = start(&params);
@@ -212,7 +213,7 @@ fn seeds_decide_phases_and_no_question_panics() {
     assert!((free - 3.0 / 0.8f64.sqrt()).abs() < 1e-9, "{free} Hz");
 }
 
-/// Product of complex numbers.
+/// Returns the product of complex numbers.
 fn times(a: DVec2, b: DVec2) -> DVec2 {
     DVec2::new(a.x * b.x - a.y * b.y, a.x * b.y + a.y * b.x)
 }
@@ -221,8 +222,8 @@ fn divided(a: DVec2, b: DVec2) -> DVec2 {
     times(a, DVec2::new(b.x, -b.y)) / b.length_squared()
 }
 
-/// Steady rotation of a body with two modes under `torque` and its quadrature: two complex equations by Cramer's rule,
-/// `(o_j^2 - n^2 + i c_j n) eta_j + n^2 sum_k D_j' J^-1 D_k eta_k = -D_j' J^-1 T`.
+/// Returns the steady rotation of a body with two modes under `torque` and its quadrature: two complex equations by
+/// Cramer's rule, `(o_j^2 - n^2 + i c_j n) eta_j + n^2 sum_k D_j' J^-1 D_k eta_k = -D_j' J^-1 T`.
 fn two_modes(params: &SpacecraftParams, n: f64, torque: DVec3, quadrature: DVec3) -> DVec3 {
     let spin = params.wheels[0].axis_body.normalize();
     let rotor = DMat3::from_cols(spin * spin.x, spin * spin.y, spin * spin.z) * params.wheels[0].inertia_kg_m2;
@@ -241,7 +242,7 @@ fn two_modes(params: &SpacecraftParams, n: f64, torque: DVec3, quadrature: DVec3
     inverse * (torque / -(n * n) - coupling[0] * first.x - coupling[1] * second.x)
 }
 
-/// Largest share by which the steady response differs from Cramer's, from 12 to 30 rad/s.
+/// Returns the largest share by which the steady response differs from Cramer's, from 12 to 30 rad/s.
 fn worst_of_two_modes(damping: f64, spoil: f64) -> f64 {
     let axis = DVec3::new(1.0, 0.5, -0.3);
     let line = Harmonic { multiple: 1.0, torque_n_m_s2: IMBALANCE };

@@ -15,7 +15,7 @@ use glam::DMat3;
 /// Some instant.
 const START: Tai = Tai::from_ns(1_790_000_000_000_000_000);
 
-/// A body and nothing else: no wheels, modes or torques.
+/// Returns a body and nothing else: no wheels, modes or torques.
 fn bare(inertia_kg_m2: DMat3, step: Span) -> SpacecraftParams {
     SpacecraftParams {
         inertia_kg_m2,
@@ -34,12 +34,12 @@ fn bare(inertia_kg_m2: DMat3, step: Span) -> SpacecraftParams {
     }
 }
 
-/// A body with products of inertia.
+/// Returns a body with products of inertia.
 fn lopsided() -> DMat3 {
     DMat3::from_cols(DVec3::new(120.0, 4.0, -3.0), DVec3::new(4.0, 100.0, 6.0), DVec3::new(-3.0, 6.0, 80.0))
 }
 
-/// A wheel without friction.
+/// Returns a wheel without friction.
 fn wheel(axis_body: DVec3, initial_speed_rad_s: f64) -> WheelParams {
     WheelParams {
         axis_body,
@@ -53,7 +53,7 @@ fn wheel(axis_body: DVec3, initial_speed_rad_s: f64) -> WheelParams {
     }
 }
 
-/// Four wheels on a pyramid, running.
+/// Returns four wheels on a pyramid, running.
 fn pyramid() -> Vec<WheelParams> {
     let axis = |x, y| DVec3::new(x, y, 0.7);
     vec![

@@ -13,7 +13,7 @@ fn sound() -> SpacecraftParams {
     }
 }
 
-/// The refusal's text after `spoil`.
+/// Returns the refusal's text after `spoil`.
 fn refusal(spoil: impl Fn(&mut SpacecraftParams)) -> String {
     let mut params = sound();
     spoil(&mut params);

@@ -106,7 +106,7 @@ fn with_three_wheels_left_all_torques_remain_and_with_two_a_plane() {
     assert_eq!(craft.fail_wheel(4), Err(SpacecraftError::NoSuchWheel { got: 4, count: 4 }));
 }
 
-/// Momentum of the whole after `t_s` of unloading.
+/// Returns the momentum of the whole after `t_s` of unloading.
 fn unloaded(is_on: bool, t_s: f64, largest_torque_n_m: f64) -> DVec3 {
     let mut params = bare(DMat3::IDENTITY * 1e9, Span::from_ms(10));
     params.wheels = vec![wheel(DVec3::Z, 300.0)];

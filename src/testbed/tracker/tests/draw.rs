@@ -97,7 +97,7 @@ pub(super) struct Painter {
 }
 
 impl Painter {
-    /// The catalog's stars at a time, to a magnitude beyond the tracker's limit.
+    /// Returns the catalog's stars at a time, to a magnitude beyond the tracker's limit.
     pub(super) fn new(camera: Camera, catalog: &Catalog, at: Tai, seed: u64) -> Self {
         let years = at.years_since_j2000() + 2000.0 - catalog.index().epoch_yr;
         let faintest = camera.params.limiting_mag + 1.0;
@@ -117,7 +117,7 @@ impl Painter {
         Self { camera, stars, pool, random, electrons: Vec::new() }
     }
 
-    /// A frame of the sky.
+    /// Returns a frame of the sky.
     pub(super) fn shoot(&mut self, shot: &Shot) -> DnImage {
         let g = self.camera.params.geometry;
         self.electrons.clear();
@@ -139,7 +139,7 @@ impl Painter {
         self.read_out(shot)
     }
 
-    /// A frame of given stars: place (px) and electrons.
+    /// Returns a frame of given stars: place (px) and electrons.
     pub(super) fn paint(&mut self, stars: &[(DVec2, f64)], sky_e: f64) -> DnImage {
         let g = self.camera.params.geometry;
         self.electrons.clear();
@@ -151,7 +151,7 @@ impl Painter {
         self.read_out(&Shot { sky_e, ..Shot::still(nowhere, DVec3::ZERO) })
     }
 
-    /// A frame of given stars without any noise.
+    /// Returns a frame of given stars without any noise.
     pub(super) fn paint_quietly(&mut self, stars: &[(DVec2, f64)]) -> DnImage {
         let Camera { params, .. } = self.camera;
         let g = params.geometry;
@@ -230,7 +230,7 @@ impl Painter {
     }
 }
 
-/// Pinhole with Brown-Conrady distortion, by its formula.
+/// Returns the pinhole with Brown-Conrady distortion, by its formula.
 pub(super) fn project(g: &Geometry, v: DVec3) -> Option<DVec2> {
     if v.z <= 0.0 {
         return None;
@@ -244,14 +244,14 @@ pub(super) fn project(g: &Geometry, v: DVec3) -> Option<DVec2> {
     Some(DVec2::new(g.principal_point_px[0] + g.focal_px[0] * bent_x, g.principal_point_px[1] + g.focal_px[1] * bent_y))
 }
 
-/// Aberration to second order: Stumpff, "On the relativistic treatment of aberration", A&A 84 (1980), 257.
+/// Returns the aberration to second order: Stumpff, "On the relativistic treatment of aberration", A&A 84 (1980), 257.
 pub(super) fn aberrated(u: DVec3, beta: DVec3) -> DVec3 {
     let along = u.dot(beta);
     let across = beta - along * u;
     (u + across - 0.5 * along * across).normalize()
 }
 
-/// The error function by its series (Abramowitz & Stegun 7.1.6); from 4.5 on it is 1 to 2e-10.
+/// Returns the error function by its series (Abramowitz & Stegun 7.1.6); from 4.5 on it is 1 to 2e-10.
 pub(super) fn erf(x: f64) -> f64 {
     if x.abs() > 4.5 {
         return x.signum();
@@ -283,7 +283,7 @@ fn poisson(random: &mut StdRng, mean: f64) -> f64 {
     count
 }
 
-/// A random attitude, uniform over all rotations.
+/// Returns a random attitude, uniform over all rotations.
 pub(super) fn random_attitude(random: &mut StdRng) -> Rotation<Sensor, Icrf> {
     let [w, x, y, z] = [(); 4].map(|()| gaussian(random));
     Rotation::from_quat(glam::DQuat::from_xyzw(x, y, z, w))

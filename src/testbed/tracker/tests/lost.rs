@@ -10,7 +10,7 @@ use glam::{DMat3, DVec2};
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 
-/// Further off than ten pixels is a wrong field; right ones are within one, roll included.
+/// Returns the further off than ten pixels is a wrong field; right ones are within one, roll included.
 fn is_wrong(camera: &Camera, error_rad: f64) -> bool {
     error_rad > 10.0 * camera.params.geometry.ifov_rad()
 }

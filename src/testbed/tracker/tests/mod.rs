@@ -14,7 +14,7 @@ use glam::DVec3;
 use stars::catalog::Catalog;
 use std::sync::{Arc, OnceLock};
 
-/// Middle of every test exposure.
+/// Returns the middle of every test exposure.
 fn noon() -> Tai {
     Tai::from_rfc3339("2026-03-01T12:00:00Z").expect("a time")
 }
@@ -38,7 +38,7 @@ fn guide_of(camera: &Camera) -> Arc<GuideStars> {
     Arc::new(GuideStars::new(catalog(), &camera.params, noon()).expect("guide stars"))
 }
 
-/// The Earth's velocity and 7.6 km/s of an orbit.
+/// Returns the Earth's velocity and 7.6 km/s of an orbit.
 fn beta() -> DVec3 {
     earth_beta(noon()) + DVec3::new(1.0, 2.0, -1.5) * 1e-5
 }

@@ -168,7 +168,7 @@ fn triad_agrees() {
     );
 }
 
-/// Twenty stars with Gaussian errors of known size.
+/// Returns the twenty stars with Gaussian errors of known size.
 fn noisy_matches(random: &mut StdRng, truth: &Rotation<Sensor, Icrf>, geometry: &Geometry) -> Vec<MatchedStar> {
     (0..20)
         .map(|star| {

@@ -13,7 +13,7 @@ use glam::DVec2;
 use rand::SeedableRng;
 use rand::rngs::StdRng;
 
-/// A camera without noise and with a fine converter, so that only the method's own error is left.
+/// Returns a camera without noise and with a fine converter, so that only the method's own error is left.
 fn quiet() -> Camera {
     let mut camera = Camera::coarse();
     camera.params.psf_sigma_px = 0.65;
@@ -26,7 +26,7 @@ fn model_of(camera: &Camera) -> SpotModel {
     SpotModel { background_sigma_e: 60.0, ..spot_model(&camera.params, DVec2::ZERO) }
 }
 
-/// Mean error along x of a method at 20 sub-pixel phases, each over `repeats` stars of 80 000 e.
+/// Returns the mean error along x of a method at 20 sub-pixel phases, each over `repeats` stars of 80 000 e.
 fn phase_errors(method: impl Fn(&DnImage, DVec2) -> Option<DVec2>, repeats: usize) -> Vec<f64> {
     let mut painter = Painter::new(quiet(), catalog(), noon(), 3);
     let mut errors = Vec::new();
@@ -226,7 +226,7 @@ fn noise_gives_few_spots() {
     assert_eq!(detector.find(&stripes, &grid, 60).map(<[_]>::len), Err(Reason::StrayLight));
 }
 
-/// An image with one bright pixel in eight, measured by a grid that has not seen it.
+/// Returns an image with one bright pixel in eight, measured by a grid that has not seen it.
 fn image_of_stripes(grid: &mut BackgroundGrid) -> DnImage {
     let mut image = DnImage::new(1024, 1024);
     image.pixels_mut().fill(100);
