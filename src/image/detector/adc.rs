@@ -19,7 +19,7 @@ pub enum Rounding {
 }
 
 impl Rounding {
-    /// What is added before the fraction is cut off, DN.
+    /// Returns the number that is added before the fraction is cut off, DN.
     #[must_use]
     pub const fn dn(self) -> f32 {
         match self {

@@ -31,13 +31,13 @@ impl Background {
         Self { uniform_e, ..Self::DARK }
     }
 
-    /// With more of it in every pixel.
+    /// Returns this background with `more_e` electrons more in every pixel.
     #[must_use]
     pub fn and_uniform(self, more_e: f32) -> Self {
         Self { uniform_e: self.uniform_e + more_e, ..self }
     }
 
-    /// What is the same in every pixel, with the sky where there is no map of the illumination.
+    /// Returns the part that is equal in every pixel, e-; it includes the sky without a map of the illumination.
     pub(super) fn level_e(&self, has_map: bool) -> f32 {
         if has_map { self.uniform_e } else { self.uniform_e + self.sky_e }
     }
@@ -57,7 +57,7 @@ pub(super) struct Shape<'a> {
     pub(super) illumination: Option<&'a [f32]>,
 }
 
-/// From pixels to half diagonals: `(x + offset[0]) * scale`, `(y + offset[1]) * scale`.
+/// Returns offset and scale from pixels to half diagonals: `(x + offset[0]) * scale`, `(y + offset[1]) * scale`.
 #[allow(clippy::cast_possible_truncation, reason = "the inner loops work in single precision")]
 pub(super) fn normalisation(size_px: [usize; 2]) -> ([f32; 2], f32) {
     let [width, height] = size_px.map(|side| side as f64);

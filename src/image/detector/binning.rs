@@ -42,7 +42,7 @@ pub struct Binning {
 }
 
 impl Binning {
-    /// Size of the ADC's image of a sensor.
+    /// Returns the size of the ADC's image of a sensor, pixels.
     #[must_use]
     pub fn adc_size_px(binning: Option<Self>, sensor_px: [usize; 2]) -> [usize; 2] {
         match binning {
@@ -94,7 +94,7 @@ impl Levels {
         params.spatial.binning.map_or(pixel, |binning| pixel.binned(binning))
     }
 
-    /// Returns the these levels after binning.
+    /// Returns these levels after binning.
     #[must_use]
     pub fn binned(self, binning: Binning) -> Self {
         let pixels = f64::from(binning.factor * binning.factor);
@@ -131,7 +131,7 @@ pub struct ChargeBinningStage {
 }
 
 impl ChargeBinningStage {
-    /// For sensor images of this size; a rest that fills no square is not read.
+    /// Returns the binning of sensor images of this size; remaining rows and columns that fill no square are not read.
     #[must_use]
     #[allow(clippy::cast_possible_truncation, reason = "the inner loops work in single precision")]
     pub fn new(factor: u32, full_well_e: f64, sensor_px: [usize; 2]) -> Self {
@@ -164,7 +164,7 @@ impl NeighbourStage for ChargeBinningStage {
     }
 }
 
-/// A map of offsets, summed as the charge is.
+/// Returns a map of offsets for binned pixels, summed as the charge is.
 #[must_use]
 pub fn sums_of_squares(map: &[f32], [width, height]: [usize; 2], factor: u32) -> Arc<[f32]> {
     let by = factor.max(1) as usize;

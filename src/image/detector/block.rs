@@ -19,7 +19,7 @@ pub struct Words {
 }
 
 impl Words {
-    /// No words yet.
+    /// Returns a block without random words.
     #[must_use]
     pub fn new() -> Self {
         Self { read_a: [0; PAIRS], read_b: [0; PAIRS], shot: [0; BLOCK] }

@@ -1,10 +1,11 @@
 //! Blooming: charge above the full well spills along the column, up and down alike; an anti-blooming drain takes a share.
 //!
-//! In: charge of every pixel, e-. Out: no pixel above the full well. Of what is too much in a pixel, `drained_share` is
-//! lost on the spot; of the rest one half goes down the column and one half up, and fills the room it finds, nearest
-//! first. What passes the first or last row is lost. Rows do not exchange charge (channel stops). Where two streams meet
-//! in the same room, the result is the mean of serving the one first and the other first: turning the column over turns
-//! the result over. Electrons in = electrons out + drained + lost at the ends, to f32 rounding (tests below).
+//! In: charge of every pixel, e-. Out: no pixel above the full well. Of the excess charge of a pixel, `drained_share`
+//! is lost at once; one half of the rest goes down the column and one half up, and fills the free capacity of the
+//! nearest pixels first. Charge that passes the first or last row is lost. Rows do not exchange charge (channel stops).
+//! Where two streams meet in the same free capacity, the result is the mean of serving one first and serving the other
+//! first, so a flipped column gives the flipped result. Electrons in = electrons out + drained + lost at the ends, to
+//! f32 rounding (tests below).
 //!
 //! Terms: Janesick, "Scientific charge-coupled devices" (2001), sections 4.2.3 and 4.2.4. Limits: no charge diffuses
 //! sideways, the drain does not depend on signal, and spilled charge is not counted in whole electrons.
@@ -48,7 +49,7 @@ struct Column {
 }
 
 impl BloomingStage {
-    /// For images of this size.
+    /// Returns the stage for images of this size.
     #[must_use]
     pub fn new(blooming: &Blooming, full_well_e: f32, [width, height]: [usize; 2]) -> Self {
         let row = || vec![0.0; height];
@@ -82,7 +83,7 @@ impl NeighbourStage for BloomingStage {
 }
 
 impl Column {
-    /// The same steps as `blooming.wgsl`.
+    /// Spills the excess charge in the same steps as `blooming.wgsl`.
     fn spill(&mut self, full_well_e: f32, each_way: f32) {
         let Self { charge_e, down_first, up_first } = self;
         let rows = charge_e.len();
@@ -169,7 +170,7 @@ mod tests {
                 assert!(excess < 1.0 || (sum(&out) / (wanted + 0.01 * excess) - 1.0).abs() > 1e-6, "negative control");
             }
         }
-        // All of it saturated: nobody has room, and only the full wells are left.
+        // All pixels are saturated: no pixel has free capacity, and only the full wells are left.
         assert_eq!(sum(&bloom(&[5000.0; 30], 0.0)), 30.0 * 1000.0);
         // Two rows from the end: one half fills them and the rest is lost, the other half fills the other side.
         let mut column = vec![0.0; 20];

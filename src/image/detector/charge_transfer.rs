@@ -73,7 +73,7 @@ pub struct Trails {
 }
 
 impl Trails {
-    /// For packets that need 1, 2, ... `places` transfers.
+    /// Returns the trails of packets that need 1, 2, ... `places` transfers.
     #[must_use]
     pub fn new(share: f64, places: usize) -> Self {
         let terms = terms_for(share, places);
@@ -145,7 +145,7 @@ pub struct ChargeTransferStage {
 }
 
 impl ChargeTransferStage {
-    /// For images of this size.
+    /// Returns the stage for images of this size.
     #[must_use]
     pub fn new(transfer: &ChargeTransfer, [width, height]: [usize; 2]) -> Self {
         Self {
@@ -189,7 +189,7 @@ fn shift_row(from: &[f32], to: &mut [f32], trails: &Trails, place: usize, row_at
     }
 }
 
-/// One row after the serial transfers.
+/// Writes one row after the serial transfers to `to`.
 fn shift_pixels(from: &[f32], to: &mut [f32], trails: &Trails, is_from_right: bool) {
     let width = from.len();
     let column_at = |place: usize| if is_from_right { width - 1 - place } else { place };

@@ -1,4 +1,4 @@
-//! What a detector is exposed under in one frame: handed over with each exposure, and not kept.
+//! The conditions of a detector in one frame: passed with each exposure, and not kept.
 
 use crate::detector::DetectorParams;
 use crate::detector::background::Background;

@@ -1,4 +1,4 @@
-//! What the effects cost: shares of the time that a pixel takes with shot and read noise, PRNU and DSNU.
+//! The cost of the effects: their shares of the time that a pixel takes with shot and read noise, PRNU and DSNU.
 //!
 //! Pixel-local effects: processor time on one thread, 512 x 512 pixels, where that pixel takes 4.9 ns (least of 80 frames; good to
 //! 6 % of the pixel, below which a share is rounded up). Effects of neighbours: the last table of `starloop chart`, 1024 x 1024,
@@ -72,7 +72,7 @@ pub fn effect_costs(
     .map(|(name, share, _)| EffectCost { name, share })
 }
 
-/// By how much longer the readout takes than without the effects; exactly 1 when all are off.
+/// Returns the ratio of the readout time with the effects to that without; exactly 1 when all are off.
 #[must_use]
 pub fn factor(params: &DetectorParams, patterns: &Patterns, width_px: usize) -> f64 {
     1.0 + effect_costs(params, patterns, width_px).map(|cost| cost.share).sum::<f64>()

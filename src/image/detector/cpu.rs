@@ -106,14 +106,14 @@ impl Detector {
         self.charge = Image::new(width, height);
     }
 
-    /// Parameters.
+    /// Returns the parameters.
     #[must_use]
     pub fn params(&self) -> &DetectorParams {
         &self.params
     }
 
-    /// Relative illumination of every pixel, row by row, for the sky's part of the background; `None`, or a map of
-    /// another size: even.
+    /// Sets the relative illumination of every pixel, row by row, for the sky's part of the background. With `None`, or
+    /// a map of another size, the illumination is even.
     pub fn set_illumination_map(&mut self, map: Option<Vec<f32>>) {
         self.illumination = map.filter(|map| map.len() == self.size_px[0] * self.size_px[1]);
     }
@@ -200,7 +200,7 @@ impl Detector {
         self.collect_from(mean, frame, conditions, out);
     }
 
-    /// The same from an image in double precision.
+    /// Exposes the detector as [`Self::collect`] does, from an image in double precision.
     pub fn collect_precise(
         &mut self,
         mean: &Image<f64>,
@@ -303,7 +303,7 @@ mod tests {
         dn
     }
 
-    /// Fowler, Noll and Vo's hash.
+    /// Returns Fowler, Noll and Vo's hash.
     fn hash(dn: &DnImage) -> u64 {
         let bytes = dn.pixels().iter().flat_map(|dn| dn.to_le_bytes());
         bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3))

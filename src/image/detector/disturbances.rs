@@ -1,4 +1,4 @@
-//! What disturbs single pixels of a detector: its defects and the protons that hit it -> each frame's outliers.
+//! The disturbances of single pixels of a detector: its defects and the protons that hit it -> each frame's outliers.
 //!
 //! Both backends own one; the same seed and the same commands give the same list. Nothing is allocated after the start.
 
@@ -33,7 +33,7 @@ pub struct Disturbances {
 }
 
 impl Disturbances {
-    /// Those of the parameters, and room for more.
+    /// Returns the defects of the parameters, with capacity for more.
     #[must_use]
     pub fn new(params: &DetectorParams, size_px: [usize; 2], seeds: Seeds) -> Self {
         let spatial = &params.spatial;
@@ -45,20 +45,20 @@ impl Disturbances {
         let space =
             DefectSpace { size_px, charge_binning, defects: population + SPARE_DEFECTS, pixels: population + SPARE_PX };
         let mut defects = Defects::new(space, seeds.noise, FRAME_PERIOD_S);
-        // There is room for all of them, and all are on the detector.
+        // The list has capacity for all of them, and all are on the detector.
         let _ = defects.insert_all(spatial.defects.draw(size_px, seeds.sensor));
         let protons = Protons::new(size_px, spatial.layer, seeds.noise, MOST_TRACKS, MOST_TRACK_PX);
         let outliers = Outliers::with_capacity(space.pixels + MOST_TRACK_PX);
         Self { defects, protons, own_flux: spatial.protons, outliers }
     }
 
-    /// Defects.
+    /// Returns the defects.
     #[must_use]
     pub fn defects(&self) -> &Defects {
         &self.defects
     }
 
-    /// Defects, to be changed from the next frame on.
+    /// Returns the defects for changes that take effect with the next frame.
     pub fn defects_mut(&mut self) -> &mut Defects {
         &mut self.defects
     }
@@ -75,10 +75,10 @@ impl Disturbances {
         self.protons.left_out()
     }
 
-    /// Makes the outliers of a frame; there is room for all of both lists.
+    /// Makes the outliers of a frame; the list has capacity for those of defects and tracks together.
     pub fn advance(&mut self, frame: u32, conditions: &DetectorConditions, dark: DarkLaw) {
         let exposure_s = conditions.exposure_s;
-        // What more dark current leaves grows with temperature as all dark current does.
+        // Extra dark current of hot pixels grows with temperature as all dark current does.
         let warmer = dark.warmer_by(conditions.warmer_k).factor() / dark.factor();
         let defects: &[Outlier] = self.defects.at_frame(frame, exposure_s * warmer);
         let tracks = self.protons.at_frame(frame, exposure_s, conditions.protons.or(self.own_flux));

@@ -23,7 +23,7 @@ pub fn ln<const FUSED: bool>(x: f32) -> f32 {
     mul_add::<FUSED>(exponent, core::f32::consts::LN_2, s * p)
 }
 
-/// `exp(-x)` for `0 <= x <= 80`.
+/// Returns `exp(-x)` for `0 <= x <= 80`.
 #[inline(always)]
 #[must_use]
 pub fn exp_negative<const FUSED: bool>(x: f32) -> f32 {

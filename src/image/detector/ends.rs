@@ -1,11 +1,11 @@
-//! What the passes over blocks begin and end with: mean electrons or charge in, charge or digital numbers out.
+//! The inputs and outputs of the passes over blocks: mean electrons or charge in, charge or digital numbers out.
 
 use crate::detector::stages::Ends;
 use core::marker::PhantomData;
 
 /// A mean electron image's pixel.
 pub(super) trait Mean: Copy + Sync {
-    /// In single precision.
+    /// Returns the value in single precision.
     fn single(self) -> f32;
 }
 

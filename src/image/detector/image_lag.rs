@@ -1,12 +1,12 @@
 //! Image lag: a share of the charge stays in the pixel when it is read, and comes with the next frame.
 //!
 //! In: charge of a frame, e-. Out: `(1 - share) (charge + rest)`; the new rest is `share (charge + rest)`. After light
-//! goes out, frames show `(1 - share) share^n` of it. What is kept from frame to frame is the rest, one number per
-//! pixel. A frame whose number is not above the last one's begins anew with no rest (so warming up leaves nothing, and a
-//! replay draws the same bits); frames left out are read out all the same, with no light that is known: the rest is
-//! `share^missed` of what it was. Charge is conserved: out + new rest = in + old rest, to f32 rounding (tests below).
-//! Source: EMVA 1288 R4.0 does not treat it; this is the linear model of Janesick, "Photon transfer" (2007), chapter 9.
-//! Limits: traps whose share depends on signal are not modelled.
+//! goes out, frames show `(1 - share) share^n` of it. The state from frame to frame is the rest, one number per pixel.
+//! A frame whose number is not above the last one's starts again with no rest (so warming up leaves nothing, and a
+//! replay draws the same bits); skipped frames are read out as well, without light: the rest is then `share^missed` of
+//! the earlier one. Charge is conserved: out + new rest = in + old rest, to f32 rounding (tests below). Source: EMVA
+//! 1288 R4.0 does not treat it; this is the linear model of Janesick, "Photon transfer" (2007), chapter 9. Limits:
+//! traps whose share depends on signal are not modelled.
 
 use crate::detector::Effect;
 use crate::detector::neighbours::{FrameAt, NeighbourStage};
@@ -38,7 +38,7 @@ impl Memory {
         missed.map_or(0.0, |missed| libm::pow(share, f64::from(missed)) as f32)
     }
 
-    /// Forgets: the next frame begins anew.
+    /// Clears the rest: the next frame starts without lag.
     pub fn reset(&mut self) {
         self.latest = None;
     }
@@ -54,7 +54,7 @@ pub struct ImageLagStage {
 }
 
 impl ImageLagStage {
-    /// For images of this size.
+    /// Returns the stage for images of this size.
     #[must_use]
     pub fn new(lag: &ImageLag, full_well_e: f32, [width, height]: [usize; 2]) -> Self {
         Self { share: lag.share, full_well_e, memory: Memory::default(), rest_e: Image::new(width, height) }

@@ -46,7 +46,7 @@ pub struct Lines {
 }
 
 impl Lines {
-    /// Drawn from the seed.
+    /// Draws the pattern from the seed.
     #[must_use]
     pub fn draw(pattern: &LinePattern, [width, height]: [usize; 2], seed: u64) -> Self {
         let mut made = Self::default();

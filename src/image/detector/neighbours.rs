@@ -25,7 +25,7 @@ pub struct FrameAt {
 
 /// One stage.
 pub trait NeighbourStage: Debug + Send + Sync {
-    /// Returns the which effect it is: stages run in the order of [`crate::detector::ORDER`].
+    /// Returns which effect it is: stages run in the order of [`crate::detector::ORDER`].
     fn effect(&self) -> Effect;
 
     /// Changes the charge, e- per pixel, and returns the image that the next stage goes on with: the same one, or one
@@ -36,7 +36,8 @@ pub trait NeighbourStage: Debug + Send + Sync {
     fn reset(&mut self) {}
 }
 
-/// The stages that are on, in order; with `keep_charge` at least the full well, so that there is a charge image.
+/// Returns the stages that are on, in order; with `keep_charge` at least the full well, so that there is a charge
+/// image.
 #[must_use]
 pub fn stages(params: &DetectorParams, size_px: [usize; 2], keep_charge: bool) -> Vec<Box<dyn NeighbourStage>> {
     // Stages that are on are pushed here by their constructors, whichever order they come in.
@@ -55,7 +56,7 @@ pub fn stages(params: &DetectorParams, size_px: [usize; 2], keep_charge: bool) -
     if let Some(blooming) = &spatial.blooming {
         stages.push(Box::new(BloomingStage::new(blooming, full_well_e, size_px)));
     } else if keep_charge || !stages.is_empty() {
-        // In one pass the full well is clipped block by block; here it must stand between its neighbours.
+        // In one pass the full well is clipped block by block; here it must be a stage between its neighbours.
         stages.push(Box::new(ClipFullWell { full_well_e }));
     }
     stages.sort_by_key(|stage| crate::detector::ORDER.iter().position(|effect| *effect == stage.effect()));

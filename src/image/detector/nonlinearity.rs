@@ -20,7 +20,7 @@ pub struct Nonlinearity {
     count: usize,
 }
 
-/// Why knots are no response.
+/// Reason why knots are rejected.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum KnotError {
     /// too many knots
@@ -38,7 +38,7 @@ impl Nonlinearity {
     /// Charge is seen as it is.
     pub const OFF: Self = Self { knots_e: [[0.0; 2]; MOST_KNOTS], count: 0 };
 
-    /// Through `[electrons, electrons seen]`, both rising.
+    /// Returns the response through `[electrons, electrons seen]`, both rising.
     ///
     /// # Errors
     /// When there are too many knots, or they do not rise.
@@ -73,7 +73,7 @@ impl Nonlinearity {
         self.knots_e.get(..self.count).unwrap_or_default()
     }
 
-    /// What the loops (and the shader) multiply with.
+    /// Returns the factors that the loops (and the shader) multiply with.
     #[must_use]
     #[allow(clippy::cast_possible_truncation, reason = "the inner loops work in single precision")]
     pub fn pieces(&self) -> Pieces {
@@ -105,7 +105,7 @@ pub struct Pieces {
     pub steps: [f32; MOST_KNOTS - 1],
 }
 
-/// Charge -> charge seen.
+/// Replaces charge by the charge that is seen.
 #[inline(always)]
 pub fn bend<const FUSED: bool>(electrons: &mut [f32; BLOCK], pieces: &Pieces) {
     let Pieces { slope, thresholds_e: [t0, t1, t2], steps: [s0, s1, s2] } = *pieces;
@@ -129,7 +129,7 @@ mod tests {
         f64::from(block[7])
     }
 
-    /// Line by line, as a person would draw it.
+    /// Returns the response computed line by line, as a person would draw it.
     fn by_hand(knots: &[[f64; 2]], x: f64) -> f64 {
         let mut from = [0.0, 0.0];
         for (i, to) in knots.iter().enumerate() {

@@ -8,7 +8,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-/// What is different in one pixel of one frame.
+/// The differences of one pixel in one frame.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Outlier {
@@ -54,13 +54,13 @@ impl Clone for Outliers {
 }
 
 impl Outliers {
-    /// Returns the room for so many pixels; there is never more.
+    /// Returns an empty list with capacity for so many pixels; it never grows.
     #[must_use]
     pub fn with_capacity(pixels: usize) -> Self {
         Self { list: Vec::with_capacity(pixels) }
     }
 
-    /// Returns pixels there is room for.
+    /// Returns the capacity, pixels.
     #[must_use]
     pub fn capacity(&self) -> usize {
         self.list.capacity()
@@ -83,7 +83,7 @@ impl Outliers {
         self.list.clear();
     }
 
-    /// Those in `pixels` from `first`.
+    /// Returns the outliers among the `pixels` pixels from `first` on.
     #[inline(always)]
     #[must_use]
     #[allow(clippy::cast_possible_truncation, reason = "images hold fewer than 2^32 pixels")]
@@ -96,7 +96,7 @@ impl Outliers {
         &self.list[start..end]
     }
 
-    /// Replaces all by two sorted lists together; what does not fit is left out, and told how many.
+    /// Replaces all by two sorted lists together and returns the number of outliers that did not fit.
     pub fn merge(&mut self, mut defects: &[Outlier], mut tracks: &[Outlier]) -> usize {
         self.list.clear();
         let mut left_out = 0;
@@ -122,7 +122,7 @@ impl Outliers {
     }
 }
 
-/// Returns a copy that has as much room: a plain clone has none to spare.
+/// Returns a copy with the same capacity: a plain clone has no spare capacity.
 #[must_use]
 pub fn with_space<T: Clone>(list: &Vec<T>) -> Vec<T> {
     let mut copy = Vec::with_capacity(list.capacity());
@@ -130,7 +130,7 @@ pub fn with_space<T: Clone>(list: &Vec<T>) -> Vec<T> {
     copy
 }
 
-/// Makes one outlier of those that stand at the same pixel, in a sorted list, in place; the number that is left.
+/// Merges outliers of the same pixel in a sorted list, in place, and returns the number that is left.
 pub fn fold_equal(list: &mut [Outlier]) -> usize {
     let mut kept = 0;
     for i in 0..list.len() {
@@ -176,7 +176,7 @@ mod tests {
         assert_eq!(few.list().len(), space);
         assert_eq!(few.capacity(), space, "never grows");
         few.clear();
-        assert!(few.clone().capacity() >= space, "copies have the room too");
+        assert!(few.clone().capacity() >= space, "copies have the capacity too");
     }
 
     #[test]

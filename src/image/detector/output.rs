@@ -21,7 +21,7 @@ pub struct Output {
 }
 
 impl Output {
-    /// For a sensor of this size.
+    /// Returns the geometry for a sensor of this size.
     #[must_use]
     pub fn new(spatial: &SpatialParams, sensor_px: [usize; 2]) -> Self {
         let geometry = spatial.output(sensor_px);

@@ -26,7 +26,7 @@ pub struct DetectorParams {
     pub amplifier_noise_e_rms: f64,
     /// Mean dark current at the reference temperature of `dark_law`, e-/s.
     pub dark_e_per_s: f64,
-    /// What the detector's temperature makes of it.
+    /// Law by which the dark current follows the detector's temperature.
     pub dark_law: DarkLaw,
     /// Dark-current non-uniformity, rms share of the mean: grows with exposure and temperature.
     pub dark_nonuniformity: f64,
@@ -132,7 +132,7 @@ pub struct Constants {
     pub dn_per_e: f32,
     /// Black level, DN.
     pub black_dn: f32,
-    /// What is added before a number is cut to a whole one, DN.
+    /// Number that is added before the fraction is cut off, DN.
     pub rounding_dn: f32,
     /// Largest digital number.
     pub largest_dn: f32,
@@ -141,7 +141,7 @@ pub struct Constants {
 }
 
 impl Constants {
-    /// For one exposure with so many electrons of background in every pixel.
+    /// Returns the numbers of one exposure with so many electrons of background in every pixel.
     #[must_use]
     #[allow(clippy::cast_possible_truncation, reason = "the inner loops work in single precision")]
     pub fn new(params: &DetectorParams, conditions: &DetectorConditions, stray_light_e: f32) -> Self {

@@ -34,7 +34,7 @@ pub struct PatternSizeError {
 }
 
 impl Patterns {
-    /// Returns the drawn from the seed, as the parameters ask.
+    /// Returns the patterns drawn from the seed, as the parameters ask.
     #[must_use]
     pub fn draw(params: &DetectorParams, pixels: usize, seed: u64) -> Self {
         let dark = normal_map(pixels, params.dark_nonuniformity, seed, Stage::DarkCurrent);
@@ -66,7 +66,7 @@ impl Patterns {
         Self { prnu: Some(filter.photo_response(self.prnu.as_deref(), size_px)), ..self }
     }
 
-    /// These, or where one is not given, that of `others`.
+    /// Returns these patterns; each one that is not given is taken from `others`.
     #[must_use]
     pub fn or(&self, others: &Self) -> Self {
         let either = |mine: &Option<Arc<[f32]>>, other: &Option<Arc<[f32]>>| mine.as_ref().or(other.as_ref()).cloned();

@@ -7,8 +7,8 @@
 //! Source of 1/f: a sum of relaxations with rates a factor 4 apart (van der Ziel 1950; Milotti, "1/f noise: a pedagogical
 //! review", 2002), each an exact autoregression `x' = a x + sqrt(v (1 - a^2)) z`. Nine of them follow `corner / f` within
 //! 1.5 % from 5e-5 to 0.1 cycles per row and 10 % up to 1/2 (a sampled spectrum is flat there); below 3e-6 they are flat.
-//! What is slower than a frame shows as an offset of the frame. Frames start anew: nothing is carried from one to
-//! another, so any frame can be replayed alone. What varies within a row is not modelled.
+//! Noise slower than a frame shows as an offset of the frame. Every frame starts again: nothing is carried from one to
+//! another, so any frame can be replayed alone. Noise within a row is not modelled.
 //!
 //! The rows are drawn once on the host; every backend adds the same numbers. Tests: below, and
 //! `tests/physics/line_noise.rs`.
@@ -22,7 +22,7 @@ const POLES: usize = 9;
 const FASTEST_PER_ROW: f64 = 1.1;
 /// From one relaxation's rate to the next.
 const RATIO: f64 = 4.0;
-/// Variance of the fastest over that of the others: stands for all faster ones.
+/// Variance of the fastest relaxation divided by that of the others: it replaces all faster ones.
 const FASTEST_WEIGHT: f64 = 1.2;
 /// Philox blocks of a row: twelve deviates, one for white noise, nine for the relaxations.
 const BLOCKS: u32 = 3;
@@ -46,7 +46,7 @@ impl RowNoise {
         self.e_rms > 0.0
     }
 
-    /// One-sided density of the sequence that is drawn, e-^2 per cycle per row.
+    /// Returns the one-sided density of the sequence that is drawn, e-^2 per cycle per row.
     #[must_use]
     pub fn density(&self, cycles_per_row: f64) -> f64 {
         let cos = (core::f64::consts::TAU * cycles_per_row).cos();

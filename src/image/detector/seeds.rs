@@ -2,8 +2,8 @@
 
 /// Seeds of fixed patterns and of noise.
 ///
-/// Two exposures of one sensor have the same sensor seed and differ in noise seed or frame number. A single number stands
-/// for both, as `seed` without `noise_seed` does in a bench.
+/// Two exposures of one sensor have the same sensor seed and differ in noise seed or frame number. A single number is
+/// used for both, as `seed` without `noise_seed` is in a bench.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Seeds {
     /// Of fixed patterns (PRNU, DSNU, dark current, columns and rows) and of the places of random defects.

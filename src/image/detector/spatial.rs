@@ -11,14 +11,14 @@ use crate::detector::tdi::Tdi;
 use crate::detector::window::{OutputGeometry, Window};
 use base::bayer::BayerPattern;
 
-/// What is on; `None`: off.
+/// Spatial effects that are on; `None`: off.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SpatialParams {
     /// Filters before the pixels.
     pub colour_filter: Option<ColourFilter>,
     /// Random defects from the seed.
     pub defects: DefectPopulation,
-    /// What protons go through.
+    /// Layer in which protons leave charge.
     pub layer: SensitiveLayer,
     /// Protons from the first frame on.
     pub protons: Option<ProtonFlux>,
@@ -60,7 +60,7 @@ impl SpatialParams {
         Some(filter.pattern.from_pixel(first_px))
     }
 
-    /// From the pixels of a sensor to those of the image that is put out.
+    /// Returns the mapping from the pixels of a sensor to those of the output image.
     #[must_use]
     pub fn output(&self, sensor_px: [usize; 2]) -> OutputGeometry {
         OutputGeometry::new(sensor_px, self.binning.map_or(1, |binning| binning.factor), self.window)

@@ -36,13 +36,14 @@ pub struct OutputGeometry {
 }
 
 impl OutputGeometry {
-    /// The whole sensor, pixel by pixel.
+    /// Returns the whole sensor, pixel by pixel.
     #[must_use]
     pub fn whole(size_px: [usize; 2]) -> Self {
         Self { binning: 1, first_px: [0; 2], size_px, is_cut: false }
     }
 
-    /// A window of a sensor whose pixels are summed by `binning` in all; what does not fill a pixel is left out.
+    /// Returns a window of a sensor whose pixels are summed by `binning` in all; a rest that does not fill a pixel is
+    /// left out.
     #[must_use]
     pub fn new(sensor_px: [usize; 2], binning: u32, window: Option<Window>) -> Self {
         let by = binning.max(1) as usize;
@@ -53,7 +54,7 @@ impl OutputGeometry {
         Self { binning, first_px: [w.left_px, w.top_px], size_px, is_cut: true }
     }
 
-    /// A place on the sensor in output pixels.
+    /// Returns a place on the sensor in output pixels.
     #[must_use]
     pub fn output_from_sensor(&self, sensor_px: [f64; 2]) -> [f64; 2] {
         let by = f64::from(self.binning);
@@ -73,7 +74,7 @@ impl OutputGeometry {
         regions.enlarged(self.binning, self.first_px)
     }
 
-    /// Whether the output is the sensor's image itself.
+    /// Returns true if the output is the sensor's image itself.
     #[must_use]
     pub fn is_whole(&self, sensor_px: [usize; 2]) -> bool {
         self.binning == 1 && self.first_px == [0; 2] && self.size_px == sensor_px

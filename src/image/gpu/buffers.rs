@@ -5,7 +5,7 @@ use crate::gpu::error::GpuError;
 use bytemuck::Pod;
 use wgpu::BufferUsages;
 
-/// A buffer with room to grow.
+/// A buffer that can grow.
 #[derive(Debug)]
 pub struct GrowableBuffer {
     what: &'static str,
@@ -41,8 +41,8 @@ impl GrowableBuffer {
         &self.buffer
     }
 
-    /// Makes room for `bytes`; true when the buffer is a new one (bind groups must be made anew). Grows by half at
-    /// least, so that a slowly growing frame does not allocate every time.
+    /// Reserves space for `bytes` and returns true when the buffer is a new one (bind groups must be made again). Grows
+    /// by half at least, so that a slowly growing frame does not allocate every time.
     ///
     /// # Errors
     /// When the device takes no buffer of this size.
@@ -55,7 +55,7 @@ impl GrowableBuffer {
         Ok(true)
     }
 
-    /// Makes room for `values` and writes them at the start; true when the buffer is a new one.
+    /// Writes `values` at the start, in a larger buffer if necessary, and returns true when the buffer is a new one.
     ///
     /// # Errors
     /// When the device takes no buffer of this size.

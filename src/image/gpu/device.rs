@@ -62,13 +62,13 @@ impl GpuDevice {
         }));
         let lost = Arc::clone(&failure);
         device.set_device_lost_callback(move |reason, message| {
-            // A device that is dropped in order is "lost" too, but then nobody asks any more.
+            // A device that is dropped in order is "lost" too, but then no code reads this any more.
             let _ = lost.set(format!("device lost ({reason:?}): {message}"));
         });
         Ok(Arc::new(Self { device, queue, info: info.clone(), failure }))
     }
 
-    /// Adapter, driver, and whether it is hardware.
+    /// Returns adapter, driver, and whether it is hardware.
     #[must_use]
     pub fn description(&self) -> String {
         let kind = if self.is_software() { "software" } else { "hardware" };

@@ -28,13 +28,13 @@ impl DeviceElectrons {
         Ok(Self { buffer, width, height, scale: 1.0 })
     }
 
-    /// Columns.
+    /// Returns the number of columns.
     #[must_use]
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Rows.
+    /// Returns the number of rows.
     #[must_use]
     pub fn height(&self) -> usize {
         self.height
@@ -46,7 +46,7 @@ impl DeviceElectrons {
         self.scale
     }
 
-    /// The sums, `i32` each.
+    /// Returns the buffer of the sums, `i32` each.
     #[must_use]
     pub fn buffer(&self) -> &wgpu::Buffer {
         self.buffer.buffer()
@@ -58,7 +58,7 @@ impl DeviceElectrons {
         encoder.clear_buffer(self.buffer.buffer(), 0, None);
     }
 
-    /// The sums are in this scale from here on, whoever wrote them.
+    /// Sets the scale of the sums that are now in the buffer, whichever pass wrote them.
     pub fn set_scale(&mut self, scale: f32) {
         self.scale = scale;
     }

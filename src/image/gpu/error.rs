@@ -1,4 +1,4 @@
-//! What can go wrong on a GPU.
+//! Errors of GPU devices.
 
 /// Why the GPU could not be used.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -6,9 +6,9 @@ pub enum GpuError {
     /// no Vulkan adapter was found
     #[error("no Vulkan adapter{wanted}: found {found}; install a driver (mesa-vulkan-drivers has a software one)")]
     NoAdapter {
-        /// What was asked for beyond "any", as text after "adapter".
+        /// Adapter that was requested beyond "any", as text after "adapter".
         wanted: String,
-        /// What there is.
+        /// Adapters that were found.
         found: String,
     },
     /// the adapter is there but gives no device
@@ -16,13 +16,13 @@ pub enum GpuError {
     NoDevice {
         /// Name of the adapter.
         adapter: String,
-        /// What the driver said.
+        /// Reason given by the driver.
         reason: String,
     },
     /// a buffer is larger than the device takes
     #[error("{what}: got {got} bytes, the device takes at most {most}")]
     TooLarge {
-        /// What the buffer holds.
+        /// Contents of the buffer, as a word.
         what: &'static str,
         /// Bytes wanted.
         got: u64,

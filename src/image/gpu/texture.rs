@@ -26,14 +26,14 @@ impl TableTexture {
         Ok(Self { what, size, texture, view })
     }
 
-    /// For a bind group.
+    /// Returns the resource for a bind group.
     #[must_use]
     pub fn binding(&self) -> wgpu::BindingResource<'_> {
         wgpu::BindingResource::TextureView(&self.view)
     }
 
-    /// Makes room for `layers` tables of `size` texels; true when the texture is a new and empty one (bind groups must
-    /// be made anew).
+    /// Reserves `layers` tables of `size` texels and returns true when the texture is a new and empty one (bind groups
+    /// must be made again).
     ///
     /// # Errors
     /// When the device takes no texture of this size.
@@ -51,7 +51,7 @@ impl TableTexture {
         Ok(true)
     }
 
-    /// Writes rows of `columns` texels from the corner of a layer for which there is room.
+    /// Writes rows of `columns` texels from the corner of a layer that [`Self::reserve`] has made.
     pub fn write(&self, gpu: &GpuDevice, layer: u32, columns: usize, texels: &[[f32; 4]]) {
         let side = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
         let (width, height) = (side(columns), side(texels.len() / columns.max(1)));

@@ -9,7 +9,7 @@ use base::time::Span;
 pub struct FrameTimes {
     /// Writing parameters, recording and submitting.
     pub submit: Span,
-    /// Waiting for the GPU: all it still had to do, drawing included.
+    /// Waiting for the GPU until all submitted work is done, drawing included.
     pub wait: Span,
     /// Copying out.
     pub copy: Span,

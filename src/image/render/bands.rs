@@ -1,6 +1,6 @@
 //! A plan's stars in single precision, sorted into bands of image rows: what the CPU backend's threads read.
 //!
-//! Positions are integer + fraction, so that f32 keeps 1e-8 px of the fraction wherever the star stands. Stars are
+//! Positions are integer + fraction, so that f32 keeps 1e-8 px of the fraction wherever the star is. Stars are
 //! taken in chunks, each sorted by its own thread; a band reads the chunks in order, so its stars come in source order
 //! whatever the number of threads.
 
@@ -15,12 +15,12 @@ use rayon::prelude::*;
 pub(super) const BAND_ROWS: usize = 64;
 /// Stars one thread sorts at a time.
 const CHUNK: usize = 4096;
-/// Chunks there is room for from the start.
+/// Number of chunks that are allocated from the start.
 const CHUNKS_RESERVED: usize = 4;
-/// Lists of nodes there is room for from the start, and nodes in each.
+/// Number of lists of nodes that are allocated from the start, and nodes in each.
 const LISTS_RESERVED: usize = 16;
 const NODES_RESERVED: usize = 256;
-/// Room in a band of a chunk, as multiples of its share of the stars.
+/// Capacity of a band of a chunk, as a multiple of its share of the stars.
 const SPACE: usize = 8;
 /// A star that is drawn from the PSF itself: this, less the PSF's number where it is one of several.
 pub(super) const NO_KERNEL: u32 = u32::MAX;
@@ -163,7 +163,7 @@ fn chunk(bands: usize) -> Vec<Members> {
     (0..bands).map(members).collect()
 }
 
-/// Room for half as many again, so that a slowly changing field does not allocate in every frame.
+/// Reserves capacity for half as many again, so that a slowly changing field does not allocate in every frame.
 fn reserve<T>(members: &mut Vec<T>) {
     if members.len() + members.len() / 4 > members.capacity() {
         members.reserve(members.len() + 16);

@@ -33,7 +33,7 @@ pub struct Cpu {
 }
 
 impl Cpu {
-    /// For a detector of this size.
+    /// Returns a renderer for a detector of this size.
     #[must_use]
     pub fn new(width_px: usize, height_px: usize) -> Self {
         Self {
@@ -116,7 +116,7 @@ impl Band<'_> {
     }
 }
 
-/// What is drawn into the bands.
+/// Inputs of drawing into the bands.
 struct Draw<'a> {
     bands: &'a Bands,
     /// Stars that do not reach these are left out where they would be drawn: the others are added in the same order as in the
@@ -225,7 +225,7 @@ impl Draw<'_> {
         self.regions.show(left, top, half_px.map(|half| 2 * half + 1))
     }
 
-    /// A star that is drawn once: it waits until a block is full.
+    /// Draws a star that is drawn once: it waits until a block is full.
     #[inline(always)]
     fn spot<const FUSED: bool>(&self, band: &mut Band<'_>, waiting: &mut Waiting, spot: &Spot) {
         if self.table(spot.kernel).is_some() {
@@ -271,7 +271,7 @@ impl Draw<'_> {
         }
     }
 
-    /// A star at every node of its list.
+    /// Draws a star at every node of its list.
     #[inline(always)]
     fn trail<const FUSED: bool>(&self, band: &mut Band<'_>, splats: &mut Splats, trail: &Trail) {
         let Some(nodes) = self.bands.nodes.get(trail.list as usize) else { return };
@@ -358,7 +358,7 @@ fn add_separable<const FUSED: bool>(
     }
 }
 
-/// `target += gain * values`, through a copy: the compiler need not ask whether the two overlap.
+/// Adds `gain * values` to `target`, through a copy: the compiler need not check whether the two overlap.
 #[inline(always)]
 pub(super) fn add_lanes<const FUSED: bool>(target: &mut [f32; LANES], values: &[f32; LANES], gain: f32) {
     let mut sum = *target;
@@ -406,7 +406,7 @@ fn whole_i32(whole: f32) -> i32 {
     (whole_bits(whole.clamp(-FAR, FAR)).wrapping_sub(0x4b40_0000)).cast_signed()
 }
 
-/// `line[first + i] += gain * values[i]` for the used lanes that lie on the line.
+/// Adds `gain * values[i]` to `line[first + i]` for the used lanes that lie on the line.
 #[inline(always)]
 pub(super) fn add_clipped<const FUSED: bool>(
     line: &mut [f32],

@@ -2,7 +2,7 @@
 //!
 //! `erf(x) ~ x P(x^2) / Q(x^2)` on |x| <= 3.9 (beyond: clamped; erf(3.9) = 1 - 3.5e-8). Coefficients: minimax fit of
 //! degree 5 over 5 made for starloop (Lawson iteration on erf in f64; 1.5e-8 before rounding). Error in f32: 5e-7,
-//! most of it rounding near 1. The same coefficients stand in the GPU's shader.
+//! most of it rounding near 1. The GPU's shader has the same coefficients.
 
 use base::fused::mul_add;
 

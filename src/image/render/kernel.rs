@@ -33,7 +33,7 @@ impl GaussianPath {
         self.nodes.extend(path.map(|point| point.map(|v| v as f32)));
     }
 
-    /// Makes room for a path like `other`.
+    /// Reserves capacity for a path like `other`.
     pub(super) fn reserve_as(&mut self, other: &Self) {
         reserve_as(&mut self.nodes, &other.nodes);
         for (axis, other) in self.axes.iter_mut().zip(&other.axes) {
@@ -109,7 +109,7 @@ struct Axis {
 }
 
 impl Axis {
-    /// Spline coefficients of `gain` times the pixel integral about `shift`.
+    /// Returns the spline coefficients of `gain` times the pixel integral about `shift`.
     #[inline(always)]
     fn coefficients<const FUSED: bool>(
         &self,

@@ -40,8 +40,8 @@ pub trait Backend: Send {
     /// When the device failed.
     fn render(&mut self, plan: &ExposurePlan) -> Result<(), RenderError>;
 
-    /// From the next image on only these parts of the sensor matter, in sensor pixels. A backend may draw all of it, or leave in
-    /// the other pixels whatever was there.
+    /// Limits drawing, from the next image on, to these parts of the sensor, in sensor pixels. A backend may draw all
+    /// of it, or leave old values in the other pixels.
     fn set_regions(&mut self, _regions: &Regions) {}
 
     /// Returns the latest image.
@@ -120,7 +120,7 @@ pub enum RenderError {
         nodes: usize,
         /// Half-width of their footprints, px.
         half_px: usize,
-        /// What they take, MiB.
+        /// Memory that they need, MiB.
         got_mib: usize,
     },
     /// a sampling of the PSF that this backend, or this PSF, does not have
@@ -129,13 +129,13 @@ pub enum RenderError {
          or another method"
     )]
     Sampling {
-        /// What was asked for.
+        /// Sampling that was requested.
         sampling: PsfSampling,
     },
     /// a plan is larger than the device's buffers
     #[error("{what}: got {got}, the device takes at most {most}; lower the limiting magnitude or use the CPU backend")]
     TooLarge {
-        /// What is too large.
+        /// Part that is too large.
         what: &'static str,
         /// How large it is.
         got: usize,

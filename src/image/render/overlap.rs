@@ -20,7 +20,7 @@ pub struct Apart {
 }
 
 impl Apart {
-    /// For images of any size; buffers are made with the first.
+    /// Returns a renderer for images of any size; buffers are made with the first.
     #[must_use]
     pub fn new() -> Self {
         let (single, precise) = (Image::new(0, 0), Image::new(0, 0));
@@ -103,7 +103,7 @@ impl Apart {
         Ok(())
     }
 
-    /// What the latest [`Self::render`] came to.
+    /// Returns the electrons of the latest [`Self::render`].
     #[must_use]
     pub fn electrons(&self) -> Electrons<'_> {
         if self.is_precise { Electrons::Precise(&self.precise) } else { Electrons::Host(&self.single) }

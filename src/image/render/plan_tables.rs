@@ -24,17 +24,18 @@ pub struct PlanTables {
     list_of_kernel: Vec<usize>,
 }
 
-/// What [`PlanTables::prepare`] did.
+/// Result of [`PlanTables::prepare`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Prepared {
-    /// The table of the PSF itself was built anew.
+    /// Whether the table of the PSF itself was built again.
     pub base_rebuilt: bool,
     /// Kernels that were built.
     pub kernels: usize,
 }
 
 impl PlanTables {
-    /// For a backend that draws Gaussians of up to this half-width analytically, and tables from this form.
+    /// Returns tables for a backend that draws Gaussians of up to this half-width analytically, and others from this
+    /// form.
     #[must_use]
     pub fn new(analytic_half_px: usize, form: Form) -> Self {
         Self {
@@ -103,7 +104,7 @@ impl PlanTables {
         } else {
             self.kernels[..kernels].par_iter_mut().enumerate().for_each(build);
         }
-        // Zones that get their first star later find room.
+        // Zones that get their first star later find the memory reserved.
         if let Some((first, spare)) = self.kernels.split_first_mut() {
             spare.iter_mut().skip(kernels - 1).for_each(|table| table.reserve_as(first));
         }

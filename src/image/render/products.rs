@@ -23,7 +23,7 @@ const WORTHWHILE: f64 = 0.8;
 /// The terms of one table.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Products {
-    /// Terms, those of no light that fill up included; 0: there is no sum.
+    /// Number of terms, including zero terms that fill up a vector; 0: the sum is not available.
     pub(super) terms: usize,
     /// Vectors of a row.
     pub(super) per_row: usize,
@@ -33,7 +33,7 @@ pub(super) struct Products {
     across: Vec<[f32; LANES]>,
     /// By phase along y, term and vector: rows of the image.
     down: Vec<[f32; LANES]>,
-    /// What is left of the grid.
+    /// Residual of the grid.
     rest: Vec<f32>,
     /// Rows and columns of the elimination, one after the other.
     rows: Vec<f32>,
@@ -71,7 +71,7 @@ impl Products {
         true
     }
 
-    /// Room for the most terms: the next path may need more than this one.
+    /// Reserves capacity for the most terms: the next path may need more than this one.
     fn reserve(&mut self, grid: &Grid, phases: Phases, most: usize) {
         let drawn = drawn_terms(most);
         self.across.clear();
@@ -84,7 +84,7 @@ impl Products {
         self.columns.reserve_exact(drawn * grid.rows());
     }
 
-    /// Makes room for the terms of a table like `other`.
+    /// Reserves capacity for the terms of a table like `other`.
     pub(super) fn reserve_as(&mut self, other: &Self) {
         use crate::render::table::reserve_as;
         reserve_as(&mut self.across, &other.across);
@@ -94,7 +94,7 @@ impl Products {
         reserve_as(&mut self.columns, &other.columns);
     }
 
-    /// Vector `c` of the columns of every term at the four phases from `px` on, by their weights.
+    /// Returns vector `c` of the columns of every term at the four phases from `px` on, by their weights.
     #[inline(always)]
     pub(super) fn across<const TERMS: usize, const FUSED: bool>(
         &self,
@@ -105,7 +105,7 @@ impl Products {
         taken::<TERMS, FUSED>(&self.across, px, [c, self.per_row], weights)
     }
 
-    /// Vector `c` of the rows of every term at the four phases from `py` on, by their weights.
+    /// Returns vector `c` of the rows of every term at the four phases from `py` on, by their weights.
     #[inline(always)]
     pub(super) fn down<const TERMS: usize, const FUSED: bool>(
         &self,
@@ -116,7 +116,7 @@ impl Products {
         taken::<TERMS, FUSED>(&self.down, py, [c, self.per_column], weights)
     }
 
-    /// Rows and columns of the elimination -> vectors by phase.
+    /// Sorts rows and columns of the elimination into vectors by phase.
     fn arrange(&mut self, grid: &Grid, phases: Phases) {
         let Self { terms, rows, columns, across, down, per_row, per_column, .. } = self;
         by_phase(rows, grid.stride, *terms, [phases.size_px[0], *per_row], phases, across);
@@ -137,7 +137,7 @@ fn by_phase(
     out.resize(phases.count * terms * vectors, [0.0; LANES]);
     for (phase, out) in out.chunks_exact_mut(terms * vectors).enumerate() {
         for (line, out) in lines.chunks_exact(stride).zip(out.chunks_exact_mut(vectors)) {
-            // As the images: phase p of the first pixel stands at grid point p + 1.
+            // As for the images: phase p of the first pixel is at grid point p + 1.
             let pixels = line.iter().skip(phase + 1).step_by(phases.oversampling).take(size);
             for (value, pixel) in out.as_flattened_mut().iter_mut().zip(pixels) {
                 *value = *pixel;
@@ -182,7 +182,7 @@ fn drawn_terms(terms: usize) -> usize {
     [1, 2, 3, 4, 5, 6, 8, 12].into_iter().find(|drawn| *drawn >= terms).unwrap_or(MOST_TERMS)
 }
 
-/// Terms up to which they cost less than the images.
+/// Returns the number of terms up to which they cost less than the images.
 fn most_terms([columns, rows]: [usize; 2]) -> usize {
     if rows > MOST_ROWS {
         return 0;

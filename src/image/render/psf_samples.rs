@@ -14,7 +14,7 @@ use plan::optics::quadrature::gauss_legendre;
 /// Gauss-Legendre nodes per axis and subcell.
 const SUBCELL_NODES: usize = 4;
 
-/// Pixel integrals of a round PSF on the grid, by summing subcells of side `1 / S`.
+/// Computes pixel integrals of a round PSF on the grid, by summing subcells of side `1 / S`.
 pub(super) fn of_profile(psf: &dyn RoundPsf, oversampling: usize, grid: &mut Grid) {
     let (side, half, stride) = (grid.columns(), grid.half[0], grid.stride);
     let margin = oversampling / 2;
@@ -72,7 +72,7 @@ pub(super) fn of_profile(psf: &dyn RoundPsf, oversampling: usize, grid: &mut Gri
     debug_assert_eq!(cells, 2 * (half + margin), "the subcells are centred");
 }
 
-/// The values of a PSF's spline at the points of `grid`.
+/// Computes the values of a PSF's spline at the points of `grid`.
 pub(super) fn of_grid(psf: &PsfGrid, oversampling: usize, grid: &mut Grid) {
     let (half, stride) = (grid.half, grid.stride);
     let at = |i: usize, half: usize| (i as f64 - half as f64) / oversampling as f64;
@@ -114,7 +114,7 @@ pub(super) fn refine(psf: &PsfGrid, oversampling: usize, grid: &mut Grid) -> boo
 /// Returns the same spline on knots half as far apart: `side` coefficients along each side become `2 side - 3`.
 fn halved(coarse: &[f64], side: usize) -> Vec<f64> {
     let finer = 2 * side - 3;
-    // Fine knot k stands at coarse (k + 1) / 2.
+    // Fine knot k is at coarse (k + 1) / 2.
     let line = |at: &dyn Fn(usize) -> f64, k: usize| {
         let i = k.div_ceil(2);
         if k.is_multiple_of(2) { 0.5 * (at(i) + at(i + 1)) } else { (at(i - 1) + 6.0 * at(i) + at(i + 1)) / 8.0 }

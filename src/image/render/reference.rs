@@ -1,12 +1,12 @@
 //! The f64 reference: integrates the exact motion with the exact PSF. Slow; the truth that the others are compared
 //! with.
 //!
-//! Time: composite Gauss-Legendre, panels short against the PSF and against the fastest jitter, broken where the
-//! path has corners; every node projects every star anew (no list of poses, no derivative), and under a rolling shutter
-//! every row has instants of its own. Error: 1e-9 of the flux per
-//! pixel and better for a Gaussian (tests against independent truth in `tests/physics`). An Airy pattern costs about
-//! 0.2 s per star and node. A PSF that is no Gaussian is cut [`LARGEST_HALF_PX`](plan::optics::psf::LARGEST_HALF_PX)
-//! from a star: what its wings hold beyond is lost here too.
+//! Time: composite Gauss-Legendre, panels short against the PSF and against the fastest jitter, split at the corners of
+//! the path; every node projects every star again (no list of poses, no derivative), and under a rolling shutter every
+//! row has instants of its own. Error: 1e-9 of the flux per pixel and better for a Gaussian (tests against independent
+//! truth in `tests/physics`). An Airy pattern costs about 0.2 s per star and node. A PSF other than a Gaussian is cut
+//! [`LARGEST_HALF_PX`](plan::optics::psf::LARGEST_HALF_PX) from a star: the light of its wings beyond that is lost here
+//! too.
 
 use crate::gpu::Electrons;
 use crate::render::{Backend, RenderError};
@@ -45,7 +45,7 @@ pub struct Reference {
 }
 
 impl Reference {
-    /// For a detector of this size.
+    /// Returns a renderer for a detector of this size.
     #[must_use]
     pub fn new(width_px: usize, height_px: usize) -> Self {
         Self { image: Image::new(width_px, height_px) }
@@ -76,7 +76,7 @@ impl Backend for Reference {
 }
 
 impl Reference {
-    /// All rows see the same instants.
+    /// Draws the plan with the same instants for all rows.
     fn render_at_once(&mut self, plan: &ExposurePlan, half: usize) {
         let instants = instants(&plan.motion, plan, 0.0);
         let stars = plan.sky_stars();
@@ -97,7 +97,7 @@ impl Reference {
         });
     }
 
-    /// Each row has its own exposure.
+    /// Draws the plan with each row's own exposure.
     fn render_by_row(&mut self, plan: &ExposurePlan, half: usize) {
         let (width, height) = (self.image.width(), self.image.height());
         let reach = half as f64 + 2.0 * plan.extent_px + ROLLING_SLACK_PX;
@@ -205,7 +205,7 @@ fn instants(motion: &Motion, plan: &ExposurePlan, delay_s: f64) -> Vec<Instant> 
     instants_along(motion, plan, delay_s, 0.0, [f64::NEG_INFINITY, f64::INFINITY])
 }
 
-/// The same for something that goes `own_px` by itself while it is seen, s after mid-exposure.
+/// Returns the instants for something that moves `own_px` by itself while it is seen, s after mid-exposure.
 fn instants_along(motion: &Motion, plan: &ExposurePlan, delay_s: f64, own_px: f64, seen_s: [f64; 2]) -> Vec<Instant> {
     let sigma_px = plan.psf.core_sigma_px();
     let exposure_s = motion.los.exposure_s;
@@ -218,7 +218,7 @@ fn instants_along(motion: &Motion, plan: &ExposurePlan, delay_s: f64, own_px: f6
                 let mut add = |weight, tau: f64| {
                     out.push(Instant { weight, t_s: tau * exposure_s + delay_s, path: Some(*point) });
                 };
-                // What moves by itself does so while the path stands.
+                // Own motion continues while the path is at rest.
                 if own_px > 0.0 {
                     panels(i as f64 * weight - 0.5, weight, own_px * weight / sigma_px, add);
                 } else {
@@ -270,7 +270,7 @@ fn smooth_length_px(plan: &ExposurePlan) -> f64 {
     plan.sky_stars().iter().map(|star| 1.2 * (chord(star, -half_s) + chord(star, half_s))).fold(0.0, f64::max)
 }
 
-/// Composite Gauss-Legendre over `start .. start + share`, a panel per [`PANEL_SIGMA`] of motion.
+/// Visits composite Gauss-Legendre nodes over `start .. start + share`, a panel per [`PANEL_SIGMA`] of motion.
 fn panels(start: f64, share: f64, sigmas: f64, mut visit: impl FnMut(f64, f64)) {
     if share <= 0.0 {
         return;

@@ -48,7 +48,7 @@ pub(super) fn stamp<const FUSED: bool>(band: &mut Band<'_>, table: &PsfTable, st
     }
 }
 
-/// As a sum of products: of every term its columns and its rows where the star stands, then row by row.
+/// Adds a star as a sum of products: columns and rows of every term at the star's phase, then row by row.
 #[inline(always)]
 fn add_products<const TERMS: usize, const FUSED: bool>(band: &mut Band<'_>, table: &PsfTable, star: &Stamped) {
     let ([left, top], rows) = star.place(band, table);
@@ -82,7 +82,7 @@ fn add_products<const TERMS: usize, const FUSED: bool>(band: &mut Band<'_>, tabl
     }
 }
 
-/// One row of a star: the terms' columns by their values in row `r` of the vector.
+/// Returns one row of a star: the terms' columns by their values in row `r` of the vector.
 #[inline(always)]
 fn sum_of<const TERMS: usize, const FUSED: bool>(
     lines: &[[f32; LANES]; TERMS],
@@ -99,7 +99,7 @@ fn sum_of<const TERMS: usize, const FUSED: bool>(
     sum
 }
 
-/// As the weighted sum of sixteen images.
+/// Adds a star as the weighted sum of sixteen images.
 #[inline(always)]
 fn add_images<const FUSED: bool>(band: &mut Band<'_>, table: &PsfTable, star: &Stamped) {
     let ([left, top], rows) = star.place(band, table);

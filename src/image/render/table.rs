@@ -4,7 +4,7 @@
 //! cubic B-spline coefficients. A star of fraction `f` needs `P(i - f)` for all pixels `i`: with integer `S` the four
 //! taps per axis are the same for every pixel, so the table is kept by phase,
 //! `[phase_y][row][16 columns][phase_x][column]`, and a star is a weighted sum of 16 small images; the four phases along
-//! x that a pixel needs stand side by side. Error: `3 / (384 (S sigma)^4)` of the peak; `S` is chosen to keep it
+//! x that a pixel needs are adjacent in memory. Error: `3 / (384 (S sigma)^4)` of the peak; `S` is chosen to keep it
 //! below [`TABLE_ERROR`](plan::exposure::sampling::TABLE_ERROR). Tests below compare with the exact integral.
 
 use crate::render::kernel::{GaussianPath, accumulate};
@@ -32,7 +32,7 @@ pub struct PsfTable {
     form: Form,
     grid: Grid,
     path: GaussianPath,
-    /// Room for one column of the grid.
+    /// Buffer for one column of the grid.
     column: Vec<f32>,
 }
 
@@ -144,8 +144,8 @@ impl PsfTable {
         table
     }
 
-    /// The PSF convolved with a path about its mean. `bases`: tables of the PSF itself, for PSFs that are not Gaussian,
-    /// with as many grid points; `shares`: which of them, and how much of each.
+    /// Computes the PSF convolved with a path about its mean. `bases`: tables of the PSF itself, for PSFs that are not
+    /// Gaussian, with as many grid points; `shares`: which of them, and how much of each.
     pub fn rebuild_kernel(
         &mut self,
         psf: &PsfModel,
@@ -174,7 +174,7 @@ impl PsfTable {
         self.finish();
     }
 
-    /// Makes room for a table like `other`.
+    /// Reserves capacity for a table like `other`.
     pub(super) fn reserve_as(&mut self, other: &Self) {
         reserve_as(&mut self.data, &other.data);
         reserve_as(&mut self.grid.values, &other.grid.values);
@@ -246,13 +246,13 @@ impl PsfTable {
         }
     }
 
-    /// Grid -> images by phase.
+    /// Sorts the grid into images by phase.
     fn arrange(&mut self) {
         let (phases, [columns, rows], per_row) = (self.phases(), self.size_px(), self.stride / LANES);
         let (stride, s) = (self.grid.stride, self.oversampling);
         self.data.resize(phases * rows * per_row * phases * LANES, 0.0);
         let (vectors, _) = self.data.as_chunks_mut::<LANES>();
-        // Phase p at pixel 0 stands at grid point half_px * S + S / 2 + 2 + (p - S / 2 - 1); so pixel -half_px at p + 1.
+        // Phase p at pixel 0 is at grid point half_px * S + S / 2 + 2 + (p - S / 2 - 1); so pixel -half_px at p + 1.
         for (i, vectors) in vectors.chunks_exact_mut(phases).enumerate() {
             let (py, row, c) = (i / per_row / rows, i / per_row % rows, i % per_row);
             let gy = py + 1 + row * s;
@@ -274,7 +274,7 @@ pub(super) fn reserve_as<T>(space: &mut Vec<T>, other: &Vec<T>) {
     space.reserve_exact(other.capacity().saturating_sub(space.len()));
 }
 
-/// `row[x] += gain * source[x + first]` where both exist.
+/// Adds `gain * source[x + first]` to `row[x]` where both exist.
 fn add_scaled(row: &mut [f32], source: &[f32], first: isize, gain: f32) {
     let skip_row = usize::try_from(-first).unwrap_or(0);
     let skip_source = usize::try_from(first).unwrap_or(0);

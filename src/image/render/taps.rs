@@ -14,7 +14,7 @@ pub(super) struct Taps {
 }
 
 impl Taps {
-    /// Of fractions in [-1/2, 1/2], for tables of `oversampling` grid points per pixel.
+    /// Returns the taps of fractions in [-1/2, 1/2], for tables of `oversampling` grid points per pixel.
     #[inline(always)]
     pub(super) fn of<const FUSED: bool>(fractions: &[f32; BLOCK], oversampling: usize) -> Self {
         let (s, half) = (oversampling as f32, (oversampling / 2) as f32);

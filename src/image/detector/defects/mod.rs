@@ -8,10 +8,10 @@
 //! | stuck | always reads the same digital number | after the ADC |
 //!
 //! Places are pixels of the sensor; a stuck pixel that charge binning sums with others makes the sum stuck. A column or
-//! row is one defect with one telegraph signal. The list has room for a number of pixels that is fixed when it is
-//! made; inserting and removing allocate nothing. Terms: Janesick, "Scientific charge-coupled devices" (2001); RTS in
-//! dark current: Hopkins and Hopkinson, IEEE Trans. Nucl. Sci. 42 (1995) 2074.
-//! Held by the tests below, by `telegraph` and by `tests/physics/detector_spatial.rs`.
+//! row is one defect with one telegraph signal. The capacity of the list in pixels is fixed when it is made; inserting
+//! and removing allocate nothing. Terms: Janesick, "Scientific charge-coupled devices" (2001); RTS in dark current:
+//! Hopkins and Hopkinson, IEEE Trans. Nucl. Sci. 42 (1995) 2074. Tests: below, in `telegraph` and in
+//! `tests/physics/detector_spatial.rs`.
 
 pub mod population;
 pub mod telegraph;
@@ -34,7 +34,7 @@ pub enum DefectPlace {
     Row(u32),
 }
 
-/// What is wrong there.
+/// Kind and size of a defect.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum DefectKind {
     /// More dark current, e-/s.
@@ -85,14 +85,14 @@ pub enum DefectError {
         /// Columns and rows.
         size_px: [u32; 2],
     },
-    /// There is no room.
+    /// The list is full.
     #[error("defect of {wanted_px} px: the list holds {held_px} of at most {most_px}; remove some")]
     Full {
         /// Pixels of the defect.
         wanted_px: usize,
         /// Pixels held.
         held_px: usize,
-        /// Pixels there is room for.
+        /// Capacity of the list, pixels.
         most_px: usize,
     },
     /// A value means nothing.
@@ -100,9 +100,9 @@ pub enum DefectError {
     Value {
         /// Which value.
         what: &'static str,
-        /// What was given.
+        /// Value that was given.
         got: f64,
-        /// What is allowed.
+        /// Values that are allowed.
         wanted: &'static str,
     },
 }
@@ -121,16 +121,16 @@ struct Stuck {
     dn: u16,
 }
 
-/// Size and room of a list of defects.
+/// Capacity of a list of defects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DefectSpace {
     /// Columns and rows of the sensor.
     pub size_px: [usize; 2],
     /// Sensor pixels, along each side, that the chip sums before the ADC.
     pub charge_binning: u32,
-    /// Defects there is room for.
+    /// Number of defects that fit.
     pub defects: usize,
-    /// Pixels of defects there is room for: a column has as many as the sensor has rows.
+    /// Number of defective pixels that fit: a column counts as many as the sensor has rows.
     pub pixels: usize,
 }
 
@@ -158,15 +158,15 @@ pub struct DefectEdit<'a> {
 }
 
 impl DefectEdit<'_> {
-    /// As [`Defects::insert`].
+    /// Inserts a defect as [`Defects::insert`] does.
     ///
     /// # Errors
-    /// As there.
+    /// As for [`Defects::insert`].
     pub fn insert(&mut self, defect: Defect) -> Result<DefectId, DefectError> {
         self.list.put(defect)
     }
 
-    /// As [`Defects::remove`].
+    /// Removes a defect as [`Defects::remove`] does.
     pub fn remove(&mut self, id: DefectId) -> bool {
         self.list.take(id)
     }
@@ -185,7 +185,7 @@ impl Clone for Defects {
 }
 
 impl Defects {
-    /// No defects yet; the seed fixes the telegraph signals, which are looked at every `frame_period_s`.
+    /// Returns an empty list; the seed fixes the telegraph signals, which are sampled every `frame_period_s`.
     #[must_use]
     #[allow(clippy::cast_possible_truncation, reason = "sides are below 2^16")]
     pub fn new(space: DefectSpace, seed: u64, frame_period_s: f64) -> Self {
@@ -203,13 +203,13 @@ impl Defects {
         }
     }
 
-    /// What there is room for.
+    /// Returns the capacity.
     #[must_use]
     pub fn space(&self) -> DefectSpace {
         self.space
     }
 
-    /// Frames come every so often from here on: how often telegraph pixels are looked at.
+    /// Sets the frame period, s, which is the sampling period of telegraph pixels from the next frame on.
     pub fn set_frame_period_s(&mut self, frame_period_s: f64) {
         self.frame_period_s = frame_period_s;
         for i in 0..self.entries.len() {
@@ -228,10 +228,10 @@ impl Defects {
         self.entries.is_empty()
     }
 
-    /// Takes in a defect; where several meet, responses multiply, electrons add, and the latest stuck number holds.
+    /// Inserts a defect; where several meet, responses multiply, electrons add, and the latest stuck number applies.
     ///
     /// # Errors
-    /// When it is not on the detector, means nothing, or there is no room; the list is then as before.
+    /// When it is not on the detector, its numbers are invalid, or the list is full; the list is then unchanged.
     pub fn insert(&mut self, defect: Defect) -> Result<DefectId, DefectError> {
         self.edit(|list| list.insert(defect))
     }
@@ -249,7 +249,7 @@ impl Defects {
         self.edit(|list| list.remove(id))
     }
 
-    /// Changes as many as `change` likes; the frames' outliers are made anew once, afterwards.
+    /// Applies all changes that `change` makes; the outliers of frames are rebuilt once, afterwards.
     pub fn edit<T>(&mut self, change: impl FnOnce(&mut DefectEdit<'_>) -> T) -> T {
         let changed = change(&mut DefectEdit { list: self });
         self.rebuild();
@@ -391,7 +391,7 @@ impl Defects {
     }
 }
 
-/// What a defect does to every frame alike.
+/// The effect of a defect that is equal in every frame.
 enum Fixed {
     /// Electrons per second, and response.
     Outlier(Outlier),
@@ -410,7 +410,7 @@ fn fixed_part(kind: DefectKind) -> Fixed {
     }
 }
 
-/// Row-major indices of a place, ascending.
+/// Returns the row-major indices of a place, ascending.
 fn pixels(place: DefectPlace, [width, height]: [u32; 2]) -> impl Iterator<Item = u32> {
     let (first, step, count) = match place {
         DefectPlace::Pixel(x, y) => (y * width + x, 1, 1),

@@ -7,7 +7,7 @@
 use crate::detector::defects::{Defect, DefectKind, DefectPlace, Rates};
 use base::random::{Stage, counter, key, philox};
 
-/// How many pixels of which kind.
+/// Numbers of defective pixels by kind.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DefectPopulation {
     /// Share of the pixels that are hot.
@@ -44,7 +44,7 @@ impl DefectPopulation {
         [self.hot_share, self.dead_share, self.rts_share].iter().map(|share| share_of(*share, pixels)).sum()
     }
 
-    /// The defects of a detector of this size.
+    /// Returns the defects of a detector of this size.
     pub fn draw(self, size_px: [usize; 2], seed: u64) -> impl Iterator<Item = Defect> {
         let pixels = size_px[0] * size_px[1];
         let hot = move |word| DefectKind::Hot { extra_e_per_s: exponential(self.hot_e_per_s, word) };
@@ -64,7 +64,7 @@ fn share_of(share: f64, pixels: usize) -> usize {
     (share * pixels as f64).round() as usize
 }
 
-/// Place of the `i`-th defect of a kind, and a word more.
+/// Returns the place of the `i`-th defect of a kind, and another random word.
 #[allow(clippy::cast_possible_truncation, reason = "images hold fewer than 2^32 pixels")]
 fn draw([width, height]: [usize; 2], seed: u64, kind: u32, i: usize) -> (DefectPlace, u32) {
     let [column, row, word, _] = philox(counter(kind, i as u32, Stage::DefectPlaces), key(seed));

@@ -34,7 +34,7 @@ pub struct Telegraph {
     latest: Option<(u32, bool)>,
 }
 
-/// What one frame's uniform says.
+/// Result of one frame's uniform.
 enum Verdict {
     High,
     Low,

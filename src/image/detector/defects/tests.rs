@@ -6,7 +6,7 @@ fn list() -> Defects {
     Defects::new(SPACE, 7, 0.1)
 }
 
-/// An image of zeros with the stuck pixels in it.
+/// Returns an image of zeros with the stuck pixels in it.
 fn stuck_image(defects: &Defects, size_px: [usize; 2]) -> DnImage {
     let mut image = DnImage::new(size_px[0], size_px[1]);
     defects.stick(&mut image);

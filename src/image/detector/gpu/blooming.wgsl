@@ -4,7 +4,7 @@
 @group(0) @binding(1) var<storage, read_write> down_first: array<f32>;
 @group(0) @binding(2) var<storage, read_write> up_first: array<f32>;
 
-// What goes each way of what is too much in a pixel.
+// Returns the share of a pixel's excess charge that goes in each direction.
 fn own(at: u32) -> f32 {
     return max(charge_e[at] - FULL_WELL_E, 0.0) * EACH_WAY;
 }

@@ -1,4 +1,4 @@
-// What every pass reads: `FrameUniform` of `mod.rs`. One invocation serves two pixels (they share one Philox block).
+// The inputs of every pass: `FrameUniform` of `mod.rs`. One invocation serves two pixels (they share one Philox block).
 
 struct Frame {
     pixels: u32,

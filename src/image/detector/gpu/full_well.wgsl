@@ -1,4 +1,4 @@
-// The full well where it stands between neighbour stages: charge -> charge.
+// The full well as a stage between neighbour stages: charge -> charge.
 
 @group(0) @binding(0) var<storage, read_write> charge_e: array<vec2<f32>>;
 

@@ -100,7 +100,8 @@ pub struct GpuDetector {
 }
 
 impl GpuDetector {
-    /// `detector` on the device: its parameters, seed, fixed patterns and neighbour stages, for images of this size.
+    /// Builds `detector` on the device: its parameters, seed, fixed patterns and neighbour stages, for images of this
+    /// size.
     ///
     /// # Errors
     /// When the device refuses a shader or an image of this size, or the Poisson method is not `auto`.
@@ -130,10 +131,10 @@ impl GpuDetector {
         })
     }
 
-    /// As [`Detector::set_illumination_map`].
+    /// Sets the map of the illumination, as [`Detector::set_illumination_map`] does.
     ///
     /// # Errors
-    /// When the device has no room for it.
+    /// When the device has no memory for it.
     pub fn set_illumination_map(&mut self, map: Option<&[f32]>) -> Result<(), GpuError> {
         let map = map.filter(|map| map.len() == self.size[0] * self.size[1]);
         self.maps.set_illumination(&self.gpu, map)?;
@@ -195,7 +196,7 @@ impl GpuDetector {
         })?;
         self.disturbances.stick(adc);
         self.output.finish(out);
-        // The device reads out the whole image: it is no faster for a part.
+        // The device reads out the whole image: reading a part is not faster.
         conditions.regions.clear_outside(out);
         self.times = FrameTimes { submit, wait, copy: watch.lap() };
         Ok(())

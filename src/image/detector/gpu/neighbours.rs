@@ -14,7 +14,7 @@ use core::fmt::Debug;
 
 /// One stage. Its pipeline, buffers and bind groups are made once, in [`stages`].
 pub trait GpuNeighbourStage: Debug + Send + Sync {
-    /// Returns the which effect it is.
+    /// Returns which effect it is.
     fn effect(&self) -> Effect;
 
     /// Records the stage's work on the charge it was made for.
@@ -30,7 +30,7 @@ pub trait GpuNeighbourStage: Debug + Send + Sync {
 /// The stages that are on, in order, and the buffer that the readout reads: `charge`, or the last stage's own.
 pub type Stages = (Vec<Box<dyn GpuNeighbourStage>>, wgpu::Buffer);
 
-/// The stages of `detector`, bound to `charge`.
+/// Builds the stages of `detector`, bound to `charge`.
 ///
 /// # Errors
 /// When the device refuses a shader or a buffer.

@@ -14,7 +14,7 @@ struct PairOutliers {
     charge_e: vec2<f32>,
 }
 
-// What is different in the two pixels of a pair.
+// Returns the outliers of the two pixels of a pair.
 fn pair_outliers(pair: u32) -> PairOutliers {
     var found = PairOutliers(vec2<f32>(1.0), vec2<f32>(0.0), vec2<f32>(0.0));
     let count = outliers[0].pixel;

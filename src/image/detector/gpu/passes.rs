@@ -68,7 +68,7 @@ impl Maps {
         Ok(())
     }
 
-    /// Nothing when there were none and are none.
+    /// Writes the outliers to the device, unless there were none and are none.
     #[allow(clippy::cast_possible_truncation, reason = "fewer than there are pixels")]
     fn write_outliers(&mut self, gpu: &GpuDevice, outliers: &Outliers) {
         let list = outliers.list();
@@ -83,14 +83,15 @@ impl Maps {
         }
     }
 
-    /// Returns another map of the illumination; what was bound must be bound anew.
+    /// Sets another map of the illumination; passes must be bound again.
     pub(super) fn set_illumination(&mut self, gpu: &GpuDevice, map: Option<&[f32]>) -> Result<(), GpuError> {
         self.illumination = pattern(gpu, "illumination map", map)?;
         Ok(())
     }
 }
 
-/// Contents of the buffer of lines, row noise first, as [`constants`] tells the shader; `None` when all are off.
+/// Returns the contents of the buffer of lines, row noise first, as [`constants`] describes it to the shader; `None`
+/// when all are off.
 fn lines(detector: &Detector) -> Option<Vec<f32>> {
     let ([width, height], lines) = (detector.adc_px(), detector.lines());
     let parts = [(height, &[][..]), (width, &lines.column_gain), (width, &lines.column_e), (height, &lines.row_e)];
@@ -146,12 +147,12 @@ impl ImagePass {
         Ok(Self { pass: ComputePass::new(gpu, name, text)?, bound: None })
     }
 
-    /// The next record binds its buffers anew.
+    /// Makes the next record bind its buffers again.
     pub(super) fn unbind(&mut self) {
         self.bound = None;
     }
 
-    /// Records the pass over `pixels` from `image`; a bind group is made anew only for another image.
+    /// Records the pass over `pixels` from `image`; a new bind group is made only for another image.
     pub(super) fn record<const N: usize>(
         &mut self,
         gpu: &GpuDevice,
@@ -212,7 +213,7 @@ fn constants(detector: &Detector) -> String {
     text + &places(detector.adc_px()) + &response(&params.nonlinearity)
 }
 
-/// Where the parts of the buffer of lines begin.
+/// Returns the shader's constants for the starts of the parts of the buffer of lines.
 #[allow(clippy::cast_possible_truncation, reason = "images hold fewer than 2^32 pixels")]
 fn places([width, height]: [usize; 2]) -> String {
     let (width, height) = (width as u32, height as u32);

@@ -1,8 +1,9 @@
-//! What PTRS draws: the region of its two uniforms that yields a count, as an area -> the law of the counts.
+//! The law of the counts that PTRS draws: the area in the square of its two uniforms that yields each count.
 //!
-//! The words of a candidate `k` are an interval, found by bisection. Over it, the share of words that accept is a smooth
-//! function but for the hat's three seams, where the interval is cut; it is integrated by Gauss and Legendre's six
-//! nodes, each by bisection of the second word. Accuracy: 23-bit words, 1e-7. The test below holds it against draws.
+//! The words of a candidate `k` are an interval, found by bisection. Over it, the share of words that accept is a
+//! smooth function except at the three seams of the hat function, where the interval is cut; it is integrated by Gauss
+//! and Legendre's six nodes, each by bisection of the second word. Accuracy: 23-bit words, 1e-7. The test below
+//! compares it with draws.
 
 use crate::detector::poisson::law::Law;
 use crate::detector::poisson::ptrs::Hat;

@@ -29,7 +29,7 @@ pub(crate) const HALF_UNIT: f64 = 1.0 / 16_777_216.0;
 /// Sums at the size of the mean, each rounded.
 const ROUNDINGS: f64 = 4.0;
 
-/// Counts of a group; means below 1 are drawn as 1.
+/// Draws the counts of a group; means below 1 are drawn as 1.
 #[inline(always)]
 pub fn cornish_fisher<const FUSED: bool>(means: &[f32; GROUP], words: &[u32; GROUP]) -> [f32; GROUP] {
     let mut out = [0.0_f32; GROUP];

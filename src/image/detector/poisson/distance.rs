@@ -1,9 +1,10 @@
-//! Distance of what a method draws from Poisson's law: computed, not sampled.
+//! Distance between the distribution that a method draws and Poisson's law: computed, not sampled.
 //!
 //! Inversion, Cornish-Fisher and the rounded normal turn one uniform word into a count that grows with it; bisection
 //! finds the first word of every count, and so the drawn distribution function. Rounding in f32 may swap neighbouring
-//! words at an edge, a few of 2^23: below 1e-6, held by the test below. PTRS: by the area of its region of acceptance. The form rounded once per
-//! multiply-add and the one rounded twice are both looked at, and the worse is told.
+//! words at an edge, a few of 2^23: below 1e-6, checked by the test below. PTRS: by the area of its region of
+//! acceptance. The form rounded once per multiply-add and the one rounded twice are both computed, and the larger
+//! distance is returned.
 
 use crate::detector::poisson::acceptance::{self, first_word};
 use crate::detector::poisson::law::{Departure, Law};
@@ -11,7 +12,7 @@ use crate::detector::poisson::ptrs::{Hat, saddle_point};
 use crate::detector::poisson::{GROUP, INVERSION_LIMIT, PoissonMethod};
 use crate::detector::poisson::{cornish_fisher, inversion::invert, rounded_normal};
 
-/// Largest mean that is looked at: beyond it, f32 no longer tells neighbouring counts apart.
+/// Largest mean that is computed: beyond it, neighbouring counts are the same f32.
 const MOST_MEAN: f64 = 16_777_216.0;
 
 /// Returns the kolmogorov distance between Poisson's law at mean `lambda` (as f32) and what `method` draws there,

@@ -2,8 +2,8 @@
 //!
 //! The function is summed term by term, `p(k) = p(k - 1) mean / k` from `p(0) = exp(-mean)`, in single precision.
 //! Domain: 0 to [`INVERSION_LIMIT`], beyond which the steps cost more than Cornish-Fisher (and from 87 on `exp(-mean)`
-//! is no normal f32); a mean above the limit is drawn as the limit. The tail ends at 4.8 sigma.
-//! Held by the tests below, `tests/physics/poisson_methods.rs` and `tests/physics/noise.rs`.
+//! is a subnormal f32); a mean above the limit is drawn as the limit. The tail ends at 4.8 sigma. Tests: below,
+//! `tests/physics/poisson_methods.rs` and `tests/physics/noise.rs`.
 
 use crate::detector::elementary::{exp_negative, unit};
 use crate::detector::poisson::GROUP;
@@ -16,12 +16,12 @@ const STEPS: usize = 4;
 const MOST_STEPS: f32 = 64.0;
 /// Uniforms end here: f32 sums of the distribution reach this in any order of rounding (50 steps of 2^-25).
 const LARGEST_UNIFORM: f32 = 1.0 - 1.0 / 1_048_576.0;
-/// What [`LARGEST_UNIFORM`] cuts off the tail.
+/// Share of the tail that [`LARGEST_UNIFORM`] cuts off.
 const TAIL: f64 = 1.0 / 1_048_576.0;
 /// Relative error of `exp_negative`, by its own test.
 const EXP_REL: f64 = 4e-7;
 
-/// Counts of a group; means at or above the limit are drawn as the limit.
+/// Draws the counts of a group; means at or above the limit are drawn as the limit.
 #[inline(always)]
 pub fn invert<const FUSED: bool>(electrons: &mut [f32; GROUP], words: &[u32; GROUP]) {
     let mut mean = [0.0_f32; GROUP];

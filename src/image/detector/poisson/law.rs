@@ -29,7 +29,7 @@ pub struct Departure {
 }
 
 impl Law {
-    /// Poisson's, over all counts that matter at mean `lambda` (positive).
+    /// Returns Poisson's law over all counts that matter at mean `lambda` (positive).
     #[must_use]
     pub fn poisson(lambda: f64) -> Self {
         let spread = SIGMAS * lambda.sqrt() + MARGIN;

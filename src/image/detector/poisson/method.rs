@@ -46,7 +46,7 @@ impl PoissonMethod {
         }
     }
 
-    /// Means, electrons, for which the bound is within the promise.
+    /// Returns the means, electrons, for which the error bound is guaranteed.
     #[must_use]
     pub fn domain(self) -> RangeInclusive<f64> {
         match self {

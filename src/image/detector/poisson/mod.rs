@@ -9,9 +9,10 @@
 //! | `auto` | 0 to 1e6 | inversion below 20, Cornish-Fisher above | 1 |
 //!
 //! A detector that is given a method draws with it the pixels whose mean lies in its domain, and all others as `auto`
-//! does: no pixel is drawn outside a domain (means above 1e6 are Cornish-Fisher's, unpromised). `inversion` and
-//! `cornish-fisher` by name therefore draw what `auto` draws; the names tell their errors apart. Held by the tests below,
-//! by `tests/physics/poisson_methods.rs` (errors) and `tests/physics/noise.rs` (moments and chi-square in frames).
+//! does: no pixel is drawn outside a domain (means above 1e6 are drawn by Cornish-Fisher without a guaranteed error).
+//! `inversion` and `cornish-fisher` by name therefore draw what `auto` draws; the two names let their errors be tested
+//! apart. Tests: below, `tests/physics/poisson_methods.rs` (errors) and `tests/physics/noise.rs` (moments and
+//! chi-square in frames).
 
 mod acceptance;
 pub mod cornish_fisher;
@@ -133,13 +134,13 @@ mod tests {
         electrons
     }
 
-    /// Fowler, Noll and Vo's hash of the counts.
+    /// Returns Fowler, Noll and Vo's hash of the counts.
     fn hash(counts: &[f32]) -> u64 {
         let bytes = counts.iter().flat_map(|k| k.to_bits().to_le_bytes());
         bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3))
     }
 
-    /// Many blocks by `draw`, of all means and many words.
+    /// Returns the hash of many blocks drawn by `draw`, with all means and many words.
     fn hash_of(draw: impl Fn(&mut [f32; BLOCK], &[u32; BLOCK])) -> u64 {
         let mut all = Vec::new();
         for round in 0..2000_u32 {
@@ -153,7 +154,7 @@ mod tests {
 
     #[test]
     fn auto_draws_the_bits_it_always_drew() {
-        // Taken before the methods had names.
+        // Recorded before the methods were named.
         const TWICE: u64 = 0x2743_a62b_f514_19bc;
         const ONCE: u64 = 0xc37b_2fb4_d7dd_d799;
         for method in [PoissonMethod::Auto, PoissonMethod::Inversion, PoissonMethod::CornishFisher] {

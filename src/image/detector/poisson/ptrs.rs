@@ -84,7 +84,7 @@ impl Hat {
     }
 }
 
-/// A count of mean `mean` (at least [`LEAST_MEAN`]) for one pixel of one frame.
+/// Draws a count of mean `mean` (at least [`LEAST_MEAN`]) for one pixel of one frame.
 #[inline(always)]
 #[must_use]
 pub fn draw_one<const FUSED: bool>(mean: f32, pixel: u32, frame: u32, key: [u32; 2]) -> f32 {
@@ -121,7 +121,7 @@ pub(crate) fn saddle_point<const FUSED: bool>(k: f32, mean: f32, level: f32) -> 
     ln::<FUSED>(level * (TWO_PI * k).sqrt()) <= -deviance::<FUSED>(k, mean) - stirling_error(k)
 }
 
-/// `ln k! - (ln(2 pi k)/2 + k ln k - k)` for whole `k >= 1`.
+/// Returns `ln k! - (ln(2 pi k)/2 + k ln k - k)` for whole `k >= 1`.
 #[inline(always)]
 fn stirling_error(k: f32) -> f32 {
     let r = 1.0 / k;
@@ -129,7 +129,8 @@ fn stirling_error(k: f32) -> f32 {
     r * (1.0 / 12.0 - rr * (1.0 / 360.0 - rr * (1.0 / 1260.0)))
 }
 
-/// `k ln(k/m) + m - k`, Loader's `bd0`: by the series of the logarithm in `(k - m)/(k + m)` where `k` is near `m`.
+/// Returns `k ln(k/m) + m - k`, Loader's `bd0`: by the series of the logarithm in `(k - m)/(k + m)` where `k` is near
+/// `m`.
 #[inline(always)]
 fn deviance<const FUSED: bool>(k: f32, mean: f32) -> f32 {
     let difference = k - mean;
@@ -167,7 +168,7 @@ mod tests {
         (k * mean.ln() - mean - libm::lgamma(k + 1.0)).exp()
     }
 
-    /// Chi-square per degree of freedom over single counts within two sigma of `MEAN`.
+    /// Returns chi-square per degree of freedom over single counts within two sigma of `MEAN`.
     fn chi_square_per_freedom(is_below: impl Fn(f32, f32, f32) -> bool + Copy) -> f64 {
         let (low, bins) = (998_000_u32, 4001_usize);
         let mut seen = vec![0.0; bins];

@@ -19,7 +19,7 @@ const NEXT_TERM: f64 = 0.015;
 /// Sums at the size of the mean, each rounded.
 const ROUNDINGS: f64 = 2.0;
 
-/// Counts of a group.
+/// Draws the counts of a group.
 #[inline(always)]
 pub fn rounded_normal<const FUSED: bool>(means: &[f32; GROUP], words: &[u32; GROUP]) -> [f32; GROUP] {
     let mut out = [0.0_f32; GROUP];

@@ -48,7 +48,7 @@ pub enum ProtonDirection {
     },
 }
 
-/// What comes.
+/// Protons that arrive at the detector.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ProtonFlux {
     /// Protons per cm^2 and second.
@@ -59,7 +59,7 @@ pub struct ProtonFlux {
     pub direction: ProtonDirection,
 }
 
-/// What they go through.
+/// Layer of the detector in which protons leave charge.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SensitiveLayer {
     /// Thickness, um.
@@ -81,9 +81,9 @@ impl SensitiveLayer {
 pub struct ProtonFluxError {
     /// Which value.
     what: &'static str,
-    /// What was given.
+    /// Value that was given.
     got: f64,
-    /// What is allowed.
+    /// Values that are allowed.
     wanted: &'static str,
 }
 
@@ -156,7 +156,7 @@ impl Clone for Protons {
 }
 
 impl Protons {
-    /// With capacity for so many tracks and pixels with charge per frame.
+    /// Returns a source with capacity for so many tracks and pixels with charge per frame.
     #[must_use]
     pub fn new(size_px: [usize; 2], layer: SensitiveLayer, seed: u64, most_tracks: usize, most_px: usize) -> Self {
         let (tracks, charge) = (Vec::with_capacity(most_tracks), Vec::with_capacity(most_px));
@@ -241,7 +241,7 @@ fn expected_left(rate_per_s: f64, left_s: f64) -> u64 {
     1 + (rate_per_s * left_s).round() as u64
 }
 
-/// A positive deviate of this mean and standard deviation, by Box and Muller.
+/// Returns a log-normal deviate whose arithmetic mean and standard deviation are given, by Box and Muller.
 fn log_normal([mean, sigma]: [f64; 2], words: &Uniforms) -> f64 {
     let variance = libm::log1p((sigma / mean) * (sigma / mean));
     let z = (-2.0 * libm::log(words.open(5))).sqrt() * libm::cos(core::f64::consts::TAU * words.open(6));
@@ -258,7 +258,7 @@ impl Uniforms {
         Self([a, b, c, d, e, f, g, h])
     }
 
-    /// In (0, 1).
+    /// Returns a uniform in (0, 1).
     fn open(&self, which: usize) -> f64 {
         (f64::from(self.0[which]) + 0.5) / 4_294_967_296.0
     }

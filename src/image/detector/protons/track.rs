@@ -21,7 +21,7 @@ pub struct ProtonTrack {
 }
 
 impl ProtonTrack {
-    /// The part on the image, with its share of the electrons. The start must be on it.
+    /// Returns the part on the image, with its share of the electrons. The start must be on it.
     #[must_use]
     pub fn clipped(self, size_px: [f64; 2]) -> Self {
         let mut share = 1.0_f64;
@@ -38,7 +38,7 @@ impl ProtonTrack {
     }
 }
 
-/// Adds a track's charge to `out`, in no order; false when it has no room for all of it (then it has none of it).
+/// Adds a track's charge to `out`, in no order; returns false and adds nothing when it does not fit.
 #[allow(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,

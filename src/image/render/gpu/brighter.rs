@@ -35,7 +35,7 @@ pub struct Brighter {
 }
 
 impl Brighter {
-    /// For images of this size.
+    /// Builds the stage for images of this size.
     ///
     /// # Errors
     /// When the device refuses the shader or an image of this size.

@@ -43,7 +43,7 @@ const TABLE_BLOCK_PX: [usize; 2] = [8, 1];
 const MOST_STARS_A_BLOCK: usize = 1 << 20;
 /// Nodes one invocation takes: enough work to hide its set-up, and long paths spread over the device.
 const NODES_PER_SLICE: usize = 128;
-/// Additions to one pixel that the fixed point leaves room for.
+/// Number of additions to one pixel that the fixed point can hold without overflow.
 const MOST_ADDITIONS: usize = 1 << 28;
 /// Workgroups along y at most: a box with more blocks is walked through in strides.
 const MOST_BLOCK_GROUPS: usize = 4096;
@@ -91,7 +91,7 @@ pub struct Gpu {
 }
 
 impl Gpu {
-    /// For a detector of this size.
+    /// Builds a renderer for a detector of this size.
     ///
     /// # Errors
     /// When the device refuses the shaders or an image of this size.
@@ -110,7 +110,7 @@ impl Gpu {
         })
     }
 
-    /// From here on at most so many stars, and at least one, are on the device at a time: the image is the same.
+    /// Limits the stars that are on the device at a time, to one at least; the image does not change.
     pub fn limit_block(&mut self, stars: usize) {
         self.stars_a_block = stars.clamp(1, MOST_STARS_A_BLOCK);
     }
@@ -175,13 +175,13 @@ impl Gpu {
         gpu.check()
     }
 
-    /// Nodes that one invocation takes.
+    /// Returns the number of nodes that one invocation takes.
     fn nodes_per_slice(&self) -> usize {
         let most_slices = (MOST_ADDITIONS / self.stars.len().max(1)).clamp(1, MOST_WORKGROUPS as usize);
         self.most_nodes().div_ceil(most_slices).max(NODES_PER_SLICE)
     }
 
-    /// Nodes of the longest list of any star.
+    /// Returns the number of nodes of the longest list of any star.
     fn most_nodes(&self) -> usize {
         self.stars.iter().map(|star| star.nodes as usize).max().unwrap_or(1)
     }
@@ -260,7 +260,7 @@ impl Gpu {
     }
 
     #[allow(clippy::cast_possible_truncation, reason = "counts and sizes are held by the device's buffer limits")]
-    /// What all blocks of stars have in common.
+    /// Returns the parameters that all blocks of stars have in common.
     fn params(&self, plan: &ExposurePlan, nodes_per_slice: usize, scale: f32) -> FrameParams {
         let table = self.tables.bases(plan).first().or_else(|| self.tables.kernels().first());
         FrameParams {
@@ -376,7 +376,7 @@ impl Resources {
         Ok(())
     }
 
-    /// Bind groups of both passes; made anew only after a buffer has grown.
+    /// Returns the bind groups of both passes; new ones are made only after a buffer has grown.
     fn bind(&mut self, gpu: &GpuDevice, sums: &wgpu::Buffer) -> [wgpu::BindGroup; 2] {
         let Self { params, stars, nodes, table, splat, tabulated, groups, .. } = self;
         let make = || {

@@ -1,4 +1,4 @@
-// What both passes share: one star, one path node, and where the star stands at that node.
+// The code of both passes for one star, one path node, and the place of the star at that node.
 
 struct Frame {
     size: vec2<i32>,

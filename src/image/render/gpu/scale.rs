@@ -21,7 +21,7 @@ pub(super) struct TileBounds {
 }
 
 impl TileBounds {
-    /// For an image of this size.
+    /// Returns the scale for an image of this size.
     pub(super) fn new(size: [usize; 2]) -> Self {
         let [columns, rows] = size.map(|n| n.div_ceil(TILE_PX));
         Self { columns, tiles: vec![0.0; columns * rows] }

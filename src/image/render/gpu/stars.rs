@@ -32,7 +32,7 @@ pub(super) struct NodeRecord {
     rest: [f32; 4],
 }
 
-/// What a star is drawn from: a layer of the table (or none: analytically) and its half-width, px.
+/// Source of a star's image: a layer of the table (or none: analytically) and its half-width, px.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Source {
     pub(super) layer: Option<u32>,
@@ -63,7 +63,7 @@ impl NodeRecord {
     }
 }
 
-/// Nodes of a plan: one for stars that are drawn once, then those of the lists that are drawn node by node.
+/// Writes the nodes of a plan: one for stars that are drawn once, then those of the lists that are drawn node by node.
 pub(super) fn fill_nodes(plan: &ExposurePlan, nodes: &mut Vec<NodeRecord>) {
     nodes.clear();
     nodes.push(NodeRecord::ONCE);
