@@ -61,7 +61,7 @@ impl BackgroundKeys {
         let (gradient, quadratic) = (self.gradient().check(check)?, self.quadratic().check(check)?);
         check_shape("background", gradient, quadratic, check)?;
         if uniform_e_per_s == 0.0 {
-            let uniform = "a uniform_e_per_s above 0, of which it is a share";
+            let uniform = "a uniform_e_per_s above 0: the gradient is a share of it";
             check.unused("background.gradient", gradient != [0.0; 2], uniform)?;
             check.unused("background.quadratic", quadratic != 0.0, uniform)?;
         }

@@ -12,7 +12,7 @@ use std::sync::Arc;
 /// The baffle, checked.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Baffle {
-    /// What it lets through, of whom, and where it is not meant to work.
+    /// Transmittance by angle, the bodies it applies to, and the exclusion angle of each.
     pub shade: Shade,
     /// Gradient of the light towards its source, share per half diagonal.
     pub gradient: f64,

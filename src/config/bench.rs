@@ -34,13 +34,13 @@ const BUILT_IN_CAMERA: &str = "cameras/star_tracker_20deg.toml";
 /// A bench, checked, with the camera it names.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bench {
-    /// What people call it.
+    /// Name for people.
     pub name: String,
     /// The camera.
     pub camera: Camera,
     /// Targets that move over the detector.
     pub targets: Vec<TargetSettings>,
-    /// What is seen where they cover stars.
+    /// Rule for pixels where targets cover stars.
     pub target_overlap: Overlap,
     /// Seed of every random number of the run but those that have a seed of their own.
     pub seed: u64,
@@ -84,14 +84,14 @@ pub struct Bench {
     pub render: Render,
     /// Where frames go: `[sink]`, and then those beside it.
     pub sinks: Vec<SinkSettings>,
-    /// Values nobody gave in the bench (and link) file; the camera has its own list.
+    /// Values that neither the bench nor the link file gives; the camera has its own list.
     pub defaulted: Vec<Defaulted>,
 }
 
 section! {
     /// A bench: one run of the stimulator. Every key has a default.
     BenchKeys at "" {
-        /// What people call it; it names a folder below out/.
+        /// Name of the run; it names a folder below out/.
         name: String = Computed("the file's name"), "text";
         /// Camera file, relative to this one.
         camera: String = Computed("built-in cameras/star_tracker_20deg.toml"), "path";
@@ -122,11 +122,11 @@ section! {
         head: Vec<HeadKeys>;
         /// Camera heads beside the first one.
         extra_head: Vec<HeadKeys>;
-        /// Who moves the spacecraft.
+        /// Source of the spacecraft's motion.
         plant: PlantKeys;
         /// Commands and faults, each at its time.
         event: Vec<EventKeys>;
-        /// What must come true for the run to have passed.
+        /// Conditions that must be met for the run to pass.
         expect: ExpectKeys;
         /// Where the sensor is, for parallax and aberration.
         observer: ObserverKeys;
@@ -255,7 +255,7 @@ fn check_both_ends(
     check: &Checker<'_>,
 ) -> Result<(), ConfigError> {
     if let Some(i) = extra_links.iter().position(Link::has_no_gateway) {
-        let gateway_ports = "slcan_tcp, slcan_pty or socketcand: nobody else is on a bus inside this program";
+        let gateway_ports = "slcan_tcp, slcan_pty or socketcand: without a gateway no other program can reach this bus";
         let key = format!("extra_link[{i}].kind");
         return Err(check.invalid(&key, "\"simulated\" without gateways", gateway_ports, "or a real bus"));
     }
@@ -428,7 +428,7 @@ impl Bench {
     }
 }
 
-/// What is in a bench file beside the bench, as it was read.
+/// Contents of a bench file beside the bench, unchecked.
 #[derive(Debug)]
 pub(super) struct BesideBench {
     pub(super) plant_kind: PlantKind,

@@ -25,7 +25,7 @@ pub struct Budget {
     pub missed_frames: u32,
     /// Whether threads ask for real-time scheduling and locked memory.
     pub realtime: bool,
-    /// Priority of the drawing threads; those of sink, frame and link stand above it.
+    /// Priority of the drawing threads; those of sink, frame and link have higher ones.
     pub priority: u8,
     /// Processors the threads stay on; empty: any.
     pub affinity: Vec<usize>,
@@ -156,7 +156,7 @@ mod tests {
         assert_eq!((bench.budget.latency_p99_ms, bench.budget.missed_frames), (None, 0));
         assert_eq!((bench.budget.realtime, bench.budget.ring_frames), (true, 4096));
         for key in ["budget.total_ms", "budget.missed_frames", "budget.realtime", "budget.priority"] {
-            assert!(bench.defaulted.iter().any(|default| default.key == key), "{key} is told");
+            assert!(bench.defaulted.iter().any(|default| default.key == key), "{key} is listed");
         }
     }
 

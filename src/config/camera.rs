@@ -24,7 +24,7 @@ use std::path::Path;
 /// A camera, checked. Only the detector's size and the focal length have no default.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Camera {
-    /// What people call it.
+    /// Name for people.
     pub name: String,
     /// The detector.
     pub detector: Detector,
@@ -34,7 +34,7 @@ pub struct Camera {
     pub distortion: Distortion,
     /// Point-spread function.
     pub psf: Psf,
-    /// How pixel values are had from it.
+    /// How pixel values are computed from the PSF.
     pub sampling: PsfSampling,
     /// How the image plane is lit.
     pub illumination: Illumination,
@@ -48,14 +48,14 @@ pub struct Camera {
     pub band: Option<Band>,
     /// Exposure.
     pub exposure: Exposure,
-    /// Values nobody gave.
+    /// Values that the file does not give.
     pub defaulted: Vec<Defaulted>,
 }
 
 section! {
     /// A camera: only the detector's size and the focal length have no default.
     CameraKeys at "" {
-        /// What people call it.
+        /// Name of the camera.
         name: String = Computed("the file's name"), "text";
         tables:
         /// Geometry, charge and conversion.

@@ -17,7 +17,7 @@ fn quoted(name: &str) -> String {
     format!("{shown:?}{more}")
 }
 
-/// A value nobody gave.
+/// A value that the file does not give.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Defaulted {
     /// The key with its tables.
@@ -26,7 +26,7 @@ pub struct Defaulted {
     pub value: String,
 }
 
-/// What a number must be (and always finite).
+/// The range of a number, which must also be finite.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Rule {
     /// More than zero.
@@ -100,7 +100,7 @@ impl<'a> Checker<'a> {
         self.defaulted.push(Defaulted { key: key.into(), value: value.to_string() });
     }
 
-    /// What was given, or the default, which is noted.
+    /// Returns the given value, or the default, which is added to the list of defaults.
     pub(super) fn given_or<T: fmt::Display>(&mut self, key: &str, given: Option<T>, default: T) -> T {
         given.unwrap_or_else(|| {
             self.defaulted.push(Defaulted { key: key.into(), value: default.to_string() });

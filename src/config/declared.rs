@@ -1,4 +1,4 @@
-//! What is declared of keys and tables: reference, schema and templates walk it.
+//! Declarations of keys and tables: reference, schema and templates read them.
 
 use crate::key::{Preset, Section, plain};
 use crate::key_type::{KeyType, Shape};
@@ -50,14 +50,14 @@ impl<I: Inner> Inner for Vec<I> {
     }
 }
 
-/// What is declared of a table.
+/// Declaration of a table.
 #[derive(Debug, Clone)]
 pub(super) struct Declared {
     pub(super) keys: Vec<Key>,
     pub(super) tables: Vec<Table>,
 }
 
-/// What is declared of a table within a table.
+/// Declaration of a table within a table.
 #[derive(Debug, Clone)]
 pub(super) struct Table {
     pub(super) name: &'static str,
@@ -66,14 +66,14 @@ pub(super) struct Table {
     pub(super) forms: Vec<Declared>,
 }
 
-/// What is declared of a key.
+/// Declaration of a key.
 #[derive(Debug, Clone)]
 pub(super) struct Key {
     pub(super) name: &'static str,
     pub(super) sentence: &'static str,
     pub(super) shape: Shape,
     pub(super) preset: Preset<toml::Value>,
-    /// What an error advises beside the sentence; empty when that is the advice.
+    /// Advice of an error beside the sentence; empty when the sentence is the advice.
     pub(super) advice: String,
 }
 
@@ -137,7 +137,7 @@ impl Key {
         units.find(|(end, _)| is_number && name.ends_with(&format!("_{end}"))).map(|(_, unit)| unit)
     }
 
-    /// What it means, and what else an error about it would say.
+    /// Returns the meaning of the key: its sentence and the advice of its errors.
     pub(super) fn meaning(&self) -> String {
         let sentence = self.sentence.trim_end_matches('.');
         let advice = self.advice.trim_end_matches('.');

@@ -26,7 +26,7 @@ impl DarkCurrent {
     ) -> Result<Self, ConfigError> {
         let e_per_s = Self::rate(keys, pixel_pitch_um, check)?;
         let reference_c = keys.dark_temperature_c().check(check)?;
-        // Nobody asks how warm a detector is that is as warm as it was when it was measured.
+        // A detector at its reference temperature has no default to report.
         let operating_c = keys.temperature_c().or_silently(reference_c).check(check)?;
         let doubling_k = keys.dark_doubling_k();
         let doubling_k = if keys.temperature_c().is_given() {

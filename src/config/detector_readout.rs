@@ -26,14 +26,14 @@ section! {
         corner_cycles_per_row: f64 = Silent(0.0), Within(0.0, 0.5);
     }
 
-    /// Response to charge that is no straight line.
+    /// Nonlinear response to charge.
     NonlinearityKeys at "detector.nonlinearity" {
         /// Up to four [electrons, electrons seen], both rising, such as [[20000, 19900], [30000, 28500]].
         knots_e: Raw<Vec<[f64; 2]>> = Optional, Shape::pairs();
     }
 }
 
-/// What the gain must go with.
+/// Limits of the converter, which the gain must fit.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Converter {
     pub(super) full_well_e: f64,

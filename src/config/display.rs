@@ -15,11 +15,11 @@ const LONGEST_PX: i64 = 8192;
 /// A display, checked.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DisplaySettings {
-    /// What the display is opened with.
+    /// Parameters that the display is opened with.
     pub params: Params,
     /// Its calibration file; `None`: greys are taken for luminances, which no monitor's are, and the program says so.
     pub calibration: Option<PathBuf>,
-    /// What the calibration must call the display; `None`: there is no calibration.
+    /// Name of the display that the calibration must have; `None`: without a calibration.
     pub name: Option<String>,
     /// Refreshes over which light between two greys is spread; 1: the nearer grey.
     pub dither: u32,
@@ -48,7 +48,7 @@ section! {
         ];
         /// Calibration as `starloop calibrate display` writes it, beside this file.
         calibration: String = Optional, "path";
-        /// What the calibration calls the display: model and serial number; by it another display's is refused.
+        /// Name of the display in its calibration, model and serial number: a calibration of another display is refused.
         name: String = Optional, "text";
         /// Refreshes, a power of two: over so many the mean light of a pixel is right.
         dither: Whole = 16, 1..=256;
@@ -56,7 +56,7 @@ section! {
         tracker_hz: f64 = 10.0, PositiveUpTo(1e4);
         /// Share of a refresh during which the display shines: 1 holds its light, 0 flashes, which beats most.
         duty: f64 = Optional, Within(0.0, 1.0);
-        /// From submit to light in the middle of the display, as `starloop display latency` tells it.
+        /// From submit to light in the middle of the display, as measured by `starloop display latency`.
         latency_ms: f64 = Optional, Within(0.0, 1000.0);
         /// Frames go to a connector of the graphics card, past any window system.
         direct_scanout: bool = false, Any;
@@ -86,7 +86,7 @@ impl DisplaySettings {
             ));
         }
         let monitor = monitor(&keys.monitor(), check)?;
-        // What is drawn for a calibrated display has the size that the calibration says.
+        // Images for a calibrated display have the size given by the calibration.
         let image_px = (!is_calibrated).then_some(image_px);
         let window_px = window(&keys.window(), image_px, check)?;
         let bits = match keys.bits().check(check)? {
@@ -280,6 +280,6 @@ mod tests {
         assert!(read_as("sink", text).is_ok());
         let error = read_as("extra_sink[1]", text).unwrap_err().to_string();
         assert!(error.contains("extra_sink[1].calibration") && error.contains("[sink]"), "{error}");
-        assert!(read_as("extra_sink[1]", "bits = 10").is_ok(), "as it is, it may stand beside another");
+        assert!(read_as("extra_sink[1]", "bits = 10").is_ok(), "the list accepts it as a second display");
     }
 }

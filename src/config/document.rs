@@ -117,7 +117,7 @@ impl Document {
         Ok(Self { origin: Origin::File(path.into()), text, settings: Vec::new() })
     }
 
-    /// Returns a text that would stand in the file `path` (which need not exist).
+    /// Returns the document of a text as if it were in the file `path` (which need not exist).
     #[must_use]
     pub fn from_text(text: &str, path: &Path) -> Self {
         Self { origin: Origin::File(path.into()), text: text.into(), settings: Vec::new() }
@@ -263,8 +263,8 @@ impl Document {
         Ok(read)
     }
 
-    /// Reads a table of this document that stands at `name`, where one key says which others there may be; `which` is a
-    /// clause for messages.
+    /// Reads the table `name` of this document, where one key decides which others are allowed; `which` is a clause for
+    /// messages.
     pub(super) fn read_table<S: DeserializeOwned>(
         &self,
         table: &toml::Table,
@@ -344,7 +344,7 @@ impl Document {
     }
 }
 
-/// What a reader found in `text`, which stands at `place`.
+/// Returns the error of a reader of `text`, which is at `place`.
 fn refusal(error: &toml::de::Error, place: String, text: &str) -> ConfigError {
     match unknown_key(error.message()) {
         Some((key, known)) => ConfigError::UnknownKey {
@@ -366,7 +366,7 @@ pub(super) fn nearest<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> O
     scored.filter(|(score, _)| *score >= NEAR_ENOUGH).max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, name)| name)
 }
 
-/// What the system says of a file that cannot be read, in words for a person.
+/// Returns the reason why a file cannot be read, in words for a person.
 fn reason(error: &std::io::Error) -> String {
     if error.kind() == std::io::ErrorKind::InvalidData {
         "it is not text; wanted a TOML file".into()
@@ -424,7 +424,7 @@ pub(super) fn beside(own: &Path, path: &str) -> PathBuf {
     own.parent().map(Path::to_path_buf).unwrap_or_default().join(path)
 }
 
-/// Returns the path with `.` and `..` resolved by name, as inside the binary there are no directories.
+/// Returns the path with `.` and `..` resolved by name: compiled-in files have no directories.
 fn without_dots(path: &Path) -> PathBuf {
     path.components().fold(PathBuf::new(), |mut clean, component| {
         match component {

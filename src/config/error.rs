@@ -1,4 +1,4 @@
-//! What can be wrong with a configuration: what, where, wanted, got, and what to try.
+//! Errors of a configuration: what is wrong, where, what was wanted, what was given, and what to try.
 
 /// A configuration that was refused.
 #[derive(Debug, thiserror::Error)]
@@ -8,9 +8,9 @@ pub enum ConfigError {
     Read {
         /// The file.
         file: String,
-        /// What the system said.
+        /// The reason given by the system.
         why: String,
-        /// Which key of which file named it, as a clause; empty for the command line.
+        /// The key and file that name it, as a clause; empty for the command line.
         named_by: String,
     },
     /// The text is not TOML, or a value has the wrong type.
@@ -18,7 +18,7 @@ pub enum ConfigError {
     Syntax {
         /// File and line.
         place: String,
-        /// What the reader found, and what it wanted.
+        /// The reader's message: what it found and what it expected.
         why: String,
         /// The line.
         text: String,
@@ -44,7 +44,7 @@ pub enum ConfigError {
         got: &'static str,
         /// The kind that is needed here.
         wanted: &'static str,
-        /// What takes a file of its kind.
+        /// Where a file of its kind is accepted.
         advice: &'static str,
     },
     /// Several errors of one document.
@@ -58,7 +58,7 @@ pub enum ConfigError {
     /// A value that cannot be.
     #[error("{place}: {key} is {got}; wanted {wanted}: {advice}")]
     Invalid {
-        /// File, and line when the key stands in it.
+        /// File, with the line when the file has the key.
         place: String,
         /// The key with its tables, such as `optics.focal_length_mm`.
         key: String,
@@ -66,7 +66,7 @@ pub enum ConfigError {
         wanted: String,
         /// The value.
         got: String,
-        /// What to try.
+        /// Advice.
         advice: String,
     },
 }

@@ -27,7 +27,7 @@ pub struct Pointing {
     pub roll_deg: f64,
 }
 
-/// What happens.
+/// A command or fault with its values.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Action {
     /// Command: slew there and stay.
@@ -47,7 +47,7 @@ pub enum Action {
     Frame {
         /// Which head; `None`: all.
         head: Option<usize>,
-        /// What happens to them.
+        /// Fault of these frames.
         fault: FrameFault,
     },
     /// Fault aboard a spacecraft that is flown inside the program.
@@ -79,7 +79,7 @@ pub struct Event {
     pub on_trigger: Option<u16>,
     /// How long it lasts; zero for commands.
     pub lasts: Span,
-    /// What it is.
+    /// The command or fault.
     pub action: Action,
 }
 
@@ -130,7 +130,7 @@ impl Event {
         Ok(Self { at, on_trigger, lasts, action })
     }
 
-    /// Returns every word for `do` with its keys, a line each; keys that may be left out stand in brackets.
+    /// Returns every word for `do` with its keys, a line each; optional keys are in brackets.
     #[must_use]
     pub fn described_words() -> String {
         let mut text = String::new();

@@ -86,7 +86,7 @@ impl Reader<'_, '_> {
         Ok(is_beam.then_some([incidence_deg, azimuth_deg]))
     }
 
-    /// Returns the which wheel.
+    /// Returns which wheel.
     pub(super) fn wheel(&self) -> Result<usize, ConfigError> {
         let wheel = || self.keys.wheel();
         wheel()

@@ -1,4 +1,4 @@
-//! What a row of the words of `[[event]]` says, and what is made of it.
+//! A row of the words of `[[event]]`: its timing, its keys, and the action that they make.
 //!
 //! ```text
 //! "bus_delay" Lasts (delay_ms) [jitter_ms] => Bus(LinkFault::Delay { by: delay_ms, jitter: jitter_ms });
@@ -26,7 +26,7 @@ pub(super) enum Timing {
     Waits,
 }
 
-/// What there is to a word beside itself.
+/// Everything about a word except its name.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Row {
     pub(super) timing: Timing,

@@ -15,7 +15,7 @@ use testbed::vehicle::VehicleFault;
 section! {
     /// A command to the flight computer, or a fault, at its time.
     EventKeys at "event" {
-        /// What happens.
+        /// The command or fault.
         r#do: Word<Row> = Needed, ACTIONS;
         /// Seconds after the first exposure; after the trigger, when it waits for one.
         at_s: f64 = Optional, NotNegative;
@@ -67,7 +67,7 @@ section! {
         px: Raw<[i64; 2]> = Optional, Shape::Row(2, Box::new(Shape::Whole(0..=65_535)));
         /// How many at random, of missing_bright_stars how many of the brightest.
         count: Whole = Optional, 0..=1_000_000;
-        /// Electrons per second in every pixel at the begin of a ramp, such as 200000.0.
+        /// Electrons per second in every pixel at the start of a ramp, such as 200000.0.
         from_e_per_s: f64 = Optional, Within(0.0, 1e12);
         /// Electrons per second in every pixel at the end of a ramp, such as 200000.0.
         to_e_per_s: f64 = Optional, Within(0.0, 1e12);
@@ -75,7 +75,7 @@ section! {
         sigma_px: f64 = Optional, Within(0.2, 12.0);
         /// A share of the light, 0 to 1.
         throughput: f64 = Optional, Within(0.0, 1.0);
-        /// The share of the light at the end of the event, 0 to 1; left out: as at the begin.
+        /// The share of the light at the end of the event, 0 to 1; left out: as at the start.
         to_throughput: f64 = Computed("throughput"), Within(0.0, 1.0);
         /// Kelvin by which the detector is warmer, below zero for colder.
         by_k: f64 = Optional, Within(-100.0, 100.0);

@@ -31,11 +31,11 @@ pub struct Expect {
     pub allows_refusals: bool,
     /// The control must fail: at the end it points nowhere near its target.
     pub diverges: bool,
-    /// What is expected of the frames, with or without a vehicle.
+    /// Expectations of the frames, with or without a vehicle.
     pub frames: ExpectFrames,
 }
 
-/// What is expected of the frames of a run; `None`: anything.
+/// Expectations of the frames of a run; `None`: anything.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct ExpectFrames {
     /// Most frames that are late.
@@ -49,7 +49,7 @@ pub struct ExpectFrames {
 }
 
 section! {
-    /// What must come true for a run to have passed.
+    /// Conditions that must be met for a run to pass.
     ExpectKeys at "expect" {
         /// Fine pointing is reached within so many seconds after the first exposure.
         fine_pointing_within_s: f64 = Optional, Positive;

@@ -74,7 +74,7 @@ pub(super) fn must_be(wanted: FileKind, document: &Document) -> Result<(), Confi
     must_be_one_of(&[wanted], document)
 }
 
-/// Refuses a document of a kind that is not among those wanted, the first of which the message names.
+/// Refuses a document of a kind that is not among those wanted; the message names the first of them.
 pub(super) fn must_be_one_of(wanted: &[FileKind], document: &Document) -> Result<(), ConfigError> {
     let got = FileKind::of(document);
     let is_unclear = got == FileKind::Bench && !BENCH_KEYS.iter().any(|key| document.has_key(key));

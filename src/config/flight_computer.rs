@@ -66,7 +66,7 @@ pub struct Slew {
 /// The simulated flight computer, checked.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FlightComputer {
-    /// True when it is no part of this program; the rates are then those expected of it.
+    /// True when it is a real or external one; the rates are then those expected of it.
     pub is_external: bool,
     /// Attitude messages per second.
     pub attitude_hz: f64,
@@ -95,9 +95,9 @@ section! {
     FlightComputerKeys at "flight_computer" {
         /// Simulated is the one inside this program, external the one at the other end of the link.
         kind: Word<IsExternal> = "simulated", [("simulated", IsExternal(false)), ("external", IsExternal(true))];
-        /// Messages per second; the protocol has room for 100.
+        /// Messages per second; the protocol carries up to 100.
         attitude_hz: f64 = 100.0, PositiveUpTo(HIGHEST_ATTITUDE_HZ),
-            "messages per second; the protocol has room for 100";
+            "messages per second; the protocol carries up to 100";
         /// Right ascension of the boresight at the start, in degrees, not hours: 5h 30m is 82.5.
         ra_deg: f64 = 0.0, Within(RIGHT_ASCENSION_DEG[0], RIGHT_ASCENSION_DEG[1]);
         /// Declination of the boresight at the start, degrees.
@@ -107,7 +107,7 @@ section! {
         /// Lines are known to both ends; samples travel over the bus.
         jitter_source: Word<JitterSource> = "lines",
             [("lines", JitterSource::Lines), ("samples", JitterSource::Samples)];
-        /// Samples per second; the protocol has room for 1000.
+        /// Samples per second; the protocol carries up to 1000.
         jitter_sample_hz: f64 = HIGHEST_JITTER_HZ, PositiveUpTo(HIGHEST_JITTER_HZ);
         /// Drift of its clock in parts per million: 20 is a usual crystal.
         clock_drift_ppm: f64 = 0.0, Within(-1000.0, 1000.0);
@@ -143,7 +143,7 @@ section! {
     }
 }
 
-/// Whether the flight computer is no part of this program.
+/// Whether the flight computer is external, not simulated here.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct IsExternal(bool);
 

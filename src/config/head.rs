@@ -39,7 +39,7 @@ section! {
     }
 }
 
-/// Returns the heads listed under `name`, of which there may be `most`; what a head does not say is as of `usual`.
+/// Returns the heads listed under `name`, at most `most`; keys that a head leaves out are as in `usual`.
 pub(super) fn check_heads(
     name: &str,
     keys: &[HeadKeys],

@@ -24,7 +24,7 @@ pub enum JitterAxes {
 pub struct JitterInput {
     /// File as it is named.
     pub path: String,
-    /// What is in it.
+    /// Its contents.
     pub source: JitterFile,
     /// Axes of the record.
     pub axes: JitterAxes,
@@ -32,12 +32,12 @@ pub struct JitterInput {
     pub start_s: f64,
 }
 
-/// What is in a file of jitter.
+/// Contents of a file of jitter.
 #[derive(Debug, Clone, PartialEq)]
 pub enum JitterFile {
     /// A measured series.
     Series(Arc<JitterRecord>),
-    /// A density, of which a series of this length is made.
+    /// A power spectral density, from which a series of this length is made.
     Density {
         /// Its rows.
         points: Vec<PsdPoint>,
@@ -66,7 +66,7 @@ section! {
     }
 }
 
-/// What follows the last sample.
+/// Jitter after the last sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum AtEnd {
     Refuse,

@@ -26,12 +26,12 @@ impl Kernels<'_> {
         Ok(is_kernel)
     }
 
-    /// Reads attitudes of a CK file; nothing where the file is no kernel.
+    /// Reads attitudes of a CK file; returns `None` where the file is not a kernel.
     pub(super) fn attitudes(self, check: &Checker<'_>) -> Result<Option<AttitudeHistory>, ConfigError> {
         if self.is_kernel(check)? { self.read_attitudes(check).map(Some) } else { Ok(None) }
     }
 
-    /// Reads the orbit of an SPK file; nothing where the file is no kernel.
+    /// Reads the orbit of an SPK file; returns `None` where the file is not a kernel.
     pub(super) fn orbit(self, check: &Checker<'_>) -> Result<Option<OrbitHistory>, ConfigError> {
         if self.is_kernel(check)? { self.read_orbit(check).map(Some) } else { Ok(None) }
     }

@@ -21,7 +21,7 @@ use core::fmt;
 use serde::de::DeserializeOwned;
 use std::borrow::Cow;
 
-/// What a key is without a value.
+/// The meaning of a key that the file does not give.
 #[derive(Debug, Clone)]
 pub(super) enum Preset<T> {
     /// It must be given.
@@ -30,7 +30,7 @@ pub(super) enum Preset<T> {
     Noted(T),
     /// This: nothing that anybody would ask about, mostly "off".
     Silent(T),
-    /// What the reference says here; where it is checked, `or` has the value.
+    /// The reference prints this text; where the key is checked, `or` has the value.
     Computed(&'static str),
     /// Nothing.
     Optional,
@@ -83,7 +83,7 @@ impl<'k, T: KeyType> Given<'k, T> {
         self.raw.is_some()
     }
 
-    /// What the file gives, unchecked.
+    /// Returns the value that the file gives, unchecked.
     pub(super) fn raw(&self) -> Option<&'k T::Raw> {
         self.raw
     }
@@ -178,7 +178,7 @@ pub(super) trait Section: Clone + Default + DeserializeOwned {
     /// Returns its keys, and whether each is given.
     fn given(&self) -> Vec<(&'static str, bool)>;
 
-    /// Refuses keys that have a meaning only with another choice, of which `owner` speaks.
+    /// Refuses keys that have a meaning only with another choice, which `owner` names.
     fn refuse(&self, names: &[&str], owner: &str, check: &Checker<'_>) -> Result<(), ConfigError> {
         let given = self.given();
         let prefix = if self.table().is_empty() { String::new() } else { format!("{}.", self.table()) };

@@ -12,7 +12,7 @@ pub(super) trait KeyType {
     type Raw: Clone;
     /// As a declaration says it.
     type Default: Clone + fmt::Display + Into<toml::Value>;
-    /// What a value may be.
+    /// Type of the limit of a value.
     type Limit;
     /// As the program takes it.
     type Checked;
@@ -45,7 +45,7 @@ impl Refusal {
     }
 }
 
-/// What a value looks like.
+/// The form of a value.
 #[derive(Debug, Clone)]
 pub(super) enum Shape {
     /// A number.
@@ -159,7 +159,7 @@ impl<N: TryFrom<i64>> KeyType for Whole<N> {
     }
 }
 
-/// One of a few words, each of which means a `T`.
+/// One of a few words, each for a value of type `T`.
 #[derive(Debug)]
 pub(super) struct Word<T>(PhantomData<T>);
 
@@ -220,7 +220,7 @@ impl From<TextDefault> for toml::Value {
 impl KeyType for String {
     type Raw = String;
     type Default = TextDefault;
-    /// What it says, such as a path.
+    /// Kind of text, such as a path.
     type Limit = &'static str;
     type Checked = String;
 

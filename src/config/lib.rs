@@ -8,7 +8,7 @@
 //! Reference, JSON Schema and templates come from the declarations (`declared`). Unknown keys are refused with file, line
 //! and the nearest known key; violated rules say file, line, key, wanted, got, and what to try. Input paths are relative
 //! to the file that names them. The output directory of a sink is relative to the working directory: a configuration may
-//! lie where nobody can write.
+//! be in a folder without write access.
 //!
 //! The built-in bench and all it names are compiled in, so the binary runs from any directory.
 

@@ -10,7 +10,7 @@ use core::net::SocketAddr;
 use link::gateway::TcpAddress;
 use std::path::PathBuf;
 
-/// What the bytes travel on.
+/// Encoding and line of the bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Wire {
     /// CAN with flexible data rate.
@@ -23,10 +23,10 @@ pub enum Wire {
     Plain,
 }
 
-/// What carries the wire.
+/// Interface, port or socket below the wire.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Carrier {
-    /// A bus inside this program, and the doors that other programs may come in by.
+    /// A bus inside this program, and the gateways through which other programs reach it.
     Simulated(GatewayPorts),
     /// A CAN interface of the system.
     SocketCan {
@@ -98,9 +98,9 @@ pub enum FlowControl {
 /// A link, checked.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Link {
-    /// What carries it.
+    /// Interface, port or socket below the wire.
     pub carrier: Carrier,
-    /// What the bytes travel on.
+    /// Encoding and line of the bytes.
     pub wire: Wire,
     /// Constant delay on top of the time on the wire, us; of a real link: as calibrated.
     pub latency_us: f64,
@@ -117,7 +117,7 @@ pub struct Link {
     pub id_base: u16,
     /// Folder of a pulse-per-second source in sysfs; its pulses mark the flight computer's whole seconds.
     pub pps: Option<PathBuf>,
-    /// What is in plain messages; `None`: the wire carries the protocol.
+    /// Content of plain messages; `None`: the wire carries the protocol.
     pub plain: Option<Plain>,
 }
 

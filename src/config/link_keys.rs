@@ -18,7 +18,7 @@ section! {
         kind: Word<Kind> = "simulated",
             [("simulated", Kind::Simulated), ("socketcan", Kind::SocketCan), ("serial", Kind::Serial),
              ("udp", Kind::Udp), ("tcp", Kind::Tcp)];
-        /// What the bytes travel on: CAN and serial lines carry the same messages, plain is numbers and nothing else.
+        /// Encoding of the bytes: CAN and serial lines carry the same messages, plain carries numbers only.
         wire: Word<Wire> = Computed("\"serial\" on a serial port, \"plain\" over udp and tcp, else \"can_fd\""), WIRES;
         /// Microseconds on top of the time on the wire; 0 for none.
         latency_us: f64 = 0.0, Within(0.0, 1e7);
@@ -46,11 +46,11 @@ section! {
         stop_bits: Whole<u8> = 1, 1..=2;
         /// Flow control of a serial line: none, unless RTS and CTS are wired.
         flow_control: Word<FlowControl> = "none", [("none", FlowControl::None), ("hardware", FlowControl::Hardware)];
-        /// Door for slcan over TCP: a port on loopback such as 29536, or "address:port"; 0 takes a free one.
+        /// Gateway for slcan over TCP: a port on loopback such as 29536, or "address:port"; 0 takes a free one.
         slcan_tcp: Raw<Address> = Optional, port_or_address();
-        /// Door for slcan over a pseudo terminal: the path of a link to it.
+        /// Gateway for slcan over a pseudo terminal: the path of a link to it.
         slcan_pty: String = Optional, "path";
-        /// Door for socketcand over TCP: a port on loopback such as 29536, or "address:port"; 0 takes a free one.
+        /// Gateway for socketcand over TCP: a port on loopback such as 29536, or "address:port"; 0 takes a free one.
         socketcand: Raw<Address> = Optional, port_or_address();
         /// Where a plain link receives: a port on loopback such as 29700, or "address:port"; 0 takes a free one.
         listen: Raw<Address> = Optional, port_or_address();
@@ -81,7 +81,7 @@ section! {
     }
 }
 
-/// What `kind` says.
+/// Values of `kind`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     Simulated,

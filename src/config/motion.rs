@@ -95,7 +95,7 @@ section! {
     }
 }
 
-/// What `kind` says.
+/// Values of `kind`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     ConstantRate,

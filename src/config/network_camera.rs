@@ -38,7 +38,7 @@ section! {
         serial: String = Computed("starloop's own"), "text", PLAIN;
         /// User-defined name that clients see.
         user_name: String = Computed("none"), "text", PLAIN;
-        /// Hardware address that clients see, such as "02:00:7f:00:00:01"; leave it out to tell the interface's.
+        /// Hardware address that clients see, such as "02:00:7f:00:00:01"; leave it out for that of the interface.
         mac: String = Optional, "six pairs of hexadecimal digits";
         /// Form of the description at the first address; the other form is at the second address.
         xml: Word<XmlForm> = "zip", [("zip", XmlForm::Zip), ("plain", XmlForm::Plain)];

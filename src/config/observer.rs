@@ -37,7 +37,7 @@ pub enum Observer {
     },
     /// A conic about the Earth, the Moon or the Sun.
     TwoBody {
-        /// What it is about.
+        /// The central body.
         about: CentralBody,
         /// The instant of the state or elements; `None`: the start of the run.
         epoch: Option<Tai>,
@@ -53,7 +53,7 @@ pub enum Observer {
     },
 }
 
-/// What fixes a conic at its epoch, in ICRF axes.
+/// State or elements of a conic at its epoch, in ICRF axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum OrbitStart {
     /// Position and velocity from the central body.

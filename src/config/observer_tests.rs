@@ -10,7 +10,7 @@ struct OnlyObserver {
     observer: ObserverKeys,
 }
 
-/// Returns the observer of a file with only this section, whether light is bent, and the keys that nobody gave.
+/// Reads the observer of a file with only this section, whether light is bent, and the keys left at defaults.
 fn observer(lines: &str) -> Result<(Observer, bool, Vec<String>), ConfigError> {
     let document = Document::from_text(&format!("[observer]\n{lines}\n"), Path::new("lab/bench.toml"));
     let keys: OnlyObserver = document.read_as()?;

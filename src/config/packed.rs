@@ -15,7 +15,7 @@ use std::path::{Component, Path, PathBuf};
 
 /// Keys of a camera that name a file of points.
 const NAMES_A_TABLE: [&str; 2] = ["band.qe_file", "band.transmission_file"];
-/// Lists of heads, each of which may name a camera.
+/// Lists of heads; each head may name a camera.
 const NAMES_CAMERAS: [&str; 2] = ["head", "extra_head"];
 /// Ends of the keys whose value is the path of a file of data, or a list of such paths.
 const NAMES_DATA: [&str; 8] =
@@ -24,7 +24,7 @@ const NAMES_DATA: [&str; 8] =
 const DATA_FOLDER: &str = "data";
 /// How names of documents of the binary begin.
 const BUILT_IN: &str = "built-in ";
-/// What the name of a kept file keeps of the original's, characters.
+/// Most characters that a kept file keeps of its original name.
 const NAME_CHARACTERS: usize = 80;
 
 /// A document with every file that it names: what it says whatever becomes of the files.

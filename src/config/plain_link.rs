@@ -25,7 +25,7 @@ pub struct Plain {
     pub sender_timeout: Span,
 }
 
-/// What `encoding` says.
+/// Values of `encoding`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Form {
     F64Le,
@@ -100,7 +100,7 @@ fn refused(keys: &LinkTable, place: Option<usize>, error: &LayoutError, check: &
         .invalid(got, wanted, check)
 }
 
-/// What carries a plain link over the network.
+/// Returns the carrier of a plain link over the network.
 pub(super) fn carrier(keys: &LinkTable, kind: Kind, check: &Checker<'_>) -> Result<Option<Carrier>, ConfigError> {
     match kind {
         Kind::Simulated | Kind::SocketCan | Kind::Serial => Ok(None),
@@ -123,7 +123,7 @@ pub(super) fn carrier(keys: &LinkTable, kind: Kind, check: &Checker<'_>) -> Resu
     }
 }
 
-/// What a bench must have, and must not have, whose plant sends plain messages.
+/// Checks that a bench whose plant sends plain messages has what they need and nothing that they cannot serve.
 pub(super) fn check_bench(
     (link, extra_links): (&Link, &[Link]),
     computer: &FlightComputer,

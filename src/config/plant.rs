@@ -15,10 +15,10 @@ use glam::DVec3;
 use histories::Sense;
 use testbed::spacecraft::TestTorque;
 
-/// Who moves the spacecraft.
+/// Source of the spacecraft's motion.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Plant {
-    /// A flight computer or simulator at the other end of the link, which is no part of this program.
+    /// An external flight computer or simulator at the other end of the link.
     Outside,
     /// The simulated flight computer: it sends a prescribed attitude.
     FlightComputer,
@@ -37,11 +37,11 @@ pub struct OutsideTrackers {
     pub tag_error: Span,
     /// Most stars a tracker measures in a frame.
     pub most_stars: usize,
-    /// What the trackers command their cameras.
+    /// Commands of the trackers to their cameras.
     pub commands: TrackerCommands,
 }
 
-/// What a tracker commands its camera.
+/// Commands of a tracker to its camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct TrackerCommands {
     /// Windows.
@@ -63,7 +63,7 @@ impl TrackerCommands {
 }
 
 impl Default for OutsideTrackers {
-    /// What `[plant.tracker]` gives without a key.
+    /// Returns the values of a `[plant.tracker]` without keys.
     fn default() -> Self {
         Self { delay: Span::from_ms(50), tag_error: Span::ZERO, most_stars: 40, commands: TrackerCommands::default() }
     }
@@ -86,7 +86,7 @@ pub struct Vehicle {
     pub tag_error: Span,
     /// Most stars a tracker measures in a frame.
     pub tracker_stars: usize,
-    /// What the trackers command their cameras.
+    /// Commands of the trackers to their cameras.
     pub tracker_commands: TrackerCommands,
     /// From a control step to its torque, on top of nothing: latency injected to be studied.
     pub actuation_delay: Span,
@@ -97,7 +97,7 @@ pub struct Vehicle {
 }
 
 section! {
-    /// Who moves the spacecraft, and how one that is flown inside begins, points and is controlled.
+    /// Source of the spacecraft's motion, and how one simulated here starts, points and is controlled.
     PlantKeys at "plant" {
         /// The simulated flight computer, one at the other end of the link, a simulated spacecraft, or a file of attitudes.
         kind: Word<PlantKind> = Computed("vehicle with spacecraft, else as flight_computer.kind says"), [
@@ -113,10 +113,10 @@ section! {
         kernels: Raw<Vec<String>> = Optional, Shape::list(Shape::Text("path"));
         /// Number of the instrument or spacecraft in a SPICE CK file, where it has several.
         naif_id: Whole<i32> = Optional, -2_000_000_000..=2_000_000_000;
-        /// What lays the file upon the run: its own times, or its beginning at the first exposure.
+        /// How the file's times are placed on the clock of the run: at their own UTC, or starting at the first exposure.
         begins: Word<Begins> = Computed("utc where the file's times are absolute, else first_exposure"),
             [("utc", Begins::Utc), ("first_exposure", Begins::FirstExposure)];
-        /// What is sent before the file's first attitude and after its last: nothing, or that attitude at rest.
+        /// Attitude before the file's first row and after its last: none, or that row's attitude at rest.
         outside: Word<bool> = Computed("none where the file's times are absolute, else rest"),
             [("none", false), ("rest", true)];
         tables:
@@ -198,7 +198,7 @@ pub(super) struct FlightKeys {
     pub(super) telemetry: TelemetryKeys,
 }
 
-/// What `plant.kind` says.
+/// Values of `plant.kind`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum PlantKind {
     Outside,

@@ -18,11 +18,11 @@ pub struct FilePlant {
     pub history: Arc<AttitudeHistory>,
     /// Which instant of the run its times belong to.
     pub begins: Begins,
-    /// Whether the body rests before the first and after the last row; else there is no attitude.
+    /// True: the body rests before the first and after the last row; false: no attitude is sent there.
     pub rests_outside: bool,
 }
 
-/// What lays a file upon the clock of a run.
+/// How the times of a file are placed on the clock of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Begins {
     /// Its zero, or its first row where its times are absolute, is the first exposure.

@@ -1,4 +1,4 @@
-//! Who moves the spacecraft: every form of file, and what each kind refuses.
+//! Source of the spacecraft's motion: every form of file, and the keys that each kind refuses.
 
 use super::*;
 use crate::{Begins, Bench, Document, FilePlant, Scenario};

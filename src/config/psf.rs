@@ -1,8 +1,8 @@
 //! `[psf]`; beyond Gaussian and Airy there are `halo` (`halo_sigma_px`, `halo_share`), `moffat` (`fwhm_px`, `beta`), `measured` (a FITS image and how to take it),
 //! `field` (`nodes = [columns, rows]` and that many `[[psf.node]]`, row by row from the top left, each a PSF of its own).
 //!
-//! A measured PSF's file is read when the camera is; its path is relative to the camera file. It is no part of a packed
-//! configuration: a replay reads it where it was.
+//! A measured PSF's file is read with the camera; its path is relative to the camera file. A packed configuration does
+//! not contain it: a replay reads it from its original place.
 
 use crate::check::{Checker, Rule};
 use crate::detector::Detector;
@@ -44,18 +44,18 @@ macro_rules! psf_section {
                 file: String = Optional, "path";
                 /// Samples of the image along each side of a detector pixel.
                 samples_per_px: Whole<usize> = Optional, 2..=32,
-                    "samples of the image along each side of a detector pixel; fewer than 2 do not tell where in a \
-                     pixel a star is";
+                    "samples of the image along each side of a detector pixel; fewer than 2 are too coarse to centre a \
+                     star within a pixel";
                 /// "light": each sample is the light on its own small cell; "pixels": on a whole pixel centred there.
                 holds: Word<Holds> = "light", [("light", Holds::Light), ("pixels", Holds::Pixels)];
-                /// What to take off the samples: a level in their unit, or a word.
+                /// Level to subtract from the samples: a level in their unit, or a word.
                 background: Raw<LevelOrWord> = Computed("\"none\""),
                     Shape::either(Shape::Number(Finite), Shape::Words(vec!["none", "border"])),
                     "or a level in the samples' unit; \"border\" takes the mean of the outermost samples";
                 /// Where the star is in the image: a word, or a sample.
                 star_at: Raw<PlaceOrWord> = Computed("\"centroid\""),
                     Shape::either(Shape::numbers(2), Shape::Words(vec!["centroid", "middle"])),
-                    "or [column, row] of the sample the star stands at, counted from 0 at the top left";
+                    "or [column, row] of the sample at the star's centre, counted from 0 at the top left";
                 /// Share of the star's light that the image holds; 1 when nothing to speak of lies outside.
                 light_inside: f64 = 1.0, Within(0.5, 1.0);
                 $(tables: $($tables)*)?
@@ -88,7 +88,7 @@ psf_section! {
         obscuration: f64 = Computed("that of [optics]"), Within(0.0, LARGEST_OBSCURATION);
         /// Colour BP-RP of the star that a chain is drawn for, such as the Sun's, 0.82.
         bp_rp: f64 = Optional, Within(-1.0, 7.0);
-        /// How pixel values are had from the PSF: auto, table:S, supersampled:N, point or bicubic.
+        /// How pixel values are computed from the PSF: auto, table:S, supersampled:N, point or bicubic.
         sampling: String = "auto", "text", "auto is exact, and right for most cameras";
         /// Nodes of a field along a row and a column, the outermost at the detector's edges; each is a [[psf.node]].
         nodes: Raw<[i64; 2]> = Optional, Shape::Row(2, Box::new(Shape::Whole(2..=MOST_NODES as i64)));
@@ -138,7 +138,7 @@ pub(super) enum PlaceOrWord {
     Word(String),
 }
 
-/// What a node may be.
+/// Models allowed at a node.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum NodeModel {
     Gaussian,
@@ -219,7 +219,7 @@ impl Psf {
         }
     }
 
-    /// Returns how pixel values are had from the PSF.
+    /// Returns how pixel values are computed from the PSF.
     pub(super) fn check_sampling(keys: &PsfKeys, check: &mut Checker<'_>) -> Result<PsfSampling, ConfigError> {
         let word = keys.sampling().check(check)?;
         let refuse = |wanted: &str| keys.sampling().invalid(format!("\"{word}\""), wanted, check);
@@ -235,7 +235,7 @@ impl Psf {
 }
 
 impl PsfKeys {
-    /// Those of a PSF that may also stand at a node.
+    /// Returns the keys of a PSF that are also allowed at a node.
     pub(super) fn of_node(&self) -> NodeKeys {
         NodeKeys {
             placed_at: Some("psf".into()),

@@ -68,7 +68,7 @@ section! {
         /// Second colour term, per squared magnitude of BP-RP.
         color_c2: f64 = 0.0, Within(-5.0, 5.0),
             "magnitudes per magnitude of BP-RP; 0 when the band is that of the magnitude";
-        /// What the grey is linear in; irradiance keeps the stars' ratios.
+        /// The quantity that the grey is linear in; irradiance keeps the stars' ratios.
         grey_scale: Word<GreyScale> = "irradiance",
             [("irradiance", GreyScale::Irradiance), ("magnitude", GreyScale::Magnitude)];
         /// Magnitude G of the star that gets brightest_grey_dn.

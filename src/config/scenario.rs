@@ -29,11 +29,11 @@ use std::path::Path;
 /// A run of the stimulator, checked, with everything its file names.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scenario {
-    /// What people call it.
+    /// Name for people.
     pub name: String,
     /// Cameras, bus, clockwork, sinks.
     pub bench: Bench,
-    /// Who moves the spacecraft.
+    /// Source of the spacecraft's motion.
     pub plant: Plant,
     /// Star trackers beside a plant outside.
     pub trackers: Option<OutsideTrackers>,
@@ -41,16 +41,16 @@ pub struct Scenario {
     pub events: Vec<Event>,
     /// Events of the file that do not come, because a setting made the run shorter than the file has it.
     pub events_left_out: usize,
-    /// What must come true.
+    /// Conditions that must be met.
     pub expect: Expect,
-    /// Values nobody gave beside those of the bench.
+    /// Values left at their defaults, beside those of the bench.
     pub defaulted: Vec<Defaulted>,
 }
 
 section! {
     /// A scenario: a bench with a spacecraft, events and expectations.
     ScenarioKeys at "" {
-        /// What people call it; it names a folder below out/.
+        /// Name of the run; it names a folder below out/.
         name: String = Computed("the file's name"), "text";
         /// The path of a bench file, relative to this one.
         bench: String = Needed, "path";
@@ -77,7 +77,7 @@ section! {
         telemetry: TelemetryKeys;
         /// Commands and faults, each at its time.
         event: Vec<EventKeys>;
-        /// What must come true for the run to have passed.
+        /// Conditions that must be met for the run to pass.
         expect: ExpectKeys;
     }
 }
@@ -111,8 +111,8 @@ impl Scenario {
         check_all(document, if is_over_bench(document) { Self::over_bench } else { Self::in_one_file })
     }
 
-    /// Checks a run file of which the run is to last so long. Where a spacecraft is flown the duration is set before
-    /// anything is checked: what is expected of its pointing depends on it.
+    /// Checks a run file for a run of this length. Where a spacecraft is flown the duration is set before anything is
+    /// checked: the expectations of its pointing depend on it.
     ///
     /// # Errors
     /// As [`Self::from_document`].

@@ -22,7 +22,7 @@ pub enum SessionStart {
 pub struct Session {
     /// When frames begin to show stars.
     pub start: SessionStart,
-    /// Heartbeats that stop for this long are told.
+    /// Gap between heartbeats after which it is reported.
     pub heartbeat_timeout: Span,
 }
 

@@ -44,7 +44,7 @@ pub enum Sink {
     SharedMemory {
         /// The file that holds it; in `/dev/shm` it never meets a disk.
         path: PathBuf,
-        /// Frames there is room for before the oldest is overwritten.
+        /// Frames in the buffer before the oldest is overwritten.
         slots: u32,
     },
     /// An iceoryx2 service, for programs on this machine.
@@ -76,7 +76,7 @@ impl Sink {
         }
     }
 
-    /// Returns the key that says where it writes to, and where that is, when nobody else may write there.
+    /// Returns the key with the place that it writes to, and that place, when no other sink may write there.
     fn place(&self) -> Option<(&'static str, String)> {
         match self {
             Self::Recorder { directory, .. } => Some(("directory", plain(directory.as_deref()?))),
@@ -117,7 +117,7 @@ const KINDS: [(&str, Kind); 6] = [
     ("display", Kind::Display),
 ];
 
-/// The keys of one sink as they stand, since the kind says what they may be.
+/// The keys of one sink, unchecked: the kind decides which are allowed.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(transparent)]
 pub(super) struct SinkKeys(toml::Table);
@@ -190,7 +190,7 @@ impl Inner for SinkKeys {
 
 /// One sink while its keys are read.
 pub(super) struct SinkTable<'a> {
-    /// Where it stands: `sink`, `extra_sink[0]`, ...
+    /// Its table: `sink`, `extra_sink[0]`, ...
     name: &'a str,
     /// Its keys but those that every kind has.
     keys: toml::Table,
@@ -222,7 +222,7 @@ impl SinkSettings {
             let name = format!("extra_sink[{i}]");
             if !keys.0.contains_key("kind") {
                 let words = KINDS.map(|(word, _)| word).join("\", \"");
-                let advice = "it stands beside [sink], and gets the same frames";
+                let advice = "it is written in addition to [sink], with the same frames";
                 return Err(check.invalid(&format!("{name}.kind"), "missing", format!("one of \"{words}\""), advice));
             }
             let settings = Self::check(&name, keys, bench, image_px, check)?;

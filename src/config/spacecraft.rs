@@ -20,7 +20,7 @@ const SQRT_H: f64 = 60.0;
 /// A spacecraft, checked.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Spacecraft {
-    /// What people call it.
+    /// Name for people.
     pub name: String,
     /// Body, wheels, modes, disturbances. The orbit is a placeholder: it is the bench's observer.
     pub params: SpacecraftParams,
@@ -32,7 +32,7 @@ pub struct Spacecraft {
     pub sun_sensor_noise_rad: f64,
     /// Control.
     pub control: Control,
-    /// Values nobody gave.
+    /// Values that the file does not give.
     pub defaulted: Vec<Defaulted>,
 }
 
@@ -58,7 +58,7 @@ pub struct Control {
 section! {
     /// A spacecraft: body, wheels, modes, disturbances, gyro, Sun sensor, control.
     SpacecraftKeys at "" {
-        /// What people call it.
+        /// Name of the spacecraft.
         name: String = Computed("the file's name"), "text";
         tables:
         /// The rigid body.

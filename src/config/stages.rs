@@ -26,7 +26,7 @@ pub struct AttitudeSettings {
     pub jitter_max_gap: Span,
     /// A frame may wait so long for jitter samples that are under way.
     pub jitter_wait: Span,
-    /// What is shown on the real clock when the stream has stopped; `estimate` has that of the virtual clock.
+    /// Frames shown on the real clock when the stream has stopped; `estimate` has the policy of the virtual clock.
     pub policy_on_real_clock: StalePolicy,
     /// Time correlation.
     pub clock: RemoteClockLimits,
@@ -81,7 +81,7 @@ section! {
         clock_window_s: f64 = RemoteClockLimits::default().window.s(), Within(2.0, 600.0);
         /// Milliseconds by which a time mark must be off to be a step of a clock, such as 250.
         clock_step_ms: f64 = RemoteClockLimits::default().step.ms(), Within(1.0, 60_000.0);
-        /// Parts per million that a clock may be off, such as 200; more is no clock's drift.
+        /// Parts per million that a clock may be off, such as 200; larger drifts are refused as outliers.
         clock_max_drift_ppm: f64 = RemoteClockLimits::default().most_drift * 1e6, Within(1.0, 10_000.0);
         /// Allan deviation of the flight computer's oscillator at 1 s, such as 5e-9.
         clock_allan_1s: f64 = RemoteClockLimits::default().allan_1s, Within(1e-13, 1e-5), ALLAN;
@@ -155,8 +155,8 @@ impl AttitudeSettings {
     }
 }
 
-/// Returns what is shown when the stream has stopped, on the virtual clock and on the real one. Without the key a simulated run
-/// goes on from the last attitude, while one with hardware sends no frame: a tracker must not see a sky that stands still.
+/// Returns the policy for a stream that has stopped, on the virtual clock and on the real one. Without the key a
+/// simulated run goes on from the last attitude; one with hardware sends no frame, so that a tracker never sees a frozen sky.
 fn stale_policies(keys: &AttitudeKeys, check: &mut Checker<'_>) -> Result<[StalePolicy; 2], ConfigError> {
     let policy = keys.stale_policy().check(check)?;
     Ok(if keys.stale_policy().is_given() { [policy; 2] } else { [StalePolicy::Hold, StalePolicy::Drop] })

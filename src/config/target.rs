@@ -59,7 +59,7 @@ pub struct TargetSettings {
     pub light: TargetLight,
 }
 
-/// What is seen where stars and targets overlap.
+/// Rule for pixels where stars and targets overlap.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Overlap {
     /// Photons add.

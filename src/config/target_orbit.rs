@@ -12,7 +12,7 @@ use sky::target::{Brightness, MOST_PHASE_POINTS, PhaseCurve, SUN_BP_RP};
 
 /// Largest size of a file of elements, bytes: a whole catalog.
 const LARGEST_FILE: usize = 64 << 20;
-/// Reflectance of a target nobody knows: a usual mean of spacecraft and debris.
+/// Reflectance assumed for a target: a usual mean of spacecraft and debris.
 pub(super) const USUAL_ALBEDO: f64 = 0.175;
 
 /// Where a target flies, checked as far as its form goes.
@@ -129,7 +129,7 @@ impl OrbitSettings {
     }
 }
 
-/// What makes a target bright, and its colour.
+/// Returns the brightness of a target and its colour.
 pub(super) fn check_brightness(keys: &TargetKeys, check: &mut Checker<'_>) -> Result<(Brightness, f64), ConfigError> {
     if !keys.diameter_m().is_given() {
         keys.refuse(&["albedo", "specular"], "diameter_m", check)?;

@@ -7,7 +7,7 @@ use crate::key_type::Word;
 use base::time::{Span, Tai};
 use plan::exposure::Degradation;
 
-/// What happens to a frame that is not ready when it is due.
+/// Treatment of a frame that is not ready when it is due.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DeadlinePolicy {
     /// The last frame is sent again.
@@ -18,7 +18,7 @@ pub enum DeadlinePolicy {
     Late,
 }
 
-/// When frames that would not be ready in time are degraded, rung by rung.
+/// When frames that would not be ready in time are drawn at a degraded level, one level at a time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Degrade {
     /// On the real clock only: there alone does drawing take time.

@@ -39,7 +39,7 @@ section! {
         line_name: String = Optional, "name such as \"CAMERA_TRIGGER\"";
         /// Edge with which the line becomes active and an exposure starts.
         edge: Word<ActiveEdge> = "rising", [("rising", ActiveEdge::Rising), ("falling", ActiveEdge::Falling)];
-        /// What the chip's resistors do with the line; as_is leaves them.
+        /// Resistor on the chip's line; as_is leaves it unchanged.
         bias: Word<LineBias> = "as_is", [
             ("as_is", LineBias::AsIs), ("off", LineBias::Off), ("pull_up", LineBias::PullUp), ("pull_down", LineBias::PullDown),
         ];
