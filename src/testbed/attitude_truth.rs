@@ -1,4 +1,4 @@
-//! What a simulated spacecraft's attitude really is at one instant: the scripted one's and the dynamic one's alike.
+//! True attitude of a simulated spacecraft at one instant, for scripted and dynamic ones alike.
 
 use base::axes::{Body, Icrf, Rotation};
 use glam::DVec3;

@@ -54,7 +54,7 @@ pub struct BenchTruth {
     pub roll_rad: f64,
     /// Offset of the tracker's boresight, rad.
     pub offset_rad: [f64; 2],
-    /// Whether a mirror stands between.
+    /// Whether a mirror is between display and tracker.
     pub mirrored: bool,
     /// Columns and rows of the tracker.
     pub tracker_px: [usize; 2],
@@ -82,7 +82,7 @@ pub struct BenchTruth {
 
 impl BenchTruth {
     /// Returns a bench with every error at once: a tilted, rolled display behind a distorting collimator, off-centre
-    /// vignetting, a response that is no power, black that is not dark.
+    /// vignetting, a response that does not follow a power law, black that is not dark.
     #[must_use]
     pub fn crooked() -> Self {
         Self {

@@ -6,7 +6,7 @@
 //! and the quickest good path is taken. There always is one: away from or towards the Sun to the end's angle, around
 //! the Sun at that angle, roll about the boresight; the Sun's angle is monotone, then constant.
 //!
-//! Assumptions: the Sun stands still during a slew (0.04 deg/h); `margin_rad` covers the tracking error and the
+//! Assumptions: the Sun does not move during a slew (0.04 deg/h); `margin_rad` covers the tracking error and the
 //! estimate's error; a slew that is broken off stops within `rate / (2 zeta wn)` of the coarse loop, wherever that is.
 //! Starting or ending inside the margin is allowed and not made worse. Tests:
 //! `avoidance_tests.rs` (1000 random slews, dense samples).

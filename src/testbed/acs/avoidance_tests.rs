@@ -13,7 +13,7 @@ const KEEP_OUT: KeepOut =
     KeepOut { boresight_body: DVec3::new(0.2, 0.0, 1.0), half_angle_rad: 40.0 * DEG, margin_rad: 3.0 * DEG };
 const CASES: u32 = 1000;
 const SAMPLES: u32 = 600;
-/// What dense samples may miss between them: half a sample's turn, squared, over the path's curvature; and rounding.
+/// Error between dense samples: half a sample's turn, squared, over the path's curvature; and rounding.
 const SAMPLED_RAD: f64 = 1e-6;
 
 struct Case {

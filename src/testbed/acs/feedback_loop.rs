@@ -27,7 +27,7 @@ impl FeedbackLoop {
         Self { gains, filter: filter.at_rest(), integral_rad_s: DVec3::ZERO, saturated: false, fresh: true }
     }
 
-    /// Forgets integral and filter: the next step begins anew.
+    /// Forgets integral and filter: the next step starts from zero.
     pub(super) fn start_again(&mut self) {
         *self = Self { integral_rad_s: DVec3::ZERO, saturated: false, fresh: true, ..*self };
     }
@@ -37,7 +37,7 @@ impl FeedbackLoop {
         self.saturated = saturated;
     }
 
-    /// `F (kp e - kd w + ki int e)`. The integral stands still while the torque is at its limit
+    /// Returns `F (kp e - kd w + ki int e)`. The integral is frozen while the torque is at its limit
     /// (no wind-up) and where it would pass its own limit.
     pub(super) fn torque(
         &mut self,

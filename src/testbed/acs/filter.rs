@@ -9,7 +9,7 @@ use super::complex::Complex;
 use core::f64::consts::TAU;
 use glam::DVec3;
 
-/// Which structural filter stands in the loop.
+/// Structural filter in the loop.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum StructuralFilter {
     /// None.
@@ -100,7 +100,7 @@ impl BiquadState {
         output
     }
 
-    /// Forgets the past as if `input` had always been there (sections have unit gain at rest).
+    /// Sets the state for an `input` constant since long before (the gain of each section is one at rest).
     pub fn settle(&mut self, input: DVec3) {
         let Biquad { b, a, .. } = self.section;
         self.kept[1] = input * (b[2] - a[1]);

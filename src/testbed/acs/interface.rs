@@ -1,10 +1,10 @@
-//! What goes into the attitude control and what comes out of it.
+//! Inputs and outputs of the attitude control.
 
 use super::mode_logic::{Mode, ModeEvent};
 use base::axes::{Body, Icrf, Rotation};
 use glam::DVec3;
 
-/// What people may ask for.
+/// Commands of people to the control.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Command {
     /// Hold this attitude; by a planned turn when it is far off. In safe mode and rate damping: later.
@@ -17,7 +17,7 @@ pub enum Command {
     Resume,
 }
 
-/// What the control knows at one step.
+/// Knowledge of the control at one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AcsInput {
     /// Estimated attitude.
@@ -34,7 +34,7 @@ pub struct AcsInput {
     pub wheel_momentum_n_m_s: DVec3,
 }
 
-/// What the control wants.
+/// Torques and reports of the control at one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AcsOutput {
     /// Torque on the body, N m, body axes.

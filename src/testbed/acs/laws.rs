@@ -8,7 +8,7 @@
 use core::f64::consts::TAU;
 use glam::{DMat3, DVec3};
 
-/// What a pointing loop is asked for.
+/// Requested bandwidth, damping and integral time of a pointing loop.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gains {
     /// Undamped natural frequency of the loop, Hz.

@@ -138,7 +138,7 @@ fn the_noise_bandwidth_is_the_integral_in_closed_form() {
     let (z, wn) = (GAINS.damping, TAU * GAINS.bandwidth_hz);
     let wanted = wn * (1.0 + 4.0 * z * z) / (4.0 * z);
     let got = PointingLoop::ideal(GAINS).noise_bandwidth_hz();
-    // What lies past four decades: 4 zeta^2 wn / (pi 1e4).
+    // The part past four decades: 4 zeta^2 wn / (pi 1e4).
     assert!((got / wanted - 1.0).abs() < 1e-4, "{got} for {wanted}");
     let other = PointingLoop::ideal(Gains { damping: 0.71, ..GAINS }).noise_bandwidth_hz();
     assert!((other / wanted - 1.0).abs() > 1e-3, "another damping must differ: {other}");

@@ -6,7 +6,7 @@
 
 use base::time::{Span, Tai};
 
-/// What the control is about.
+/// Mode of the control.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mode {
     /// Sun-pointing with coarse Sun sensor and gyro; leaves on command only.
@@ -92,7 +92,7 @@ pub struct Thresholds {
     pub slew_settle: Span,
 }
 
-/// What is known at one step.
+/// Inputs of the mode logic at one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Situation {
     /// Rate of the body, rad/s.

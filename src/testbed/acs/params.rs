@@ -1,4 +1,4 @@
-//! What the attitude control is told about its spacecraft, and what can be wrong with it.
+//! Parameters of the attitude control for its spacecraft, and the errors of bad ones.
 
 use super::avoidance::KeepOut;
 use super::filter::StructuralFilter;
@@ -69,7 +69,7 @@ pub enum AcsError {
         name: &'static str,
         /// Its value.
         got: String,
-        /// What it must be.
+        /// The requirement.
         wanted: &'static str,
     },
     /// A target that would point the kept boresight at the Sun.
@@ -92,7 +92,7 @@ pub enum AcsError {
         /// The mode.
         mode: Mode,
     },
-    /// A target that is no attitude.
+    /// The quaternion of a target is not finite.
     #[error("target is not a finite quaternion")]
     TargetNotFinite,
 }

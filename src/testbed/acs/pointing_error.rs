@@ -27,7 +27,7 @@ use crate::estimator::{Farrenkopf, GyroNoise};
 const DECADES: f64 = 4.0;
 const POINTS_PER_DECADE: f64 = 400.0;
 
-/// What disturbs the pointing.
+/// Noise sources of the pointing.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PointingNoise {
     /// Noise-equivalent angle of the tracker about this axis, rad, one sigma per measurement.
@@ -123,7 +123,7 @@ impl Observer {
         let attitude = [(s * k1 + k2) / d, s / d, Complex::ONE / d];
         let bias = [-(s * self.k2 / d), k2 / d, -((s + Complex::real(k1)) / d)];
         let late = Complex::unit(-w_rad_s * self.latency_s);
-        // What the gyro's noises have made of rate and angle since the instant of the last measurement.
+        // Effect of the gyro's noises on rate and angle since the instant of the last measurement.
         let [once, twice] = self.since(s, late);
         let rate_since = [Complex::real(0.0), Complex::ONE, once];
         let angle_since = [Complex::real(0.0), once, twice];
@@ -155,7 +155,7 @@ fn bandwidth_rad_s((low, high): (f64, f64), h: impl Fn(f64) -> Complex) -> f64 {
         let w = 10_f64.powf(first + step * f64::from(k));
         h(w).modulus_squared() * w
     };
-    // The rectangle below the first point stands for what comes before it: |H| is constant there or falls to zero.
+    // The rectangle below the first point covers the lower frequencies: |H| is constant there or falls to zero.
     let before = term(0);
     let inner: f64 = (1..points).map(term).sum();
     before + (0.5 * (term(0) + term(points)) + inner) * step * core::f64::consts::LN_10

@@ -13,7 +13,7 @@ use glam::DVec3;
 /// Most turns one slew is made of.
 pub const MOST_LEGS: usize = 3;
 
-/// What a slew may do.
+/// Limits of rate and acceleration of a slew.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SlewLimits {
     /// Largest rate, rad/s.
@@ -22,7 +22,7 @@ pub struct SlewLimits {
     pub largest_acceleration_rad_s2: f64,
 }
 
-/// What the body should do at one instant.
+/// Target of the loop at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reference {
     /// Attitude.
@@ -90,7 +90,7 @@ impl Leg {
         self.start.rotated_by(self.axis * self.angle_rad)
     }
 
-    /// Axis of the turn, body axes; zero when there is no turn.
+    /// Returns the axis of the turn, body axes; zero when the slew does not turn.
     #[must_use]
     pub fn axis_body(&self) -> DVec3 {
         self.axis
@@ -109,7 +109,7 @@ impl Leg {
         2.0 * self.ramp_s + self.coast_s
     }
 
-    /// What to follow `t_s` after the beginning; at rest before and after.
+    /// Returns the target `t_s` after the start; at rest before and after the slew.
     #[must_use]
     pub fn reference(&self, t_s: f64) -> Reference {
         let left_s = self.duration_s() - t_s;
@@ -177,7 +177,7 @@ impl SlewPath {
         self.legs[self.count - 1].end()
     }
 
-    /// What to follow `t_s` after the beginning; at rest before and after.
+    /// Returns the target `t_s` after the start; at rest before and after the slew.
     #[must_use]
     pub fn reference(&self, t_s: f64) -> Reference {
         let mut left_s = t_s;

@@ -91,7 +91,7 @@ impl TestBody {
         }
     }
 
-    /// What a perfect estimator and Sun sensor would say.
+    /// Returns the outputs of a perfect estimator and Sun sensor.
     pub(super) fn input(&self) -> AcsInput {
         AcsInput {
             attitude: self.tracker_works.then_some(self.attitude),

@@ -163,7 +163,7 @@ fn without_sun_safe_mode_searches_and_the_opposite_sun_is_found() {
 fn a_far_target_is_reached_around_the_sun() {
     let mut body = TestBody::new(DVec3::ZERO);
     let target = body.attitude.rotated_by(DVec3::Y * 100.0 * DEG);
-    // The Sun stands halfway, a little to the side.
+    // The Sun is halfway, a little to the side.
     let halfway = body.attitude.rotated_by(DVec3::new(0.05, 50.0 * DEG, 0.0));
     body.sun = Some(halfway.inverse().apply(DVec3::Z));
     let closest = |exclusion, body: &mut TestBody| {

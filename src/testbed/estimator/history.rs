@@ -1,7 +1,7 @@
-//! What happened lately, in order of time: gyro samples and attitudes, each with the estimate right after it.
+//! Recent gyro samples and attitudes in order of time, each with the estimate right after it.
 //!
 //! A late attitude splits the gyro sample it falls into; everything after it is then worked through again. One queue
-//! with room taken at the start: nothing allocates later. Tests: `tests.rs` (late and unordered attitudes).
+//! with its capacity taken at the start: nothing allocates later. Tests: `tests.rs` (late and unordered attitudes).
 
 use super::covariance6::{Covariance6, Turn};
 use super::params::MekfParams;
@@ -31,7 +31,7 @@ pub(super) struct Step {
     pub(super) at: Tai,
     /// Mean rate since the step before as the gyro gave it (its last one while it is silent), rad/s.
     pub(super) rate_measured_rad_s: DVec3,
-    /// How long the gyro had been silent at the beginning of this step; `None`: it was not.
+    /// Silence of the gyro before this step; `None`: it was not silent.
     pub(super) silent_for: Option<Span>,
     pub(super) fix: Option<Fix>,
     /// Estimate after all of this.
@@ -95,7 +95,7 @@ impl History {
         self.steps.drain(..index);
     }
 
-    /// Drops what is out of reach, keeping one step at or before the reach; and what there is no room for.
+    /// Drops steps out of reach, keeping one step at or before the reach, and the oldest beyond the capacity.
     pub(super) fn forget(&mut self) {
         let oldest = self.last().at - self.reach;
         let unreachable = self.steps.partition_point(|step| step.at <= oldest).saturating_sub(1);
@@ -187,7 +187,7 @@ mod tests {
                     history.split_after(before, step(late));
                     history.forget();
                 }
-                assert!(history.len() <= space, "room for {space}, held {}", history.len());
+                assert!(history.len() <= space, "capacity {space}, held {}", history.len());
             }
             assert_eq!(history.steps.capacity(), taken, "nothing allocates later");
             assert!(history.steps.iter().is_sorted_by_key(|step| step.at), "in order");

@@ -12,7 +12,7 @@ use base::axes::{Body, Icrf, Rotation};
 use base::time::{Span, Tai};
 use glam::{DMat3, DVec3};
 
-/// What became of an attitude.
+/// Result of a measured attitude.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Measured {
     /// Worked in. Squared Mahalanobis distance of the innovation: chi-square with 3 degrees of freedom.
@@ -31,11 +31,11 @@ pub enum Measured {
     Ahead,
     /// Not finite, or a covariance that is not positive: left out.
     Unusable,
-    /// The filter had no attitude, or was lost, and began from this one.
+    /// The filter was not started, or was lost, and started from this one.
     Started,
 }
 
-/// What the filter counted.
+/// Counters of the filter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct MekfCounts {
     /// Attitudes worked in.
@@ -170,13 +170,13 @@ impl Mekf {
         self.started && !self.is_lost() && self.sigma_rad().max_element() < self.params.converged_sigma_rad
     }
 
-    /// More attitudes in a row were refused than allowed: the next one starts the filter anew.
+    /// Returns whether more attitudes in a row were refused than allowed: the next one restarts the filter.
     #[must_use]
     pub fn is_lost(&self) -> bool {
         self.gated_in_a_row > self.params.lost_after
     }
 
-    /// What was counted so far.
+    /// Returns the counters so far.
     #[must_use]
     pub fn counts(&self) -> MekfCounts {
         self.counts

@@ -1,4 +1,4 @@
-//! What the estimator is told about its gyro, its first guess and its measurements.
+//! Parameters of the estimator: its gyro, its first guess and its measurements.
 
 use base::time::Span;
 use glam::DVec3;
@@ -19,7 +19,7 @@ pub struct MekfParams {
     pub dropout_acceleration_rad_s2: f64,
     /// An attitude is refused when its innovation is further than this many sigmas (Mahalanobis distance, 3 axes).
     pub gate_sigma: f64,
-    /// More than this many refused attitudes in a row: lost, and the next attitude starts anew.
+    /// More than this many refused attitudes in a row: lost, and the next attitude restarts the filter.
     pub lost_after: u32,
     /// How old an attitude may be.
     pub history: Span,

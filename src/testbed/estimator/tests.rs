@@ -311,7 +311,7 @@ fn outliers_are_gated_and_many_of_them_mean_lost() {
 #[test]
 fn a_start_at_the_wrong_end_of_the_sky_is_recovered_from() {
     let turned = |world: &World| world.attitude.rotated_by(DVec3::new(0.0, PI, 0.0));
-    // Believed to be sure: gated until lost, then anew.
+    // Overconfident: gated until lost, then restarted.
     let (mut world, mut sure) = (World::new(6), filter());
     let wrong = turned(&world);
     assert!(sure.start_from(start(), &wrong, &noise_covariance()), "start");
@@ -374,7 +374,7 @@ fn a_late_attitude_within_a_silence_is_as_good_as_a_timely_one() {
 fn unusable_numbers_are_refused() {
     let mut filter = filter();
     filter.propagate(start() + GYRO_STEP, Some(DVec3::NAN));
-    assert!(filter.rate_rad_s().is_finite() && filter.counts().gyro_dropouts == 1, "NaN is no sample");
+    assert!(filter.rate_rad_s().is_finite() && filter.counts().gyro_dropouts == 1, "NaN is not used as a sample");
     filter.propagate(start(), Some(DVec3::ONE));
     assert_eq!(filter.at(), start() + GYRO_STEP, "time does not run back");
     for bad in [DMat3::ZERO, DMat3::NAN, -DMat3::IDENTITY] {

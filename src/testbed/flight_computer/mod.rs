@@ -41,7 +41,7 @@ use link::{Departure, LinkError, Port, Stamped};
 use schedule::{Schedule, Stream};
 use talk::Talk;
 
-/// What the flight computer does.
+/// Parameters of the flight computer.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FlightComputerParams {
     /// Zero of its clock.
@@ -64,11 +64,11 @@ pub struct FlightComputerParams {
     pub jitter_lines: Vec<JitterLineParams>,
     /// How the jitter is sent.
     pub jitter: JitterStream,
-    /// What goes wrong.
+    /// Injected faults.
     pub faults: Faults,
 }
 
-/// What goes wrong, on purpose.
+/// Faults that the flight computer injects on purpose.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Faults {
     /// No attitude and no jitter from here on; time marks and heartbeat go on.
@@ -95,13 +95,13 @@ pub enum Corruption {
     NotUnit,
 }
 
-/// A time mark that was sent and not yet told.
+/// A time mark that was sent and whose follow-up was not.
 #[derive(Debug, Clone, Copy)]
 struct SentSync {
     counter: u8,
-    /// As the port told it when it was sent.
+    /// When it left, as the port reported at once.
     left_at: Tai,
-    /// Its packet, to ask what became of it.
+    /// Number of its packet, to ask when it actually left.
     packet: u64,
 }
 
@@ -183,7 +183,7 @@ impl FlightComputer {
         self.vehicle.as_ref().map_or(message, |vehicle| vehicle.next_due().min(message))
     }
 
-    /// What the stimulator said so far.
+    /// Returns the messages received from the stimulator so far.
     #[must_use]
     pub fn received(&self) -> &Received {
         &self.received
@@ -195,20 +195,20 @@ impl FlightComputer {
         self.talk.is_running()
     }
 
-    /// Fires a trigger of the stimulator's: told from `now` on until it is answered, after RUN; it acts at `at`, or as soon as
-    /// it has come.
+    /// Fires a trigger of the stimulator: sends it from `now` on, after RUN, until it is answered; it acts at `at`, or on
+    /// arrival.
     ///
     /// # Errors
-    /// When too many wait to be told, or the instant cannot be told: time tags wrap.
+    /// When too many are waiting to be sent, or the instant is too far away: time tags wrap.
     pub fn send_trigger(&mut self, number: u16, at: Option<Tai>, now: Tai) -> Result<(), TriggerError> {
         let at_us = self.instant_us(at, now)?;
         self.say(Request::Trigger(Trigger { number, at_us }), now)
     }
 
-    /// Sets something of the stimulator's camera: told from `now` on until it is answered, after RUN.
+    /// Changes a setting of the stimulator's camera: sends it from `now` on, after RUN, until it is answered.
     ///
     /// # Errors
-    /// When too many commands wait to be told.
+    /// When too many commands are waiting to be sent.
     pub fn set_camera(&mut self, setting: CameraSetting, now: Tai) -> Result<(), TriggerError> {
         self.say(Request::Camera(setting), now)
     }
@@ -236,13 +236,13 @@ impl FlightComputer {
         if is_kept { Ok(()) } else { Err(TriggerError::Full) }
     }
 
-    /// What the stimulator answered to camera commands.
+    /// Returns the answers of the stimulator to camera commands.
     #[must_use]
     pub fn camera_answers(&self) -> CameraAnswers {
         self.talk.camera_answers()
     }
 
-    /// What the stimulator answered to triggers.
+    /// Returns the answers of the stimulator to triggers.
     #[must_use]
     pub fn trigger_answers(&self) -> TriggerAnswers {
         self.talk.trigger_answers()
@@ -295,7 +295,7 @@ impl FlightComputer {
         Ok(())
     }
 
-    /// An EXPOSURE message tells the vehicle's trackers when a frame was exposed.
+    /// Passes the exposure time of an EXPOSURE message to the vehicle's trackers.
     fn tag_frame(&mut self, message: &Stamped<Message>) {
         if let (Some(vehicle), Message::Exposure(exposure)) = (self.vehicle.as_mut(), &message.value) {
             let now_us = self.clock.elapsed_us(message.at);
@@ -341,8 +341,8 @@ impl FlightComputer {
         Ok(())
     }
 
-    /// Tells when the last SYNC actually left, which is after it was due when the bus was busy. One that has not left by
-    /// now is not told: a wrong time would be worse than none.
+    /// Sends when the last SYNC actually left, which is after it was due when the bus was busy. For one that has not left
+    /// by now nothing is sent: a wrong time would be worse than none.
     fn send_follow_up(&mut self, port: &mut Port) -> Result<(), LinkError> {
         let Some(SentSync { counter, left_at, packet }) = self.sent_sync.take() else { return Ok(()) };
         let left_at = match port.departure(packet) {

@@ -89,7 +89,7 @@ pub enum AtWaypoints {
     Pass,
 }
 
-/// Why waypoints are no path.
+/// Why waypoints do not make a path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum WaypointError {
     /// Fewer than two.
@@ -214,7 +214,7 @@ fn quintic(turn_rad: DVec3, length_s: f64, [begin_rate, end_rate]: [DVec3; 2]) -
     let h = length_s;
     let end_slope = slope_of_rate(turn_rad, end_rate);
     let end_curvature = curvature_without_acceleration(turn_rad, end_slope, end_rate);
-    // What powers three to five have to give at the end.
+    // Values that powers three to five must reach at the end.
     let (value, slope, curvature) = (turn_rad - begin_rate * h, (end_slope - begin_rate) * h, end_curvature * (h * h));
     let third = value * 10.0 - slope * 4.0 + curvature * 0.5;
     let fourth = value * -15.0 + slope * 7.0 - curvature;
@@ -232,7 +232,7 @@ impl Piece {
         }
     }
 
-    /// Returns the derivative of the rotation vector, `t_s` after the begin of the piece.
+    /// Returns the derivative of the rotation vector, `t_s` after the start of the piece.
     fn derivative(&self, order: i32, t_s: f64) -> DVec3 {
         let terms = (1..).zip(&self.powers).filter(|(power, _)| *power >= order);
         terms.fold(DVec3::ZERO, |sum, (power, coefficient)| {

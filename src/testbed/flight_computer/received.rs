@@ -1,4 +1,4 @@
-//! What the stimulator said.
+//! Messages received from the stimulator, counted, and the last of each kind.
 
 use firmware_protocol::Message;
 use firmware_protocol::message::{CameraStatus, Exposure, StatusPage};

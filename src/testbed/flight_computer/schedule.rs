@@ -10,7 +10,7 @@ const US_PER_S: u64 = 1_000_000;
 const SYNC_HZ: u32 = 10;
 const HEARTBEAT_HZ: u32 = 1;
 
-/// What is sent periodically. Of streams due together the first leaves first.
+/// Periodic messages. Of streams due together the first leaves first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Stream {
     Sync,

@@ -143,7 +143,7 @@ mod tests {
     const START: Tai = Tai::from_ns(5_000_000_000);
     /// Step of the central differences.
     const STEP_S: f64 = 1e-4;
-    /// Third derivative (below 0.1 rad/s^4 here) times `STEP_S^2 / 6`, and f64 rounding `1e-16 / STEP_S`, with room.
+    /// Third derivative (below 0.1 rad/s^4 here) times `STEP_S^2 / 6`, and f64 rounding `1e-16 / STEP_S`, with a margin.
     const DIFFERENCE: f64 = 2e-9;
 
     fn profile(shape: RampShape) -> SlewProfile {

@@ -1,6 +1,6 @@
 //! Attitude from a file of times and quaternions, such as a simulator or a flight gives.
 //!
-//! Between two rows the file's interpolation applies (`histories::attitude`); in a gap of the file there is no attitude.
+//! Between two rows the file's interpolation applies (`histories::attitude`); a gap of the file has no attitude.
 //! Before its first row and after its last one the body rests, or there is none, as the plant says.
 
 use crate::attitude_truth::AttitudeTruth;

@@ -12,7 +12,7 @@ use std::collections::VecDeque;
 /// A command that is not answered is said again after this, us.
 const RETRY_US: u64 = 500_000;
 
-/// What is said, in this order.
+/// Requests that start a session, in this order.
 const WORDS: [Request; 3] = [Request::Hello(version::CURRENT), Request::Info { page: 0 }, Request::Run];
 
 /// The first word comes this long after the stream's begin, behind the first time mark, us.
@@ -21,7 +21,7 @@ pub(super) const BEGIN_US: u64 = 5_000;
 /// Commands that may wait to be said.
 pub(super) const WAITING_MAX: usize = 64;
 
-/// What the stimulator answered to triggers.
+/// Answers of the stimulator to triggers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct TriggerAnswers {
     /// Taken.
@@ -32,7 +32,7 @@ pub struct TriggerAnswers {
     pub refused: u64,
 }
 
-/// What the stimulator answered to camera commands.
+/// Answers of the stimulator to camera commands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct CameraAnswers {
     /// Settings taken.
@@ -85,17 +85,17 @@ impl Talk {
         true
     }
 
-    /// What the stimulator answered to triggers.
+    /// Returns the answers of the stimulator to triggers.
     pub(super) fn trigger_answers(&self) -> TriggerAnswers {
         self.answers
     }
 
-    /// What the stimulator answered to camera commands.
+    /// Returns the answers of the stimulator to camera commands.
     pub(super) fn camera_answers(&self) -> CameraAnswers {
         self.camera
     }
 
-    /// What is being said.
+    /// Returns the request that is sent until it is answered.
     fn request(&self) -> Option<Request> {
         WORDS.get(self.word).copied().or(self.waiting.front().copied())
     }

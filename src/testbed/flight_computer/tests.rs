@@ -1,4 +1,4 @@
-//! What leaves the flight computer is what its truth says, on every wire.
+//! The flight computer sends its truth, on every wire.
 
 use super::*;
 use base::axes::{Body, Icrf, Rotation};
@@ -164,7 +164,7 @@ fn time_marks_report_when_the_sync_left() {
     }
 }
 
-/// Returns the time on the FC's clock that the first follow-up within 50 ms tells, ns; and the counter of its SYNC.
+/// Returns the time of the first follow-up within 50 ms, on the FC's clock, ns; and the counter of its SYNC.
 fn first_follow_up(bench: &mut Bench) -> (u64, u8) {
     let first = bench.run(Span::from_ms(50)).into_iter().find_map(|message| {
         let Message::TimeFollowUp(mark) = message.value else { return None };
@@ -203,7 +203,7 @@ fn a_sync_that_lost_the_arbitration_is_reported_as_it_left_or_not_at_all() {
     assert_eq!(counter, 0);
     // 15 ppm of the clock's drift are 18 ps.
     assert!(left_ns.abs_diff(4 * 270_000 + 130_000) <= MARK_NS, "{left_ns} ns, and 130000 was known when it was sent");
-    assert_eq!(reported(Span::from_ms(5)), (0, 0), "it has not left 2 ms after it was sent: no time is told");
+    assert_eq!(reported(Span::from_ms(5)), (0, 0), "it has not left 2 ms after it was sent: no time is sent");
 }
 
 #[test]

@@ -55,7 +55,7 @@ pub(super) struct State {
     pub(super) modal_rate: [f64; MODES_MAX],
 }
 
-/// What is constant during a step.
+/// Values that are constant during a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Held {
     /// Motor torques, N m.

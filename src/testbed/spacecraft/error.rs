@@ -1,4 +1,4 @@
-//! What is refused, with what was wanted and what was got.
+//! Errors of a spacecraft's parameters and commands, each with the wanted and the given value.
 
 use super::params::{MODES_MAX, WHEELS_MAX};
 use base::time::{Span, Tai};
@@ -7,22 +7,22 @@ use glam::DMat3;
 /// Parameters that are not physical, or a question about a time that is not kept.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SpacecraftError {
-    /// The matrix is no body's inertia.
+    /// The matrix is not the inertia of a body.
     #[error(
         "inertia_kg_m2: wanted a symmetric, positive definite matrix whose principal moments obey the triangle \
          inequality, got {got}"
     )]
     Inertia {
-        /// What was given.
+        /// The given matrix.
         got: DMat3,
     },
-    /// More wheels than there is room for.
+    /// More wheels than allowed.
     #[error("wheels: wanted at most {WHEELS_MAX}, got {got}")]
     TooManyWheels {
         /// How many were given.
         got: usize,
     },
-    /// More modes than there is room for.
+    /// More modes than allowed.
     #[error("modes: wanted at most {MODES_MAX}, got {got}")]
     TooManyModes {
         /// How many were given.
@@ -48,7 +48,7 @@ pub enum SpacecraftError {
         /// Inertia less rotors and appendages.
         got: DMat3,
     },
-    /// The step is no length of time, or too long for what is to be integrated.
+    /// The step is not above zero, or too long for the dynamics it must resolve.
     #[error("step: {step_s} s, wanted at least {smallest_s} s and at most {largest_s} s for {limited_by}")]
     Step {
         /// The step.
@@ -70,7 +70,7 @@ pub enum SpacecraftError {
         /// Last instant kept.
         last: Tai,
     },
-    /// There is no such wheel.
+    /// A wheel of this number does not exist.
     #[error("wheel {got}: wanted one of the {count}, counted from 0")]
     NoSuchWheel {
         /// The index.
@@ -78,7 +78,7 @@ pub enum SpacecraftError {
         /// How many there are.
         count: usize,
     },
-    /// The sampling period is no length of time, or too short or long to be kept.
+    /// The sampling period is not above zero, or too short or long.
     #[error("micro-vibration period: {} s, wanted at least {} s and at most {} s", .got.s(), .smallest.s(), .largest.s())]
     Period {
         /// The period.

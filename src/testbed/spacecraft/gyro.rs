@@ -47,7 +47,7 @@ pub struct GyroReading {
     pub valid: bool,
 }
 
-/// What goes wrong.
+/// Faults of a gyro.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum GyroFault {
     /// The last reading is repeated, valid, until cleared.
@@ -80,7 +80,7 @@ impl Gyro {
     /// Returns a triad with its bias at the initial value.
     ///
     /// # Errors
-    /// When a parameter is negative or not finite, or there is no largest rate.
+    /// When a parameter is negative or not finite, or the largest rate is zero.
     pub fn new(params: &GyroParams, seed: u64) -> Result<Self, SpacecraftError> {
         check(params)?;
         let aligned = Rotation::<Body, Body>::from_rotation_vector(params.misalignment_rad).matrix();

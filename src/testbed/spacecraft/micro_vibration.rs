@@ -41,7 +41,7 @@ pub struct MicroVibration {
 
 #[derive(Debug)]
 struct Wheel {
-    /// As told last, rad/s.
+    /// Speed as last reported, rad/s.
     reported_rad_s: f64,
     /// Mean of the last two, rad/s: what the lines run at.
     speed_rad_s: f64,

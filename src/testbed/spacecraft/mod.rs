@@ -187,7 +187,7 @@ impl Spacecraft {
     /// already commanded is not redistributed; the next one is.
     ///
     /// # Errors
-    /// When there is no such wheel.
+    /// When the wheel does not exist.
     pub fn fail_wheel(&mut self, index: usize) -> Result<(), SpacecraftError> {
         let count = self.equations.rotors.len();
         if index >= count {
@@ -251,7 +251,7 @@ impl Spacecraft {
         }
     }
 
-    /// What the next step holds.
+    /// Returns the values that are constant during the next step.
     fn held(&self) -> Held {
         let unloading = if self.is_unloading { self.unloading_torque_n_m() } else { DVec3::ZERO };
         Held {

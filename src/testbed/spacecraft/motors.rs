@@ -3,7 +3,7 @@
 //! Distribution by the pseudo-inverse of the healthy wheels' axes (Markley and Crassidis (2014), section 7.3.4:
 //! smallest sum of squares). With fewer than three independent axes it is damped, so that what cannot be done is left
 //! out. Limits are applied wheel by wheel, as in the hardware: a clipped wheel turns the direction of the torque, and
-//! the caller is told what was possible. `tests/wheels.rs` holds limits and failures.
+//! the caller gets back the torque that was possible. `tests/wheels.rs` tests limits and failures.
 
 use super::equations::outer;
 use super::equations::{Equations, State};
@@ -67,7 +67,7 @@ impl Motors {
                 continue;
             }
             let (largest, speed) = (self.largest_torque[i], state.speeds[i]);
-            // What brings the rotor to its largest speed within the step, friction included.
+            // Torque that brings the rotor to its largest speed within the step, friction included.
             let friction = rotor.friction_n_m(speed);
             let up = friction + rotor.inertia_kg_m2 * (self.largest_speed[i] - speed) / h_s;
             let down = friction - rotor.inertia_kg_m2 * (self.largest_speed[i] + speed) / h_s;

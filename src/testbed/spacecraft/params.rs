@@ -1,4 +1,4 @@
-//! What a spacecraft is made of. Plain data; `check.rs` refuses what is not physical.
+//! Parameters of a spacecraft. Plain data; `check.rs` refuses values that are not physical.
 
 use base::time::{Span, Tai};
 use glam::{DMat3, DVec3};
@@ -19,7 +19,7 @@ pub struct SpacecraftParams {
     pub modes: Vec<FlexibleMode>,
     /// Torques from outside.
     pub disturbance: DisturbanceParams,
-    /// What takes momentum out of the wheels.
+    /// Unloading of the wheels' momentum.
     pub unloading: UnloadingParams,
     /// Orbit: gravity gradient, velocity for aberration, eclipse.
     pub orbit: CircularOrbitParams,

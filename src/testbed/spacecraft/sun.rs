@@ -33,7 +33,7 @@ fn apparent_longitude_deg(n: f64) -> f64 {
     mean_longitude + 1.915 * anomaly.sin() + 0.020 * (2.0 * anomaly).sin()
 }
 
-/// What a sun sensor says.
+/// Reading of a sun sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SunReading {
     /// Unit vector to the Sun, body axes.

@@ -34,7 +34,7 @@ pub(super) struct Line {
     modal: [DVec2; MODES_MAX],
 }
 
-/// One free mode and what of its motion is no steady response.
+/// One free mode and the transient part of its motion.
 #[derive(Debug)]
 pub(super) struct Oscillator {
     pub(super) mode: FreeMode,

@@ -43,7 +43,7 @@ pub(super) fn clipped(samples: &mut [u16]) -> Background {
         f64::from(*above.select_nth_unstable((high.saturating_sub(middle + 1)).min(above.len() - 1)).1)
     };
     let rough = (SIGMA_PER_QUARTILE_RANGE * (upper - lower)).max(2.0 * QUANTISATION_DN);
-    // Half a step more: whole numbers stand for the interval about them.
+    // Half a step more: a whole number represents the interval about it.
     let reach = CLIP_SIGMA * rough + 0.5;
     let (mut number, mut sum, mut squares) = (0.0, 0.0, 0.0);
     for offset in samples.iter().map(|dn| f64::from(*dn) - median).filter(|offset| offset.abs() <= reach) {

@@ -3,14 +3,14 @@
 //! First order of the weighted least-squares fit of [`super::centroid`] with a star `f` at the origin and a neighbour
 //! `g` at distance `d`: `pull = sum(w f' g) / sum(w f'^2)`, `w = 1 / (noise^2 + f)`. A faint star's pull falls off as
 //! `d exp(-d^2 / 4 s^2)`; a bright star's fit counts its wings, and is pulled by all that lies in the window. The
-//! flux is not known to a tracker, so it is taken from the limiting magnitude: a star there stands out ten times. For
+//! flux is not known to a tracker, so it is taken from the limiting magnitude: a star there has a ratio of ten. For
 //! merged stars the pull is that of the common centre of light, `r / (1 + r)` of the distance for the flux ratio `r`.
 //! Test: `a_neighbour_pulls_as_predicted`.
 
 use super::params::TrackerParams;
 use core::f64::consts::TAU;
 
-/// How far a star at the limiting magnitude stands out of the noise of its spot.
+/// Signal-to-noise ratio of a star at the limiting magnitude.
 const LIMIT_SIGNAL_TO_NOISE: f64 = 10.0;
 /// Points of the sum per pixel.
 const POINTS_PER_PX: f64 = 2.0;

@@ -13,7 +13,7 @@ use glam::DVec2;
 
 /// Widest window, px: spots of sigma 4 px, or trails of 12 px.
 const WIDEST: usize = 25;
-/// Most points that stand for a trail.
+/// Most points that represent a trail.
 const MOST_TRAIL_POINTS: usize = 16;
 /// Distance of a trail's points in spot widths: the aliasing of a Gaussian sampled so is exp(-2 pi^2 / 1.5^2) = 2e-4.
 const TRAIL_STEP_SIGMA: f64 = 1.5;
@@ -28,7 +28,7 @@ const FURTHEST_PX: f64 = 2.5;
 /// Steps of the windowed centre of gravity.
 const GRAVITY_STEPS: usize = 12;
 
-/// What the spot of a star looks like, and how noisy its pixels are.
+/// Shape of the spot of a star, and the noise of its pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct SpotModel {
     /// Standard deviation of the Gaussian spot before the pixels, px.

@@ -1,5 +1,5 @@
-//! What a tracker asks of its camera for the exposures to come: windows around the stars that it follows, and an exposure time
-//! by their signal.
+//! Commands of a tracker to its camera for the next exposures: windows around the stars that it follows, and an exposure
+//! time from their signal.
 //!
 //! Acquisition needs the whole image. From the first attitude on the stars are predicted to the middle of the exposure that a
 //! command can still reach, and each of the brightest gets a window that has all that tracking looks at: its search radius, its
@@ -25,7 +25,7 @@ const SIGNAL_NEAR: f64 = 0.25;
 /// The exposure time changes by this factor at most from frame to frame, both ways.
 const EXPOSURE_STEP: f64 = 2.0;
 
-/// What a tracker may ask of its camera.
+/// Limits of the commands of a tracker to its camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraOrders {
     /// Windows.
@@ -36,7 +36,7 @@ pub struct CameraOrders {
     pub period: Span,
 }
 
-/// What the exposures from an instant on are to be taken with.
+/// Windows and exposure time requested for the exposures from an instant on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraWish {
     /// From when on.
@@ -65,7 +65,7 @@ pub(super) fn reached_mid(orders: &CameraOrders, mid: Tai, exposed_s: f64, from:
     start + Span::from_ns(period_ns * periods.max(1)) + Span::from_s(0.5 * next_s)
 }
 
-/// Returns the window of a star at a place, of which tracking looks at `reach_px` to each side; `None` outside the image.
+/// Returns the window of a star at a place, `reach_px` to each side for tracking; `None` outside the image.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the image")]
 pub(super) fn window(params: &TrackerParams, place_px: DVec2, reach_px: f64) -> Option<Region> {
     let size = [params.geometry.width_px, params.geometry.height_px].map(|side| side as f64);
@@ -114,7 +114,7 @@ pub(super) fn better_exposure(
 #[allow(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
-    reason = "places are on the image; outside there is no pixel"
+    reason = "places are on the image"
 )]
 fn highest_dn(image: &DnImage, place_px: DVec2) -> Option<f64> {
     let [x, y] = [place_px.x.round(), place_px.y.round()].map(|place| place.max(0.0) as usize);

@@ -96,7 +96,7 @@ impl Detector {
         fresh
     }
 
-    /// Collects the region about a peak; the peak itself must stand out of the local background.
+    /// Collects the region about a peak if the peak is bright enough against the local background.
     fn grow(&mut self, image: &DnImage, grid: &BackgroundGrid, x: usize, y: usize) {
         let local = grid.at(x as f64, y as f64);
         let width = image.width();

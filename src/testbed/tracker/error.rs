@@ -59,7 +59,7 @@ pub enum Reason {
     /// Most of the image is at the end of the converter's range.
     #[error("the image is saturated")]
     Saturated,
-    /// The background leaves too little range for stars, or is too structured to tell stars from it.
+    /// The background leaves too little range for stars, or is too structured to find stars in it.
     #[error("the background is too bright or too uneven")]
     StrayLight,
 }

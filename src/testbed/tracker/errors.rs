@@ -12,7 +12,7 @@
 //!   and the noise of a mean of `m` samples.
 //!
 //! Assumptions: neighbouring stations are some pixels apart, by no whole number of pixels, and close against the field.
-//! Without repeats at stations, noise and pixel spatial error cannot be told apart: the first then holds both, and the
+//! Without repeats at stations, noise and pixel spatial error cannot be separated: the first then contains both, and the
 //! second is `None`. Variances that come out negative are zero. Tests: `terms_are_distinguished`,
 //! `noise_agrees_with_prediction`.
 
@@ -22,15 +22,15 @@ use glam::DVec3;
 
 /// Two true attitudes closer than this are one station, px.
 const ONE_STATION_PX: f64 = 0.01;
-/// Fewest stations that tell a spatial error.
+/// Fewest stations that define a spatial error.
 const FEWEST_STATIONS: usize = 3;
 
 /// One measured attitude and the true one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AttitudePair {
-    /// What the tracker says.
+    /// The attitude measured by the tracker.
     pub measured: Rotation<Sensor, Icrf>,
-    /// What was so.
+    /// The true attitude.
     pub truth: Rotation<Sensor, Icrf>,
 }
 

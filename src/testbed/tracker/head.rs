@@ -59,7 +59,7 @@ pub struct Solution {
     pub background_dn: f64,
 }
 
-/// What an image gave.
+/// Result of an image: an attitude, or the reason why not.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Outcome {
     /// An attitude.
@@ -135,7 +135,7 @@ impl Tracker {
 
     /// Measures the attitude at the middle of an exposure. `beta` is the observer's barycentric velocity over the speed
     /// of light, ICRF axes; `rate_rad_s` the rate of the sensor axes with respect to ICRF, in sensor axes, if a gyro
-    /// tells it. Without it, the rate is taken from the last two attitudes, and lost in space from the spots' shape.
+    /// measures it. Without it, the rate is taken from the last two attitudes, and lost in space from the spots' shape.
     pub fn measure(&mut self, image: &DnImage, mid_exposure: Tai, beta: DVec3, rate_rad_s: Option<DVec3>) -> Outcome {
         self.counts.frames += 1;
         self.matches.clear();

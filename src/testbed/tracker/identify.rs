@@ -30,13 +30,13 @@ const MOST_TRIANGLES: usize = 800;
 const LEAST_SIDE_PX: f64 = 12.0;
 /// Standard deviations allowed to an angle or a place.
 const TOLERANCE_SIGMA: f64 = 4.0;
-/// Error of a place that its covariance does not tell (neighbours, calibration), px.
+/// Error of a place beyond its covariance (neighbours, calibration), px.
 const PLACE_FLOOR_PX: f64 = 0.10;
 /// Largest tolerance of a confirmation, px.
 const WIDEST_PX: f64 = 3.0;
 /// Share of the spots, or of the pattern stars in the field if those are fewer, that must be confirmed.
 const LEAST_SHARE: f64 = 0.3;
-/// A chance below this is told as ambiguous rather than as no match.
+/// A chance below this is reported as ambiguous rather than as no match.
 const AMBIGUOUS: f64 = 1e-2;
 /// Floor of the covariance in the first adjustment, px.
 const FIRST_FLOOR_PX: f64 = 0.05;
@@ -65,7 +65,7 @@ pub(super) struct Identifier {
     taken: Vec<bool>,
 }
 
-/// What the search knows and counts.
+/// State and counters of the search.
 struct Search<'a> {
     params: &'a TrackerParams,
     guide: &'a GuideStars,

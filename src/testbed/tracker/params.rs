@@ -1,4 +1,4 @@
-//! What a real tracker knows of itself: calibrated geometry, detector figures, spot width, limits.
+//! Calibrated parameters of a tracker: geometry, detector figures, spot width, limits.
 //!
 //! Checked once, by [`TrackerParams::check`], when the guide stars are made. Test: `bad_parameters_are_refused`.
 
@@ -18,7 +18,7 @@ pub struct DetectorFigures {
     pub saturation_dn: u16,
 }
 
-/// Everything a [`super::Tracker`] is told about itself.
+/// Parameters of a [`super::Tracker`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrackerParams {
     /// Pixel grid, focal length, principal point, distortion.

@@ -64,7 +64,7 @@ pub(super) struct Follower {
     samples: Vec<u16>,
 }
 
-/// What the windows say about the background.
+/// Pooled background statistics of the windows.
 #[derive(Debug, Clone, Copy, Default)]
 struct Pool {
     level_dn: f64,
@@ -310,8 +310,8 @@ pub(super) fn ring_about(
     ring(image, to_index(place.x), to_index(place.y), half_px, buffer)
 }
 
-/// Returns the pixels within a radius whose 3 x 3 sums are largest and stand out, brightest first; hot pixels are
-/// passed over.
+/// Returns the pixels within a radius whose 3 x 3 sums are largest and above the noise, brightest first; hot pixels are
+/// skipped.
 fn brightest(
     image: &DnImage,
     place_px: DVec2,

@@ -1,4 +1,4 @@
-//! What can go wrong aboard.
+//! Faults of the parts aboard.
 
 use crate::spacecraft::{Gyro, GyroFault};
 use base::units::DEG;

@@ -18,12 +18,12 @@ const TAGS: usize = 64;
 /// An attitude older than this says nothing of how the tracker does now.
 const FRESH: Span = Span::from_ms(1500);
 
-/// What a head said last.
+/// Last result of a head.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HeadReport {
     /// Attitude, or why there is none; `None` before the first frame.
     pub last: Option<Outcome>,
-    /// Number of the frame of which it was said, and the middle of its exposure.
+    /// Number of the frame of that result, and the middle of its exposure.
     pub frame: Option<(u32, Tai)>,
     /// Frames without a time tag.
     pub untagged: u64,
@@ -43,7 +43,7 @@ pub(super) struct Head {
     /// How many faults keep it off.
     off: u32,
     last_frame: Option<Tai>,
-    /// What it asks of its camera after the last frame.
+    /// Camera request after the last frame.
     pub(super) wish: Option<CameraWish>,
     pub(super) report: HeadReport,
 }
@@ -136,7 +136,7 @@ impl Head {
     }
 }
 
-/// What the estimator takes.
+/// Measurement for the estimator.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct BodyAttitude {
     pub(super) at: Tai,

@@ -100,7 +100,7 @@ pub struct Vehicle {
     known_since: Option<Tai>,
     safe_since: Option<Tai>,
     safe_by_command: bool,
-    /// What was commanded last; shown in telemetry whatever the control makes of it.
+    /// Last commanded target; shown in telemetry even when the control does not follow it.
     target: Rotation<Body, Icrf>,
     largest_vibration_rad: f64,
     telemetry: Telemetry,
@@ -199,7 +199,7 @@ impl Vehicle {
         Ok(sample)
     }
 
-    /// Hears when a frame was exposed.
+    /// Records when a frame was exposed.
     pub fn tag_frame(&mut self, frame: u8, mid_exposure: Tai) {
         let tagged = mid_exposure + self.params.tag_error;
         self.heads.iter_mut().for_each(|head| head.tag(frame, tagged));
@@ -211,7 +211,7 @@ impl Vehicle {
         self.heads.get(head).is_some_and(|head| head.tag_of(number).is_some())
     }
 
-    /// Takes a frame of head `head` that arrived at `at`; a head that does not exist is no error, its frame is not used.
+    /// Takes a frame of head `head` that arrived at `at`; a frame of a head that does not exist is ignored.
     pub fn take_frame(&mut self, head: usize, number: u32, image: &DnImage, at: Tai) {
         let beta = self.beta(at);
         let rate = self.rate_rad_s();
@@ -276,10 +276,10 @@ impl Vehicle {
         Ok(())
     }
 
-    /// Something goes wrong from now on.
+    /// Starts a fault.
     ///
     /// # Errors
-    /// When there is no such wheel.
+    /// When the wheel does not exist.
     pub fn inject(&mut self, fault: VehicleFault) -> Result<(), VehicleError> {
         self.faults.begin(&fault);
         match fault {
@@ -321,12 +321,12 @@ impl Vehicle {
         &mut self.telemetry
     }
 
-    /// What each head said last.
+    /// Returns the last result of each head.
     pub fn head_reports(&self) -> impl Iterator<Item = &HeadReport> {
         self.heads.iter().map(|head| &head.report)
     }
 
-    /// What the estimator counted.
+    /// Returns the counters of the estimator.
     #[must_use]
     pub fn estimator_counts(&self) -> MekfCounts {
         self.estimator.counts()
@@ -356,7 +356,7 @@ impl Vehicle {
         self.last.0
     }
 
-    /// What the parts were made with.
+    /// Returns the parameters of the parts.
     #[must_use]
     pub fn params(&self) -> &VehicleParams {
         &self.params
@@ -433,7 +433,7 @@ impl Vehicle {
         self.acs.step(at, &input)
     }
 
-    /// Ground control: safe mode that nobody commanded is left once the attitude has been known in it for a while.
+    /// Ground control: leaves a safe mode that was not commanded once the attitude has been known in it for a while.
     fn resume(&mut self, at: Tai, mode: Mode) {
         self.safe_since = (mode == Mode::Safe).then(|| self.safe_since.unwrap_or(at));
         let (Some(wait), Some(safe_since)) = (self.params.resume_after, self.safe_since) else { return };
@@ -503,7 +503,7 @@ impl Vehicle {
     }
 }
 
-/// The first target is held against the Sun here: the control does not know the Sun before its first step.
+/// Checks the first target against the Sun: the control does not know the Sun before its first step.
 fn keep_out_holds(params: &VehicleParams, start: Tai) -> Result<(), AcsError> {
     let Some(cone) = params.acs.exclusion else { return Ok(()) };
     let angle_rad = cone.sun_angle_rad(&params.target, sun_direction_icrf(start));

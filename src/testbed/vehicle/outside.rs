@@ -1,8 +1,8 @@
-//! What a controller and a star tracker outside do to a vehicle that is flown inside.
+//! Commands of an external controller and star tracker to a vehicle simulated inside.
 //!
-//! In: who drives the wheels, motor torques, torques on the body, attitudes with their time tags. Commands take effect at their
-//! instants, so that a run repeats whatever the order in which they were announced; what lies in the past is refused. The
-//! vehicle's own control goes on beside one outside, and drives nothing. Tests: `tests/closed_loop/reaction.rs`.
+//! Inputs: the side that drives the wheels, motor torques, torques on the body, attitudes with time tags. Commands act at
+//! their instants, so that a run repeats in whatever order they were announced; those in the past are refused. The vehicle's
+//! own control keeps running beside an external one, and drives nothing. Tests: `tests/closed_loop/reaction.rs`.
 
 use super::Vehicle;
 use super::head::BodyAttitude;
@@ -18,7 +18,7 @@ const OLDEST_FIX: Span = Span::from_ms(2000);
 /// Largest torque that is taken for a command, N m: no spacecraft has more.
 const MOST_N_M: f64 = 1e6;
 
-/// What the wheels' motors are asked for.
+/// Request to the wheels' motors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Drive {
     /// A torque on the body, to be shared out.
@@ -93,7 +93,7 @@ impl Vehicle {
         self.is_driven_outside
     }
 
-    /// Switches the trackers inside off, in the place of which one outside gives attitudes, or on again.
+    /// Switches the trackers inside off, because an external one gives the attitudes, or on again.
     pub fn hand_over_trackers(&mut self, to_outside: bool) {
         if self.is_sighted_outside != to_outside {
             self.is_sighted_outside = to_outside;

@@ -1,4 +1,4 @@
-//! What flies: spacecraft, sensors, estimator, control, heads.
+//! Parameters of a vehicle: spacecraft, sensors, estimator, control, heads.
 
 use crate::acs::AcsParams;
 use crate::estimator::MekfParams;
@@ -33,8 +33,8 @@ pub struct VehicleParams {
     pub heads: Vec<HeadParams>,
     /// Time between a control step and its torque: what is injected to study latency.
     pub actuation_delay: Span,
-    /// Time tags of frames are late by this: a date error of which the estimator knows nothing. It shows as rate times
-    /// error while the body turns, and not at rest.
+    /// Delay of the time tags of frames: a date error unknown to the estimator. It shows as rate times error while the
+    /// body turns, and not at rest.
     pub tag_error: Span,
     /// Torques from outside by which the loop is tested.
     pub test_torques: Vec<TestTorque>,
@@ -53,10 +53,10 @@ pub struct VehicleParams {
 pub struct HeadParams {
     /// Mounting.
     pub sensor_from_body: Rotation<Sensor, Body>,
-    /// What the tracker knows of itself.
+    /// Parameters of the tracker.
     pub tracker: TrackerParams,
     /// From the last pixel to the attitude.
     pub delay: Span,
-    /// What it commands its camera; `None`: nothing.
+    /// Limits of its commands to its camera; `None`: it sends none.
     pub orders: Option<CameraOrders>,
 }

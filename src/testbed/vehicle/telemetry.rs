@@ -35,11 +35,11 @@ pub struct TelemetryRow {
     pub wheel_momentum_n_m_s: f64,
     /// Heads whose last frame gave an attitude.
     pub heads_solved: u32,
-    /// Why the first head's last frame gave no attitude; `None`: it gave one, or there was no frame.
+    /// Why the first head's last frame gave no attitude; `None`: it gave one, or no frame has arrived.
     pub no_solution: Option<Reason>,
     /// Stars in the first head's last attitude.
     pub stars: u32,
-    /// What the first head's tracker thinks of its last attitude: sigma across the boresight, per axis, rad.
+    /// Sigma of the first head's last attitude as estimated by its tracker: across the boresight, per axis, rad.
     pub tracker_sigma_rad: Option<f64>,
     /// Angle between the kept boresight and the Sun, rad; `None` without a cone.
     pub sun_angle_rad: Option<f64>,

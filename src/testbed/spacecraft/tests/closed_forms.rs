@@ -160,7 +160,7 @@ fn a_test_torque_has_a_ramp_and_finite_numbers() {
     let sine = TestTorque { amplitude_n_m: DVec3::X, frequency_hz: 0.25, begins_s: 2.0, ramp_s: 8.0 };
     assert_eq!(sine.at_n_m(2.0), DVec3::ZERO);
     assert!((sine.at_n_m(7.0).x - 0.5 * (1.0 - (PI * 5.0 / 8.0).cos())).abs() < 1e-12, "5 s of the ramp, at a peak");
-    assert!((sine.at_n_m(15.0).x - 1.0).abs() < 1e-12, "13 s after the begin, at a peak");
+    assert!((sine.at_n_m(15.0).x - 1.0).abs() < 1e-12, "13 s after the start, at a peak");
     let mut craft = at_rest(&bare(lopsided(), Span::from_ms(10)));
     for (spoilt, field) in [
         (TestTorque { ramp_s: -1.0, ..sine }, "ramp_s"),

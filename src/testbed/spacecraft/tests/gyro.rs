@@ -111,7 +111,7 @@ fn faults_come_and_go_and_leave_the_noise_as_it_was() {
     faulty.inject(GyroFault::Dropout);
     assert!(!still(&mut faulty).valid && still(&mut sound).valid);
     faulty.clear_faults();
-    assert_eq!(still(&mut faulty), still(&mut sound), "as if nothing had been");
+    assert_eq!(still(&mut faulty), still(&mut sound), "as without a fault");
     faulty.inject(GyroFault::Spike(DVec3::Y * 0.1));
     let difference = still(&mut faulty).rate_rad_s - still(&mut sound).rate_rad_s;
     assert!((difference - DVec3::Y * 0.1).length() < 1e-15);

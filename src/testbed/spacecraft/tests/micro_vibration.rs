@@ -267,7 +267,7 @@ fn worst_of_two_modes(damping: f64, spoil: f64) -> f64 {
 
 #[test]
 fn two_coupled_modes_respond_as_elimination_says() {
-    // What is left out of the damping matrix acts in proportion to the damping.
+    // The neglected part of the damping matrix acts in proportion to the damping.
     let (light, heavy) = (worst_of_two_modes(1e-5, 0.0), worst_of_two_modes(1e-3, 0.0));
     assert!(light < 2e-4 && heavy < 2e-2, "{light:e} and {heavy:e}");
     let spoilt = worst_of_two_modes(1e-5, 0.01);

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// What the refusal says, and what is spoilt.
+/// A part of the refusal's text, and the change that causes it.
 type Case<'a> = (&'a str, &'a dyn Fn(&mut SpacecraftParams));
 
 fn sound() -> SpacecraftParams {

@@ -26,7 +26,7 @@ fn spinning_up_a_wheel_turns_the_body_the_other_way() {
 
 #[test]
 fn friction_runs_a_wheel_down_in_closed_form() {
-    // Body so heavy that it stands still: W' = -(v W + c) / J_w while W is well above the smoothing.
+    // A body so heavy that it does not move: W' = -(v W + c) / J_w while W is well above the smoothing.
     let mut params = bare(DMat3::IDENTITY * 1e9, Span::from_ms(10));
     params.wheels = vec![WheelParams { viscous_n_m_s: 2e-4, coulomb_n_m: 1e-3, ..wheel(DVec3::Z, 300.0) }];
     let mut craft = at_rest(&params);
@@ -81,7 +81,7 @@ fn at_its_largest_speed_the_motor_still_makes_up_for_friction() {
     // Without it the speed would settle where friction's 0.06 N m take in one step what is left: 0.03 rad/s lower.
     assert!((craft.wheel_speeds_rad_s()[0] - 600.0).abs() < 1e-4, "{}", craft.wheel_speeds_rad_s()[0]);
     let got = craft.command_torques(DVec3::Z * -0.1).z;
-    assert!((got + 0.06).abs() < 1e-3, "the motor holds against friction, the body feels nothing: {got}");
+    assert!((got + 0.06).abs() < 1e-3, "the motor balances friction, no torque acts on the body: {got}");
 }
 
 #[test]

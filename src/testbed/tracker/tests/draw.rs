@@ -65,7 +65,7 @@ impl Camera {
     }
 }
 
-/// What a frame is drawn of.
+/// Parameters of one drawn frame.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Shot {
     pub(super) attitude: Rotation<Sensor, Icrf>,

@@ -15,7 +15,7 @@ fn is_wrong(camera: &Camera, error_rad: f64) -> bool {
     error_rad > 10.0 * camera.params.geometry.ifov_rad()
 }
 
-/// What became of frames of random attitudes.
+/// Counted results of frames of random attitudes.
 #[derive(Debug, Default)]
 struct Tally {
     frames: u32,
@@ -27,8 +27,8 @@ struct Tally {
     chi: f64,
 }
 
-/// Gives `frames` frames of random attitudes to a tracker; `shot` says how they are taken, `reported` whether the tracker
-/// is told the rate.
+/// Gives `frames` frames of random attitudes to a tracker; `shot` has their parameters, `reported` is whether the tracker
+/// gets the rate.
 fn survey(camera: Camera, guide: Arc<GuideStars>, frames: u32, seed: u64, shot: &Shot, reported: bool) -> Tally {
     let mut painter = Painter::new(camera, catalog(), noon(), seed);
     let mut random = StdRng::seed_from_u64(seed);
@@ -95,7 +95,7 @@ fn random_attitudes_are_found_through_a_distorted_narrow_lens() {
     assert_found(&survey(camera, guide_of(&camera), 10, 25, &dirty(), false));
 }
 
-/// Trails of 2.5, 5 and 20 px on the coarse detector: solved when the rate is told, also guessed from the spots' shape;
+/// Trails of 2.5, 5 and 20 px on the coarse detector: solved with a known rate, also guessed from the spots' shape;
 /// never wrong.
 #[test]
 fn trails_are_solved_or_refused() {
@@ -105,7 +105,7 @@ fn trails_are_solved_or_refused() {
         let camera = Camera { steps, ..Camera::coarse() };
         let shot = Shot { rate_rad_s: DVec3::new(0.6, 0.8, 0.3) * deg_s * DEG, ..still() };
         let tally = survey(camera, coarse_guide(), 20, 26, &shot, reported);
-        assert!(tally.wrong == 0 && tally.solved >= least, "{deg_s} deg/s, told {reported}: {tally:?}");
+        assert!(tally.wrong == 0 && tally.solved >= least, "{deg_s} deg/s, rate reported {reported}: {tally:?}");
     }
 }
 

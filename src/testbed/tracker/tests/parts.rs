@@ -214,7 +214,7 @@ fn an_outlier_is_left_out() {
     matches[4].spot.place_px.x += 3.0;
     let found = adjust(&geometry, &truth, &mut matches, 0.0).expect("nineteen stars");
     assert!(!matches[4].used && found.used == 19, "used {}", found.used);
-    assert!((matches[4].residual_px.x - 3.0).abs() < 0.1, "its residual is still told: {}", matches[4].residual_px);
+    assert!((matches[4].residual_px.x - 3.0).abs() < 0.1, "its residual is still reported: {}", matches[4].residual_px);
     assert!(found.attitude.rotation_vector_to(&truth).length() < 3.0 * ARCSEC * 2.0);
 }
 

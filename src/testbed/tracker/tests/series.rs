@@ -206,5 +206,5 @@ fn terms_are_distinguished() {
     let single: Vec<_> = series.iter().step_by(4).copied().collect();
     let terms = error_terms(&single, &geometry).expect("600 stations");
     assert!(terms.pixel_spatial_rad.is_none() && near(terms.nea_rad.x, noise.hypot(pixel), 0.12), "{terms:?}");
-    assert!(error_terms(&series[..8], &geometry).is_none(), "two stations tell nothing");
+    assert!(error_terms(&series[..8], &geometry).is_none(), "two stations are too few");
 }
