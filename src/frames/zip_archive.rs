@@ -56,7 +56,7 @@ pub fn archive(files: &[(&str, &[u8])]) -> io::Result<Vec<u8>> {
     Ok(out)
 }
 
-/// What local and central header share, from the version to the length of the extra field.
+/// Returns the bytes that local and central header share, from the version to the length of the extra field.
 fn about(name: &str, content: &[u8], data_bytes: usize) -> io::Result<Vec<u8>> {
     let mut about = Vec::with_capacity(26);
     [VERSION, 0, DEFLATED, 0, DATE].iter().for_each(|half| about.extend(half.to_le_bytes()));

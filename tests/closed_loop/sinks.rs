@@ -127,7 +127,7 @@ fn a_slow_sink_loses_its_own_frames_and_no_slot() {
     let losses = outcome.losses();
     let [loss] = losses.lines() else { panic!("the quick sink lost nothing: {losses}") };
     assert_eq!((loss.name.as_str(), loss.count), ("sink (troubled)", slow.dropped));
-    assert!(!loss.detail.contains("failure"), "slow is no failure: {losses}");
+    assert!(!loss.detail.contains("failure"), "slow is not a failure: {losses}");
 }
 
 /// The same sink without a queue of its own holds up slots: what the test above would show if it could fail.

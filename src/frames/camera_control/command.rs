@@ -30,9 +30,9 @@ pub enum CameraCommand {
     Burst(u32),
     /// How the length of an exposure is determined.
     Mode(ExposureMode),
-    /// What sets the integration time.
+    /// Mode that sets the integration time.
     AutoExposure(AutoMode),
-    /// What sets the gain.
+    /// Mode that sets the gain.
     AutoGain(AutoMode),
     /// A trigger: the instant of the command starts an exposure. Only exposures by width heed the falling edge.
     Trigger {
@@ -43,7 +43,7 @@ pub enum CameraCommand {
     },
 }
 
-/// Who gave a command.
+/// Source of a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CommandSource {
     /// A client of the network camera.
@@ -63,10 +63,10 @@ pub enum CommandSource {
 /// A command with its instant and its sender.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Commanded {
-    /// What is to change.
+    /// The change that is requested.
     pub command: CameraCommand,
     /// When it acts: its arrival, or the instant of a scheduled action.
     pub at: Tai,
-    /// Who gave it.
+    /// Source of the command.
     pub from: CommandSource,
 }

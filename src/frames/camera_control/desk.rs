@@ -7,7 +7,7 @@ use crossbeam_channel::{Receiver, Sender, TryIter, bounded};
 /// Commands, and events, that may wait.
 const PLACES: usize = 256;
 
-/// What a camera reports to its client.
+/// An event that a camera reports to its client.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum CameraEventKind {
     /// A trigger was accepted.
@@ -31,7 +31,7 @@ pub enum CameraEventKind {
 /// A report with its instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraEvent {
-    /// What happened.
+    /// Kind of the event.
     pub kind: CameraEventKind,
     /// When, on the bench clock.
     pub at: Tai,

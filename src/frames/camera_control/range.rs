@@ -1,4 +1,4 @@
-//! What the settings of a camera may be.
+//! Allowed values of the settings of a camera.
 
 use crate::camera_control::command::CameraCommand;
 use base::region::Regions;

@@ -113,7 +113,7 @@ pub enum ExposureMode {
     TriggerWidth,
 }
 
-/// What sets a value that a camera can choose for itself.
+/// Mode of a setting that a camera can choose for itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AutoMode {
     /// The client.
@@ -124,7 +124,7 @@ pub enum AutoMode {
     Continuous,
 }
 
-/// What starts exposures.
+/// Settings of the start of exposures.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StartSettings {
     /// Exposures wait for triggers; otherwise they follow each other at the frame rate.

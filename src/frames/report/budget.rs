@@ -13,7 +13,7 @@ use crate::report::summary::FrameCounts;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// What is allowed.
+/// Limits that a run must keep.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BudgetLimits {
     /// 99 % quantile of each stage, ms; `None`: any.
@@ -25,13 +25,13 @@ pub struct BudgetLimits {
 }
 
 impl Default for BudgetLimits {
-    /// No frame may be missed; times may be any.
+    /// Returns limits that allow no missed frame and any time.
     fn default() -> Self {
         Self { stage_p99_ms: [None; Stage::COUNT], latency_p99_ms: None, missed_frames: 0 }
     }
 }
 
-/// What one line says.
+/// Verdict of one line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LineVerdict {
@@ -39,14 +39,14 @@ pub enum LineVerdict {
     Met,
     /// Over the limit.
     Broken,
-    /// There is no limit.
+    /// The line has no limit.
     NoLimit,
-    /// There is a limit and nothing to hold against it: the stage did not run on this backend.
+    /// The line has a limit, but no measurement: the stage did not run on this backend.
     NotRun,
 }
 
 impl LineVerdict {
-    /// In words.
+    /// Returns the verdict in words.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -61,7 +61,7 @@ impl LineVerdict {
 /// One line of the budget: times of a stage, or a count of slots.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BudgetLine {
-    /// What it is about.
+    /// Stage or total that the line is about.
     pub name: &'static str,
     /// Limit of the 99 % quantile, ms, or of the count; `None`: any.
     pub limit: Option<f64>,
@@ -90,7 +90,7 @@ impl BudgetLine {
         Self { name, limit, times: Some(times), slots: None, verdict }
     }
 
-    /// What is wrong with it, in one sentence; `None` unless it is broken.
+    /// Returns the fault of the line in one sentence; `None` unless its limit is broken.
     #[must_use]
     pub fn complaint(&self) -> Option<String> {
         if self.verdict != LineVerdict::Broken {
@@ -128,12 +128,12 @@ pub fn budget_lines(limits: &BudgetLimits, stages: &StageHistograms, ring: &Fram
     lines
 }
 
-/// Something that makes a thread or its memory real-time, and whether it was had.
+/// A setting that makes a thread or its memory real-time, and whether the system granted it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct HygieneLine {
-    /// What was asked for.
+    /// Setting that was requested.
     pub what: String,
-    /// Whether it was had.
+    /// Whether it was obtained.
     pub got: bool,
     /// How, or why not.
     pub detail: String,
@@ -150,7 +150,7 @@ pub struct BudgetReport {
     pub camera: String,
     /// Render backend.
     pub backend: String,
-    /// What the backend ran on.
+    /// Adapter and driver, or the processor, of the backend.
     pub adapter: String,
     /// The machine.
     pub machine: Machine,
@@ -158,7 +158,7 @@ pub struct BudgetReport {
     pub duration_s: f64,
     /// Busy threads beside the run.
     pub load_threads: usize,
-    /// What became of the frames.
+    /// Frames by outcome.
     pub frames: FrameCounts,
     /// The lines.
     pub lines: Vec<BudgetLine>,
@@ -166,11 +166,11 @@ pub struct BudgetReport {
     pub latency: Latency,
     /// Slots missed, by cause.
     pub misses: BTreeMap<String, u64>,
-    /// Frames degraded to keep their time, by rung.
+    /// Frames degraded to keep their time, by degradation level.
     pub degraded: BTreeMap<String, u64>,
-    /// What was had of real-time scheduling and memory.
+    /// Real-time scheduling and memory that were requested and obtained.
     pub hygiene: Vec<HygieneLine>,
-    /// What the planner would change to bring a broken stage inside.
+    /// Changes by which the planner would bring a broken stage within its limit.
     pub advice: Vec<String>,
 }
 
@@ -180,8 +180,8 @@ impl BudgetReport {
         self.lines.iter().filter(|line| line.verdict == LineVerdict::Broken)
     }
 
-    /// What broke the budget: of the broken stages of work the one that is furthest over its limit; else the cause of most
-    /// misses; else the longest stage, or the first broken line. `None` when the budget is met.
+    /// Returns the cause of the broken budget: of the broken stages of work the one that is furthest over its limit;
+    /// else the cause of most misses; else the longest stage, or the first broken line. `None` when the budget is met.
     #[must_use]
     pub fn culprit(&self) -> Option<String> {
         let first = self.broken().next()?;
@@ -202,7 +202,7 @@ impl BudgetReport {
         longest.filter(|line| is_delivery && p99_ms(line) > 0.0).map(|line| line.name)
     }
 
-    /// JSON, ending in a line break. Numbers that are not finite become `null`.
+    /// Returns JSON that ends in a line break. Numbers that are not finite become `null`.
     ///
     /// # Errors
     /// [`ReportError::Json`] when it cannot be expressed.

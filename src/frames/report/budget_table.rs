@@ -1,4 +1,4 @@
-//! The budget as text for a terminal: a table of lines, misses by cause, what was not had, what to change.
+//! The budget as text for a terminal: a table of lines, misses by cause, unavailable settings, proposed changes.
 
 use crate::report::budget::{BudgetLine, BudgetReport};
 use std::collections::BTreeMap;
@@ -25,8 +25,8 @@ pub fn budget_table(report: &BudgetReport) -> String {
     lines.push(String::new());
     push_counts(&mut lines, report);
     let (obtained, asked) = (report.hygiene.iter().filter(|h| h.got).count(), report.hygiene.len());
-    lines.push(format!("real-time scheduling and memory: {obtained} of {asked} asked for were had"));
-    lines.extend(report.hygiene.iter().filter(|h| !h.got).map(|h| format!("not had: {}: {}", h.what, h.detail)));
+    lines.push(format!("real-time scheduling and memory: {obtained} of {asked} requested settings obtained"));
+    lines.extend(report.hygiene.iter().filter(|h| !h.got).map(|h| format!("unavailable: {}: {}", h.what, h.detail)));
     let few = report.frames.delivered < ENOUGH_FOR_P99;
     lines.extend(few.then(|| format!("note: with fewer than {ENOUGH_FOR_P99} frames p99 is the longest time")));
     lines.push(String::new());

@@ -9,7 +9,7 @@ const FRAMES: u32 = 200;
 /// Time of every stage of the made-up run.
 const STAGE_MS: i64 = 4;
 
-/// What a run of made-up frames leaves; one stage may take longer.
+/// Returns the measurements of a run of made-up frames; one stage may take longer.
 fn measured(longer: Option<(Stage, i64)>) -> (StageHistograms, FrameRing) {
     let (mut stages, mut ring) = (StageHistograms::default(), FrameRing::with_capacity(16, 1));
     for number in 0..FRAMES {
@@ -23,7 +23,7 @@ fn measured(longer: Option<(Stage, i64)>) -> (StageHistograms, FrameRing) {
     (stages, ring)
 }
 
-/// Every line has a limit, and there is room.
+/// Returns limits for every line that the made-up frames keep.
 fn limits() -> BudgetLimits {
     BudgetLimits { stage_p99_ms: [Some(5.0); Stage::COUNT], latency_p99_ms: Some(80.0), missed_frames: 0 }
 }
@@ -62,8 +62,8 @@ fn a_run_inside_its_budget_passes() {
     let report = judged(&limits(), None);
     assert_eq!((broken(&report), report.culprit()), (vec![], None));
     let text = budget_table(&report);
-    assert!(text.contains("the budget is met") && text.contains("0 of 1 asked for were had"), "{text}");
-    assert!(text.contains("not had: locked memory: limit of 8 MiB"), "{text}");
+    assert!(text.contains("the budget is met") && text.contains("0 of 1 requested settings obtained"), "{text}");
+    assert!(text.contains("unavailable: locked memory: limit of 8 MiB"), "{text}");
 }
 
 #[test]

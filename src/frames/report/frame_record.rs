@@ -6,7 +6,7 @@
 use crate::report::stages::{Stage, StageHistograms, StageTimes};
 use base::time::{Span, Tai};
 
-/// What was done with a slot.
+/// Outcome of a slot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fate {
     /// Its frame went out in time.
@@ -35,22 +35,22 @@ impl Fate {
     }
 }
 
-/// Why a slot was missed: its frame was late, held or dropped, or had no stars because there was no attitude.
+/// Cause of a missed slot: its frame was late, held or dropped, or was without stars because no attitude was available.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MissCause {
     /// The frame thread slept past the release: the system woke it late.
     ReleasedLate,
-    /// The frames before had taken so long that this slot began too late.
+    /// The frames before took so long that this slot started too late.
     FramesBefore,
-    /// The sink had given no buffer back.
+    /// All buffers were still with the sink.
     SinkBusy,
-    /// There was no attitude to show.
+    /// No attitude was available.
     AwaitingAttitude,
     /// This stage took longest beyond its median.
     Stage(Stage),
 }
 
-/// Causes that are no stage.
+/// Causes other than a stage.
 const CAUSES: [MissCause; 4] =
     [MissCause::ReleasedLate, MissCause::FramesBefore, MissCause::SinkBusy, MissCause::AwaitingAttitude];
 
@@ -75,7 +75,7 @@ impl MissCause {
         }
     }
 
-    /// In words.
+    /// Returns the cause in words.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -113,17 +113,18 @@ pub struct FrameRecord {
     pub commanded: Option<Tai>,
     /// The image was handed to the sink thread.
     pub submitted: Option<Tai>,
-    /// The sink had taken it: several sinks, and any on the real clock, have it in their queues then.
+    /// Time at which the sink took the frame: several sinks, and any sink on the real clock, have it in their queues
+    /// then.
     pub delivered: Option<Tai>,
     /// Where the time went.
     pub times: StageTimes,
     /// Finished minus due; negative when early.
     pub lateness: Span,
-    /// What was done.
+    /// Outcome.
     pub fate: Fate,
     /// Why it was missed; `None` when it was not.
     pub cause: Option<MissCause>,
-    /// Rung of the degradation ladder.
+    /// Degradation level.
     pub degradation: &'static str,
     /// Motion method.
     pub method: &'static str,
@@ -142,7 +143,7 @@ pub struct FrameRecord {
 }
 
 impl FrameRecord {
-    /// A slot whose frame thread has just woken; nothing else has happened.
+    /// Returns the record of a slot whose frame thread has just woken; nothing else has happened.
     #[must_use]
     pub fn released(number: u32, [exposure_start, release, due]: [Tai; 3], [asked, woken]: [Tai; 2]) -> Self {
         let mut times = StageTimes::default();

@@ -31,7 +31,7 @@ pub struct Latency {
 }
 
 impl Latency {
-    /// With names, in order.
+    /// Returns the quantiles with their names, in order.
     #[must_use]
     pub fn named(&self) -> [(&'static str, &Quantiles); 4] {
         [
@@ -56,14 +56,14 @@ pub struct FrameRing {
 }
 
 impl FrameRing {
-    /// Returns the room for the last `frames` frames of each of `heads`; counts alone when it is 0.
+    /// Returns a ring for the last `frames` frames of each of `heads`; it keeps counts alone when `frames` is 0.
     #[must_use]
     pub fn with_capacity(frames: usize, heads: usize) -> Self {
         let capacity = frames * heads;
         Self { records: Vec::with_capacity(capacity), capacity, heads, ..Self::default() }
     }
 
-    /// Counts a slot and keeps its record. Numbers count up by one.
+    /// Counts a slot and keeps its record. Slot numbers must rise by one.
     pub fn push(&mut self, record: FrameRecord) {
         self.total += 1;
         self.fates[record.fate as usize] += 1;
@@ -77,7 +77,7 @@ impl FrameRing {
         }
     }
 
-    /// A frame has been delivered: its latency counts, and its record is replaced where it is still kept.
+    /// Counts the latency of a delivered frame and replaces its record if the ring still has it.
     pub fn complete(&mut self, record: FrameRecord) {
         self.count_latency(&record);
         let place = self.place(&record);
@@ -95,7 +95,7 @@ impl FrameRing {
     fn count_latency(&mut self, record: &FrameRecord) {
         let (Some(submitted), Some(delivered)) = (record.submitted, record.delivered) else { return };
         self.latency.submitted_to_delivered.record(delivered - submitted);
-        // Frames for a display are delivered before their exposure: that is no latency.
+        // Frames for a display are delivered before their exposure: they have no latency to count.
         if delivered >= record.mid_exposure {
             self.latency.mid_exposure_to_delivered.record(delivered - record.mid_exposure);
         }
@@ -189,7 +189,7 @@ mod tests {
         (0..3).for_each(|number| ring.complete(sample_record(number)));
         assert_eq!(ring.latency().epoch_to_delivered.count, 3);
         assert!(ring.last().all(|record| record.delivered.is_some()) && ring.last().count() == 2);
-        assert_eq!(ring.total(), 3, "completing is no slot more");
+        assert_eq!(ring.total(), 3, "completing adds no slot");
     }
 
     #[test]

@@ -1,9 +1,10 @@
-//! What the gateways of a run let through, lost and refused: rows of the run summary, and their lines in its table.
+//! Frames that the gateways of a run forwarded, lost and refused: rows of the run summary, and their lines in its
+//! table.
 
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// What one gateway did.
+/// Counts of one gateway.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct GatewayRow {
     /// Its kind.

@@ -9,11 +9,11 @@ use base::time::Span;
 use hdrhistogram::Histogram;
 use serde::Serialize;
 
-/// Shortest time told from 0.
+/// Shortest time that is distinguished from 0.
 const LOW_NS: u64 = 1_000;
-/// Longest time told from longer ones.
+/// Longest time that is distinguished from longer ones.
 const HIGH_NS: u64 = 60_000_000_000;
-/// Largest count told from larger ones (stars in a frame).
+/// Largest count that is distinguished from larger ones (stars in a frame).
 const HIGH_COUNT: u64 = 10_000_000;
 /// Significant decimal digits.
 const DIGITS: u8 = 3;
@@ -133,7 +133,7 @@ impl CountHistogram {
         self.max = self.max.max(count);
     }
 
-    /// Summary of the counts so far.
+    /// Returns the summary of the counts so far.
     #[must_use]
     pub fn spread(&self) -> CountSpread {
         if self.histogram.is_empty() {

@@ -1,4 +1,4 @@
-//! What a run lost although it reached its end: a list for the summary, one line for people, an exit status for scripts.
+//! Losses of a run that reached its end: a list for the summary, one line for people, an exit status for scripts.
 //!
 //! A frame that a sink did not take, a file of the run that could not be written, a capture that is not whole, a thread
 //! that ended early. A run that was cut short by an error is another matter: its error says so.
@@ -30,7 +30,7 @@ pub struct LossLine {
     pub name: String,
     /// How many frames, packets, files or threads.
     pub count: u64,
-    /// What happened, in words.
+    /// Description of the loss, in words.
     pub detail: String,
 }
 

@@ -1,4 +1,4 @@
-//! What a run says about itself: timing quantiles, counts, a JSON summary, a table and a line of progress.
+//! The report of a run about itself: timing quantiles, counts, a JSON summary, a table and a line of progress.
 //!
 //! Input: plain numbers from the runtime, frame by frame (`stages::StageTimes`) and at the end
 //! (`summary::RunSummary`). Output: text. Nothing here reads a clock or uses the other modules.

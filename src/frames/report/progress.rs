@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-/// What the line is made of.
+/// Numbers of the line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Progress {
     /// Frames delivered.
@@ -40,8 +40,8 @@ pub fn progress_line(p: &Progress, width: usize) -> String {
     cut(line, width)
 }
 
-/// Returns one line about a job of `total` parts of which `done` are done after `elapsed_s`: what is next, and the time
-/// left where it can be guessed; at most `width` characters.
+/// Returns one line about a job after `elapsed_s`, with `done` of `total` parts done: the next part, and the time left
+/// where it can be estimated; at most `width` characters.
 #[must_use]
 pub fn step_line(done: usize, total: usize, elapsed_s: f64, next: &str, width: usize) -> String {
     let left = match done {

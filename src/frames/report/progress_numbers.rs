@@ -8,7 +8,7 @@ use crate::report::stages::Stage;
 use crate::report::summary::FrameCounts;
 use crate::report::time_tally::TimeTally;
 
-/// Ports whose counts are told.
+/// Number of ports whose counts are reported.
 pub const PORTS_MAX: usize = 4;
 /// Named counts in one list of a port.
 pub const NAMES_MAX: usize = 48;
@@ -43,7 +43,7 @@ impl<const MOST: usize> NamedCounts<MOST> {
         self.list[..self.len].iter().copied()
     }
 
-    /// Returns names for which there was no room.
+    /// Returns the number of names that did not fit.
     #[must_use]
     pub fn left_out(&self) -> usize {
         self.left_out
@@ -58,7 +58,7 @@ impl<const MOST: usize> FromIterator<(&'static str, u64)> for NamedCounts<MOST> 
     }
 }
 
-/// What one port counted.
+/// Counts of one port.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PortCounts {
     /// Packets, and what became of the link.
@@ -77,7 +77,7 @@ impl PortCounts {
 pub struct RunNumbers {
     /// Frames in the whole run; `None` when it has no end.
     pub frames_in_run: Option<u64>,
-    /// What became of the frames.
+    /// Frames by outcome.
     pub frames: FrameCounts,
     /// Wall time per stage, in the order of [`Stage::ALL`].
     pub stages: [TimeTally; Stage::COUNT],
@@ -119,13 +119,13 @@ impl RunNumbers {
         self.port_count += 1;
     }
 
-    /// Ports of which nothing is told.
+    /// Returns the number of ports that are not reported.
     #[must_use]
     pub fn ports_left_out(&self) -> usize {
         self.port_count.saturating_sub(PORTS_MAX)
     }
 
-    /// Returns the ports that are told.
+    /// Returns the ports that are reported.
     #[must_use]
     pub fn ports(&self) -> &[PortCounts] {
         &self.ports[..self.port_count.min(PORTS_MAX)]

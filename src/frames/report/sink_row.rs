@@ -1,9 +1,9 @@
-//! What became of the frames at one sink: a line of the summary.
+//! Outcome of the frames at one sink: a line of the summary.
 
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// What one sink did with the frames it was handed.
+/// Result of one sink for the frames that it was given.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SinkRow {
     /// Where the bench names it.

@@ -25,7 +25,7 @@ pub struct RunSummary {
     pub camera: String,
     /// Render backend.
     pub backend: String,
-    /// What the backend ran on: adapter and driver, or the processor.
+    /// Adapter and driver, or the processor, of the backend.
     pub adapter: String,
     /// `monotonic` or `virtual`.
     pub clock: String,
@@ -43,7 +43,7 @@ pub struct RunSummary {
     pub seed: u64,
     /// Seed of the noise of exposures.
     pub noise_seed: u64,
-    /// What became of the frames.
+    /// Frames by outcome.
     pub frames: FrameCounts,
     /// Wall time per stage, in the order of [`Stage::ALL`].
     #[serde(serialize_with = "by_stage_name")]
@@ -66,7 +66,7 @@ pub struct RunSummary {
     pub faults: BTreeMap<String, u64>,
     /// Smear methods: frames drawn with each.
     pub methods: BTreeMap<String, u64>,
-    /// Frames degraded to keep their time, by rung.
+    /// Frames degraded to keep their time, by degradation level.
     pub degraded: BTreeMap<String, u64>,
     /// Stars per frame.
     pub stars: CountSpread,
@@ -80,15 +80,15 @@ pub struct RunSummary {
     pub output: Option<String>,
     /// CRC-32 over all frames, eight hexadecimal digits: equal for equal runs.
     pub run_crc32: String,
-    /// What each sink did with the frames.
+    /// Result of each sink.
     pub sinks: Vec<SinkRow>,
-    /// What was lost although the run reached its end; empty when the exit status is 0.
+    /// Losses of a run that reached its end; empty when the exit status is 0.
     pub losses: Losses,
-    /// What each gateway let through, lost and refused.
+    /// Frames that each gateway forwarded, lost and refused.
     pub gateways: Vec<GatewayRow>,
 }
 
-/// What became of the frames of a run.
+/// Frames of a run by outcome.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub struct FrameCounts {
     /// Slots that came up.
@@ -113,7 +113,7 @@ pub struct FrameCounts {
     pub blank: u64,
 }
 
-/// What came over the link.
+/// Messages received over the link.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
 pub struct LinkCounts {
     /// Named counters (frames and bytes received and sent, groups complete, ...).
@@ -177,7 +177,7 @@ impl RunSummary {
         }
     }
 
-    /// JSON for people and programs, ending in a line break. Numbers that are not finite become `null`.
+    /// Returns JSON for people and programs that ends in a line break. Numbers that are not finite become `null`.
     ///
     /// # Errors
     /// [`ReportError::Json`] when it cannot be expressed.

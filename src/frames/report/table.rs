@@ -166,7 +166,7 @@ fn push_counts(lines: &mut Vec<String>, s: &RunSummary) {
     lines.extend(rows.into_iter().map(|(name, value)| format!("{name:<NAME_WIDTH$}{value}")));
 }
 
-/// A row per sink, when there are several or one has something to tell; failures and outputs below.
+/// Adds a row per sink when there are several or one has something to report; failures and outputs below.
 fn push_sinks(lines: &mut Vec<String>, s: &RunSummary) {
     let is_plain = |row: &SinkRow| row.dropped + row.refused == 0 && row.first_error.is_none() && row.counts.is_empty();
     if let [] | [_] = s.sinks.as_slice()
@@ -191,7 +191,7 @@ fn push_sinks(lines: &mut Vec<String>, s: &RunSummary) {
     }
 }
 
-/// A row per gateway, with what it refused below.
+/// Adds a row per gateway, with the frames it refused below.
 fn push_gateways(lines: &mut Vec<String>, s: &RunSummary) {
     if s.gateways.is_empty() {
         return;
@@ -221,7 +221,7 @@ fn push_events(lines: &mut Vec<String>, s: &RunSummary) {
     }
 }
 
-/// What a reader must know before believing a number above.
+/// Adds the remarks that a reader needs to judge the numbers above.
 fn push_remarks(lines: &mut Vec<String>, s: &RunSummary) {
     let mut remarks = Vec::new();
     if s.clock == "virtual" {

@@ -73,13 +73,13 @@ impl TimeTally {
         self.sum_ns as f64 / 1e9
     }
 
-    /// Longest, exact, ms; 0 when nothing was recorded.
+    /// Returns the longest time, exact, ms; 0 when nothing was recorded.
     #[must_use]
     pub fn max_ms(&self) -> f64 {
         self.max_ns as f64 / 1e6
     }
 
-    /// Mean, exact, ms; 0 when nothing was recorded.
+    /// Returns the mean time, exact, ms; 0 when nothing was recorded.
     #[must_use]
     pub fn mean_ms(&self) -> f64 {
         self.sum_ns as f64 / self.count.max(1) as f64 / 1e6

@@ -1,7 +1,7 @@
 //! The worst frames as a chart: one row per frame, one bar per stage from its release, the deadline as a line.
 //!
 //! Input: frame records. Output: one SVG text on white, the same for the same input; colours of the other charts, the
-//! second round of them lighter. *Limits.* Bars stand one after another as the stages followed each other; the queue
+//! second round of them lighter. *Limits.* Bars follow one after another as the stages followed each other; the queue
 //! begins where the frame was handed over. Text widths are estimated. *Validation.* the tests parse it as XML
 //! and measure the bars.
 
@@ -138,7 +138,7 @@ fn write_axis(body: &mut String, end_ms: f64, [top_px, bottom_px]: [f64; 2], px:
     text(body, middle_px, bottom_px + 38.0, "middle", "ms after the release (end of the exposure)");
 }
 
-/// 1, 2 or 5 times a power of ten, not below `least`.
+/// Returns 1, 2 or 5 times a power of ten, not below `least`.
 fn tick_step(least: f64) -> f64 {
     let power = 10_f64.powf(least.max(1e-9).log10().floor());
     [1.0, 2.0, 5.0, 10.0].into_iter().map(|n| n * power).find(|step| *step >= least).unwrap_or(10.0 * power)

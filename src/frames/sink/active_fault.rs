@@ -56,7 +56,7 @@ impl ActiveFaults {
         self.count += 1;
     }
 
-    /// Those that are named.
+    /// Returns the faults that are named.
     #[must_use]
     pub fn named(&self) -> &[ActiveFault] {
         &self.list[..self.count.min(NAMED_FAULTS)]
@@ -76,7 +76,7 @@ impl Default for ActiveFaults {
 }
 
 impl fmt::Display for ActiveFaults {
-    /// `none`, or faults joined by `; `, and how many more.
+    /// Writes `none`, or faults joined by `; `, and how many more.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.count == 0 {
             return f.write_str("none");

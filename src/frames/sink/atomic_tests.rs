@@ -1,4 +1,4 @@
-//! Tests of [`super`]: files appear whole or not at all, and nobody else's file is touched.
+//! Tests of [`super`]: files appear whole or not at all, and files of others are not touched.
 
 use super::*;
 

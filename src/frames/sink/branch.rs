@@ -2,13 +2,13 @@
 //!
 //! Input: frames, copied into a free buffer. Output: what the sink makes of them, and counts. A buffer is made once, at
 //! the start; copying into it allocates nothing unless a frame is larger than any before. A buffer comes back with what
-//! became of its frame, so every loss is told with the number of its own frame. A sink that fails on a frame is given the
-//! next one: a disk that is full now may have room later. A sink that panics is not called again.
+//! outcome of its frame, so every loss is reported with the number of its own frame. A sink that fails on a frame is
+//! given the next one: a disk that is full now may have space later. A sink that panics is not called again.
 //!
-//! A branch that goes, also without [`Branch::finish`], lets its sink finish what it was handed, and waits for that as long
-//! as frames come back: a sink that blocks is given up after [`patience::END_PATIENCE`], and its thread is left behind. Where every
-//! frame is waited for, a sink that blocks is given up after [`patience::STALL_PATIENCE`] in the middle of a run.
-//! Tests: `fan_tests.rs`.
+//! Dropping a branch, also without [`Branch::finish`], lets its sink finish the frames it was given, and waits for that
+//! as long as frames come back: a sink that blocks is given up after [`patience::END_PATIENCE`], and its thread is left
+//! behind. Where every frame is waited for, a sink that blocks is given up after [`patience::STALL_PATIENCE`] in the
+//! middle of a run. Tests: `fan_tests.rs`.
 
 use crate::sink::line::{Loss, LossKind, SinkLine};
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
@@ -61,11 +61,11 @@ pub(super) struct Branch {
     /// Time that a frame takes on a slow disk, by which it may finish nothing for longer.
     slow_frame: Span,
     is_given_up: bool,
-    /// What was lost and not yet told.
+    /// Losses that are not yet reported.
     losses: Vec<Loss>,
 }
 
-/// What a branch's thread comes back with.
+/// Result of a branch's thread.
 struct Ended {
     line: SinkLine,
     finished: Option<Result<SinkSummary, SinkError>>,
@@ -130,7 +130,7 @@ impl Branch {
         self.is_given_up
     }
 
-    /// Counts a frame that goes past a sink that was given up.
+    /// Counts a frame for a sink that was given up.
     pub(super) fn pass(&mut self, frame: &SentFrame) {
         self.put(None, frame);
         self.line.dropped += 1;
@@ -200,13 +200,13 @@ impl Branch {
         self.back.capacity().unwrap_or_default() - self.back.len() - self.free.len()
     }
 
-    /// Tells what was lost since the last time.
+    /// Reports the losses since the last call.
     pub(super) fn take_losses(&mut self, announce: &mut dyn FnMut(Loss)) {
         self.collect();
         self.losses.drain(..).for_each(announce);
     }
 
-    /// No more frames come.
+    /// Closes the queue: no more frames come.
     pub(super) fn hang_up(&mut self) {
         self.full = None;
     }
@@ -246,7 +246,7 @@ impl Branch {
         error
     }
 
-    /// What the sink did; whole after [`Self::finish`].
+    /// Returns the counts of the sink; complete after [`Self::finish`].
     pub(super) fn line(&self) -> &SinkLine {
         &self.line
     }
@@ -255,7 +255,7 @@ impl Branch {
 impl Drop for Branch {
     fn drop(&mut self) {
         wait_for(core::slice::from_mut(self));
-        let _ = self.finish(); // nobody is left to ask
+        let _ = self.finish(); // no caller is left to report to
     }
 }
 
@@ -347,13 +347,13 @@ impl Carrier {
                 self.line.first_error.get_or_insert_with(|| error.to_string());
             }
         }
-        // What was counted here adds up with what was offered, whatever a sink says of itself.
+        // The branch's own counts add up with the frames offered, whatever a sink reports about itself.
         (self.line.frames, self.line.refused) = (frames, refused);
         Ended { line: self.line, finished: Some(finished) }
     }
 }
 
-/// What a panic said.
+/// Returns the text of a panic.
 fn words_of(panic: &(dyn core::any::Any + Send)) -> String {
     let said = panic.downcast_ref::<&str>().map(ToString::to_string);
     let said = said.or_else(|| panic.downcast_ref::<String>().cloned());

@@ -60,7 +60,7 @@ fn the_suite_notices_broken_sinks() {
     assert!(broken(Some(8), true).unwrap_err().contains("after finish"));
 }
 
-/// A disk with room for so many bytes.
+/// A disk with space for so many bytes.
 struct FullAfter {
     space: usize,
 }
@@ -100,9 +100,9 @@ fn every_writer_reports_a_disk_that_fills_up_at_any_byte() {
         let mut whole = Vec::new();
         write(&mut whole).unwrap();
         for space in 0..whole.len() {
-            let error = write(&mut FullAfter { space }).expect_err("no room");
+            let error = write(&mut FullAfter { space }).expect_err("no space");
             assert_eq!(error.kind(), io::ErrorKind::StorageFull, "{name} after {space} of {} bytes", whole.len());
         }
-        write(&mut FullAfter { space: whole.len() }).expect("just enough room");
+        write(&mut FullAfter { space: whole.len() }).expect("just enough space");
     }
 }

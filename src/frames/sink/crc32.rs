@@ -36,7 +36,7 @@ impl Crc32 {
     }
 }
 
-/// CRC-32 of an image's pixels.
+/// Returns the CRC-32 of an image's pixels.
 #[must_use]
 pub fn pixel_crc32(image: &DnImage) -> u32 {
     let mut crc = Crc32::default();

@@ -1,4 +1,4 @@
-//! What can go wrong on the way out.
+//! Errors of the sinks.
 
 use base::time::Span;
 use std::io;
@@ -67,7 +67,7 @@ pub enum SinkError {
         /// Number refused.
         got: u32,
     },
-    /// A frame of another size than those before it in a file that has room for one size.
+    /// A frame of another size than those before it in a file that holds one size.
     #[error(
         "{} holds frames of {} x {} px, and this one has {} x {}; wanted one size in a file",
         path.display(), wanted[0], wanted[1], got[0], got[1]
@@ -81,7 +81,7 @@ pub enum SinkError {
         got: [usize; 2],
     },
     /// A frame sent after the end of the run.
-    #[error("frame {frame} was sent to the {sink} sink after it had finished; send every frame before finish")]
+    #[error("frame {frame} was sent to the {sink} sink after its end; send every frame before finish")]
     Finished {
         /// The sink's name.
         sink: &'static str,
@@ -89,7 +89,7 @@ pub enum SinkError {
         frame: u32,
     },
     /// The name of the shared memory belongs to something else.
-    #[error("{} is no ring of frames of starloop, and is not replaced; wanted a name that is free", path.display())]
+    #[error("{} is not a ring of frames of starloop, and is not replaced; wanted a name that is free", path.display())]
     NotShared {
         /// The file.
         path: PathBuf,
@@ -100,7 +100,7 @@ pub enum SinkError {
         /// The file.
         path: PathBuf,
     },
-    /// What iceoryx2 did not do.
+    /// A failure of iceoryx2.
     #[error(
         "iceoryx2 service \"{service}\": {why}; wanted a service that no other run publishes, of frames of starloop, and \
          memory for it: try another name, or ending the readers of an earlier run"
@@ -108,7 +108,7 @@ pub enum SinkError {
     Iceoryx {
         /// The service.
         service: String,
-        /// What iceoryx2 says.
+        /// Reason given by iceoryx2.
         why: String,
     },
     /// The thread of a sink cannot be started.
@@ -142,7 +142,7 @@ pub enum SinkError {
     Unfinished {
         /// The sink's name.
         sink: &'static str,
-        /// What the device's own module reports.
+        /// Error reported by the device's own module.
         source: Box<dyn std::error::Error + Send + Sync>,
     },
     /// A device that did not take a frame.
@@ -152,7 +152,7 @@ pub enum SinkError {
         sink: &'static str,
         /// The frame.
         frame: u32,
-        /// What the device's own module reports.
+        /// Error reported by the device's own module.
         source: Box<dyn std::error::Error + Send + Sync>,
     },
     /// Bytes that are not a FITS image this reader knows.
@@ -160,9 +160,9 @@ pub enum SinkError {
     BadFits {
         /// Where in the file.
         what: &'static str,
-        /// What is readable.
+        /// Contents that are readable.
         wanted: &'static str,
-        /// What was there.
+        /// Contents that were found.
         got: String,
     },
     /// A table (truth or frame log) that does not have the promised columns or values.
@@ -172,14 +172,14 @@ pub enum SinkError {
         table: &'static str,
         /// Line in the file, the header being 1.
         line: u64,
-        /// What is readable.
+        /// Contents that are readable.
         wanted: &'static str,
-        /// What was there.
+        /// Contents that were found.
         got: String,
     },
 }
 
-/// What a person can do about an I/O error.
+/// Returns how a person can fix an I/O error.
 #[allow(clippy::wildcard_enum_match_arm, reason = "the kinds of I/O errors are the standard library's, and open")]
 fn advice(error: &io::Error) -> &'static str {
     match error.kind() {

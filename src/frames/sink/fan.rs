@@ -17,7 +17,7 @@ use crate::sink::line::{Loss, SinkLine};
 use crate::sink::tally::Tally;
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
 
-/// What becomes of a frame for which a sink has no free buffer.
+/// Action for a frame when a sink has no free buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum OnFull {
     /// It goes past that sink, and is counted.
@@ -61,8 +61,8 @@ impl Fan {
         self.branches[sink].lag()
     }
 
-    /// Every sink gets the frame, or the first failure comes back. One that blocks is no failure of the others: its line
-    /// says that it is lost.
+    /// Sends the frame to every sink and returns the first failure. A sink that blocks does not fail the others: its
+    /// line says that it is lost.
     fn send_to_all(&mut self, frame: &SentFrame) -> Result<(), SinkError> {
         let mut failure = None;
         let mut handed = Vec::with_capacity(self.branches.len());
@@ -113,7 +113,7 @@ impl Sink for Fan {
         self.tally.take(name, frame)
     }
 
-    /// The summary counts frames that were handed to the sinks; [`Self::lines`] tells what each of them took.
+    /// Counts the frames that were given to the sinks; [`Self::lines`] says which of them each took.
     fn finish(&mut self) -> Result<SinkSummary, SinkError> {
         let mut failure = None;
         let mut bytes = 0;

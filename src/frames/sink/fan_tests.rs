@@ -1,4 +1,4 @@
-//! Several sinks at once: what a slow one, a failing one and a broken one cost themselves, and nobody else.
+//! Several sinks at once: a slow, a failing and a broken sink lose their own frames, and cost the others nothing.
 //!
 //! A slow sink is one that waits for the test: no time is measured.
 
@@ -103,7 +103,7 @@ fn counts(line: &SinkLine) -> [u64; 3] {
     [line.frames, line.dropped, line.refused]
 }
 
-/// What was lost since the last time: how, and the numbers of the frames.
+/// Returns the losses since the last call: kind, and the numbers of the frames.
 fn losses(fan: &mut Fan) -> Vec<(LossKind, u32)> {
     let mut all = Vec::new();
     fan.take_losses(&mut |Loss { kind, frame }| all.push((kind, frame)));
@@ -137,7 +137,7 @@ fn a_slow_sink_loses_frames_and_the_others_none() {
     }
     let dropped: Vec<_> = (3..10).map(|number| (LossKind::Dropped, number)).collect();
     assert_eq!(losses(&mut fan), dropped, "three buffers: one in work, two waiting");
-    assert_eq!(losses(&mut fan), [], "each is told once");
+    assert_eq!(losses(&mut fan), [], "each is reported once");
     drop(let_go);
     let summary = fan.finish().unwrap();
     assert_eq!((summary.frames, summary.refused), (10, 0), "handed to the sinks");
@@ -145,7 +145,7 @@ fn a_slow_sink_loses_frames_and_the_others_none() {
     assert_eq!([counts(&lines[0]), counts(&lines[1])], [[3, 7, 0], [10, 0, 0]]);
     assert_eq!(lines[1].run_crc32, Some(summary.run_crc32), "all frames");
     assert_ne!(lines[0].run_crc32, Some(summary.run_crc32), "and not all");
-    assert!(!lines[0].has_failed(), "slow is no failure");
+    assert!(!lines[0].has_failed(), "slow is not a failure");
 }
 
 #[test]
@@ -222,7 +222,7 @@ fn a_sink_that_fails_gets_the_next_frame_and_its_first_error_is_kept() {
         let frail = Frail { fails_on: vec![2, 4], ..Frail::default() };
         let mut fan = fan(vec![Box::new(NullSink::new()), Box::new(frail)], 8, on_full);
         let refused = (0..6).filter(|number| fan.send(&sample_frame(*number)).is_err()).count();
-        assert_eq!(refused, if on_full == OnFull::Wait { 2 } else { 0 }, "{on_full:?}: told at once, or counted");
+        assert_eq!(refused, if on_full == OnFull::Wait { 2 } else { 0 }, "{on_full:?}: reported at once, or counted");
         fan.finish().unwrap();
         assert_eq!(losses(&mut fan), [(LossKind::Refused, 2), (LossKind::Refused, 4)], "each with its own number");
         let lines = fan.lines();

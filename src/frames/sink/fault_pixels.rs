@@ -29,7 +29,7 @@ impl From<FaultPixels> for DefectSpots {
 }
 
 impl DefectSpots {
-    /// Whether one that is given is beyond so many columns and rows.
+    /// Returns true if a pixel that is given is beyond so many columns and rows.
     #[must_use]
     pub fn are_outside(&self, [width, height]: [usize; 2]) -> bool {
         let beyond = |place: Option<u32>, side: usize| place.is_some_and(|place| place as usize >= side);
@@ -39,7 +39,7 @@ impl DefectSpots {
 }
 
 impl fmt::Display for DefectSpots {
-    /// What is given, as event files name it.
+    /// Writes the pixels as event files name them.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let line = |name: &str, number: Option<u32>| number.map(|number| format!("{name} = {number}"));
         let pixel = self.pixels.at.map(|[x, y]| format!("px = [{x}, {y}]"));

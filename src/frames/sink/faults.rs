@@ -69,7 +69,7 @@ impl BitOrAssign for FaultFlags {
 }
 
 impl fmt::Display for FaultFlags {
-    /// `none`, or the names joined by `+`.
+    /// Writes `none`, or the names joined by `+`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.is_empty() {
             return f.write_str("none");

@@ -11,13 +11,13 @@ use base::source_id::SourceId;
 use base::time::{Span, Tai};
 use std::sync::Arc;
 
-/// Targets on the sky for which there is room from the start.
+/// Targets on the sky that fit without allocation from the start.
 const TARGETS_RESERVED: usize = 64;
 
 /// A finished frame. Its buffers are made once and travel between the frame thread and the sink thread.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SentFrame {
-    /// What the detector read out, DN.
+    /// Digital numbers from the detector, DN.
     pub image: DnImage,
     /// The stars in the image; empty when the frame is blank.
     pub truth: Vec<TruthStar>,
@@ -39,7 +39,7 @@ impl SentFrame {
         }
     }
 
-    /// Returns a copy with the same room for stars, every page of it written to.
+    /// Returns a copy with the same capacity for stars, every page of it written to.
     #[must_use]
     pub fn touched_copy(&self) -> Self {
         let mut copy = self.clone();
@@ -62,7 +62,7 @@ impl SentFrame {
     }
 }
 
-/// What a row of the truth table is.
+/// Kind of a row of the truth table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum TruthKind {
     /// A star of the catalog.
@@ -129,7 +129,7 @@ pub struct TruthStar {
     pub y_px: f64,
     /// Electrons collected in the exposure, mean, before noise.
     pub electrons: f64,
-    /// What it is.
+    /// Kind of the object.
     pub kind: TruthKind,
     /// Length of its path over the image during the exposure, px: slews, jitter, a target's own motion.
     pub smear_px: f64,
@@ -165,7 +165,7 @@ pub struct FrameMeta {
     pub mid_exposure: Tai,
     /// Integration time, s.
     pub exposure_s: f64,
-    /// What started the exposure: `rate`, or the source of its trigger.
+    /// Start of the exposure: `rate`, or the source of its trigger.
     pub started_by: &'static str,
     /// From the trigger to the start of the exposure; zero without one.
     pub trigger_delay: Span,
@@ -233,7 +233,7 @@ pub struct FrameMeta {
     pub binning: u32,
     /// First sensor pixel of the image, column and row.
     pub window_px: [u32; 2],
-    /// What else is known of the camera; `None` where the image is not that of its own detector.
+    /// Further facts about the camera; `None` where the image is not that of its own detector.
     pub facts: Option<CameraFacts>,
     /// Where on the sky its pixels are; `None` without stars, and for an image that does not show its attitude.
     pub wcs: Option<Wcs>,

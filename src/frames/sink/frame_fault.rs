@@ -11,7 +11,7 @@ use core::fmt;
 /// The unit of faults that take a whole frame: there is no more or less of them.
 const WHOLE: &str = "frame";
 
-/// What the pixels of a fault are counted on.
+/// Image on which the pixels of a fault are counted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PixelsOf {
     /// The detector.
@@ -20,7 +20,7 @@ pub enum PixelsOf {
     Images,
 }
 
-/// What is wrong with defective pixels.
+/// Fault of defective pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PixelFault {
     /// More dark current, e-/s.
@@ -77,7 +77,7 @@ pub enum FrameFault {
     BitFlip {
         /// Which bit, from 0.
         bit: u8,
-        /// Of which pixels.
+        /// Pixels of the fault.
         pixels: FaultPixels,
     },
     /// Uniform stray light, electrons per second and pixel.
@@ -87,7 +87,7 @@ pub enum FrameFault {
     },
     /// Uniform stray light that changes evenly while it lasts.
     StrayLightRamp {
-        /// e-/s in every pixel at the begin.
+        /// e-/s in every pixel at the start.
         from_e_per_s: f64,
         /// And at the end.
         to_e_per_s: f64,
@@ -99,7 +99,7 @@ pub enum FrameFault {
     },
     /// Only a share of the light of stars, targets and sky comes through; it changes evenly while it lasts.
     Contamination {
-        /// Share at the begin.
+        /// Share at the start.
         from_share: f64,
         /// And at the end.
         to_share: f64,
@@ -135,7 +135,7 @@ pub enum FrameFault {
     Pixels {
         /// Which.
         spots: DefectSpots,
-        /// What is wrong with them.
+        /// Fault of these pixels.
         fault: PixelFault,
     },
     /// Tracks of protons.
@@ -203,7 +203,7 @@ flags! {
     STUCK_PIXELS = 28, "stuck_pixels";
 }
 
-/// What is known of a fault: its word in files, its flag, and how much of it there is at the begin and at the end.
+/// The facts of a fault: its word in files, its flag, and its size at the start and at the end.
 struct Facts(&'static str, FaultFlags, [f64; 2], &'static str);
 
 impl FrameFault {

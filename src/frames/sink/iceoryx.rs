@@ -4,8 +4,8 @@
 //! them a [`SlotHead`] as the user header, which is what the ring of `shared_memory` has before its pixels too. A frame is
 //! copied once, into memory that was loaned from the service, and readers see it there.
 //!
-//! Nobody is waited for: a reader that is behind by more than `slots` frames loses the oldest, and sees it by `serial`.
-//! A frame for which no memory is left, as readers keep all of it, is refused and counted.
+//! The writer never waits: a reader that is behind by more than `slots` frames loses the oldest, and sees it by
+//! `serial`. A frame for which no memory is left, as readers keep all of it, is refused and counted.
 //!
 //! Limits: one size of frame; one publisher and at most [`READERS_MAX`] readers of a service; its name is free of the file
 //! system. What a killed run has left is cleaned up by the next program that uses iceoryx2. Signals stay with the run.
@@ -31,7 +31,7 @@ pub struct Iceoryx {
 }
 
 impl Iceoryx {
-    /// Opens the service, or makes it, for frames of `size_px` (columns, rows) of which a reader may be `slots` behind.
+    /// Opens the service, or makes it, for frames of `size_px` (columns, rows); a reader may be `slots` frames behind.
     ///
     /// # Errors
     /// [`SinkError::Iceoryx`] with what iceoryx2 says: another run publishes there, a reader made the service of another
@@ -53,7 +53,7 @@ impl Iceoryx {
     }
 }
 
-/// The publisher of a service, or why there is none.
+/// Returns the publisher of a service, or the reason why it cannot be made.
 fn publisher(
     service: &str,
     size_px: [usize; 2],
@@ -149,7 +149,7 @@ mod tests {
             serials.push(head.serial);
         }
         assert_eq!(serials, [7, 8, 9], "the last three of nine");
-        assert_eq!(sink.finish().unwrap().frames, 9, "nobody was waited for");
+        assert_eq!(sink.finish().unwrap().frames, 9, "the writer never waited");
     }
 
     #[test]

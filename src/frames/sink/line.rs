@@ -1,6 +1,6 @@
-//! What one sink among several did: a line of the run summary.
+//! The result of one sink among several: a line of the run summary.
 //!
-//! Every frame that was handed to the sinks stands in each line once: taken, refused or dropped.
+//! Every frame that was given to the sinks is counted in each line once: taken, refused or dropped.
 
 use crate::sink::{Sink, SinkSummary};
 use base::time::Span;
@@ -67,10 +67,10 @@ pub fn sink_lines(sink: &dyn Sink, summary: Option<&SinkSummary>) -> Vec<SinkLin
     if lines.is_empty() { vec![SinkLine::alone(sink, summary)] } else { lines }
 }
 
-/// A frame that a sink did not bring out, after `send` had taken it or instead of that.
+/// A frame that a sink did not deliver, after `send` took it or instead of that.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Loss {
-    /// What happened.
+    /// Kind of the loss.
     pub kind: LossKind,
     /// Number of the frame to which it happened.
     pub frame: u32,

@@ -90,16 +90,16 @@ pub trait Sink: Send {
         Vec::new()
     }
 
-    /// Tells the frames lost since the last call: those that `send` had taken, or that one of several sinks did not take.
+    /// Reports the frames lost since the last call: those that `send` took, or that one of several sinks did not take.
     fn take_losses(&mut self, _announce: &mut dyn FnMut(Loss)) {}
 
-    /// What each did, when this is several sinks; whole after `finish`.
+    /// Returns the result of each, when this is several sinks; complete after `finish`.
     fn lines(&self) -> Vec<SinkLine> {
         Vec::new()
     }
 }
 
-/// What a sink did in one run.
+/// The result of a sink in one run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SinkSummary {
     /// The sink's name.

@@ -65,7 +65,7 @@ fn write_grey(mut out: impl Write, width: usize, height: usize, depth: png::BitD
 }
 
 /// Returns the system's own error where there is one: the crate's conversion hides its kind (a full disk would not be
-/// told).
+/// recognised).
 fn io_error(error: png::EncodingError) -> io::Error {
     if let png::EncodingError::IoError(source) = error {
         source

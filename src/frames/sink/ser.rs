@@ -5,8 +5,8 @@
 //! (H. Wilkens, 2014). Numbers are little-endian. Times are ticks of 100 ns since 0001-01-01T00:00:00, rounded down;
 //! "local" time is UTC as well.
 //!
-//! *The field that tells the order of bytes.* The description says 1 for little-endian pixels; the first programs wrote
-//! 0 for them, and the programs in use read it so. Here 0 is written, and pixels are little-endian.
+//! *The field for the byte order.* The description says 1 for little-endian pixels; the first programs wrote 0 for
+//! them, and the programs in use read it so. Here 0 is written, and pixels are little-endian.
 //!
 //! *What stays of a file that is not finished.* The count in the header is brought up to date after each frame, over
 //! bytes that are there already: a program that is killed leaves a file whose count is true, without a trailer (which
@@ -133,7 +133,7 @@ impl SerFile {
         header_bytes + self.times.len() as u64 * frame_bytes
     }
 
-    /// Nothing but the whole frames stays.
+    /// Cuts the file back to its whole frames.
     fn cut_back(&mut self) {
         if self.times.is_empty() {
             self.size_px = None;
@@ -180,7 +180,7 @@ fn header(first: &SentFrame) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// 40 bytes of ASCII, filled up with zeros.
+/// Returns 40 bytes of ASCII, filled up with zeros.
 fn text_field(text: &str) -> [u8; 40] {
     let mut field = [0; 40];
     let ascii = text.chars().map(|c| if c.is_ascii_graphic() || c == ' ' { c as u8 } else { b'?' });
@@ -289,7 +289,7 @@ mod tests {
         assert_eq!(fs::read(&path).unwrap(), bytes);
     }
 
-    /// A file that may not grow (a limit of the process would kill it): the device that is always full.
+    /// Tests a file that may not grow (a limit of the process would kill it): the device that is always full.
     #[test]
     fn a_full_disk_is_an_error_each_time() {
         let full = || OpenOptions::new().write(true).open("/dev/full").unwrap();

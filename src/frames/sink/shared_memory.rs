@@ -1,8 +1,9 @@
 //! Frames for programs on the same machine: a ring of frames in a file that lives in memory (tmpfs, `/dev/shm`).
 //!
-//! Input: frames. Output: a file of fixed size that a reader maps (`mmap`, `numpy.memmap`), with room for a few frames and
-//! the truth numbers of each. The writer waits for nobody and knows of no reader: the oldest frame is overwritten, and a
-//! reader sees by the numbers how many it missed. Nothing but the copy of a frame is done: no name service, no daemon.
+//! Input: frames. Output: a file of fixed size that a reader maps (`mmap`, `numpy.memmap`), which holds a few frames
+//! and the truth numbers of each. The writer never waits and does not know its readers: the oldest frame is
+//! overwritten, and a reader sees by the numbers how many it missed. Only the copy of a frame is made: no name service,
+//! no daemon.
 //!
 //! Layout, numbers in the byte order of the machine (`firmware_protocol/FRAMES.md` has every field, held to these structures by
 //! `tests/conformance/frames_document.rs`):
@@ -17,12 +18,12 @@
 //! the copy is frame `n`. The CRC-32 of the pixels is in the slot as well, for readers that want to be sure.
 //! `hil_scripts/shared_frames.py` is such a reader.
 //!
-//! *The name.* The file gets its name when it is whole. A run holds a lock on its file for as long as it lives, and only
-//! who holds the lock of the file that bears the name takes the name from it: a run that was killed is replaced, one that
-//! goes on is not, and no run removes what is another's. The lock is one of an open file description (`F_OFD_SETLK`) on a
-//! byte far behind the end of the file, so that a reader's `flock` does not collide with it. A ring that loses its name
-//! while the run goes on (somebody removed or replaced the file) costs every frame from then on
-//! ([`SinkError::Vanished`]): readers that have it open still get them, new readers cannot.
+//! *The name.* The file gets its name when it is complete. A run holds a lock on its file for as long as it lives. Only
+//! the program that holds the lock of the file with that name may take the name from it: a killed run's file is
+//! replaced, a running run's file is not, and no run removes the file of another. The lock is one of an open file
+//! description (`F_OFD_SETLK`) on a byte far behind the end of the file, so that a reader's `flock` does not collide
+//! with it. When a ring loses its name during the run (the file was removed or replaced), every frame from then on is
+//! an error ([`SinkError::Vanished`]): readers that have it open still get them, new readers cannot.
 //!
 //! Limits: one size of frame. Unix. Written by `pwrite`, so that no memory is shared by reference with other programs: no
 //! `unsafe`, at the cost of one copy by the kernel. Tests: below, and `hil_scripts/test_recorders.py` from another process.
@@ -59,7 +60,7 @@ pub fn ring_bytes(size_px: [usize; 2], slots: u32) -> u64 {
     FILE_HEAD_BYTES + u64::from(slots.max(1)) * slot_bytes(size_px)
 }
 
-/// Bytes from one slot to the next.
+/// Returns the number of bytes from one slot to the next.
 fn slot_bytes([width, height]: [usize; 2]) -> u64 {
     (SLOT_HEAD_BYTES + 2 * (width * height) as u64).next_multiple_of(ALIGNED_BYTES)
 }
@@ -72,7 +73,7 @@ pub struct FileHead {
     pub magic: [u8; 16],
     /// [`VERSION`].
     pub version: u32,
-    /// Frames there is room for.
+    /// Capacity, frames.
     pub slots: u32,
     /// Columns.
     pub width_px: u32,
@@ -172,7 +173,7 @@ impl SharedMemory {
         }
         let made = Self { path: path.clone(), file, head, bytes: 0, tally: Tally::default() };
         made.fill().map_err(failed)?;
-        // This takes the name from nobody.
+        // The call fails if the name exists, so no other file loses its name.
         temporary.persist_noclobber(&path).map_err(|refused| {
             let is_taken = refused.error.kind() == io::ErrorKind::AlreadyExists;
             if is_taken { SinkError::InUse { path: path.clone() } } else { failed(refused.error) }

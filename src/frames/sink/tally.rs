@@ -1,4 +1,4 @@
-//! What every sink that keeps no files counts: frames taken and refused, the checksum of the run, whether it is over.
+//! The counts of every sink that keeps no files: frames taken and refused, the checksum of the run, whether it is over.
 
 use crate::sink::crc32::{RunCrc32, pixel_crc32};
 use crate::sink::{SentFrame, SinkError, SinkSummary};

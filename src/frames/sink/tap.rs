@@ -9,7 +9,7 @@ use base::image::DnImage;
 use base::region::Regions;
 use crossbeam_channel::{Receiver, Sender, bounded};
 
-/// What comes out of a tap.
+/// A frame that comes out of a tap.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TappedFrame {
     /// Frame number.
@@ -38,7 +38,7 @@ pub struct TapEnd {
     empty: Sender<TappedFrame>,
 }
 
-/// A tap with room for `space` frames of `size_px` (columns, rows).
+/// Returns a tap that holds `space` frames of `size_px` (columns, rows), and its other end.
 #[must_use]
 pub fn tap(size_px: [usize; 2], space: usize) -> (Tap, TapEnd) {
     let (full, to_take) = bounded(space);

@@ -9,7 +9,7 @@ pub struct Tee {
 }
 
 impl Tee {
-    /// Name and summary are the first one's.
+    /// Joins two sinks; name and summary are the first one's.
     #[must_use]
     pub fn new(first: Box<dyn Sink>, second: Box<dyn Sink>) -> Self {
         Self { first, second }

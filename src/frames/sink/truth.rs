@@ -37,7 +37,7 @@ pub const COLUMNS: [(&str, &str); 13] = [
     ),
 ];
 
-/// What the last column holds.
+/// Contents of the last column.
 const SOURCE_ID: &str = "a name such as Gaia DR3 4472832130942575872, HIP 87937 or TYC 1-13-1, a number, or nothing";
 
 /// Returns the first line of a table.

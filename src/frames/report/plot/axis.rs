@@ -9,7 +9,7 @@ pub(super) struct Tick {
     pub(super) label: Option<String>,
 }
 
-/// Decades with more of which the lines between them are left away.
+/// Number of decades above which the lines between them are omitted.
 const DECADES_WITH_LINES: i32 = 6;
 /// Labels wanted at most on a logarithmic axis.
 const DECADE_LABELS: i32 = 9;
@@ -29,7 +29,7 @@ pub(super) struct Ruler {
 }
 
 impl Ruler {
-    /// Returns a ruler with room for all `values` (which have a place on it) and round ends.
+    /// Returns a ruler with space for all `values` (which have a place on it) and round ends.
     pub(super) fn around(scale: Scale, values: impl Iterator<Item = f64>, from_px: f64, to_px: f64) -> Self {
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
         values.for_each(|v| (low, high) = (low.min(v), high.max(v)));
@@ -161,7 +161,7 @@ mod tests {
         assert!(labels(Scale::Log, &[1e-30, 1e30]).len() <= 10, "thinned");
         let ruler = Ruler::around(Scale::Log, [1.0, 1000.0].into_iter(), 10.0, 90.0);
         assert!(ruler.px(1.0) < ruler.px(10.0) && ruler.px(10.0) < ruler.px(1000.0));
-        assert!(ruler.px(1.0) > 10.0 && ruler.px(1000.0) < 90.0, "with room at the ends");
+        assert!(ruler.px(1.0) > 10.0 && ruler.px(1000.0) < 90.0, "with space at the ends");
     }
 
     #[test]
@@ -171,7 +171,7 @@ mod tests {
         let around_7 = labels(Scale::Linear, &[7.0]);
         assert!(
             around_7.len() >= 5 && around_7.contains(&"7.0".to_owned()),
-            "one value has room around it: {around_7:?}"
+            "one value has space around it: {around_7:?}"
         );
         assert_eq!(labels(Scale::Linear, &[0.0, 2e7]).last().map(String::as_str), Some("2.0e7"), "short");
     }

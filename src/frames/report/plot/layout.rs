@@ -1,4 +1,4 @@
-//! Where things stand: title, legend, frame, labels, notes, from top to bottom.
+//! Positions of the parts: title, legend, frame, labels, notes, from top to bottom.
 
 use super::axis::Ruler;
 use super::{Chart, Style};
@@ -17,7 +17,7 @@ const PLOT_HEIGHT_PX: f64 = 340.0;
 /// Ticks and label below the frame.
 const BELOW_PX: f64 = 48.0;
 
-/// A name in the legend and what stands before it.
+/// A name in the legend and the mark before it.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Entry {
     pub(super) name: String,

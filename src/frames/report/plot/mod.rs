@@ -1,13 +1,13 @@
 //! Charts as SVG: accuracy against speed, error against a parameter.
 //!
 //! Input: plain numbers and names ([`Chart`]). Output: one SVG text, 760 px wide, on white, the same for the same input.
-//! Text is 12 px sans-serif; the colours are told apart by the colour-blind (Okabe and Ito 2008), and every group
-//! has a shape of its own besides. The legend stands above the frame, so it never covers a point.
+//! Text is 12 px sans-serif; colour-blind readers can distinguish the colours (Okabe and Ito 2008), and every group has
+//! a shape of its own besides. The legend is above the frame, so it never covers a point.
 //!
-//! *Limits.* What has no place on a logarithmic axis (zero, negative) or on any (not finite) is left out and counted
-//! below the chart. Text widths are estimated (7 px a character). *Validation.* `tests.rs` reads the SVG back.
+//! *Limits.* Points without a place on a logarithmic axis (zero, negative) or on any (not finite) are left out and
+//! counted below the chart. Text widths are estimated (7 px a character). *Validation.* `tests.rs` reads the SVG back.
 //!
-//! Tour: `axis` (values -> px, ticks) -> `marks` (shapes and colours) -> `layout` (where things stand) -> `svg`.
+//! Tour: `axis` (values -> px, ticks) -> `marks` (shapes and colours) -> `layout` (positions of the parts) -> `svg`.
 
 mod axis;
 mod front;
@@ -33,7 +33,7 @@ pub enum Scale {
 /// One axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Axis {
-    /// What it shows, with its unit.
+    /// Quantity of the axis, with its unit.
     pub label: String,
     /// How values are spread.
     pub scale: Scale,
@@ -76,9 +76,9 @@ pub struct Chart {
     pub x: Axis,
     /// Vertical axis.
     pub y: Axis,
-    /// What is drawn.
+    /// Series that are drawn.
     pub series: Vec<Series>,
-    /// What a ring means, in the legend.
+    /// Meaning of a ring, in the legend.
     pub ring: String,
     /// Lines below the chart.
     pub notes: Vec<String>,

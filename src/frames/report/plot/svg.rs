@@ -89,7 +89,7 @@ fn write_tick_label(page: &mut Page, tick: &Tick, x: f64, y: f64, anchor: &str) 
     page.line(&format!(r#"<text x="{x:.1}" y="{y:.1}" text-anchor="{anchor}">{label}</text>"#));
 }
 
-/// Place of a point, if it has one.
+/// Returns the place of a point in the picture, if it has one.
 fn place(chart: &Chart, layout: &Layout, point: [f64; 2]) -> Option<[f64; 2]> {
     chart.has_place_for(point).then(|| [layout.x.px(point[0]), layout.y.px(point[1])])
 }

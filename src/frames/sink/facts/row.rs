@@ -9,9 +9,9 @@ pub struct Row {
     pub name: &'static str,
     /// Unit of the value; empty for none. Outputs with another one say so in their names.
     pub unit: &'static str,
-    /// What the value is.
+    /// Kind of the value.
     pub kind: Kind,
-    /// What it means.
+    /// Meaning of the value.
     pub about: &'static str,
     /// Reads it.
     pub value: for<'a> fn(&FactSource<'a>) -> Fact<'a>,
@@ -98,7 +98,7 @@ pub struct Feature {
     pub form: Form,
     /// Unit; empty for none.
     pub unit: &'static str,
-    /// What it is.
+    /// Meaning of the key.
     pub about: &'static str,
 }
 

@@ -11,14 +11,14 @@ use std::borrow::Cow;
 /// Modified Julian date of 1970-01-01T00:00:00.
 const UNIX_EPOCH_MJD: f64 = 40_587.0;
 
-/// What facts are read from.
+/// Sources from which facts are read.
 #[derive(Debug, Clone, Copy)]
 pub struct FactSource<'a> {
     /// How the frame came about.
     pub meta: &'a FrameMeta,
     /// The frame itself; `None` where only its metadata is known.
     pub frame: Option<&'a SentFrame>,
-    /// CRC-32 of its pixels; `None` where nobody has computed it.
+    /// CRC-32 of its pixels; `None` where it has not been computed.
     pub pixel_crc32: Option<u32>,
 }
 
@@ -69,7 +69,7 @@ pub enum Fact<'a> {
     Regions(&'a Regions),
 }
 
-/// What a fact is, for people.
+/// Kind of a fact, for people.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// Yes or no.
@@ -149,7 +149,7 @@ impl Kind {
 pub enum Form {
     /// As it is: times as UTC text, spans in seconds, sets of faults and lists of faults as text.
     Plain,
-    /// As it is, and not at all when it is no finite number.
+    /// The number itself; left out when it is not finite.
     Finite,
     /// An instant as modified Julian date, UTC, days.
     Mjd,
@@ -236,8 +236,8 @@ impl<'a> Fact<'a> {
         }
     }
 
-    /// Returns one element in a form; a fact that is no list has the same element everywhere. A form that does not go with
-    /// the fact leaves it as it is.
+    /// Returns one element in a form; a fact other than a list has the same element everywhere. A form that does not go
+    /// with the fact leaves it unchanged.
     #[must_use]
     pub fn element(self, place: usize, form: Form) -> Scalar<'a> {
         match self {

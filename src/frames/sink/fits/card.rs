@@ -197,7 +197,7 @@ impl Header {
         self.cards.push(format_comment(text));
     }
 
-    /// Adds a card as it stands.
+    /// Adds a card unchanged.
     pub fn push_card(&mut self, card: Card) {
         self.cards.push(card);
     }
@@ -261,7 +261,7 @@ mod tests {
     #[test]
     fn text_that_is_too_long_is_cut_between_characters() {
         for length in 60..80 {
-            let card = format_card("LONG", &Value::from("'".repeat(length)), "never room");
+            let card = format_card("LONG", &Value::from("'".repeat(length)), "never fits");
             let Some(Value::Text(text)) = parse_value(&card) else { panic!("{card:?}") };
             assert_eq!(text, "'".repeat(34), "68 columns hold 34 doubled quotes");
         }

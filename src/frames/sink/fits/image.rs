@@ -7,7 +7,7 @@ use std::io::{self, Write};
 
 /// Bytes converted at a time; whole blocks, and whole pixels of every kind.
 const CHUNK_BYTES: usize = 8 * BLOCK_BYTES;
-/// What is added to the stored signed value to give the unsigned one.
+/// Number that is added to the stored signed value to give the unsigned one.
 pub(super) const BZERO_U16: u16 = 0x8000;
 
 /// Pixels of one image, row by row from the top.

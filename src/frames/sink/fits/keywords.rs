@@ -84,7 +84,7 @@ fn push_card(header: &mut Header, Card(keyword, form, comment): &Card, fact: Fac
     header.push(keyword, value, comment);
 }
 
-/// UTC as FITS writes it: no zone letter.
+/// Returns UTC as FITS writes it: without a zone letter.
 fn without_zone<'a>(text: Cow<'a, str>, fact: Fact<'_>) -> Cow<'a, str> {
     if matches!(fact, Fact::Time(_)) { text.trim_end_matches('Z').to_owned().into() } else { text }
 }
