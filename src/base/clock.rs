@@ -66,14 +66,14 @@ impl Clock for Monotonic {
     }
 }
 
-/// Time that moves only when told.
+/// Time that moves only on request.
 #[derive(Debug)]
 pub struct Virtual {
     now_ns: AtomicI64,
 }
 
 impl Virtual {
-    /// Returns a virtual clock that stands at `start`.
+    /// Returns a virtual clock that shows `start`.
     #[must_use]
     pub fn new(start: Tai) -> Self {
         Self { now_ns: AtomicI64::new(start.ns()) }
@@ -104,7 +104,7 @@ impl Clock for Virtual {
 pub struct PairedReading {
     /// Reading of our clock.
     pub bench: Tai,
-    /// CLOCK_REALTIME at that instant, nanoseconds since 1970-01-01 UTC, as it stands: it may step at any time.
+    /// CLOCK_REALTIME at that instant, nanoseconds since 1970-01-01 UTC, unsmoothed: it may step at any time.
     pub realtime_ns: i64,
     /// The two readings are at most half of this apart: time that passed while both were read.
     pub window: Span,
@@ -171,7 +171,7 @@ mod tests {
     #[test]
     fn virtual_time_moves_only_forward_and_when_asked() {
         let clock = Virtual::new(Tai::from_ns(100));
-        assert_eq!(clock.now(), clock.now(), "stands still");
+        assert_eq!(clock.now(), clock.now(), "does not move");
         clock.sleep_until(Tai::from_ns(250));
         clock.advance_to(Tai::from_ns(50));
         assert_eq!(clock.now().ns(), 250);
@@ -184,7 +184,7 @@ mod tests {
         assert!(before <= pair.bench && pair.bench <= after, "{pair:?}");
         assert!(pair.window >= Span::ZERO && pair.window <= after - before, "{pair:?}");
         let lies = PairedReading::take(&Virtual::new(Tai::from_ns(7)));
-        assert_eq!((lies.bench.ns(), lies.window), (7, Span::ZERO), "a virtual clock stands still");
+        assert_eq!((lies.bench.ns(), lies.window), (7, Span::ZERO), "a virtual clock does not move");
         // 2020-01-01: a system clock before that was never set.
         assert!(lies.realtime_ns > 1_577_836_800_000_000_000, "the system's clock is read: {lies:?}");
     }

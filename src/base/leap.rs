@@ -2,8 +2,8 @@
 //!
 //! Source: IERS Bulletin C (C 52 of 2016 is the last that announced one; C 70 says that there is none up to the end of
 //! 2025, and none has been announced since). The table is written out because what a library has must be exact in the
-//! last minute before a leap second as well, where `hifitime` 4.3 gives UTC a second early. Before 1972 UTC had another
-//! rate: here it is TAI.
+//! last minute before a leap second as well, where `hifitime` 4.3 gives UTC a second early. Before 1972 UTC ran at
+//! another rate: here it is TAI.
 
 use crate::units::NS_PER_S;
 
@@ -50,7 +50,7 @@ pub(super) fn tai_less_utc_of_unix_s(unix_s: i64) -> i64 {
     TABLE.iter().rev().find(|row| unix_s >= row.0).map_or(0, |row| row.1)
 }
 
-/// Returns true inside a second 60. (The ten seconds of 1972-01-01 were no leap seconds.)
+/// Returns true inside a second 60. (The ten seconds of 1972-01-01 do not count as leap seconds.)
 pub(super) fn is_leap_second(tai_ns: i64) -> bool {
     let begins_ns = |(unix_s, after): &(i64, i64)| (unix_s + after - 1) * NS_PER_S;
     TABLE.iter().skip(1).any(|row| (begins_ns(row)..begins_ns(row) + NS_PER_S).contains(&tai_ns))

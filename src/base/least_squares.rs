@@ -4,7 +4,7 @@
 //! Problem, 1980), after scaling every column to length one. Limits: columns within 1e-10 of each other's span
 //! are refused. Tests below: coefficients against known ones, leverage against leaving rows out.
 
-/// What is left of a column of length one when it hardly adds to the others.
+/// Largest remainder of a column of length one that counts as a combination of the others.
 const DEPENDENT: f64 = 1e-10;
 
 /// An orthogonal basis of a matrix's columns.

@@ -3,7 +3,7 @@
 //! Input: `/proc/meminfo`, `/proc/self`, the control group (version 2), resource limits. Output: bytes and the limit that
 //! they come from. Two questions have two answers: memory of any kind (the machine's and the control group's, a file in
 //! `/dev/shm` included) and memory in the process's own address space (`ulimit -v`, `ulimit -d`). Without swap: a frame
-//! must not wait for a disk. What cannot be read is no limit. Limits: Linux; elsewhere there is no answer.
+//! must not wait for a disk. A limit that cannot be read is ignored. Limits: Linux; elsewhere nothing is known.
 
 use core::fmt;
 
@@ -18,7 +18,7 @@ pub enum MemoryLimit {
     AddressSpace,
     /// Limit of the process's private memory.
     Data,
-    /// What the system still promises to programs, where it promises no more than it has (`vm.overcommit_memory = 2`).
+    /// Memory that the system still promises, where it promises at most what it has (`vm.overcommit_memory = 2`).
     Commit,
 }
 
@@ -98,10 +98,10 @@ fn control_group() -> Option<u64> {
 
 fn left_in_group(folder: &std::path::Path) -> Option<u64> {
     let read = |name: &str| std::fs::read_to_string(folder.join(name)).ok();
-    // "max" is no number: no limit.
+    // "max" means: without a limit.
     let most: u64 = read("memory.max")?.trim().parse().ok()?;
     let used: u64 = read("memory.current")?.trim().parse().ok()?;
-    // Pages of files that nobody reads now are given up first.
+    // Pages of files that are not in use are given up first.
     let stat = read("memory.stat").unwrap_or_default();
     let files = stat.lines().find_map(|line| line.strip_prefix("inactive_file ")?.trim().parse().ok()).unwrap_or(0);
     Some(most.saturating_sub(used.saturating_sub(files)))

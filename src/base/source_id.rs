@@ -48,7 +48,7 @@ impl fmt::Display for SourceId {
     }
 }
 
-/// Text that is no name of a star.
+/// Text that is not the name of a star.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("wanted a name such as Gaia DR3 4472832130942575872, HIP 87937, TYC 1-13-1 or a number, got \"{got}\"")]
 pub struct NoSourceId {

@@ -8,7 +8,7 @@ use core::fmt;
 use std::io::{self, Write};
 use std::sync::OnceLock;
 
-/// Exit status when nobody reads standard output any more: that of a program which SIGPIPE ends.
+/// Exit status when the reader of standard output is gone: that of a program which SIGPIPE ends.
 pub const EXIT_BROKEN_PIPE: u8 = 128 + 13;
 /// Exit status when a standard stream cannot be written for another reason, such as a full disk.
 const EXIT_UNWRITTEN: u8 = 1;
@@ -112,7 +112,7 @@ pub fn status_of_streams(status: u8) -> u8 {
         let Some(failure) = stream.failure().get() else { continue };
         let is_closed = failure.kind() == io::ErrorKind::BrokenPipe;
         if !is_closed {
-            // There is no third stream to report a failure of both to.
+            // A failure of both streams cannot be reported.
             let _ = other.write(format_args!("starloop: cannot write to {}: {failure}\n", stream.name()));
         }
         if worst == 0 {

@@ -119,7 +119,11 @@ impl Tai {
             return Ok(tai);
         }
         let leaped = tai + Span::from_ns(NS_PER_S);
-        if leap::is_leap_second(leaped.ns) { Ok(leaped) } else { Err(refuse("there was no leap second then".into())) }
+        if leap::is_leap_second(leaped.ns) {
+            Ok(leaped)
+        } else {
+            Err(refuse("no leap second was inserted there".into()))
+        }
     }
 
     /// UTC text, RFC 3339 with microseconds.

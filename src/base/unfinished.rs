@@ -45,7 +45,7 @@ pub fn remove_all_at_the_end() {
 }
 
 fn remove(path: &Path) {
-    // What is already renamed is not there any more, and nobody is left to report an error to.
+    // The path is missing when it was already renamed; other errors have no one to go to.
     let _ = if path.is_dir() { std::fs::remove_dir_all(path) } else { std::fs::remove_file(path) };
 }
 

@@ -21,7 +21,7 @@ pub struct WriterQueue<T> {
 #[derive(Debug, Default)]
 struct State {
     offered: AtomicU64,
-    /// What comes from here on is lost: the writing is over, or the writer was given up.
+    /// Later items are lost: the writing is over, or the writer was given up.
     is_over: AtomicBool,
 }
 

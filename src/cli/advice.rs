@@ -4,14 +4,14 @@ use crate::cli::EXIT_USAGE;
 use crate::cli::degrees::degrees_of_hours;
 use base::streams;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
-use clap::{ArgAction, Command, CommandFactory, FromArgMatches};
+use clap::{ArgAction, Command, FromArgMatches};
 
 /// Reads the command line.
 ///
 /// # Errors
 /// With the exit status, after printing help, the version, or what is wrong and what to type instead.
-pub(super) fn parsed<P: CommandFactory + FromArgMatches>() -> Result<P, u8> {
-    read(std::env::args_os()).map_err(|error| {
+pub(super) fn parsed<P: FromArgMatches>(command: Command) -> Result<P, u8> {
+    read(command, std::env::args_os()).map_err(|error| {
         let status = u8::try_from(error.exit_code()).unwrap_or(EXIT_USAGE);
         if let Err(failure) = error.print() {
             streams::note_failure(error.use_stderr(), failure);
@@ -22,16 +22,16 @@ pub(super) fn parsed<P: CommandFactory + FromArgMatches>() -> Result<P, u8> {
     })
 }
 
-fn read<P: CommandFactory + FromArgMatches>(
+fn read<P: FromArgMatches>(
+    mut command: Command,
     words: impl IntoIterator<Item = impl Into<std::ffi::OsString> + Clone>,
 ) -> Result<P, clap::Error> {
-    let mut command = with_negative_numbers(P::command());
     let mut matches = command.try_get_matches_from_mut(words)?;
     P::from_arg_matches_mut(&mut matches).map_err(|error| error.format(&mut command))
 }
 
 /// Lets every option take a negative number: the option then refuses it with its own range, or takes it.
-fn with_negative_numbers(command: Command) -> Command {
+pub(super) fn with_negative_numbers(command: Command) -> Command {
     let command = command.mut_args(|argument| {
         let takes_a_value = matches!(argument.get_action(), ArgAction::Set | ArgAction::Append);
         if takes_a_value && !argument.is_positional() && !argument.is_allow_hyphen_values_set() {
@@ -76,7 +76,7 @@ fn advice_for_number(option: &str, given: &str) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::Parser;
+    use clap::{CommandFactory, Parser};
 
     #[derive(Debug, Parser)]
     struct Words {
@@ -93,13 +93,13 @@ mod tests {
 
     fn refused(words: &[&str]) -> (String, Option<String>) {
         let all = core::iter::once("program").chain(words.iter().copied());
-        let error = read::<Words>(all).unwrap_err();
+        let error = read::<Words>(with_negative_numbers(Words::command()), all).unwrap_err();
         (error.to_string(), advice(&error))
     }
 
     #[test]
     fn negative_number_reaches_its_option() {
-        let words: Words = read(["program", "--duration", "-5", "--at", "-1"]).unwrap();
+        let words: Words = read(with_negative_numbers(Words::command()), ["program", "--duration", "-5", "--at", "-1"]).unwrap();
         assert_eq!((words.duration, words.at), (Some(-5.0), vec![-1.0]));
         let (message, _) = refused(&["--seed", "-1"]);
         assert!(message.contains("invalid value '-1' for '--seed"), "{message}");

@@ -5,7 +5,7 @@ use clap::Args;
 use histories::{AttitudeHistory, read};
 use std::path::{Path, PathBuf};
 
-/// What goes with a SPICE CK file.
+/// Arguments of a SPICE CK file.
 #[derive(Debug, Clone, Default, Args)]
 pub(super) struct KernelArgs {
     /// Text kernel of a SPICE CK given as --attitudes: its clock (SCLK), or leap seconds (LSK); may be repeated
@@ -26,7 +26,7 @@ pub(super) fn attitudes(path: &Path, kernels: &KernelArgs) -> Result<AttitudeHis
     }
     if !kernels.kernels.is_empty() || kernels.naif_id.is_some() {
         bail!(
-            "--kernel and --naif-id: {} is no binary SPICE kernel; wanted them beside a CK file only",
+            "--kernel and --naif-id: {} is not a binary SPICE kernel; wanted them beside a CK file only",
             path.display()
         );
     }

@@ -1,4 +1,4 @@
-//! `starloop budget`: a bench on the real clock, the time of every stage held against what `[budget]` allows.
+//! `starloop budget`: runs a bench on the real clock and compares the time of every stage with the limits in `[budget]`.
 //!
 //! Input: a bench. Output: a table, files with `--report`, and an exit status for scripts: 3 when the budget is broken.
 //! What is not given in `[budget]` is derived: the whole from the readout time, drawing from the planner's time.
@@ -139,7 +139,7 @@ pub(super) fn budget_report(finished: &Finished, load_threads: usize) -> Result<
     })
 }
 
-/// What the bench allows, with what follows from it.
+/// Returns the limits of the bench, with those derived from them.
 fn limits(bench: &Bench, engine: &FrameEngine) -> BudgetLimits {
     let mut limits = BudgetLimits {
         latency_p99_ms: bench.budget.latency_p99_ms,

@@ -1,8 +1,8 @@
-//! What the planner would change when a run was over its time: for the frame that took longest to draw, the first rung of
-//! the ladder and the method that would bring it inside, with cost and error as predicted.
+//! Advice after a run over its time: for the frame that took longest to draw, the first degradation level and the method
+//! that would fit the time, with cost and error as predicted.
 //!
 //! The planner's costs are scaled by what the frame really took: on a loaded machine they are too low. The planner changes
-//! drawing only; other stages are told to be beyond it.
+//! drawing only; other stages are reported as beyond it.
 
 use crate::cli::frame_plan::FramePlans;
 use crate::cli::run_end::Finished;
@@ -37,10 +37,10 @@ pub(super) fn advice(finished: &Finished, lines: &[BudgetLine], render_limit_ms:
     let mut frames = FramePlans::new(computer, params, &params.open_sky()?);
     let mut planner = frames.planner(cost, None);
     let whole = frames.plan(slowest.number, &mut planner)?;
-    // What was drawn may have been degraded already; its own cost is not kept, so the load may be higher than this.
+    // The drawn plan may have been degraded already; its own cost is not kept, so the load may be higher than this.
     let times_as_long = ratio_of(whole.chosen.cost_ms, took.ms()).unwrap_or(1.0);
     advice.push(format!(
-        "frame {} took {:.2} ms to draw (rung {}, {}); whole: {}, about {:.1} times as long as predicted",
+        "frame {} took {:.2} ms to draw (level {}, {}); whole: {}, about {:.1} times as long as predicted",
         slowest.number,
         took.ms(),
         slowest.degradation,
@@ -59,7 +59,7 @@ fn verdict(plan: &ExposurePlan, limit_ms: f64, times_as_long: f64) -> String {
     let reported = reported(plan);
     if expected_ms > limit_ms {
         format!(
-            "no rung brings drawing inside {limit_ms:.2} ms at this load; the last one: {reported}, {expected_ms:.2} ms here"
+            "no level fits drawing into {limit_ms:.2} ms at this load; the last: {reported}, {expected_ms:.2} ms here"
         )
     } else if plan.degradation == Degradation::Full {
         format!("drawing fits {limit_ms:.2} ms whole ({reported}, {expected_ms:.2} ms here): the time went elsewhere")
@@ -72,7 +72,7 @@ fn verdict(plan: &ExposurePlan, limit_ms: f64, times_as_long: f64) -> String {
 fn reported(plan: &ExposurePlan) -> String {
     let chosen = &plan.chosen;
     format!(
-        "rung {}, {}, {} stars, predicted {:.2} ms, at most {:.1e} px and {:.1e} sigma wrong",
+        "level {}, {}, {} stars, predicted {:.2} ms, at most {:.1e} px and {:.1e} sigma wrong",
         plan.degradation,
         chosen.method,
         plan.stars.len(),

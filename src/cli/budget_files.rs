@@ -1,4 +1,4 @@
-//! What `--report DIR` writes: budget.json, frames_timing.csv, junit.xml, worst.svg. Each whole or not at all.
+//! Files of `--report DIR`: budget.json, frames_timing.csv, junit.xml, worst.svg. Each is complete or absent.
 
 use anyhow::{Context, Result};
 use frames::report::{BudgetReport, FrameRing, frames_csv, timeline_svg, to_junit};

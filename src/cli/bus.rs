@@ -74,7 +74,7 @@ struct AddressLine {
     address: String,
 }
 
-/// What one gateway did, as JSON.
+/// Counters of one gateway, as JSON.
 #[derive(Debug, Serialize)]
 struct GatewayLine {
     gateway: GatewayKind,
@@ -82,7 +82,7 @@ struct GatewayLine {
     counters: GatewayCounters,
 }
 
-/// What the bus and its gateways did, as JSON.
+/// Counters of the bus and its gateways, as JSON.
 #[derive(Debug, Serialize)]
 struct Summary {
     duration_s: f64,
@@ -136,7 +136,7 @@ impl BusArgs {
             [self.slcan_tcp, self.socketcand].map(|gateway_port| gateway_port.map(TcpAddress::socket));
         let slcan_pty = self.slcan_pty.clone();
         if slcan_tcp.is_none() && slcan_pty.is_none() && socketcand.is_none() {
-            bail!("nobody could join this bus: wanted --slcan-tcp, --slcan-pty or --socketcand");
+            bail!("no program could join this bus: wanted --slcan-tcp, --slcan-pty or --socketcand");
         }
         Ok(GatewayParams { slcan_tcp, slcan_pty, socketcand, bus_name: self.name.clone(), ..GatewayParams::default() })
     }

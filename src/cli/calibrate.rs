@@ -50,7 +50,7 @@ struct CostArgs {
 /// Runs the command.
 ///
 /// # Errors
-/// When the backend cannot be had or the file cannot be written.
+/// When the backend is unavailable or the file cannot be written.
 pub fn run(arguments: &CalibrateArgs) -> Result<()> {
     match &arguments.what {
         None => costs(&arguments.costs),
@@ -139,14 +139,14 @@ pub struct Costs {
 }
 
 /// Returns the constants measured for this backend on this machine, if there are any. A cache that cannot be used is
-/// told of in one line on the error stream.
+/// reported in one line on the error stream.
 #[must_use]
 pub fn costs_here(imager: &Imager, only_built_in: bool) -> Costs {
     let built_in = |why: &str| Costs { measured: None, origin: format!("built in ({why})") };
     if only_built_in {
         return built_in("as asked for");
     }
-    let Some(folder) = cost_cache::folder() else { return built_in("there is no home folder to keep others in") };
+    let Some(folder) = cost_cache::folder() else { return built_in("without a home folder to keep others in") };
     let owner = CostOwner::here(imager.name(), &imager.description());
     let path = owner.file_in(&folder);
     match cost_cache::read(&path, &owner) {

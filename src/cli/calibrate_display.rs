@@ -30,17 +30,17 @@ use std::path::{Path, PathBuf};
 
 /// Name of the plan in its folder.
 const PLAN: &str = "plan.toml";
-/// Refreshes of a dither cycle that magnitudes are told for.
+/// Refreshes of a dither cycle for which magnitudes are printed.
 const REPORTED_CYCLE: u32 = 16;
 
 /// Command line of `calibrate display`.
 #[derive(Debug, Args)]
 #[command(
     after_help = "On the bench, in this order:\n  1. plan      writes images and plan.toml, and says what to measure of each\n  \
-                  2. show      starloop display show --bits 8 FOLDER/*.png: full screen, Enter shows the next; save the \
+                  2. show      starloop display show --bits 8 FOLDER/*.png: full screen, Enter shows the next; store the \
                   tracker's frame of\n               each as FITS under the image's name (dots.png: dots.fits), one exposure \
                   for all levels, none saturated;\n               dark.fits with the display off\n  \
-                  3. fit       makes display.toml of them and tells how good it is\n  \
+                  3. fit       makes display.toml from them and prints the residuals\n  \
                   4. check     before each use: may it be used, what can it show\n  \
                   5. [sink] kind = \"display\", calibration = \"display.toml\" in the bench; starloop check BENCH"
 )]
@@ -55,11 +55,11 @@ enum DisplayStep {
     Plan(PlanArgs),
     /// Draw one image of a plan again, as PNG
     ShowPattern(ShowArgs),
-    /// Fit what was measured, tell the residuals, write the calibration
+    /// Fit the measurements, print the residuals, write the calibration
     Fit(FitArgs),
-    /// Tell what a calibration says, and whether it may be used with a display and a tracker
+    /// Print a calibration, and whether it may be used with a display and a tracker
     Check(CheckArgs),
-    /// Hold an exposure against a refresh rate
+    /// Check an exposure time against a refresh rate
     Beat(BeatArgs),
     /// Calibrate a simulated display, collimator and camera, and hold the result against the truth
     Simulate(SimulateArgs),
@@ -67,7 +67,7 @@ enum DisplayStep {
 
 #[derive(Debug, Args)]
 struct PlanArgs {
-    /// What tells the display from others: model and serial number
+    /// Model and serial number of the display
     #[arg(long)]
     name: String,
     /// Columns of the display, px
@@ -215,7 +215,7 @@ fn plan(arguments: &PlanArgs) -> Result<()> {
     let folder = arguments.out.display();
     println!("{} images and {PLAN} written to {folder}", plan.pattern.len() - 1);
     println!(
-        "next: `starloop display show --bits {bits} {folder}/*.png` on the display, Enter shows the next; save the"
+        "next: `starloop display show --bits {bits} {folder}/*.png` on the display, Enter shows the next; store the"
     );
     println!(
         "tracker's frame of each image under its name (dots.png: dots.fits), and dark.fits with the display off; then"
@@ -224,7 +224,7 @@ fn plan(arguments: &PlanArgs) -> Result<()> {
     Ok(())
 }
 
-/// Returns the plan and all images save the one of a display that is off.
+/// Writes the plan and all images, except for a display that is off.
 pub(super) fn write_plan(plan: &Plan, folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder).with_context(|| format!("the folder {}", folder.display()))?;
     let text = plan.to_toml()?;
@@ -235,7 +235,7 @@ pub(super) fn write_plan(plan: &Plan, folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Greys of 8 bits as they are; deeper ones as luminances of 16 bits, of which `display show` makes the same greys.
+/// Writes greys of 8 bits unchanged; deeper ones as luminances of 16 bits, from which `display show` makes these greys.
 fn write_pattern(plan: &Plan, pattern: Pattern, path: &Path) -> Result<()> {
     write_file_atomically(path, |out| match plan.display.bits {
         8 => png::write_greys(out, &plan.draw(pattern)),

@@ -47,7 +47,7 @@ fn tracker_file(truth: &BenchTruth) -> String {
     )
 }
 
-/// Returns a bench that shows stars on the simulated display: in a window, since there is no such monitor.
+/// Returns a bench that shows stars on the simulated display: in a window, since the monitor does not exist.
 fn bench_file(display: &DisplayIdentity) -> String {
     let (width, height) = (display.width_px, display.height_px);
     format!(

@@ -100,7 +100,7 @@ struct QueryArgs {
 /// Runs `starloop catalog`.
 ///
 /// # Errors
-/// When a file cannot be read or written, is no catalog, or an argument is out of range.
+/// When a file cannot be read or written, is not a catalog, or an argument is out of range.
 pub fn run(args: CatalogArgs) -> anyhow::Result<()> {
     let mut stdout = Output;
     match args.action {

@@ -28,9 +28,9 @@ impl<'a> BrightInput<'a> {
         Ok(Self { files, epoch_yr, mark, is_taken_in })
     }
 
-    /// They are held against all that was taken in: nothing comes after them.
+    /// Refuses more files: the bright stars are matched with all that was taken in before.
     pub(super) fn refuse_more(&self, name: &str) -> anyhow::Result<()> {
-        ensure!(!self.is_taken_in, "{name}: the bright stars were matched before it came; begin anew with all files");
+        ensure!(!self.is_taken_in, "{name}: the bright stars were matched before it came; start over with all files");
         Ok(())
     }
 

@@ -46,7 +46,7 @@ fn at_least_one(text: &str) -> Result<usize, String> {
     text.parse().ok().filter(|rows| *rows > 0).ok_or_else(|| "wanted a number of stars from 1 on".into())
 }
 
-/// Writes layers as a catalog and tells what came of them.
+/// Writes layers as a catalog and prints the counts.
 pub(super) fn export(args: &ExportArgs, out: &mut impl Write) -> anyhow::Result<()> {
     let name = args.name.as_deref().or_else(|| args.hats.file_name()?.to_str());
     let name = name.with_context(|| format!("{}: wanted a folder with a readable name", args.hats.display()))?;
@@ -107,7 +107,7 @@ pub(super) fn inputs(paths: &[PathBuf], names: &Names, epoch_yr: f64) -> anyhow:
     known.sort_unstable();
     if let Some(twice) = known.windows(2).find(|pair| pair[0] == pair[1]) {
         let name = twice[0];
-        bail!("two files are called {name}: an import that goes on tells them apart by their names; rename one");
+        bail!("two files are called {name}: a resumed import knows files by their names; rename one");
     }
     Ok(inputs)
 }
@@ -124,7 +124,7 @@ mod tests {
         Export(ExportArgs),
     }
 
-    /// What `starloop catalog` prints, or its error.
+    /// Returns the output of `starloop catalog`, or its error.
     fn catalog(line: &[&str]) -> Result<String, String> {
         let mut out = Vec::new();
         let done = match Program::try_parse_from([&["x"], line].concat()).map_err(|error| error.to_string())? {
@@ -177,7 +177,7 @@ mod tests {
         assert_eq!(std::fs::read(path("again/g10.starlayer")).unwrap(), std::fs::read(layer).unwrap());
 
         let reported = catalog(&["import", &path("hats"), "--out", &path("epoch"), "--epoch", "2000"]).unwrap_err();
-        assert!(reported.contains("--epoch: wanted 2016, of which") && reported.contains("got 2000"), "{reported}");
+        assert!(reported.contains("--epoch: wanted 2016, the epoch of") && reported.contains("got 2000"), "{reported}");
         let reported = catalog(&["import", &path("layers"), "--out", &path("no")]).unwrap_err();
         assert!(reported.contains("layers: wanted a HATS catalog, which has a file hats.properties"), "{reported}");
         let twice = catalog(&["import", &path("hats"), &path("hats"), "--out", &path("twice")]).unwrap_err();

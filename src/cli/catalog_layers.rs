@@ -21,7 +21,8 @@ const END_BYTES: u64 = 64 << 10;
 #[command(
     after_help = "Reads Gaia's bulk files (GaiaSource_*.csv.gz) and any CSV with Gaia's column names: source_id, ra, dec, \
     pmra, pmdec, parallax, phot_g_mean_mag, and bp_rp or phot_bp_mean_mag and phot_rp_mean_mag; --column says where a \
-    file has another name, or that it has none. Stars of --bright are held against theirs by place and magnitude: none comes twice.\n\nA build with \
+    file has another name, or that it has none. Stars of --bright are matched with theirs by place \
+    and magnitude: none comes twice.\n\nA build with \
     --features hats reads Parquet files of the same columns too, and HATS catalogs (folders with \
     hats.properties, as hats-import makes them): each partition is there and listed, has the rows it should, and they lie \
     in its pixel, or the import ends. The catalog says what its columns of right ascension and declination are \
@@ -75,7 +76,7 @@ pub(super) struct VerifyArgs {
     files: Vec<PathBuf>,
 }
 
-/// Imports files into layers and tells what became of their rows.
+/// Imports files into layers and prints what became of their rows.
 pub(super) fn import(args: &ImportArgs, out: &mut impl Write) -> anyhow::Result<()> {
     ensure!((1900.0..=2100.0).contains(&args.epoch), "--epoch: wanted a Julian year in 1900..2100, got {}", args.epoch);
     let are_rising = args.layers.is_sorted_by(|a, b| a < b);
@@ -147,7 +148,7 @@ fn credits_asked_for(of_origins: &str, inputs: &[Input]) -> String {
     credits.join(" ")
 }
 
-/// What to say of a file that is none but a number: one of a list with blanks in the place of commas.
+/// Returns a hint for a file whose name is a number: part of a list with blanks in the place of commas.
 fn list_hint(path: &Path, args: &ImportArgs) -> String {
     let is_number = path.to_str().is_some_and(|name| name.parse::<f32>().is_ok());
     if !is_number {
@@ -172,7 +173,7 @@ pub(super) fn print_layer(report: &LayerReport, out: &mut impl Write) -> anyhow:
     Ok(())
 }
 
-/// Returns how files are read: by this an import that goes on tells that it would read the others in the same way.
+/// Returns the options of reading files: a resumed import compares them, and refuses other options.
 fn options(args: &ImportArgs) -> String {
     let renamed = args.columns.iter().filter_map(|column| column.split_once('='));
     // As it comes out in the end, whatever the order of the arguments.
@@ -208,7 +209,7 @@ pub(super) fn name_of(path: &Path) -> anyhow::Result<String> {
     name.map(str::to_owned).with_context(|| format!("{}: wanted a file with a readable name", path.display()))
 }
 
-/// What tells that a file is the same as before: its length, and the checksum of its two ends.
+/// Returns the fingerprint of a file: its length, and the checksum of its two ends.
 pub(super) fn mark(path: &Path) -> anyhow::Result<String> {
     let read = || {
         let mut file = std::fs::File::open(path)?;
@@ -240,7 +241,7 @@ pub(super) fn verify(args: &VerifyArgs, out: &mut impl Write) -> anyhow::Result<
     Ok(())
 }
 
-/// Tells what a layer holds.
+/// Prints the contents of a layer.
 pub(super) fn layer_info(path: &Path, out: &mut impl Write) -> anyhow::Result<()> {
     let layer = Layer::open(path)?;
     let facts = layer.index();

@@ -30,7 +30,7 @@ pub(super) struct MapArgs {
     csv: Option<PathBuf>,
 }
 
-/// Counts, draws and tells.
+/// Counts stars, draws the map and prints the numbers.
 pub(super) fn map(args: &MapArgs, out: &mut impl Write) -> anyhow::Result<()> {
     ensure!(args.mag.is_none_or(f32::is_finite), "--mag: wanted a magnitude, got {:?}", args.mag);
     let map = counted(&args.files, args.mag.unwrap_or(f32::INFINITY))?.coarsened();

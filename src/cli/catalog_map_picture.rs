@@ -14,7 +14,7 @@ const BAR_PX: usize = 14;
 const LETTER_SCALE: usize = 2;
 /// Behind everything.
 const PAPER: [u8; 3] = [255, 255, 255];
-/// Where there are no stars.
+/// Colour of places without stars.
 const EMPTY: [u8; 3] = [0, 0, 0];
 /// Letters and lines.
 const INK: [u8; 3] = [40, 40, 40];
@@ -63,7 +63,7 @@ struct Scale {
 impl Scale {
     fn of(map: &DensityMap) -> Self {
         let [low, high] = map.range().unwrap_or([1.0, 10.0]).map(f64::log10);
-        // Half a decade at least: a sky that is even all over is no noise in bright colours.
+        // Half a decade at least: the small noise of an even sky must not fill the range of colours.
         Self { log10: [low, high.max(low + 0.5)] }
     }
 

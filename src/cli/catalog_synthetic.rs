@@ -18,8 +18,8 @@ const MOST_STARS: f64 = 2e9;
 #[derive(Debug, Args)]
 #[command(
     after_help = "Numbers by direction and magnitude follow counts in Gaia DR3, extrapolated from G = 20.7 to 22. Colours, \
-    parallaxes and proper motions are plausible, not measured; there are no clusters, dust lanes or doubles. The layers' \
-    credits say so."
+    parallaxes and proper motions are plausible, not measured; clusters, dust lanes and doubles are left out. The \
+    layers' credits say so."
 )]
 pub(super) struct SynthesizeArgs {
     /// Folder for the layers, gNN.starlayer each
@@ -45,7 +45,7 @@ pub(super) struct SynthesizeArgs {
     replace: bool,
 }
 
-/// Writes the layers and tells what they hold.
+/// Writes the layers and prints their contents.
 pub(super) fn synthesize(args: &SynthesizeArgs, out: &mut impl Write) -> anyhow::Result<()> {
     if let Some(stars) = args.stars {
         ensure!((1.0..=MOST_STARS).contains(&stars), "--stars: wanted 1..{MOST_STARS}, got {stars}");
@@ -162,6 +162,6 @@ mod tests {
         ] {
             assert_eq!(region(text).unwrap_err(), wanted, "{text}");
         }
-        assert!(region("-10, -5, 3").is_ok(), "a sign in front is no option");
+        assert!(region("-10, -5, 3").is_ok(), "a sign in front does not make an option");
     }
 }

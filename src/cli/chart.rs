@@ -19,7 +19,7 @@ const REPORTED: usize = 10;
 #[command(
     after_help = "Writes methods.csv, sampling.csv, poisson.csv, prediction.csv, footprint.csv, effects.csv and crowding.csv, and as SVG: \
                   speed_accuracy_SCENE, error_by_nodes_SCENE, sampling, poisson, prediction, footprint and crowding. At the end \
-                  a table tells the planner's choice on every scene, its bound, the error found, and the time \
+                  a table shows the planner's choice on every scene, its bound, the error found, and the time \
                   predicted and measured.\n\n\
                   Times are medians on this machine: leave it alone meanwhile. A whole run takes a few minutes on two \
                   cores."
@@ -31,7 +31,7 @@ pub struct ChartArgs {
     /// Folder for the tables and charts; made where it is missing
     #[arg(long, value_name = "DIR", default_value = "out/chart")]
     out: PathBuf,
-    /// What draws: all is the CPU, and the GPU where there is one
+    /// Backends to measure: all is the CPU, and the GPU where there is one
     #[arg(long, value_enum, default_value_t = BackendName::All)]
     backend: BackendName,
     /// Random paths and star fields follow from it
@@ -57,7 +57,7 @@ pub fn run(arguments: &ChartArgs) -> Result<()> {
         BackendName::Gpu => Backends::Gpu,
         BackendName::All => Backends::All,
     };
-    // A folder that cannot be made is told before minutes of measuring.
+    // A folder that cannot be made is reported before minutes of measuring.
     std::fs::create_dir_all(&arguments.out).with_context(|| format!("--out {}", arguments.out.display()))?;
     let settings = Settings { quick: arguments.quick, backends, seed: arguments.seed };
     let mut teller = Teller::new();

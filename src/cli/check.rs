@@ -295,7 +295,7 @@ mod tests {
             "> ",
             "bright-stars-only",
             "supersampled:5",
-            "rung",
+            "degradation levels",
         ] {
             assert!(text.contains(word), "no \"{word}\" in:\n{text}");
         }

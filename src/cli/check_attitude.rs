@@ -95,7 +95,7 @@ impl Situation {
         (samples * jitter_sample_s(bench) + self.arrival_s - self.wait_s).max(0.0)
     }
 
-    /// What the frame engine does in this situation.
+    /// Returns the method of the frame engine in this situation.
     fn used(&self, bench: &Bench) -> AttitudeMethod {
         match self.reach.spacing_s {
             Some(_) => AttitudeMethod::Interpolation,
@@ -121,7 +121,7 @@ fn record_on_wire(bench: &Bench) -> Span {
     Span::from_ns(one.ns().saturating_mul(frames))
 }
 
-/// What the records themselves are wrong by.
+/// Returns the error of the records themselves.
 fn record_error_rad(bench: &Bench, situation: &Situation) -> f64 {
     let errors = PredictionErrors {
         rate_error_rad_s: if bench.link.wire == Wire::CanClassic { CLASSIC_RATE_ERROR_RAD_S } else { 0.0 },
@@ -164,7 +164,7 @@ fn write_limits(text: &mut String, bench: &Bench, situation: &Situation) -> Resu
         writeln!(
             text,
             "  WARNING      {horizon_ms:.1} ms are beyond attitude.max_horizon_ms = {}: the acceleration is left out, and \
-             no bound is told",
+             no bound is known",
             limits.max_horizon.ms()
         )?;
     }

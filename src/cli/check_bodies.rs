@@ -8,7 +8,7 @@ use scene::camera::CameraParams;
 use scene::discs;
 use scene::sky_bodies::SkyBodies;
 
-/// Bodies whose limb is nearer to the field than this are told, deg.
+/// Bodies whose limb is nearer to the field than this are reported, deg.
 const NEAR_DEG: f64 = 10.0;
 
 /// Bodies of one planned frame; nothing when none is near.

@@ -1,7 +1,7 @@
 //! `starloop check`, a calibrated display: the stars of a frame that it cannot show as they are.
 //!
 //! Input: the run as it is drawn for the display, and its calibration. Output: text. Stars brighter than the display are
-//! counted as if they stood still in the middle of a pixel; stars beyond the outermost dots stand where the map is a guess.
+//! counted as if at rest in the middle of a pixel; stars beyond the outermost dots are where the map is extrapolated.
 
 use anyhow::Result;
 use core::fmt::Write;
@@ -10,7 +10,7 @@ use outputs::display::calibration::{Calibrated, Calibration};
 use plan::exposure::ExposurePlan;
 use run::runtime::RunParams;
 
-/// What a display can show.
+/// Limits of a display: its calibration, and the brightest star that it can show.
 pub(super) struct DisplayLimits {
     calibrated: Calibrated,
     /// Electrons, as the run counts them, of a pixel of full grey.

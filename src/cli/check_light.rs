@@ -1,4 +1,4 @@
-//! What the light sections of a camera amount to: illumination at the corners, background, stray light.
+//! Sums of the light sections of a camera: illumination at the corners, background, stray light.
 
 use anyhow::Result;
 use core::fmt::Write;
@@ -8,7 +8,7 @@ use plan::optics::baffle::BrightBodies;
 use scene::camera::CameraParams;
 use scene::field_light::FieldLight;
 
-/// Angles of the Sun off the boresight at which stray light is told, deg.
+/// Angles of the Sun off the boresight for which stray light is printed, deg.
 const SUN_ANGLES_DEG: [f64; 5] = [20.0, 30.0, 45.0, 60.0, 85.0];
 
 /// Returns the illumination at the corners, constant background, and stray light against the Sun's angle; nothing when

@@ -35,7 +35,7 @@ pub(super) fn write_observer(text: &mut String, params: &RunParams) -> Result<()
     Ok(())
 }
 
-/// What a file of states is, and how far it errs between its rows.
+/// Returns the description of a file of states, and its error between rows.
 fn table(history: &OrbitHistory) -> String {
     let method = history.segments().first().map_or_else(String::new, |segment| segment.method().to_string());
     let bound = history.interpolation_error().map_or_else(

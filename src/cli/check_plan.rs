@@ -13,7 +13,7 @@ use plan::exposure::sampling::sampling_error;
 use plan::exposure::{Degradation, ExposurePlan, PsfSampling};
 use run::runtime::{Imager, RunParams};
 
-/// What the plans are judged by.
+/// Limits that plans are judged by.
 pub(super) struct Planned {
     budget: AccuracyBudget,
     pub(super) cost: CostModel,
@@ -44,7 +44,7 @@ impl Planned {
     }
 }
 
-/// Returns how pixel values are had from the PSF, and how wrong the other ways would be.
+/// Writes how pixel values are computed from the PSF, and the errors of the other methods.
 ///
 /// # Errors
 /// When the text cannot grow.
@@ -75,7 +75,7 @@ pub(super) fn write_sampling(text: &mut String, params: &RunParams) -> Result<()
     writeln!(text)
 }
 
-/// What is given up, in order, when there is no time.
+/// Writes the degradation levels, in order, for frames short of time.
 ///
 /// # Errors
 /// When the text cannot grow.
@@ -87,7 +87,7 @@ pub(super) fn write_degradations(text: &mut String, planned: &Planned) -> Result
         Degrade::Never => "never: frames are late instead (timing.degrade = \"never\")",
     };
     let Planned { budget_ms, readout_ms, due_ms, .. } = *planned;
-    writeln!(text, "degradation ladder: what is given up, in order, when drawing would take longer than there is")?;
+    writeln!(text, "degradation levels, in the order in which they are taken when drawing would take too long")?;
     writeln!(text, "  when         {when}")?;
     writeln!(
         text,
@@ -97,7 +97,7 @@ pub(super) fn write_degradations(text: &mut String, planned: &Planned) -> Result
     if budget_ms <= 0.0 {
         writeln!(
             text,
-            "  WARNING      the detector alone takes longer than there is: frames will be late on any rung"
+            "  WARNING      the detector alone takes longer than there is: frames will be late at any level"
         )?;
     }
     for degradation in Degradation::ALL {
@@ -193,7 +193,7 @@ fn write_time(text: &mut String, plan: &ExposurePlan, planned: &Planned) -> Resu
     } else {
         degradation.gives_up()
     };
-    writeln!(text, "  rung         {degradation}: gives up {gives_up}{late}")?;
+    writeln!(text, "  level        {degradation}: gives up {gives_up}{late}")?;
     if let Some(words) = over {
         writeln!(text, "  WARNING      {words}")?;
     }

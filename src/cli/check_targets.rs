@@ -2,8 +2,8 @@
 //! is.
 //!
 //! Input: a bench, whose simulated flight computer points the camera. Output: a table of passes: one line per target and
-//! time it is in the field, at the instant when it is nearest to the boresight; a target that stays outside is told with
-//! the nearest it comes. Steps of a frame, of long runs 4000 in all: a shorter pass may go unseen.
+//! time it is in the field, at the instant when it is nearest to the boresight; a target that stays outside is listed
+//! with its smallest distance. Steps of a frame, of long runs 4000 in all: a shorter pass may go unseen.
 
 use base::time::Tai;
 use core::fmt::{Error, Write};
@@ -139,7 +139,7 @@ fn moment(
 }
 
 fn in_sensor(params: &RunParams, computer: &FlightComputer, at: Tai, icrf: DVec3) -> DVec3 {
-    // Where there is no attitude the target is behind the camera: in no field.
+    // Without an attitude the target is placed behind the camera: in no field.
     let Some(truth) = computer.truth(at) else { return DVec3::NEG_Z };
     (params.attitude.sensor_from_body * truth.body_from_icrf).apply(icrf)
 }

@@ -34,7 +34,7 @@ enum DisplayCommand {
     Show(ShowArgs),
     /// Turn the marker patch over, slowly, and keep the submit times, while a photodiode on it is logged
     Flip(FlipArgs),
-    /// Tell the latency from submit to light, by submit times and the photodiode's
+    /// Compute the latency from submit to light, by submit times and the photodiode's
     Latency(LatencyArgs),
 }
 
@@ -72,7 +72,7 @@ struct ShowArgs {
 /// Runs the command.
 ///
 /// # Errors
-/// When there is no X server, an image cannot be shown, or the window is closed.
+/// When the X server cannot be reached, an image cannot be shown, or the window is closed.
 pub fn run(arguments: &DisplayArgs) -> Result<()> {
     match &arguments.command {
         DisplayCommand::Monitors => {

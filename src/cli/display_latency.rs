@@ -111,7 +111,7 @@ pub(super) struct LatencyArgs {
 /// Flips the marker.
 ///
 /// # Errors
-/// When there is no such monitor, the window is closed, or submit times cannot be written.
+/// When the monitor does not exist, the window is closed, or submit times cannot be written.
 pub(super) fn flip(arguments: &FlipArgs) -> Result<()> {
     if !(SHORTEST_PERIOD_S..=60.0).contains(&arguments.period) {
         bail!(

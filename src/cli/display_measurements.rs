@@ -1,4 +1,4 @@
-//! What a tracker measured of a display's images -> sights: tables, or folders of FITS frames.
+//! Reads a tracker's measurements of a display's images into sights: tables, or folders of FITS frames.
 //!
 //! A frame is named as its image: `level_114.fits` of `level_114.png`. `EXPTIME` (s) must be in its header, `DATE-OBS` (UTC)
 //! should be. Integers are digital numbers, which the camera's file makes electrons of; floating point is electrons.
@@ -15,12 +15,12 @@ use outputs::display::calibration::{Pattern, Plan, Sight};
 use std::fs::File;
 use std::path::Path;
 
-/// What was measured, and when.
+/// Measurements of a display, with the time of the first.
 #[derive(Debug, Default)]
 pub(super) struct Measurements {
-    /// What was seen.
+    /// Measured images.
     pub(super) sights: Vec<Sight>,
-    /// When the first frame was taken, or why that cannot be told; `None`: no frame says.
+    /// When the first frame was taken, or why that is unknown; `None`: no frame has a date.
     pub(super) first: Option<Result<Tai>>,
     /// Images of the plan without a frame.
     pub(super) missing: Vec<String>,
@@ -32,7 +32,7 @@ pub(super) fn sights_of_table(path: &Path) -> Result<Vec<Sight>> {
     Ok(read_csv(file, path)?)
 }
 
-/// What the frames of a folder show. Images without a frame are told, those of the latency marker need none.
+/// Reads the frames of a folder. Images without a frame are listed, those of the latency marker need none.
 pub(super) fn measurements_of_folder(folder: &Path, plan: &Plan, camera: &Camera) -> Result<Measurements> {
     let mut found = Measurements::default();
     let mut frames = 0;

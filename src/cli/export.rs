@@ -1,6 +1,6 @@
 //! `starloop export`: attitudes, the observer's orbit and places of stars of a run, in the files of other tools.
 //!
-//! Input: the folder of a recorded run, or a run file, of which nothing is drawn. Output: files whose endings say what
+//! Input: the folder of a recorded run, or a run file, which is not drawn. Output: files whose endings say what
 //! they are; one that exists is refused without `--force`.
 
 use crate::cli::export_source::ExportSource;

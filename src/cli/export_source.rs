@@ -1,4 +1,4 @@
-//! What `export` takes attitudes and places from: the folder of a recorded run, or a run file.
+//! Sources of attitudes and places for `export`: the folder of a recorded run, or a run file.
 
 use anyhow::{Context, Result, bail};
 use base::axes::Rotation;

@@ -24,7 +24,7 @@ impl<'a> FramePlans<'a> {
         Self { params, computer, scene: Scene::new(&params.scene(&params.almanac()), sky) }
     }
 
-    /// Returns a planner that weighs every method; with a limit, one that goes down the ladder.
+    /// Returns a planner that weighs every method; with a limit, one that also takes degradation levels.
     pub(super) fn planner(&self, cost: CostModel, limit_ms: Option<f64>) -> Planner {
         let RunParams { camera, budget, method, .. } = self.params;
         let los = LosPath::commanded(Rotation::IDENTITY, self.params.first_exposure, camera.exposure_s);

@@ -1,4 +1,4 @@
-//! `starloop link-check`: holds a link of this machine to what links promise, or stands at one end of it and sends back
+//! `starloop link-check`: checks a link of this machine against the promises of links, or sends back at one end of it
 //! what arrives, or shows the pulses of a PPS source.
 
 use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
@@ -81,7 +81,7 @@ pub fn run(arguments: &LinkCheckArgs) -> Result<u8> {
     if arguments.echo {
         return echo(arguments, &clock).map(|()| EXIT_DONE);
     }
-    // What cannot be opened is no broken promise.
+    // A link that cannot be opened is an error, not a broken promise.
     drop(arguments.ends(&clock)?);
     Ok(match arguments.check(&clock) {
         Ok(()) => EXIT_DONE,
@@ -180,7 +180,10 @@ impl LinkCheckArgs {
 }
 
 fn echo(arguments: &LinkCheckArgs, clock: &Arc<dyn Clock>) -> Result<()> {
-    anyhow::ensure!(arguments.kind != Kind::Simulated, "nobody else can reach a simulated bus; choose another --kind");
+    anyhow::ensure!(
+        arguments.kind != Kind::Simulated,
+        "other programs cannot reach a simulated bus; choose another --kind"
+    );
     let (mut link, name) = arguments.one_end(clock)?;
     println!("ready {name}");
     let end = clock.now() + Span::from_s(arguments.duration);

@@ -24,9 +24,9 @@ impl Monitor {
         Ok(Self { updates, thread })
     }
 
-    /// Ends the thread; false when it had ended before.
+    /// Ends the thread; false when it has already ended by itself.
     ///
-    /// Whoever else holds `updates` must have dropped it.
+    /// All other holders of `updates` must have dropped it.
     pub(super) fn finish(self) -> bool {
         drop(self.updates);
         self.thread.join().is_ok()
@@ -36,7 +36,7 @@ impl Monitor {
 /// How often the progress line is drawn at most.
 const REDRAW: Duration = Duration::from_millis(100);
 
-/// Draws until nobody can send an update any more.
+/// Draws updates until all senders are gone.
 fn watch(queue: &Queue<Progress>, draws: bool) {
     let mut drawn = false;
     for update in queue {

@@ -1,4 +1,4 @@
-//! What a plan is over the accuracy budget by, in words, with the share of the budget that is meant.
+//! Writes in words by how much a plan exceeds the accuracy budget, with the share of the budget that applies.
 
 use base::accuracy::AccuracyBudget;
 use plan::exposure::ExposurePlan;

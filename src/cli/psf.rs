@@ -17,13 +17,13 @@ use std::path::PathBuf;
 
 /// Nyquist frequency, cycles/px.
 pub(super) const NYQUIST: f64 = 0.5;
-/// Share of the light whose circle is told.
+/// Share of the light whose circle is printed.
 const HELD: f64 = 0.9;
 /// Largest circle that is tried, px.
 const LARGEST_RADIUS_PX: f64 = 48.0;
-/// Radii whose circles are told, px.
+/// Radii whose circles are printed, px.
 const RADII_PX: [f64; 3] = [1.0, 2.0, 3.0];
-/// Colours that stars are held against, BP-RP: a hot star (O, B), the Sun, a cool dwarf (M4).
+/// Colours of stars that are compared, BP-RP: a hot star (O, B), the Sun, a cool dwarf (M4).
 const COLORS: [(&str, f64); 3] = [("blue", -0.3), ("Sun", 0.82), ("red", 3.0)];
 /// Largest difference between stars' colours with which one PSF is enough: the share of the flux per pixel that a
 /// drawn star may err by.
@@ -298,7 +298,7 @@ fn concentration(text: &mut String, star: &Star) -> Result<()> {
     Ok(())
 }
 
-/// What other colours than the reference make of the star.
+/// Writes how the star changes with colours other than the reference.
 fn colors(text: &mut String, chain: &MtfChain, drawn: &ChainPsf, band: &Band) -> Result<()> {
     writeln!(
         text,

@@ -3,7 +3,7 @@
 use config::{Camera, RadiometryModel};
 use plan::optics::{StarLight, StarSpectra};
 
-/// Colours at which a band's colour term is told.
+/// Colours for which a band's colour term is printed.
 const BLUE_AND_RED: [f64; 2] = [0.0, 2.0];
 
 /// Returns one line.

@@ -85,7 +85,7 @@ pub struct RenderArgs {
     /// Layer of stars in place of the built-in catalog, as `starloop catalog import` writes it; may be repeated
     #[arg(long = "layer", value_name = "FILE.starlayer", conflicts_with = "sources")]
     layers: Vec<PathBuf>,
-    /// What to write: mean electrons before the detector, or the digital numbers it reads out
+    /// Output: mean electrons before the detector, or the digital numbers it reads out
     #[arg(long, value_enum, default_value_t = StageName::Dn)]
     stage: StageName,
     /// Backend
@@ -182,7 +182,7 @@ pub(super) struct Scene {
     planner: Planner,
     imager: Imager,
     scene: scene::Scene,
-    /// What the observer does to directions; `None` without an attitude.
+    /// Effect of the observer on directions; `None` without an attitude.
     sight: Option<Sight>,
     /// Maps the image to the sky.
     wcs: Option<WcsMaker>,

@@ -1,4 +1,4 @@
-//! What `render` reads: numbers from the command line, tables from CSV files. Every refusal says file, row, wanted, got.
+//! Input files of `render`: numbers from the command line, tables from CSV files. Errors say file, row, wanted, got.
 
 use anyhow::{Context, Result, bail};
 use base::units::ARCSEC;
@@ -68,7 +68,7 @@ const FURTHEST_PX: f64 = 1e6;
 /// Returns a table `x_px,y_px,electrons`.
 ///
 /// # Errors
-/// When the file is no such table, or a source is negative.
+/// When the file is not such a table, or a source is negative.
 pub fn read_sources(path: &Path) -> Result<Vec<Source>> {
     let rows = read_columns(path, ["x_px", "y_px", "electrons"])?;
     for (i, [x, y, electrons]) in rows.iter().enumerate() {
@@ -90,7 +90,7 @@ pub fn read_sources(path: &Path) -> Result<Vec<Source>> {
 /// Returns a path `t_s,dx_px,dy_px,roll_arcsec`, linear between rows.
 ///
 /// # Errors
-/// When the file is no such table or its times do not fit the exposure.
+/// When the file is not such a table or its times do not fit the exposure.
 pub fn read_los(path: &Path, exposure_s: f64) -> Result<PixelPath> {
     let rows = read_columns(path, ["t_s", "dx_px", "dy_px", "roll_arcsec"])?;
     let points = rows.into_iter().map(|[t_s, dx_px, dy_px, roll]| point(t_s, dx_px, dy_px, roll)).collect();
@@ -100,7 +100,7 @@ pub fn read_los(path: &Path, exposure_s: f64) -> Result<PixelPath> {
 /// Returns the equally weighted positions `dx_px,dy_px,roll_arcsec`.
 ///
 /// # Errors
-/// When the file is no such table.
+/// When the file is not such a table.
 pub fn read_los_samples(path: &Path) -> Result<PixelPath> {
     let rows = read_columns(path, ["dx_px", "dy_px", "roll_arcsec"])?;
     let points = rows.into_iter().map(|[dx_px, dy_px, roll]| point(0.0, dx_px, dy_px, roll)).collect();

@@ -1,4 +1,4 @@
-//! What `render` writes: FITS or PNG by the name's ending, the truth table, the timing line.
+//! Output files of `render`: FITS or PNG by the name's ending, the truth table, the timing line.
 
 use anyhow::{Result, bail};
 use base::image::Image;

@@ -79,7 +79,7 @@ pub fn run(arguments: &ReplayArgs) -> Result<u8> {
     Ok(announce(&outcome, is_session))
 }
 
-/// What records the frames of a head, when they are to be recorded.
+/// Returns the recorder of a head's frames, when they are to be recorded.
 fn recorder(arguments: &ReplayArgs, head: Option<usize>) -> Result<Option<Box<dyn Sink>>, SinkError> {
     let Some(directory) = &arguments.out else { return Ok(None) };
     let options = RecorderOptions { png_every: 10, ..RecorderOptions::default() };

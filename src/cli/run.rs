@@ -161,7 +161,7 @@ fn title(scenario: &Scenario) -> String {
     format!("{}: seed {}", scenario.name, scenario.bench.seed)
 }
 
-/// What the bench asks of the system; what is refused is reported at once.
+/// Applies the bench's real-time settings and prints those the system refused.
 fn prepared_hygiene(scenario: &Scenario, say: bool) -> Arc<Hygiene> {
     let config::Budget { realtime, priority, affinity, .. } = scenario.bench.budget.clone();
     let report: fn(&HygieneLine) = |line| {

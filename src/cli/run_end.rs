@@ -13,7 +13,7 @@ use run::runtime::FrameEngine;
 use run::wiring::run_end::RunEnd;
 use std::path::PathBuf;
 
-/// What a run came to, as it is printed and sent.
+/// Results of a run, as printed and sent.
 pub(super) struct Reports {
     /// Expectations, faults and the spacecraft; `None` for a run without any of them.
     scenario: Option<ScenarioReport>,
@@ -24,7 +24,7 @@ pub(super) struct Reports {
 pub(super) struct Finished {
     pub(super) scenario: Scenario,
     pub(super) end: RunEnd,
-    /// Who steered it.
+    /// The client that steered it.
     pub(super) client: Option<Client>,
     pub(super) wall_s: f64,
     pub(super) was_interrupted: bool,

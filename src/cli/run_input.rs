@@ -5,7 +5,7 @@ use anyhow::{Context, Result, bail};
 use batch::campaign::{check_space_for_faults, episode_scenario};
 use config::{Bench, Document, Scenario, Setting};
 
-/// What is run, and the file that says so.
+/// The run and its file.
 pub(super) struct RunInput {
     /// With the values that the command line sets.
     pub(super) document: Document,
@@ -43,7 +43,7 @@ fn change_bench(bench: &mut Bench, arguments: &RunArgs) {
     bench.noise_seed_given = arguments.noise_seed.or(bench.noise_seed_given);
 }
 
-/// What `--duration` asks for.
+/// Returns the duration given by `--duration`.
 fn duration_s(arguments: &RunArgs) -> Result<Option<f64>> {
     match arguments.duration {
         Some(duration_s) if !(duration_s.is_finite() && duration_s > 0.0) => {

@@ -1,4 +1,4 @@
-//! What a run reports while it goes on: the progress line and the live view's numbers.
+//! Progress of a run: the progress line and the live view's numbers.
 
 use base::clock::Stopwatch;
 use crossbeam_channel::Sender;

@@ -1,4 +1,4 @@
-//! What the command line makes of a run file, and what it refuses: nothing is flown here.
+//! Changes of a run file by the command line, and its refusals: nothing is flown here.
 
 use super::*;
 use clap::Parser;

@@ -1,4 +1,4 @@
-//! What a scenario came to: JSON for machines, a table for people.
+//! Results of a scenario: JSON for machines, a table for people.
 
 use config::Scenario;
 use core::fmt::Write;
@@ -38,9 +38,9 @@ pub struct ScenarioReport {
     pub pointing: WindowErrors,
     /// Knowledge errors at the end.
     pub knowledge: WindowErrors,
-    /// What linear theory says of the boresight's rms error, arcsec.
+    /// Boresight's rms error by linear theory, arcsec.
     pub predicted_pointing_arcsec: Option<f64>,
-    /// Share of the telemetry in which a tracker had an attitude.
+    /// Share of the telemetry with an attitude of a tracker.
     pub tracker_availability: f64,
     /// Attitudes that the estimator worked in.
     pub attitudes_used: u64,
@@ -50,11 +50,11 @@ pub struct ScenarioReport {
     pub attitudes_refused: u64,
     /// Frames that came without a time tag and were not used.
     pub frames_untagged: u64,
-    /// Frames that went out too late to be held against the truth.
+    /// Frames that went out too late to be compared with the truth.
     pub frames_unchecked: u64,
     /// How often it started from an attitude, the first time included.
     pub estimator_starts: u64,
-    /// Frames held against the true attitude, and the largest distance, arcsec.
+    /// Frames compared with the true attitude.
     pub frames_held_to_truth: u64,
     /// Largest distance of such a frame's attitude from the truth, arcsec.
     pub largest_rendered_error_arcsec: f64,
@@ -80,9 +80,9 @@ pub struct ScenarioReport {
     pub violation_lines: Vec<String>,
     /// Everything held.
     pub passed: bool,
-    /// What each sink did with the frames; empty before the end.
+    /// Counters of each sink; empty before the end.
     pub sinks: Vec<SinkRow>,
-    /// What was lost although the run reached its end; empty when the exit status is 0.
+    /// Losses of a run that reached its end; empty when the exit status is 0.
     pub losses: Losses,
     /// Connections that the control socket refused, by reason; left out when there were none.
     #[serde(skip_serializing_if = "ControlRefusals::is_empty")]

@@ -20,7 +20,7 @@ const EXIT_BY_SIGNAL: i32 = 128;
 /// A command that waits for something else looks for a signal this often.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// What the handlers set.
+/// Flags that the handlers set.
 struct Caught {
     /// A signal has come.
     stop: Arc<AtomicBool>,

@@ -13,7 +13,7 @@ use plan::optics::star_light::surface_brightness_e_per_s_px;
 use run::wiring::sensitivity::{Conditions, Sensitivity};
 use std::path::PathBuf;
 
-/// Ratios whose magnitudes are told.
+/// Ratios whose magnitudes are printed.
 const LIMITS: [f64; 2] = [3.0, 5.0];
 /// Rows of a table whose range was not given: about as many.
 const ROWS: f64 = 16.0;
@@ -36,7 +36,7 @@ const RANGE_WHERE_NONE: (f64, f64) = (-1.0, 10.0);
                   signal and of the background; readout; rounding of the converter), rms. SNR: signal over all of \
                   these; optimal: of the sum weighted pixel by pixel by signal over variance, the best a linear \
                   measurement can do. PRNU and DSNU are patterns: the same in every frame, not in the SNR.\n\n\
-                  The star stands on the centre of a pixel; the camera's even background counts; light that \
+                  The star is on the centre of a pixel; the camera's even background counts; light that \
                   depends on where it looks, motion, defects and effects between pixels are left out.\n\n\
                   Examples:\n  starloop snr cameras/star_tracker_20deg.toml\n  \
                   starloop snr my_bench.toml --bp-rp 1.5 --exposure 0.2 --plot snr.svg\n  \

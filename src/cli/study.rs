@@ -1,4 +1,4 @@
-//! `starloop study`: latency and jitter injected into the closed loop, held against linear theory -> a table and charts.
+//! `starloop study`: latency and jitter injected into the closed loop, compared with linear theory: a table and charts.
 
 use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
 use anyhow::{Context, Result};
@@ -47,7 +47,7 @@ pub fn run(arguments: &StudyArgs) -> Result<u8> {
     scenario.bench.seed = arguments.seed.unwrap_or(scenario.bench.seed);
     RunMemory::of_loops(&scenario.bench, scenario.bench.head_count(), usize::MAX, rayon::current_num_threads())
         .check()?;
-    // A folder that cannot be made is told before minutes of measuring.
+    // A folder that cannot be made is reported before minutes of measuring.
     std::fs::create_dir_all(&arguments.out).with_context(|| format!("--out {}", arguments.out.display()))?;
     let effort = if arguments.quick { Effort::quick() } else { Effort::full() };
     let study = Study::new(&scenario, effort)?;

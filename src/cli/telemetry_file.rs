@@ -114,7 +114,7 @@ fn cells(row: &TelemetryRow, zero: Tai) -> Vec<String> {
 mod tests {
     use super::*;
 
-    /// A disk with no room left.
+    /// A full disk.
     struct Full;
 
     impl Write for Full {

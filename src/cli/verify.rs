@@ -1,4 +1,4 @@
-//! `starloop verify`: a camera's own frames held against its file: photon transfer, and errors by brightness.
+//! `starloop verify`: compares a camera's own frames with its file: photon transfer, and errors by brightness.
 
 use crate::cli::named_camera::named_camera;
 use crate::cli::run_args::BackendName;
@@ -55,7 +55,7 @@ pub struct VerifyArgs {
     /// Frames of the star field
     #[arg(long, default_value_t = 300, value_parser = clap::value_parser!(u32).range(2..=65_536))]
     frames: u32,
-    /// What draws the star field; flats are read out by the CPU
+    /// Backend that draws the star field; flats are read out by the CPU
     #[arg(long, value_enum, default_value_t = BackendName::Auto)]
     backend: BackendName,
     /// Seed of patterns and noise
@@ -113,7 +113,7 @@ fn photon_transfer(camera: &CameraParams, seed: u64) -> DataSheet {
 
 /// Returns the detector without what a laboratory would switch off to measure the rest, and what that is.
 fn plain(params: &DetectorParams) -> (DetectorParams, Vec<&'static str>) {
-    // The layer that protons would go through is no effect.
+    // The layer that protons pass is not an effect.
     let spatial = SpatialParams { layer: params.spatial.layer, ..SpatialParams::OFF };
     let plain = DetectorParams { spatial, nonlinearity: Nonlinearity::OFF, ..*params };
     let off = [
@@ -128,7 +128,7 @@ fn stars(camera: &CameraParams, arguments: &VerifyArgs) -> Result<String> {
     let size_px = [camera.geometry.width_px(), camera.geometry.height_px()];
     if size_px.iter().any(|side| *side < LEAST_SIDE_PX) {
         bail!(
-            "a detector of {} x {} px: wanted {LEAST_SIDE_PX} px or more on both sides, for stars that stand apart",
+            "a detector of {} x {} px: wanted {LEAST_SIDE_PX} px or more on both sides, for stars that do not overlap",
             size_px[0],
             size_px[1]
         );

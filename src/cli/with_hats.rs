@@ -1,4 +1,4 @@
-//! What `starloop catalog` does with Parquet files and HATS catalogs; `without_hats` has the same names.
+//! Parquet files and HATS catalogs of `starloop catalog`; `without_hats` has the same names.
 
 use crate::cli::catalog_hats::{Input, Kind};
 use anyhow::bail;
@@ -35,7 +35,7 @@ impl Parquet {
 pub(super) fn partitions(folder: &Path, names: &Names, epoch_yr: f64) -> anyhow::Result<Vec<Input>> {
     let catalog = HatsCatalog::open(folder)?;
     if let Some(said) = catalog.epoch_yr()?.filter(|said| *said != epoch_yr) {
-        bail!("--epoch: wanted {said}, of which {} says to be, got {epoch_yr}", folder.display());
+        bail!("--epoch: wanted {said}, the epoch of {}, got {epoch_yr}", folder.display());
     }
     let mut names = names.clone();
     catalog.name_columns(&mut names)?;

@@ -80,7 +80,7 @@ impl Slave {
         true
     }
 
-    /// Returns whether something is true; `None` for a reference that is no such variable.
+    /// Returns the value of a Boolean variable; `None` for a reference of another type.
     #[must_use]
     pub fn boolean(&self, reference: u32) -> Option<bool> {
         match reference {

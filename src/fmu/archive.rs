@@ -81,9 +81,9 @@ pub fn write_unit(document: &Document, library: &Path, out: &Path) -> Result<u64
 const DOCUMENTATION: &str = "<!DOCTYPE html>
 <html lang=\"en\"><head><meta charset=\"utf-8\"><title>starloop</title></head><body>
 <h1>Star sensor stimulator</h1>
-<p>Set the attitude at the begin of each step; read frames, the true attitude and the star tracker after it.</p>
+<p>Set the attitude at the start of each step; read frames, the true attitude and the star tracker after it.</p>
 <p>Quaternions are scalar first, Hamilton, passive: v_body = q v_icrf q*. SPICE's m2q gives this form; most other tools give
 its conjugate.</p>
-<p>What a frame needs beyond the begin of a step is predicted from attitude, rate and acceleration.</p>
+<p>What a frame needs beyond the start of a step is predicted from attitude, rate and acceleration.</p>
 </body></html>
 ";

@@ -6,12 +6,12 @@ use core::fmt::Write as _;
 /// Name of the library in the archive, without its ending.
 pub const MODEL_IDENTIFIER: &str = "starloop";
 
-/// What the description says beside the variables.
+/// Content of the description beside the variables.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Model {
     /// Name of the run.
     pub name: String,
-    /// What binds description and resources together.
+    /// Instantiation token, which ties the description to the resources.
     pub token: String,
     /// Length of the run, s.
     pub stop_s: f64,

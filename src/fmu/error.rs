@@ -1,4 +1,4 @@
-//! What can be wrong with a co-simulation unit.
+//! Errors of a co-simulation unit.
 
 use std::path::PathBuf;
 
@@ -10,9 +10,9 @@ pub enum FmuError {
     File {
         /// The file.
         path: PathBuf,
-        /// What was tried.
+        /// The action that failed.
         doing: &'static str,
-        /// What the system says.
+        /// The error of the system.
         source: std::io::Error,
     },
     /// The packed run file is damaged, or of another version.
@@ -20,7 +20,7 @@ pub enum FmuError {
     Resource {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The reason.
         why: String,
     },
     /// The archive cannot be written.
@@ -37,9 +37,9 @@ pub enum FmuError {
     Value {
         /// Its name.
         name: String,
-        /// What it takes.
+        /// The accepted values.
         wanted: &'static str,
-        /// What was set.
+        /// The value that was set.
         got: String,
     },
     /// A function was called in a state in which the standard does not allow it.

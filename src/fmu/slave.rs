@@ -1,8 +1,8 @@
 //! The life of one instance of a unit: start, steps, end. The C interface calls this; a test can as well.
 //!
-//! The importer sets inputs for the begin of a step, and the run goes on to its end: what a frame needs beyond the begin of a
-//! step is predicted from attitude, rate and acceleration. Life: new, [`Slave::enter`], [`Slave::exit`], [`Slave::step`] ...,
-//! [`Slave::terminate`]; [`Slave::reset`] begins again.
+//! The importer sets inputs for the start of a step, and the run goes on to its end: what a frame needs beyond the start
+//! of a step is predicted from attitude, rate and acceleration. Life: new, [`Slave::enter`], [`Slave::exit`],
+//! [`Slave::step`] ..., [`Slave::terminate`]; [`Slave::reset`] begins again.
 
 use crate::archive::{RUN_FILE, check_plant, token};
 use crate::error::FmuError;
@@ -62,7 +62,7 @@ impl Slave {
         }
         scenario.bench.link.carrier = Carrier::Simulated(GatewayPorts::default());
         scenario.bench.link.pps = None;
-        // Nobody is left who could send RUN.
+        // An external flight computer, which would send RUN, does not exist here.
         scenario.bench.session.start = SessionStart::AtOnce;
         scenario.bench.extra_links.clear();
         let heads = vec![HeadOutputs::default(); heads];
@@ -115,7 +115,7 @@ impl Slave {
         Ok(Some(path))
     }
 
-    /// Takes one step: the inputs hold at its begin.
+    /// Takes one step with the inputs that were set before it.
     ///
     /// # Errors
     /// When it does not begin where the one before ended, an input cannot be taken, or the run failed.

@@ -22,7 +22,7 @@ pub enum Kind {
     String,
 }
 
-/// What a variable is for.
+/// When a variable is set or read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
     /// Simulated time.
@@ -44,7 +44,7 @@ pub struct Variable {
     pub reference: u32,
     /// Type.
     pub kind: Kind,
-    /// What it is for.
+    /// When it is set or read.
     pub role: Role,
     /// Number of elements of an array; `None` for a single value.
     pub elements: Option<usize>,
@@ -52,7 +52,7 @@ pub struct Variable {
     pub unit: Option<&'static str>,
     /// Value before the start, as the description writes it; `None` for what has none by the standard.
     pub start: Option<String>,
-    /// What it means.
+    /// Meaning, for people.
     pub description: String,
 }
 
@@ -176,7 +176,7 @@ fn inputs() -> Vec<Variable> {
             reference::Q_BODY_FROM_ICRF,
             None,
             IDENTITY,
-            "Attitude at the begin of the step: w x y z, Hamilton, passive, v_body = q v_icrf q*",
+            "Attitude at the start of the step: w x y z, Hamilton, passive, v_body = q v_icrf q*",
         ),
         vector("rate", reference::RATE, Some("rad/s"), ZEROS, "Angular rate with respect to ICRF, body axes"),
         vector(
@@ -214,7 +214,7 @@ fn inputs() -> Vec<Variable> {
             reference::TRIGGER_COUNT,
             Kind::UInt32,
             "0",
-            "The trigger fires at the begin of a step for which this has risen",
+            "The trigger fires at the start of a step for which this has risen",
         ),
     ]
 }

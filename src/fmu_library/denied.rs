@@ -1,4 +1,4 @@
-//! What the description says that the unit does not have: each call is refused with an error.
+//! Functions of FMI 3.0 that the description excludes: each call is refused with an error.
 
 use crate::instance::{LogMessage, Status, log, of};
 use core::ffi::{c_char, c_void};

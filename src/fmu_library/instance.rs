@@ -19,7 +19,7 @@ pub enum Status {
 /// `fmi3LogMessageCallback`.
 pub type LogMessage = Option<unsafe extern "C" fn(*mut c_void, Status, *const c_char, *const c_char)>;
 
-/// What an importer's pointer points to.
+/// An instance, to which the importer has a pointer.
 pub struct Instance {
     /// The unit; `None` when a panic has ended it.
     slave: Option<Slave>,

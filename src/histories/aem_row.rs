@@ -1,4 +1,4 @@
-//! What a row of an AEM says: ATTITUDE_TYPE and its companions -> an attitude, and perhaps a rate, of numbers.
+//! Reads a row of an AEM: ATTITUDE_TYPE and its companions -> an attitude, and perhaps a rate, of numbers.
 //!
 //! | type | numbers of a row | read as |
 //! |---|---|---|
@@ -23,12 +23,12 @@ use glam::{DQuat, DVec3};
 
 /// Most numbers of a row.
 pub(crate) const MOST_NUMBERS: usize = 8;
-/// What messages list.
+/// Attitude types as messages list them.
 const WANTED_TYPE: &str = "QUATERNION, QUATERNION/DERIVATIVE, QUATERNION/ANGVEL, EULER_ANGLE, EULER_ANGLE/DERIVATIVE, \
                            EULER_ANGLE/ANGVEL, SPIN, SPIN/NUTATION or SPIN/NUTATION_MOM (of version 1 QUATERNION, \
                            QUATERNION/DERIVATIVE, QUATERNION/RATE, EULER_ANGLE, EULER_ANGLE/RATE, SPIN or SPIN/NUTATION)";
 
-/// What the first numbers of a row are.
+/// Form of the first numbers of a row.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Form {
     /// A quaternion; true: its scalar first.
@@ -39,7 +39,7 @@ enum Form {
     Spin,
 }
 
-/// What follows them.
+/// Form of the numbers after them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Beside {
     Nothing,
@@ -51,7 +51,7 @@ enum Beside {
     Unused(usize),
 }
 
-/// What the rows of a segment say.
+/// Content of the rows of a segment.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct RowKind {
     form: Form,
@@ -210,7 +210,7 @@ fn angles(metadata: &Metadata<'_>, is_first: bool) -> Result<Form, HistoryError>
     };
     let axes: Option<Vec<DVec3>> = entry.value.chars().map(axis).collect();
     let Some(&[a, b, c]) = axes.as_deref().filter(|axes| axes.windows(2).all(|pair| pair[0] != pair[1])) else {
-        return Err(metadata.refuse(entry, "three axes such as ZXZ, of which neighbours differ"));
+        return Err(metadata.refuse(entry, "three axes such as ZXZ, where neighbours differ"));
     };
     if is_first && [a, b, c] != [DVec3::X, DVec3::Y, DVec3::Z] {
         let wanted = "123: version 1 names its angles X, Y and Z, and programs differ on the order of other sequences; write \

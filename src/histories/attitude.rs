@@ -31,7 +31,7 @@ pub struct AttitudeMotion {
     pub acceleration_rad_s2: DVec3,
 }
 
-/// What the times of a file count from.
+/// Origin of the times of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Times {
     /// TAI: the file says when its attitudes are.
@@ -56,7 +56,7 @@ pub struct AttitudeHistory {
     pub format: String,
     /// Name of the body or the object, where the file has one.
     pub name: Option<String>,
-    /// What its times count from.
+    /// Origin of its times.
     pub times: Times,
     /// Approximations and peculiarities, one sentence each.
     pub notes: Vec<String>,

@@ -143,7 +143,7 @@ fn lagrange(states: &[AttitudeState], t_ns: i64) -> AttitudeMotion {
     }
 }
 
-/// What `glam` has for unit quaternions only.
+/// Inverse that `glam` has for unit quaternions only.
 trait InverseOfAnyNorm {
     fn inverse_of_any_norm(self) -> Self;
 }

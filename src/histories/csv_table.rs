@@ -14,7 +14,7 @@ pub(crate) struct Table<'a> {
     header: Option<(Vec<&'a str>, usize)>,
 }
 
-/// What the time of a row is.
+/// Time column of a row.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum TimeColumn {
     /// Seconds from a zero that the file does not name.
@@ -45,7 +45,7 @@ const TIME_COLUMNS: [(&str, TimeColumn); 15] = [
     ("seconds", TimeColumn::Seconds),
     ("s", TimeColumn::Seconds),
 ];
-/// What messages list.
+/// Columns of time as messages list them.
 pub(crate) const WANTED_TIME: &str = "a column of time: t_s, utc, tai, tt, tdb, gps, unix_s or tai_ns";
 
 impl<'a> Table<'a> {

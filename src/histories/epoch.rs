@@ -30,16 +30,16 @@ const NAMES: [(&str, TimeSystem); 5] = [
     ("TDB", TimeSystem::Tdb),
     ("GPS", TimeSystem::Gps),
 ];
-/// What messages list.
+/// Time systems as messages list them.
 pub(crate) const WANTED_SYSTEM: &str = "a time system of UTC, TAI, TT, TDB, GPS";
-/// What messages list.
+/// Forms of time as messages list them.
 pub(crate) const WANTED_EPOCH: &str =
     "a time such as 2026-03-01T12:00:00.000 or 2026-060T12:00:00.000, years 1680 to 2260";
 /// TAI - GPS (IS-GPS-200).
 const TAI_LESS_GPS: Span = Span::from_ns(19 * NS_PER_S);
 /// J2000.0 on the count of TT since 1970.
 const J2000_TT_NS: i64 = (10_957 * 86_400 + 43_200) * NS_PER_S;
-/// Years of which nanoseconds fit into 64 bits in every system.
+/// Years whose nanoseconds fit into 64 bits in every system.
 const YEARS: core::ops::RangeInclusive<i64> = 1680..=2260;
 
 impl TimeSystem {

@@ -8,11 +8,11 @@ pub struct HistoryError {
     pub file: String,
     /// Line, from 1; `None` where the whole file is meant.
     pub line: Option<usize>,
-    /// What was got, what was wanted, what to do.
+    /// The given value, the wanted one, and advice.
     pub why: String,
 }
 
-/// A text with the name of its file, of which errors speak.
+/// A text with the name of its file, for error messages.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Source<'a> {
     pub(crate) file: &'a str,

@@ -12,7 +12,7 @@ use std::borrow::Cow;
 pub(crate) struct Entry<'a> {
     pub(crate) key: &'a str,
     pub(crate) value: &'a str,
-    /// Byte of the text, of which errors speak.
+    /// Byte of the text, for error messages.
     pub(crate) offset: usize,
 }
 
@@ -32,7 +32,7 @@ pub(crate) struct Segment<'a> {
     pub(crate) offset: usize,
 }
 
-/// What a message is about.
+/// Subject of a message: attitude or orbit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
     Attitude,

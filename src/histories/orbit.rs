@@ -34,7 +34,7 @@ const CENTRES: [(&str, Centre); 8] = [
     ("LUNA", Centre::Moon),
     ("SOL", Centre::Sun),
 ];
-/// What messages list.
+/// Centres as messages list them.
 pub(crate) const WANTED_CENTRE: &str = "a centre of EARTH, MOON, SUN, SOLAR SYSTEM BARYCENTER";
 
 impl Centre {
@@ -101,7 +101,7 @@ pub struct OrbitHistory {
     pub format: String,
     /// Name of the object, where the file has one.
     pub name: Option<String>,
-    /// What positions are from.
+    /// Centre from which positions are measured.
     pub centre: Centre,
     /// Approximations and peculiarities, one sentence each.
     pub notes: Vec<String>,

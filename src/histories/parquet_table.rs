@@ -64,8 +64,8 @@ fn rows_as_text(file: File, most_bytes: u64) -> Result<Option<String>, ParquetEr
     Ok(Some(text))
 }
 
-/// Returns a cell as text; one that is no single value becomes a dash, which no number is.
-#[allow(clippy::wildcard_enum_match_arm, reason = "the library's enum: further types are no cells of a table")]
+/// Returns a cell as text; a nested one becomes a dash, which later fails to parse as a number.
+#[allow(clippy::wildcard_enum_match_arm, reason = "the library's enum: cells of further types are refused")]
 fn cell(field: &Field) -> String {
     match field {
         Field::Double(value) => value.to_string(),

@@ -14,9 +14,9 @@ pub(crate) enum ReferenceAxes {
     Eme2000,
 }
 
-/// What messages list.
+/// Axes as messages list them.
 pub(crate) const WANTED_AXES: &str = "inertial axes of ICRF, GCRF, EME2000 (J2000)";
-/// What is said of EME2000.
+/// Note for files in EME2000.
 pub(crate) const BIAS_NOTE: &str = "axes are EME2000: turned by the frame bias of IERS 2010 (23 mas)";
 
 /// Pole offsets and right ascension of the bias, mas (IERS Conventions 2010, eq. 5.21 and 5.33).

@@ -1,4 +1,4 @@
-//! What segments of attitudes and of orbits share: when they may be used, and which of them an instant is in.
+//! Common parts of segments of attitudes and of orbits: their usable intervals, and the search for an instant.
 
 /// Instants from which to which something may be used, ns.
 pub(crate) type Interval = [i64; 2];

@@ -1,8 +1,8 @@
-//! What a file that is written says about itself.
+//! Header of a written file.
 
 use base::time::Tai;
 
-/// What a file says about itself.
+/// Values of the header of a written file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Header {
     /// Name of the object.

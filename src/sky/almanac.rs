@@ -47,7 +47,7 @@ struct Days {
     evaluated: AtomicU64,
 }
 
-/// What the series give for one day.
+/// Coefficients of the series for one day.
 #[derive(Debug)]
 struct Day {
     /// At its start.

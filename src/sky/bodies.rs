@@ -1,11 +1,11 @@
-//! Time -> where the Sun, the Moon and the Earth stand, seen by the star sensor, km, ICRF axes.
+//! Time -> where the Sun, the Moon and the Earth are, seen by the star sensor, km, ICRF axes.
 //!
 //! * [`Bodies`], for stray light and the zodiacal light: geometric positions, no light time (the Sun's 8 minutes are 20
 //!   arcsec), no aberration.
 //! * [`Standpoint`], for what is drawn: the states from which apparent places follow, to 0.1 arcsec of DE421.
 //!
 //! Both are of an [`ObserverTrack`]. Limits: an observer at the barycentre has no such sky and is refused; for one at the
-//! geocentre there is no Earth.
+//! geocentre the Earth is left out.
 //! Tests: below; `tests/physics/bodies.rs`; the Moon in [`crate::moon`].
 
 use crate::ObserverError;
@@ -33,7 +33,7 @@ const EARTH_FLATTENING: f64 = 1.0 / 298.257_223_563;
 /// Radius of the Sun, km (IAU 2015 Resolution B3).
 pub const SUN_RADIUS_KM: f64 = 695_700.0;
 
-/// Where the observer stands among the bodies, at one instant.
+/// Place of the observer among the bodies, at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Standpoint {
     /// When.
@@ -77,7 +77,7 @@ impl Standpoint {
 }
 
 impl ObserverTrack {
-    /// Returns where the bodies stand at `at`; depends on the time only. Does not allocate.
+    /// Returns where the bodies are at `at`; depends on the time only. Does not allocate.
     ///
     /// # Errors
     /// When SGP4 cannot follow the elements to `at`, or the observer is at the barycentre.

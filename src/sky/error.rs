@@ -1,4 +1,4 @@
-//! What can be wrong with an observer.
+//! Errors of an observer.
 
 use crate::ephemeris::TableError;
 use crate::orbit::CentralBody;
@@ -12,7 +12,7 @@ pub enum ObserverError {
     TleLine {
         /// Line, 1 or 2.
         line: usize,
-        /// What is wrong, what was wanted and got.
+        /// The problem, with the wanted and the given value.
         why: String,
     },
     /// A field of a two-line element set is not a number.
@@ -37,20 +37,20 @@ pub enum ObserverError {
         /// SGP4's reason.
         why: String,
     },
-    /// An orbit mean-elements message is no JSON.
+    /// An orbit mean-elements message is not valid JSON.
     #[error("orbit mean-elements message, line {line}, column {column}: {why}")]
     OmmText {
         /// Line, from 1.
         line: usize,
         /// Column, from 1.
         column: usize,
-        /// What the reader of JSON says.
+        /// The error of the JSON reader.
         why: String,
     },
     /// An orbit mean-elements message lacks the object, or the object a key, or a value is none that an orbit has.
     #[error("orbit mean-elements message: {why}")]
     Omm {
-        /// What is wrong, what was wanted and got.
+        /// The problem, with the wanted and the given value.
         why: String,
     },
     /// A file of two-line elements has not the object that was asked for.

@@ -25,7 +25,7 @@ const MOON_DISTANCE_KM: f64 = 384_400.0;
 /// Saturn's north pole, ICRF (IAU WGCCRE 2015): right ascension and declination at J2000, deg.
 const SATURN_POLE_DEG: [f64; 2] = [40.589, 83.537];
 
-/// Where a body stands between Sun and observer.
+/// Place of a body with respect to Sun and observer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lighting {
     /// From the Sun to it, km.

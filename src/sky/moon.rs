@@ -64,7 +64,7 @@ const NUMBER: u32 = 10;
 /// Half of the interval over which the series is differenced, s: the error of its velocity is 1e-5 km/s.
 const HALF_STEP_S: f64 = 600.0;
 
-/// What positions are computed by at `at`.
+/// Returns the method that computes positions at `at`.
 #[must_use]
 pub fn method(at: Tai) -> Method {
     Method::on_day(at.days_tdb_since_j2000())

@@ -29,7 +29,7 @@ pub enum Observer {
     Circular(CircularOrbit),
     /// On a conic about the Earth, the Moon or the Sun.
     TwoBody {
-        /// What it is about.
+        /// The central body.
         about: CentralBody,
         /// The conic, ICRF axes.
         orbit: TwoBodyOrbit,
@@ -135,7 +135,7 @@ impl ObserverTrack {
         self.followed.is_none() && matches!(self.observer, Observer::Barycentre)
     }
 
-    /// Returns true for an observer at the Earth's centre, for whom there is no Earth.
+    /// Returns true for an observer at the Earth's centre, who does not see the Earth.
     #[must_use]
     pub fn is_geocentre(&self) -> bool {
         self.followed.is_none() && matches!(self.observer, Observer::Geocentre)

@@ -82,7 +82,7 @@ impl Planet {
         barycentric_km(self, days) - earth::sun_position_km(days)
     }
 
-    /// What its place is computed by at `at`.
+    /// Returns the method that computes its place at `at`.
     #[must_use]
     pub fn method(at: Tai) -> Method {
         Method::on_day(at.days_tdb_since_j2000())
@@ -117,7 +117,7 @@ mod tests {
     use crate::ephemeris::{self, FIRST_DAY, LAST_DAY};
     use base::units::ARCSEC;
 
-    /// What VSOP87E errs by on either side of the table, arcsec: the outermost planets most (module doc), and a margin.
+    /// Error of VSOP87E on either side of the table, arcsec: the outermost planets most (module doc), and a margin.
     const SERIES_ARCSEC: f64 = 3.0;
 
     #[test]

@@ -16,7 +16,7 @@ use glam::DVec3;
 /// A body from where the observer is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spheroid {
-    /// Its centre, km, as it stands now.
+    /// Its present centre, km.
     pub centre_km: DVec3,
     /// Its axis, unit.
     pub axis: DVec3,
@@ -40,7 +40,7 @@ pub struct SurfacePoint {
 }
 
 impl Spheroid {
-    /// Returns a body of which the observer has this state: position from its centre and velocity with respect to it.
+    /// Returns a body with this state for the observer: position from the body's centre and velocity with respect to it.
     #[must_use]
     pub fn seen_from(state: &BarycentricState, axis: DVec3, radius_km: f64, flattening: f64) -> Self {
         let beta = state.velocity_km_s / SPEED_OF_LIGHT_KM_S;
@@ -76,7 +76,7 @@ impl Spheroid {
         1.0 - (centre_km.cross(u).length_squared() / u.length_squared()).sqrt() / self.radius_km
     }
 
-    /// Returns whether it stands before everything farther away in this direction.
+    /// Returns whether it covers everything farther away in this direction.
     #[must_use]
     pub fn hides(&self, apparent: DVec3) -> bool {
         self.depth(apparent) > 0.0
@@ -157,7 +157,7 @@ mod tests {
 
     #[test]
     fn the_pole_is_21_km_lower() {
-        // Seen from far over the equator, the limb stands at b / a of the distance above the pole.
+        // Seen from far over the equator, the limb is at b / a of the distance above the pole.
         let far_km = 400_000.0;
         let spheroid = at(DVec3::X * far_km);
         let polar_km = RADIUS_KM * (1.0 - FLATTENING);

@@ -25,7 +25,7 @@ fn what_cannot_be_opened_is_reported_with_advice() {
     for (arguments, said) in [
         (&["--kind", "socketcan", "--interface", "can_none"][..], "can_none"),
         (&["--kind", "serial", "--port", "/dev/ttyNone9", "--peer", "/dev/ttyNone8"], "ports here"),
-        (&["--kind", "simulated", "--echo"], "nobody else can reach"),
+        (&["--kind", "simulated", "--echo"], "other programs cannot reach"),
         (&["--pps", "/nonexistent/pps0"], "ls /sys/class/pps"),
     ] {
         let done = link_check(arguments);

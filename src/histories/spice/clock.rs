@@ -103,7 +103,7 @@ impl SpacecraftClock {
         Ok(Self { ticks_per_count, is_tt: system > 1.5, ranges, earth })
     }
 
-    /// TAI in ns since 1970; `None` before the clock's first range, and for what is no time.
+    /// Returns TAI in ns since 1970; `None` before the clock's first range, and for ticks that are not finite.
     pub(super) fn tai_ns(&self, ticks: f64) -> Option<i64> {
         let after = self.ranges.partition_point(|range| range[0] <= ticks);
         let [from, time_s, rate] = *self.ranges.get(after.checked_sub(1)?)?;

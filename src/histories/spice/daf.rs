@@ -17,7 +17,7 @@ pub(super) struct Daf<'a> {
     pub(super) segments: Vec<Summary>,
 }
 
-/// What the file says of one segment: two doubles, six integers.
+/// Summary of one segment: two doubles, six integers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Summary {
     pub(super) doubles: [f64; 2],

@@ -30,7 +30,7 @@ use text_kernel::TextKernel;
 /// A file by its name and its bytes.
 #[derive(Debug, Clone, Copy)]
 pub struct KernelFile<'a> {
-    /// Name, of which errors speak.
+    /// Name, for error messages.
     pub file: &'a str,
     /// All of it.
     pub bytes: &'a [u8],

@@ -47,7 +47,7 @@ fn quaternion(angle_rad: f64) -> [f64; 4] {
 /// Doubles and whole numbers of a segment's summary, and its words.
 type Segment = ([f64; 2], [i32; 4], Vec<f64>);
 
-/// Returns four rows a second apart at 0.1 rad/s about Z, the last two of which are another interval.
+/// Returns four rows a second apart at 0.1 rad/s about Z; the last two are another interval.
 fn type_3() -> Segment {
     let mut words: Vec<f64> = (0..4).flat_map(|i| quaternion(0.1 * f64::from(i))).collect();
     words.extend([0.0, 100.0, 200.0, 300.0, 0.0, 200.0, 2.0, 4.0]);

@@ -20,7 +20,7 @@ impl TextKernel {
         let text = core::str::from_utf8(bytes).ok().filter(|text| text.trim_start().starts_with("KPL/"));
         let Some(text) = text.filter(|text| text.len() <= BYTES_MAX) else {
             let wanted = format!("wanted a text kernel that begins with KPL/, of at most {BYTES_MAX} bytes");
-            return Err(source.whole(format!("it is no text kernel; {wanted}")));
+            return Err(source.whole(format!("it is not a text kernel; {wanted}")));
         };
         let (mut kernel, mut is_data, mut name) = (Self { numbers: HashMap::new() }, false, None);
         for (line, number) in text.lines().zip(1..) {

@@ -1,4 +1,4 @@
-//! What is between the rows: methods, their bounds on both sides, gaps.
+//! Values between the rows: methods, their bounds on both sides, gaps.
 
 use super::*;
 use crate::attitude_methods::AttitudeInterpolation as Method;
@@ -49,7 +49,7 @@ fn slerp_errs_by_an_eighth_of_the_acceleration_times_the_step_squared() {
     let table = history(sampled(50, step_s, accelerated), Method::Slerp);
     let ([error, ..], bound) = (errors(&table, accelerated), 0.3 * step_s * step_s / 8.0);
     assert!(error <= bound * (1.0 + 1e-6) && error > 0.9 * bound, "{error} rad, bound {bound} rad");
-    // What the file itself shows: steps twice as long, four times the error.
+    // The error shown by the file itself: steps twice as long, four times the error.
     let shown = table.interpolation_error_rad().unwrap();
     assert!((shown / bound - 4.0).abs() < 0.01, "{shown}");
 }

@@ -1,4 +1,4 @@
-//! What is written is read back; a swapped sign is noticed.
+//! Written files are read back; a swapped sign is noticed.
 
 use super::*;
 use crate::write::{AttitudeFormat, Header, OrbitFormat};

@@ -9,7 +9,7 @@
 use base::units::SPEED_OF_LIGHT_KM_S;
 use glam::DVec3;
 
-/// What one observer's motion does to directions.
+/// Effect of one observer's motion on directions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Aberration {
     /// `v / c`.

@@ -18,7 +18,7 @@ use base::time::Tai;
 use base::units::MAS;
 use glam::DVec3;
 
-/// Years over which places are held against other people's ephemerides and found good to 1 mas.
+/// Years over which places were compared with independent ephemerides and found good to 1 mas.
 pub const PROVEN_YEARS: [f64; 2] = [1991.0, 2051.0];
 /// Julian year of J2000.0.
 const J2000_YR: f64 = 2000.0;

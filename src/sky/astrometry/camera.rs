@@ -18,7 +18,7 @@ const LARGEST_FOCAL_PX: f64 = 1e7;
 /// Largest magnitude of a distortion coefficient accepted.
 const LARGEST_COEFFICIENT: f64 = 1e6;
 
-/// What a camera's geometry is made from.
+/// Parameters of a camera's geometry.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraParameters {
     /// Columns.
@@ -155,7 +155,7 @@ impl CameraGeometry {
         self.ideal(v_sensor)
     }
 
-    /// Returns the pixel coordinates of tangents, distorted; they are not held against the domain.
+    /// Returns the pixel coordinates of tangents, distorted; does not check them against the domain.
     #[inline]
     #[must_use]
     pub fn pixel_of_tangent(&self, tangent: DVec2) -> [f64; 2] {
@@ -280,7 +280,7 @@ fn split_one(px: f64) -> Option<(i32, f32)> {
     if whole.abs() >= f64::from(i32::MAX) || !px.is_finite() {
         return None;
     }
-    // A fraction a hair below 0.5 rounds to 0.5 in single precision: it belongs to the next pixel.
+    // A fraction just below 0.5 rounds to 0.5 in single precision: it belongs to the next pixel.
     if fraction >= 0.5 { Some((whole as i32 + 1, fraction - 1.0)) } else { Some((whole as i32, fraction)) }
 }
 

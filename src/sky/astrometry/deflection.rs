@@ -19,7 +19,7 @@ const LEAST_OPENING: f64 = 1e-6;
 /// Most that light from beside the Sun's disc can be bent, rad: 1.75 arcsec at the limb, from any distance.
 pub(super) const MOST_RAD: f64 = 1.8 * base::units::ARCSEC;
 
-/// What the Sun does to light on its way to one place.
+/// Effect of the Sun's gravity on light on its way to one place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Deflection {
     away_from_sun: DVec3,

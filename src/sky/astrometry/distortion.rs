@@ -287,7 +287,7 @@ mod tests {
         ]);
         for (model, margin) in [(barrel, 1e-9), (cubic, 0.02)] {
             let domain = Domain::of(&model);
-            // What the circle may hide between two places is taken off a polynomial's radius.
+            // The margin for places between two samples of the circle is taken off a polynomial's radius.
             assert!(domain.radius < 1.0 + 1e-9 && domain.radius > 1.0 - margin, "{}", domain.radius);
             assert!(domain.undistort(&model, DVec2::new(0.66, 0.0)).is_some(), "just inside 2/3");
             assert!(domain.undistort(&model, DVec2::new(0.67, 0.0)).is_none(), "no direction is imaged beyond 2/3");

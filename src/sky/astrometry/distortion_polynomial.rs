@@ -39,7 +39,7 @@ fn exponents() -> impl Iterator<Item = (usize, usize)> {
 }
 
 impl PolynomialDistortion {
-    /// Adds `along_x` and `along_y` to the coefficients of x^i y^j; `None` when that is no term.
+    /// Adds `along_x` and `along_y` to the coefficients of x^i y^j; `None` when the polynomial lacks that term.
     #[must_use]
     pub fn with_term(mut self, i: usize, j: usize, along_x: f64, along_y: f64) -> Option<Self> {
         let at = exponents().position(|term| term == (i, j))?;

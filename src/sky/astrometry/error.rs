@@ -1,4 +1,4 @@
-//! What can be wrong with a camera's geometry.
+//! Errors of a camera's geometry.
 
 /// Why a camera geometry was refused.
 #[derive(Debug, thiserror::Error, PartialEq)]

@@ -25,7 +25,7 @@ pub struct Vantage {
     pub heliocentric_km: Option<DVec3>,
 }
 
-/// What a vantage does to directions.
+/// Effect of a vantage on directions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sight {
     deflection: Option<Deflection>,
@@ -60,7 +60,7 @@ impl From<BarycentricState> for Vantage {
 }
 
 impl Vantage {
-    /// Returns the that of a followed observer at `at`; at the barycentre no light is bent. Does not allocate.
+    /// Returns that of a followed observer at `at`; at the barycentre no light is bent. Does not allocate.
     ///
     /// # Errors
     /// When the observer's orbit cannot be computed at that time.
@@ -78,7 +78,7 @@ impl Vantage {
         self.sight().apparent(natural_icrf)
     }
 
-    /// What it does to every direction, worked out once.
+    /// Returns its effect on directions, computed once.
     #[must_use]
     pub fn sight(&self) -> Sight {
         let deflection = self.heliocentric_km.map(Deflection::at);

@@ -26,7 +26,7 @@ pub const LAST_DAY: f64 = 19_000.0;
 static BYTES: &[u8] = include_bytes!("de421_1990_2052.table");
 static TABLE: OnceLock<Result<Table, TableError>> = OnceLock::new();
 
-/// What a state is computed by.
+/// Method that computes a state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Method {
     /// Polynomials fitted to DE421.

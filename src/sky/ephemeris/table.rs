@@ -22,7 +22,7 @@ const MAGIC: &[u8; 8] = b"STAREPH1";
 const VERSION: u32 = 1;
 const HEAD_BYTES: usize = 40;
 const ROW_BYTES: usize = 40;
-/// Where the checksum stands.
+/// Offset of the checksum, bytes.
 const CRC_AT: usize = 12;
 
 /// Why a table was refused.
@@ -30,11 +30,11 @@ const CRC_AT: usize = 12;
 pub enum TableError {
     /// It does not begin as it should.
     #[error(
-        "ephemeris table: wanted the magic \"STAREPH1\", got other bytes; make it anew with make_ephemeris_table.py"
+        "ephemeris table: wanted the magic \"STAREPH1\", got other bytes; create it again with make_ephemeris_table.py"
     )]
     Magic,
     /// It is of another version.
-    #[error("ephemeris table: wanted format version 1, got {got}; make it anew with make_ephemeris_table.py")]
+    #[error("ephemeris table: wanted format version 1, got {got}; create it again with make_ephemeris_table.py")]
     Version {
         /// Version found.
         got: u32,
@@ -50,7 +50,7 @@ pub enum TableError {
     /// It ends too early, or its rows contradict it.
     #[error("ephemeris table: {what} wanted {wanted} bytes, got {got}")]
     Short {
-        /// What does not fit.
+        /// The part that does not fit.
         what: &'static str,
         /// Bytes it takes.
         wanted: usize,

@@ -10,7 +10,7 @@ pub const MOON_GM_KM3_S2: f64 = 4_902.800_118;
 /// Heliocentric gravitational constant, km^3/s^2 (DE440, ibid.).
 pub const SUN_GM_KM3_S2: f64 = 132_712_440_041.279_42;
 
-/// What an orbit is about.
+/// Central body of an orbit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CentralBody {
     /// The Earth's centre.

@@ -119,6 +119,6 @@ mod tests {
         let epoch = Tai::from_ns(0);
         let low = CircularOrbit::new(10.0, 0.0, 0.0, 0.0, epoch).expect_err("inside the air").to_string();
         assert!(low.contains("altitude_km") && low.contains("100..400000") && low.contains("10"), "{low}");
-        assert!(CircularOrbit::new(500.0, f64::NAN, 0.0, 0.0, epoch).is_err(), "NaN is no angle");
+        assert!(CircularOrbit::new(500.0, f64::NAN, 0.0, 0.0, epoch).is_err(), "NaN is not an angle");
     }
 }

@@ -33,8 +33,8 @@ impl TleOrbit {
     /// Reads the object with `norad_id`, or the only one, of an OMM in JSON.
     ///
     /// # Errors
-    /// When the text is no JSON (with line and column), lacks that object or has several sets of its elements, or the object
-    /// lacks a key or has a value that no orbit has; or when SGP4 refuses the elements.
+    /// When the text is not JSON (with line and column), lacks that object or has several sets of its elements, or the
+    /// object lacks a key or has a value that no orbit has; or when SGP4 refuses the elements.
     pub fn parse_omm(text: &str, norad_id: Option<u64>) -> Result<Self, ObserverError> {
         let whole: Value = serde_json::from_str(text).map_err(|error| ObserverError::OmmText {
             line: error.line(),

@@ -51,7 +51,7 @@ impl TleOrbit {
     /// Reads two-line elements. `text` holds the two lines, with or without a title line before them.
     ///
     /// # Errors
-    /// When a line is missing, has a wrong length, first character or checksum, or a field is no number: the error
+    /// When a line is missing, has a wrong length, first character or checksum, or a field is not a number: the error
     /// names line, columns and field; or when SGP4 refuses the elements.
     pub fn parse(text: &str) -> Result<Self, ObserverError> {
         let mut lines = text.lines().map(str::trim_end).filter(|line| !line.is_empty()).rev();
@@ -68,8 +68,9 @@ impl TleOrbit {
     /// each pair.
     ///
     /// # Errors
-    /// When there is no such pair of lines, several of that number, or none to choose by, or as for [`Self::parse`]. Without a number, when there are
-    /// other lines than the pair and its title: they may be an object whose lines are damaged.
+    /// When the pair of lines is missing, several have that number, or several are there without a number to choose by,
+    /// or as for [`Self::parse`]. Without a number, also when there are other lines than the pair and its title: they
+    /// may be an object whose lines are damaged.
     pub fn parse_one_of(text: &str, norad_id: Option<u64>) -> Result<Self, ObserverError> {
         let lines = || text.lines().map(str::trim_end);
         let pairs = || lines().zip(lines().skip(1)).filter(|(a, b)| a.starts_with("1 ") && b.starts_with("2 "));
@@ -168,7 +169,7 @@ impl TleOrbit {
     }
 }
 
-/// Returns a catalog number of five characters, the first of which may be a letter without I and O for 10 to 33
+/// Returns a catalog number of five characters; the first may be a letter without I and O for 10 to 33
 /// (Alpha-5).
 fn number_of(text: &str) -> Option<u64> {
     let letter = text.chars().next().filter(char::is_ascii_uppercase);

@@ -5,7 +5,7 @@
 //!
 //! Equation: Kepler's in the universal variable x, dx/dt = sqrt(gm) / r, with Stumpff's functions (Battin, An
 //! Introduction to the Mathematics and Methods of Astrodynamics, rev. ed., sec. 4.5; Vallado, Fundamentals of
-//! Astrodynamics and Applications, 4th ed., sec. 2.3). One form serves all conics, and the parabola is no special case.
+//! Astrodynamics and Applications, 4th ed., sec. 2.3). One form serves all conics, the parabola included.
 //! Time is strictly increasing in x, so Newton's steps are kept in a bracket and always arrive.
 //!
 //! Error of the arithmetic: below 1e-11 of the largest distance on the way, and of the fastest speed times the phase

@@ -3,7 +3,7 @@
 //! A sphere of diameter D and diffuse (Lambert) reflectance a, distance d, lit at phase angle p by a Sun of magnitude M at
 //! 1 au: of the Sun's light at the target `a (D / 2 d)^2 (2 / 3 pi) (sin p + (pi - p) cos p)` arrives (Lambert's sphere;
 //! Seeliger; van de Hulst, Multiple Light Scattering, 1980, sec. 18.1), and of one that mirrors the share s
-//! `s (D / 4 d)^2` at any phase. A magnitude told for 1000 km and half phase goes with the same law; so does a table of
+//! `s (D / 4 d)^2` at any phase. A magnitude given for 1000 km and half phase goes with the same law; so does a table of
 //! magnitudes at 1000 km over phase, by its own numbers. The Sun's distance counts, and the share of it that the Earth
 //! leaves. Limits: convex bodies that do not flash; no light from the Earth or the Moon. Test: below, against a numerical
 //! integral over the sphere and the full Moon.
@@ -16,7 +16,7 @@ use core::f64::consts::PI;
 pub const SUN_MAG_G: f64 = -26.90;
 /// Colour of sunlight, BP-RP (same source), which grey bodies reflect.
 pub const SUN_BP_RP: f64 = 0.82;
-/// Range of told magnitudes, km.
+/// Range of given magnitudes, km.
 const STANDARD_RANGE_KM: f64 = 1_000.0;
 /// Most points of a table over phase.
 pub const MOST_PHASE_POINTS: usize = 32;
@@ -28,7 +28,7 @@ pub struct PhaseCurve {
     pub points: Vec<[f64; 2]>,
 }
 
-/// What makes a target as bright as it is.
+/// Source of a target's brightness.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Brightness {
     /// A sphere, of size and reflectances.
@@ -134,7 +134,7 @@ mod tests {
         assert!((at(&reported, 1_000.0, 90.0) - 4.0).abs() < 1e-12);
         assert!((at(&reported, 10_000.0, 90.0) - 9.0).abs() < 1e-12, "ten times as far: five magnitudes");
         assert!((at(&reported, 1_000.0, 0.0) - (4.0 - 2.5 * PI.log10())).abs() < 1e-12);
-        // A sphere told by its own magnitude is itself.
+        // A sphere described by its own magnitude is itself.
         let sphere = Brightness::Sphere { diameter_m: 2.0, diffuse: 0.2, specular: 0.0 };
         let same = Brightness::AtThousandKm(at(&sphere, 1_000.0, 90.0));
         for (km, phase_deg) in [(300.0, 20.0), (40_000.0, 140.0)] {

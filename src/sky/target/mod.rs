@@ -1,4 +1,4 @@
-//! Targets about the Earth: time and observer -> where a target stands, how far, how it is lit, how bright it is.
+//! Targets about the Earth: time and observer -> where a target is, how far, how it is lit, how bright it is.
 //!
 //! * [`Orbit`]: any of the orbits of [`crate::orbit`], followed from the geocentre;
 //! * [`Sighting`]: the target as its light left it, seen from the observer; range, rates, phase;

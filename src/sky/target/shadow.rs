@@ -1,4 +1,4 @@
-//! Target, Sun, Earth -> how much of the Sun the target sees, and whether the Earth stands between it and the observer.
+//! Target, Sun, Earth -> how much of the Sun the target sees, and whether the Earth is between it and the observer.
 //!
 //! The Sun's disc is covered by the Earth's as two circles cover each other (Montenbruck and Gill, Satellite Orbits, 2000,
 //! sec. 3.4.2): umbra and penumbra of a conical shadow. The Earth is the ellipsoid of WGS 84 about the ICRF's pole (0.15
@@ -85,7 +85,7 @@ fn covered_share(a: f64, b: f64, c: f64) -> f64 {
 }
 
 /// Returns how far above the limb the line of sight from `observer_km` to `target_km` passes, km (from the geocentre,
-/// both); negative when the Earth stands between. An observer inside the Earth, as at its centre, sees through it.
+/// both); negative when the Earth is between. An observer inside the Earth, as at its centre, sees through it.
 #[must_use]
 pub fn limb_clearance_km(observer_km: DVec3, target_km: DVec3) -> f64 {
     let (observer, target) = (rounded(observer_km), rounded(target_km));
@@ -107,7 +107,7 @@ mod tests {
     fn entry_and_exit_are_those_of_the_cone() {
         // A target on a circle of radius r whose plane holds the Sun. The tangents that Sun and Earth have in common make
         // cones: inside the umbra's at distance x behind the Earth, less than (R - x (S - R) / D) / cos(half angle) from
-        // the axis; written with angles at the geocentre: the edge is where the target stands
+        // the axis; written with angles at the geocentre: the edge is where the target is
         // asin(R / r) - (asin((S -+ R) / D)) from the axis. Equatorial plane: the sphere is exact there.
         let (earth, sun_radius, distance) = (EARTH_RADIUS_KM, SUN_RADIUS_KM, AU_KM);
         let sun = DVec3::X * distance;

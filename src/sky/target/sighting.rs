@@ -175,7 +175,7 @@ mod tests {
             let seen = Sighting::of(&Orbit::Circular(target), &here, DVec3::ZERO, at).expect("a circle");
             let [big, small] = [high_km, low_km].map(|km| km + 6_378.137);
             let [n_o, n_t] = [big, small].map(|r: f64| (GM / r.powi(3)).sqrt());
-            // As seen when the light left: the target had that much less behind it.
+            // As seen when the light left: the target was that much earlier on its orbit.
             let psi = psi_deg * DEG - n_t * seen.light_time_s;
             let distance = (big * big + small * small - 2.0 * big * small * psi.cos()).sqrt();
             assert!((seen.range_km() / distance - 1.0).abs() < 1e-9, "{} {distance}", seen.range_km());
