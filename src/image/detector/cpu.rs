@@ -3,7 +3,6 @@
 //! the pass that reads out; charge is made and moved in the whole image, where it comes from anywhere.
 
 use crate::detector::background::Shape;
-use crate::detector::binning::{Binning, BinningKind, sums_of_squares};
 use crate::detector::conditions::DetectorConditions;
 use crate::detector::disturbances::Disturbances;
 use crate::detector::effect::{ORDER, Part, effects_of};
@@ -51,13 +50,11 @@ impl Detector {
         let size_px = [width_px, height_px];
         let output = Output::new(&params.spatial, size_px);
         let adc_px = output.adc_px();
-        let drawn = Patterns::draw(&params, width_px * height_px, seed);
-        let drawn = params.spatial.tdi.map_or(drawn.clone(), |tdi| tdi.patterns(&drawn, width_px));
         let mut made = Self {
             params,
             seeds,
             illumination: None,
-            patterns: drawn.behind(params.spatial.colour_filter, size_px),
+            patterns: Patterns::of_detector(&params, size_px, seed),
             lines: Lines::draw(&params.line_pattern, adc_px, seed),
             rows_e: vec![0.0; if params.row_noise.is_on() { adc_px[1] } else { 0 }],
             neighbours: Vec::new(),
@@ -78,18 +75,7 @@ impl Detector {
     /// # Errors
     /// When one has not as many pixels as the detector.
     pub fn with_patterns(mut self, given: &Patterns) -> Result<Self, PatternSizeError> {
-        let [width, height] = self.size_px;
-        let mut given = given.clone();
-        given.check(width * height)?;
-        if let Some(tdi) = &self.params.spatial.tdi {
-            given = tdi.patterns(&given, width);
-        }
-        if let Some(Binning { factor, kind: BinningKind::Charge { .. } }) = self.params.spatial.binning {
-            given.dsnu_e = given.dsnu_e.map(|map| sums_of_squares(&map, self.size_px, factor));
-        }
-        if given.prnu.is_some() {
-            given = given.behind(self.params.spatial.colour_filter, self.size_px);
-        }
+        let given = given.given_to(&self.params, self.size_px)?;
         self.patterns = given.or(&self.patterns);
         Ok(self)
     }
@@ -263,6 +249,7 @@ impl Detector {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::detector::binning::{Binning, BinningKind};
     use crate::detector::window::Window;
     use crate::detector::{Background, LinePattern, Nonlinearity, PoissonMethod, RowNoise, SpatialParams};
     use base::region::{Region, Regions};

@@ -5,6 +5,7 @@
 //! the extremes that are usually quoted.
 
 use crate::detector::DetectorParams;
+use crate::detector::binning::{Binning, BinningKind, sums_of_squares};
 use crate::detector::colour_filter::ColourFilter;
 use crate::detector::read_noise::normal_pair;
 use base::random::{Stage, counter, key, philox};
@@ -59,9 +60,44 @@ impl Patterns {
         Ok(())
     }
 
-    /// Returns these of a detector whose pixels have filters: the photo-response is that of pixel and filter together.
+    /// Returns the patterns of a detector as its stages read them: drawn from the seed, along the stages of a TDI detector,
+    /// behind the filters of the pixels.
     #[must_use]
-    pub fn behind(self, filter: Option<ColourFilter>, size_px: [usize; 2]) -> Self {
+    pub fn of_detector(params: &DetectorParams, size_px: [usize; 2], seed: u64) -> Self {
+        let [width, height] = size_px;
+        let drawn = Self::draw(params, width * height, seed);
+        let drawn = params.spatial.tdi.map_or(drawn.clone(), |tdi| tdi.patterns(&drawn, width));
+        drawn.behind(params.spatial.colour_filter, size_px)
+    }
+
+    /// Returns these patterns, given sensor pixel by sensor pixel, as the stages of a detector read them: TDI averages them
+    /// along its stages, charge binning adds up offsets, filters change the response.
+    ///
+    /// # Errors
+    /// When the number of pixels of a map is not that of the detector.
+    pub fn given_to(&self, params: &DetectorParams, size_px: [usize; 2]) -> Result<Self, PatternSizeError> {
+        let [width, height] = size_px;
+        self.check(width * height)?;
+        let mut given = params.spatial.tdi.map_or_else(|| self.clone(), |tdi| tdi.patterns(self, width));
+        if let Some(Binning { factor, kind: BinningKind::Charge { .. } }) = params.spatial.binning {
+            given.dsnu_e = given.dsnu_e.map(|map| sums_of_squares(&map, size_px, factor));
+        }
+        Ok(if given.prnu.is_some() { given.behind(params.spatial.colour_filter, size_px) } else { given })
+    }
+
+    /// Returns how many maps a detector with these parameters keeps when these patterns are given to it.
+    #[must_use]
+    pub fn kept(&self, params: &DetectorParams) -> usize {
+        let maps = [
+            params.prnu != 0.0 || self.prnu.is_some() || params.spatial.colour_filter.is_some(),
+            params.dsnu_e_rms != 0.0 || self.dsnu_e.is_some(),
+            params.dark_nonuniformity != 0.0 || self.dark_factor.is_some(),
+        ];
+        maps.into_iter().filter(|is_on| *is_on).count()
+    }
+
+    /// Returns these of a detector whose pixels have filters: the photo-response is that of pixel and filter together.
+    fn behind(self, filter: Option<ColourFilter>, size_px: [usize; 2]) -> Self {
         let Some(filter) = filter else { return self };
         Self { prnu: Some(filter.photo_response(self.prnu.as_deref(), size_px)), ..self }
     }

@@ -6,18 +6,17 @@
 use crate::detector::background::Shape;
 use crate::detector::block::{BLOCK, Words};
 use crate::detector::line_pattern::Lines;
-use crate::detector::outliers::{Outlier, Outliers};
+use crate::detector::outliers::Outliers;
 use crate::detector::params::Constants;
 use crate::detector::pattern::Patterns;
-use crate::detector::poisson::{BlockPlace, draw_by};
-use crate::detector::{Effect, PoissonMethod, adc, dark_current, full_well, line_pattern, nonlinearity, read_noise};
+use crate::detector::{Effect, PoissonMethod};
 use base::region::Regions;
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
 /// Blocks one thread takes at a time.
 const BLOCKS_PER_TASK: usize = 64;
-/// Rows of which one thread takes the pixels of regions at a time.
+/// Rows of regions that one thread takes at a time.
 const ROWS_PER_TASK: usize = 32;
 
 /// Everything the stages of one frame read.
@@ -43,9 +42,9 @@ pub(super) trait Ends: Copy + Sync {
     type In: Copy + Sync;
     /// Pixel of the output.
     type Out: Send;
-    /// Input -> electrons of as many pixels.
+    /// Loads the electrons of as many pixels from the input.
     fn load(from: &[Self::In], electrons: &mut [f32]);
-    /// Electrons and digital numbers -> output, which may have fewer pixels.
+    /// Stores electrons and digital numbers in the output, which may have fewer pixels.
     fn store(electrons: &[f32], dn: &[u16], to: &mut [Self::Out]);
 }
 
@@ -105,8 +104,9 @@ impl Stages<'_> {
         }
     }
 
-    /// The same over the pixels of regions, in blocks that begin with a run of them. Whatever a stage does to a pixel depends
-    /// on the pixel's number alone, and not on its place in a block: the bits are those of [`Self::run_task`].
+    /// Runs the stages over the pixels of regions, in blocks that begin with a run of them. Whatever a stage does to a
+    /// pixel depends on the pixel's number alone, and not on its place in a block: the bits are those of
+    /// [`Self::run_task`].
     #[inline(always)]
     fn run_rows<const FUSED: bool, E: Ends>(
         &self,
@@ -140,77 +140,6 @@ impl Stages<'_> {
                     column = end;
                 }
             }
-        }
-    }
-
-    #[inline(always)]
-    fn apply<const FUSED: bool>(
-        &self,
-        effect: Effect,
-        first: usize,
-        electrons: &mut [f32; BLOCK],
-        words: &Words,
-        outliers: &[Outlier],
-        dn: &mut [u16; BLOCK],
-    ) {
-        let c = &self.constants;
-        match effect {
-            Effect::Background => {
-                if c.stray_light_e > 0.0 {
-                    electrons.iter_mut().for_each(|e| *e += c.stray_light_e);
-                }
-                if let Some(shape) = &self.background {
-                    shape.add(first, electrons);
-                }
-            }
-            Effect::PhotoResponse => {
-                if let Some(map) = &self.patterns.prnu {
-                    electrons.iter_mut().zip(&map[first..]).for_each(|(e, prnu)| *e += *e * prnu);
-                }
-                outliers.iter().for_each(|o| electrons[o.pixel as usize - first] *= o.response);
-            }
-            Effect::Dark => {
-                let factors = self.patterns.dark_factor.as_ref().map(|map| &map[first..]);
-                dark_current::add::<FUSED>(electrons, c.dark_e, factors);
-            }
-            Effect::Shot => {
-                let place = BlockPlace { first_pixel: first as u32, frame: self.frame, key: self.key };
-                draw_by::<FUSED>(self.poisson, electrons, &words.shot, place);
-            }
-            Effect::Defects => outliers.iter().for_each(|o| electrons[o.pixel as usize - first] += o.dark_e),
-            Effect::ProtonTracks => outliers.iter().for_each(|o| electrons[o.pixel as usize - first] += o.charge_e),
-            Effect::FullWell => full_well::clip(electrons, c.full_well_e),
-            Effect::Nonlinearity => {
-                if let Some(pieces) = &c.nonlinearity {
-                    nonlinearity::bend::<FUSED>(electrons, pieces);
-                }
-            }
-            Effect::LinePattern => {
-                if !self.lines.column_gain.is_empty() {
-                    self.lines.apply_columns::<FUSED>(electrons, first, self.width);
-                }
-                if !self.lines.row_e.is_empty() {
-                    line_pattern::add_rows(electrons, &self.lines.row_e, first, self.width);
-                }
-            }
-            Effect::Offset => {
-                if let Some(map) = &self.patterns.dsnu_e {
-                    electrons.iter_mut().zip(&map[first..]).for_each(|(e, offset)| *e += offset);
-                }
-            }
-            Effect::RowNoise => {
-                if !self.rows_e.is_empty() {
-                    line_pattern::add_rows(electrons, self.rows_e, first, self.width);
-                }
-            }
-            Effect::ReadNoise => {
-                if c.read_noise_e > 0.0 {
-                    read_noise::add::<FUSED>(electrons, words, c.read_noise_e);
-                }
-            }
-            Effect::Adc => adc::convert::<FUSED>(electrons, c, dn),
-            // These run over whole images, elsewhere.
-            Effect::ImageLag | Effect::ChargeTransfer | Effect::Binning | Effect::Stuck | Effect::Window => {}
         }
     }
 }

@@ -267,14 +267,7 @@ fn detector_numbers(camera: &Camera, is_reference: bool) -> u64 {
     let detector = &camera.detector;
     let spatial = &detector.params.spatial;
     let drawn = if is_reference { 2 } else { 1 };
-    let of_file = &detector.maps;
-    let maps = [
-        detector.params.prnu != 0.0 || of_file.prnu.is_some() || spatial.colour_filter.is_some(),
-        detector.params.dsnu_e_rms != 0.0 || of_file.dsnu_e.is_some(),
-        detector.params.dark_nonuniformity != 0.0 || of_file.dark_factor.is_some(),
-        !camera.illumination.is_even(),
-    ];
-    let maps = maps.into_iter().filter(|is_on| *is_on).count() as u64;
+    let maps = (detector.maps.kept(&detector.params) + usize::from(!camera.illumination.is_even())) as u64;
     // A map is drawn in one place and kept in another.
     let drawing = u64::from(maps > 0);
     let charge_binning = matches!(spatial.binning, Some(binning) if matches!(binning.kind, BinningKind::Charge { .. }));
