@@ -58,10 +58,10 @@ pub enum ActiveEdge {
     Falling,
 }
 
-/// What the chip's own resistors do with a line.
+/// Setting of the chip's own resistors for a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LineBias {
-    /// What they do already.
+    /// The present setting, unchanged.
     AsIs,
     /// Nothing.
     Off,
@@ -95,7 +95,7 @@ pub struct Edge {
     pub is_active: bool,
 }
 
-/// What came of the edges so far.
+/// Counts of the edges so far.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct EdgeCounters {
     /// Edges reported.
@@ -141,7 +141,7 @@ enum Source {
 pub struct RawEdge {
     /// CLOCK_REALTIME, ns.
     pub realtime_ns: u64,
-    /// From low to high; `None` for an event that is no edge.
+    /// True for low to high, false for high to low; `None` for an event that is not an edge.
     pub is_rising: Option<bool>,
     /// Number of the line on its chip.
     pub offset: u32,
@@ -182,7 +182,7 @@ impl GpioChip {
     /// Listens to lines of a chip from here on; edges before are not reported.
     ///
     /// # Errors
-    /// When there is no such chip or line, or another program has the line.
+    /// When the chip or the line does not exist, or another program has the line.
     pub fn open(path: &Path, lines: &[GpioLine], now: PairedReading) -> Result<Self, LinkError> {
         let name = path.display().to_string();
         let failed = |doing, source, advice| LinkError::System { link: name.clone(), doing, source, advice };
@@ -193,7 +193,7 @@ impl GpioChip {
                 LineName::Name(_) => Err(failed("find the line", io::ErrorKind::NotFound.into(), BY_OFFSET)),
             });
             let offsets = offsets.collect::<Result<Vec<_>, _>>()?;
-            // Open for both: a writer that goes is no end of it.
+            // Opened for reading and writing: the pipe does not end when a writer closes it.
             let nonblocking = i32::try_from(rustix::fs::OFlags::NONBLOCK.bits()).unwrap_or(0);
             let pipe = OpenOptions::new().read(true).write(true).custom_flags(nonblocking).open(path);
             (Source::Pipe(pipe.map_err(|error| failed("open the named pipe", error, ""))?), offsets)
@@ -220,7 +220,7 @@ impl GpioChip {
             |source, link: &str| LinkError::System { link: link.into(), doing: "read edges", source, advice: "" };
         let before = PairedReading::take(clock);
         if !self.source.is_ready(Span::ZERO).map_err(|error| failed(error, &self.name))? {
-            // What comes from here on is stamped after any step of the clock so far.
+            // Edges from here on are stamped after any step of the clock so far.
             let _nothing = self.stamps.place(None, before);
             self.stamps.drained();
             if !self.source.is_ready(at_most).map_err(|error| failed(error, &self.name))? {
@@ -265,7 +265,7 @@ impl Source {
         }
     }
 
-    /// `None` where a pipe brings less than an event.
+    /// Reads an edge; `None` while no event is waiting.
     fn read(&mut self) -> io::Result<Option<RawEdge>> {
         match self {
             Self::Lines(request) => {
@@ -279,7 +279,7 @@ impl Source {
             }
             Self::Pipe(pipe) => {
                 let mut bytes = [0; EVENT_BYTES];
-                // What is shorter than a page is written and read whole, or not at all.
+                // A pipe transfers a write shorter than a page as a whole, or not at all.
                 match pipe.read(&mut bytes) {
                     Ok(EVENT_BYTES) => Ok(Some(RawEdge::from_bytes(&bytes))),
                     Ok(_) => Ok(Some(RawEdge { realtime_ns: 0, is_rising: None, offset: 0, line_seqno: 0 })),

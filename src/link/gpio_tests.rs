@@ -53,7 +53,7 @@ fn next(chip: &mut GpioChip, pipe: &Pipe) -> Option<Edge> {
     chip.wait(Span::from_ms(20), &pipe.clock).unwrap()
 }
 
-/// What one paired reading may be off, twice, on a machine that is busy.
+/// Error of two paired readings on a machine that is busy.
 const NEAR: Span = Span::from_ms(2);
 
 #[test]

@@ -6,7 +6,7 @@
 //!
 //! A step of CLOCK_REALTIME is seen as a jump of its distance from the bench clock between two readings. Packets
 //! stamped before the step may still lie in the queue, so until it has been empty once every packet gets the instant of
-//! its reading instead. Steps smaller than [`STEP_MIN`] cannot be told from slewing and pass into the stamps.
+//! its reading instead. Steps smaller than [`STEP_MIN`] look like slewing and pass into the stamps.
 //! The unit tests give the readings as arguments.
 
 use base::clock::PairedReading;
@@ -16,7 +16,8 @@ use base::time::{Span, Tai};
 const AGE_MAX: Span = Span::from_ms(60_000);
 /// A jump between two readings up to this is their own uncertainty.
 const STEP_MIN: Span = Span::from_ms(1);
-/// The kernel slews CLOCK_REALTIME by at most 500 ppm (adjtimex) and ticks by 10 % in theory; 1000 ppm is no step.
+/// The kernel slews CLOCK_REALTIME by at most 500 ppm (adjtimex) and ticks by 10 % in theory; up to 1000 ppm counts as
+/// slewing.
 const SLEW_PPM: i64 = 1000;
 
 /// Puts stamps of one queue on the bench clock.
@@ -42,7 +43,7 @@ impl StampMap {
         Self { last: now, distrust: false, latest: Tai::from_ns(i64::MIN) }
     }
 
-    /// The queue is empty: what arrives from now on is stamped after any step seen so far.
+    /// Records that the queue is empty: later packets are stamped after any step seen so far.
     pub(super) fn drained(&mut self) {
         self.distrust = false;
     }
@@ -66,7 +67,8 @@ impl StampMap {
     }
 }
 
-/// `None` when the age is impossible. An age below zero within the window of the reading is zero.
+/// Places a stamp on the bench clock; `None` when its age is impossible. An age below zero within the window of the
+/// reading is zero.
 fn placed(stamp_ns: i64, now: PairedReading) -> Option<Tai> {
     let age = Span::from_ns(now.realtime_ns.saturating_sub(stamp_ns));
     let possible = age.ns() >= -now.window.ns() && age <= AGE_MAX;

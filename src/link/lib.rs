@@ -49,11 +49,11 @@ pub use port::{Input, Polled, Port, WireFormat};
 pub struct Stamped<T> {
     /// Receive time at the edge: end of the frame on the wire, plus the link's constant latency.
     pub at: Tai,
-    /// What was received.
+    /// The value that was received.
     pub value: T,
 }
 
-/// What went over a link so far.
+/// Counts of one end of a link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct LinkCounters {
     /// Packets received.
@@ -95,16 +95,16 @@ pub enum LinkError {
         /// Kind of packet given.
         got: &'static str,
     },
-    /// The system refused something for good (what may come back is no error: it is counted and waited for).
+    /// A permanent error of the system (temporary ones are counted and waited for instead).
     #[error("link {link}: cannot {doing}: {source}{advice}")]
     System {
         /// Name of the link.
         link: String,
-        /// What was tried.
+        /// Action that failed.
         doing: &'static str,
-        /// What the system said.
+        /// Error of the system.
         source: std::io::Error,
-        /// What to try, after a semicolon; or nothing.
+        /// Advice after a semicolon; or empty.
         advice: &'static str,
     },
     /// The message has no form on this wire.
@@ -112,7 +112,7 @@ pub enum LinkError {
     Encode(#[from] EncodeError),
 }
 
-/// What became of a packet that was sent.
+/// Outcome of a packet that was sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Departure {
     /// The link knows no better than what [`Link::send`] returned.
@@ -141,13 +141,13 @@ pub trait Link: Send {
     /// When the link does not carry such packets, or is no longer able to send.
     fn send(&mut self, packet: &Packet) -> Result<Tai, LinkError>;
 
-    /// What went over this end so far.
+    /// Returns the counters of this end.
     fn counters(&self) -> LinkCounters;
 
-    /// What became of the packet before which [`Link::send`] had returned `Ok` `sent` times: on a bus with arbitration a
-    /// packet may leave later than `send` could know. Wrappers pass the question on.
+    /// Returns the outcome of the packet that followed `sent` successful calls of [`Link::send`]: on a bus with
+    /// arbitration a packet may leave later than `send` could know. Wrappers pass the question on.
     fn departure(&mut self, sent: u64) -> Departure {
-        let _no_better_than_reported = sent;
+        let _ = sent; // no better time is known than the one that `send` returned
         Departure::AsReported
     }
 }

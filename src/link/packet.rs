@@ -1,4 +1,4 @@
-//! What a link moves: one CAN frame, one run of serial bytes, or one datagram.
+//! The packets of a link: one CAN frame, one run of serial bytes, or one datagram.
 
 use firmware_protocol::can::CanFrame;
 use firmware_protocol::serial::ENCODED_MAX;

@@ -21,7 +21,7 @@ pub enum WireFormat {
     Plain,
 }
 
-/// What a port receives.
+/// Input of a port.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Input {
     /// A message of the protocol.
@@ -30,12 +30,12 @@ pub enum Input {
     Plain(PlainRecord),
 }
 
-/// What [`Port::poll`] came back with.
+/// Result of [`Port::poll`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Polled {
     /// A message, of either kind.
     Input(Stamped<Input>),
-    /// A packet that is no message yet, or was refused and counted.
+    /// A packet that does not yet complete a message, or was refused and counted.
     Packet,
     /// Nothing came in time.
     Nothing,
@@ -123,7 +123,7 @@ impl Port {
         self.plain.rejects()
     }
 
-    /// What went over the link.
+    /// Returns the counters of the link.
     #[must_use]
     pub fn counters(&self) -> LinkCounters {
         self.link.counters()
@@ -157,7 +157,8 @@ impl Port {
         }
     }
 
-    /// As [`Self::receive_any`], for one packet at most: a bus that is full of what is not for this port holds nobody up.
+    /// Receives as [`Self::receive_any`], but one packet at most: a bus full of packets for others does not delay the
+    /// caller.
     ///
     /// # Errors
     /// When the link is no longer able to receive.
@@ -216,7 +217,7 @@ impl Port {
         self.packets_sent
     }
 
-    /// What became of packet number `packet`, as [`Link::departure`].
+    /// Returns the outcome of packet number `packet`, as [`Link::departure`].
     pub fn departure(&mut self, packet: u64) -> Departure {
         self.link.departure(packet)
     }
@@ -235,7 +236,7 @@ impl Port {
         Ok(leaves)
     }
 
-    /// A CAN frame gives its message at once; a chunk is put aside for [`SerialCodec::next`].
+    /// Reads a packet: a CAN frame gives its message at once; a chunk is kept for [`SerialCodec::next`].
     fn read(&mut self, packet: Stamped<Packet>) -> Option<Stamped<Input>> {
         match packet.value {
             Packet::Can(frame) => self.read_frame(packet.at, &frame),

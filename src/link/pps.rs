@@ -3,7 +3,7 @@
 //! The kernel stamps each pulse with CLOCK_REALTIME in the interrupt: text `SECONDS.NANOSECONDS#COUNT`. A pulse is placed
 //! on the bench clock like a packet's stamp, by its age when it is fetched; error: the interrupt's latency (microseconds
 //! on a GPIO, a millisecond on USB) and half the window of the paired reading. A pulse that is older than two seconds, or
-//! whose stamp a step of CLOCK_REALTIME spoilt, is no use for a clock: it is counted as refused.
+//! whose stamp a step of CLOCK_REALTIME spoilt, is useless for a clock: it is counted as refused.
 //!
 //! Look at least once a second, off the frame path: each look reads a file (some microseconds, no allocation).
 //! Source: Linux `Documentation/driver-api/pps.rst`. Tests here, on a file that looks the same.
@@ -21,7 +21,7 @@ use std::path::Path;
 const NO_DEVICE: &str =
     "; see `ls /sys/class/pps`; load a driver (`modprobe pps-gpio`, or `pps-ldisc` with `ldattach pps`)";
 const NOT_PPS: &str = "; it must be of the form SECONDS.NANOSECONDS#COUNT, as in /sys/class/pps/pps0/assert";
-/// Longest text of a pulse: two 20-digit numbers, nine digits, two signs, a line break; with room.
+/// Longest text of a pulse: two 20-digit numbers, nine digits, two signs, a line break, and a margin.
 const TEXT_MAX: usize = 64;
 /// An older pulse says nothing: another one is due.
 const AGE_MAX: Span = Span::from_ms(2000);
@@ -36,7 +36,7 @@ pub struct Pps {
     counters: PpsCounters,
 }
 
-/// What came of the pulses so far.
+/// Counts of the pulses so far.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct PpsCounters {
     /// Pulses handed on.
@@ -60,7 +60,7 @@ impl Pps {
     /// Opens a source: a folder such as `/sys/class/pps/pps0`. The pulse that it shows already is not handed on.
     ///
     /// # Errors
-    /// When there is no such source, or its text is not that of pulses.
+    /// When the source does not exist, or its text is not that of pulses.
     pub fn open(path: &Path, now: PairedReading) -> Result<Self, LinkError> {
         let failed =
             |doing, source, advice| LinkError::System { link: path.display().to_string(), doing, source, advice };
@@ -92,14 +92,14 @@ impl Pps {
         good.then_some(placed.at)
     }
 
-    /// What came of the pulses so far.
+    /// Returns the counts of the pulses so far.
     #[must_use]
     pub fn counters(&self) -> PpsCounters {
         self.counters
     }
 }
 
-/// Reads from the start each time: the kernel writes the text anew.
+/// Reads from the start each time: the kernel writes a new text.
 fn read(file: &File) -> io::Result<Pulse> {
     let mut text = [0; TEXT_MAX];
     let len = file.read_at(&mut text, 0)?;

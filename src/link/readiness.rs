@@ -5,7 +5,7 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use std::io;
 use std::os::fd::BorrowedFd;
 
-/// What is waited for. Hang-ups and errors end every wait.
+/// Event that is waited for. Hang-ups and errors end every wait.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Readiness {
     /// Something can be read.

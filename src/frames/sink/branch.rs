@@ -1,7 +1,7 @@
 //! One sink on a thread of its own, behind a fixed number of buffers that go round.
 //!
 //! Input: frames, copied into a free buffer. Output: what the sink makes of them, and counts. A buffer is made once, at
-//! the start; copying into it allocates nothing unless a frame is larger than any before. A buffer comes back with what
+//! the start; copying into it allocates nothing unless a frame is larger than any before. A buffer comes back with the
 //! outcome of its frame, so every loss is reported with the number of its own frame. A sink that fails on a frame is
 //! given the next one: a disk that is full now may have space later. A sink that panics is not called again.
 //!

@@ -13,7 +13,7 @@ use std::io::Write;
 /// Longest FD payload.
 const DATA_MAX: usize = 64;
 
-/// What a line says.
+/// Contents of a line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[allow(clippy::large_enum_variant, reason = "one at a time, on the stack: a packet is its bytes")]
 pub enum Line {
@@ -73,9 +73,9 @@ fn interface_number(name: &[u8]) -> u8 {
     number.fold(0, |number: u8, digit| number.saturating_mul(10).saturating_add(digit - b'0'))
 }
 
-/// `(sec.fraction)`, ns.
+/// Reads `(sec.fraction)`, ns.
 fn stamp_ns(word: &[u8]) -> Result<i64, &'static str> {
-    const WRONG: &str = "no stamp (seconds.fraction) at its begin";
+    const WRONG: &str = "no stamp (seconds.fraction) at its start";
     let inside = word.strip_prefix(b"(").and_then(|word| word.strip_suffix(b")")).ok_or(WRONG)?;
     let point = inside.iter().position(|byte| *byte == b'.').ok_or(WRONG)?;
     let (seconds, fraction) = (&inside[..point], &inside[point + 1..]);

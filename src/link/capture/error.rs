@@ -18,7 +18,7 @@ pub enum CaptureError {
     Read {
         /// Bytes read before.
         offset: u64,
-        /// What the system said.
+        /// Error of the system.
         source: std::io::Error,
     },
     /// The thread that writes broke down.
@@ -41,12 +41,12 @@ pub enum CaptureError {
     /// The older format.
     #[error("capture: got a classic pcap file, wanted pcapng or a candump log; convert it: editcap -F pcapng IN OUT")]
     ClassicPcap,
-    /// A line that is no line of a candump log.
+    /// A line that is not a line of a candump log.
     #[error("capture line {line}: {why}; got \"{text}\", wanted such as (1772366400.123456789) can0 123#DEADBEEF")]
     Line {
         /// Line, from 1.
         line: u64,
-        /// What is wrong.
+        /// Fault of the line.
         why: &'static str,
         /// Its beginning.
         text: String,
@@ -56,7 +56,7 @@ pub enum CaptureError {
     Block {
         /// Where the block begins.
         offset: u64,
-        /// What is wrong, with what was wanted and got.
+        /// Fault of the block, with what was wanted and got.
         why: String,
     },
     /// The file ends inside a line or block, as after a power cut: everything before it was read.

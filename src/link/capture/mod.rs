@@ -4,15 +4,15 @@
 //! CapturedPacket -> CaptureWriter -> bus.log, bus.pcapng -> CaptureReader -> CapturedPacket
 //! ```
 //!
-//! In and out: packets with the instant and the direction in which they passed, and the number of the interface. One file
-//! holds several interfaces: pcapng blocks named link0, link1, ..., the interface column can0, can1, ... of a candump log. A
-//! file of someone else has the number in the name, or the place of the interface in its section. Stamps are Unix time to the nanosecond in
-//! both formats; pcapng keeps the instant (TAI) beside it, a candump log cannot tell a leap second from the second after
-//! it. A candump log holds CAN only; pcapng holds CAN (link type 227, SocketCAN) serial bytes (link type 147,
-//! USER0) and plain datagrams (link type 148, USER1).
-//! Readers take any bytes: what they refuse they refuse with line or offset, a file that was cut off is read up to the
-//! cut, memory is bounded by `BLOCK_MAX` and `LINE_MAX` whatever a file says. Frames that have no [`Packet`] (29-bit
-//! identifiers, remote and error frames) are skipped and counted.
+//! In and out: packets with the instant and the direction in which they passed, and the number of the interface. One
+//! file holds several interfaces: pcapng blocks named link0, link1, ..., the interface column can0, can1, ... of a
+//! candump log. In files of other programs the number is taken from the name, or from the place of the interface in its
+//! section. Stamps are Unix time to the nanosecond in both formats; pcapng keeps the instant (TAI) beside it, a candump
+//! log does not distinguish a leap second from the second after it. A candump log holds CAN only; pcapng holds CAN
+//! (link type 227, SocketCAN), serial bytes (link type 147, USER0) and plain datagrams (link type 148, USER1).
+//! Readers accept any bytes: errors are reported with line or offset, a file that was cut off is read up to the cut,
+//! and memory is bounded by `BLOCK_MAX` and `LINE_MAX` whatever lengths a file states. Frames that have no [`Packet`]
+//! (29-bit identifiers, remote and error frames) are skipped and counted.
 //! Sources: candump's log format as written by can-utils; pcapng, IETF draft-ietf-opsawg-pcapng; LINKTYPE_CAN_SOCKETCAN as
 //! registered by tcpdump.org. Tests: `tests`, and `hil_scripts` against can-utils, python-can and tshark.
 
@@ -62,8 +62,8 @@ pub struct CapturedPacket {
     pub at: Tai,
     /// Which way it went.
     pub direction: Direction,
-    /// Number of the interface it passed, from 0; the last number stands for all beyond it.
+    /// Number of the interface it passed, from 0; the last number is used for all beyond it.
     pub interface: u8,
-    /// What passed.
+    /// The packet itself.
     pub packet: Packet,
 }

@@ -6,7 +6,7 @@ use std::io::{BufRead, BufReader, Chain, Cursor, Read};
 
 /// First words of classic pcap files, in microseconds and nanoseconds, in either byte order.
 const CLASSIC_PCAP: [u32; 4] = [0xA1B2_C3D4, 0xD4C3_B2A1, 0xA1B2_3C4D, 0x4D3C_B2A1];
-/// Characters of a refused line that are told.
+/// Characters of a refused line that are reported.
 const REPORTED: usize = 60;
 
 /// Reads packets; after an error or the end there are no more.
@@ -21,10 +21,10 @@ enum Form<R: Read> {
 }
 
 impl<R: Read> CaptureReader<R> {
-    /// Tells the format by the first bytes.
+    /// Opens a capture; the first bytes decide the format.
     ///
     /// # Errors
-    /// When they cannot be read, are none, or begin a format that is not read.
+    /// When they cannot be read, are missing, or belong to an unknown format.
     pub fn new(source: R) -> Result<Self, CaptureError> {
         let mut source = BufReader::new(source);
         let mut first = Vec::new();
@@ -46,7 +46,7 @@ impl<R: Read> CaptureReader<R> {
         Ok(Self { form, is_over: false })
     }
 
-    /// Returns the which format it is.
+    /// Returns which format it is.
     #[must_use]
     pub fn format(&self) -> CaptureFormat {
         match self.form {

@@ -1,5 +1,5 @@
-//! What is written is read again, exact; blocks and lines made by hand, by the formats' own texts, are read; any damage is
-//! an error with its place, or reads as something, and never panics.
+//! Written captures read back exact; blocks and lines made by hand from the formats' own documents are read; any damage
+//! is an error with its place, or reads as another packet, and never panics.
 
 use super::*;
 use crate::{CHUNK_MAX, DATAGRAM_MAX, Datagram, SerialChunk};
@@ -303,7 +303,7 @@ fn damaged_blocks_are_refused_with_their_offset() {
         (changed(last + 6, 0xFF), "wanted 20 to 262144"),
         (changed(last + 8, 9), "interface 9, which was not described"),
         (changed(last + 20, 200), "a packet of 200 bytes"),
-        (changed(good.len() - 4, 200), "its length is 44 at its begin and 200 at its end"),
+        (changed(good.len() - 4, 200), "its length is 44 at its start and 200 at its end"),
         (foreign(false, 227, 0, u64::MAX, &WHOLE_HEADER), "beyond 2262"),
         (foreign(false, 227, 100, 1, &WHOLE_HEADER), "beyond 2262"),
         (foreign(false, 227, 0xFF, 1, &WHOLE_HEADER), ""),

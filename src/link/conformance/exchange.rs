@@ -12,7 +12,7 @@ const SERIAL_SPACE: usize = 2048;
 /// Datagrams that any receive buffer holds without anybody reading.
 const DATAGRAMS_AT_ONCE: usize = 32;
 
-/// Every length a packet can have on this wire, shortest first.
+/// Returns every length a packet can have on this wire, shortest first.
 pub(super) fn all_lengths(format: WireFormat) -> Vec<usize> {
     match format {
         WireFormat::CanClassic => (0..=8).collect(),
@@ -92,11 +92,11 @@ impl Suite<'_> {
         Ok(last)
     }
 
-    /// Nothing is waiting.
+    /// Checks that no packet is waiting.
     pub(super) fn expect_nothing(&self, link: &mut dyn Link) -> Result<(), String> {
         match link.receive(self.clock.now()).map_err(|error| error.to_string())? {
             None => Ok(()),
-            Some(packet) => Err(format!("a packet that nobody sent: {:?}", packet.value)),
+            Some(packet) => Err(format!("a packet arrived that was not sent: {:?}", packet.value)),
         }
     }
 

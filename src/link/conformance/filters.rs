@@ -1,4 +1,4 @@
-//! Ends of a bus that hear one side of one node only.
+//! Check of the filters: each end of a bus receives only the messages of the other side of its node.
 
 use super::Check;
 use crate::conformance::PATIENCE;
@@ -8,17 +8,18 @@ use base::clock::Clock;
 use firmware_protocol::can::CanFrame;
 use std::sync::Arc;
 
-/// Identifiers of node 5 that a stimulator hears, ascending: SYNC for all nodes, then what its flight computer sends.
+/// Identifiers that the stimulator of node 5 receives, ascending: SYNC for all nodes, then those of its flight
+/// computer.
 const RECEIVED_BY_STIMULATOR: [u16; 14] =
     [0x080, 0x205, 0x215, 0x225, 0x235, 0x245, 0x255, 0x285, 0x2A5, 0x305, 0x315, 0x485, 0x605, 0x705];
 /// The same for the flight computer.
 const RECEIVED_BY_FLIGHT_COMPUTER: [u16; 5] = [0x185, 0x195, 0x1A5, 0x585, 0x705];
 
-/// Sends a frame of every identifier, and wants each end to hear its own; `open` gives an end of node 5 on one bus that
-/// hears what is asked for.
+/// Sends a frame of every identifier, and checks that each end receives exactly its own; `open` gives an end of node 5
+/// on one bus that receives the messages of the given side.
 ///
 /// # Errors
-/// What was heard instead, or why an end could not be opened.
+/// The identifiers that were received instead, or the reason why an end could not be opened.
 pub fn check_filters(
     clock: &Arc<dyn Clock>,
     mut open: impl FnMut(Receives) -> Result<Box<dyn Link>, LinkError>,
@@ -36,12 +37,12 @@ pub fn check_filters(
     for (end, wanted) in &mut ends {
         let got = received_by(&mut **end, wanted.len(), clock)?;
         if got != *wanted {
-            return Err(format!("wanted identifiers {wanted:03x?}, heard {got:03x?}"));
+            return Err(format!("wanted identifiers {wanted:03x?}, got {got:03x?}"));
         }
     }
     let (stimulator, computer) = (RECEIVED_BY_STIMULATOR.len(), RECEIVED_BY_FLIGHT_COMPUTER.len());
     let seen = format!("of 2048 identifiers {stimulator} reach the stimulator and {computer} the flight computer");
-    Ok(Check { promise: "each side of a node hears the other and nobody else", seen })
+    Ok(Check { promise: "each side of a node receives the other's messages and no others", seen })
 }
 
 /// Identifiers of the next `count` frames, and of what else is there.

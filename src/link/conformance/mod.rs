@@ -1,8 +1,9 @@
-//! One suite for every link: what `Link` promises, held against two ends of it on the real clock.
+//! One suite for every link: checks the promises of `Link` on two ends of it on the real clock.
 //!
-//! Input: a maker of fresh, connected pairs of ends. Output: a `Report`, or what was broken first. The suite knows
-//! nothing of how a link works; on serial links the borders of chunks mean nothing, and bytes are compared.
-//! `tests/links` runs it on simulated buses and pseudo terminals, and on links broken on purpose, each of which it must
+//! Input: a maker of fresh, connected pairs of ends. Output: a `Report`, or the first promise that was broken. The
+//! suite does not depend on how a link works; on serial links the borders of chunks mean nothing, and bytes are
+//! compared. `tests/links` runs it on simulated buses and pseudo terminals, and on links broken on purpose, each of
+//! which it must
 //! refuse; `starloop link-check` runs it on real interfaces and ports.
 
 mod exchange;
@@ -26,7 +27,7 @@ const PATIENCE: Span = Span::from_ms(3000);
 /// Packets sent without a pause.
 pub const BURST: usize = 1000;
 
-/// What the suite found, all of it as promised.
+/// The result of the suite when every promise is kept.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Report {
     /// Name of the link.
@@ -40,13 +41,13 @@ pub struct Report {
 /// One check that held.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Check {
-    /// What is promised.
+    /// The promise that was checked.
     pub promise: &'static str,
-    /// What was seen.
+    /// Measurements that show it.
     pub seen: String,
 }
 
-/// What every check needs.
+/// The inputs of every check.
 struct Suite<'a> {
     format: WireFormat,
     /// Lengths of packets that the link carries, shortest first.

@@ -55,7 +55,7 @@ pub(super) fn messages(suite: &mut Suite<'_>) -> Result<String, String> {
     Ok("attitudes".into())
 }
 
-/// After each piece of damage a good message is sent; it must be the next that arrives.
+/// Checks that after each piece of damage a good message arrives next.
 pub(super) fn damage(suite: &mut Suite<'_>) -> Result<String, String> {
     let (mut near, far) = suite.pair()?;
     let mut far = port(far);

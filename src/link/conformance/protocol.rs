@@ -68,13 +68,13 @@ pub(super) fn messages(suite: &mut Suite<'_>) -> Result<String, String> {
     Ok(format!("{} kinds of message", messages.len()))
 }
 
-/// What is sent, and why it is rejected; `None` where damage may show as one reason or another.
+/// Damaged packets, and the reason why they are rejected; `None` where damage may show as one reason or another.
 struct Damage {
     packets: Vec<Packet>,
     reason: Option<Reject>,
 }
 
-/// After each piece of damage a mark is sent; it must be the next message that arrives.
+/// Checks that after each piece of damage a mark (a SYNC message) arrives next.
 pub(super) fn damage(suite: &mut Suite<'_>) -> Result<String, String> {
     if suite.format == WireFormat::Plain {
         return plain::damage(suite);
@@ -113,7 +113,7 @@ pub(super) fn damage(suite: &mut Suite<'_>) -> Result<String, String> {
 fn mark(format: WireFormat, counter: u8) -> Result<Vec<Packet>, String> {
     let message = Message::Sync(Sync { counter });
     match format {
-        // A delimiter first: whatever stands before the mark ends there.
+        // A delimiter first: it ends any bytes before the mark.
         WireFormat::Serial => Ok(vec![chunk(&[0])?, chunk(&encoded(&message)?)?]),
         WireFormat::CanClassic | WireFormat::CanFd | WireFormat::Plain => frames(&message, Format::Fd).map(packets),
     }

@@ -64,7 +64,7 @@ pub(super) fn timeouts(suite: &mut Suite<'_>) -> Result<String, String> {
         let got = near.receive(until).map_err(|error| error.to_string())?;
         let ended = suite.clock.now();
         if let Some(packet) = got {
-            return Err(format!("a packet that nobody sent: {:?}", packet.value));
+            return Err(format!("a packet arrived that was not sent: {:?}", packet.value));
         }
         if ended < until {
             return Err(format!("a wait of {ms} ms ended {:.1} us early", us(until - ended)));
@@ -131,7 +131,7 @@ pub(super) fn burst(suite: &mut Suite<'_>) -> Result<String, String> {
     Ok(format!("{BURST} packets of {longest} bytes in {:.1} ms: {rate:.0} a second", took.ms()))
 }
 
-/// The far end is on a thread of its own, and each packet must wake it.
+/// Checks that each packet wakes the far end, which waits on a thread of its own.
 pub(super) fn echo(suite: &mut Suite<'_>) -> Result<String, String> {
     // The far end outlives the exchange: closing a pseudo terminal throws away what is under way.
     let (mut near, mut far) = suite.pair()?;

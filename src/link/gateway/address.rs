@@ -40,7 +40,7 @@ pub struct TcpAddress(SocketAddr);
 pub struct NoTcpAddress(String);
 
 impl TcpAddress {
-    /// As the system has it.
+    /// Returns the address in the system's form.
     #[must_use]
     pub fn socket(self) -> SocketAddr {
         self.0

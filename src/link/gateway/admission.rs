@@ -43,12 +43,12 @@ impl Admission {
         Self { since, has_opened, has_sent_a_valid_line, malformed: AtomicU32::new(0) }
     }
 
-    /// The client has opened the bus: the seat is its own.
+    /// Records that the client has opened the bus: it keeps its place.
     pub(super) fn open(&self) {
         self.has_opened.store(true, Ordering::Release);
     }
 
-    /// The client has sent a line of the protocol.
+    /// Counts a valid line of the protocol.
     pub(super) fn count_valid(&self) {
         self.has_sent_a_valid_line.store(true, Ordering::Release);
     }
@@ -99,7 +99,7 @@ mod tests {
         let at = |ms| Tai::from_ns(0) + Span::from_ms(ms);
         assert!(!admission.is_idle(at(999), GRACE) && admission.is_idle(at(1000), GRACE));
         admission.count_valid();
-        assert!(admission.is_idle(at(1000), GRACE), "a version asked for is no opening");
+        assert!(admission.is_idle(at(1000), GRACE), "asking for the version does not open the bus");
         admission.open();
         assert!(!admission.is_idle(at(1_000_000), GRACE));
     }

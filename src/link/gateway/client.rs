@@ -39,7 +39,7 @@ const BATCH: usize = 64;
 
 /// The reading half of a protocol.
 pub(super) trait Dialogue: Send {
-    /// What a new client is told.
+    /// Returns the greeting of a new client.
     fn greeting(&self) -> &'static [u8] {
         b""
     }
@@ -51,13 +51,13 @@ pub(super) trait Dialogue: Send {
 /// The writing half: adds the text of a received frame; false when the protocol has none for it.
 pub(super) type Scribe = Box<dyn Fn(&Stamped<Packet>, &Listening, &mut Vec<u8>) -> bool + Send>;
 
-/// What becomes of a frame that a client sends.
+/// Outcome of a frame that a client sends.
 pub(super) enum Sending {
     Queued,
     Refused(&'static str),
 }
 
-/// What is done with a client that does not read.
+/// Action for a client that does not read.
 pub(super) enum OnStall {
     /// The connection is closed.
     HangUp,
@@ -110,7 +110,7 @@ pub(super) struct Client {
     outgoing: Mutex<Outgoing>,
 }
 
-/// What a client is made of.
+/// The parts of a client.
 pub(super) struct ClientParts {
     /// Does not block.
     pub(super) fd: OwnedFd,
@@ -158,17 +158,17 @@ impl Client {
         self.is_over() || event::poll(&mut fds, Some(&event::Timespec::default())).is_ok_and(|ready| ready > 0)
     }
 
-    /// The client has sent a valid line.
+    /// Counts a valid line of the client.
     pub(super) fn count_valid(&self) {
         self.admission.iter().for_each(Admission::count_valid);
     }
 
-    /// The client has opened the bus.
+    /// Records that the client has opened the bus.
     pub(super) fn open(&self) {
         self.admission.iter().for_each(Admission::open);
     }
 
-    /// The client has sent a malformed line: too many before the first valid one end it.
+    /// Counts a malformed line of the client: too many before the first valid one end it.
     pub(super) fn count_malformed(&self) {
         if self.admission.as_ref().is_some_and(Admission::count_malformed) {
             self.hang_up("malformed_lines");
@@ -303,7 +303,7 @@ impl Client {
         counters.dropped += u64::from(!fits);
     }
 
-    /// Frames lost at the end of the bus, because this thread did not take them in time.
+    /// Counts frames lost at the end of the bus, because this thread did not take them in time.
     fn count_overflows(&self, counted: &mut u64) {
         let overflows = self.link.counters().overflows;
         if self.listening.is_open() {

@@ -1,4 +1,4 @@
-//! What the gateways let through, lost and refused.
+//! Frames and clients that the gateways forwarded, lost and refused.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -22,7 +22,7 @@ pub struct GatewayCounters {
     pub dropped: u64,
     /// FD frames that the protocol cannot carry.
     pub withheld: u64,
-    /// What was refused, by reason.
+    /// Number of refusals by reason.
     pub rejects: BTreeMap<&'static str, u64>,
     /// Threads of this gateway that ended by a panic.
     pub lost_threads: u64,

@@ -4,12 +4,12 @@
 //! python-can, can-utils, a terminal <-> slcan or socketcand <-> one end of the bus per client
 //! ```
 //!
-//! Real clock only, and nothing real-time: threads that block, bounded queues, every loss and refusal counted. Listens
-//! where it is asked to, which should be loopback: there is no password. Web pages can reach loopback too, so a TCP client
-//! that speaks HTTP or TLS is hung up on before anything of it is obeyed (`screen`), and a client that does not open the
-//! bus loses its seat (`OPENING_WITHIN`, `GRACE`). A frame of a client takes its place in the arbitration like any
-//! other; what one client sends reaches the others and not itself. `hil_scripts/test_gateways.py` checks all three with
-//! python-can, `hil_scripts/test_gateways.py` with a browser; the parsers are tested beside their code.
+//! Real clock only, and nothing real-time: threads that block, bounded queues, every loss and refusal counted. A
+//! gateway listens on the configured address, which should be loopback: access is without a password. Web pages can reach
+//! loopback too, so a TCP client that speaks HTTP or TLS is disconnected before any of its lines is obeyed (`screen`),
+//! and a client that does not open the bus loses its place (`OPENING_WITHIN`, `GRACE`). A frame of a client takes its
+//! place in the arbitration like any other; the frames of one client reach the others and not itself. Tests:
+//! `hil_scripts/test_gateways.py` with python-can and with a browser, and those of the parsers beside their code.
 
 mod address;
 mod admission;
@@ -54,9 +54,9 @@ pub use screen::{Foreign, Screen};
 
 /// Clients that socketcand serves at once.
 pub const SOCKETCAND_CLIENTS_MAX: usize = 4;
-/// What a second client of a serial line is told.
+/// Message to a second client of a serial line.
 const LINE_IN_USE: &[u8] = b"\x07in use: one client at a time\r";
-/// What a fifth client of socketcand is told.
+/// Message to a fifth client of socketcand.
 const DAEMON_FULL: &[u8] = b"< error too many clients >";
 
 /// Which gateways are wanted.
@@ -180,7 +180,7 @@ impl Gateways {
         self.counters().iter().map(|(_, counters)| counters.lost_threads).sum()
     }
 
-    /// What each gateway let through, lost and refused.
+    /// Returns the counters of each gateway.
     #[must_use]
     pub fn counters(&self) -> Vec<(GatewayKind, GatewayCounters)> {
         self.at_work.iter().map(|(kind, _, tally)| (*kind, tally.lock().clone())).collect()

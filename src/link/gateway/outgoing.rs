@@ -1,4 +1,4 @@
-//! What goes to one client: a bounded buffer in front of a descriptor that never blocks.
+//! Output to one client: a bounded buffer in front of a descriptor that never blocks.
 
 use base::time::{Span, Tai};
 use rustix::io::Errno;
@@ -32,7 +32,7 @@ impl Outgoing {
         Self { fd, waiting: Vec::with_capacity(WAITING_MAX), stuck_since: None }
     }
 
-    /// Adds bytes, all or none; false when there is no room.
+    /// Adds all bytes, or returns false when they do not fit.
     pub(super) fn add(&mut self, bytes: &[u8]) -> bool {
         let fits = self.waiting.len() + bytes.len() <= WAITING_MAX;
         if fits {

@@ -1,9 +1,9 @@
-//! What the parsers of both gateways must stand: streams cut anywhere, and random bytes.
+//! Checks for the parsers of both gateways: streams cut anywhere, and random bytes.
 
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 
-/// What is in a stream is the same however it is cut in two; all of it.
+/// Returns the contents of a stream after checking that they are the same however the stream is cut in two.
 pub(super) fn read_in_pieces<P: Default, T: PartialEq + core::fmt::Debug>(
     stream: &[u8],
     parsed: impl Fn(&mut P, &[u8]) -> Vec<T>,

@@ -29,7 +29,7 @@ const DEVICES: &str = "/dev/pts";
 pub(super) struct Pty {
     /// The link that was asked for.
     pub(super) path: PathBuf,
-    /// What it leads to.
+    /// Device to which the link points.
     device: PathBuf,
     thread: Option<JoinHandle<()>>,
 }

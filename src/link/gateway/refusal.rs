@@ -1,4 +1,4 @@
-//! What the system refuses a gateway.
+//! Errors of the system for a gateway.
 
 use crate::LinkError;
 

@@ -13,7 +13,7 @@ const METHODS: [&[u8]; 10] =
 const METHOD_MAX: usize = 7;
 /// Shortest name of a header: `TE`.
 const NAME_MIN: usize = 2;
-/// What a version starts with, in lower case.
+/// Start of an HTTP version, in lower case.
 const VERSION: &[u8] = b"http/";
 /// First bytes of a TLS record with a handshake (RFC 8446 5.1).
 const TLS: [u8; 2] = [0x16, 0x03];
@@ -152,7 +152,7 @@ fn is_of_a_word(byte: u8) -> bool {
 mod tests {
     use super::*;
 
-    /// What is found in `bytes`, which is the same however they are cut in two.
+    /// Returns the protocol found in `bytes`, after checking that it is the same however they are cut in two.
     fn found(bytes: &[u8]) -> Option<Foreign> {
         let whole = Screen::default().look(bytes);
         for cut in 0..bytes.len() {

@@ -26,7 +26,7 @@ const LEAVES_WITHIN: Span = Span::from_ms(1000);
 /// Between two looks at the seats while a newcomer waits.
 const SEATS_LOOK: Span = Span::from_ms(1);
 
-/// What a listener needs to serve its clients.
+/// The inputs of a listener that serves clients.
 pub(super) struct Hall {
     pub(super) name: &'static str,
     pub(super) bus: SimulatedBus,
@@ -38,10 +38,10 @@ pub(super) struct Hall {
     pub(super) protocol: Protocol,
 }
 
-/// What is spoken with clients.
+/// Protocol that is spoken with clients.
 pub(super) struct Protocol {
     pub(super) clients_max: usize,
-    /// What one client too many is told.
+    /// Message to one client too many.
     pub(super) full: &'static [u8],
     pub(super) new_client: Box<dyn Fn() -> (Box<dyn Dialogue>, Scribe) + Send>,
 }
@@ -52,7 +52,7 @@ pub(super) fn listen(hall: Hall, address: SocketAddr) -> Result<(SocketAddr, Joi
     let advice = "; another program may have the port: port 0 takes a free one";
     let listener = TcpListener::bind(address).map_err(refuse("listen", advice))?;
     listener.set_nonblocking(true).map_err(refuse("listen without blocking", ""))?;
-    let got = listener.local_addr().map_err(refuse("tell its address", ""))?;
+    let got = listener.local_addr().map_err(refuse("read its address", ""))?;
     let name = hall.name;
     let counts = CountsIfLost(Arc::clone(&hall.tally));
     let welcome = move || {
@@ -77,7 +77,7 @@ impl Hall {
                     Ok(client) => clients.push(client),
                     Err(_) => self.tally.reject("lost_on_arrival"),
                 },
-                // Nobody there any more, or no descriptors left: not to be asked again without a pause.
+                // The client is gone already, or no descriptors are left: pause before the next attempt.
                 Err(_) => self.clock.sleep_until(self.clock.now() + Span::from_ms(1)),
             }
         }
@@ -151,7 +151,8 @@ impl Hall {
         serve(parts, dialogue, scribe)
     }
 
-    /// Reads what the client has said before it hangs up: else its system would throw away what it was told.
+    /// Refuses a client. The client's bytes are read before the connection closes; otherwise its system would discard
+    /// our message.
     fn turn_away(&self, mut stream: TcpStream) {
         self.tally.lock().refused += 1;
         let mut announce = || {

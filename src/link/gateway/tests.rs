@@ -209,7 +209,7 @@ fn a_client_that_never_opens_the_bus_loses_its_seat() {
         assert_eq!((counters.rejects.get("gave_way"), counters.refused), (Some(&1), 0), "{counters:?}");
         let (_, _, gateways) = one_gateway(kind, Span::from_ms(50));
         until_closed(connect(&gateways, kind));
-        assert_eq!(counters_of(&gateways).rejects.get("never_opened"), Some(&1), "with nobody else there");
+        assert_eq!(counters_of(&gateways).rejects.get("never_opened"), Some(&1), "without other clients");
     }
 }
 

@@ -24,7 +24,7 @@ impl PlainCodec {
         Self { layout, sequence, forty_two: FortyTwo::default(), rejects, sent: 0 }
     }
 
-    /// Returns the which numbers it reads.
+    /// Returns which numbers it reads.
     #[must_use]
     pub fn layout(&self) -> &PlainLayout {
         &self.layout

@@ -14,7 +14,7 @@ use base::units::METRE_KM;
 
 /// The last line of a message.
 pub(crate) const END_OF_MESSAGE: &[u8] = b"[ENDMSG]";
-/// What the receiver answers to a message.
+/// Answer of the receiver to a message.
 pub(crate) const ACKNOWLEDGE: &[u8; 4] = b"Ack\0";
 const NS_PER_S: f64 = 1e9;
 
@@ -97,7 +97,7 @@ impl FortyTwo {
     }
 }
 
-/// What follows `SC[0].` in the name of a quantity of this object.
+/// Returns the part after `SC[0].` in the name of a quantity of this object.
 fn quantity<'n>(name: &'n str, object: &str, number: u16) -> Option<&'n str> {
     let (digits, rest) = name.strip_prefix(object)?.strip_prefix('[')?.split_once(']')?;
     (digits.parse() == Ok(number)).then(|| rest.strip_prefix('.')).flatten()
@@ -118,7 +118,7 @@ fn numbers<const N: usize>(value: &str) -> Result<[f64; N], PlainReject> {
     if words.next().is_some() { Err(PlainReject::Length) } else { Ok(numbers) }
 }
 
-/// `2025-079-12:00:00.010000000` (year, day of year, time of day, UTC) as Unix time, ns.
+/// Reads `2025-079-12:00:00.010000000` (year, day of year, time of day, UTC) as Unix time, ns.
 #[allow(clippy::cast_possible_truncation, reason = "a fraction of a day in ns")]
 fn unix_ns(stamp: &str) -> Option<i64> {
     let mut parts = stamp.splitn(3, '-');

@@ -28,7 +28,7 @@ pub enum QuaternionSense {
     Conjugate,
 }
 
-/// What the time of a message means.
+/// Meaning of the time of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TimeMeaning {
     /// The sender's clock since any epoch, Unix time or another; its offset and drift are estimated. 0: the arrival.
@@ -40,7 +40,7 @@ pub enum TimeMeaning {
 /// A layout that cannot be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum LayoutError {
-    /// There is no such field.
+    /// The name of the field is unknown.
     #[error("no field has this name")]
     Unknown,
     /// A field is there twice.
@@ -73,7 +73,7 @@ pub struct PlainLayout {
     pub angle_unit_rad: f64,
     /// Nanoseconds in a unit of time.
     pub time_unit_ns: f64,
-    /// What the time means.
+    /// Meaning of the time.
     pub time: TimeMeaning,
 }
 
@@ -238,7 +238,7 @@ impl PlainLayout {
         })
     }
 
-    /// From the message's sense of the quaternion to starloop's, and back.
+    /// Converts the message's sense of the quaternion to starloop's, and back.
     fn turned(&self, [w, x, y, z]: [f64; 4]) -> [f64; 4] {
         match self.sense {
             QuaternionSense::Starloop => [w, x, y, z],
@@ -250,7 +250,7 @@ impl PlainLayout {
     fn time_of(&self, time: f64) -> Result<PlainTime, PlainReject> {
         const MOST_NS: f64 = 9.2e18;
         let ns = (time * self.time_unit_ns).round();
-        // NaN is no time either.
+        // NaN is not a time either.
         let is_possible = ns.abs() <= MOST_NS;
         match self.time {
             TimeMeaning::Arrival => Ok(PlainTime::Arrival),

@@ -22,11 +22,11 @@ macro_rules! rejects {
 rejects! {
     /// The number of bytes, or of numbers, is not that of the layout.
     Length = "plain_wrong_length",
-    /// The bytes are no UTF-8 text.
+    /// The bytes are not UTF-8 text.
     Text = "plain_not_text",
-    /// The text is no JSON object or array.
+    /// The text is not a JSON object or array.
     Json = "plain_not_json",
-    /// A word or a field is no number.
+    /// A word or a field is not a number.
     Number = "plain_not_a_number",
     /// A field of the layout is missing.
     FieldMissing = "plain_field_missing",

@@ -30,7 +30,7 @@ fn eight(t: f64, [w, x, y, z]: [f64; 4]) -> Vec<u8> {
     packed(&[t, w, x, y, z, 0.01, -0.02, 0.03])
 }
 
-/// The reader of JSON may err in the last bit.
+/// Compares numbers; the reader of JSON may err in the last bit.
 fn is_near(got: &[f64], wanted: &[f64]) -> bool {
     got.len() == wanted.len() && got.iter().zip(wanted).all(|(got, wanted)| (got - wanted).abs() <= 4e-16)
 }

@@ -63,7 +63,7 @@ impl SerialLink {
         Ok(Self::over(port, params, clock))
     }
 
-    /// Returns the master's end of a pseudo terminal; `baud` is that of the line it stands for and limits the time of a
+    /// Returns the master's end of a pseudo terminal; `baud` is that of the line it replaces and limits the time of a
     /// write.
     #[must_use]
     pub fn of_terminal(terminal: PseudoTerminal, baud: u32, clock: &Arc<dyn Clock>) -> Self {
@@ -108,7 +108,7 @@ impl SerialLink {
         }
     }
 
-    /// The master's end of a pseudo terminal has nothing to come back to.
+    /// Counts the loss of the port. The master's end of a pseudo terminal cannot be opened again.
     fn lose(&mut self) {
         let was_master = matches!(self.port.take(), Some(Port::Master(_)));
         self.counters.lost += 1;
@@ -137,7 +137,7 @@ impl SerialLink {
         Ok(None)
     }
 
-    /// `None` when nothing but the beginning of a mark was read.
+    /// Returns the bytes as a chunk; `None` when only the start of a mark was read.
     fn take(&mut self, at: Tai, bytes: &mut [u8]) -> Option<Stamped<Packet>> {
         let len = match self.port {
             // The master reads what its port wrote: nothing is marked there.
@@ -238,7 +238,7 @@ impl Link for SerialLink {
     }
 }
 
-/// The port is gone, or nobody holds its other end.
+/// Returns true if the port is gone, or no program has its other end open.
 fn is_unplugged(error: Errno) -> bool {
     matches!(error, Errno::IO | Errno::NODEV | Errno::NXIO | Errno::PIPE | Errno::BADF)
 }

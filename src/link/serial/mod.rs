@@ -6,14 +6,14 @@
 //! unless set to 1 ms; a UART: up to 4 character times of its FIFO's timeout), the interrupt and the wake-up of the
 //! thread. The kernel keeps no receive times for serial ports; where microseconds matter, use PPS or CAN.
 //!
-//! * The port is opened for this program alone. What the driver did not take of the settings is read back and refused:
-//!   a pseudo terminal, for one, silently drops parity.
+//! * The port is opened for this program alone. Settings are read back, and those that the driver did not take are an
+//!   error: a pseudo terminal, for one, silently drops parity.
 //! * A write never waits longer than two full chunks take on the line. What is not written by then is given up and
 //!   counted; a packet cut off by that is ended with a delimiter before the next one, so that only it is lost.
 //! * A port that is unplugged is counted as lost and opened again every `RETRY` until it is back.
 //! * Bytes with parity or framing errors, and breaks, are counted and read as 0x00, the delimiter: their packet is rejected
-//!   and the next one is whole. Overruns inside the driver are not told (`/proc/tty/driver` shows them); their packets fail
-//!   their CRC.
+//!   and the next one is whole. Overruns inside the driver are not reported (`/proc/tty/driver` shows them); their packets
+//!   fail their CRC.
 //! * RS-422 needs nothing special. On RS-485 with two wires the adapter or the driver must switch the direction.
 //!
 //! Settings go through `rustix`, because a port must be non-blocking to keep the promise about writes; ports are listed by
@@ -34,7 +34,7 @@ pub use link::SerialLink;
 pub use pty::PseudoTerminal;
 pub use serialport::{FlowControl, Parity, StopBits};
 
-/// What ends a packet.
+/// Byte that ends a packet.
 const DELIMITER: u8 = 0;
 
 /// A lost port is looked for this often.

@@ -81,7 +81,7 @@ fn a_full_line_gives_up_counts_and_ends_the_torn_packet() {
     let terminal = PseudoTerminal::open().unwrap();
     let mut near = open(terminal.path(), &clock);
     let mut far = SerialLink::of_terminal(terminal, 3_000_000, &clock);
-    // Nobody reads: the line fills up, in the middle of a packet unless by chance.
+    // The other end does not read: the line fills up, in the middle of a packet unless by chance.
     let packet = chunk(&[7; CHUNK_MAX - 3]);
     let mut accepted = 0;
     while near.counters().unsent < 3 {

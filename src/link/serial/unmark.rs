@@ -38,7 +38,7 @@ impl Unmark {
                     errors += 1;
                     (State::Plain, Some(DELIMITER))
                 }
-                // FF FF is a good FF. Nothing else follows FF; should it, it stands for itself.
+                // FF FF is a good FF. Nothing else should follow FF; another byte is taken as it is.
                 (State::Plain | State::Marked, byte) => (State::Plain, Some(byte)),
             };
             self.state = next;

@@ -1,4 +1,4 @@
-//! Who goes first: against an independent bus that is stepped bit by bit.
+//! Order of sending: compared with an independent bus that is stepped bit by bit.
 
 use super::*;
 use crate::{Departure, Link, Packet};
@@ -49,13 +49,13 @@ pub(super) fn got(link: &SimulatedLink) -> Vec<(Tai, Packet)> {
 fn of_frames_queued_at_one_instant_the_lowest_identifier_goes_first() {
     let bench = Bench::new(CAN, BusModel::default());
     let [mut a, mut b, listener] = bench.ends();
-    assert_eq!(a.send(&frame(7)).unwrap(), START + FRAME, "as things stand");
+    assert_eq!(a.send(&frame(7)).unwrap(), START + FRAME, "the present estimate");
     assert_eq!(b.send(&frame(3)).unwrap(), START + FRAME, "wins");
     bench.advance(Span::from_ms(5));
     assert_eq!(got(&listener), [(START + FRAME, frame(3)), (START + FRAME + FRAME, frame(7))]);
-    assert_eq!(a.departure(0), Departure::At(START + FRAME + FRAME), "later than it was told");
+    assert_eq!(a.departure(0), Departure::At(START + FRAME + FRAME), "later than the first estimate");
     assert_eq!(b.departure(0), Departure::At(START + FRAME));
-    assert_eq!((a.error_counters(), b.error_counters()), Default::default(), "losing is no error");
+    assert_eq!((a.error_counters(), b.error_counters()), Default::default(), "losing is not an error");
 }
 
 #[test]
@@ -196,7 +196,7 @@ fn ends_come_and_go() {
     a.send(&frame(1)).unwrap();
     bench.advance(Span::from_ms(1));
     let late = bench.bus.attach();
-    assert_eq!((late.end(), got(&late)), (2, Vec::new()), "hears nothing from before");
+    assert_eq!((late.end(), got(&late)), (2, Vec::new()), "receives nothing from before");
     a.send(&frame(2)).unwrap();
     drop(a);
     assert_eq!(bench.bus.statistics().ends, 2);

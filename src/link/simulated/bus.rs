@@ -12,7 +12,7 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// What a simulated bus is.
+/// Parameters of a simulated bus.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BusParams {
     /// Name in messages.
@@ -62,7 +62,7 @@ pub(super) struct Bus {
     changed: Condvar,
 }
 
-/// The two ends of a bus.
+/// Makes a bus and returns its two ends.
 #[must_use]
 pub fn simulated_pair(params: BusParams, clock: &Arc<dyn Clock>) -> (SimulatedLink, SimulatedLink) {
     let bus = SimulatedBus::new(params, clock);
@@ -77,7 +77,7 @@ pub fn simulated_bus(params: BusParams, clock: &Arc<dyn Clock>, ends: usize) -> 
 }
 
 impl SimulatedBus {
-    /// A bus without ends. What may wait to be received may wait to be sent as well.
+    /// Returns a bus without ends. The capacity to receive is the capacity to send as well.
     #[must_use]
     pub fn new(params: BusParams, clock: &Arc<dyn Clock>) -> Self {
         let usual = BusModel::default();
@@ -99,7 +99,7 @@ impl SimulatedBus {
         SimulatedLink { bus: Arc::clone(&self.bus), end }
     }
 
-    /// What the bus is.
+    /// Returns the parameters of the bus.
     #[must_use]
     pub fn params(&self) -> &BusParams {
         &self.bus.params
@@ -111,7 +111,7 @@ impl SimulatedBus {
         BusControl { bus: Arc::clone(&self.bus) }
     }
 
-    /// What went over it so far.
+    /// Returns the statistics of the bus so far.
     #[must_use]
     pub fn statistics(&self) -> BusStatistics {
         let now = self.bus.clock.now();
@@ -164,13 +164,13 @@ impl SimulatedLink {
         medium.model.transmit_packets.saturating_sub(medium.ends[self.end].outbox.len())
     }
 
-    /// As [`Link::receive`], for an end that several threads share.
+    /// Receives as [`Link::receive`], for an end that several threads share.
     #[must_use]
     pub fn take(&self, until: Tai) -> Option<Stamped<Packet>> {
         self.take_unless(until, &AtomicBool::new(false))
     }
 
-    /// As [`Self::take`]; waits no longer once `is_over` is set and [`Self::wake`] was called after that.
+    /// Receives as [`Self::take`]; stops waiting once `is_over` is set and [`Self::wake`] was called after that.
     #[must_use]
     pub fn take_unless(&self, until: Tai, is_over: &AtomicBool) -> Option<Stamped<Packet>> {
         let mut medium = self.bus.lock();
@@ -193,12 +193,12 @@ impl SimulatedLink {
 
     /// Lets every thread that waits in [`Self::take_unless`] look again.
     pub fn wake(&self) {
-        // Whoever holds the lock has either not looked yet, or waits.
+        // A thread that has the lock has either not looked yet, or waits.
         drop(self.bus.lock());
         self.bus.notify();
     }
 
-    /// As [`Link::send`], for an end that several threads share.
+    /// Sends as [`Link::send`], for an end that several threads share.
     ///
     /// # Errors
     /// When the bus does not carry such packets.

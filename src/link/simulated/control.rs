@@ -1,10 +1,10 @@
-//! What goes wrong on the wire itself: bit errors, a babbling node, controllers put off the bus; timed and counted.
+//! Faults on the wire itself: bit errors, a babbling node, controllers put off the bus; timed and counted.
 
 use super::bus::Bus;
 use base::time::Tai;
 use std::sync::Arc;
 
-/// What goes wrong on the wire. CAN only: a serial line has no such faults.
+/// A fault on the wire. CAN only: a serial line has no such faults.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum BusFault {
     /// A share of the frames is destroyed by an error flag, and sent again.
@@ -12,7 +12,7 @@ pub enum BusFault {
         /// 0 to 1.
         share: f64,
     },
-    /// A node that is no end of ours sends 8 zero bytes under one identifier, over and over.
+    /// A foreign node sends 8 zero bytes under one identifier, over and over.
     Babble {
         /// 11-bit identifier; more bits are cut off.
         id: u16,
@@ -21,7 +21,7 @@ pub enum BusFault {
     },
     /// A controller is put off the bus, and comes back 128 times 11 recessive bits after the end of the fault.
     BusOff {
-        /// Number of the end, as `SimulatedLink::end` tells it.
+        /// Number of the end, as `SimulatedLink::end` returns it.
         end: usize,
     },
 }
@@ -33,7 +33,7 @@ pub struct TimedBusFault {
     pub from: Tai,
     /// End, exclusive.
     pub until: Tai,
-    /// What goes wrong.
+    /// The fault.
     pub fault: BusFault,
     /// Frames destroyed, frames babbled, or times a controller was put off the bus.
     pub hits: u64,
@@ -49,8 +49,8 @@ impl TimedBusFault {
 
 /// Commands the faults of one bus; clones command the same bus.
 ///
-/// A fault acts on the frames that start within its time. Added before its begin, it acts the same whenever anybody
-/// looks at the bus.
+/// A fault acts on the frames that start within its time. A fault that is added before its start acts the same whenever
+/// the bus is read.
 #[derive(Clone)]
 pub struct BusControl {
     pub(super) bus: Arc<Bus>,
@@ -63,7 +63,7 @@ impl BusControl {
         medium.faults.push(TimedBusFault { from, until, fault, hits: 0, next_at: from });
         let number = medium.faults.len() - 1;
         drop(medium);
-        // Who waits on the real clock looks again: a babbling node is something to wait for.
+        // Threads that wait on the real clock look again: a babbling node is something to wait for.
         self.bus.notify();
         number
     }

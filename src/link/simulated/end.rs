@@ -68,7 +68,7 @@ impl End {
         }
     }
 
-    /// Returns whether nobody uses it and nothing of it is left to send.
+    /// Returns true if the end is not used any more and has nothing left to send.
     pub(super) fn is_free(&self) -> bool {
         self.has_left && self.outbox.is_empty() && self.on_the_wire.is_none()
     }
@@ -82,7 +82,7 @@ impl End {
         self.outbox.front().map(|first| first.at.max(self.not_before))
     }
 
-    /// Queues a packet; false when there is no room or the controller is off the bus: counted, and never sent.
+    /// Queues a packet; false when the queue is full or the controller is off the bus: counted, and never sent.
     pub(super) fn queue(&mut self, packet: &Packet, at: Tai, duration: Span, space: usize) -> bool {
         let number = self.sent;
         self.sent += 1;
@@ -113,7 +113,7 @@ impl End {
         self.departures.push_back((number, departure));
     }
 
-    /// What became of the packet before which `number` were sent.
+    /// Returns the outcome of the packet before which `number` were sent.
     pub(super) fn departure(&self, number: u64) -> Departure {
         let known = self.departures.iter().rev().find(|(known, _)| *known == number);
         let waits = || self.outbox.iter().any(|queued| queued.number == number) || self.on_the_wire == Some(number);
@@ -124,7 +124,7 @@ impl End {
         }
     }
 
-    /// A frame of this end went through.
+    /// Records that a frame of this end was transmitted.
     pub(super) fn left(&mut self, number: u64, at: Tai, passive_pause: Span) {
         self.on_the_wire = None;
         self.counters.sent += 1;
@@ -136,7 +136,7 @@ impl End {
         }
     }
 
-    /// A frame of this end was destroyed: it goes back to the head of the queue, unless that was one error too many.
+    /// Returns a destroyed frame of this end to the head of the queue, unless that was one error too many.
     pub(super) fn destroyed(&mut self, frame: Queued, at: Tai, passive_pause: Span) {
         self.on_the_wire = None;
         self.counters.errors += 1;
@@ -171,7 +171,7 @@ impl End {
         self.recovery = Some(Recovery { watched, left: RECOVERY_SEQUENCES });
     }
 
-    /// The wire was idle until `until`: every `sequence` of that counts for the way back.
+    /// Records that the wire was idle until `until`: every `sequence` of that counts towards bus-off recovery.
     pub(super) fn see_idle(&mut self, until: Tai, sequence: Span) {
         let Some(recovery) = &mut self.recovery else { return };
         let seen = ((until - recovery.watched).ns() / sequence.ns().max(1)).clamp(0, recovery.left);
@@ -180,7 +180,7 @@ impl End {
         self.come_back_if_seen_enough();
     }
 
-    /// A frame or error frame ended at `done` with 11 recessive bits.
+    /// Records that a frame or error frame ended at `done` with 11 recessive bits.
     pub(super) fn see_frame(&mut self, done: Tai) {
         let Some(recovery) = &mut self.recovery else { return };
         if recovery.watched < done {

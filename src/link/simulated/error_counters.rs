@@ -3,7 +3,7 @@
 //! Source: ISO 11898-1:2015, 12.1.4 (fault confinement). Left out: the rules for errors inside error and overload flags,
 //! and the receiver that is the first to see an error (+8). The tests beside the code count to both limits and back.
 
-/// What a controller may still do.
+/// Error state of a controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ErrorState {
     /// Sends active error flags.
@@ -19,7 +19,7 @@ pub enum ErrorState {
 const BUS_OFF: u16 = 256;
 /// Counter from which a controller is error passive.
 const PASSIVE: u16 = 128;
-/// What a receive counter above the limit becomes with a good frame: the standard allows 119 to 127.
+/// Value of a receive counter above the limit after a good frame: the standard allows 119 to 127.
 const BACK_FROM_PASSIVE: u16 = 119;
 
 /// The two counters.
@@ -32,7 +32,7 @@ pub struct ErrorCounters {
 }
 
 impl ErrorCounters {
-    /// What the controller may still do.
+    /// Returns the error state of the controller.
     #[must_use]
     pub fn state(&self) -> ErrorState {
         if self.transmit >= BUS_OFF {
@@ -44,12 +44,12 @@ impl ErrorCounters {
         }
     }
 
-    /// A frame of its own was destroyed.
+    /// Counts a destroyed frame of its own.
     pub fn transmit_failed(&mut self) {
         self.transmit = (self.transmit + 8).min(BUS_OFF);
     }
 
-    /// A frame of its own went through.
+    /// Counts a transmitted frame of its own.
     pub fn transmit_succeeded(&mut self) {
         self.transmit = self.transmit.saturating_sub(1);
     }

@@ -86,7 +86,7 @@ fn an_error_passive_controller_pauses_for_eight_bits() {
     let (passive, none) = passive_at(END);
     assert_eq!(none, None);
     let (_, arrival) = passive_at(passive);
-    let pause = arrival.expect("sent when there are no errors") - FRAME - passive;
+    let pause = arrival.expect("sent without errors") - FRAME - passive;
     assert!(pause.ns() > bits(8).ns() - 100 && pause <= bits(8), "{pause:?}");
 }
 
@@ -129,7 +129,7 @@ fn a_controller_put_off_comes_back_after_128_times_11_recessive_bits() {
     assert_eq!((a.counters().bus_off, bench.bus.control().timed()[0].hits), (1, 1));
     b.send(&frame(2)).unwrap();
     bench.advance(FRAME);
-    assert_eq!(got(&a).len(), 1, "and hears");
+    assert_eq!(got(&a).len(), 1, "and receives");
 }
 
 #[test]

@@ -62,8 +62,9 @@ enum Sender {
     Babbler(usize),
 }
 
-/// What wins the arbitration: the lower, bit by bit on the wire. Of one identifier a classic frame is dominant where an
-/// FD frame is recessive. Two ends with one identifier, which no real bus allows: the one with the lower number.
+/// Priority in the arbitration: the lower value wins, bit by bit on the wire. Of one identifier a classic frame is
+/// dominant where an FD frame is recessive. Two ends with one identifier, which no real bus allows: the one with the
+/// lower number.
 type Priority = (u16, bool);
 
 impl Wire {
@@ -117,7 +118,7 @@ impl Medium {
 
     // --- time passes -------------------------------------------------------------------------------------------------
 
-    /// Everything that has happened by `now`.
+    /// Processes everything that happens by `now`.
     pub(super) fn settle(&mut self, now: Tai) {
         for wire in 0..self.wires.len() {
             self.settle_wire(wire, now);
@@ -149,7 +150,7 @@ impl Medium {
         }
     }
 
-    /// Returns when the next frame starts as things stand, and whose it is.
+    /// Returns the start and the sender of the next frame, from the present queues.
     fn next_start(&self, wire: usize) -> Option<(Tai, Sender)> {
         let ends = self.senders(wire).filter_map(|end| self.ends[end].ready_at().map(|at| (at, Sender::End(end))));
         let babblers =
@@ -296,7 +297,8 @@ impl Medium {
         self.params.timing.duration_with(packet, self.model.stuffing)
     }
 
-    /// Queues a packet at `now`; when it leaves if nobody else sends and nothing goes wrong, or `now` when it never will.
+    /// Queues a packet at `now` and returns when it leaves if no other end sends and no fault occurs, or `now` when it
+    /// never will.
     pub(super) fn queue(&mut self, end: usize, packet: &Packet, duration: Span, now: Tai) -> Tai {
         if !self.ends[end].queue(packet, now, duration, self.model.transmit_packets) {
             return now;
@@ -304,7 +306,7 @@ impl Medium {
         self.estimate(end, now)
     }
 
-    /// Returns when the last packet in the queue of `end` leaves as the queues stand.
+    /// Returns when the last packet in the queue of `end` leaves, from the present queues.
     fn estimate(&mut self, end: usize, now: Tai) -> Tai {
         let wire = self.wire_of(end);
         let mut at = self.wires[wire].current.map_or(self.wires[wire].free_at.max(now), |current| current.done);
@@ -321,7 +323,8 @@ impl Medium {
         at
     }
 
-    /// Returns when something may next arrive anywhere, as things stand: an end that waits need not look before.
+    /// Returns when something may next arrive anywhere, from the present queues: an end that waits need not look
+    /// before.
     pub(super) fn next_arrival(&self) -> Option<Tai> {
         let per_wire = |wire: usize| match self.wires[wire].current {
             Some(current) => Some(current.done),

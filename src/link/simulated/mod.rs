@@ -7,10 +7,10 @@
 //! controller to error passive and off the bus, and 128 times 11 recessive bits bring it back by itself. Serial: each
 //! end has a wire of its own, without errors. Packets arrive at the end of their last bit plus a constant latency.
 //!
-//! Assumes: sender and receiver equally fast; a frame is acknowledged even when nobody else is there; a node that queues
-//! a frame within the first bit of another's does not join in. On the virtual clock the result depends on nothing but the
-//! order and the instants of calls that send, attach or leave. `tests.rs` holds delays, order, overflow and both clocks,
-//! `arbitration_tests.rs` who goes first, `fault_tests.rs` errors, bus-off and babbling.
+//! Assumes: sender and receiver equally fast; a frame is acknowledged even when no other end is attached; a node that
+//! queues a frame within the first bit of another's does not join in. On the virtual clock the result depends on
+//! nothing but the order and the instants of calls that send, attach or leave. Tests: `tests.rs` (delays, order,
+//! overflow, both clocks), `arbitration_tests.rs` (order of sending), `fault_tests.rs` (errors, bus-off, babbling).
 
 #[cfg(test)]
 mod arbitration_tests;

@@ -1,4 +1,4 @@
-//! What went over the wire so far.
+//! Statistics of the wire so far.
 
 use base::time::{Span, Tai};
 

@@ -50,7 +50,7 @@ impl Stuffer {
         self.last = Some(bit);
     }
 
-    /// The low `count` bits of `value`, the highest first.
+    /// Adds the low `count` bits of `value`, the highest first.
     fn bits(&mut self, value: u16, count: u32) {
         (0..count).rev().for_each(|place| self.bit(value >> place & 1 != 0));
     }

@@ -108,7 +108,7 @@ fn fd_frames_have_the_stuff_bits_of_their_text() {
 fn counts_made_by_hand() {
     // 34 dominant bits, the CRC of nothing being nothing: a stuff bit after each whole 5.
     assert_eq!(classic(&CanFrame::classic(0, &[]).unwrap()), 6);
-    // 14 dominant bits before FDF: 2. Then ESI and length, 5 dominant bits, where the fixed stuff bit stands.
+    // 14 dominant bits before FDF: 2. Then ESI and length, 5 dominant bits, where the fixed stuff bit is.
     assert_eq!(fd(&CanFrame::fd(0, &[]).unwrap()), (2, 0));
     // The same, then 1 and 8 dominant bits: 1.
     assert_eq!(fd(&CanFrame::fd(0, &[0]).unwrap()), (2, 1));

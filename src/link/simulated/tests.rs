@@ -40,7 +40,7 @@ fn a_frame_arrives_after_its_bits_and_the_latency_and_not_before() {
     assert_eq!(received(&mut b, arrival), None, "1 ns early; the virtual clock does not wait");
     clock.advance_to(arrival);
     assert_eq!(received(&mut b, arrival), Some((arrival, frame(1))));
-    assert_eq!(received(&mut a, arrival), None, "nobody hears himself");
+    assert_eq!(received(&mut a, arrival), None, "an end does not receive its own frames");
 }
 
 #[test]
@@ -127,5 +127,5 @@ fn the_real_clock_gives_up_at_the_limit_and_not_before() {
     let until = clock.now() + Span::from_ms(3);
     assert_eq!(received(&mut b, until), None);
     assert!(clock.now() >= until, "gave up early");
-    assert_eq!(received(&mut b, until), None, "a limit in the past is no wait");
+    assert_eq!(received(&mut b, until), None, "a limit in the past does not wait");
 }

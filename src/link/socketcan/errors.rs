@@ -2,12 +2,12 @@
 
 use socketcan::errors::{CAN_ERR_BUSOFF, CAN_ERR_CNT, CAN_ERR_CRTL, CAN_ERR_RESTARTED};
 
-/// Byte 1 of a controller problem: the controller lost a frame for want of room.
+/// Byte 1 of a controller problem: the controller's receive buffer overflowed and a frame was lost.
 const CONTROLLER_RX_OVERFLOW: u8 = 0x01;
 /// Byte 1 of a controller problem: back to error-active, which is good news.
 const CONTROLLER_ACTIVE: u8 = 0x40;
 
-/// What one error frame says. Several may hold at once.
+/// Meaning of one error frame. Several may apply at once.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct ErrorReport {
     /// Something went wrong on the bus or in the controller.
@@ -21,7 +21,7 @@ pub(super) struct ErrorReport {
 }
 
 impl ErrorReport {
-    /// From the class bits of the identifier and the data. Bits that this version does not know are errors.
+    /// Reads the class bits of the identifier and the data. Bits that this version does not know are errors.
     pub(super) fn of(class: u32, data: &[u8]) -> Self {
         let problem = data.get(1).copied().unwrap_or(0);
         let recovered = class & CAN_ERR_CRTL != 0 && problem == CONTROLLER_ACTIVE;

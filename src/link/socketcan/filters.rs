@@ -5,12 +5,12 @@ use firmware_protocol::can::IdMap;
 use socketcan::CanFilter;
 use socketcan::id::{CAN_EFF_FLAG, CAN_RTR_FLAG, CAN_SFF_MASK};
 
-/// Whose messages an end lets through.
+/// Side of a node whose messages an end receives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Receives {
-    /// What the flight computer of the node sends: the stimulator's side.
+    /// Messages of the node's flight computer: the stimulator's side.
     FlightComputer,
-    /// What the stimulator of the node sends: the flight computer's side.
+    /// Messages of the node's stimulator: the flight computer's side.
     Stimulator,
     /// Every standard data frame: monitors and tests.
     Everything,

@@ -1,11 +1,11 @@
 //! The adapter's receive stamps -> the bench clock.
 //!
-//! An adapter stamps with a clock of its own, which nobody sets and which drifts. What it says is exact from frame to
-//! frame; the kernel's stamp of the same frame is late by the interrupt or the USB transfer, never early. So the
-//! adapter's clock is placed where its quickest frame of the last two seconds puts it: `at = hardware + min(kernel -
-//! hardware)`. Error: the shortest delay itself, and the drift over two seconds (20 ppm: 40 us). Never later than the
-//! kernel's stamp. A stamp that places a frame more than [`DELAY_MAX`] before the kernel's means that the adapter's clock
-//! was set anew: the search starts again.
+//! An adapter stamps with a clock of its own, which is never set and drifts. Its stamps are exact from frame to frame;
+//! the kernel's stamp of the same frame is late by the interrupt or the USB transfer, never early. So the adapter's
+//! clock is placed by its quickest frame of the last two seconds: `at = hardware + min(kernel - hardware)`. Error: the
+//! shortest delay itself, and the drift over two seconds (20 ppm: 40 us). Never later than the kernel's stamp. A stamp
+//! that places a frame more than [`DELAY_MAX`] before the kernel's means that the adapter's clock was set: the search
+//! starts again.
 
 use base::time::{Span, Tai};
 
@@ -63,7 +63,7 @@ mod tests {
     /// The adapter's clock began elsewhere.
     const OFFSET_NS: i64 = 1_234_567_890_123;
 
-    /// What the adapter says at `true_ns` when it runs fast by `ppm`.
+    /// Returns the adapter's stamp at `true_ns` when its clock runs fast by `ppm`.
     fn hardware_ns(true_ns: i64, ppm: i64) -> i64 {
         true_ns - OFFSET_NS + (true_ns - START_NS) * ppm / 1_000_000
     }

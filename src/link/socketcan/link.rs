@@ -28,7 +28,7 @@ pub struct SocketCanLink {
     counters: LinkCounters,
 }
 
-/// What one look at the socket came to.
+/// Result of one read of the socket.
 #[allow(clippy::large_enum_variant, reason = "one at a time, on the stack: a packet is its bytes")]
 enum Look {
     Packet(Stamped<Packet>),
@@ -186,12 +186,12 @@ impl Link for SocketCanLink {
     }
 }
 
-/// Returns the interface's queue, or the socket's, has no room.
+/// Returns true if the queue of the interface or of the socket is full.
 fn is_full(error: &io::Error) -> bool {
     matches!(errno(error), Errno::ENOBUFS | Errno::EAGAIN | Errno::EINTR)
 }
 
-/// The interface is down or gone.
+/// Returns true if the interface is down or gone.
 fn is_lost(error: &io::Error) -> bool {
     matches!(errno(error), Errno::ENETDOWN | Errno::ENODEV | Errno::ENXIO | Errno::ENETUNREACH)
 }

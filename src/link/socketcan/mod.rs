@@ -4,8 +4,8 @@
 //! (`kernel_stamp`); both are placed on the bench clock when the frame is fetched. A virtual interface (`vcan`)
 //! has neither bit times nor an adapter: its stamp is the instant of sending.
 //!
-//! * The kernel lets through only the identifiers that this side hears (`Receives`), standard data frames, and error
-//!   frames. Error frames are counted and passed to nobody.
+//! * The kernel forwards only the identifiers that this side receives (`Receives`), standard data frames, and error
+//!   frames. Error frames are counted and not delivered.
 //! * The receive buffer is enlarged; what the kernel drops all the same is counted as overflow.
 //! * A frame that finds the interface's queue full is given up and counted; nothing waits behind it.
 //! * An interface that is taken down or unplugged is counted as lost, and looked for every `RETRY` until it is back.
@@ -41,7 +41,7 @@ pub struct SocketCanParams {
     pub interface: String,
     /// Identifiers of the node.
     pub ids: IdMap,
-    /// What the kernel lets through.
+    /// Side whose messages the kernel forwards.
     pub receives: Receives,
     /// True for CAN FD: the interface must have an MTU of 72. Classic frames pass as well.
     pub fd: bool,

@@ -24,7 +24,7 @@ const NOT_UP: &str = "; bring it up: `ip link set can0 up type can bitrate 50000
 const NOT_FD: &str = "; set it up for CAN FD while it is down: `ip link set can0 up type can bitrate 500000 dbitrate \
     2000000 fd on`, or `ip link set vcan0 mtu 72` for a virtual one; or use classic CAN";
 
-/// Opens, sets and binds; filters come before the binding, so that no frame gets past them.
+/// Opens, configures and binds the socket; filters come before the binding, so that no frame gets past them.
 pub(super) fn open(params: &SocketCanParams) -> Result<CanFdSocket, LinkError> {
     let failed = |doing, source: io::Error, advice| {
         Err(LinkError::System { link: params.interface.clone(), doing, source, advice })
@@ -65,7 +65,7 @@ pub(super) fn open(params: &SocketCanParams) -> Result<CanFdSocket, LinkError> {
 fn set_options(socket: &CanFdSocket, params: &SocketCanParams) -> io::Result<()> {
     socket.set_filters(&filters(&params.ids, params.receives))?;
     socket.set_error_filter(ERR_MASK_ALL)?;
-    // Other programs on this machine hear what is sent; the socket itself does not.
+    // Other programs on this machine receive the sent frames; the socket itself does not.
     socket.set_loopback(true)?;
     socket.set_recv_own_msgs(false)?;
     socket.set_socket_option_int(SOL_CAN_RAW, CAN_RAW_FD_FRAMES, i32::from(params.fd))?;
@@ -89,7 +89,7 @@ fn enlarge_receive_buffer(socket: &CanFdSocket) -> io::Result<()> {
         .map_err(Into::into)
 }
 
-/// MTU of an interface; `None` where the system does not show it: then the first FD frame is refused.
+/// Returns the MTU of an interface; `None` where the system does not show it: then the first FD frame is refused.
 fn mtu(interface: &str) -> Option<usize> {
     let text = std::fs::read_to_string(format!("/sys/class/net/{interface}/mtu")).ok()?;
     text.trim().parse().ok()

@@ -13,7 +13,7 @@ pub(super) const FD_BYTES: usize = HEADER + FD_MAX;
 /// `CANFD_BRS`: the data are sent at the data bit rate.
 const BIT_RATE_SWITCH: u8 = 0x01;
 
-/// What the kernel gave.
+/// A frame from the kernel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum RawFrame {
     /// A standard data frame.

@@ -13,7 +13,7 @@ use socketcan::CanFdSocket;
 use std::io::{self, IoSliceMut};
 use std::os::fd::{AsFd, AsRawFd};
 
-/// Room for the control messages asked for: three stamps and the count of drops.
+/// Bytes for the requested control messages: three stamps and the count of drops.
 const CONTROL_BYTES: usize = 256;
 
 /// An open socket, bound to one interface that is up.
@@ -24,7 +24,7 @@ pub(super) struct Socket {
     bit_rate_switch: bool,
 }
 
-/// What one look at the socket gave.
+/// Result of one read of the socket.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Received {
     pub(super) frame: RawFrame,
@@ -32,7 +32,7 @@ pub(super) struct Received {
     pub(super) kernel_ns: Option<i64>,
     /// The adapter's own clock, ns.
     pub(super) hardware_ns: Option<i64>,
-    /// Frames the kernel dropped since the last look, for want of room.
+    /// Frames the kernel dropped since the last read, because the receive buffer was full.
     pub(super) drops: u64,
 }
 
@@ -73,14 +73,14 @@ impl Socket {
         rustix::io::write(&self.inner, bytes).map(|_| ()).map_err(Into::into)
     }
 
-    /// Waits until there is something to read or to be told, for `span` at most.
+    /// Waits for data or an error, for `span` at most.
     pub(super) fn wait(&self, span: Span) -> io::Result<()> {
         wait_for(self.inner.as_fd(), Readiness::Read, span).map(drop)
     }
 }
 
 impl Received {
-    /// All zero means that no such stamp was taken.
+    /// Takes the stamps; all zero means that no such stamp was taken.
     fn stamp(&mut self, stamps: &Timestamps) {
         self.kernel_ns = nonzero_ns(stamps.system);
         self.hardware_ns = nonzero_ns(stamps.hw_raw);

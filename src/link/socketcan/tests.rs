@@ -1,4 +1,4 @@
-//! Byte layouts, filters and error frames, held against the socketcan crate's own types and by hand.
+//! Byte layouts, filters and error frames, compared with the socketcan crate's own types and with bytes made by hand.
 
 use super::errors::ErrorReport;
 use super::filters::{Receives, filters};
@@ -82,8 +82,8 @@ fn error_frames_are_counted_by_what_they_say() {
     assert_eq!(report(0x020, [0; 8]), error, "no acknowledge");
     assert_eq!(report(0x040, [0; 8]), ErrorReport { bus_off: true, ..error }, "bus-off");
     assert_eq!(report(0x080, [0; 8]), error, "bus error");
-    assert_eq!(report(0x100, [0; 8]), ErrorReport { restarted: true, ..none }, "restarted is no error");
-    assert_eq!(report(0x200, [0; 8]), none, "counters alone are no error");
+    assert_eq!(report(0x100, [0; 8]), ErrorReport { restarted: true, ..none }, "restarted is not an error");
+    assert_eq!(report(0x200, [0; 8]), none, "counters alone are not an error");
     assert_eq!(report(0x208, [0; 8]), error, "counters with a violation");
     assert_eq!(report(0x004, with_problem(0x01)), ErrorReport { overflow: true, ..error }, "controller overflow");
     assert_eq!(report(0x004, with_problem(0x0C)), error, "error warning");
@@ -103,7 +103,7 @@ fn filters_let_through_one_side_of_one_node() {
     for message in MessageId::ALL {
         let id = u32::from(ids(3).id(message));
         let got = either.map(|receives| passes(receives, 3, id));
-        assert!(got.contains(&true), "{message:?} is sent by nobody");
+        assert!(got.contains(&true), "{message:?} has no sender");
         assert_eq!(got == [true, true], message == MessageId::Heartbeat, "{message:?}: one sender");
         for receives in either {
             let other = passes(receives, 4, id);
@@ -130,7 +130,7 @@ fn an_absent_interface_is_a_clear_error() {
         fd: false,
         bit_rate_switch: false,
     };
-    let error = SocketCanLink::open(params, &clock).err().expect("there is no such interface");
+    let error = SocketCanLink::open(params, &clock).err().expect("the interface does not exist");
     assert!(matches!(error, LinkError::System { .. }), "{error}");
     let text = error.to_string();
     assert!(text.contains("can_none") && (text.contains("modprobe") || text.contains("ip link")), "{text}");

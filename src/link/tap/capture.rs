@@ -31,7 +31,7 @@ pub struct Capture {
     writer: JoinHandle<Option<CaptureError>>,
 }
 
-/// What a capture came to.
+/// Result of a capture.
 #[derive(Debug)]
 pub struct CaptureOutcome {
     /// Packets written.
@@ -46,7 +46,7 @@ impl Capture {
     /// Begins a capture into `out`; `waits`: whether taps wait for the writer (on the virtual clock) or lose packets.
     ///
     /// # Errors
-    /// When its beginning cannot be written or no thread can be had.
+    /// When its header cannot be written or no thread can be started.
     pub fn start(out: Box<dyn Write + Send>, format: CaptureFormat, waits: bool) -> Result<Self, CaptureError> {
         Self::with_space(out, format, waits, QUEUE_PACKETS)
     }

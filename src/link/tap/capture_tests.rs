@@ -1,4 +1,4 @@
-//! What passes is passed on unchanged and is in the capture; what is not in it is counted.
+//! Packets pass a tap unchanged and are in the capture; those that are not in it are counted.
 
 use super::capture::Capture;
 use crate::capture::{CaptureError, CaptureFormat, CaptureReader, Direction};
@@ -119,7 +119,7 @@ fn a_full_disk_ends_the_capture_and_not_the_run() {
     let outcome = run(&disk, true, 8, 100);
     assert!(matches!(outcome.error, Some(CaptureError::Write(_))), "{outcome:?}");
     assert_eq!(outcome.written + outcome.lost, 200, "what is not written is counted");
-    assert!(outcome.written > 20, "what there was room for is written: {outcome:?}");
+    assert!(outcome.written > 20, "packets that fit are written: {outcome:?}");
 }
 
 #[test]
@@ -135,7 +135,7 @@ fn writer_that_blocks_is_given_up_and_what_it_has_not_written_is_lost() {
             Ok(())
         }
     }
-    // Where taps wait, room for two: the third packet waits for the writer. Where they do not, it is lost.
+    // Where taps wait and two packets fit, the third waits for the writer. Where they do not wait, it is lost.
     for (waits, space) in [(true, 2), (true, 64), (false, 2)] {
         let (_never, blocks) = crossbeam_channel::bounded(0);
         let shared: Arc<dyn Clock> = Arc::new(Virtual::new(START));

@@ -7,11 +7,11 @@ use crate::{DATAGRAM_MAX, Datagram};
 pub enum Framing {
     /// After so many bytes, 1 to [`DATAGRAM_MAX`].
     Records(usize),
-    /// At the end of a line, which is no part of the message. Empty lines are left out.
+    /// At the end of a line; the line break is not part of the message. Empty lines are left out.
     Lines,
 }
 
-/// Bytes of a stream that are no whole message yet.
+/// Bytes of a stream that do not yet complete a message.
 pub(super) struct Reassembly {
     framing: Framing,
     bytes: Vec<u8>,
@@ -48,7 +48,7 @@ impl Reassembly {
         (self.bytes.len() == length).then(|| self.whole()).flatten()
     }
 
-    /// `None` without a whole line; `Some(None)` for one that is left out.
+    /// Returns the next line: `None` without a whole line; `Some(None)` for one that is left out.
     fn next_line(&mut self, rest: &mut &[u8]) -> Option<Option<Datagram>> {
         let end = rest.iter().position(|byte| *byte == b'\n');
         let (taken, left) = rest.split_at(end.unwrap_or(rest.len()));

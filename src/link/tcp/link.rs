@@ -30,7 +30,8 @@ pub struct TcpLink {
     was_connected: bool,
     retry_at: Tai,
     reassembly: Reassembly,
-    /// What was read last, how much of it, how much of that is taken, and when it was read.
+    /// The bytes that were read last; `read` is their number, `taken` the number of them that were used, `read_at` the
+    /// time.
     bytes: Box<[u8; READ_BYTES]>,
     read: usize,
     taken: usize,
@@ -42,7 +43,7 @@ pub struct TcpLink {
 }
 
 impl TcpLink {
-    /// Listens, or gets ready to connect: a server that is not there yet is waited for.
+    /// Listens, or prepares to connect: a server that is not running yet is waited for.
     ///
     /// # Errors
     /// When the address of a server is not one of this machine, or another program has it.
@@ -199,7 +200,7 @@ fn listen(address: SocketAddr) -> Result<(TcpListener, SocketAddr), LinkError> {
     opened.map_err(|error| failed(address, "listen there", error, ADVICE))
 }
 
-/// Nobody is there now, or was there and has gone again.
+/// Returns true if an error of `accept` is temporary: no client waits, or it has gone again.
 fn may_pass(error: &io::Error) -> bool {
     use io::ErrorKind::{ConnectionAborted, ConnectionReset, Interrupted, WouldBlock};
     matches!(error.kind(), WouldBlock | Interrupted | ConnectionAborted | ConnectionReset)

@@ -24,7 +24,7 @@ pub use link::TcpLink;
 /// A lost connection is tried again this often.
 pub const RETRY: Span = Span::from_ms(200);
 
-/// Who connects.
+/// Side that connects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TcpRole {
     /// The other end, to this address.
@@ -36,7 +36,7 @@ pub enum TcpRole {
 /// How the connection is made and divided.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TcpParams {
-    /// Who connects.
+    /// Side that connects.
     pub role: TcpRole,
     /// Where messages end.
     pub framing: Framing,

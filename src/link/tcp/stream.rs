@@ -18,7 +18,7 @@ pub(super) struct Stream {
     inner: TcpStream,
 }
 
-/// What one read came to.
+/// Result of one read.
 pub(super) enum Got {
     /// So many bytes.
     Bytes(usize),

@@ -84,7 +84,7 @@ fn client_connects_when_its_server_is_there_and_again() {
     let address = TcpListener::bind(LOOPBACK).unwrap().local_addr().unwrap();
     let params = TcpParams { role: TcpRole::Client(address), framing: Framing::Lines, acknowledges: false };
     let mut link = TcpLink::open(params, &clock).unwrap();
-    assert_eq!(next(&mut link, &clock), None, "nobody is there");
+    assert_eq!(next(&mut link, &clock), None, "no client is connected");
     for round in 0..2 {
         let listener = TcpListener::bind(address).unwrap();
         let until = clock.now() + Span::from_ms(5000);
@@ -166,7 +166,7 @@ fn web_page_cannot_send_messages_in_the_body_of_a_request() {
     let mut simulator = client(&link);
     simulator.write_all(b"1.5, 1 0 0 0\n").unwrap();
     assert_eq!(next(&mut link, &clock).as_deref(), Some(&b"1.5, 1 0 0 0"[..]), "control: a client of ours");
-    // In pieces, the first too short to tell.
+    // In pieces, the first too short to recognise the protocol.
     drop(simulator);
     assert_eq!(next(&mut link, &clock), None);
     let mut page = client(&link);

@@ -25,7 +25,7 @@ pub struct UdpLink {
     counters: LinkCounters,
 }
 
-/// What one look at the socket came to.
+/// Result of one read of the socket.
 #[allow(clippy::large_enum_variant, reason = "one at a time, on the stack: a packet is its bytes")]
 enum Look {
     Packet(Stamped<Packet>),
@@ -88,8 +88,8 @@ impl UdpLink {
         Look::Packet(Stamped { at: placed.at, value: Packet::Datagram(datagram) })
     }
 
-    /// Returns whether a datagram is of the sender that has the link, or of one that may have it. While the link is
-    /// free all is handed on: the port counts by its reason what is no message.
+    /// Returns whether a datagram is from the sender that has the link, or from one that may take it. While the link is
+    /// free, all datagrams are passed on: the port counts by its reason each one that is not a message.
     fn admits(&mut self, from: SocketAddr, arrived: &Arrived, at: Tai) -> bool {
         if let Some(peer) = self.params.peer {
             return peer == from;
@@ -140,7 +140,7 @@ impl Link for UdpLink {
             return Err(LinkError::WrongPacket { link: format!("udp {}", self.address), wanted, got });
         };
         let to = self.params.peer.or(self.sender.map(|(sender, _)| sender));
-        // What the system does not take now is given up: the next one is newer.
+        // A datagram that the system does not take now is given up: the next one is newer.
         let is_sent = to.is_some_and(|to| self.socket.send(datagram.as_slice(), to).is_ok());
         self.counters.sent += u64::from(is_sent);
         self.counters.unsent += u64::from(!is_sent);

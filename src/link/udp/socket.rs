@@ -12,7 +12,7 @@ use std::os::fd::{AsFd, AsRawFd};
 
 /// Receive buffer asked for: seconds of any sender that a bench has.
 const RECEIVE_BUFFER_BYTES: usize = 4 << 20;
-/// Room for the control messages asked for: one stamp and the count of drops.
+/// Bytes for the requested control messages: one stamp and the count of drops.
 const CONTROL_BYTES: usize = 128;
 
 /// An open socket.
@@ -22,7 +22,7 @@ pub(super) struct Socket {
     drops: u32,
 }
 
-/// What one look at the socket gave.
+/// Result of one read of the socket.
 pub(super) struct Arrived {
     /// `None`: longer than any message.
     pub(super) datagram: Option<Datagram>,

@@ -1,4 +1,4 @@
-//! Who has the link, what is refused, what is counted.
+//! The owner of the link, refused datagrams, and the counts.
 
 use super::*;
 use crate::{DATAGRAM_MAX, Link, LinkCounters};

@@ -15,7 +15,7 @@ const INTERFACE: u32 = 1;
 const SIMPLE_PACKET: u32 = 3;
 const OBSOLETE_PACKET: u32 = 2;
 const ENHANCED_PACKET: u32 = 6;
-/// Tells the byte order of a section.
+/// Number that shows the byte order of a section.
 const ORDER_MAGIC: u32 = 0x1A2B_3C4D;
 
 const OPTION_END: u16 = 0;

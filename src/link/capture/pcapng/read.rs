@@ -134,7 +134,7 @@ impl<R: Read> PcapngReader<R> {
             magic if u32::from_le_bytes(magic) == ORDER_MAGIC => false,
             magic if u32::from_be_bytes(magic) == ORDER_MAGIC => true,
             other => {
-                return self.refuse(format!("its byte order is told by {other:02X?}, wanted 1A 2B 3C 4D in an order"));
+                return self.refuse(format!("its byte-order magic is {other:02X?}, wanted 1A 2B 3C 4D in either order"));
             }
         };
         self.interfaces.clear();
@@ -158,7 +158,7 @@ impl<R: Read> PcapngReader<R> {
     fn check_end(&mut self, length: u32) -> Result<(), CaptureError> {
         let again = self.read_word()?;
         if again != length {
-            return self.refuse(format!("its length is {length} at its begin and {again} at its end"));
+            return self.refuse(format!("its length is {length} at its start and {again} at its end"));
         }
         Ok(())
     }

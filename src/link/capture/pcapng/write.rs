@@ -121,7 +121,7 @@ fn pad(body: &mut Vec<u8>) {
     body.resize(body.len().next_multiple_of(4), 0);
 }
 
-/// The SocketCAN header, big-endian, and the data.
+/// Appends the SocketCAN header, big-endian, and the data.
 fn put_can(data: &mut Vec<u8>, frame: &CanFrame) {
     data.extend(u32::from(frame.id()).to_be_bytes());
     #[allow(clippy::cast_possible_truncation, reason = "a frame has at most 64 bytes")]

@@ -25,7 +25,7 @@ const BUS_ERROR: u32 = 1 << 7;
 /// Counter from which a controller warns (SJA1000: error warning limit).
 const WARNING_LIMIT: u16 = 96;
 
-/// What the client has set.
+/// Settings of the client.
 pub(in super::super) struct Channel {
     parser: Parser,
     /// Of the bus: arbitration and data.
@@ -100,7 +100,7 @@ impl Channel {
         }
     }
 
-    /// What has gone wrong since the flags were last read, and the state of the controller.
+    /// Returns the faults since the flags were last read, and the state of the controller.
     fn flags(&mut self, client: &Client) -> u32 {
         let (dropped, errors) = client.losses();
         let counters = client.link.error_counters();

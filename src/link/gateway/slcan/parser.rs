@@ -12,7 +12,7 @@ pub const LINE_MAX: usize = 1 + 8 + 1 + 128;
 /// Payload lengths by length code.
 pub(super) const LENGTHS: [usize; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
 
-/// What a client asks for.
+/// A request of a client.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Command {
     /// `O`: take part in the bus.
@@ -118,7 +118,7 @@ impl Parser {
         self.len += 1;
     }
 
-    /// An empty line says nothing: clients send some to find the end of a broken one.
+    /// Ends a line; an empty one is ignored: clients send some to find the end of a broken one.
     fn end_line(&mut self, each: &mut impl FnMut(Result<Command, SlcanReject>)) {
         let line = self.line.get(..self.len).unwrap_or(&[]);
         if !self.skips

@@ -49,7 +49,7 @@ impl BusName {
     }
 }
 
-/// What a client asks for.
+/// A request of a client.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Command {
     /// `< open can0 >`
@@ -135,7 +135,7 @@ impl Parser {
 
     fn take(&mut self, byte: u8, each: &mut impl FnMut(Result<Command, SocketcandReject>)) {
         match (self.place, byte) {
-            // A bracket that opens begins anew, whatever came before: the other end may have been cut off.
+            // An opening bracket starts a new command, whatever came before: the other end may have been cut off.
             (place, b'<') => {
                 if place == Place::Inside {
                     each(Err(SocketcandReject::Garbage));
@@ -185,7 +185,7 @@ fn command(element: &[u8]) -> Result<Command, SocketcandReject> {
     if words.next().is_none() { Ok(command) } else { Err(SocketcandReject::BadLength) }
 }
 
-/// Identifier, length, one word per byte.
+/// Reads identifier, length and one word per byte.
 fn frame<'a>(words: &mut impl Iterator<Item = &'a [u8]>) -> Result<CanFrame, SocketcandReject> {
     let mut number = || {
         let word = words.next().ok_or(SocketcandReject::BadLength)?;

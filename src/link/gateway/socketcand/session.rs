@@ -34,7 +34,7 @@ impl Session {
         Self { parser: Parser::default(), bus_name: bus_name.into(), step: Step::Greeted }
     }
 
-    /// What is answered, which may be nothing; `Err` with the reason when it is refused.
+    /// Returns the answer, which may be empty; `Err` with the reason when the command is refused.
     fn obey(&mut self, command: &Command, client: &Client) -> Result<&'static [u8], &'static str> {
         match command {
             Command::Echo => Ok(b"< echo >"),

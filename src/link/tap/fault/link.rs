@@ -69,8 +69,8 @@ impl FaultyLink {
         Self { format, ..self }
     }
 
-    /// Returns the same with faults of `control` on the way out: where the other end is no part of this program, losses
-    /// and silence on its side hit what is sent.
+    /// Returns the same with faults of `control` on the way out: where the other end is outside this program, losses
+    /// and silence on its side act on sent packets.
     #[must_use]
     pub fn losing_sent(self, control: FaultControl) -> Self {
         Self { sent_faults: Some(control), ..self }
@@ -130,7 +130,8 @@ impl FaultyLink {
         self.control.lock().iter().filter_map(TimedLinkFault::babble_due).min()
     }
 
-    /// What becomes of one packet: none, one or more of it, perhaps later, damaged or with another stamp.
+    /// Delivers one packet with the faults: not at all, once or several times, perhaps later, damaged or with another
+    /// stamp.
     fn spoil(&mut self, packet: Stamped<Packet>) {
         let mut spoilt = Spoilt { copies: 1, later: Span::ZERO, stamp_off: Span::ZERO, value: packet.value };
         let Self { control, dice, .. } = self;

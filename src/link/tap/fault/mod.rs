@@ -1,13 +1,14 @@
-//! A link on which things go wrong on purpose: what can go wrong, when, and how often it did.
+//! A link with faults on purpose: their kinds, their times, and how often each occurred.
 //!
 //! ```text
 //! kinds and their times (here) -> link (what becomes of a packet) -> damage (wrong bits, cut tails, babble)
 //! ```
 //!
-//! Packets are spoilt where they are received, by their receive time, in order of the faults. Deterministic: what becomes
-//! of a packet depends on the seed and on the packets before it only. Limits: a delayed packet is delivered when the
-//! receiver next looks; on a real CAN bus wrong bits and cut frames are refused by the controllers, so they stand for what
-//! gets past them; babble takes no time on the wire, so it delays nobody. Tests: `tests`.
+//! Packets are spoilt where they are received, by their receive time, in order of the faults. Deterministic: the
+//! outcome of a packet depends on the seed and on the packets before it only. Limits: a delayed packet is delivered
+//! when the receiver next looks; on a real CAN bus the controllers refuse wrong bits and cut frames, so these faults
+//! represent damage that passes the controllers; babble takes no time on the wire, so it delays no other packet. Tests:
+//! `tests`.
 
 mod damage;
 mod link;
@@ -20,7 +21,7 @@ use base::time::{Span, Tai};
 use core::fmt;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// What goes wrong.
+/// A fault of a link.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum LinkFault {
     /// A share of the packets is lost.
@@ -82,7 +83,7 @@ pub enum LinkFault {
     Off,
 }
 
-/// What a fault changes of the times at which packets come.
+/// Effect of a fault on the times at which packets arrive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Arrival {
     /// Nothing.
@@ -142,7 +143,7 @@ pub struct TimedLinkFault {
     pub from: Tai,
     /// End, exclusive.
     pub until: Tai,
-    /// What goes wrong.
+    /// The fault.
     pub fault: LinkFault,
     /// Packets hit so far: lost, changed, restamped; for babble, packets that were made.
     pub hits: u64,

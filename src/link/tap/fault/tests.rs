@@ -201,7 +201,7 @@ fn babble_comes_each_period_in_its_time_between_the_others() {
     assert!(babble.iter().all(|packet| from <= packet.at && packet.at < until));
     assert_ne!(babble[0].value, babble[1].value, "random content");
     assert!(arrived.is_sorted_by_key(|packet| packet.at));
-    assert_eq!(arrived.len(), 1334, "nobody else is hindered");
+    assert_eq!(arrived.len(), 1334, "other packets are not delayed");
 }
 
 #[test]
@@ -248,7 +248,7 @@ fn a_clock_that_steps_or_drifts_changes_stamps_and_not_the_time_of_arrival() {
     let arrived = bench.run(1000);
     let off_ms = |n: usize| (arrived[n].at - (START + Span::from_ms(n as i64))).ms();
     let on_the_wire_ms = off_ms(50);
-    // One per cent of the time since the begin.
+    // One per cent of the time since the start of the fault.
     for (n, wanted_ms) in [(99, 0.0), (110, 0.1), (200, 1.0), (299, 1.99), (300, 0.0)] {
         let got_ms = off_ms(n) - on_the_wire_ms;
         assert!((got_ms - wanted_ms).abs() < 0.005, "{n}: {got_ms} ms");
