@@ -82,7 +82,7 @@ impl DensityMap {
         self.order
     }
 
-    /// With cells so coarse that a mean one has stars enough to tell it from its neighbours.
+    /// Makes cells so coarse that the mean cell has enough stars to differ from its neighbours by more than noise.
     #[must_use]
     pub fn coarsened(mut self) -> Self {
         while self.order > COARSEST_ORDER && self.stars() < STARS_PER_CELL * self.counts.len() as u64 {

@@ -4,7 +4,7 @@ use std::path::Path;
 
 /// Names of the file, the newer first.
 pub(crate) const FILES: [&str; 2] = ["hats.properties", "properties"];
-/// What a collection of catalogs (a main one and its margins and indexes) has instead.
+/// File that a collection of catalogs (a main one and its margins and indexes) has instead.
 pub(crate) const COLLECTION: &str = "collection.properties";
 
 /// Returns true for the folder of a HATS catalog, or of a collection of them.

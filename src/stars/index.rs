@@ -1,4 +1,4 @@
-//! What is known of a store of stars before a star is read: the facts at its head, and where the stars of each tile are.
+//! Index of a store of stars, known before a star is read: the facts at its head, and where the stars of each tile are.
 
 use crate::cover::cells_of_cone;
 use crate::numbering::Numbering;

@@ -94,8 +94,8 @@ impl Origins {
         self.numbered > 0 && self.gaia as f64 >= GAIA_SHARE * self.numbered as f64
     }
 
-    /// Says that stars with numbers of Hipparcos and Tycho-2 below zero follow. One's own numbers below zero, if there were
-    /// any, cannot be told from them.
+    /// Notes that stars with numbers of Hipparcos and Tycho-2 below zero follow. A user's own numbers below zero, if
+    /// there were any, look the same.
     pub fn begin_bright(&mut self) {
         if !self.is_gaia() && !self.is_bright {
             self.negative += self.hipparcos + self.tycho;
@@ -241,9 +241,9 @@ mod tests {
         }
         let own = Numbering::default();
         assert_eq!(name(own, 5).as_deref(), Some("5"));
-        assert_eq!(name(own, -32_349).as_deref(), Some("-32349"), "a number of one's own is no Hipparcos number");
+        assert_eq!(name(own, -32_349).as_deref(), Some("-32349"), "a user's own number does not name a Hipparcos star");
         assert_eq!((Numbering::of_mark(0), Numbering::of_mark(9)), (None, None));
         origins.see(-2_000_000, 1.0, 1.0);
-        assert!(!origins.numbering(2016.0).bright, "numbers below zero that are no bright star's");
+        assert!(!origins.numbering(2016.0).bright, "numbers below zero outside the ranges of bright stars");
     }
 }

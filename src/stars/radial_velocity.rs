@@ -80,7 +80,7 @@ mod tests {
         let gaia = SourceId::Gaia(GaiaRelease::Dr3, 4_472_832_130_942_575_872);
         assert_eq!(radial_velocity_km_s(gaia), Some(-110.5));
         assert_eq!(radial_velocity_km_s(SourceId::Hipparcos(87_937)), Some(-110.5));
-        assert_eq!(radial_velocity_km_s(SourceId::Own(87_937)), None, "a number of one's own is no Hipparcos number");
+        assert_eq!(radial_velocity_km_s(SourceId::Own(87_937)), None, "a user's own number is not of Hipparcos");
         // 110.5 km/s is 23.31 au a year; a distance of 1.826 pc is 376,600 au: 6.19e-5, or 12.77 arcsec.
         assert!((radial_mas_yr(Some(gaia), 10_377.0, Some(547.45)) + 12_761.0).abs() < 2.0);
         for (id, speed, parallax) in

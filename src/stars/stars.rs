@@ -16,11 +16,11 @@ pub struct Sky {
 }
 
 impl Sky {
-    /// Returns the stars of `layers` not fainter than `limiting_mag` (Gaia G), of which `memory_mb` MiB are in memory
+    /// Returns the stars of `layers` not fainter than `limiting_mag` (Gaia G), with at most `memory_mb` MiB in memory
     /// at a time; without layers the built-in catalog, which is in memory whole.
     ///
     /// # Errors
-    /// When a layer cannot be read or is damaged, or the layers are no one sky.
+    /// When a layer cannot be read or is damaged, or the layers do not make one sky.
     pub fn open(layers: &[PathBuf], limiting_mag: f32, memory_mb: u32) -> Result<Self, LayerError> {
         if layers.is_empty() {
             let built_in = Catalog::built_in().map_err(LayerError::Catalog)?;

@@ -1,4 +1,4 @@
-//! A HATS catalog on disk -> its partitions, each of which is there and listed.
+//! Lists the partitions of a HATS catalog on disk, and checks that each is there and listed.
 //!
 //! Source: IVOA Note "HATS: Hierarchical Adaptive Tiling Scheme". A catalog is a folder of `hats.properties` (older ones:
 //! `properties`), `partition_info.csv` and `dataset/Norder=k/Dir=d/Npix=n.parquet`, or `Npix=n/` with files in it; a
@@ -33,7 +33,7 @@ pub struct Partition {
     pub pixel: Pixel,
     /// The file.
     pub path: PathBuf,
-    /// What tells it from all others, wherever the catalog lies: catalog, folders and file.
+    /// Its name among all partitions, wherever the catalog is: catalog, folders and file.
     pub name: String,
 }
 
@@ -82,7 +82,7 @@ impl HatsCatalog {
         &self.partitions
     }
 
-    /// Gives `names` the columns of right ascension and declination that the catalog says, where nobody else did.
+    /// Gives `names` the columns of right ascension and declination that the catalog names, unless the user renamed them.
     ///
     /// # Errors
     /// When it does not say.
@@ -97,7 +97,7 @@ impl HatsCatalog {
     /// Returns the epoch of the positions, Julian year, where the catalog says it.
     ///
     /// # Errors
-    /// When it is no number.
+    /// When it is not a number.
     pub fn epoch_yr(&self) -> Result<Option<f64>, HatsError> {
         let number = |text: &str| text.parse().map_err(|_| self.properties.refuse(EPOCH, "a Julian year", text));
         self.properties.get(EPOCH).map(number).transpose()
@@ -153,7 +153,7 @@ fn listed(path: &Path) -> Result<Vec<Pixel>, HatsError> {
 fn there(folder: &Path, suffix: &str) -> Result<BTreeMap<Pixel, Vec<PathBuf>>, HatsError> {
     let mut there = BTreeMap::new();
     let mut orders = visible(&folder.join("dataset"))?;
-    // Files beside them tell of the catalog as a whole: `data_thumbnail.parquet`, `per_partition_statistics.parquet`, ...
+    // Files beside them describe the whole catalog: `data_thumbnail.parquet`, `per_partition_statistics.parquet`, ...
     orders.retain(|path| path.is_dir());
     for (order, path) in numbered(orders, "Norder=", "")? {
         for (_, path) in numbered(visible(&path)?, "Dir=", "")? {

@@ -8,7 +8,7 @@ thread_local! {
     static IS_READING: Cell<bool> = const { Cell::new(false) };
 }
 
-/// What `read` gives, or what it says as it panics. Panics elsewhere are told as ever.
+/// Returns the result of `read`, or its message when it panics. Panics elsewhere are reported as usual.
 pub(super) fn caught<T>(read: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     static QUIET_WHILE_READING: Once = Once::new();
     QUIET_WHILE_READING.call_once(|| {

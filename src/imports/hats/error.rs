@@ -1,4 +1,4 @@
-//! What can be wrong with a HATS catalog.
+//! Errors of a HATS catalog.
 
 use stars::layer::LayerError;
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ pub enum HatsError {
     /// The file or folder could not be read or written.
     #[error("{what} {path}: {source}", path = path.display())]
     File {
-        /// What was to be done.
+        /// The action that failed.
         what: &'static str,
         /// The file.
         path: PathBuf,
@@ -51,19 +51,19 @@ pub enum HatsError {
     Rows {
         /// The file or folder.
         path: PathBuf,
-        /// Who says how many it should be.
+        /// The source of the wanted number.
         what: &'static str,
         /// Rows it should have.
         wanted: u64,
         /// Rows there are.
         got: u64,
     },
-    /// The file is no Parquet, cut short or damaged.
+    /// The file is not Parquet, cut short or damaged.
     #[error("{path}: damaged, or no Parquet file: {why}", path = path.display())]
     Parquet {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// The reason.
         why: String,
     },
     /// A column is missing, or of a type that holds no such thing.
@@ -73,9 +73,9 @@ pub enum HatsError {
         path: PathBuf,
         /// Its name.
         column: String,
-        /// What it should be.
+        /// The wanted type.
         wanted: &'static str,
-        /// What there is.
+        /// The type in the file.
         got: String,
     },
     /// The bytes of a column cannot be read.
@@ -85,7 +85,7 @@ pub enum HatsError {
         path: PathBuf,
         /// Name of the column.
         column: String,
-        /// What is wrong.
+        /// The reason.
         why: String,
     },
     /// A cell holds something else than it should.
@@ -158,7 +158,7 @@ pub enum HatsError {
     Layers {
         /// The layer.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The property that is wrong.
         what: &'static str,
         /// Accepted values.
         wanted: String,

@@ -42,7 +42,7 @@ pub struct ExportReport {
     pub bytes: u64,
 }
 
-/// Writes layers of one epoch as the catalog `folder`. `progress` is told the share done, 0..1.
+/// Writes layers of one epoch as the catalog `folder`. `progress` gets the share done, 0..1.
 ///
 /// # Errors
 /// When the layers do not fit together or are damaged, the folder is there already, or the disk failed; nothing is left of

@@ -1,7 +1,7 @@
 //! A Parquet file -> its footer, checked so far that nothing is allocated for what is not there.
 //!
 //! The crate that decodes Parquet trusts some sizes of a file: of its tree of columns, of a page when it is unpacked, of
-//! a dictionary. These are read first here ([`super::thrift`]) and held against what the file has. Limits: a footer of
+//! a dictionary. These are read first here ([`super::thrift`]) and compared with the file. Limits: a footer of
 //! 64 MiB, pages of 64 MiB unpacked (writers make pages of about 1 MiB). Tests: `super::tests::damage`.
 
 use super::caught::caught;
@@ -149,7 +149,7 @@ fn children(compact: &mut Compact<'_>) -> Option<u64> {
     Some(children)
 }
 
-/// What the head of a page says.
+/// Sizes from the head of a page.
 #[derive(Debug, Default)]
 struct PageHead {
     kind: i64,

@@ -16,12 +16,12 @@ use std::path::Path;
 /// Count of rows whose place is of single precision.
 pub const COARSE_PLACES: &str = "rows with places of single precision, good to 0.06 arcsec";
 
-/// Takes a file in; the number of rows. `pixel` is that of the partition, when it is one. `progress` is told rows now and
-/// then.
+/// Takes a file in; returns the number of rows. `pixel` is that of the partition, when it is one. `progress` gets
+/// the rows now and then.
 ///
 /// # Errors
-/// When the file cannot be read to its end, lacks a column, a cell is no number, or a row lies elsewhere; stars taken in
-/// before are then to be forgotten (no checkpoint was written).
+/// When the file cannot be read to its end, lacks a column, a cell is not a number, or a row lies elsewhere; stars
+/// taken in before are then to be forgotten (no checkpoint was written).
 pub fn import(
     path: &Path,
     pixel: Option<Pixel>,

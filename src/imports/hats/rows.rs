@@ -2,8 +2,8 @@
 //!
 //! Columns are found by name; numbers are INT32, INT64, FLOAT or DOUBLE, optional or not, and blank where they are null or
 //! not a number. Pages may be plain or dictionaries, of either version, unpacked, Snappy or Zstandard. Memory: of each
-//! column one page, its dictionary, and [`BATCH_ROWS`] cells. A page that carries a CRC-32 is held against it; most writers
-//! (pyarrow among them, unless it is told to) write none, and a value that was changed in such a file cannot be seen.
+//! column one page, its dictionary, and [`BATCH_ROWS`] cells. The CRC-32 of a page is checked where it has one; most
+//! writers (pyarrow among them, by default) write none, and a changed value in such a file goes unnoticed.
 
 use super::caught::caught;
 use super::error::HatsError;
@@ -22,9 +22,9 @@ use std::sync::Arc;
 pub const STARLOOP_ID: &str = "starloop_id";
 /// Rows of a batch.
 const BATCH_ROWS: usize = 8192;
-/// What a column of numbers may be.
+/// Accepted types of a column of numbers.
 const WANTED_NUMBER: &str = "numbers: INT32, INT64, FLOAT or DOUBLE, one a row";
-/// What a column of identifiers may be.
+/// Accepted types of a column of identifiers.
 const WANTED_WHOLE: &str = "whole numbers: INT32 or INT64, one a row";
 
 /// The rows of a file, read batch by batch.
@@ -245,7 +245,7 @@ impl ColumnRows {
 /// A reader of one type and what it reads into.
 struct Typed<T: DataType> {
     reader: ColumnReaderImpl<T>,
-    /// Definition levels: the highest is a value, what is below is null; none when there are no nulls.
+    /// Definition levels: the highest is a value, lower ones are null; empty for a column without nulls.
     highest: i16,
     levels: Vec<i16>,
     values: Vec<T::T>,

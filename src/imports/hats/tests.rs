@@ -321,7 +321,7 @@ fn numbers_of_all_types_are_read() {
     write_file(&path, &file, &PLAIN);
     let (done, sorting, into) = take(&path, &Names::default());
     assert_eq!(done.unwrap(), 50);
-    assert_eq!(sorting.reported().collect::<Vec<_>>(), [(COARSE_PLACES, 50)], "a tenth of an arcsecond is told");
+    assert_eq!(sorting.reported().collect::<Vec<_>>(), [(COARSE_PLACES, 50)], "a tenth of an arcsecond is reported");
     let reports = sorting.finish(into.path(), EPOCH_YR, "", &mut |_| {}).unwrap();
     let mut found = Vec::new();
     Layer::open(&reports[0].path).unwrap().cone(glam::DVec3::Z, 4.0, 99.0, &mut found).unwrap();

@@ -1,4 +1,4 @@
-//! As much of Thrift's compact protocol as tells the sizes that a Parquet file announces, before anything is allocated
+//! The part of Thrift's compact protocol that gives the sizes announced by a Parquet file, before anything is allocated
 //! for them. Source: Apache Thrift, "Thrift Compact protocol encoding"; Apache Parquet, `parquet.thrift` (field numbers).
 //!
 //! Every step gives `None` when the bytes end too early or make no sense.

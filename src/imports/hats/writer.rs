@@ -23,7 +23,7 @@ use std::sync::Arc;
 
 /// Rows of a row group: what is packed, and read, at a time.
 const GROUP_ROWS: usize = 131_072;
-/// Who wrote a file, in the form that Parquet asks for.
+/// Writer of a file, in the form that Parquet asks for.
 const WRITER: &str = concat!("starloop version ", env!("CARGO_PKG_VERSION"));
 /// The column of numbers, where the layers have them.
 const SOURCE_ID: &str = "required int64 source_id;";
@@ -106,7 +106,7 @@ impl CatalogWriter {
     }
 }
 
-/// What a footer says of a row group, in the footer of another file.
+/// Returns the entry of a row group of one footer for the footer of another file.
 fn group_of(group: &RowGroupMetaData, within: &str) -> Written<RowGroupMetaData> {
     let of_file = |column: &_| parquet::file::metadata::ColumnChunkMetaData::clone(column).into_builder();
     let columns = group.columns().iter().map(|column| of_file(column).set_file_path(within.into()).build());

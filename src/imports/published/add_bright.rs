@@ -1,7 +1,7 @@
 //! Bright stars that an import lacks -> the import.
 //!
-//! Tycho-2 is held against Hipparcos, and what is left of both against the stars taken in: no star comes twice, none is
-//! lost. Each becomes one of the counts told at the end. Tests: `super::bright_tests`.
+//! Tycho-2 is matched with Hipparcos, and what is left of both with the stars taken in: no star comes twice, none is
+//! lost. Each becomes one of the counts reported at the end. Tests: `super::bright_tests`.
 
 use super::bright::{BrightStar, BrightStars};
 use super::crossmatch::{Crossmatch, ReferenceStar, Rule};

@@ -87,11 +87,11 @@ pub struct BrightStars {
     pub hipparcos: Vec<BrightStar>,
     /// Of Tycho-2 and its first supplement.
     pub tycho: Vec<BrightStar>,
-    /// What a person should know of.
+    /// Counts for the user, by message.
     pub reported: BTreeMap<&'static str, u64>,
 }
 
-/// What a line holds.
+/// Format of a line.
 enum Format {
     Hipparcos,
     Tycho,

@@ -121,7 +121,7 @@ fn lines_that_are_wrong_are_reported() {
     assert_eq!(read(&TYC2.replace("|11.318|", "|      |").replace("|10.521|", "|      |")).unwrap().reported.len(), 1);
 }
 
-/// What becomes of a damaged text: an error with its place, or every line counted as a star or as one left out.
+/// Returns whether a damaged text gives an error with its place, or counts every line as a star or as one left out.
 fn is_accounted_for(bytes: &[u8]) -> bool {
     let mut bright = BrightStars::default();
     match bright.read_text(bytes, Path::new("stars.dat")) {
@@ -286,7 +286,7 @@ fn the_rule_has_edges() {
     }
 }
 
-/// What a made star is for.
+/// Purpose of a made star.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kind {
     Single,
@@ -574,7 +574,7 @@ fn rules_that_lack_a_part_are_seen_to() {
     let [lost, _, doubled] = count(Rule { radius_arcsec: 0.0, ..Rule::default() }, &ALL_BUT_PAIRS);
     assert!(doubled > 4000 && lost == 0, "without a radius stars come twice: {doubled}");
     let [lost, ..] = count(Rule { by_magnitude: false, ..Rule::default() }, &[Kind::Missing]);
-    assert!(lost > 150, "without magnitudes faint companions stand for bright stars: {lost}");
+    assert!(lost > 150, "without magnitudes faint companions are taken for bright stars: {lost}");
     let [lost, _, doubled] = count(Rule { radius_arcsec: 0.1, ..Rule::default() }, &ALL_BUT_PAIRS);
     assert!(doubled > 100 && lost == 0, "too small a radius for Tycho-2: {doubled}");
 }

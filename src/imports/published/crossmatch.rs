@@ -13,7 +13,7 @@
 //! the relations between bands are good to 0.1, hence 1 mag; more for a star that varies, whose colour is unknown, or that
 //! is saturated in Gaia. Within [`UNRESOLVED_ARCSEC`] Gaia has no two stars: there it is one star at up to 1.5 mag more.
 //!
-//! **One for one.** A reference star stands for one bright star, the one that fits best: where Tycho-2 sees two stars and
+//! **One for one.** A reference star matches one bright star, the one that fits best: where Tycho-2 sees two stars and
 //! Gaia one, the second is added.
 //!
 //! What it gets wrong, and how often, is in `bright_tests` (a made sky) and `hil_scripts/test_catalog.py` (the real one).
@@ -75,7 +75,7 @@ impl Default for Rule {
     }
 }
 
-/// Tells reference stars apart: files numbered apart from one another may use a number twice, at different places.
+/// Distinguishes reference stars: files numbered independently may use a number twice, at different places.
 type ReferenceKey = (i64, [u64; 3]);
 
 /// A pair that may be one star.

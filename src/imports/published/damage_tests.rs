@@ -19,7 +19,7 @@ const TEXT: &str = "# %ECSV 1.0\n# ---\n# delimiter: ','\n# - {name: source_id, 
     37,15.0,2.0,1.0,,,12.0,12.5,11.5,\n";
 const ROWS: u64 = 5;
 
-/// What was found in a file: its rows, its stars, and what was counted.
+/// Contents found in a file: its rows, its stars, and the counts.
 struct Found {
     rows: u64,
     stars: u64,
@@ -67,7 +67,7 @@ fn no_flipped_bit_and_no_cut_loses_a_row_silently() {
     let (folder, text) = (tempfile::tempdir().unwrap(), TEXT.as_bytes());
     let whole = read(text, folder.path()).unwrap();
     assert_eq!((whole.rows, whole.stars, whole.left_out()), (ROWS, 3, 2), "control: the file undamaged");
-    assert_eq!(whole.reported.len(), 2, "and nothing else is told: {:?}", whole.reported);
+    assert_eq!(whole.reported.len(), 2, "and nothing else is reported: {:?}", whole.reported);
     let (mut taken, mut refused) = (0, 0);
     for at in 0..text.len() {
         for bit in 0..8 {
@@ -76,14 +76,14 @@ fn no_flipped_bit_and_no_cut_loses_a_row_silently() {
             *(if is_read(&flipped, folder.path()) { &mut taken } else { &mut refused }) += 1;
         }
     }
-    // Digits and what nobody looks at against all else.
+    // Digits and unused columns against all else.
     assert!(taken > 1000 && refused > 1000, "{taken} {refused}");
     let header_end = TEXT.find("bp_rp\n").unwrap() + 6;
     for end in 0..text.len() {
         let is_whole_line = text[..end].ends_with(b"\n");
         match read(&text[..end], folder.path()) {
             Ok(found) => {
-                // A header that is cut in a column that nobody needs is one.
+                // A header that is cut in an unused column is still a header.
                 assert!(found.stars <= 3 && (end > header_end || found.rows == 0), "cut at {end}");
                 let is_reported = found.reported(WITHOUT_END) == 1;
                 assert_eq!(is_reported, !is_whole_line && found.rows > 0, "cut at {end}");
@@ -123,7 +123,7 @@ fn lines_are_read_up_to_the_longest() {
     for reported in [plain(&text(LONGEST_LINE + 1)).unwrap_err(), packed(&text(LONGEST_LINE + 1)).unwrap_err()] {
         assert!(reported.contains("line 6: longer than 1048576 bytes"), "{reported}");
     }
-    // Comments and a file of one endless line are no exceptions.
+    // Comments and a file of one endless line are treated alike.
     let comment = format!("#{}\n{TEXT}", "-".repeat(LONGEST_LINE));
     assert!(plain(&comment).unwrap_err().contains("line 1: longer"));
     let endless = "0".repeat(64 << 20);

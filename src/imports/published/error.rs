@@ -1,4 +1,4 @@
-//! What can be wrong with a published catalog.
+//! Errors of a published catalog.
 
 use stars::layer::LayerError;
 use std::path::PathBuf;
@@ -24,7 +24,7 @@ pub enum ImportError {
         /// Bytes that are read.
         longest: usize,
     },
-    /// Bytes that are no text.
+    /// Bytes that are not UTF-8.
     #[error("{path}, line {line}: not UTF-8: wanted a table of text, unpacked or as .gz", path = path.display())]
     NoText {
         /// The file.

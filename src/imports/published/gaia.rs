@@ -2,7 +2,7 @@
 //!
 //! Columns, found by name, others ignored: `source_id`, `ra`, `dec` (deg, ICRS), `pmra` (with cos dec), `pmdec` (mas/yr),
 //! `parallax` (mas), `phot_g_mean_mag`, and `bp_rp` or else `phot_bp_mean_mag` and `phot_rp_mean_mag` (mag). Where a file
-//! has other names, [`Names`] says so. A cell may stand between quotes; a row is one line all the same, so that a stray
+//! has other names, [`Names`] says so. A cell may be in quotes; a row is one line all the same, so that a stray
 //! quote cannot swallow the lines after it, and at most [`LONGEST_LINE`]. Blank is an empty cell, `null`, `nan` or `NaN`. A row
 //! without place or magnitude is left out and counted: nothing can be drawn of it; so is a line of `#` after the header: it may
 //! be a row whose first bytes are damaged. Positions are of epoch J2016.0 (Gaia DR3). Tests: `tests` below, `damage_tests`.
@@ -80,20 +80,20 @@ impl Names {
         place.map(|place| self.columns[place] = here.into()).is_some()
     }
 
-    /// As [`Self::rename`], when nobody renamed it before.
+    /// As [`Self::rename`], unless it was renamed before.
     pub fn rename_unless_renamed(&mut self, archive: &str, here: &str) {
         if self.columns.iter().zip(ARCHIVE).any(|(name, of_archive)| of_archive == archive && name == archive) {
             self.rename(archive, here);
         }
     }
 
-    /// What the column is called in the file.
+    /// Returns the name of the column in the file.
     pub(crate) fn here(&self, column: usize) -> &str {
         &self.columns[column]
     }
 
     /// Returns the columns that a file must have and `is_there` says it has not, by their names in the file: all but
-    /// colours, of which one form is enough, and those that are said to be missing (an empty name).
+    /// colours, which are complete in one form, and those that are said to be missing (an empty name).
     pub(crate) fn missing(&self, is_there: impl Fn(usize) -> bool) -> Vec<&str> {
         let is_missing = |column: &usize| match *column {
             BP_RP => !(is_there(BP_RP) || is_there(BP) && is_there(RP)),
@@ -111,18 +111,18 @@ impl Names {
         [PM_RA, PM_DEC, PARALLAX, BP_RP].iter().any(|column| ARCHIVE[*column] == archive)
     }
 
-    /// What may be renamed.
+    /// Returns the columns that may be renamed.
     #[must_use]
     pub fn all() -> &'static [&'static str] {
         &ARCHIVE
     }
 }
 
-/// Takes a file in, `.csv` or `.csv.gz`; the number of rows. `progress` is told rows now and then.
+/// Takes a file in, `.csv` or `.csv.gz`; returns the number of rows. `progress` gets the rows now and then.
 ///
 /// # Errors
-/// When the file cannot be read to its end, lacks a column, or a cell is no number; stars taken in before are then to be
-/// forgotten (no checkpoint was written).
+/// When the file cannot be read to its end, lacks a column, or a cell is not a number; stars taken in before are then to
+/// be forgotten (no checkpoint was written).
 pub fn import(
     path: &Path,
     names: &Names,
@@ -218,7 +218,7 @@ pub(crate) fn star_of_row<E>(
     Ok(Some(NewStar { source_id, ra_rad, dec_rad, motion_mas_yr, parallax_mas, mag_g, bp_rp }))
 }
 
-/// What a cell holds, without blanks and the pair of quotes that may be around it.
+/// Returns the text of a cell, without blanks and the pair of quotes that may be around it.
 fn without_quotes(cell: &str) -> &str {
     // Blanks alone: the bit that makes a carriage return of a minus sign must not make a number positive.
     let blanks = [' ', '\t'];
@@ -310,7 +310,7 @@ mod tests {
     use stars::layer::Layer;
     use std::io::Write;
 
-    /// The head of a bulk file, as the archive writes it, with two rows, of which the second lacks much.
+    /// The head of a bulk file, as the archive writes it, with two rows; the second lacks much.
     const BULK: &str = "# %ECSV 1.0\n# ---\n# delimiter: ','\n# datatype:\n# - {name: source_id, datatype: int64}\n\
         solution_id,source_id,ref_epoch,ra,dec,parallax,pmra,pmdec,phot_g_mean_mag,phot_bp_mean_mag,phot_rp_mean_mag,bp_rp\n\
         1636148068921376768,4295806720,2016.0,44.99615537864534,0.005615226341865997,0.3543305595550248,\
@@ -382,7 +382,7 @@ mod tests {
         let head = "\"source_id\",\"ra\",dec,pmra,pmdec,parallax,phot_g_mean_mag,bp_rp,note\n";
         let (row, last) = ("\"1\",\"3.5\",2.0,,\"\",\"null\",15.0,1.0,\"n\"\n", "2,1.0,2.0,,,,15.0,1.0,\"\n");
         let (done, sorting, _folder) = take(format!("{head}{row}{last}{row}").as_bytes(), "g.csv", &Names::default());
-        assert_eq!((done.unwrap(), sorting.counts().stars), (3, 3), "a quote where nobody looks");
+        assert_eq!((done.unwrap(), sorting.counts().stars), (3, 3), "a quote in an unused column");
         let stray = format!("{head}2,\"1.0,2.0,,,,15.0,1.0,\n{row}{row}");
         let reported = take(stray.as_bytes(), "g.csv", &Names::default()).0.unwrap_err().to_string();
         assert!(reported.contains("line 2, column ra: wanted a number"), "{reported}");

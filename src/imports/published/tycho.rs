@@ -4,7 +4,7 @@
 //! motions in mas/yr (with cos dec), BT and VT in mag. The mean position is of J2000 and holds where the flag is blank; with
 //! `P` it is that of two stars together, with `X` there is none and no motion: then the position as observed about 1991.5
 //! is taken. `suppl_1.dat` has stars of Hipparcos and Tycho-1 that Tycho-2 lacks, observed in J1991.25; where it has Hp
-//! (flag `H`), it stands in VT's place. Its second supplement, of stars that are probably none, is not read. Tests:
+//! (flag `H`), it replaces VT. Its second supplement, of doubtful stars, is not read. Tests:
 //! `super::bright_tests`.
 
 use super::bands::of_tycho;
@@ -24,7 +24,7 @@ const MEAN_EPOCH_YR: f64 = 2000.0;
 /// Epoch of the supplement's positions, Julian year.
 const SUPPLEMENT_EPOCH_YR: f64 = 1991.25;
 
-/// Where parts stand in a line.
+/// Columns of the parts in a line.
 struct Places {
     ra: usize,
     dec: usize,
@@ -60,7 +60,7 @@ pub(super) fn supplement_star(line: &Line<'_>) -> Result<Option<BrightStar>, Imp
     Ok(star.map(|star| BrightStar { bp_rp: star.bp_rp.filter(|_| !is_hp), ..star }))
 }
 
-/// Parts of a line, of which there are `N`.
+/// Returns the `N` parts of a line.
 fn parts<'a, const N: usize>(line: &Line<'a>) -> [&'a str; N] {
     let mut parts = line.text.split('|');
     core::array::from_fn(|_| parts.next().unwrap_or_default())

@@ -27,7 +27,7 @@ const SUM_ORDER: u8 = 6;
 /// Tiles of a part of the sky are not finer: their table would be larger than their stars.
 const REGION_ORDER: u8 = 8;
 
-/// What made-up stars say of themselves.
+/// Returns the credits of made-up stars.
 #[must_use]
 pub fn credits(seed: u64) -> String {
     format!("synthetic population, seed {seed}: not real stars; numbers by direction and magnitude as in Gaia DR3")
@@ -77,7 +77,7 @@ impl Population {
         self.around.is_none_or(|(axis, radius_rad)| axis.angle_between(centre(order, tile)) <= radius_rad + reach_rad)
     }
 
-    /// Writes the layers `out/gNN.starlayer` in the place of those that are there. `progress` is told the share done, 0..1.
+    /// Writes the layers `out/gNN.starlayer` in the place of those that are there. `progress` gets the share done, 0..1.
     ///
     /// # Errors
     /// When the disk failed.

@@ -29,7 +29,7 @@ const COLOUR_SPREAD_MAG: f64 = 0.35;
 /// Colours of stars, mag.
 const COLOURS_MAG: [f64; 2] = [-0.4, 4.5];
 
-/// What tiles of one layer share.
+/// Values that the tiles of one layer share.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct LayerDraw {
     pub(super) key: [u32; 2],

@@ -1,4 +1,4 @@
-//! What can be wrong with a catalog.
+//! Errors of a catalog.
 
 use std::path::PathBuf;
 
@@ -44,9 +44,9 @@ pub enum CatalogError {
     Layout {
         /// Name of the header field.
         field: &'static str,
-        /// What this program reads.
+        /// The value that this program reads.
         wanted: String,
-        /// What the file holds.
+        /// The value in the file.
         got: String,
     },
     /// The bytes are not those that were written.
@@ -62,7 +62,7 @@ pub enum CatalogError {
     Tile {
         /// Nested HEALPix index of the tile.
         tile: usize,
-        /// What is wrong.
+        /// The reason.
         why: String,
     },
     /// The CSV lacks columns.
@@ -96,7 +96,7 @@ pub enum CatalogError {
         "packed catalog: {count} {what}, wanted at most {most}: `starloop catalog import` takes any number of stars"
     )]
     TooMany {
-        /// What was counted.
+        /// The counted items.
         what: &'static str,
         /// How many.
         count: usize,

@@ -16,7 +16,7 @@
 //! | then | i64 per star: number in its source catalog |
 //! | then | UTF-8 credits |
 //!
-//! Version 1 had proper motions of 16 bits in steps of 0.5 mas/yr, which cost up to 12 mas by 2050, and no numbers.
+//! Version 1 stored proper motions of 16 bits in steps of 0.5 mas/yr, which cost up to 12 mas by 2050, and no numbers.
 //!
 //! Stars of one tile are sorted by magnitude, so that a brightness cut is a prefix of the tile.
 
@@ -37,7 +37,7 @@ pub(super) const HEADER_BYTES: usize = 40;
 pub(super) const MOST_STARS: usize = 20_000_000;
 /// Longest packed catalog, bytes: as many stars, and a megabyte of credits.
 pub(super) const MOST_BYTES: u64 = (MOST_STARS * (RECORD_BYTES + PARALLAX_BYTES + NUMBER_BYTES) + (2 << 20)) as u64;
-/// Where the checksum stands.
+/// Offset of the checksum, bytes.
 pub(super) const CRC_AT: usize = 32;
 /// Bytes of one star record.
 pub(super) const RECORD_BYTES: usize = 20;

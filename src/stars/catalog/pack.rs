@@ -27,7 +27,7 @@ const ORIGINS_WITHOUT_MOTION: [&str; 3] = ["gaia_nopm", "gaia+tyc_lb_nopm", "tyc
 /// Characters of a file that a message shows.
 const LONGEST_SHOWN: usize = 400;
 
-/// What packing found.
+/// Counts of packing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct PackReport {
     /// Stars written.
@@ -54,7 +54,7 @@ struct Star {
 /// ask for.
 ///
 /// # Errors
-/// When the text is no CSV, a column is missing or a cell is no number in its field's range (with line and column).
+/// When the text is not CSV, a column is missing or a cell is out of its field's range (with line and column).
 pub fn pack(input: impl Read, epoch_yr: f64, credits: Option<&str>) -> Result<(Vec<u8>, PackReport), CatalogError> {
     let mut reader = csv::Reader::from_reader(input);
     let columns = Columns::find(reader.headers()?)?;

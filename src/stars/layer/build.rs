@@ -35,7 +35,7 @@ const PART_SHARE: usize = 16;
 /// Where an import keeps what it needs to go on.
 const PROGRESS: &str = "progress.json";
 
-/// What an import has done.
+/// Progress of an import.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 struct Progress {
     /// Layers it makes: below which magnitude each.
@@ -46,7 +46,7 @@ struct Progress {
     /// The folder into which its layers are being written, when all stars are taken in.
     #[serde(default)]
     finishing: Option<String>,
-    /// Inputs taken in whole: name and what tells that it is the same.
+    /// Completed inputs: name and fingerprint.
     inputs: BTreeMap<String, String>,
     /// Bytes of each file of rows.
     rows: BTreeMap<String, u64>,
@@ -57,7 +57,7 @@ struct Progress {
     /// Stars whose numbers are those of no source catalog were taken in, or numbers were not asked for.
     #[serde(default)]
     is_without_numbers: bool,
-    /// What else the importer counts.
+    /// Further counts of the importer.
     reported: BTreeMap<String, u64>,
 }
 
@@ -130,7 +130,7 @@ impl Sorting {
         credits_of(&self.progress.origins)
     }
 
-    /// Returns whether an earlier import into the folder `work` had begun to write its layers into `out`: those that
+    /// Returns whether an earlier import into the folder `work` has begun to write its layers into `out`: those that
     /// are there may be its own, and it goes on.
     #[must_use]
     pub fn is_finishing(work: &Path, out: &Path) -> bool {
@@ -185,7 +185,7 @@ impl Sorting {
         missing.map_or(Ok(()), |path| Err(LayerError::Work { path, why: "missing".into() }))
     }
 
-    /// Returns whether this input was taken in whole before; `mark` tells that it is the same one.
+    /// Returns whether this input was taken in whole before; `mark` is its fingerprint.
     ///
     /// # Errors
     /// When an input of that name was another one.
@@ -244,7 +244,7 @@ impl Sorting {
         *self.progress.reported.entry(what.into()).or_default() += count;
     }
 
-    /// What else was counted.
+    /// Returns the further counts.
     pub fn reported(&self) -> impl Iterator<Item = (&str, u64)> {
         self.progress.reported.iter().map(|(what, count)| (what.as_str(), *count))
     }
@@ -255,13 +255,13 @@ impl Sorting {
         self.progress.limits_mag.last().map_or(f64::NEG_INFINITY, |limit| f64::from(*limit))
     }
 
-    /// What was found so far.
+    /// Returns the counts of stars so far.
     #[must_use]
     pub fn counts(&self) -> StarCounts {
         self.progress.counts
     }
 
-    /// What an import does that is cut short after its buffers were full.
+    /// Writes the rows as an import does whose buffers are full, for imports that are cut short.
     #[cfg(test)]
     pub(super) fn write_rows_for_tests(&mut self) {
         self.write_rows().unwrap();
@@ -313,7 +313,7 @@ impl Sorting {
 
     /// Sorts everything into layers `out/gNN.starlayer` of epoch `epoch_yr`, with the credits the stars ask for, in the
     /// place of those that are there, and removes the folder of the import. No layer gets its name before all are whole.
-    /// `progress` is told the share done, 0..1.
+    /// `progress` gets the share done, 0..1.
     ///
     /// # Errors
     /// When the disk failed.
@@ -385,7 +385,7 @@ impl Sorting {
     }
 }
 
-/// What a folder is known by when it is named again in another way.
+/// Returns the canonical path of a folder.
 fn folder_mark(folder: &Path) -> std::io::Result<String> {
     Ok(fs::canonicalize(folder)?.to_string_lossy().into_owned())
 }

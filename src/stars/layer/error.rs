@@ -1,4 +1,4 @@
-//! What can be wrong with a layer.
+//! Errors of a layer.
 
 use crate::catalog::CatalogError;
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ pub enum LayerError {
     /// The file could not be read or written.
     #[error("{what} {path}: {source}", path = path.display())]
     File {
-        /// What was to be done.
+        /// The action that failed.
         what: &'static str,
         /// The file.
         path: PathBuf,
@@ -31,9 +31,9 @@ pub enum LayerError {
         path: PathBuf,
         /// Name of the field.
         field: &'static str,
-        /// What this program reads.
+        /// The value that this program reads.
         wanted: String,
-        /// What the file holds.
+        /// The value in the file.
         got: String,
     },
     /// The file has another length than its head promises.
@@ -62,8 +62,7 @@ pub enum LayerError {
     },
     /// A file that takes far less of the disk than it is long.
     #[error(
-        "{path}: {bytes} bytes long, of which {stored} are on the disk: it has holes where stars should be, as of a copy that \
-         was cut short; import it again",
+        "{path}: {bytes} bytes long, but {stored} are on the disk: it has holes where stars should be, as in a copy that \n         was cut short; import it again",
         path = path.display()
     )]
     Holes {
@@ -125,19 +124,19 @@ pub enum LayerError {
     Star {
         /// Which.
         source_id: i64,
-        /// What is wrong with it.
+        /// The property that is wrong.
         what: &'static str,
         /// Accepted values.
         wanted: String,
         /// Its value.
         got: f64,
     },
-    /// What an earlier import left behind does not fit.
-    #[error("{path}: {why}; remove the folder to begin anew", path = path.display())]
+    /// The folder of an earlier import does not fit.
+    #[error("{path}: {why}; remove the folder to start over", path = path.display())]
     Work {
         /// Where.
         path: PathBuf,
-        /// What is wrong.
+        /// The reason.
         why: String,
     },
     /// Layers of one sky whose positions are of different times.
@@ -161,7 +160,7 @@ pub enum LayerError {
         path: PathBuf,
         /// End of the one before.
         below: f32,
-        /// Its begin.
+        /// Its start.
         from: f32,
     },
     /// No layer has stars as bright as the camera sees.
@@ -173,7 +172,7 @@ pub enum LayerError {
     NoneSoBright {
         /// The brightest layer.
         path: PathBuf,
-        /// Its begin.
+        /// Its start.
         from: f32,
         /// The camera's limit.
         limiting_mag: f32,

@@ -37,7 +37,7 @@ pub(super) const VERSION: u32 = 3;
 pub(super) const VERSION_WITHOUT_NUMBERS: u32 = 2;
 /// Bytes of the header.
 pub(super) const HEADER_BYTES: usize = 64;
-/// Where the checksum stands.
+/// Offset of the checksum, bytes.
 pub(super) const CRC_AT: usize = 44;
 /// Bytes of one star record.
 pub(super) const RECORD_BYTES: usize = 16;

@@ -80,7 +80,8 @@ impl Layer {
     /// Opens a layer and checks its head and its length.
     ///
     /// # Errors
-    /// When it cannot be read, is no layer, of another version, half written, cut short, too long or damaged at its head.
+    /// When it cannot be read, is not a layer, of another version, half written, cut short, too long or its head is
+    /// damaged.
     pub fn open(path: &Path) -> Result<Self, LayerError> {
         let file = File::open(path).map_err(LayerError::file("cannot open", path))?;
         let got = file.metadata().map_err(LayerError::file("cannot read", path))?.len();
@@ -180,7 +181,7 @@ impl Layer {
             for (place, record, number) in piece.stars().take(bright) {
                 #[allow(
                     clippy::cast_possible_truncation,
-                    reason = "numbers of stars wrap: they tell stars of one field apart"
+                    reason = "numbers of stars wrap: they distinguish stars of one field"
                 )]
                 let id = first_id.wrapping_add(place as u32);
                 out.push(star_of(id, self.index.source_id(number), &StarRecord::from_bytes(record), &frame));
@@ -267,8 +268,8 @@ impl Layer {
         Ok(())
     }
 
-    /// Reads everything: checksums, order of magnitudes, whether they and the motions are the layer's. `progress` is told the
-    /// share done, 0..1.
+    /// Reads everything: checksums, order of magnitudes, whether they and the motions are the layer's. `progress` gets
+    /// the share done, 0..1.
     ///
     /// # Errors
     /// The first thing that is wrong.

@@ -139,7 +139,7 @@ impl<'a> Rows<'a> {
         let file = File::open(path).map_err(LayerError::file("cannot read", path))?;
         let bytes = file.metadata().map_err(LayerError::file("cannot read", path))?.len();
         if !bytes.is_multiple_of(ROW_BYTES as u64) {
-            return Err(LayerError::Work { path: path.into(), why: format!("{bytes} bytes are no whole rows") });
+            return Err(LayerError::Work { path: path.into(), why: format!("{bytes} bytes are not whole rows") });
         }
         Ok(Self { path, file: BufReader::with_capacity(BUFFER_BYTES, file), left: bytes / ROW_BYTES as u64 })
     }
@@ -244,7 +244,7 @@ mod tests {
     use rand::rngs::StdRng;
     use rand::{RngExt, SeedableRng};
 
-    /// Rows, of which every tenth comes twice.
+    /// Rows; every tenth comes twice.
     fn rows(count: usize) -> Vec<u8> {
         let mut rng = StdRng::seed_from_u64(1);
         let mut bytes = Vec::new();
@@ -297,6 +297,6 @@ mod tests {
         fs::write(&path, &rows(3)[1..]).unwrap();
         let sort = RunSort { order: 8, most_rows: 10 };
         let reported = sort.each_star(&path, &mut |_, _| Ok(())).unwrap_err().to_string();
-        assert!(reported.contains("are no whole rows"), "{reported}");
+        assert!(reported.contains("are not whole rows"), "{reported}");
     }
 }

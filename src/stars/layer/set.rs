@@ -88,7 +88,7 @@ impl LayerSet {
     fn of(parts: Vec<Part>, limiting_mag: f32) -> Self {
         let mut next = 0_u64;
         let first_ids = parts.iter().map(|part| {
-            #[allow(clippy::cast_possible_truncation, reason = "numbers tell stars of one field apart: they may wrap")]
+            #[allow(clippy::cast_possible_truncation, reason = "numbers distinguish stars of one field: they may wrap")]
             let first = next as u32;
             next += part.index().stars();
             first

@@ -45,7 +45,7 @@ pub struct TakenStar {
     pub mag_g: f64,
 }
 
-/// What was found among the stars of an import.
+/// Counts of the stars of an import.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct StarCounts {
     /// Stars taken in.
@@ -134,7 +134,7 @@ impl WaitingRow {
         cdshealpix::nested::hash(order, self.ra_rad, self.dec_rad)
     }
 
-    /// What it says of the star.
+    /// Returns the star as it will be read.
     pub(super) fn taken(&self) -> TakenStar {
         let is_known = !self.motion.contains(&NO_MOTION);
         TakenStar {

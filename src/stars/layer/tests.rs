@@ -256,7 +256,7 @@ fn rows_that_no_checkpoint_knows_are_removed() {
     let mut sorting = Sorting::start(&work, &LIMITS).unwrap();
     assert_eq!(rows(&work), 0);
     sorting.add(&stars[0]).unwrap();
-    // What is left by whatever else may have failed does not keep the last step from its end.
+    // Files left behind by another failure do not keep the last step from its end.
     std::fs::write(work.join("layer7_part0000.rows"), "left over").unwrap();
     std::fs::write(work.join("progress.part"), "{").unwrap();
     let reports = sorting.finish(&folder.path().join("layers"), 2016.0, "", &mut |_| {}).unwrap();
@@ -383,7 +383,7 @@ fn a_layer_with_holes_in_the_place_of_stars_is_refused_before_memory_is_taken() 
     );
 }
 
-/// What is said of a layer whose bytes were changed, opened and read.
+/// Returns the error of a layer whose bytes were changed, opened and read.
 fn reported_of(bytes: &[u8], folder: &Path) -> Option<String> {
     let path = folder.join("damaged.starlayer");
     std::fs::write(&path, bytes).unwrap();

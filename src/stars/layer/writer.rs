@@ -37,7 +37,7 @@ pub struct LayerReport {
     pub bytes: u64,
 }
 
-/// What the head of a layer says beside its tables.
+/// Head of a layer, without its tables.
 pub struct Head<'a> {
     /// Brightest and faintest magnitude, Gaia G.
     pub magnitudes: [f32; 2],

@@ -9,13 +9,13 @@ use core::ops::Range;
 use glam::DVec3;
 use std::sync::Arc;
 
-/// Tiles of one field for which there is room from the start.
+/// Tiles of one field for which memory is reserved at the start.
 const TILES_RESERVED: usize = 16_384;
 
-/// What a field lacks.
+/// Tiles and stars missing from a field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Shortfall {
-    /// Tiles that had not been read in time.
+    /// Tiles that were not read in time.
     pub late_tiles: u64,
     /// Stars of these tiles, those too faint for the camera among them.
     pub late_stars: u64,
@@ -39,7 +39,7 @@ pub struct TileSky {
     ahead: Vec<TileId>,
     /// Slots of the field's tiles.
     slots: Vec<u32>,
-    /// What is known of the tiles of a layer.
+    /// Places of the tiles of a layer.
     places: Vec<Option<Place>>,
     /// Of each layer, stars of the tiles that were read, and those of them that were not too faint: how many stars a tile will
     /// have that has not come yet.
@@ -158,7 +158,7 @@ impl TileSky {
         if self.reader.is_some() && !self.may_fit(&self.tiles[range.clone()], places) {
             return Ok(Fit::TooMany);
         }
-        // What is in memory stays there while its neighbours are read.
+        // Tiles in memory stay there while their neighbours are read.
         for place in places {
             if let Some(Place::Held(slot)) = place {
                 self.store.want(*slot, self.field);
@@ -185,7 +185,7 @@ impl TileSky {
         Ok(Fit::Whole)
     }
 
-    /// Returns whether tiles have room beside those of the brighter layers, as far as is known: nothing is asked for in
+    /// Returns whether tiles fit beside those of the brighter layers, as far as is known: nothing is asked for in
     /// vain.
     fn may_fit(&self, tiles: &[TileId], places: &[Option<Place>]) -> bool {
         let stars = tiles.iter().zip(places).map(|(tile, place)| self.expected_stars(*tile, *place));
@@ -313,7 +313,7 @@ impl TileSky {
         &self.tiles
     }
 
-    /// What a field would lack, without asking for anything.
+    /// Returns what a field would lack, without asking for anything.
     #[cfg(test)]
     pub(super) fn what_would_be_late(&self, axis: DVec3, radius_rad: f64) -> Shortfall {
         let mut tiles = Vec::new();

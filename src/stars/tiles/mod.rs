@@ -1,6 +1,6 @@
 //! Layers + where the camera looks -> the tiles of its field, decoded, in bounded memory.
 //!
-//! * [`TileSky`] keeps decoded tiles and finds those of a field; a field may be told beforehand, so that its tiles are there
+//! * [`TileSky`] keeps decoded tiles and finds those of a field; a field may be announced, so that its tiles are there
 //!   when it comes;
 //! * `store`: the tiles in memory, the least lately used given up first;
 //! * `reader`: a thread that reads tiles ahead, so that frames in real time touch no file.

@@ -25,7 +25,7 @@ struct Asked {
     field: u64,
 }
 
-/// What became of a tile that was asked for.
+/// Result of reading a tile.
 #[derive(Debug)]
 pub(super) struct Answer {
     pub(super) tile: TileId,
@@ -74,7 +74,7 @@ impl Reader {
                 if answer.send(Answer { tile: asked.tile, stars }).is_err() {
                     break;
                 }
-                // What comes back faster than it is used again is freed here.
+                // Surplus spent blocks are freed here.
                 while spent_blocks.len() > 1 && spent_blocks.try_recv().is_ok() {}
             }
         })?;
@@ -114,7 +114,7 @@ impl Reader {
 
 impl Drop for Reader {
     fn drop(&mut self) {
-        // Without the other ends the thread finds no work and nobody to answer.
+        // Dropping the other ends of its queues makes the thread return.
         self.ends = None;
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
@@ -122,7 +122,7 @@ impl Drop for Reader {
     }
 }
 
-/// Returns the next name, those that a field lacks first; `None` when nobody asks any more.
+/// Returns the next name, those that a field lacks first; `None` when all senders are gone.
 fn next(lacking: &Receiver<Asked>, ahead: &Receiver<Asked>) -> Option<Asked> {
     match lacking.try_recv() {
         Ok(asked) => return Some(asked),

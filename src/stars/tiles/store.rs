@@ -2,7 +2,7 @@
 //!
 //! Bounded by stars and by tiles. A hand goes round the slots and gives up the first whose tile no field has wanted since
 //! the hand's last turn (the clock algorithm: nearly least lately used, in constant time, without lists). Everything is
-//! allocated when the store is made, save the blocks themselves, which come from who reads them and go back there.
+//! allocated when the store is made, except for the blocks, which come from the reader and go back there.
 
 use super::block::TileStar;
 use crate::layer::TileId;
@@ -11,7 +11,7 @@ use std::collections::HashMap;
 /// Most tiles in memory.
 pub(super) const MOST_TILES: usize = 1 << 17;
 
-/// What is known of a tile.
+/// State of a tile.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Place {
     /// It is in this slot.
@@ -55,7 +55,7 @@ impl Store {
         self.places.get(&tile).copied()
     }
 
-    /// Returns a tile that has been asked for, as lacking or ahead: false when there is no room for more names.
+    /// Records that a tile has been asked for, as lacking or ahead; returns false when the list is full.
     pub(super) fn ask(&mut self, tile: TileId, place: Place) -> bool {
         let has_space = self.places.len() < 2 * MOST_TILES || self.places.contains_key(&tile);
         if has_space {
@@ -69,7 +69,7 @@ impl Store {
         self.places.len() - (self.slots.len() - self.free.len())
     }
 
-    /// What was asked for does not come.
+    /// Forgets a tile that does not come.
     pub(super) fn forget(&mut self, tile: TileId) {
         self.places.remove(&tile);
     }
@@ -83,7 +83,7 @@ impl Store {
         self.slots[slot as usize].wanted_in = field;
     }
 
-    /// Room for all of the field's tiles is there as long as their stars and their number stay below this.
+    /// Returns whether all of the field's tiles fit: true as long as their stars and their number are below this.
     pub(super) fn has_space(&self, stars: u64, tiles: usize) -> bool {
         stars <= self.most_stars && tiles <= MOST_TILES
     }
@@ -94,8 +94,8 @@ impl Store {
         self.stars
     }
 
-    /// Takes a tile in, wanted by field number `field`, and gives up others for it through `give_up` where there is no
-    /// room; tiles that this field wants stay. Its slot; `None`, with the block given up, when there is no room at all.
+    /// Takes a tile in, wanted by field number `field`, and gives up others through `give_up` when the store is full;
+    /// tiles that this field wants stay. Returns its slot; `None`, with the block given up, when it cannot fit.
     pub(super) fn insert(
         &mut self,
         tile: TileId,

@@ -31,7 +31,7 @@ fn layers(folder: &Path, epoch_yr: f64) -> Vec<PathBuf> {
     reports.into_iter().map(|report| report.path).collect()
 }
 
-/// Returns electrons that tell magnitude and colour.
+/// Returns electrons that encode magnitude and colour.
 fn light() -> Light {
     Light::new(|mag_g, bp_rp| (f64::from(mag_g) * 1000.0 + f64::from(bp_rp), mag_g))
 }

@@ -4,10 +4,10 @@ use super::*;
 
 /// Rows of the file that is damaged.
 const ROWS: usize = 60;
-/// What reading damaged files may add to the memory of the test, MiB: pages are at most 64 MiB unpacked.
+/// Most memory that reading damaged files may add to the test, MiB: pages are at most 64 MiB unpacked.
 const MOST_MIB: u64 = 400;
 
-/// What became of a file: the error, or nothing when every row is accounted for.
+/// Returns the error of a file, or nothing when every row is accounted for.
 fn reported(path: &Path, bytes: &[u8]) -> Option<String> {
     std::fs::write(path, bytes).unwrap();
     let (done, sorting, _folder) = take(path, &Names::default());
@@ -26,7 +26,7 @@ fn reported(path: &Path, bytes: &[u8]) -> Option<String> {
     }
 }
 
-/// Returns the most memory that this program has had, MiB; nothing where the system does not tell.
+/// Returns the peak memory of this program, MiB; nothing where the system does not report it.
 fn most_memory_mib() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
