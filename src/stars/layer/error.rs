@@ -62,7 +62,8 @@ pub enum LayerError {
     },
     /// A file that takes far less of the disk than it is long.
     #[error(
-        "{path}: {bytes} bytes long, but {stored} are on the disk: it has holes where stars should be, as in a copy that \n         was cut short; import it again",
+        "{path}: {bytes} bytes long, but {stored} are on the disk: it has holes where stars should be, as in a copy that \
+         was cut short; import it again",
         path = path.display()
     )]
     Holes {
