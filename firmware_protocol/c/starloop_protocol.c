@@ -742,7 +742,7 @@ static size_t stuff(const uint8_t *plain, size_t len, uint8_t *stuffed) {
     return at;
 }
 
-/* In place; the plain length, or -1. There is no zero among the bytes. */
+/* Decodes in place; returns the plain length, or -1. The input does not contain zeros. */
 static int unstuff(uint8_t *bytes, size_t len) {
     size_t from = 0, to = 0;
     while (from < len) {
@@ -787,7 +787,7 @@ int sl_serial_read(sl_serial_decoder *decoder, uint8_t byte, sl_message *message
     int plain;
     if (byte != 0) {
         if (len < sizeof decoder->c.stuffed) decoder->c.stuffed[len] = byte;
-        if (len <= sizeof decoder->c.stuffed) decoder->c.len++; /* one more than fits stands for all that do not */
+        if (len <= sizeof decoder->c.stuffed) decoder->c.len++; /* one more than fits marks every longer packet */
         return SL_NOTHING;
     }
     decoder->c.len = 0;

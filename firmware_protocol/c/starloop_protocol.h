@@ -1,8 +1,8 @@
 /* Messages between flight firmware and the starloop star-sensor stimulator, protocol 1.4, in C99.
  *
  * No allocation, no global state, no library beyond <stdint.h>, <stddef.h> and <string.h>. INTERFACE.md gives every
- * byte. Two implementations stand behind this header: starloop_protocol.c, and the Rust crate as a static library
- * (staticlib/). Both are held to vectors.json and to each other by tests.
+ * byte. This header has two implementations: starloop_protocol.c, and the Rust crate as a static library
+ * (staticlib/). Tests compare both with vectors.json and with each other.
  *
  * Conventions: little-endian on the wire whatever the processor; quaternion body_from_icrf, Hamilton, scalar first,
  * passive (v_body = q v_icrf conj(q)); rates in body axes; time tags are spacecraft elapsed time in microseconds,
@@ -71,7 +71,7 @@ enum {
 #define SL_ERROR_RANGE (-1)       /* a value that its field cannot carry: nothing is clipped in silence */
 #define SL_ERROR_NOT_CARRIED (-2) /* classic CAN does not carry JITTER_FD: send JITTER */
 
-/* Time mark. Its end on the bus is the instant that TIME_FUP with the same counter tells. */
+/* Time mark. Its end on the bus is the instant that TIME_FUP with the same counter reports. */
 typedef struct {
     uint8_t counter;
 } sl_sync;
@@ -120,7 +120,7 @@ typedef struct {
     uint8_t frame;        /* modulo 256 */
     uint8_t attitude_seq; /* newest attitude used */
     uint32_t mid_exposure_us;
-    uint32_t age_us; /* of that attitude, in steps of 10; 655350 stands for that or more */
+    uint32_t age_us; /* of that attitude, in steps of 10; 655350 means that or more */
 } sl_exposure;
 
 #define SL_FRAME_JITTER_MISSING 1      /* jitter samples were missing when the frame was drawn */
@@ -258,7 +258,7 @@ typedef struct {
     uint16_t attitude_hz, jitter_hz; /* SL_INFO, page 1 */
     uint8_t table, rows;            /* SL_APPLY */
     uint16_t trigger;               /* SL_TRIGGER */
-    uint8_t late;                   /* SL_TRIGGER, SL_CAMERA_TRIGGER: 1 when its instant had passed: it acts at once */
+    uint8_t late;                   /* SL_TRIGGER, SL_CAMERA_TRIGGER: 1 when its instant was past on arrival: it acts at once */
     uint8_t camera_kind;            /* SL_CAMERA */
     uint8_t head;                   /* SL_CAMERA, SL_CAMERA_TRIGGER */
 } sl_response;
@@ -326,7 +326,7 @@ typedef union {
         uint8_t sequences[6];
         uint32_t scet_s; /* whole seconds of the newest SCET */
     } c;
-    uint64_t room[8]; /* what any implementation needs */
+    uint64_t space[8]; /* size and alignment for any implementation */
 } sl_can_decoder;
 
 /* 0, or SL_ERROR_RANGE for a base or node that does not exist. */
@@ -346,7 +346,7 @@ typedef union {
         uint8_t sequences[6];
         uint32_t scet_s;
     } c;
-    uint64_t room[16];
+    uint64_t space[16];
 } sl_serial_decoder;
 
 void sl_serial_decoder_init(sl_serial_decoder *decoder);

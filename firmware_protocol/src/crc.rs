@@ -107,8 +107,8 @@ mod tests {
         assert_eq!(crc16(b""), 0xFFFF);
     }
 
-    /// What each flipped bit of six bytes and the CRC behind them does to the remainder. More bytes add no kind of burst:
-    /// one further from the end is detected as one of these, shifted.
+    /// Returns the change of the remainder by each flipped bit of six bytes and of the CRC after them. More
+    /// bytes add no kind of burst: one further from the end is detected as one of these, shifted.
     fn syndromes(is_high_byte_first: bool) -> [u16; 64] {
         let (zeros, undamaged) = ([0; 6], crc16(&[0; 6]));
         core::array::from_fn(|bit| {
@@ -128,7 +128,7 @@ mod tests {
             let is_flipped = |place: &usize| pattern >> place & 1 != 0;
             bits.iter().take(16).enumerate().filter(|(place, _)| is_flipped(place)).fold(0, |sum, (_, bit)| sum ^ bit)
         };
-        // Without the bits that a burst at the end has no room for; the lowest bit of a pattern is its first.
+        // Without the bits of a burst that lie beyond the end; the lowest bit of a pattern is its first.
         let patterns_at =
             |begin: usize| (1..=u16::MAX).step_by(2).filter(move |p| 16 - p.leading_zeros() as usize <= 64 - begin);
         (0..syndromes.len())

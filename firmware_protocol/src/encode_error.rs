@@ -20,7 +20,7 @@ pub enum EncodeError {
         message: &'static str,
         /// The wire format.
         format: &'static str,
-        /// What to send instead.
+        /// The message to send instead.
         instead: &'static str,
     },
     /// The caller's buffer is shorter than one packet may be.

@@ -12,7 +12,7 @@ use crate::message::{
 use crate::tables::TableStore;
 use crate::{ATTITUDE_CONVENTION, version};
 
-/// What the answering side knows of itself and of its peer.
+/// State of the answering side: its identity, and what it knows of its peer.
 #[derive(Debug, Clone, Copy)]
 pub struct Handshake {
     dbc_crc32: u32,
@@ -25,12 +25,12 @@ pub struct Handshake {
     last: Option<(Command, Response)>,
 }
 
-/// What to send, and what has changed.
+/// The response to send, and the change.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Answer {
     /// The one response to the command.
     pub response: Response,
-    /// What this command changed now; `None` for a retry, a refusal, and what was so already.
+    /// The change made by this command; `None` for a retry, a refusal, and a state that it already was in.
     pub did: Option<Did>,
 }
 
@@ -49,7 +49,7 @@ pub enum Did {
     Camera,
 }
 
-/// Who takes in what the handshake itself does not do. It is called once per command, not for a retry.
+/// Takes in the commands that go beyond the handshake. It is called once per command, not for a retry.
 pub trait Takes {
     /// Takes a trigger in.
     ///
@@ -92,7 +92,7 @@ impl Handshake {
         Self { dbc_crc32, rates, capabilities: 0, agreed: false, peer_minor: 0, running: false, last: None }
     }
 
-    /// Returns the same with [`capability`] bits to tell; none without this.
+    /// Returns the same with [`capability`] bits to report; without this call they are zero.
     #[must_use]
     pub const fn with_capabilities(mut self, capabilities: u16) -> Self {
         self.capabilities = capabilities;
@@ -283,7 +283,7 @@ mod tests {
         let odd = Request::Trigger(Trigger { at_us: 9, ..trigger });
         assert_eq!(say(&mut with, 5, odd), (refused(Refusal::TriggerTime), None, 3));
         let answer = with.answer(&Command { token: 6, request: Request::Trigger(trigger) }, &mut TableStore::new());
-        assert_eq!(answer.response.reply, refused(Refusal::UnknownOpcode), "nobody there to take it");
+        assert_eq!(answer.response.reply, refused(Refusal::UnknownOpcode), "triggers are not implemented");
     }
 
     #[test]

@@ -35,7 +35,7 @@ pub mod crc;
 mod encode_error;
 /// The receiving side of HELLO, INFO, RUN, STOP, APPLY, TRIGGER, CAMERA and CAMERA_TRIGGER.
 pub mod handshake;
-/// What is said, whatever carries it.
+/// Messages, on any carrier.
 pub mod message;
 mod reject;
 mod scaled;
@@ -56,5 +56,5 @@ pub use sequence::REPLAY_WINDOW;
 /// The only attitude convention of this major version: Hamilton, scalar first, passive `body_from_icrf`.
 pub const ATTITUDE_CONVENTION: u8 = 1;
 
-/// CRC-32/ISO-HDLC of `dbc/starloop.dbc`, which INFO tells: both ends can see that they speak from the same file.
+/// CRC-32/ISO-HDLC of `dbc/starloop.dbc`, which INFO reports: both ends can check that they use the same file.
 pub const DBC_CRC32: u32 = crc::crc32(include_bytes!("../dbc/starloop.dbc"));

@@ -29,7 +29,7 @@ impl Scale {
         }
     }
 
-    /// Returns the value of a count; the lowest is no value.
+    /// Returns the value of a count; the lowest count is reserved.
     pub(crate) fn value(self, counts: i32) -> Result<f32, Reject> {
         if counts < -self.limit() {
             return Err(Reject::UnknownValue);

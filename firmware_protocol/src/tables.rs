@@ -4,7 +4,7 @@
 //!
 //! * [`LineRow`]: `amplitude sin(2 pi frequency SCET + phase)`;
 //! * [`PsdRow`]: Gaussian noise of this one-sided density, straight in log-log between breakpoints, nothing outside the
-//!   first and the last, nothing between two of which one is zero; the seed of APPLY names the noise;
+//!   first and the last, nothing between two when one of them is zero; the seed of APPLY names the noise;
 //! * [`HarmonicRow`]: `amplitude (|speed| / 1000 rpm)^exponent sin(harmonic angle + phase)`, where the angle of the wheel
 //!   is the integral of the speeds in WHEELS.
 //!
@@ -31,7 +31,7 @@ pub const HARMONIC_MAX: f32 = 1000.0;
 pub const EXPONENT_MAX: f32 = 4.0;
 /// Largest magnitude of a phase, rad.
 pub const PHASE_MAX_RAD: f32 = core::f32::consts::TAU;
-/// Wheels that WHEELS tells of.
+/// Wheels in a WHEELS message.
 const WHEELS: u8 = 4;
 
 /// A sine of fixed frequency.
@@ -69,7 +69,7 @@ pub struct HarmonicRow {
     pub phase_rad: f32,
 }
 
-/// A typed row, and how its values stand in the columns.
+/// A typed row, and the columns of its values.
 pub trait Row: Sized {
     /// The table of such rows.
     const TABLE: Table;
@@ -132,7 +132,7 @@ fn over_values(crc: Crc16, values: &[f32]) -> Crc16 {
     values.iter().fold(crc, |crc, value| crc.over(&value.to_le_bytes()))
 }
 
-/// What APPLY has changed.
+/// Change made by APPLY.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Applied {
     /// The table.

@@ -141,7 +141,7 @@ fn table_cells() {
     }
 }
 
-/// What APPLY carries for a table: 10 Hz, amplitudes 1, 2, 3 arcsec, phase 0.5 rad.
+/// The bytes of APPLY for a table: 10 Hz, amplitudes 1, 2, 3 arcsec, phase 0.5 rad.
 #[test]
 fn table_crc() {
     let row = LineRow { frequency_hz: 10.0, amplitude_xyz_arcsec: [1.0, 2.0, 3.0], phase_rad: 0.5 };

@@ -1,8 +1,8 @@
 //! The commands of README.md and of the guide: each one parses, and those marked `<!-- test -->` run.
 //!
 //! A command is a line that begins with `$ ` in a fenced block marked `console`; a trailing `\` continues it. It
-//! concerns this test when it calls `starloop` or `cargo run --release --`. The marker stands on the line above the
-//! fence and speaks for the whole block. Marked commands of a page run in order, in one empty folder, with `configs/` taken from
+//! is tested when it calls `starloop` or `cargo run --release --`. The marker is on the line above the
+//! fence and applies to the whole block. Marked commands of a page run in order, in one empty folder, with `configs/` taken from
 //! the repository; so a later command may read what an earlier one wrote. Blocks marked
 //! `<!-- test with --features display -->` run in a build with that feature.
 
@@ -204,9 +204,9 @@ fn commands_are_found_in_console_blocks_alone() {
 
 #[test]
 fn configs_come_from_the_repository() {
-    let root = Path::new("/house");
-    assert_eq!(from_root("configs/a.toml", root), "/house/configs/a.toml");
-    assert_eq!(from_root("--bench=configs/a.toml", root), "--bench=/house/configs/a.toml");
+    let root = Path::new("/checkout");
+    assert_eq!(from_root("configs/a.toml", root), "/checkout/configs/a.toml");
+    assert_eq!(from_root("--bench=configs/a.toml", root), "--bench=/checkout/configs/a.toml");
     assert_eq!(from_root("my_configs/a.toml", root), "my_configs/a.toml");
 }
 

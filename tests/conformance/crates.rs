@@ -12,7 +12,7 @@ type Graph = BTreeMap<String, BTreeSet<String>>;
 
 /// Crates that a run needs none of: imports, charts, studies.
 const BATCH_WORK: &[&str] = &["imports", "batch"];
-/// What the simulated far end of the cable checks, and so must not share.
+/// Crates that the simulated far end of the cable checks, and so must not share.
 const CHECKED_BY_TESTBED: &[&str] = &["sky", "plan", "image", "frames", "outputs", "run"];
 /// The only crates that speak to the graphics interface.
 const MAY_NAME_WGPU: &[&str] = &["image", "outputs"];

@@ -1,4 +1,4 @@
-//! Words that the house does not use, in `src`, `firmware_protocol` and `tests`.
+//! Words that are not allowed in names and comments of `src`, `firmware_protocol` and `tests`.
 
 use crate::source::{SourceFile, Token, files, tokens};
 
@@ -14,7 +14,7 @@ fn breaches(file: &SourceFile) -> Vec<String> {
     let at_line = |(line, what): (usize, String)| format!("{}:{line}: {what}", file.path);
     let named = is_vague(stem).then(|| format!("{}: is named `{stem}`", file.path));
     let folders = file.path.split('/').rev().skip(1).filter(|folder| is_vague(folder));
-    let folders = folders.map(|folder| format!("{}: stands in `{folder}`", file.path));
+    let folders = folders.map(|folder| format!("{}: is in `{folder}`", file.path));
     let in_text = vague_names(&tokens).chain(unfinished(&tokens)).chain(ignored_tests(&tokens)).map(at_line);
     named.into_iter().chain(folders).chain(in_text).collect()
 }

@@ -52,7 +52,7 @@ impl Exam {
         self.wanted.push((name.to_owned(), wanted));
     }
 
-    /// What was answered wrongly.
+    /// Returns the questions with wrong answers.
     pub(crate) fn failures(&self, program: &Program) -> Vec<String> {
         let answers = program.ask(&self.questions);
         let said = |(answer, (name, wanted)): (&String, &(String, String))| {
@@ -195,7 +195,7 @@ pub(crate) fn exam_of_payloads(seed: u64, inputs: usize) -> Exam {
             data.iter_mut().skip(1).take(3).for_each(|byte| *byte %= 6);
         }
         if samples.below(4) == 0 {
-            // An infinity, or a NaN, where the value of a cell and of a STATUS page stands.
+            // An infinity, or a NaN, in the place of the value of a cell and of a STATUS page.
             data.iter_mut().skip(6).take(2).for_each(|byte| *byte = 0xFF);
         }
         let frame = CanFrame::classic(id, &data).or_else(|| CanFrame::fd(id, &data)).unwrap();
@@ -253,7 +253,7 @@ fn exam_of_edges() -> Exam {
         exam.put("address", format!("encode 1 {base} {node} 8 1"), "error -1".into());
     }
     examine_restart(&mut exam);
-    // What the Rust types cannot say: illegal enumerations and counts.
+    // Illegal enumerations and counts, which the Rust types cannot express.
     for illegal in
         ["25 0 5 0 0", "25 3 13 0", "25 7 0 0", "88 9 0 0", "88 5 0 16", "88 2 0 0 2", "88 5 0 0 4", "112 4 1"]
     {

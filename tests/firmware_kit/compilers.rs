@@ -86,7 +86,7 @@ fn cortex_m4f_needs_no_double_precision_routine() {
     }
     let source = crate::kit().join("c/starloop_protocol.c");
     assert_eq!(double_routines(&source, "kit.o"), Vec::<String>::new());
-    // Negative control: one product in double precision, as the kit had them, is found.
+    // Negative control: one product in double precision, as in earlier versions of the kit, is found.
     let doubled = folder("cortex_m4f").join("doubled.c");
     std::fs::write(&doubled, "float doubled(float a);\nfloat doubled(float a) { return (float)(a * 1e-6); }\n")
         .unwrap();

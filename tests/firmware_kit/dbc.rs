@@ -105,7 +105,7 @@ fn every_spoiled_signal_is_noticed() {
     assert!(!all_differences(&dbc).is_empty(), "floats read as integers");
 }
 
-/// Returns the like [`all_differences`], of one message only and fewer samples.
+/// Returns the same as [`all_differences`], of one message only and fewer samples.
 fn all_differences_of(dbc: &Dbc, index: usize) -> Vec<String> {
     let id = raw(&dbc.messages[index].id);
     let mut samples = Samples::new(8);

@@ -84,7 +84,7 @@ fn turns_deg(turns: f64) -> f64 {
     turns * 360.0 / 4_294_967_296.0
 }
 
-/// What the signals of one frame of the message should say. A CRC is taken from the bytes: the vectors hold it.
+/// Returns the expected signals of one frame of the message. A CRC is taken from the bytes: the vectors check it.
 pub(crate) fn expected(message: &Message, frame: MessageId, data: &[u8]) -> Expected {
     match message {
         Message::Sync(sync) => vec![exact("Counter", sync.counter)],
@@ -293,7 +293,7 @@ fn reply(response: &Response) -> Expected {
             signals.extend([exact("CameraTriggeredHead", triggered.head), exact("CameraTriggeredLate", late)]);
             signals
         }
-        // A refusal has zeros where the answer would stand, and the DBC reads them as such.
+        // A refusal has zeros in the place of the answer, and the DBC reads them as such.
         Reply::Refused { opcode, reason } => {
             let mut signals = head(opcode, reason.code());
             signals.extend(match opcode {

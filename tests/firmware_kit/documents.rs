@@ -29,7 +29,7 @@ fn interface() -> String {
     crate::text("INTERFACE.md")
 }
 
-/// What the table of messages says otherwise than crate and DBC.
+/// Returns the rows of the table of messages that differ from crate and DBC.
 fn wrong_messages(text: &str) -> Vec<String> {
     let dbc = dbc();
     // The first table of section 2 has six columns, the byte tables fewer.

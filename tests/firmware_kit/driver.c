@@ -6,7 +6,7 @@
  *   frame ID FD HEX|-                     -> outcome
  *   bytes HEX|-                           -> outcomes of the packets, separated by ;
  *
- * An outcome is `message NUMBER VALUE...`, `nothing` or `rejected REASON`. Values stand in the order of the structures.
+ * An outcome is `message NUMBER VALUE...`, `nothing` or `rejected REASON`. Values are in the order of the structures.
  */
 #include <stdio.h>
 #include <stdlib.h>

@@ -39,7 +39,7 @@ pub(crate) fn agrees(sent: &Message, got: &Message) -> bool {
     bare(sent) == bare(got) && are_near
 }
 
-/// What does not hold of one vector.
+/// Returns the rules that one vector breaks.
 fn breaches(vector: &Vector) -> Vec<&'static str> {
     let mut found = Vec::new();
     let mut check = |holds: bool, what| {

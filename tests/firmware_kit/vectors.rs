@@ -25,14 +25,14 @@ pub(crate) struct Vector {
     pub(crate) serial: Vec<u8>,
 }
 
-/// Input of which the last piece is refused.
+/// Input whose last piece is refused.
 pub(crate) struct Rejected {
     pub(crate) name: String,
     pub(crate) input: Input,
     pub(crate) reason: Reject,
 }
 
-/// What a receiver gets.
+/// Input of a receiver.
 pub(crate) enum Input {
     Frames(Vec<CanFrame>),
     Serial(Vec<u8>),

@@ -143,7 +143,7 @@ def layer():
     two += struct.pack("<HB", 49151, 0) + record(15000, -32768)
     yield "whole", damaged + bytes([0]) + two
     for repairs in range(4):
-        name = ("mended", "head_mended", "tiles_mended", "as_it_is")[repairs]
+        name = ("repaired", "head_repaired", "tiles_repaired", "as_it_is")[repairs]
         changes = {"header": bytes([1, 1]) + struct.pack("<H", 24) + b"abcd", "table": bytes([1, 2]) + struct.pack("<HQ", 1, 7),
                    "record": bytes([1, 4]) + struct.pack("<H", 12) + b"zz", "length": bytes([1, 5]) + struct.pack("<HB", 9000, 3)}
         for what, change in changes.items():

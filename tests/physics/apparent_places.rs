@@ -162,7 +162,7 @@ fn earth_velocity_c(t: f64) -> [f64; 3] {
     sum(earth_au(t + half), earth_au(t - half), -1.0).map(|au| au / (2.0 * HALF_STEP_D) / LIGHT_AU_PER_DAY)
 }
 
-/// What of the computation to leave out, for the negative controls.
+/// Part of the computation to leave out, for the negative controls.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum LeaveOut {
     Nothing,

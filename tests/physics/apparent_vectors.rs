@@ -17,7 +17,7 @@ use std::sync::OnceLock;
 const VECTORS: &str = include_str!("apparent_vectors.csv");
 const DEG: f64 = core::f64::consts::PI / 180.0;
 const MAS: f64 = DEG / 3_600e3;
-/// What the module promises.
+/// Error promised by the module.
 const AGREEMENT_MAS: f64 = 1.0;
 
 struct Case {

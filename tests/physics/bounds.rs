@@ -27,7 +27,7 @@ const ANALYTIC_PIXEL: f64 = 2e-5;
 /// The same with a table: its promise, 3e-5 of the peak, on top.
 const TABLE_PIXEL: f64 = 5e-5;
 
-/// What became of some scenes.
+/// Counted results of some scenes.
 #[derive(Debug, Default)]
 struct Tally {
     accepted: usize,
@@ -63,7 +63,7 @@ impl Tally {
                 let words = scene.words();
                 let method = reported.method;
                 self.broken.push(format!(
-                    "{number} {words}, class {i} {method}: told {}, got {}",
+                    "{number} {words}, class {i} {method}: promised {}, got {}",
                     brief(&bounds),
                     brief(&got)
                 ));
@@ -191,7 +191,7 @@ fn electrons_on_the_detector_are_all_accounted_for() {
         for (name, sum) in [("cpu", draw_cpu(&plan).sum()), ("reference", draw_reference(&plan).sum())] {
             let error = (sum / wanted - 1.0).abs();
             println!("{name:9} {method:13} {:?}: {error:.1e}", plan.chosen.method);
-            assert!(error < tolerance, "{name}, {method}, {:?}: {sum} drawn, {wanted} told", plan.chosen.method);
+            assert!(error < tolerance, "{name}, {method}, {:?}: {sum} drawn, {wanted} promised", plan.chosen.method);
         }
         let without: f64 = plan.stars.iter().skip(1).map(|star| star.electrons_on_detector).sum();
         assert!((without / wanted - 1.0).abs() > tolerance, "one star less must be seen");

@@ -83,7 +83,7 @@ fn a_frame_is_the_same_by_a_wheel_and_by_its_line() {
     wheel.wheel_speeds([100.0 * core::f64::consts::PI, 0.0, 0.0, 0.0], Tai::from_ns(0)).unwrap();
     let [[reference, _], [by_wheel, by_wheel_cpu]] = [&configured, &wheel].map(frames);
     assert!(largest_difference(&reference, &by_wheel) < SAME_PATH);
-    // What a tracker measures of it, by the method the planner picks.
+    // The star as a tracker measures it, by the method the planner picks.
     let window = everything(SIZE);
     let [(flux, [x, y]), (cpu_flux, [cpu_x, cpu_y])] = [&by_wheel, &by_wheel_cpu].map(|frame| frame.moments(&window));
     assert!((x - cpu_x).hypot(y - cpu_y) < 0.002 && (flux / cpu_flux - 1.0).abs() < 1e-3, "the default budget");

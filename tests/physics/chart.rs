@@ -30,7 +30,7 @@ fn charted() -> &'static Charted {
         let charted = run(&settings, &mut |step| steps.push(step.clone())).expect("a chart");
         let total = steps[0].total;
         assert!(steps.iter().enumerate().all(|(i, step)| (step.done, step.total) == (i, total)), "{steps:?}");
-        assert_eq!(steps.len(), total, "every part is told of");
+        assert_eq!(steps.len(), total, "every part is reported");
         charted
     })
 }

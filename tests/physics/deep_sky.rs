@@ -111,7 +111,7 @@ fn layers_show_the_sky_of_the_catalog_they_were_made_of() {
 /// Seconds from field to field: fewer than tiles are read ahead for.
 const STEP_S: f64 = 1.5;
 
-/// Returns the attitude of a slew at 3 deg/s about the sensor's vertical axis, at field `i`, and the rate that is told:
+/// Returns the attitude of a slew at 3 deg/s about the sensor's vertical axis, at field `i`, and the reported rate:
 /// `turn` times the real one.
 fn slew(i: u32, turn: f64) -> (Rotation<Sensor, Icrf>, glam::DVec3) {
     let attitude = sensor_from_ra_dec_roll(84.0 * DEG, 0.0, 0.0);
@@ -151,7 +151,7 @@ fn a_slew_finds_its_tiles_there() {
     assert!(backwards.len() > 20, "control: looking the wrong way does not help: {backwards:?}");
 }
 
-/// What stars of one magnitude on a grid of pixel centres leave in frames with noise.
+/// Counts of stars of one magnitude on a grid of pixel centres, in frames with noise.
 struct Counts {
     stars: usize,
     mean_e: f64,
@@ -187,7 +187,7 @@ fn count(name: &str, mag_g: f64) -> Counts {
     let paths = layers(folder.path(), &[14.0, 22.5], pixels.iter().enumerate().map(star));
     let at = Tai::from_rfc3339(AT).unwrap();
     let sky = Sky::open(&paths, camera.limiting_mag, MEMORY_MB).unwrap();
-    // At rest at the barycentre: stars stand where they were put.
+    // At rest at the barycentre: stars are where they were put.
     let mut view = SkyView::new(&camera, ObserverTrack::new(Observer::Barycentre, at), &sky);
     let [width, height] = camera.sensor_px();
     let los = LosPath::commanded(attitude, at, camera.exposure_s);

@@ -97,7 +97,7 @@ fn binning_on_the_chip_reads_once_and_digital_sums_read_every_pixel() {
         assert!((got_mean - mean - offset).abs() < 5.0 * (variance / n).sqrt(), "{kind:?}: mean {got_mean}");
         let allowed = 5.0 * variance * (2.0 / n).sqrt() + steps;
         assert!((got_variance - variance).abs() < allowed, "{kind:?}: {got_variance} for {variance}");
-        // What the frame's header and the tracker are told.
+        // Values for the frame's header and the tracker.
         let levels = Levels::of_output(&params);
         let total_e = (got_mean - offset - levels.black_level_dn) * levels.gain_e_per_dn;
         assert!((total_e - 200.0).abs() < 1.0, "{kind:?}: {total_e} e-");

@@ -24,7 +24,7 @@ use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 use std::sync::OnceLock;
 use testbed::display_bench::{BenchTruth, DisplayBench};
 
-/// What the map may be off, display px: what is promised of a calibration.
+/// Largest error of the map, display px: the promise of a calibration.
 const PROMISED_PX: f64 = 0.02;
 const EXPOSURE_S: f64 = 0.1;
 
@@ -260,7 +260,7 @@ fn wrong_measurements_are_refused() {
     // No ramp.
     let dots: Vec<Sight> = sights.iter().filter(|s| !matches!(s.pattern, Pattern::Level(_))).cloned().collect();
     assert!(refused(plan, &dots).contains("greys with 0 and 255"), "{}", refused(plan, &dots));
-    // A dark room with the lens cap on.
+    // Nothing is seen, with the lens cap on.
     assert!(refused(plan, &[]).contains("at least 12, got 0"), "{}", refused(plan, &[]));
 }
 
@@ -336,7 +336,11 @@ fn what_the_tracker_vignettes_is_left_to_the_tracker() {
         shown * lens * own(truth.seen_at(DVec2::from(corner)).to_array())
     };
     let in_the_sky = own(truth.seen_at(DVec2::from(corner)).to_array());
-    println!("in the sky {in_the_sky:.4}, told {:.4}, not told {:.4}", seen_of(&reported), seen_of(&not_reported));
+    println!(
+        "in the sky {in_the_sky:.4}, reported {:.4}, not reported {:.4}",
+        seen_of(&reported),
+        seen_of(&not_reported)
+    );
     assert!(in_the_sky < 0.96, "it matters: {in_the_sky}");
     assert!((seen_of(&reported) / in_the_sky - 1.0).abs() < 0.005, "{} for {in_the_sky}", seen_of(&reported));
     assert!((seen_of(&not_reported) / in_the_sky - 1.0).abs() > 0.03, "taken out: the comparison can fail");
@@ -408,7 +412,7 @@ fn measurements_that_are_too_old_are_not_fitted() {
 #[test]
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "single precision and digital numbers")]
 fn a_detectors_response_makes_the_codes_of_luminances() {
-    // As a run on a display has it: so many electrons stand for 1/65535 of full.
+    // As a run on a display has it: so many electrons for 1/65535 of full.
     const E_PER_STEP: f64 = 3e4;
     let response = Nonlinearity::through(&KNOTS.map(|[l, code]| [l * 65_535.0 * E_PER_STEP, code * E_PER_STEP]));
     let pieces = response.unwrap().pieces();

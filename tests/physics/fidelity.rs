@@ -21,7 +21,7 @@ const BACKGROUND_MEAN_ERROR: f64 = 0.005;
 const BACKGROUND_SIGMA_ERROR: f64 = 0.01;
 /// Scatter of centroids against theory.
 const SCATTER_ERROR: f64 = 0.05;
-/// What statistics alone may add: false alarm 6e-5 each.
+/// Allowance for statistics: false alarm 6e-5 each.
 const STANDARD_ERRORS: f64 = 4.0;
 const SIZE: usize = 1024;
 const FRAMES: u32 = 300;
@@ -61,7 +61,7 @@ fn fidelity(drawn: (&PsfModel, DetectorParams), believed: (&PsfModel, DetectorPa
     .unwrap()
 }
 
-/// What is beyond its bound.
+/// Returns the values beyond their bounds.
 fn misses(table: &Fidelity) -> Vec<String> {
     let mut out = Vec::new();
     let mut hold = |what: &str, error: f64, most: f64, se: f64| {

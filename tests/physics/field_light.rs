@@ -1,4 +1,4 @@
-//! Light over the field: stars dimmed where they stand, stray light and sky of a whole camera, against formulae written
+//! Light over the field: stars dimmed by place, stray light and sky of a whole camera, against formulae written
 //! afresh here.
 
 use crate::scene::{camera, draw_cpu, draw_reference, instrument, los, planner_of, star};

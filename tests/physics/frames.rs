@@ -1,4 +1,4 @@
-//! Whole frames, with noise: the catalog's stars stand where an independent computation of apparent places puts them,
+//! Whole frames, with noise: the catalog's stars are where an independent computation of apparent places puts them,
 //! and the electron image holds the light that the truth table says.
 
 use crate::apparent_places::{NORTH, ORION, Pointing, Star, apparent_icrf, project};
@@ -19,7 +19,7 @@ use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 use sky::observer::{Observer, ObserverTrack};
 use stars::Sky;
 
-/// What the project promises for a 20 degree tracker, px (71 arcsec each).
+/// Promise of the project for a 20 degree tracker, px (71 arcsec each).
 const PLACE_PX: f64 = 0.02;
 /// Share of the frame's electrons that may be missing from, or too many in, the truth table.
 const ELECTRONS_REL: f64 = 1e-4;

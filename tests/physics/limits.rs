@@ -99,7 +99,7 @@ fn pixels_beside_overexposed_stars_are_inside_the_budget_or_their_error_is_named
             let plan = planner.plan(&[star(0, electrons, px)]).clone();
             let found = unsaturated_sigma(&draw_cpu(&plan), &gaussian(px, sigma_px, electrons, size));
             let reported = plan.chosen;
-            println!("sigma {sigma_px}, {electrons:.0e} e-: {found:.1e} sigma, told {:.1e}", reported.pixel_sigma);
+            println!("sigma {sigma_px}, {electrons:.0e} e-: {found:.1e} sigma, promised {:.1e}", reported.pixel_sigma);
             if reported.verdict.is_met() {
                 assert!(found <= 0.1, "sigma {sigma_px}, {electrons:e} e-: {found} sigma, {reported:?}");
             } else if found > 0.1 {

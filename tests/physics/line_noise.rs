@@ -23,7 +23,7 @@ fn columns_and_rows_have_their_offsets_and_keep_them() {
     let error = variance_error(variance(&rows), 25.0 + white / SIZE[0] as f64, SIZE[1]);
     assert!(error.abs() < STANDARD_ERRORS, "rows: off by {error}");
     assert!(variance_error(variance(&rows), 36.0, SIZE[1]).abs() > STANDARD_ERRORS, "6 e- would be seen");
-    // What two frames do not share is white, and twice the noise of one.
+    // The difference of two frames is white, with twice the noise of one.
     let change: Vec<f64> = one.iter().zip(&two).map(|(a, b)| a - b).collect();
     let error = variance_error(variance(&column_means(&change, SIZE[0])), 2.0 * white / SIZE[1] as f64, SIZE[0]);
     assert!(error.abs() < STANDARD_ERRORS, "columns changed: off by {error}");

@@ -1,4 +1,4 @@
-//! What a drawn image errs by: the CPU's image of a plan against the reference's, star by star.
+//! Measures the error of a drawn image: the CPU's image of a plan against the reference's, star by star.
 
 use crate::scene::{
     FULL_WELL_E, Picture, READ_NOISE_E, Window, centroid_error_px, draw_cpu, draw_reference, flux_error,
@@ -49,11 +49,11 @@ pub(crate) fn compare(plan: &ExposurePlan, image: &Picture, truth: &Picture) -> 
         }
     }
     let brightest_e = plan.stars.iter().map(|star| star.electrons).fold(0.0, f64::max);
-    // No pixel outside a footprint stands nearer to the star than this.
+    // No pixel outside a footprint is nearer to the star than this.
     let rim = plan.psf.pixel(plan.half_px as f64 + 0.5, 0.0);
     let slack_e = brightest_e * (F32_PIXEL * plan.psf.peak() + rim);
     for (a, b) in image.pixels.iter().zip(&truth.pixels) {
-        // What a saturated pixel holds cannot be seen.
+        // Charge beyond a saturated pixel's capacity cannot be seen.
         let error_e = ((a.min(FULL_WELL_E) - b.min(FULL_WELL_E)).abs() - slack_e).max(0.0);
         worst.pixel_sigma = worst.pixel_sigma.max(error_e / b.max(0.0).sqrt().hypot(READ_NOISE_E));
     }

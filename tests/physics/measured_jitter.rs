@@ -63,7 +63,8 @@ fn spread_px2(picture: &Picture) -> f64 {
     xx + yy - x * x - y * y
 }
 
-/// What a frame of this exposure is wider than a still one, px^2: drawn by the reference and by the automatic method.
+/// Returns how much wider a frame of this exposure is than a still one, px^2: by the reference and by the automatic
+/// method.
 fn smear_px2(record: Option<&Arc<JitterRecord>>, start_s: f64) -> [f64; 2] {
     let mut history = JitterHistory::new(HistoryLimits::default(), Span::from_ms(5));
     if let Some(record) = record {

@@ -275,7 +275,7 @@ fn wells_fill_and_numbers_clip() {
     assert!(all(full(1e5, at_two), 50_010.0), "full wells carry no shot noise");
     assert!(all(full(101.0, at_two), 61.0), "60.5 rounds up");
     assert!(all(full(100.9, at_two), 60.0), "60.45 rounds down");
-    assert!(!all(full(101.0, at_two), 60.0), "the comparison tells one DN");
+    assert!(!all(full(101.0, at_two), 60.0), "the comparison sees one DN");
     assert!(all(full(1e5, DetectorParams { bits: 12, ..at_two }), 4095.0), "the ADC ends at its bits");
     assert!(all(full(1e6, at_two), 65_535.0), "and at 16 bits does not wrap");
     // Half of a dark frame's read noise is negative: it clips at 0.

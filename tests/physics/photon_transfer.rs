@@ -10,7 +10,7 @@ use config::{Camera, Document};
 use image::detector::{DarkLaw, Detector, DetectorConditions, DetectorParams, LinePattern, Nonlinearity, RowNoise};
 use run::wiring::camera_parts::camera_params;
 
-/// What the procedure must find, relative.
+/// Required relative error of the procedure.
 const SHEET_REL: f64 = 0.01;
 /// The same for the dark current.
 const DARK_REL: f64 = 0.02;
@@ -39,7 +39,7 @@ fn sheet_by(procedure: &Procedure, params: DetectorParams, seed: u64) -> DataShe
     })
 }
 
-/// What a sheet and a file do not agree on.
+/// Returns the lines on which a sheet and a file disagree.
 fn disagreements(sheet: &DataSheet, file: &DetectorParams, exposure_s: f64) -> Vec<String> {
     let lines = sheet.compare(&Stated::of(file, exposure_s));
     assert!(lines.iter().all(|line| line.most <= if line.name == "dark current" { DARK_REL } else { SHEET_REL }));

@@ -49,8 +49,8 @@ fn errors_are_within_bounds_and_bounds_within_promises() {
 
 #[test]
 fn outside_its_domain_a_method_breaks_its_promise() {
-    // Bounds leave room, so promises break a little way outside. The upper ends of `ptrs` and `rounded-normal` are where
-    // these tests end.
+    // Bounds have a margin, so promises break a little way outside. The upper ends of `ptrs` and `rounded-normal` are
+    // where these tests end.
     let outside = [
         (Inversion, 20.1),
         (Inversion, 100.0),
@@ -70,7 +70,7 @@ fn outside_its_domain_a_method_breaks_its_promise() {
         println!("{method:15} at {lambda:9.2}: distance {found:.2e} > {promise:.2e}");
         assert!(found > promise, "{method} at {lambda}: {found:e} keeps {promise:e}");
         assert!(found <= method.error_bound(lambda), "{method} at {lambda}: the bound holds, or is 1");
-        assert!(method.error_bound(lambda) > promise, "{method} at {lambda}: the bound tells");
+        assert!(method.error_bound(lambda) > promise, "{method} at {lambda}: the bound is above it");
         assert!(!method.is_within_domain(lambda), "{method} at {lambda}: the domain refuses it");
     }
 }

@@ -12,7 +12,7 @@ use plan::optics::{RoundPsf, SpectralWeight, energy};
 use std::f64::consts::{PI, TAU};
 use std::path::{Path, PathBuf};
 
-/// What is asked of a stamp, share of the flux per pixel.
+/// Required error of a stamp, share of the flux per pixel.
 const STAMP: f64 = 1e-4;
 
 /// Returns pixels of 1 um: lengths in um are in px.
@@ -197,7 +197,7 @@ fn smoothed_chain(chain: &MtfChain, f: [f64; 2], window_px: f64) -> f64 {
 fn the_transform_of_the_drawn_star_is_the_chains_product() {
     // Samples below half the samples' own frequency less the band would alias: n = 8 holds bands to 4 cycles/px.
     const WINDOW_PX: f64 = 7.0;
-    // What Gauss-Legendre panels leave where the band's breaks fall into them.
+    // Error of Gauss-Legendre panels where the band's breaks fall into them.
     const TRANSFORM: f64 = 1e-6;
     let drawing = Drawing { oversampling: Some(8), half_px: Some(48), ..Drawing::default() };
     let stars = [("diffraction", plain(1.0, 0.0)), ("obscured", plain(0.8, 0.4)), ("all terms", all_terms())];
@@ -214,7 +214,7 @@ fn the_transform_of_the_drawn_star_is_the_chains_product() {
     assert!((back - smoothed_chain(&other, [0.5, 0.0], WINDOW_PX)).abs() > 100.0 * TRANSFORM, "another blur must show");
 }
 
-/// Returns the star by another road: `P(x, y)` as an integral over polar frequencies, one point, no grid and no period.
+/// Returns the star by another method: `P(x, y)` as an integral over polar frequencies, one point, no grid and no period.
 fn polar(chain: &MtfChain, x: f64, y: f64) -> f64 {
     let end = chain.cutoff();
     let panels = 24 + (8.0 * end * x.hypot(y)) as u32;
@@ -330,7 +330,7 @@ fn a_band_is_drawn_as_the_mean_of_its_wavelengths() {
 fn sixteen_wavelengths_represent_a_band() {
     use plan::optics::mtf::WAVELENGTHS;
     use plan::optics::{Band, Spectrum, spectral_weights};
-    /// What the number of wavelengths may change, share of the flux per pixel.
+    /// Allowed effect of the number of wavelengths, share of the flux per pixel.
     const BAND: f64 = 1e-5;
     let qe = Spectrum::share(vec![[400.0, 0.35], [550.0, 0.6], [700.0, 0.43], [850.0, 0.17], [1000.0, 0.02]]).unwrap();
     let band = Band::with_flat_transmission(0.85, qe).unwrap();

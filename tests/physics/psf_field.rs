@@ -129,7 +129,7 @@ fn bounds_hold_where_path_and_psf_both_change_over_the_field() {
             for (i, class) in plan.classes.iter().enumerate() {
                 let (reported, got) = (class.chosen, measure(&class_alone(&plan, i)));
                 println!(
-                    "{words:23} {method:13} {}: told {:.1e} px {:.1e} sigma, got {:.1e} px {:.1e} sigma, {:?}",
+                    "{words:23} {method:13} {}: promised {:.1e} px {:.1e} sigma, got {:.1e} px {:.1e} sigma, {:?}",
                     reported.method,
                     reported.centroid_px,
                     reported.pixel_sigma,
@@ -137,7 +137,7 @@ fn bounds_hold_where_path_and_psf_both_change_over_the_field() {
                     got.pixel_sigma,
                     reported.verdict
                 );
-                assert!(got.is_within(&reported), "{words}, {method}: told {reported:?}, got {got:?}");
+                assert!(got.is_within(&reported), "{words}, {method}: promised {reported:?}, got {got:?}");
                 assert!(method != "auto" || reported.verdict == Verdict::Fits, "{words}: {reported:?}");
             }
         }
@@ -160,6 +160,6 @@ fn electrons_on_the_detector_are_all_accounted_for() {
     for place in [[-0.3, 20.4], [40.2, -1.1], [63.9, 50.0], [20.0, 64.0], [31.0, 31.2]] {
         let plan = planner(SIZE, &psf, "static", los(), None).plan(&sources(&[place])).clone();
         let (reported, drawn) = (plan.electrons_on_detector(), draw_reference(&plan).sum());
-        assert!((drawn - reported).abs() < SUM * ELECTRONS, "{place:?}: {drawn} drawn, {reported} told");
+        assert!((drawn - reported).abs() < SUM * ELECTRONS, "{place:?}: {drawn} drawn, {reported} promised");
     }
 }

@@ -74,7 +74,7 @@ fn a_measured_psf_is_read_from_beside_the_camera_file() {
         assert!((psf.pixel(x, y) - wanted).abs() < 1e-4, "({x}, {y}): {} {wanted}", psf.pixel(x, y));
     }
     let aside = made_in(directory.path(), &format!("{text}\nstar_at = [27.2, 22.6]"));
-    assert!((aside.pixel(1.0, 0.0) - psf.pixel(0.0, 0.0)).abs() < 1e-4, "the star stands a pixel to the left");
+    assert!((aside.pixel(1.0, 0.0) - psf.pixel(0.0, 0.0)).abs() < 1e-4, "the star is a pixel to the left");
     write_star(&directory.path().join("bright.fits"), 0.2);
     let bright = "model = \"measured\"\nfile = \"bright.fits\"\nsamples_per_px = 4";
     let refused = camera_in(directory.path(), bright).expect_err("a background").to_string();

@@ -61,7 +61,7 @@ fn wander() -> Option<PixelPath> {
     Some(PixelPath::samples(points.iter().map(at).collect()).unwrap())
 }
 
-/// The stars are few and far apart: none stands in another's footprint.
+/// Places of the stars, so far apart that none is in another's footprint.
 const PLACES: [[f64; 2]; 4] = [[15.3, 16.6], [47.5, 14.21], [16.06, 48.44], [48.0, 47.0]];
 
 #[test]
@@ -90,7 +90,7 @@ fn methods_draw_what_the_reference_draws() {
             let places = if matches!(psf, PsfModel::Moffat(_)) { &PLACES[..1] } else { &PLACES[..] };
             let plan = planner(SIZE, &psf, method, los, path).plan(&sources(places)).clone();
             let (image, truth) = (draw_cpu(&plan), draw_reference(&plan));
-            // What a zone's kernels err by is for the planner's bound.
+            // The error of a zone's kernels is covered by the planner's bound.
             let bound = if method == "zonal-psf" { bound + plan.chosen.pixel_sigma / 10.0 } else { bound };
             let worst = peak_error(&image, &truth);
             println!("{name:8} {method:15} half {} px: largest pixel error / peak {worst:.1e}", plan.half_px);
@@ -153,18 +153,18 @@ fn tables_err_by_no_more_than_their_bounds() {
                 }
             }
             println!(
-                "{name:15} {sampling:9} told {:.1e} px {:.1e}, got {:.1e} px {:.1e}",
+                "{name:15} {sampling:9} promised {:.1e} px {:.1e}, got {:.1e} px {:.1e}",
                 reported.centroid_px, reported.peak, got[0], got[1]
             );
             assert!(
                 got[1] <= reported.peak + F32_PEAK,
-                "{name}, {sampling}: peak {:e}, told {:e}",
+                "{name}, {sampling}: peak {:e}, promised {:e}",
                 got[1],
                 reported.peak
             );
             assert!(
                 got[0] <= reported.centroid_px + F32_PX,
-                "{name}, {sampling}: {:e} px, told {:e}",
+                "{name}, {sampling}: {:e} px, promised {:e}",
                 got[0],
                 reported.centroid_px
             );
@@ -218,7 +218,7 @@ fn electrons_on_the_detector_are_all_accounted_for() {
                 let drawn = draw_reference(&plan).sum();
                 assert!(
                     (drawn - reported).abs() < tolerance * ELECTRONS,
-                    "{method} at {place:?}: {drawn} drawn, {reported} told"
+                    "{method} at {place:?}: {drawn} drawn, {reported} promised"
                 );
             }
         }

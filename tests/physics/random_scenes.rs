@@ -39,7 +39,7 @@ pub(crate) struct Scene {
     pub(crate) path: Option<PixelPath>,
     pub(crate) stars: Vec<Source>,
     pub(crate) method: &'static str,
-    /// What moves.
+    /// Kind of motion.
     kind: u32,
     sigma_px: f64,
 }

@@ -1,4 +1,4 @@
-//! What charge is read as: bent response, gain by the full well, rounding and truncation.
+//! Response of the detector to charge: bent response, gain by the full well, rounding and truncation.
 
 use crate::flats::{Flats, mean, variance};
 use crate::noise::STANDARD_ERRORS;

@@ -10,7 +10,7 @@ use plan::optics::PsfModel;
 use plan::optics::snr::{PixelNoise, Window, electrons_for_snr};
 use run::wiring::sensitivity::{Conditions, Sensitivity};
 
-/// How near a limiting magnitude of a camera file must be to the case it stands for, mag.
+/// Largest distance of a limiting magnitude of a camera file from the case that it represents, mag.
 const CASE_MAG: f64 = 0.05;
 /// How near ours must be to the formula of this file, mag.
 const SAME_MAG: f64 = 1e-3;
@@ -153,7 +153,7 @@ fn measured_snr_agrees_with_the_formula() {
         println!("SNR {asked}: measured {measured:.3} on {n} stars, {:+.2} %", 100.0 * (measured / asked - 1.0));
         assert!(allowed < 0.045 && (measured / asked - 1.0).abs() < allowed, "{asked}: {measured}");
         assert!((mean / (electrons * window.share()) - 1.0).abs() < STANDARD_ERRORS / asked / (n as f64).sqrt());
-        // The comparison can fail: without the rounding noise (or the readout's) faint stars would stand out more.
+        // The comparison can fail: without the rounding noise (or the readout's) faint stars would be clearer.
         if asked < 10.0 {
             for wrong in [PixelNoise { lsb_e: 0.0, ..pixel }, PixelNoise { read_noise_e_rms: 0.0, ..pixel }] {
                 let predicted = window.noise(&wrong).snr(electrons);

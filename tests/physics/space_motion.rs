@@ -64,8 +64,8 @@ fn places_in_2050_are_those_of_the_csv() {
     assert!(coarse_mas > 8.0, "control: steps of 0.5 mas/yr cost {coarse_mas} mas");
 }
 
-/// What neglect of a radial velocity comes to after `years`, mas: v_r parallax pm t^2 / 4.74 (perspective acceleration;
-/// Schlesinger 1917, AJ 30, 137).
+/// Returns the effect of neglecting a radial velocity after `years`, mas: v_r parallax pm t^2 / 4.74 (perspective
+/// acceleration; Schlesinger 1917, AJ 30, 137).
 fn neglect_mas(km_s: f64, parallax_mas: f64, speed_mas_yr: f64, years: f64) -> f64 {
     km_s.abs() * parallax_mas * speed_mas_yr * MAS * years * years / 4.740_47
 }

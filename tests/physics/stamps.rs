@@ -109,7 +109,7 @@ impl Case {
         (at, bend)
     }
 
-    /// Returns the path as rows: vertices stand outside the curve by `h^2 r'' / 12`, so that every piece has its arc's
+    /// Returns the path as rows: vertices are outside the curve by `h^2 r'' / 12`, so that every piece has its arc's
     /// mean.
     fn path(&self) -> Option<PixelPath> {
         let pieces = match (self.length_px, self.amplitude_px, self.freq_cycles.is_empty()) {
@@ -139,7 +139,7 @@ impl Case {
     }
 }
 
-/// What was measured on one image.
+/// Errors measured on one image.
 #[derive(Debug, Clone, Copy, Default)]
 struct Errors {
     pixel: f64,
@@ -261,7 +261,7 @@ fn committed_stamps_agree() {
 fn a_wrong_image_fails_the_comparison() {
     let cases = committed();
     for (name, (case, stamps)) in &cases {
-        // An undersampled star's centroid hardly moves with it at some phases: one phase must tell.
+        // An undersampled star's centroid hardly moves with it at some phases: one phase must be enough.
         let reported = stamps.iter().enumerate().any(|(phase, stamp)| {
             let [x, y] = case.phase(phase);
             // Across the path: along it, a smear hides the motion.

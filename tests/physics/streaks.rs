@@ -35,7 +35,7 @@ const WIDEST_TANGENT: f64 = 1.3;
 const NAMED_WITHIN: f64 = 10.0;
 /// Share of an image's light that may be in the wrong pixels: a row of dots has more than half of it.
 const NOT_DOTS: f64 = 0.3;
-/// Streaks of which the planner may say that they are over the budget though they are not, share.
+/// Largest share of streaks that the planner may report over the budget though they are not.
 const FALSE_ALARMS: f64 = 0.15;
 
 /// One exposure.
@@ -199,7 +199,7 @@ impl Streak {
             let window = star.tracker_window(&everything(SIZE));
             found.centroid_px = found.centroid_px.max(centroid_error_px(image, &sum, &window));
         }
-        // What an edge cuts off follows the place.
+        // The part cut off by an edge depends on the place.
         let rim = (0..SIZE).flat_map(|i| [sum.at(i, 0), sum.at(i, SIZE - 1), sum.at(0, i), sum.at(SIZE - 1, i)]);
         if rim.fold(0.0, f64::max) < 1e-6 * sum.sum() {
             found.flux_rel = (image.sum() / sum.sum() - 1.0).abs();
@@ -228,7 +228,7 @@ fn near(v: f64, reach_px: f64) -> core::ops::Range<usize> {
     clamp((v - reach_px).ceil())..clamp((v + reach_px).floor() + 1.0)
 }
 
-/// What became of some streaks.
+/// Counted results of some streaks.
 #[derive(Debug, Default)]
 struct Tally {
     inside: usize,

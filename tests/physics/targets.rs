@@ -37,7 +37,7 @@ fn target(path: TargetPath) -> Target {
     Target { id: FIRST_TARGET_ID, mag: f32::NAN, e_per_s, begin, end, way: TargetWay::Script(path), light: None }
 }
 
-/// A path that stands at `px` with this velocity at mid-exposure, `1 + EXPOSURE_S / 2` after it begins.
+/// Returns a path that is at `px` with this velocity at mid-exposure, `1 + EXPOSURE_S / 2` after it begins.
 fn through(px: [f64; 2], velocity_px_s: [f64; 2]) -> TargetPath {
     let since_s = 1.0 + 0.5 * EXPOSURE_S;
     let position_px = [px[0] - velocity_px_s[0] * since_s, px[1] - velocity_px_s[1] * since_s];
@@ -49,7 +49,7 @@ fn cell(d: f64) -> f64 {
     0.5 * (libm::erf((d + 0.5) * scale) - libm::erf((d - 0.5) * scale))
 }
 
-/// Returns the mean electrons of light that stands at `px(t)`, t in s after mid-exposure, from `from_s` to `to_s`; rows
+/// Returns the mean electrons of light that is at `px(t)`, t in s after mid-exposure, from `from_s` to `to_s`; rows
 /// at `y` see it `late_s(y)` later.
 fn integral(px: impl Fn(f64) -> [f64; 2], seen_s: [f64; 2], late_s: impl Fn(usize) -> f64) -> Picture {
     integral_of(px, |_| 1.0, seen_s, late_s)
@@ -183,7 +183,7 @@ fn the_camera_moves_at_the_same_instants() {
         });
         assert_drawn(what, planner.plan(&[]), &truth);
     }
-    // A camera that follows the target sees a point; what is smeared twice, once for each, is no point.
+    // A camera that follows the target sees a point; smeared twice, once for each, it would be a streak.
     let mut los = los();
     los.rate_rad_s = DVec3::new(-velocity[1] / FOCAL_PX, velocity[0] / FOCAL_PX, 0.0);
     let mut planner = planner(SIZE, &PsfModel::gaussian(SIGMA_PX), "auto", los.clone(), None);
@@ -237,7 +237,7 @@ fn rows_of_a_rolling_shutter_see_a_target_when_they_are_exposed() {
     let plan = planner.plan(&[]);
     let exact = worst(&draw_reference(plan), &truth) / LIGHT_E;
     assert!(exact < EXACT, "{exact:e}");
-    // What changes within a footprint is left out by the fast methods: the smear's ends, 0.018 px a row.
+    // Changes within a footprint are neglected by the fast methods: the smear's ends, 0.018 px a row.
     let drawn = worst(&draw_cpu(plan), &truth) / (LIGHT_E * cell(0.0) * cell(0.0));
     assert!(drawn < 5e-3, "{drawn:e}");
     let unaware = at_once(|t| [40.0 + 90.0 * t, 20.0]);
@@ -365,7 +365,7 @@ fn a_way_on_the_sky_is_its_integral_under_a_moving_camera() {
         let along = [own_to[0] - own_from[0], own_to[1] - own_from[1]];
         assert!((smear.length_px - along[0].hypot(along[1])).abs() < 1e-6, "{smear:?} {along:?}");
         assert!((smear.angle_rad - along[1].atan2(along[0])).abs() < 1e-8, "{smear:?} {along:?}");
-        // The control: without aberration it stands elsewhere.
+        // The control: without aberration it is elsewhere.
         let still = |t: f64| px_of(DVec3::from_array(PASS_KM[0]) + t * DVec3::from_array(PASS_KM[1]));
         let off = worst(&draw_cpu(plan), &at_once(still)) / (LIGHT_E * cell(0.0) * cell(0.0));
         assert!(off > 100.0 * DRAWN, "aberration goes unseen: {off:e}");

@@ -25,7 +25,7 @@ impl Decoder {
     /// Reads one frame: a message, or nothing yet.
     ///
     /// # Errors
-    /// The reason why the frame, or the group it closes or tears, is no legal message.
+    /// The reason why the frame, or the group it closes or tears, is not a legal message.
     pub fn read(&mut self, frame: &CanFrame) -> Result<Option<Message>, Reject> {
         let (id, data) = (self.ids.message(frame.id())?, frame.data());
         let message = match id {

@@ -16,8 +16,8 @@ pub struct IdMap {
 }
 
 impl IdMap {
-    /// Returns a map; `None` when the node exceeds 15, the base is no multiple of 16, or the highest identifier exceeds
-    /// 11 bits (base above 0x0F0).
+    /// Returns a map; `None` when the node exceeds 15, the base is not a multiple of 16, or the highest identifier
+    /// exceeds 11 bits (base above 0x0F0).
     #[must_use]
     pub fn new(base: u16, node: u8) -> Option<Self> {
         let node = u16::from(node);

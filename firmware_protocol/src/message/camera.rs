@@ -9,7 +9,7 @@ const BLACK_LEVEL_MAX: u32 = (1 << 24) - 1;
 /// Head of a command that is for every camera head.
 pub const ALL_HEADS: u8 = 255;
 
-/// What a camera command sets, and the unit of its value.
+/// The setting of a camera command, and the unit of its value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum CameraKind {
@@ -80,7 +80,7 @@ pub struct CameraSetting {
     pub value: u32,
 }
 
-/// What became of an accepted CAMERA: it acts from the first exposure that starts at or after its arrival.
+/// Answer to an accepted CAMERA: it acts from the first exposure that starts at or after its arrival.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct CameraSet {
     /// Number of the kind that was set.
@@ -98,12 +98,12 @@ pub struct CameraTrigger {
     pub at_us: u32,
 }
 
-/// What became of an accepted CAMERA_TRIGGER.
+/// Answer to an accepted CAMERA_TRIGGER.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct CameraTriggered {
     /// Head of the command.
     pub head: u8,
-    /// Its instant had passed when it came: it acts at once.
+    /// Its instant was past when it came: it acts at once.
     pub is_late: bool,
 }
 
@@ -115,7 +115,7 @@ impl CameraTrigger {
     }
 }
 
-/// What started an exposure.
+/// Cause of an exposure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum StartedBy {
@@ -157,7 +157,7 @@ pub struct CameraStatus {
     pub head: u8,
     /// Frame number, modulo 256: pages of one frame belong together.
     pub frame: u8,
-    /// What is said of it.
+    /// One page of its facts.
     pub page: CameraPage,
 }
 
@@ -166,7 +166,7 @@ pub struct CameraStatus {
 pub enum CameraPage {
     /// The exposure.
     Exposure {
-        /// What started it.
+        /// Its cause.
         started_by: StartedBy,
         /// Integration time.
         exposure_us: u32,

@@ -28,7 +28,7 @@ pub mod opcode {
     pub const CAMERA_TRIGGER: u8 = 8;
 }
 
-/// In the answers to TRIGGER and CAMERA_TRIGGER: the instant had passed.
+/// In the answers to TRIGGER and CAMERA_TRIGGER: the instant was past on arrival.
 const LATE_BIT: u8 = 1;
 
 /// Bits of [`Identity::capabilities`]. A 1.0 stimulator sends none.
@@ -56,11 +56,11 @@ pub mod capability {
 pub struct Command {
     /// Names this command; its response carries the same.
     pub token: u8,
-    /// What is wanted.
+    /// The request.
     pub request: Request,
 }
 
-/// What a command wants.
+/// Request of a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Request {
     /// Exchange versions.
@@ -142,7 +142,7 @@ pub enum Reply {
     },
 }
 
-/// Who answers.
+/// Identity of the answering side.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Identity {
     /// Protocol version.
@@ -162,7 +162,7 @@ pub enum Info {
     Rates(Rates),
 }
 
-/// Rates that the stimulator is sure to take; faster records are no error.
+/// Rates that the stimulator is designed for; it takes faster records too.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Rates {
     /// Attitude records per second.
@@ -193,7 +193,7 @@ pub enum Refusal {
     NoTimeYet = 8,
     /// The instant of TRIGGER is further ahead or further past than is taken.
     TriggerTime = 9,
-    /// As many triggers wait for their instants as there is room for.
+    /// The list of triggers that wait for their instants is full.
     TriggersFull = 10,
     /// No fault or event of the run waits for the number of TRIGGER. Since protocol 1.3.
     UnknownTrigger = 11,
@@ -201,7 +201,7 @@ pub enum Refusal {
     CameraRange = 12,
     /// The camera does not have what CAMERA sets, or cannot be commanded. Since protocol 1.4.
     CameraUnsupported = 13,
-    /// There is no such camera head. Since protocol 1.4.
+    /// A camera head of this number does not exist. Since protocol 1.4.
     UnknownHead = 14,
     /// As many commands wait for an exposure of the camera as it keeps. Since protocol 1.4.
     CameraFull = 15,

@@ -32,7 +32,7 @@ impl Exposure {
         Self { frame, attitude_seq, mid_exposure_us, age }
     }
 
-    /// Returns the age of the newest attitude at mid-exposure, in steps of 10 us; 655 350 us stands for that or more.
+    /// Returns the age of the newest attitude at mid-exposure, in steps of 10 us; 655 350 us means that or more.
     #[must_use]
     pub fn age_us(&self) -> u32 {
         u32::from(self.age) * AGE_LSB_US

@@ -11,13 +11,13 @@ use crate::bytes::{Reader, Writer};
 /// | 1 | protocol major version |
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Heartbeat {
-    /// What the sender is doing.
+    /// State of the sender.
     pub state: NodeState,
     /// Protocol major version of the sender.
     pub major: u8,
 }
 
-/// What a node is doing.
+/// State of a node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum NodeState {

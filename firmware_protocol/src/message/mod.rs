@@ -1,4 +1,4 @@
-//! What is said, whatever carries it. One file per family; each gives its layout byte by byte.
+//! Messages, on any carrier. One file per family; each gives its layout byte by byte.
 
 mod attitude;
 mod camera;
@@ -230,7 +230,7 @@ impl Message {
     /// Reads a payload that came in one piece.
     ///
     /// # Errors
-    /// The reason why it is no legal message.
+    /// The reason why it is not a legal message.
     pub fn from_payload(id: MessageId, bytes: &[u8]) -> Result<Self, Reject> {
         if !id.is_whole() {
             return Err(Reject::UnknownId);

@@ -27,9 +27,9 @@ pub mod frame_flag {
 pub enum StatusPage {
     /// Mode, frames and latency.
     State {
-        /// What the stimulator is doing.
+        /// State of the stimulator.
         mode: StimulatorMode,
-        /// Frames told of so far, modulo 2^16.
+        /// Frames reported so far, modulo 2^16.
         frames: u16,
         /// Epoch of the newest attitude to the frame going out.
         latency_us: u32,
@@ -80,7 +80,7 @@ pub enum PointingAngle {
     Roll = 6,
 }
 
-/// What the stimulator is doing.
+/// State of the stimulator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum StimulatorMode {

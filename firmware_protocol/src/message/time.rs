@@ -111,6 +111,6 @@ mod tests {
             assert!(back.abs_diff(ns) <= RESOLUTION_NS, "{back} for {ns}");
         }
         assert_eq!(Scet::from_ns(1_500_000_000), Scet::new(1, 1 << 23).unwrap());
-        assert_eq!(Scet::new(1, 1 << 24), None, "a whole second is no fraction");
+        assert_eq!(Scet::new(1, 1 << 24), None, "a fraction is below one second");
     }
 }

@@ -9,12 +9,12 @@ pub struct Trigger {
     pub at_us: u32,
 }
 
-/// What became of an accepted trigger.
+/// Answer to an accepted trigger.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Triggered {
     /// Which one.
     pub number: u16,
-    /// Its instant had passed when it came: it acts at once.
+    /// Its instant was past when it came: it acts at once.
     pub is_late: bool,
 }
 

@@ -56,7 +56,7 @@ impl Decoder {
     /// Reads one byte: a message when it is the delimiter of a good packet.
     ///
     /// # Errors
-    /// At the delimiter, the reason why what stands before it is no legal packet.
+    /// At the delimiter, the reason why the bytes before it are not a legal packet.
     pub fn read_byte(&mut self, byte: u8) -> Result<Option<Message>, Reject> {
         if byte == 0 {
             return self.delimited();

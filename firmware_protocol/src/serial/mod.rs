@@ -1,6 +1,6 @@
 //! Serial framing.
 //!
-//! One packet: COBS of the bytes below, then one `0x00`. Any number of `0x00` may stand between packets.
+//! One packet: COBS of the bytes below, then one `0x00`. Any number of `0x00` may come between packets.
 //!
 //! | byte | field |
 //! |---|---|

@@ -1,7 +1,7 @@
 //! The C functions. The only file with `unsafe`: pointers come from C.
 //!
-//! What every function asks of its caller is what the header says: pointers are valid for the structure or length they
-//! stand for and are not used by another thread meanwhile, decoders were initialised, and `number` of a message names
+//! Every function has the preconditions of the header: pointers are valid for the structure or length that they
+//! refer to and are not used by another thread meanwhile, decoders were initialised, and `number` of a message names
 //! the member that was written.
 
 #![allow(unsafe_code, reason = "a C interface: raw pointers and a union; each block says what it rests on")]
@@ -60,11 +60,11 @@ pub(crate) struct RawFrame {
 /// One serial packet.
 type Line = [u8; serial::ENCODED_MAX];
 
-/// `sl_can_decoder`: room for the crate's decoder.
+/// Space of `sl_can_decoder` for the crate's decoder.
 #[repr(C)]
 pub(crate) struct CanSpace([u64; 8]);
 
-/// `sl_serial_decoder`: room for the crate's decoder.
+/// Space of `sl_serial_decoder` for the crate's decoder.
 #[repr(C)]
 pub(crate) struct SerialSpace([u64; 16]);
 
@@ -248,7 +248,7 @@ unsafe extern "C" fn sl_can_encode(
 #[unsafe(no_mangle)]
 unsafe extern "C" fn sl_can_decoder_init(decoder: NonNull<CanSpace>, base: u16, node: u8) -> c_int {
     let ids = IdMap::new(base, node);
-    // SAFETY: the room is writable, large and aligned enough (asserted above); what was there is overwritten.
+    // SAFETY: the space is writable, large and aligned enough (asserted above); what was there is overwritten.
     unsafe { decoder.cast::<can::Decoder>().write(can::Decoder::new(ids.unwrap_or_default())) };
     if ids.is_some() { 0 } else { ERROR_RANGE }
 }
@@ -265,7 +265,7 @@ unsafe extern "C" fn sl_can_read(
     // SAFETY: the header asks for `len` bytes of data that were written, and no frame has more than 64.
     let data = unsafe { bytes_at(frame.data.as_ptr().cast(), len) };
     let legal = CanFrame::classic(frame.id, data).or_else(|| CanFrame::fd(frame.id, data));
-    // A length that no frame has is no message's either; 12 bytes, which no message has, stand for it.
+    // A frame of another length carries no legal message; 12 bytes, an illegal length of a message, replace it.
     let read = match legal.or_else(|| CanFrame::fd(frame.id, &[0; 12])) {
         Some(frame) => decoder.read(&frame),
         None => Err(Reject::UnknownId),
@@ -289,7 +289,7 @@ unsafe extern "C" fn sl_serial_encode(seq: &mut u8, message: &RawMessage, line: 
 
 #[unsafe(no_mangle)]
 unsafe extern "C" fn sl_serial_decoder_init(decoder: NonNull<SerialSpace>) {
-    // SAFETY: the room is writable, large and aligned enough (asserted above); what was there is overwritten.
+    // SAFETY: the space is writable, large and aligned enough (asserted above); what was there is overwritten.
     unsafe { decoder.cast::<serial::Decoder>().write(serial::Decoder::new()) };
 }
 

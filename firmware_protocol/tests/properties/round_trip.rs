@@ -1,4 +1,4 @@
-//! What is sent is what is read.
+//! Every message is read back as it was sent.
 
 use crate::samples::{attitude, classic_message, message};
 use firmware_protocol::can::{self, Format, IdMap};

@@ -15,7 +15,7 @@ impl<'a> Input<'a> {
         Self { rest: bytes }
     }
 
-    /// What has not been taken yet.
+    /// Returns the bytes not taken yet.
     #[must_use]
     pub fn rest(&self) -> &'a [u8] {
         self.rest
@@ -79,7 +79,7 @@ impl<'a> Input<'a> {
     }
 }
 
-/// What a reader with memory makes of a stream that comes in chunks of these lengths, less one, in turn.
+/// Reads a stream that comes in chunks of these lengths, less one, in turn, with one reader that keeps its state.
 ///
 /// Broken: what a chunk leaves unfinished is lost.
 pub fn read_in<R: Default, T>(

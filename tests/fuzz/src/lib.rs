@@ -1,4 +1,4 @@
-//! What the fuzz targets share: means to try the readers of `base`, `link`, `sky`, `stars`, `imports` and `outputs`.
+//! Common parts of the fuzz targets: means to try the readers of `base`, `link`, `sky`, `stars`, `imports` and `outputs`.
 //!
 //! These crates are dependencies as they are, in a workspace of their own: its compiler flags count what every branch does.
 //!
@@ -9,7 +9,7 @@
 //! | `slcan`, `socketcand` | text of clients | the same for any chunks, as an independent reading has it; no allocation |
 //! | `captures` | candump, pcapng | errors have a place, bounded memory; what was written is read, cut off it is a prefix |
 //! | `network_camera` | GVCP datagrams | one answer at most, of bounded length; a possible stream, changed by its controller alone |
-//! | `layer` | star layers | bounded memory; damage is told, or all stars are read and are the layer's; what was written is read |
+//! | `layer` | star layers | bounded memory; damage is reported, or all stars are read and are the layer's; what was written is read |
 //! | `star_lines` | CSV, Hipparcos, Tycho-2 | bounded memory; every line is a star, or counted, or the whole is an error |
 //! | `elements` | two-line elements, OMM | the object asked for, and no other passed over; states are finite and above ground |
 //! | `histories` | AEM, OEM, STK files, tables | bounded memory; times rise, attitudes are rotations; what was written is read |

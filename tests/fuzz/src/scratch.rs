@@ -22,7 +22,7 @@ pub fn path(name: &str) -> PathBuf {
 #[must_use]
 pub fn file(name: &str, bytes: &[u8]) -> PathBuf {
     let path = path(name);
-    // Not made anew: its pages are there from the input before.
+    // Not created again: its pages are there from the input before.
     let mut file = open(&path);
     file.write_all(bytes).expect("the disk takes it");
     file.set_len(bytes.len() as u64).expect("the disk takes it");

@@ -151,7 +151,7 @@ fn written(packets: &[CapturedPacket], format: CaptureFormat) -> Vec<u8> {
     bytes
 }
 
-/// What a candump log can tell of a packet: Unix time from 1970, where a leap second counts as the second after it.
+/// Returns a packet as a candump log stores it: Unix time from 1970, where a leap second counts as the second after it.
 /// Broken: microseconds only.
 fn as_candump(packet: CapturedPacket) -> CapturedPacket {
     let unix_ns = packet.at.to_unix_ns().max(0);

@@ -11,7 +11,7 @@ use std::fs;
 use std::path::Path;
 use std::sync::LazyLock;
 
-/// Where things stand in a layer, from the table of `layer/layout.rs`, written afresh.
+/// Offsets of the parts of a layer, from the table of `layer/layout.rs`, written independently.
 const CRC_AT: usize = 44;
 const FIRSTS_AT: usize = 64;
 const ORDER: u32 = 6;
@@ -46,7 +46,7 @@ fn read(bytes: &[u8]) -> Result<Vec<CatalogSource>, LayerError> {
         Ok(layer) => layer,
         Err(error) => {
             assert!(error.to_string().contains("any.starlayer"), "{error}");
-            // Broken: what is refused is no layer at all.
+            // Broken: a refused file does not begin like a layer.
             let is_none = !is_layer(&path) || control::is_broken();
             assert_eq!(matches!(error, LayerError::Magic { .. }), is_none, "{error}");
             return Err(error);
@@ -120,13 +120,13 @@ fn read_damaged(input: &mut Input<'_>) {
     if repairs_head {
         repair_head(&mut damaged);
     }
-    // What was changed in a checksum is as it was when that is mended.
+    // A changed checksum is right again after its repair.
     let is_damaged = damaged != whole;
     match read(&damaged) {
         Ok(stars) => {
             let records: usize = tiles.iter().map(|(_, count)| count).sum();
             assert!(stars.len() == records || is_damaged, "{} stars of {records}", stars.len());
-            assert!(!is_damaged || repairs_head, "damage was not told");
+            assert!(!is_damaged || repairs_head, "damage was not reported");
         }
         Err(error) => assert!(!error.to_string().is_empty()),
     }
@@ -193,7 +193,7 @@ fn change(layer: &mut Vec<u8>, input: &mut Input<'_>) {
     }
 }
 
-/// Checksums of the records that the tables tell of, as far as they are there.
+/// Writes checksums of the records listed in the tables, as far as the records are there.
 fn repair_tiles(layer: &mut [u8], tiles: &[(usize, usize)]) {
     if layer.len() < CREDITS_AT {
         return;

@@ -1,5 +1,5 @@
 //! GVCP: any datagrams of three senders -> at most one answer each, of bounded length, with the command's number; a stream
-//! that the sensor has, sent to neighbours, and changed by nobody but its controller.
+//! that the sensor has, sent to neighbours, and changed by its controller only.
 
 #![no_main]
 
@@ -15,7 +15,7 @@ const SENDERS: [SocketAddrV4; 3] = [
     SocketAddrV4::new(Ipv4Addr::new(10, 0, 0, 8), 4001),
     SocketAddrV4::new(Ipv4Addr::new(10, 0, 1, 7), 4002),
 ];
-/// Who looks on.
+/// A neighbour that observes.
 const WITNESS: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::new(10, 0, 0, 9), 4003);
 const CODES: [u16; 8] = [0x02, 0x40, 0x80, 0x82, 0x84, 0x86, 0x100, 0xC0];
 /// Places in which something happens: control, stream, features, keys.
@@ -98,7 +98,7 @@ fn datagram(input: &mut Input<'_>) -> Vec<u8> {
     [&[0x42, flags][..], &code.to_be_bytes(), &length.to_be_bytes(), &[0xAB, 0xCD], &payload].concat()
 }
 
-/// Who has control, as a neighbour reads it; `None` when nobody has, or when it may not read.
+/// Returns the controller, as a neighbour reads it; `None` without one, or when the neighbour may not read.
 fn controller(device: &mut Device, now: Tai) -> Option<SocketAddrV4> {
     let question = [&[0x42, 1, 0, 0x80, 0, 8, 0, 1][..], &0xA04_u32.to_be_bytes(), &0xA14_u32.to_be_bytes()].concat();
     let mut answer = Answer::default();
@@ -123,7 +123,7 @@ fn judge_answer(from: SocketAddrV4, datagram: &[u8], answer: &Answer) {
     let must_answer = datagram[1] & 1 != 0 && !matches!(code, 0x40 | 0x100);
     assert!(!must_answer || !reply.is_empty(), "no answer to {datagram:02X?}");
     if !reply.is_empty() {
-        assert!(datagram[1] & 1 != 0, "nobody wanted an answer");
+        assert!(datagram[1] & 1 != 0, "an answer was not wanted");
         assert_eq!(reply[2..4], code.wrapping_add(1).to_be_bytes());
         assert_eq!(usize::from(u16::from_be_bytes([reply[4], reply[5]])), reply.len() - 8);
         assert_eq!(reply[6..8], datagram[6..8]);

@@ -22,7 +22,7 @@ fuzz_target!(|bytes: &[u8]| {
     outcomes(&mut decoder, &lost);
     assert_eq!(outcomes(&mut decoder, &line(&second, 1)), [Ok(second)], "after {noise:02X?}");
 
-    // An attitude is a repeat where the noise held one; a fresh decoder cannot tell.
+    // An attitude is a repeat where the noise contained one; a fresh decoder cannot know.
     let received = outcomes(&mut decoder, &line(&record, 2));
     assert!(received == [Ok(record)] || received == [Err(Reject::ReplayedSequence)], "{received:?}");
 

@@ -184,7 +184,7 @@ fn crc_of(values: &[f32]) -> u16 {
 
 // --- the model -------------------------------------------------------------------------------------------------------
 
-/// What the two ends have agreed on and what has been uploaded, without any regard to size.
+/// Agreements of the two ends and uploaded tables, without any regard to size.
 #[derive(Default)]
 struct Model {
     has_tables: bool,
@@ -273,7 +273,7 @@ impl Model {
             }
             Request::Trigger(trigger) => {
                 self.fired += 1;
-                // Before 1.3 there was no code for it.
+                // Before 1.3 this refusal did not have a code.
                 let is_known = |reason| reason != Refusal::UnknownTrigger || self.peer_minor >= 3;
                 let known = |reason| if is_known(reason) { reason } else { Refusal::UnknownOpcode };
                 fire(trigger).map(Reply::Triggered).map_err(known)
@@ -293,7 +293,7 @@ impl Model {
         }
     }
 
-    /// Before 1.4 there was no code for it.
+    /// Returns the refusal, which did not have a code before 1.4.
     fn since_1_4(&self, reason: Refusal) -> Refusal {
         if self.peer_minor >= 4 { reason } else { Refusal::UnknownOpcode }
     }

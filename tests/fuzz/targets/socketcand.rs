@@ -37,8 +37,8 @@ fn assert_takes_no_memory(stream: &[u8]) {
 
 type Wanted<'a> = Result<Vec<&'a [u8]>, Option<SocketcandReject>>;
 
-/// What the stream should give, by splitting it at the brackets: words of commands, or refusals, by their reason where
-/// only one is right.
+/// Returns the expected results of the stream, by splitting it at the brackets: words of commands, or refusals, by their
+/// reason where only one is right.
 fn expected(stream: &[u8]) -> Vec<Wanted<'_>> {
     let mut all = Vec::new();
     let mut pieces = stream.split(|byte| *byte == b'<');
@@ -59,7 +59,7 @@ fn expected(stream: &[u8]) -> Vec<Wanted<'_>> {
     all
 }
 
-/// What stands outside of brackets is refused once, unless it is blank.
+/// Returns the refusal of text outside of brackets, which comes once unless the text is blank.
 fn between(text: &[u8]) -> Option<Wanted<'_>> {
     let is_blank = |byte: &u8| b" \t\n\r\x0C\0".contains(byte);
     (!text.iter().all(is_blank)).then_some(Err(Some(SocketcandReject::Garbage)))

@@ -118,7 +118,7 @@ fn read_packed(text: &[u8], form: u8, place: u16, change: u8) {
     let (path, mut sorting) = (scratch::file("stars.csv.gz", &packed), sorting());
     let done = gaia::import(&path, &names(form), &mut sorting, &mut |_| {});
     let got = counted(text, done, &sorting);
-    // Its head has a time and other things of which nobody makes use.
+    // Its head has a time and other fields that are not used.
     assert!(got.is_err() || got == wanted, "damage at {place} gives {got:?}, wanted {wanted:?}");
     assert!(change != 0 || got.is_ok() == wanted.is_ok(), "{got:?}, wanted {wanted:?}");
     assert!(!is_cut || got.is_err(), "cut at {place}");

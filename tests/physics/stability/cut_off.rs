@@ -46,7 +46,7 @@ fn stars_far_below_the_noise_are_left_out_and_no_pixel_lacks_more_than_reported(
     assert!((plan.cut_off.electrons - FAINT_E * faint.len() as f64).abs() < 1e-9, "{:?}", plan.cut_off);
     let lacking = lacking_e(&all, &plan);
     println!(
-        "{} stars left out: {lacking:.2e} e- lacking, told {:.2e}",
+        "{} stars left out: {lacking:.2e} e- lacking, promised {:.2e}",
         plan.cut_off.stars, plan.cut_off.most_in_pixel_e
     );
     assert!(lacking <= plan.cut_off.most_in_pixel_e, "{lacking} {:?}", plan.cut_off);
@@ -82,10 +82,13 @@ fn footprints_drop_no_more_than_reported() {
                 least = least.min(draw_cpu(&plan).sum() / ELECTRONS);
             }
             let (lost, reported) = (1.0 - least, PsfModel::gaussian(sigma_px).lost_flux(half_px));
-            println!("sigma {sigma_px}, half {half_px}: lost {lost:.1e}, told {reported:.1e}");
-            assert!(lost <= reported + F32_FLUX, "sigma {sigma_px}, half {half_px}: lost {lost:e}, told {reported:e}");
+            println!("sigma {sigma_px}, half {half_px}: lost {lost:.1e}, promised {reported:.1e}");
+            assert!(
+                lost <= reported + F32_FLUX,
+                "sigma {sigma_px}, half {half_px}: lost {lost:e}, promised {reported:e}"
+            );
             let is_tight = reported < 10.0 * F32_FLUX || lost > reported / SLACKEST;
-            assert!(is_tight, "sigma {sigma_px}, half {half_px}: lost {lost:e}, told {reported:e}");
+            assert!(is_tight, "sigma {sigma_px}, half {half_px}: lost {lost:e}, promised {reported:e}");
         }
     }
 }

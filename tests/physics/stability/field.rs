@@ -1,4 +1,4 @@
-//! What differs over the field: roll, and a rolling shutter's rows.
+//! Effects that vary over the field: roll, and a rolling shutter's rows.
 
 use crate::measure::{compare, measure};
 use crate::scene::{FOCAL_PX, draw_cpu, draw_reference, instrument, star};

@@ -1,4 +1,4 @@
-//! The degradation ladder: what a frame gives up, in order, as its time shrinks.
+//! Degradation levels: the parts that a frame gives up, in order, as its time shrinks.
 
 use crate::scene::{Dice, camera, draw_cpu, instrument, star};
 use crate::stability::motion::zigzag;
@@ -95,7 +95,7 @@ fn degradations_are_taken_in_order_as_time_shrinks() {
         kept = plan.stars.len();
         limit_ms *= SHRINK;
     }
-    assert_eq!(seen, Degradation::ALL, "every rung is worth its place");
+    assert_eq!(seen, Degradation::ALL, "every level is used");
     assert!(kept < full.stars.len() / 2, "in the end stars go: {kept}");
     assert!(kept == 0 || draw_cpu(&within(limit_ms)).sum() > 0.0, "the brightest are drawn");
 }
@@ -117,7 +117,7 @@ fn each_degradation_gives_up_what_it_says() {
             Degradation::MotionOut | Degradation::BrightStarsOnly => {
                 assert_eq!(plan.chosen.method.nodes(), 1, "{}: {}", plan.degradation, plan.chosen.method);
                 let reported = plan.chosen.centroid_px > AccuracyBudget::default().centroid_px;
-                assert!(reported, "it is told: {:?}", plan.chosen);
+                assert!(reported, "it is reported: {:?}", plan.chosen);
             }
         }
         limit_ms *= SHRINK;

@@ -1,4 +1,4 @@
-//! Tests stand where methods fail: for every method a scene inside its domain, where the measured error is under the
+//! Tests where methods fail: for every method a scene inside its domain, where the measured error is under the
 //! bound and the bound under the budget, and one outside, where the error is over the budget and the planner says so.
 
 mod cut_off;
@@ -23,7 +23,7 @@ const SIZE: usize = 64;
 /// A star's electrons.
 const ELECTRONS: f64 = 2e4;
 
-/// What is drawn, whatever the method.
+/// A scene to draw, whatever the method.
 #[derive(Debug, Clone)]
 struct Scene {
     instrument: Instrument,
@@ -87,7 +87,7 @@ fn is_over_budget(measured: &Measured) -> bool {
 
 fn announce(where_: &str, what: &str, method: &str, plan: &ExposurePlan, measured: &Measured) {
     println!(
-        "{where_:7} {what}, {method}: {} told {:.1e} px {:.1e} sigma, measured {:.1e} px {:.1e} sigma",
+        "{where_:7} {what}, {method}: {} promised {:.1e} px {:.1e} sigma, measured {:.1e} px {:.1e} sigma",
         plan.chosen.method,
         plan.chosen.centroid_px,
         plan.chosen.pixel_sigma,
@@ -102,7 +102,7 @@ fn assert_inside(what: &str, scene: &Scene, method: &str) -> ExposurePlan {
     let measured = measure(&plan);
     announce("inside", what, method, &plan, &measured);
     assert_eq!(plan.chosen.verdict, Verdict::Fits, "{what}, {method}: {:?}", plan.chosen);
-    assert!(measured.is_within(&plan.chosen), "{what}, {method}: {measured:?}, told {:?}", plan.chosen);
+    assert!(measured.is_within(&plan.chosen), "{what}, {method}: {measured:?}, promised {:?}", plan.chosen);
     assert!(!is_over_budget(&measured), "{what}, {method}: {measured:?}");
     plan
 }

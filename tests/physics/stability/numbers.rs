@@ -20,7 +20,7 @@ use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 const WIDE_PX: usize = 8192;
 /// Single precision about the star's own pixel: rounding of 25 pixels of 1e-7 each.
 const LOCAL_F32_PX: f64 = 1e-6;
-/// Displacements at nodes are single precision of a few px, told as part of every bound.
+/// Displacements at nodes are single precision of a few px, included in every bound.
 const NODES_F32_PX: f64 = 5e-6;
 /// Sum of a whole frame in single precision, and what footprints drop (5 % of the flux budget).
 const SUM_REL: f64 = 1e-4;
@@ -145,7 +145,7 @@ fn three_hundred_thousand_stars_are_all_accounted_for() {
     let plan = planner.plan(&stars);
     let image = draw_cpu(plan);
     let (drawn, reported) = (image.sum(), plan.electrons_on_detector());
-    println!("{} stars by {}: {drawn:.6e} e- drawn, {reported:.6e} told", plan.stars.len(), plan.chosen.method);
+    println!("{} stars by {}: {drawn:.6e} e- drawn, {reported:.6e} promised", plan.stars.len(), plan.chosen.method);
     assert!(plan.stars.len() + plan.cut_off.stars > 290_000, "they are there");
     assert!((drawn / reported - 1.0).abs() < SUM_REL, "{drawn} {reported}");
     assert!(is_finite(&image));

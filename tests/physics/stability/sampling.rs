@@ -10,7 +10,7 @@ use plan::exposure::{Instrument, PsfSampling};
 
 /// Widths of the PSF, px.
 const SIGMAS: [f64; 4] = [0.3, 0.5, 0.8, 1.2];
-/// Fractions of a pixel at which a star stands.
+/// Places of a star within a pixel.
 const PHASES: [[f64; 2]; 8] =
     [[0.0, 0.0], [0.25, 0.0], [0.13, -0.37], [0.37, 0.31], [-0.29, 0.44], [0.06, 0.19], [0.49, -0.21], [0.44, 0.44]];
 /// Single precision: 25 pixels, and a table's coefficients (1e-7 each, filtered).
@@ -68,7 +68,7 @@ fn errors_stay_within_the_bounds_of_each_sampling() {
             let psf = scene(sigma_px, sampling, [0.0; 2]).instrument.psf;
             let reported = sampling_error(&psf, sampling);
             let line = format!(
-                "{sampling:15} sigma {sigma_px}: told {:.1e} px {:.1e} peak, got {:.1e} px {:.1e} peak, {verdict:?}",
+                "{sampling:15} sigma {sigma_px}: promised {:.1e} px {:.1e} peak, got {:.1e} px {:.1e} peak, {verdict:?}",
                 reported.centroid_px, reported.peak, got.centroid_px, got.peak
             );
             println!("{line}");

@@ -113,7 +113,7 @@ fn steps_of_the_local_clock_are_followed() {
         assert!(found_ns < 6e6 && found_ns < 1e6 * step_ms.abs() as f64, "{step_ms} ms: {found_ns} ns");
         feed(&mut bench, &mut clock, now_s + 0.1 * f64::from(marks_until_found), 100);
         assert!(error_ns(&clock, &bench).abs() < 10_000.0, "{step_ms} ms, later: {} ns", error_ns(&clock, &bench));
-        // The mark that began anew may have been late itself; then the line comes down again.
+        // The mark of the restart may have been late itself; then the line comes down again.
         assert!(
             (1..=3).contains(&(clock.steps() + clock.shifts())),
             "{step_ms} ms: {}, {}",

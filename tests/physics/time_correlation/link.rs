@@ -124,7 +124,7 @@ impl Bench {
     }
 }
 
-/// What the receiver reads of a SCET that the sender cut to 2^-24 s.
+/// Returns a SCET as the receiver reads it after the sender cut it to 2^-24 s.
 pub(super) fn as_on_the_wire(remote_ns: i64) -> i64 {
     received_ns(scet(remote_ns))
 }

@@ -19,7 +19,7 @@ fn pulses_take_over_and_show_the_bus_delay() {
     let (mut errors, mut without_errors) = (Vec::new(), Vec::new());
     for seed in 0..5 {
         let mut bench = Bench::new(seed, QUIET, Link::USUAL);
-        // Nobody has calibrated the bus.
+        // The bus is not calibrated.
         let mut clock = RemoteClock::new(RemoteClockLimits::default());
         let mut marks_only = clock.clone();
         for i in 0..2000_u32 {
