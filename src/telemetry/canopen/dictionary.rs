@@ -1,0 +1,218 @@
+//! The object dictionary of the CANopen star tracker: its objects, their types, and which of them can be written.
+//!
+//! One table, from which the device answers and the EDS file is written.
+
+/// Types of CiA 301, by their numbers in a dictionary.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u16)]
+pub enum Type {
+    /// Signed, 16 bits.
+    I16 = 0x03,
+    /// Unsigned, 8 bits.
+    U8 = 0x05,
+    /// Unsigned, 16 bits.
+    U16 = 0x06,
+    /// Unsigned, 32 bits.
+    U32 = 0x07,
+    /// IEEE 754, 32 bits.
+    F32 = 0x08,
+}
+
+impl Type {
+    /// Its bytes.
+    #[must_use]
+    pub fn bytes(self) -> u8 {
+        match self {
+            Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::U32 | Self::F32 => 4,
+        }
+    }
+}
+
+/// Ways to use an object.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Access {
+    /// Read.
+    ReadOnly,
+    /// Read; never changes.
+    Constant,
+    /// Read and write.
+    ReadWrite,
+    /// Write.
+    WriteOnly,
+}
+
+impl Access {
+    /// Its word in EDS files.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::ReadOnly => "ro",
+            Self::Constant => "const",
+            Self::ReadWrite => "rw",
+            Self::WriteOnly => "wo",
+        }
+    }
+}
+
+/// One entry.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Entry {
+    /// Index.
+    pub index: u16,
+    /// Sub-index.
+    pub sub: u8,
+    /// Name of the object, and of its part where it has several.
+    pub names: [&'static str; 2],
+    /// Type.
+    pub kind: Type,
+    /// Access.
+    pub access: Access,
+    /// Value at the start as an EDS file has it; empty for what has none.
+    pub at_start: &'static str,
+    /// It is in a transmit PDO.
+    pub is_mapped: bool,
+}
+
+const fn entry(at: (u16, u8), names: [&'static str; 2], kind: Type, access: Access, at_start: &'static str) -> Entry {
+    Entry { index: at.0, sub: at.1, names, kind, access, at_start, is_mapped: false }
+}
+
+const fn mapped(at: (u16, u8), names: [&'static str; 2], kind: Type, access: Access) -> Entry {
+    Entry { index: at.0, sub: at.1, names, kind, access, at_start: "", is_mapped: true }
+}
+
+use Access::{Constant, ReadOnly, ReadWrite, WriteOnly};
+use Type::{F32, I16, U8, U16, U32};
+
+/// Profile and state.
+pub const STATE: u16 = 0x4000;
+/// Attitude, where OreSat has it.
+pub const ATTITUDE: u16 = 0x4002;
+/// Rates.
+pub const RATE: u16 = 0x4003;
+/// Stars used.
+pub const STARS: u16 = 0x4004;
+/// Exposure.
+pub const EXPOSURE: u16 = 0x4005;
+/// Frame.
+pub const FRAME: u16 = 0x4006;
+/// Reset.
+pub const RESET: u16 = 0x4007;
+/// Temperature.
+pub const TEMPERATURE: u16 = 0x4008;
+/// Heartbeat.
+pub const HEARTBEAT: u16 = 0x1017;
+/// First of the communication parameters of transmit PDOs.
+pub const TPDO: u16 = 0x1800;
+/// First of their mappings.
+pub const MAPPING: u16 = 0x1A00;
+/// Error register.
+pub const ERROR_REGISTER: u16 = 0x1001;
+
+/// Mapped objects of each transmit PDO: index, sub-index.
+pub const MAPPED: [&[(u16, u8)]; 4] = [
+    &[(STATE, 0), (ATTITUDE, 6), (STARS, 0), (ATTITUDE, 4)],
+    &[(ATTITUDE, 5), (ATTITUDE, 1)],
+    &[(ATTITUDE, 2), (ATTITUDE, 3)],
+    &[(RATE, 1), (RATE, 2), (RATE, 3), (FRAME, 0)],
+];
+
+const ATTITUDE_NAME: &str = "Attitude";
+const RATE_NAME: &str = "Rate";
+const IDENTITY: &str = "Identity object";
+
+/// All entries but those of the PDOs.
+pub const ENTRIES: [Entry; 30] = [
+    entry((0x1000, 0), ["Device type", ""], U32, Constant, "0x0"),
+    entry((ERROR_REGISTER, 0), ["Error register", ""], U8, ReadOnly, "0x0"),
+    entry((0x1005, 0), ["COB-ID SYNC", ""], U32, Constant, "0x80"),
+    entry((0x1014, 0), ["COB-ID EMCY", ""], U32, ReadOnly, "$NODEID+0x80"),
+    entry((HEARTBEAT, 0), ["Producer heartbeat time", ""], U16, ReadWrite, "1000"),
+    entry((0x1018, 0), [IDENTITY, "Number of entries"], U8, Constant, "4"),
+    entry((0x1018, 1), [IDENTITY, "Vendor-ID"], U32, Constant, "0x0"),
+    entry((0x1018, 2), [IDENTITY, "Product code"], U32, Constant, "0x1"),
+    entry((0x1018, 3), [IDENTITY, "Revision number"], U32, Constant, "0x1"),
+    entry((0x1018, 4), [IDENTITY, "Serial number"], U32, Constant, "0x0"),
+    entry((0x1200, 0), ["SDO server parameter", "Number of entries"], U8, Constant, "2"),
+    entry((0x1200, 1), ["SDO server parameter", "COB-ID client to server"], U32, ReadOnly, "$NODEID+0x600"),
+    entry((0x1200, 2), ["SDO server parameter", "COB-ID server to client"], U32, ReadOnly, "$NODEID+0x580"),
+    mapped((STATE, 0), ["State", ""], U8, ReadWrite),
+    entry((ATTITUDE, 0), [ATTITUDE_NAME, "Number of entries"], U8, Constant, "6"),
+    mapped((ATTITUDE, 1), [ATTITUDE_NAME, "i"], F32, ReadOnly),
+    mapped((ATTITUDE, 2), [ATTITUDE_NAME, "j"], F32, ReadOnly),
+    mapped((ATTITUDE, 3), [ATTITUDE_NAME, "k"], F32, ReadOnly),
+    mapped((ATTITUDE, 4), [ATTITUDE_NAME, "Milliseconds of the UTC day at mid-exposure"], U32, ReadOnly),
+    mapped((ATTITUDE, 5), [ATTITUDE_NAME, "Real part"], F32, ReadOnly),
+    mapped((ATTITUDE, 6), [ATTITUDE_NAME, "Known"], U8, ReadOnly),
+    entry((RATE, 0), [RATE_NAME, "Number of entries"], U8, Constant, "3"),
+    mapped((RATE, 1), [RATE_NAME, "About x, arcsec/s"], I16, ReadOnly),
+    mapped((RATE, 2), [RATE_NAME, "About y, arcsec/s"], I16, ReadOnly),
+    mapped((RATE, 3), [RATE_NAME, "About z, arcsec/s"], I16, ReadOnly),
+    mapped((STARS, 0), ["Stars used", ""], U16, ReadOnly),
+    entry((EXPOSURE, 0), ["Exposure, us", ""], U32, ReadWrite, ""),
+    mapped((FRAME, 0), ["Frame, low 16 bits", ""], U16, ReadOnly),
+    entry((RESET, 0), ["Reset: write 1", ""], U8, WriteOnly, ""),
+    entry((TEMPERATURE, 0), ["Temperature, degrees Celsius", ""], F32, ReadOnly, ""),
+];
+
+/// Returns an entry of the table or of the PDOs.
+#[must_use]
+pub fn find(index: u16, sub: u8) -> Option<Entry> {
+    let known = ENTRIES.iter().find(|entry| (entry.index, entry.sub) == (index, sub)).copied();
+    known.or_else(|| pdo_entries().into_iter().find(|entry| (entry.index, entry.sub) == (index, sub)))
+}
+
+/// Returns true when there is an object of this index, whatever its sub-index.
+#[must_use]
+pub fn has_index(index: u16) -> bool {
+    find(index, 0).is_some()
+}
+
+/// Entries of the communication parameters and mappings of the transmit PDOs.
+#[must_use]
+pub fn pdo_entries() -> Vec<Entry> {
+    const COMMUNICATION: [&str; 4] = ["TPDO1 parameter", "TPDO2 parameter", "TPDO3 parameter", "TPDO4 parameter"];
+    const OF_MAPPING: [&str; 4] = ["TPDO1 mapping", "TPDO2 mapping", "TPDO3 mapping", "TPDO4 mapping"];
+    const COB: [&str; 4] = ["$NODEID+0x180", "$NODEID+0x280", "$NODEID+0x380", "$NODEID+0x480"];
+    const PARTS: [&str; 4] = ["Mapped object 1", "Mapped object 2", "Mapped object 3", "Mapped object 4"];
+    let mut entries = Vec::new();
+    for (pdo, objects) in (0_u16..).zip(MAPPED) {
+        let place = usize::from(pdo);
+        let (about, of) = ((TPDO + pdo, COMMUNICATION[place]), (MAPPING + pdo, OF_MAPPING[place]));
+        entries.push(entry((about.0, 0), [about.1, "Number of entries"], U8, Constant, "2"));
+        entries.push(entry((about.0, 1), [about.1, "COB-ID"], U32, ReadOnly, COB[place]));
+        entries.push(entry((about.0, 2), [about.1, "Transmission type"], U8, ReadWrite, "255"));
+        let count = if objects.len() == 4 { "4" } else { "2" };
+        entries.push(entry((of.0, 0), [of.1, "Number of entries"], U8, Constant, count));
+        for (sub, _) in (1_u8..).zip(objects) {
+            entries.push(entry((of.0, sub), [of.1, PARTS[usize::from(sub) - 1]], U32, Constant, ""));
+        }
+    }
+    entries
+}
+
+/// Returns the word of a mapping: index, sub-index, bits.
+#[must_use]
+pub fn mapping_word(pdo: usize, place: usize) -> Option<u32> {
+    let (index, sub) = *MAPPED.get(pdo)?.get(place)?;
+    let bits = u32::from(find(index, sub)?.kind.bytes()) * 8;
+    Some(u32::from(index) << 16 | u32::from(sub) << 8 | bits)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_mapped_object_is_there_and_each_pdo_is_full() {
+        for objects in MAPPED {
+            let bytes: u8 = objects.iter().map(|(index, sub)| find(*index, *sub).unwrap().kind.bytes()).sum();
+            assert_eq!(bytes, 8);
+            assert!(objects.iter().all(|(index, sub)| find(*index, *sub).unwrap().is_mapped));
+        }
+        assert_eq!(mapping_word(1, 0), Some(0x4002_0520));
+        assert!(find(0x4002, 7).is_none() && has_index(0x4002) && !has_index(0x5000));
+    }
+}

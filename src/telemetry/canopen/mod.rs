@@ -1,0 +1,353 @@
+//! A CANopen star tracker: boot-up, heartbeat, NMT, four transmit PDOs, expedited SDO, SYNC, EMCY.
+//!
+//! Source: CiA 301 as its public summaries have it; the objects of the attitude are at the numbers of OreSat's star tracker
+//! (0x4000, 0x4002). Little-endian, classic frames, 11-bit identifiers of the predefined connection set. PDO1: state, known,
+//! stars, milliseconds of the UTC day at mid-exposure; PDO2: real part, i; PDO3: j, k (f32); PDO4: rates in arcsec/s (i16),
+//! frame. PDOs go out with each report (type 254 or 255) or with every n-th SYNC (1 to 240), while the node is operational.
+//! EMCY FF01 reports that the attitude was lost, 0000 that it is known again. The dictionary is in [`dictionary`], its EDS file
+//! in [`eds`].
+//!
+//! Left out: segmented and block SDO, RPDO, time stamp, node guarding, LSS, changes of mappings and of identifiers.
+
+pub mod dictionary;
+pub mod eds;
+pub mod sdo;
+
+use crate::quaternion::Continuity;
+use crate::{Answered, Device, Limits, Mode, Order, Report, Sense, Wire};
+use base::time::{Span, Tai};
+use base::units::ARCSEC;
+use dictionary::{
+    ATTITUDE, ERROR_REGISTER, EXPOSURE, Entry, FRAME, HEARTBEAT, MAPPED, MAPPING, RATE, RESET, STARS, STATE,
+    TEMPERATURE, TPDO, find,
+};
+use firmware_protocol::can::CanFrame;
+use sdo::{Abort, Request};
+
+/// Node numbers of the predefined connection set.
+pub const NODES: core::ops::RangeInclusive<u8> = 1..=127;
+/// The first node number none of whose identifiers starloop's own messages have, at base 0.
+pub const FIRST_FREE_NODE: u8 = 96;
+
+const NMT: u16 = 0x000;
+const SYNC: u16 = 0x080;
+const EMCY: u16 = 0x080;
+const TPDO_IDS: [u16; 4] = [0x180, 0x280, 0x380, 0x480];
+const SDO_ANSWER: u16 = 0x580;
+const SDO_REQUEST: u16 = 0x600;
+const ERROR_CONTROL: u16 = 0x700;
+const STANDBY: u8 = 2;
+const STAR_TRACK: u8 = 4;
+const ATTITUDE_LOST: u16 = 0xFF01;
+/// Generic and manufacturer-specific error.
+const ERROR_BITS: u8 = 0x81;
+const MS_PER_DAY: i64 = 86_400_000;
+
+/// States of a node.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Nmt {
+    Stopped,
+    Operational,
+    PreOperational,
+}
+
+impl Nmt {
+    fn code(self) -> u8 {
+        match self {
+            Self::Stopped => 4,
+            Self::Operational => 5,
+            Self::PreOperational => 0x7F,
+        }
+    }
+}
+
+/// A CANopen star tracker.
+#[derive(Debug)]
+pub struct CanOpenDevice {
+    node: u8,
+    starts_operational: bool,
+    sense: Sense,
+    limits: Limits,
+    nmt: Nmt,
+    heartbeat_ms: u16,
+    heartbeat_ms_at_start: u16,
+    next_heartbeat: Option<Tai>,
+    types: [u8; 4],
+    syncs: [u8; 4],
+    state: u8,
+    exposure_us: u32,
+    error_register: u8,
+    continuity: Continuity,
+    newest: Option<Report>,
+    answered: Answered,
+}
+
+/// How a node begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NodeParams {
+    /// Number, 1 to 127.
+    pub node: u8,
+    /// Milliseconds from one heartbeat to the next; 0 for none.
+    pub heartbeat_ms: u16,
+    /// It is operational without being started by a master.
+    pub starts_operational: bool,
+}
+
+impl CanOpenDevice {
+    /// Returns a node that has not been switched on; `exposure_s` is its camera's.
+    #[must_use]
+    #[allow(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "saturates; exposures are shorter than an hour"
+    )]
+    pub fn new(params: NodeParams, sense: Sense, limits: Limits, exposure_s: f64) -> Self {
+        let NodeParams { node, heartbeat_ms, starts_operational } = params;
+        Self {
+            node,
+            starts_operational,
+            sense,
+            limits,
+            nmt: Nmt::PreOperational,
+            heartbeat_ms,
+            heartbeat_ms_at_start: heartbeat_ms,
+            next_heartbeat: None,
+            types: [255; 4],
+            syncs: [0; 4],
+            state: STAR_TRACK,
+            exposure_us: (exposure_s * 1e6).round() as u32,
+            error_register: 0,
+            continuity: Continuity::default(),
+            newest: None,
+            answered: Answered::default(),
+        }
+    }
+
+    fn send(&self, id: u16, data: &[u8], out: &mut Vec<Wire>) {
+        out.extend(CanFrame::classic(id, data).map(Wire::Can));
+    }
+
+    fn boot(&mut self, now: Tai, out: &mut Vec<Wire>) {
+        self.send(ERROR_CONTROL + u16::from(self.node), &[0], out);
+        self.nmt = if self.starts_operational { Nmt::Operational } else { Nmt::PreOperational };
+        self.types = [255; 4];
+        self.syncs = [0; 4];
+        self.heartbeat_ms = self.heartbeat_ms_at_start;
+        self.schedule(now);
+    }
+
+    fn schedule(&mut self, from: Tai) {
+        let period = Span::from_ms(i64::from(self.heartbeat_ms));
+        self.next_heartbeat = (self.heartbeat_ms > 0).then(|| from + period);
+    }
+
+    fn obey_nmt(&mut self, data: &[u8], now: Tai, out: &mut Vec<Wire>, orders: &mut Vec<Order>) {
+        let [command, node] = data else { return self.answered.refused += 1 };
+        if *node != 0 && *node != self.node {
+            return;
+        }
+        match command {
+            1 => self.nmt = Nmt::Operational,
+            2 => self.nmt = Nmt::Stopped,
+            128 => self.nmt = Nmt::PreOperational,
+            129 => {
+                orders.push(Order::Reset);
+                self.state = STAR_TRACK;
+                self.boot(now, out);
+            }
+            130 => self.boot(now, out),
+            _unknown => return self.answered.refused += 1,
+        }
+        self.answered.commands += 1;
+    }
+
+    fn sync(&mut self, out: &mut Vec<Wire>) {
+        if self.nmt != Nmt::Operational {
+            return;
+        }
+        for pdo in 0..4 {
+            if !(1..=240).contains(&self.types[pdo]) {
+                continue;
+            }
+            self.syncs[pdo] += 1;
+            if self.syncs[pdo] >= self.types[pdo] {
+                self.syncs[pdo] = 0;
+                self.send_pdo(pdo, out);
+            }
+        }
+    }
+
+    fn send_pdo(&self, pdo: usize, out: &mut Vec<Wire>) {
+        let mut data = Vec::with_capacity(8);
+        for (index, sub) in MAPPED[pdo] {
+            if let Some(entry) = find(*index, *sub) {
+                data.extend(self.value(&entry).iter().take(usize::from(entry.kind.bytes())));
+            }
+        }
+        self.send(TPDO_IDS[pdo] + u16::from(self.node), &data, out);
+    }
+
+    /// Value of an entry, little-endian, padded with zeros.
+    fn value(&self, entry: &Entry) -> [u8; 4] {
+        let report = self.newest;
+        let q = report.and_then(|report| report.attitude_wxyz).map_or([0.0; 4], |q| self.sense.of(q));
+        let rate = report.and_then(|report| report.rate_rad_s).unwrap_or([0.0; 3]);
+        let node = u32::from(self.node);
+        let pdo = usize::from(entry.index & 3);
+        match (entry.index, entry.sub) {
+            (ERROR_REGISTER, _) => u32::from(self.error_register).to_le_bytes(),
+            (0x1005, _) => u32::from(SYNC).to_le_bytes(),
+            (0x1014, _) => (u32::from(EMCY) + node).to_le_bytes(),
+            (HEARTBEAT, _) => u32::from(self.heartbeat_ms).to_le_bytes(),
+            (0x1018, 0) => 4_u32.to_le_bytes(),
+            (0x1018, 2 | 3) => 1_u32.to_le_bytes(),
+            (0x1200, 0) | (0x1800..=0x1803, 0) => 2_u32.to_le_bytes(),
+            (0x1200, 1) => (u32::from(SDO_REQUEST) + node).to_le_bytes(),
+            (0x1200, _) => (u32::from(SDO_ANSWER) + node).to_le_bytes(),
+            (0x1800..=0x1803, 1) => (u32::from(TPDO_IDS[pdo]) + node).to_le_bytes(),
+            (0x1800..=0x1803, _) => u32::from(self.types[pdo]).to_le_bytes(),
+            (0x1A00..=0x1A03, 0) => u32::try_from(MAPPED[pdo].len()).unwrap_or(0).to_le_bytes(),
+            (0x1A00..=0x1A03, sub) => dictionary::mapping_word(pdo, usize::from(sub) - 1).unwrap_or(0).to_le_bytes(),
+            (STATE, _) => u32::from(self.state).to_le_bytes(),
+            (ATTITUDE, 0) => 6_u32.to_le_bytes(),
+            (ATTITUDE, sub @ 1..=3) => single(q[usize::from(sub)]),
+            (ATTITUDE, 4) => report.map_or(0, |report| ms_of_day(report.time_tag)).to_le_bytes(),
+            (ATTITUDE, 5) => single(q[0]),
+            (ATTITUDE, _) => u32::from(report.is_some_and(|report| report.attitude_wxyz.is_some())).to_le_bytes(),
+            (RATE, 0) => 3_u32.to_le_bytes(),
+            (RATE, sub) => arcsec_s(rate[usize::from(sub.clamp(1, 3)) - 1]),
+            (STARS, _) => report.map_or(0, |report| u32::from(report.stars)).to_le_bytes(),
+            (EXPOSURE, _) => self.exposure_us.to_le_bytes(),
+            (FRAME, _) => (report.map_or(0, |report| report.frame) & 0xFFFF).to_le_bytes(),
+            (TEMPERATURE, _) => single(report.map_or(0.0, |report| report.temperature_c)),
+            _zero => [0; 4],
+        }
+    }
+
+    fn write(&mut self, entry: &Entry, value: [u8; 4], now: Tai, orders: &mut Vec<Order>) -> Result<(), Abort> {
+        let [a, b, ..] = value;
+        match entry.index {
+            HEARTBEAT => {
+                self.heartbeat_ms = u16::from_le_bytes([a, b]);
+                self.schedule(now);
+            }
+            STATE => {
+                let order = match a {
+                    STANDBY => Order::Pause,
+                    STAR_TRACK => Order::Operate,
+                    _other => return Err(Abort::BadValue),
+                };
+                self.state = a;
+                orders.push(order);
+            }
+            EXPOSURE => {
+                let us = u32::from_le_bytes(value);
+                if self.limits.exposure_s.is_none() {
+                    return Err(Abort::NotNow);
+                }
+                orders.push(self.limits.exposure(f64::from(us) * 1e-6).ok_or(Abort::BadValue)?);
+                self.exposure_us = us;
+            }
+            RESET => orders.push(if a == 1 { Order::Reset } else { return Err(Abort::BadValue) }),
+            // Its index is that of a transmit PDO, since nothing else can be written.
+            TPDO..MAPPING => {
+                if (241..=253).contains(&a) || a == 0 {
+                    return Err(Abort::BadValue);
+                }
+                let pdo = usize::from(entry.index & 3);
+                (self.types[pdo], self.syncs[pdo]) = (a, 0);
+            }
+            _only_read => return Err(Abort::ReadOnly),
+        }
+        Ok(())
+    }
+
+    fn transfer(&mut self, data: [u8; 8], now: Tai, out: &mut Vec<Wire>, orders: &mut Vec<Order>) {
+        let done = sdo::read(data).and_then(|request| match request {
+            Request::Read(entry) => Ok(Some(sdo::value(&entry, self.value(&entry)))),
+            Request::Write(entry, value) => self.write(&entry, value, now, orders).map(|()| Some(sdo::written(&entry))),
+            Request::Abort => Ok(None),
+        });
+        match done {
+            Ok(_) => self.answered.commands += 1,
+            Err(_) => self.answered.refused += 1,
+        }
+        if let Some(answer) = done.unwrap_or_else(|abort| Some(sdo::aborted(data, abort))) {
+            self.send(SDO_ANSWER + u16::from(self.node), &answer, out);
+        }
+    }
+}
+
+/// Milliseconds of the UTC day, rounded down.
+fn ms_of_day(at: Tai) -> u32 {
+    u32::try_from((at.to_unix_ns().div_euclid(1_000_000)).rem_euclid(MS_PER_DAY)).unwrap_or(0)
+}
+
+#[allow(clippy::cast_possible_truncation, reason = "single precision on the wire")]
+fn single(value: f64) -> [u8; 4] {
+    (value as f32).to_le_bytes()
+}
+
+fn arcsec_s(rad_s: f64) -> [u8; 4] {
+    #[allow(clippy::cast_possible_truncation, reason = "saturates at 9.1 degrees per second")]
+    let [a, b] = ((rad_s / ARCSEC).round() as i16).to_le_bytes();
+    [a, b, 0, 0]
+}
+
+impl Device for CanOpenDevice {
+    fn start(&mut self, now: Tai, out: &mut Vec<Wire>) {
+        self.boot(now, out);
+    }
+
+    fn report(&mut self, report: &Report, _now: Tai, out: &mut Vec<Wire>) {
+        let was_known = self.newest.is_none_or(|newest| newest.attitude_wxyz.is_some());
+        let attitude_wxyz = report.attitude_wxyz.map(|q| self.continuity.next(q));
+        self.newest = Some(Report { attitude_wxyz, ..*report });
+        self.state = if report.mode == Mode::Standby { STANDBY } else { STAR_TRACK };
+        let is_known = attitude_wxyz.is_some();
+        self.error_register = if is_known || self.state == STANDBY { 0 } else { ERROR_BITS };
+        if was_known != is_known && self.nmt != Nmt::Stopped && self.state != STANDBY {
+            let [a, b] = if is_known { [0, 0] } else { ATTITUDE_LOST.to_le_bytes() };
+            let data = [a, b, self.error_register, 0, 0, 0, 0, 0];
+            self.send(EMCY + u16::from(self.node), &data, out);
+        }
+        if self.nmt == Nmt::Operational {
+            (0..4).filter(|pdo| self.types[*pdo] >= 254).for_each(|pdo| self.send_pdo(pdo, out));
+        }
+    }
+
+    fn take(&mut self, wire: &Wire, now: Tai, out: &mut Vec<Wire>, orders: &mut Vec<Order>) {
+        let Wire::Can(frame) = wire else { return };
+        if frame.is_fd() {
+            return;
+        }
+        if frame.id() == NMT {
+            self.obey_nmt(frame.data(), now, out, orders);
+        } else if frame.id() == SYNC {
+            self.sync(out);
+        } else if frame.id() == SDO_REQUEST + u16::from(self.node) && self.nmt != Nmt::Stopped {
+            match <[u8; 8]>::try_from(frame.data()) {
+                Ok(data) => self.transfer(data, now, out, orders),
+                Err(_of_another_length) => self.answered.refused += 1,
+            }
+        }
+    }
+
+    fn step(&mut self, now: Tai, out: &mut Vec<Wire>) {
+        let Some(due) = self.next_heartbeat.filter(|due| *due <= now) else { return };
+        self.send(ERROR_CONTROL + u16::from(self.node), &[self.nmt.code()], out);
+        self.schedule(due);
+        self.next_heartbeat = self.next_heartbeat.map(|next| next.max(now));
+    }
+
+    fn next_due(&self) -> Option<Tai> {
+        self.next_heartbeat
+    }
+
+    fn answered(&self) -> Answered {
+        self.answered
+    }
+}
+
+#[cfg(test)]
+mod tests;

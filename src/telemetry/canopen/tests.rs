@@ -1,0 +1,121 @@
+//! The CANopen tracker, frame by frame.
+
+use super::*;
+use crate::sample::{lost, report};
+
+const NODE: u8 = 0x60;
+
+fn device(starts_operational: bool) -> CanOpenDevice {
+    let params = NodeParams { node: NODE, heartbeat_ms: 500, starts_operational };
+    CanOpenDevice::new(params, Sense::Starloop, Limits { exposure_s: Some([0.001, 0.1]) }, 0.05)
+}
+
+fn frames(out: &[Wire]) -> Vec<(u16, Vec<u8>)> {
+    out.iter()
+        .map(|wire| match wire {
+            Wire::Can(frame) => (frame.id(), frame.data().to_vec()),
+            Wire::Bytes(bytes) => unreachable!("{bytes:?}"),
+        })
+        .collect()
+}
+
+fn exchange(device: &mut CanOpenDevice, id: u16, data: &[u8]) -> (Vec<(u16, Vec<u8>)>, Vec<Order>) {
+    let (mut out, mut orders) = (Vec::new(), Vec::new());
+    let frame = CanFrame::classic(id, data).unwrap();
+    device.take(&Wire::Can(frame), report().time_tag, &mut out, &mut orders);
+    (frames(&out), orders)
+}
+
+fn reported(device: &mut CanOpenDevice, report: &Report) -> Vec<(u16, Vec<u8>)> {
+    let mut out = Vec::new();
+    device.report(report, report.time_tag, &mut out);
+    frames(&out)
+}
+
+#[test]
+fn node_boots_beats_and_speaks_when_it_is_started() {
+    let (mut device, mut out) = (device(false), Vec::new());
+    let start = report().time_tag;
+    device.start(start, &mut out);
+    assert_eq!(frames(&out), [(0x760, vec![0])]);
+    assert!(reported(&mut device, &report()).is_empty(), "not operational yet");
+    out.clear();
+    (0..=10).for_each(|i| device.step(start + Span::from_ms(100 * i), &mut out));
+    assert_eq!(frames(&out), [(0x760, vec![0x7F]), (0x760, vec![0x7F])]);
+    exchange(&mut device, 0, &[1, 0x61]);
+    assert!(reported(&mut device, &report()).is_empty(), "control: another node was started");
+    exchange(&mut device, 0, &[1, NODE]);
+    assert_eq!(reported(&mut device, &report()).len(), 4);
+    assert_eq!(exchange(&mut device, 0, &[129, 0]), (vec![(0x760, vec![0])], vec![Order::Reset]));
+}
+
+#[test]
+#[allow(clippy::cast_possible_truncation, reason = "single precision on the wire")]
+fn pdos_have_the_attitude_its_time_and_the_rates() {
+    let mut device = device(true);
+    device.start(report().time_tag, &mut Vec::new());
+    let got = reported(&mut device, &report());
+    let ids: Vec<u16> = got.iter().map(|(id, _)| *id).collect();
+    assert_eq!(ids, [0x1E0, 0x2E0, 0x3E0, 0x4E0]);
+    assert_eq!(got[0].1[..4], [4, 1, 21, 0]);
+    assert_eq!(u32::from_le_bytes(got[0].1[4..].try_into().unwrap()), 12 * 3_600_000 + 250);
+    let f32_at = |pdo: usize, at: usize| f32::from_le_bytes(got[pdo].1[at..at + 4].try_into().unwrap());
+    assert_eq!(
+        [f32_at(1, 0), f32_at(1, 4), f32_at(2, 0), f32_at(2, 4)],
+        [0.1_f64.cos() as f32, -(0.1_f64.sin() as f32), 0.0, 0.0]
+    );
+    let rates: Vec<i16> = got[3].1[..6].chunks(2).map(|two| i16::from_le_bytes([two[0], two[1]])).collect();
+    assert_eq!((rates, &got[3].1[6..]), (vec![206, -413, 619], &[7, 0][..]));
+    let without = reported(&mut device, &lost());
+    assert_eq!(without[0], (0xE0, vec![0x01, 0xFF, 0x81, 0, 0, 0, 0, 0]), "EMCY");
+    assert_eq!(without[1].1[1], 0, "control: not known");
+    assert_eq!(reported(&mut device, &report())[0], (0xE0, vec![0; 8]), "EMCY: over");
+}
+
+#[test]
+fn sdo_reads_and_writes_what_the_dictionary_allows() {
+    let mut device = device(false);
+    device.start(report().time_tag, &mut Vec::new());
+    let mut sdo = |data: [u8; 8]| {
+        let (frames, orders) = exchange(&mut device, 0x660, &data);
+        let (id, answer) = frames.into_iter().next().unwrap();
+        assert_eq!(id, 0x5E0);
+        (<[u8; 8]>::try_from(answer).unwrap(), orders)
+    };
+    assert_eq!(sdo([0x40, 0x17, 0x10, 0, 0, 0, 0, 0]).0, [0x4B, 0x17, 0x10, 0, 0xF4, 1, 0, 0]);
+    assert_eq!(sdo([0x2F, 0x00, 0x40, 0, 2, 0, 0, 0]), ([0x60, 0x00, 0x40, 0, 0, 0, 0, 0], vec![Order::Pause]));
+    assert_eq!(sdo([0x2F, 0x00, 0x40, 0, 9, 0, 0, 0]).0[4..], 0x0609_0030_u32.to_le_bytes());
+    let exposure = |us: u32| {
+        let [a, b, c, d] = us.to_le_bytes();
+        [0x23, 0x05, 0x40, 0, a, b, c, d]
+    };
+    assert_eq!(sdo(exposure(20_000)).1, [Order::Exposure(Span::from_ms(20))]);
+    assert_eq!(sdo(exposure(9_000_000)).0[0], 0x80, "control: out of range");
+    assert_eq!(sdo([0x40, 0x05, 0x40, 0, 0, 0, 0, 0]).0[4..], 20_000_u32.to_le_bytes());
+    assert_eq!(sdo([0x2F, 0x07, 0x40, 0, 1, 0, 0, 0]).1, [Order::Reset]);
+    assert_eq!(sdo([0x40, 0x00, 0x1A, 1, 0, 0, 0, 0]).0[4..], 0x4000_0008_u32.to_le_bytes());
+    assert_eq!(device.answered(), Answered { commands: 6, refused: 2 });
+}
+
+#[test]
+fn pdos_of_a_synchronous_type_wait_for_their_sync() {
+    let mut device = device(true);
+    device.start(report().time_tag, &mut Vec::new());
+    exchange(&mut device, 0x660, &[0x2F, 0x00, 0x18, 2, 2, 0, 0, 0]);
+    assert_eq!(reported(&mut device, &report()).len(), 3, "the first one waits");
+    assert_eq!(exchange(&mut device, 0x80, &[]).0.len(), 0);
+    assert_eq!(exchange(&mut device, 0x80, &[]).0[0].0, 0x1E0, "with every second SYNC");
+}
+
+#[test]
+fn identifiers_keep_clear_of_the_simulators_own() {
+    use firmware_protocol::can::IdMap;
+    let is_own = |id: u16| (0..16).filter_map(|node| IdMap::new(0, node)).any(|ids| ids.message(id).is_ok());
+    let of_node = |node: u8| {
+        let ids = [EMCY, SDO_ANSWER, SDO_REQUEST, ERROR_CONTROL].into_iter().chain(TPDO_IDS);
+        ids.chain([0x200, 0x300, 0x400, 0x500]).map(move |id| id + u16::from(node)).collect::<Vec<_>>()
+    };
+    let collides = |node: u8| of_node(node).into_iter().any(is_own);
+    assert!((FIRST_FREE_NODE..=127).all(|node| !collides(node)));
+    assert!((1..FIRST_FREE_NODE).any(collides) && collides(FIRST_FREE_NODE - 1), "control");
+}

@@ -1,0 +1,213 @@
+//! Space packets of CCSDS 133.0-B-2 with the secondary headers of ECSS-E-ST-70-41C (PUS): bytes <-> fields. Big-endian.
+//!
+//! The last two octets are CRC-16/IBM-3740 over all before them: the CRC of starloop's own protocol.
+
+use base::time::{Span, Tai};
+use base::units::NS_PER_S;
+use firmware_protocol::crc::crc16;
+
+/// Octets of the primary header.
+pub const PRIMARY: usize = 6;
+/// Octets of the secondary header of a telecommand.
+const TC_SECONDARY: usize = 5;
+const CRC: usize = 2;
+/// Longest telecommand, octets.
+pub const TC_MAX: usize = 256;
+/// Version, type and secondary header flag of telemetry.
+const TM_FIRST: u16 = 0x0800;
+/// The same of a telecommand.
+const TC_FIRST: u16 = 0x1800;
+const APID_MASK: u16 = 0x07FF;
+/// Sequence flags of a packet that is not part of another.
+const UNSEGMENTED: u16 = 0xC000;
+/// Sequence counts have 14 bits.
+pub const COUNT_MASK: u16 = 0x3FFF;
+/// PUS version 2 in the upper half.
+const PUS_C: u8 = 0x20;
+/// P-field of a CUC time code: TAI since 1958, four octets of seconds, three of fractions.
+const CUC_TAI: u8 = 0x1F;
+/// Seconds from 1958-01-01 to 1970-01-01, TAI.
+const S_1958_TO_1970: i64 = 4383 * 86_400;
+
+/// Time as a CUC code with its P-field: seconds since 1958-01-01 TAI, and 2^-24 of a second.
+#[must_use]
+pub fn cuc(at: Tai) -> [u8; 8] {
+    let seconds = at.ns().div_euclid(NS_PER_S) + S_1958_TO_1970;
+    let fraction = (at.ns().rem_euclid(NS_PER_S) << 24) / NS_PER_S;
+    let [a, b, c, d] = u32::try_from(seconds).unwrap_or(u32::MAX).to_be_bytes();
+    let [_, e, f, g] = u32::try_from(fraction).unwrap_or(0).to_be_bytes();
+    [CUC_TAI, a, b, c, d, e, f, g]
+}
+
+/// The instant of such a code; `None` for a code of another kind.
+#[must_use]
+pub fn tai_of_cuc(code: [u8; 8]) -> Option<Tai> {
+    let [CUC_TAI, a, b, c, d, e, f, g] = code else { return None };
+    let seconds = i64::from(u32::from_be_bytes([a, b, c, d])) - S_1958_TO_1970;
+    let fraction_ns = (i64::from(u32::from_be_bytes([0, e, f, g])) * NS_PER_S) >> 24;
+    Some(Tai::from_ns(seconds * NS_PER_S) + Span::from_ns(fraction_ns))
+}
+
+/// A telemetry packet before it is bytes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Telemetry<'a> {
+    /// Application process, 11 bits.
+    pub apid: u16,
+    /// Sequence count, 14 bits.
+    pub count: u16,
+    /// Service and subtype.
+    pub service: [u8; 2],
+    /// Counter of packets of this service and subtype.
+    pub type_count: u16,
+    /// Whom it is for.
+    pub destination: u16,
+    /// Time code, with its P-field where it has one.
+    pub time: &'a [u8],
+    /// Source data.
+    pub data: &'a [u8],
+}
+
+impl Telemetry<'_> {
+    /// Returns the packet's octets.
+    #[must_use]
+    pub fn encode(&self) -> Vec<u8> {
+        let field = 7 + self.time.len() + self.data.len() + CRC;
+        let mut packet = Vec::with_capacity(PRIMARY + field);
+        packet.extend((TM_FIRST | (self.apid & APID_MASK)).to_be_bytes());
+        packet.extend((UNSEGMENTED | (self.count & COUNT_MASK)).to_be_bytes());
+        packet.extend(u16::try_from(field - 1).unwrap_or(u16::MAX).to_be_bytes());
+        packet.push(PUS_C);
+        packet.extend(self.service);
+        packet.extend(self.type_count.to_be_bytes());
+        packet.extend(self.destination.to_be_bytes());
+        packet.extend(self.time);
+        packet.extend(self.data);
+        packet.extend(crc16(&packet).to_be_bytes());
+        packet
+    }
+}
+
+/// A telecommand.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Telecommand {
+    /// Application process.
+    pub apid: u16,
+    /// Packet identification and sequence control, as verification reports repeat them.
+    pub request: [u8; 4],
+    /// Which reports are asked for: bit 0 acceptance, bit 3 completion.
+    pub acknowledge: u8,
+    /// Service and subtype.
+    pub service: [u8; 2],
+    /// Number of its sender.
+    pub source: u16,
+    /// Application data.
+    pub data: Vec<u8>,
+}
+
+/// Reasons to refuse octets as a telecommand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum PacketError {
+    /// They have another type or version.
+    #[error("the packet is of another type: wanted a telecommand with a secondary header, version 0")]
+    NoTelecommand,
+    /// Its length is not that of a telecommand.
+    #[error("the packet has a length that no telecommand has: at most {TC_MAX} octets")]
+    BadLength,
+    /// Its CRC is that of other octets.
+    #[error("the CRC differs: wanted CRC-16/IBM-3740 over all octets before it")]
+    BadCrc,
+    /// Its secondary header is not of PUS-C.
+    #[error("the secondary header is not of PUS version 2")]
+    NotPusC,
+}
+
+/// Octets of the packet that begins here; `None` when its header is not whole yet.
+pub(super) fn length_of(bytes: &[u8]) -> Option<Result<usize, PacketError>> {
+    let [a, b, _, _, c, d] = *bytes.first_chunk::<PRIMARY>()?;
+    if u16::from_be_bytes([a, b]) & !APID_MASK != TC_FIRST {
+        return Some(Err(PacketError::NoTelecommand));
+    }
+    let length = PRIMARY + usize::from(u16::from_be_bytes([c, d])) + 1;
+    let is_possible = (PRIMARY + TC_SECONDARY + CRC..=TC_MAX).contains(&length);
+    Some(if is_possible { Ok(length) } else { Err(PacketError::BadLength) })
+}
+
+impl Telecommand {
+    /// Reads a whole packet.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub fn decode(packet: &[u8]) -> Result<Self, PacketError> {
+        let length = length_of(packet).unwrap_or(Err(PacketError::BadLength))?;
+        let (Some((content, crc)), true) = (packet.split_last_chunk::<CRC>(), packet.len() == length) else {
+            return Err(PacketError::BadLength);
+        };
+        if crc16(content) != u16::from_be_bytes(*crc) {
+            return Err(PacketError::BadCrc);
+        }
+        let [a, b, c, d, _, _, version, service, subtype, e, f, data @ ..] = content else {
+            return Err(PacketError::BadLength);
+        };
+        if version & 0xF0 != PUS_C {
+            return Err(PacketError::NotPusC);
+        }
+        Ok(Self {
+            apid: u16::from_be_bytes([*a, *b]) & APID_MASK,
+            request: [*a, *b, *c, *d],
+            acknowledge: version & 0x0F,
+            service: [*service, *subtype],
+            source: u16::from_be_bytes([*e, *f]),
+            data: data.to_vec(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Written by spacepackets 0.32.0.
+    const GOLDEN: [u8; 25] = [
+        0x09, 0x23, 0xc0, 0x05, 0x00, 0x12, 0x20, 0x03, 0x19, 0x00, 0x07, 0x00, 0x09, 0x2f, 0x01, 0x02, 0x03, 0x04,
+        0x05, 0x06, 0x07, 0xaa, 0xbb, 0xb8, 0x08,
+    ];
+
+    #[test]
+    fn telemetry_is_as_another_program_writes_it() {
+        let time = [0x2f, 1, 2, 3, 4, 5, 6, 7];
+        let packet = Telemetry {
+            apid: 0x123,
+            count: 5,
+            service: [3, 25],
+            type_count: 7,
+            destination: 9,
+            time: &time,
+            data: &[0xaa, 0xbb],
+        };
+        assert_eq!(packet.encode(), GOLDEN);
+    }
+
+    #[test]
+    fn times_come_back_within_their_resolution() {
+        let at = Tai::from_ns(1_772_366_437_250_000_123);
+        let back = tai_of_cuc(cuc(at)).unwrap();
+        assert!((at - back).ns() >= 0 && (at - back).ns() < 60, "{} ns", (at - back).ns());
+        assert_eq!(cuc(Tai::from_ns(0)), [0x1F, 0x16, 0x92, 0x5E, 0x80, 0, 0, 0], "378 691 200 s");
+        assert_eq!(tai_of_cuc([0x2F, 0, 0, 0, 0, 0, 0, 0]), None, "control: another epoch");
+    }
+
+    #[test]
+    fn damaged_telecommands_are_refused_each_with_its_reason() {
+        let mut ping = vec![0x18, 0x64, 0xC0, 0x01, 0x00, 0x06, 0x29, 17, 1, 0, 1];
+        ping.extend(crc16(&ping).to_be_bytes());
+        let read = Telecommand::decode(&ping).unwrap();
+        assert_eq!((read.apid, read.acknowledge, read.service, read.source), (0x64, 9, [17, 1], 1));
+        for at in 0..ping.len() {
+            let mut damaged = ping.clone();
+            damaged[at] ^= 0x10;
+            assert!(Telecommand::decode(&damaged).is_err(), "octet {at}");
+        }
+        assert_eq!(Telecommand::decode(&GOLDEN), Err(PacketError::NoTelecommand));
+        assert_eq!(Telecommand::decode(&ping[..12]), Err(PacketError::BadLength));
+    }
+}

@@ -1,0 +1,129 @@
+//! Common parts of all protocols: the report of a tracker, the orders of a client, and the trait of a device.
+
+use base::time::{Span, Tai};
+use firmware_protocol::can::CanFrame;
+
+/// State of the tracker.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Mode {
+    /// Nothing, by command.
+    Standby,
+    /// Looking for its attitude.
+    Acquisition,
+    /// Following it.
+    Tracking,
+}
+
+/// Result of one frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Report {
+    /// Number of the frame.
+    pub frame: u32,
+    /// Middle of the exposure, by the tracker's clock.
+    pub time_tag: Tai,
+    /// Attitude then, `sensor_from_icrf`, scalar first; `None`: not known.
+    pub attitude_wxyz: Option<[f64; 4]>,
+    /// Rate of the sensor axes with respect to ICRF, in sensor axes, rad/s.
+    pub rate_rad_s: Option<[f64; 3]>,
+    /// Standard deviations about the sensor axes, rad, as the tracker expects them.
+    pub sigma_rad: [f64; 3],
+    /// Stars that it used.
+    pub stars: u16,
+    /// State.
+    pub mode: Mode,
+    /// Exposure time, s.
+    pub exposure_s: f64,
+    /// Background of the image, DN; not a number where it does not look at pixels.
+    pub background_dn: f64,
+    /// Temperature of the detector, degrees Celsius.
+    pub temperature_c: f64,
+}
+
+/// Order of a client.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Order {
+    /// Measure attitudes.
+    Operate,
+    /// Stop measuring attitudes.
+    Pause,
+    /// Expose for so long.
+    Exposure(Span),
+    /// Begin again, lost in space.
+    Reset,
+}
+
+/// One packet on a line.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Wire {
+    /// Bytes: a datagram, or a piece of a stream.
+    Bytes(Vec<u8>),
+    /// A CAN frame.
+    Can(CanFrame),
+}
+
+impl Wire {
+    /// Its bytes, without those of a CAN frame's header.
+    #[must_use]
+    pub fn data(&self) -> &[u8] {
+        match self {
+            Self::Bytes(bytes) => bytes,
+            Self::Can(frame) => frame.data(),
+        }
+    }
+}
+
+/// Abilities of a tracker.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Limits {
+    /// Shortest and longest exposure, s; `None`: exposures cannot be commanded.
+    pub exposure_s: Option<[f64; 2]>,
+}
+
+impl Limits {
+    /// Returns the order of an exposure time in seconds; `None` outside the limits.
+    #[must_use]
+    pub fn exposure(&self, seconds: f64) -> Option<Order> {
+        let [least, most] = self.exposure_s?;
+        // A few nanoseconds for those who count in single precision.
+        let near = 1e-7 * most;
+        let is_within = seconds >= least - near && seconds <= most + near;
+        is_within.then(|| Order::Exposure(Span::from_s(seconds.clamp(least, most))))
+    }
+}
+
+/// Counts of commands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Answered {
+    /// Commands and requests that were understood and obeyed.
+    pub commands: u64,
+    /// Commands that were refused, and bytes that are none, by runs.
+    pub refused: u64,
+}
+
+/// A star tracker at the other end of a line, as its protocol shows it.
+pub trait Device: Send {
+    /// True when it speaks only when it is asked.
+    fn is_polled(&self) -> bool {
+        false
+    }
+
+    /// Sends what follows from power being switched on.
+    fn start(&mut self, _now: Tai, _out: &mut Vec<Wire>) {}
+
+    /// Sends a report at `now`.
+    fn report(&mut self, report: &Report, now: Tai, out: &mut Vec<Wire>);
+
+    /// Takes what came from a client, in runs of any length on a stream; answers go to `out`, orders to `orders`.
+    fn take(&mut self, wire: &Wire, now: Tai, out: &mut Vec<Wire>, orders: &mut Vec<Order>);
+
+    /// Sends what is due by `now` without a report, such as a heartbeat.
+    fn step(&mut self, _now: Tai, _out: &mut Vec<Wire>) {}
+
+    /// When [`Self::step`] next has something to send.
+    fn next_due(&self) -> Option<Tai> {
+        None
+    }
+
+    /// Commands so far.
+    fn answered(&self) -> Answered;
+}
