@@ -13,12 +13,12 @@
 
 use core::f64::consts::LN_10;
 
-/// Spread that nobody sees: below the errors of magnitudes that the detector makes anyway, mag.
+/// Spread that cannot be detected: it is below the errors of magnitudes that the detector makes anyway, mag.
 const UNSEEN_MAG: f64 = 0.005;
 /// An exposure within this share of a refresh of a whole number of them counts as whole.
 const WHOLE: f64 = 1e-6;
 
-/// What beats against what.
+/// The periods that beat against each other.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BeatInput {
     /// Exposure of the tracker, seconds.
@@ -33,7 +33,7 @@ pub struct BeatInput {
     pub drift_ppm: f64,
 }
 
-/// What an exposure collects.
+/// The light that an exposure collects.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Beat {
     /// Refreshes in one exposure.

@@ -1,13 +1,14 @@
-//! What became of frames and refreshes, counted without a lock: written by the presenter and the event loop, read by anybody.
+//! Outcomes of frames and refreshes, counted without a lock: written by the presenter and the event loop, read by any
+//! thread.
 
 use core::sync::atomic::{AtomicU64, Ordering};
 
-/// Counts as they stood at one instant. Each is of its own: sums may be one apart while frames are on their way.
+/// Counts at one instant. Each is read by itself: sums may differ by one while frames are on their way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Counts {
     /// New frames handed to the graphics driver.
     pub presented: u64,
-    /// Refreshes that showed the frame before once more, as nothing new had come.
+    /// Refreshes that showed the frame before once more, because no new one was available.
     pub repeated: u64,
     /// Frames that a newer one replaced before they were shown.
     pub replaced: u64,
@@ -17,13 +18,13 @@ pub struct Counts {
     pub unseen: u64,
     /// Times the surface was lost and made again.
     pub lost_surface: u64,
-    /// Times the surface was configured anew, as the window had another size or the driver asked for it.
+    /// Times the surface was configured again, because the window changed its size or the driver asked for it.
     pub reconfigured: u64,
     /// Times the monitor went away.
     pub monitor_lost: u64,
     /// Times it came back.
     pub monitor_regained: u64,
-    /// Submit times that nobody took in time.
+    /// Submit times that were not read in time.
     pub submits_lost: u64,
     /// Pixels of presented frames that wanted more light than the display has there, and show its most.
     pub clipped_px: u64,
@@ -45,13 +46,13 @@ pub(super) struct Counters {
     pub(super) clipped_px: AtomicU64,
 }
 
-/// One more.
+/// Adds one to a counter.
 pub(super) fn count(counter: &AtomicU64) {
     counter.fetch_add(1, Ordering::Relaxed);
 }
 
 impl Counters {
-    /// As they stand.
+    /// Returns the counts at this instant.
     pub(super) fn read(&self) -> Counts {
         let of = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
         Counts {

@@ -13,12 +13,12 @@ pub struct Covered {
     corners_px: Vec<[f64; 2]>,
 }
 
-/// Twice the area of the triangle, positive for a turn from +x to +y.
+/// Returns twice the area of the triangle, positive for a turn from +x to +y.
 fn turn(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
     (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 }
 
-/// One chain of the hull, without its last point.
+/// Returns one chain of the hull, without its last point.
 fn chain(points: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
     let mut chain: Vec<[f64; 2]> = Vec::new();
     for point in points {
@@ -32,7 +32,7 @@ fn chain(points: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
 }
 
 impl Covered {
-    /// Area within points; `None` when they are on one line, fewer than three, or not finite.
+    /// Returns the area within points; `None` when they are on one line, fewer than three, or not finite.
     #[must_use]
     pub fn within(points_px: &[[f64; 2]]) -> Option<Self> {
         let mut sorted = points_px.to_vec();
@@ -49,7 +49,7 @@ impl Covered {
         &self.corners_px
     }
 
-    /// Whether a place is within the outermost dots.
+    /// Returns true if a place is within the outermost dots.
     #[must_use]
     pub fn contains(&self, px: [f64; 2]) -> bool {
         let next = self.corners_px.iter().cycle().skip(1);

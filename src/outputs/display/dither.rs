@@ -36,7 +36,7 @@ impl Dither {
     /// Returns the cycle of so many refreshes: a power of two, 1 (none: the nearer grey) to [`LONGEST_CYCLE`].
     ///
     /// # Errors
-    /// When there is no such cycle.
+    /// When the length is not a power of two within these limits.
     pub fn over(refreshes: u32) -> Result<Self, CycleError> {
         let is_cycle = refreshes.is_power_of_two() && refreshes <= LONGEST_CYCLE;
         if is_cycle { Ok(Self { cycle: refreshes }) } else { Err(CycleError { got: refreshes }) }

@@ -16,7 +16,7 @@ use super::response::Response;
 /// Entries of the table that finds the grey to begin with.
 const ENTRIES: usize = 8192;
 
-/// What a display needs to show luminance.
+/// The calibrated values with which a display shows luminance.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DisplayDrive {
     /// Luminance of every code; more than any display's of the brightest.
@@ -115,7 +115,7 @@ mod tests {
         DisplayDrive::new(response, &FlatField::uniform(SIZE_PX), SIZE_PX, Dither::over(cycle).unwrap(), false)
     }
 
-    /// Mean light that a display of the true response shows over a cycle, pixel by pixel.
+    /// Returns the mean light that a display of the true response shows over a cycle, pixel by pixel.
     fn shown(drive: &DisplayDrive, truth: &Response, wanted: &[f32; 9], refreshes: u64) -> [f64; 9] {
         let mut light = [0.0; 9];
         let mut greys = [0; 9];

@@ -1,4 +1,4 @@
-//! What can go wrong with a display.
+//! Errors of displays.
 
 use std::path::PathBuf;
 
@@ -20,9 +20,9 @@ pub enum DisplayError {
     /// The monitor that was asked for is not there.
     #[error("no monitor {wanted}: found {found}; plug it in, or name one of these")]
     NoMonitor {
-        /// What was asked for.
+        /// Monitor that was requested.
         wanted: String,
-        /// What there is.
+        /// Monitors that were found.
         found: String,
     },
     /// Frames and monitor differ in size; nothing is ever scaled.
@@ -70,7 +70,7 @@ pub enum DisplayError {
         bits: u32,
         /// Formats there are.
         offered: String,
-        /// What may help.
+        /// Advice.
         advice: &'static str,
     },
     /// A table made for another number of bits.
@@ -83,12 +83,12 @@ pub enum DisplayError {
         /// Bits of the display.
         display: u32,
     },
-    /// A table that is no table.
+    /// A grey table with invalid entries.
     #[error("grey table: wanted {wanted}, got {got}")]
     Table {
-        /// What a table has.
+        /// Condition for a table.
         wanted: &'static str,
-        /// What was there.
+        /// Value that was given.
         got: String,
     },
     /// A marker that does not fit.
@@ -110,8 +110,8 @@ pub enum DisplayError {
         /// Of the monitor.
         monitor_hz: String,
     },
-    /// Submit times do not get into their file.
-    #[error("submit times cannot be written to {}: {reason}; wanted a new file on a disk with room", path.display())]
+    /// Submit times cannot be written to their file.
+    #[error("submit times cannot be written to {}: {reason}; wanted a new file, and free space", path.display())]
     SubmitLog {
         /// The file.
         path: PathBuf,
@@ -124,7 +124,7 @@ pub enum DisplayError {
          nothing else on it, such as `xinit` with no window manager: that adds no compositor either"
     )]
     DirectScanOut,
-    /// There is no card for direct scan-out.
+    /// No card for direct scan-out was found.
     #[error(
         "no graphics card for direct scan-out in {}: found {found}; load the card's kernel driver, and let this user read and \
          write its file (group video)", directory.display()
@@ -132,10 +132,10 @@ pub enum DisplayError {
     NoCard {
         /// Where it was looked for.
         directory: PathBuf,
-        /// What was there.
+        /// Files that were found.
         found: String,
     },
-    /// A file that is no card, or not for this user.
+    /// A file that is not a card, or not accessible to this user.
     #[error(
         "{} is not opened as a graphics card: {reason}; wanted a card with outputs, such as /dev/dri/card0, that this user may \
          read and write (group video)", card.display()
@@ -178,7 +178,7 @@ pub enum DisplayError {
     NoScanOut {
         /// The monitor and its mode.
         connector: String,
-        /// What the driver says.
+        /// Reason given by the driver.
         reason: String,
     },
     /// Somebody closed the window.

@@ -82,7 +82,7 @@ impl FlatField {
         }
     }
 
-    /// The same light everywhere.
+    /// Returns the field with the same light everywhere.
     #[must_use]
     pub fn uniform(size_px: [usize; 2]) -> Self {
         Self { parameters: FlatParameters { degree: 0, coefficient: vec![1.0] }, size_px }
@@ -94,7 +94,7 @@ impl FlatField {
         &self.parameters
     }
 
-    /// Relative light of the pixel at a place, display px.
+    /// Returns the relative light of the pixel at a place, display px.
     #[must_use]
     pub fn at(&self, px: [f64; 2]) -> f64 {
         value(self.parameters.degree, &self.parameters.coefficient, px, self.size_px)
@@ -136,7 +136,7 @@ pub fn fit_flat(dots: &[([f64; 2], f64)], size_px: [usize; 2]) -> Result<FlatFit
     best.map(|(_, fit)| fit).ok_or(refusal)
 }
 
-/// The fit of one degree, and its residual as if every dot had been left out of its own fit.
+/// Returns the fit of one degree, and its residual computed as if every dot was left out of its own fit.
 fn fit_degree(degree: usize, dots: &[([f64; 2], f64)], size_px: [usize; 2]) -> Result<(f64, FlatFit), String> {
     let count = exponents(degree).count();
     let mut agrees: Vec<bool> = dots.iter().map(|dot| dot.1 > 0.0 && dot.1.is_finite()).collect();
@@ -151,7 +151,7 @@ fn fit_degree(degree: usize, dots: &[([f64; 2], f64)], size_px: [usize; 2]) -> R
         let off = |dot: &([f64; 2], f64)| dot.1 / value(degree, &coefficient, dot.0, size_px) - 1.0;
         let mut sizes: Vec<f64> = kept.iter().map(|dot| off(dot).abs()).collect();
         let limit = (OUTLIER_SIGMA * SIGMA_PER_MEDIAN * median(&mut sizes)).max(1e-9);
-        // All dots are asked again: those that an outlier had pulled away come back.
+        // All dots are tested again: those that an outlier pulled away come back.
         let now: Vec<bool> = dots.iter().map(|dot| off(dot).abs() <= limit).collect();
         if now == agrees {
             let residual_mag_rms = 2.5 / core::f64::consts::LN_10 * rms(kept.iter().map(off));
@@ -168,7 +168,7 @@ fn solved(degree: usize, dots: &[([f64; 2], f64)], size_px: [usize; 2]) -> Resul
     let rows: Vec<Vec<f64>> = dots.iter().map(|dot| terms(degree, dot.0, size_px).collect()).collect();
     let columns = (0..exponents(degree).count()).map(|c| rows.iter().map(|row| row[c]).collect());
     let basis =
-        Basis::of(columns.collect()).ok_or_else(|| format!("degree {degree}: the dots stand in too few places"))?;
+        Basis::of(columns.collect()).ok_or_else(|| format!("degree {degree}: the dots are in too few places"))?;
     let flux: Vec<f64> = dots.iter().map(|dot| dot.1).collect();
     Ok((basis.solve(&flux), basis))
 }
@@ -177,7 +177,7 @@ fn value(degree: usize, coefficient: &[f64], px: [f64; 2], size_px: [usize; 2]) 
     terms(degree, px, size_px).zip(coefficient).map(|(term, c)| term * c).sum()
 }
 
-/// The flat field that is 1 at its brightest, and what it was divided by.
+/// Returns the flat field that is 1 at its brightest, and the factor that it was divided by.
 fn normalised(degree: usize, coefficient: Vec<f64>, size_px: [usize; 2]) -> Result<(FlatField, f64), String> {
     let whole = FlatField { parameters: FlatParameters { degree, coefficient }, size_px };
     let full_flux = whole.range()[1];

@@ -107,7 +107,7 @@ impl DisplayGeometry {
         self.mirrored
     }
 
-    /// What dots were seen in, display px as shown: beyond it the map is a guess.
+    /// Returns the area in which dots were seen, display px as shown: beyond it the map is a guess.
     #[must_use]
     pub fn covered(&self) -> &Covered {
         &self.covered
@@ -120,13 +120,13 @@ impl DisplayGeometry {
         self.camera.project(self.drawn_from_sensor.apply(v_sensor)).map(|px| self.shown(px))
     }
 
-    /// Direction in the tracker's sensor axes, unit length, of a display pixel as shown.
+    /// Returns the direction in the tracker's sensor axes, unit length, of a display pixel as shown.
     #[must_use]
     pub fn unproject(&self, px: [f64; 2]) -> Option<DVec3> {
         self.camera.unproject(self.shown(px)).map(|v| self.drawn_from_sensor.inverse().apply(v))
     }
 
-    /// Drawn column <-> shown column.
+    /// Converts a drawn column to the shown one, and back.
     #[must_use]
     pub fn shown(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         if self.mirrored { [self.camera.width_px() as f64 - 1.0 - x, y] } else { [x, y] }
@@ -179,7 +179,7 @@ pub(super) fn taken_apart(h: &DMat3) -> Option<Pinhole> {
     })
 }
 
-/// w x y z of a rotation matrix.
+/// Returns w x y z of a rotation matrix.
 pub(super) fn wxyz(matrix: &DMat3) -> [f64; 4] {
     let q = DQuat::from_mat3(matrix).normalize();
     [q.w, q.x, q.y, q.z]

@@ -24,8 +24,8 @@ impl GreyTable {
     /// Returns a table of greys at luminances 0, 1/(n-1), ..., 1 of the full one.
     ///
     /// # Errors
-    /// When there are fewer than 4096 or more than 65536 entries, or `bits` is neither 8 nor 10, or an entry is no number
-    /// from 0 to `2^bits - 1`, or one is less than that before it.
+    /// When there are fewer than 4096 or more than 65536 entries, or `bits` is neither 8 nor 10, or an entry is not a
+    /// number from 0 to `2^bits - 1`, or one is less than that before it.
     pub fn new(bits: u32, entries: Vec<f32>) -> Result<Self, DisplayError> {
         let refuse = |wanted, got: String| Err(DisplayError::Table { wanted, got });
         if bits != 8 && bits != 10 {
@@ -97,7 +97,7 @@ fn most_of(bits: u32) -> f32 {
     ((1_u32 << bits.min(16)) - 1) as f32
 }
 
-/// Which row of which refresh.
+/// Row and refresh for which greys are made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Row {
     /// Row of the frame, from the top.
@@ -130,9 +130,9 @@ impl GreyMaker {
         Self { bits: table.bits(), changes_by_refresh: false, make: Box::new(make) }
     }
 
-    /// Returns any function of a row and a refresh. `changes_by_refresh`: frames that are repeated are made anew at
-    /// each refresh. `make` gives how many pixels wanted more light than the display has; greys above `2^bits - 1` show
-    /// as the brightest.
+    /// Makes greys by any function of a row and a refresh. `changes_by_refresh`: frames that are repeated are made
+    /// again at each refresh. `make` returns how many pixels wanted more light than the display has; greys above
+    /// `2^bits - 1` show as the brightest.
     #[must_use]
     pub fn by_row(
         bits: u32,
@@ -180,7 +180,7 @@ mod tests {
                 // In whole numbers: floor(l * most / 65535 + 1/2).
                 let wanted = (2 * u64::from(luminance) * most + 65_535) / (2 * 65_535);
                 let grey = u64::from(table.nearest(luminance));
-                // 65535 / 2 is no whole number, and no luminance lies within 1e-5 of a border between two greys.
+                // 65535 / 2 is not a whole number, and no luminance lies within 1e-5 of a border between two greys.
                 assert_eq!(grey, wanted, "{bits} bits, luminance {luminance}");
             }
         }

@@ -1,10 +1,10 @@
-//! Submit time -> photon time: what a photodiode on the marker patch says about a display's latency.
+//! Submit time -> photon time: the latency of a display, measured by a photodiode on the marker patch.
 //!
-//! Submit time is when a frame was handed to the graphics system. There is no clock in a display that says when its light
-//! came; what is known is the delay from submit to light, measured for many flips of the marker, or given by
-//! its maker. Prediction: photon time = submit time + median delay + the place of the row in the scan. Known: the
-//! median and the spread, of the runs that were measured. Not known: the delay of one frame; a queue that is one refresh
-//! longer today (a compositor, a driver's setting) shows as a whole refresh, and only the patch can tell.
+//! Submit time is when a frame was handed to the graphics system. A display has no clock that reports when its light
+//! came; the delay from submit to light is known from many measured flips of the marker, or from the maker. Prediction:
+//! photon time = submit time + median delay + the place of the row in the scan. Known: the median and the spread of the
+//! measured runs. Not known: the delay of one frame; a queue that is one refresh longer today (a compositor, a driver's
+//! setting) shows as a whole refresh, and only the patch can show that.
 //! A flip has one row: [`flips_of`] finds the edge of each submit time that a run or `starloop display flip` kept.
 //! Input: CSV with `submit_s,edge_s`, one row a flip, seconds of one clock; no edge: leave `edge_s` empty.
 //! Tests below.
@@ -18,7 +18,7 @@ use std::io::Read;
 pub const FEWEST_EDGES: usize = 10;
 /// A delay beyond this is an edge of another flip, seconds.
 const LONGEST_S: f64 = 1.0;
-/// Flips that follow sooner than this cannot be told from one another by their edges: latencies are shorter, seconds.
+/// Shortest time between flips, s: longer than any latency, so that each edge belongs to the flip before it.
 pub const APART_S: f64 = 0.1;
 /// Largest share of flips without an edge.
 const MOST_MISSED: f64 = 0.1;
@@ -55,7 +55,7 @@ pub struct Latency {
     pub marker_row_share: f64,
 }
 
-/// Why there is no latency.
+/// Reason why a latency cannot be computed.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum LatencyError {
     /// The table is none.
@@ -65,7 +65,7 @@ pub enum LatencyError {
     Row {
         /// Line, the header being 1.
         line: u64,
-        /// What was there.
+        /// Value that was found.
         got: String,
     },
     /// Flips so close to one another that an edge may be of any of them.
@@ -205,7 +205,7 @@ impl Latency {
         })
     }
 
-    /// From submit to the light of a row (its number over the number of rows, 0 to 1).
+    /// Returns the time from submit to the light of a row (its number over the number of rows, 0 to 1).
     #[must_use]
     pub fn at_row(&self, row_share: f64) -> Span {
         Span::from_ns(self.median_ns) + self.scan_after_marker(row_share)
@@ -215,7 +215,7 @@ impl Latency {
         Span::from_s((row_share - self.marker_row_share) * self.scan_ns as f64 * 1e-9)
     }
 
-    /// In words, with what is not known.
+    /// Returns the latency in words, with its unknown parts.
     #[must_use]
     pub fn reported(&self) -> String {
         let ms = |ns: i64| ns as f64 * 1e-6;
@@ -274,7 +274,7 @@ mod tests {
         let latency = Latency::of_flips(&flips, 0.0, Span::from_ms(16)).unwrap();
         assert!((latency.median_ns - 28_000_000).abs() < 100, "{}", latency.median_ns);
         assert!((latency.at_row(0.5).ns() - 36_000_000).abs() < 100, "half a scan below the marker");
-        // Both sides of what can be told apart.
+        // Both sides of the shortest time between flips.
         let at = |period_s: f64| (0..40).map(|i| period_s * f64::from(i)).collect::<Vec<f64>>();
         assert!(flips_of(&at(0.1001), &[]).is_ok(), "no edges are the next step's complaint");
         let error = flips_of(&at(1.0 / 60.0), &edges).unwrap_err();

@@ -29,7 +29,7 @@ pub struct Marker {
 }
 
 impl Marker {
-    /// Whether it fits on frames of this size (columns, rows).
+    /// Checks that the marker fits on frames of this size (columns, rows).
     ///
     /// # Errors
     /// When it is empty or does not fit.

@@ -1,9 +1,10 @@
 //! Linear-luminance frames -> greys on a monitor in front of a tracker.
 //!
 //! Input: [`frames::sink::SentFrame`], whose pixels are luminances, 0 none, 65535 the full luminance of the display, or codes
-//! of luminance ([`luminance_code`]) where they are drawn by a calibration. Output: a window that fills a monitor and shows, pixel by pixel, the greys that the display's table gives for them; nothing
-//! is scaled or filtered. Each new frame leaves a [`Submitted`]: when it was handed to the graphics driver. That is not when
-//! light left the screen, which nothing in this program can see; the marker patch lets a photodiode measure the rest.
+//! of luminance ([`luminance_code`]) where they are drawn by a calibration. Output: a window that fills a monitor and
+//! shows, pixel by pixel, the greys that the display's table gives for them; nothing is scaled or filtered. Each new
+//! frame leaves a [`Submitted`]: when it was handed to the graphics driver. That is earlier than the light of the
+//! screen, which no part of this program can measure; the marker patch lets a photodiode measure the rest.
 //!
 //! Greys are made on the CPU ([`grey`], [`picture`]) and shown from a texture of whole numbers: one form of the
 //! arithmetic, the same with and without a GPU, and the fragment shader has nothing to do but `grey / most`. That is exact:
@@ -13,8 +14,8 @@
 //! Threads: one event loop for the whole program (`window`), and one presenter for each display, which waits for the
 //! monitor's refresh. `send` copies a frame into one of five buffers and returns: it never waits for either.
 //!
-//! What opens windows, `screen`, is in builds with the feature `display`; `without` has its names in the others, and its error says
-//! how to build it. Calibrations and numbers are in all of them.
+//! The module that opens windows, `screen`, is in builds with the feature `display`; `without` has its names in the
+//! others, and its error says how to build it. Calibrations and numbers are in all of them.
 //!
 //! Limits: X11 (Wayland desktops through Xwayland), Vulkan; without a server `direct_scanout`, a cargo feature that has never
 //! been run on a monitor. Ten bits where the driver offers A2B10G10R10. When the X server
@@ -26,7 +27,7 @@
 //! refresh) -> `grey`, `marker`, `picture` (what is shown) -> `counters`, `submitted`, `submit_log` (what came of it).
 //!
 //! Calibration: `geometry` and `response` say where and how bright, `drive` and `dither` make greys of luminance, `beat` and
-//! `latency` tell what shutters and clocks do to it; `calibration` measures all of them.
+//! `latency` compute the effects of shutters and clocks; `calibration` measures all of them.
 
 pub mod beat;
 pub mod calibration;

@@ -24,7 +24,7 @@ impl core::fmt::Display for MonitorChoice {
     }
 }
 
-/// What is known of a monitor.
+/// The data of a monitor.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct MonitorFacts {
     /// Name of its output.

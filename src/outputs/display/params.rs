@@ -1,4 +1,4 @@
-//! What is asked of a display.
+//! The parameters of a display.
 
 use crate::display::marker::Marker;
 use crate::display::monitor::MonitorChoice;

@@ -13,7 +13,7 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// A black picture; `white` is the brightest grey.
+    /// Returns a black picture; `white` is the brightest grey.
     #[must_use]
     pub fn new(size_px: [usize; 2], marker: Option<Marker>, white: u16) -> Self {
         Self { size_px, greys: vec![0; size_px[0] * size_px[1]], marker, white }

@@ -18,7 +18,8 @@ pub const FEWEST_GREYS: usize = 5;
 const DARKEST_FOR_GAMMA: f64 = 0.01;
 /// A grey below this share of full grey must be dimmer than [`FULL_LUMINANCE`].
 const NEARLY_FULL_GREY: f64 = 0.95;
-/// Of full: what is brighter cannot be told from it. A display that is linear has 0.95 at [`NEARLY_FULL_GREY`].
+/// Luminance, relative to full, above which levels cannot be distinguished from full. A linear display has 0.95 at
+/// [`NEARLY_FULL_GREY`].
 const FULL_LUMINANCE: f64 = 0.99;
 /// Bits of a display's grey.
 pub const BITS: core::ops::RangeInclusive<u32> = 6..=16;
@@ -47,13 +48,13 @@ pub struct ResponseParameters {
     pub level: Vec<GreyLevel>,
 }
 
-/// Why numbers are no response.
+/// Reason why numbers are not a response.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum ResponseError {
     /// Bits out of range.
     #[error("a display's grey: wanted 6 to 16 bits, got {got}")]
     Bits {
-        /// What was given.
+        /// Value that was given.
         got: u32,
     },
     /// Too few greys, or black or full missing.
@@ -242,7 +243,7 @@ fn pooled(levels: impl Iterator<Item = GreyLevel>) -> Vec<GreyLevel> {
     pools.into_iter().map(|(level, _)| level).collect()
 }
 
-/// Returns the slope of log luminance over log grey, least squares; 1 when nothing tells.
+/// Returns the slope of log luminance over log grey, least squares; 1 when it cannot be computed.
 fn gamma(level: &[GreyLevel], highest: f64) -> f64 {
     let bright = level.iter().filter(|l| l.luminance > DARKEST_FOR_GAMMA && l.luminance < 1.0);
     let logs = bright.map(|l| [(l.grey / highest).ln(), l.luminance.ln()]);
@@ -292,7 +293,7 @@ fn monotone_slopes(x: &[f64], y: &[f64]) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    /// sRGB's piecewise curve (IEC 61966-2-1), which is no power of grey.
+    /// Returns sRGB's piecewise curve (IEC 61966-2-1), which is not a power of grey.
     fn srgb(grey: f64) -> f64 {
         let v = grey / 255.0;
         if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
@@ -308,7 +309,8 @@ mod tests {
         measured([0, 2, 7, 15, 24, 35, 48, 62, 78, 95, 114, 135, 157, 180, 204, 229, 255].into_iter(), |_| 0.0)
     }
 
-    /// Of full, for 17 nodes of a curve that is no power: a sixth of the step between neighbouring bright greys.
+    /// Error of interpolation, relative to full, for 17 nodes of a curve that is not a power: a sixth of the step
+    /// between neighbouring bright greys.
     const INTERPOLATION: f64 = 3e-4;
 
     #[test]

@@ -151,7 +151,7 @@ mod tests {
         assert_eq!((row.submit_unix_s(), row.submit_utc.get(..19)), (1_772_323_200.25, Some("2026-03-01T00:00:00")));
     }
 
-    /// A disk with no room left.
+    /// A disk without free space.
     struct Full;
 
     impl Write for Full {
@@ -170,6 +170,6 @@ mod tests {
         (0..5000).for_each(|frame| log.add(&submitted(frame)));
         assert!(log.unwritten() > 4000, "{}", log.unwritten());
         let error = log.finish().unwrap_err().to_string();
-        assert!(error.contains("run/submits.csv") && error.contains("room"), "{error}");
+        assert!(error.contains("run/submits.csv") && error.contains("free space"), "{error}");
     }
 }

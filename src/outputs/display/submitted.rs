@@ -9,8 +9,8 @@ pub struct Submitted {
     pub frame: u32,
     /// Refreshes since the display was opened.
     pub refresh: u64,
-    /// When the driver had taken it: the **submit time**. Light leaves the screen one or two refreshes later, plus what the
-    /// monitor itself takes.
+    /// Time at which the driver took it: the **submit time**. Light leaves the screen one or two refreshes later, plus
+    /// what the monitor itself takes.
     pub submit: Tai,
     /// When its light was to begin: the start of its exposure, where it has one.
     pub wanted_light: Option<Tai>,

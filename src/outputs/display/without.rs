@@ -18,7 +18,7 @@ use std::sync::Arc;
 pub struct Display(Infallible);
 
 impl Display {
-    /// Fails.
+    /// Fails in this build.
     ///
     /// # Errors
     /// Always: [`DisplayError::NotBuilt`].
@@ -26,13 +26,13 @@ impl Display {
         Err(DisplayError::NotBuilt)
     }
 
-    /// Returns the which monitor, driver and format.
+    /// Returns which monitor, driver and format.
     #[must_use]
     pub fn description(&self) -> &str {
         match self.0 {}
     }
 
-    /// What became of frames and refreshes so far.
+    /// Returns the counts of frames and refreshes so far.
     #[must_use]
     pub fn counts(&self) -> Counts {
         match self.0 {}
@@ -41,7 +41,7 @@ impl Display {
     /// Writes the submit times into a file.
     ///
     /// # Errors
-    /// Never, as there is no display.
+    /// Never, as this build has no display.
     pub fn keep_submits(&mut self, _: &Path) -> Result<(), DisplayError> {
         match self.0 {}
     }
@@ -73,7 +73,7 @@ impl Sink for Display {
     }
 }
 
-/// Fails.
+/// Fails in this build.
 ///
 /// # Errors
 /// Always: [`DisplayError::NotBuilt`].

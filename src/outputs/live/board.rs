@@ -1,7 +1,7 @@
-//! What is known now: each head's newest picture, the newest numbers, and who asked for what.
+//! The present state of a run: each head's newest picture, the newest numbers, and counts of requests.
 //!
-//! One owner, the view's thread. An encoding is kept and answers all who ask for the same; the next one, of whichever head,
-//! waits until three times its duration have passed, so that drawing keeps the cores whatever clients ask for.
+//! One owner, the view's thread. An encoding is kept and answers all requests for the same; the next one, of any head,
+//! waits until three times its duration have passed, so that drawing keeps the cores however often clients ask.
 
 use crate::live::Params;
 use crate::live::head::{Encoded, Head};
@@ -16,10 +16,10 @@ use std::sync::Arc;
 /// Rest after an encoding, in durations of it.
 const REST: i64 = 3;
 
-/// Why there is no picture now.
+/// Reason why no picture is available.
 #[derive(Debug)]
 pub(super) enum NoPicture {
-    /// There is no such head.
+    /// The head does not exist.
     NoHead,
     /// No frame has come yet.
     NoFrame,
@@ -29,7 +29,7 @@ pub(super) enum NoPicture {
     Broken(std::io::Error),
 }
 
-/// What became of requests and clients.
+/// Outcomes of requests and clients.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Served {
     /// Requests answered.

@@ -1,4 +1,4 @@
-//! Why there is no live view.
+//! Errors of the live view.
 
 use std::io;
 use std::net::SocketAddr;
@@ -6,7 +6,7 @@ use std::net::SocketAddr;
 /// A live view that could not be started.
 #[derive(Debug, thiserror::Error)]
 pub enum LiveError {
-    /// Nobody can listen at the address.
+    /// The live view cannot listen at the address.
     #[error(
         "the live view cannot listen at {address}: {source}; wanted an address of this machine and a free port: port 0 takes one"
     )]

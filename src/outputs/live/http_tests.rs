@@ -12,7 +12,7 @@ use std::net::TcpStream;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// A reader that hears nothing for so long has found a server that hangs.
+/// Time without an answer after which a test treats the server as hung.
 const HANGS: Duration = Duration::from_secs(30);
 
 fn start() -> (LiveView, LiveSink, Numbers) {
@@ -40,13 +40,13 @@ fn all_of(mut stream: TcpStream) -> Vec<u8> {
     let mut answer = Vec::new();
     match stream.read_to_end(&mut answer) {
         Ok(_) => answer,
-        // What was not read of a request makes the system reset the connection.
+        // Unread bytes of a request make the system reset the connection.
         Err(error) if error.kind() == ErrorKind::ConnectionReset => answer,
         Err(error) => panic!("{error}"),
     }
 }
 
-/// Status, head and body of the answer to raw bytes.
+/// Returns status, head and body of the answer to raw bytes.
 fn ask(view: &LiveView, request: &[u8]) -> (u16, String, Vec<u8>) {
     let mut stream = connect(view);
     let _may_be_refused_half_way = stream.write_all(request);
@@ -204,7 +204,7 @@ fn other_names_are_not_answered() {
         ("192.0.2.1:80", 421),
         ("", 421),
     ];
-    // Reached from elsewhere, an address says that nobody has lent us a name.
+    // Reached from elsewhere, an address cannot be a name that another site gave us.
     let on_a_network = [
         ("localhost:8080", 200),
         ("192.0.2.1:80", 200),

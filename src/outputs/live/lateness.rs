@@ -20,7 +20,8 @@ pub(super) struct LatenessBins {
 }
 
 impl LatenessBins {
-    /// From `reach_s` before the deadline to `reach_s` after it; a reach that is no positive number becomes 1 s.
+    /// Returns bins from `reach_s` before the deadline to `reach_s` after it; a reach that is not a positive number
+    /// becomes 1 s.
     pub(super) fn reaching(reach_s: f64) -> Self {
         let reach_s = if reach_s.is_finite() && reach_s > 0.0 { reach_s } else { 1.0 };
         Self { reach_s, counts: [0; BINS + 2], sum_s: 0.0 }
@@ -39,7 +40,7 @@ impl LatenessBins {
         self.reach_s
     }
 
-    /// Earlier, the bins, later.
+    /// Returns the counts: earlier, the bins, later.
     pub(super) fn counts(&self) -> &[u64; BINS + 2] {
         &self.counts
     }

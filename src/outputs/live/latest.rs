@@ -1,7 +1,7 @@
 //! The newest picture, between a thread that writes and a thread that looks.
 //!
 //! Three buffers change places: the writer's, the one between them, the reader's. The lock is held for the exchange of two
-//! pointers, so neither waits for the other's copying or encoding. A picture that nobody took is replaced. Test: below.
+//! pointers, so neither waits for the other's copying or encoding. An unread picture is replaced. Test: below.
 
 use crate::live::lateness::LatenessBins;
 use base::time::Tai;
@@ -60,7 +60,7 @@ impl Writer {
         between.is_new = true;
     }
 
-    /// Nothing comes after the picture that was published last.
+    /// Publishes the end: nothing comes after the picture that was published last.
     pub(super) fn publish_end(&mut self) {
         self.between.lock().unwrap_or_else(PoisonError::into_inner).is_over = true;
     }

@@ -26,12 +26,12 @@ impl Text {
         self.line(format_args!("# TYPE starloop_{name} {kind}"));
     }
 
-    /// A sample without labels.
+    /// Adds a sample without labels.
     fn sample(&mut self, name: &str, value: impl Display) {
         self.line(format_args!("starloop_{name} {value}"));
     }
 
-    /// A sample with labels; their values are escaped.
+    /// Adds a sample with labels; their values are escaped.
     fn labelled(&mut self, name: &str, labels: &[(&str, &str)], value: impl Display) {
         let mut inside = String::new();
         for (i, (label, text)) in labels.iter().enumerate() {
@@ -40,13 +40,13 @@ impl Text {
         self.line(format_args!("starloop_{name}{{{inside}}} {value}"));
     }
 
-    /// A family of one sample.
+    /// Adds a family of one sample.
     fn single(&mut self, name: &str, kind: &str, help: &str, value: impl Display) {
         self.family(name, kind, help);
         self.sample(name, value);
     }
 
-    /// The buckets of one histogram, its sum and its count.
+    /// Adds the buckets of one histogram, its sum and its count.
     fn histogram(
         &mut self,
         name: &str,
@@ -105,7 +105,7 @@ pub(super) fn metrics_of(board: &mut Board) -> String {
             "Requests to the live view that were refused (status 400 and above).",
             served.refused,
         ),
-        ("live_clients_refused", "Connections to the live view for which there was no seat.", served.clients_refused),
+        ("live_clients_refused", "Connections to the live view that found all places taken.", served.clients_refused),
         (
             "live_clients_failed",
             "Connections to the live view that ended in an error or took too long.",
@@ -149,7 +149,7 @@ const FRAME_GAUGES: [FrameGauge; 10] = [
     ("boresight_roll_degrees", "Position angle of its up direction, east of north.", |frame| frame.meta.roll_deg),
 ];
 
-/// What each head is.
+/// Adds the description of each head.
 fn heads(out: &mut Text, heads: &[HeadParams]) {
     out.family("head_info", "gauge", "Name and camera of each head, as labels; always 1.");
     for (number, head) in heads.iter().enumerate() {
@@ -202,7 +202,7 @@ fn run(out: &mut Text, numbers: &RunNumbers) {
         ("frames_rendered", "Frames drawn.", frames.rendered),
         (
             "frames_delivered",
-            "Frames handed to the sinks' queues; what each sink made of them is told when the run ends.",
+            "Frames handed to the sinks' queues; the run summary counts the frames that each sink took.",
             frames.delivered,
         ),
         ("frames_late", "Frames finished after their deadline.", frames.late),
@@ -235,7 +235,7 @@ fn ports(out: &mut Text, numbers: &RunNumbers) {
     out.single(
         "link_ports_left_out",
         "gauge",
-        "Ports of the bus of which nothing is told here.",
+        "Ports of the bus that are not reported here.",
         numbers.ports_left_out(),
     );
     out.family("link_total", "counter", "What each port of the bus counted, by counter.");

@@ -10,10 +10,11 @@
 //! elsewhere), `/frame.png`, `/truth.json`, `/state.json` and `/metrics` (Prometheus text 0.0.4). Units are in the names.
 //! Heads are counted from 0; a request that names none is about head 0.
 //!
-//! Read-only: GET and HEAD, everything else is 405. No password: loopback unless told otherwise, and only who asks for an
-//! address of this machine, `localhost` or a name it was told is answered. Nothing here runs on the frame thread but a copy
-//! of 15 KiB; a sink thread waits for no client, as the buffers change places under a lock that is held for two moves. Bounded: clients
-//! ([`CLIENTS_MAX`]), time of a connection, size of a request, one encoding at a time for a quarter of a core at most.
+//! Read-only: GET and HEAD, everything else is 405. No password: the view listens on loopback unless configured
+//! otherwise, and answers only requests for an address of this machine, `localhost` or a configured name. Nothing here
+//! runs on the frame thread but a copy of 15 KiB; a sink thread waits for no client, as the buffers change places under
+//! a lock that is held for two moves. Bounded: clients ([`CLIENTS_MAX`]), time of a connection, size of a request, one
+//! encoding at a time for a quarter of a core at most.
 //!
 //! Tour: `latest` and `sink` (frames in), `numbers` (counts in) -> `head` (what is known of one head) and `board` (of the run)
 //! -> `picture`, `truth`, `state`, `metrics` (its forms) -> `route` (request to answer) -> `server` (clients) and `page/`.
@@ -47,7 +48,7 @@ pub use view::{LINGER, LiveView};
 use std::net::SocketAddr;
 use std::sync::Arc;
 
-/// What the page is of.
+/// The parameters of the page.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Params {
     /// Where to listen; port 0 takes a free one.

@@ -18,7 +18,7 @@ pub(super) struct Reported {
     pub(super) are_last: bool,
 }
 
-/// Where the numbers of a run are told.
+/// Sender of the numbers of a run.
 #[derive(Debug, Clone)]
 pub struct Numbers {
     to_view: Sender<Reported>,

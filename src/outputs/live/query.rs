@@ -1,4 +1,4 @@
-//! What is asked for in the address, after the question mark.
+//! The queries in the address, after the question mark.
 //!
 //! Unknown and repeated keys and values out of range are refused with what was wanted. Nothing is decoded: no valid value
 //! needs it. Tests: below.
@@ -19,19 +19,19 @@ fn bad(key: &'static str, got: &str, wanted: &'static str) -> BadQuery {
     BadQuery { key, got: got.chars().take(64).collect(), wanted }
 }
 
-/// `head` alone, a head's number: 0 where it is left out.
+/// Reads `head` alone, a head's number: 0 where it is left out.
 pub(super) fn head(query: &str) -> Result<usize, BadQuery> {
     let [head] = values(query, ["head"])?;
     head_number(head)
 }
 
-/// `head`, and `stretch` with `black` and `white` for `dn`.
+/// Reads `head`, and `stretch` with `black` and `white` for `dn`.
 pub(super) fn head_and_scale(query: &str) -> Result<(usize, Scale), BadQuery> {
     let [head, stretch, black, white] = values(query, ["head", "stretch", "black", "white"])?;
     Ok((head_number(head)?, scale([stretch, black, white])?))
 }
 
-/// `head`, and `frame`, a frame's number.
+/// Reads `head`, and `frame`, a frame's number.
 pub(super) fn head_and_frame(query: &str) -> Result<(usize, u32), BadQuery> {
     let [head, frame] = values(query, ["head", "frame"])?;
     Ok((head_number(head)?, number("frame", frame, "a frame's number, as in the answer to /frame.png")?))
@@ -67,7 +67,7 @@ fn number<T: FromStr>(key: &'static str, value: Option<&str>, wanted: &'static s
     got.parse().map_err(|_| bad(key, got, wanted))
 }
 
-/// The values of the keys, in their order.
+/// Returns the values of the keys, in their order.
 fn values<'a, const N: usize>(query: &'a str, keys: [&'static str; N]) -> Result<[Option<&'a str>; N], BadQuery> {
     let mut found = [None; N];
     for part in query.split('&').filter(|part| !part.is_empty()) {

@@ -28,7 +28,7 @@ use std::time::Duration;
 
 /// The board, for the tasks of one thread; never locked across a wait.
 pub(super) type SharedBoard = Arc<Mutex<Board>>;
-/// What goes back.
+/// Answer to a request.
 pub(super) type Answer = Response<Full<Bytes>>;
 
 /// The page: markup, style and script in one.
@@ -48,7 +48,7 @@ const PAGE: &str = concat!(
     include_str!("page/page.js"),
     "</script>\n",
 );
-/// What the page may do: run what it came with, and ask where it came from.
+/// Permissions of the page: to run its own scripts, and to ask its own server.
 const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src 'self' blob: data:; \
                       connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 /// A request for a picture waits this long for the encoder at most.
@@ -126,9 +126,9 @@ fn no_such_head(board: &Board, head: usize) -> Answer {
     refused(StatusCode::NOT_FOUND, &format!("head: got {head}, wanted {wanted}; /state.json lists the heads"))
 }
 
-/// Any web site can give a name of its own our address, and would then read the view in its visitors' browsers: so a host
-/// is answered by its address, as `localhost`, or by a name that whoever started the run has given. No site can choose an
-/// address as its name; on loopback it must still be one of loopback.
+/// Refuses requests for other hosts. Any web site can give a name of its own our address, and would then read the view
+/// in its visitors' browsers: so a host is answered by its address, as `localhost`, or by a name that whoever started
+/// the run has given. No site can choose an address as its name; on loopback it must still be one of loopback.
 fn may_ask(params: &Params, request: &Parts) -> Result<(), &'static str> {
     // Browsers always say whom they ask.
     let Some(host) = request.headers.get(HOST) else { return Ok(()) };

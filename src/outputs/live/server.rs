@@ -38,10 +38,10 @@ const HEAD_BYTES: usize = 16 * 1024;
 const HEADERS_MAX: usize = 64;
 /// Time that a connection which loses its seat may take.
 const MAKES_WAY: Duration = Duration::from_millis(100);
-/// How often the numbers are taken in when nobody asks.
+/// Interval at which the numbers are read when no client asks.
 const LISTEN: Duration = Duration::from_millis(100);
 
-/// Serves until told to stop.
+/// Serves until the stop is notified.
 pub(super) async fn serve(listener: TcpListener, board: SharedBoard, stop: Arc<Notify>) {
     let mut seats = Seats { free: Arc::new(Semaphore::new(CLIENTS_MAX)), silent: Silent::default(), arrived: 0 };
     let mut listen = tokio::time::interval(LISTEN);
@@ -55,7 +55,7 @@ pub(super) async fn serve(listener: TcpListener, board: SharedBoard, stop: Arc<N
                     seats.welcome(stream, &board).await;
                     tokio::time::sleep(PACE).await;
                 }
-                // Nobody there any more, or no descriptors left: not to be asked again without a pause.
+                // The client is gone already, or no descriptors are left: pause before the next attempt.
                 Err(_) => tokio::time::sleep(Duration::from_millis(5)).await,
             },
         }
@@ -89,7 +89,7 @@ impl Silent {
     }
 }
 
-/// Who sits.
+/// The places for clients.
 struct Seats {
     free: Arc<Semaphore>,
     silent: Silent,

@@ -12,7 +12,7 @@ use frames::report::{NamedCounts, RunNumbers, Stage, TimeTally};
 use frames::sink::facts::{FactSource, json_keys};
 use serde_json::{Map, Value, json};
 
-/// Returns the state now, with head `chosen` at the top; `None` when there is no such head.
+/// Returns the state now, with head `chosen` at the top; `None` when the head does not exist.
 pub(super) fn state_of(board: &mut Board, chosen: usize) -> Option<Value> {
     board.listen();
     let now = board.clock.now();
@@ -169,7 +169,7 @@ mod tests {
             let keys = heads[chosen].as_object().unwrap().iter().filter(|(key, _)| *key != "is_over");
             keys.for_each(|(key, value)| assert_eq!(&state[key], value, "{key} of head {chosen}"));
         }
-        assert_eq!(super::state_of(&mut board, 3), None, "control: there is no fourth");
+        assert_eq!(super::state_of(&mut board, 3), None, "control: the fourth does not exist");
     }
 
     #[test]

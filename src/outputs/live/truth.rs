@@ -6,10 +6,10 @@
 use frames::sink::SentFrame;
 use serde_json::{Value, json};
 
-/// Stars told of one frame.
+/// Number of stars reported of one frame.
 pub(super) const STARS_MAX: usize = 400;
 
-/// Number, size and stars of a frame.
+/// Returns number, size and stars of a frame.
 pub(super) fn truth_of(frame: &SentFrame) -> Value {
     let mut order: Vec<usize> = (0..frame.truth.len()).collect();
     order.sort_by(|a, b| frame.truth[*b].electrons.total_cmp(&frame.truth[*a].electrons));

@@ -22,7 +22,7 @@ use tokio::sync::Notify;
 pub const LINGER: Duration = Duration::from_secs(2);
 /// They are served only when somebody has asked so shortly before: a page asks four times a second.
 const ASKED_WITHIN: Span = Span::from_ms(5000);
-/// Stars of a frame for which there is room from the start.
+/// Number of stars of a frame that fit without allocation.
 const STARS: usize = 1024;
 
 /// A page that is served; dropping it ends it.
@@ -39,7 +39,7 @@ impl LiveView {
     /// per head, in the order of `params.heads`; each may run in a thread of its own.
     ///
     /// # Errors
-    /// When there are no heads, when nobody can listen at the address, or when the thread cannot be started.
+    /// When the list of heads is empty, when the address cannot be used, or when the thread cannot be started.
     pub fn start(params: Params, clock: Arc<dyn Clock>) -> Result<(Self, Vec<LiveSink>, Numbers), LiveError> {
         if params.heads.is_empty() {
             return Err(LiveError::NoHeads);
@@ -64,8 +64,8 @@ impl LiveView {
         Ok((Self { address, board, stop, thread }, sinks, numbers))
     }
 
-    /// Serves the end of a run for [`LINGER`], when somebody looks, and ends; false when its thread had ended before, by a
-    /// panic or because it could not listen.
+    /// Serves the end of a run for [`LINGER`], when a client is connected, and ends; false when its thread ended
+    /// before, by a panic or because it could not listen.
     #[must_use]
     pub fn finish(mut self) -> bool {
         let is_watched = {
@@ -105,14 +105,14 @@ impl Drop for LiveView {
     }
 }
 
-/// What the view is made of except its clients.
+/// Makes the parts of the view except its clients.
 fn parts(params: Params, clock: &Arc<dyn Clock>) -> (Board, Vec<LiveSink>, Numbers) {
     let (heads, sinks) = params.heads.iter().map(|head| head_and_sink(head, clock)).unzip();
     let (numbers, reported) = Numbers::new();
     (Board::new(params, Arc::clone(clock), heads, reported), sinks, numbers)
 }
 
-/// The two ends of one head.
+/// Makes the two ends of one head.
 fn head_and_sink(params: &HeadParams, clock: &Arc<dyn Clock>) -> (Head, LiveSink) {
     let [width, height] = params.size_px;
     let frame = SentFrame::with_capacity(width, height, STARS, Arc::clone(&params.camera));

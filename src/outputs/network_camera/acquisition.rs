@@ -46,7 +46,7 @@ impl Wanted {
         self.acquisition_and_left.store(u64::from(acquisition) << 32 | u64::from(frames), Ordering::Release);
     }
 
-    /// The same of frames whose exposures start at this instant or later.
+    /// Begins as [`Self::begin`], with frames whose exposures start at this instant or later.
     pub(super) fn begin_from(&self, from: Tai, acquisition: u32, frames: u32) {
         self.from_ns.store(from.ns(), Ordering::Release);
         self.begin(acquisition, frames);
@@ -68,7 +68,7 @@ impl Wanted {
         let _never_refused = self.acquisition_and_left.fetch_update(Ordering::AcqRel, Ordering::Acquire, more);
     }
 
-    /// Of so many frames of the bench one is for the client.
+    /// Gives the client one of so many frames of the bench.
     pub(super) fn choose_one_in(&self, frames: u32) {
         self.one_in.store(frames, Ordering::Release);
     }
@@ -120,7 +120,8 @@ pub(super) struct Acquisition {
 }
 
 impl Acquisition {
-    /// Begins; with `is_triggered` each frame waits for a trigger. The frames that are wanted at once.
+    /// Begins; with `is_triggered` each frame waits for a trigger. Returns the number of frames that are wanted at
+    /// once.
     pub(super) fn start(&mut self, mode: Mode, is_triggered: bool) -> u32 {
         let frames = match mode {
             Mode::Continuous => ALL,
@@ -132,7 +133,7 @@ impl Acquisition {
         if is_triggered { 0 } else { frames }
     }
 
-    /// Ends.
+    /// Ends the acquisition.
     pub(super) fn stop(&mut self) {
         *self = Self::default();
     }
@@ -215,7 +216,7 @@ mod tests {
         wanted.begin_from(start, 1, ALL);
         assert!(wanted.is_before(Tai::from_ns(4_999)) && !wanted.is_before(start));
         wanted.begin_from(Tai::from_ns(i64::MIN), 2, ALL);
-        assert!(!wanted.is_before(Tai::from_ns(-1)), "control: of a camera that nobody commands");
+        assert!(!wanted.is_before(Tai::from_ns(-1)), "control: a camera that is not commanded");
     }
 
     #[test]
@@ -226,7 +227,7 @@ mod tests {
         assert_eq!(chosen(1, 3), [0, 1, 2], "all of them as it is");
         wanted.choose_one_in(3);
         assert_eq!(chosen(2, 8), [0, 3, 6]);
-        assert_eq!(chosen(3, 5), [0, 3], "the next one begins anew");
+        assert_eq!(chosen(3, 5), [0, 3], "the next one starts again");
         wanted.choose_one_in(1);
         assert_eq!(chosen(4, 3), [0, 1, 2]);
     }

@@ -41,7 +41,7 @@ pub struct NetworkCamera {
     pixels: usize,
     stream: Option<JoinHandle<()>>,
     listener: Option<JoinHandle<()>>,
-    /// A thread ended before it was told to.
+    /// A thread ended before its stop was requested.
     is_lost: bool,
     frames: u64,
     refused: u64,
@@ -66,11 +66,11 @@ impl NetworkCamera {
         let found = Interface::of(params.address)?;
         let refuse = |doing| move |source| interface::system(params.address, doing, source, "");
         let control = interface::control_socket(params.address, params.port)?;
-        let address = control.local_addr().map_err(refuse("tell its address"))?;
+        let address = control.local_addr().map_err(refuse("read its address"))?;
         let stream_socket = Arc::new(interface::stream_socket(params.address)?);
-        let stream_source_port = stream_socket.local_addr().map_err(refuse("tell its address"))?.port();
+        let stream_source_port = stream_socket.local_addr().map_err(refuse("read its address"))?.port();
         let messages = interface::message_socket(params.address)?;
-        let message_source_port = messages.local_addr().map_err(refuse("tell its address"))?.port();
+        let message_source_port = messages.local_addr().map_err(refuse("read its address"))?.port();
         let place = DeviceParams {
             address: params.address,
             mask: found.mask,
@@ -152,7 +152,7 @@ impl NetworkCamera {
         !self.address.ip().is_loopback()
     }
 
-    /// What was sent, lost and refused so far.
+    /// Returns the counts of sent, lost and refused so far.
     #[must_use]
     pub fn counters(&self) -> Counters {
         self.shared.tally.read()
@@ -181,7 +181,7 @@ impl NetworkCamera {
             return tally.frames_not_wanted.one();
         };
         slot.acquisition = acquisition;
-        // There are as many places as slots: the queue has room unless the stream is gone.
+        // As many places as slots: the queue has space unless the stream is gone.
         if self.full.as_ref().is_none_or(|full| full.try_send(slot).is_err()) {
             tally.frames_dropped.one();
         }
@@ -195,7 +195,7 @@ impl NetworkCamera {
 
     fn join(&mut self) {
         let Some(full) = self.full.take() else { return };
-        // Before the hang-up, after which both end: the stream by itself, the control side when it is told.
+        // Before the hang-up, after which both end: the stream by itself, the control side by its flag.
         self.is_lost = !self.is_whole();
         self.shared.hang_up(self.clock.now() + FAREWELL);
         drop(full);

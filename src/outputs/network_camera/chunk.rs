@@ -105,7 +105,7 @@ fn append_tag(id: u32, length: usize, out: &mut Vec<u8>) {
     out.extend(u32::try_from(length).unwrap_or(u32::MAX).to_be_bytes());
 }
 
-/// At most [`TEXT_BYTES`], filled up with zeros.
+/// Appends at most [`TEXT_BYTES`], filled up with zeros.
 fn append_text(text: &str, out: &mut Vec<u8>) {
     let end = out.len() + TEXT_BYTES;
     out.extend(text.bytes().take(TEXT_BYTES));

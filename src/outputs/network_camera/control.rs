@@ -1,8 +1,8 @@
-//! Who may command the camera: one application at a time, as long as it is heard from.
+//! The control privilege: one application at a time commands the camera, as long as it sends commands.
 //!
-//! Open access reads; control reads and writes while others still read; exclusive access shuts others out. Whoever has
-//! control keeps it by any command within the heartbeat time, and loses it when silent: a killed client blocks nobody for
-//! longer. Time is an argument.
+//! Open access reads; control reads and writes while others still read; exclusive access excludes others. The
+//! controller keeps the control by any command within the heartbeat time, and loses it when silent: a killed client
+//! blocks others no longer than that. Time is an argument.
 
 use crate::network_camera::gvcp::Status;
 use crate::network_camera::proof::Proof;
@@ -28,7 +28,7 @@ pub(super) struct Control {
     controller: Option<Controller>,
 }
 
-/// What a write to the privilege register did.
+/// Result of a write to the privilege register.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Change {
     /// A new controller.
@@ -45,7 +45,7 @@ impl Control {
         self.controller.map(|controller| controller.address)
     }
 
-    /// Notes that somebody was heard.
+    /// Records a command from `from`, which extends the control.
     pub(super) fn take_in(&mut self, from: SocketAddrV4, now: Tai) {
         if let Some(controller) = self.controller.as_mut().filter(|controller| controller.address == from) {
             controller.got = now;
@@ -89,7 +89,7 @@ impl Control {
         self.controller = None;
     }
 
-    /// Ends the control of an application that has not been heard for longer than `timeout`; true when it did.
+    /// Ends the control of an application that sent nothing for longer than `timeout`; true when it did.
     pub(super) fn time_out(&mut self, now: Tai, timeout: Span) -> bool {
         let is_silent = self.controller.is_some_and(|controller| now - controller.got > timeout);
         if is_silent {
@@ -111,7 +111,7 @@ mod tests {
     #[test]
     fn one_application_has_control() {
         let mut control = Control::default();
-        assert_eq!(control.may_write(A), Err(Status::AccessDenied), "nobody has it");
+        assert_eq!(control.may_write(A), Err(Status::AccessDenied), "the camera is free");
         assert_eq!(control.request(A, CONTROL, START), Ok(Change::Taken));
         assert_eq!(control.request(B, CONTROL, START), Err(Status::AccessDenied));
         assert_eq!(control.request(B, 0, START), Err(Status::AccessDenied), "nor may it be taken away");

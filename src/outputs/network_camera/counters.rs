@@ -1,4 +1,4 @@
-//! What a network camera sent, lost and refused: atomic while it runs, plain numbers to read.
+//! The counts of a network camera: atomic while it runs, plain numbers to read.
 
 use crate::network_camera::gvcp::Malformed;
 use core::sync::atomic::{AtomicU64, Ordering};
@@ -31,7 +31,7 @@ macro_rules! counters {
         }
 
         impl Tally {
-            /// The counts now. Each is exact; together they are of nearly one instant.
+            /// Returns the counts now. Each is exact; together they are of nearly one instant.
             pub(super) fn read(&self) -> Counters {
                 let reasons = Malformed::NAMED.iter().zip(&self.malformed);
                 let malformed = reasons.map(|((_, name), count)| (*name, count.read())).filter(|(_, count)| *count > 0);
@@ -44,15 +44,15 @@ macro_rules! counters {
 counters! {
     /// Frames that the bench handed over.
     frames_offered;
-    /// Frames that no client had asked for: none connected, none acquiring, no trigger, or a lower frame rate.
+    /// Frames without a client: none connected, none acquiring, no trigger, or a lower frame rate.
     frames_not_wanted;
     /// Frames lost because earlier ones were still waiting to be sent.
     frames_dropped;
-    /// Frames of another size than the sensor, which no client was told of.
+    /// Frames of another size than the sensor, which were not announced to a client.
     frames_of_another_size;
     /// Frames sent whole.
     frames_sent;
-    /// Frames of which the system refused a packet: the client has them only if it asked for that packet again.
+    /// Frames with a packet that the system refused: the client has them only if it asked for that packet again.
     frames_refused;
     /// Frames that were sent as a test pattern, or were to be.
     frames_of_a_pattern;
@@ -70,7 +70,7 @@ counters! {
     resends_asked;
     /// Packets sent again.
     resends_served;
-    /// Packets asked for again that were no more (told to the client with status 800C).
+    /// Packets requested again that were already dropped (answered with status 800C).
     resends_gone;
     /// Packets asked for again that were not sent: by others than the stream's receiver, beyond what one frame may cost,
     /// more requests than may wait, or the acquisition or the run over first.
@@ -79,7 +79,7 @@ counters! {
     test_packets;
     /// The same, not sent: they came faster than the stream's rate.
     test_packets_refused;
-    /// Streams and test packets refused because the client had not proven its address by reading the XML.
+    /// Streams and test packets refused because the client did not prove its address by reading the XML.
     unproven_refused;
     /// Reads of the XML at an address that belongs to another client.
     xml_misses;
@@ -87,7 +87,7 @@ counters! {
     receivers_gone;
     /// Applications that took control.
     controllers_accepted;
-    /// Attempts to take control that another application had.
+    /// Attempts to take control while another application was in control.
     controllers_refused;
     /// Applications whose control ended because they fell silent.
     controllers_timed_out;

@@ -1,8 +1,8 @@
-//! The camera as clients see it: one datagram of the control port -> an answer and what is to be done.
+//! The camera as clients see it: one datagram of the control port -> an answer and the actions that follow.
 //!
 //! No sockets, no threads, no clock: sender and time are arguments, so that the whole protocol is tested and fuzzed as a
-//! function. Answers never exceed one datagram of 576 bytes. Settings of the stream are told to [`Shared`] before a datagram
-//! is answered and before its frames are wanted; the number of the acquisition in them goes up with each start and stop.
+//! function. Answers never exceed one datagram of 576 bytes. Settings of the stream are published in [`Shared`] before a
+//! datagram is answered and before its frames are wanted; the number of the acquisition in them goes up with each start and stop.
 //!
 //! A command that comes again under the same number is answered as before and carried out once. By broadcast come
 //! discovery, actions, and a new address, which this device cannot take: its address is the machine's.
@@ -75,7 +75,7 @@ const ALL_CHUNKS: u32 = (1 << chunk::FIELDS.len()) - 1;
 const SOURCE_SOFTWARE: u32 = 0;
 const SOURCE_ACTION: u32 = 1;
 
-/// What the device is, beside what [`Params`] says: found on the machine when it comes up.
+/// The data of the device beside [`Params`]: found on the machine when it starts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DeviceParams {
     /// The camera's own address.
@@ -92,7 +92,7 @@ pub struct DeviceParams {
     pub message_source_port: u16,
 }
 
-/// What is to be done after one datagram. Made once, used again.
+/// The actions after one datagram. Made once, used again.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Answer {
     /// To be sent back to the sender; empty for nothing.
@@ -125,18 +125,18 @@ pub struct Device {
     commands: Option<CommandParams>,
     colours: Option<BayerPattern>,
     regions: RegionSet,
-    /// What the camera that clients command was told to read out.
+    /// Regions that the commanded camera reads out.
     read_out: Regions,
     /// The frame rate was set for regions that the camera does not read out yet, or is lower because of them.
     rate_waits: bool,
     user_sets: Vec<UserSet>,
     messages: Messages,
-    /// What is known of the machine's PTP clock.
+    /// State of the machine's PTP clock.
     ptp: PtpData,
 }
 
 impl Device {
-    /// Returns a device that nobody controls.
+    /// Returns a device without a controller.
     ///
     /// # Errors
     /// When the XML cannot be deflated, which memory alone could prevent.
@@ -206,7 +206,7 @@ impl Device {
         &self.shared.tally
     }
 
-    /// What was counted so far.
+    /// Returns the counts so far.
     #[must_use]
     pub fn counters(&self) -> Counters {
         self.tally().read()
@@ -253,7 +253,7 @@ impl Device {
         if is_silent || !request.wants_answer {
             out.reply.clear();
         }
-        // What was refused to somebody without control changed nothing, and must not push out what did.
+        // A refused request of an application without control changed nothing, and must not replace one that did.
         if is_change && (status == Status::Success || self.control.controller() == Some(from)) {
             self.last_change.keep(from, bytes, &out.reply, now);
         }
@@ -315,7 +315,7 @@ impl Device {
         }
     }
 
-    /// Before an answer leaves and before frames are wanted: what follows finds the settings told.
+    /// Publishes the settings before the answer is sent and before frames are wanted, so that later frames use them.
     fn publish(&self) {
         let settings = self.stream();
         if settings != self.shared.settings() {
@@ -328,7 +328,7 @@ impl Device {
         self.place.address.to_bits() & mask == other.to_bits() & mask
     }
 
-    /// What is never answered: requests to send again, and what is for others.
+    /// Returns true for requests that are never answered: those to send again, and those for other devices.
     fn is_silent(&self, command: &Command<'_>) -> bool {
         match command {
             Command::Resend(_) => true,
@@ -426,7 +426,7 @@ impl Device {
         Ok(place)
     }
 
-    /// The machine's address cannot be changed from here; asking for the one there is does no harm.
+    /// Refuses a change of the machine's address; asking for the present one does no harm.
     fn force_address(&self, mac: [u8; 6], address: Ipv4Addr, mask: Ipv4Addr) -> Result<(), Status> {
         if mac != self.place.mac || (address, mask) == (self.place.address, self.place.mask) {
             return Ok(());
@@ -569,7 +569,7 @@ impl Device {
         self.trigger(SOURCE_ACTION, at)
     }
 
-    /// Ends what the controller had begun.
+    /// Ends all that the controller began.
     fn release(&mut self) {
         self.stop();
         self.messages.clear();

@@ -147,7 +147,7 @@ impl Bench {
         assert_eq!(status, OK);
     }
 
-    /// A stream that runs.
+    /// Starts a stream.
     fn stream(&mut self) {
         self.control();
         assert_eq!(self.write(A, at::STREAM_ADDRESS, A.ip().to_bits()), OK);
@@ -191,7 +191,8 @@ fn both_urls_name_the_same_xml_and_each_of_its_addresses_can_be_read() {
     }
 }
 
-/// Every register of the device's port is readable memory, write-only ones too; every reference has its node.
+/// Checks that every register is readable memory of the device's port, write-only ones too, and that every reference
+/// has its node.
 fn every_address_is_there(bench: &mut Bench, text: &str) {
     let document = roxmltree::Document::parse(text).unwrap();
     let names: Vec<&str> = document.descendants().filter_map(|node| node.attribute("Name")).collect();
@@ -239,7 +240,7 @@ fn a_silent_controller_loses_control_and_its_stream() {
     assert!(bench.device.stream().destination.is_some() && bench.device.wanted().take().is_some());
     bench.now = START + Span::from_ms(3000);
     bench.device.tick(bench.now);
-    assert_eq!(bench.read(A, at::CONTROL), Ok(2), "still, and heard again");
+    assert_eq!(bench.read(A, at::CONTROL), Ok(2), "still, and received again");
     bench.now = START + Span::from_ms(6001);
     bench.device.tick(bench.now);
     assert_eq!((bench.device.stream().destination, bench.device.wanted().take()), (None, None));
@@ -498,7 +499,7 @@ fn half_words_and_an_interface_of_tiny_packets_do_no_harm() {
     assert_eq!(tiny.write(A, at::PACKET_SIZE, 1500), OK, "no panic; such an interface is refused before");
 }
 
-/// Datagrams: noise, and commands with likely and unlikely addresses and values.
+/// Returns datagrams: noise, and commands with likely and unlikely addresses and values.
 fn any_datagram() -> impl Strategy<Value = Vec<u8>> {
     let code = prop_oneof![
         Just(0x02_u16),
@@ -532,7 +533,7 @@ fn any_datagram() -> impl Strategy<Value = Vec<u8>> {
     prop_oneof![1 => prop::collection::vec(any::<u8>(), 0..700), 9 => command]
 }
 
-/// What holds of any stream on this sensor.
+/// Returns true if a stream is possible on this sensor.
 fn is_possible(stream: &StreamSettings) -> bool {
     let regions = stream.regions.as_slice();
     let is_inside = !regions.is_empty() && regions.iter().all(|region| region.is_within([31, 17]));

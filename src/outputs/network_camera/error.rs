@@ -1,4 +1,4 @@
-//! What can keep a camera from coming up on the network.
+//! Errors that prevent a camera from coming up on the network.
 
 use std::io;
 use std::net::Ipv4Addr;
@@ -45,11 +45,11 @@ pub enum NetworkCameraError {
     System {
         /// The address.
         address: String,
-        /// What was tried.
+        /// Action that failed.
         doing: &'static str,
         /// The system's reason.
         source: io::Error,
-        /// What to try, as a clause.
+        /// Advice, as a clause.
         advice: &'static str,
     },
 }

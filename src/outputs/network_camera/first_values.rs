@@ -1,4 +1,4 @@
-//! What the device's memory holds when it comes up: addresses of the XML, bootstrap registers, features.
+//! The first contents of the device's memory: addresses of the XML, bootstrap registers, features.
 
 use crate::network_camera::device::{DeviceParams, OVERLAPS, SOURCES};
 use crate::network_camera::params::{CommandParams, Identity, SensorParams, XmlForm};
@@ -6,7 +6,7 @@ use crate::network_camera::pixel_format::PixelFormat;
 use crate::network_camera::registers::{FIRST_XML, Memory, SECOND_XML, at, own};
 use frames::camera_control::ExposureMode;
 
-/// Specification version told to clients: 1.2, the first with all that is used here.
+/// Specification version reported to clients: 1.2, the first with all features in use here.
 const VERSION: u32 = 0x0001_0002;
 /// Big-endian, UTF-8.
 const DEVICE_MODE: u32 = 0x8000_0001;
@@ -50,7 +50,7 @@ pub(super) fn write_urls(memory: &mut Memory, form: XmlForm, [plain_bytes, zip_b
     memory.set_bytes(at::SECOND_URL, second.as_bytes());
 }
 
-/// What clients read first.
+/// Writes the registers that clients read first.
 pub(super) fn write_bootstrap(memory: &mut Memory, identity: &Identity, place: &DeviceParams) {
     let [a, b, c, d, e, f] = place.mac;
     for (address, value) in [
@@ -58,7 +58,7 @@ pub(super) fn write_bootstrap(memory: &mut Memory, identity: &Identity, place: &
         (at::DEVICE_MODE, DEVICE_MODE),
         (at::MAC_HIGH, u32::from_be_bytes([0, 0, a, b])),
         (at::MAC_LOW, u32::from_be_bytes([c, d, e, f])),
-        // The machine's address, whatever gave it: told as a persistent one.
+        // The machine's address, whatever its source: reported as a persistent one.
         (at::IP_CONFIGURATIONS, 0x7),
         (at::IP_CONFIGURATION, 0x5),
         (at::ADDRESS, place.address.to_bits()),
@@ -87,7 +87,7 @@ pub(super) fn write_bootstrap(memory: &mut Memory, identity: &Identity, place: &
     }
 }
 
-/// The camera's own features as they are before a client changes them.
+/// Writes the camera's own features as they are before a client changes them.
 pub(super) fn write_features(memory: &mut Memory, sensor: &SensorParams, format: PixelFormat) {
     let [width, height] = sensor.size_px;
     for (address, value) in [
@@ -113,7 +113,7 @@ pub(super) fn write_features(memory: &mut Memory, sensor: &SensorParams, format:
     }
 }
 
-/// The settings of a camera that clients command, as they are before a client changes them.
+/// Writes the settings of a commanded camera as they are before a client changes them.
 pub(super) fn write_settings(memory: &mut Memory, commands: &CommandParams) {
     let (settings, start, range) = (&commands.settings, &commands.start, &commands.range);
     let place = |found: Option<usize>| found.and_then(|place| u32::try_from(place).ok()).unwrap_or_default();

@@ -4,8 +4,8 @@
 //! command: 0x42, flags u8, code u16, length u16, id u16, payload        answer: status u16, code + 1, length, id, payload
 //! ```
 //!
-//! A datagram that is no command is counted by reason and not answered; a command whose payload has the wrong length is
-//! answered with an error. Codes and registers as clients use them.
+//! A datagram that is not a command is counted by reason and not answered; a command whose payload has the wrong length
+//! is answered with an error. Codes and registers as clients use them.
 
 use std::net::Ipv4Addr;
 
@@ -33,7 +33,7 @@ pub(super) mod code {
     pub(in crate::network_camera) const ACTION: u16 = 0x0100;
 }
 
-/// What an answer says of its command.
+/// Status of an answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Status {
     /// Done.
@@ -80,7 +80,7 @@ impl Status {
     }
 }
 
-/// Why a datagram was no command, or none that can be carried out.
+/// Reason why a datagram was not a command, or cannot be carried out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Malformed {
     /// Shorter than a header.
@@ -115,7 +115,7 @@ pub(super) struct Request<'a> {
     pub(super) command: Command<'a>,
 }
 
-/// What is asked.
+/// A request of a client.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Command<'a> {
     Discovery,
@@ -200,7 +200,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Request<'_>, Malformed> {
     Ok(Request { wants_answer: flags & WANTS_ANSWER != 0, code, id, command })
 }
 
-/// `None` when the payload's length does not fit.
+/// Reads a command; `None` when the payload's length does not fit.
 fn command(code: u16, flags: u8, payload: &[u8]) -> Option<Command<'_>> {
     let (words, rest) = payload.as_chunks::<4>();
     let word = |place: usize| words.get(place).map(|word| u32::from_be_bytes(*word));
@@ -237,7 +237,7 @@ fn command(code: u16, flags: u8, payload: &[u8]) -> Option<Command<'_>> {
     }
 }
 
-/// Each value stands at the end of a field of its own.
+/// Reads a FORCEIP command: each value is at the end of a field of its own.
 fn force_address(payload: &[u8]) -> Option<Command<'_>> {
     let payload: &[u8; 56] = payload.try_into().ok()?;
     let [_, _, mac @ ..] = payload.first_chunk::<8>()?;

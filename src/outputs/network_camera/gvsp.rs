@@ -26,12 +26,12 @@ const PAYLOAD: u32 = 3;
 const IMAGE: u16 = 0x0001;
 const IMAGE_WITH_CHUNKS: u16 = 0x4001;
 
-/// How frames are to be sent: what the control side tells the stream side.
+/// Settings of the stream, sent from the control side to the stream side.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct StreamSettings {
     /// Goes up with every start and stop of acquisition; frames of another one are not sent.
     pub acquisition: u32,
-    /// Where packets go; `None` while there is no acquisition or no place to send to.
+    /// Destination of packets; `None` while no acquisition runs or the client gave no address.
     pub destination: Option<SocketAddrV4>,
     /// Packet size, bytes with IP and UDP headers.
     pub packet_bytes: usize,
@@ -41,7 +41,7 @@ pub struct StreamSettings {
     pub format: PixelFormat,
     /// Colours of the sensor's pixels from its first one, where they have filters.
     pub colours: Option<BayerPattern>,
-    /// What is sent in place of the image.
+    /// Pattern that is sent in place of the image.
     pub pattern: TestPattern,
     /// Parts of the image, at least one; several are sent as one image, one below the other.
     pub regions: Regions,
@@ -84,13 +84,13 @@ pub(super) struct Block {
 }
 
 impl Block {
-    /// Returns a block with room for so many bytes of image and chunks.
+    /// Returns a block with capacity for so many bytes of image and chunks.
     pub(super) fn with_capacity(payload_bytes: usize, settings: StreamSettings) -> Self {
         let small = || Vec::with_capacity(64);
         Self { id: 0, settings, payload: Vec::with_capacity(payload_bytes), leader: small(), trailer: small() }
     }
 
-    /// Writes leader and trailer for the payload there is. `time_ns` is what the leader's time stamp tells.
+    /// Writes leader and trailer for the present payload. `time_ns` is the time stamp in the leader.
     pub(super) fn seal(&mut self, id: u16, time_ns: u64) {
         let Self { settings, leader, trailer, payload, .. } = self;
         let [columns, rows] = stacked_px(&settings.regions);

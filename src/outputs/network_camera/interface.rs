@@ -12,14 +12,14 @@ use rustix::net::{AddressFamily, SocketType, bind, socket};
 use std::io;
 use std::net::{Ipv4Addr, SocketAddrV4, UdpSocket};
 
-/// MTU where the system tells none: Ethernet's.
+/// MTU where the system reports none: Ethernet's.
 const USUAL_MTU: u32 = 1500;
 /// Bytes that the system may hold for the stream: pacing, not a queue, decides when packets leave.
 const SEND_BUFFER_BYTES: usize = 1 << 20;
 /// Longest time that one packet may wait for the system.
 const SEND_PATIENCE: core::time::Duration = core::time::Duration::from_millis(100);
 
-/// What there is at an address.
+/// The data of an interface at an address.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Interface {
     pub(super) name: String,
@@ -81,7 +81,8 @@ fn hardware_address(entry: &InterfaceAddress) -> Option<[u8; 6]> {
     (mac != [0; 6]).then_some(mac)
 }
 
-/// Returns a locally administered address, for an interface that has none, or has told its own for another address.
+/// Returns a locally administered address, for an interface without one, or whose own is already used for another
+/// address.
 fn made_of(address: Ipv4Addr) -> [u8; 6] {
     let [a, b, c, d] = address.octets();
     [2, 0, a, b, c, d]
@@ -113,7 +114,7 @@ pub(super) fn message_socket(address: Ipv4Addr) -> Result<UdpSocket, NetworkCame
     open().map_err(|source| system(address, "open the message port", source, ""))
 }
 
-/// Returns a socket that hears broadcasts to a port, beside other cameras that hear the same.
+/// Returns a socket that receives broadcasts to a port, beside other cameras that receive the same.
 pub(super) fn broadcast_socket(broadcast: Ipv4Addr, port: u16) -> io::Result<UdpSocket> {
     let socket = socket(AddressFamily::INET, SocketType::DGRAM, None)?;
     set_socket_reuseaddr(&socket, true)?;
@@ -129,7 +130,7 @@ pub(super) fn stream_socket(address: Ipv4Addr) -> Result<UdpSocket, NetworkCamer
     let open = || {
         let socket = UdpSocket::bind((address, 0))?;
         set_ip_mtu_discover(&socket, Ipv4PathMtuDiscovery::DO)?;
-        // Without this a socket that is not connected never learns that nobody receives its packets.
+        // Without this a socket that is not connected never gets the error that no program receives its packets.
         setsockopt(&socket, sockopt::Ipv4RecvErr, &true)?;
         set_socket_send_buffer_size(&socket, SEND_BUFFER_BYTES)?;
         set_socket_timeout(&socket, rustix::net::sockopt::Timeout::Send, Some(SEND_PATIENCE))?;

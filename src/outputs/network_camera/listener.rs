@@ -34,7 +34,7 @@ pub(super) struct Listener {
     pub(super) clock: Arc<dyn Clock>,
     /// The control port, which also answers what came by broadcast.
     pub(super) control: UdpSocket,
-    /// Sockets that hear broadcasts.
+    /// Sockets that receive broadcasts.
     pub(super) broadcasts: Vec<UdpSocket>,
     /// Where messages leave, and their answers come in.
     pub(super) messages: UdpSocket,
@@ -44,7 +44,7 @@ pub(super) struct Listener {
 }
 
 impl Listener {
-    /// Until the camera ends.
+    /// Serves until the camera ends.
     pub(super) fn run(mut self) {
         let mut answer = Answer::default();
         let mut buffer = [0; DATAGRAM_BYTES];

@@ -5,10 +5,11 @@
 //! event:  0 u16, event u16, stream channel u16 (FFFF: none), block u16 (0: none), time stamp u64    | frame number u64
 //! ```
 //!
-//! EVENTDATA_CMD carries the number of the frame; a missed trigger has no frame of its own, so that its number is that of the
-//! frame that is exposed or awaited then. With a timeout (MCTT) each message waits for its answer and is sent again as often
-//! as the client said (MCRC); without, it is sent once. One message is under way at a time; of those behind it the newest are
-//! lost when there is no place, and counted. Time is an argument. Event identifiers up to 0x8FFF are the standard's.
+//! EVENTDATA_CMD carries the number of the frame; a missed trigger has no frame of its own, so its number is that of
+//! the frame that is exposed or awaited then. With a timeout (MCTT) each message waits for its answer and is sent again
+//! as often as the client said (MCRC); without, it is sent once. One message is under way at a time; when the queue
+//! behind it is full, new messages are lost and counted. Time is an argument. Event identifiers up to 0x8FFF are the
+//! standard's.
 //!
 //! Proven by `outputs::network_camera::device_tests` and `hil_scripts/test_camera_events.py` (tshark, the reference GenApi).
 

@@ -23,8 +23,9 @@
 //! Limits: IPv4, one stream channel. Nothing here is certified; the registers and packets are those
 //! that Aravis and its relatives use. Packets carry at most the interface's MTU. A multicast group may receive the stream
 //! where the bench allows other receivers.
-//! Discovery is answered to the device's own subnet only: who hears of it can also get its frames. Frames go to the
-//! controller's own address, unless the bench allows others. At the end of a run what waits is sent for one second more.
+//! Discovery is answered to the device's own subnet only: a program that receives the answer can also get its frames.
+//! Frames go to the controller's own address, unless the bench allows others. At the end of a run waiting packets are
+//! sent for one more second.
 //!
 //! Tests: `device_tests` (the protocol with virtual time, no sockets), `pixel_format`, `gvsp`, `xml` beside their
 //! code, `tests` (loopback, stalled clients), `tests/network_camera` (any bytes), and in `hil_scripts`

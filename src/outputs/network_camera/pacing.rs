@@ -2,15 +2,15 @@
 //!
 //! A receiver's buffer holds a few hundred packets; a frame sent at once overruns it. Packets leave in small batches, each
 //! followed by the time that it takes at the rate. After a late wake-up the lost time is caught up, but no more than
-//! [`CATCH_UP`], so that the pace never turns into a burst. Test: the average rate on a clock that stands still between
-//! batches, and one that oversleeps.
+//! [`CATCH_UP`], so that the pace never turns into a burst. Test: the average rate on a clock that does not advance
+//! between batches, and one that oversleeps.
 
 use base::clock::Clock;
 use base::time::{Span, Tai};
 
 /// Time that may be caught up.
 const CATCH_UP: Span = Span::from_ns(500_000);
-/// What a batch should take: shorter ones cost wake-ups, longer ones are bursts.
+/// Duration of a batch: shorter ones cost wake-ups, longer ones are bursts.
 const BATCH: Span = Span::from_ns(200_000);
 
 /// The pace of one stream.

@@ -34,7 +34,7 @@ impl Loss {
     }
 }
 
-/// What became of one call.
+/// Result of one call.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Sent {
     /// The number after the last packet that was sent or given up.
@@ -95,7 +95,7 @@ impl Outlet {
         Sent { next, refused, is_gone }
     }
 
-    /// Tells that so many packets from `first` on are no more, one batch of them at most.
+    /// Answers that so many packets from `first` on are not available any more, one batch of them at most.
     pub(super) fn send_gone(&mut self, to: SocketAddrV4, block: u16, first: u32, packets: usize) {
         let filled = packets.min(BATCH);
         let mut heads = [[0; HEADER_BYTES]; BATCH];
@@ -145,7 +145,7 @@ impl Outlet {
                     }
                 }
                 // A refused packet is lost, as on a wire; the client may ask for it again. The first of the rest was
-                // refused, or, when the wait for room was in vain, all of them: it is not waited for each.
+                // refused, or, when the wait for space was in vain, all of them: it is not waited for each.
                 reported => {
                     let lost = if reported == Err(Errno::AGAIN) { filled - sent } else { 1 };
                     refused += lost as u64;

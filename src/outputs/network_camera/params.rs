@@ -1,4 +1,4 @@
-//! What a camera is told before it comes up: its place on the network, its names, and the sensor behind it.
+//! The parameters of a camera before it starts: its place on the network, its names, and the sensor behind it.
 
 use crate::network_camera::error::NetworkCameraError;
 use crate::network_camera::pixel_format::PixelFormat;
@@ -29,7 +29,7 @@ pub enum XmlForm {
     Plain,
 }
 
-/// Names that the device tells. Longer ones than the registers hold are refused.
+/// Names that the device reports. Longer ones than the registers hold are refused.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Identity {
     /// Vendor, at most 31 bytes.
@@ -78,7 +78,7 @@ pub struct Params {
     pub frames_queued: u32,
     /// Names.
     pub identity: Identity,
-    /// Hardware address to tell; `None`: the interface's for its first address, one made of the address for others.
+    /// Hardware address to report; `None`: the interface's for its first address, one made of the address for others.
     pub mac: Option<[u8; 6]>,
     /// Form of the XML that the first URL names.
     pub xml: XmlForm,
@@ -117,11 +117,11 @@ pub struct SensorParams {
     pub size_px: [u32; 2],
     /// Bits of the detector's converter: pixels lie below `2^bits`, 1 to 16.
     pub bits: u32,
-    /// Frames per second of the run, told to clients.
+    /// Frames per second of the run, reported to clients.
     pub frame_rate_hz: f64,
-    /// Integration time, told to clients, s.
+    /// Integration time, reported to clients, s.
     pub exposure_s: f64,
-    /// Detector gain, told to clients, e-/DN.
+    /// Detector gain, reported to clients, e-/DN.
     pub gain_e_per_dn: f64,
     /// Colours of the image's pixels, where they have filters.
     pub colours: Option<BayerPattern>,
@@ -129,7 +129,7 @@ pub struct SensorParams {
     pub temperature_c: f64,
 }
 
-/// What a client needs to command the camera that makes the frames.
+/// The connections with which a client commands the camera that makes the frames.
 #[derive(Clone)]
 pub struct CommandParams {
     /// Where commands are put and events come from.
@@ -138,7 +138,7 @@ pub struct CommandParams {
     pub range: CameraRange,
     /// Settings of the first exposure.
     pub settings: CameraSettings,
-    /// What starts exposures at first.
+    /// First settings of the start of exposures.
     pub start: StartSettings,
     /// A line of this machine gives edges: exposures may last as long as it is active.
     pub has_line: bool,
@@ -147,18 +147,18 @@ pub struct CommandParams {
 }
 
 impl Params {
-    /// Returns one of several cameras of a bench: its number is added to the address and to a hardware address that is
-    /// given, and stands behind the serial number, so that clients tell them apart.
+    /// Returns one of several cameras of a bench: its number is added to the address and to a given hardware address,
+    /// and follows the serial number, so that clients can distinguish them.
     ///
     /// # Errors
-    /// When there is no room for the number.
+    /// When the address or the serial number cannot take the number.
     pub fn of_head(&self, head: usize) -> Result<Self, NetworkCameraError> {
         let refuse = |what, wanted: &str, got: String| NetworkCameraError::Invalid { what, wanted: wanted.into(), got };
         let more = u8::try_from(head).ok();
         let [a, b, c, last] = self.address.octets();
         let last = more.and_then(|more| last.checked_add(more)).filter(|last| *last < 255);
         let got = || format!("{} for head {head}", self.address);
-        let last = last.ok_or_else(|| refuse("address", "room to count up to .254 for each head", got()))?;
+        let last = last.ok_or_else(|| refuse("address", "a last number that stays at most .254 for each head", got()))?;
         let serial = format!("{}-{head}", self.identity.serial);
         if serial.len() > SERIAL_BYTES {
             return Err(refuse("serial", "at most 15 characters with the head's number behind it", serial));

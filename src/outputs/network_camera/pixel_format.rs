@@ -66,7 +66,7 @@ impl PixelFormat {
         ("Mono16", Self::Mono16),
     ];
 
-    /// Code, bits of one sample, and layout.
+    /// Returns code, bits of one sample, and layout.
     const fn row(self) -> (u32, u32, Layout) {
         match self {
             Self::Mono8 => (0x0108_0001, 8, Layout::Bytes),
@@ -208,7 +208,7 @@ pub(super) fn append_regions(
     }
 }
 
-/// In chunks of fixed length, which compile to wide moves.
+/// Appends words in chunks of fixed length, which compile to wide moves.
 fn append_words(line: &[u16], sample: impl Fn(u16) -> u16, out: &mut Vec<u8>) {
     let start = out.len();
     out.resize(start + 2 * line.len(), 0);
@@ -229,7 +229,7 @@ fn append_pairs(mut samples: impl Iterator<Item = u16>, low_bits: u32, out: &mut
     }
 }
 
-/// A stream of bits, the lowest first.
+/// Appends a stream of bits, the lowest first.
 fn append_bits(samples: impl Iterator<Item = u16>, bits: u32, out: &mut Vec<u8>) {
     let (mut waiting, mut count) = (0_u32, 0);
     for sample in samples {
@@ -281,7 +281,7 @@ mod tests {
         assert_eq!(packed(PixelFormat::Mono12, 8, &[0xFFFF]), [0xF0, 0x0F], "beyond full scale is full scale");
     }
 
-    /// Every unpacked format as the table of `firmware_protocol/FRAMES.md` has it.
+    /// Checks every unpacked format against the table of `firmware_protocol/FRAMES.md`.
     #[test]
     fn documented_samples_are_those_sent() {
         let document = include_str!("../../../firmware_protocol/FRAMES.md");
@@ -324,7 +324,7 @@ mod tests {
         }
     }
 
-    /// Some codes of the pixel format naming convention.
+    /// Checks some codes of the pixel format naming convention.
     #[test]
     fn coloured_formats_have_their_names_and_codes() {
         let code = |wanted: &str| {

@@ -80,7 +80,7 @@ const IN_A_ROW: usize = 64;
 /// Longer than any answer that is read.
 const ANSWER_BYTES: usize = 1500;
 
-/// What is known of the clock.
+/// State of the clock.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct PtpData {
     pub(super) state: u32,
@@ -95,19 +95,19 @@ pub(super) struct PtpData {
 }
 
 impl PtpData {
-    /// Nothing is known.
+    /// Returns data without a known clock, in a PTP state.
     pub(super) const fn in_state(state: u32) -> Self {
         let (offset_ns, delay_ns, clock_id, parent_id, grandmaster_id) = (0, 0, 0, 0, 0);
         Self { state, accuracy: ACCURACY_UNKNOWN, offset_ns, delay_ns, clock_id, parent_id, grandmaster_id }
     }
 }
 
-/// Who asks.
+/// Client that asks the PTP daemon.
 pub(super) struct PtpClient {
     path: PathBuf,
     socket: Option<(UnixDatagram, TempDir)>,
     sequence: u16,
-    /// When it began to ask, asked last, and had an answer last.
+    /// Times of the first question, the last question and the last answer.
     began: Option<Tai>,
     asked: Option<Tai>,
     answered: Option<Tai>,
@@ -161,7 +161,7 @@ impl PtpClient {
             self.sequence = self.sequence.wrapping_add(1);
             let question = question(id, self.sequence);
             if let Some((socket, _)) = &self.socket {
-                // Without a clock there is nobody to answer, which shows in the state.
+                // Without a daemon no answer comes, which shows in the state.
                 let _no_clock = socket.send_to(&question, &self.path);
             }
         }
@@ -220,7 +220,7 @@ fn accuracy(code: u8) -> u32 {
     if (ACCURACY_LEAST..=ACCURACY_MOST).contains(&code) || code == ACCURACY_UNKNOWN { code } else { ACCURACY_RESERVED }
 }
 
-/// GET of a data set of all ports.
+/// Returns a GET of a data set of all ports.
 fn question(id: u16, sequence: u16) -> [u8; DATA_AT] {
     let mut bytes = [0; DATA_AT];
     (bytes[0], bytes[1]) = (MANAGEMENT, VERSION);

@@ -15,7 +15,7 @@ pub(super) struct RegionSet {
 }
 
 impl RegionSet {
-    /// All of them are the whole image; the first is on.
+    /// Returns regions that all are the whole image; the first is on.
     pub(super) fn new([width_px, height_px]: [u32; 2]) -> Self {
         Self { list: [Region { left_px: 0, top_px: 0, width_px, height_px }; REGIONS_MAX], on: 1 }
     }

@@ -132,7 +132,7 @@ pub(super) struct Memory {
 }
 
 impl Memory {
-    /// Zeros, and the two forms of the XML (whole words, and short of the room between their addresses).
+    /// Returns zeros, and the two forms of the XML (whole words, and shorter than the space between their addresses).
     pub(super) fn new(first_xml: Vec<u8>, second_xml: Vec<u8>) -> Self {
         let zeros = |from, bytes| Block { from, bytes: vec![0; bytes] };
         let xml = |from, bytes| Block { from, bytes };

@@ -32,7 +32,7 @@ impl LastChange {
         (sender == from && now - at <= KEPT && self.request == request).then_some(&self.reply)
     }
 
-    /// What was done holds no more.
+    /// Forgets the last request, whose answer is not valid any more.
     pub(super) fn forget(&mut self) {
         self.kept = None;
     }

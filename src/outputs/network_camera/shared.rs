@@ -1,5 +1,5 @@
-//! What the control side, the stream and the sink share. The one lock is held for a copy of a few words, and never by the
-//! sink.
+//! The state that the control side, the stream and the sink share. The one lock is held for a copy of a few words, and
+//! never by the sink.
 
 use crate::network_camera::acquisition::Wanted;
 use crate::network_camera::counters::Tally;
@@ -42,7 +42,8 @@ impl Shared {
         *self.settings.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Tells new settings to the stream. What wants frames comes after: a frame that is taken finds its settings told.
+    /// Publishes new settings to the stream. Frames are requested afterwards, so a frame that is taken finds its
+    /// settings published.
     pub(super) fn publish(&self, settings: StreamSettings) {
         *self.settings.lock().unwrap_or_else(PoisonError::into_inner) = settings;
         self.acquisition.store(settings.acquisition, Ordering::Release);
@@ -65,7 +66,7 @@ impl Shared {
         self.gone.load(Ordering::Acquire)
     }
 
-    /// The sink has no more frames; those that wait may be sent until `deadline`.
+    /// Records that the sink has no more frames; those that wait may be sent until `deadline`.
     pub(super) fn hang_up(&self, deadline: Tai) {
         self.deadline_ns.store(deadline.ns(), Ordering::Release);
     }

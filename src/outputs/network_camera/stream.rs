@@ -1,13 +1,13 @@
 //! The stream's thread: frames that wait -> packets, and packets that a client asks for again.
 //!
 //! A frame is turned into the wanted format in a kept block, its slot goes back at once, and its packets leave at the
-//! stream's pace. Between two batches, and between frames at once, one batch of what clients ask for may go; one frame pays
-//! for at most [`RESENT_PER_SENT`] times its own packets, those that are told to be gone included, so that a client cannot
-//! starve the next frame by asking.
+//! stream's pace. Between two batches, and between frames at once, one batch of the packets that clients ask for may
+//! go; one frame allows at most [`RESENT_PER_SENT`] times its own packets, answers that a packet is gone included, so
+//! that a client cannot starve the next frame by asking.
 //!
-//! When the sink hangs up, what waits is sent and what is asked for again is answered until it is quiet, or until the
-//! deadline that the sink set: the end of a run is no client's to hold up. Every frame and every packet that was asked for
-//! is counted once, by what became of it.
+//! When the sink hangs up, waiting frames are sent and requests are answered until none come, or until the deadline
+//! that the sink set: a client cannot delay the end of a run. Every frame and every packet that was requested again is
+//! counted once, by its outcome.
 
 use crate::network_camera::chunk;
 use crate::network_camera::gvcp::Resend;
@@ -25,7 +25,7 @@ use std::time::Duration;
 
 /// Packets sent again for one frame, at most, in packets of that frame.
 const RESENT_PER_SENT: u64 = 2;
-/// Packets of one request that are told to be gone; a client needs only the first.
+/// Packets of one request that are answered as gone; a client needs only the first.
 const GONE_MAX: u64 = 16;
 /// How often the end is looked for while it is quiet.
 const LOOK: Duration = Duration::from_millis(50);
@@ -56,7 +56,7 @@ pub(super) struct Kept {
 }
 
 impl Kept {
-    /// Returns the room for so many frames of a sensor, in any format, with chunks.
+    /// Returns storage for so many frames of a sensor, in any format, with chunks.
     pub(super) fn new(frames: usize, pixels: usize, settings: StreamSettings) -> Self {
         let bytes = PixelFormat::Mono16.bytes(pixels) + chunk::added_bytes();
         let blocks = (0..frames).map(|_| Block::with_capacity(bytes, settings)).collect();
@@ -85,7 +85,7 @@ impl Kept {
 }
 
 impl Stream {
-    /// Until the sink hangs up and its frames are out, or until nobody is left to ask.
+    /// Runs until the sink hangs up and its frames are out, or until the control side is gone.
     pub(super) fn run(mut self) {
         loop {
             match self.frames.try_recv() {
@@ -102,7 +102,7 @@ impl Stream {
         self.count_what_is_left();
     }
 
-    /// Until there is a frame or something is asked for, or one of those who bring them is gone.
+    /// Waits until a frame or a request comes, or the sink or the control side is gone.
     fn wait(&self) {
         let mut select = Select::new();
         select.recv(&self.frames);
@@ -188,7 +188,7 @@ impl Stream {
         if refused == 0 { tally.frames_sent.one() } else { tally.frames_refused.one() }
     }
 
-    /// Returns one batch of what was asked for; false when there is nothing. `Err` when nobody is left to ask.
+    /// Serves one batch of the requests; false when none waits. `Err` when the control side is gone.
     fn serve(&mut self) -> Result<bool, RecvError> {
         let ask = match self.pending.take() {
             Some(ask) => ask,
@@ -244,8 +244,8 @@ mod tests {
     const START: Tai = Tai::from_ns(1_000_000_000);
     const FRAMES: u64 = 3;
 
-    /// Returns a stream of three frames to `to`, from a sink that hangs up with so much time left; nobody asks for
-    /// anything.
+    /// Returns the counts of a stream of three frames to `to`, from a sink that hangs up with so much time left; no
+    /// client sends requests.
     fn counts_of(to: SocketAddrV4, time_left: Span) -> [u64; 4] {
         let clock = Arc::new(Virtual::new(START));
         let shared = Arc::new(Shared::new());

@@ -1,13 +1,14 @@
 //! Test patterns: numbers that follow from a pixel's place and the frame's number, in place of the detector's.
 //!
-//! A ramp counts digital numbers: `DN = (x, y or x + y) mod 2^bits` from the first pixel of the sensor's image; a moving one
-//! adds the frame's number. A client thus knows each bit of each frame. Frames of a pattern say so in their chunk data
-//! (ChunkTestPattern, ChunkAttitudeOrigin), and are counted: nobody takes them for the sky. Other outputs of the run, such as
-//! a recorder, do not have the pattern: it stands behind the detector, in the camera's interface.
+//! A ramp counts digital numbers: `DN = (x, y or x + y) mod 2^bits` from the first pixel of the sensor's image; a
+//! moving one adds the frame's number. A client thus knows each bit of each frame. Frames of a pattern are marked in
+//! their chunk data (ChunkTestPattern, ChunkAttitudeOrigin) and counted, so they are not mistaken for the sky. Other
+//! outputs of the run, such as a recorder, do not have the pattern: it is made after the detector, in the camera's
+//! interface.
 //!
 //! Names: GenICam SFNC; the diagonal ramp is our own. Proven by `hil_scripts/test_network_camera.py`.
 
-/// What a camera sends in place of its image.
+/// Image that a camera sends in place of its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum TestPattern {
     /// The detector's image.

@@ -26,7 +26,7 @@ const SENSOR: SensorParams = SensorParams {
     colours: None,
 };
 
-/// What became of the frames that were handed over.
+/// Returns the number of sent frames whose outcome was counted.
 fn accounted(counters: &Counters) -> u64 {
     let Counters { frames_not_wanted, frames_of_another_size, frames_dropped, .. } = counters;
     let Counters { frames_sent, frames_refused, frames_cut, .. } = counters;
@@ -116,7 +116,7 @@ fn the_network_camera_complies() {
     check_sink(|| Box::new(camera(&Params::default()))).unwrap();
 }
 
-/// Leader, payload and trailer of one block; the payload joined.
+/// Returns leader, payload and trailer of one block; the payload joined.
 fn block(client: &Client) -> (u16, Vec<u8>) {
     let leader = client.packet();
     assert_eq!((leader[4], leader.len()), (1, 44), "a leader");
@@ -137,7 +137,7 @@ fn frames_arrive_bit_for_bit_with_their_truth_and_again_when_asked() {
     let mut camera = camera(&Params { packet_bytes: 576, ..Params::default() });
     let client = Client::of(&camera);
     camera.send(&sample_frame(1)).unwrap();
-    assert_eq!(camera.counters().frames_not_wanted, 1, "nobody asked");
+    assert_eq!(camera.counters().frames_not_wanted, 1, "no client asked");
     client.start();
     camera.send(&sample_frame(2)).unwrap();
     let (id, payload) = block(&client);
@@ -284,7 +284,7 @@ fn packets_are_sent_again_between_frames_and_every_one_is_accounted_for() {
     client.ask_again(1, 0, 1);
     client.ask_again(1, 2, 5);
     assert_eq!([0; 4].map(|_| client.packet()[7]), [0, 1, 2, 3], "two packets past the end are none");
-    // Four more may be sent again for this frame: three are told to be gone, and one is sent.
+    // Four more may be sent again for this frame: three are answered as gone, and one is sent.
     client.ask_again(7, 0, 2);
     client.ask_again(1, 0, 0);
     client.ask_again(1, 0, 0);

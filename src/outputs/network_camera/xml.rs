@@ -1,8 +1,8 @@
-//! The XML that tells clients which features the camera has and where they lie; GenICam schema 1.1.
+//! The XML that describes the camera's features and their addresses to clients; GenICam schema 1.1.
 //!
-//! Features and addresses stand in `camera.xml` and `xml_features`; names, packet sizes and chunk data are filled in here,
-//! the latter from the table that also writes the bytes. Tests hold every address of the XML to the device's memory, and
-//! `hil_scripts/test_network_camera.py` holds the whole to the reference GenApi.
+//! Features and addresses are in `camera.xml` and `xml_features`; names, packet sizes and chunk data are filled in
+//! here, the latter from the table that also writes the bytes. Tests compare every address of the XML with the device's
+//! memory, and `hil_scripts/test_network_camera.py` loads the whole with the reference GenApi.
 
 use crate::network_camera::chunk::{self, Field};
 use crate::network_camera::device::DeviceParams;
@@ -119,7 +119,7 @@ fn with_settings(commands: Option<&CommandParams>) -> String {
     text
 }
 
-/// The schema wants the names of an identifier; registers tell the names as they are.
+/// Returns a name as the identifier that the schema wants; registers report the names unchanged.
 fn c_name(text: &str) -> String {
     let name: String = text.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
     if name.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_') { name } else { format!("_{name}") }

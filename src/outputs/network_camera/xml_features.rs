@@ -10,7 +10,7 @@ use crate::network_camera::xml_nodes::{Access, Entry, Feature, Nodes, write_entr
 use base::bayer::BayerPattern;
 use frames::camera_control::REGIONS_MAX;
 
-/// What is put into the template.
+/// The parts that are put into the template.
 pub(super) struct MoreFeatures {
     /// Names of categories of their own.
     pub(super) categories: String,

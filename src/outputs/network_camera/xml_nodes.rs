@@ -2,7 +2,7 @@
 
 use core::fmt::{Result, Write};
 
-/// What clients may do with a register.
+/// Access of clients to a register.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Access {
     Read,
@@ -88,7 +88,7 @@ impl Nodes {
         });
     }
 
-    /// A group of features.
+    /// Adds a group of features.
     pub(super) fn category(&mut self, name: &str, features: &[String]) {
         self.put(|text| {
             writeln!(text, "<Category Name=\"{name}\" NameSpace=\"Standard\">")?;
@@ -97,7 +97,7 @@ impl Nodes {
         });
     }
 
-    /// A register of a whole number, behind a feature of this name.
+    /// Adds a register of a whole number, behind a feature of this name.
     fn register(&mut self, name: &str, address: u32, bytes: u32, access: Access, is_signed: bool) {
         let sign = if is_signed { "Signed" } else { "Unsigned" };
         self.put(|text| {
@@ -108,7 +108,7 @@ impl Nodes {
         });
     }
 
-    /// An enumeration in a word of memory; without an address it has its first entry for ever.
+    /// Adds an enumeration in a word of memory; without an address it always has its first entry.
     pub(super) fn enumeration(
         &mut self,
         feature: &Feature<'_>,
@@ -128,7 +128,7 @@ impl Nodes {
         }
     }
 
-    /// A command: a word of memory that a one is written to.
+    /// Adds a command: a word of memory to which clients write a one.
     pub(super) fn command(&mut self, feature: &Feature<'_>, address: u32) {
         self.begin("Command", feature);
         self.put(|text| writeln!(text, "  <pValue>{}Reg</pValue>\n  <CommandValue>1</CommandValue>", feature.name));
@@ -136,7 +136,7 @@ impl Nodes {
         self.register(feature.name, address, 4, Access::Write, false);
     }
 
-    /// A switch in a word of memory.
+    /// Adds a switch in a word of memory.
     pub(super) fn boolean(&mut self, feature: &Feature<'_>, address: u32) {
         self.begin("Boolean", feature);
         self.put(|text| {
@@ -147,7 +147,7 @@ impl Nodes {
         self.register(feature.name, address, 4, Access::Both, false);
     }
 
-    /// A whole number of 8 bytes that clients read. `representation` may be empty.
+    /// Adds a whole number of 8 bytes that clients read. `representation` may be empty.
     pub(super) fn long(
         &mut self,
         feature: &Feature<'_>,
@@ -169,7 +169,7 @@ impl Nodes {
         self.register(feature.name, address, 8, Access::Read, is_signed);
     }
 
-    /// A number of double precision that clients read.
+    /// Adds a number of double precision that clients read.
     pub(super) fn float(&mut self, feature: &Feature<'_>, address: u32, unit: &str) {
         self.begin("FloatReg", feature);
         self.put(|text| {
@@ -180,7 +180,7 @@ impl Nodes {
         self.end("FloatReg", feature);
     }
 
-    /// Anything else.
+    /// Adds any other nodes.
     pub(super) fn raw(&mut self, nodes: &str) {
         self.text.push_str(nodes);
     }

@@ -1,8 +1,9 @@
 //! How much of the display's visible part lies among the dots that the map was fitted to.
 //!
-//! Places in even steps over the display that the map sends into the tracker's image are what the tracker sees; those
-//! of them within the outermost dots are covered. Too few are refused: beyond its dots a polynomial goes anywhere. Limit: what
-//! the tracker sees is told by the map itself, which is a guess beyond the dots; far off it tells wrong. Tests below.
+//! Places in even steps over the display that the map sends into the tracker's image are the part that the tracker
+//! sees; those of them within the outermost dots are covered. Too low a share is refused: beyond its dots a polynomial
+//! takes any value. Limit: the visible part is computed from the map itself, which is a guess beyond the dots and wrong
+//! far away from them. Tests below.
 
 use super::error::CalibrationError;
 use crate::display::geometry::DisplayGeometry;
@@ -61,7 +62,7 @@ mod tests {
         .unwrap()
     }
 
-    /// Display pixels as large as the tracker's, about the same middle.
+    /// Returns a geometry with display pixels as large as the tracker's, about the same middle.
     fn geometry([left, right, top, bottom]: [f64; 4]) -> DisplayGeometry {
         let parameters = GeometryParameters {
             mirrored: false,

@@ -9,7 +9,7 @@ use super::error::CalibrationError;
 /// Share of the median distance between neighbours within which two centroids are the same dot.
 const SAME_PLACE: f64 = 0.25;
 
-/// Images needed to tell `count` dots apart.
+/// Returns the number of images that identify `count` dots.
 #[must_use]
 pub fn bits_of(count: usize) -> u32 {
     usize::BITS - count.leading_zeros() + 1
@@ -54,7 +54,7 @@ fn distance(a: &[f64; 2], b: &[f64; 2]) -> f64 {
     (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
-/// Median distance to the nearest other.
+/// Returns the median distance to the nearest other dot.
 fn neighbour_distance(places: &[[f64; 2]]) -> f64 {
     let nearest = |(i, at): (usize, &[f64; 2])| {
         let others = places.iter().enumerate().filter(|(j, _)| *j != i);

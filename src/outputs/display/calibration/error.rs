@@ -1,4 +1,4 @@
-//! Why there is no calibration, or why one is refused.
+//! Errors of a calibration: it could not be made, or it is refused.
 
 use crate::display::response::ResponseError;
 use frames::sink::SinkError;
@@ -13,9 +13,9 @@ pub enum CalibrationError {
     Plan {
         /// Name of the number.
         name: &'static str,
-        /// What would do.
+        /// Values that are accepted.
         wanted: String,
-        /// What was given.
+        /// Value that was given.
         got: String,
     },
     /// A file that cannot be read.
@@ -23,7 +23,7 @@ pub enum CalibrationError {
     File {
         /// Which.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Fault that was found.
         reason: String,
     },
     /// A row of measurements that is none.
@@ -35,13 +35,13 @@ pub enum CalibrationError {
         path: PathBuf,
         /// Line, the header being 1.
         line: u64,
-        /// What is wrong with it.
+        /// Fault that was found.
         reason: String,
     },
     /// Too few dots.
     #[error(
         "measured dots: wanted at least {wanted}, got {got} ({unread} whose code could not be read, {unseen} outside the tracker's field, {saturated} saturated); {}",
-        if *saturated > *unread { "expose shorter" } else { "expose longer, or darken the room" }
+        if *saturated > *unread { "expose shorter" } else { "expose longer, or darken the laboratory" }
     )]
     FewDots {
         /// Fewest that do.
@@ -81,13 +81,13 @@ pub enum CalibrationError {
         "measured dots: wanted {wanted}, got {got}; do the measurements belong to this plan, and is the tracker's camera file right?"
     )]
     NotAMap {
-        /// What a display's map does.
+        /// Condition that a display's map meets.
         wanted: &'static str,
-        /// What these do.
+        /// Result of these dots.
         got: String,
     },
-    /// The fitted map is no camera.
-    #[error("the fitted map is no camera: {0}")]
+    /// The fitted map is not a camera.
+    #[error("the fitted map is not a camera: {0}")]
     Geometry(#[from] AstrometryError),
     /// No response.
     #[error("{0}")]
@@ -116,9 +116,9 @@ pub enum CalibrationError {
         measured_utc: String,
         /// In what it differs.
         what: &'static str,
-        /// What is in use.
+        /// Identity of the display or tracker in use.
         wanted: String,
-        /// What the calibration is of.
+        /// Identity in the calibration.
         got: String,
     },
     /// Too old, or from the future.

@@ -1,7 +1,7 @@
 //! The calibration file: TOML, dated, with a CRC-32 over its content, of one display and one tracker.
 //!
 //! The check sum is taken over the content as this program writes it (every key, numbers with all their digits), without the line of
-//! the sum itself: comments and spaces may change, a digit may not. It finds damage and edits; it is no signature.
+//! the sum itself: comments and spaces may change, a digit may not. It finds damage and edits; it is not a signature.
 //! A file is refused when it is damaged, too old or from the future, or of another display, mode or tracker: each with
 //! what was wanted, what is there, and what to do. Tests: `file_tests`.
 
@@ -61,7 +61,7 @@ pub struct Residuals {
     pub max_px: f64,
     /// The same rms as an angle, arcsec.
     pub rms_arcsec: f64,
-    /// What the noise of the dots leaves in the map, display px rms.
+    /// Error of the map from the noise of the dots, display px rms.
     pub map_error_px: f64,
     /// Standard error of the response, magnitudes, median of the greys above 1 % of full.
     pub response_mag: f64,
@@ -81,7 +81,7 @@ pub struct Calibration {
     pub made_utc: String,
     /// Days from the measurements on.
     pub valid_days: u32,
-    /// What wrote it.
+    /// Version of the program that wrote the file.
     pub starloop_version: String,
     /// Sum of the plan that was measured.
     pub plan_crc32: String,
@@ -117,7 +117,7 @@ pub struct Calibrated {
 }
 
 impl Calibrated {
-    /// What makes greys of luminance, dithering over so many refreshes.
+    /// Returns the conversion of luminance to greys, dithering over so many refreshes.
     #[must_use]
     pub fn drive(&self, dither: Dither) -> DisplayDrive {
         let camera = self.geometry.camera();
@@ -156,7 +156,7 @@ impl Calibration {
     /// Reads a file and checks its sum; not yet whether it belongs to anything ([`Self::admit`]).
     ///
     /// # Errors
-    /// When it cannot be read, is no calibration, or was changed since it was written.
+    /// When it cannot be read, is not a calibration, or was changed since it was written.
     pub fn read(path: &Path) -> Result<Self, CalibrationError> {
         let refuse = |reason: &str| CalibrationError::File {
             path: path.into(),

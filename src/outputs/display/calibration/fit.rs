@@ -24,7 +24,7 @@ use base::time::Tai;
 use glam::DVec2;
 use sky::astrometry::CameraGeometry;
 
-/// What the fit was told beside the measurements.
+/// Inputs of the fit beside the measurements.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FitOptions {
     /// When the calibration is made.

@@ -28,7 +28,7 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
-/// What levels say.
+/// Result of the fit of levels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LevelFit {
     /// The response.
@@ -152,6 +152,6 @@ mod tests {
         let none = fit_levels(&clipped(300.0, true), 8).unwrap_err().to_string();
         assert!(none.contains("saturated") && none.contains("shorter exposure"), "{none}");
         let not_reported = fit_levels(&clipped(300.0, false), 8).unwrap_err().to_string();
-        assert!(not_reported.contains("as bright as full grey"), "clipped, and nobody said so: {not_reported}");
+        assert!(not_reported.contains("as bright as full grey"), "clipped, not marked: {not_reported}");
     }
 }

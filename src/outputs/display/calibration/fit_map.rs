@@ -2,10 +2,11 @@
 //!
 //! 1. A homography that half of the dots agree with: of many sets of four dots the one with the least median residual
 //!    (Rousseeuw 1984, J. Am. Stat. Assoc. 79, 871), then least squares over all that agree with it. Its determinant's sign
-//!    tells a mirror.
-//! 2. In its axes, a polynomial of degree 1 to 5 (and the principal point) by linear least squares; dots further off than
-//!    five standard deviations are left out, all are asked again, until the choice lasts. The degree is the lowest whose
-//!    residual, each dot left out of its own fit, is within 2 % of the least, and whose camera does not fold.
+//!    shows a mirror.
+//! 2. In its axes, a polynomial of degree 1 to 5 (and the principal point) by linear least squares; dots further off
+//! than five standard deviations are left out, and all dots are tested again, until the choice does not change. The
+//! degree is the lowest whose residual, each dot left out of its own fit, is within 2 % of the least, and whose camera
+//! does not fold.
 //!
 //! In narrow fields the keystone drowns in noise and distortion: where it would put the principal point or the axes far
 //! off, the homography is an affine map, and the polynomial takes the rest.
@@ -32,7 +33,7 @@ const DRAWS: u32 = 400;
 const OUTLIER_SIGMA: f64 = 5.0;
 /// Standard deviation over the median of absolute deviations, of normal errors.
 const SIGMA_PER_MEDIAN: f64 = 1.4826;
-/// What rounding leaves, px: smaller residuals do not make outliers.
+/// Rounding error, px: smaller residuals do not make outliers.
 const LEAST_LIMIT_PX: f64 = 1e-6;
 const MOST_ROUNDS: usize = 20;
 /// A higher degree must lessen the residual by this share.
@@ -68,7 +69,8 @@ pub struct MapFit {
     pub rms_px: f64,
     /// Largest of them.
     pub max_px: f64,
-    /// What noise of the dots leaves in the map, display px rms over the dots: residual times root of terms over dots.
+    /// Error of the map from the noise of the dots, display px rms over the dots: residual times root of terms over
+    /// dots.
     pub map_error_px: f64,
 }
 
@@ -142,7 +144,7 @@ fn accepted(fit: MapFit) -> Result<MapFit, CalibrationError> {
     Ok(fit)
 }
 
-/// Pinhole, mirror, and the dots that agree with a homography as far as distortion lets them.
+/// Returns pinhole, mirror, and the dots that agree with a homography as far as distortion lets them.
 fn start(
     tangents: &[DVec2],
     shown: &[DVec2],
@@ -226,7 +228,7 @@ struct Polynomial {
     degree: usize,
     along: [Vec<f64>; 2],
     is_used: Vec<bool>,
-    /// Residual as if each dot had been left out, display px rms.
+    /// Residual computed as if each dot was left out, display px rms.
     score: f64,
     /// Residual of the dots fitted to, display px rms.
     rms_px: f64,

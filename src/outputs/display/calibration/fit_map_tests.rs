@@ -5,7 +5,8 @@ use base::random::philox;
 
 const SIZE_PX: [usize; 2] = [1920, 1080];
 
-/// Tilt, roll and radial distortion at a focal length, and noise of a uniform law (half its width given), display px.
+/// Returns dots of a tilted and rolled camera with radial distortion and noise of a uniform law (half its width given),
+/// display px.
 fn dots(focal_px: f64, radial: f64, noise_px: f64) -> Vec<SeenDot> {
     let turn = DMat3::from_rotation_z(-1.2) * DMat3::from_rotation_x(0.01) * DMat3::from_rotation_y(0.02);
     let dot = |number: usize| {
@@ -33,7 +34,7 @@ fn fields_of_half_a_degree_to_fifty_degrees_are_mapped() {
             |dot: &SeenDot| DVec2::from(noisy.geometry.project(dot.v_sensor).unwrap()).distance(dot.display_px.into());
         let error_px = rms(exact.iter().map(off));
         println!(
-            "focal {focal_px}: degree {}, {error_px:.4} px off, {:.4} told",
+            "focal {focal_px}: degree {}, {error_px:.4} px off, {:.4} reported",
             noisy.parameters.degree, noisy.map_error_px
         );
         assert!(error_px < 0.02 && error_px < 2.0 * noisy.map_error_px, "{error_px} for {}", noisy.map_error_px);

@@ -1,4 +1,4 @@
-//! What a calibration is of: a display in its mode, a tracker by its geometry.
+//! The identity of a calibration: a display in its mode, a tracker by its geometry.
 
 use super::error::CalibrationError;
 use frames::sink::crc32::Crc32;
@@ -9,7 +9,7 @@ use sky::astrometry::{CameraGeometry, Distortion};
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DisplayIdentity {
-    /// Model and serial number, or whatever tells it from others.
+    /// Model and serial number, or any other name that identifies the unit.
     pub name: String,
     /// Columns.
     pub width_px: usize,

@@ -1,4 +1,4 @@
-//! What was measured of each image: rows of a table, from whatever measured it.
+//! The measurements of each image: rows of a table, from any program that measures.
 //!
 //! CSV columns: `pattern` (its name), `x_px`, `y_px` (tracker px, first pixel's centre 0, 0), `flux` (of a dot, above its
 //! surroundings, electrons per second), `luminance` (of a level, any unit that is the same for all levels), `dot` (its number, where

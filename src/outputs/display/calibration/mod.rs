@@ -5,7 +5,7 @@
 //! is damaged, too old, or of something else. Light only: nothing here opens a window.
 //!
 //! Tour: `identity`, `pattern`, `dot_code`, `plan` (what is shown) -> `measurement`, `spots` (what was seen) -> `fit_map`, `coverage`,
-//! `fit_levels`, `fit` (what it means) -> `file`, `report` (what is kept and told).
+//! `fit_levels`, `fit` (results) -> `file`, `report` (stored and printed).
 //! Proved end to end by `tests/physics/display_calibration` on a simulated display, collimator and camera that share
 //! no code with this module: the map to 0.02 display px.
 

@@ -1,8 +1,8 @@
-//! What a display shows while it is measured: plan -> grey images.
+//! The images that a display shows while it is measured: plan -> grey images.
 //!
 //! Dots are squares of an odd number of pixels, full grey on black, centred on a pixel: their centroid is that pixel's
-//! centre whatever the response is. Which dot is which is shown by more images: in `dots_bit_k` only the dots shine whose
-//! code has bit k, so mirrors, rolls and parts of the field need no guessing ([`super::dot_code`]).
+//! centre whatever the response is. More images identify the dots: in `dots_bit_k` only the dots are lit whose code has
+//! bit k, so mirrors, rolls and parts of the field need no guessing ([`super::dot_code`]).
 
 use super::error::CalibrationError;
 use super::identity::DisplayIdentity;
@@ -75,7 +75,7 @@ impl Pattern {
         }
     }
 
-    /// What a person does while it is shown.
+    /// Returns the instruction for a person while the pattern is shown.
     #[must_use]
     pub fn instruction(self) -> &'static str {
         match self {
@@ -186,7 +186,7 @@ pub(super) fn draw(
     image
 }
 
-/// A square of `half` pixels to each side of its centre.
+/// Draws a square of `half` pixels to each side of its centre.
 fn square(image: &mut Image<u16>, [x, y]: [usize; 2], half: usize, grey: u16) {
     let width = image.width();
     let rows = image.pixels_mut().chunks_exact_mut(width).skip(y.saturating_sub(half)).take(2 * half + 1);

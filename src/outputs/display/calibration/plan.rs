@@ -12,7 +12,7 @@ use std::path::Path;
 /// Fewest steps of a ramp that make a response.
 const FEWEST_STEPS: usize = 5;
 
-/// What is shown, and to whom.
+/// The images to show, and the display and tracker that they are for.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Plan {
@@ -35,7 +35,7 @@ pub struct Plan {
 pub struct Step {
     /// Name, also that of its file.
     pub name: String,
-    /// What to do while it is shown.
+    /// Instruction for a person while it is shown.
     pub instruction: String,
 }
 
@@ -92,7 +92,7 @@ impl Plan {
         image
     }
 
-    /// CRC-32 of everything that the measurements depend on: a plan made anew with other numbers has another.
+    /// Returns the CRC-32 of everything that the measurements depend on: a new plan with other numbers has another.
     #[must_use]
     pub fn crc32(&self) -> String {
         let Grid { columns, rows, dot_px, margin_px } = &self.grid;
@@ -112,7 +112,7 @@ impl Plan {
         self.grid.centre_px(number, &self.display).map(|px| px.map(|v| v as f64))
     }
 
-    /// As a file.
+    /// Returns the plan as the text of a file.
     ///
     /// # Errors
     /// When it cannot be written as TOML.

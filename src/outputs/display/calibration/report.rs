@@ -1,7 +1,8 @@
 //! A calibration in words: residuals in pixels, arcseconds and magnitudes, and the stars that it can show.
 //!
-//! A star is drawn as a Gaussian, so its brightest pixel has at most the share `erf(1 / (sqrt 8 sigma))^2` of its light: when it
-//! stands still in the middle of that pixel. Off the middle, or moving, less. So a star may be brighter than a full pixel
+//! A star is drawn as a Gaussian, so its brightest pixel has at most the share `erf(1 / (sqrt 8 sigma))^2` of its
+//! light: when it is at rest in the middle of that pixel. Off the middle, or moving, less. So a star may be brighter
+//! than a full pixel
 //! by that share, and the brightest that is nowhere clipped has it where the display is dimmest. The faintest star
 //! is one whose brightest pixel shows grey 1 in one refresh of a dither cycle; its light is then right to a half. Tests below;
 //! the numbers of a simulated bench in `tests/physics/display_calibration`.
@@ -71,7 +72,7 @@ impl MagnitudeRange {
     }
 }
 
-/// What people want to know of a calibration.
+/// Returns the results of a calibration as text for people.
 #[must_use]
 pub fn reported(calibration: &Calibration, calibrated: &Calibrated, dither: Dither) -> String {
     let mut text = String::new();
@@ -185,7 +186,7 @@ mod tests {
         let light = Light { full_px_e_per_s: 5e4, zero_point_e_per_s: 4e7, spot_sigma_px: 0.7, brightest_mag: 0.0 };
         for flat in [1.0, 0.7] {
             let star_e_per_s = 4e7 * 10_f64.powf(-0.4 * brightest_star(&light, flat));
-            // What it wants of its middle pixel, full pixels at the display's brightest place.
+            // Light for its middle pixel, in full pixels at the display's brightest place.
             let wanted = star_e_per_s * peak_share(0.7) / 5e4;
             assert!((wanted - flat).abs() < 1e-12, "{wanted}");
         }

@@ -19,7 +19,7 @@ const THRESHOLD_SIGMA: f64 = 8.0;
 const THRESHOLD_SHARE: f64 = 0.05;
 /// Fewest pixels of a spot; a hot pixel has one.
 const FEWEST_PIXELS: usize = 4;
-/// Most pixels of a spot: more is no dot.
+/// Most pixels of a spot: more pixels are not a dot.
 const MOST_PIXELS: usize = 10_000;
 /// Most spots of a frame.
 const MOST_SPOTS: usize = 20_000;
@@ -68,7 +68,8 @@ impl FrameScale {
     }
 }
 
-/// What a frame of a pattern shows; pixels in electrons per second, those from `saturated_from` on at the camera's end.
+/// Returns the sights in a frame of a pattern; pixels in electrons per second, those from `saturated_from` on are
+/// saturated.
 #[must_use]
 pub fn sights_of_frame(pattern: Pattern, frame: &Image<f64>, saturated_from: f64) -> Vec<Sight> {
     let at = |px| Sight { pattern, tracker_px: Some(px), flux: None, luminance: None, dot: None, is_saturated: false };
@@ -257,7 +258,7 @@ mod tests {
         assert_eq!(sights.len(), BLOCKS * BLOCKS);
         assert!(sights.iter().all(|sight| sight.luminance == Some(50.0)));
         assert!(sights_of_frame(Pattern::Marker(true), &image, 51.0).is_empty());
-        assert!(sights.iter().all(|sight| !sight.is_saturated), "one hot pixel is no saturated level");
+        assert!(sights.iter().all(|sight| !sight.is_saturated), "one hot pixel is not a saturated level");
         assert!(sights_of_frame(Pattern::Level(3), &image, 50.0).iter().all(|sight| sight.is_saturated));
     }
 

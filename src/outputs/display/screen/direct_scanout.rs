@@ -4,9 +4,9 @@
 //! a mode of exactly that size, and a [`ScanOut`] that shows on it. Monitors have the kernel's names here (`HDMI-A-1` where X
 //! says `HDMI-1`).
 //!
-//! **Whose the card is.** One open file of a card may set its modes: the first one, for as long as nobody else has it. A
-//! Vulkan driver that is asked for its adapters opens the card as well and would keep it from us, so the card is opened
-//! before this display's driver, and by `run::wiring::display_parts::hold_cards` before the renderer's.
+//! **Access to the card.** One open file of a card may set its modes: the first one, unless another program has it. A
+//! Vulkan driver that lists its adapters opens the card as well and would keep it from us, so the card is opened before
+//! this display's driver, and by `run::wiring::display_parts::hold_cards` before the renderer's.
 //!
 //! Limits: a driver with `VK_EXT_acquire_drm_display`; one display on a card; no keys, as no window has them. **Never run on a
 //! monitor:** tests below and in `mode` prove the choice of a mode and the refusals; what needs a card was compiled, no more.
@@ -61,7 +61,7 @@ impl Card {
         Ok(card)
     }
 
-    /// What a monitor is plugged into.
+    /// Returns the connectors with a monitor.
     fn connectors(&self) -> Vec<connector::Info> {
         let all = self.resource_handles().map(|resources| resources.connectors().to_vec()).unwrap_or_default();
         let asked = all.into_iter().filter_map(|handle| self.get_connector(handle, true).ok());
@@ -108,7 +108,7 @@ impl Connector {
     /// Takes the connector that was asked for, in a mode for frames of `image_px`.
     ///
     /// # Errors
-    /// When there is no such card, monitor or mode, or the card is somebody else's.
+    /// When the card, the monitor or the mode does not exist, or another program has the card.
     pub(super) fn take(choice: &CardChoice, params: &Params, image_px: [u32; 2]) -> Result<Self, DisplayError> {
         let cards = open_cards(choice, Path::new(CARDS))?;
         let there = |(card, opened): (usize, &Card)| opened.connectors().into_iter().map(move |info| (card, info));
@@ -154,9 +154,9 @@ impl Connector {
             refresh_rate: self.mode.refresh_mhz,
         };
         let make = || {
-            // SAFETY: the file is an open card that this program is master of, the connector and its mode are what this
-            // card told of itself. All stay so while the surface lives: `VulkanPanel` holds the connector in its pane, the
-            // last of its fields to be dropped, and nothing else keeps the surface or the instance.
+            // SAFETY: the file is an open card that this program is master of; the card itself reported the connector and
+            // its mode. This stays true while the surface lives: `VulkanPanel` holds the connector in its pane, the last of
+            // its fields to be dropped, and nothing else keeps the surface or the instance.
             unsafe { instance.create_surface_unsafe(target) }
         };
         // wgpu panics where the driver refuses to hand over the connector.
@@ -166,7 +166,7 @@ impl Connector {
     }
 
     fn is_plugged_in(&self) -> bool {
-        // What the kernel knows by itself: to probe would stop the picture.
+        // The kernel's own state of the connector: probing it would stop the picture.
         self.card.get_connector(self.handle, false).is_ok_and(|info| info.state() == connector::State::Connected)
     }
 }
@@ -193,10 +193,10 @@ fn facts_of(info: &connector::Info) -> MonitorFacts {
     }
 }
 
-/// Tells the display of its monitor's comings and goings, until its end.
+/// Reports to the display when its monitor is unplugged or comes back, until the display ends.
 ///
 /// # Errors
-/// When there is no thread for it.
+/// When the thread cannot be started.
 pub(super) fn watch(connector: &Arc<Connector>, state: &Arc<State>) -> Result<(), DisplayError> {
     let (connector, state) = (Arc::downgrade(connector), Arc::clone(state));
     let look = move || {
@@ -211,21 +211,21 @@ pub(super) fn watch(connector: &Arc<Connector>, state: &Arc<State>) -> Result<()
     std::thread::Builder::new().name("plug".into()).spawn(look).map_err(no_thread).map(drop)
 }
 
-/// What the presenter shows on: a surface, made anew with its driver when it is lost or the monitor has been away.
+/// Target of the presenter: a surface, made again with its driver when it is lost or the monitor was away.
 pub(super) struct ScanOut {
     panel: Option<VulkanPanel>,
     connector: Arc<Connector>,
     image_px: [u32; 2],
     bits: Bits,
     state: Arc<State>,
-    /// How often the monitor had come back when the surface was made.
+    /// Number of returns of the monitor when the surface was made.
     returns: u64,
     losses: u32,
     last_refusal: String,
 }
 
 impl ScanOut {
-    /// A surface of `connector` for pictures of its size.
+    /// Opens a surface of `connector` for pictures of its size.
     ///
     /// # Errors
     /// When the driver does not scan out to it, or not with this depth.
@@ -320,7 +320,8 @@ mod tests {
         assert!(matches!(nowhere, DisplayError::NoCard { .. }), "a machine without cards");
     }
 
-    /// No driver has `/dev/null` among its cards: each refuses it before it looks at the connector.
+    /// Returns a scan-out without a card. No driver has `/dev/null` among its cards: each refuses it before it looks at
+    /// the connector.
     fn on_no_card(losses: u32) -> ScanOut {
         let file = File::options().read(true).write(true).open("/dev/null").unwrap();
         let card = Card { file, path: "/dev/null".into() };

@@ -51,7 +51,7 @@ pub(super) struct Incoming {
     next: Option<Luminances>,
 }
 
-/// Both ends, for frames of so many pixels.
+/// Returns both ends, for frames of so many pixels.
 pub(super) fn hand_over(pixels: usize) -> (Outgoing, Incoming) {
     let (full, fetched) = bounded(WAITING);
     let (returned, empty) = bounded(BUFFERS);
@@ -64,7 +64,7 @@ pub(super) fn hand_over(pixels: usize) -> (Outgoing, Incoming) {
 }
 
 impl Outgoing {
-    /// Puts a frame on the way; true when it took the place of one that nobody had fetched.
+    /// Puts a frame on the way; true when it replaced one that was not fetched.
     pub(super) fn put(&self, number: u32, light: Option<Tai>, pixels: &[u16]) -> bool {
         let mut has_replaced = false;
         let free = self.empty.try_recv().or_else(|_| {
@@ -95,7 +95,7 @@ impl Incoming {
     }
 
     /// Exchanges `shown` for the newest frame whose light is to begin at `by` or before (`None`: for the newest of all).
-    /// Gives how many older ones it passed over; `None` when there is no such frame.
+    /// Returns how many older ones it passed over; `None` when no such frame waits.
     pub(super) fn fetch(&mut self, shown: &mut Luminances, by: Option<Tai>) -> Option<u64> {
         let mut fetched = 0_u64;
         while let Some(next) = self.next.take().or_else(|| self.full.try_recv().ok()) {
@@ -136,7 +136,7 @@ mod tests {
         let at = |ns| Some(Tai::from_ns(ns));
         for number in 1..=3_u32 {
             assert!(!outgoing.put(number, at(100 * i64::from(number)), &[number as u16]), "{number}");
-            // Taken in at once, so that there is room for two more.
+            // Fetched at once, so that two more fit.
             assert_eq!(incoming.fetch(&mut shown, at(99)), None);
         }
         assert!(!incoming.is_empty());

@@ -48,9 +48,9 @@ const NAME: &str = "display";
 
 /// A monitor that shows frames.
 ///
-/// When its window is closed (Esc, the window manager, another program), or the driver fails, the next `send` refuses its
-/// frame and says why; later frames are taken, counted as unseen, and not shown. Whether a run goes on is for the run to
-/// say. An unplugged monitor is no error: frames are counted as unseen until it is back.
+/// When its window is closed (Esc, the window manager, another program), or the driver fails, the next `send` refuses
+/// its frame and says why; later frames are taken, counted as unseen, and not shown. The run decides whether it goes
+/// on. An unplugged monitor is not an error: frames are counted as unseen until it is back.
 #[derive(Debug)]
 pub struct Display {
     image_px: [u32; 2],
@@ -73,8 +73,8 @@ impl Display {
     /// presenter. Submit times are read from `clock`.
     ///
     /// # Errors
-    /// When there is no X server, no such monitor, no driver, or what is asked for does not fit together; with direct
-    /// scan-out also when the card is not to be had, or this build is one without it.
+    /// When the X server, the monitor or the driver is missing, or the parameters contradict each other; with direct
+    /// scan-out also when the card is unavailable, or this build does not support it.
     pub fn open(
         params: &Params,
         image_px: [u32; 2],
@@ -104,13 +104,13 @@ impl Display {
         start.display(panel, describe, move || window::forget(id))
     }
 
-    /// Returns the which monitor, how it is filled, which driver and which format.
+    /// Returns which monitor, how it is filled, which driver and which format.
     #[must_use]
     pub fn description(&self) -> &str {
         &self.description
     }
 
-    /// What became of frames and refreshes so far.
+    /// Returns the counts of frames and refreshes so far.
     #[must_use]
     pub fn counts(&self) -> Counts {
         self.state.counters.read()
@@ -231,7 +231,7 @@ impl Drop for Display {
     }
 }
 
-/// What must hold before a window is opened.
+/// Checks the conditions for opening a window.
 fn check(params: &Params, image_px: [u32; 2], maker: &GreyMaker) -> Result<(), DisplayError> {
     if maker.bits() != params.bits.count() {
         return Err(DisplayError::TableDepth { table: maker.bits(), display: params.bits.count() });
@@ -273,7 +273,7 @@ fn place_of(opened: &Opened, params: &Params) -> String {
     }
 }
 
-/// What a display is started with, whatever it shows on.
+/// The inputs of a display, whichever surface it shows on.
 struct Start<'a> {
     params: &'a Params,
     image_px: [u32; 2],

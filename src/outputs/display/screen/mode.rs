@@ -26,7 +26,7 @@ impl core::fmt::Display for Mode {
 }
 
 impl Mode {
-    /// `None`: a frame would not be one refresh.
+    /// Reads a mode of the card; `None` when a frame would not be one refresh.
     pub(super) fn of(mode: &drm::control::Mode) -> Option<Self> {
         let (width, height) = mode.size();
         let refresh_mhz = refresh_mhz(mode.clock(), [mode.hsync().2, mode.vsync().2], mode.vscan())?;
@@ -41,11 +41,11 @@ impl Mode {
 fn refresh_mhz(clock_khz: u32, [columns, rows]: [u16; 2], scans: u16) -> Option<u32> {
     let pixels = f64::from(columns) * f64::from(rows) * f64::from(scans.max(1));
     let mhz = (f64::from(clock_khz) * 1000.0 / pixels * 1000.0).round();
-    #[allow(clippy::cast_possible_truncation, reason = "held against the limit just before")]
+    #[allow(clippy::cast_possible_truncation, reason = "compared with the limit just before")]
     (mhz >= 1.0 && mhz <= f64::from(u32::MAX)).then_some(mhz as u32)
 }
 
-/// Of `modes` the one for frames of `image_px` that were drawn for a refresh of `drawn`.
+/// Returns that one of `modes` for frames of `image_px` that were drawn for a refresh of `drawn`.
 pub(super) fn choose(modes: &[Mode], image_px: [u32; 2], drawn: Option<Span>) -> Option<Mode> {
     let fitting = || modes.iter().filter(|mode| mode.size_px == image_px);
     let off_hz = |mode: &Mode, drawn: Span| (f64::from(mode.refresh_mhz) * 1e-3 - 1.0 / drawn.s()).abs();

@@ -17,8 +17,8 @@ pub struct GreyPainter {
 }
 
 impl GreyPainter {
-    /// For pictures of `size_px` (columns, rows) on textures of `format`, which stores greys up to `most`. Failures go to
-    /// the device's error callback.
+    /// Returns a painter for pictures of `size_px` (columns, rows) on textures of `format`, which stores greys up to
+    /// `most`. Failures go to the device's error callback.
     #[must_use]
     pub fn new(device: &Device, format: TextureFormat, most: u16, size_px: [u32; 2]) -> Self {
         let shader = device.create_shader_module(wgpu::ShaderModuleDescriptor {
@@ -74,7 +74,7 @@ impl GreyPainter {
         queue.write_texture(self.greys.as_image_copy(), cast_slice(greys), layout, extent(self.size_px));
     }
 
-    /// Records the painting of the greys onto `target`, all of which is overwritten.
+    /// Records the painting of the greys onto `target`, which is overwritten completely.
     pub fn record(&self, encoder: &mut wgpu::CommandEncoder, target: &TextureView) {
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("greys"),

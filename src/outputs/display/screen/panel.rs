@@ -1,13 +1,13 @@
-//! What the presenter shows on: a surface, or in tests a stand-in for one.
+//! The target of the presenter: a surface, or a stand-in for one in tests.
 
 use crate::display::picture::Picture;
 
-/// What one wait for a refresh came to.
+/// Result of one wait for a refresh.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Turn {
     /// There is a free image: show something.
     Ready,
-    /// The image is there, but the surface had to be configured anew.
+    /// The image is available, but the surface was configured again.
     Reconfigured,
     /// Nothing can be shown now; ask again.
     NotNow,
@@ -24,6 +24,6 @@ pub(super) trait Panel {
     /// those of the last call.
     fn show(&mut self, picture: &Picture, is_changed: bool);
 
-    /// Returns the first failure that does not mend itself.
+    /// Returns the first unrecoverable failure.
     fn failure(&self) -> Option<String>;
 }

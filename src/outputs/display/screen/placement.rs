@@ -28,7 +28,7 @@ impl core::fmt::Display for Area {
     }
 }
 
-/// What one look came to.
+/// Result of one look at the window.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Verdict {
     /// It may still get there.

@@ -20,7 +20,7 @@ use crossbeam_channel::Sender;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Between looks for a monitor that is away, or a surface that is not to be had.
+/// Time between looks for a monitor that is away, or a surface that is unavailable.
 const AWAY: Duration = Duration::from_millis(20);
 /// Assumed where the server does not know the refresh rate, for the pace of a driver that does not wait.
 const USUAL_REFRESH: Span = Span::from_ns(16_666_667);
@@ -41,7 +41,7 @@ pub(super) struct Pace {
 }
 
 impl Pace {
-    /// Of a monitor with this time between refreshes, when it is known.
+    /// Returns the pace of a monitor with this time between refreshes, if it is known.
     pub(super) fn new(refresh: Option<Span>) -> Self {
         Self { refresh, watch: Stopwatch::start(), since_last: Span::ZERO, is_first: true }
     }
@@ -54,7 +54,7 @@ impl Pace {
         Duration::try_from_secs_f64(left_s).unwrap_or_default()
     }
 
-    /// Something was shown; true when it came too late.
+    /// Records that an image was shown; true when it came too late.
     fn is_late(&mut self) -> bool {
         self.since_last = self.since_last + self.watch.lap();
         let most = self.refresh.map(|refresh| refresh.s() * LATE);
@@ -63,7 +63,7 @@ impl Pace {
         is_late
     }
 
-    /// What follows does not follow what was before.
+    /// Starts again: the next image does not follow the one before.
     fn start_again(&mut self) {
         self.is_first = true;
     }
@@ -84,7 +84,7 @@ pub(super) struct Presenter<G> {
     pub(super) now: Showing,
 }
 
-/// What is on the screen.
+/// The picture on the screen.
 #[derive(Debug, Default)]
 pub(super) struct Showing {
     frame: Luminances,
@@ -119,7 +119,7 @@ impl<G: Panel> Presenter<G> {
         }
     }
 
-    /// One refresh, or a short wait when nothing can be shown.
+    /// Shows one refresh, or waits shortly when nothing can be shown.
     pub(super) fn refresh_once(&mut self) {
         if self.state.is_away() {
             if self.fetch() {

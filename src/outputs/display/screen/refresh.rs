@@ -1,18 +1,19 @@
 //! The refresh that frames are drawn for, against the monitor's own.
 //!
-//! A frame is one refresh: at another rate frames are repeated or passed over. Small differences are those of two clocks
-//! that share a name (59.94 and 60 Hz, or two crystals); they are told, with how often a frame is then shown twice or not at all. A
-//! monitor of another mode is refused; in a window, where nobody puts a tracker, it is told too. Tests below.
+//! A frame is one refresh: at another rate frames are repeated or passed over. Small differences are those of two
+//! clocks with the same nominal rate (59.94 and 60 Hz, or two crystals); they are reported, with how often a frame is
+//! then shown twice or not at all. A monitor of another mode is refused; in a window, which is not used with a tracker,
+//! it is only reported. Tests below.
 
 use crate::display::error::DisplayError;
 use base::time::Span;
 
 /// Rates of one name differ by less: 60 and 59.94 Hz by 0.1 %.
 const SAME_RATE: f64 = 5e-3;
-/// The server tells rates to a millihertz, rounded.
+/// Resolution of the rates that the server reports: they are rounded to a millihertz.
 const REPORTED_HZ: f64 = 5e-4;
 
-/// What there is to say about it; `None`: frames were drawn for no refresh.
+/// Returns a message about the rates; `None`: frames were drawn for no refresh.
 ///
 /// # Errors
 /// When a full screen has another rate.
@@ -23,7 +24,7 @@ pub(super) fn reported(
 ) -> Result<Option<String>, DisplayError> {
     let Some(drawn_hz) = drawn.map(|refresh| 1.0 / refresh.s()) else { return Ok(None) };
     let Some(monitor_hz) = monitor_mhz.map(|mhz| f64::from(mhz) * 1e-3) else {
-        return Ok(Some(format!("the server does not tell its refresh rate: wanted {drawn_hz:.3} Hz")));
+        return Ok(Some(format!("the server does not report its refresh rate: wanted {drawn_hz:.3} Hz")));
     };
     let off_hz = (drawn_hz - monitor_hz).abs();
     if off_hz > SAME_RATE * drawn_hz && is_full_screen {
@@ -72,7 +73,7 @@ mod tests {
     fn windows_and_servers_without_an_answer_are_reported() {
         let window = at(10.0, Some(60_000), false).unwrap().unwrap();
         assert!(window.contains("shown twice"), "{window}");
-        assert!(at(60.0, None, true).unwrap().unwrap().contains("does not tell"));
+        assert!(at(60.0, None, true).unwrap().unwrap().contains("does not report"));
         assert_eq!(reported(None, Some(60_000), true).unwrap(), None, "frames that were drawn for no refresh");
     }
 }

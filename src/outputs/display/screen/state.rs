@@ -1,4 +1,4 @@
-//! What the sink, the presenter and the event loop tell one another, without a lock.
+//! The state that the sink, the presenter and the event loop share without a lock.
 
 use crate::display::counters::{Counters, count};
 use crate::display::error::DisplayError;
@@ -30,7 +30,7 @@ impl State {
         self.is_over.load(Ordering::Acquire)
     }
 
-    /// Nothing is shown from now on; the first reason counts.
+    /// Ends the display: nothing is shown from now on; the first reason counts.
     pub(super) fn end(&self, why: DisplayError) {
         let _first = self.end.set(why);
     }
@@ -45,7 +45,7 @@ impl State {
         self.is_away.load(Ordering::Acquire)
     }
 
-    /// Tells whether the monitor is there; true when that is news, which is counted.
+    /// Records whether the monitor is present; returns true for a change, which is counted.
     pub(super) fn monitor_is_there(&self, is_there: bool) -> bool {
         let was_away = self.is_away.swap(!is_there, Ordering::AcqRel);
         let is_news = was_away == is_there;
@@ -55,7 +55,7 @@ impl State {
         is_news
     }
 
-    /// Tells the size of the window.
+    /// Records the size of the window.
     pub(super) fn set_window_px(&self, [columns, rows]: [u32; 2]) {
         self.window_px.store(u64::from(columns) << 32 | u64::from(rows), Ordering::Release);
     }

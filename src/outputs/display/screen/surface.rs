@@ -1,7 +1,7 @@
 //! The images that a monitor takes, one by one: a Vulkan swap chain, first in first out.
 //!
-//! What may come back is no error: a surface that is lost or has another size is configured or made again. What does not come
-//! back within a second, or a lost device, ends the display.
+//! Temporary failures are not errors: a surface that is lost or has another size is configured or made again. A surface
+//! that does not come back within a second, or a lost device, ends the display.
 
 use crate::display::error::DisplayError;
 use crate::display::params::Bits;
@@ -19,7 +19,7 @@ use winit::window::Window;
 /// A surface that is lost so often in a row stays lost (the presenter asks 50 times a second).
 pub(super) const MOST_LOSSES: u32 = 50;
 
-/// What went wrong in the driver.
+/// Errors of the driver.
 #[derive(Debug, Default)]
 struct Trouble {
     /// The last complaint, until it is looked at.
@@ -38,7 +38,7 @@ impl Trouble {
     }
 }
 
-/// What there is a surface of.
+/// Owner of the surface.
 pub(super) enum Pane {
     Window(Arc<Window>),
     #[cfg(feature = "direct_scanout")]
@@ -95,7 +95,7 @@ pub(super) struct VulkanPanel {
 }
 
 impl VulkanPanel {
-    /// A surface of `pane` for pictures of `image_px`.
+    /// Opens a surface of `pane` for pictures of `image_px`.
     ///
     /// # Errors
     /// When no driver shows on it, or not with this depth.
@@ -155,7 +155,7 @@ impl VulkanPanel {
         self.is_well()
     }
 
-    /// Returns whether nobody complained since the last look.
+    /// Returns true if no error was reported since the last look.
     fn is_well(&mut self) -> bool {
         match self.trouble.take() {
             None => true,

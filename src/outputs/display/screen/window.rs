@@ -64,15 +64,15 @@ static EVENT_LOOP: OnceLock<Result<EventLoopProxy<Request>, String>> = OnceLock:
 /// Opens a window and waits until it is in its place.
 ///
 /// # Errors
-/// When there is no server, no such monitor, or no way to fill it with frames of this size.
+/// When the server or the monitor is missing, or frames of this size cannot fill it.
 pub(super) fn open(order: Order) -> Result<Opened, DisplayError> {
     ask(|reply| Request::Open(order, reply))?
 }
 
-/// Returns the monitors that there are.
+/// Returns the monitors of the X server.
 ///
 /// # Errors
-/// When there is no server, or it does not answer.
+/// When the server is missing, or does not answer.
 pub fn monitors() -> Result<Vec<MonitorFacts>, DisplayError> {
     ask(Request::List)
 }
@@ -144,7 +144,7 @@ impl Shown {
         Area { origin_px: if is_full { origin } else { None }, size_px: [size.width, size.height] }
     }
 
-    /// Tells whether its monitor is there; a window whose monitor has come back is placed anew.
+    /// Records whether its monitor is present; a window whose monitor has come back is placed again.
     fn watch(&self, event_loop: &ActiveEventLoop, plugs: &Plugs) {
         let Some(is_in) = plugs.is_in(&self.monitor.name) else { return };
         if self.order.window_px.is_some() || is_in != self.order.state.is_away() {
@@ -188,7 +188,7 @@ impl Windows {
         }
     }
 
-    /// One look at every window that is being placed.
+    /// Looks once at every window that is being placed.
     fn look(&mut self, event_loop: &ActiveEventLoop) {
         for mut opening in core::mem::take(&mut self.opening) {
             let is_full = opening.shown.order.window_px.is_none();

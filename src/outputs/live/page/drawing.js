@@ -1,4 +1,4 @@
-// What every drawing needs: elements by name, colours of the style sheet, canvases as large as they are shown.
+// Helpers of every drawing: elements by name, colours of the style sheet, canvases as large as they are shown.
 
 const byId = (name) => document.getElementById(name);
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
@@ -30,7 +30,7 @@ function line(pen, points) {
   pen.stroke();
 }
 
-// A time in as few digits as tell it.
+// Returns a time with as few digits as needed.
 function shortMs(ms) {
   if (ms >= 1000) return (ms / 1000).toPrecision(3) + " s";
   if (ms >= 1 || ms === 0) return Number(ms.toPrecision(3)) + " ms";

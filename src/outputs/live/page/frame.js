@@ -89,6 +89,6 @@ function showFrame(state) {
   const left_out = frame.left_out_stars ? `, ${frame.left_out_stars} left out` : "";
   byId("frame-facts").textContent =
     `${frame.stars} stars${left_out} · exposure ${shortMs(frame.exposure_s * 1000)} · ${frame.method} on ${frame.backend}` +
-    ` · attitude ${frame.origin}, ${shortMs(Math.max(frame.attitude_age_ms, 0))} old · rung ${frame.rung}`;
+    ` · attitude ${frame.origin}, ${shortMs(Math.max(frame.attitude_age_ms, 0))} old · degradation ${frame.rung}`;
   byId("frame").setAttribute("aria-label", `Frame ${frame.number} of ${state.name} with ${frame.stars} stars`);
 }

@@ -2,7 +2,7 @@
 
 const STATE_EVERY_MS = 250;
 const PICTURE_EVERY_MS = 200;
-// Without an answer for so long there is no signal.
+// Time without an answer after which the signal is lost, ms.
 const LOST_AFTER_MS = 1500;
 let lastState = null;
 let lastAnswer = performance.now();
@@ -48,11 +48,11 @@ function drawAll() {
   drawLateness(lastState);
 }
 
-// What is known of the signal: a word for the style, and a sentence.
+// Returns the state of the signal: a word for the style, and a sentence.
 function signal() {
   const frame = lastState && lastState.frame;
   const clock = (utc) => utc.slice(11, 19) + " UTC";
-  // The program ends soon after its run: that nobody answers then is no loss of signal.
+  // The program ends soon after its run: a missing answer then is not a loss of signal.
   if (lastState && lastState.is_over) return ["over", `run is over since ${clock(frame ? frame.taken_utc : lastState.now_utc)}`];
   if (performance.now() - lastAnswer > LOST_AFTER_MS) {
     return ["lost", frame ? `no signal since ${clock(frame.taken_utc)}` : "no signal"];

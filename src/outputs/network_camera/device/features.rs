@@ -100,7 +100,7 @@ impl Device {
         Ok(())
     }
 
-    /// With triggers each frame is chosen by one of them, not by a rate.
+    /// Applies the frame rate. With triggers each frame is chosen by one of them, not by a rate.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole, 1 to 65535")]
     fn choose_frames(&self) {
         // Every frame of a commanded camera is the client's.
@@ -139,7 +139,7 @@ impl Device {
         let frames = self.acquisition.start(mode, chooses_by_trigger);
         self.choose_frames();
         self.publish();
-        // A camera that is commanded exposes also while nobody acquires: such frames are not of this acquisition.
+        // A commanded camera exposes also while no client acquires: such frames are not of this acquisition.
         let from = self.commands.as_ref().map_or(Tai::from_ns(i64::MIN), |_| self.bench_time(now));
         self.shared.wanted.begin_from(from, self.number, frames);
     }

@@ -7,7 +7,7 @@ use crate::network_camera::user_sets::{NAMES, UserSet};
 use base::time::Tai;
 
 impl Device {
-    /// Every set begins as the first.
+    /// Returns the user sets at the start: every set begins as the first.
     pub(super) fn first_user_sets(&self) -> Vec<UserSet> {
         vec![self.present_set(); NAMES.len()]
     }

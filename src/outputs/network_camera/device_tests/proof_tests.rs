@@ -11,7 +11,7 @@ fn stream_and_test_packet_of_a_client_that_has_not_read_the_xml_are_refused() {
     assert_eq!(bench.write(A, own::ACQUISITION_START, 1), 0x8006);
     assert_eq!(bench.write(A, at::PACKET_SIZE, 0x8000_0000 | 1400), 0x8006);
     assert_eq!((bench.device.stream().destination, bench.answer.test_packet), (None, None));
-    // What another client is shown is of no use.
+    // Text that was shown to another client proves nothing.
     let of_another = bench.shown_at(B, at::FIRST_URL);
     let read = |address: u32| [address.to_be_bytes(), 4_u32.to_be_bytes()].concat();
     assert_eq!(bench.ask(A, 0x84, &read(of_another)).unwrap().0, 0x8003);

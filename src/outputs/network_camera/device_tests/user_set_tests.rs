@@ -61,7 +61,7 @@ fn pattern_changes_while_frames_are_acquired() {
     for (number, (_, pattern)) in (0..).zip(TestPattern::NAMED) {
         assert_eq!(bench.write(A, own::TEST_PATTERN, number), OK);
         assert_eq!(bench.device.stream().pattern, pattern);
-        assert_eq!(bench.device.shared().settings().pattern, pattern, "told to the stream");
+        assert_eq!(bench.device.shared().settings().pattern, pattern, "published to the stream");
     }
     assert_eq!(bench.write(A, own::TEST_PATTERN, 8), 0x8002);
 }
