@@ -154,7 +154,7 @@ def cases():
         observers += [["vanguard"], ["iss"]][number - 2] if number in (2, 3) else []
         for which, observer in enumerate(observers):
             names = list(STARS)
-            # All stars from the geocentre; elsewhere three that go round, of which one moves fast.
+            # All stars from the geocentre; elsewhere three in rotation, one of them fast.
             chosen = names if which == 0 else [names[(number + which + k) % len(names)] for k in (0, 3)]
             for name in dict.fromkeys(chosen + ["Barnard" if number % 2 else "alpha Cen"]):
                 yield at, observer, name

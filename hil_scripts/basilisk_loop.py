@@ -172,7 +172,7 @@ class Navigation:
 
 
 class Report(NamedTuple):
-    """What a loop leaves behind."""
+    """Results of a loop."""
 
     #: CRC-32 of the pixels of each frame.
     crc32: List[str]

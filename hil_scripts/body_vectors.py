@@ -7,7 +7,7 @@ Sun, Jupiter and Saturn, in ICRF axes. From the geocentre, and from a satellite 
 (5000, 3000, -3500) km, (3.0, -6.0, 3.5) km/s from it. Magnitudes V of planets by skyfield's planetary_magnitude (Mallama
 and Hilton 2018, with latitudes of Uranus; Mars as on average). For the Moon: phase angle and the position angle of the
 middle of its bright limb, by the almanac's formula from skyfield's places. As a check of the script the geocentric
-directions are held against astropy's get_body with the same ephemeris: 0.05 arcsec.
+directions are compared with astropy's get_body with the same ephemeris: 0.05 arcsec.
 Needs: numpy, astropy, skyfield, skyfield-data.
 """
 

@@ -5,7 +5,7 @@
   hil_scripts/bus_report.py --interface slcan --channel socket://127.0.0.1:PORT --seconds 10 --ask
 
 Load counts every frame with its worst-case stuff bits (ISO 11898-1), as a budget must. --ask also sends INFO commands,
-and prints the round trip to their responses: only when nobody else sends commands on this bus.
+and prints the round trip to their responses: only when no other program sends commands on this bus.
 """
 
 import argparse

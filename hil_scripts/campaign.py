@@ -12,7 +12,7 @@ One `starloop` process per task, one core each. In the folder given by --out:
     campaign.json      what the folder is about: a campaign of another scenario or program is refused
 
 Tasks whose row is there are not run again, so a campaign that was stopped goes on where it was, and more seeds or values
-can be added. Runs that do not hold, and runs that give no report, are told with the command that repeats them; the
+can be added. Runs that do not hold, and runs that give no report, are listed with the command that repeats them; the
 others go on. Exit status: 0 all held, 4 some did not, 1 some gave no report, 130 stopped by Ctrl-C.
 
 Needs hil_scripts/requirements.txt. On a cluster (--scheduler) program and scenario have the same paths everywhere.
@@ -45,7 +45,7 @@ INTERRUPTED = 130
 """Exit status of a run that was stopped: its report is of the part that was flown."""
 
 ATTITUDE_COUNTS = ("attitudes_used", "attitudes_gated", "frames_untagged", "estimator_starts")
-"""What became of the tracker's attitudes, as a report has it."""
+"""Columns of a report that count the tracker's attitudes."""
 
 
 # --- what to run -----------------------------------------------------------------------------------------------------
@@ -235,7 +235,7 @@ def write_whole(path: Path, write) -> None:
 
 
 def read_row(path: Path) -> dict | None:
-    """A task's row; None when there is no whole one."""
+    """Reads a task's row; None when it is missing or incomplete."""
     try:
         rows = pyarrow.parquet.read_table(path).to_pylist()
     except (OSError, pyarrow.ArrowException):

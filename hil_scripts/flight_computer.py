@@ -8,7 +8,7 @@
 
 It shakes hands (HELLO, INFO, RUN), sends time marks and attitude, turns by --slew-deg from rest to rest, and reads
 EXPOSURE and STATUS back: for each frame the right ascension, declination and roll that were rendered are compared with
-its own attitude at the exposure time that it was told. Exit status: 0 when every frame is within --limit-arcsec, 4 when
+its own attitude at the exposure time that EXPOSURE gives. Exit status: 0 when every frame is within --limit-arcsec, 4 when
 one is not or too few came, 1 when the stimulator cannot be reached or refuses a command (a trigger that no fault or event
 of the run waits for, for example).
 """
@@ -114,12 +114,12 @@ class Slew:
 # --- the flight computer ---
 
 
-# What CAMERA sets, by the names that --camera takes.
+# Settings of CAMERA, by the names that --camera takes.
 CAMERA_KINDS = {
     "exposure": 1, "gain": 2, "black_level": 3, "frame_period": 4, "triggered": 5, "trigger_delay": 6, "trigger_overlap": 7,
     "burst": 8, "exposure_mode": 9, "auto_exposure": 10, "auto_gain": 11, "report": 12,
 }
-# What each page of CAMERA_STATUS has of a frame.
+# Values of each page of CAMERA_STATUS.
 CAMERA_PAGES = {0: ("StartedBy", "ExposureTime"), 1: ("Gain", "BlackLevel"), 2: ("TriggerDelay",)}
 
 
@@ -137,7 +137,7 @@ class FlightComputer:
         self.counter = self.sequence = self.token = 0
         self.frames, self.exposures, self.answers = {}, {}, {}
         self.clock_page, self.mode = None, None
-        # What CAMERA_STATUS said of each frame, by the whole number of the frame that the sender keeps modulo 256.
+        # Values of CAMERA_STATUS of each frame, by the whole number of the frame that the sender keeps modulo 256.
         self.camera_frames, self.camera_frame = {}, None
         # A frame drawn from an older attitude is a prediction, and says so: it is counted, not compared.
         self.oldest_us, self.predicted_far = 100_000, 0
@@ -317,7 +317,7 @@ def command_cameras(computer, wanted, start_s):
 
 
 def print_camera_frames(computer):
-    """A line for each frame of which all pages of CAMERA_STATUS came."""
+    """Prints a line for each frame whose pages of CAMERA_STATUS are complete."""
     for number, reported in sorted(computer.camera_frames.items()):
         if len(reported) == sum(map(len, CAMERA_PAGES.values())):
             print(f"camera frame {number}: " + " ".join(f"{name}={value:.10g}" for name, value in sorted(reported.items())))
@@ -398,7 +398,7 @@ def main():
     turning = [off for t_s, off in errors if slew.start_s < t_s < slew.start_s + given.slew_s]
     worst = max((off for _, off in errors), default=math.inf)
     if computer.predicted_far:
-        print(f"{computer.predicted_far} frames were drawn from attitudes older than 100 ms, as EXPOSURE told")
+        print(f"{computer.predicted_far} frames were drawn from attitudes older than 100 ms, according to EXPOSURE")
     print(f"slewed {given.slew_deg} deg in {given.slew_s} s; {len(errors)} frames compared, {len(turning)} while turning")
     print(f"echoed right ascension, declination, roll: largest error {worst:.4f} arcsec (limit {given.limit_arcsec})")
     if computer.clock_page:

@@ -60,7 +60,8 @@ fuzz() {
         -print_final_stats=1 "${options[@]}" "$3" "$2" >"$work/$1.log" 2>&1
 }
 
-# What libFuzzer said: inputs, inputs per second, peak memory, memory at a tenth and at the end, coverage before and after.
+# Figures from the log of libFuzzer: inputs, inputs per second, peak memory, memory at a tenth and at the end, coverage
+# before and after.
 figures() {
     awk '
         /^#[0-9]+/ {

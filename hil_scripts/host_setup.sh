@@ -85,7 +85,7 @@ as_wanted() { printf 'ok      %-34s %s\n' "$1" "$2"; }
 
 absent() { printf 'none    %-34s %s\n' "$1" "$2"; }
 
-# differs WHAT NOW WANTED HOW COMMAND...: told with what would set it, and with --apply done.
+# differs WHAT NOW WANTED HOW COMMAND...: prints the difference and how to set it; with --apply runs the command.
 differs() {
     local what=$1 now=$2 wanted=$3 how=$4
     shift 4
@@ -104,7 +104,7 @@ write() { printf '%s\n' "$2" >"$1"; }
 
 # --- CAN -------------------------------------------------------------------------------------------------------------
 
-# The number that follows WORD in the interface's details; empty where it is not told.
+# The number after WORD in the interface's details; empty without it.
 detail() { sed -n "s/.*\\b$1 \\([0-9]*\\).*/\\1/p" <<<"$2" | head -1; }
 
 can_settings() {
@@ -248,7 +248,7 @@ check_low_latency() {
         [[ -e $port ]] || continue
         name=$(grep -o 'tty\(S\|USB\)[0-9]*' <<<"$port" | head -1)
         if ! command -v setserial >/dev/null; then
-            absent "low latency of $name" "cannot be told: apt-get install setserial"
+            absent "low latency of $name" "unknown without setserial: apt-get install setserial"
             continue
         fi
         now=$(setserial -g "/dev/$name" 2>/dev/null) || continue

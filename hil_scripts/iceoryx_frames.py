@@ -11,7 +11,7 @@ when starloop was built with `--features iceoryx2`, and `python3 hil_scripts/ice
 line per frame. As a module:
 
     with IceoryxFrames("starloop/frames") as reader:
-        for frame in reader.frames():          # until nobody publishes any more
+        for frame in reader.frames():          # until the last publisher is gone
             use(frame.head.frame, frame.pixels)   # width * height 16-bit words, row by row
 
 Needs the package `iceoryx2`. A reader that is slow misses frames, `missed` counts them, and nothing that a reader does
@@ -31,7 +31,7 @@ SILENCE_S = 1.0
 
 
 class FrameHead(ctypes.Structure):
-    """What comes before the pixels: `SlotHead` in src/frames/sink/shared_memory.rs."""
+    """Header before the pixels: `SlotHead` in src/frames/sink/shared_memory.rs."""
 
     _fields_ = [
         ("serial", ctypes.c_uint64),
@@ -85,7 +85,7 @@ class IceoryxFrames:
 
     @property
     def is_over(self):
-        """True when nobody publishes any more."""
+        """Returns True when the last publisher is gone."""
         return self.service.dynamic_config.number_of_publishers == 0
 
     def take(self):
@@ -104,7 +104,7 @@ class IceoryxFrames:
         return IceoryxFrame(head, pixels)
 
     def frames(self, poll_s=0.002):
-        """Frames as they come, until nobody publishes any more."""
+        """Yields frames as they come, until the last publisher is gone."""
         begun = got = time.monotonic()
         is_received = False
         while True:

@@ -1,4 +1,4 @@
-"""What lockstep costs: the same frames with a plant inside and with a plant outside, side by side.
+"""Measures the cost of lockstep: the same frames with a plant inside and with a plant outside, side by side.
 
     python3 hil_scripts/lockstep_cost.py --binary target/release/starloop
 

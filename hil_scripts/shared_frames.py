@@ -100,7 +100,7 @@ def main():
     if len(sys.argv) != 2:
         sys.exit("shared_frames.py: wanted the path of the shared memory, such as /dev/shm/starloop")
     with SharedFrames(sys.argv[1]) as ring:
-        print(f"{ring.width} x {ring.height} px, room for {ring.slots} frames")
+        print(f"{ring.width} x {ring.height} px, {ring.slots} slots")
         for frame in ring.frames():
             head = frame.head
             print(

@@ -76,7 +76,7 @@ LINE_BYTES = 60_000
 """Longest line that is sent: the program takes 65,536 bytes."""
 
 Row = Sequence[float]
-"""Numbers of one instant, the first of which is seconds after the first exposure."""
+"""Numbers of one instant; the first is seconds after the first exposure."""
 
 
 def attitude_sample(
@@ -126,7 +126,7 @@ class Starloop:
         self.exit_status: Optional[int] = None
         """Exit status of the program: 0 held, 4 an expectation did not hold; known after `finish`."""
         self.hello: Dict[str, Any] = {}
-        """What is run: scenario, seed, zero_utc, duration_s, frames, width, height, heads."""
+        """Facts of the run: scenario, seed, zero_utc, duration_s, frames, width, height, heads."""
         try:
             self.hello = self.request("hello", token=token or token_of(connection))
             if self.hello["protocol"] != PROTOCOL:
@@ -218,7 +218,7 @@ class Starloop:
     def trigger(self, number: int, at_s: Optional[float] = None) -> Dict[str, Any]:
         """Lets the flight computer fire a numbered trigger over the bus, to act at `at_s`, or at once.
 
-        Whether the stimulator took it is told by the events in `summary()`: trigger_taken, trigger_late, trigger_refused.
+        Whether the stimulator took it is shown by the events in `summary()`: trigger_taken, trigger_late, trigger_refused.
         """
         given = {} if at_s is None else {"at_s": at_s}
         return self.request("trigger", number=number, **given)
@@ -286,7 +286,7 @@ class Starloop:
         return {**taken, "taken": total}
 
     def tracker(self, head: int = 0) -> Dict[str, Any]:
-        """What the built-in star tracker of a head says of the newest frame that it is done with.
+        """Returns the result of a head's built-in star tracker for the newest frame that it has processed.
 
         valid, stars, frame and mid_exposure_s; with an attitude also sensor_from_icrf, body_from_icrf, ra_deg, dec_deg,
         roll_deg, residual_rms_px and found_by; else reason.
@@ -391,7 +391,7 @@ class Starloop:
         return self.request("state")
 
     def estimate(self) -> Dict[str, Any]:
-        """What the flight computer thinks: attitude, sigma, mode, and what each tracker said last."""
+        """Returns the state of the flight computer: attitude, sigma, mode, and the last result of each tracker."""
         return self.request("estimate")
 
     def frame(self, head: int = 0) -> Frame:
@@ -400,7 +400,7 @@ class Starloop:
         return Frame(info["width"], info["height"], pixels_of(info), info)
 
     def frame_facts(self, head: int = 0) -> Dict[str, Any]:
-        """What is known of the newest frame of a head, with the CRC-32 of its pixels and without the pixels.
+        """Returns the facts of the newest frame of a head, with the CRC-32 of its pixels and without the pixels.
 
         >>> with Starloop.start(binary, "configs/benches/lockstep.toml") as loop:
         ...     _ = loop.attitude(attitude_sample(0.01 * k, (1, 0, 0, 0), (0, 0, 0)) for k in range(30))
@@ -420,7 +420,7 @@ class Starloop:
         return self.request("summary")["report"]
 
     def finish(self) -> Dict[str, Any]:
-        """Ends the run where it stands and returns the final report; `exit_status` is known then."""
+        """Ends the run at its present time and returns the final report; `exit_status` is known then."""
         reply = self.request("finish")
         self._is_over = True
         self.exit_status = reply["exit_status"]
@@ -487,7 +487,7 @@ class _Program:
     def end(self) -> int:
         """Waits for the program, which ends when its client is gone; stops it when it does not."""
         try:
-            # One that never had a client would wait for it.
+            # Without a client the program would wait for one.
             self._process.wait(60.0 if self.address else 0.1)
         except subprocess.TimeoutExpired:
             self._process.kill()
@@ -512,7 +512,7 @@ def token_of(connection: socket.socket) -> str:
 
 
 def pixels_of(reply: Dict[str, Any]) -> Any:
-    """Pixels of a frame reply: a numpy array of shape (height, width), or array('H') when there is no numpy."""
+    """Pixels of a frame reply: a numpy array of shape (height, width), or array('H') without numpy."""
     data = base64.b64decode(reply["pixels_base64_u16_le"], validate=True)
     if len(data) != 2 * reply["width"] * reply["height"]:
         raise StarloopError(f"{len(data)} bytes of pixels for {reply['width']} x {reply['height']}")

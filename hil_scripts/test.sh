@@ -33,7 +33,7 @@ command -v c++ >/dev/null || packages+=(g++)          # the fuzzer's runtime
 packages+=(clang gcc-arm-none-eabi libnewlib-arm-none-eabi) # the C kit under other compilers
 packages+=(can-utils tshark)                          # other people's readers of captures
 packages+=(aravis-tools-cli gir1.2-aravis-0.8 python3-gi python3-numpy gstreamer1.0-tools) # clients of network cameras
-packages+=(linuxptp)                                  # the PTP clock whose state the network camera tells
+packages+=(linuxptp)                                  # the PTP clock whose state the network camera reports
 packages+=(openjdk-17-jre-headless)                  # Orekit, another reader of attitudes and orbits
 packages+=(xvfb xdotool evilwm twm x11-xserver-utils libxkbcommon-x11-0 chromium siril)    # screens without a monitor, a browser, a reader of SER files
 [[ -n $no_vcan ]] || packages+=(user-mode-linux iproute2 kmod) # SocketCAN without CAN in this kernel
@@ -111,7 +111,7 @@ run_tests() {
         { grep -E '^ +(Running|Doc-tests)|^test result|^SKIPPED:|FAILED' || true; }
 }
 
-# What the Python scripts need, from PyPI, in an environment of its own; made anew when the list has changed.
+# Python packages of the scripts, from PyPI, in an environment of its own; created again when the list has changed.
 python_environment() {
     local lists=(hil_scripts/requirements.txt hil_scripts/requirements_interop.txt)
     if cat "${lists[@]}" | cmp -s - "$python/requirements.txt" && "$python/bin/python" -c ''; then

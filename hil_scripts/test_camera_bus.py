@@ -47,7 +47,7 @@ def recorded(folder):
 
 
 def reported(said):
-    """What CAMERA_STATUS said, by frame number modulo 256."""
+    """Returns the values of CAMERA_STATUS, by frame number modulo 256."""
     frames = {}
     for number, rest in re.findall(r"^camera frame (-?\d+): (.*)$", said, re.MULTILINE):
         frames[int(number) % 256] = {name: float(value) for name, value in re.findall(r"(\w+)=(\S+)", rest)}

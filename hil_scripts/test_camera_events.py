@@ -87,7 +87,7 @@ def event_id(message):
 
 
 def dissected(messages):
-    """What tshark says of each message: command, event, time stamp."""
+    """Returns each message as tshark dissects it: command, event, time stamp."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "messages.pcap"
         # Raw IPv4 packets.

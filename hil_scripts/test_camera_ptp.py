@@ -170,7 +170,7 @@ class Ptp4l:
         return self.folder / self.names[1]
 
     def reported(self):
-        """What pmc, linuxptp's own client, reads of the follower."""
+        """Returns the follower's state as read by pmc, linuxptp's own client."""
         command = ["pmc", "-u", "-b", "0", "-s", str(self.follower()), "-i", str(self.folder / "pmc"),
                    "GET DEFAULT_DATA_SET", "GET PARENT_DATA_SET", "GET PORT_DATA_SET"]
         return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S).stdout

@@ -47,7 +47,7 @@ def in_windows(shape, windows):
 
 
 def brightest(image, count, side, taken=()):
-    """Windows of `side` pixels around the brightest pixels that are no nearer than a window to others."""
+    """Returns windows of `side` pixels around the brightest pixels, at least a window apart from each other."""
     left, windows = image.astype(float), list(taken)
     while len(windows) < count + len(taken):
         row, column = numpy.unravel_index(numpy.argmax(left), left.shape)
@@ -205,15 +205,15 @@ class Following(unittest.TestCase):
                     tracks.append((track[0], track[2], place))
                     followed += 1
         self.assertGreater(followed, 40)
-        self.assertGreater(moved, side / 2.0, "control: windows that stand still would lose their stars")
+        self.assertGreater(moved, side / 2.0, "control: fixed windows would lose their stars")
 
 
 class Rate(unittest.TestCase):
     """The cost of windows, on the real clock."""
 
     def run_at_rate(self, windows, rate_hz, seconds):
-        """The report of a run at a commanded rate, and how many windows its frames had. At 50 ms a readout, whole frames come at up
-        to 20 Hz; four rows of windows are read out in 6.25 ms."""
+        """Returns the report of a run at a commanded rate, and the number of windows of its frames. At 50 ms a readout, whole
+        frames come at up to 20 Hz; four rows of windows are read out in 6.25 ms."""
         command = [BINARY, "run", str(INSIDE), "--clock", "real", "--quiet", "--sink", "null", "--control", "127.0.0.1:0"]
         settings = {
             "timing.duration_s": seconds,

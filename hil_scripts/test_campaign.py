@@ -68,7 +68,7 @@ class Campaign(unittest.TestCase):
         self.kill_halfway(arguments, 3)
         there = {path: (path.stat().st_mtime_ns, path.read_bytes()) for path in whole_rows(self.out)}
         self.assertTrue(3 <= len(there) < 8, f"{len(there)} of 8 rows")
-        # What a killed writer or a full disk may leave behind: neither counts as a row.
+        # Files that a killed writer or a full disk may leave behind: neither counts as a row.
         (self.out / "tasks" / ".half.parquet.1.part").write_bytes(b"PAR1half")
         torn = sorted(there)[0]
         torn.write_bytes(there.pop(torn)[1][:100])

@@ -1,6 +1,6 @@
 """Tests of the display against an X server's own memory: python3 hil_scripts/test_display.py
 
-Xvfb keeps its screen in a file (-fbdir) in the format of xwd; it is read here, and every pixel is held against greys
+Xvfb keeps its screen in a file (-fbdir) in the format of xwd; it is read here, and every pixel is compared with greys
 that are worked out here. Window managers: none, evilwm (which knows full-screen windows) and twm (which does not).
 
 Needs: xvfb, xdotool, x11-xserver-utils (xrandr), evilwm, twm, and a Vulkan driver. STARLOOP_BINARY names the program (default
@@ -331,7 +331,7 @@ class OnAScreen(unittest.TestCase):
             screen.plug(False)
             time.sleep(2)
             shown.send()
-            # Nobody sees this one: the program says so, and goes on to the next.
+            # This one is not seen: the program says so, and goes on to the next.
             self.assertIn("not seen", shown.read())
             screen.plug(True)
             time.sleep(2)

@@ -105,10 +105,10 @@ class Signals(Case):
             self.assertIsNone(program.poll(), "it runs")
             program.send_signal(number)
             program.communicate(timeout=PATIENCE_S)
-            self.assertEqual(line.is_symlink(), number == signal.SIGKILL, "control: nobody can catch SIGKILL")
+            self.assertEqual(line.is_symlink(), number == signal.SIGKILL, "control: SIGKILL cannot be caught")
 
     def test_a_second_signal_ends_the_program_at_once(self):
-        # A bus that cannot print its addresses: nobody reads the pipe, and it is full.
+        # A bus that cannot print its addresses: the pipe is not read, and is full.
         readable, writable = os.pipe()
         os.set_blocking(writable, False)
         with self.assertRaises(BlockingIOError):

@@ -78,7 +78,7 @@ class Files(Folder):
         (self.out / "frame_000005.fits").symlink_to(victim)
         (self.out / "frame_000007.truth.csv").write_text("a stranger's")
         words = ["--quiet", "--backend", "cpu", "--out", str(self.out), "--duration", "2"]
-        # A pipe that nobody reads must not hold up the run; the limit of time is that of run_it.
+        # A pipe that is not read must not hold up the run; the limit of time is that of run_it.
         done = self.run_it("run", self.bench('[sink]\nkind = "recorder"\n'), *words)
         self.assertEqual(done.returncode, LOST, done.stderr)
         self.assertIn("is there already", done.stderr)

@@ -116,7 +116,7 @@ def frames_of(folder):
 
 
 class TriggeredFaults(unittest.TestCase):
-    """Faults of a bench whose flight computer is no part of the program."""
+    """Faults of a bench with an external flight computer."""
 
     def test_frames_from_the_trigger_on_carry_the_fault_in_the_header_and_in_the_light(self):
         with tempfile.TemporaryDirectory() as folder:
@@ -151,7 +151,7 @@ class Attitude(unittest.TestCase):
         slew = flight_computer.Slew(flight_computer.pointed(1.0, 0.5, 0.0), (0, 0, 2), math.radians(5), 0.0, 8.0)
         before, rate, _ = slew.at(4.0)
         after, _, _ = slew.at(4.0 + 1e-6)
-        # Body +Z stands still about itself; body +X of ICRF moves by -w x X in body axes.
+        # Body +Z does not move in a turn about itself; body +X of ICRF moves by -w x X in body axes.
         moved = [(b - a) / 1e-6 for a, b in zip(column(before), column(after))]
         x, y, z = column(before)
         wanted = (y * rate[2], -x * rate[2], 0.0)

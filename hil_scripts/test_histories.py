@@ -291,7 +291,7 @@ class Files(unittest.TestCase):
             self.assertGreater(error, least, name)
 
     def export_all(self):
-        """What a run file with a file of attitudes and of an orbit exports, by name."""
+        """Returns the exports of a run file with a file of attitudes and of an orbit, by name."""
         self.orekit.aem(self.folder / "source.aem", 2.0, "QUATERNION_ANGVEL", False)
         self.write_oem(self.folder / "source.oem")
         lines = self.file_plant("source.aem") + '[observer]\nkind = "file"\nfile = "source.oem"\n'

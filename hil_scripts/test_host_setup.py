@@ -10,7 +10,7 @@ from pathlib import Path
 sys.dont_write_bytecode = True
 
 SCRIPT = Path(__file__).resolve().parent / "host_setup.sh"
-# What iproute2 says of an adapter that was never set up; afterwards, the words that a set-up adds.
+# Output of iproute2 for an adapter that was never set up; afterwards, the words that a set-up adds.
 DETAILS = """3: can0: <NOARP,ECHO{up}> mtu {mtu} qdisc pfifo_fast state X mode DEFAULT group default qlen {qlen}
     link/can  promiscuity 0 minmtu 0 maxmtu 0
     can{fd} state ERROR-ACTIVE restart-ms {restart_ms}
@@ -25,7 +25,7 @@ SET = {
     "restart_ms": 100,
     "bitrates": "bitrate 500000 sample-point 0.875\n          tq 12 prop-seg 69\n          dbitrate 2000000 dsample-point 0.75\n          ",
 }
-# Answers as ip does, from a file; notes what it is told to set.
+# Answers as ip does, from a file; notes what it is to set.
 IP = """#!/bin/bash
 case "$*" in
     "-o link show type can") [[ -s $FAKE/details ]] && echo "3: can0: <NOARP> mtu 16" ;;

@@ -117,7 +117,7 @@ def cell(f):
 
 
 def signals_of(vector, name, data):
-    """What the signals of one frame should be, from the vector's physical values. A CRC is taken from the bytes."""
+    """Returns the expected signals of one frame, from the vector's physical values. A CRC is taken from the bytes."""
     f, message = vector["fields"], vector["message"]
     if message == "ATT_FD":
         return attitude(f, int.from_bytes(data[6:8], "little"))[name]

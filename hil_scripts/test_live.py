@@ -69,7 +69,7 @@ class Run:
 
 
 class Browser:
-    """Headless Chromium, told what to do through its pipe: JSON messages that end in a zero byte."""
+    """Headless Chromium, controlled through its pipe: JSON messages that end in a zero byte."""
 
     def __init__(self, size=(1280, 800), *more):
         self.profile = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
@@ -136,7 +136,7 @@ class Browser:
         return self.value(f"document.getElementById({name!r}).textContent")
 
     def complaints(self):
-        """What the console has of errors and warnings, and exceptions nobody caught."""
+        """Returns the console's errors and warnings, and uncaught exceptions."""
         self.value("0")
         found = []
         for event in self.events:
@@ -292,7 +292,7 @@ class InABrowser(unittest.TestCase):
             self.opened(run)
             until("the end is shown", lambda: self.browser.text("status").startswith("run is over since "))
             run.program.wait(HANGS_S)
-            # Longer than the page waits before it says that there is no signal.
+            # Longer than the page waits before it reports the loss of the signal.
             time.sleep(2.0)
             self.assertTrue(self.browser.text("status").startswith("run is over since "), self.browser.text("status"))
             self.assertEqual(self.browser.value('document.getElementById("status").className'), "over")

@@ -1,4 +1,4 @@
-"""Tests of the network camera with clients nobody here wrote: python3 hil_scripts/test_network_camera.py [--rate SECONDS]
+"""Tests of the network camera with third-party clients: python3 hil_scripts/test_network_camera.py [--rate SECONDS]
 
 Aravis (arv-tool, Python, arv-test), GStreamer's aravissrc and the reference GenApi against `camera_feed`, which sends
 frames of arithmetic and records the same frames as FITS. Needs aravis-tools-cli, gir1.2-aravis-0.8, python3-gi,
@@ -41,7 +41,7 @@ ADDRESSES = (f"127.{1 + os.getpid() // 250 % 250}.{1 + os.getpid() % 250}.{last}
 FORMATS = {"Mono8": 8, "Mono10": 10, "Mono10Packed": 10, "Mono10p": 10, "Mono12": 12, "Mono12Packed": 12, "Mono12p": 12,
            "Mono14": 14, "Mono14p": 14, "Mono16": 16}
 DETECTOR_BITS = 12
-# What Aravis calls a buffer that holds a whole frame.
+# Aravis's status of a buffer that holds a whole frame.
 WHOLE = "success"
 
 
@@ -105,7 +105,7 @@ def fits_pixels(path):
 
 
 def shifted(pixels, pixel_format):
-    """What a format makes of 12-bit pixels."""
+    """Returns 12-bit pixels in a pixel format."""
     bits = FORMATS[pixel_format]
     return pixels >> (DETECTOR_BITS - bits) if bits < DETECTOR_BITS else pixels << (bits - DETECTOR_BITS)
 
@@ -117,7 +117,7 @@ def unpacked(data, pixel_format, size):
     columns, rows = size
     bits = FORMATS[pixel_format]
     is_pairs, is_stream = pixel_format.endswith("Packed"), pixel_format.endswith("p")
-    # Chunks stand behind the image.
+    # Chunks come after the image.
     bits_in_memory = 12 if is_pairs else bits if is_stream else 8 if bits == 8 else 16
     data = data[:-(-columns * rows * bits_in_memory // 8)]
     if bits == 8:
@@ -179,7 +179,7 @@ CHUNK_KINDS = {
 
 
 def client(request):
-    """What `Grab` runs."""
+    """Handles a request of `Grab` in its own process."""
     import gi
 
     gi.require_version("Aravis", "0.8")
@@ -489,7 +489,7 @@ class Features(unittest.TestCase):
             self.assertIn("TestPattern = Off", camera.arv_tool("control", "TestPattern"))
         pixels, number, origin = last
         self.assertEqual(origin, "predicted")
-        self.assertTrue((pixels == camera.images[number]).all(), "the image again; the record never had a pattern")
+        self.assertTrue((pixels == camera.images[number]).all(), "the image again; the record does not contain patterns")
         self.assertGreaterEqual(camera.counters["frames_of_a_pattern"], len(patterns))
 
     def test_user_sets_keep_settings_until_the_program_ends(self):

@@ -38,7 +38,7 @@ START_S = time.time()
 ARCSEC = math.pi / 648000
 # About other axes than that of the slew nothing turns; headers have ten digits.
 ACROSS_ARCSEC = 0.01
-# What a busy machine may take from reading its clock to sending: the first frames are drawn while this is estimated.
+# Time that a busy machine may take from reading its clock to sending: the first frames are drawn while this is estimated.
 LATE_S = 0.05
 
 

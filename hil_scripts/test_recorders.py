@@ -1,4 +1,4 @@
-"""Tests of what starloop records, with programs that nobody here wrote: python3 hil_scripts/test_recorders.py
+"""Tests of starloop's recordings, with third-party programs: python3 hil_scripts/test_recorders.py
 
 FITS files are read by astropy, SER files by a reader written here from the description of the format and by Siril, shared
 memory by another process, through iceoryx2 with that project's own Python package. STARLOOP_BINARY names the program
@@ -206,7 +206,7 @@ class Recorders(unittest.TestCase):
         self.assertEqual(summary["event_counts"]["sink_refused"], recorder["refused"])
         ser, listed = Ser(self.out / "frames.ser"), rows(self.out)
         self.assertEqual([crc32_of(frame) for frame in ser.frames], [row["pixel_crc32"] for row in listed])
-        self.assertEqual(len(ser.trailer), 7, "and there was room for their times")
+        self.assertEqual(len(ser.trailer), 7, "and it includes their times")
 
     def test_another_process_gets_the_bits_that_are_recorded(self):
         ring_path = self.folder / "ring"
@@ -279,7 +279,7 @@ class Recorders(unittest.TestCase):
         self.assertEqual(reader.missed, 0)
 
     def test_an_iceoryx2_reader_waits_for_a_run_that_begins(self):
-        # A run has its service a moment before it publishes: nobody does yet is not nobody does any more.
+        # A run has its service a moment before it publishes: a reader must wait for the first publisher.
         service = f"starloop/test/begins/{os.getpid()}"
         node = iceoryx2.NodeBuilder.new().create(iceoryx2.ServiceType.Ipc)
         made = node.service_builder(iceoryx2.ServiceName.new(service))

@@ -1,4 +1,4 @@
-"""One slew through every door on the virtual clock: python3 hil_scripts/test_same_slew.py
+"""One slew through every interface on the virtual clock: python3 hil_scripts/test_same_slew.py
 
 The control socket in lockstep, a co-simulation unit under FMPy, an AEM file and the rows of a table draw the same slew. Lockstep
 and unit get the same samples in double precision: their attitudes differ by rounding. The files go over the simulated bus in

@@ -1,4 +1,4 @@
-"""What a web page can do to a run: nothing. python3 hil_scripts/test_services.py
+"""Tests that a web page can do nothing to a run: python3 hil_scripts/test_services.py
 
 A real browser sends cross-origin POST requests, with bodies that the ports would obey, to the slcan, socketcand and control
 ports, while a flight computer flies over one of them. STARLOOP_BINARY names the program (default target/release/starloop),
@@ -243,7 +243,7 @@ class Control(unittest.TestCase):
         # Not even one that has guessed the token: it cannot come first.
         visitor.post(self.port, json.dumps({"request": "hello", "token": self.token}) + "\n" + self.body())
         with Starloop.connect("127.0.0.1", self.port) as loop:
-            self.assertEqual(loop.hello["now_s"], -1.0, "nobody has stepped: a run starts a second before its first exposure")
+            self.assertEqual(loop.hello["now_s"], -1.0, "without a step: a run starts a second before its first exposure")
             report = loop.finish()
         self.assertEqual(self.victim.read_text(), "precious")
         self.assertFalse(Path(self.folder.name, "out", "page.fits").exists())

@@ -1,8 +1,8 @@
 """Tests of targets on the sky against skyfield: python3 hil_scripts/test_targets.py
 
 The elements of the crossing bench are followed by skyfield (SGP4, TEME to ICRF with precession, nutation and bias,
-light time, aberration), with the barycentric Earth of erfa, and projected by a pinhole with distortion written here. Held
-against that are the end points that the program tells of each streak, and those fitted to the pixels of its images.
+light time, aberration), with the barycentric Earth of erfa, and projected by a pinhole with distortion written here.
+These are compared with the end points that the program reports for each streak, and those fitted to its images' pixels.
 STARLOOP_BINARY names the program (default target/release/starloop).
 """
 
@@ -34,7 +34,7 @@ GEOSTATIONARY = (  # invented
     "1 90003U 26003A   26060.00000000  .00000000  00000-0  00000-0 0  9997",
     "2 90003   0.1000  80.0000 0002000  10.0000 200.0000  1.00270000  1009",
 )
-# What a narrow camera's pixels may be off by.
+# Allowed error of a narrow camera's pixels.
 END_PX = 0.05
 TIME = load.timescale(builtin=True)
 TAI_MINUS_UTC_S = 37.0
@@ -245,7 +245,7 @@ class Crossing(unittest.TestCase):
         [target] = cls.bench["target"]
         cls.satellite = EarthSatellite(target["line1"], target["line2"], None, TIME)
         cls.first = TIME.utc(2026, 3, 1, 0, 0, 1.0)
-        # Ten metres across: bright enough for its pixels to tell hundredths.
+        # Ten metres across: bright enough to measure hundredths of a pixel.
         larger = ("diameter_m = 1.5", "diameter_m = 10.0")
         run(bench_with(root, "circle", larger))
         lines = f'[observer]\nkind = "tle"\nline1 = "{SECOND_OBSERVER[0]}"\nline2 = "{SECOND_OBSERVER[1]}"'
@@ -267,7 +267,7 @@ class Crossing(unittest.TestCase):
         return projected(self.camera, sensor_from_icrf, direction)
 
     def worst_px(self, name, **left_out):
-        """Largest distance of an end point told from skyfield's."""
+        """Returns the largest distance of a reported end point from skyfield's."""
         off = [
             numpy.linalg.norm(self.wanted(name, t, **left_out) - px)
             for *_, ends, reported in self.recorded[name].frames

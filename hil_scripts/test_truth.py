@@ -48,7 +48,7 @@ class Seeds(InAFolder):
         first, head = self.dark("--seed", 3)
         self.assertEqual((head["SEED"], head["NOISSEED"], head["FRAME"]), (3, 3, 0))
         same, _ = self.dark("--seed", 3, "--noise-seed", 3, "--frame", 0)
-        self.assertTrue((first == same).all(), "one number stands for both seeds")
+        self.assertTrue((first == same).all(), "one number sets both seeds")
         by_noise, head = self.dark("--seed", 3, "--noise-seed", 4)
         self.assertEqual((head["SEED"], head["NOISSEED"]), (3, 4))
         by_frame, head = self.dark("--seed", 3, "--frame", 9)

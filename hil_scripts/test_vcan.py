@@ -1,7 +1,7 @@
 """starloop on a kernel with CAN, against can-utils: python3 hil_scripts/test_vcan.py
 
-STARLOOP_BINARY names the program (default target/release/starloop). Where there is no vcan0 the script starts itself again
-inside user-mode Linux (uml_vcan.sh); exit status 125 and the reason where that cannot be had. STARLOOP_NO_VCAN=1 skips every
+STARLOOP_BINARY names the program (default target/release/starloop). Without vcan0 the script starts itself again
+inside user-mode Linux (uml_vcan.sh); exit status 125 and the reason where that is unavailable. STARLOOP_NO_VCAN=1 skips every
 test. The tests take interfaces down, set the system's clock and flood the bus: they run as root on a machine
 of their own, which the guest is.
 """
@@ -93,11 +93,11 @@ class Dump(Lines):
     def __init__(self, interface):
         super().__init__("candump", "-L", f"{interface},0:0,#FFFFFFFF")
         self.interface = interface
-        # candump says nothing when it is ready: a frame of ours tells.
-        wait_until(lambda: run("cansend", interface, "7FF#") == "" and "7FF#" in self.read(), lambda: "candump hears")
-        # It may have taken several, of which some are still to be read: the next frame is behind them all.
+        # candump does not report when it is ready: a frame of ours shows it.
+        wait_until(lambda: run("cansend", interface, "7FF#") == "" and "7FF#" in self.read(), lambda: "candump receives")
+        # It may have taken several, and some are still to be read: the next frame is behind them all.
         run("cansend", interface, "7FE#")
-        wait_until(lambda: "7FE#" in self.read(), lambda: "candump hears the last of its own")
+        wait_until(lambda: "7FE#" in self.read(), lambda: "candump receives the last of its own")
         self.text = ""
 
     def frames(self):
@@ -107,7 +107,7 @@ class Dump(Lines):
 
     def wait_frames(self, wanted):
         wait_until(lambda: len(self.frames()) >= len(wanted), lambda: f"{wanted}, got {self.frames()}")
-        # What should not come has had its time when a later frame is here.
+        # A later frame is here, so unwanted ones would be here too.
         return self.frames()
 
 
@@ -172,7 +172,7 @@ class Refusals(OnVcan):
 class AgainstCanUtils(OnVcan):
     def test_frames_go_both_ways_as_they_are(self):
         sent = ["123#", "7FF#1122334455667788", "001##0AA", "123##1" + "5A" * 64]
-        # The dump first: the frames that tell that it hears are not to be sent back.
+        # The dump first: its probing frames are not to be sent back.
         with Dump("vcan0") as dump, Echo("vcan0", "--fd") as echo:
             for number, frame in enumerate(sent, 1):
                 run("cansend", "vcan0", frame)
@@ -267,7 +267,7 @@ class Losses(OnVcan):
                 counters = echo.counters()
                 if counters and counters["received"] + counters["overflows"] == sent:
                     return True
-                run("cansend", "vcan0", "124#")  # the kernel tells its count with the next frame
+                run("cansend", "vcan0", "124#")  # the kernel reports its count with the next frame
                 sent += 1
                 time.sleep(0.1)
                 return False

@@ -80,7 +80,7 @@ class Line:
         self.pipe = os.open(path, os.O_RDWR)
 
     def edge(self, is_rising, lost=0, at_ns=None):
-        """An edge now, after so many that nobody is to see; its stamp, CLOCK_REALTIME in ns."""
+        """Sends an edge now, after so many lost ones; its stamp is CLOCK_REALTIME in ns."""
         self.seqno += 1 + lost
         at_ns = time.clock_gettime_ns(time.CLOCK_REALTIME) if at_ns is None else at_ns
         event = struct.pack("=Q10I", at_ns, 1 if is_rising else 2, self.offset, self.seqno, self.seqno, *[0] * 6)

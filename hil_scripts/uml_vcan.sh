@@ -40,7 +40,7 @@ modules=$(find /usr/lib/uml/modules -maxdepth 1 -mindepth 1 -type d 2>/dev/null 
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
-# The guest's memory is a file that it maps executable: a folder with room, not mounted noexec.
+# The guest's memory is a file that it maps executable: prints a folder with enough space, not mounted noexec.
 memory_folder() {
     local folder free_mb
     for folder in /dev/shm /tmp "$work"; do

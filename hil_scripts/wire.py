@@ -7,7 +7,7 @@ clock (time.monotonic_ns).
   CanTransport     needs python-can and cantools; `interface` and `channel` are python-can's
   SerialTransport  needs pyserial and cantools
 
-An attitude is given as ATT_FD on every transport; on classic CAN it leaves as the group of frames that stands for it.
+An attitude is given as ATT_FD on every transport; on classic CAN it leaves as the equivalent group of frames.
 """
 
 import binascii
@@ -21,12 +21,12 @@ DBC = Path(__file__).resolve().parent.parent / "firmware_protocol/dbc/starloop.d
 MAJOR = 1
 # The packet's type on a serial line is the CAN identifier without its node.
 NODE_BITS = 4
-# What a refusal in RSP means, by its code; the DBC has the names.
+# Meanings of the refusals in RSP, by code; the DBC has the names.
 REFUSALS = {
     1: "the stimulator does not know this command, or lacks the capability",
     2: "the stimulator speaks another major version",
     3: "no HELLO came before it",
-    4: "there is no such page",
+    4: "a page of this number does not exist",
     5: "a cell of the table has not arrived",
     6: "a cell of the table differs from what was summed",
     7: "no such table, too many rows, or a value outside its limits",
@@ -36,7 +36,7 @@ REFUSALS = {
     11: "no fault or event of the run waits for this number",
     12: "the value is outside the range of the camera",
     13: "the camera lacks what is set, or cannot be commanded",
-    14: "there is no such camera head",
+    14: "a camera head of this number does not exist",
     15: "as many commands wait for exposures of the camera as it keeps",
 }
 # Bytes without a delimiter that are kept: no packet is as long.
@@ -136,7 +136,7 @@ class CanTransport:
 
         self.can, self.fd, self.codec = can, fd, Codec()
         self.node, self.base = node, base
-        # python-can's slcan takes no `fd`: it tells FD frames by the message.
+        # python-can's slcan takes no `fd`: it takes FD from the message.
         if fd and interface != "slcan":
             options["fd"] = True
         if interface == "slcan":
