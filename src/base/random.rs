@@ -34,6 +34,8 @@ pub enum Stage {
     DefectPlaces = 21,
     /// Protons of one frame, two blocks each: "block" is the number, "attempt" which of the two.
     Protons = 22,
+    /// A statistical star tracker: "block" 0 is what becomes of the frame, 1 its noise; places of waves in the last "frame".
+    TrackerModel = 31,
     /// Stars of a made-up population: "frame" is the tile, "block" the star, "attempt" the layer and which block of the star.
     SyntheticStars = 30,
 }

@@ -13,6 +13,8 @@ pub mod flight_computer;
 pub mod spacecraft;
 /// A star tracker that sees only pixels.
 pub mod tracker;
+/// A star tracker of given errors, without pixels.
+pub mod tracker_model;
 /// Spacecraft, sensors, estimator and control, closed over frames.
 pub mod vehicle;
 

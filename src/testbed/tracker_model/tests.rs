@@ -1,0 +1,219 @@
+//! The statistical tracker against its own figures: each term comes out of a series by the same estimator that judges
+//! the tracker on pixels (`error_terms`), within four standard errors of that estimate.
+
+use super::*;
+use crate::tracker::{AttitudePair, ErrorTerms, Geometry, error_terms};
+use base::axes::sensor_from_ra_dec_roll;
+use base::units::ARCSEC;
+
+const STATIONS: u32 = 600;
+const REPEATS: u32 = 20;
+/// Standard errors that a figure may be off; chance of a false alarm over all checks below 1e-3, once for the fixed seed.
+const SIGMAS: f64 = 4.0;
+
+fn figures() -> ModelParams {
+    ModelParams {
+        bias_rad: DVec3::new(5.0, -3.0, 20.0) * ARCSEC,
+        drift_rad_h: DVec3::ZERO,
+        fov_spatial_rad: DVec3::new(2.0, 2.0, 8.0) * ARCSEC,
+        field_rad: 20.0 * DEG,
+        pixel_spatial_rad: DVec3::new(1.0, 1.0, 5.0) * ARCSEC,
+        pixel_rad: 70.0 * ARCSEC,
+        noise_rad: DVec3::new(1.5, 1.5, 12.0) * ARCSEC,
+        noise_rate_s: 0.0,
+        acquisition: Span::ZERO,
+        acquisition_probability: 1.0,
+        tracking_probability: 1.0,
+        acquires_below_rad_s: 1.0 * DEG,
+        lost_above_rad_s: 3.0 * DEG,
+        sun_exclusion_rad: 0.0,
+        moon_exclusion_rad: 0.0,
+        stars: 20,
+    }
+}
+
+fn at(ms: i64) -> Tai {
+    Tai::from_unix_ns(1_772_366_400_000_000_000) + Span::from_ms(ms)
+}
+
+fn geometry() -> Geometry {
+    let (side, focal) = (1024, 1024.0 / (2.0 * (10.0 * DEG).tan()));
+    Geometry {
+        width_px: side,
+        height_px: side,
+        focal_px: [focal; 2],
+        principal_point_px: [511.5; 2],
+        distortion: [0.0; 5],
+    }
+}
+
+/// A walk over the sky in stations 0.37 deg apart, on a line that meets all of the field's waves.
+fn station(number: u32) -> Rotation<Sensor, Icrf> {
+    let s = f64::from(number);
+    sensor_from_ra_dec_roll(0.37 * DEG * s, 0.9 * (0.011 * s).sin(), 0.004 * s)
+}
+
+fn terms(params: ModelParams, seed: u64) -> ErrorTerms {
+    let mut model = TrackerModel::new(params, seed, at(0));
+    let mut series = Vec::new();
+    for number in 0..STATIONS * REPEATS {
+        let truth = station(number / REPEATS);
+        let Outcome::Solved(solution) = model.measure(number, at(100 * i64::from(number)), &truth, DVec3::ZERO) else {
+            unreachable!("it always tracks")
+        };
+        series.push(AttitudePair { measured: solution.sensor_from_icrf, truth });
+    }
+    error_terms(&series, &geometry()).unwrap()
+}
+
+fn is_near(got: DVec3, wanted: DVec3, standard_error: DVec3) -> bool {
+    ((got - wanted).abs() / standard_error).max_element() < SIGMAS
+}
+
+#[test]
+fn error_terms_are_the_figures() {
+    let (params, got) = (figures(), terms(figures(), 11));
+    let spatial = (params.fov_spatial_rad * params.fov_spatial_rad
+        + params.pixel_spatial_rad * params.pixel_spatial_rad)
+        .map(f64::sqrt);
+    // The FOV spatial error of neighbouring stations is alike: some 54 of the 600 are independent.
+    let independent = f64::from(STATIONS) * 0.37 / 20.0 * 5.0;
+    assert!(is_near(got.bias_rad, params.bias_rad, spatial / independent.sqrt()), "bias {:?}", got.bias_rad / ARCSEC);
+    let freedom = f64::from(STATIONS * (REPEATS - 1));
+    assert!(
+        is_near(got.nea_rad, params.noise_rad, params.noise_rad / (2.0 * freedom).sqrt()),
+        "{:?}",
+        got.nea_rad / ARCSEC
+    );
+    let fov_error = params.fov_spatial_rad / (2.0 * independent).sqrt() * 1.5;
+    assert!(is_near(got.fov_spatial_rad, params.fov_spatial_rad, fov_error), "fov {:?}", got.fov_spatial_rad / ARCSEC);
+    let pixel = got.pixel_spatial_rad.unwrap();
+    let pixel_error = params.pixel_spatial_rad * 0.1;
+    assert!(is_near(pixel, params.pixel_spatial_rad, pixel_error), "pixel {:?}", pixel / ARCSEC);
+}
+
+#[test]
+fn a_figure_that_is_off_is_seen() {
+    let params = figures();
+    let noisier = terms(ModelParams { noise_rad: params.noise_rad * 1.1, ..params }, 11);
+    let freedom = f64::from(STATIONS * (REPEATS - 1));
+    assert!(!is_near(noisier.nea_rad, params.noise_rad, params.noise_rad / (2.0 * freedom).sqrt()), "control: 10 %");
+    let off = terms(ModelParams { bias_rad: params.bias_rad + DVec3::splat(6.0 * ARCSEC), ..params }, 11);
+    let shift = (off.bias_rad - terms(params, 11).bias_rad) / ARCSEC;
+    assert!((shift - DVec3::splat(6.0)).abs().max_element() < 0.01, "{shift:?}");
+}
+
+#[test]
+fn drift_grows_and_noise_follows_the_rate() {
+    let quiet = ModelParams {
+        bias_rad: DVec3::ZERO,
+        fov_spatial_rad: DVec3::ZERO,
+        pixel_spatial_rad: DVec3::ZERO,
+        noise_rad: DVec3::splat(1e-12),
+        drift_rad_h: DVec3::new(3.0, 0.0, -6.0) * ARCSEC,
+        ..figures()
+    };
+    let mut model = TrackerModel::new(quiet, 3, at(0));
+    let truth = station(5);
+    let Outcome::Solved(late) = model.measure(9, at(1_800_000), &truth, DVec3::ZERO) else { unreachable!() };
+    let error = truth.rotation_vector_to(&late.sensor_from_icrf) / ARCSEC;
+    assert!((error - DVec3::new(1.5, 0.0, -3.0)).length() < 1e-4, "half an hour: {error:?}");
+    let blurred = ModelParams { noise_rate_s: 1e-3, ..figures() };
+    let model = TrackerModel::new(blurred, 3, at(0));
+    let at_rate = model.noise_rad(DVec3::new(1.0 * DEG, 0.0, 0.0));
+    let wanted = (1.5_f64).hypot(1e-3 * DEG / ARCSEC * 1.5 / 12.0);
+    assert!((at_rate.x / ARCSEC - wanted).abs() < 1e-9, "{}", at_rate.x / ARCSEC);
+}
+
+#[test]
+fn attitude_is_found_after_its_time_and_lost_above_the_rate() {
+    let params = ModelParams { acquisition: Span::from_ms(1000), acquisition_probability: 0.5, ..figures() };
+    let truth = station(0);
+    let (mut waited, trials) = (0.0, 400_u32);
+    for trial in 0..trials {
+        let mut model = TrackerModel::new(params, u64::from(trial), at(0));
+        let found = (0..200_u32).find(|frame| {
+            matches!(model.measure(*frame, at(100 * i64::from(*frame)), &truth, DVec3::ZERO), Outcome::Solved(_))
+        });
+        let found = found.expect("within 200 frames");
+        assert!(found >= 10, "not before a second has passed");
+        waited += f64::from(found - 10);
+    }
+    // Geometric law: mean (1 - p) / p = 1, standard deviation sqrt(1 - p) / p.
+    let (mean, error) = (waited / f64::from(trials), (0.5_f64).sqrt() / 0.5 / f64::from(trials).sqrt());
+    assert!((mean - 1.0).abs() < SIGMAS * error, "{mean}");
+    let mut model =
+        TrackerModel::new(ModelParams { acquisition: Span::ZERO, acquisition_probability: 1.0, ..params }, 1, at(0));
+    let mut solved_at = |frame: u32, rate_deg_s: f64| {
+        let rate = DVec3::X * (rate_deg_s * DEG);
+        matches!(model.measure(frame, at(100 * i64::from(frame)), &truth, rate), Outcome::Solved(_))
+    };
+    assert!(!solved_at(0, 2.0), "too fast to find it");
+    assert!(solved_at(1, 0.5) && solved_at(2, 2.0), "but not to keep it");
+    assert!(!solved_at(3, 3.5) && !solved_at(4, 2.0), "lost");
+}
+
+#[test]
+fn tracking_probability_is_that_of_frames() {
+    let params = ModelParams { tracking_probability: 0.9, ..figures() };
+    let mut model = TrackerModel::new(params, 5, at(0));
+    let truth = station(0);
+    let frames = 20_000_u32;
+    let lost = (0..frames).filter(|frame| {
+        matches!(model.measure(*frame, at(100 * i64::from(*frame)), &truth, DVec3::ZERO), Outcome::NoSolution(_))
+    });
+    let lost = lost.count() as f64;
+    // After a lost frame the next one is found for certain: a share of 0.1 / 1.1.
+    let (share, wanted) = (lost / f64::from(frames), 0.1 / 1.1);
+    assert!((share - wanted).abs() < SIGMAS * (wanted / f64::from(frames)).sqrt(), "{share}");
+}
+
+#[test]
+fn sun_and_moon_blind_it_inside_their_cones_only() {
+    let params = ModelParams { sun_exclusion_rad: 30.0 * DEG, moon_exclusion_rad: 15.0 * DEG, ..figures() };
+    for (direction, half_angle_deg) in [(sun_direction_icrf(at(0)), 30.0), (moon_direction_icrf(at(0)), 15.0)] {
+        let (ra, dec) = (direction.y.atan2(direction.x), direction.z.asin());
+        let outcome = |off_deg: f64| {
+            let away = if dec > 0.0 { dec - off_deg * DEG } else { dec + off_deg * DEG };
+            let truth = sensor_from_ra_dec_roll(ra, away, 0.0);
+            TrackerModel::new(params, 1, at(0)).measure(0, at(0), &truth, DVec3::ZERO)
+        };
+        assert_eq!(outcome(half_angle_deg - 0.1), Outcome::NoSolution(Reason::StrayLight));
+        assert!(matches!(outcome(half_angle_deg + 0.1), Outcome::Solved(_)));
+    }
+}
+
+#[test]
+fn the_same_frames_give_the_same_bits_in_any_order() {
+    let params = figures();
+    let mut forward = TrackerModel::new(params, 7, at(0));
+    let mut backward = TrackerModel::new(params, 7, at(0));
+    let measure = |model: &mut TrackerModel, frame: u32| match model.measure(frame, at(0), &station(frame), DVec3::ZERO)
+    {
+        Outcome::Solved(solution) => solution.sensor_from_icrf,
+        Outcome::NoSolution(reason) => unreachable!("{reason}"),
+    };
+    let there: Vec<_> = (0..50).map(|frame| measure(&mut forward, frame)).collect();
+    let mut back: Vec<_> = (0..50).rev().map(|frame| measure(&mut backward, frame)).collect();
+    back.reverse();
+    assert_eq!(there, back);
+    let mut other = TrackerModel::new(params, 8, at(0));
+    assert_ne!(there[0], measure(&mut other, 0), "control: another seed");
+}
+
+/// Geocentric places by the built-in ephemeris of astropy 8.0.2 (`get_body("moon")`), deg.
+#[test]
+fn the_moon_is_where_another_program_has_it() {
+    for (utc, ra_deg, dec_deg) in
+        [("2026-03-01T12:00:00Z", 138.759_103, 18.112_429), ("2026-06-15T00:00:00Z", 80.772_515, 27.912_127)]
+    {
+        let at = Tai::from_rfc3339(utc).unwrap();
+        let (sin_ra, cos_ra) = (ra_deg * DEG).sin_cos();
+        let (sin_dec, cos_dec) = (dec_deg * DEG).sin_cos();
+        let wanted = DVec3::new(cos_dec * cos_ra, cos_dec * sin_ra, sin_dec);
+        let off_deg = moon_direction_icrf(at).angle_between(wanted) / DEG;
+        assert!(off_deg < 0.6, "{utc}: {off_deg} deg");
+        let later = moon_direction_icrf(at + Span::from_s(7200.0)).angle_between(wanted) / DEG;
+        assert!(later > 0.6, "control: two hours later {later} deg");
+    }
+}
