@@ -1,4 +1,4 @@
-//! One run: what is drawn, when, and what became of it.
+//! Runs one run file: what is drawn, when, and the results.
 //!
 //! * [`runtime`]: receiver, scene, frame engine, ledger, delivery, one loop per clock;
 //! * [`wiring`]: a checked bench or scenario -> the parts of a run; the closed loop.

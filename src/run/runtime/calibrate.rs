@@ -39,7 +39,7 @@ const SCENE_S: f64 = 0.8;
 /// Frames drawn before any is timed.
 const WARM_UP: u32 = 2;
 
-/// How much is measured.
+/// How much calibration measures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Effort {
     /// Sides of the two detectors, px.
@@ -51,7 +51,9 @@ pub struct Effort {
 }
 
 impl Effort {
-    /// Returns a few seconds; `quick`: about one. The reference backend gets scenes it can draw in that time.
+    /// Returns the effort of a full calibration (a few seconds) or, when `quick`, of one that takes about one second.
+    /// The
+    /// reference backend gets scenes it can draw in that time.
     #[must_use]
     pub fn of(choice: BackendChoice, quick: bool) -> Self {
         match (choice, quick) {
@@ -62,16 +64,16 @@ impl Effort {
     }
 }
 
-/// One scene and what it took.
+/// One scene and the time it took.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeasuredScene {
-    /// What it is.
+    /// Name of the scene.
     pub name: &'static str,
     /// Side of its detector, px.
     pub side_px: usize,
     /// Stars drawn.
     pub stars: usize,
-    /// Method.
+    /// Drawing method.
     pub method: Method,
     /// Median time of planning and drawing, ms (on a GPU: and of readout).
     pub render_ms: f64,
@@ -88,7 +90,7 @@ pub struct MeasuredScene {
 pub struct Calibration {
     /// Name of the backend.
     pub backend: &'static str,
-    /// What it ran on.
+    /// Device the backend ran on.
     pub adapter: String,
     /// The constants.
     pub cost: CostModel,
@@ -104,7 +106,7 @@ struct Scene {
     psf: PsfModel,
 }
 
-/// Scenes that tell all constants apart.
+/// Returns the scenes. Together they determine every cost constant.
 fn scenes(effort: &Effort) -> [Scene; 10] {
     const FEW_FOR_A_KERNEL: usize = 16;
     let fixed = |name, nodes| MethodChoice::Fixed(name, Some(nodes));
@@ -128,7 +130,7 @@ fn scenes(effort: &Effort) -> [Scene; 10] {
 /// Measures a backend. `progress` gets each scene's name, its number and how many there are.
 ///
 /// # Errors
-/// When the backend cannot be had or failed.
+/// When the backend is unavailable or fails.
 pub fn calibrate(
     choice: BackendChoice,
     effort: &Effort,
@@ -153,14 +155,14 @@ pub fn calibrate(
     Ok(Calibration { backend: imager.name(), adapter: imager.description(), cost, scenes: measured })
 }
 
-/// Returns the constants that explain the times.
+/// Returns the constants that explain the measured times.
 fn constants(scenes: &[MeasuredScene], imager: &Imager) -> CostModel {
     let built_in = imager.cost();
     let threads = if built_in.threads > 1.0 { rayon::current_num_threads() as f64 } else { built_in.threads };
     let timings: Vec<_> = scenes.iter().map(MeasuredScene::timing).collect();
     let mut cost = fit(&timings, &CostModel { threads, ..built_in });
     if imager.is_on_device() {
-        // Drawing is only submitted in the first half of a frame: the two were timed as one.
+        // On a GPU the first half of a frame only submits work, so the two halves were timed together.
         let share = built_in.pixel_ns / (built_in.pixel_ns + built_in.readout_pixel_ns);
         (cost.pixel_ns, cost.readout_pixel_ns) = (cost.pixel_ns * share, cost.pixel_ns * (1.0 - share));
     } else if let Some(empty) = scenes.iter().find(|scene| scene.stars == 0) {
@@ -181,7 +183,7 @@ impl MeasuredScene {
         Timing { pixels: self.side_px * self.side_px, method: self.method, load, ms: self.render_ms }
     }
 
-    /// What constants predict for it, ms; on a GPU with the readout.
+    /// Returns the time that `cost` predicts for this scene, ms; on a GPU including the readout.
     #[must_use]
     pub fn predicted_ms(&self, cost: &CostModel, is_timed_whole: bool) -> f64 {
         let readout_ms = if is_timed_whole { cost.readout_ms(self.side_px * self.side_px) } else { 0.0 };
@@ -266,20 +268,20 @@ fn planner(scene: &Scene, side_px: usize, cost: CostModel) -> Result<Planner, Ru
     let mut planner = Planner::new(instrument, AccuracyBudget::default(), cost, scene.method, los);
     match scene.method {
         MethodChoice::Fixed(MethodName::Static, _) | MethodChoice::Auto => {}
-        // As jitter is drawn: from samples, not from the nodes of smooth motion.
+        // Jitter is drawn from samples, not from the nodes of smooth motion.
         MethodChoice::Fixed(_, nodes) => planner.motion_mut().image_path = path(nodes.unwrap_or(1)),
     }
     Ok(planner)
 }
 
-/// Returns a path along a line, as a list of positions.
+/// Returns a straight path as a list of positions.
 fn path(positions: usize) -> Option<PixelPath> {
     let at = |i: usize| PATH_PX * ((i as f64 + 0.5) / positions as f64 - 0.5);
     let point = |i| PixelPoint { t_s: 0.0, dx_px: at(i), dy_px: 0.3 * at(i), roll_rad: 0.0 };
     PixelPath::samples((0..positions).map(point).collect()).ok()
 }
 
-/// Returns stars all over the detector, none of them faint.
+/// Returns bright stars spread over the whole detector.
 #[allow(clippy::cast_possible_truncation, reason = "thousands of stars")]
 fn sources(stars: usize, side_px: usize) -> Vec<Source> {
     let source = |i: u32| {

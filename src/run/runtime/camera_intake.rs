@@ -23,12 +23,12 @@ use std::collections::VecDeque;
 /// Heads that a command on the bus can name.
 pub const HEADS_MAX: usize = 16;
 
-/// What a head can do now.
+/// Capabilities of a head at this moment.
 #[derive(Debug, Clone, Copy)]
 pub struct CameraView {
-    /// What commands may ask; `None`: nothing, as for a display.
+    /// Range of values that commands may set; `None` when nothing may be set, as for a display.
     pub range: Option<CameraRange>,
-    /// Commands that it has space for.
+    /// Number of further commands that fit into its queue.
     pub places: usize,
 }
 
@@ -48,7 +48,9 @@ impl Default for CameraIntake {
 }
 
 impl CameraIntake {
-    /// Takes note of what a head can do; heads come in the order of their numbers. Those that no command can name are left out.
+    /// Stores what a head can do. Heads come in the order of their numbers; heads beyond the last number a command can
+    /// name are
+    /// ignored.
     pub fn see(&mut self, head: usize, view: CameraView) {
         match self.views.get_mut(head) {
             Some(known) => *known = view,
@@ -63,20 +65,20 @@ impl CameraIntake {
         self.is_reporting
     }
 
-    /// A new conversation: CAMERA_STATUS is not wanted any more.
+    /// Starts a new conversation, in which CAMERA_STATUS has not been requested.
     pub fn begin(&mut self) {
         self.is_reporting = false;
     }
 
-    /// Takes the next command out, with the number of its head.
+    /// Removes and returns the next command with the number of its head.
     pub fn take(&mut self) -> Option<(usize, Commanded)> {
         self.taken.pop_front()
     }
 
-    /// Takes a setting in that arrived at `at`.
+    /// Accepts a setting that arrived at `at`.
     ///
     /// # Errors
-    /// When there is no such head, or one of the heads cannot do it.
+    /// When the head does not exist, or one of the addressed heads cannot do it.
     pub fn set(&mut self, setting: CameraSetting, at: Tai) -> Result<(), Refusal> {
         match command_of(setting)? {
             Some(command) => self.put(setting.head, command, at),
@@ -87,10 +89,10 @@ impl CameraIntake {
         }
     }
 
-    /// Takes a trigger in that acts at `at`.
+    /// Accepts a trigger that acts at `at`.
     ///
     /// # Errors
-    /// As [`Self::set`].
+    /// The same errors as [`Self::set`].
     pub fn trigger(&mut self, head: u8, at: Tai) -> Result<(), Refusal> {
         self.put(head, CameraCommand::Trigger { source: TriggerSource::Bus, is_rising: true }, at)
     }
@@ -111,7 +113,7 @@ impl CameraIntake {
         Ok(())
     }
 
-    /// Returns the heads that a command is for.
+    /// Returns the heads that a command addresses.
     fn heads(&self, head: u8) -> Result<Range<usize>, Refusal> {
         let (all, one) = (0..self.views.len(), usize::from(head));
         let heads = if head == ALL_HEADS { all.clone() } else { one..one + 1 };
@@ -119,7 +121,7 @@ impl CameraIntake {
     }
 }
 
-/// Returns the answer to a flight computer whose setting a camera does not take.
+/// Returns the answer sent to a flight computer when a camera refuses its setting.
 fn refusal(why: SettingRefusal) -> Refusal {
     match why {
         SettingRefusal::OutOfRange | SettingRefusal::Region => Refusal::CameraRange,
@@ -128,7 +130,7 @@ fn refusal(why: SettingRefusal) -> Refusal {
     }
 }
 
-/// What a setting asks of a camera, in its units; `None` for a report, which is nothing of the camera's.
+/// Converts a setting to a camera command in the camera's units; `None` for a report request, which changes no camera.
 fn command_of(setting: CameraSetting) -> Result<Option<CameraCommand>, Refusal> {
     let value = setting.value;
     let kind = CameraKind::from_number(setting.kind).ok_or(Refusal::CameraUnsupported)?;
@@ -165,15 +167,15 @@ fn choice<T: Copy, const N: usize>(value: u32, choices: [T; N]) -> Result<T, Ref
     choices.get(place).copied().ok_or(Refusal::CameraRange)
 }
 
-/// A head of either loop.
+/// Common interface of the camera heads of both loops.
 pub(super) trait CameraHead {
-    /// Returns its exposures.
+    /// Returns the exposures of the head.
     fn exposing_mut(&mut self) -> &mut Exposing;
-    /// What it has heard.
+    /// Returns the receiver of the head.
     fn receiver_mut(&mut self) -> &mut Receiver;
 }
 
-/// Shows the first head's receiver, which answers, what every head can do, if the message asks something of cameras.
+/// Passes the capabilities of every head to the first head's receiver, which answers, if the message concerns cameras.
 pub(super) fn show(heads: &mut [impl CameraHead], input: &Input) {
     let Input::Message(Message::Command(command)) = input else { return };
     if !matches!(command.request, Request::Camera(_) | Request::CameraTrigger(_)) {
@@ -187,12 +189,12 @@ pub(super) fn show(heads: &mut [impl CameraHead], input: &Input) {
     }
 }
 
-/// Gives the heads what the first head's receiver has taken in.
+/// Passes the commands that the first head's receiver accepted to their heads.
 pub(super) fn give(heads: &mut [impl CameraHead], ledger: &mut Ledger) {
     while let Some((number, commanded)) = heads.first_mut().and_then(|first| first.receiver_mut().cameras_mut().take())
     {
         if let Some(head) = heads.get_mut(number) {
-            // It was judged by the same range; what is refused all the same is an event.
+            // The same range was checked before; a refusal here is still recorded as an event.
             let _noted = head.exposing_mut().take(&commanded, ledger);
         }
     }

@@ -1,7 +1,8 @@
-//! What a frame is exposed under when something is wrong on purpose: light, optics, temperature, sources.
+//! Conditions of one exposure under commanded faults: light, optics, temperature, sources.
 //!
-//! In: what the faults of a frame amount to. Out: other sources, and numbers for the planner and the detector. With
-//! nothing wrong, sources pass untouched and nothing is computed. Nothing here allocates after it was made.
+//! In: the amounts of a frame's faults. Out: changed sources, and numbers for the planner and the detector. Without
+//! faults
+//! the sources pass unchanged and nothing is computed. Nothing here allocates after construction.
 //! Dark current follows temperature by the camera's own law (`image::detector::dark_current`).
 
 use base::axes::{Icrf, Rotation, Sensor};
@@ -15,32 +16,32 @@ use plan::exposure::track::StarPlace;
 use plan::exposure::{Source, SourcePlace};
 use sky::astrometry::CameraGeometry;
 
-/// Sources there is room for from the start.
+/// Capacity for sources reserved before the run.
 const SOURCES_RESERVED: usize = 16_384;
-/// Last word of the counter of faults' random numbers: no detector stage draws from there.
+/// Last counter word of the random numbers of faults; no detector stage uses it.
 pub(super) const FAULT_STREAM: u32 = 0x6661_756c;
-/// Most false stars at once.
+/// Largest number of false stars at one time.
 pub const FALSE_STARS_MAX: usize = 4096;
 
-/// Stars of the catalog that are not drawn.
+/// Catalog stars that are not drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Missing {
-    /// This share of all.
+    /// Share of all stars that is missing.
     pub(super) share: f64,
-    /// Which ones, with the seed.
+    /// Random stream that selects them, together with the seed.
     pub(super) stream: u32,
-    /// And so many of the brightest on the detector.
+    /// Number of the brightest stars on the detector that are missing as well.
     pub(super) brightest: usize,
 }
 
 /// The conditions of one frame.
 #[derive(Debug)]
 pub struct Conditions {
-    /// Stray light, e-/s in every pixel.
+    /// Stray light in every pixel, e-/s.
     pub(super) stray_e_per_s: f64,
-    /// Light on top of everything, e- in every pixel.
+    /// Additional light in every pixel, e-.
     pub(super) flood_e: f64,
-    /// Electrons of the sources over those of the camera's own exposure time.
+    /// Ratio of the sources' electrons to those of the camera's own exposure time.
     light_factor: f64,
     /// Factor of the image's numbers, and black level, DN.
     gain_and_black: (f64, f64),
@@ -48,22 +49,22 @@ pub struct Conditions {
     regions: Regions,
     /// Share of the light of stars, targets and sky that comes through.
     pub(super) throughput: f64,
-    /// Temperature beyond the camera's own, K.
+    /// Temperature above the camera's own, K.
     pub(super) warmer_k: f64,
-    /// Protons in place of the camera's own.
+    /// Proton flux that replaces the camera's own.
     pub(super) protons: Option<ProtonFlux>,
-    /// Which optics: 0 for the camera's own.
+    /// Index of the optics: 0 for the camera's own.
     pub(super) optics: usize,
-    /// Stars left out.
+    /// Stars that are left out.
     pub(super) missing: Missing,
-    /// Stars that are in no catalog.
+    /// Stars that are not in any catalog.
     pub(super) false_stars: Vec<Source>,
     sources: Vec<Source>,
     on_detector_e: Vec<f64>,
 }
 
 impl Conditions {
-    /// Nothing is wrong.
+    /// Returns conditions without faults.
     #[must_use]
     pub fn new() -> Self {
         Self {
@@ -83,21 +84,21 @@ impl Conditions {
         }
     }
 
-    /// Makes room, before the run.
+    /// Reserves memory, before the run.
     pub(super) fn reserve(&mut self) {
         self.false_stars.reserve(FALSE_STARS_MAX);
         self.sources.reserve(SOURCES_RESERVED + FALSE_STARS_MAX);
         self.on_detector_e.reserve(SOURCES_RESERVED);
     }
 
-    /// The next exposure lasts so much longer than the camera's own, and has these settings.
+    /// Sets how much longer than the camera's own the next exposure lasts, and its settings.
     pub(super) fn set_exposing(&mut self, light_factor: f64, settings: &CameraSettings) {
         self.light_factor = light_factor;
         self.gain_and_black = (settings.gain_factor(), settings.black_level_dn);
         self.regions = settings.regions;
     }
 
-    /// Nothing is wrong any more.
+    /// Resets to conditions without faults.
     pub(super) fn reset(&mut self) {
         self.false_stars.clear();
         self.stray_e_per_s = 0.0;
@@ -109,7 +110,7 @@ impl Conditions {
         self.missing = Missing::default();
     }
 
-    /// Those of the detector, under a background of which only a part comes through.
+    /// Returns the conditions of the detector, with the background dimmed to the share that passes the optics.
     #[allow(clippy::cast_possible_truncation, reason = "electrons are single precision")]
     pub(super) fn of_detector(&self, exposure_s: f64, background: Background) -> DetectorConditions {
         let stray_light_e = (self.throughput * self.stray_e_per_s * exposure_s + self.flood_e) as f32;
@@ -137,7 +138,7 @@ impl Conditions {
         all_light && self.missing == Missing::default() && self.false_stars.is_empty()
     }
 
-    /// Returns the sources as they are seen. Bodies are not among the stars that may be missing.
+    /// Returns the sources as the camera sees them. Bodies are never among the missing stars.
     pub(super) fn seen<'a>(
         &'a mut self,
         sources: &'a [Source],
@@ -187,12 +188,12 @@ impl Default for Conditions {
     }
 }
 
-/// Returns a number in [0, 1) that belongs to a source.
+/// Returns a pseudo-random number in [0, 1) that is fixed for each source.
 fn lot(id: u32, stream: u32, seed: u64) -> f64 {
     f64::from(philox([id, stream, 1, FAULT_STREAM], key(seed))[0]) / 4_294_967_296.0
 }
 
-/// Returns electrons of the star of this rank, brightest first; 0 when there are fewer.
+/// Returns the electrons of the star of this rank, brightest first; 0 when there are fewer stars.
 fn nth_brightest(electrons: &mut [f64], rank: usize) -> f64 {
     if rank > electrons.len() {
         return 0.0;

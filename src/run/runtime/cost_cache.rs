@@ -1,8 +1,9 @@
-//! The cost cache: measured [`CostModel`]s between programs, one TOML file per backend and machine.
+//! The cost cache: measured [`CostModel`]s kept between program runs, one TOML file per backend and machine.
 //!
 //! In: a file below `$XDG_CACHE_HOME/starloop` or `~/.cache/starloop`. Out: constants, or why they are not used: a file
-//! that is damaged, or was made on another machine, adapter or version of starloop, is refused with what, where, wanted
-//! and got. Tests below.
+//! that is damaged, or was made on another machine, adapter or version of starloop, is refused with an error that
+//! states
+//! what, where, wanted and got. Tests below.
 
 use crate::runtime::error::CostCacheError;
 use frames::report::Machine;
@@ -12,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-/// What constants belong to.
+/// Identity of the machine, backend and version that constants belong to.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CostOwner {
@@ -26,7 +27,7 @@ pub struct CostOwner {
     pub system: String,
     /// Backend.
     pub backend: String,
-    /// What the backend runs on.
+    /// Device the backend runs on.
     pub adapter: String,
 }
 
@@ -34,16 +35,16 @@ pub struct CostOwner {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CachedCost {
-    /// When it was measured, UTC, RFC 3339.
+    /// Time of the measurement, UTC, RFC 3339.
     pub measured_utc: String,
-    /// What was measured.
+    /// Machine, backend and version that were measured.
     pub owner: CostOwner,
     /// The constants.
     pub cost: CostModel,
 }
 
 impl CostOwner {
-    /// Returns a backend on this machine, by this version.
+    /// Returns the identity of a backend on this machine with this version.
     #[must_use]
     pub fn here(backend: &str, adapter: &str) -> Self {
         let Machine { cpu, cores, system } = Machine::read();
@@ -51,7 +52,7 @@ impl CostOwner {
         Self { starloop_version, cpu, cores, system, backend: backend.into(), adapter: adapter.into() }
     }
 
-    /// Returns its file in a folder.
+    /// Returns the path of its file in a folder.
     #[must_use]
     pub fn file_in(&self, folder: &Path) -> PathBuf {
         let plain = |c: char| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' };
@@ -59,7 +60,7 @@ impl CostOwner {
         folder.join(format!("costs_{}_{cpu}.toml", self.backend))
     }
 
-    /// Returns the first thing in which `other` is not this: name, wanted, got.
+    /// Returns the first field in which `other` differs: name, wanted, got.
     fn difference(&self, other: &Self) -> Option<(&'static str, String, String)> {
         let fields = |owner: &Self| {
             [
@@ -76,7 +77,7 @@ impl CostOwner {
     }
 }
 
-/// Returns the cache's folder, when the system has a place for one.
+/// Returns the cache folder, if the system has a place for one.
 #[must_use]
 pub fn folder() -> Option<PathBuf> {
     let absolute = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
@@ -84,7 +85,7 @@ pub fn folder() -> Option<PathBuf> {
     Some(cache.join("starloop"))
 }
 
-/// Writes constants, whole or not at all.
+/// Writes constants to a file atomically.
 ///
 /// # Errors
 /// When the file cannot be written.
@@ -99,7 +100,7 @@ pub fn write(path: &Path, cached: &CachedCost) -> Result<(), CostCacheError> {
         .map_err(|error| refuse(error.to_string()))
 }
 
-/// Reads the constants of `owner`; `None` when nothing was ever measured.
+/// Reads the constants of `owner`; `None` when they were never measured.
 ///
 /// # Errors
 /// When the file is damaged or belongs to something else.

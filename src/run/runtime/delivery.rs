@@ -1,8 +1,8 @@
-//! Finished frames -> the sink thread and back: a fixed number of buffers that go round.
+//! Finished frames -> the sink thread and back: a fixed number of buffers that circulate.
 //!
 //! A frame that the sink fails on is counted, and the next one is sent: a run on the real clock never ends because of
-//! where its frames go. What the sink lost comes back with the buffers, for the ledger. A sink that is busy for longer
-//! than all buffers last costs slots; a [`frames::sink::Fan`] is never busy for longer than it takes to copy a frame.
+//! its sinks. Losses of the sinks come back with the buffers, for the ledger. A sink that is busy for longer than all
+//! buffers last costs slots; a [`frames::sink::Fan`] is only busy for as long as it takes to copy a frame.
 //! Tests: `tests/closed_loop/sinks.rs`.
 
 use crate::runtime::error::RunError;
@@ -23,42 +23,42 @@ pub const BUFFERS: usize = 4;
 pub struct FramePacket {
     /// The frame.
     pub frame: SentFrame,
-    /// Its times: the frame thread begins them, the sink thread completes them.
+    /// Its times: the frame thread starts the record, the sink thread completes it.
     pub record: FrameRecord,
-    /// Held back until then, on purpose.
+    /// Earliest time at which it is sent (a deliberate delay).
     pub not_before: Option<Tai>,
-    /// The sink took the frame.
+    /// True when the sink took the frame.
     pub delivered: bool,
-    /// What sinks lost since the buffer before came back, of this frame and of earlier ones.
+    /// Frames lost by sinks since the previous buffer came back; they include earlier frames.
     pub losses: Vec<Loss>,
 }
 
-/// What the sink thread did.
+/// Result of the sink thread.
 struct Carried {
     frames: u64,
     refused: u64,
     failure: Option<SinkError>,
 }
 
-/// What became of the frames that were sent.
+/// Counts and losses of all frames that were sent.
 pub struct Delivered {
-    /// Frames the sink took.
+    /// Frames that the sink took.
     pub frames: u64,
-    /// Frames it failed on.
+    /// Frames that the sink failed on.
     pub refused: u64,
-    /// What sinks lost and no buffer told.
+    /// Losses that no buffer has reported.
     pub losses: Vec<Loss>,
-    /// What the sink wrote; `None` when it could not finish.
+    /// Summary written by the sink; `None` when it could not finish.
     pub summary: Option<SinkSummary>,
-    /// What each sink did.
+    /// Result of each sink.
     pub lines: Vec<SinkLine>,
-    /// The thread was lost.
+    /// Set when the thread was lost.
     pub error: Option<RunError>,
 }
 
 /// The sink thread and its queues.
 pub struct Delivery {
-    /// `None`: no more frames come.
+    /// Queue to the sink thread; `None` when no more frames come.
     full: Option<Sender<FramePacket>>,
     empty: Receiver<FramePacket>,
     /// Buffers that have come back, oldest first.
@@ -105,8 +105,9 @@ impl Delivery {
         Ok(Self { full: Some(full), empty, returned: VecDeque::with_capacity(BUFFERS), thread })
     }
 
-    /// Returns a free buffer, if there is one now. `visit` sees each buffer that has come back from the sink thread,
-    /// once.
+    /// Returns a free buffer, if one is available now. `visit` is called once for each buffer that has come back from
+    /// the
+    /// sink thread.
     pub fn take(&mut self, mut visit: impl FnMut(&FramePacket)) -> Option<FramePacket> {
         for frame_packet in self.empty.try_iter() {
             visit(&frame_packet);
@@ -115,7 +116,7 @@ impl Delivery {
         self.returned.pop_front()
     }
 
-    /// Puts a frame into the queue; `now` is when.
+    /// Puts a frame into the queue; `now` is the current time.
     ///
     /// # Errors
     /// When the sink thread has ended.
@@ -123,17 +124,18 @@ impl Delivery {
         frame_packet.record.submitted = Some(now);
         frame_packet.delivered = false;
         frame_packet.losses.clear();
-        // There are as many places as buffers: this waits for nothing.
+        // The queue has as many places as there are buffers, so this never waits.
         let lost = || RunError::ThreadLost { name: "sink" };
         self.full.as_ref().ok_or_else(lost)?.send(frame_packet).map_err(|_| lost())
     }
 
-    /// No more frames come: the sink thread ends when it has sent those that wait. Several end at the same time so.
+    /// Closes the queue: the sink thread ends after it has sent the frames that wait. Several deliveries can end in
+    /// parallel.
     pub fn hang_up(&mut self) {
         self.full = None;
     }
 
-    /// Waits until everything is delivered. `visit` sees the buffers that were not yet taken.
+    /// Waits until everything is delivered. `visit` is called for the buffers that were not yet taken.
     pub fn finish(mut self, mut visit: impl FnMut(&FramePacket)) -> Delivered {
         self.hang_up();
         let joined = self.thread.join();
@@ -149,7 +151,7 @@ impl Delivery {
     }
 }
 
-/// Returns the sink thread: sends until the queue closes.
+/// Runs the sink thread: sends frames until the queue closes.
 fn carry(
     sink: &mut dyn Sink,
     clock: &dyn Clock,
@@ -180,7 +182,7 @@ fn carry(
     carried
 }
 
-/// Writes down when a frame was taken and delivered.
+/// Records when a frame was taken and delivered.
 fn complete(frame_packet: &mut FramePacket, taken: Tai, delivered: Tai) {
     let record = &mut frame_packet.record;
     record.times.set(Stage::Queue, taken - record.submitted.unwrap_or(taken));
@@ -190,7 +192,7 @@ fn complete(frame_packet: &mut FramePacket, taken: Tai, delivered: Tai) {
     frame_packet.delivered = true;
 }
 
-/// Ends the sink; what it fails on now is told in its line.
+/// Finishes the sink; a failure here is reported in its line.
 fn finish(sink: &mut dyn Sink, carried: Carried) -> Delivered {
     let Carried { frames, refused, mut failure } = carried;
     let finished = sink.finish();

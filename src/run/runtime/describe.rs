@@ -1,4 +1,4 @@
-//! What a frame's metadata says: of its plan, its attitude, and the settings of its exposure.
+//! Writes a frame's metadata: its plan, its attitude, and the settings of its exposure.
 
 use crate::runtime::path_facts::PathFacts;
 use crate::runtime::slot::Slot;
@@ -23,8 +23,9 @@ pub fn origin_name(origin: PathOrigin) -> &'static str {
     }
 }
 
-/// Attitude and rate in the sensor's own axes, of a frame that is drawn in others, for a display. Its numbers are codes of
-/// luminance, which no gain makes electrons of.
+/// Corrects attitude and rate to the sensor's own axes for a frame that is drawn in other axes, for a display. Its
+/// pixel
+/// values are luminance codes, so no gain is reported.
 pub(super) fn describe_pointing(los: &LosPath, sensor_from_drawn: &Rotation<Sensor, Sensor>, meta: &mut FrameMeta) {
     let sensor_from_icrf = *sensor_from_drawn * los.mid_sensor_from_icrf;
     let [ra, dec, roll] = ra_dec_roll(&sensor_from_icrf).map(f64::to_degrees);
@@ -34,7 +35,7 @@ pub(super) fn describe_pointing(los: &LosPath, sensor_from_drawn: &Rotation<Sens
     meta.gain_e_per_dn = f64::NAN;
 }
 
-/// Everything a plan says about a frame, and the levels of its image.
+/// Writes everything a plan states about a frame, and the levels of its image.
 pub fn fill_meta(
     plan: &ExposurePlan,
     number: u32,
@@ -56,7 +57,7 @@ pub fn fill_meta(
     meta.horizon = los.horizon;
     PathFacts::default().describe(meta);
     meta.backend = backend;
-    // The reference integrates the exact motion, whatever method was planned.
+    // The reference integrates the exact motion, regardless of the planned method.
     meta.method = if backend == "reference" { "exact" } else { plan.chosen.method.name().name() };
     meta.degradation = plan.degradation.name();
     (meta.left_out_stars, meta.left_out_e) = (plan.cut_off.stars, plan.cut_off.electrons);
@@ -67,7 +68,7 @@ pub fn fill_meta(
     meta.black_level_dn = levels.black_level_dn;
 }
 
-/// What started the exposure, and what it was taken with beside its time.
+/// Writes what started the exposure, and the settings it was taken with other than its time.
 pub(super) fn describe_exposure(slot: &Slot, settings: &CameraSettings, meta: &mut FrameMeta) {
     (meta.started_by, meta.trigger_delay) = (slot.started.name(), slot.trigger_delay());
     (meta.gain_db, meta.regions) = (settings.gain_db, settings.regions);

@@ -1,8 +1,10 @@
 //! The thread that listens to the trigger lines of one GPIO chip.
 //!
-//! In: the lines, and which heads they trigger. Out: edges with their instants in the queue of the receiving threads, so that an
-//! edge wakes the frame thread as a message does. When the queue is full an edge is lost and counted; so are those that the kernel
-//! dropped. Tests: `hil_scripts/test_triggers.py`.
+//! In: the lines, and the heads that they trigger. Out: edges with their instants in the queue of the receiving
+//! threads, so
+//! that an edge wakes the frame thread as a message does. When the queue is full an edge is lost and counted; so are
+//! those
+//! that the kernel dropped. Tests: `hil_scripts/test_triggers.py`.
 
 use crate::runtime::error::RunError;
 use crate::runtime::hygiene::{Hygiene, Role};
@@ -15,19 +17,19 @@ use link::gpio::GpioChip;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
-/// The thread notices the end of the run within this.
+/// The thread notices the end of the run within this time.
 const STOP_POLL: Span = Span::from_ms(50);
 
-/// Lines of one chip that trigger heads.
+/// One GPIO chip with lines that trigger heads.
 #[derive(Debug)]
 pub struct TriggerChip {
-    /// The chip, opened.
+    /// The open chip.
     pub chip: GpioChip,
     /// Number of the head that each of its lines triggers; `None`: all of them.
     pub heads: Vec<Option<usize>>,
 }
 
-/// Listens to a chip; ends when dropped.
+/// A thread that listens to one chip; it ends when this is dropped.
 pub(super) struct EdgeThread {
     stop: Arc<AtomicBool>,
     lost: Arc<AtomicU64>,
@@ -54,12 +56,12 @@ impl EdgeThread {
         Ok(Self { stop, lost, thread })
     }
 
-    /// Returns edges lost so far.
+    /// Returns the number of edges lost so far.
     pub(super) fn lost_edges(&self) -> u64 {
         self.lost.load(Ordering::Relaxed)
     }
 
-    /// Returns true when the thread has ended by itself: its chip is gone.
+    /// Returns true when the thread has ended by itself because its chip is gone.
     pub(super) fn is_lost(&self) -> bool {
         self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
@@ -74,7 +76,7 @@ impl Drop for EdgeThread {
     }
 }
 
-/// Until the run is over, or the chip is gone: the end of the thread is then reported.
+/// Listens until the run is over or the chip is gone; in the latter case the end of the thread is reported.
 fn listen(
     TriggerChip { mut chip, heads }: TriggerChip,
     arrived: &Sender<Received>,

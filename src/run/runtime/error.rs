@@ -9,7 +9,7 @@ use scene::error::SceneError;
 use stars::layer::LayerError;
 use std::path::PathBuf;
 
-/// Whatever went wrong at the other end of the cable.
+/// Any error at the other end of the cable.
 pub type FarEndError = Box<dyn core::error::Error + Send + Sync>;
 
 /// Errors of a run.
@@ -53,8 +53,8 @@ pub enum RunError {
         /// Cause.
         source: std::io::Error,
     },
-    /// a calibration had no scene to measure
-    #[error("calibration: there was no scene to measure")]
+    /// calibration needs at least one scene to measure
+    #[error("calibration: no scene to measure")]
     NothingMeasured,
     /// a thread ended before the run did
     #[error("thread \"{name}\" ended before the run did")]
@@ -72,7 +72,7 @@ pub enum CostCacheError {
     Damaged {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Description of the damage.
         reason: String,
     },
     /// the constants belong to another machine, adapter or version
@@ -80,11 +80,11 @@ pub enum CostCacheError {
     Foreign {
         /// The file.
         path: PathBuf,
-        /// In what it differs.
+        /// Field that differs.
         what: &'static str,
-        /// What is here.
+        /// Value on this machine.
         wanted: String,
-        /// What the file is of.
+        /// Value in the file.
         got: String,
     },
     /// the file could not be written
@@ -92,7 +92,7 @@ pub enum CostCacheError {
     Write {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// Cause.
         reason: String,
     },
 }

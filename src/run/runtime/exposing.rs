@@ -1,7 +1,8 @@
-//! One head's exposures as commands shape them: the shutter, the queues of those who command it, and automatic exposure.
+//! One head's exposures as commands shape them: the shutter, the command queues of its clients, and automatic exposure.
 //!
-//! In: commands of queues ([`DeskEnd`]) and of the bus, images. Out: slots, the settings of the exposure that is drawn, and
-//! events for clients. What is refused or missed is an event of the ledger.
+//! In: commands of queues ([`DeskEnd`]) and of the bus, images. Out: slots, the settings of the exposure that is drawn,
+//! and
+//! events for clients. A refused or missed command is an event of the ledger.
 
 use crate::runtime::camera_intake::CameraView;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
@@ -15,19 +16,19 @@ use frames::camera_control::{
     DeskEnd, EXPOSURE_LEAST, GAIN_MAX_DB, Regions, SettingRefusal, StartSettings, longest_exposure_s,
 };
 
-/// Automatic exposure and gain bring the mean of an image here, as a share of full scale above the black level.
+/// Target of automatic exposure and gain: mean of the image as a share of full scale above the black level.
 const AUTO_TARGET: f64 = 0.25;
-/// Nearer to the target than this share of it, nothing is changed, and `Once` is done.
+/// Tolerance as a share of the target: within it nothing is changed, and `Once` is done.
 const AUTO_NEAR: f64 = 0.02;
-/// One image changes the exposure or the gain by this factor at most, both ways.
+/// Largest factor by which one image changes the exposure or the gain, up or down.
 const AUTO_STEP: f64 = 8.0;
 
-/// How one exposure was.
+/// Times and settings of one exposure.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Exposed {
     /// Its first instant.
     pub start: Tai,
-    /// What started it.
+    /// The event that started it.
     pub started: Started,
     /// Its settings.
     pub settings: CameraSettings,
@@ -37,9 +38,9 @@ pub struct Exposed {
 #[derive(Debug)]
 pub struct Exposing {
     shutter: Shutter,
-    /// Those of the exposure that is drawn.
+    /// Settings of the exposure that is drawn.
     settings: CameraSettings,
-    /// Exposure time without commands, and the same in seconds as the camera's file has it.
+    /// Exposure time without commands, and the same in seconds as given in the camera's file.
     own: (Span, f64),
     largest_dn: f64,
     is_commanded: bool,
@@ -89,36 +90,36 @@ impl Exposing {
         }
     }
 
-    /// Returns what commands may ask; `None`: nothing, as for a display.
+    /// Returns the range of values that commands may set; `None` when nothing may be set, as for a display.
     #[must_use]
     pub fn range(&self) -> Option<&CameraRange> {
         self.shutter.range()
     }
 
-    /// Returns what commands may ask when these regions are read out.
+    /// Returns the range of values that commands may set while these regions are read out.
     #[must_use]
     pub fn range_reading(&self, regions: &Regions) -> Option<CameraRange> {
         self.shutter.range_reading(regions)
     }
 
-    /// Returns what commands may ask, and how many more may wait.
+    /// Returns the range of values that commands may set, and how many more commands may wait.
     #[must_use]
     pub fn view(&self) -> CameraView {
         CameraView { range: self.range().copied(), places: self.shutter.places() }
     }
 
-    /// Takes commands from this queue from here on, and reports events to it. Allocates.
+    /// Accepts commands from this queue from here on, and reports events to it. Allocates.
     pub fn add_desk(&mut self, desk: DeskEnd) {
         self.desks.push(desk);
     }
 
-    /// Returns true when somebody may command the camera at any instant.
+    /// Returns true when a client may command the camera at any instant.
     #[must_use]
     pub fn has_desks(&self) -> bool {
         !self.desks.is_empty()
     }
 
-    /// Notes that edges of a line trigger this head.
+    /// Records that edges of a line trigger this head.
     pub fn set_has_line(&mut self) {
         self.has_line = true;
     }
@@ -129,25 +130,25 @@ impl Exposing {
         self.has_line
     }
 
-    /// Returns true when a command was taken in.
+    /// Returns true when a command was accepted.
     #[must_use]
     pub fn is_commanded(&self) -> bool {
         self.is_commanded
     }
 
-    /// Returns the next slot, by the commands so far.
+    /// Returns the next slot according to the commands so far.
     #[must_use]
     pub fn next(&self) -> NextSlot {
         self.shutter.next()
     }
 
-    /// Returns what starts exposures, by the commands up to the last exposure.
+    /// Returns the start settings of exposures according to the commands up to the last exposure.
     #[must_use]
     pub fn start(&self) -> &StartSettings {
         self.shutter.start()
     }
 
-    /// Returns the settings of the next exposure, by the commands so far.
+    /// Returns the settings of the next exposure according to the commands so far.
     #[must_use]
     pub fn next_settings(&self) -> &CameraSettings {
         self.shutter.settings()
@@ -159,14 +160,15 @@ impl Exposing {
         self.shutter.nominal(number)
     }
 
-    /// Returns how the exposure of the slot that is drawn was; `None` as long as nothing was commanded.
+    /// Returns the times and settings of the exposure of the slot that is drawn; `None` until the first command.
     #[must_use]
     pub fn exposed(&self, slot: &Slot) -> Option<Exposed> {
         let Slot { exposure_start: start, started, .. } = *slot;
         self.is_commanded.then_some(Exposed { start, started, settings: self.settings })
     }
 
-    /// Draws frame `number` as it was exposed in another run: its slot. The settings of the camera's file count without it.
+    /// Draws frame `number` as it was exposed in another run; returns its slot. `None` uses the settings of the
+    /// camera's file.
     pub fn repeat(&mut self, number: u32, exposed: Option<&Exposed>) -> Slot {
         let Some(Exposed { start, started, settings }) = exposed else {
             self.settings = *self.shutter.nominal_settings();
@@ -176,7 +178,7 @@ impl Exposing {
         self.shutter.slot(number, *start, settings, *started)
     }
 
-    /// The frame of the next slot is drawn now: its settings are those in use from here on.
+    /// Starts drawing the frame of the next slot: its settings are in use from here on.
     pub fn begin(&mut self, ledger: &mut Ledger) {
         if let NextSlot::Slot(slot) = self.shutter.next() {
             self.report_start(&slot);
@@ -207,17 +209,17 @@ impl Exposing {
         if self.settings.exposure == own { own_s } else { self.settings.exposure.s() }
     }
 
-    /// Returns that time over the camera's own: 1 without commands.
+    /// Returns the ratio of that time to the camera's own: 1 without commands.
     #[must_use]
     pub fn light_factor(&self) -> f64 {
         self.exposure_s() / self.own.1
     }
 
-    /// Takes what waits in the queues, and reports an exposure that has started.
+    /// Accepts the commands that wait in the queues, and reports an exposure that has started.
     pub fn poll(&mut self, now: Tai, ledger: &mut Ledger) {
         for number in 0..self.desks.len() {
             while let Some(commanded) = self.desks[number].commands().next() {
-                // What is refused is an event; the sender has checked the value against the same range.
+                // A refused command is recorded as an event; the sender has checked the value against the same range.
                 let _noted = self.take(&commanded, ledger);
             }
         }
@@ -228,10 +230,10 @@ impl Exposing {
         }
     }
 
-    /// Takes one command.
+    /// Accepts one command.
     ///
     /// # Errors
-    /// When the camera cannot do it; the ledger has it too.
+    /// When the camera cannot do it; the ledger records it too.
     pub fn take(&mut self, commanded: &Commanded, ledger: &mut Ledger) -> Result<(), SettingRefusal> {
         let taken = self.shutter.take(commanded);
         self.is_commanded |= taken.is_ok();
@@ -252,7 +254,7 @@ impl Exposing {
         taken
     }
 
-    /// Looks at the image that was drawn, and commands exposure and gain where they are automatic.
+    /// Measures the image that was drawn, and commands exposure and gain where they are automatic.
     pub fn see(&mut self, image: &DnImage, at: Tai, ledger: &mut Ledger) {
         if (self.auto_exposure, self.auto_gain) == (AutoMode::Off, AutoMode::Off) {
             return;
@@ -280,7 +282,7 @@ impl Exposing {
         }
     }
 
-    /// Ends automatic exposure and gain that were to work once.
+    /// Ends automatic exposure and gain that were set to work once.
     fn end_once(&mut self, at: Tai) {
         let frame = self.reported;
         if self.auto_exposure == AutoMode::Once {
@@ -293,7 +295,7 @@ impl Exposing {
         }
     }
 
-    /// What makes an image so many times brighter: the exposure first, then the gain.
+    /// Returns the command that makes the image brighter by `factor`: it changes the exposure first, then the gain.
     fn automatic(&self, factor: f64) -> Option<CameraCommand> {
         let range = self.shutter.range()?;
         let before = self.settings.exposure;
@@ -340,7 +342,7 @@ impl Exposing {
     }
 }
 
-/// What the commands of a run may ask of its camera.
+/// Returns the range of values that the commands of a run may set on its camera.
 fn range_of(params: &RunParams) -> CameraRange {
     let camera = &params.camera;
     let own = Span::from_s(camera.exposure_s);

@@ -1,10 +1,10 @@
-//! What is done to a finished frame's pixels: blank, repeated, torn, bits the other way.
+//! Damages a finished frame's pixels on purpose: blank, repeated, torn, flipped bits.
 
 use crate::runtime::conditions::FAULT_STREAM;
 use base::random::{key, philox};
 use frames::sink::{FaultPixels, SentFrame};
 
-/// Every pixel that is read out has the black level, and nothing is in the truth.
+/// Sets every pixel that is read out to the black level, and removes all sources from the truth.
 pub(super) fn blank(frame: &mut SentFrame) {
     let black = frame.meta.black_level_dn.round().clamp(0.0, f64::from(u16::MAX));
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
@@ -14,7 +14,7 @@ pub(super) fn blank(frame: &mut SentFrame) {
     frame.targets.clear();
 }
 
-/// How much of the previous image a frame shows.
+/// Amount of the previous image that a frame shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Repeated {
     Nothing,
@@ -22,7 +22,7 @@ pub(super) enum Repeated {
     All,
 }
 
-/// Puts all or half of the previous image into the frame, and keeps what the frame was.
+/// Copies all or half of the previous image into the frame, and keeps the frame's own image for the next one.
 pub(super) fn repeat(repeated: Repeated, frame: &mut SentFrame, previous: &mut Vec<u16>) {
     let pixels = frame.image.pixels_mut();
     if previous.len() != pixels.len() {
@@ -41,7 +41,7 @@ pub(super) fn repeat(repeated: Repeated, frame: &mut SentFrame, previous: &mut V
     }
 }
 
-/// Turns one bit of some pixels around; random ones are new in every frame.
+/// Flips one bit of some pixels; random pixels are new in every frame.
 pub(super) fn flip(bit: u8, pixels: FaultPixels, stream: u32, frame: &mut SentFrame) {
     let (number, seed) = (frame.meta.number, frame.meta.seed);
     let (width, height) = (frame.image.width(), frame.image.height());
@@ -58,7 +58,7 @@ pub(super) fn flip(bit: u8, pixels: FaultPixels, stream: u32, frame: &mut SentFr
     frame.meta.regions.clear_outside(&mut frame.image);
 }
 
-/// Returns a random word as a whole number below `below`.
+/// Returns a random whole number below `below`.
 #[allow(clippy::cast_possible_truncation, reason = "the high half of a product is below `below`")]
 pub(super) fn scaled(word: u32, below: usize) -> usize {
     ((u64::from(word) * below as u64) >> 32) as usize

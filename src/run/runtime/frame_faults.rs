@@ -1,8 +1,9 @@
-//! What goes wrong with frames and with the chain that images them, on purpose, and when.
+//! Commanded faults of frames and of the imaging chain, and when they act.
 //!
-//! In: a list of faults, each with its begin (an instant, or a trigger) and its length. A frame is hit when its exposure
+//! In: a list of faults, each with its start (an instant, or a trigger) and its length. A frame is hit when its
+//! exposure
 //! ends inside a fault's time. Every hit is counted by fault, marked in the frame's flags and written with its numbers
-//! into the frame's truth, so that nothing is spoilt in silence; begin and end go into the ledger. Deterministic. What a
+//! into the frame's truth, so that no damage is silent; start and end go into the ledger. Deterministic. Whatever a
 //! fault needs (tables of other optics, places of stars) is made before the run, by [`FrameFaults::prepare`].
 //! Tests: below, `conditions`, and `tests/closed_loop/imaging_faults.rs`.
 
@@ -23,61 +24,61 @@ use plan::exposure::target::FIRST_FALSE_STAR_ID;
 use plan::exposure::{Source, SourcePlace};
 use plan::optics::PsfModel;
 
-/// The end of a fault that has not been triggered; so is its begin.
+/// Start and end time of a fault that has not been triggered.
 pub const NEVER: Tai = Tai::from_ns(i64::MAX);
 
-/// When a fault begins.
+/// Start of a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Begin {
-    /// At this instant.
+    /// Starts at this instant.
     At(Tai),
-    /// So long after a trigger is fired, each time it is.
+    /// Starts this long after a trigger is fired, each time it is fired.
     OnTrigger {
-        /// The trigger's number.
+        /// Trigger number.
         number: u16,
-        /// How long after it.
+        /// Delay after the trigger.
         delay: Span,
     },
 }
 
-/// A fault with its time.
+/// A fault with its times.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TimedFrameFault {
-    /// Begin; [`NEVER`] until it is triggered.
+    /// Start; [`NEVER`] until it is triggered.
     pub from: Tai,
     /// End, exclusive.
     pub until: Tai,
-    /// What happens.
+    /// The fault.
     pub fault: FrameFault,
     /// Frames hit so far.
     pub hits: u64,
     begin: Begin,
     lasts: Span,
-    /// In the run's list of faults, from 1.
+    /// Number in the run's list of faults, from 1.
     number: u16,
     is_on: bool,
     made: Made,
 }
 
-/// What was made for a fault before the run.
+/// Resources that were made for a fault before the run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Made {
     NotYet,
     Nothing,
-    /// Other optics of the engine.
+    /// Index of other optics of the engine.
     Optics(usize),
-    /// A part of the list of false stars: first and number.
+    /// A part of the list of false stars: first index and count.
     Stars(usize, usize),
-    /// A part of the list of defects: first and number.
+    /// A part of the list of defects: first index and count.
     Defects(usize, usize),
 }
 
-/// What becomes of one frame.
+/// Effects of faults on one frame after it is drawn.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fate {
-    /// Not sent.
+    /// True when it is not sent.
     pub is_dropped: bool,
-    /// Sent later by this.
+    /// Delay of its delivery.
     pub delay: Span,
     repeated: Repeated,
     is_blank: bool,
@@ -86,7 +87,7 @@ pub struct Fate {
 }
 
 impl Fate {
-    /// Sent, once, in time and whole.
+    /// Sent once, in time and undamaged.
     pub const SEND: Self = Self {
         is_dropped: false,
         delay: Span::ZERO,
@@ -97,7 +98,7 @@ impl Fate {
     };
 }
 
-/// A fault elsewhere that frames exposed in its time are marked with.
+/// A fault elsewhere, with which frames exposed during it are marked.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Mark {
     from: Tai,
@@ -115,7 +116,7 @@ pub struct FrameFaults {
     previous: Vec<u16>,
 }
 
-/// A defect of the detector, and its name while it is there.
+/// A defect of the detector, and its handle while it is active.
 #[derive(Debug, Clone, Copy)]
 struct Commanded {
     defect: Defect,
@@ -123,13 +124,13 @@ struct Commanded {
 }
 
 impl FrameFaults {
-    /// Adds a fault between two instants; the index under which [`Self::timed`] lists it.
+    /// Adds a fault between two instants; returns the index under which [`Self::timed`] lists it.
     pub fn add(&mut self, from: Tai, until: Tai, fault: FrameFault) -> usize {
         let number = u16::try_from(self.timed.len() + 1).unwrap_or(u16::MAX);
         self.arm(Begin::At(from), until - from, fault, number)
     }
 
-    /// Adds a fault that lasts so long from its begin, with its number in the run's list of faults.
+    /// Adds a fault of a given length, with its number in the run's list of faults; returns its index.
     pub fn arm(&mut self, begin: Begin, lasts: Span, fault: FrameFault, number: u16) -> usize {
         let (from, until) = match begin {
             Begin::At(from) => (from, from + lasts),
@@ -140,8 +141,9 @@ impl FrameFaults {
         self.timed.len() - 1
     }
 
-    /// Fires a trigger at `at`, now or later: the faults that wait for it begin then (again, if they have been before).
-    /// How many there are. Allocates nothing.
+    /// Fires a trigger at `at`, now or later: the faults that wait for it start then (again, if they have started
+    /// before).
+    /// Returns how many there are. Allocates nothing.
     pub fn fire_trigger(&mut self, number: u16, at: Tai) -> usize {
         let mut fired = 0;
         for timed in &mut self.timed {
@@ -155,7 +157,7 @@ impl FrameFaults {
         fired
     }
 
-    /// Marks frames whose exposure ends in a time at which something else is faulty: the bus.
+    /// Marks frames whose exposure ends while something else, such as the bus, is faulty.
     pub fn mark(&mut self, from: Tai, until: Tai, flag: FaultFlags) {
         self.marks.push(Mark { from, until, flag });
     }
@@ -166,10 +168,10 @@ impl FrameFaults {
         &self.timed
     }
 
-    /// Makes everything the faults will need, so that none of it is made on the way of a frame.
+    /// Makes everything the faults will need, so that none of it is made on the frame path.
     ///
     /// # Errors
-    /// When the tables of other optics cannot be had.
+    /// When the tables of other optics are unavailable.
     pub fn prepare(&mut self, engine: &mut FrameEngine) -> Result<(), RunError> {
         let params = engine.params();
         let (seed, exposure_s) = (params.seed, params.camera.exposure_s);
@@ -177,7 +179,7 @@ impl FrameFaults {
         let radiometry = params.camera.radiometry.clone();
         if self.timed.iter().any(|timed| timed.made == Made::NotYet) {
             engine.conditions_mut().reserve();
-            // The image before the first fault may be wanted by it.
+            // A fault may need the image before its first frame.
             self.previous.reserve(size[0] * size[1]);
         }
         for timed in self.timed.iter_mut().filter(|timed| timed.made == Made::NotYet) {
@@ -223,7 +225,7 @@ impl FrameFaults {
         Ok(())
     }
 
-    /// What becomes of the frame of `slot`; sets the conditions it is exposed under.
+    /// Applies the faults of `slot` to the conditions of its exposure; returns their effects on the finished frame.
     pub fn begin(&mut self, slot: Slot, engine: &mut FrameEngine, ledger: &mut Ledger) -> Fate {
         let end = slot.exposure_end;
         let mut fate = Fate::SEND;
@@ -244,7 +246,7 @@ impl FrameFaults {
                     ledger.note(Event::new(EventKind::DefectLeftOut, end, Some(slot.number), Span::ZERO));
                 }
             }
-            // The first frame of all has none before it to be repeated.
+            // The very first frame has no previous image to repeat.
             let needs_previous = matches!(timed.fault, FrameFault::Torn | FrameFault::Duplicate);
             if !is_on || (needs_previous && !has_previous) {
                 continue;
@@ -265,7 +267,7 @@ impl FrameFaults {
         fate
     }
 
-    /// Spoils the finished frame and says so in its flags and its truth.
+    /// Damages the finished frame, and records it in its flags and its truth.
     pub fn spoil(&mut self, fate: &Fate, frame: &mut SentFrame) {
         frame.meta.faults |= fate.flags;
         frame.meta.active = fate.active;
@@ -273,7 +275,7 @@ impl FrameFaults {
             frame_damage::blank(frame);
         }
         if fate.is_blank || fate.repeated != Repeated::Nothing {
-            // Its pixels are not, or not all, of its own attitude.
+            // Its pixels do not, or not all, belong to its own attitude.
             frame.meta.wcs = None;
         }
         if self.needs_previous() {
@@ -292,7 +294,7 @@ impl FrameFaults {
 }
 
 impl Fate {
-    /// What a fault does to a frame when it is finished.
+    /// Adds the effect of a fault on a finished frame.
     fn take(&mut self, fault: &FrameFault) {
         match *fault {
             FrameFault::Drop => self.is_dropped = true,
@@ -304,7 +306,7 @@ impl Fate {
             }
             FrameFault::Late(delay) => self.delay = self.delay.max(delay),
             FrameFault::Blank => self.is_blank = true,
-            // They change the exposure or single pixels.
+            // These faults change the exposure or single pixels.
             FrameFault::BitFlip { .. }
             | FrameFault::StrayLight { .. }
             | FrameFault::StrayLightRamp { .. }
@@ -321,7 +323,7 @@ impl Fate {
     }
 }
 
-/// Puts defects into the detector, or takes them out; how many there was no room for.
+/// Adds defects to the detector, or removes them; returns how many did not fit.
 fn switch(commanded: &mut [Commanded], is_on: bool, list: &mut DefectEdit<'_>) -> usize {
     let mut left_out = 0;
     for Commanded { defect, id } in commanded {
@@ -342,7 +344,7 @@ fn switch(commanded: &mut [Commanded], is_on: bool, list: &mut DefectEdit<'_>) -
 }
 
 impl TimedFrameFault {
-    /// Tells the ledger when it begins and when it is over; true when it did.
+    /// Adds an event to the ledger when the fault starts and when it ends; returns true when it did.
     fn announce(&mut self, is_on: bool, slot: Slot, ledger: &mut Ledger) -> bool {
         if is_on == self.is_on {
             return false;
@@ -355,7 +357,7 @@ impl TimedFrameFault {
     }
 }
 
-/// What a fault does to the exposure of a frame; `value` is its amount now.
+/// Applies a fault to the exposure of a frame; `value` is its present amount.
 fn expose_under(
     conditions: &mut Conditions,
     timed: &TimedFrameFault,
@@ -383,7 +385,7 @@ fn expose_under(
             let space = FALSE_STARS_MAX.saturating_sub(conditions.false_stars.len());
             conditions.false_stars.extend_from_slice(&false_stars[..false_stars.len().min(space)]);
         }
-        // They act on the detector or on the finished frame.
+        // These faults act on the detector or on the finished frame.
         FrameFault::Drop
         | FrameFault::Duplicate
         | FrameFault::Late(_)
@@ -414,7 +416,7 @@ fn defect_kind(fault: PixelFault) -> DefectKind {
     }
 }
 
-/// Places of defects: those that are given, and random pixels.
+/// Returns the places of defects: the given ones, and random pixels.
 fn defect_places(spots: DefectSpots, size: [usize; 2], stream: u32, seed: u64) -> impl Iterator<Item = DefectPlace> {
     let DefectSpots { pixels, column, row } = spots;
     let given = pixels.at.map(|[x, y]| DefectPlace::Pixel(x, y));
@@ -427,7 +429,7 @@ fn defect_places(spots: DefectSpots, size: [usize; 2], stream: u32, seed: u64) -
     given.into_iter().chain(lines).chain(random)
 }
 
-/// False stars of one fault: where it says, and at random places of the detector.
+/// Adds the false stars of one fault: at the given places, and at random places of the detector.
 fn add_false_stars(
     out: &mut Vec<Source>,
     pixels: FaultPixels,
@@ -437,7 +439,7 @@ fn add_false_stars(
     seed: u64,
 ) {
     let given = pixels.at.map(|px| px.map(f64::from));
-    // To a thousandth of a pixel: a star stands anywhere between their centres.
+    // Places have a resolution of a thousandth of a pixel: a star can lie anywhere between pixel centres.
     let along = |word: u32, side: usize| scaled(word, 1000 * side) as f64 * 1e-3 - 0.5;
     let random = (0..pixels.random).map(|i| {
         let [a, b, ..] = philox([0, i, stream, FAULT_STREAM], key(seed));

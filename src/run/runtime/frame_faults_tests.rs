@@ -1,4 +1,4 @@
-//! Frames are spoilt as the faults say, and say so.
+//! Tests that frames are damaged as the faults demand, and that the damage is recorded.
 
 use super::*;
 

@@ -1,8 +1,9 @@
 //! One slot of a camera head up to its exposure: triggers, faults, drawing. The same in a run and in its replay.
 //!
-//! In: a slot whose release has come, and all messages that arrived before. Out: the frame as it was exposed, and what its
-//! faults still do to it when it is finished ([`FrameFaults::spoil`]): what the stimulator says of a frame it says before
-//! that. Tests: `tests/closed_loop/imaging_faults.rs`, `triggers.rs` and `replay.rs`.
+//! In: a slot whose release has come, and all messages that arrived before. Out: the frame as it was exposed, and the
+//! effects that its faults will have when it is finished ([`FrameFaults::spoil`]): the stimulator describes a frame
+//! before
+//! it is damaged. Tests: `tests/closed_loop/imaging_faults.rs`, `triggers.rs` and `replay.rs`.
 
 use crate::runtime::engine::FrameEngine;
 use crate::runtime::error::RunError;
@@ -13,21 +14,22 @@ use crate::runtime::slot::Slot;
 use frames::report::StageTimes;
 use frames::sink::SentFrame;
 
-/// One head, to draw a slot of it.
+/// One head, ready to draw a slot.
 pub struct HeadStep<'a> {
-    /// Draws.
+    /// Draws frames.
     pub engine: &'a mut FrameEngine,
-    /// Holds what arrived.
+    /// Holds the messages that arrived.
     pub receiver: &'a mut Receiver,
-    /// Spoils frames; `None`: nothing does.
+    /// Damages frames; `None` without faults.
     pub faults: Option<&'a mut FrameFaults>,
-    /// Takes the notes of triggers in the place of the run's ledger, where another head has made the same notes.
+    /// Receives the notes of triggers instead of the run's ledger, when another head has made the same notes.
     pub noted_already: Option<&'a mut Ledger>,
 }
 
 impl HeadStep<'_> {
-    /// Draws a slot under the faults of its time. Returns what becomes of the frame and the times of the stages, or `None`
-    /// when there is no attitude and the policy is to send no frame.
+    /// Draws a slot under the faults of its time. Returns the effects on the frame and the times of the stages, or
+    /// `None`
+    /// when no attitude is available and the policy is to send no frame.
     ///
     /// # Errors
     /// When the backend failed or the policy for a stopped stream is to stop.

@@ -1,7 +1,7 @@
-//! What an operating system can do for threads that must be in time, and what of it was had.
+//! Requests the operating system's help for threads that must be in time, and reports the result.
 //!
-//! In: [`HygieneParams`]. Out: one [`HygieneLine`] for everything asked for: got, or why not. Nothing here is needed for
-//! right frames, and nothing that could not be had ends a run. Three things are asked for:
+//! In: [`HygieneParams`]. Out: one [`HygieneLine`] for each request: granted, or why not. Nothing here is needed for
+//! correct frames, and an unavailable setting never ends a run. Three things are requested:
 //!
 //! * **Scheduling**: first-in-first-out (POSIX `SCHED_FIFO`) for the link, frame and sink threads and for the threads
 //!   that draw. All of them sleep when they have nothing to do (drawing threads spin for some microseconds first), and the
@@ -12,27 +12,27 @@
 //! * **Processors**: the threads stay on given ones (`sched_setaffinity`).
 //!
 //! *Limits.* No `unsafe` of ours: `thread-priority` and `rustix` wrap the calls.
-//! Whether it helps is for `starloop budget --load` to show; the tests hold that whatever happens is told.
+//! Whether it helps is for `starloop budget --load` to show; the tests check that every result is reported.
 
 use frames::report::HygieneLine;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Stack touched before a thread's work begins, bytes: more than the deepest frame path was seen to use.
+/// Stack touched before a thread's work starts, bytes: more than the deepest measured use of the frame path.
 const STACK_BYTES: usize = 256 * 1024;
 
-/// What is asked for.
+/// The requested settings.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct HygieneParams {
     /// Real-time scheduling and locked memory.
     pub realtime: bool,
     /// Priority of the drawing threads, 1 to 90; sink, frame and link come 1, 2 and 3 above.
     pub priority: u8,
-    /// Processors to stay on; empty: any.
+    /// Processors that the threads stay on; empty: any.
     pub affinity: Vec<usize>,
 }
 
 impl Default for HygieneParams {
-    /// Real-time, at a low priority, on any processor.
+    /// Returns real-time scheduling at a low priority, on any processor.
     fn default() -> Self {
         Self { realtime: true, priority: 10, affinity: Vec::new() }
     }
@@ -41,15 +41,15 @@ impl Default for HygieneParams {
 /// A kind of thread.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
-    /// Stamps what arrives.
+    /// Stamps arriving packets.
     Link,
     /// Makes frames.
     Frame,
-    /// Sends them.
+    /// Sends frames.
     Sink,
     /// Draws and reads out, with others of its kind.
     Drawing,
-    /// Stands for a machine at the other end of the cable, which no load here would hold up.
+    /// Simulates a machine at the other end of the cable, which load on this machine must not delay.
     FarEnd,
 }
 
@@ -76,7 +76,7 @@ impl Role {
     }
 }
 
-/// The parameters, and what became of them. Threads enter at their start; the lock is never taken after that.
+/// The parameters, and the results of the requests. Threads enter at their start; the lock is never taken after that.
 pub struct Hygiene {
     params: HygieneParams,
     reported: Mutex<Vec<HygieneLine>>,
@@ -84,13 +84,13 @@ pub struct Hygiene {
 }
 
 impl Hygiene {
-    /// Nothing has been asked of the system yet.
+    /// Returns the parameters with no request made yet.
     #[must_use]
     pub fn new(params: HygieneParams) -> Self {
         Self { params, reported: Mutex::default(), announce: |_| {} }
     }
 
-    /// Calls `announce` with every new line, when it is told.
+    /// Sets a function that is called with every new line.
     #[must_use]
     pub fn announcing(mut self, announce: fn(&HygieneLine)) -> Self {
         self.announce = announce;
@@ -117,7 +117,7 @@ impl Hygiene {
         }
     }
 
-    /// Makes the calling thread what it should be, and touches its stack.
+    /// Applies the settings to the calling thread, and touches its stack.
     pub fn enter(&self, role: Role) {
         if self.params.realtime {
             let priority = self.params.priority.saturating_add(role.above());
@@ -134,14 +134,14 @@ impl Hygiene {
         let (got, detail) = outcome.map_or_else(|why| (false, why), |how| (true, how));
         let line = HygieneLine { what: what.to_owned(), got, detail };
         let mut reported = self.reported.lock().unwrap_or_else(PoisonError::into_inner);
-        // Drawing threads say the same thing.
+        // All drawing threads report the same line.
         if !reported.contains(&line) {
             (self.announce)(&line);
             reported.push(line);
         }
     }
 
-    /// What was had so far, and what not; in order of names, because threads start in any order.
+    /// Returns the results so far, in order of names, because threads start in any order.
     #[must_use]
     pub fn lines(&self) -> Vec<HygieneLine> {
         let mut lines = self.reported.lock().unwrap_or_else(PoisonError::into_inner).clone();
@@ -197,7 +197,7 @@ mod system {
     pub(super) fn stay_on(processors: &[usize]) -> Result<String, String> {
         let mut set = CpuSet::new();
         if let Some(beyond) = processors.iter().find(|processor| **processor >= CpuSet::MAX_CPU) {
-            return Err(format!("there is no processor {beyond}"));
+            return Err(format!("processor {beyond} does not exist"));
         }
         processors.iter().for_each(|processor| set.set(*processor));
         match sched_setaffinity(None, &set) {
@@ -211,11 +211,11 @@ mod system {
 mod tests {
     use super::*;
 
-    /// What a thread of its own is told: this test's thread stays as it is.
+    /// Returns the lines reported for a new thread, so that this test's own thread stays as it is.
     fn reported(params: HygieneParams, role: Role) -> Vec<HygieneLine> {
         let hygiene = Arc::new(Hygiene::new(params));
         let inside = Arc::clone(&hygiene);
-        let thread = std::thread::Builder::new().name("told".into());
+        let thread = std::thread::Builder::new().name("reported".into());
         thread.spawn(move || inside.enter(role)).unwrap().join().unwrap();
         hygiene.lines()
     }
@@ -227,7 +227,7 @@ mod tests {
         assert_eq!(names, ["link thread: first-in-first-out", "link thread: processors"]);
         assert!(lines.iter().all(|line| !line.detail.is_empty()), "{lines:?}");
         let nothing = HygieneParams { realtime: false, ..HygieneParams::default() };
-        assert!(reported(nothing, Role::Sink).is_empty(), "nothing asked, nothing told");
+        assert!(reported(nothing, Role::Sink).is_empty(), "nothing requested, nothing reported");
     }
 
     #[test]

@@ -1,8 +1,9 @@
 //! Parameter tables of the protocol -> the jitter history: units, and from body axes to sensor axes.
 //!
-//! In: rows in effect after an APPLY, arcsec about body axes. Out: lines, noise and harmonics, rad about sensor axes. What
-//! the protocol calls legal the history takes, so nothing is refused here that was promised there (test below). Not for
-//! every frame: noise takes about a millisecond to be made.
+//! In: rows in effect after an APPLY, arcsec about body axes. Out: lines, noise and harmonics, rad about sensor axes.
+//! The
+//! history accepts every table that the protocol accepts (test below). Do not call for every frame: noise takes about a
+//! millisecond to be made.
 
 use base::axes::{Body, Rotation, Sensor};
 use base::units::ARCSEC;
@@ -11,10 +12,10 @@ use firmware_protocol::tables::{HarmonicRow, LineRow, PsdRow, TableStore};
 use glam::DVec3;
 use plan::attitude::{JitterHistory, JitterLine, JitterReject, PsdPoint, WheelHarmonic};
 
-/// Puts one table into effect.
+/// Applies one table.
 ///
 /// # Errors
-/// When the history refuses it; what was in effect stays.
+/// When the history refuses it; the table before stays in effect.
 pub fn apply(
     table: Table,
     tables: &TableStore,
@@ -63,7 +64,7 @@ mod tests {
     use firmware_protocol::tables::{Row, cells, crc};
     use plan::attitude::{HistoryLimits, RemoteClock, RemoteClockLimits};
 
-    /// f32 on the wire, and sines of it.
+    /// Rounding of f32 on the wire, and of sines.
     const WIRE: f64 = 1e-6;
 
     fn effective<R: Row>(rows: &[R]) -> TableStore {
@@ -82,7 +83,7 @@ mod tests {
         history
     }
 
-    /// Returns a quarter turn about body z: body x is sensor -y or y, by the convention that `apply` has.
+    /// Returns a quarter turn about body z: body x is sensor -y or y, depending on the convention of `apply`.
     fn mounting() -> Rotation<Sensor, Body> {
         Rotation::from_rotation_vector(DVec3::Z * core::f64::consts::FRAC_PI_2)
     }

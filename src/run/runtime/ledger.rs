@@ -1,4 +1,4 @@
-//! The ledger: every late, held, dropped, predicted or refused thing, counted; the last few kept.
+//! The ledger: counts every late, held, dropped, predicted or refused item, and keeps the last few events.
 //!
 //! Counts survive when entries are overwritten. No allocation after construction, no text.
 
@@ -7,7 +7,7 @@ use plan::exposure::Degradation;
 
 macro_rules! events {
     ($($(#[$doc:meta])* $kind:ident = $name:literal,)*) => {
-        /// What happened.
+        /// Kind of an event.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
         pub enum EventKind {
             $($(#[$doc])* $kind,)*
@@ -33,51 +33,53 @@ events! {
     Late = "late",
     /// The previous image went out in place of a late one; the span is the lateness.
     Held = "held",
-    /// A frame did not go out; the span is its lateness, or zero when it was never begun.
+    /// A frame did not go out; the span is its lateness, or zero when it was never started.
     Dropped = "dropped",
     /// The attitude at mid-exposure lay beyond the newest sample; the span is the horizon.
     Predicted = "predicted",
-    /// The stream had stopped; the last attitude was held; the span is the newest sample's age.
+    /// The stream has stopped and the last attitude was held; the span is the newest sample's age.
     AttitudeHeld = "attitude_held",
-    /// A frame without stars: the stream had stopped and the policy is `blank`; the span is the age.
+    /// A frame without stars: the stream has stopped and the policy is `blank`; the span is the age.
     Blank = "blank",
-    /// No frame: the stream had stopped and the policy is `drop`; the span is the newest sample's age.
+    /// No frame: the stream has stopped and the policy is `drop`; the span is the newest sample's age.
     AttitudeMissing = "attitude_missing",
-    /// Two or more attitudes were missing at an end of the exposure, whose middle was interpolated; the span is the time without.
+    /// Two or more attitudes were missing at an end of the exposure, whose middle was interpolated; the span is the
+    /// uncovered
+    /// time.
     PartlyExtrapolated = "partly_extrapolated",
-    /// Jitter samples were missing when the frame was drawn; the span is the time without.
+    /// Jitter samples were missing when the frame was drawn; the span is the uncovered time.
     JitterMissing = "jitter_missing",
-    /// A frame without stars: no attitude had been received yet.
+    /// A frame without stars: no attitude has been received yet.
     NoAttitude = "no_attitude",
-    /// The planner found no method inside the budget and took the best there is.
+    /// The planner found no method inside the budget and took the best available one.
     OverBudget = "over_budget",
-    /// The frame would not have been drawn in time and was degraded to a rung; the span is its predicted drawing time.
+    /// The frame would not have been drawn in time and was degraded; the span is its predicted drawing time.
     Degraded = "degraded",
     /// Drawing takes much longer than predicted: the planner has less time; the span is what the frame took to draw.
     Overloaded = "overloaded",
     /// Drawing takes about as long as predicted again; the span is what the frame took to draw.
     LoadGone = "load_gone",
-    /// Tiles of stars had not been read in time: their stars are missing from the frame.
+    /// Tiles of stars were read too late: their stars are missing from the frame.
     StarsLate = "stars_late",
-    /// The thread that reads tiles of stars broke down: tiles that are not in memory stay missing from here on.
+    /// The thread that reads tiles of stars has failed: tiles that are not in memory stay missing from here on.
     StarReaderLost = "star_reader_lost",
-    /// The field has more stars than the memory for them: its faintest layers are missing from the frame.
+    /// The field has more stars than fit into their memory: its faintest layers are missing from the frame.
     StarsCrowdedOut = "stars_crowded_out",
-    /// The sink had no free buffer in time.
+    /// All buffers of the sink were still in use.
     SinkBusy = "sink_busy",
-    /// A sink was too slow for a frame, or is lost: the frame went past it.
+    /// A sink was too slow for a frame, or is lost: it did not receive the frame.
     SinkDropped = "sink_dropped",
     /// A sink failed on a frame, such as on a full disk.
     SinkRefused = "sink_refused",
-    /// A sink broke down: it takes no more frames, and the others go on.
+    /// A sink failed: it takes no more frames, and the others go on.
     SinkLost = "sink_lost",
     /// A thread beside the run ended before it did; the event names it.
     ThreadLost = "thread_lost",
     /// An attitude arrived before the clocks were correlated.
     NoTimeYet = "no_time_yet",
-    /// The flight computer's clock stepped, or a step turned out to be none; the span is the step.
+    /// The flight computer's clock stepped, or a presumed step was withdrawn; the span is the step.
     ClockStepped = "clock_stepped",
-    /// The flight computer's clock began again: its attitudes and dated triggers are forgotten; the span is the step.
+    /// The flight computer's clock restarted: its attitudes and dated triggers are forgotten; the span is the step.
     ClockRestarted = "clock_restarted",
     /// The observer's states come from outside, and none is near the exposure: its state is predicted.
     ObserverPredicted = "observer_predicted",
@@ -87,7 +89,7 @@ events! {
     QueueOverflow = "queue_overflow",
     /// The interface or port of the bus was lost.
     LinkLost = "link_lost",
-    /// It came back.
+    /// The interface or port of the bus is available again.
     LinkRegained = "link_regained",
     /// The CAN controller went bus-off.
     BusOff = "bus_off",
@@ -103,13 +105,13 @@ events! {
     SessionHalt = "session_halt",
     /// A frame without stars: the session is not running.
     NotRunning = "not_running",
-    /// A peer of another major version was refused, or tells so in its heartbeat.
+    /// A peer of another major version was refused, or reports that version in its heartbeat.
     VersionRefused = "version_refused",
     /// A command was refused.
     CommandRefused = "command_refused",
-    /// A command came too soon after another like it and is to be said again.
+    /// A command came too soon after another like it and must be repeated.
     CommandDeferred = "command_deferred",
-    /// The stream had stopped and the policy is `stop`: the run ends; the span is the newest sample's age.
+    /// The stream has stopped and the policy is `stop`: the run ends; the span is the newest sample's age.
     AttitudeStopped = "attitude_stopped",
     /// A table of jitter parameters was put into effect.
     TableApplied = "table_applied",
@@ -139,43 +141,43 @@ events! {
     HeartbeatBack = "heartbeat_back",
     /// The boresight was nearer to Sun, Moon or Earth than the baffle's exclusion angle.
     InsideExclusion = "inside_exclusion",
-    /// A target's orbit could not be followed any more: it is missing from here on.
+    /// A target's orbit could no longer be followed: the target is missing from here on.
     TargetLost = "target_lost",
     /// The Sun's disc was on the detector: it is not drawn.
     SunInField = "sun_in_field",
-    /// A disc was drawn by cells larger than pixels, of which it would have had too many.
+    /// A disc was drawn with cells larger than pixels, because pixel-sized cells would have been too many.
     CoarseDisc = "coarse_disc",
-    /// Series of a day that had not been prepared were evaluated on the frame thread.
+    /// Series of a day that was not prepared were evaluated on the frame thread.
     SeriesOnFrameThread = "series_on_frame_thread",
-    /// More protons hit the detector in a frame than there is room for: the rest left no track.
+    /// More protons hit the detector in a frame than the list holds: the rest left no track.
     ProtonsLeftOut = "protons_left_out",
-    /// A defect was commanded for which the detector's list has no room: it is not there.
+    /// A defect was commanded while the detector's list of defects was full: it is not shown.
     DefectLeftOut = "defect_left_out",
     /// A commanded fault began; the span is how long it lasts.
     Fault = "fault",
-    /// A commanded fault of frames or of imaging is over; the span is how long it was to last.
+    /// A commanded fault of frames or of imaging is over; the span is its commanded length.
     FaultOver = "fault_over",
 }
 
 /// One event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Event {
-    /// What happened.
+    /// Kind of the event.
     pub kind: EventKind,
-    /// When.
+    /// Instant of the event.
     pub at: Tai,
-    /// In which frame.
+    /// Frame in which it happened.
     pub frame: Option<u32>,
-    /// How long (see the kind).
+    /// Duration (see the kind).
     pub span: Span,
-    /// How far a frame was degraded; [`Degradation::Full`] in events of other kinds.
+    /// Degradation of the frame; [`Degradation::Full`] in events of other kinds.
     pub degradation: Degradation,
-    /// Which fault, or which thread; empty in events of other kinds.
+    /// Name of the fault or thread; empty in events of other kinds.
     pub what: &'static str,
 }
 
 impl Event {
-    /// Returns an event that is no degradation.
+    /// Returns an event without a degradation.
     #[must_use]
     pub fn new(kind: EventKind, at: Tai, frame: Option<u32>, span: Span) -> Self {
         Self { kind, at, frame, span, degradation: Degradation::Full, what: "" }
@@ -185,7 +187,7 @@ impl Event {
 /// Events kept in full.
 pub const KEPT: usize = 64;
 
-/// Counts and the last [`KEPT`] events.
+/// Event counts and the last [`KEPT`] events.
 #[derive(Debug, Clone)]
 pub struct Ledger {
     counts: [u64; EventKind::ALL.len()],
@@ -200,7 +202,7 @@ impl Default for Ledger {
 }
 
 impl Ledger {
-    /// Writes an event down.
+    /// Adds an event.
     pub fn note(&mut self, event: Event) {
         self.counts[event.kind as usize] += 1;
         if self.last.len() < KEPT {
@@ -211,7 +213,7 @@ impl Ledger {
         self.next = (self.next + 1) % KEPT;
     }
 
-    /// Returns how often something happened.
+    /// Returns how often a kind of event happened.
     #[must_use]
     pub fn count(&self, kind: EventKind) -> u64 {
         self.counts[kind as usize]

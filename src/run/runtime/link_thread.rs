@@ -1,7 +1,8 @@
 //! The receiving threads of the bench clock: one per port with a bounded queue each way, one for pulses, one per GPIO chip.
 //!
-//! In: ports. Out: messages stamped where they arrived, with the port they came by. When a queue is full, messages are lost
-//! and counted: the threads wait for nobody. What a port counts is published after each packet.
+//! In: ports. Out: messages stamped where they arrived, with the port they came by. When a queue is full, messages are
+//! lost
+//! and counted: the threads never block on a full queue. Counters of a port are published after each packet.
 
 use crate::runtime::edge_thread::{EdgeThread, TriggerChip};
 use crate::runtime::error::RunError;
@@ -21,15 +22,15 @@ use std::time::Duration;
 
 /// Messages between the receiving threads and the frame thread: 0.3 s of a full 1 Mbit/s bus and a full 3 Mbaud line.
 const RECEIVE_QUEUE: usize = 4096;
-/// Messages to the flight computer.
+/// Capacity of the queue of messages to the flight computer.
 const SEND_QUEUE: usize = 64;
-/// A receiving thread looks for something to send this often.
+/// Interval at which a receiving thread looks for messages to send.
 const SEND_POLL: Span = Span::from_ms(2);
 
-/// Pulses come once a second and are looked for this often.
+/// Interval at which the pulse thread looks for pulses, which come once a second.
 const PULSE_POLL: Span = Span::from_ms(100);
 
-/// What the receiving threads bring.
+/// Items that the receiving threads deliver.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Received {
     /// A message.
@@ -41,23 +42,23 @@ pub(super) enum Received {
     },
     /// A pulse of the flight computer's clock at one of its whole seconds.
     Pulse(Tai),
-    /// A sample that a program outside sent over the control socket, and when it came.
+    /// A sample that an external program sent over the control socket, and its arrival time.
     Sample(Stamped<PlantSample>),
     /// An edge of a trigger line.
     Edge {
-        /// Number of the head that it is for; `None`: all of them.
+        /// Number of the addressed head; `None`: all of them.
         head: Option<usize>,
-        /// When it came.
+        /// Time of the edge.
         at: Tai,
-        /// The line became active; false: inactive.
+        /// True when the line became active.
         is_active: bool,
     },
 }
 
-/// The receiving threads and their queues.
+/// Threads that receive, and their queues.
 pub(super) struct LinkThread {
     received: Queue<Received>,
-    /// Samples of a plant outside; `None`: they come over no socket.
+    /// Samples of an external plant; `None` when no socket delivers any.
     samples: Option<Queue<Stamped<PlantSample>>>,
     stations: Vec<Station>,
     pulses: Option<PulseThread>,
@@ -77,7 +78,7 @@ impl LinkThread {
     /// Starts one thread per port, one per chip with trigger lines, and one for pulses where there is a source.
     ///
     /// # Errors
-    /// When one cannot be started; those before it are ended.
+    /// When one cannot be started; those started before it are ended.
     pub(super) fn start(
         ports: Vec<Port>,
         pulses: Option<Pps>,
@@ -98,13 +99,13 @@ impl LinkThread {
         Ok(link_thread)
     }
 
-    /// What has arrived.
+    /// Returns the items that have arrived, without waiting.
     pub(super) fn arrived(&self) -> impl Iterator<Item = Received> {
         let samples = self.samples.iter().flat_map(Queue::try_iter);
         self.received.try_iter().chain(samples.map(Received::Sample))
     }
 
-    /// Waits for a message, this long at most.
+    /// Waits for an item, at most this long.
     pub(super) fn wait(&self, at_most: Duration) -> Option<Received> {
         if let Some(samples) = &self.samples {
             return select! {
@@ -123,7 +124,7 @@ impl LinkThread {
         }
     }
 
-    /// Queues a message for a port; a full queue is no reason to wait.
+    /// Queues a message for a port; never waits, even when the queue is full.
     pub(super) fn send(&self, port: usize, message: Message) {
         if let Some(station) = self.stations.get(port)
             && station.to_send.try_send(message).is_err()
@@ -132,7 +133,7 @@ impl LinkThread {
         }
     }
 
-    /// What each port counted.
+    /// Returns the counters of each port.
     pub(super) fn readings(&self) -> impl Iterator<Item = PortReading> + '_ {
         self.stations.iter().map(Station::reading)
     }
@@ -157,7 +158,7 @@ impl LinkThread {
         self.chips.iter().map(EdgeThread::lost_edges).sum()
     }
 
-    /// Counters of the ports, and why a thread ended early.
+    /// Ends the threads; returns the counters of the ports, and why a thread ended early.
     pub(super) fn finish(mut self) -> (Vec<PortReading>, Option<RunError>) {
         let mut failure = None;
         let mut readings = Vec::new();
@@ -205,7 +206,7 @@ impl Station {
 }
 
 impl Drop for Station {
-    /// A run that could not start leaves no thread behind.
+    /// Ends the threads, so that a run that could not start leaves none behind.
     fn drop(&mut self) {
         if self.thread.is_some() {
             let _no_one_asks = self.finish();
@@ -213,7 +214,7 @@ impl Drop for Station {
     }
 }
 
-/// What a port's thread has.
+/// Data owned by the thread of a port.
 struct Own {
     number: usize,
     port: Port,
@@ -240,7 +241,7 @@ impl Own {
             }
             shared.publish(&PortReading::of(&self.port, overflows));
         }
-        // What was said last goes out.
+        // Send the messages that are still queued.
         for message in outgoing.try_iter() {
             self.port.send(&message)?;
         }
@@ -248,7 +249,7 @@ impl Own {
     }
 }
 
-/// Looks for pulses; ends when dropped.
+/// A thread that looks for pulses; it ends when this is dropped.
 struct PulseThread {
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
@@ -271,7 +272,7 @@ impl PulseThread {
         Ok(Self { stop, thread })
     }
 
-    /// Returns true when the thread has ended by itself: it goes on until this is dropped.
+    /// Returns true when the thread has ended by itself: otherwise it runs until this is dropped.
     fn is_lost(&self) -> bool {
         self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }

@@ -1,40 +1,45 @@
 //! Measured over predicted drawing time: how much slower the machine is than the costs say, frame by frame.
 //!
-//! In: what a frame was predicted to take and what it took (drawing and detector). Out: a ratio, 1 without load, by which
-//! the planner's time is divided, on the real clock only. Up at once: one slow frame, and the next one is planned for
-//! a machine as slow. Down slowly: exponentially, with a time constant of [`RECOVERY_FRAMES`], so that a load that comes
-//! and goes does not make frames late each time it comes. *Limits.* Never below 1: a fast machine is no reason to
-//! give up the margin; `starloop calibrate` is. A half millisecond is added to both times, so that fixed costs of small
-//! frames are no load. *Validation.* the tests below, and `tests/closed_loop/budget.rs`.
+//! In: predicted and measured time of a frame (drawing and detector). Out: a ratio, 1 without load, by which the
+//! planner's
+//! time is divided, on the real clock only. It rises at once: after one slow frame the next one is planned for a
+//! machine
+//! that slow. It falls exponentially, with a time constant of [`RECOVERY_FRAMES`], so that an intermittent load does
+//! not
+//! make frames late each time it returns. *Limits.* Never below 1: a fast machine does not reduce the margin;
+//! `starloop calibrate` does. Half a millisecond is added to both times, so that fixed costs of small frames do not
+//! count as
+//! load. *Validation.* the tests below, and `tests/closed_loop/budget.rs`.
 
-/// Frames in which what is left of a load that has gone falls to 1/e (37 %).
+/// Frames after which the rest of a past load has decayed to 1/e (37 %).
 pub const RECOVERY_FRAMES: f64 = 10.0;
-/// Highest ratio: one frame that stood still for seconds must not blind the stimulator for minutes.
+/// Highest ratio: one frame that took seconds must not degrade the following minutes.
 pub const MOST: f64 = 10.0;
 /// Added to both times, ms.
 const SLACK_MS: f64 = 0.5;
-/// From here on the machine is called overloaded..
+/// Ratio above which the machine is called overloaded.
 const OVERLOADED: f64 = 2.0;
-/// ..until it is below this.
+/// Ratio below which an overload has ended.
 const GONE: f64 = 1.5;
 
-/// The ratio, and what has been said about it.
+/// The ratio, and the last reported state.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LoadEstimate {
     ratio: f64,
     is_overloaded: bool,
 }
 
-/// A change worth telling.
+/// A change that is reported.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LoadChange {
     /// Drawing takes much longer than predicted.
     Overloaded,
-    /// It does no more.
+    /// Drawing time is back to normal.
     Gone,
 }
 
-/// Returns the measured over predicted time of one frame, from 1 to [`MOST`]; `None` for times that are no numbers.
+/// Returns the ratio of measured to predicted time of one frame, from 1 to [`MOST`]; `None` unless both times are
+/// finite numbers.
 #[must_use]
 pub fn ratio_of(predicted_ms: f64, measured_ms: f64) -> Option<f64> {
     let seen = (measured_ms + SLACK_MS) / (predicted_ms + SLACK_MS);
@@ -42,26 +47,26 @@ pub fn ratio_of(predicted_ms: f64, measured_ms: f64) -> Option<f64> {
 }
 
 impl Default for LoadEstimate {
-    /// No load.
+    /// Returns an estimate without load.
     fn default() -> Self {
         Self { ratio: 1.0, is_overloaded: false }
     }
 }
 
 impl LoadEstimate {
-    /// Returns the measured over predicted time, from 1 to [`MOST`].
+    /// Returns the ratio of measured to predicted time, from 1 to [`MOST`].
     #[must_use]
     pub fn ratio(&self) -> f64 {
         self.ratio
     }
 
-    /// Returns an estimate that stands at `ratio`, as one that was written down.
+    /// Returns an estimate with a recorded ratio.
     #[must_use]
-    pub fn standing_at(ratio: f64) -> Self {
+    pub fn with_ratio(ratio: f64) -> Self {
         Self { ratio: ratio.clamp(1.0, MOST), ..Self::default() }
     }
 
-    /// Takes a frame in, ms; says when the load begins or has gone. Times that are no numbers are left out.
+    /// Updates the estimate with a frame's times, ms; returns a change of load. Times that are not finite are ignored.
     pub fn observe(&mut self, predicted_ms: f64, measured_ms: f64) -> Option<LoadChange> {
         let seen = ratio_of(predicted_ms, measured_ms)?;
         self.ratio =
@@ -80,7 +85,7 @@ impl LoadEstimate {
 mod tests {
     use super::*;
 
-    /// Ratios after each (predicted, measured).
+    /// Returns the ratios after each (predicted, measured).
     fn ratios(load: &mut LoadEstimate, frames: impl IntoIterator<Item = (f64, f64)>) -> Vec<f64> {
         let mut observe = |(predicted_ms, measured_ms)| {
             load.observe(predicted_ms, measured_ms);
@@ -92,7 +97,7 @@ mod tests {
     #[test]
     fn one_slow_frame_is_enough_and_the_load_is_forgotten_slowly() {
         let mut load = LoadEstimate::default();
-        assert_eq!(ratios(&mut load, [(19.5, 19.5), (19.5, 12.0)]), [1.0, 1.0], "fast is no load");
+        assert_eq!(ratios(&mut load, [(19.5, 19.5), (19.5, 12.0)]), [1.0, 1.0], "a fast frame does not count as load");
         assert_eq!(ratios(&mut load, [(19.5, 59.5)]), [3.0], "at once");
         let falling = ratios(&mut load, [(19.5, 19.5); 40]);
         assert!(falling.windows(2).all(|pair| pair[1] < pair[0]), "{falling:?}");
@@ -136,6 +141,6 @@ mod tests {
         }
         assert_eq!(load, before);
         load.observe(0.1, 60_000.0);
-        assert_eq!(load.ratio(), MOST, "one frame that stood still");
+        assert_eq!(load.ratio(), MOST, "one extremely slow frame");
     }
 }

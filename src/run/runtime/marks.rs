@@ -1,8 +1,8 @@
-//! What a replay needs to know of each frame: how many messages of each port were taken in before it, and under what load
-//! it was planned.
+//! Records what a replay needs to know of each frame: how many messages of each port arrived before it, and the load it
+//! was planned under.
 //!
 //! In: the frame engine, once per frame drawn. Out: a bounded queue that the sink's side empties before it writes the
-//! frame's row. A full queue loses the newest mark and counts it; the frame thread never waits. Test: below, and
+//! frame's row. A full queue loses the newest mark and counts it; the frame thread never waits. Tests: below, and
 //! `tests/closed_loop/replay.rs`.
 
 use crate::runtime::exposing::Exposed;
@@ -11,32 +11,33 @@ use core::sync::atomic::{AtomicU64, Ordering};
 use crossbeam_channel::{Receiver, Sender, bounded};
 use std::sync::Arc;
 
-/// Marks that may wait: many more than frames can be on their way, and those of a long time in which a fault drops all.
+/// Capacity of the queue: many more marks than frames can be in flight, and enough for a long time in which a fault
+/// drops all frames.
 const QUEUE_MARKS: usize = 16_384;
 
-/// What one frame was drawn from.
+/// Inputs that one frame was drawn from.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrameMark {
     /// Frame number.
     pub frame: u32,
-    /// Messages taken in by each port since the run began, all kinds.
+    /// Messages taken in by each port since the run started, all kinds.
     pub messages: [u64; PORTS_MAX],
-    /// Measured over predicted drawing time, as the planner had it.
+    /// Ratio of measured to predicted drawing time that the planner used.
     pub load: f64,
-    /// How far the frame was degraded.
+    /// Degradation of the frame.
     pub degradation: &'static str,
-    /// How a commanded camera exposed it; `None` without commands.
+    /// Exposure of a camera under commands; `None` without commands.
     pub exposed: Option<Exposed>,
 }
 
-/// The frame engine's end.
+/// Sending end, owned by the frame engine.
 #[derive(Debug, Clone)]
 pub struct FrameMarks {
     queue: Sender<FrameMark>,
     lost: Arc<AtomicU64>,
 }
 
-/// The other end.
+/// Receiving end.
 #[derive(Debug)]
 pub struct FrameMarksEnd {
     queue: Receiver<FrameMark>,
@@ -67,7 +68,7 @@ impl FrameMarksEnd {
         self.queue.try_recv().ok()
     }
 
-    /// Marks that were lost since it was asked last.
+    /// Returns the number of marks lost since the last call.
     #[must_use]
     pub fn take_lost(&self) -> u64 {
         self.lost.swap(0, Ordering::Relaxed)

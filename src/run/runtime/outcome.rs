@@ -8,15 +8,15 @@ use base::time::{Span, Tai};
 use frames::report::Losses;
 use frames::sink::{SinkLine, SinkSummary};
 
-/// Everything that is known after a run, whether it ended well or not.
+/// Result of a run, whether it ended well or not.
 pub struct RunOutcome {
     /// Counts, times and events.
     pub record: RunRecord,
-    /// What each port counted.
+    /// Counters of each port.
     pub ports: Vec<PortReading>,
-    /// What the sink of each head wrote; `None` when it could not finish.
+    /// Summary written by the sink of each head; `None` when it could not finish.
     pub summaries: Vec<Option<SinkSummary>>,
-    /// What each sink of each head did, failures included: on the real clock they do not end a run.
+    /// Result of each sink of each head, failures included: on the real clock they do not end a run.
     pub sinks: Vec<SinkLine>,
     /// Threads beside the run that ended before it did: pulses, gateways, the live view.
     pub lost_threads: Vec<&'static str>,
@@ -25,7 +25,7 @@ pub struct RunOutcome {
 }
 
 impl RunOutcome {
-    /// Lists what was lost: frames that a sink dropped or refused, sinks that could not be finished or broke down, threads.
+    /// Lists all losses: frames that a sink dropped or refused, sinks that could not be finished or failed, threads.
     #[must_use]
     pub fn losses(&self) -> Losses {
         let mut losses = Losses::of_sinks(&sink_rows(&self.sinks));
@@ -34,21 +34,21 @@ impl RunOutcome {
         losses
     }
 
-    /// Notes a thread that had ended before the run did, which was seen at `at`.
+    /// Records a thread that ended before the run did; `at` is when this was noticed.
     pub fn note_lost_thread(&mut self, name: &'static str, at: Tai) {
         self.lost_threads.push(name);
         self.record.ledger.note(Event { what: name, ..Event::new(EventKind::ThreadLost, at, None, Span::ZERO) });
     }
 }
 
-/// Adds the thread that reads tiles of stars where the ledger has its loss.
+/// Adds the thread that reads tiles of stars, if the ledger records its loss.
 pub fn note_lost_reader(losses: &mut Losses, ledger: &Ledger) {
     if ledger.count(EventKind::StarReaderLost) > 0 {
         losses.note_thread("tiles");
     }
 }
 
-/// Returns the lines of one head's sinks; with several heads their places say which.
+/// Returns the lines of one head's sinks; with several heads their places contain the head's number.
 pub fn lines_of_head(head: usize, heads: usize, lines: Vec<SinkLine>) -> impl Iterator<Item = SinkLine> {
     let named = move |line: SinkLine| match heads {
         0 | 1 => line,

@@ -1,8 +1,10 @@
-//! The built-in star tracker at the other end of the cable where no spacecraft is flown inside: frames -> attitudes.
+//! The built-in star tracker at the other end of the cable where no internal spacecraft is flown: frames -> attitudes.
 //!
-//! In: a frame of one head as it goes out, and the observer's velocity that it was drawn with. Out: an attitude, or why there
-//! is none, so long after the frame as a tracker thinks. It sees pixels only, and has no gyro: it takes its rate from its last
-//! two attitudes. Frames come in order; the same frames give the same bits. Tests: `tests/closed_loop/lockstep.rs`.
+//! In: a frame of one head as it goes out, and the observer's velocity that it was drawn with. Out: an attitude, or the
+//! reason why there is none, after the tracker's processing time. It sees pixels only, and has no gyro: it derives its
+//! rate
+//! from its last two attitudes. Frames come in order; the same frames give the same bits. Tests:
+//! `tests/closed_loop/lockstep.rs`.
 
 use base::time::{Span, Tai};
 use frames::sink::SentFrame;
@@ -11,48 +13,50 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use testbed::tracker::{CameraOrders, CameraWish, Exposed, GuideStars, Outcome, Tracker, TrackerParams};
 
-/// Outputs that wait to be ready: more than a tracker thinks about.
+/// Capacity for outputs that are not ready yet: more than a tracker processes at a time.
 const WAITING_MAX: usize = 64;
 
-/// What a tracker says of one frame.
+/// Output of a tracker for one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrackerOutput {
     /// Number of the frame.
     pub frame: u32,
-    /// Middle of its exposure, by the tracker's time tag.
+    /// Middle of its exposure according to the tracker's time tag.
     pub mid_exposure: Tai,
-    /// Attitude, or why there is none.
+    /// Attitude, or the reason why there is none.
     pub outcome: Outcome,
 }
 
-/// A tracker with its outputs.
+/// A tracker with its waiting outputs.
 #[derive(Debug)]
 pub struct OutsideTracker {
     tracker: Tracker,
     delay: Span,
     tag_error: Span,
-    /// What it commands its camera; `None`: nothing.
+    /// Commands to its camera; `None` when it sends none.
     orders: Option<CameraOrders>,
-    /// When each is ready.
+    /// Outputs that wait, each with the time at which it is ready.
     waiting: VecDeque<(Tai, TrackerOutput)>,
     ready: Option<TrackerOutput>,
 }
 
 impl OutsideTracker {
-    /// Returns a tracker that is lost in space. It thinks for `delay`, and its time tags are late by `tag_error`.
+    /// Returns a tracker that is lost in space. It takes `delay` to process a frame, and its time tags are late by
+    /// `tag_error`.
     #[must_use]
     pub fn new(params: TrackerParams, guide: Arc<GuideStars>, delay: Span, tag_error: Span) -> Self {
         let waiting = VecDeque::with_capacity(WAITING_MAX);
         Self { tracker: Tracker::new(params, guide), delay, tag_error, orders: None, waiting, ready: None }
     }
 
-    /// Lets it command its camera.
+    /// Sets the commands that it may send to its camera.
     pub fn set_orders(&mut self, orders: Option<CameraOrders>) {
         self.orders = orders;
     }
 
-    /// Measures a frame that goes out at `at`. `beta` is the observer's velocity about the barycentre over the speed of light,
-    /// ICRF axes. Returns what it asks of its camera.
+    /// Measures a frame that goes out at `at`. `beta` is the observer's barycentric velocity divided by the speed of
+    /// light, ICRF
+    /// axes. Returns what it requests of its camera.
     pub fn take_frame(&mut self, frame: &SentFrame, at: Tai, beta: DVec3) -> Option<CameraWish> {
         self.tracker.expose(&Exposed { exposure_s: frame.meta.exposure_s, regions: frame.meta.regions });
         let mid_exposure = frame.meta.mid_exposure + self.tag_error;

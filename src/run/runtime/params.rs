@@ -1,4 +1,4 @@
-//! Everything a run needs to know, checked before it starts.
+//! All parameters of a run, checked before it starts.
 
 use crate::runtime::imager::BackendChoice;
 use base::accuracy::AccuracyBudget;
@@ -17,7 +17,7 @@ use stars::Sky;
 use stars::layer::LayerError;
 use std::path::PathBuf;
 
-/// What becomes of a frame that misses its deadline.
+/// Policy for a frame that misses its deadline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DeadlinePolicy {
     /// The previous image goes out again in its place.
@@ -37,17 +37,17 @@ pub struct AttitudeParams {
     pub history: HistoryLimits,
     /// History of sampled jitter.
     pub jitter_history: HistoryLimits,
-    /// Jitter points further than this outside an exposure are not used for it.
+    /// Largest distance in time from an exposure at which a jitter point is still used for it.
     pub jitter_max_gap: Span,
-    /// A frame waits for jitter samples that are under way as long as this, where its time allows it.
+    /// Longest time that a frame waits for jitter samples that are under way, if its schedule allows it.
     pub jitter_wait: Span,
     /// Time correlation.
     pub clock: RemoteClockLimits,
     /// Jitter lines given as parameters, sensor axes, and the instant of their phases.
     pub jitter_lines: Vec<JitterLine>,
-    /// When the lines' phases hold.
+    /// Instant of the lines' phases.
     pub jitter_epoch: Tai,
-    /// A record that is added to all other jitter.
+    /// A jitter record that is added to all other jitter.
     pub jitter_record: Option<RecordedJitter>,
     /// Mounting.
     pub sensor_from_body: Rotation<Sensor, Body>,
@@ -64,25 +64,25 @@ pub struct RunParams {
     pub targets: Vec<Target>,
     /// Targets on the sky.
     pub sky_targets: Vec<SkyTarget>,
-    /// Of stars and targets each pixel shows the brighter only; otherwise their photons add.
+    /// True when each pixel shows only the brighter of stars and targets; otherwise their photons add.
     pub keeps_brighter: bool,
-    /// Where the sensor is.
+    /// Position of the observer.
     pub observer: Observer,
-    /// Whether the Sun bends the stars' light.
+    /// True when the Sun's light deflection is applied to stars.
     pub light_deflection: bool,
-    /// Planets, Moon and Earth are drawn, and hide what is behind them.
+    /// True when planets, Moon and Earth are drawn and hide the sources behind them.
     pub bodies: bool,
-    /// Layers of stars that are the sky; none: the built-in catalog is.
+    /// Star layers that form the sky; empty: the built-in catalog.
     pub layers: Vec<PathBuf>,
-    /// Memory for the stars of layers, MiB, for each head.
+    /// Memory for the stars of layers for each head, MiB.
     pub star_memory_mb: u32,
     /// Accuracy budget.
     pub budget: AccuracyBudget,
-    /// Which backend.
+    /// Backend choice.
     pub backend: BackendChoice,
-    /// Which method.
+    /// Method choice.
     pub method: MethodChoice,
-    /// Cost constants measured on this machine; `None`: the backend's built-in ones, as on the virtual clock always.
+    /// Cost constants measured on this machine; `None`: the backend's built-in ones, as always on the virtual clock.
     pub cost: Option<CostModel>,
     /// Whether frames that would not be drawn in time are degraded.
     pub degrade: bool,
@@ -94,23 +94,25 @@ pub struct RunParams {
     pub noise_seed: u64,
     /// Start of the first exposure.
     pub first_exposure: Tai,
-    /// What is drawn in other axes than the sensor's own, as for a display in front of it: the turn that
-    /// `attitude.sensor_from_body` ends with. What is told of frames is told without it. `None`: nothing is turned.
+    /// Rotation to the axes in which frames are drawn when these differ from the sensor's own, as for a display in
+    /// front of it.
+    /// `attitude.sensor_from_body` ends with it; frame metadata leaves it out. `None`: frames are drawn in sensor axes.
     pub drawn_from_sensor: Option<Rotation<Sensor, Sensor>>,
     /// Time from one exposure's start to the next.
     pub frame_period: Span,
-    /// How long before their exposures end frames are begun: zero for a sensor that reads out, more for a display, whose
-    /// frames must be there when their light is to leave it.
+    /// How long before the end of an exposure work on its frame starts: zero for a sensor that reads out, more for a
+    /// display,
+    /// where a frame must be ready when its light is to leave the display.
     pub ahead: Span,
     /// Frames to expose.
     pub frames: u32,
-    /// Camera heads that are drawn in turn in each slot: each has its share of the readout time.
+    /// Number of camera heads drawn in turn in each slot: each gets its share of the readout time.
     pub heads: u32,
-    /// What becomes of a late frame.
+    /// Policy for late frames.
     pub deadline_policy: DeadlinePolicy,
 }
 
-/// Share of the readout time kept for attitude, sky, planning, the sink's queue and a busy machine.
+/// Share of the readout time reserved for attitude, sky, planning, the sink's queue and a busy machine.
 const TIME_MARGIN: f64 = 0.2;
 
 impl RunParams {
@@ -120,13 +122,13 @@ impl RunParams {
         Seeds { sensor: self.seed, noise: self.noise_seed }
     }
 
-    /// Prepares Earth, Sun and planets for the exposures of the run: milliseconds a day.
+    /// Prepares Earth, Sun and planets for the exposures of the run: takes milliseconds per day of the run.
     #[must_use]
     pub fn almanac(&self) -> Almanac {
         Almanac::over(self.first_exposure, self.exposure_start(self.frames))
     }
 
-    /// Returns what the scene of the run is made from.
+    /// Returns the parameters of the run's scene.
     #[must_use]
     pub fn scene<'a>(&'a self, almanac: &'a Almanac) -> SceneParams<'a> {
         SceneParams {
@@ -142,13 +144,14 @@ impl RunParams {
     /// Returns the stars of the run.
     ///
     /// # Errors
-    /// When a layer cannot be read or is damaged, or the layers are no one sky.
+    /// When a layer cannot be read or is damaged, or the layers do not form one sky.
     pub fn open_sky(&self) -> Result<Sky, LayerError> {
         Sky::open(&self.layers, self.camera.limiting_mag, self.star_memory_mb)
     }
 
-    /// Returns the time in which a frame must be drawn, ms: its share of the readout time without the detector's own
-    /// and a margin.
+    /// Returns the time in which a frame must be drawn, ms: its share of the readout time minus the detector's own time
+    /// and a
+    /// margin.
     #[must_use]
     pub fn drawing_budget_ms(&self, cost: &CostModel) -> f64 {
         self.drawing_budget_under_ms(cost, 1.0)
@@ -161,14 +164,14 @@ impl RunParams {
         self.drawing_budget_of_ms([1.0, self.camera.predicted_readout_ms(cost)], load)
     }
 
-    /// The same for a frame of which such a share of the rows is read out, which takes the detector so long, ms.
+    /// Returns the same, ms, for a frame with this share of its rows read out and this detector time.
     #[must_use]
     pub fn drawing_budget_of_ms(&self, [rows_share, detector_ms]: [f64; 2], load: f64) -> f64 {
         let share_ms = self.camera.readout_s * rows_share * 1e3 / f64::from(self.heads.max(1));
         (1.0 - TIME_MARGIN) * share_ms / load - detector_ms
     }
 
-    /// Returns whether any target may be drawn.
+    /// Returns true when any target may be drawn.
     #[must_use]
     pub fn has_targets(&self) -> bool {
         !self.targets.is_empty() || !self.sky_targets.is_empty()

@@ -1,4 +1,4 @@
-//! What is said of a frame's line of sight: which part of it was extrapolated, what the quadratic missed, which jitter is missing.
+//! Facts about a frame's line of sight: which part of it was extrapolated, the error of the quadratic, missing jitter.
 //!
 //! In: the report of the path. Out: fields of the frame's metadata, and events where attitudes or jitter samples were
 //! missing. Tests: `tests/closed_loop/attitude.rs`, `tests/closed_loop/late_jitter.rs`.
@@ -10,7 +10,7 @@ use base::units::ARCSEC;
 use frames::sink::FrameMeta;
 use plan::attitude::{PathOrigin, PathReport};
 
-/// What a frame's metadata say of its line of sight; by default that of a frame without one.
+/// Metadata of a frame's line of sight; the default is that of a frame without one.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct PathFacts {
     end_horizon: Span,
@@ -21,7 +21,7 @@ pub(super) struct PathFacts {
 }
 
 impl PathFacts {
-    /// Takes the facts from a report. A path that was predicted or held as a whole says so by its origin.
+    /// Reads the facts from a report. A path that was predicted or held as a whole is marked by its origin instead.
     pub(super) fn of(report: &PathReport, origin: PathOrigin) -> Self {
         Self {
             end_horizon: report.end_horizon,
@@ -32,7 +32,7 @@ impl PathFacts {
         }
     }
 
-    /// Brings what was missing to the ledger.
+    /// Adds missing attitudes and samples to the ledger.
     pub(super) fn note(&self, slot: Slot, ledger: &mut Ledger) {
         let mut note = |kind, span| ledger.note(Event::new(kind, slot.release, Some(slot.number), span));
         if self.is_partly_extrapolated {

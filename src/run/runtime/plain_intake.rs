@@ -1,10 +1,13 @@
-//! Plain messages of an outside simulator -> samples by the bench's clock.
+//! Plain messages of an external simulator -> samples by the bench's clock.
 //!
-//! In: a [`PlainRecord`] with its arrival. Out: a [`PlantSample`]. A tag of any clock (Unix time too: the bench's
-//! clock may play another day) is a time mark as well, so the offset and drift of that clock are estimated as those of a flight computer on the
-//! bus, and its steps and restarts are the same events; without a time values hold when they arrive. What is too old, too new
-//! or repeated is refused by the histories: an attitude is never drawn at another instant than its own.
-//! Tests: `plain_intake_tests`, `hil_scripts/test_plain_links.py`.
+//! In: a [`PlainRecord`] with its arrival. Out: a [`PlantSample`]. A tag of any clock (Unix time too: the bench's clock
+//! may
+//! play another day) is also a time mark, so the offset and drift of that clock are estimated like those of a flight
+//! computer on the bus, and its steps and restarts are the same events. Without a time, values are valid when they
+//! arrive.
+//! Values that are too old, too new or repeated are refused by the histories: an attitude is never drawn at another
+//! instant
+//! than its own. Tests: `plain_intake_tests`, `hil_scripts/test_plain_links.py`.
 
 use super::{PORTS_MAX, Receiver};
 use crate::runtime::ledger::{Event, EventKind, Ledger};
@@ -19,7 +22,8 @@ use plan::attitude::Observed;
 use sky::observer::BarycentricState;
 
 impl Receiver {
-    /// Takes in a message of either kind; an answer to send by the same port, if it wants one. Plain messages want none.
+    /// Accepts a message of either kind; returns an answer to send by the same port, if it needs one. Plain messages
+    /// need none.
     pub fn accept_input(&mut self, port: usize, input: &Stamped<Input>, ledger: &mut Ledger) -> Option<Message> {
         match input.value {
             Input::Message(value) => self.accept_from(port, &Stamped { at: input.at, value }, ledger),
@@ -33,7 +37,7 @@ impl Receiver {
 
     fn accept_plain(&mut self, record: &PlainRecord, arrived: Tai, ledger: &mut Ledger) {
         if self.is_repeated(record.time) {
-            // No mark either: the clock of a sender that hangs would be taken for one that stepped back again and again.
+            // Do not use it as a mark either: the clock of a sender that hangs would seem to step back again and again.
             ledger.note(Event::new(EventKind::SampleRefused, arrived, None, Span::ZERO));
             return;
         }
@@ -55,7 +59,7 @@ impl Receiver {
         self.take_plant(&sample, arrived, ledger);
     }
 
-    /// Returns whether the sender's clock reads what it read before.
+    /// Returns true when the sender's clock shows the same reading as before.
     fn is_repeated(&self, time: PlainTime) -> bool {
         match time {
             PlainTime::Arrival => false,
@@ -74,8 +78,9 @@ impl Receiver {
         }
     }
 
-    /// A tag is a mark of the sender's clock: it is read when the message is sent. One that is a little older than the newest
-    /// belongs to a message that was overtaken, and is no mark: its clock did not step back.
+    /// Uses a tag as a mark of the sender's clock, which is read when the message is sent. A tag slightly older than
+    /// the newest
+    /// one belongs to a message that was overtaken, and is not used: the clock did not step back.
     fn take_tag(&mut self, tag_ns: i64, arrived: Tai, ledger: &mut Ledger) {
         let newest_ns = self.plain_tags.map_or(tag_ns, |(_, newest_ns)| newest_ns);
         let behind = Span::from_ns(newest_ns.saturating_sub(tag_ns));
@@ -98,7 +103,7 @@ impl Receiver {
     }
 }
 
-/// `None` for a quaternion that is none, which the codec has refused already.
+/// Returns `None` for an invalid quaternion, which the codec has already refused.
 fn plant_attitude(attitude: &PlainAttitude) -> Option<PlantAttitude> {
     Some(PlantAttitude {
         body_from_icrf: Rotation::from_wxyz(attitude.q_wxyz, 2.0 * WRITTEN_NORM_TOLERANCE)?,

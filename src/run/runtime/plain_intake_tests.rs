@@ -28,7 +28,7 @@ fn record(time: PlainTime, turned_rad: f64) -> Stamped<Input> {
 }
 
 impl Bench {
-    /// Sends an attitude that arrives so many milliseconds after the start, of a body that turns evenly.
+    /// Sends an attitude of a steadily rotating body; it arrives this many milliseconds after the start.
     fn send(&mut self, arrives_ms: i64, time: impl Fn(Tai) -> PlainTime) {
         let arrives = START + Span::from_ms(arrives_ms);
         let input = record(time(arrives), RATE * (arrives - START).s());
@@ -62,7 +62,7 @@ fn tag_of_any_epoch_is_placed_by_its_estimated_clock() {
     for epoch_ns in [0, -7_000_000_000_000, 1_700_000_000_000_000_000] {
         let mut bench = bench();
         for i in 0..200 {
-            // Delays of 1 ms and more; the floor is taken for the sending.
+            // Delays are 1 ms and more; the smallest delay is taken as the time of sending.
             let late = Span::from_ms(1 + i % 7);
             let tag = |at: Tai| PlainTime::Tag((at - late - START).ns() + epoch_ns);
             bench.send(10 * i + late.ns() / 1_000_000, tag);
@@ -109,7 +109,7 @@ fn repeated_message_is_refused_and_its_attitude_stays_as_old_as_it_is() {
     let tag = |at: Tai| PlainTime::Tag((at - START).ns() + 5);
     (0..50).for_each(|i| bench.send(10 * i, tag));
     let newest = bench.newest();
-    // The sender hangs: the same message again and again.
+    // The sender hangs and repeats the same message.
     let hung = tag(START + Span::from_ms(490));
     (50..250).for_each(|i| bench.send(10 * i, |_| hung));
     assert_eq!((bench.accepted(), bench.count(EventKind::SampleRefused)), (50, 200));

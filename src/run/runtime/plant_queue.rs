@@ -1,7 +1,9 @@
-//! Samples of a plant outside that wait for their own instant on the virtual clock.
+//! Samples of an external plant that wait for their own instant on the virtual clock.
 //!
-//! In: samples in batches of any size, up to any time ahead. Out: single samples in order of time, each when the clock has
-//! reached its instant. What a receiver gets depends on the samples only, never on the batches, so that a run repeats bit for
+//! In: samples in batches of any size, up to any time ahead. Out: single samples in order of time, each when the clock
+//! has
+//! reached its instant. The receiver's input depends on the samples only, never on the batches, so that a run repeats
+//! bit for
 //! bit. A list with one bad sample is refused as a whole. Tests: below, and `tests/closed_loop/lockstep.rs`.
 
 use crate::runtime::plant_sample::PlantSample;
@@ -9,10 +11,10 @@ use base::time::Tai;
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 
-/// Most parts of samples that wait: 1000 s of 100 Hz, about 20 MB.
+/// Capacity in parts of samples: 1000 s of 100 Hz, about 20 MB.
 pub const WAITING_MAX: usize = 100_000;
 
-/// What a sample says; parts of one instant are taken in this order.
+/// Part of a sample; parts of one instant are taken in this order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Part {
     Observer,
@@ -31,7 +33,7 @@ impl Part {
         }
     }
 
-    /// Returns this part of a sample alone.
+    /// Returns a sample with only this part.
     fn of(self, sample: &PlantSample) -> Option<PlantSample> {
         let alone = PlantSample::at(sample.at);
         match self {
@@ -42,7 +44,7 @@ impl Part {
     }
 }
 
-/// Why a list of samples is refused.
+/// Reason why a list of samples is refused.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum PlantRefusal {
     /// A sample of the past.
@@ -54,19 +56,19 @@ pub enum PlantRefusal {
     /// Two samples of one instant.
     #[error("there is an {part} of this instant already; wanted one of each instant")]
     Twice {
-        /// What there is two of.
+        /// Name of the duplicate part.
         part: &'static str,
     },
-    /// A number that is none.
+    /// A number that is not finite.
     #[error("its {part} has a number that is not finite")]
     NotFinite {
-        /// What has it.
+        /// Name of the part that contains it.
         part: &'static str,
     },
-    /// Nothing is said of the instant.
+    /// A sample without any part.
     #[error("it has neither attitude nor jitter nor an observer's state")]
     Empty,
-    /// Too many wait.
+    /// The queue is full.
     #[error("{} samples wait already; step before sending more", WAITING_MAX)]
     Full,
 }
@@ -81,7 +83,7 @@ impl PlantQueue {
     /// Takes a list of samples, all or none. `open_from` is the first instant that has not passed.
     ///
     /// # Errors
-    /// The place in the list of the first sample that is refused, counted from 0, and why.
+    /// Returns the place in the list of the first refused sample, counted from 0, and the reason.
     pub fn put(&mut self, samples: &[PlantSample], open_from: Tai) -> Result<(), (usize, PlantRefusal)> {
         for (place, sample) in samples.iter().enumerate() {
             check(sample, open_from).map_err(|why| (place, why))?;

@@ -1,4 +1,4 @@
-//! One instant of a plant outside, by the bench's clock, in double precision.
+//! One instant of an external plant, by the bench's clock, in double precision.
 //!
 //! Plain datagrams and the control socket bring them; attitudes go to the same history as those of the bus.
 //! Tests: `receiver_tests`.
@@ -8,7 +8,7 @@ use base::time::Tai;
 use glam::DVec3;
 use sky::observer::BarycentricState;
 
-/// What a plant outside says of one instant.
+/// State of an external plant at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlantSample {
     /// The instant.
@@ -17,7 +17,7 @@ pub struct PlantSample {
     pub attitude: Option<PlantAttitude>,
     /// Rotation vector of the line of sight beside the attitude, body axes, rad.
     pub jitter_rad: Option<DVec3>,
-    /// State from the centre of the body that the configured observer is about, ICRF axes, km and km/s.
+    /// State of the observer from the centre of the body that it orbits, ICRF axes, km and km/s.
     pub observer: Option<BarycentricState>,
 }
 
@@ -33,7 +33,7 @@ pub struct PlantAttitude {
 }
 
 impl PlantSample {
-    /// Returns a sample of nothing at an instant.
+    /// Returns an empty sample for an instant.
     #[must_use]
     pub fn at(at: Tai) -> Self {
         Self { at, attitude: None, jitter_rad: None, observer: None }

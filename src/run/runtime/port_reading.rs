@@ -1,4 +1,5 @@
-//! What a port counted, across threads: the link's thread publishes, the frame thread reads and tells the ledger.
+//! Counters of a port, across threads: the link's thread publishes them, the frame thread reads them and adds ledger
+//! events.
 //!
 //! In: a port. Out: a [`PortReading`], and events where a count has risen. Each value is exact; values of one reading may
 //! be a packet apart. No lock, no allocation. Tests: below.
@@ -22,12 +23,12 @@ const COUNTS: usize = 14;
 struct Count {
     /// Name in reports.
     name: &'static str,
-    /// In reports also when zero.
+    /// True when it is reported even if zero.
     is_always_reported: bool,
     place: fn(&mut PortReading) -> &mut u64,
 }
 
-/// Every count: the one list by which they cross threads and are told.
+/// All counts: the single list that is published and reported.
 const ALL: [Count; COUNTS] = [
     always("packets_received", |reading| &mut reading.counters.received),
     always("packets_sent", |reading| &mut reading.counters.sent),
@@ -47,7 +48,7 @@ const ALL: [Count; COUNTS] = [
 
 // A counter that is added to a link must be added above.
 const _: () = assert!(size_of::<LinkCounters>() == (COUNTS - 2) * size_of::<u64>());
-// All of them have room in what a watcher of the run is told.
+// A watcher of the run has fields for all of them.
 const _: () = assert!(COUNTS <= NAMES_MAX && REASONS + PLAIN_REASONS <= NAMES_MAX);
 
 const fn always(name: &'static str, place: fn(&mut PortReading) -> &mut u64) -> Count {
@@ -58,10 +59,10 @@ const fn sometimes(name: &'static str, place: fn(&mut PortReading) -> &mut u64) 
     Count { name, is_always_reported: false, place }
 }
 
-/// What a port counted so far.
+/// Counters of a port so far.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct PortReading {
-    /// Packets, and what became of the link.
+    /// Packet counts and link events.
     pub counters: LinkCounters,
     /// Rejections, by the reason's code.
     pub rejects: [u32; REASONS],
@@ -74,7 +75,7 @@ pub struct PortReading {
 }
 
 impl PortReading {
-    /// Of a port.
+    /// Reads the counters of a port.
     #[must_use]
     pub fn of(port: &Port, queue_overflows: u64) -> Self {
         let mut rejects = [0; REASONS];
@@ -88,7 +89,7 @@ impl PortReading {
         Self { counters: port.counters(), rejects, plain_rejects, queue_overflows, send_overflows: 0 }
     }
 
-    /// Rejections of several ports together.
+    /// Returns the rejections of several ports together.
     #[must_use]
     pub fn rejects_of_all(readings: &[Self]) -> [u32; REASONS] {
         core::array::from_fn(|i| readings.iter().fold(0_u32, |sum, reading| sum.saturating_add(reading.rejects[i])))
@@ -104,19 +105,19 @@ impl PortReading {
         PlainReject::ALL.into_iter().zip(self.plain_rejects)
     }
 
-    /// What a plain link refused: messages of another layout, other senders, messages that are too long.
+    /// Returns the number of messages that a plain link refused: another layout, another sender, or too long.
     fn refused(&self) -> u64 {
         let rejects = self.plain_rejects.iter().map(|count| u64::from(*count)).sum::<u64>();
         rejects + self.counters.foreign + self.counters.oversize
     }
 
-    /// Names and counts for a report; most only when they are not zero.
+    /// Returns names and counts for a report; most only when they are not zero.
     pub fn reported(&self) -> impl Iterator<Item = (&'static str, u64)> {
         let named = ALL.into_iter().zip(self.counts());
         named.filter(|(count, value)| count.is_always_reported || *value > 0).map(|(count, value)| (count.name, value))
     }
 
-    /// All counts with their names, zeros included except those of plain messages.
+    /// Returns all counts with their names, zeros included except those of plain messages.
     #[must_use]
     pub fn named(&self) -> PortCounts {
         PortCounts {
@@ -133,7 +134,7 @@ impl PortReading {
         ALL.map(|count| *(count.place)(&mut self))
     }
 
-    /// Tells the ledger what has happened to the link since `earlier`.
+    /// Adds ledger events for changes of the link since `earlier`.
     pub fn announce(&self, earlier: &Self, at: Tai, ledger: &mut Ledger) {
         let (now, then) = (&self.counters, &earlier.counters);
         let risen = [
@@ -161,7 +162,7 @@ pub struct SharedReading {
 }
 
 impl SharedReading {
-    /// Makes a reading known.
+    /// Publishes a reading.
     pub fn publish(&self, reading: &PortReading) {
         for (shared, count) in self.counts.iter().zip(reading.counts()) {
             shared.store(count, Ordering::Relaxed);
@@ -172,7 +173,7 @@ impl SharedReading {
         }
     }
 
-    /// What was last made known.
+    /// Returns the latest published reading.
     #[must_use]
     pub fn read(&self) -> PortReading {
         let rejects = self.rejects.each_ref().map(|count| count.load(Ordering::Relaxed));
@@ -225,7 +226,7 @@ mod tests {
         let always = ["packets_received", "packets_sent", "packets_overflowed", "queue_overflowed"];
         assert_eq!(reported, always.map(|name| (name, 0)));
         let reported: Vec<_> = reading().reported().map(|(_, count)| count).collect();
-        // Each of the fourteen once: 9 and 16 are the rejections' own.
+        // Each of the fourteen appears once; 9 and 16 are counts of rejections.
         assert_eq!(reported, [1, 2, 3, 10, 13, 4, 5, 6, 11, 12, 7, 8, 14, 15]);
         let named = reading().named();
         assert!(named.counters.iter().map(|(_, count)| count).eq(reported), "the same with all names");

@@ -1,7 +1,9 @@
-//! One camera head on the bench clock: its engine, its buffers, what goes out of it in each slot.
+//! One camera head on the bench clock: its engine, its buffers, and its output in each slot.
 //!
-//! In: a slot that has been released. Out: a frame on its way to the head's sink, or why there is none, and the record of
-//! the slot. The frame thread takes the heads in turn; each has a sink thread of its own. Tests: as of `real_time`.
+//! In: a slot that has been released. Out: a frame on its way to the head's sink, or the reason why there is none, and
+//! the
+//! record of the slot. The frame thread takes the heads in turn; each has its own sink thread. Tests: as for
+//! `real_time`.
 
 use crate::runtime::camera_intake::CameraHead;
 use crate::runtime::delivery::{Delivery, FramePacket};
@@ -22,15 +24,15 @@ use frames::report::{Fate, FrameRecord, MissCause, Stage, StageTimes};
 use frames::sink::{FaultFlags, FrameMeta, SentFrame};
 use plan::attitude::PathOrigin;
 
-/// One head as the frame thread has it.
+/// One head as the frame thread uses it.
 pub(super) struct RealHead<'a> {
-    /// From 0.
+    /// Number of the head, from 0.
     pub(super) number: usize,
     pub(super) engine: &'a mut FrameEngine,
     pub(super) receiver: &'a mut Receiver,
     pub(super) delivery: Delivery,
     faults: Option<&'a mut FrameFaults>,
-    /// What becomes of the frame that is being made.
+    /// Commanded effects on the frame that is being made.
     spoiling: Spoiling,
     spare: Option<FramePacket>,
     previous: SentFrame,
@@ -71,13 +73,13 @@ impl<'a> RealHead<'a> {
         })
     }
 
-    /// Returns what an order from outside may change.
+    /// Returns the parts that an external order may change.
     pub(super) fn parts(&mut self) -> HeadParts<'_> {
         let Self { engine, receiver, faults, .. } = self;
         HeadParts { engine, receiver, faults: faults.as_deref_mut() }
     }
 
-    /// Draws the frame of a slot and sends it, or does what is to be done where it cannot.
+    /// Draws the frame of a slot and sends it, or handles the slot as missed.
     pub(super) fn take_slot(
         &mut self,
         slot: Slot,
@@ -88,7 +90,8 @@ impl<'a> RealHead<'a> {
     ) -> Result<(), RunError> {
         let spare = self.spare.take().or_else(|| self.delivery.take(|back| take_back(record, back)));
         let Some(mut frame_packet) = spare else {
-            // A slot that began too late to be drawn, as after a pause of the whole program, is not missed because of the sink.
+            // A slot that started too late to be drawn, as after a pause of the whole program, is not missed because of
+            // the sink.
             let (kind, cause) = if self.is_over(slot, timed.woken) {
                 (EventKind::Dropped, timed.cause_of_late_start())
             } else {
@@ -98,7 +101,7 @@ impl<'a> RealHead<'a> {
             return Ok(());
         };
         if self.is_over(slot, timed.woken) {
-            // What was drawn before took so long that this slot is over: nothing is drawn for it.
+            // Earlier work took so long that this slot is over: do not draw it.
             frame_packet.frame.meta.lateness = timed.lateness;
             timed.cause = Some(timed.cause_of_late_start());
             frame_packet.record = timed;
@@ -144,7 +147,7 @@ impl<'a> RealHead<'a> {
         }))
     }
 
-    /// Sends nothing for a slot without an attitude, and says so to the flight computer.
+    /// Sends nothing for a slot without an attitude, and reports this to the flight computer.
     fn leave_out(
         &mut self,
         frame_packet: FramePacket,
@@ -161,7 +164,7 @@ impl<'a> RealHead<'a> {
         self.spare = Some(frame_packet);
     }
 
-    /// Writes down how a frame came about, and why it is missed if it is.
+    /// Records how a frame was made, and why it was missed if it was.
     fn finish_record(
         &self,
         timed: &mut FrameRecord,
@@ -184,7 +187,8 @@ impl<'a> RealHead<'a> {
         };
     }
 
-    /// Tells the flight computer what is in a frame. Heads share one exposure time: the first speaks for all.
+    /// Reports the contents of a frame to the flight computer. Heads share one exposure time: only the first head
+    /// reports.
     fn announce(&self, meta: &FrameMeta, shared: &mut Shared<'_>) {
         if self.number == 0 {
             shared.announce(meta, self.engine.pointing_bound_rad(), self.receiver);
@@ -196,14 +200,14 @@ impl<'a> RealHead<'a> {
         }
     }
 
-    /// Returns whether drawing a slot makes no sense any more: it is past due, and under `late` by more than a frame.
+    /// Returns true when it is too late to draw a slot: it is past due, and under `late` by more than a frame.
     fn is_over(&self, slot: Slot, now: Tai) -> bool {
         let params = self.engine.params();
         let grace = if params.deadline_policy == DeadlinePolicy::Late { params.frame_period } else { Span::ZERO };
         now > slot.due + grace
     }
 
-    /// Loses a frame on purpose: the flight computer hears of it, and nobody sees it.
+    /// Drops a frame on purpose: the flight computer gets its report, but the sinks do not get the frame.
     fn withhold(&mut self, mut frame_packet: FramePacket, shared: &mut Shared<'_>, record: &mut RunRecord) {
         self.announce(&frame_packet.frame.meta, shared);
         if let Some(faults) = self.faults.as_mut() {
@@ -215,7 +219,7 @@ impl<'a> RealHead<'a> {
         self.spare = Some(frame_packet);
     }
 
-    /// Sends a finished frame, or does with a late one what the policy says.
+    /// Sends a finished frame, or applies the policy to a late one.
     fn deliver(
         &mut self,
         mut frame_packet: FramePacket,
@@ -237,7 +241,7 @@ impl<'a> RealHead<'a> {
         self.spoil_and_send(frame_packet, shared, record)
     }
 
-    /// Returns a slot whose own frame does not go out: the previous one does under `hold`, else nothing.
+    /// Handles a slot whose own frame does not go out: resends the previous frame under `hold`, else sends nothing.
     fn deliver_late(
         &mut self,
         mut frame_packet: FramePacket,
@@ -265,27 +269,27 @@ impl<'a> RealHead<'a> {
         Ok(())
     }
 
-    /// Tells the flight computer what is in a frame, spoils it if it is to be, and sends it.
+    /// Reports the contents of a frame to the flight computer, damages it if commanded, and sends it.
     fn spoil_and_send(
         &mut self,
         mut frame_packet: FramePacket,
         shared: &mut Shared<'_>,
         record: &mut RunRecord,
     ) -> Result<(), RunError> {
-        // What the stimulator says of itself it says before its frame is spoilt.
+        // The stimulator reports its own data before its frame is damaged.
         self.announce(&frame_packet.frame.meta, shared);
         if let Some(faults) = self.faults.as_mut() {
             faults.spoil(&self.spoiling, &mut frame_packet.frame);
         }
         if self.engine.params().deadline_policy == DeadlinePolicy::Hold {
-            // What is repeated is what went out, with all that is said of it.
+            // A repeated frame equals the frame that went out, including its metadata.
             self.previous.copy_from(&frame_packet.frame);
             self.has_previous = true;
         }
         self.send(frame_packet, self.spoiling.delay, shared.clock.now(), record)
     }
 
-    /// Sends a frame out `now`, or `delay` after it is due if there is one.
+    /// Sends a frame `now`, or `delay` after it is due if a delay is given.
     fn send(
         &mut self,
         mut frame_packet: FramePacket,
@@ -296,7 +300,7 @@ impl<'a> RealHead<'a> {
         frame_packet.not_before = (delay > Span::ZERO).then(|| frame_packet.record.due + delay);
         record.count_outgoing(&frame_packet.frame.meta);
         let meta = &frame_packet.frame.meta;
-        // A held image is as old as when it was made: latency is that of what is seen.
+        // A held image keeps the time of its own exposure: latency refers to the visible image.
         frame_packet.record.mid_exposure = meta.mid_exposure;
         frame_packet.record.commanded =
             (meta.origin != origin_name(PathOrigin::Absent)).then(|| meta.mid_exposure - meta.horizon);
@@ -308,7 +312,7 @@ impl<'a> RealHead<'a> {
     }
 }
 
-/// A slot for which nothing goes out.
+/// Records a slot for which nothing goes out.
 fn drop_slot(slot: Slot, timed: &mut FrameRecord, kind: EventKind, cause: MissCause, record: &mut RunRecord) {
     record.frames.dropped += 1;
     record.note(kind, slot.due + timed.lateness, slot.number, timed.lateness);
@@ -317,7 +321,7 @@ fn drop_slot(slot: Slot, timed: &mut FrameRecord, kind: EventKind, cause: MissCa
     record.ring.push(*timed);
 }
 
-/// Returns the drawing and detector together, on whichever side of a device.
+/// Returns the time of drawing and detector together, on CPU or GPU.
 fn drawn(times: &StageTimes) -> Span {
     let stages = [Stage::Upload, Stage::Render, Stage::Detector, Stage::Readback];
     stages.into_iter().filter_map(|stage| times.get(stage)).fold(Span::ZERO, |sum, time| sum + time)

@@ -1,11 +1,14 @@
 //! The loop on the bench clock: receiving threads, this (frame) thread and a sink thread per camera head, bounded queues
 //! between them.
 //!
-//! In: heads (an engine and a sink each), ports. Out: a run's record. In every slot the heads are drawn in turn, each with
+//! In: heads (an engine and a sink each), ports. Out: a run's record. In every slot the heads are drawn in turn, each
+//! with
 //! all cores and its share of the readout time. Every slot leaves a [`FrameRecord`], also those for which nothing is
-//! drawn: pushed when its fate is decided, completed when its buffer comes back from the sink thread. Limits: work begins
-//! at the release and not before; late frames are judged when finished, not when delivered (`[budget]` total is held
-//! against delivery). Tests: `tests/closed_loop/{deadline,budget}.rs`, which assert no wall time.
+//! drawn: pushed when its result is decided, completed when its buffer comes back from the sink thread. Limits: work
+//! starts
+//! at the release and not before; late frames are judged when finished, not when delivered (`[budget]` total is
+//! compared
+//! with delivery). Tests: `tests/closed_loop/{deadline,budget}.rs`, which assert no wall time.
 
 use crate::runtime::camera_intake;
 use crate::runtime::delivery::FramePacket;
@@ -37,53 +40,54 @@ use link::{Port, Stamped};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// A sleeping frame thread notices a stop within this.
+/// Time within which a sleeping frame thread notices a stop.
 const STOP_POLL: Span = Span::from_ms(50);
-/// Where clients command a camera or the run, the frame thread looks for commands this often.
+/// Interval at which the frame thread looks for commands, where clients command a camera or the run.
 const DESK_POLL: Span = Span::from_ms(1);
-/// A slot that waits for jitter samples looks for them this often.
+/// Interval at which a slot that waits for jitter samples looks for them.
 const JITTER_POLL: Span = Span::from_ms(1);
 
-/// Stars that a frame has room for at the start: more make its buffers grow, once.
+/// Initial capacity for the stars of a frame: more stars make its buffers grow, once.
 pub const STARS_AT_FIRST: usize = 16_384;
 
-/// What a run on the bench clock runs in.
+/// Environment of a run on the bench clock.
 pub struct Setting<'a> {
     /// The bench clock.
     pub clock: &'a Arc<dyn Clock>,
-    /// Set by whoever wants the run to end.
+    /// Set to true when the run is to end.
     pub stop: &'a Arc<AtomicBool>,
-    /// What threads ask of the system; `None`: nothing.
+    /// Requests to the operating system; `None`: no requests.
     pub hygiene: Option<&'a Arc<Hygiene>>,
-    /// Frames whose times are kept one by one.
+    /// Number of frames whose times are kept individually.
     pub ring_frames: usize,
-    /// What the frame thread is to do between two slots; `None`: nothing.
+    /// Orders for the frame thread, which executes them between two slots; `None`: no orders.
     pub orders: Option<&'a Queue<FrameOrder>>,
 }
 
-/// Something that the frame thread is to do before the slot that is released at the given instant, with all heads. It may take long and allocate: what it
-/// delays is counted as late.
+/// An order that the frame thread executes before the slot that is released at the given instant, with all heads. It
+/// may take
+/// long and allocate: frames that it delays are counted as late.
 pub type FrameOrder = Box<dyn FnOnce(&mut [HeadParts<'_>], &mut RunRecord, Tai) + Send>;
 
 /// The parts of a head that an order may change.
 pub struct HeadParts<'a> {
-    /// Draws.
+    /// Draws frames.
     pub engine: &'a mut FrameEngine,
-    /// Hears.
+    /// Receives messages.
     pub receiver: &'a mut Receiver,
-    /// Spoils frames; `None`: nothing does.
+    /// Damages frames; `None` without faults.
     pub faults: Option<&'a mut FrameFaults>,
 }
 
-/// Where a run on the bench clock hears the flight computer.
+/// Sources of a run on the bench clock: everything that brings input.
 pub struct Sources {
-    /// The bench's ports; the first one is told of the frames.
+    /// Ports of the bench; frames are reported on the first one.
     pub ports: Vec<Port>,
     /// Pulses of the flight computer's clock.
     pub pulses: Option<Pps>,
-    /// Samples that a program outside sends over the control socket; `None`: none do.
+    /// Samples that an external program sends over the control socket; `None` without them.
     pub samples: Option<Queue<Stamped<PlantSample>>>,
-    /// Lines that trigger cameras, by chip.
+    /// Chips with lines that trigger cameras.
     pub chips: Vec<TriggerChip>,
 }
 
@@ -93,15 +97,15 @@ impl From<Port> for Sources {
     }
 }
 
-/// One camera head: what draws its frames, what it has heard, where its frames go, and what goes wrong with them.
+/// One camera head: what draws its frames, its receiver, the sink of its frames, and its faults.
 pub struct Head<'a> {
-    /// Draws.
+    /// Draws frames.
     pub engine: &'a mut FrameEngine,
-    /// Hears.
+    /// Receives messages.
     pub receiver: &'a mut Receiver,
     /// Takes the frames, in a thread of its own.
     pub sink: Box<dyn Sink>,
-    /// Spoils them; `None`: nothing does.
+    /// Damages frames; `None` without faults.
     pub faults: Option<&'a mut FrameFaults>,
 }
 
@@ -121,9 +125,11 @@ pub fn run(
     run_in(&setting, heads, port.into(), &mut |_head, frame, record| progress(frame, record))
 }
 
-/// Returns the same for several heads and in a setting of choice. The calling thread becomes the frame thread and stays
-/// what it is made. Each head has its own slots; heads that are released at the same instant are drawn one after
-/// another. `progress` sees the number of the head, and frames before they are spoilt.
+/// Runs several heads in a given environment. The calling thread becomes the frame thread and keeps its settings. Each
+/// head
+/// has its own slots; heads that are released at the same instant are drawn one after another. `progress` gets the
+/// number
+/// of the head, and frames before they are damaged.
 pub fn run_in(
     setting: &Setting<'_>,
     heads: Vec<Head<'_>>,
@@ -198,28 +204,28 @@ fn start<'a>(
         .enumerate()
         .map(|(number, (head, prototype))| RealHead::start(number, head, prototype, setting));
     let started = started.collect::<Result<Vec<_>, _>>()?;
-    // Last: threads are born with the policy of the thread that starts them.
+    // Last, because new threads inherit the scheduling policy of the thread that starts them.
     if let Some(hygiene) = setting.hygiene {
         hygiene.enter(Role::Frame);
     }
     Ok((started, link_thread))
 }
 
-/// What all heads share.
+/// State shared by all heads.
 pub(super) struct Shared<'a> {
     pub(super) clock: &'a dyn Clock,
     pub(super) link_thread: &'a LinkThread,
-    /// What each port had counted at the frame before.
+    /// Readings of each port at the previous frame.
     readings: Vec<PortReading>,
-    /// Edges of trigger lines that had been lost by then.
+    /// Number of lost edges of trigger lines at the previous frame.
     lost_edges: u64,
     pub(super) reply: Reply,
-    /// What further heads note of messages of which the first has noted the same.
+    /// Receives the notes of further heads about messages that the first head has already noted.
     pub(super) said_already: Ledger,
 }
 
 impl Shared<'_> {
-    /// Tells the flight computer what is in a frame.
+    /// Reports the contents of a frame to the flight computer.
     pub(super) fn announce(&mut self, meta: &FrameMeta, pointing_bound_rad: Option<f64>, receiver: &Receiver) {
         let now = self.clock.now();
         let rejects = PortReading::rejects_of_all(&self.readings);
@@ -277,11 +283,11 @@ impl Bench<'_> {
                 timed.times.set(Stage::Receive, received);
                 record.frames.scheduled += 1;
                 if core::mem::take(&mut is_first) {
-                    // Once a slot: what a further head waited for is the drawing of those before it.
+                    // Recorded once per slot: further heads wait while earlier ones are drawn.
                     record.stages.record(&timed.times);
                 }
                 head.take_slot(slot, timed, &mut self.shared, record, progress)?;
-                // The next head waits for this one: that is where its time goes from the release on.
+                // The next head has waited for this one: its time starts now.
                 begun = self.shared.clock.now();
                 asked = begun;
             }
@@ -289,20 +295,20 @@ impl Bench<'_> {
         Ok(())
     }
 
-    /// Returns when the next slot of any head is released, or a wait for triggers ends; `None` when all are over.
+    /// Returns the next release of any head, or the end of a wait for triggers; `None` when all heads are over.
     fn next_release(&self) -> Option<Tai> {
         let now = self.shared.clock.now();
         let left = self.heads.iter().map(|head| head.engine.exposing().next()).filter(|next| !next.is_over(now));
         let release = |next: NextSlot| match next {
             NextSlot::Slot(slot) => Some(slot.release),
-            // Orders and commands are looked for meanwhile.
+            // Wake up earlier to look for orders and commands.
             NextSlot::Waiting(until) => Some(until.min(now + STOP_POLL)),
             NextSlot::Over => None,
         };
         left.filter_map(release).min()
     }
 
-    /// Takes in what clients of the cameras command; true when that has moved the next release.
+    /// Accepts commands from clients of the cameras; returns true when the next release has moved.
     fn poll_desks(&mut self, record: &mut RunRecord) -> bool {
         let (before, now) = (self.forecast(), self.shared.clock.now());
         for head in self.heads.iter_mut().filter(|head| head.engine.exposing().has_desks()) {
@@ -311,13 +317,13 @@ impl Bench<'_> {
         self.forecast() != before
     }
 
-    /// Returns the earliest release that is known of.
+    /// Returns the earliest known release.
     fn forecast(&self) -> Option<Tai> {
         let slots = self.heads.iter().filter_map(|head| head.engine.exposing().next().slot());
         slots.map(|slot| slot.release).min()
     }
 
-    /// Does what was ordered from outside.
+    /// Executes orders from outside.
     fn take_orders(&mut self, orders: Option<&Queue<FrameOrder>>, release: Tai, record: &mut RunRecord) {
         for order in orders.into_iter().flat_map(Queue::try_iter) {
             let mut parts: Vec<HeadParts<'_>> = self.heads.iter_mut().map(RealHead::parts).collect();
@@ -325,8 +331,9 @@ impl Bench<'_> {
         }
     }
 
-    /// Takes messages and commands in as they come, and sleeps in between, until `at`, a command of a client or of the
-    /// flight computer has moved the next release, or an order waits; false when the run is to stop.
+    /// Accepts messages and commands as they come, and sleeps in between, until `at`, or until a command has moved the
+    /// next
+    /// release, or an order waits; returns false when the run is to stop.
     fn listen_until(
         &mut self,
         at: Tai,
@@ -349,8 +356,9 @@ impl Bench<'_> {
         false
     }
 
-    /// Waits for jitter samples of the exposures released at `release` that are under way, as long as every head of them has
-    /// time for it; false when the run is to stop.
+    /// Waits for jitter samples of the exposures released at `release` that are under way, while every such head has
+    /// time for
+    /// it; returns false when the run is to stop.
     fn await_jitter(&mut self, release: Tai, stop: &AtomicBool, record: &mut RunRecord) -> bool {
         let limit = |bench: &Self| {
             let waits = bench.released(release).map(|(head, slot)| head.engine.jitter_wait(slot, head.receiver));
@@ -371,7 +379,7 @@ impl Bench<'_> {
         true
     }
 
-    /// Heads with a slot that is released at this instant, and that slot.
+    /// Returns the heads with a slot that is released at this instant, and that slot.
     fn released(&self, release: Tai) -> impl Iterator<Item = (&RealHead<'_>, Slot)> {
         let slots = self.heads.iter().filter_map(|head| Some((head, head.engine.exposing().next().slot()?)));
         slots.filter(move |(_, slot)| slot.release == release)
@@ -381,7 +389,7 @@ impl Bench<'_> {
         self.heads.iter().any(|head| head.engine.exposing().has_desks())
     }
 
-    /// What has arrived and was not waited for; and what became of the ports.
+    /// Accepts everything that has arrived, without waiting, and updates the state of the ports.
     fn receive(&mut self, record: &mut RunRecord) {
         let link_thread = self.shared.link_thread;
         for got in link_thread.arrived() {
@@ -403,7 +411,7 @@ impl Bench<'_> {
         self.shared.lost_edges = lost;
     }
 
-    /// Every head hears everything; the first one answers and notes.
+    /// Passes an input to every head; the first one answers and records events.
     fn take_in(&mut self, got: &Received, record: &mut RunRecord) {
         if let Received::Message { message, .. } = got {
             camera_intake::show(&mut self.heads, &message.value);
@@ -417,7 +425,7 @@ impl Bench<'_> {
                     if for_head.is_none_or(|number| number == head.number) {
                         let command = CameraCommand::Trigger { source: TriggerSource::Line, is_rising: *is_active };
                         let commanded = Commanded { command, at: *at, from: CommandSource::Line };
-                        // What is refused is an event.
+                        // A refused command is recorded as an event.
                         let _noted = head.engine.exposing_mut().take(&commanded, &mut record.ledger);
                     }
                 }
@@ -436,7 +444,7 @@ impl Bench<'_> {
     }
 }
 
-/// What the sink thread says of a frame whose buffer comes back.
+/// Records the sink thread's results for a frame whose buffer comes back.
 pub(super) fn take_back(record: &mut RunRecord, frame_packet: &FramePacket) {
     if frame_packet.delivered {
         record.complete(&frame_packet.record);

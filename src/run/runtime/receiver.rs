@@ -26,24 +26,24 @@ use std::collections::VecDeque;
 
 /// Period of classic jitter pairs' samples.
 const PAIR_PERIOD: Span = Span::from_ms(1);
-/// Norm tolerance of a quaternion that the protocol has already checked.
+/// Tolerance of the norm of a quaternion that the protocol has already checked.
 const NORM_TOLERANCE: f64 = 2.0 * WRITTEN_NORM_TOLERANCE;
 
-/// Attitudes whose tags are kept: more than an exposure and a readout bring.
+/// Number of attitude tags that are kept: more than arrive during an exposure and a readout.
 const TAGS: usize = 256;
-/// States of the observer that wait for an exposure: 10 s of 100 Hz.
+/// Capacity for observer states that wait for an exposure: 10 s of 100 Hz.
 const OBSERVERS: usize = 1024;
-/// Ports whose time marks and messages are kept apart.
+/// Number of ports whose time marks and messages are counted separately.
 pub const PORTS_MAX: usize = 8;
-/// Tables are put into effect this often at most.
+/// Shortest interval between two tables that are put into effect.
 const APPLY_PERIOD: Span = Span::from_ms(50);
 
-/// What became of the pulses per second.
+/// Results of the pulses per second.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct PulseCounts {
-    /// Taken as a whole second of the flight computer's clock.
+    /// Pulses used as whole seconds of the flight computer's clock.
     pub used: u64,
-    /// Of no use: before the first mark, or too far from a whole second.
+    /// Pulses refused: before the first mark, or too far from a whole second.
     pub refused: u64,
 }
 
@@ -54,12 +54,12 @@ pub struct Receiver {
     history: AttitudeHistory,
     jitter: JitterHistory,
     session: Session,
-    /// The last SYNC of each port that has not been told of.
+    /// The last SYNC of each port that has not been reported.
     syncs: [Option<(u8, Tai)>; PORTS_MAX],
     pulses: PulseCounts,
     applied: Option<Tai>,
     newest_epoch: Option<Tai>,
-    /// Tags of the newest attitudes, and the instants they were read as, by rising instant.
+    /// Tags of the newest attitudes with the instants they were converted to, by rising instant.
     tags: VecDeque<(u32, Tai)>,
     newest_arrival: Option<Tai>,
     /// End of the newest exposure that was drawn.
@@ -72,12 +72,12 @@ pub struct Receiver {
     plain_tags: Option<(i64, i64)>,
     /// States of the observer for the next exposure.
     observers: VecDeque<(Tai, BarycentricState)>,
-    /// Number of the latest attitude of a plant outside.
+    /// Sequence number of the latest attitude of an external plant.
     plant_seq: u8,
 }
 
 impl Receiver {
-    /// Returns a receiver that has heard nothing.
+    /// Returns a receiver that has received nothing.
     ///
     /// # Errors
     /// When a jitter line is not finite.
@@ -108,14 +108,14 @@ impl Receiver {
         })
     }
 
-    /// Returns the same with a session kept in another way than the default; before anything is heard.
+    /// Returns the receiver with other session parameters than the default; call before anything is received.
     #[must_use]
     pub fn with_session(mut self, params: SessionParams) -> Self {
         self.session = Session::new(params);
         self
     }
 
-    /// Accepts triggers of this number from now on: a fault or an event of the run waits for it.
+    /// Accepts triggers of this number from now on, because a fault or an event of the run waits for it.
     pub fn expect_trigger(&mut self, number: u16) {
         self.session.expect_trigger(number);
     }
@@ -131,14 +131,15 @@ impl Receiver {
         &self.session
     }
 
-    /// Returns the flight computer's triggers that act at or before `up_to`, by rising time, each once. What is not
-    /// taken from the iterator stays. Allocates nothing.
+    /// Returns the flight computer's triggers that act at or before `up_to`, by rising time, each once. Triggers that
+    /// are
+    /// not taken from the iterator remain. Allocates nothing.
     pub fn take_triggers(&mut self, up_to: Tai) -> impl Iterator<Item = FiredTrigger> + use<'_> {
         let triggers = self.session.triggers_mut();
         core::iter::from_fn(move || triggers.next(up_to))
     }
 
-    /// Hands the triggers that act by the end of a slot's exposure to `fire`, and tells the ledger.
+    /// Passes the triggers that act by the end of a slot's exposure to `fire`, and records them in the ledger.
     pub fn fire_triggers(&mut self, slot: Slot, ledger: &mut Ledger, fire: &mut dyn FnMut(FiredTrigger)) {
         for fired in self.take_triggers(slot.exposure_end) {
             let event = Event::new(EventKind::TriggerFired, fired.at, Some(slot.number), slot.exposure_end - fired.at);
@@ -147,12 +148,12 @@ impl Receiver {
         }
     }
 
-    /// Notices what time alone brings: heartbeats that have stopped.
+    /// Detects heartbeats that have stopped.
     pub fn watch(&mut self, now: Tai, ledger: &mut Ledger) {
         self.session.watch(now, ledger);
     }
 
-    /// Attitudes so far.
+    /// Returns the attitudes so far.
     #[must_use]
     pub fn history(&self) -> &AttitudeHistory {
         &self.history
@@ -164,12 +165,12 @@ impl Receiver {
         &self.jitter
     }
 
-    /// The next exposures last so long, s.
+    /// Sets the length of the next exposures, s.
     pub fn set_exposure_s(&mut self, exposure_s: f64) {
         self.jitter.set_exposure_s(exposure_s);
     }
 
-    /// Takes note that an exposure is drawn, which ends at `until`: samples of it that arrive from now on are late.
+    /// Records that an exposure that ends at `until` is drawn: samples of it that arrive from now on are late.
     pub fn note_drawn(&mut self, until: Tai) {
         self.drawn_until = self.drawn_until.max(Some(until));
     }
@@ -186,25 +187,25 @@ impl Receiver {
         &self.clock
     }
 
-    /// Pulses per second so far.
+    /// Returns the counts of pulses per second so far.
     #[must_use]
     pub fn pulses(&self) -> PulseCounts {
         self.pulses
     }
 
-    /// Parameters.
+    /// Returns the parameters.
     #[must_use]
     pub fn params(&self) -> &AttitudeParams {
         &self.params
     }
 
-    /// Returns messages taken in, all kinds.
+    /// Returns the number of messages taken in, all kinds.
     #[must_use]
     pub fn messages(&self) -> u64 {
         self.messages.iter().sum()
     }
 
-    /// Returns the number of messages taken in by each port, all kinds; ports beyond the last one share its place.
+    /// Returns the number of messages taken in by each port, all kinds; ports beyond the last one share its counter.
     #[must_use]
     pub fn messages_by_port(&self) -> [u64; PORTS_MAX] {
         self.messages
@@ -222,13 +223,14 @@ impl Receiver {
         self.newest_arrival.map(|arrival| at - arrival)
     }
 
-    /// Takes one message of the first port in; an answer to send, if it wants one.
+    /// Accepts one message of the first port; returns an answer to send, if it needs one.
     pub fn accept(&mut self, message: &Stamped<Message>, ledger: &mut Ledger) -> Option<Message> {
         self.accept_from(0, message, ledger)
     }
 
-    /// Takes one message in; an answer to send by the same port, if it wants one. Time marks of ports beyond the first
-    /// `PORTS_MAX` share a place.
+    /// Accepts one message; returns an answer to send by the same port, if it needs one. Ports beyond the first
+    /// `PORTS_MAX`
+    /// share one place for time marks.
     pub fn accept_from(&mut self, port: usize, message: &Stamped<Message>, ledger: &mut Ledger) -> Option<Message> {
         let at = message.at;
         let port = port.min(PORTS_MAX - 1);
@@ -243,14 +245,15 @@ impl Receiver {
             Message::Wheels(wheels) => self.take_wheels(wheels, at, ledger),
             Message::Table(cell) => self.session.put(cell),
             Message::Heartbeat(heartbeat) => self.session.take_in(heartbeat, at, ledger),
-            // Answers of a stimulator: ours, or another one's on the same bus.
+            // Answers of a stimulator: our own, or another one's on the same bus.
             Message::Exposure(_) | Message::Status(_) | Message::Camera(_) | Message::Response(_) => {}
         }
         None
     }
 
-    /// `None` for an APPLY that follows another too soon: noise takes a millisecond to be made, and whoever is not answered
-    /// asks again.
+    /// Returns the answer to a command; `None` for an APPLY that follows another too soon: noise takes a millisecond to
+    /// be made,
+    /// and a client without an answer asks again.
     fn answer(&mut self, command: &Command, at: Tai, ledger: &mut Ledger) -> Option<Message> {
         let is_apply = matches!(command.request, Request::Apply { .. });
         if is_apply && self.applied.is_some_and(|last| at - last < APPLY_PERIOD) {
@@ -270,7 +273,7 @@ impl Receiver {
         Some(Message::Response(answer.response))
     }
 
-    /// Speeds have no time tag: they hold when their message was sent.
+    /// Accepts wheel speeds; they have no time tag and are valid at the time their message was sent.
     fn take_wheels(&mut self, wheels: &Wheels, at: Tai, ledger: &mut Ledger) {
         let rad_s = wheels.speed_rpm.map(|rpm| f64::from(rpm) * RPM);
         if self.jitter.wheel_speeds(rad_s, at - self.params.clock.constant_delay).is_err() {
@@ -278,15 +281,16 @@ impl Receiver {
         }
     }
 
-    /// Returns the flight computer's time of an instant, us modulo 2^32, by the tags of the attitudes about it: the
-    /// time by which they were read, also when the clock's estimate has moved since. `None` before the first attitude.
+    /// Returns the flight computer's time of an instant, us modulo 2^32, by the tags of the nearest attitudes: the time
+    /// by
+    /// which they were converted, even if the clock's estimate has moved since. `None` before the first attitude.
     #[must_use]
     pub fn remote_us_at(&self, at: Tai) -> Option<u32> {
         let after = self.tags.partition_point(|(_, epoch)| *epoch <= at);
         let (t_us, epoch) = *self.tags.get(after.saturating_sub(1))?;
         let since_ns = (at - epoch).ns();
         let ahead_ns = match self.tags.get(after).filter(|_| after > 0) {
-            // Between two tags in proportion: the estimate may have moved between them.
+            // Interpolate between two tags: the estimate may have moved between them.
             Some((later_us, later)) => {
                 let (ticks_ns, span_ns) = (1000 * i64::from(ticks_diff(*later_us, t_us)), (*later - epoch).ns().max(1));
                 Span::from_s(ticks_ns as f64 * 1e-9 * (since_ns as f64 / span_ns as f64)).ns()
@@ -305,7 +309,7 @@ impl Receiver {
         self.tags.insert(place, (t_us, epoch));
     }
 
-    /// Takes in a pulse at a whole second of the flight computer's clock.
+    /// Accepts a pulse at a whole second of the flight computer's clock.
     pub fn accept_pulse(&mut self, at: Tai) {
         match self.clock.observe_pps(at) {
             ObservedPps::Used => self.pulses.used += 1,
@@ -329,13 +333,15 @@ impl Receiver {
         }
     }
 
-    /// Follows a step of the flight computer's clock, which reads `scet_ns` at `sync_at`. A clock that reads less than half of
-    /// what was expected has restarted: attitudes, jitter and dated triggers of the session before are then forgotten. After
-    /// any other step the attitudes received so far are still those of their instants.
+    /// Follows a step of the flight computer's clock, which reads `scet_ns` at `sync_at`. A clock that reads less than
+    /// half of
+    /// the expected value has restarted: attitudes, jitter and dated triggers of the previous session are then
+    /// discarded. After
+    /// any other step the attitudes received so far keep their instants.
     fn take_step(&mut self, before: &ClockEstimate, scet_ns: i64, sync_at: Tai, now: Tai, ledger: &mut Ledger) {
         let expected_ns = before.to_remote_ns(sync_at);
         let step = Span::from_ns(scet_ns.saturating_sub(expected_ns));
-        // Tags of two clocks have no order.
+        // Tags of two clocks cannot be ordered.
         self.tags.clear();
         if scet_ns < expected_ns / 2 {
             ledger.note(Event::new(EventKind::ClockRestarted, now, None, step));
@@ -351,7 +357,7 @@ impl Receiver {
         }
     }
 
-    /// Uploaded jitter and triggers run by the flight computer's clock.
+    /// Passes the clock's estimate to uploaded jitter and triggers, which run by the flight computer's clock.
     fn follow_clock(&mut self) {
         if let Some(estimate) = self.clock.estimate() {
             self.jitter.follow_clock(&estimate);
@@ -383,8 +389,10 @@ impl Receiver {
         }
     }
 
-    /// Takes in what a plant outside says of an instant; `arrived` is when it came. Returns false when a part of it was
-    /// refused, which the ledger counts. Jitter is taken as single samples: a stream of them has no period, and no frame
+    /// Accepts the state of an external plant at one instant; `arrived` is its arrival time. Returns false when a part
+    /// of it was
+    /// refused, which the ledger counts. Jitter is taken as single samples: a stream of them has no period, and no
+    /// frame
     /// waits for it. Does not allocate.
     pub fn take_plant(&mut self, sample: &PlantSample, arrived: Tai, ledger: &mut Ledger) -> bool {
         let at = sample.at;
@@ -408,7 +416,7 @@ impl Receiver {
         attitude && jitter && observer
     }
 
-    /// Takes a sample that came over no port, and counts it as a message of the first one.
+    /// Accepts a sample that did not come over a port, and counts it as a message of the first one.
     pub fn take_sample(&mut self, sample: &PlantSample, arrived: Tai, ledger: &mut Ledger) {
         self.messages[0] += 1;
         self.take_plant(sample, arrived, ledger);
@@ -440,7 +448,7 @@ impl Receiver {
         }
     }
 
-    /// A classic pair names its place in remote time only modulo 256 slots of 2 ms: the nearest one is meant.
+    /// Accepts a classic pair. It gives its remote time only modulo 256 slots of 2 ms: the nearest candidate is used.
     fn take_pair(&mut self, pair: &JitterPair, at: Tai, ledger: &mut Ledger) {
         let Some(estimate) = self.clock.estimate() else {
             ledger.note(Event::new(EventKind::NoTimeYet, at, None, Span::ZERO));
@@ -454,7 +462,7 @@ impl Receiver {
         self.take_jitter(first, PAIR_PERIOD, &pair.samples_arcsec, at, ledger);
     }
 
-    /// Jitter on the wire is a rotation about body X and Y.
+    /// Accepts jitter samples, which on the wire are rotations about body X and Y.
     fn take_jitter(&mut self, first: Tai, period: Span, samples_arcsec: &[[f32; 2]], at: Tai, ledger: &mut Ledger) {
         self.jitter.note_stream(first, period, at);
         for (i, [x, y]) in (0_i64..).zip(samples_arcsec) {

@@ -5,10 +5,10 @@ use firmware_protocol::message::{AttitudeFlags, Scet, Sync, Trigger};
 use firmware_protocol::version::CURRENT;
 use plan::attitude::{EstimateLimits, HistoryLimits, RemoteClockLimits, StalePolicy};
 
-/// Attitudes and time marks come this far apart.
+/// Interval between attitudes and between time marks.
 const PERIOD_NS: i64 = NS_PER_S / 100;
 
-/// What a receiver of these tests believes.
+/// Returns the parameters of a receiver of these tests.
 pub(super) fn params() -> AttitudeParams {
     AttitudeParams {
         estimate: EstimateLimits { policy: StalePolicy::Hold, ..EstimateLimits::default() },
@@ -30,7 +30,7 @@ struct Cable {
     receiver: Receiver,
     ledger: Ledger,
     now_ns: i64,
-    /// Its clock less ours.
+    /// Time of its clock minus ours.
     ahead_ns: i64,
     counter: u8,
     token: u8,
@@ -38,7 +38,7 @@ struct Cable {
 }
 
 impl Cable {
-    /// Its clock reads `scet_s` at the beginning.
+    /// Returns a cable with a clock that reads `scet_s` at the start.
     fn new(scet_s: i64) -> Self {
         let now_ns = 1000 * NS_PER_S;
         let mut receiver = Receiver::new(params()).unwrap();
@@ -59,7 +59,7 @@ impl Cable {
         self.now_ns + self.ahead_ns
     }
 
-    /// From here on the clock reads this.
+    /// Sets the clock's reading from here on.
     fn set_clock(&mut self, scet_ns: i64) {
         self.ahead_ns = scet_ns - self.now_ns;
     }
@@ -107,8 +107,9 @@ impl Cable {
     }
 }
 
-/// The last number before the restart is every number there is: the numbers within the replay window of 0 need the decoder to
-/// notice, all others a receiver that refuses none that the decoder let through.
+/// Tests every sequence number as the last one before the restart: those within the replay window of 0 need a decoder
+/// that
+/// notices the restart, all others a receiver that accepts everything the decoder passes.
 #[test]
 fn restarted_flight_computer_is_accepted_at_its_first_attitude_whatever_the_last_number() {
     for last in 0..=u8::MAX {
@@ -132,7 +133,7 @@ fn restarted_flight_computer_is_accepted_at_its_first_attitude_whatever_the_last
     }
 }
 
-/// A HELLO alone shows the restart of a flight computer whose SCET goes on, kept by a clock of its own.
+/// Tests that a HELLO alone shows the restart of a flight computer whose SCET goes on because another clock keeps it.
 #[test]
 fn hello_alone_makes_all_sequence_numbers_new() {
     for (with_hello, wanted) in [(true, (2, 0)), (false, (1, 1))] {
@@ -147,7 +148,7 @@ fn hello_alone_makes_all_sequence_numbers_new() {
     }
 }
 
-/// Without signs the difference of two tags of different clocks is near 2^32 us, and the time told is garbage.
+/// Tests signed tag differences: unsigned ones of two clocks are near 2^32 us, and the reported time would be wrong.
 #[test]
 fn exposure_time_is_that_of_the_new_clock_after_a_step_either_way() {
     for step_ns in [2 * NS_PER_S, -2 * NS_PER_S, -99 * NS_PER_S, 4000 * NS_PER_S] {
@@ -166,11 +167,12 @@ fn exposure_time_is_that_of_the_new_clock_after_a_step_either_way() {
         }
         let before = cable.receiver.remote_us_at(Tai::from_ns(middle_ns - 25 * PERIOD_NS)).unwrap();
         let error_us = ticks_diff(before, wrapped((middle_ns - 25 * PERIOD_NS + cable.ahead_ns).div_euclid(1000)));
-        assert!(error_us.abs() < 100, "an exposure before the step is told in the time that holds now: {error_us} us");
+        assert!(error_us.abs() < 100, "an exposure before the step is reported in the present time: {error_us} us");
     }
 }
 
-/// The estimate of the clock moves back by more than an attitude's period: tags and epochs then rise in different orders.
+/// Tests an estimate that moves back by more than an attitude's period, so that tags and epochs rise in different
+/// orders.
 #[test]
 fn exposure_time_stays_near_its_tags_when_the_order_of_epochs_is_another_than_that_of_tags() {
     let mut cable = Cable::new(100);
@@ -232,7 +234,7 @@ fn pairs_are_counted_since_the_start_and_those_left_out_by_reason() {
         (clock.pairs(), clock.late(), clock.outliers())
     };
     assert_eq!(counts(&cable), (500, 0, 0), "not those of a window");
-    // Stamps 300 ms in the past are late, 50 ms ahead they are outliers.
+    // Stamps 300 ms in the past are late; stamps 50 ms ahead are outliers.
     cable.now_ns += NS_PER_S;
     for (off_ms, wanted) in [(-300, (500, 1, 0)), (50, (500, 1, 1)), (0, (501, 1, 1))] {
         cable.ahead_ns += off_ms * 1_000_000;
@@ -259,7 +261,7 @@ fn samples_of_a_plant_outside_keep_double_precision_and_their_instants() {
     assert_eq!(cable.receiver.take_observers().collect::<Vec<_>>(), [(now, state)]);
     assert_eq!(cable.receiver.take_observers().count(), 0, "each state once");
     assert_eq!(ledger.count(EventKind::SampleRefused), 0);
-    // The same instant again, an instant of long ago: counted, each part of it.
+    // The same instant again, and an old instant: each part is counted.
     assert!(!cable.receiver.take_plant(&sample, now, &mut ledger));
     let old = PlantSample { attitude: Some(attitude), ..PlantSample::at(now - Span::from_s(60.0)) };
     let refused = ledger.count(EventKind::SampleRefused);

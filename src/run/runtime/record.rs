@@ -15,7 +15,7 @@ use plan::exposure::Degradation;
 use plan::exposure::method::MethodName;
 use std::collections::BTreeMap;
 
-/// What a run leaves behind.
+/// The results of a run.
 pub struct RunRecord {
     /// Frame counts.
     pub frames: FrameCounts,
@@ -23,22 +23,22 @@ pub struct RunRecord {
     pub ledger: Ledger,
     /// Wall time per stage.
     pub stages: StageHistograms,
-    /// The last frames' times, and why slots were missed (real clock).
+    /// Times of the last frames, and causes of missed slots (real clock).
     pub ring: FrameRing,
     lateness: StageHistogram,
     attitude_age: StageHistogram,
     horizon: StageHistogram,
-    /// From the bus into the history (real clock).
+    /// Time from arrival on the bus to the history (real clock).
     intake: StageHistogram,
     stars: CountHistogram,
     methods: [u64; MethodName::ALL.len()],
     degradations: [u64; Degradation::ALL.len()],
     faults: Vec<u64>,
-    /// What the ports had counted at the newest frame.
+    /// Readings of the ports at the newest frame.
     ports: Vec<PortReading>,
 }
 
-/// Ports for whose readings there is room from the start.
+/// Initial capacity for readings of ports.
 const PORTS: usize = 8;
 
 impl Default for RunRecord {
@@ -61,7 +61,7 @@ impl Default for RunRecord {
     }
 }
 
-// Every kind of event has room in what a watcher of the run is told.
+// A watcher of the run has fields for every kind of event.
 const _: () = assert!(EventKind::ALL.len() <= EVENTS_MAX);
 
 impl RunRecord {
@@ -71,7 +71,7 @@ impl RunRecord {
         Self { ring: FrameRing::with_capacity(frames, heads), ..Self::default() }
     }
 
-    /// A frame has been delivered: what the sink thread measured.
+    /// Records a delivered frame, as measured by the sink thread.
     pub fn complete(&mut self, delivered: &FrameRecord) {
         for stage in [Stage::Handover, Stage::Queue, Stage::Sink, Stage::ReleaseToDelivered] {
             if let Some(time) = delivered.times.get(stage) {
@@ -81,7 +81,8 @@ impl RunRecord {
         self.ring.complete(*delivered);
     }
 
-    /// Writes down what sinks lost: an event for each frame and sink, with the frame's own number and when it was told.
+    /// Records the losses of sinks: an event for each frame and sink, with the frame's own number and the time of the
+    /// report.
     pub fn note_losses(&mut self, losses: &[Loss], at: Tai) {
         for loss in losses {
             let kind = match loss.kind {
@@ -113,7 +114,7 @@ impl RunRecord {
         }
     }
 
-    /// A message was taken in this long after it had arrived at the edge.
+    /// Records the time from a message's arrival to its acceptance.
     pub fn count_intake(&mut self, after: Span) {
         self.intake.record(after);
     }
@@ -126,23 +127,23 @@ impl RunRecord {
         }
     }
 
-    /// Writes an event down.
+    /// Adds an event to the ledger.
     pub fn note(&mut self, kind: EventKind, at: Tai, frame: u32, span: Span) {
         self.ledger.note(Event::new(kind, at, Some(frame), span));
     }
 
-    /// Keeps what the ports have counted so far.
+    /// Stores the present readings of the ports.
     pub fn keep_ports(&mut self, readings: &[PortReading]) {
         self.ports.clear();
         self.ports.extend_from_slice(readings);
     }
 
-    /// Returns counts and times so far, for whoever watches the run: a copy, without allocation.
+    /// Returns a copy of counts and times so far for a watcher of the run, without allocation.
     #[must_use]
     pub fn numbers(&self, frames_in_run: Option<u64>) -> RunNumbers {
         let events = EventKind::ALL.iter().map(|kind| (kind.name(), self.ledger.count(*kind))).collect();
         let stages = self.stages.tallies();
-        // On the real clock the frames that are out are counted at the end; until then by what their sending took.
+        // On the real clock delivered frames are counted at the end; until then the count of sink times is used.
         let sent = stages[Stage::Sink as usize].count();
         let frames = FrameCounts { delivered: self.frames.delivered.max(sent), ..self.frames };
         let mut numbers = RunNumbers { frames_in_run, frames, stages, events, ..RunNumbers::NONE };
@@ -156,7 +157,7 @@ impl RunRecord {
         self.stages.of(Stage::ReleaseToDelivered).p99_ms
     }
 
-    /// Returns the summary of the run (names of bench, clock and times are the caller's to fill in).
+    /// Returns the summary of the run (names of bench, clock and times are filled in by the caller).
     #[must_use]
     pub fn summary(
         &self,
@@ -200,7 +201,7 @@ impl RunRecord {
     }
 }
 
-/// Names with counts above zero.
+/// Returns names with counts above zero.
 fn named<'a>(counts: impl Iterator<Item = (&'a str, u64)>) -> BTreeMap<String, u64> {
     counts.filter(|(_, count)| *count > 0).map(|(name, count)| (name.to_string(), count)).collect()
 }
@@ -255,7 +256,7 @@ fn link_counts(receiver: &Receiver, ports: &[PortReading]) -> LinkCounts {
     counts
 }
 
-/// Counters of one port: the first has plain names, further ones have their number before them.
+/// Adds the counters of one port: the first has plain names, further ones have their number as a prefix.
 fn count_port(counts: &mut LinkCounts, number: usize, port: &PortReading) {
     let name = |what: &str| if number == 0 { what.to_string() } else { format!("port_{number}_{what}") };
     counts.counters.extend(port.reported().map(|(what, count)| (name(what), count)));
@@ -271,7 +272,7 @@ fn reject_name(reason: Reject) -> String {
     format!("{reason:?}")
 }
 
-/// What each sink did, for the summary.
+/// Returns the summary row of each sink.
 #[must_use]
 pub fn sink_rows(sinks: &[SinkLine]) -> Vec<SinkRow> {
     let row = |line: &SinkLine| SinkRow {

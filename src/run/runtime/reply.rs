@@ -1,10 +1,14 @@
-//! What the stimulator tells the flight computer after each frame: EXPOSURE, the pointing rendered, its own state.
+//! Messages from the stimulator to the flight computer after each frame: EXPOSURE, the pointing rendered, its own
+//! state.
 //!
-//! In: a frame's truth, the receiver, what the port refused. Out: at most seven messages, most urgent first: EXPOSURE,
+//! In: a frame's truth, the receiver, the rejections of the port. Out: at most seven messages, most urgent first:
+//! EXPOSURE,
 //! STATUS state, right ascension, declination and roll of this frame, one of STATUS prediction and clock in turn, one
 //! STATUS rejects (each reason when its count has risen, once a second at most). No EXPOSURE before the first attitude.
-//! HEARTBEAT is the flight computer's: two senders of one identifier would collide on a real bus, and STATUS is sign of
-//! life enough. CAMERA_STATUS of every head comes after them, once it was asked for ([`camera_pages`]). Tests: `tests/closed_loop/session.rs`.
+//! Only the flight computer sends HEARTBEAT: two senders of one identifier would collide on a real bus, and STATUS
+//! shows
+//! that the stimulator is alive. CAMERA_STATUS of every head follows, once requested ([`camera_pages`]).
+//! Tests: `tests/closed_loop/session.rs`.
 
 use crate::runtime::port_reading::REASONS;
 use crate::runtime::receiver::Receiver;
@@ -17,39 +21,39 @@ use firmware_protocol::{Message, Reject};
 use frames::camera_control::TriggerSource;
 use frames::sink::{FaultFlags, FrameMeta};
 
-/// Counts of one reason are told this far apart at least.
+/// Shortest interval between reports of one reason's count.
 const ONCE: Span = Span::from_ms(1000);
 
-/// Who says what, and when it was last said.
+/// State of the reports: which page is next, and when each reason was last reported.
 #[derive(Debug, Clone, Default)]
 pub struct Reply {
-    /// Told of so far.
+    /// Frames reported so far.
     frames: u64,
     rejects: [Reported; REASONS],
 }
 
-/// What the flight computer knows of one reason's count.
+/// Count of one reason as last reported to the flight computer.
 #[derive(Debug, Clone, Copy, Default)]
 struct Reported {
     count: u32,
     at: Option<Tai>,
 }
 
-/// One frame as it is told of.
+/// One frame with the data needed to report it.
 #[derive(Debug, Clone, Copy)]
 pub struct ReportedFrame<'a> {
     /// The frame's truth.
     pub meta: &'a FrameMeta,
-    /// Bound of its pointing error, where one is known.
+    /// Bound of its pointing error, if known.
     pub pointing_bound_rad: Option<f64>,
-    /// How often the ports refused input, by the reason's code.
+    /// Number of refused inputs of the ports, by the reason's code.
     pub rejects: &'a [u32; REASONS],
-    /// Now.
+    /// Current time.
     pub now: Tai,
 }
 
 impl Reply {
-    /// Returns messages for one frame.
+    /// Returns the messages for one frame.
     pub fn messages(
         &mut self,
         frame: &ReportedFrame<'_>,
@@ -72,7 +76,7 @@ impl Reply {
         .flatten()
     }
 
-    /// Returns what is sent in place of a frame when the stream has stopped and the policy is to send none.
+    /// Returns the message sent instead of a frame when the stream has stopped and the policy is to send none.
     #[must_use]
     pub fn stopped(&self, receiver: &Receiver, now: Tai) -> Message {
         Message::Status(self.state(StimulatorMode::Stopped, receiver, now))
@@ -83,7 +87,7 @@ impl Reply {
         StatusPage::State { mode, frames, latency_us: latency_us(receiver, now) }
     }
 
-    /// The reason told longest ago of those whose count has risen and that may be told again.
+    /// Returns the page of the reason whose report is longest ago, among those whose count has risen and that are due.
     fn reject(&mut self, counts: &[u32; REASONS], now: Tai) -> Option<StatusPage> {
         let is_due = |reported: &Reported| reported.at.is_none_or(|last| now - last >= ONCE);
         let risen = self.rejects.iter_mut().zip(counts).zip(Reject::ALL);
@@ -95,13 +99,13 @@ impl Reply {
     }
 }
 
-/// From the epoch of the newest attitude to now, when the frame goes out.
+/// Returns the time from the epoch of the newest attitude to now, when the frame goes out, us.
 fn latency_us(receiver: &Receiver, now: Tai) -> u32 {
     let age = receiver.age_at(now).unwrap_or(Span::ZERO);
     u32::try_from(age.ns().max(0) / 1000).unwrap_or(u32::MAX)
 }
 
-/// What the ports refused, and what the histories did.
+/// Returns the rejections of the ports and of the histories.
 fn all_rejects(ports: &[u32; REASONS], receiver: &Receiver) -> [u32; REASONS] {
     let mut all = *ports;
     let mut add = |reason: Reject, count: u64| {
@@ -114,7 +118,7 @@ fn all_rejects(ports: &[u32; REASONS], receiver: &Receiver) -> [u32; REASONS] {
         add(Reject::NotFinite, counts.not_finite);
         add(Reject::UnknownValue, counts.too_fast);
     }
-    // A pair that came too late looks older than it can be, an outlying one newer.
+    // A pair that came too late has a time older than possible, an outlying one a newer time.
     add(Reject::StaleTime, receiver.clock().late());
     add(Reject::FutureTime, receiver.clock().outliers());
     all
@@ -133,14 +137,14 @@ fn pointing(meta: &FrameMeta, angle: PointingAngle, degrees: f64) -> Message {
     Message::Status(StatusPage::Pointing { angle, frame: low_byte(meta.number), flags: frame_flags(meta), turns_2_32 })
 }
 
-/// What a frame lacks, in the bits of its STATUS pages.
+/// Returns the fault flags of a frame in the bits of its STATUS pages.
 fn frame_flags(meta: &FrameMeta) -> u16 {
     let jitter = if meta.jitter_missing > Span::ZERO { frame_flag::JITTER_MISSING } else { 0 };
     let attitude = if meta.is_partly_extrapolated { frame_flag::PARTLY_EXTRAPOLATED } else { 0 };
     jitter | attitude
 }
 
-/// Returns how far the attitude was predicted, and how well, where that is known.
+/// Returns the prediction horizon of the attitude and its bound, if known.
 fn prediction(frame: &ReportedFrame<'_>) -> Option<StatusPage> {
     let ten_us = (frame.meta.horizon.ns() / 10_000).clamp(i64::from(i16::MIN), i64::from(i16::MAX));
     let horizon_10us = i16::try_from(ten_us).unwrap_or(i16::MAX);
@@ -151,7 +155,7 @@ fn prediction(frame: &ReportedFrame<'_>) -> Option<StatusPage> {
 
 fn clock(receiver: &Receiver) -> Option<StatusPage> {
     let estimate = receiver.clock().estimate()?;
-    // The drift is local seconds per remote second; the flight computer wants its own rate against ours.
+    // The drift is local seconds per remote second; the flight computer needs its own rate relative to ours.
     #[allow(clippy::cast_possible_truncation, reason = "float-to-int casts saturate")]
     let drift_0_1ppm = (-estimate.drift * 1e7).round() as i16;
     let limits = (i64::from(i32::MIN), i64::from(i32::MAX));
@@ -159,7 +163,7 @@ fn clock(receiver: &Receiver) -> Option<StatusPage> {
     Some(StatusPage::Clock { drift_0_1ppm, residual_ns })
 }
 
-/// Returns the CAMERA_STATUS pages of a frame of a head: what it was exposed with.
+/// Returns the CAMERA_STATUS pages of a frame of a head: its exposure settings.
 pub fn camera_pages(head: usize, meta: &FrameMeta) -> [Message; 3] {
     let (head, frame) = (u8::try_from(head).unwrap_or(u8::MAX), low_byte(meta.number));
     let delay_us = rounded(meta.trigger_delay.s() * 1e6, u32::MAX);
@@ -183,7 +187,7 @@ fn started_by(meta: &FrameMeta) -> StartedBy {
     }
 }
 
-/// Returns the nearest count, at most `largest`; 0 for what is below it, and for NaN.
+/// Returns the nearest count, at most `largest`; 0 for negative values and NaN.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "float-to-int casts saturate")]
 fn rounded(value: f64, largest: u32) -> u32 {
     (value.round() as u32).min(largest)

@@ -1,11 +1,11 @@
-//! What was missing from the scene of an exposure, as events of the ledger.
+//! Adds missing parts of an exposure's scene to the ledger.
 
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::slot::Slot;
 use base::time::Span;
 use scene::SceneReport;
 
-/// Adds an event for each thing that a scene lacks or that a person must know of.
+/// Adds an event for each part that a scene lacks, and for each fact that the user must know.
 pub(super) fn note(report: &SceneReport, slot: Slot, ledger: &mut Ledger) {
     let SceneReport { is_excluded, shortfall, lost_reader, bodies, lost_targets, evaluated_series, background: _ } =
         *report;

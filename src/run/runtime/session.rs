@@ -1,8 +1,9 @@
 //! The conversation with the flight computer: HELLO, RUN, STOP, tables of parameters, triggers, camera commands, heartbeats.
 //!
 //! In: commands and heartbeats, stamped. Out: answers, whether frames show stars, events when a peer is refused, falls
-//! silent or speaks again. One answer per command; a retry gets the same answer and changes nothing (the protocol's
-//! `handshake`). Limits: on one bus every sender of commands for this node is the same flight computer. Tests: below, and
+//! silent or returns. One answer per command; a retry gets the same answer and changes nothing (the protocol's
+//! `handshake`). Limits: on one bus every sender of commands for this node is the same flight computer. Tests: below,
+//! and
 //! `tests/closed_loop/session.rs`.
 
 use crate::runtime::camera_intake::CameraIntake;
@@ -18,35 +19,35 @@ use firmware_protocol::tables::TableStore;
 use firmware_protocol::{DBC_CRC32, version};
 use plan::attitude::ClockEstimate;
 
-/// Rates that are sure to be taken; faster records are taken too.
+/// Rates that are guaranteed to be accepted; faster records are accepted too.
 const RATES: Rates = Rates { attitude_hz: 100, jitter_hz: 1000 };
-/// What the stimulator takes beside attitude.
+/// Optional capabilities of the stimulator besides attitude.
 const CAPABILITIES: u16 = capability::PARAMETER_TABLES
     | capability::JITTER_SAMPLES
     | capability::WHEELS
     | capability::TRIGGERS
     | capability::CAMERA;
 
-/// When frames begin to show stars.
+/// Event after which frames show stars.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SessionStart {
-    /// With the first attitude. A STOP, or a HELLO of another major version, ends it until the next RUN.
+    /// The first attitude. A STOP, or a HELLO of another major version, ends it until the next RUN.
     AtOnce,
-    /// With an accepted RUN.
+    /// An accepted RUN.
     OnRun,
 }
 
-/// How the session is kept.
+/// Parameters of a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SessionParams {
     /// When frames begin to show stars.
     pub start: SessionStart,
-    /// A flight computer that has sent heartbeats and sends none for this long has fallen silent.
+    /// Timeout after which a flight computer that has sent heartbeats counts as silent.
     pub heartbeat_timeout: Span,
 }
 
 impl Default for SessionParams {
-    /// At once; three missed heartbeats.
+    /// Returns the default: start at once, and time out after three missed heartbeats.
     fn default() -> Self {
         Self { start: SessionStart::AtOnce, heartbeat_timeout: Span::from_ms(3500) }
     }
@@ -60,17 +61,17 @@ pub struct Session {
     tables: TableStore,
     triggers: Triggers,
     cameras: CameraIntake,
-    /// Stopped, or refused, since the last RUN.
+    /// True when stopped or refused since the last RUN.
     is_halted: bool,
-    /// The last heartbeat heard.
-    got: Option<Tai>,
+    /// Arrival of the last heartbeat.
+    last_heartbeat: Option<Tai>,
     is_silent: bool,
-    /// Its last heartbeat was of another major version.
+    /// True when its last heartbeat was of another major version.
     is_foreign: bool,
 }
 
 impl Session {
-    /// Before the first word.
+    /// Returns the state before the first message.
     #[must_use]
     pub fn new(params: SessionParams) -> Self {
         let handshake = Handshake::new(DBC_CRC32, RATES).with_capabilities(CAPABILITIES);
@@ -81,7 +82,7 @@ impl Session {
             triggers: Triggers::default(),
             cameras: CameraIntake::default(),
             is_halted: false,
-            got: None,
+            last_heartbeat: None,
             is_silent: false,
             is_foreign: false,
         }
@@ -99,7 +100,7 @@ impl Session {
         &self.triggers
     }
 
-    /// Returns the same, for whoever takes out those whose instant has come, or knows the clock anew.
+    /// Returns the triggers, for a caller that takes out due ones or has a new estimate of the clock.
     pub fn triggers_mut(&mut self) -> &mut Triggers {
         &mut self.triggers
     }
@@ -110,7 +111,7 @@ impl Session {
         &self.cameras
     }
 
-    /// Returns the same, for whoever shows it the heads and takes commands out.
+    /// Returns the camera commands, for a caller that describes the heads to it and takes commands out.
     pub fn cameras_mut(&mut self) -> &mut CameraIntake {
         &mut self.cameras
     }
@@ -120,7 +121,7 @@ impl Session {
         self.triggers.expect(number);
     }
 
-    /// Takes one cell of a table in; it has no effect before APPLY.
+    /// Stores one cell of a table; it has no effect before APPLY.
     pub fn put(&mut self, cell: &TableCell) {
         self.tables.put(cell);
     }
@@ -134,7 +135,8 @@ impl Session {
         }
     }
 
-    /// Returns the one answer to a command that arrived at `at`; `clock` is what is known of the flight computer's.
+    /// Returns the single answer to a command that arrived at `at`; `clock` is the estimate of the flight computer's
+    /// clock.
     pub fn answer(&mut self, command: &Command, at: Tai, clock: Option<&ClockEstimate>, ledger: &mut Ledger) -> Answer {
         let was_rendering = self.is_rendering();
         let (triggers, cameras) = (&mut self.triggers, &mut self.cameras);
@@ -175,7 +177,7 @@ impl Session {
         answer
     }
 
-    /// Notes that a trigger was taken in or refused, or counts its repeat.
+    /// Records that a trigger was accepted or refused, or counts its repeat.
     fn note_trigger(&mut self, taken: Option<Result<Taken, Refusal>>, at: Tai, ledger: &mut Ledger) {
         match taken {
             Some(Ok(Taken { triggered, ahead })) if triggered.is_late => {
@@ -192,35 +194,36 @@ impl Session {
         note_forgotten(forgotten, at, ledger);
     }
 
-    /// Forgets the triggers that wait for an instant of a clock that has restarted.
+    /// Discards the triggers that wait for an instant of a clock that has restarted.
     pub fn forget_dated_triggers(&mut self, at: Tai, ledger: &mut Ledger) {
         let forgotten = self.triggers.forget_dated();
         note_forgotten(forgotten, at, ledger);
     }
 
-    /// Moves the triggers that wait to their instants on a clock that has stepped, and forgets those that are then out of reach.
+    /// Moves the waiting triggers to their instants on a clock that has stepped, and discards those that are then out
+    /// of range.
     pub fn step_triggers(&mut self, clock: &ClockEstimate, at: Tai, ledger: &mut Ledger) {
         let forgotten = self.triggers.follow_step(clock, at);
         note_forgotten(forgotten, at, ledger);
     }
 
-    /// Takes a heartbeat of the flight computer in.
+    /// Accepts a heartbeat of the flight computer.
     pub fn take_in(&mut self, heartbeat: &Heartbeat, at: Tai, ledger: &mut Ledger) {
         let is_foreign = heartbeat.major != version::MAJOR;
         if is_foreign && !self.is_foreign {
             ledger.note(Event::new(EventKind::VersionRefused, at, None, Span::ZERO));
         }
         self.is_foreign = is_foreign;
-        if let (true, Some(last)) = (self.is_silent, self.got) {
+        if let (true, Some(last)) = (self.is_silent, self.last_heartbeat) {
             ledger.note(Event::new(EventKind::HeartbeatBack, at, None, at - last));
         }
         self.is_silent = false;
-        self.got = self.got.max(Some(at));
+        self.last_heartbeat = self.last_heartbeat.max(Some(at));
     }
 
-    /// Notices, once each time, that heartbeats have stopped.
+    /// Detects, once each time, that heartbeats have stopped.
     pub fn watch(&mut self, now: Tai, ledger: &mut Ledger) {
-        let silence = self.got.map_or(Span::ZERO, |last| now - last);
+        let silence = self.last_heartbeat.map_or(Span::ZERO, |last| now - last);
         if !self.is_silent && silence > self.params.heartbeat_timeout {
             self.is_silent = true;
             ledger.note(Event::new(EventKind::HeartbeatLost, now, None, silence));
@@ -228,13 +231,13 @@ impl Session {
     }
 }
 
-/// Takes in what one command asks for beside the handshake.
+/// Executes what one command requests beyond the handshake.
 struct Taking<'a> {
     triggers: &'a mut Triggers,
     cameras: &'a mut CameraIntake,
     clock: Option<&'a ClockEstimate>,
     at: Tai,
-    /// What became of the trigger; `None` without one, and for a repeat.
+    /// Result of the trigger; `None` without one, and for a repeat.
     trigger: Option<Result<Taken, Refusal>>,
     /// False for a repeat.
     is_camera_refused: bool,
@@ -343,7 +346,7 @@ mod tests {
         let counts = talk.session.triggers().counts();
         assert_eq!((counts.refused, counts.repeated, talk.session.triggers().waiting()), (1, 1, 0));
         assert_eq!((talk.count(EventKind::TriggerRefused), talk.count(EventKind::CommandRefused)), (1, 0));
-        // Negative control: the number that a fault waits for is taken.
+        // Negative control: the number that a fault waits for is accepted.
         assert!(matches!(talk.say(trigger(3)), Reply::Triggered(_)));
         assert_eq!((talk.count(EventKind::TriggerRefused), talk.count(EventKind::TriggerTaken)), (1, 1));
     }

@@ -12,15 +12,15 @@ pub struct Slot {
     pub exposure_start: Tai,
     /// Last instant of the exposure.
     pub exposure_end: Tai,
-    /// Work on the frame begins: at the exposure's end, or so much earlier as frames are drawn ahead.
+    /// When work on the frame starts: the end of the exposure minus the draw-ahead time.
     pub release: Tai,
-    /// The frame is due.
+    /// When the frame is due.
     pub due: Tai,
-    /// What started the exposure.
+    /// Event that started the exposure.
     pub started: Started,
 }
 
-/// What started an exposure.
+/// Event that started an exposure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Started {
     /// The frame rate.
@@ -28,9 +28,9 @@ pub enum Started {
     Rate,
     /// A trigger.
     Trigger {
-        /// Where it came from.
+        /// Source of the trigger.
         source: TriggerSource,
-        /// When it came.
+        /// Time of the trigger.
         at: Tai,
     },
 }
@@ -47,7 +47,7 @@ impl Started {
 }
 
 impl Slot {
-    /// Returns the time from the trigger to the start of the exposure; zero for an exposure that the frame rate started.
+    /// Returns the time from the trigger to the start of the exposure; zero for an exposure started by the frame rate.
     #[must_use]
     pub fn trigger_delay(&self) -> Span {
         match self.started {

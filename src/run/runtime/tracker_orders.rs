@@ -1,10 +1,10 @@
-//! What the built-in tracker asks of its camera -> commands, as those of any other client.
+//! Converts camera requests of the built-in tracker to commands like those of any other client.
 
 use base::time::Tai;
 use frames::camera_control::{CameraCommand, CommandSource, Commanded};
 use testbed::tracker::CameraWish;
 
-/// Returns the commands of a wish that came at `now`.
+/// Returns the commands for a request that came at `now`.
 pub fn commands_of(wish: &CameraWish, now: Tai) -> impl Iterator<Item = Commanded> + use<> {
     let at = wish.from.max(now);
     let commands = [wish.regions.map(CameraCommand::Regions), wish.exposure.map(CameraCommand::Exposure)];

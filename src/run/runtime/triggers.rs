@@ -1,12 +1,17 @@
-//! Numbered triggers of the flight computer: taken in, held until their instants, handed out in order of time.
+//! Numbered triggers of the flight computer: accepted, kept until their instants, and returned in order of time.
 //!
-//! In: TRIGGER commands, stamped, and what is known of the flight computer's clock. Out: [`FiredTrigger`]s, each once, or a
-//! refusal with its reason. An instant is told modulo 71.6 minutes: it is taken as ahead by up to an hour, or as past by up
-//! to five minutes (then it acts when it came); between the two it is refused. A number that no fault or event of the run
-//! waits for is refused first. Those that wait follow the clock's estimate and its steps; when the clock restarts they are
-//! forgotten, since their instants mean nothing on it.
-//! A fixed number of places; nothing is allocated after the start. What a trigger does is for others to say. Tests: below,
-//! and `tests/closed_loop/triggers.rs`.
+//! In: TRIGGER commands, stamped, and the estimate of the flight computer's clock. Out: [`FiredTrigger`]s, each once,
+//! or a
+//! refusal with its reason. An instant is sent modulo 71.6 minutes: it is taken as ahead by up to an hour, or as past
+//! by up
+//! to five minutes (then it acts on arrival); otherwise it is refused. A number for which no fault or event of the run
+//! waits
+//! is refused first. Waiting triggers follow the clock's estimate and its steps; when the clock restarts they are
+//! discarded,
+//! because their instants are meaningless on it.
+//! The capacity is fixed; nothing is allocated after the start. Other modules decide what a trigger does. Tests: below,
+//! and
+//! `tests/closed_loop/triggers.rs`.
 
 use base::time::{Span, Tai};
 use firmware_protocol::message::{Refusal, Trigger, Triggered};
@@ -14,45 +19,46 @@ use firmware_protocol::ticks::{WRAP_US, ticks_ahead, wrapped};
 use plan::attitude::ClockEstimate;
 use std::collections::VecDeque;
 
-/// Triggers that may wait.
+/// Capacity for waiting triggers.
 pub const PLACES: usize = 64;
-/// Furthest instant ahead.
+/// Largest time from a trigger's arrival to its instant.
 pub const MOST_AHEAD: Span = Span::from_ms(3_600_000);
-/// Furthest instant past.
+/// Largest time by which an instant may have passed.
 pub const MOST_LATE: Span = Span::from_ms(300_000);
 
 /// A trigger whose instant has come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FiredTrigger {
-    /// Which one.
+    /// Trigger number.
     pub number: u16,
-    /// When it acts: its instant, or its arrival when it was to act at once or came late.
+    /// When it acts: its instant, or its arrival when it acts at once or came late.
     pub at: Tai,
 }
 
-/// What became of triggers.
+/// Counts of triggers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct TriggerCounts {
-    /// Taken in.
+    /// Accepted triggers.
     pub accepted: u64,
-    /// Of those, the ones whose instant had passed.
+    /// Accepted triggers whose instant was already past.
     pub late: u64,
-    /// Said again with the same token: answered, not fired twice.
+    /// Triggers repeated with the same token: answered, not fired twice.
     pub repeated: u64,
-    /// Not taken in.
+    /// Refused triggers.
     pub refused: u64,
-    /// Taken in, and forgotten before their instant: at a STOP, or because the clock restarted or stepped out of reach.
+    /// Accepted triggers discarded before their instant: at a STOP, or because the clock restarted or stepped out of
+    /// range.
     pub forgotten: u64,
-    /// Handed out.
+    /// Triggers returned.
     pub fired: u64,
 }
 
-/// A trigger that was taken in now.
+/// A trigger that has just been accepted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Taken {
-    /// Which one, and whether its instant had passed.
+    /// Number of the trigger, and whether its instant was already past.
     pub triggered: Triggered,
-    /// From its arrival to its instant; below zero when that had passed.
+    /// Time from its arrival to its instant; negative when the instant was already past.
     pub ahead: Span,
 }
 
@@ -60,18 +66,18 @@ pub struct Taken {
 #[derive(Debug, Clone, Copy)]
 struct Waiting {
     fired: FiredTrigger,
-    /// How many were taken in before it.
+    /// Number of triggers accepted before it.
     order: u64,
-    /// Its instant in the flight computer's time, ns; `None` when it acts as it came.
+    /// Its instant in the flight computer's time, ns; `None` when it acts on arrival.
     remote_ns: Option<i64>,
 }
 
 /// The triggers of one flight computer.
 #[derive(Debug, Clone)]
 pub struct Triggers {
-    /// By rising time; those of one instant as they came.
+    /// Waiting triggers by rising time; those of one instant in order of arrival.
     waiting: VecDeque<Waiting>,
-    /// The numbers that faults or events of the run wait for, rising.
+    /// Numbers for which faults or events of the run wait, rising.
     expected: Vec<u16>,
     counts: TriggerCounts,
 }
@@ -83,17 +89,17 @@ impl Default for Triggers {
 }
 
 impl Triggers {
-    /// Accepts triggers of this number from now on: a fault or an event of the run waits for it. Allocates.
+    /// Accepts triggers of this number from now on, because a fault or an event of the run waits for it. Allocates.
     pub fn expect(&mut self, number: u16) {
         if let Err(place) = self.expected.binary_search(&number) {
             self.expected.insert(place, number);
         }
     }
 
-    /// Takes in a trigger that arrived at `at`.
+    /// Accepts a trigger that arrived at `at`.
     ///
     /// # Errors
-    /// When nothing waits for its number, all places are taken, no time is known yet, or the instant is too far away.
+    /// When its number is unexpected, the queue is full, no time is known yet, or the instant is too far away.
     pub fn take(&mut self, trigger: Trigger, clock: Option<&ClockEstimate>, at: Tai) -> Result<Taken, Refusal> {
         let taken = self.dated(trigger, clock, at).and_then(|(waiting, ahead)| {
             self.put(waiting)?;
@@ -109,7 +115,7 @@ impl Triggers {
         taken
     }
 
-    /// Returns a trigger with its instant, and how far ahead of its arrival that lies.
+    /// Returns a trigger with its instant, and the time from its arrival to that instant.
     fn dated(&self, trigger: Trigger, clock: Option<&ClockEstimate>, at: Tai) -> Result<(Waiting, Span), Refusal> {
         if self.expected.binary_search(&trigger.number).is_err() {
             return Err(Refusal::UnknownTrigger);
@@ -128,7 +134,7 @@ impl Triggers {
         Ok(())
     }
 
-    /// The clock is known anew: those that wait for an instant get its new place in time.
+    /// Moves the triggers that wait for an instant to their places under a new estimate of the clock.
     pub fn follow_clock(&mut self, clock: &ClockEstimate) {
         self.place_by(|remote_ns| clock.to_tai(remote_ns));
     }
@@ -142,14 +148,15 @@ impl Triggers {
         self.waiting.make_contiguous().sort_unstable_by_key(|waiting| (waiting.fired.at, waiting.order));
     }
 
-    /// The clock has stepped: those that wait for an instant get its new place in time, at once where it has passed. Returns how
-    /// many are forgotten because their instant is now further ahead than one may lie.
+    /// Moves the triggers that wait for an instant after a step of the clock; those whose instant has passed act at
+    /// once.
+    /// Returns how many are discarded because their instant is now too far ahead.
     pub fn follow_step(&mut self, clock: &ClockEstimate, now: Tai) -> u64 {
         self.place_by(|remote_ns| clock.to_tai(remote_ns).max(now));
         self.forget_where(|waiting| waiting.fired.at > now + MOST_AHEAD)
     }
 
-    /// Forgets those that wait for an instant of the flight computer's clock; returns how many there were.
+    /// Discards the triggers that wait for an instant of the flight computer's clock; returns how many there were.
     pub fn forget_dated(&mut self) -> u64 {
         self.forget_where(|waiting| waiting.remote_ns.is_some())
     }
@@ -162,12 +169,12 @@ impl Triggers {
         forgotten
     }
 
-    /// A repeat was answered from memory.
+    /// Counts a repeat that was answered from memory.
     pub fn count_repeat(&mut self) {
         self.counts.repeated += 1;
     }
 
-    /// Forgets those that wait; how many there were.
+    /// Discards the waiting triggers; returns how many there were.
     pub fn forget(&mut self) -> u64 {
         self.forget_where(|_all| true)
     }
@@ -179,32 +186,32 @@ impl Triggers {
         self.waiting.pop_front().map(|waiting| waiting.fired)
     }
 
-    /// Those that wait.
+    /// Returns the number of waiting triggers.
     #[must_use]
     pub fn waiting(&self) -> usize {
         self.waiting.len()
     }
 
-    /// What became of triggers so far.
+    /// Returns the counts so far.
     #[must_use]
     pub fn counts(&self) -> TriggerCounts {
         self.counts
     }
 }
 
-/// When a command acts that arrived at some time.
+/// Time at which a command acts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Instant {
     /// Its instant, or its arrival when it acts at once or came late.
     pub(super) at: Tai,
-    /// From its arrival to its instant; below zero when that had passed.
+    /// Time from its arrival to its instant; negative when the instant was already past.
     pub(super) ahead: Span,
-    /// Its instant in the flight computer's time, ns; `None` when it acts as it came.
+    /// Its instant in the flight computer's time, ns; `None` when it acts on arrival.
     pub(super) remote_ns: Option<i64>,
 }
 
-/// Returns the instant that a command carries which arrived at `at`: microseconds of the flight computer's clock, 0 for
-/// at once.
+/// Returns the instant of a command that arrived at `at` and carries `at_us`, microseconds of the flight computer's
+/// clock, 0 for at once.
 ///
 /// # Errors
 /// When no time is known yet, or the instant is too far away.
@@ -253,7 +260,7 @@ mod tests {
         }
     }
 
-    /// Triggers of a run with a fault behind every number that these tests use.
+    /// Returns the triggers of a run with a fault for every number that these tests use.
     fn expecting_all() -> Triggers {
         let mut triggers = Triggers::default();
         (0..100).for_each(|number| triggers.expect(number));
@@ -287,7 +294,7 @@ mod tests {
         assert_eq!((counts.accepted, counts.fired, counts.late, triggers.waiting()), (4, 4, 0, 0));
     }
 
-    /// Both sides of each edge, in the flight computer's microseconds; its clock reads 4000 s.
+    /// Tests both sides of each limit in the flight computer's microseconds; its clock reads 4000 s.
     #[test]
     fn instants_are_ahead_late_or_refused() {
         let now = 4_000_000_000_i64;
@@ -341,7 +348,7 @@ mod tests {
         for (number, at_us) in [(1, 4_010_000_000), (2, 4_010_000_000), (3, 0), (4, 4_020_000_000)] {
             take(&mut triggers, number, at_us).unwrap();
         }
-        // The mark's way was a millisecond shorter than was thought.
+        // The mark took a millisecond less to arrive than assumed.
         triggers.follow_clock(&clock_behind(6000 * NS_PER_S - 1_000_000));
         let early = Span::from_ms(1);
         let wanted =

@@ -1,9 +1,11 @@
-//! The loop on the virtual clock: one thread, events in order of time, bit-identical whatever the machine does.
+//! The loop on the virtual clock: one thread, events in order of time, bit-identical on every machine.
 //!
-//! Four kinds of events: a sample of a plant outside reaches its instant; the other end of the cable has something to do; a
-//! slot's exposure ends and its frame is drawn; a frame has been read out and goes out. At one instant they come in that
-//! order, except that a frame goes out before the next one is drawn. Drawing takes no simulated time, so nothing is late; wall times per stage are measured all the same.
-//! [`VirtualLoop`] can be advanced step by step; [`run`] takes it to the end.
+//! Four kinds of events: a sample of an external plant reaches its instant; the other end of the cable has work; a
+//! slot's
+//! exposure ends and its frame is drawn; a frame has been read out and goes out. At one instant they come in that
+//! order,
+//! except that a frame goes out before the next one is drawn. Drawing takes no simulated time, so nothing is late; wall
+//! times per stage are still measured. [`VirtualLoop`] can be advanced step by step; [`run`] runs it to the end.
 
 use crate::runtime::camera_intake::{self, CameraHead};
 use crate::runtime::engine::FrameEngine;
@@ -31,18 +33,18 @@ use link::Port;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// A slot that waits for jitter samples looks for them this often.
+/// Interval at which a slot that waits for jitter samples looks for them.
 const JITTER_POLL: Span = Span::from_ms(1);
 
-/// One camera head: what draws its frames, what it has heard, where its frames go, and what goes wrong with them.
+/// One camera head: what draws its frames, its receiver, the sink of its frames, and its faults.
 pub struct Head<'a> {
-    /// Draws.
+    /// Draws frames.
     pub engine: &'a mut FrameEngine,
-    /// Hears.
+    /// Receives messages.
     pub receiver: &'a mut Receiver,
     /// Takes the frames.
     pub sink: &'a mut dyn Sink,
-    /// Spoils them; `None`: nothing does.
+    /// Damages frames; `None` without faults.
     pub faults: Option<&'a mut FrameFaults>,
 }
 
@@ -56,13 +58,14 @@ impl CameraHead for Head<'_> {
     }
 }
 
-/// The world around a [`VirtualLoop`].
+/// The environment of a [`VirtualLoop`].
 pub struct World<'a> {
     /// The stimulator's end of the cable.
     pub port: &'a mut Port,
-    /// Steps the other end to an instant and says when it next has something to do.
+    /// Steps the other end to an instant and returns when it next has work.
     pub far_end: &'a mut dyn FnMut(Tai) -> Result<Tai, FarEndError>,
-    /// Called with every frame that has gone out, and the number of its head; false ends the run. It may exchange the frame for
+    /// Called with every frame that has gone out and the number of its head; false ends the run. It may exchange the
+    /// frame for
     /// another one of that head.
     pub progress: &'a mut dyn FnMut(usize, &mut SentFrame, &RunRecord) -> bool,
 }
@@ -79,11 +82,11 @@ struct Pending {
 pub struct VirtualLoop {
     clock: Arc<Virtual>,
     record: RunRecord,
-    /// When the other end next has something to do; `None` before the start.
+    /// When the other end next has work; `None` before the start.
     far_due: Option<Tai>,
-    /// Samples of a plant outside.
+    /// Samples of an external plant.
     plant: PlantQueue,
-    /// The tracker of each head beside a plant outside, where it has one.
+    /// The tracker of each head beside an external plant, where there is one.
     trackers: Vec<Option<OutsideTracker>>,
     /// Until when each head's next slot waits for jitter samples; `None` when it is drawn at its release.
     waits_until: Vec<Option<Tai>>,
@@ -91,13 +94,13 @@ pub struct VirtualLoop {
     spare: Vec<SentFrame>,
     stopped: bool,
     reply: Reply,
-    /// What the port had counted at the frame before.
+    /// Reading of the port at the previous frame.
     reading: PortReading,
-    /// What further heads note of messages of which the first has noted the same.
+    /// Receives the notes of further heads about messages that the first head has already noted.
     said_already: Ledger,
 }
 
-/// What comes next.
+/// Kind of the next event.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Next {
     Plant,
@@ -107,7 +110,7 @@ enum Next {
 }
 
 impl VirtualLoop {
-    /// Returns a loop in which nothing has happened.
+    /// Returns a loop at its start.
     #[must_use]
     pub fn new(clock: Arc<Virtual>) -> Self {
         Self {
@@ -138,16 +141,17 @@ impl VirtualLoop {
         &self.record
     }
 
-    /// Returns the same, for events that others bring.
+    /// Returns counts and events so far, so that callers can add events.
     pub fn record_mut(&mut self) -> &mut RunRecord {
         &mut self.record
     }
 
-    /// Lets samples of a plant outside wait for their instants, all of a list or none. Those of an instant that has passed are
-    /// refused; what is refused is counted.
+    /// Queues samples of an external plant until their instants, all of a list or none. Samples of an instant that has
+    /// passed
+    /// are refused; refusals are counted.
     ///
     /// # Errors
-    /// The place in the list of the first bad sample, counted from 0, and what is wrong with it.
+    /// Returns the place in the list of the first bad sample, counted from 0, and what is wrong with it.
     pub fn put_plant(&mut self, samples: &[PlantSample]) -> Result<(), (usize, PlantRefusal)> {
         let now = self.clock.now();
         let is_fresh = self.far_due.is_none();
@@ -159,18 +163,18 @@ impl VirtualLoop {
         put
     }
 
-    /// Lets these trackers, one place for each head, see the frames as they go out; before the first frame.
+    /// Sets the trackers, one entry for each head, that receive the frames as they go out; call before the first frame.
     pub fn set_trackers(&mut self, trackers: Vec<Option<OutsideTracker>>) {
         self.trackers = trackers;
     }
 
-    /// Returns the tracker of a head beside a plant outside, if it has one.
+    /// Returns the tracker of a head beside an external plant, if it has one.
     #[must_use]
     pub fn tracker(&self, head: usize) -> Option<&OutsideTracker> {
         self.trackers.get(head).and_then(Option::as_ref)
     }
 
-    /// Returns samples of a plant outside that wait.
+    /// Returns the waiting samples of an external plant.
     #[must_use]
     pub fn plant(&self) -> &PlantQueue {
         &self.plant
@@ -182,14 +186,14 @@ impl VirtualLoop {
         self.stopped
     }
 
-    /// Returns frames drawn that have not gone out, and when the last of them will.
+    /// Returns the number of frames drawn that have not gone out, and when the last of them will.
     #[must_use]
     pub fn on_the_way(&self) -> (u64, Option<Tai>) {
         let last = self.pending.iter().map(|pending| pending.deliver_at).max();
         (self.pending.len() as u64, last)
     }
 
-    /// Returns when the next frame goes out, of those that are drawn.
+    /// Returns when the next drawn frame goes out.
     #[must_use]
     pub fn next_out(&self) -> Option<Tai> {
         self.pending.iter().map(|pending| pending.deliver_at).min()
@@ -202,7 +206,7 @@ impl VirtualLoop {
         self.far_due.is_some() && self.pending.is_empty() && heads.iter().all(drawn)
     }
 
-    /// Does everything that is due up to and including `until`, and leaves the clock there.
+    /// Processes everything that is due up to and including `until`, and leaves the clock there.
     ///
     /// # Errors
     /// When the link, the backend or a sink failed.
@@ -231,7 +235,7 @@ impl VirtualLoop {
     /// Advances until the last frame of every head is out.
     ///
     /// # Errors
-    /// As [`Self::advance_to`].
+    /// The same errors as [`Self::advance_to`].
     pub fn finish(&mut self, heads: &mut [Head<'_>], world: &mut World<'_>) -> Result<(), RunError> {
         loop {
             let last_release = |head: &Head<'_>| last_release(head.engine);
@@ -263,7 +267,7 @@ impl VirtualLoop {
         Ok(())
     }
 
-    /// Takes in what has arrived by `now`: every head hears everything, the first one answers and notes.
+    /// Accepts what has arrived by `now`: every head receives everything; the first one answers and records events.
     fn receive(&mut self, now: Tai, heads: &mut [Head<'_>], port: &mut Port) -> Result<(), RunError> {
         while let Some(message) = port.receive_any(now)? {
             camera_intake::show(heads, &message.value);
@@ -279,14 +283,14 @@ impl VirtualLoop {
         Ok(())
     }
 
-    /// Takes in what clients of the cameras command, and what waits in their queues.
+    /// Accepts commands from clients of the cameras, and those that wait in the queues.
     fn take_commands(&mut self, now: Tai, heads: &mut [Head<'_>]) {
         for head in heads.iter_mut().filter(|head| head.engine.exposing().has_desks()) {
             head.engine.exposing_mut().poll(now, &mut self.record.ledger);
         }
     }
 
-    /// Hands every head the samples whose instant has come; the first one notes what is refused.
+    /// Passes every head the samples whose instant has come; the first one records refusals.
     fn take_plant(&mut self, at: Tai, heads: &mut [Head<'_>]) {
         while let Some(sample) = self.plant.take(at) {
             for (i, head) in heads.iter_mut().enumerate() {
@@ -311,7 +315,7 @@ impl VirtualLoop {
 
     fn draw(&mut self, i: usize, heads: &mut [Head<'_>], port: &mut Port) -> Result<(), RunError> {
         let head = &mut heads[i];
-        // What was taken in since may have moved the slot.
+        // Input since the forecast may have moved the slot.
         let now = self.clock.now();
         let Some(slot) = head.engine.exposing().next().slot().filter(|slot| slot.release <= now) else { return Ok(()) };
         if self.must_wait(i, slot, head) {
@@ -332,7 +336,7 @@ impl VirtualLoop {
         frame.meta.lateness = Span::ZERO;
         let drawn = watch.lap();
         self.record.count_rendered(&frame, &times);
-        // Heads share one exposure time: the first speaks for all.
+        // Heads share one exposure time: only the first head reports.
         if i == 0 {
             self.announce(&frame, slot.due, head, port)?;
         }
@@ -341,7 +345,7 @@ impl VirtualLoop {
                 port.send(&page)?;
             }
         }
-        // What the stimulator says of itself it says before its frame is spoilt.
+        // The stimulator reports its own data before its frame is damaged.
         if let Some(faults) = head.faults.as_mut() {
             faults.spoil(&fate, &mut frame);
         }
@@ -349,7 +353,8 @@ impl VirtualLoop {
         Ok(())
     }
 
-    /// Lets a slot wait for jitter samples that are under way, a step at a time and as long as there is time for it.
+    /// Returns true while a slot should wait for jitter samples that are under way; it waits in steps while there is
+    /// time.
     fn must_wait(&mut self, i: usize, slot: Slot, head: &Head<'_>) -> bool {
         let now = self.clock.now();
         let limit = slot.release + head.engine.jitter_wait(slot, head.receiver);
@@ -358,7 +363,7 @@ impl VirtualLoop {
         waits
     }
 
-    /// Sends nothing for a slot without an attitude, and says so to the flight computer.
+    /// Sends nothing for a slot without an attitude, and reports this to the flight computer.
     fn leave_out(
         &mut self,
         i: usize,
@@ -376,7 +381,7 @@ impl VirtualLoop {
         Ok(())
     }
 
-    /// Tells the flight computer what was drawn, and the ledger what became of the link.
+    /// Reports the drawn frame to the flight computer, and changes of the link to the ledger.
     fn announce(&mut self, frame: &SentFrame, now: Tai, head: &mut Head<'_>, port: &mut Port) -> Result<(), RunError> {
         let reading = self.watch_link(now, head, port);
         let pointing_bound_rad = head.engine.pointing_bound_rad();
@@ -387,7 +392,7 @@ impl VirtualLoop {
         Ok(())
     }
 
-    /// Brings to the ledger what became of the link; what the port has counted.
+    /// Adds changes of the link to the ledger; returns the counters of the port.
     fn watch_link(&mut self, now: Tai, head: &mut Head<'_>, port: &Port) -> PortReading {
         head.receiver.watch(now, &mut self.record.ledger);
         let reading = PortReading::of(port, 0);
@@ -419,7 +424,7 @@ impl VirtualLoop {
                 let beta = head.engine.observer_beta(pending.frame.meta.mid_exposure).map_err(RunError::Scene)?;
                 let wish = tracker.take_frame(&pending.frame, at, beta);
                 for commanded in wish.iter().flat_map(|wish| commands_of(wish, at)) {
-                    // What is refused is an event of the ledger.
+                    // A refused command is recorded as an event.
                     let _noted = head.engine.exposing_mut().take(&commanded, &mut self.record.ledger);
                 }
             }
@@ -431,12 +436,12 @@ impl VirtualLoop {
             self.stopped |= !(world.progress)(pending.head, &mut pending.frame, &self.record);
             self.spare.push(pending.frame);
         }
-        // Whoever looks at the frames is at the other end.
+        // The far end processes this frame at its arrival.
         self.far_due = Some((world.far_end)(at).map_err(RunError::FarEnd)?);
         Ok(())
     }
 
-    /// Brings to the ledger what a sink lost.
+    /// Adds the losses of a sink to the ledger.
     pub fn note_losses(&mut self, sink: &mut dyn Sink) {
         let (now, record) = (self.clock.now(), &mut self.record);
         sink.take_losses(&mut |loss| record.note_losses(&[loss], now));
@@ -453,7 +458,7 @@ impl VirtualLoop {
     }
 }
 
-/// Returns the latest instant at which a head may still draw, by what is known now.
+/// Returns the latest instant at which a head may still draw, as known now.
 pub(crate) fn last_release(engine: &FrameEngine) -> Tai {
     let nominal = engine.slot(engine.params().frames.saturating_sub(1)).release;
     match engine.exposing().next() {
@@ -469,8 +474,8 @@ fn empty_frame(engine: &FrameEngine) -> SentFrame {
     SentFrame::with_capacity(width, height, 0, camera.name.clone())
 }
 
-/// Runs every slot of one engine. `far_end` steps the other end of the cable to an instant and says when it next has
-/// something to do; `progress` is called after each frame, and says whether to go on.
+/// Runs every slot of one engine. `far_end` steps the other end of the cable to an instant and returns when it next has
+/// work; `progress` is called after each frame, and returns whether to go on.
 pub fn run(
     engine: &mut FrameEngine,
     receiver: &mut Receiver,
@@ -485,7 +490,7 @@ pub fn run(
     run_in(clock, heads, &mut World { port, far_end, progress })
 }
 
-/// Returns the same for several heads.
+/// Runs every slot of several engines.
 pub fn run_in(clock: &Arc<Virtual>, mut heads: Vec<Head<'_>>, world: &mut World<'_>) -> RunOutcome {
     let mut going = VirtualLoop::new(Arc::clone(clock));
     let mut error = going.finish(&mut heads, world).err();

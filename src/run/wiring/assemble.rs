@@ -1,4 +1,4 @@
-//! The assembly of a run: every run, on either clock, with any plant, is put together here.
+//! Assembles every run, on either clock and with any plant.
 //!
 //! ```text
 //! Scenario + RunOptions -> Run { heads with sinks, fault desk, taps, clock } -> connect -> Run::fly      real clock
@@ -44,7 +44,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use testbed::vehicle::TelemetryRow;
 
-/// Which clock a run goes by.
+/// Clock of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RunClockKind {
     /// The bench clock.
@@ -53,41 +53,42 @@ pub enum RunClockKind {
     Virtual,
 }
 
-/// Where frames go.
+/// Destination of the frames.
 pub enum Outputs<'a> {
-    /// To these sinks; files below this directory.
+    /// These sinks, with files below this directory.
     Configured {
         /// Kinds and settings.
         sinks: &'a [SinkSettings],
-        /// Of the run; `None`: no sink keeps files.
+        /// Directory of the run; `None`: no sink keeps files.
         directory: Option<PathBuf>,
     },
-    /// To what is made for each head.
+    /// Sinks that are made by a function for each head.
     Made(&'a mut dyn FnMut(usize) -> Box<dyn Sink>),
 }
 
-/// What is not in the run's file.
+/// Options that are not in the run's file.
 pub struct RunOptions<'a> {
-    /// Which clock.
+    /// Clock of the run.
     pub clock: RunClockKind,
-    /// Where frames go.
+    /// Destination of the frames.
     pub outputs: Outputs<'a>,
-    /// Costs of this machine, for the real clock; `None`: the built-in ones.
+    /// Costs measured on this machine, for the real clock; `None`: the built-in ones.
     pub costs: Option<CostsHere<'a>>,
-    /// What threads ask of the system, on the real clock.
+    /// Requests of the threads to the operating system, on the real clock.
     pub hygiene: Option<Arc<Hygiene>>,
-    /// The capture, where one is made.
+    /// The capture, if one is made.
     pub capture: Option<CaptureOptions<'a>>,
-    /// The live view, where there is one.
+    /// The live view, if there is one.
     pub live: Option<LiveOptions>,
-    /// What steers the run from outside on the real clock.
+    /// Control from outside on the real clock.
     pub steering: Option<Steering>,
-    /// Events may come from outside while the run goes on, also on the virtual clock; so may the samples of a plant outside.
+    /// True when events may come from outside during the run, also on the virtual clock; so may samples of an external
+    /// plant.
     pub is_controlled: bool,
 }
 
 impl<'a> RunOptions<'a> {
-    /// Returns a run on the virtual clock with these outputs and nothing else.
+    /// Returns options of a run on the virtual clock with these outputs and nothing else.
     #[must_use]
     pub fn stepped(outputs: Outputs<'a>) -> Self {
         let (costs, hygiene, capture, live, steering) = (None, None, None, None, None);
@@ -95,14 +96,14 @@ impl<'a> RunOptions<'a> {
         Self { clock, outputs, costs, hygiene, capture, live, steering, is_controlled }
     }
 
-    /// Returns the same on the real clock.
+    /// Returns options of a run on the real clock with these outputs and nothing else.
     #[must_use]
     pub fn real(outputs: Outputs<'a>) -> Self {
         Self { clock: RunClockKind::Real, ..Self::stepped(outputs) }
     }
 }
 
-/// The clock of a run, which its sinks read too.
+/// The clock of a run, which its sinks also read.
 #[derive(Debug, Clone)]
 pub enum RunClock {
     /// The bench clock.
@@ -119,7 +120,7 @@ impl RunClock {
         }
     }
 
-    /// Returns it as whoever only reads it takes it.
+    /// Returns the clock for callers that only read it.
     #[must_use]
     pub fn shared(&self) -> Arc<dyn Clock> {
         match self {
@@ -129,7 +130,7 @@ impl RunClock {
     }
 }
 
-/// A run that is put together.
+/// An assembled run.
 pub struct Run {
     pub(super) scenario: Scenario,
     pub(super) times: RunTimes,
@@ -143,15 +144,15 @@ pub struct Run {
     pub(super) steering: Option<Steering>,
     is_controlled: bool,
     pub(super) cable: Option<Cable>,
-    /// How far the clock is behind the machine's, whose time it was to take.
+    /// Delay of the bench's clock behind the machine's clock, if it was to start at the machine's time.
     lag: Span,
 }
 
-/// Takes rows of telemetry.
+/// Callback for rows of telemetry.
 pub type OnRow = Box<dyn FnMut(&TelemetryRow) + Send>;
 
 impl Run {
-    /// Puts a run together: everything but the cable, which [`Self::connect`] opens.
+    /// Assembles a run: everything except the cable, which [`Self::connect`] opens.
     ///
     /// # Errors
     /// The first part that cannot be made.
@@ -195,7 +196,7 @@ impl Run {
         let desk = FaultDesk::new(times.zero, scenario.bench.sensor_from_body, there, faults_of_bus.clone());
         scenario.events.iter().try_for_each(|event| desk.check(event))?;
         let live = live.map(|live| LiveTap::beside(&live, &scenario.bench.name, &mut heads)).transpose()?;
-        // Last: a run that cannot be put together leaves no capture behind.
+        // Last: a run that cannot be assembled leaves no capture behind.
         let recording = capture.map(|capture| capture.start(&scenario, start, &clock, &mut heads)).transpose();
         let recording = recording.context("--capture")?;
         if let Some(steering) = &steering {
@@ -219,7 +220,7 @@ impl Run {
         })
     }
 
-    /// Opens the cable. On the real clock time begins here, at the run's start.
+    /// Opens the cable. On the real clock the run's time starts here.
     ///
     /// # Errors
     /// When a link cannot be opened.
@@ -228,7 +229,7 @@ impl Run {
             return Ok(());
         }
         if let RunClock::Real(clock) = &self.clock {
-            // Sinks have had the time they took to begin.
+            // Later than the start of the sinks, which takes time.
             self.lag = start::start_clock(clock, self.scenario.bench.timing.start, self.times.start);
         }
         let setting = CableSetting {
@@ -242,16 +243,17 @@ impl Run {
         Ok(())
     }
 
-    /// Calls `on_row` with every row of telemetry, where a spacecraft is flown.
+    /// Sets a callback for every row of telemetry, if a spacecraft is flown.
     pub fn on_row(&mut self, on_row: OnRow) {
         self.on_row = Some(on_row);
     }
 
-    /// Flies the run to its end, or until `stop` is set. `progress` is called after each frame with the number of its head,
+    /// Flies the run to its end, or until `stop` is set. `progress` is called after each frame with the number of its
+    /// head,
     /// and must not block.
     ///
     /// # Errors
-    /// When the run cannot begin; why one that has begun ended early is in the result.
+    /// When the run cannot start; the result states why a started run ended early.
     pub fn fly(
         self,
         stop: &Arc<AtomicBool>,
@@ -270,7 +272,7 @@ impl Run {
         }
     }
 
-    /// Makes the far end, and places the events of the file.
+    /// Returns the far end, with the events of the file placed.
     pub(super) fn far_side(&mut self) -> Result<FarSide, LoopError> {
         self.connect()?;
         let port = self.cable.as_mut().and_then(|cable| cable.far.take());
@@ -284,7 +286,8 @@ impl Run {
         Ok(far)
     }
 
-    /// Makes the queues by which the trackers of a spacecraft inside command their cameras; none where they do not.
+    /// Returns the queues by which the trackers of an internal spacecraft command their cameras; none without such
+    /// commands.
     fn tracker_desks(&mut self) -> Vec<CameraDesk> {
         let commands = self.scenario.vehicle().map(|vehicle| vehicle.tracker_commands).unwrap_or_default();
         let heads = self.heads.iter_mut().filter(|_| commands.any());
@@ -297,7 +300,7 @@ impl Run {
             .collect()
     }
 
-    /// Returns places the events of the file; returns what the ledger says of them.
+    /// Places the events of the file; returns their ledger events.
     pub(super) fn place_events(&mut self, far: &mut FarSide) -> Result<Vec<crate::runtime::ledger::Event>, LoopError> {
         let mut notes = Vec::new();
         for event in in_order_of_placing(&self.scenario.events) {
@@ -318,31 +321,31 @@ impl Run {
         &self.scenario
     }
 
-    /// Returns its instants.
+    /// Returns the instants of the run.
     #[must_use]
     pub fn times(&self) -> RunTimes {
         self.times
     }
 
-    /// Returns its heads, the first one first; at least one.
+    /// Returns the heads, the first one first; at least one.
     #[must_use]
     pub fn heads(&self) -> &[RunHead] {
         &self.heads
     }
 
-    /// Returns frames of all heads in the whole run.
+    /// Returns the number of frames of all heads in the whole run.
     #[must_use]
     pub fn frames(&self) -> u64 {
         self.heads.iter().map(|head| u64::from(head.engine.params().frames)).sum()
     }
 
-    /// Returns where the numbers of the live view go, where there is one.
+    /// Returns the destination of the live view's numbers, if there is a live view.
     #[must_use]
     pub fn numbers(&self) -> Option<Numbers> {
         self.taps.live.as_ref().map(LiveTap::numbers)
     }
 
-    /// What people should know before the run begins, a sentence each.
+    /// Returns notes for the user to read before the run starts, a sentence each.
     #[must_use]
     pub fn notes(&self) -> Vec<String> {
         let cable = self.cable.as_ref().map(Cable::notes).unwrap_or_default();
@@ -351,7 +354,7 @@ impl Run {
     }
 }
 
-/// Refuses a run whose memory is not there, before any of it is taken.
+/// Refuses a run that needs more memory than is available, before any of it is allocated.
 fn check_memory(
     scenario: &Scenario,
     outputs: &Outputs<'_>,
@@ -375,7 +378,7 @@ fn times(start: Tai, heads: &[RunHead]) -> Result<RunTimes, LoopError> {
     Ok(RunTimes { start, zero, end })
 }
 
-/// Makes what takes the frames of one head.
+/// Returns the sink for the frames of one head.
 fn sink_of_head(
     head: &mut RunHead,
     (number, count): (usize, usize),

@@ -1,6 +1,7 @@
-//! Rows of telemetry and frames as they come -> what a run amounts to, and whether its expectations and invariants held.
+//! Rows of telemetry and frames as they come -> the results of a run, and whether its expectations and invariants are
+//! met.
 //!
-//! Nothing is kept but sums, so that a run of a hundred hours needs no more memory than one of a minute.
+//! Only sums are kept, so that a run of a hundred hours needs no more memory than one of a minute.
 
 use crate::runtime::{EventKind, RunRecord};
 use base::time::{Span, Tai};
@@ -11,9 +12,9 @@ use serde::Serialize;
 use testbed::acs::{Mode, ModeEvent};
 use testbed::vehicle::TelemetryRow;
 
-/// Mode changes kept in full; more are counted.
+/// Number of mode changes kept in full; further ones are only counted.
 const MODE_EVENTS_KEPT: usize = 256;
-/// Violations kept in words; more are counted.
+/// Number of violations kept in words; further ones are only counted.
 const VIOLATIONS_KEPT: usize = 32;
 
 /// Mean square of a vector, by axes across and along the boresight.
@@ -26,7 +27,7 @@ struct Square {
 }
 
 impl Square {
-    /// A rotation vector in axes whose z is the boresight.
+    /// Adds a rotation vector in axes whose z is the boresight.
     fn add(&mut self, v: glam::DVec3) {
         self.count += 1;
         self.across += v.x * v.x + v.y * v.y;
@@ -39,46 +40,46 @@ impl Square {
     }
 }
 
-/// Errors over the window, arcsec.
+/// Pointing or knowledge errors over the window, arcsec.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct WindowErrors {
     /// Rows in the window.
     pub rows: u64,
-    /// Of the first head's boresight, rms of the angle.
+    /// Rms angle of the first head's boresight.
     pub boresight_arcsec: Option<f64>,
-    /// About the boresight, rms.
+    /// Rms angle about the boresight.
     pub roll_arcsec: Option<f64>,
-    /// Largest of the boresight.
+    /// Largest angle of the boresight.
     pub largest_boresight_arcsec: Option<f64>,
 }
 
-/// One mode change, for people.
+/// One mode change, for reports.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ModeLine {
     /// Seconds after the first exposure.
     pub t_s: f64,
-    /// From.
+    /// Previous mode.
     pub from: &'static str,
-    /// To.
+    /// New mode.
     pub to: &'static str,
-    /// Why.
+    /// Cause.
     pub cause: String,
 }
 
-/// One expectation or invariant and what became of it.
+/// One expectation or invariant and its result.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Verdict {
-    /// What was looked at.
+    /// Name of the quantity that was checked.
     pub name: &'static str,
-    /// What was wanted.
+    /// Wanted value.
     pub wanted: String,
-    /// What was found.
+    /// Found value.
     pub got: String,
-    /// Whether it held.
+    /// True when it is met.
     pub passed: bool,
 }
 
-/// The sums.
+/// Sums over a run.
 pub struct Assessment {
     expect: Expect,
     zero: Tai,
@@ -93,13 +94,13 @@ pub struct Assessment {
     mode_changes: u64,
     mode_lines: Vec<ModeLine>,
     last_boresight_rad: f64,
-    /// When pointing was last off target by more than the recovered angle.
+    /// Time at which pointing was last off target by more than the recovered angle.
     last_off: Tai,
     least_sun_angle_rad: Option<f64>,
     solved_rows: u64,
-    /// Sum of the tracker's variances in the window, and their number.
+    /// Sum of the tracker's variances in the window, and their count.
     tracker_variance: (f64, u64),
-    /// Largest micro-vibration, rad, with the wheel speed then, rad/s.
+    /// Largest micro-vibration, rad, and the wheel speed at that time, rad/s.
     vibration: (f64, f64),
     violations: u64,
     violation_lines: Vec<String>,
@@ -122,7 +123,8 @@ pub fn mode_name(mode: Mode) -> &'static str {
 }
 
 impl Assessment {
-    /// Judges the last `expect.window_s` before `end`; `sensor_from_body` is the first head's mounting.
+    /// Returns an assessment of the last `expect.window_s` before `end`; `sensor_from_body` is the first head's
+    /// mounting.
     #[must_use]
     pub fn new(expect: Expect, zero: Tai, end: Tai, sensor_from_body: glam::DQuat) -> Self {
         Self {
@@ -153,7 +155,7 @@ impl Assessment {
         }
     }
 
-    /// Takes one row in.
+    /// Adds one row.
     pub fn take_row(&mut self, row: &TelemetryRow) {
         self.telemetry_crc32.update(&row.bytes());
         self.rows += 1;
@@ -182,7 +184,7 @@ impl Assessment {
         }
     }
 
-    /// Takes a mode change in.
+    /// Adds a mode change.
     pub fn take_mode(&mut self, event: &ModeEvent) {
         self.mode_changes += 1;
         if event.to == Mode::FinePointing {
@@ -198,7 +200,7 @@ impl Assessment {
         }
     }
 
-    /// Notes that an invariant was broken.
+    /// Records a violated invariant.
     pub fn violate(&mut self, what: impl FnOnce() -> String) {
         self.violations += 1;
         if self.violation_lines.len() < VIOLATIONS_KEPT {
@@ -206,106 +208,107 @@ impl Assessment {
         }
     }
 
-    /// Returns the first exposure.
+    /// Returns the time of the first exposure.
     #[must_use]
     pub fn zero(&self) -> Tai {
         self.zero
     }
 
-    /// Notes how far from the truth a frame was rendered that claims to show it.
+    /// Records the distance from the truth of a frame that claims to show it.
     pub fn note_rendered(&mut self, error_rad: f64) {
         self.frames_held_to_truth += 1;
         self.largest_rendered_rad = self.largest_rendered_rad.max(error_rad);
     }
 
-    /// Notes a frame whose truth is not known any more: it went out seconds late.
+    /// Records a frame whose truth is no longer available because it went out seconds late.
     pub fn note_unchecked(&mut self) {
         self.frames_unchecked += 1;
     }
 
-    /// Returns frames that could not be held against the truth.
+    /// Returns the number of frames that could not be compared with the truth.
     #[must_use]
     pub fn frames_unchecked(&self) -> u64 {
         self.frames_unchecked
     }
 
-    /// Returns frames held against the truth, and the largest distance from it, arcsec.
+    /// Returns the number of frames compared with the truth, and the largest distance from it, arcsec.
     #[must_use]
     pub fn rendered(&self) -> (u64, f64) {
         (self.frames_held_to_truth, self.largest_rendered_rad / ARCSEC)
     }
 
-    /// Notes a command that the flight computer refused.
+    /// Records a command that the flight computer refused.
     pub fn note_refusal(&mut self, why: &str) {
         if self.refusals.len() < VIOLATIONS_KEPT {
             self.refusals.push(why.into());
         }
     }
 
-    /// Commands that the flight computer refused.
+    /// Returns the commands that the flight computer refused.
     #[must_use]
     pub fn refusals(&self) -> &[String] {
         &self.refusals
     }
 
-    /// Returns the broken invariants so far, in words (the first few).
+    /// Returns the violated invariants so far: their number, and the first few in words.
     #[must_use]
     pub fn violations(&self) -> (u64, &[String]) {
         (self.violations, &self.violation_lines)
     }
 
-    /// Returns whether these verdicts of [`Self::verdicts`] and all invariants hold.
+    /// Returns true when these verdicts of [`Self::verdicts`] and all invariants are met.
     #[must_use]
     pub fn holds(&self, verdicts: &[Verdict]) -> bool {
         self.violations == 0 && verdicts.iter().all(|verdict| verdict.passed)
     }
 
-    /// Mode changes so far (the first few).
+    /// Returns the mode changes so far (the first few).
     #[must_use]
     pub fn mode_lines(&self) -> &[ModeLine] {
         &self.mode_lines
     }
 
-    /// CRC-32 over every row's bytes.
+    /// Returns the CRC-32 over every row's bytes.
     #[must_use]
     pub fn telemetry_crc32(&self) -> u32 {
         self.telemetry_crc32.value()
     }
 
-    /// Returns rows so far.
+    /// Returns the number of rows so far.
     #[must_use]
     pub fn rows(&self) -> u64 {
         self.rows
     }
 
-    /// Returns the share of the rows in which a head had an attitude.
+    /// Returns the share of rows in which a head supplied an attitude.
     #[must_use]
     pub fn tracker_availability(&self) -> f64 {
         self.solved_rows as f64 / self.rows.max(1) as f64
     }
 
-    /// Noise-equivalent angle across the boresight in the window, as the tracker's own covariance has it, rad.
+    /// Returns the noise-equivalent angle across the boresight in the window according to the tracker's own covariance,
+    /// rad.
     #[must_use]
     pub fn nea_rad(&self) -> Option<f64> {
         let (sum, count) = self.tracker_variance;
         (count > 0).then(|| (sum / count as f64).sqrt())
     }
 
-    /// Returns the largest micro-vibration, arcsec, and the largest wheel speed then, in revolutions per second;
-    /// `None`: none.
+    /// Returns the largest micro-vibration, arcsec, and the wheel speed at that time, in revolutions per second;
+    /// `None` without vibration.
     #[must_use]
     pub fn vibration(&self) -> Option<(f64, f64)> {
         let (vibration_rad, speed_rad_s) = self.vibration;
         (vibration_rad > 0.0).then(|| (vibration_rad / ARCSEC, speed_rad_s / core::f64::consts::TAU))
     }
 
-    /// Returns the smallest angle between the kept boresight and the Sun, rad.
+    /// Returns the smallest angle between the monitored boresight and the Sun, rad.
     #[must_use]
     pub fn least_sun_angle_rad(&self) -> Option<f64> {
         self.least_sun_angle_rad
     }
 
-    /// Returns seconds from the first exposure to fine pointing.
+    /// Returns the time from the first exposure to fine pointing, s.
     #[must_use]
     pub fn fine_after_s(&self) -> Option<f64> {
         self.first_fine.map(|at| (at - self.zero).s())
@@ -323,19 +326,20 @@ impl Assessment {
         window(&self.knowledge)
     }
 
-    /// Returns when pointing was last off by more than `recovered_arcsec`.
+    /// Returns the time at which pointing was last off by more than `recovered_arcsec`.
     #[must_use]
     pub fn last_off(&self) -> Tai {
         self.last_off
     }
 
-    /// Returns whether the last row was on target.
+    /// Returns true when the last row was on target.
     #[must_use]
     pub fn is_on_target(&self) -> bool {
         self.last_boresight_rad <= self.expect.recovered_arcsec * ARCSEC
     }
 
-    /// What the expectations came to. `predicted_arcsec` is what linear theory says of the boresight's rms error.
+    /// Returns the results of the expectations. `predicted_arcsec` is the boresight's rms error according to linear
+    /// theory.
     #[must_use]
     pub fn verdicts(&self, predicted_arcsec: Option<f64>, record: &RunRecord) -> Vec<Verdict> {
         let expect = &self.expect;
@@ -390,7 +394,7 @@ impl Assessment {
     }
 }
 
-/// What the expectations of frames came to.
+/// Returns the results of the expectations about frames.
 fn frame_verdicts(expect: &ExpectFrames, record: &RunRecord) -> impl Iterator<Item = Verdict> {
     let (frames, fired) = (record.frames, record.ledger.count(EventKind::TriggerFired));
     let at_most = |name, limit: Option<u32>, got: u64| {

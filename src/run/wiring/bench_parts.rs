@@ -31,10 +31,10 @@ use testbed::flight_computer::{
     Swing,
 };
 
-/// Time before the first exposure: the bus carries its first time marks and attitudes.
+/// Time before the first exposure, in which the bus carries its first time marks and attitudes.
 const LEAD: Span = Span::from_ms(1000);
 
-/// Returns parameters of a run on the virtual clock that begins when the clock reads `start`.
+/// Returns the parameters of a run on the virtual clock that starts when the clock reads `start`.
 ///
 /// # Errors
 /// When the camera or the observer's orbit cannot be used.
@@ -79,7 +79,7 @@ pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
     Ok(params)
 }
 
-/// Refuses a file of the observer that lacks an exposure of the run: in a gap there is no parallax and no aberration.
+/// Refuses an observer file that does not cover an exposure of the run: a gap would lack parallax and aberration.
 fn check_observer_covers(params: &RunParams) -> Result<()> {
     let Observer::Table(history) = &params.observer else { return Ok(()) };
     let exposure = Span::from_s(params.camera.exposure_s);
@@ -102,7 +102,7 @@ fn check_observer_covers(params: &RunParams) -> Result<()> {
     )
 }
 
-/// Targets on the sky, ready to be followed.
+/// Returns the targets on the sky, ready to be followed.
 fn on_sky(bench: &Bench, camera: &CameraParams, first_exposure: Tai) -> Result<Vec<SkyTarget>> {
     let is_on_sky = |target: &TargetSettings| matches!(target.course, TargetCourse::Orbit(_));
     if bench.targets.iter().any(is_on_sky) && camera.radiometry.zero_point_e_per_s().is_none() {
@@ -145,14 +145,14 @@ fn orbit_of(settings: &OrbitSettings, first_exposure: Tai) -> Result<Orbit, Obse
     })
 }
 
-/// From when to when a target is there.
+/// Returns the first and last instant at which a target is visible.
 fn seen(settings: &TargetSettings, first_exposure: Tai) -> [Tai; 2] {
     let begin = first_exposure + Span::from_s(settings.start_s);
-    // A century: spans end at 292 years.
+    // Limited to a century: spans end at 292 years.
     [begin, begin + Span::from_s(settings.for_s.min(3e9))]
 }
 
-/// Returns whether bodies are drawn: their light needs electrons that follow the exposure.
+/// Returns true when bodies are drawn: their light needs electrons that follow the exposure.
 fn bodies(bench: &Bench, camera: &CameraParams) -> Result<bool> {
     if bench.bodies && camera.radiometry.zero_point_e_per_s().is_none() {
         bail!(
@@ -165,7 +165,7 @@ fn bodies(bench: &Bench, camera: &CameraParams) -> Result<bool> {
     Ok(bench.bodies)
 }
 
-/// Targets by script with their light in electrons and their times in TAI.
+/// Returns the scripted targets with their light in electrons and their times in TAI.
 fn scripted(bench: &Bench, camera: &CameraParams, first_exposure: Tai) -> Result<Vec<Target>> {
     if !bench.targets.is_empty() && camera.psf.as_field().is_some() {
         bail!(
@@ -176,7 +176,7 @@ fn scripted(bench: &Bench, camera: &CameraParams, first_exposure: Tai) -> Result
         );
     }
     let is_by_snr = |target: &TargetSettings| matches!(target.light, TargetLight::Snr(_));
-    // Draws the PSF: once for all targets, and only when one asks.
+    // Computes the PSF once for all targets, and only when one needs it.
     let sensitivity = (bench.targets.iter().any(is_by_snr))
         .then(|| Sensitivity::new(&bench.camera, &Conditions::default()))
         .transpose()?;
@@ -206,20 +206,21 @@ fn scripted(bench: &Bench, camera: &CameraParams, first_exposure: Tai) -> Result
 /// Returns the imager of a run.
 ///
 /// # Errors
-/// When the backend cannot be had.
+/// When the backend is unavailable.
 pub fn imager(params: &RunParams) -> Result<Imager> {
     Ok(Imager::of_detector(params.backend, params.camera.make_detector(params.seeds())?)?)
 }
 
-/// Applies what the real clock changes: costs are those of this machine, frames may be degraded to be in time, and a stopped
-/// stream of attitudes leaves frames out unless the bench says otherwise.
+/// Applies the differences of the real clock: costs are those of this machine, frames may be degraded to be in time,
+/// and a
+/// stopped stream of attitudes leaves frames out unless the bench sets another policy.
 pub fn take_real_clock(params: &mut RunParams, bench: &Bench, measured: Option<CostModel>) {
     params.cost = measured;
     params.degrade = bench.timing.degrade.applies(true);
     params.attitude.estimate.policy = bench.attitude.policy_on_real_clock;
 }
 
-/// Returns the backend a bench or a user names.
+/// Returns the backend that a bench or a user selects.
 #[must_use]
 pub fn backend_choice(backend: config::Backend) -> BackendChoice {
     match backend {
@@ -236,7 +237,7 @@ fn attitude_params(bench: &Bench, boot: Tai) -> AttitudeParams {
         |line: JitterLine| JitterLine { amplitude_rad: bench.sensor_from_body.apply(line.amplitude_rad), ..line };
     let known_lines = bench.flight_computer.jitter_source == JitterSource::Lines;
     let lines = bench.flight_computer.jitter_lines.iter().filter(|_| known_lines);
-    // The simulated bus has a known latency: it stands for the calibrated constant delay of a real one.
+    // The simulated bus has a known latency: it represents the calibrated constant delay of a real one.
     let latency = Span::from_s(bench.link.latency_us * 1e-6);
     let constant_delay = settings.clock.constant_delay.max(latency);
     AttitudeParams {
@@ -253,7 +254,7 @@ fn attitude_params(bench: &Bench, boot: Tai) -> AttitudeParams {
     }
 }
 
-/// Returns the record that the bench names, as this head turns it.
+/// Returns the record that the bench names, rotated to this head.
 fn jitter_record(bench: &Bench, first_exposure: Tai, exposure_s: f64) -> Result<Option<RecordedJitter>> {
     let Some(input) = &bench.jitter else { return Ok(None) };
     let sensor_from_record = match input.axes {
@@ -299,7 +300,7 @@ fn observer(observer: &config::Observer, epoch: Tai) -> Result<Observer> {
     })
 }
 
-/// Returns how the session is kept.
+/// Returns the session parameters of a bench.
 #[must_use]
 pub fn session_params(bench: &Bench) -> SessionParams {
     let start = match bench.session.start {
@@ -309,13 +310,13 @@ pub fn session_params(bench: &Bench) -> SessionParams {
     SessionParams { start, heartbeat_timeout: bench.session.heartbeat_timeout }
 }
 
-/// Returns the bus between the simulated flight computer and the stimulator, and the form of messages on it.
+/// Returns the bus between the simulated flight computer and the stimulator, and the format of its messages.
 #[must_use]
 pub fn bus(bench: &Bench) -> (BusParams, WireFormat) {
     bus_of(&bench.link)
 }
 
-/// Returns the simulated bus of a link, and the form of messages on it.
+/// Returns the simulated bus of a link, and the format of its messages.
 #[must_use]
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the config's bit rates are checked")]
 pub fn bus_of(link: &config::Link) -> (BusParams, WireFormat) {
@@ -332,8 +333,9 @@ pub fn bus_of(link: &config::Link) -> (BusParams, WireFormat) {
     (BusParams { name: "simulated".into(), timing, latency, queue_packets: link.queue as usize }, format)
 }
 
-/// Returns the simulated flight computer of a plant, of which `zero` is the first exposure; one without a plant of its
-/// own holds or slews as the bench says.
+/// Returns the simulated flight computer of a plant whose first exposure is at `zero`; without its own plant it keeps
+/// its
+/// attitude or slews as the bench demands.
 #[must_use]
 pub fn flight_computer_of(plant: &Plant, bench: &Bench, boot: Tai, zero: Tai) -> FlightComputerParams {
     let params = flight_computer(bench, boot);
@@ -392,7 +394,7 @@ fn profile(bench: &Bench, initial: Rotation<Body, Icrf>, start: Tai) -> Profile 
     let turn = Slew {
         axis_body: DVec3::from_array(slew.axis),
         angle_rad: slew.angle_deg.to_radians(),
-        // A versine ramp up and one down: the mean of each is half the peak.
+        // Each of the two versine ramps has a mean of half the peak.
         peak_rate_rad_s: 2.0 * slew.angle_deg.to_radians().abs() / slew.duration_s,
         ramp_s: 0.5 * slew.duration_s,
         shape: RampShape::Versine,

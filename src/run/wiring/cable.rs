@@ -1,6 +1,6 @@
 //! The cable of a run: the stimulator's ports, the simulated far end's, pulses and gateways, with faults and capture between.
 //!
-//! What a capture holds is what the stimulator's ports see: faults come before it.
+//! A capture contains what the stimulator's ports receive: faults act before it.
 
 use crate::runtime::edge_thread::TriggerChip;
 use crate::wiring::assemble::RunClock;
@@ -32,14 +32,14 @@ pub struct Cable {
     notes: Vec<String>,
 }
 
-/// What a cable is opened for.
+/// Parameters for opening a cable.
 pub(super) struct CableSetting<'a> {
     pub(super) scenario: &'a Scenario,
     pub(super) clock: &'a RunClock,
     /// Faults towards the stimulator, and towards the flight computer.
     pub(super) faults: &'a [FaultControl; 2],
     pub(super) recording: Option<&'a Recording>,
-    /// Faults may come while the run goes on.
+    /// True when faults may come during the run.
     pub(super) is_steered: bool,
 }
 
@@ -52,31 +52,32 @@ impl Cable {
         Ok(Self { near, far, pulses, chips, gateways, notes })
     }
 
-    /// What gateways did, for the summary of a run.
+    /// Returns the counters of the gateways, for the summary of a run.
     pub(super) fn gateway_rows(&self) -> Vec<GatewayRow> {
         gateway_rows(&self.gateways)
     }
 
-    /// Closes the gateways; returns how many of their threads ended early.
+    /// Closes the gateways; returns the number of their threads that ended early.
     pub(super) fn close(&mut self) -> u64 {
         self.gateways.iter_mut().map(Gateways::finish).sum()
     }
 
-    /// Returns where the gateways and plain links are, and whether other machines can reach them.
+    /// Returns where to reach the gateways and plain links, and whether other machines can reach them.
     pub(super) fn notes(&self) -> Vec<String> {
         self.notes.iter().cloned().chain(self.gateways.iter().flat_map(gateway_notes)).collect()
     }
 }
 
 impl CableSetting<'_> {
-    /// Puts faults and the capture between a link and its port, where the run may need them.
+    /// Inserts faults and the capture between a link and its port, where the run may need them.
     fn tapped(&self, end: End, link: Box<dyn Link>) -> Box<dyn Link> {
         let [to_stimulator, to_computer] = self.faults;
         let seed = self.scenario.bench.seed ^ BUS_SEED;
         match end {
             End::Near(0) if self.may_be_faulty() => {
                 let faulty = self.faulty(link, to_stimulator, seed);
-                // Nobody inside hears what goes to a flight computer outside: faults on that way hit what is sent.
+                // An external flight computer receives packets outside this program: faults towards it must act when
+                // sending.
                 let is_outside = self.scenario.plant == Plant::Outside;
                 let faulty = if is_outside { faulty.losing_sent(to_computer.clone()) } else { faulty };
                 self.captured(0, Box::new(faulty))
@@ -106,7 +107,7 @@ impl CableSetting<'_> {
     }
 }
 
-/// Returns where programs outside find a bus, and which of its gateways other machines can reach.
+/// Returns where external programs reach a bus, and which of its gateways other machines can reach.
 #[must_use]
 pub fn gateway_notes(gateways: &Gateways) -> Vec<String> {
     let addresses = gateways.addresses();
@@ -119,7 +120,7 @@ pub fn gateway_notes(gateways: &Gateways) -> Vec<String> {
     addresses.iter().map(place).chain(exposed).collect()
 }
 
-/// Returns what gateways did, for a summary.
+/// Returns the counters of gateways, for a summary.
 #[must_use]
 pub fn gateway_rows(gateways: &[Gateways]) -> Vec<GatewayRow> {
     let row = |((kind, address), (_, counters)): ((GatewayKind, GatewayAddress), (GatewayKind, GatewayCounters))| {
@@ -140,7 +141,7 @@ pub fn gateway_rows(gateways: &[Gateways]) -> Vec<GatewayRow> {
     gateways.iter().flat_map(|of_link| of_link.addresses().into_iter().zip(of_link.counters())).map(row).collect()
 }
 
-/// Returns a gateway in words.
+/// Returns the name of a gateway kind for reports.
 #[must_use]
 pub fn gateway_name(kind: GatewayKind) -> &'static str {
     match kind {

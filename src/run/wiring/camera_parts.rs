@@ -10,10 +10,10 @@ use plan::optics::{BackgroundLight, PsfModel};
 use scene::camera::CameraParams;
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 
-/// Returns the camera as the other crates take it.
+/// Returns the camera in the form used by the other crates.
 ///
 /// # Errors
-/// When the distortion model does not hold over the whole detector, or light is wanted that the photometry cannot give.
+/// When the distortion model is not valid over the whole detector, or the photometry cannot supply the requested light.
 pub fn camera_params(camera: &config::Camera) -> Result<CameraParams> {
     let (detector, optics) = (&camera.detector, &camera.optics);
     let focal_px = optics.focal_length_mm * 1e3 / detector.pixel_pitch_um;

@@ -1,4 +1,4 @@
-//! The capture of a run: its cable, and what each frame was drawn from.
+//! The capture of a run: its cable, and the inputs that each frame was drawn from.
 
 use crate::wiring::assemble::RunClock;
 use crate::wiring::heads::RunHead;
@@ -9,10 +9,10 @@ use frames::sink::NullSink;
 use link::capture::CaptureFormat;
 use std::path::PathBuf;
 
-/// What is captured, and where it goes.
+/// Content and destination of a capture.
 #[derive(Debug, Clone)]
 pub struct CaptureOptions<'a> {
-    /// A directory without a capture; made when it does not exist.
+    /// Directory of the capture; it must not contain one, and is made if it does not exist.
     pub directory: PathBuf,
     /// Form of the packets.
     pub format: CaptureFormat,
@@ -23,7 +23,7 @@ pub struct CaptureOptions<'a> {
 }
 
 impl CaptureOptions<'_> {
-    /// Begins the capture around the sinks of the heads.
+    /// Starts the capture around the sinks of the heads.
     pub(super) fn start(
         &self,
         scenario: &Scenario,

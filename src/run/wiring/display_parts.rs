@@ -1,18 +1,20 @@
-//! A calibrated display -> the camera that the renderer draws with, and what makes greys of its frames.
+//! A calibrated display -> the camera that the renderer draws with, and the conversion of its frames to greys.
 //!
 //! In: a run's parameters with the tracker's camera, and `[sink] kind = "display"` with a calibration file. Out: the same
 //! run, drawn for the display: directions go to display pixels by the calibrated map, so that stars are placed by moving
 //! their centroids; a frame is one refresh, with the motion in it integrated. Pixel values are codes of luminance
-//! ([`outputs::display::luminance_code`]), 65535 the most that the display has. What is told of frames (attitude, right ascension, rates) stays the tracker's: the turn into the axes that are
-//! drawn is undone ([`RunParams::drawn_from_sensor`]). Without a calibration frames go to the display as they are, and the
-//! program says so.
+//! ([`outputs::display::luminance_code`]), with 65535 the largest luminance of the display. Metadata of frames
+//! (attitude, right ascension, rates) refer to the tracker: the rotation into the drawn axes is undone
+//! ([`RunParams::drawn_from_sensor`]). Without a calibration frames go to the display unchanged, and the
+//! program prints this.
 //!
 //! **When.** P is the time of a refresh, L the latency from submit to light in the middle of the display (the bench's own,
 //! else the calibration's, scanned on from the marker's row). A display that holds its light emits a frame submitted at s
 //! over [s + L, s + L + P], one that flashes over [s + L, s + L + `duty` P]: that interval is the exposure that is drawn,
-//! so its start wants s = start - L. Submits come once a refresh, at a phase that nobody knows, as the bench clock and the monitor's
-//! are two: of all refreshes a frame gets the nearest one, s = start - L + u with u even in [-P/2, P/2], 0 on the average
-//! (`outputs::display::screen::presenter` holds it back until then, so that u does not depend on how fast it was drawn;
+//! so its start needs s = start - L. Submits come once a refresh, at an unknown phase, because the bench clock and the
+//! monitor's are independent: of all refreshes a frame gets the nearest one, s = start - L + u with u uniform in
+//! [-P/2, P/2], 0 on average (`outputs::display::screen::presenter` holds it back until then, so that u does not depend
+//! on how fast it was drawn;
 //! P/sqrt(12) rms). It must be there at the earliest of these, start - L - P/2, and C (`COMPOSING`) before it for
 //! copies and greys, and is given P to be drawn in: it is begun 3/2 P + C + L before the start, so `ahead` = exposure +
 //! 3/2 P + C + L. Shown as soon as drawn, light would come P/2 less the drawing time too soon; begun a refresh later,
@@ -46,17 +48,17 @@ use std::sync::Arc;
 /// Standard deviation of a star on the display, px: wide enough for centroids that move evenly, narrow enough to be a
 /// point for most trackers.
 pub const SPOT_SIGMA_PX: f64 = 0.7;
-/// Electrons that stand for one step of luminance: shot noise at the full one is 1.5 steps, at a hundredth 0.15.
+/// Electrons for one step of luminance: shot noise is 1.5 steps at the full luminance and 0.15 at a hundredth of it.
 const E_PER_STEP: f64 = 3e4;
-/// Time for a frame's way to the presenter and for the greys of a full screen; at most half a refresh.
+/// Time to pass a frame to the presenter and compute the greys of a full screen; at most half a refresh.
 const COMPOSING: Span = Span::from_ms(8);
-/// By how much two crystals may differ, ppm.
+/// Largest difference of the rates of two crystal clocks, ppm.
 pub const CLOCKS_PPM: f64 = 100.0;
-/// Shortest flash that is drawn, share of a refresh: no motion is seen in a hundredth of one.
+/// Shortest flash that is drawn, as a share of a refresh: motion within a hundredth of a refresh is invisible.
 const LEAST_DUTY: f64 = 0.01;
-/// By how much the tracker's zero point may differ from the calibration's: a millimagnitude.
+/// Largest difference between the tracker's zero point and the calibration's: a millimagnitude.
 const SAME_ZERO_POINT: f64 = 1e-3;
-/// The row that timing is for, of all rows.
+/// Row at which timing is exact, as a share of all rows.
 const MIDDLE_ROW: f64 = 0.5;
 
 /// Returns the display of a bench that is drawn for one: its first sink, calibrated.
@@ -68,7 +70,7 @@ pub fn calibrated_display(bench: &Bench) -> Option<&DisplaySettings> {
     }
 }
 
-/// Reads the calibration of a display and holds it against everything that is known of it.
+/// Reads the calibration of a display and checks it against all known data of the display.
 ///
 /// # Errors
 /// When it is damaged, stale, or of another display or tracker.
@@ -88,11 +90,11 @@ pub fn calibration(settings: &DisplaySettings, tracker: &TrackerIdentity, now: T
     read().with_context(|| format!("calibration {}", path.display()))
 }
 
-/// Makes a run one that is drawn for the display of its bench, if it has one: then gives the calibration it is drawn by.
-/// `now`: the date, for calibrations that are too old.
+/// Changes a run to be drawn for the display of its bench, if it has one, and then returns the calibration that it is
+/// drawn with. `now` is the date, to detect calibrations that are too old.
 ///
 /// # Errors
-/// When the calibration is refused or says too little, or the bench wants what cannot be shown on a display.
+/// When the calibration is refused or lacks data, or the bench requests something that a display cannot show.
 pub fn take_display(params: &mut RunParams, bench: &Bench, now: Tai) -> Result<Option<Calibration>> {
     let Some(settings) = calibrated_display(bench) else { return Ok(None) };
     if !params.targets.is_empty() {
@@ -107,7 +109,7 @@ pub fn take_display(params: &mut RunParams, bench: &Bench, now: Tai) -> Result<O
     let calibration = calibration(settings, &tracker, now)?;
     let calibrated = calibration.calibrated()?;
     let Some(light) = &calibration.light else {
-        bail!("the calibration has no fluxes: fit it with measurements that tell them, so that magnitudes can be shown")
+        bail!("the calibration has no fluxes: fit it with measurements that include fluxes, so that magnitudes can be shown")
     };
     same_zero_point(light, &params.camera)?;
     let turn = calibrated.geometry.drawn_from_sensor();
@@ -153,9 +155,9 @@ pub fn take_display(params: &mut RunParams, bench: &Bench, now: Tai) -> Result<O
     Ok(Some(calibration))
 }
 
-/// Refuses a tracker that makes other electrons of a magnitude than the one that looked at the display.
+/// Refuses a tracker whose electrons per magnitude differ from those of the one that calibrated the display.
 fn same_zero_point(light: &Light, camera: &CameraParams) -> Result<()> {
-    // What has none is refused with its reason when it is made brighter.
+    // A camera without a zero point is refused with a reason later, when its light is scaled.
     let Some(got) = camera.radiometry.zero_point_e_per_s() else { return Ok(()) };
     let wanted = light.zero_point_e_per_s;
     if (got / wanted - 1.0).abs() <= SAME_ZERO_POINT {
@@ -169,7 +171,7 @@ fn same_zero_point(light: &Light, camera: &CameraParams) -> Result<()> {
     )
 }
 
-/// What the tracker's shutter makes of the refresh of the bench's display, if it has one.
+/// Returns the beat of the tracker's shutter with the refresh of the bench's display, if it has one.
 ///
 /// # Errors
 /// When a number is out of range.
@@ -179,21 +181,21 @@ pub fn beat(bench: &Bench) -> Result<Option<Beat>> {
         exposure_s: bench.camera.exposure.exposure_s,
         frame_period_s: 1.0 / settings.tracker_hz,
         refresh_hz: bench.timing.frame_rate_hz,
-        // Not known: a flash beats most.
+        // Unknown duty: assume a flash, which beats most.
         duty: settings.duty.unwrap_or(0.0),
         drift_ppm: CLOCKS_PPM,
     };
     Ok(Some(input.beat()?))
 }
 
-/// Returns the submit to light in the middle of the display: the bench's own figure before the calibration's.
+/// Returns the time from submit to light in the middle of the display: the bench's own value before the calibration's.
 #[must_use]
 pub fn latency(settings: &DisplaySettings, calibration: Option<&Calibration>) -> Option<Span> {
     let measured = || calibration?.latency.as_ref().map(|latency| latency.at_row(MIDDLE_ROW));
     settings.params.latency.or_else(measured)
 }
 
-/// Returns the same light, so many times brighter.
+/// Returns the same light scaled by a factor.
 fn brighter(light: &StarLight, times: f64) -> Result<StarLight> {
     let scaled = |radiometry: &Radiometry| Radiometry {
         zero_magnitude_photons_per_s_m2: radiometry.zero_magnitude_photons_per_s_m2 * times,
@@ -208,8 +210,8 @@ fn brighter(light: &StarLight, times: f64) -> Result<StarLight> {
     })
 }
 
-/// Keeps every graphics card open while drivers of others are started, when a display of `sinks` is to have one by direct
-/// scan-out: a driver that is first at a card keeps it. Cards that are not to be had are told of when the display opens.
+/// Keeps every graphics card open while drivers of others are started, when a display of `sinks` uses direct
+/// scan-out: the first driver that opens a card keeps it. Unavailable cards are reported when the display opens.
 #[must_use]
 pub fn hold_cards(sinks: &[SinkSettings]) -> Vec<File> {
     let is_direct = |settings: &SinkSettings| match &settings.sink {
@@ -226,10 +228,10 @@ pub fn hold_cards(sinks: &[SinkSettings]) -> Vec<File> {
     cards.filter_map(|entry| File::options().read(true).write(true).open(entry.path()).ok()).collect()
 }
 
-/// Opens a display for the frames of a run, and what there is to say about it. `directory`: where its submit times are kept.
+/// Opens a display for the frames of a run, and returns notes about it. `directory` receives its submit times.
 ///
 /// # Errors
-/// When there is no such display, or what is asked for does not fit together.
+/// When the display does not exist, or the settings do not fit together.
 pub fn open_display(
     settings: &DisplaySettings,
     setting: &SinkSetting<'_>,
@@ -258,14 +260,14 @@ pub fn open_display(
     Ok((display, notes.into_iter().flatten().map(str::to_owned).collect()))
 }
 
-/// What is to be known of a display without a calibration.
+/// Note for a display without a calibration.
 pub const NO_CALIBRATION: &str = "the display has no calibration: greys are taken for luminances and pixels for \
      directions, which is right for no monitor; see `starloop calibrate display --help`";
-/// What is to be known of a display whose latency nobody told.
+/// Note for a display with unknown latency.
 pub const NO_LATENCY: &str = "the latency of the display is not known, and taken for 0: light comes one to several \
      refreshes later than drawn; measure it (`starloop display flip --help`) or give latency_ms";
 
-/// What makes greys of luminances by a calibration.
+/// Returns the conversion from luminances to greys by a calibration.
 fn calibrated_greys(settings: &DisplaySettings, calibration: &Calibration) -> Result<GreyMaker> {
     let dither = Dither::over(settings.dither)?;
     let drive = calibration.calibrated()?.drive(dither);
@@ -273,7 +275,8 @@ fn calibrated_greys(settings: &DisplaySettings, calibration: &Calibration) -> Re
     Ok(GreyMaker::by_row(settings.params.bits.count(), dither.cycle() > 1, make))
 }
 
-/// Greys in proportion to numbers of `bits`; of codes of luminance, where frames are drawn for another display.
+/// Returns greys in proportion to values of `bits` bits, or to luminance codes where frames are drawn for another
+/// display.
 fn plain_greys(params: &Params, bits: u32, are_codes: bool) -> GreyMaker {
     let table = GreyTable::linear(params.bits.count());
     let shift = 16 - bits.min(16);

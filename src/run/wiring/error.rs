@@ -25,9 +25,9 @@ pub enum LoopError {
     /// a fault or command that names what does not exist
     #[error("event \"{what}\": {why}")]
     Event {
-        /// Its word.
+        /// Word that names it.
         what: &'static str,
-        /// What is wrong.
+        /// Description of the error.
         why: String,
     },
 }

@@ -1,6 +1,6 @@
-//! The far end of the cable with all that looks at it: flight computer, vehicle, trackers' frames, events, witness.
+//! The far end of the cable and its observers: flight computer, vehicle, trackers' frames, events, witness.
 //!
-//! Whoever has a clock steps it; it never reads one.
+//! The owner of the clock steps it; it never reads a clock itself.
 
 use crate::runtime::error::FarEndError;
 use crate::runtime::frame_faults::NEVER;
@@ -24,7 +24,7 @@ use testbed::flight_computer::{FlightComputer, FlightError};
 use testbed::tracker::Exposed;
 use testbed::vehicle::{TelemetryRow, Vehicle, VehicleError, VehicleFault};
 
-/// A fault aboard that has begun, with the count of its kind's hits then and at its end.
+/// A fault aboard that has started, with its kind's number of hits at its start and end.
 struct Watched {
     number: usize,
     fault: VehicleFault,
@@ -32,21 +32,21 @@ struct Watched {
     ended_at: Option<u64>,
 }
 
-/// How long a frame waits for its time tag, which comes over the bus.
+/// Longest time that a frame waits for its time tag, which comes over the bus.
 const TAG_WAIT: Span = Span::from_ms(50);
 
-/// The far end of the cable: flight computer, vehicle, and what looks at them.
+/// The far end of the cable: flight computer, vehicle, and their observers.
 pub(super) struct FarSide {
-    /// Its end of the cable, and the simulated flight computer there; `None`: one that is no part of this program.
+    /// Its end of the cable and the simulated flight computer there; `None` when the flight computer is external.
     simulated: Option<(Port, FlightComputer)>,
     pub(super) taps: Vec<TapEnd>,
     /// Queues to the exposures of the heads whose trackers command them, in the order of the heads.
     desks: Vec<CameraDesk>,
-    /// Half a turn and half of one more to go around the Sun, at the spacecraft's slew rate, and settling.
+    /// Time to slew half a turn plus half a turn around the Sun at the spacecraft's slew rate, and to settle.
     longest_slew: Span,
     /// Faults aboard that have begun.
     watched: Vec<Watched>,
-    /// Frames that came before their time tag: until when each waits, and whose it is.
+    /// Frames that came before their time tag, each with its deadline and head.
     waiting: Vec<(Tai, usize, TappedFrame)>,
     /// Faults and commands aboard, the next one last.
     pub(super) aboard: Vec<(Tai, Aboard)>,
@@ -55,7 +55,7 @@ pub(super) struct FarSide {
 }
 
 impl FarSide {
-    /// Returns the far end of a run with these times and mountings of the heads; `port` is its end of the cable, where
+    /// Returns the far end of a run with these times and mountings of the heads; `port` is its end of the cable, if
     /// it is simulated.
     pub(super) fn new(
         scenario: &Scenario,
@@ -87,22 +87,22 @@ impl FarSide {
         })
     }
 
-    /// Returns whether there is anything to step.
+    /// Returns true when there is anything to step.
     pub(super) fn is_simulated(&self) -> bool {
         self.simulated.is_some()
     }
 
-    /// Returns the vehicle, where one is flown.
+    /// Returns the vehicle, if one is flown.
     pub(super) fn vehicle(&self) -> Option<&Vehicle> {
         self.simulated.as_ref().and_then(|(_, computer)| computer.vehicle())
     }
 
-    /// Returns the same, to act on it.
+    /// Returns the vehicle for changes, if one is flown.
     pub(super) fn vehicle_mut(&mut self) -> Option<&mut Vehicle> {
         self.simulated.as_mut().and_then(|(_, computer)| computer.vehicle_mut())
     }
 
-    /// Lets the flight computer fire a trigger over the bus, to act at `at` or as soon as it has come.
+    /// Makes the flight computer fire a trigger over the bus, to act at `at` or on arrival.
     pub(super) fn send_trigger(&mut self, number: u16, at: Option<Tai>, now: Tai) -> Result<(), LoopError> {
         let event = |why: String| LoopError::Event { what: "trigger", why };
         let outside = || event("the flight computer is outside this program: fire it there".into());
@@ -110,14 +110,14 @@ impl FarSide {
         computer.send_trigger(number, at, now).map_err(|error| event(error.to_string()))
     }
 
-    /// Takes in an event that was placed: what is to be done aboard, and what the witness has to expect.
+    /// Accepts an event that was placed: its actions aboard, and what the witness must expect.
     pub(super) fn take_event(&mut self, placed: Placed, zero: Tai) {
         self.add_aboard(placed.aboard);
         self.prepare_witness(&placed.event, zero);
         placed.disturbances.into_iter().for_each(|(from, until)| self.witness.expect_disturbance(from, until));
     }
 
-    /// Adds what is to be done aboard: the next one stands last, and of simultaneous ones the first added.
+    /// Adds actions aboard: the list ends with the next one, and of simultaneous ones with the first added.
     fn add_aboard(&mut self, actions: Vec<(Tai, Aboard)>) {
         for (at, action) in actions {
             let place = self.aboard.partition_point(|(other, _)| *other > at);
@@ -125,7 +125,7 @@ impl FarSide {
         }
     }
 
-    /// Lets the witness expect what an event will do to pointing and time marks.
+    /// Prepares the witness for the effects of an event on pointing and time marks.
     fn prepare_witness(&mut self, event: &Event, zero: Tai) {
         let from = zero + event.at;
         let until = from + event.lasts;
@@ -136,7 +136,7 @@ impl FarSide {
                 Arrival::Misstamped(by) => self.witness.expect_clock(from, until, by),
                 Arrival::AsSent => {}
             },
-            // They change neither the pointing nor when packets arrive.
+            // These change neither the pointing nor the arrival of packets.
             Action::BusBackLoss { .. }
             | Action::Safe
             | Action::Resume
@@ -153,7 +153,7 @@ impl FarSide {
         watched.ended_at.unwrap_or(now) - watched.began_at
     }
 
-    /// Returns everything due by `now`; when the next thing is due.
+    /// Executes everything due by `now`; returns when the next action is due.
     pub(super) fn step(&mut self, now: Tai) -> Result<Tai, FarEndError> {
         if let Some((port, computer)) = &mut self.simulated {
             computer.listen(now, port)?;
@@ -178,7 +178,7 @@ impl FarSide {
         Ok(next_aboard.map_or(computer_due, |at| at.min(computer_due)))
     }
 
-    /// Hands frames to the trackers, each with its time tag; one that came before its tag waits a little for it.
+    /// Passes frames to the trackers, each with its time tag; a frame that came before its tag waits a little for it.
     fn take_frames(&mut self, now: Tai) {
         let Some((_, computer)) = &mut self.simulated else { return };
         let Some(vehicle) = computer.vehicle_mut() else { return };
@@ -194,7 +194,7 @@ impl FarSide {
             vehicle.take_frame(head, frame.number, &frame.image, now);
             let wish = vehicle.take_wish(head).filter(|_| head < self.desks.len());
             for commanded in wish.iter().flat_map(|wish| commands_of(wish, now)) {
-                // A queue that is full has lost it: the next frame brings another wish.
+                // A full queue loses the command: the next frame brings another one.
                 let _lost = self.desks[head].put(commanded);
             }
             if let Some(tap) = self.taps.get(head) {
@@ -227,7 +227,7 @@ impl FarSide {
         Ok(())
     }
 
-    /// Compares what was rendered with what is true; without a vehicle nothing is known to be true.
+    /// Compares a rendered frame with the truth; without a vehicle the truth is unknown.
     pub(super) fn witness_frame(&mut self, head: usize, meta: &FrameMeta) {
         let Some(vehicle) = self.vehicle_mut() else { return };
         let truth = vehicle.truth(meta.mid_exposure).ok();

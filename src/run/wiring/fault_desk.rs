@@ -1,6 +1,6 @@
-//! Where events of a run are checked and placed, before it begins and while it goes on; the same on both clocks.
+//! Checks and places the events of a run, before it starts and while it goes on; the same on both clocks.
 //!
-//! In: an event, and the faults of each head's frames. Out: what the far side has to do and to expect ([`Placed`]).
+//! In: an event, and the faults of each head's frames. Out: actions and expectations for the far side ([`Placed`]).
 //! Faults of the bus go to the links' own lists. Tests: of `faults`, and `tests/closed_loop`.
 
 use crate::runtime::frame_faults::FrameFaults;
@@ -25,21 +25,21 @@ pub(super) struct FaultDesk {
     there: Inventory,
 }
 
-/// An event that was placed: what the far side has to do and to expect.
+/// An event that was placed: actions and expectations for the far side.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Placed {
     /// The event.
     pub(super) event: Event,
-    /// What happens aboard, and when.
+    /// Actions aboard with their times.
     pub(super) aboard: Vec<(Tai, Aboard)>,
-    /// Begin and end of what disturbs pointing or frames.
+    /// Start and end of disturbances of pointing or frames.
     pub(super) disturbances: Vec<(Tai, Tai)>,
-    /// For the ledger; `None` for faults of frames, which write it themselves.
+    /// Ledger event; `None` for faults of frames, which write it themselves.
     pub(super) note: Option<LedgerEvent>,
 }
 
 impl FaultDesk {
-    /// Faults of a run whose first exposure is at `zero`; `mounting` is that of the first head.
+    /// Returns the faults of a run whose first exposure is at `zero`; `mounting` is that of the first head.
     #[must_use]
     pub(super) fn new(
         zero: Tai,
@@ -53,12 +53,12 @@ impl FaultDesk {
     /// Refuses an event that names a head, wheel or pixel that does not exist, or needs a spacecraft that is not flown.
     ///
     /// # Errors
-    /// With what is wrong.
+    /// When the event is invalid, with the reason.
     pub(super) fn check(&self, event: &Event) -> Result<(), LoopError> {
         check_places(event, &self.there).map_err(|why| LoopError::Event { what: event.action.word(), why })
     }
 
-    /// Puts an event where it acts. One whose time has passed `now` begins at once.
+    /// Places an event where it acts. An event whose time is before `now` starts at once.
     pub(super) fn place(&mut self, event: &Event, now: Tai, frames: Vec<&mut FrameFaults>) -> Placed {
         let mut event = *event;
         if event.on_trigger.is_none() {
@@ -76,7 +76,7 @@ impl FaultDesk {
         Placed { event, aboard, disturbances, note: fault.and_then(LoggedFault::ledger_event) }
     }
 
-    /// Returns every fault so far with what it hit; `aboard` counts the hits of one aboard by its number.
+    /// Returns every fault so far with its hits; `aboard` returns the hits of a fault aboard by its number.
     #[must_use]
     pub(super) fn lines(&self, frames: Vec<&FrameFaults>, aboard: &dyn Fn(usize) -> u64) -> Vec<FaultLine> {
         let (to_stimulator, to_computer) = (&self.to_stimulator, &self.to_computer);
@@ -84,13 +84,13 @@ impl FaultDesk {
     }
 }
 
-/// Returns events in the order in which they are placed: a trigger finds those that wait for it.
+/// Returns events in the order in which they are placed: a trigger must find the faults that wait for it.
 pub(super) fn in_order_of_placing(events: &[Event]) -> impl Iterator<Item = &Event> {
     let is_trigger = |event: &&Event| matches!(event.action, Action::Trigger { .. });
     events.iter().filter(move |event| !is_trigger(event)).chain(events.iter().filter(is_trigger))
 }
 
-/// Makes what an event needs in one head, so that no frame waits for it later.
+/// Prepares what an event needs in one head, so that no frame waits for it later.
 ///
 /// # Errors
 /// When the tables of other optics cannot be made.

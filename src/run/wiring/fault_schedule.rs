@@ -14,29 +14,31 @@ use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use testbed::vehicle::VehicleFault;
 
-/// What a schedule is drawn for.
+/// Limits of a random schedule.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ScheduleLimits {
     /// First event, s after the first exposure.
     pub from_s: f64,
-    /// No event is under way after this.
+    /// Time after which no event is active, s.
     pub until_s: f64,
     /// Wheels of the spacecraft: at most one fails, and only of four or more.
     pub wheels: usize,
 }
 
-/// Shortest and longest gap between the begins of two events, s.
+/// Shortest and longest gap between the starts of two events, s.
 const GAPS_S: (f64, f64) = (5.0, 400.0);
 
-/// Largest share of packets with a wrong bit that got past the bus's own checksum: time marks have no other. Beyond it
-/// marks that are damaged alike outnumber the good ones of a window, and no receiver could tell.
+/// Largest share of packets with a wrong bit that passed the bus's own checksum, which is the only one of time marks.
+/// Beyond
+/// it equally damaged marks outnumber the good ones of a window, and no receiver could separate them.
 const MOST_WRONG: f64 = 0.2;
 
 /// Largest share of packets without their tail.
 const MOST_CUT: f64 = 0.3;
 
-/// Identifiers of babble: the attitude's own, which has a checksum, and one of nobody's. Time marks have none: nonsense
-/// under their identifiers that is as frequent as they are could not be told from them.
+/// Identifiers of babble: the attitude's own, which has a checksum, and an unused one. Time marks have no checksum:
+/// babble
+/// under their identifiers that is as frequent as they are would be indistinguishable from them.
 const BABBLED: [u16; 2] = [0x300, 0x7FF];
 
 /// Returns the events of `seed`.
@@ -51,7 +53,7 @@ pub fn fault_schedule(seed: u64, limits: &ScheduleLimits) -> Vec<Event> {
         if at_s + lasts_s >= limits.until_s {
             return events;
         }
-        // Whole milliseconds: a schedule reads well, and is the same in a file.
+        // Whole milliseconds keep a schedule readable and exact in a file.
         let whole = |s: f64| Span::from_s((s * 1e3).round() * 1e-3);
         events.push(Event { at: whole(at_s), on_trigger: None, lasts: whole(lasts_s), action });
     }
@@ -68,7 +70,7 @@ impl Draw {
         least + (most - least) * self.dice.random::<f64>()
     }
 
-    /// Returns the uniform in the logarithm.
+    /// Returns a size that is uniform in its logarithm.
     fn scale(&mut self, least: f64, most: f64) -> f64 {
         self.between(least.ln(), most.ln()).exp()
     }
@@ -81,7 +83,7 @@ impl Draw {
         )
     }
 
-    /// What happens, and for how many seconds.
+    /// Returns an action and its duration, s.
     fn action(&mut self) -> (Action, f64) {
         let frame = |fault| Action::Frame { head: None, fault };
         match self.dice.random_range(0..24_u32) {
@@ -126,7 +128,7 @@ impl Draw {
         (Action::Bus(fault), self.between(2.0, 60.0))
     }
 
-    /// Returns the uniform in the logarithm of its size, of either sign.
+    /// Returns a size of random sign that is uniform in its logarithm.
     fn either_way(&mut self, least: f64, most: f64) -> f64 {
         let size = self.scale(least, most);
         if self.dice.random::<bool>() { size } else { -size }

@@ -1,4 +1,4 @@
-//! A scenario's events, sorted into the places where they act: bus, frames, vehicle; and what became of each.
+//! A scenario's events, distributed to the places where they act (bus, frames, vehicle), and their results.
 
 use crate::runtime::EventKind;
 use crate::runtime::frame_faults::{Begin, FrameFaults, NEVER};
@@ -12,22 +12,22 @@ use serde::Serialize;
 use testbed::acs::Command;
 use testbed::vehicle::VehicleFault;
 
-/// Delayed packets and the estimate of the flight computer's clock outlive a fault of the bus by this.
+/// Time by which delayed packets and the error of the flight computer's clock estimate outlast a fault of the bus.
 const BUS_AFTERMATH: Span = Span::from_ms(2000);
 
-/// What the vehicle's side does at an instant.
+/// An action aboard the vehicle at an instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Aboard {
-    /// A fault begins.
+    /// A fault starts.
     Inject {
-        /// What goes wrong.
+        /// The fault.
         fault: VehicleFault,
         /// Its number in the log.
         number: usize,
     },
     /// A fault ends.
     Clear {
-        /// What ends.
+        /// The fault.
         fault: VehicleFault,
         /// Its number in the log.
         number: usize,
@@ -36,41 +36,41 @@ pub enum Aboard {
     Command(Command),
 }
 
-/// Where a fault acts, and under which number.
+/// Where a fault acts, and its number there.
 #[derive(Debug, Clone, PartialEq)]
 enum Place {
     BusToStimulator(usize),
     BusToComputer(usize),
-    /// Number per head; `None` for heads it does not touch.
+    /// Number per head; `None` for unaffected heads.
     Frames(Vec<Option<usize>>),
     Aboard(usize),
 }
 
-/// One fault with its time.
+/// One fault with its times.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LoggedFault {
-    /// What it is, in the words of a scenario file.
+    /// Name in scenario files.
     pub name: &'static str,
-    /// Begin.
+    /// Start.
     pub from: Tai,
-    /// End; equal to the begin for faults that stay.
+    /// End; equal to the start for permanent faults.
     pub until: Tai,
-    /// The trigger it waits for, and how long after that it begins.
+    /// Trigger that it waits for, and the delay from the trigger to its start.
     trigger: Option<(u16, Span)>,
     lasts: Span,
     place: Place,
 }
 
-/// A fault as a report has it.
+/// A fault in the form used by reports.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FaultLine {
-    /// What it is, in the words of a scenario file.
+    /// Name in scenario files.
     pub name: &'static str,
-    /// Begin, s after the first exposure.
+    /// Start, s after the first exposure.
     pub from_s: f64,
-    /// End.
+    /// End, s after the first exposure.
     pub until_s: f64,
-    /// Packets, frames or times it hit.
+    /// Number of packets, frames or times that it hit.
     pub hits: u64,
 }
 
@@ -91,7 +91,8 @@ pub struct Places<'a> {
 }
 
 impl FaultLog {
-    /// Puts one event where it acts, its time counted from `zero`. What the vehicle's side has to do is added to `aboard`.
+    /// Places one event where it acts, its time counted from `zero`. Actions of the vehicle's side are added to
+    /// `aboard`.
     pub fn place(
         &mut self,
         event: &Event,
@@ -149,7 +150,7 @@ impl FaultLog {
         self.faults.push(LoggedFault { name, from, until, trigger, lasts, place });
     }
 
-    /// Faults that wait for this trigger begin after `at`.
+    /// Starts the faults that wait for this trigger, after `at`.
     fn fire(&mut self, number: u16, at: Tai) {
         for fault in &mut self.faults {
             if let Some((own, delay)) = fault.trigger
@@ -160,7 +161,7 @@ impl FaultLog {
         }
     }
 
-    /// Returns the begin and end of the faults that wait for this trigger.
+    /// Returns the start and end of the faults that wait for this trigger.
     pub fn triggered_by(&self, number: u16) -> impl Iterator<Item = (Tai, Tai)> + '_ {
         let waits = move |fault: &&LoggedFault| fault.trigger.is_some_and(|(own, _)| own == number);
         self.faults.iter().filter(waits).map(|fault| (fault.from, fault.until))
@@ -172,7 +173,7 @@ impl FaultLog {
         &self.faults
     }
 
-    /// Returns every fault as a report has it, its times counted from `zero`.
+    /// Returns every fault in the form used by reports, its times counted from `zero`.
     #[must_use]
     pub fn lines(&self, zero: Tai, places: &PlacesRead<'_>) -> Vec<FaultLine> {
         let after_zero_s = |at: Tai| if at == NEVER { f64::INFINITY } else { (at - zero).s() };
@@ -202,16 +203,16 @@ impl FaultLog {
 }
 
 impl LoggedFault {
-    /// What the ledger says of it.
+    /// Returns the ledger event of the fault.
     ///
-    /// `None` for faults of frames: those tell it themselves, with the frame in which they begin and end.
+    /// `None` for faults of frames, which write their own events with the frame in which they start and end.
     #[must_use]
     pub fn ledger_event(&self) -> Option<LedgerEvent> {
         let event = LedgerEvent::new(EventKind::Fault, self.from, None, self.until - self.from);
         (!matches!(self.place, Place::Frames(_))).then_some(LedgerEvent { what: self.name, ..event })
     }
 
-    /// Returns the begin and end; of one that waits for a trigger, as the frames have it.
+    /// Returns the start and end; for a fault that waits for a trigger, those of the frames' lists.
     fn times(&self, places: &PlacesRead<'_>) -> (Tai, Tai) {
         let Place::Frames(numbers) = &self.place else { return (self.from, self.until) };
         let timed = places.frames.iter().zip(numbers).find_map(|(faults, number)| faults.timed().get((*number)?));
@@ -219,24 +220,24 @@ impl LoggedFault {
     }
 }
 
-/// The places, to be looked at only.
+/// The places where faults act, read only.
 pub struct PlacesRead<'a> {
-    /// As in [`Places`].
+    /// See [`Places`].
     pub to_stimulator: &'a FaultControl,
-    /// As in [`Places`].
+    /// See [`Places`].
     pub to_computer: &'a FaultControl,
-    /// As in [`Places`].
+    /// See [`Places`].
     pub frames: Vec<&'a FrameFaults>,
-    /// Hits of a fault aboard, by its number in the log.
+    /// Returns the hits of a fault aboard by its number in the log.
     pub aboard: &'a dyn Fn(usize) -> u64,
 }
 
-/// What there is in a run.
+/// Hardware that exists in a run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Inventory {
     /// Each head's detector and images.
     pub heads: Vec<HeadSize>,
-    /// Wheels of the spacecraft that is flown; `None`: none is.
+    /// Number of wheels of the flown spacecraft; `None` without a spacecraft.
     pub wheels: Option<usize>,
 }
 
@@ -249,7 +250,7 @@ pub struct HeadSize {
     pub output_px: [usize; 2],
 }
 
-/// Refuses an event that names a head, wheel or pixel that does not exist, with why.
+/// Refuses an event that names a head, wheel or pixel that does not exist, with the reason.
 pub(super) fn check_places(event: &Event, there: &Inventory) -> Result<(), String> {
     let heads = there.heads.len();
     let wheels = match there.wheels {

@@ -1,4 +1,4 @@
-//! The camera heads of a run: each with what draws its frames, what it has heard, what takes the frames, and its faults.
+//! The camera heads of a run: each with its engine, its receiver, its sink and its faults.
 //!
 //! In: a scenario and the options of a run. Out: heads, and the trackers' ends of their taps where a spacecraft is flown.
 //! Heads share the stars and the almanac. With a calibrated display and a spacecraft inside, each frame is drawn twice:
@@ -22,24 +22,24 @@ use plan::exposure::cost::CostModel;
 use sky::almanac::Almanac;
 use stars::Sky;
 
-/// Frames on their way to a tracker.
+/// Capacity for frames on their way to a tracker.
 const TAP_FRAMES: usize = 8;
 
 /// One camera head of a run.
 pub struct RunHead {
-    /// Draws.
+    /// Draws frames.
     pub engine: FrameEngine,
-    /// Hears.
+    /// Receives messages.
     pub receiver: Receiver,
-    /// Spoils frames.
+    /// Damages frames.
     pub faults: FrameFaults,
     /// Takes frames.
     pub sink: Box<dyn Sink>,
-    /// How it is mounted.
+    /// Mounting.
     pub(super) mounting: Rotation<Sensor, Body>,
-    /// Whether its frames leave the program: those that are drawn for a tracker inside beside a display do not.
+    /// True when its frames leave the program: those drawn for an internal tracker beside a display do not.
     pub(super) is_shown: bool,
-    /// By which it is drawn for a display, if it is.
+    /// Calibration that it is drawn with, if it is drawn for a display.
     pub(super) calibration: Option<Calibration>,
     /// The tracker's end of its tap, until the far side takes it.
     pub(super) tracker: Option<TapEnd>,
@@ -53,15 +53,15 @@ impl RunHead {
     }
 }
 
-/// Looks up the costs that were measured on this machine for an imager.
+/// Returns the costs that were measured on this machine for an imager.
 pub type CostsHere<'a> = &'a mut dyn FnMut(&Imager) -> Option<CostModel>;
 
-/// What all heads are made with.
+/// Parameters for making all heads.
 pub(super) struct HeadSetting<'a> {
     pub(super) scenario: &'a Scenario,
-    /// When the run's clock starts.
+    /// Start of the run's clock.
     pub(super) start: Tai,
-    /// On the real clock: costs that were measured on this machine.
+    /// On the real clock, the costs that were measured on this machine.
     pub(super) costs: Option<CostsHere<'a>>,
 }
 
@@ -76,7 +76,7 @@ pub(super) fn make_heads(setting: HeadSetting<'_>) -> Result<Vec<RunHead>> {
         let mut params = bench_parts::run_params(&own, start)?;
         let for_tracker = draws_twice.then(|| params.clone());
         let calibration = take_display(&mut params, &own, Monotonic::start().now())?;
-        // First: EXPOSURE, by which the tracker inside dates its frames, is of the first head.
+        // First, because EXPOSURE, which dates the internal tracker's frames, belongs to the first head.
         prepared.extend(for_tracker.map(|params| (own.clone(), params, None, true)));
         prepared.push((own, params, calibration, is_flown && !draws_twice));
     }
@@ -87,7 +87,7 @@ pub(super) fn make_heads(setting: HeadSetting<'_>) -> Result<Vec<RunHead>> {
     for (own, mut params, calibration, has_tracker) in prepared {
         params.heads = count;
         let imager = bench_parts::imager(&params)?;
-        // The virtual clock never sees what this machine measured: its runs repeat everywhere.
+        // The virtual clock never uses measurements of this machine, so that its runs repeat everywhere.
         if let Some(costs) = &mut costs {
             let cost = *measured.get_or_insert_with(|| costs(&imager));
             bench_parts::take_real_clock(&mut params, &own, cost);
@@ -116,7 +116,7 @@ fn bench_of(scenario: &Scenario, number: usize) -> Bench {
     own
 }
 
-/// Returns the tracker's end of a tap, and the sink that feeds it, where the head has one.
+/// Returns the tracker's end of a tap, and the sink that feeds it, if the head has a tracker.
 fn with_tap(engine: &FrameEngine, has_tracker: bool) -> (Option<TapEnd>, Box<dyn Sink>) {
     if !has_tracker {
         return (None, Box::new(NullSink::new()));
@@ -125,21 +125,21 @@ fn with_tap(engine: &FrameEngine, has_tracker: bool) -> (Option<TapEnd>, Box<dyn
     (Some(end), Box::new(sender))
 }
 
-/// Puts what takes a head's frames before its tracker.
+/// Adds a sink for a head's frames before its tracker.
 pub(super) fn take_sink(head: &mut RunHead, sink: Box<dyn Sink>) {
     let own = core::mem::replace(&mut head.sink, Box::new(NullSink::new()));
     head.sink = if head.tracker.is_some() { Box::new(Tee::new(sink, own)) } else { sink };
 }
 
-/// What heads share.
+/// Data shared by the heads.
 struct Shared {
     almanac: Almanac,
-    /// Stars by the limiting magnitude to which they were opened.
+    /// Stars by the limiting magnitude with which they were opened.
     skies: Vec<(f32, Sky)>,
 }
 
 impl Shared {
-    /// Returns an almanac over the exposures of all heads.
+    /// Returns shared data with an almanac over the exposures of all heads.
     fn new<'a>(params: impl Iterator<Item = &'a RunParams>) -> Self {
         let spans = params.map(|params| (params.first_exposure, params.exposure_start(params.frames)));
         let whole = spans.reduce(|whole, own| (whole.0.min(own.0), whole.1.max(own.1)));

@@ -1,4 +1,4 @@
-//! The light sections of a checked camera file -> what lights its detector beside the stars.
+//! The light sections of a checked camera file -> the light on its detector besides the stars.
 
 use anyhow::{Result, bail};
 use config::{self, Sky};
@@ -9,8 +9,9 @@ use plan::optics::baffle::{SUN_BP_RP, SUN_MAG_G};
 use plan::optics::sky_brightness::SkyBrightness;
 use plan::optics::{BackgroundLight, StarSpectra};
 
-/// The background of `camera`, of which `star_e_per_s` says how many electrons per second a star of a G magnitude and a
-/// BP - RP leaves.
+/// Returns the background of `camera`. `star_e_per_s` returns the electrons per second of a star from its G magnitude
+/// and
+/// BP - RP.
 ///
 /// # Errors
 /// When light is asked for in magnitudes and the camera has no zero point in electrons per second.
@@ -58,7 +59,7 @@ fn bare_sun_e_per_s(camera: &config::Camera, collected_e_per_s: f64) -> f64 {
     let diameter_m = optics.aperture_mm * 1e-3;
     let aperture_m2 = PI / 4.0 * diameter_m * diameter_m * (1.0 - optics.obscuration * optics.obscuration);
     let pixel_m = camera.detector.pixel_pitch_um * 1e-6;
-    // A baffle lets light past the optics: what they let through is taken out again.
+    // Light past the baffle does not pass the optics: divide by their transmission.
     let transmission = match &camera.band {
         Some(band) => band.mean_transmission(&StarSpectra::new().of_color(SUN_BP_RP)),
         None => optics.transmission,

@@ -9,28 +9,28 @@ use outputs::live::{HeadParams, LiveView, Numbers, Params};
 use std::net::SocketAddr;
 use std::sync::Arc;
 
-/// Where the live view is.
+/// Address of the live view.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LiveOptions {
-    /// Where it listens; port 0 takes a free one.
+    /// Address that it listens on; port 0 selects a free one.
     pub address: SocketAddr,
-    /// Names of this machine by which it may be asked, beside addresses and localhost.
+    /// Host names that requests may use, besides addresses and localhost.
     pub names: Vec<String>,
 }
 
-/// The live view beside the sinks of a run.
+/// The live view of a run, in addition to its sinks.
 pub(super) struct LiveTap {
     view: LiveView,
     numbers: Numbers,
 }
 
 impl LiveTap {
-    /// Starts the view and puts it beside what takes the heads' frames.
+    /// Starts the view and adds it to the sinks of the heads.
     ///
     /// # Errors
     /// When the address cannot be listened on.
     pub(super) fn beside(options: &LiveOptions, bench: &str, heads: &mut [RunHead]) -> Result<Self> {
-        // The view shows people when a frame came: its clock is the machine's, also on a simulated bench.
+        // The view shows the time at which a frame came: its clock is the machine's, even for a simulated bench.
         let clock: Arc<dyn Clock> = Arc::new(Monotonic::start());
         let shown = heads.iter().enumerate().map(|(number, head)| head_params(number, &head.engine)).collect();
         let params =
@@ -43,12 +43,12 @@ impl LiveTap {
         Ok(Self { view, numbers })
     }
 
-    /// Returns where the run's numbers go.
+    /// Returns the destination of the run's numbers.
     pub(super) fn numbers(&self) -> Numbers {
         self.numbers.clone()
     }
 
-    /// Returns where it is, and whether other machines can reach it.
+    /// Returns its address, and whether other machines can reach it.
     pub(super) fn notes(&self) -> Vec<String> {
         let address = self.view.address();
         let mut notes = vec![format!("live view: http://{address}/")];
@@ -60,7 +60,7 @@ impl LiveTap {
         notes
     }
 
-    /// Ends the view; false when its thread ended before the run did.
+    /// Ends the view; returns false when its thread ended before the run did.
     pub(super) fn finish(self) -> bool {
         self.view.finish()
     }

@@ -27,32 +27,32 @@ const THREAD_BYTES: u64 = 68 << 20;
 const CHARGE_BYTES: u64 = 4;
 /// Bytes of a pixel of a frame.
 const DN_BYTES: u64 = 2;
-/// Frames beside those in queues on the real clock: the one that is drawn, the one before it, two patterns for buffers.
+/// Frames besides those in queues on the real clock: the current one, the previous one, two prototypes for buffers.
 const FRAMES_AT_HAND: u64 = 4;
 /// Frames that are under way on the virtual clock.
 const FRAMES_UNDER_WAY: u64 = 4;
-/// Pictures of the live view that change places, and one that becomes a PNG.
+/// Pictures of the live view that are exchanged, and one that becomes a PNG.
 const LIVE_PICTURES: u64 = 4;
-/// Images of a display: luminances and greys that change places.
+/// Images of a display: luminances and greys that are exchanged.
 const DISPLAY_PICTURES: u64 = 8;
-/// Closed loops that one thread may have under way: while it waits for a part of one it may begin another.
+/// Closed loops that one thread may have in progress: while it waits for a part of one it may start another.
 const LOOPS_PER_THREAD: usize = 2;
-/// Parts that a refusal names.
+/// Number of parts that a refusal names.
 const NAMED_PARTS: usize = 4;
 
-/// How a bench is run.
+/// Form in which a bench is run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RunForm {
-    /// On the bench clock, where every sink has a queue.
+    /// True on the bench clock, where every sink has a queue.
     pub is_real: bool,
-    /// With the live view.
+    /// True with the live view.
     pub has_view: bool,
 }
 
 /// One part of the sum.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct MemoryPart {
-    /// What takes it, with the keys that decide how much.
+    /// Name of the part, with the keys that determine its size.
     pub name: String,
     /// Bytes.
     pub bytes: u64,
@@ -76,7 +76,7 @@ pub struct RunMemory {
 pub struct MemoryError {
     /// The sum, bytes.
     pub needed: u64,
-    /// What there is.
+    /// Available memory.
     pub available: Available,
     /// The biggest parts, in words.
     pub biggest: String,
@@ -92,7 +92,7 @@ impl RunMemory {
         Self::of_heads(largest.as_ref().unwrap_or(bench), bench.head_count(), sinks, form)
     }
 
-    /// Adds up a bench with so many camera heads, as scenarios have.
+    /// Adds up a bench with this many camera heads, as scenarios have.
     #[must_use]
     pub fn of_heads(bench: &Bench, heads: usize, sinks: &[SinkSettings], form: RunForm) -> Self {
         let heads = heads.max(1) as u64;
@@ -129,7 +129,7 @@ impl RunMemory {
         let images = detector_bytes(camera, is_reference);
         memory.add(&format!("images and maps of the detector ({width} x {height} px)"), images);
         memory.add("the frame", DN_BYTES * pixels(camera.image_px()));
-        // An image of electrons becomes a picture by way of a copy.
+        // An image of electrons is converted to a picture through a copy.
         memory.add("the picture on its way to a file", CHARGE_BYTES * pixels([width, height]));
         if let Some(mb) = layers_mb {
             memory.add(&format!("stars of layers (at most {mb} MiB)"), u64::from(mb) << 20);
@@ -183,7 +183,7 @@ impl RunMemory {
             Sink::SharedMemory { path, slots } => {
                 let bytes = heads * ring_bytes(bench.camera.image_px().map(|side| side as usize), *slots);
                 let name = format!("ring in shared memory ({place}.slots = {slots})");
-                // A ring on a disk is no memory.
+                // A ring on a disk takes no memory.
                 if path.starts_with(Path::new("/dev/shm")) {
                     self.parts.push(MemoryPart { name, bytes, is_in_process: false });
                 }
@@ -203,7 +203,7 @@ impl RunMemory {
         }
     }
 
-    /// Returns the parts, in no order.
+    /// Returns the parts, unordered.
     #[must_use]
     pub fn parts(&self) -> &[MemoryPart] {
         &self.parts
@@ -256,36 +256,36 @@ fn pixels(size_px: [u32; 2]) -> u64 {
     width * height
 }
 
-/// Returns bytes of the images and maps of one head's detector.
+/// Returns the bytes of the images and maps of one head's detector.
 fn detector_bytes(camera: &Camera, is_reference: bool) -> u64 {
     let side_px = [camera.detector.width_px, camera.detector.height_px];
     detector_numbers(camera, is_reference) * CHARGE_BYTES * pixels(side_px)
 }
 
-/// Returns numbers per sensor pixel and head: the drawn image, maps, and the images of stages with neighbours.
+/// Returns the values per sensor pixel and head: the drawn image, maps, and the images of stages with neighbours.
 fn detector_numbers(camera: &Camera, is_reference: bool) -> u64 {
     let detector = &camera.detector;
     let spatial = &detector.params.spatial;
     let drawn = if is_reference { 2 } else { 1 };
     let maps = (detector.maps.kept(&detector.params) + usize::from(!camera.illumination.is_even())) as u64;
-    // A map is drawn in one place and kept in another.
+    // A map is drawn in one buffer and kept in another.
     let drawing = u64::from(maps > 0);
     let charge_binning = matches!(spatial.binning, Some(binning) if matches!(binning.kind, BinningKind::Charge { .. }));
     let neighbours = [spatial.image_lag.is_some(), spatial.charge_transfer.is_some(), charge_binning];
     let stages = neighbours.into_iter().filter(|is_on| *is_on).count() as u64;
     let charge = u64::from(stages > 0 || spatial.blooming.is_some());
-    // The converter's image where it is not the output itself.
+    // The converter's image, if it is not the output itself.
     let converter = u64::from(spatial.binning.is_some() || spatial.window.is_some());
     drawn + maps + drawing + stages + charge + converter
 }
 
-/// Returns a frame with its truth table.
+/// Returns the bytes of a frame with its truth table.
 fn frame_bytes(bench: &Bench) -> u64 {
     let truth = (STARS_AT_FIRST * size_of::<TruthStar>() + bench.targets.len() * size_of::<TargetRow>()) as u64;
     DN_BYTES * pixels(bench.camera.image_px()) + truth
 }
 
-/// Returns a number of bytes for people.
+/// Returns a number of bytes in readable form.
 fn size(bytes: u64) -> impl fmt::Display {
     let mib = bytes as f64 / f64::from(1 << 20);
     if mib < 1024.0 { format!("{mib:.0} MiB") } else { format!("{:.1} GiB", mib / 1024.0) }

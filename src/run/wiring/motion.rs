@@ -1,11 +1,11 @@
-//! The motion that a bench's own script or its file makes, as a scale for bounds of prediction.
+//! The motion of a bench's script or file, as a scale for bounds of prediction.
 
 use base::units::DEG;
 use config::{Bench, Plant};
 use core::f64::consts::PI;
 use plan::attitude::MotionScale;
 
-/// Returns the motion that the attitude records of a plant carry, as far as it is known before a run: that of a file by the
+/// Returns the motion in the attitude records of a plant, as far as it is known before a run; for a file, from the
 /// differences of its rows.
 #[must_use]
 pub fn motion_scale(plant: &Plant, bench: &Bench) -> MotionScale {
@@ -18,7 +18,8 @@ pub fn motion_scale(plant: &Plant, bench: &Bench) -> MotionScale {
     }
 }
 
-/// Returns the scripted motion at its fastest; of a slew: ramps of half its length, `rate = peak (1 - cos(pi t / ramp)) / 2`.
+/// Returns the peak of the scripted motion; a slew has ramps of half its length, `rate = peak (1 - cos(pi t / ramp)) /
+/// 2`.
 #[must_use]
 pub fn script_scale(bench: &Bench) -> MotionScale {
     if let Some(motion) = &bench.flight_computer.motion {

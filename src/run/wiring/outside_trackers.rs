@@ -1,4 +1,4 @@
-//! The built-in star trackers beside a plant outside: a checked scenario -> a tracker for each head.
+//! The built-in star trackers beside an external plant: a checked scenario -> a tracker for each head.
 
 use crate::runtime::OutsideTracker;
 use crate::wiring::error::LoopError;
@@ -10,7 +10,7 @@ use std::sync::Arc;
 use testbed::tracker::{GuideStars, TrackerParams};
 use testbed::vehicle::VehicleError;
 
-/// Returns the tracker of each head, where the scenario has any; equal trackers share one list of guide stars.
+/// Returns the tracker of each head, if the scenario has any; equal trackers share one list of guide stars.
 pub(super) fn outside_trackers(scenario: &Scenario, start: Tai) -> Result<Vec<Option<OutsideTracker>>, LoopError> {
     let Some(OutsideTrackers { delay, tag_error, most_stars, commands }) = scenario.trackers else {
         return Ok(Vec::new());

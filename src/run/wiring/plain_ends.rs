@@ -1,4 +1,4 @@
-//! A checked plain link -> its ends over UDP or TCP, and where others find it.
+//! A checked plain link -> its ends over UDP or TCP, and the address for external programs.
 
 use base::clock::Clock;
 use base::time::Span;
@@ -10,7 +10,7 @@ use link::udp::{UdpLink, UdpParams};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::sync::Arc;
 
-/// Returns the stimulator's end: its sender is known by messages of the layout.
+/// Returns the stimulator's end over UDP: it learns its sender from messages of the layout.
 pub(super) fn udp(listen: SocketAddr, link: &Link) -> UdpParams {
     let Plain { layout, sender_timeout } = plain(link);
     let is_message = Box::new(move |bytes: &[u8]| layout.is_message(bytes));
@@ -24,7 +24,7 @@ pub(super) fn far_udp(near: SocketAddr, clock: &Arc<dyn Clock>) -> Result<UdpLin
     Ok(UdpLink::open(UdpParams::new(own), clock)?.with_peer(peer))
 }
 
-/// Returns the stimulator's end.
+/// Returns the stimulator's end over TCP.
 pub(super) fn tcp(address: SocketAddr, connects: bool, link: &Link) -> TcpParams {
     let layout = plain(link).layout;
     let framing = layout.record_bytes().map_or(Framing::Lines, Framing::Records);
@@ -52,7 +52,7 @@ pub(super) fn open_tcp(
     }
 }
 
-/// Returns where a plain link is found, and whether other machines can reach it.
+/// Returns the address of a plain link, and whether other machines can reach it.
 pub(super) fn notes(kind: &str, address: SocketAddr) -> Vec<String> {
     let place = format!("link: {kind} at {address}");
     let is_exposed = !address.ip().is_loopback();
@@ -67,7 +67,7 @@ fn reachable(address: SocketAddr) -> SocketAddr {
     SocketAddr::new(if any { IpAddr::V4(Ipv4Addr::LOCALHOST) } else { address.ip() }, address.port())
 }
 
-/// A link of this kind has a layout, as the configuration has checked; without one the default is meant.
+/// Returns the layout of a plain link, which the configuration has checked; the default if there is none.
 fn plain(link: &Link) -> Plain {
     let usual = || Plain { layout: PlainLayout::default(), sender_timeout: Span::from_ms(2000) };
     link.plain.clone().unwrap_or_else(usual)

@@ -1,4 +1,4 @@
-//! The links of a checked bench -> the stimulator's ports, and the far end's where it is simulated too.
+//! The links of a checked bench -> the stimulator's ports, and the far end's if it is simulated too.
 
 use crate::runtime::edge_thread::TriggerChip;
 use crate::wiring::trigger_lines::open_chips;
@@ -20,21 +20,21 @@ use std::sync::Arc;
 
 /// The ports of a run.
 pub struct Ports {
-    /// Doors to the simulated buses; they close when this is dropped.
+    /// Gateways to the simulated buses; they close when this is dropped.
     pub gateways: Vec<Gateways>,
-    /// Pulses per second of the flight computer, where a link names a source.
+    /// Pulses per second of the flight computer, if a link names a source.
     pub pulses: Option<Pps>,
     /// Chips with lines that trigger cameras.
     pub chips: Vec<TriggerChip>,
     /// The stimulator's: the bench's link, then its extra links.
     pub near: Vec<Port>,
-    /// The simulated flight computer's; `None` for one that is no part of this program.
+    /// The simulated flight computer's port; `None` when the flight computer is external.
     pub far: Option<Port>,
-    /// Where outside simulators find a plain link: what people read.
+    /// Addresses of plain links for external simulators, in words.
     pub notes: Vec<String>,
 }
 
-/// Which end of which link.
+/// One end of one link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum End {
     /// The stimulator's end of a link, counted from 0: the bench's link, then its extra links.
@@ -43,10 +43,10 @@ pub enum End {
     Far,
 }
 
-/// What is put between an end of a link and its port, such as faults or a capture.
+/// Wrapper between an end of a link and its port, such as faults or a capture.
 pub type Tap<'a> = &'a mut dyn FnMut(End, Box<dyn LinkEnd>) -> Box<dyn LinkEnd>;
 
-/// Opens every link of a bench; `tap` gets every end before its port.
+/// Opens every link of a bench; `tap` wraps every end before its port.
 ///
 /// # Errors
 /// When a link cannot be opened, with what to try.
@@ -69,7 +69,7 @@ pub fn open_ports(bench: &Bench, clock: &Arc<dyn Clock>, tap: Tap<'_>) -> Result
     Ok(ports)
 }
 
-/// One link, opened.
+/// One open link.
 struct Opened {
     near: Port,
     far: Option<Port>,
@@ -184,7 +184,7 @@ pub fn identifiers(link: &Link) -> Result<IdMap> {
     IdMap::new(link.id_base, link.node).context("CAN identifiers: node or base out of range")
 }
 
-/// Returns why a bench cannot be run on the virtual clock, if it cannot.
+/// Returns the reason why a bench cannot be run on the virtual clock, if there is one.
 #[must_use]
 pub fn needs_real_clock(bench: &Bench) -> Option<&'static str> {
     let has_gateways = |link: &Link| matches!(&link.carrier, Carrier::Simulated(gateway_ports) if *gateway_ports != GatewayPorts::default());
@@ -201,11 +201,12 @@ pub fn needs_real_clock(bench: &Bench) -> Option<&'static str> {
     }
 }
 
-/// Returns why nobody can move the spacecraft of a bench, if nobody can: its plant is outside, no bus leads there, and the
-/// run is not controlled by whoever could send its attitudes.
+/// Returns the reason why the spacecraft of a bench cannot be moved, if there is one: its plant is external, no bus
+/// leads
+/// there, and the run is not controlled by a client that could send its attitudes.
 #[must_use]
 pub fn is_unreachable(bench: &Bench, is_controlled: bool) -> Option<&'static str> {
-    let why = "link.kind is \"simulated\" without gateways, and the plant is outside: nobody else is on a bus inside this \
+    let why = "link.kind is \"simulated\" without gateways, and the plant is outside: no other program can reach a bus inside this \
                program; wanted slcan_tcp, slcan_pty or socketcand, or a real bus, or --control ADDRESS, whose client sends the \
                attitudes (lockstep with --clock virtual)";
     (bench.is_lockstep() && !is_controlled).then_some(why)

@@ -1,8 +1,10 @@
-//! A run on the real clock: the far end in a thread of its own, the frames are late when they are late.
+//! A run on the real clock: the far end has its own thread, and frames are late when they are late.
 //!
-//! In: an assembled run. Out: what it came to. Faults act as on the virtual clock; frames that a fault delays keep their
-//! buffers, of which each head has four: a delay beyond three frames loses some, counted. Frames go to the trackers as the
-//! sink threads deliver them; a vehicle looks every [`POLL`]. Orders from outside, such as events that are injected, reach
+//! In: an assembled run. Out: its results. Faults act as on the virtual clock; frames that a fault delays keep their
+//! buffers. Each head has four buffers: a delay beyond three frames loses some, counted. Frames go to the trackers as
+//! the
+//! sink threads deliver them; a vehicle looks every [`POLL`]. Orders from outside, such as events that are injected,
+//! reach
 //! the frame thread between two slots and the far end's thread between two steps.
 
 use crate::runtime::error::FarEndError;
@@ -24,12 +26,12 @@ use frames::sink::{FrameMeta, SentFrame};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
-/// The far end's thread looks for frames and orders this often.
+/// Interval at which the far end's thread looks for frames and orders.
 const POLL: Span = Span::from_ms(2);
-/// Frames whose attitude waits to be compared with the truth.
+/// Capacity for frames whose attitude waits to be compared with the truth.
 const SEEN_FRAMES: usize = 64;
 
-/// Something that the far end's thread is to do between two steps.
+/// An order that the far end's thread executes between two steps.
 pub(super) type FarOrder = Box<dyn FnOnce(&mut FarSide) + Send>;
 
 /// Flies a run to its end, or until `stop` is set.
@@ -118,26 +120,26 @@ pub(super) fn fly(
     Ok(end)
 }
 
-/// Lets the witness see the frames that its thread has not taken.
+/// Passes the witness the frames that its thread has not taken.
 fn queue_rest(far: &mut FarSide, seen: &Queue<(usize, FrameMeta)>) {
     seen.try_iter().for_each(|(head, meta)| far.witness_frame(head, &meta));
 }
 
-/// Closes gateways; threads of theirs that ended early are losses.
+/// Closes the gateways; those of their threads that ended early count as losses.
 fn close(cable: &mut Cable, end: &mut RunEnd, now: base::time::Tai) {
     for _ in 0..cable.close() {
         end.note_lost_thread("gateway", now);
     }
 }
 
-/// Ends the far end's thread with the run, and the run with the far end's thread.
+/// Links the ends of the run and of the far end's thread: each ends the other.
 struct Ends {
     over: Arc<AtomicBool>,
     stop: Arc<AtomicBool>,
 }
 
 impl Drop for Ends {
-    /// A far end that ends before the run, by an error or a panic, ends the run.
+    /// Ends the run when the far end ends before it, by an error or a panic.
     fn drop(&mut self) {
         if !self.over.load(Ordering::SeqCst) {
             self.stop.store(true, Ordering::SeqCst);
@@ -145,7 +147,7 @@ impl Drop for Ends {
     }
 }
 
-/// The far end's thread: steps it until the run is over, and returns it with all that it has seen.
+/// The far end's thread: steps it until the run is over, and returns it with everything it has recorded.
 struct Flight {
     far: FarSide,
     clock: Arc<dyn Clock>,
@@ -171,7 +173,7 @@ impl Flight {
 
     fn fly(self) -> Result<FarSide, FarEndError> {
         let Self { mut far, clock, ends, seen, orders } = self;
-        // Frames and orders come at any time; a flight computer alone knows when it next has something to do.
+        // Frames and orders come at any time; only a flight computer alone knows when it next has work.
         let looks_often = orders.is_some() || far.vehicle().is_some() || !far.is_simulated();
         while !ends.over.load(Ordering::Relaxed) {
             let now = clock.now();

@@ -1,4 +1,4 @@
-//! What a run came to, over or under way, and what linear theory says it should have come to.
+//! Results of a run, finished or in progress, and their expected values by linear theory.
 
 use crate::runtime::{EventKind, PortReading, RunError, RunParams, RunRecord, note_lost_reader, sink_rows};
 use crate::wiring::assessment::Assessment;
@@ -15,19 +15,19 @@ use testbed::acs::pointing_error::PointingNoise;
 use testbed::estimator::{GyroNoise, MekfCounts};
 use testbed::vehicle::Vehicle;
 
-/// What the spacecraft of a run counted, and what linear theory expects of it.
+/// Counts of a run's spacecraft, and their expected values by linear theory.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Flown {
-    /// What became of the attitudes that the estimator received.
+    /// Counts of the attitudes that the estimator received.
     pub estimator: MekfCounts,
-    /// Frames that came without a time tag and were not used.
+    /// Frames without a time tag, which were not used.
     pub untagged: u64,
-    /// What linear theory makes of the tracker's noise: rms error of the boresight's direction, rad.
+    /// Expected rms error of the boresight's direction by linear theory from the tracker's noise, rad.
     pub predicted_pointing_rad: Option<f64>,
 }
 
 impl Flown {
-    /// Returns what a vehicle has counted so far; `params` are those of the first head.
+    /// Returns the counts of a vehicle so far; `params` are those of the first head.
     pub(super) fn of(vehicle: Option<&Vehicle>, assessment: &Assessment, params: &RunParams) -> Self {
         let untagged = |vehicle: &Vehicle| vehicle.head_reports().map(|report| report.untagged).sum();
         Self {
@@ -44,7 +44,7 @@ impl Flown {
     }
 }
 
-/// A run that has ended, well or not, and everything it ran with.
+/// Results of a run that has ended, well or not, and its parts.
 pub struct RunEnd {
     /// Its instants.
     pub times: RunTimes,
@@ -52,23 +52,23 @@ pub struct RunEnd {
     pub heads: Vec<RunHead>,
     /// Counts, times and events of the stimulator.
     pub record: RunRecord,
-    /// What each port counted.
+    /// Counters of each port.
     pub ports: Vec<PortReading>,
-    /// What each head's sink wrote; `None` when it could not finish.
+    /// Summary written by each head's sink; `None` when it could not finish.
     pub summaries: Vec<Option<SinkSummary>>,
-    /// What each sink of each head did, failures included.
+    /// Result of each sink of each head, failures included.
     pub sink_lines: Vec<SinkLine>,
-    /// What gateways did.
+    /// Counters of the gateways.
     pub gateways: Vec<GatewayRow>,
-    /// What is lost although the run reached its end.
+    /// Losses of a run that reached its end.
     pub losses: Losses,
-    /// What threads asked of the system, and got.
+    /// Requests of threads to the operating system, and their results.
     pub hygiene: Vec<HygieneLine>,
     /// Telemetry summed up, expectations, invariants.
     pub assessment: Assessment,
-    /// Every fault and what it hit.
+    /// Every fault with its hits.
     pub faults: Vec<FaultLine>,
-    /// What the spacecraft counted; all zero when none is flown.
+    /// Counts of the spacecraft; all zero when none is flown.
     pub flown: Flown,
     /// Time since the first exposure, s; the run's duration when it ran to its end.
     pub simulated_s: f64,
@@ -76,7 +76,7 @@ pub struct RunEnd {
     pub error: Option<LoopError>,
 }
 
-/// A run seen from outside, over or under way.
+/// Results of a run seen from outside, finished or in progress.
 pub struct LoopView<'a> {
     /// Counts, times and events of the stimulator.
     pub record: &'a RunRecord,
@@ -84,16 +84,16 @@ pub struct LoopView<'a> {
     pub frames_crc32: Vec<u32>,
     /// Telemetry summed up, invariants.
     pub assessment: &'a Assessment,
-    /// Every fault and what it hit.
+    /// Every fault with its hits.
     pub faults: Vec<FaultLine>,
-    /// As in [`RunEnd`].
+    /// See [`RunEnd`].
     pub flown: Flown,
-    /// As in [`RunEnd`].
+    /// See [`RunEnd`].
     pub simulated_s: f64,
 }
 
 impl RunEnd {
-    /// To be reported.
+    /// Returns the results for a report.
     #[must_use]
     pub fn view(&self) -> LoopView<'_> {
         LoopView {
@@ -106,7 +106,7 @@ impl RunEnd {
         }
     }
 
-    /// Returns counts, times and events; names of bench and clock and the wall time are the caller's to fill in.
+    /// Returns counts, times and events; names of bench and clock and the wall time are filled in by the caller.
     #[must_use]
     pub fn summary(&self) -> RunSummary {
         let first = &self.heads[0];
@@ -119,14 +119,14 @@ impl RunEnd {
         summary
     }
 
-    /// Notes a thread that had ended before the run did, which was seen at `at`.
+    /// Records a thread that ended before the run did; `at` is when this was noticed.
     pub fn note_lost_thread(&mut self, name: &'static str, at: Tai) {
         let event = crate::runtime::ledger::Event::new(EventKind::ThreadLost, at, None, Span::ZERO);
         self.record.ledger.note(crate::runtime::ledger::Event { what: name, ..event });
         self.losses.note_thread(name);
     }
 
-    /// Returns whether expectations and invariants hold.
+    /// Returns true when expectations and invariants are met.
     #[must_use]
     pub fn holds(&self) -> bool {
         let verdicts = self.assessment.verdicts(self.flown.predicted_pointing_arcsec(), &self.record);
@@ -134,7 +134,7 @@ impl RunEnd {
     }
 }
 
-/// What was lost: frames that a sink dropped or refused, sinks that broke down, the reader of stars.
+/// Returns all losses: frames that a sink dropped or refused, sinks that failed, the reader of stars.
 pub(super) fn losses(lines: &[SinkLine], record: &RunRecord) -> Losses {
     let mut losses = Losses::of_sinks(&sink_rows(lines));
     note_lost_reader(&mut losses, &record.ledger);
@@ -148,8 +148,8 @@ pub(super) fn keep_first(error: &mut Option<LoopError>, next: Option<RunError>) 
     }
 }
 
-/// Rms error of the boresight's direction (two axes) in fine pointing, as linear theory has it from the tracker's noise;
-/// `None` when nothing is flown or no attitude fell into the window.
+/// Returns the expected rms error of the boresight's direction (two axes) in fine pointing by linear theory from the
+/// tracker's noise; `None` when nothing is flown or no attitude fell into the window.
 fn predicted_pointing_rad(vehicle: Option<&Vehicle>, assessment: &Assessment, params: &RunParams) -> Option<f64> {
     let (vehicle, nea_rad) = (vehicle?.params(), assessment.nea_rad()?);
     let latency_s = 0.5 * params.camera.exposure_s + params.camera.readout_s;

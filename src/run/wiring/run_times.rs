@@ -1,13 +1,13 @@
-//! The instants between which a run goes on.
+//! The instants of a run.
 
 use base::time::Tai;
 
 /// The instants of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RunTimes {
-    /// The clock starts, and with it the bus.
+    /// Start of the clock, and of the bus.
     pub start: Tai,
-    /// First exposure of the first head: times of events count from here.
+    /// First exposure of the first head: time zero of events.
     pub zero: Tai,
     /// End of the last frame's period.
     pub end: Tai,

@@ -1,9 +1,9 @@
-//! Numbers that a seed decides, for starts and schedules.
+//! Random numbers from a seed, for starts and schedules.
 
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 
-/// So many numbers, uniform in `0..1`.
+/// Returns `N` numbers, uniform in `0..1`.
 #[must_use]
 pub fn uniforms<const N: usize>(seed: u64) -> [f64; N] {
     let mut dice = StdRng::seed_from_u64(seed);

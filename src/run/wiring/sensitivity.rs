@@ -1,8 +1,9 @@
 //! A camera's sensitivity: SNR of its stars, limiting magnitudes, saturation.
 //!
-//! Input: a checked camera and what it looks at (colour, background). Output: everything `starloop snr` prints. The
-//! formulas are those of `plan::optics::snr`. The camera's own even background counts; left out are what depends on
-//! where it looks (Galaxy, zodiacal light, Sun, Moon, Earth), motion, defects and effects that depend on neighbours.
+//! Input: a checked camera and its conditions (colour, background). Output: everything `starloop snr` prints. The
+//! formulas are those of `plan::optics::snr`. The camera's own uniform background counts; omitted are effects that
+//! depend on the pointing (Galaxy, zodiacal light, Sun, Moon, Earth), motion, defects and effects that depend on
+//! neighbours.
 
 use crate::wiring::camera_parts::camera_params;
 use anyhow::Result;
@@ -10,14 +11,14 @@ use config::Camera;
 use plan::optics::StarLight;
 use plan::optics::snr::{PixelNoise, Terms, Window, electrons_for_snr};
 
-/// Largest window that is tried, px.
+/// Largest window size that is tried, px.
 const MOST_WINDOW_PX: usize = 25;
 /// SNR for which the window is chosen when none is given.
 const WINDOW_SNR: f64 = 5.0;
-/// Halvings in search of the star of a given optimal SNR.
+/// Number of halvings in the search for the star of a given optimal SNR.
 const HALVINGS: usize = 100;
 
-/// What the camera looks at, and how its stars are measured.
+/// Stars and background of a field, and how the stars are measured.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Conditions {
     /// Colour of the stars, BP-RP.
@@ -43,12 +44,12 @@ pub struct Sensitivity {
     pub exposure_s: f64,
     /// Colour of the stars.
     pub bp_rp: f64,
-    /// Electrons at which a pixel is full: the well, or where the converter ends.
+    /// Electrons at which a pixel is full: the well, or the converter's range.
     pub full_e: f64,
 }
 
 impl Sensitivity {
-    /// Of a camera.
+    /// Returns the sensitivity of a camera.
     ///
     /// # Errors
     /// When the camera's parts contradict each other.
@@ -73,7 +74,7 @@ impl Sensitivity {
         Ok(Self { light: params.radiometry, window, pixel, exposure_s, bp_rp: conditions.bp_rp, full_e })
     }
 
-    /// Returns electrons of a star.
+    /// Returns the electrons of a star.
     #[must_use]
     pub fn electrons(&self, mag_g: f64) -> f64 {
         self.light.electrons(mag_g, self.bp_rp, self.exposure_s)
@@ -85,16 +86,16 @@ impl Sensitivity {
         self.window.terms(self.electrons(mag_g), &self.pixel)
     }
 
-    /// Returns the g at which the sum over the window has this SNR; `None` when no star does.
+    /// Returns the G magnitude at which the sum over the window has this SNR; `None` when no star does.
     #[must_use]
     pub fn limiting_mag(&self, snr: f64) -> Option<f64> {
         self.mag_of(electrons_for_snr(snr, &self.window.noise(&self.pixel)))
     }
 
-    /// Returns the g at which the optimally weighted sum has this SNR; `None` when no star does.
+    /// Returns the G magnitude at which the optimally weighted sum has this SNR; `None` when no star does.
     #[must_use]
     pub fn limiting_mag_optimal(&self, snr: f64) -> Option<f64> {
-        // Never more than the plain sum needs, and SNR rises with the star.
+        // The optimal sum needs at most the electrons of the plain sum, and SNR rises with the star's light.
         let (mut faint_e, mut bright_e) = (0.0, electrons_for_snr(snr, &self.window.noise(&self.pixel)));
         for _ in 0..HALVINGS {
             let middle_e = 0.5 * (faint_e + bright_e);
@@ -103,7 +104,8 @@ impl Sensitivity {
         self.mag_of(bright_e)
     }
 
-    /// Returns the g at which the brightest pixel is full; `None` when no star fills it, or it is full without one.
+    /// Returns the G magnitude at which the brightest pixel is full; `None` when no star fills it, or it is full
+    /// without one.
     #[must_use]
     pub fn saturation_mag(&self) -> Option<f64> {
         self.mag_of(self.window.saturating_electrons(self.full_e, &self.pixel))

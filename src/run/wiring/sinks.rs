@@ -1,8 +1,8 @@
-//! Checked sinks of a bench -> what takes the frames.
+//! Checked sinks of a bench -> the sinks that take the frames.
 //!
-//! On the real clock every sink has a thread and a queue of its own ([`Fan`]), also when there is one only: what writes
-//! files may take longer than a frame. On the virtual clock they go in step ([`OnFull::Wait`]), also when there is one only:
-//! one that blocks can be given up. The null sink alone needs no thread and is called directly ([`Alone`]).
+//! On the real clock every sink, even a single one, has its own thread and queue ([`Fan`]): writing files may take
+//! longer than a frame. On the virtual clock they run in step ([`OnFull::Wait`]), also with a thread, so that a sink
+//! that blocks can be abandoned. Only the null sink needs no thread and is called directly ([`Alone`]).
 
 use crate::runtime::exposing::Exposing;
 use crate::wiring::display_parts::open_display;
@@ -22,30 +22,31 @@ use scene::camera::CameraParams;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
-/// What the sinks of one camera head are made for.
+/// Parameters of the sinks of one camera head.
 pub struct SinkSetting<'a> {
-    /// Directory of the run, for those that keep files; of several heads each has one in it. `None`: nobody keeps any.
+    /// Directory of the run, for sinks that write files; each of several heads has its own in it. `None`: no sink
+    /// writes files.
     pub directory: Option<&'a Path>,
-    /// A frame as they will get it: size, room for stars, camera.
+    /// A frame with the size, star capacity and camera of the frames to come.
     pub prototype: &'a SentFrame,
     /// Which camera head, when there are several.
     pub head: Option<usize>,
-    /// They are not to be waited for.
+    /// True when the run must not wait for sinks.
     pub is_real: bool,
     /// The camera that makes the frames.
     pub camera: &'a CameraParams,
-    /// From one exposure's start to the next.
+    /// Time from one exposure's start to the next.
     pub frame_period: Span,
     /// The calibration of the display that the run is drawn for, if it is drawn for one.
     pub calibration: Option<&'a Calibration>,
     /// The run's clock.
     pub clock: &'a Arc<dyn Clock>,
-    /// The exposures that clients of network cameras command, and where the queues to them are put; `None`: clients only read.
+    /// Exposures that clients of network cameras command, and where their queues are put; `None`: clients only read.
     pub commands: Option<(&'a Exposing, &'a RefCell<Vec<DeskEnd>>)>,
 }
 
-/// Returns the directory of a run: `out` when it is given, which then has at least the summary, else a `stamp` below the
-/// first that a sink names. `None` when neither is there.
+/// Returns the directory of a run: `out` if given, which then contains at least the summary, else a `stamp` below the
+/// first directory that a sink names. `None` without either.
 #[must_use]
 pub fn run_directory(sinks: &[SinkSettings], out: Option<&Path>, stamp: &str) -> Option<PathBuf> {
     let mut keeping = sinks.iter().filter_map(|settings| match &settings.sink {
@@ -62,7 +63,7 @@ pub fn run_directory(sinks: &[SinkSettings], out: Option<&Path>, stamp: &str) ->
     Some(named.join(stamp))
 }
 
-/// What takes the frames of one camera head.
+/// Returns the sinks of one camera head.
 ///
 /// # Errors
 /// When a sink cannot be made, with its place in the bench.
@@ -82,13 +83,13 @@ pub fn make_sinks(sinks: &[SinkSettings], setting: &SinkSetting<'_>) -> Result<B
     Ok(Box::new(Fan::start(made, setting.prototype, on_full)?))
 }
 
-/// Returns where the files of one head are: several have a directory each.
+/// Returns the directory for the files of one head: each of several heads has its own.
 #[must_use]
 pub fn directory_of_head(run: &Path, head: Option<usize>) -> PathBuf {
     head.map_or_else(|| run.to_path_buf(), |head| run.join(format!("head{head}")))
 }
 
-/// Returns where a sink stands in its bench.
+/// Returns the position of a sink in its bench.
 fn place(number: usize) -> String {
     number.checked_sub(1).map_or_else(|| "sink".into(), |extra| format!("extra_sink[{extra}]"))
 }
@@ -112,7 +113,7 @@ fn make(settings: &SinkSettings, number: usize, setting: &SinkSetting<'_>) -> Re
     }
 }
 
-/// Returns the queues to the exposures of the head, where they can be commanded.
+/// Returns the queues to the exposures of the head, if they can be commanded.
 fn commands(setting: &SinkSetting<'_>) -> Option<CommandParams> {
     let (exposing, desks) = setting.commands?;
     let (range, settings, start) = (*exposing.range()?, *exposing.next_settings(), *exposing.start());
@@ -128,10 +129,10 @@ fn commands(setting: &SinkSetting<'_>) -> Option<CommandParams> {
     })
 }
 
-/// Returns a camera on the network, whose address is told.
+/// Returns a camera on the network, and prints its address.
 fn network_camera(params: &network_camera::Params, setting: &SinkSetting<'_>) -> Result<Box<dyn Sink>> {
     let camera = setting.camera;
-    // Several heads are several cameras: each has an address and names of its own, counted up from the first.
+    // Several heads are several cameras: each has its own address and names, counted up from the first.
     let params = setting.head.map_or_else(|| Ok(params.clone()), |head| params.of_head(head))?;
     let sensor = SensorParams {
         size_px: camera.output().size_px.map(|side| u32::try_from(side).unwrap_or(u32::MAX)),
@@ -151,7 +152,7 @@ fn network_camera(params: &network_camera::Params, setting: &SinkSetting<'_>) ->
     Ok(Box::new(made))
 }
 
-/// Returns a monitor; what it is driven by is told.
+/// Returns a monitor, and prints what drives it.
 fn display(settings: &DisplaySettings, number: usize, setting: &SinkSetting<'_>) -> Result<Box<dyn Sink>> {
     let directory = setting.directory.map(|_run| files_of(number, None, setting));
     let (display, notes) = open_display(settings, setting, directory.as_deref())?;
@@ -160,13 +161,13 @@ fn display(settings: &DisplaySettings, number: usize, setting: &SinkSetting<'_>)
     Ok(Box::new(display))
 }
 
-/// Heads do not share a name: each has its number at the end of it.
+/// Returns a head's name: heads do not share a name, so each has its number at the end.
 fn name_of_head(name: &str, head: Option<usize>) -> String {
     head.map_or_else(|| name.to_owned(), |head| format!("{name}_head{head}"))
 }
 
-/// The first sink has the run's directory. Another one has a directory below the one that it names, with the names of run
-/// and head, or below the run's when it names none.
+/// Returns the directory of a sink's files. The first sink has the run's directory. Another one has a directory below
+/// the one that it names, with the names of run and head, or below the run's when it names none.
 fn files_of(number: usize, own: Option<&Path>, setting: &SinkSetting<'_>) -> PathBuf {
     let run = setting.directory.unwrap_or(Path::new("out"));
     match (number.checked_sub(1), own) {
@@ -200,7 +201,7 @@ fn iceoryx(service: &str, _slots: u32, _setting: &SinkSetting<'_>) -> Result<Box
     anyhow::bail!("{service}: got a starloop without iceoryx2; wanted `--features iceoryx2`")
 }
 
-/// Returns a sink in words, for people.
+/// Describes a sink in words.
 #[must_use]
 pub fn reported(settings: &SinkSettings) -> String {
     let kind = settings.sink.kind();
@@ -214,9 +215,9 @@ pub fn reported(settings: &SinkSettings) -> String {
             format!("{kind}: {}, below {directory}; {} frames may wait", forms.join(", "), settings.queue_frames)
         }
         Kind::SharedMemory { path, slots } => {
-            format!("{kind}: {}, room for {slots} frames", path.display())
+            format!("{kind}: {}, {slots} frames", path.display())
         }
-        Kind::Iceoryx { service, slots } => format!("{kind}: service \"{service}\", room for {slots} frames"),
+        Kind::Iceoryx { service, slots } => format!("{kind}: service \"{service}\", {slots} frames"),
         Kind::NetworkCamera(params) => {
             let rate = params.rate_bit_s / 1e6;
             format!(
@@ -238,7 +239,7 @@ pub fn reported(settings: &SinkSettings) -> String {
     }
 }
 
-/// Returns lines that tell the sinks of a bench: place and words.
+/// Returns the position and description of each sink of a bench.
 pub fn reported_lines(sinks: &[SinkSettings]) -> impl Iterator<Item = (String, String)> {
     sinks.iter().enumerate().map(|(number, settings)| (place(number), reported(settings)))
 }

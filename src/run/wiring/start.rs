@@ -1,20 +1,20 @@
-//! When the clock of a run starts.
+//! Starts the clock of a run.
 //!
-//! `timing.start_utc = "now"` is the machine's own time. The instants of a run are planned before its parts are made, which takes a
-//! while: on the real clock the plan leaves [`SET_UP`] for it, and the bench's clock then starts when the machine's clock has
-//! come to the planned instant. What takes longer leaves a lag, and the run says how much. Tests: below.
+//! `timing.start_utc = "now"` is the machine's own time. The instants of a run are planned before its parts are made,
+//! which takes a while: on the real clock the plan leaves [`SET_UP`] for it, and the bench's clock then starts when the
+//! machine's clock has come to the planned instant. A longer set-up leaves a lag, which the run reports. Tests: below.
 
 use crate::wiring::assemble::RunClockKind;
 use base::clock::{Clock, Monotonic};
 use base::time::{Span, Tai};
 use config::StartTime;
 
-/// Time to make the parts of a run in.
+/// Time to make the parts of a run.
 const SET_UP: Span = Span::from_ms(1000);
-/// A start that is so late is said.
+/// Smallest lag that is reported.
 const NOTED_LAG: Span = Span::from_ms(1);
 
-/// Returns when the clock of a run is to start.
+/// Returns the planned start of a run's clock.
 pub(super) fn planned_start(start: StartTime, clock: RunClockKind) -> Tai {
     match (start, clock) {
         (StartTime::At(at), _) => at,
@@ -23,8 +23,8 @@ pub(super) fn planned_start(start: StartTime, clock: RunClockKind) -> Tai {
     }
 }
 
-/// Starts the bench's clock at the planned instant, which "now" waits for by the machine's clock. Returns how far the bench's
-/// clock is behind the machine's then.
+/// Starts the bench's clock at the planned instant; with "now" it waits for the machine's clock. Returns the delay of
+/// the bench's clock behind the machine's at that moment.
 pub(super) fn start_clock(clock: &Monotonic, start: StartTime, planned: Tai) -> Span {
     let machine = Monotonic::start();
     if start == StartTime::Now {
@@ -39,7 +39,7 @@ pub(super) fn start_clock(clock: &Monotonic, start: StartTime, planned: Tai) -> 
     lag
 }
 
-/// Returns what a run says of a lag.
+/// Returns the note about a lag.
 pub(super) fn note(lag: Span) -> Option<String> {
     let said = || {
         format!(
@@ -56,13 +56,13 @@ pub(super) fn note(lag: Span) -> Option<String> {
 mod tests {
     use super::*;
 
-    /// Less than the machine may hold a test up for.
+    /// Returns true when a span is short enough to be a scheduling delay of the machine.
     fn is_small(span: Span) -> bool {
         span.ns().abs() < 5_000_000
     }
 
-    /// Returns the bench minus machine: the smallest of some readings, because the machine may stop the test between
-    /// the two clocks.
+    /// Returns the bench's time minus the machine's: the smallest of some readings, because the test may be interrupted
+    /// between the two clocks.
     fn offset(clock: &Monotonic) -> Span {
         let readings = (0..20).map(|_| clock.now() - Monotonic::start().now());
         readings.min_by_key(|reading| reading.ns().abs()).unwrap()
@@ -70,7 +70,7 @@ mod tests {
 
     #[test]
     fn now_is_the_machines_time_when_the_clock_starts_and_a_later_start_is_a_lag_that_is_said() {
-        // A busy machine may wake the start too late, which is a lag: not each time.
+        // A busy machine may wake the start too late, which is a lag, but not every time.
         let is_now = || {
             let planned = planned_start(StartTime::Now, RunClockKind::Real);
             let clock = Monotonic::start_at(planned);

@@ -1,9 +1,10 @@
-//! What a program outside does with a run on the real clock: it looks at it, injects events and triggers, and may be its plant.
+//! Control of a run on the real clock by an external program: it observes, injects events and triggers, or is the
+//! plant.
 //!
-//! [`Steering`] is made before the run and shared with whoever steers. The run attaches itself when it begins. Events are
-//! checked by the caller's thread, placed by the frame thread between two slots, and reach the far end's thread between two
-//! of its steps. What an event needs (tables of other optics, places of false stars) is made then: a frame that it delays is
-//! counted as late. Tests: `tests/closed_loop/control.rs`.
+//! [`Steering`] is made before the run and shared with its clients. The run attaches itself when it starts. Events are
+//! checked by the caller's thread, placed by the frame thread between two slots, and reach the far end's thread between
+//! two of its steps. Resources of an event (tables of other optics, places of false stars) are made then: a frame that
+//! this delays is counted as late. Tests: `tests/closed_loop/control.rs`.
 
 use crate::runtime::ledger::{Event as LedgerEvent, EventKind};
 use crate::runtime::real_time::{FrameOrder, HeadParts};
@@ -26,14 +27,14 @@ use frames::sink::{NullSink, SentFrame, Sink, SinkError, SinkSummary, Tee};
 use link::Stamped;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Orders that wait for the frame thread or the far end.
+/// Capacity for orders that wait for the frame thread or the far end.
 const ORDERS: usize = 16;
-/// Samples of a plant outside that wait for the frame thread: two full requests.
+/// Capacity for samples of an external plant that wait for the frame thread: two full requests.
 const SAMPLES: usize = 8192;
-/// An order that is not done within this is not waited for any more.
+/// Timeout for an order to be executed.
 const DONE_WITHIN: Duration = Duration::from_secs(120);
 
-/// A run on the real clock as it is seen from outside.
+/// A run on the real clock as seen from outside.
 #[derive(Clone)]
 pub struct Steering {
     attached: Arc<Mutex<Option<Attached>>>,
@@ -54,7 +55,7 @@ struct Attached {
     times: RunTimes,
 }
 
-/// What a run takes from whoever steers it.
+/// Queues by which a run receives orders.
 pub(super) struct Orders {
     pub(super) frames: Queue<FrameOrder>,
     pub(super) far: Queue<FarOrder>,
@@ -73,14 +74,14 @@ fn busy(what: &str) -> LoopError {
 }
 
 impl Steering {
-    /// Of a run that has not begun; frames of its heads are kept in `newest`.
+    /// Returns the steering of a run that has not started; frames of its heads are kept in `newest`.
     #[must_use]
     pub fn new(newest: NewestFrames) -> Self {
         let newest = Arc::new(Mutex::new(newest));
         Self { attached: Arc::default(), newest, injected: Arc::default(), last: Arc::default() }
     }
 
-    /// Keeps the newest frame of each head.
+    /// Adds a sink that keeps the newest frame to each head.
     pub(super) fn watch_frames(&self, heads: &mut [RunHead]) {
         for (number, head) in heads.iter_mut().enumerate() {
             let sink = core::mem::replace(&mut head.sink, Box::new(NullSink::new()));
@@ -89,7 +90,8 @@ impl Steering {
         }
     }
 
-    /// The run begins: returns where its frame thread and its far end find their orders, and the samples of a plant outside.
+    /// Starts the run: returns the queues of orders for its frame thread and far end, and of samples of an external
+    /// plant.
     pub(super) fn attach(
         &self,
         desk: &Arc<Mutex<FaultDesk>>,
@@ -105,24 +107,24 @@ impl Steering {
         Orders { frames: of_frames, far: of_far, samples: of_plant }
     }
 
-    /// The run is over, with these counts.
+    /// Records the final instants and counts of a run that is over.
     pub(super) fn detach(&self, times: RunTimes, numbers: RunNumbers) {
         *lock(&self.last) = Some((times, numbers));
         *lock(&self.attached) = None;
     }
 
-    /// Instants and counts of a run that is over.
+    /// Returns the instants and counts of a run that is over.
     #[must_use]
     pub fn ended(&self) -> Option<(RunTimes, RunNumbers)> {
         *lock(&self.last)
     }
 
-    /// Events that were injected so far, as they were placed, and how long after the first exposure each came.
+    /// Returns the events that were injected so far, as they were placed, with their times after the first exposure.
     pub(super) fn injected(&self) -> Vec<(Event, Span)> {
         lock(&self.injected).clone()
     }
 
-    /// Returns whether the run has begun, and may be over.
+    /// Returns true when the run has started; it may be over.
     #[must_use]
     pub fn has_begun(&self) -> bool {
         lock(&self.attached).is_some() || self.ended().is_some()
@@ -133,21 +135,21 @@ impl Steering {
         lock(&self.attached).clone().ok_or_else(none)
     }
 
-    /// Returns the run's instants, and its clock now.
+    /// Returns the run's instants, and the present time of its clock.
     ///
     /// # Errors
-    /// When the run has not begun, or is over.
+    /// When the run has not started, or is over.
     pub fn now(&self) -> Result<(RunTimes, Tai), LoopError> {
         self.attached().map(|attached| (attached.times, attached.clock.now()))
     }
 
-    /// Returns a copy of the newest frames, made while no sink waits for longer than the copy takes.
+    /// Returns a copy of the newest frames; sinks only wait for the time of the copy.
     #[must_use]
     pub fn newest(&self) -> NewestFrames {
         lock(&self.newest).clone()
     }
 
-    /// Does something on the frame thread, before the slot that is released at the instant that it gets, and waits for what it returns.
+    /// Runs a function on the frame thread, before the slot with the release that it gets, and waits for its result.
     ///
     /// # Errors
     /// When the run is over or does not answer.
@@ -163,7 +165,7 @@ impl Steering {
         answer.recv_timeout(DONE_WITHIN).map_err(|_| busy("the frame thread"))
     }
 
-    /// Does something with the far end, between two of its steps, and waits for what it returns.
+    /// Runs a function on the far end, between two of its steps, and waits for its result.
     pub(super) fn on_far_end<T: Send + 'static>(
         &self,
         order: impl FnOnce(&mut FarSide) -> T + Send + 'static,
@@ -176,8 +178,8 @@ impl Steering {
         answer.recv_timeout(DONE_WITHIN).map_err(|_| busy("the far end"))
     }
 
-    /// Hands samples of a plant outside to the frame thread, all or none; each is taken by its own instant when it comes, as one of a
-    /// link would be. Returns how many wait.
+    /// Passes samples of an external plant to the frame thread, all or none; each is used by its own instant when it
+    /// comes, like one of a link. Returns how many wait.
     ///
     /// # Errors
     /// When the run is over, or too many wait.
@@ -190,7 +192,7 @@ impl Steering {
             );
             return Err(LoopError::Event { what: "plant", why });
         }
-        // Before they are queued: a capture must have what a frame is drawn from.
+        // Before they are queued: a capture must contain the inputs of a frame.
         let at = attached.clock.now();
         attached.recorded.iter().for_each(|tap| tap.note(samples, at));
         for value in samples {
@@ -200,7 +202,7 @@ impl Steering {
         Ok(attached.samples.len())
     }
 
-    /// Returns counts a list of samples that could not be read.
+    /// Counts a list of samples that could not be read.
     ///
     /// # Errors
     /// When the run is over or does not answer.
@@ -219,7 +221,7 @@ impl Steering {
         self.on_frame_thread(|_, record, _| record.numbers(None))
     }
 
-    /// Adds an event; its time counts from the first exposure. One whose time has passed begins at once.
+    /// Adds an event; its time counts from the first exposure. An event of the past starts at once.
     ///
     /// # Errors
     /// When it names a head or wheel that does not exist, or the run is over.
@@ -228,7 +230,7 @@ impl Steering {
         lock(&attached.desk).check(event)?;
         let (event, desk, clock) = (*event, Arc::clone(&attached.desk), Arc::clone(&attached.clock));
         let (placed, came) = self.on_frame_thread(move |heads, record, release| {
-            // Before the slot that it is placed before, also when that slot is overdue: a replay places it there again.
+            // Before the next slot, even when that slot is overdue: a replay places it there again.
             let came = clock.now().min(release - Span::from_ns(1));
             let frames = heads.iter_mut().filter_map(|head| head.faults.as_deref_mut()).collect();
             let placed = lock(&desk).place(&event, came, frames);
@@ -245,8 +247,8 @@ impl Steering {
         Ok(event)
     }
 
-    /// Fires a trigger: the simulated flight computer does so over the bus; in the place of one outside, the stimulator
-    /// takes it as if it had come over the bus now.
+    /// Fires a trigger. The simulated flight computer sends it over the bus; for an external flight computer the
+    /// stimulator processes it like a trigger that comes over the bus now.
     ///
     /// # Errors
     /// When the flight computer cannot take it, or the run is over.

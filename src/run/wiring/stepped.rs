@@ -44,16 +44,15 @@ pub struct SteppedRun {
 }
 
 impl SteppedRun {
-    /// Returns a run of `scenario` in which nothing has happened. `sink` makes the sink of each head; trackers see the
-    /// same frames.
+    /// Returns a run of `scenario` at its start. `sink` makes the sink of each head; trackers get the same frames.
     ///
     /// # Errors
-    /// The first thing that cannot be made.
+    /// The first part that cannot be made.
     pub fn new(scenario: &Scenario, mut sink: impl FnMut(usize) -> Box<dyn Sink>) -> Result<Self, LoopError> {
         Self::of(Run::assemble(scenario, RunOptions::stepped(Outputs::Made(&mut sink)))?)
     }
 
-    /// Returns an assembled run in which nothing has happened.
+    /// Returns an assembled run at its start.
     ///
     /// # Errors
     /// When it is on the real clock, its cable cannot be opened or its far end cannot be made.
@@ -78,7 +77,7 @@ impl SteppedRun {
         self.far.get_mut().on_row = on_row;
     }
 
-    /// Adds an event; its time counts from the first exposure. One whose time has passed begins now.
+    /// Adds an event; its time counts from the first exposure. An event of the past starts now.
     ///
     /// # Errors
     /// When it names a head or wheel that does not exist.
@@ -99,7 +98,7 @@ impl SteppedRun {
         Ok(())
     }
 
-    /// Returns the flight computer fires a trigger over the bus, to act at `at` or as soon as it has come.
+    /// Makes the flight computer fire a trigger over the bus, to act at `at` or on arrival.
     ///
     /// # Errors
     /// When too many wait to be sent, or the instant is more than an hour away.
@@ -108,11 +107,12 @@ impl SteppedRun {
         self.far.get_mut().send_trigger(number, at, now)
     }
 
-    /// Takes samples of a plant outside, of any instants that have not passed: each reaches the receivers at its own instant,
-    /// so that batches of any size give the same frames. All of a list are taken or none; what is refused is counted.
+    /// Accepts samples of an external plant, of any instants that have not passed: each reaches the receivers at its
+    /// own instant, so that batches of any size give the same frames. All of a list are accepted or none; refusals are
+    /// counted.
     ///
     /// # Errors
-    /// When the plant is inside, or a sample is bad.
+    /// When the plant is internal, or a sample is bad.
     pub fn take_plant(&mut self, samples: &[PlantSample]) -> Result<(), LoopError> {
         let refuse = |why: String| LoopError::Event { what: "plant", why };
         if !self.is_outside {
@@ -137,20 +137,21 @@ impl SteppedRun {
         self.going.record_mut().ledger.note(LedgerEvent::new(EventKind::SampleRefused, now, None, Span::ZERO));
     }
 
-    /// Returns whether the plant is outside.
+    /// Returns true when the plant is external.
     #[must_use]
     pub fn is_outside(&self) -> bool {
         self.is_outside
     }
 
-    /// Returns samples of a plant outside that wait for their instants, and the instant of the last attitude among
-    /// them.
+    /// Returns the number of samples of an external plant that wait for their instants, and the instant of the last
+    /// attitude among them.
     #[must_use]
     pub fn plant_waiting(&self) -> (usize, Option<Tai>) {
         (self.going.plant().len(), self.going.plant().last_attitude_at())
     }
 
-    /// What the built-in tracker of a head says of the newest frame that it is done with; `None` before the first.
+    /// Returns the output of a head's built-in tracker for the newest frame that it has processed; `None` before the
+    /// first.
     ///
     /// # Errors
     /// When the head has no tracker.
@@ -173,10 +174,10 @@ impl SteppedRun {
         })
     }
 
-    /// Returns the attitude of the body that frames of the first head are drawn with, by the samples taken in so far.
+    /// Returns the attitude of the body that frames of the first head are drawn with, according to the samples so far.
     ///
     /// # Errors
-    /// When no sample is near: before the first one, or before what is kept.
+    /// When no sample is near: before the first one, or before the kept ones.
     pub fn attitude_at(&self, at: Tai) -> Result<EstimatedAttitude, LoopError> {
         let receiver = &self.heads[0].receiver;
         let estimated = state_at(receiver.history(), at, &receiver.params().estimate);
@@ -189,7 +190,7 @@ impl SteppedRun {
         self.params().frame_period
     }
 
-    /// Returns the first exposure: where scenario time is zero.
+    /// Returns the time of the first exposure, which is time zero of the scenario.
     #[must_use]
     pub fn zero(&self) -> Tai {
         self.times.zero
@@ -221,12 +222,12 @@ impl SteppedRun {
         self.desk.lines(frames, &|number| far.hits_aboard(number))
     }
 
-    /// Looks at the vehicle.
+    /// Calls `look` with the vehicle, if there is one.
     pub fn with_vehicle<T>(&self, look: impl FnOnce(&Vehicle) -> T) -> Option<T> {
         self.far.borrow().vehicle().map(look)
     }
 
-    /// Does something with the vehicle, at the run's time, which `act` gets.
+    /// Calls `act` with the vehicle and the run's time.
     ///
     /// # Errors
     /// When no spacecraft is flown inside.
@@ -241,31 +242,31 @@ impl SteppedRun {
         self.mounting
     }
 
-    /// Returns the mounting of a head; of the first one where there is no such head.
+    /// Returns the mounting of a head; of the first one when the head does not exist.
     #[must_use]
     pub fn mounting_of(&self, head: usize) -> Rotation<Sensor, Body> {
         self.heads.get(head).map_or(self.mounting, |head| head.mounting)
     }
 
-    /// Returns when the next frame goes out, of those that are drawn or known of; `None` when none is.
+    /// Returns when the next known frame goes out; `None` when there is none.
     #[must_use]
     pub fn next_frame_out(&self) -> Option<Tai> {
         let next = self.heads[0].engine.exposing().next().slot().map(|slot| slot.due);
         self.going.next_out().into_iter().chain(next).min().filter(|at| *at > self.now())
     }
 
-    /// Returns the most frames that the first head can have in the whole run: of the frame rate, as long as its camera was not
-    /// commanded.
+    /// Returns the largest number of frames of the first head in the whole run: that of the frame rate, until its
+    /// camera is commanded.
     #[must_use]
     pub fn frames_at_most(&self) -> u64 {
         let engine = &self.heads[0].engine;
         if engine.exposing().is_commanded() { u64::MAX } else { u64::from(engine.params().frames) }
     }
 
-    /// Does something with the exposures of a head, at the run's time, which `act` gets.
+    /// Calls `act` with the exposures of a head and the run's time.
     ///
     /// # Errors
-    /// When there is no such head.
+    /// When the head does not exist.
     pub fn with_exposing<T>(
         &mut self,
         head: usize,
@@ -284,14 +285,15 @@ impl SteppedRun {
         self.heads.get(head).map(|head| head.engine.exposing())
     }
 
-    /// Returns whether the last frame is out.
+    /// Returns true when the last frame is out.
     #[must_use]
     pub fn is_finished(&self) -> bool {
         self.now() >= self.last_release() && self.going.on_the_way().0 == 0 && self.is_drawn()
     }
 
-    /// Advances simulated time to `at`, and does everything that is due by then; at the latest to the end of the run, so
-    /// that a run in steps is the run in one. `on_frame` sees each frame of each head as it goes out; false ends the run.
+    /// Advances simulated time to `at`, and processes everything that is due by then; it stops at the end of the run,
+    /// so that a run in steps equals an uninterrupted run. `on_frame` gets each frame of each head as it goes out;
+    /// false ends the run.
     ///
     /// # Errors
     /// When a part of the loop failed.
@@ -302,7 +304,7 @@ impl SteppedRun {
     ) -> Result<(), LoopError> {
         let drawn = self.last_release();
         self.go(on_frame, |going, heads, world| going.advance_to(at.min(drawn), heads, world))?;
-        // Everything is drawn: the run is over when the last frame is out, whatever else would happen later.
+        // Everything is drawn: the run is over when the last frame is out, even if other events would follow.
         match self.going.on_the_way() {
             _ if at < drawn => Ok(()),
             (_, Some(last_out)) if at < last_out && at < self.times.end => {
@@ -312,17 +314,17 @@ impl SteppedRun {
         }
     }
 
-    /// Returns whether no head has a frame to draw any more.
+    /// Returns true when no head has a frame left to draw.
     fn is_drawn(&self) -> bool {
         self.heads.iter().all(|head| head.engine.exposing().next().is_over(self.now()))
     }
 
-    /// Returns when the last frame of the run has been drawn, by what is known now.
+    /// Returns when the last frame of the run will have been drawn, as known now.
     fn last_release(&self) -> Tai {
         self.heads.iter().map(|head| last_release(&head.engine)).max().unwrap_or(self.times.end)
     }
 
-    /// Shows the run as it stands; the frames' CRC-32 of each head are the caller's.
+    /// Calls `look` with the present results of the run; the caller supplies the frames' CRC-32 of each head.
     pub fn look<T>(&self, frames_crc32: Vec<u32>, look: impl FnOnce(&LoopView<'_>) -> T) -> T {
         let far = self.far.borrow();
         let assessment = far.witness.assessment();
@@ -341,7 +343,7 @@ impl SteppedRun {
         self.heads[0].engine.params()
     }
 
-    /// Returns the since the first exposure, s; the last frame's readout is not counted.
+    /// Returns the time since the first exposure, s; the last frame's readout is not counted.
     fn simulated_s(&self) -> f64 {
         let RunTimes { zero, end, .. } = self.times;
         let until = if self.is_finished() { end } else { self.now().min(end) };
@@ -359,7 +361,7 @@ impl SteppedRun {
         self.go(on_frame, VirtualLoop::finish)
     }
 
-    /// Ends the run, which `error` cut short if there is one: sinks are finished, telemetry and invariants are summed up.
+    /// Ends the run, which `error` cut short if there is one: finishes the sinks, and sums up telemetry and invariants.
     #[must_use]
     pub fn end(mut self, mut error: Option<LoopError>) -> RunEnd {
         let faults = self.faults();

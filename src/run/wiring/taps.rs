@@ -1,4 +1,4 @@
-//! What looks at a run beside its sinks: capture and live view; the same on both clocks.
+//! Observers of a run besides its sinks: capture and live view; the same on both clocks.
 
 use crate::wiring::live_tap::LiveTap;
 use crate::wiring::replay::Recording;
@@ -12,7 +12,7 @@ pub(super) struct Taps {
 }
 
 impl Taps {
-    /// Ends them, at `now`; what they lost is a loss of the run.
+    /// Ends the taps, at `now`; their losses are losses of the run.
     pub(super) fn finish(self, end: &mut RunEnd, now: Tai) {
         if let Some(recording) = self.recording {
             let lost = end.ports.iter().map(|port| port.queue_overflows).sum();
@@ -23,7 +23,7 @@ impl Taps {
             missing.iter().for_each(|what| end.losses.note_capture(what));
         }
         let Some(live) = self.live else { return };
-        // After a failure the last numbers stay away: a run that broke down must not look like one that is over.
+        // After a failure the last numbers are not published: a failed run must not look like a finished one.
         if end.error.is_none() {
             let frames = end.heads.iter().map(|head| u64::from(head.engine.params().frames)).sum();
             live.numbers().send_last(&end.record.numbers(Some(frames)));

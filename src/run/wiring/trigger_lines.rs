@@ -13,7 +13,7 @@ use std::path::Path;
 /// Opens each chip that a line names, with all its lines.
 ///
 /// # Errors
-/// When a chip or a line is not there, or another program has it.
+/// When a chip or a line does not exist, or is in use by another program.
 pub(super) fn open_chips(bench: &Bench, clock: &dyn Clock) -> Result<Vec<TriggerChip>> {
     let mut chips: Vec<&Path> = bench.trigger_lines.iter().map(|line| line.chip.as_path()).collect();
     chips.sort_unstable();
@@ -27,10 +27,10 @@ pub(super) fn open_chips(bench: &Bench, clock: &dyn Clock) -> Result<Vec<Trigger
     chips.into_iter().map(open).collect()
 }
 
-/// Lets heads wait for the edges of their lines from the first exposure on.
+/// Makes heads wait for the edges of their lines from the first exposure on.
 ///
 /// # Errors
-/// When a line triggers a head that the run does not have, or one that nothing commands.
+/// When a line triggers a head that the run does not have, or one that cannot be commanded.
 pub(super) fn arm(bench: &Bench, heads: &mut [RunHead]) -> Result<()> {
     let count = heads.len();
     for (place, line) in bench.trigger_lines.iter().enumerate() {

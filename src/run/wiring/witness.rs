@@ -1,12 +1,12 @@
-//! The witness: holds every frame against the truth, every fault against its trace, and the loop against its recovery.
+//! The witness: checks every frame against the truth, every fault for a trace, and the loop for its recovery.
 //!
 //! Invariants, each a count of violations with words for the first few:
-//! * a frame whose attitude was interpolated shows the true attitude (`RENDERED_ARCSEC` and the bus's timing);
-//! * a frame that does not says so by its attitude's origin: predicted, held, none (no silent staleness). A delay on the
-//!   bus cannot be told from an offset of a clock, so either widens the bound by its angle while it lasts and 5 s (delay)
-//!   or 60 s (clock) more;
-//! * every fault that had its time hit something;
-//! * every frame scheduled went out, was dropped, or is on its way;
+//! * a frame with an interpolated attitude shows the true attitude (`RENDERED_ARCSEC` and the bus's timing);
+//! * any other frame reports its attitude's origin: predicted, held, none (no silent staleness). A delay on the bus and
+//!   an offset of a clock are indistinguishable, so either widens the bound by its angle for its duration and 5 s
+//!   (delay) or 60 s (clock) more;
+//! * every fault that was active long enough hit something;
+//! * every frame scheduled went out, was dropped, or is in flight;
 //! * after the last of overlapping faults the loop points again within the stated time.
 
 use crate::runtime::RunRecord;
@@ -20,32 +20,32 @@ use frames::sink::FrameMeta;
 use testbed::acs::ModeEvent;
 use testbed::vehicle::TelemetryRow;
 
-/// Attitude on the wire and interpolation between records: 0.03 arcsec, and room for the control's torque steps between
-/// two records.
+/// Error of the attitude on the wire and of interpolation between records, 0.03 arcsec, with a margin for the control's
+/// torque steps between two records.
 const RENDERED_ARCSEC: f64 = 0.5;
-/// Error of the time correlation that an interpolated frame may have, s: with the body's rate it is an angle.
+/// Error of the time correlation that an interpolated frame may have, s: times the body's rate it is an angle.
 const CORRELATION_S: f64 = 50e-6;
-/// Late packets and the estimate of the clock outlive a delay by this.
+/// Time by which late packets and the error of the clock's estimate outlast a delay.
 const DELAY_AFTERMATH: Span = Span::from_ms(5000);
-/// Time marks of a clock that was wrong leave the correlation's window within this.
+/// Time within which marks of a wrong clock leave the correlation's window.
 const CLOCK_AFTERMATH: Span = Span::from_ms(60_000);
-/// Faults shorter than this need not meet a packet or frame.
+/// Shorter faults may miss all packets and frames.
 const SHORTEST_FAULT_S: f64 = 1.0;
 
 /// The witness of one run.
 pub struct Witness {
     assessment: Assessment,
     heads: Vec<Rotation<Sensor, Body>>,
-    /// Begin and end of faults, in order of their begin.
+    /// Start and end of faults, in order of their start.
     faults: Vec<(Tai, Tai)>,
-    /// Begin and end of delays on the bus, and how large they are.
+    /// Start, end and size of delays on the bus.
     delays: Vec<(Tai, Tai, Span)>,
     recovery: Span,
     judged_faults: usize,
 }
 
 impl Witness {
-    /// Returns a witness who has seen nothing.
+    /// Returns a witness without observations.
     #[must_use]
     pub fn new(scenario: &Scenario, heads: Vec<Rotation<Sensor, Body>>, zero: Tai, end: Tai) -> Self {
         let head = scenario.bench.sensor_from_body;
@@ -59,25 +59,25 @@ impl Witness {
         }
     }
 
-    /// What has been summed up.
+    /// Returns the sums so far.
     #[must_use]
     pub fn assessment(&self) -> &Assessment {
         &self.assessment
     }
 
-    /// A fault is going to act, or a slew to be made.
+    /// Announces that a fault will act or a slew will be made.
     pub fn expect_disturbance(&mut self, from: Tai, until: Tai) {
         self.faults.push((from, until));
         self.faults.sort();
     }
 
-    /// Packets are going to be late by as much as `by`: the time marks with them, so that the correlation may err by it.
+    /// Announces that packets will be late by up to `by`, with their time marks, so that the correlation may err by it.
     pub fn expect_delay(&mut self, from: Tai, until: Tai, by: Span) {
         self.delays.push((from, until + DELAY_AFTERMATH, by));
     }
 
-    /// The stimulator's clock is going to be off by as much as `by`, either way: it cannot be told from the flight
-    /// computer's, so that the correlation may err by it until its marks are gone.
+    /// Announces that the stimulator's clock will be off by up to `by`, either way: the receiver cannot separate this
+    /// from an error of the flight computer's clock, so the correlation may err by it until its marks are gone.
     pub fn expect_clock(&mut self, from: Tai, until: Tai, by: Span) {
         let by = Span::from_ns(by.ns().saturating_abs());
         self.delays.push((from, until + CLOCK_AFTERMATH, by));
@@ -88,31 +88,31 @@ impl Witness {
         active.map(|(_, _, by)| by.s()).sum()
     }
 
-    /// A command was refused by the flight computer.
+    /// Records a command that the flight computer refused.
     pub fn refuse(&mut self, why: &str) {
         self.assessment.note_refusal(why);
     }
 
-    /// Takes one row of telemetry in.
+    /// Adds one row of telemetry.
     pub fn take_row(&mut self, row: &TelemetryRow) {
         self.assessment.take_row(row);
         self.judge_recovery(row.at);
     }
 
-    /// Takes a mode change in.
+    /// Adds a mode change.
     pub fn take_mode(&mut self, event: &ModeEvent) {
         self.assessment.take_mode(event);
     }
 
-    /// Holds one frame that went out against the true attitude (and rate, rad/s) at its mid-exposure.
+    /// Compares one frame that went out with the true attitude (and rate, rad/s) at its mid-exposure.
     pub fn take_frame(&mut self, head: usize, meta: &FrameMeta, truth: Option<(Rotation<Body, Icrf>, f64)>) {
-        // What a fault's flag says is the injector's word: only the stimulator's own excuses a frame.
+        // A fault's flag comes from the injector: only the stimulator's own report excuses a frame.
         let is_reported = meta.origin != "interpolated";
         let (Some((body_from_icrf, rate_rad_s)), Some(mounting)) = (truth, self.heads.get(head)) else {
             return self.assessment.note_unchecked();
         };
         let Some(rendered) = Rotation::<Sensor, Icrf>::from_wxyz(meta.attitude_wxyz, COMPUTED_NORM_TOLERANCE) else {
-            return self.assessment.violate(|| format!("frame {}: its attitude is no unit quaternion", meta.number));
+            return self.assessment.violate(|| format!("frame {}: its attitude is not a unit quaternion", meta.number));
         };
         let error_rad = (*mounting * body_from_icrf).rotation_vector_to(&rendered).length();
         if is_reported {
@@ -133,7 +133,7 @@ impl Witness {
         }
     }
 
-    /// Judges what can only be judged at the end, when so many frames are still on their way.
+    /// Checks the invariants that need the end of the run, when `on_the_way` frames are still in flight.
     #[must_use]
     pub fn finish(mut self, record: &RunRecord, faults: &[FaultLine], now: Tai, on_the_way: u64) -> Assessment {
         let now_s = (now - self.assessment.zero()).s();
@@ -156,7 +156,7 @@ impl Witness {
         self.assessment
     }
 
-    /// After the end of a fault, and before another begins, the loop must point again in time.
+    /// Checks that the loop points again in time after the end of a fault, unless another one starts.
     fn judge_recovery(&mut self, now: Tai) {
         while let Some((_, until)) = self.faults.get(self.judged_faults).copied() {
             let deadline = until + self.recovery;

@@ -9,10 +9,11 @@
 //! * an exposure starts when the one before has ended, and so late that its readout does not meet the readout before;
 //! * free running: one period after the start before, or as soon as the rules allow it;
 //! * a readout lasts as long as its rows: of regions those that have a pixel in any of them;
-//! * by trigger: `delay` after the trigger. A trigger that comes too early for its overlap mode, or while another one waits,
-//!   is missed: counted and reported, and nothing else happens.
+//! * by trigger: `delay` after the trigger. A trigger that comes too early for its overlap mode, or while another one
+//!   waits,
+//! is missed: it is counted and reported, with no other effect.
 //!
-//! Allocates nothing after it was made. Tests: `tests`, and `tests/closed_loop/camera_commands.rs`.
+//! Allocates nothing after construction. Tests: `tests`, and `tests/closed_loop/camera_commands.rs`.
 
 mod state;
 #[cfg(test)]
@@ -25,21 +26,21 @@ use frames::camera_control::{CameraCommand, CameraRange, CameraSettings, Command
 use state::{Outcome, State};
 use std::collections::VecDeque;
 
-/// Commands that may wait for the exposure that they act on.
+/// Capacity for commands that wait for the exposure that they act on.
 const PLACES: usize = 256;
 
-/// What a head's exposures are like without commands.
+/// Exposures of a head without commands.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ShutterParams {
     /// Start of the first exposure.
     pub first_exposure: Tai,
-    /// From one exposure's start to the next.
+    /// Time from one exposure's start to the next.
     pub period: Span,
-    /// From the end of an exposure to its frame, when all rows are read out.
+    /// Time from the end of an exposure to its frame when all rows are read out.
     pub readout: Span,
     /// Columns and rows of the image.
     pub size_px: [usize; 2],
-    /// How long before the ends of exposures frames are begun.
+    /// How long before the end of an exposure work on its frame starts.
     pub ahead: Span,
     /// No exposure starts at or after this instant, or lasts beyond it.
     pub end: Tai,
@@ -63,7 +64,7 @@ impl ShutterParams {
 pub enum NextSlot {
     /// An exposure that has started, or will.
     Slot(Slot),
-    /// A trigger is waited for, until this instant.
+    /// Waiting for a trigger, until this instant.
     Waiting(Tai),
     /// No further exposure fits into the run.
     Over,
@@ -79,7 +80,7 @@ impl NextSlot {
         }
     }
 
-    /// Returns true when no frame comes any more, at an instant.
+    /// Returns true when no further frame can come at an instant.
     #[must_use]
     pub fn is_over(self, now: Tai) -> bool {
         match self {
@@ -90,18 +91,18 @@ impl NextSlot {
     }
 }
 
-/// What happened to triggers since it was asked last.
+/// Counts of triggers since the last call of [`Shutter::take_seen`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct TriggersSeen {
     /// Accepted, each the start of an exposure or of a burst.
     pub accepted: u32,
     /// Missed: they came too early.
     pub missed: u32,
-    /// Left out: exposures do not wait for triggers, or not for those of this source.
+    /// Ignored: exposures do not wait for triggers, or not for those of this source.
     pub ignored: u32,
-    /// When the last one was missed.
+    /// Time of the last missed trigger.
     pub missed_at: Option<Tai>,
-    /// When the last one was left out.
+    /// Time of the last ignored trigger.
     pub ignored_at: Option<Tai>,
 }
 
@@ -109,13 +110,14 @@ pub struct TriggersSeen {
 #[derive(Debug, Clone)]
 pub struct Shutter {
     params: ShutterParams,
-    /// What commands may ask when all of the image is read out; `None`: nothing, as for a display.
+    /// Range of values that commands may set when the whole image is read out; `None` when nothing may be set, as for a
+    /// display.
     whole_range: Option<CameraRange>,
-    /// What they may ask when the regions of the last command are read out.
+    /// The same when the regions of the last command are read out.
     range: Option<CameraRange>,
-    /// After the last exposure that was drawn.
+    /// State after the last exposure that was drawn.
     state: State,
-    /// By rising instant; those of one instant as they came.
+    /// Commands by rising instant; those of one instant in order of arrival.
     commands: VecDeque<Commanded>,
     next: NextSlot,
     settings: CameraSettings,
@@ -123,7 +125,7 @@ pub struct Shutter {
 }
 
 impl Shutter {
-    /// Makes a shutter; without a range every command is refused.
+    /// Returns a shutter; without a range every command is refused.
     #[must_use]
     pub fn new(params: ShutterParams, range: Option<CameraRange>) -> Self {
         let mut shutter = Self {
@@ -140,25 +142,25 @@ impl Shutter {
         shutter
     }
 
-    /// Returns what commands may ask; `None`: nothing.
+    /// Returns the range of values that commands may set; `None`: nothing.
     #[must_use]
     pub fn range(&self) -> Option<&CameraRange> {
         self.range.as_ref()
     }
 
-    /// Returns what commands may ask when these regions are read out.
+    /// Returns the range of values that commands may set while these regions are read out.
     #[must_use]
     pub fn range_reading(&self, regions: &Regions) -> Option<CameraRange> {
         self.whole_range.map(|range| range.reading(regions))
     }
 
-    /// Returns what starts exposures, by the commands up to the last exposure.
+    /// Returns the start settings of exposures according to the commands up to the last exposure.
     #[must_use]
     pub fn start(&self) -> &StartSettings {
         self.state.start()
     }
 
-    /// Returns the next slot, by the commands so far.
+    /// Returns the next slot according to the commands so far.
     #[must_use]
     pub fn next(&self) -> NextSlot {
         self.next
@@ -170,7 +172,7 @@ impl Shutter {
         &self.settings
     }
 
-    /// Returns what happened to triggers since this was called last.
+    /// Returns the counts of triggers since the last call.
     pub fn take_seen(&mut self) -> TriggersSeen {
         core::mem::take(&mut self.seen)
     }
@@ -181,7 +183,7 @@ impl Shutter {
         PLACES.saturating_sub(self.commands.len())
     }
 
-    /// Takes a command in.
+    /// Accepts a command.
     ///
     /// # Errors
     /// When the camera cannot do it, or too many wait.
@@ -230,7 +232,7 @@ impl Shutter {
         Slot { number, exposure_start, exposure_end, release, due, started }
     }
 
-    /// Looks ahead: what comes next when no further command comes.
+    /// Computes the next slot for the case that no further command comes.
     fn forecast(&mut self) {
         let walk = self.walk();
         self.settings = walk.state.settings;
@@ -266,7 +268,7 @@ impl Shutter {
         }
     }
 
-    /// Takes the commands of a walk out of the queue for good.
+    /// Removes the commands of a walk from the queue.
     fn use_up(&mut self, walk: &Walk) {
         self.commands.drain(..walk.used);
         self.state = walk.state;
@@ -290,14 +292,14 @@ impl Shutter {
     }
 }
 
-/// Exposure and period are rounded to nanoseconds, each on its own.
+/// Tolerance for the separate rounding of exposure and period to nanoseconds.
 const ROUNDING: Span = Span::from_ns(1000);
 
-/// What the commands before the next exposure come to.
+/// Result of applying the commands before the next exposure.
 struct Walk {
     state: State,
     used: usize,
-    /// Start of the next exposure and what starts it; `None`: a trigger is waited for.
+    /// Start of the next exposure and what starts it; `None` while waiting for a trigger.
     candidate: Option<(Tai, Started)>,
     seen: TriggersSeen,
 }

@@ -1,4 +1,4 @@
-//! What commands have set so far, and when the next exposure may start.
+//! Keeps the settings made by commands, and computes when the next exposure may start.
 
 use crate::runtime::shutter::{ROUNDING, ShutterParams};
 use crate::runtime::slot::{Slot, Started};
@@ -7,16 +7,16 @@ use frames::camera_control::{
     CameraCommand, CameraSettings, Commanded, ExposureMode, StartSettings, TriggerOverlap, TriggerSource,
 };
 
-/// What became of a command.
+/// Result of a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Outcome {
-    /// A setting has a new value.
+    /// A setting was changed.
     Set,
-    /// A trigger starts an exposure.
+    /// A trigger started an exposure.
     Accepted,
     /// A trigger came too early.
     Missed,
-    /// Nothing waits for such triggers.
+    /// Exposures do not wait for such triggers.
     Ignored,
 }
 
@@ -25,11 +25,11 @@ pub(super) enum Outcome {
 struct Previous {
     start: Tai,
     end: Tai,
-    /// When it has been read out.
+    /// End of its readout.
     read: Tai,
 }
 
-/// A trigger that was accepted and whose exposure has not started.
+/// An accepted trigger whose exposure has not started.
 #[derive(Debug, Clone, Copy)]
 struct Armed {
     source: TriggerSource,
@@ -37,7 +37,7 @@ struct Armed {
     start: Tai,
 }
 
-/// Settings, and what is known of the exposures before.
+/// Settings, and facts about earlier exposures.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct State {
     pub(super) settings: CameraSettings,
@@ -47,7 +47,7 @@ pub(super) struct State {
     free_from: Tai,
     previous: Option<Previous>,
     armed: Option<Armed>,
-    /// Exposures left of a burst.
+    /// Remaining exposures of a burst.
     burst_left: u32,
 }
 
@@ -67,12 +67,12 @@ impl State {
         self.number
     }
 
-    /// Returns true when triggers fix the length of exposures.
+    /// Returns true when the length of exposures is that of the trigger signal.
     pub(super) fn is_by_width(&self) -> bool {
         self.start.mode == ExposureMode::TriggerWidth
     }
 
-    /// Returns the start of the next exposure and what starts it; `None`: a trigger is waited for.
+    /// Returns the start of the next exposure and what starts it; `None` while waiting for a trigger.
     pub(super) fn candidate(&self, params: &ShutterParams) -> Option<(Tai, Started)> {
         let earliest = self.earliest(params);
         match self.armed {
@@ -85,7 +85,8 @@ impl State {
         }
     }
 
-    /// Period, exposure and readout are rounded to nanoseconds, each on its own: by so little none moves an exposure.
+    /// Returns the free-running start. Period, exposure and readout are rounded separately: this must not move an
+    /// exposure.
     fn free_start(&self, earliest: Tai) -> Tai {
         if earliest <= self.free_from + ROUNDING { self.free_from } else { earliest }
     }
@@ -97,13 +98,13 @@ impl State {
     /// Returns the first instant at which the sensor can start an exposure.
     fn earliest(&self, params: &ShutterParams) -> Tai {
         let Some(previous) = self.previous else { return params.first_exposure };
-        // A readout that lasts longer than the period is a delay of delivery: frames are on their way together.
+        // A readout longer than the period is a delay of delivery: several frames are then in flight.
         let after_readout =
             if params.readout <= params.period { previous.read - self.settings.exposure } else { previous.end };
         previous.end.max(after_readout)
     }
 
-    /// Takes a command that comes before the next exposure.
+    /// Applies a command that comes before the next exposure.
     pub(super) fn apply(&mut self, commanded: &Commanded) -> Outcome {
         match commanded.command {
             CameraCommand::Exposure(exposure) => self.settings.exposure = exposure,
@@ -118,7 +119,7 @@ impl State {
             CameraCommand::Burst(frames) => self.start.burst = frames,
             CameraCommand::Mode(mode) => self.start.mode = mode,
             CameraCommand::Trigger { source, is_rising } => return self.trigger(source, is_rising, commanded.at),
-            // The engine's: it looks at images.
+            // Handled by the engine, which measures images.
             CameraCommand::AutoExposure(_) | CameraCommand::AutoGain(_) => {}
         }
         Outcome::Set
@@ -159,7 +160,7 @@ impl State {
         Outcome::Accepted
     }
 
-    /// An exposure is over, as far as the shutter is concerned.
+    /// Records an exposure that is over for the shutter.
     pub(super) fn expose(&mut self, slot: &Slot) {
         let Slot { exposure_start: start, exposure_end: end, release, due, .. } = *slot;
         self.number += 1;

@@ -1,4 +1,4 @@
-//! Slots by commands: each rule with the case in which it does not act.
+//! Tests of slots under commands: each rule with a case in which it does not act.
 
 use super::*;
 use frames::camera_control::{
@@ -15,7 +15,7 @@ fn ms(ms: f64) -> Span {
     Span::from_ns((ms * 1e6).round() as i64)
 }
 
-/// 10 Hz, 20 ms of exposure and 30 ms of readout, from 1,000 ms on, for a second.
+/// Returns parameters of 10 Hz with 20 ms of exposure and 30 ms of readout, from 1,000 ms on, for a second.
 fn params() -> ShutterParams {
     let settings = CameraSettings { exposure: ms(20.0), gain_db: 0.0, black_level_dn: 64.0, regions: Regions::WHOLE };
     ShutterParams {
@@ -52,7 +52,7 @@ fn trigger(shutter: &mut Shutter, at: f64) {
     command(shutter, at, CameraCommand::Trigger { source: TriggerSource::Bus, is_rising: true });
 }
 
-/// Returns the start and length of the next exposure, ms; its frame is then drawn.
+/// Returns the start and length of the next exposure, ms, and advances past it.
 fn next(shutter: &mut Shutter) -> Option<(f64, f64)> {
     let slot = shutter.next().slot()?;
     shutter.advance();
@@ -172,7 +172,7 @@ fn triggers_that_come_too_early_are_missed_by_overlap() {
         (TriggerOverlap::Off, 1150.0, Some(1150.0)),
         (TriggerOverlap::ReadOut, 1119.0, None),
         (TriggerOverlap::ReadOut, 1140.0, Some(1140.0)),
-        // Its readout could not begin before the other one ends.
+        // Its readout cannot start before the previous one ends.
         (TriggerOverlap::ReadOut, 1121.0, Some(1130.0)),
         (TriggerOverlap::PreviousFrame, 1110.0, Some(1130.0)),
         (TriggerOverlap::PreviousFrame, 1145.0, Some(1145.0)),
@@ -257,7 +257,7 @@ fn regions_are_read_out_as_fast_as_their_rows() {
         assert_eq!(next(&mut shutter), Some((1000.0 + 10.0 * f64::from(number), 5.0)));
     }
     assert_eq!(take(&mut shutter, faster), Ok(()));
-    // The whole image again: its readout lasts as long as ever, whatever was asked for.
+    // The whole image again: its readout has its full length again.
     command(&mut shutter, 1025.0, CameraCommand::Regions(Regions::WHOLE));
     assert_eq!(rest(&mut shutter)[..4], [1040.0, 1070.0, 1100.0, 1130.0]);
 }

@@ -1,8 +1,8 @@
-//! Who may control a run: the first connection whose first request is a hello with the right token.
+//! Decides which connection may control a run: the first one whose first request is a hello with the right token.
 //!
-//! Until then a connection is hung up on, for good and counted, at its first line that is anything else: a web page's
-//! POST, a malformed line, a request without the token. One that sends nothing is hung up on after
-//! [`OPENING_WITHIN`], or after [`GRACE`] when another one waits. Whoever is refused gets one line that says why.
+//! Until then a connection is closed, for good and counted, at its first line that is anything else: a web page's
+//! POST, a malformed line, a request without the token. One that sends nothing is closed after
+//! [`OPENING_WITHIN`], or after [`GRACE`] when another one waits. A refused client gets one line with the reason.
 
 use crate::wiring::control::lines::{Incoming, LOOK, LineSocket};
 use crate::wiring::control::protocol::{self, Request, refused};
@@ -22,21 +22,21 @@ pub type ControlRefusals = BTreeMap<&'static str, u64>;
 #[derive(Debug)]
 pub(super) struct Admitted {
     pub(super) socket: LineSocket,
-    /// Id of its hello, which is still to be answered.
+    /// Id of its hello, which is not answered yet.
     pub(super) id: Option<Value>,
 }
 
-/// What is decided about a connection.
+/// Decision about a connection.
 enum Verdict {
-    /// It is the client; its hello had this id.
+    /// It is admitted as the client; its hello has this id.
     Admit(Option<Value>),
-    /// It is hung up on, for this reason, with this sentence.
+    /// It is closed, for this reason, with this sentence.
     Refuse(&'static str, Option<Value>, String),
-    /// It went away by itself.
+    /// It closed itself.
     Forget,
 }
 
-/// Waits for the client; `None` when `stop` came first.
+/// Waits for the client; returns `None` when `stop` came first.
 pub(super) fn admit(
     listener: &TcpListener,
     token: &Token,
@@ -97,7 +97,7 @@ fn judge(incoming: Incoming, token: &Token) -> Verdict {
     }
 }
 
-/// What a client gets that speaks HTTP or TLS.
+/// Returns the sentence sent to a client that speaks HTTP or TLS.
 pub(super) fn foreign_sentence() -> String {
     "this is a control socket of starloop: wanted lines of JSON; the connection is closed".into()
 }

@@ -1,4 +1,4 @@
-//! What a closed loop answers to each request: times in seconds after the first exposure, angles in deg or rad as named.
+//! Answers of a closed loop to each request: times in seconds after the first exposure, angles in deg or rad as named.
 
 use crate::runtime::TrackerOutput;
 use crate::runtime::engine::origin_name;
@@ -16,12 +16,12 @@ use testbed::acs::Mode;
 use testbed::tracker::{Mode as TrackerMode, Outcome, Solution};
 use testbed::vehicle::{HeadReport, Vehicle};
 
-/// Where a step goes.
+/// Goal of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Goal {
-    /// To this instant.
+    /// Up to this instant.
     Time(Tai),
-    /// Until the first head has sent so many frames in all.
+    /// Until the first head has sent this many frames in total.
     Frames(u64),
 }
 
@@ -34,7 +34,7 @@ pub(super) struct Instants {
 }
 
 impl Instants {
-    /// Of a run on the virtual clock.
+    /// Returns the instants of a run on the virtual clock.
     pub(super) fn of(going: &SteppedRun) -> Self {
         Self { zero: going.zero(), now: going.now(), end: going.end_at() }
     }
@@ -49,7 +49,7 @@ impl Instants {
     }
 }
 
-/// What is run, by which protocol, on which clock.
+/// Returns the answer to hello: scenario, protocol and clock of the run.
 pub(super) fn hello(scenario: &Scenario, instants: &Instants, clock: &str) -> Value {
     let (camera, timing) = (&scenario.bench.camera, &scenario.bench.timing);
     let sensor_px = [camera.detector.width_px, camera.detector.height_px].map(|side| side as usize);
@@ -72,7 +72,7 @@ pub(super) fn hello(scenario: &Scenario, instants: &Instants, clock: &str) -> Va
     })
 }
 
-/// Returns counts so far; `mode` is that of the flight computer where a spacecraft is flown.
+/// Returns counts so far; `mode` is that of the flight computer if a spacecraft is flown.
 pub(super) fn state(numbers: &RunNumbers, instants: &Instants, mode: Option<Mode>, is_finished: bool) -> Value {
     let frames = numbers.frames;
     let events: Map<String, Value> = numbers
@@ -98,7 +98,7 @@ pub(super) fn state(numbers: &RunNumbers, instants: &Instants, mode: Option<Mode
     })
 }
 
-/// Returns where a step goes, when it goes forward and not past the end.
+/// Returns the goal of a step, if it is ahead and not past the end.
 pub(super) fn step_goal(by: StepBy, going: &SteppedRun, frames_out: u64) -> Result<Goal, String> {
     let (now, end_s) = (going.now(), (going.end_at() - going.zero()).s());
     if going.is_finished() {
@@ -114,7 +114,7 @@ pub(super) fn step_goal(by: StepBy, going: &SteppedRun, frames_out: u64) -> Resu
             return (frames <= left).then_some(goal).ok_or_else(refuse);
         }
     };
-    // At the end, what is on its way goes out by itself: a run is over at its last readout.
+    // At the end, frames in flight go out by themselves: a run is over at its last readout.
     if at > going.end_at() {
         return Err(format!("{asked}, past the end; wanted at most until_s {end_s}, it is {} s now", now_s(going)));
     }
@@ -141,7 +141,7 @@ pub(super) fn inject(keys: &Map<String, Value>, going: &mut SteppedRun) -> Resul
     Ok(json!({ "event": event.action.word(), "from_s": from_s, "for_s": event.lasts.s() }))
 }
 
-/// Lets samples of a plant outside wait for their instants.
+/// Queues samples of an external plant until their instants.
 pub(super) fn plant(samples: &SampleList, going: &mut SteppedRun) -> Result<Value, String> {
     let samples = samples.since(going.zero());
     going.take_plant(&samples).map_err(|error| error.to_string())?;
@@ -150,7 +150,7 @@ pub(super) fn plant(samples: &SampleList, going: &mut SteppedRun) -> Result<Valu
     Ok(json!({ "taken": samples.len(), "waiting": waiting, "attitude_until_s": attitude_until_s }))
 }
 
-/// Returns the attitude that frames of the first head are drawn with, by the samples of a plant outside.
+/// Returns the attitude that frames of the first head are drawn with, according to the samples of an external plant.
 pub(super) fn received_truth(at_s: Option<f64>, going: &SteppedRun) -> Result<Value, String> {
     let at = at_s.map_or(going.now(), |at_s| going.zero() + Span::from_s(at_s));
     if at > going.now() {
@@ -166,7 +166,7 @@ pub(super) fn received_truth(at_s: Option<f64>, going: &SteppedRun) -> Result<Va
     Ok(answer)
 }
 
-/// What the built-in tracker of a head says of the newest frame that it is done with.
+/// Returns the output of a head's built-in tracker for the newest frame that it has processed.
 pub(super) fn tracker(head: usize, going: &SteppedRun) -> Result<Value, String> {
     let output = going.tracker_output(head).map_err(|error| error.to_string())?;
     let Some(TrackerOutput { frame, mid_exposure, outcome }) = output else {
@@ -199,7 +199,7 @@ fn solved(solution: &Solution) -> Value {
     answer
 }
 
-/// A trigger goes over the bus: whether the stimulator takes it, the events in its report tell.
+/// Sends a trigger over the bus; the events in the report show whether the stimulator accepts it.
 pub(super) fn trigger(number: u16, at_s: Option<f64>, going: &mut SteppedRun) -> Result<Value, String> {
     let at = at_s.map(|at_s| going.zero() + Span::from_s(at_s));
     going.send_trigger(number, at).map_err(|error| error.to_string())?;
@@ -231,7 +231,7 @@ pub(super) fn truth(
     Ok(answer)
 }
 
-/// What the flight computer believes; nothing without one inside.
+/// Returns the estimate of the internal flight computer; an empty answer without one.
 pub(super) fn estimate(vehicle: Option<&Vehicle>, mounting: Rotation<Sensor, Body>, instants: &Instants) -> Value {
     let Some(vehicle) = vehicle else { return json!({}) };
     let heads: Vec<Value> = vehicle.head_reports().map(|report| head(report, instants)).collect();
@@ -245,7 +245,7 @@ pub(super) fn estimate(vehicle: Option<&Vehicle>, mounting: Rotation<Sensor, Bod
     })
 }
 
-/// What a tracker said last.
+/// Returns the last report of a tracker.
 fn head(report: &HeadReport, instants: &Instants) -> Value {
     let mut answer = match report.last {
         None => json!({ "outcome": "no_frame_yet" }),

@@ -19,7 +19,7 @@ use frames::camera_control::{
 };
 use serde_json::{Map, Value, json};
 
-/// Keys of `camera`, beside `head` and `at_s`.
+/// Keys of `camera`, in addition to `head` and `at_s`.
 pub(super) const KEYS: &[&str] = &[
     "head",
     "at_s",
@@ -38,10 +38,10 @@ pub(super) const KEYS: &[&str] = &[
     "gain_auto",
 ];
 
-/// What a client wants of a camera.
+/// A camera request of a client.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CameraRequest {
-    /// Of this head.
+    /// Number of the head.
     pub head: usize,
     /// When it acts; `None`: now.
     pub at_s: Option<f64>,
@@ -85,21 +85,21 @@ impl CameraRequest {
             };
             commands.push(command);
         }
-        // What else may be asked depends on what is read out.
+        // The range of other settings depends on the regions.
         commands.sort_by_key(|command| !matches!(command, CameraCommand::Regions(_)));
         Ok(Self { head, at_s, commands })
     }
 
-    /// Returns a trigger.
+    /// Returns a request for a trigger.
     pub(super) fn trigger(head: usize, at_s: Option<f64>) -> Self {
         let command = CameraCommand::Trigger { source: TriggerSource::Control, is_rising: true };
         Self { head, at_s, commands: vec![command] }
     }
 
-    /// Gives all of it to the camera, and answers with the settings of the next exposure.
+    /// Sends all commands to the camera, and answers with the settings of the next exposure.
     ///
     /// # Errors
-    /// When the camera cannot do it: nothing is changed then.
+    /// When the camera cannot do it; then nothing is changed.
     pub(super) fn act(
         &self,
         exposing: &mut Exposing,
@@ -159,7 +159,7 @@ fn answer(exposing: &Exposing, zero: Tai) -> Value {
     json!({ "next": next })
 }
 
-/// Returns a command by its key and value, and what the camera takes in its place.
+/// Returns a command as key and value, and the range that the camera accepts instead.
 fn described(command: &CameraCommand, range: &CameraRange) -> [String; 2] {
     let us = |span: Span| span.s() * 1e6;
     match command {
@@ -208,7 +208,7 @@ fn micros(key: &str, value: &Value) -> Result<Span, String> {
     Ok(Span::from_s(number(key, value)?.clamp(-1e12, 1e12) * 1e-6))
 }
 
-/// `null` for as fast as exposure and readout allow.
+/// Reads a period; `null` means as fast as exposure and readout allow.
 fn period(key: &str, value: &Value) -> Result<Option<Span>, String> {
     if value.is_null() {
         return Ok(None);

@@ -1,4 +1,4 @@
-//! Why there is no control socket.
+//! Errors of the control socket.
 
 use super::lines::ControlAddress;
 use std::path::PathBuf;
@@ -11,13 +11,13 @@ pub enum ControlError {
     Listen {
         /// The address.
         address: ControlAddress,
-        /// What the system said.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// The system has no random numbers.
     #[error("control socket: no random numbers for a token: {source}")]
     Random {
-        /// What the system said.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// The token cannot be written.
@@ -25,7 +25,7 @@ pub enum ControlError {
     TokenFile {
         /// Its file.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the operating system.
         source: std::io::Error,
     },
 }

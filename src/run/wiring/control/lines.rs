@@ -1,4 +1,4 @@
-//! Lines over TCP: bounded lines, other protocols recognised, and an eye on Ctrl-C while waiting.
+//! Lines over TCP: bounded lines, other protocols recognised, and checks for Ctrl-C while waiting.
 
 use crate::wiring::control::protocol::LINE_BYTES_MAX;
 use core::fmt;
@@ -10,9 +10,9 @@ use serde_json::Value;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpStream};
 
-/// How often a wait looks for Ctrl-C.
+/// Interval at which a wait checks for Ctrl-C.
 pub(super) const LOOK: Duration = Duration::from_millis(50);
-/// A client that does not take a reply for this long is gone.
+/// A client that does not take a reply for this long counts as gone.
 const TAKES_WITHIN: Duration = Duration::from_secs(60);
 
 /// A loopback address and port.
@@ -22,7 +22,7 @@ pub struct ControlAddress {
 }
 
 impl ControlAddress {
-    /// Returns when it is a loopback address.
+    /// Returns the address if it is a loopback address.
     #[must_use]
     pub fn of(address: SocketAddr) -> Option<Self> {
         address.ip().is_loopback().then_some(Self { address })
@@ -42,7 +42,7 @@ impl fmt::Display for ControlAddress {
 impl FromStr for ControlAddress {
     type Err = String;
 
-    /// `127.0.0.1:PORT`, `[::1]:PORT` or `localhost:PORT`.
+    /// Reads `127.0.0.1:PORT`, `[::1]:PORT` or `localhost:PORT`.
     fn from_str(text: &str) -> Result<Self, String> {
         let address = match text.strip_prefix("localhost:") {
             Some(port) => port.parse().ok().map(|port: u16| SocketAddr::from((Ipv4Addr::LOCALHOST, port))),
@@ -56,16 +56,16 @@ impl FromStr for ControlAddress {
     }
 }
 
-/// What came in.
+/// Input from a client.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Incoming {
     /// A line without its end.
     Line(String),
     /// A line that cannot be a request, and why.
     Unusable(String),
-    /// The client speaks another protocol: nothing that follows is read.
+    /// The client speaks another protocol: further input is not read.
     Foreign(Foreign),
-    /// The client went away.
+    /// The client closed the connection.
     Gone,
     /// Ctrl-C.
     Stopped,
@@ -78,9 +78,9 @@ pub(super) struct LineSocket {
     screen: Screen,
     foreign: Option<Foreign>,
     received: Vec<u8>,
-    /// Received bytes that have no end of a line.
+    /// Number of received bytes that were searched without finding the end of a line.
     searched: usize,
-    /// A line that is too long is being skipped.
+    /// True while a line that is too long is being skipped.
     is_skipping: bool,
     is_gone: bool,
 }
@@ -113,7 +113,7 @@ impl LineSocket {
         }
     }
 
-    /// Returns the next line that is not empty, if there is one before [`LOOK`] is over.
+    /// Returns the next line that is not empty, if there is one within [`LOOK`].
     pub(super) fn look(&mut self) -> Option<Incoming> {
         let mut chunk = [0; 4096];
         loop {
@@ -127,7 +127,7 @@ impl LineSocket {
             }
             self.searched = self.received.len();
             if self.searched > LINE_BYTES_MAX {
-                // Its end is still to come: nothing of it is kept.
+                // Its end has not arrived yet: discard the start.
                 (self.is_skipping, self.searched) = (true, 0);
                 self.received.clear();
             }
@@ -146,7 +146,7 @@ impl LineSocket {
         }
     }
 
-    /// Keeps what came before the first foreign line.
+    /// Keeps the lines before the first foreign line.
     fn take(&mut self, bytes: &[u8]) {
         let foreign = self.screen.look(bytes);
         self.foreign = foreign.map(|(_, foreign)| foreign);
@@ -154,7 +154,7 @@ impl LineSocket {
         self.received.extend_from_slice(ours);
     }
 
-    /// Returns one line with its end; `None`: an empty one, which asks for nothing.
+    /// Returns one line with its end; `None` for an empty line, which is not a request.
     fn usable(&mut self, line: &[u8]) -> Option<Incoming> {
         if core::mem::take(&mut self.is_skipping) || line.len() > LINE_BYTES_MAX + 1 {
             let why = format!("the line is longer than {LINE_BYTES_MAX} bytes; wanted one request a line");
@@ -170,7 +170,7 @@ impl LineSocket {
         }
     }
 
-    /// Sends one reply. A client that does not take it is gone, which the next read tells.
+    /// Sends one reply. If the client does not take it, the next read returns [`Incoming::Gone`].
     pub(super) fn send(&mut self, reply: &Value) {
         let mut line = reply.to_string();
         line.push('\n');

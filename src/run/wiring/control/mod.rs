@@ -1,10 +1,10 @@
-//! The control socket: a program outside advances the clock of a closed loop, looks at it and injects faults.
+//! The control socket: an external program advances the clock of a closed loop, observes it and injects faults.
 //!
 //! In: requests, one line of JSON each ([`protocol`]). Out: one line of JSON per request, `"ok"` true or false, the
-//! request's `"id"` echoed. What is wrong with a request is said in its reply and changes nothing; only the end of the
+//! request's `"id"` echoed. An invalid request is explained in its reply and changes nothing; only the end of the
 //! connection, `finish`, Ctrl-C, another protocol or a failed loop end a session. One client, loopback only, no
-//! encryption: whoever can read the token (`token`) may control the run, and nobody else. Frames are written below the
-//! run's output folder only (`output`). Stepping in any lengths gives the bits of the run in one piece.
+//! encryption: only a program that can read the token (`token`) may control the run. Frames are written below the
+//! run's output folder only (`output`). Stepping in any lengths gives the same bits as the run in one piece.
 //! Tests: `tests` of the parts, and `tests/closed_loop/control.rs` through the binary.
 
 mod admission;
@@ -50,9 +50,9 @@ use token::{Token, TokenFile};
 /// How a session ended.
 #[derive(Debug, Clone, PartialEq)]
 pub enum SessionEnd {
-    /// The client asked for the end; its request's id is wanted in the last reply.
+    /// The client requested the end; the last reply needs its request's id.
     Finish(Option<Value>),
-    /// The client went away.
+    /// The client closed the connection.
     Gone,
     /// Ctrl-C.
     Interrupted,
@@ -81,14 +81,14 @@ impl ControlListener {
         Ok(Self { listener, address, token, file })
     }
 
-    /// Returns where it listens, and the token with its file, a line each.
+    /// Returns its address, and the token with its file, a line each.
     #[must_use]
     pub fn announcement(&self) -> String {
         let Self { address, token, file, .. } = self;
         format!("control: listening on {address}\ncontrol: token {token}, also in {}", file.path.display())
     }
 
-    /// Waits for a client with the token; `None` when `stop` came first. Frames may be written below `output`.
+    /// Waits for a client with the token; returns `None` when `stop` came first. Frames may be written below `output`.
     #[must_use]
     pub fn accept(self, scenario: &Scenario, output: Option<&Path>, stop: &AtomicBool) -> Option<ControlSession> {
         let Self { listener, token, file, .. } = self;
@@ -113,9 +113,9 @@ pub struct ControlSession {
 /// Called after each frame with the number of its head.
 pub type Progress<'a> = &'a mut dyn FnMut(usize, &SentFrame, &RunRecord);
 
-/// What a session is about.
+/// The run that a session controls.
 pub struct Stage<'a> {
-    /// What is run.
+    /// The scenario of the run.
     pub scenario: &'a Scenario,
     /// The run.
     pub going: &'a mut SteppedRun,
@@ -123,7 +123,7 @@ pub struct Stage<'a> {
     pub report: &'a mut dyn FnMut(&LoopView<'_>) -> Value,
     /// Called after each frame.
     pub progress: Progress<'a>,
-    /// Ctrl-C.
+    /// Set by Ctrl-C.
     pub stop: &'a AtomicBool,
 }
 
@@ -131,7 +131,7 @@ impl ControlSession {
     /// Answers requests until the session ends.
     ///
     /// # Errors
-    /// When the loop failed; the client has been told.
+    /// When the loop failed; the error was sent to the client.
     pub fn serve(&mut self, stage: &mut Stage<'_>) -> Result<SessionEnd, LoopError> {
         if let Some(id) = self.hello.take() {
             self.socket.send(&reported(id, hello(stage)));
@@ -189,7 +189,7 @@ impl ControlSession {
         }
     }
 
-    /// Reads the next line that may be a request; what is no line is answered here.
+    /// Reads the next line that may be a request; invalid lines are answered here.
     fn next_line(&mut self, stop: &AtomicBool) -> Next {
         match self.socket.read_line(stop) {
             Incoming::Line(line) => Next::Line(line),
@@ -207,13 +207,13 @@ impl ControlSession {
         }
     }
 
-    /// Connections that were refused before and during the session, by reason.
+    /// Returns the number of connections refused before and during the session, by reason.
     #[must_use]
     pub fn refusals(&self) -> &ControlRefusals {
         &self.refusals
     }
 
-    /// Sends the last reply: the final report and the exit status to come.
+    /// Sends the last reply: the final report and the coming exit status.
     pub fn close(mut self, id: Option<Value>, report: Value, exit_status: u8) {
         self.socket.send(&reported(id, json!({ "report": report, "exit_status": exit_status })));
     }
@@ -301,7 +301,7 @@ fn estimate(going: &SteppedRun) -> Value {
     looked.unwrap_or_else(|| answers::estimate(None, mounting, &instants))
 }
 
-/// Advances from one readout to the next until the first head has sent `out` frames, or the run is over.
+/// Advances from one readout to the next until the first head has sent `out` frames in total, or the run is over.
 fn step_frames(
     going: &mut SteppedRun,
     out: u64,
@@ -310,7 +310,7 @@ fn step_frames(
     stop: &AtomicBool,
 ) -> Result<(), LoopError> {
     while newest.out_of_first_head() < out && !going.is_finished() && !stop.load(Ordering::Relaxed) {
-        // Dropped and late frames do not come at their own readout's end: later ones are waited for.
+        // Dropped and late frames do not go out at the end of their own readout: wait for later frames.
         let at = going.next_frame_out().unwrap_or(going.end_at());
         going.advance_to(at, &mut |head, frame, record| {
             progress(head, frame, record);
@@ -321,14 +321,14 @@ fn step_frames(
     Ok(())
 }
 
-/// What comes next from a client.
+/// Next input from a client.
 enum Next {
     Line(String),
     Again,
     End(SessionEnd),
 }
 
-/// Why a request is not answered with what it asked for.
+/// Reason why a request is not executed.
 enum Refusal {
     /// Something is wrong with the request; the session goes on.
     Request(String),

@@ -1,4 +1,4 @@
-//! The newest frame of each head, and the CRC-32 over all of them, for a client to ask for.
+//! The newest frame of each head, and the CRC-32 over all frames, as a client can request them.
 
 use crate::wiring::control::base64;
 use crate::wiring::control::output::write_below;
@@ -13,27 +13,27 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Clone)]
 pub struct NewestFrames {
     heads: Vec<HeadFrames>,
-    /// Where files may be written.
+    /// Folder where files may be written.
     output: Option<PathBuf>,
 }
 
 #[derive(Debug, Clone, Default)]
 struct HeadFrames {
     newest: Option<SentFrame>,
-    /// Of the newest frame's pixels.
+    /// CRC-32 of the newest frame's pixels.
     newest_crc32: u32,
     crc32: RunCrc32,
     out: u64,
 }
 
 impl NewestFrames {
-    /// Of so many heads; frames may be written below `output`.
+    /// Returns an empty store for this many heads; frames may be written below `output`.
     #[must_use]
     pub fn new(heads: usize, output: Option<&Path>) -> Self {
         Self { heads: (0..heads).map(|_| HeadFrames::default()).collect(), output: output.map(Path::to_path_buf) }
     }
 
-    /// Keeps a copy of a frame that has gone out, in the buffer of the one before.
+    /// Copies a frame that has gone out into the buffer of the previous one.
     pub(crate) fn keep(&mut self, head: usize, frame: &SentFrame) {
         let Some(kept) = self.heads.get_mut(head) else { return };
         kept.count(frame);
@@ -47,7 +47,8 @@ impl NewestFrames {
         }
     }
 
-    /// Keeps a frame that has gone out and is not needed any more: its buffer is exchanged for that of the one before, so that
+    /// Keeps a frame that has gone out and is not needed any more: its buffer is exchanged for that of the previous
+    /// one, so that
     /// no pixel is copied.
     pub(crate) fn keep_exchanged(&mut self, head: usize, frame: &mut SentFrame) {
         let Some(kept) = self.heads.get_mut(head) else { return };
@@ -58,17 +59,17 @@ impl NewestFrames {
         }
     }
 
-    /// CRC-32 over each head's frames so far, as its sink has it.
+    /// Returns the CRC-32 over each head's frames so far, as its sink computes it.
     pub(super) fn frames_crc32(&self) -> Vec<u32> {
         self.heads.iter().map(|head| head.crc32.value()).collect()
     }
 
-    /// Returns frames that have gone out, all heads together.
+    /// Returns the number of frames that have gone out, all heads together.
     pub(super) fn out(&self) -> u64 {
         self.heads.iter().map(|head| head.out).sum()
     }
 
-    /// Returns frames of the first head that have gone out.
+    /// Returns the number of frames of the first head that have gone out.
     pub(super) fn out_of_first_head(&self) -> u64 {
         self.heads.first().map_or(0, |head| head.out)
     }
@@ -104,7 +105,8 @@ impl HeadFrames {
     }
 }
 
-/// Returns the facts of a frame that [`frames::sink::facts`] has for the control socket, and its time since the run's zero.
+/// Returns the facts of a frame that [`frames::sink::facts`] defines for the control socket, and its time since the
+/// run's zero.
 fn described(frame: &SentFrame, crc32: u32, zero: Tai) -> Value {
     let source = FactSource::of_frame(frame, Some(crc32));
     let mut answer = Value::Object(json_keys(&source, |row| row.control));
@@ -129,7 +131,7 @@ mod tests {
             let answer = described(head.newest.as_ref().unwrap(), head.newest_crc32, zero);
             let text = serde_json::to_string_pretty(&answer).unwrap();
             compare_with_pinned(name, &(text.clone() + "\n")).unwrap();
-            assert!(differs_from_pinned(name, &text.replace("rung", "level")), "control: another key");
+            assert!(differs_from_pinned(name, &text.replace("number", "level")), "control: another key");
         }
     }
 

@@ -1,4 +1,4 @@
-//! Files that a control client asks for: below the run's output folder, and never over an existing one.
+//! Files that a control client requests: below the run's output folder, and never over an existing one.
 //!
 //! Each part of the path is opened from the one before without following links, and the file is created, not opened: so
 //! neither `..`, nor a link, nor a file that appears meanwhile leads elsewhere. Tests: below.
@@ -10,7 +10,8 @@ use std::io::{self, BufWriter, Write};
 use std::os::fd::OwnedFd;
 use std::path::{Component, Path};
 
-/// Returns a new file below `folder`, written by `write`; its size in bytes. Removed when it could not be written.
+/// Writes a new file below `folder` with `write`; returns its size in bytes. The file is removed if it cannot be
+/// written.
 pub(super) fn write_below(
     folder: Option<&Path>,
     relative: &str,
@@ -40,7 +41,7 @@ pub(super) fn write_below(
     })
 }
 
-/// Returns the parts of a relative path; `None` when it leads upwards or starts at the root.
+/// Returns the parts of a relative path; `None` if it leads upwards or starts at the root.
 fn names(relative: &str) -> Option<Vec<&OsStr>> {
     let parts = Path::new(relative).components().filter(|part| *part != Component::CurDir);
     parts.map(|part| if let Component::Normal(name) = part { Some(name) } else { None }).collect()

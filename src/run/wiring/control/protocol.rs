@@ -35,80 +35,80 @@ use crate::wiring::control::reaction::Reaction;
 use crate::wiring::control::samples::{SampleList, Subject};
 use serde_json::{Map, Value, json};
 
-/// Version of the protocol: a client that meets another one should not go on.
+/// Version of the protocol: a client that finds another version should stop.
 pub const PROTOCOL_VERSION: u32 = 2;
 
 /// Longest line of a request, bytes without its end.
 pub const LINE_BYTES_MAX: usize = 64 * 1024;
 
-/// What a client may ask for.
+/// A request of a client.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Request {
-    /// What is run, by which protocol.
+    /// Get scenario, protocol and clock.
     Hello {
-        /// What the program has printed; needed in the first request of a connection.
+        /// Token that the program has printed; required in the first request of a connection.
         token: Option<String>,
     },
     /// Advance the clock.
     Step(StepBy),
-    /// Add an event: the keys of `[[event]]`.
+    /// Add an event with the keys of `[[event]]`.
     Inject(Map<String, Value>),
-    /// Let the flight computer fire a trigger over the bus.
+    /// Make the flight computer fire a trigger over the bus.
     Trigger {
-        /// Which one.
+        /// Number of the trigger.
         number: u16,
         /// When it acts; `None`: at once.
         at_s: Option<f64>,
     },
-    /// True attitude.
+    /// Get the true attitude.
     Truth {
-        /// When; `None`: now.
+        /// Time; `None`: now.
         at_s: Option<f64>,
     },
-    /// Counts so far.
+    /// Get counts so far.
     State,
-    /// What the flight computer believes.
+    /// Get the flight computer's estimate.
     Estimate,
-    /// Newest frame.
+    /// Get the newest frame.
     Frame {
-        /// Of this head.
+        /// Number of the head.
         head: usize,
         /// FITS file to write below the output folder; `None`: pixels in the reply, or nowhere.
         path: Option<String>,
-        /// Whether pixels are wanted without a path.
+        /// True when pixels are requested without a path.
         pixels: bool,
     },
-    /// Samples of a plant outside.
+    /// Take samples of an external plant.
     Plant(SampleList),
-    /// Samples that cannot be read, and why: they are counted.
+    /// Count samples that cannot be read; with the reason.
     BadSamples(String),
-    /// What a controller or a tracker outside does to a spacecraft that is flown inside.
+    /// Action of an external controller or tracker on an internal spacecraft.
     React(Reaction),
-    /// What the built-in star tracker says of its newest frame.
+    /// Get the built-in star tracker's output for its newest frame.
     Tracker {
-        /// Of this head.
+        /// Number of the head.
         head: usize,
     },
     /// Settings of a head's camera, or a trigger that starts an exposure.
     Camera(CameraRequest),
-    /// Report so far.
+    /// Get the report so far.
     Summary,
-    /// End of the run.
+    /// End the run.
     Finish,
 }
 
-/// How far to step.
+/// Length of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum StepBy {
-    /// Seconds.
+    /// Number of seconds.
     Seconds(f64),
-    /// Until so many more frames of the first head have gone out.
+    /// Until this many more frames of the first head have gone out.
     Frames(u64),
-    /// To a time.
+    /// Until this time.
     Until(f64),
 }
 
-/// Every request by name, with the keys that it takes.
+/// Every request by name, with the keys that it accepts.
 pub(super) const REQUESTS: [(&str, &[&str]); 21] = [
     ("hello", &["token"]),
     ("state", &[]),
@@ -133,7 +133,7 @@ pub(super) const REQUESTS: [(&str, &[&str]); 21] = [
     ("camera_trigger", &["head", "at_s"]),
 ];
 
-/// Reads one line: the request's id, when there is one, and the request, or what is wrong with it in plain words.
+/// Reads one line; returns the request's id, if it has one, and the request or the reason why it is invalid.
 pub fn parse(line: &str) -> (Option<Value>, Result<Request, String>) {
     let value: Value = match serde_json::from_str(line) {
         Ok(value) => value,
@@ -146,7 +146,7 @@ pub fn parse(line: &str) -> (Option<Value>, Result<Request, String>) {
     (id, Keys { keys }.request())
 }
 
-/// Returns a reply that says what went wrong.
+/// Returns a reply with an error message.
 #[must_use]
 pub fn refused(id: Option<Value>, why: &str) -> Value {
     let mut reply = json!({ "ok": false, "error": why });
@@ -171,7 +171,7 @@ fn echo(id: Option<Value>, reply: &mut Value) {
 
 const EXAMPLE: &str = "{\"request\": \"step\", \"s\": 0.5}";
 
-/// The keys of one request.
+/// Keys of one request.
 struct Keys {
     keys: Map<String, Value>,
 }
@@ -211,7 +211,7 @@ impl Keys {
         })
     }
 
-    /// The value is not repeated in the message: it may be a secret with a mistake in it.
+    /// Reads the token. Its value is not repeated in the message: it may be a secret with a typing error.
     fn token(&self) -> Result<Option<String>, String> {
         match self.keys.get("token") {
             None => Ok(None),
@@ -278,7 +278,7 @@ impl Keys {
         }
     }
 
-    /// JSON has no infinite numbers, so one that is there is finite.
+    /// Reads a number; JSON has no infinite numbers, so every number is finite.
     fn number(&self, key: &str) -> Result<Option<f64>, String> {
         let Some(value) = self.keys.get(key) else { return Ok(None) };
         value.as_f64().map(Some).ok_or_else(|| format!("{key} is {}; wanted a number", shown(value)))
@@ -296,7 +296,7 @@ fn kind(value: &Value) -> &'static str {
     }
 }
 
-/// Returns a value for a message: itself when short, else what it is.
+/// Returns a value for a message: itself when short, else its type.
 fn shown(value: &Value) -> String {
     let text = value.to_string();
     if text.len() <= 60 { text } else { kind(value).into() }

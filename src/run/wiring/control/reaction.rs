@@ -1,4 +1,4 @@
-//! What a controller or a star tracker outside does to a spacecraft that is flown inside.
+//! Actions of an external controller or star tracker on a spacecraft that is flown inside.
 //!
 //! | request | keys | effect |
 //! |---|---|---|
@@ -16,33 +16,33 @@ use glam::DVec3;
 use serde_json::{Map, Value, json};
 use testbed::vehicle::Vehicle;
 
-/// One request, read.
+/// One parsed request.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Reaction {
-    /// Who drives the wheels and sees the stars: true is outside.
+    /// Selects who drives the wheels and whose trackers are used: true is outside.
     Control {
-        /// Who drives the wheels; `None`: as before.
+        /// Driver of the wheels; `None`: unchanged.
         by: Option<bool>,
-        /// Whose trackers; `None`: as before.
+        /// Owner of the trackers in use; `None`: unchanged.
         trackers: Option<bool>,
     },
     /// Torques of the wheels' motors.
     Wheels {
         /// On each rotor, N m.
         torques_n_m: Vec<f64>,
-        /// From when on, s after the first exposure; `None`: now.
+        /// Start, s after the first exposure; `None`: now.
         at_s: Option<f64>,
     },
     /// A torque on the body.
     Torque {
         /// Body axes, N m.
         torque_n_m: DVec3,
-        /// From when on, s after the first exposure; `None`: now.
+        /// Start, s after the first exposure; `None`: now.
         at_s: Option<f64>,
-        /// For how long, s.
+        /// Duration, s.
         for_s: f64,
     },
-    /// An attitude of a tracker outside.
+    /// An attitude of an external tracker.
     Attitude {
         /// Its time tag, s after the first exposure.
         at_s: f64,
@@ -85,7 +85,7 @@ impl Reaction {
         })
     }
 
-    /// Acts on a vehicle at the run's time.
+    /// Applies the request to a vehicle at the run's time.
     pub(super) fn act(&self, vehicle: &mut Vehicle, zero: Tai, now: Tai) -> Result<Value, String> {
         let instant = |at_s: Option<f64>| at_s.map_or(now, |at_s| zero + Span::from_s(at_s));
         let done = match self {
@@ -117,7 +117,8 @@ fn numbers(keys: &Map<String, Value>, key: &str) -> Result<Option<Vec<f64>>, Str
     let Some(value) = keys.get(key) else { return Ok(None) };
     let list = value.as_array().filter(|list| list.len() <= 64);
     let read = list.and_then(|list| list.iter().map(Value::as_f64).collect::<Option<Vec<f64>>>());
-    read.map(Some).ok_or_else(|| format!("{key} is no short list of numbers; wanted one such as [0.01, 0, 0]"))
+    read.map(Some)
+        .ok_or_else(|| format!("{key} is not a list of at most 64 numbers; wanted a list such as [0.01, 0, 0]"))
 }
 
 fn vector(keys: &Map<String, Value>, key: &str) -> Result<Option<DVec3>, String> {
@@ -136,7 +137,7 @@ fn rotation(keys: &Map<String, Value>) -> Result<Rotation<Body, Icrf>, String> {
     })
 }
 
-/// Returns true is outside.
+/// Reads a side: true is outside.
 fn side(keys: &Map<String, Value>, key: &str) -> Result<Option<bool>, String> {
     match keys.get(key).map(|value| (value, value.as_str())) {
         None => Ok(None),
@@ -176,8 +177,8 @@ mod tests {
             ("control", json!({}), "neither by nor trackers"),
             ("control", json!({ "by": "me" }), "by is \"me\"; wanted \"outside\" or \"inside\""),
             ("wheels", json!({}), "torques_n_m is missing"),
-            ("wheels", json!({ "torques_n_m": [0, "1"] }), "torques_n_m is no short list"),
-            ("wheels", json!({ "torques_n_m": vec![0.0; 65] }), "torques_n_m is no short list"),
+            ("wheels", json!({ "torques_n_m": [0, "1"] }), "torques_n_m is not a list of at most 64 numbers"),
+            ("wheels", json!({ "torques_n_m": vec![0.0; 65] }), "torques_n_m is not a list of at most 64 numbers"),
             ("torque", json!({ "torque_n_m": [0, 1], "for_s": 1 }), "torque_n_m has 2 numbers"),
             ("torque", json!({ "torque_n_m": [0, 1, 0] }), "for_s is missing"),
             ("tracker_attitude", json!({ "body_from_icrf": [1, 0, 0, 0], "sigma_arcsec": 1 }), "at_s is missing"),

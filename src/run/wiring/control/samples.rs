@@ -1,4 +1,4 @@
-//! Lists of samples of a plant outside: JSON rows of numbers -> samples by the run's clock.
+//! Lists of samples of an external plant: JSON rows of numbers -> samples by the run's clock.
 //!
 //! | request | one row of `samples` |
 //! |---|---|
@@ -6,7 +6,7 @@
 //! | `observer` | `t_s`, position, velocity, by `unit`: `km` (and km/s) or `m` (and m/s); ICRF axes |
 //! | `jitter` | `t_s`, rotation vector about the body axes, by `unit`: `arcsec` or `rad` |
 //!
-//! What is wrong with a row is said with its place; then nothing of the list is taken. Tests: below.
+//! An error in a row is reported with its place; then no row of the list is used. Tests: below.
 
 use crate::runtime::{PlantAttitude, PlantSample};
 use base::axes::{COMPUTED_NORM_TOLERANCE, Rotation};
@@ -16,12 +16,12 @@ use glam::DVec3;
 use serde_json::{Map, Value};
 use sky::observer::BarycentricState;
 
-/// Most samples in one list.
+/// Largest number of samples in one list.
 const SAMPLES_MAX: usize = 4096;
 /// Furthest time from the first exposure, s: three years.
 const MOST_S: f64 = 1e8;
 
-/// What a list is about.
+/// Subject of a list.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Subject {
     Attitude,
@@ -29,7 +29,7 @@ pub(super) enum Subject {
     Jitter,
 }
 
-/// What a list says of one instant.
+/// Data of one row.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Said {
     Attitude(PlantAttitude),
@@ -52,7 +52,7 @@ impl SampleList {
             Some(Value::Array(rows)) => {
                 return Err(format!("samples has {} rows; wanted 1 to {SAMPLES_MAX} in a request", rows.len()));
             }
-            Some(_) => return Err(format!("samples is no list; wanted a list of rows: {}", subject.row())),
+            Some(_) => return Err(format!("samples is not a list; wanted a list of rows: {}", subject.row())),
             None => return Err(format!("samples is missing; wanted a list of rows: {}", subject.row())),
         };
         let read = |(place, row): (usize, &Value)| {
@@ -77,7 +77,7 @@ impl SampleList {
 }
 
 impl Subject {
-    /// Returns a row in words.
+    /// Returns the columns of a row in words.
     const fn row(self) -> &'static str {
         match self {
             Self::Attitude => {
@@ -88,7 +88,7 @@ impl Subject {
         }
     }
 
-    /// What a number of the unit is in km or rad.
+    /// Returns the size of the unit in km or rad.
     fn scale(self, unit: Option<&Value>) -> Result<f64, String> {
         let units: &[(&str, f64)] = match self {
             Self::Attitude => return Ok(1.0),
@@ -133,8 +133,11 @@ fn not_unit(wxyz: [f64; 4]) -> String {
 
 /// Returns the numbers of a row; JSON has no infinite ones.
 fn numbers(row: &Value) -> Result<Vec<f64>, String> {
-    let Value::Array(values) = row else { return Err("is no list".into()) };
-    values.iter().map(|value| value.as_f64().ok_or_else(|| "has something that is no number".to_owned())).collect()
+    let Value::Array(values) = row else { return Err("is not a list".into()) };
+    values
+        .iter()
+        .map(|value| value.as_f64().ok_or_else(|| "contains a value that is not a number".to_owned()))
+        .collect()
 }
 
 #[cfg(test)]
@@ -173,13 +176,13 @@ mod tests {
         let far = [2e8, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
         for (keys, part) in [
             (json!({}), "samples is missing"),
-            (json!({ "samples": 3 }), "samples is no list"),
+            (json!({ "samples": 3 }), "samples is not a list"),
             (json!({ "samples": [] }), "samples has 0 rows; wanted 1 to 4096"),
             (json!({ "samples": vec![good; SAMPLES_MAX + 1] }), "4097 rows"),
             (json!({ "samples": [good, [0.0, 1.0]] }), "samples[1] has 2 numbers; wanted [t_s"),
-            (json!({ "samples": [good, 7] }), "samples[1] is no list"),
+            (json!({ "samples": [good, 7] }), "samples[1] is not a list"),
             (json!({ "samples": [[]] }), "samples[0] has no numbers"),
-            (json!({ "samples": [[0, 1, 0, 0, 0, 0, 0, "0"]] }), "samples[0] has something that is no number"),
+            (json!({ "samples": [[0, 1, 0, 0, 0, 0, 0, "0"]] }), "samples[0] contains a value that is not a number"),
             (json!({ "samples": [[0, 1, 0, 0, 0.1, 0, 0, 0]] }), "norm 1.00498"),
             (json!({ "samples": [[0, 0, 0, 0, 0, 0, 0, 0]] }), "norm 0"),
             (json!({ "samples": [far] }), "more than 100000000 s"),

@@ -1,6 +1,7 @@
 //! Answers about a run on the real clock, which goes on while they are made.
 //!
-//! What is not answered: `step`, as the real clock cannot be held, and `summary`, as the report is made when the run ends:
+//! Not available: `step`, because the real clock cannot be paused, and `summary`, because the report is made when the
+//! run ends:
 //! it comes with the answer to `finish`.
 
 use crate::runtime::RunRecord;
@@ -16,9 +17,9 @@ use core::time::Duration;
 use serde_json::{Value, json};
 use testbed::vehicle::Vehicle;
 
-/// A client that comes before the run begins waits for it so long.
+/// Longest time that an early client waits for the run to start.
 const BEGINS_WITHIN: Duration = Duration::from_secs(30);
-/// How often that is looked at.
+/// Interval at which the start is checked.
 const LOOK: Duration = Duration::from_millis(10);
 
 pub(super) fn hello(scenario: &Scenario, steering: &Steering) -> Result<Value, String> {
@@ -30,7 +31,7 @@ pub(super) fn hello(scenario: &Scenario, steering: &Steering) -> Result<Value, S
     Ok(answers::hello(scenario, &instants(steering)?, "real"))
 }
 
-/// Answers one request, or says why not.
+/// Answers one request, or returns why it cannot.
 pub(super) fn answer(request: &Request, scenario: &Scenario, steering: &Steering) -> Result<Value, String> {
     let mounting = scenario.bench.sensor_from_body;
     match request {
@@ -102,7 +103,7 @@ pub(super) fn answer(request: &Request, scenario: &Scenario, steering: &Steering
     }
 }
 
-/// Hands samples of a plant outside on; each is taken when it comes, by its own instant.
+/// Passes on samples of an external plant; each is used when it comes, by its own instant.
 fn plant(samples: &SampleList, scenario: &Scenario, steering: &Steering) -> Result<Value, String> {
     if !scenario.bench.is_lockstep() {
         let why = "the attitudes of this bench come by its link, or from inside; wanted plant.kind = \"outside\" with a \

@@ -1,4 +1,4 @@
-//! Every line is a request or a refusal in plain words; lines of any bytes are told apart; base64 as published.
+//! Tests that every line is a request or a refusal in plain words, that lines of any bytes are separated, and base64.
 
 use super::base64::encode;
 use super::lines::{ControlAddress, Incoming, LineSocket};
@@ -92,8 +92,8 @@ fn samples_that_cannot_be_read_are_requests_to_be_counted() {
     assert!(matches!(parse(good).1, Ok(Request::Plant(_))), "control");
 }
 
-/// Lines of every request with numbers, damaged in one to four bytes: each is read or refused in words, and what is read is
-/// within its bounds.
+/// Tests lines of every request with numbers, damaged in one to four bytes: each is read or refused in words, and every
+/// value that is read is within its limits.
 #[test]
 fn damaged_lines_are_read_or_refused() {
     let lines = [

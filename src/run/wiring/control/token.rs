@@ -1,4 +1,4 @@
-//! The token of a control socket: only who may read the user's files may control the run.
+//! The token of a control socket: only a program that may read the user's files may control the run.
 //!
 //! Any program and any web page on this machine can connect to a loopback port. So the first request of a connection must
 //! carry 128 random bits of the operating system, which are printed, and written to a file that only the user may read:
@@ -25,7 +25,7 @@ pub(super) struct Token {
 }
 
 impl Token {
-    /// Returns a new one, from the operating system.
+    /// Returns a new token from the operating system's random numbers.
     pub(super) fn random() -> Result<Self, ControlError> {
         let mut bytes = [0; BYTES];
         SysRng
@@ -34,7 +34,7 @@ impl Token {
         Ok(Self { text: bytes.iter().map(|byte| format!("{byte:02x}")).collect() })
     }
 
-    /// Returns whether `text` is this token. Takes the same time wherever the first difference is.
+    /// Returns true when `text` is this token, in a time that does not depend on where the first difference is.
     pub(super) fn is(&self, text: &str) -> bool {
         let pairs = self.text.bytes().zip(text.bytes());
         let differences = pairs.fold(0, |all, (ours, theirs)| black_box(all | (ours ^ theirs)));
@@ -51,7 +51,7 @@ impl fmt::Display for Token {
 /// A file with a token, which is removed when this is dropped.
 #[derive(Debug)]
 pub(super) struct TokenFile {
-    /// Where it is.
+    /// Path of the file.
     pub(super) path: PathBuf,
 }
 
@@ -65,13 +65,14 @@ impl TokenFile {
         let path = folder.join(file_name(address));
         let refuse = |source| ControlError::TokenFile { path: path.clone(), source };
         make_private(folder).map_err(refuse)?;
-        // The folder is ours alone and so is the port: a file of this name is left from a run that was killed.
+        // Only this user may use the folder, and the port is ours: a file of this name is left from a run that was
+        // killed.
         match fs::remove_file(&path) {
             Err(error) if error.kind() != ErrorKind::NotFound => return Err(refuse(error)),
             Ok(()) | Err(_) => {}
         }
         let mut file: File = OpenOptions::new().write(true).create_new(true).mode(0o600).open(&path).map_err(refuse)?;
-        // From here on: dropped, it removes the file.
+        // From here on, dropping this removes the file.
         let written = Self { path: path.clone() };
         writeln!(file, "{token}").map_err(refuse)?;
         Ok(written)
@@ -92,13 +93,13 @@ fn folder() -> PathBuf {
     }
 }
 
-/// `control-127.0.0.1_40000.token`; `__1_40000` stands for `[::1]:40000`.
+/// Returns the file name for an address: `control-127.0.0.1_40000.token`, or with `__1_40000` for `[::1]:40000`.
 fn file_name(address: ControlAddress) -> String {
     let name = address.to_string().replace(['[', ']'], "").replace(':', "_");
     format!("control-{name}.token")
 }
 
-/// Makes a folder that only its owner may enter, or checks that one is such.
+/// Makes a folder that only its owner may enter, or checks an existing one.
 fn make_private(folder: &Path) -> io::Result<()> {
     match DirBuilder::new().mode(0o700).create(folder) {
         Err(error) if error.kind() != ErrorKind::AlreadyExists => return Err(error),

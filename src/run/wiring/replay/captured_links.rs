@@ -1,4 +1,4 @@
-//! A capture -> the messages of its links, each through a port of its own, the earliest first.
+//! A capture -> the messages of its links, each through its own port, the earliest first.
 
 use super::ReplayError;
 use crate::runtime::RunError;
@@ -11,10 +11,10 @@ use std::fs::File;
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Where packets come from.
+/// Source of packets.
 pub(super) struct Source<'a> {
     pub(super) bus: &'a Path,
-    /// Whether packets count that the capturing side sent: who that was, a capture of someone else's does not say.
+    /// True when packets sent by the capturing side count: captures of other programs do not state who sent them.
     pub(super) takes_sent: bool,
 }
 
@@ -29,7 +29,7 @@ impl Source<'_> {
         ReplayError::Capture { path: self.bus.into(), source }
     }
 
-    /// Returns when the first packet passed.
+    /// Returns the time of the first packet.
     pub(super) fn first_at(&self) -> Result<Tai, ReplayError> {
         let first = self.open()?.read().map_err(|error| self.refuse(error))?;
         let none = || ReplayError::Parts(format!("{}: holds no packet that could be used", self.bus.display()));
@@ -37,7 +37,7 @@ impl Source<'_> {
     }
 }
 
-/// What a playback has come to; shared by a link and its reader.
+/// State of a playback, shared by a link and its reader.
 #[derive(Default)]
 struct Played {
     damage: Option<String>,
@@ -45,11 +45,11 @@ struct Played {
     last_at: Option<Tai>,
 }
 
-/// A link that gives what was captured of it, one packet after the other, whatever the time.
+/// A link that returns its captured packets one after the other, independent of time.
 struct PlaybackLink {
     reader: CaptureReader<File>,
     takes_sent: bool,
-    /// The interface whose packets are its own; `None`: all are.
+    /// Interface whose packets it returns; `None`: all.
     interface: Option<u8>,
     counters: LinkCounters,
     played: Arc<Mutex<Played>>,
@@ -100,7 +100,7 @@ impl Link for PlaybackLink {
 struct CapturedLink {
     port: Port,
     played: Arc<Mutex<Played>>,
-    /// What the port takes off the stamps of arrival.
+    /// Delay that the port subtracts from the arrival stamps.
     delay: Span,
     /// The message that was read last, if it has not been taken.
     next: Option<Stamped<Input>>,
@@ -117,7 +117,8 @@ impl CapturedLink {
         let played = Arc::<Mutex<Played>>::default();
         let link = PlaybackLink {
             reader: source.open()?,
-            // On a serial line both directions would be one stream of bytes; on a plain link nothing of use is sent.
+            // On a serial line both directions would form one stream of bytes; on a plain link sent packets have no
+            // use.
             takes_sent: source.takes_sent && !matches!(settings.wire, Wire::Serial | Wire::Plain),
             interface,
             counters: LinkCounters::default(),
@@ -139,14 +140,14 @@ impl CapturedLink {
     }
 }
 
-/// The links of a bench, as they were captured.
+/// The links of a bench as they were captured.
 pub(super) struct CapturedLinks {
     links: Vec<CapturedLink>,
 }
 
 impl CapturedLinks {
-    /// Opens the capture for each link of the bench. A bench with one link takes the packets of all interfaces: in a capture
-    /// of someone else that link may have any number.
+    /// Opens the capture for each link of the bench. A bench with one link takes the packets of all interfaces, because
+    /// a capture by another program may give that link any number.
     pub(super) fn open(bench: &Bench, source: &Source<'_>) -> Result<Self, ReplayError> {
         let has_several = !bench.extra_links.is_empty();
         let settings = core::iter::once(&bench.link).chain(&bench.extra_links).zip(0..=u8::MAX);
@@ -154,7 +155,7 @@ impl CapturedLinks {
         Ok(Self { links: settings.map(link).collect::<Result<_, _>>()? })
     }
 
-    /// Takes the earliest message that arrived up to `until` among the links that are wanted, with the number of its link.
+    /// Takes the earliest message that arrived up to `until` among the selected links, with the number of its link.
     pub(super) fn take(
         &mut self,
         until: Tai,
@@ -171,17 +172,17 @@ impl CapturedLinks {
         Ok(taken)
     }
 
-    /// Returns whether no link has a message left.
+    /// Returns true when no link has a message left.
     pub(super) fn are_over(&self) -> bool {
         self.links.iter().all(|link| link.is_over)
     }
 
-    /// Returns when the last packet so far passed.
+    /// Returns the time of the last packet so far.
     pub(super) fn last_at(&self) -> Option<Tai> {
         self.links.iter().filter_map(|link| lock(&link.played).last_at).max()
     }
 
-    /// Reads what is left: damage is reported wherever it is. Returns how many packets have no form here, and the damage.
+    /// Reads the rest, so that damage anywhere is reported. Returns the number of unsupported packets, and the damage.
     pub(super) fn finish(mut self) -> Result<(u64, Option<String>), ReplayError> {
         while self.take(Tai::from_ns(i64::MAX), |_| true)?.is_some() {}
         // Every link has read the whole file.

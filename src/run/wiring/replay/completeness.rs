@@ -1,7 +1,7 @@
 //! The end record of a captured run, compared with the files beside it before anything is drawn.
 //!
-//! A table or log that is cut at the end of a line is as readable as a whole one, so its end says nothing: the end record
-//! in `session.json` states how many packets and rows there were. Input: a session and its directory. Output: nothing, or
+//! A table or log that is cut at the end of a line is as readable as a complete one. Therefore the end record in
+//! `session.json` states how many packets and rows there were. Input: a session and its directory. Output: nothing, or
 //! the first number that differs. A run that was cut off has no end record; captures of earlier versions have no counts
 //! of rows. Both are replayed with a note ([`Session::doubts`]). Tests: `tests/closed_loop/replay.rs`.
 
@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use std::fs::File;
 use std::path::Path;
 
-/// What the rows of `frames.csv` add up to.
+/// Sums over the rows of `frames.csv`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RowCounts {
@@ -33,10 +33,10 @@ impl RowCounts {
     }
 }
 
-/// Refuses a capture that does not hold what its end record states.
+/// Refuses a capture whose content differs from its end record.
 ///
 /// # Errors
-/// [`ReplayError::Incomplete`] with the first number that differs; what makes a file unreadable.
+/// [`ReplayError::Incomplete`] with the first number that differs, or the error of an unreadable file.
 pub(super) fn check(directory: &Path, session: &Session) -> Result<(), ReplayError> {
     let Some(end) = &session.end else { return Ok(()) };
     let bus = directory.join(&session.bus);
@@ -55,7 +55,7 @@ pub(super) fn check(directory: &Path, session: &Session) -> Result<(), ReplayErr
 }
 
 fn compare(end: &SessionEnd, path: &Path, what: &'static str, wanted: u64, got: u64) -> Result<(), ReplayError> {
-    // A disk that filled up may have taken more than was confirmed; the session says that it did.
+    // A disk that filled up may have stored more than was confirmed; the session states this.
     let is_more_than_confirmed = got > wanted && end.error.is_some();
     if got == wanted || is_more_than_confirmed {
         return Ok(());

@@ -9,14 +9,14 @@ use std::path::PathBuf;
 /// A capture that cannot be made or replayed.
 #[derive(Debug, thiserror::Error)]
 pub enum ReplayError {
-    /// The system refused a file.
+    /// The operating system refused a file.
     #[error("{}: cannot {doing}: {source}", path.display())]
     File {
         /// The file.
         path: PathBuf,
-        /// What was tried.
+        /// Attempted action.
         doing: &'static str,
-        /// What the system said.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// The directory is in use.
@@ -30,7 +30,7 @@ pub enum ReplayError {
     Session {
         /// The file.
         path: PathBuf,
-        /// What is wrong, wanted and got.
+        /// Description of the error, with the wanted and found values.
         why: String,
     },
     /// A row of the frames' file is damaged.
@@ -40,9 +40,9 @@ pub enum ReplayError {
         path: PathBuf,
         /// Line, from 1.
         line: u64,
-        /// What is wrong, and what was wanted.
+        /// Description of the error, with the wanted form.
         why: &'static str,
-        /// Its beginning.
+        /// Its first characters.
         text: String,
     },
     /// The capture cannot be read or written at all.
@@ -50,10 +50,10 @@ pub enum ReplayError {
     Capture {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// Cause.
         source: CaptureError,
     },
-    /// The capture does not hold what its end record states.
+    /// The content of the capture differs from its end record.
     #[error(
         "{}: holds {got} {what}, wanted {wanted} as its end record (session.json) states: the capture was cut short or \
          changed; wanted the whole directory as the run left it: copy it again",
@@ -62,7 +62,7 @@ pub enum ReplayError {
     Incomplete {
         /// The file.
         path: PathBuf,
-        /// What was counted.
+        /// Name of the count.
         what: &'static str,
         /// Number in the end record.
         wanted: u64,
@@ -74,7 +74,7 @@ pub enum ReplayError {
     NoSuchHead {
         /// The head.
         head: usize,
-        /// How many there are, 1 at least.
+        /// Number of heads, at least 1.
         heads: usize,
     },
     /// The run file does not check.
@@ -86,7 +86,7 @@ pub enum ReplayError {
     /// Drawing failed.
     #[error(transparent)]
     Run(#[from] RunError),
-    /// A frame could not be kept.
+    /// A frame could not be stored.
     #[error("sink: {0}")]
     Sink(#[from] SinkError),
 }

@@ -1,8 +1,8 @@
-//! The last column of `frames.csv`: how the exposure of a commanded camera was.
+//! The last column of `frames.csv`: the exposure of a commanded camera.
 //!
-//! `start;length;gain;black level;started;trigger;regions`: TAI in ns, ns, the 64 bits of dB and of DN in hexadecimal, what
-//! started it, when its trigger came (TAI in ns; empty: none), and `left:top:width:height` of each region with `+` between them.
-//! Empty: the frame rate's own exposure with the camera's own settings.
+//! `start;length;gain;black level;started;trigger;regions`: TAI in ns, ns, the 64 bits of dB and of DN in hexadecimal,
+//! the event that started it, time of its trigger (TAI in ns; empty: none), and `left:top:width:height` of each region
+//! with `+` between them. Empty: an exposure by the frame rate with the camera's own settings.
 
 use crate::runtime::{Exposed, Started};
 use base::time::{Span, Tai};
@@ -32,7 +32,7 @@ pub(super) fn write(exposed: &Exposed, out: &mut dyn Write) -> io::Result<()> {
 /// Reads the column; `None` when it is empty.
 ///
 /// # Errors
-/// What was wanted.
+/// The wanted form.
 pub(super) fn parse(text: &str) -> Result<Option<Exposed>, &'static str> {
     if text.is_empty() {
         return Ok(None);

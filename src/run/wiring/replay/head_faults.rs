@@ -1,8 +1,8 @@
 //! The events of a captured run, placed as in the run, for one head: frames are hit as they were.
 //!
-//! In: the run file's events and those that were injected. Out: the faults of the head's frames, with the numbers that they
-//! have in the list of all faults. Faults of the bus and aboard the vehicle take their numbers there and do nothing else: the
-//! capture holds what arrived after them.
+//! In: the run file's events and the injected ones. Out: the faults of the head's frames, with their numbers in the
+//! list of all faults. Faults of the bus and aboard the vehicle only take their numbers: the capture contains packets
+//! that arrived after those faults acted.
 
 use super::ReplayError;
 use crate::runtime::FrameEngine;
@@ -16,23 +16,23 @@ use std::collections::VecDeque;
 /// The faults of one head of several.
 pub(super) struct HeadFaults {
     desk: FaultDesk,
-    /// Of every head; only those of the head at hand are made ready.
+    /// Faults of every head; only those of the replayed head are prepared.
     of_heads: Vec<FrameFaults>,
     head: usize,
-    /// From where the times of events count.
+    /// Time zero of events.
     zero: Tai,
-    /// Events that came while the run went on, and when.
+    /// Events that were injected during the run, with their times.
     injected: VecDeque<(Tai, Event)>,
 }
 
 impl HeadFaults {
-    /// Of head number `head` of so many, before any event.
+    /// Returns the faults of head number `head` of `heads`, before any event.
     pub(super) fn new(desk: FaultDesk, zero: Tai, head: usize, heads: usize) -> Self {
         let of_heads = (0..heads).map(|_| FrameFaults::default()).collect();
         Self { desk, of_heads, head, zero, injected: VecDeque::new() }
     }
 
-    /// Adds an event that came so long after the first exposure; those that came later are added later.
+    /// Adds an event injected this long after the first exposure; call in order of time.
     pub(super) fn add_injected(&mut self, came: Span, event: Event) {
         self.injected.push_back((self.zero + came, event));
     }
@@ -42,12 +42,12 @@ impl HeadFaults {
         self.of_heads.get_mut(self.head)
     }
 
-    /// Returns whether a frame may show what the one before was.
+    /// Returns true when a frame may show the previous one.
     pub(super) fn has_any(&self) -> bool {
         !self.injected.is_empty() || self.of_heads.get(self.head).is_some_and(|faults| !faults.timed().is_empty())
     }
 
-    /// Returns places the events of the run file, at the start of the run.
+    /// Places the events of the run file, at the start of the run.
     pub(super) fn place_all(
         &mut self,
         events: &[Event],
@@ -58,7 +58,7 @@ impl HeadFaults {
         in_order_of_placing(events).try_for_each(|event| self.place(event, start, receiver, engine))
     }
 
-    /// Returns places the events that came before `at`, when a frame is drawn.
+    /// Places the events that came before `at`, when a frame is drawn.
     pub(super) fn place_injected_before(
         &mut self,
         at: Tai,

@@ -1,7 +1,7 @@
 //! One head of a run, drawn again: its own ports, receiver, engine and faults.
 //!
-//! In: the parts of the run and what was captured. Out: images in a sink, each compared with the captured one. Messages are
-//! fed in the order of their stamps, of each link as many as a row states.
+//! In: the parts of the run and its capture. Out: images in a sink, each compared with the captured one. Messages are
+//! fed in the order of their stamps, as many of each link as a row states.
 
 use super::captured_links::{CapturedLinks, Source};
 use super::head_faults::HeadFaults;
@@ -22,7 +22,7 @@ use frames::sink::{SentFrame, Sink};
 use plan::exposure::cost::CostModel;
 use std::collections::VecDeque;
 
-/// What all heads of a replay share.
+/// Data shared by all heads of a replay.
 pub(super) struct Replayed<'a> {
     pub(super) scenario: &'a Scenario,
     pub(super) start: Tai,
@@ -33,12 +33,12 @@ pub(super) struct Replayed<'a> {
     pub(super) frames: Range<u32>,
     /// Detectors and images of all heads, and wheels.
     there: Inventory,
-    /// First exposure of the first head, from where the times of events count.
+    /// First exposure of the first head: time zero of events.
     zero: Tai,
 }
 
 impl<'a> Replayed<'a> {
-    /// Returns the heads of a run whose clock started at `start`, as it makes them.
+    /// Returns the heads of a run whose clock started at `start`, as the run makes them.
     pub(super) fn with_heads(
         scenario: &'a Scenario,
         start: Tai,
@@ -59,13 +59,13 @@ impl<'a> Replayed<'a> {
     }
 }
 
-/// A head under way.
+/// A head that is being replayed.
 pub(super) struct HeadPlayback {
     engine: FrameEngine,
     receiver: Receiver,
     faults: HeadFaults,
     links: CapturedLinks,
-    /// Of a plant in lockstep, those that act later.
+    /// Samples of a plant in lockstep that act later.
     samples: VecDeque<CapturedSample>,
     ledger: Ledger,
     frame: SentFrame,
@@ -80,7 +80,7 @@ pub(super) struct HeadPlayback {
 }
 
 impl HeadPlayback {
-    /// Takes a head, and places the events of the run file.
+    /// Starts the replay of a head, and places the events of the run file.
     pub(super) fn new(
         replayed: &Replayed<'_>,
         (number, head): (usize, RunHead),
@@ -90,7 +90,7 @@ impl HeadPlayback {
         let RunHead { mut engine, mut receiver, .. } = head;
         let there = replayed.there.clone();
         let heads = there.heads.len();
-        // Nothing acts on the bus.
+        // Faults of the bus have no effect in a replay.
         let desk = FaultDesk::new(zero, scenario.bench.sensor_from_body, there, Default::default());
         let mut faults = HeadFaults::new(desk, zero, number, heads);
         faults.place_all(&scenario.events, start, &mut receiver, &mut engine)?;
@@ -119,17 +119,17 @@ impl HeadPlayback {
         })
     }
 
-    /// What draws it.
+    /// Returns the imager of the head.
     pub(super) fn imager(&self) -> &Imager {
         self.engine.imager()
     }
 
-    /// Returns frames of it in the whole run.
+    /// Returns the number of its frames in the whole run.
     pub(super) fn frame_count(&self) -> u32 {
         self.engine.params().frames
     }
 
-    /// Adds an event that came while the run went on, so long after its first exposure.
+    /// Adds an event injected this long after the first exposure.
     pub(super) fn inject(&mut self, came: Span, event: Event) {
         self.faults.add_injected(came, event);
     }
@@ -143,12 +143,12 @@ impl HeadPlayback {
         self.doubts.push(why);
     }
 
-    /// Draws what a row says was drawn, and compares what it says went out.
+    /// Draws the frame of a row, and compares it with the captured result.
     pub(super) fn row(&mut self, row: &FrameRow) -> Result<(), ReplayError> {
         let mut own = None;
         if let Some(DrawnFrom { messages, load, exposed }) = &row.drawn {
             self.receive_up_to(messages, row.frame)?;
-            // A frame may show what the one before was.
+            // A frame may show the previous one.
             let from = self.frames.start.saturating_sub(u32::from(self.faults.has_any()));
             if (from..self.frames.end).contains(&row.frame) {
                 self.engine.assume_load(*load);
@@ -188,7 +188,7 @@ impl HeadPlayback {
             if !(0..PORTS_MAX).any(is_wanted) {
                 return Ok(());
             }
-            // What the bus brought at the instant of a sample came first.
+            // Input of the bus at the instant of a sample came first.
             let until = self.samples.front().map_or(Tai::from_ns(i64::MAX), |next| next.arrived);
             match (self.links.take(until, is_wanted)?, self.samples.front().copied()) {
                 (None, Some(CapturedSample { sample, arrived })) => {
@@ -206,7 +206,8 @@ impl HeadPlayback {
         Ok(())
     }
 
-    /// Takes in what arrived by the release of a slot, and draws it; false when the capture ended before.
+    /// Takes in everything that arrived by the release of a slot, and draws it; returns false when the capture ended
+    /// before.
     pub(super) fn draw_at_release(&mut self, number: u32) -> Result<bool, ReplayError> {
         let slot = self.engine.slot(number);
         while let Some((link, message)) = self.links.take(slot.release, |_| true)? {
@@ -226,7 +227,7 @@ impl HeadPlayback {
         Ok(true)
     }
 
-    /// Draws the frame of a row with the faults that it went out with; its checksum.
+    /// Draws the frame of a row with the faults that it went out with; returns its checksum.
     fn draw_as_captured(&mut self, row: &FrameRow, exposed: Option<&Exposed>) -> Result<Option<u32>, ReplayError> {
         let slot = self.engine.exposing_mut().repeat(row.frame, exposed);
         let Some(fate) = self.expose(slot)? else { return Ok(None) };
@@ -234,7 +235,7 @@ impl HeadPlayback {
         if went_out && fate.is_dropped {
             self.doubt(format!("frame {} went out; by the events of the run it is dropped", row.frame));
         }
-        // On the real clock a frame that was given up is not spoilt.
+        // On the real clock a frame that was not sent was not damaged either.
         if went_out || fate.is_dropped || !self.is_real {
             self.spoil(&fate);
         }
@@ -244,7 +245,7 @@ impl HeadPlayback {
         Ok(Some(pixel_crc32(&self.frame.image)))
     }
 
-    /// Draws a slot; `None`, and a doubt, when it has no attitude.
+    /// Draws a slot; returns `None`, and notes a doubt, when it has no attitude.
     fn expose(&mut self, slot: Slot) -> Result<Option<Fate>, ReplayError> {
         let Self { engine, receiver, faults, ledger, frame, .. } = self;
         faults.place_injected_before(slot.release, receiver, engine)?;
@@ -271,7 +272,7 @@ impl HeadPlayback {
         Ok(())
     }
 
-    /// Ends the head: what it came to, how many packets have no form here, and what makes it doubtful.
+    /// Finishes the head; returns its result, the number of unsupported packets, and the doubts.
     pub(super) fn finish(mut self) -> Result<(HeadOutcome, u64, Vec<String>), ReplayError> {
         if let Some(sink) = &mut self.sink {
             sink.finish()?;

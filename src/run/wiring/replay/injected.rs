@@ -1,7 +1,7 @@
-//! Events of a captured run that its file does not have, as `session.json` keeps them.
+//! Events of a captured run that are not in its file, as `session.json` stores them.
 //!
-//! Numbers with a fraction stand as text, as everywhere in that file. A fault changes what is remembered of the frames
-//! before it (`torn` and `duplicate` need them), and a trigger begins the faults that wait at that time: a replay therefore
+//! Numbers with a fraction are stored as text, as everywhere in that file. A fault changes which earlier frames are
+//! kept (`torn` and `duplicate` need them), and a trigger starts the faults that wait at that time: a replay therefore
 //! places an injected event when it came, not before.
 
 use super::ReplayError;
@@ -11,7 +11,7 @@ use config::Event;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-/// The key whose text is a word and no number.
+/// The key whose text is a word and not a number.
 const WORD: &str = "do";
 
 /// An event by the keys of `[[event]]`.
@@ -22,7 +22,7 @@ pub struct KeptEvent {
 }
 
 impl KeptEvent {
-    /// Keeps an event.
+    /// Returns the stored form of an event.
     pub(super) fn new(event: &Event) -> Self {
         Self { keys: event.to_json().iter().map(|(key, value)| (key.clone(), as_text(value))).collect() }
     }
@@ -34,34 +34,34 @@ impl KeptEvent {
             let value = if key == WORD { value.clone() } else { as_number(key, value)? };
             keys.insert(key.clone(), value);
         }
-        // Times are given in seconds: no frame is counted.
+        // Times are given in seconds, so no frame period is needed.
         Ok(Event::from_json(&keys, 0.0, Span::ZERO)?)
     }
 }
 
-/// An event that came while a run went on.
+/// An event that was injected during a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Injected {
-    /// When it came, s after the first exposure.
+    /// Time of injection, s after the first exposure.
     came_s: String,
-    /// What came.
+    /// The event.
     event: KeptEvent,
 }
 
 impl Injected {
-    /// Returns an event that came so long after the first exposure.
+    /// Returns an event that was injected this long after the first exposure.
     pub(super) fn new(event: &Event, came: Span) -> Self {
         Self { came_s: exact(came.s()), event: KeptEvent::new(event) }
     }
 
-    /// Returns when it came, after the first exposure, and the event.
+    /// Returns the time of injection after the first exposure, and the event.
     pub(super) fn event(&self) -> Result<(Span, Event), ReplayError> {
         Ok((Span::from_s(number("injected.came_s", &self.came_s)?), self.event.event()?))
     }
 }
 
-/// Returns the value, its numbers with a fraction as text.
+/// Converts the numbers with a fraction in a value to text.
 fn as_text(value: &Value) -> Value {
     match value {
         Value::Number(given) if given.is_f64() => given.as_f64().map(exact).into(),
@@ -70,7 +70,7 @@ fn as_text(value: &Value) -> Value {
     }
 }
 
-/// Returns the value, its text as numbers.
+/// Converts the text in a value to numbers.
 fn as_number(key: &str, value: &Value) -> Result<Value, ReplayError> {
     Ok(match value {
         Value::String(text) => number(key, text)?.into(),

@@ -1,8 +1,10 @@
-//! The tables of a capture, damaged in many ways: rows that can be used, or an error that names file and line, and no panic.
+//! Tests the tables of a capture with many kinds of damage: each gives usable rows, or an error that names file and
+//! line.
 //!
-//! The fuzz targets of `tests/fuzz` build no drawing crate; these readers are fuzzed here, from seeds, by random changes
-//! of bytes, lines and fields. Rows that the test makes are read back as they were made.
+//! The fuzz targets of `tests/fuzz` build no drawing crate; these readers are fuzzed here, from seeds, by random
+//! changes of bytes, lines and fields. Rows that the test makes must be read back unchanged.
 
+use super::rows::columns;
 use super::*;
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
@@ -11,13 +13,16 @@ use std::path::Path;
 /// Damaged tables of each kind.
 const TABLES: usize = 60_000;
 
-const FRAMES: &str = "frame,head,messages,load_bits,rung,fate,crc32,exposed\n\
-    0,0,120;118,3ff0000000000000,full,sent,0badcafe,\n\
-    1,2,121;119,0,none,dropped,,1;2;0000000000000000;0000000000000000;bus;3;1:2:3:4+100:2:3:4\n2,0,,,,held,1,\n";
-const FRAMES_OF_ONE: &str = "frame,messages,load_bits,rung,fate,crc32\n0,7,0,full,late,ffffffff\n1,8,0,full,sent,\n";
+const FRAMES: &str = concat!(
+    "frame,head,messages,",
+    columns!(),
+    ",exposed\n0,0,120;118,3ff0000000000000,full,sent,0badcafe,\n\
+     1,2,121;119,0,none,dropped,,1;2;0000000000000000;0000000000000000;bus;3;1:2:3:4+100:2:3:4\n2,0,,,,held,1,\n"
+);
+const FRAMES_OF_ONE: &str = concat!("frame,messages,", columns!(), "\n0,7,0,full,late,ffffffff\n1,8,0,full,sent,\n");
 const SAMPLES: &str = "part,at_tai_ns,numbers\nobserver,5,7000.0,0.0,-1e-3,0,7.5,0\n\
     attitude,5,1.0,0.0,0.0,0.0,0.1,0.2,0.3,0.0,0.0,0.0\njitter,-6,1e-6,0,-2e-6\n";
-/// What is put in somewhere.
+/// Pieces that are inserted at random places.
 const PIECES: [&str; 16] = [
     ",",
     ";",
@@ -34,7 +39,7 @@ const PIECES: [&str; 16] = [
     "jitter,",
     "\u{fffd}",
     "7ff8000000000000",
-    "frame,head,messages,load_bits,rung,fate,crc32\n",
+    concat!("frame,head,messages,", columns!(), "\n"),
 ];
 
 fn damaged(seed: &[u8], random: &mut StdRng) -> Vec<u8> {
@@ -60,7 +65,7 @@ fn damaged(seed: &[u8], random: &mut StdRng) -> Vec<u8> {
     bytes
 }
 
-/// An error has the file and a line that it has.
+/// Asserts that an error names the file and an existing line.
 fn assert_named(error: &ReplayError, bytes: &[u8]) {
     let text = error.to_string();
     let line = text.strip_prefix("file:").and_then(|rest| rest.split(':').next()?.parse::<usize>().ok());
@@ -78,7 +83,7 @@ fn samples(bytes: &[u8]) -> Result<Vec<CapturedSample>, ReplayError> {
     core::iter::from_fn(|| reader.read().transpose()).collect()
 }
 
-/// One part, of finite numbers, and a unit quaternion.
+/// Asserts that a sample has one part, of finite numbers, and a unit quaternion.
 fn assert_usable(CapturedSample { sample, .. }: &CapturedSample) {
     let parts = [sample.attitude.is_some(), sample.jitter_rad.is_some(), sample.observer.is_some()];
     assert_eq!(parts.into_iter().filter(|part| *part).count(), 1);
@@ -90,7 +95,7 @@ fn assert_usable(CapturedSample { sample, .. }: &CapturedSample) {
     assert!(sample.observer.is_none_or(|state| state.position_km.is_finite() && state.velocity_km_s.is_finite()));
 }
 
-/// Reads many damaged tables; both outcomes must have come about.
+/// Reads many damaged tables; both outcomes must occur.
 fn try_all<T>(seeds: &[&str], read: fn(&[u8]) -> Result<Vec<T>, ReplayError>, check: fn(&T)) {
     let mut random = StdRng::seed_from_u64(20);
     let [mut taken, mut refused] = [0, 0];
@@ -160,6 +165,6 @@ fn rows_come_back_as_they_were_made() {
         let attitude = read.sample.attitude.unwrap();
         let rates = [attitude.rate_rad_s.to_array(), attitude.acceleration_rad_s2.to_array()].concat();
         assert_eq!((read.sample.at.ns(), rates), (messages.into(), numbers.to_vec()));
-        assert!(samples(of(1.001).as_bytes()).is_err(), "control: a quaternion that is no unit one");
+        assert!(samples(of(1.001).as_bytes()).is_err(), "control: a quaternion without unit norm");
     }
 }

@@ -10,7 +10,7 @@ use core::ops::Range;
 use frames::sink::{Sink, SinkError};
 use std::path::Path;
 
-/// An image that is not the captured one.
+/// An image that differs from the captured one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Difference {
     /// Number of its head.
@@ -23,7 +23,7 @@ pub struct Difference {
     pub got: u32,
 }
 
-/// What the replay of a head came to.
+/// Result of the replay of a head.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct HeadOutcome {
     /// Number of the head, from 0.
@@ -32,20 +32,20 @@ pub struct HeadOutcome {
     pub drawn: u64,
     /// Frames compared with the capture.
     pub compared: u64,
-    /// Of those, the ones that are not bit-identical.
+    /// Number of compared frames that are not bit-identical.
     pub differing: u64,
     /// The first of them.
     pub first: Option<Difference>,
 }
 
-/// What a replay came to.
+/// Result of a replay.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct ReplayOutcome {
-    /// Of each head that was drawn.
+    /// Result of each head that was drawn.
     pub heads: Vec<HeadOutcome>,
-    /// Packets that have no form here.
+    /// Unsupported packets.
     pub skipped_packets: u64,
-    /// What makes the result doubtful, a sentence each.
+    /// Reasons to doubt the result, a sentence each.
     pub doubts: Vec<String>,
 }
 
@@ -62,7 +62,7 @@ impl ReplayOutcome {
         self.heads.iter().map(|head| head.compared).sum()
     }
 
-    /// Returns how many of those are not bit-identical.
+    /// Returns the number of compared frames that are not bit-identical.
     #[must_use]
     pub fn differing(&self) -> u64 {
         self.heads.iter().map(|head| head.differing).sum()
@@ -82,7 +82,7 @@ impl ReplayOutcome {
         Ok(())
     }
 
-    /// Each doubt once: all heads receive the same packets.
+    /// Adds a doubt once: all heads receive the same packets.
     fn doubt(&mut self, why: String) {
         if !self.doubts.contains(&why) {
             self.doubts.push(why);
@@ -90,17 +90,17 @@ impl ReplayOutcome {
     }
 }
 
-/// What is replayed.
+/// Parts of a run to replay.
 #[derive(Debug, Clone, Default)]
 pub struct ReplayOptions {
-    /// These frames only.
+    /// Frames to replay; `None`: all.
     pub frames: Option<Range<u32>>,
-    /// This head only.
+    /// Head to replay; `None`: all.
     pub head: Option<usize>,
 }
 
 impl ReplayOptions {
-    /// Returns the heads that are wanted, with their numbers; the others are given up.
+    /// Returns the selected heads with their numbers; the others are dropped.
     fn wanted(&self, heads: Vec<RunHead>) -> Result<Vec<(usize, RunHead)>, ReplayError> {
         let count = heads.len();
         match self.head.filter(|head| *head >= count) {
@@ -117,13 +117,14 @@ impl ReplayOptions {
     }
 }
 
-/// Makes what takes the frames of a head, when they are wanted; gets the head's number where a run has several.
+/// Returns the sink for the frames of a head, if they are wanted; its argument is the head's number if there are
+/// several.
 pub type SinkOfHead<'a> = &'a mut dyn FnMut(Option<usize>) -> Result<Option<Box<dyn Sink>>, SinkError>;
 
 /// Draws the frames of a captured run again and compares each with the captured one.
 ///
 /// # Errors
-/// When a file of the capture cannot be used, or drawing failed.
+/// When a file of the capture cannot be used, or drawing fails.
 pub fn replay_session(
     directory: &Path,
     options: &ReplayOptions,
@@ -163,8 +164,8 @@ pub fn replay_session(
     Ok(outcome)
 }
 
-/// Draws what a run file would have made of a capture (candump log or pcapng) for which there is nothing to compare. The
-/// clock of the run starts with the first packet; frames end with the run's duration or the last packet.
+/// Draws the frames that a run file makes of a capture (candump log or pcapng) without frames to compare. The clock of
+/// the run starts with the first packet; frames end with the run's duration or the last packet.
 ///
 /// # Errors
 /// When the capture cannot be read, the run's parts cannot be made, or drawing failed.
@@ -191,7 +192,7 @@ pub fn replay_bus(
     Ok(outcome)
 }
 
-/// Returns bits repeat on the same version and vector level only.
+/// Returns doubts about the machine: bits repeat on the same version and vector level only.
 fn doubts_of_machine(session: &Session, playback: &HeadPlayback) -> Vec<String> {
     let mut doubts = Vec::new();
     let here = env!("CARGO_PKG_VERSION");

@@ -1,17 +1,18 @@
-//! A run that is being captured: its session, its packets, its frames, what came from outside.
+//! A run that is being captured: its session, packets, frames and input from outside.
 //!
-//! Whoever assembles a run uses it so, whatever the run file and the clock:
+//! Use it in this order for any run file and clock:
 //!
-//! 1. [`Recording::start`] when the run file is checked and an engine is made (it says what draws);
-//! 2. [`Recording::tap`] around each link of the stimulator, outside of its faults, with the number of the link: 0 for
-//!    `[link]`, then those of `[[extra_link]]`; a receiver takes the messages of that link by `accept_from` that number;
-//! 3. [`Recording::tap_frames`] around the sink of each head, before its first frame; a tracker's tap may be inside;
-//! 4. [`Recording::note_injected`] for each event that was placed while the run went on, with the time at which it came:
-//!    slots released until then were drawn before it, later ones after it;
-//! 5. [`SampleTap::note`] for each list of samples that a plant in lockstep sent and the run took;
-//! 6. [`Recording::finish`] when all sinks are finished and links are closed.
+//! 1. [`Recording::start`] when the run file is checked and an engine is made (it names the backend); 2.
+//!   [`Recording::tap`] around each link of the stimulator, outside of its faults, with the number of the link: 0 for
+//! `[link]`, then those of `[[extra_link]]`; a receiver takes the messages of that link by `accept_from` that number;
+//! 3. [`Recording::tap_frames`] around the sink of each head, before its first frame; a tracker's tap may be inside; 4.
+//! [`Recording::note_injected`] for each event that was placed during the run, with its time:
+//! slots released until then were drawn before it, later ones after it; 5. [`SampleTap::note`] for each list of samples
+//! that a plant in lockstep sent and the run took; 6. [`Recording::finish`] when all sinks are finished and links are
+//! closed.
 //!
-//! It waits for the disk on the virtual clock only; on the real clock what the disk does not take is lost and counted.
+//! Only on the virtual clock it waits for the disk; on the real clock, data that the disk does not take is lost and
+//! counted.
 
 use super::injected::Injected;
 use super::row_writer::RowWriter;
@@ -30,14 +31,14 @@ use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Writes down samples, from any thread.
+/// Records samples, from any thread.
 #[derive(Clone)]
 pub struct SampleTap {
     writer: Arc<Mutex<SampleWriter>>,
 }
 
 impl SampleTap {
-    /// Writes down samples that the run took at this instant; in lockstep each acts at its own.
+    /// Records samples that the run took at this instant; in lockstep each acts at its own.
     pub fn note(&self, samples: &[PlantSample], arrived: Tai) {
         self.lock().write(samples, arrived);
     }
@@ -47,18 +48,18 @@ impl SampleTap {
     }
 }
 
-/// A capture under way.
+/// A capture in progress.
 pub struct Recording {
     directory: PathBuf,
     session: Mutex<Session>,
     capture: Capture,
     rows: RowWriter,
-    /// Of a plant in lockstep.
+    /// Samples of a plant in lockstep.
     samples: Option<SampleTap>,
 }
 
 impl Recording {
-    /// Begins a capture in `directory`, which is made when it is not there.
+    /// Starts a capture in `directory`, which is made if it does not exist.
     ///
     /// # Errors
     /// When the directory holds a capture already, or a file cannot be written.
@@ -86,13 +87,13 @@ impl Recording {
         Ok(Self { directory: directory.into(), session: Mutex::new(session), capture, rows, samples })
     }
 
-    /// Captures what passes a link of this number.
+    /// Captures the packets of a link of this number.
     #[must_use]
     pub fn tap(&self, link: Box<dyn Link>, number: usize) -> Box<dyn Link> {
         Box::new(self.capture.tap(link, u8::try_from(number).unwrap_or(u8::MAX)))
     }
 
-    /// Writes down the frames that `engine` draws for this head and `sink` sends.
+    /// Records the frames that `engine` draws for this head and `sink` sends.
     #[must_use]
     pub fn tap_frames(&self, head: usize, engine: &mut FrameEngine, sink: Box<dyn Sink>) -> Box<dyn Sink> {
         let (marks, end) = frame_marks();
@@ -101,21 +102,21 @@ impl Recording {
         Box::new(self.rows.sink(head, sink, end, holds))
     }
 
-    /// Writes down an event that came so long after the first exposure, as it was placed then.
+    /// Records an event that was injected this long after the first exposure.
     pub fn note_injected(&self, event: &Event, came: Span) {
         let mut session = self.session.lock().unwrap_or_else(PoisonError::into_inner);
         session.injected.push(Injected::new(event, came));
-        // Now, as a run may be cut off; one that ends writes it again, and says there what is wrong with the disk.
+        // Written now, because a run may be cut off; a run that ends writes it again, with any error of the disk.
         let _ = session.write(&self.directory);
     }
 
-    /// What writes down the samples of a plant in lockstep that the run takes, where it has one.
+    /// Returns the recorder for the samples of a plant in lockstep, if the run has one.
     #[must_use]
     pub fn samples(&self) -> Option<SampleTap> {
         self.samples.clone()
     }
 
-    /// Ends the capture; `messages_lost` were lost inside the run. What was lost is in the session that comes back.
+    /// Ends the capture; `messages_lost` were lost inside the run. The returned session lists all losses.
     ///
     /// # Errors
     /// When the session cannot be written.

@@ -1,5 +1,5 @@
-//! Runs of several heads, links and kinds are captured and drawn again to the same bits, faults included; what is changed in
-//! a capture makes frames differ.
+//! Tests that runs of several heads, links and kinds are drawn again to the same bits, faults included, and that a
+//! changed capture makes frames differ.
 
 use super::{FRAMES_FILE, ReplayOptions, ReplayOutcome, SESSION_FILE, replay_session};
 use crate::wiring::assemble::{Outputs, Run, RunOptions};
@@ -55,7 +55,7 @@ frame_rate_hz = 5.0
 phase_ms = 30.0
 "#;
 
-/// Faults of frames and of the bus; those whose absence shows in images, by their place.
+/// Faults of frames and of the bus; true for those whose absence changes images.
 const EVENTS: [(&str, bool); 11] = [
     ("at_s = 0.2\nfor_s = 1.0\ndo = \"hot_pixels\"\ne_per_s = 1e6\ncount = 20\nhead = 2", true),
     ("at_s = 0.5\nfor_s = 0.3\ndo = \"frame_torn\"", true),
@@ -78,7 +78,7 @@ fn events() -> String {
     EVENTS.iter().map(|(keys, _)| format!("\n[[event]]\n{keys}\n")).collect()
 }
 
-/// Captures a run of a file below `configs`; `steer` may step it.
+/// Captures a run of a file in the place of one below `configs`; `steer` may step it.
 fn captured(folder: &Path, place: &str, text: &str, steer: impl FnOnce(&mut SteppedRun)) -> PathBuf {
     let directory = folder.join("capture");
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs").join(place).join("replayed.toml");
@@ -107,7 +107,7 @@ fn session(directory: &Path) -> Value {
     serde_json::from_slice(&std::fs::read(directory.join(SESSION_FILE)).unwrap()).unwrap()
 }
 
-/// Replays with another session, and puts the old one back.
+/// Replays with another session, and restores the old one.
 fn replay_with(directory: &Path, change: impl FnOnce(&mut Value)) -> ReplayOutcome {
     let (path, mut changed) = (directory.join(SESSION_FILE), session(directory));
     let before = std::fs::read(&path).unwrap();
@@ -124,7 +124,7 @@ fn change_file(session: &mut Value, change: impl FnOnce(&str) -> String) {
     *text = change(text.as_str().unwrap()).into();
 }
 
-/// As many frames as went out are compared, and all are the same.
+/// Asserts that as many frames as went out are compared, and that all are equal.
 fn assert_same(directory: &Path, heads: usize) -> ReplayOutcome {
     let outcome = replay(directory);
     assert_eq!((outcome.differing(), outcome.doubts.as_slice()), (0, &[][..]), "{outcome:?}");
@@ -140,7 +140,7 @@ fn heads_with_faults_of_frames_replay_bit_by_bit_and_not_without_their_events() 
     let text = bench_with(&(MORE_HEADS.to_owned() + &events()));
     let directory = captured(folder.path(), "benches", &text, |_| ());
     let outcome = assert_same(&directory, 3);
-    // Three frames of each fast head are dropped, of the slow one fewer.
+    // Three frames of each fast head are dropped, fewer of the slow one.
     let compared: Vec<u64> = outcome.heads.iter().map(|head| head.compared).collect();
     assert_eq!(compared[..2], [27, 27]);
     assert!((12..15).contains(&compared[2]), "{compared:?}");
@@ -150,7 +150,7 @@ fn heads_with_faults_of_frames_replay_bit_by_bit_and_not_without_their_events() 
         });
         assert!(without.differing() > 0 || !is_seen, "event {place}: {keys}: {without:?}");
     }
-    // The head of an event counts too, and so do frames that go out though they are dropped.
+    // The head of an event matters too, and so do frames that go out though they are dropped.
     let other_head = replay_with(&directory, |session| {
         change_file(session, |text| text.replace("count = 20\nhead = 2", "count = 20\nhead = 1"));
     });
@@ -167,7 +167,7 @@ fn one_head_and_some_frames_are_replayed_alone() {
     let folder = tempfile::tempdir().unwrap();
     let text = bench_with(&(MORE_HEADS.to_owned() + &events()));
     let directory = captured(folder.path(), "benches", &text, |_| ());
-    // The torn frames begin at the fourth: it shows what the third was.
+    // The torn frames start at the fourth, which shows a part of the third.
     let options = ReplayOptions { frames: Some(5..9), head: Some(1) };
     let outcome = replay_session(&directory, &options, &mut |head| {
         assert_eq!(head, Some(1));
@@ -234,7 +234,7 @@ fn scenario_with_a_spacecraft_and_imaging_faults_replays_bit_by_bit() {
         })
     };
     assert!(remove("[[event]]\nat_s = 3.0").differing() >= 4, "they look different");
-    // The number of a fault decides which stars are missing: one aboard counts, though it does nothing to frames.
+    // The number of a fault selects the missing stars: a fault aboard counts, though it does not act on frames.
     assert!(remove("[[event]]\nat_s = 2.0").differing() >= 4);
 }
 
@@ -270,7 +270,7 @@ fn capture_of_the_first_form_replays() {
     assert!(replay_session(&directory, &ReplayOptions::default(), &mut |_| Ok(None)).is_err(), "control: nine digits");
 }
 
-/// Attitudes of a captured run are made to come by a second link.
+/// Tests a captured run whose attitudes are moved to a second link.
 #[test]
 fn links_are_played_back_each_through_a_port_of_its_own() {
     let folder = tempfile::tempdir().unwrap();
@@ -285,7 +285,7 @@ fn links_are_played_back_each_through_a_port_of_its_own() {
         .filter(|packet| packet.direction == Direction::Received)
         .map(|packet| packet.interface)
         .collect();
-    // Threads of links are not in step: the file has packets of one link behind later ones of the other.
+    // Threads of links are not synchronised: the file has packets of one link after later ones of the other.
     packets.sort_by_key(|captured| captured.at + Span::from_ms(400 * i64::from(captured.interface)));
     let write = |packets: &[CapturedPacket]| {
         let mut writer = CaptureWriter::new(File::create(&bus).unwrap(), CaptureFormat::Pcapng).unwrap();

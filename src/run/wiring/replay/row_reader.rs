@@ -1,6 +1,6 @@
-//! `frames.csv` -> rows as they are in the file, or the rows of one head in the order of its frames.
+//! `frames.csv` -> rows in the order of the file, or the rows of one head in the order of its frames.
 
-use super::rows::ORDER_FRAMES;
+use super::rows::{ORDER_FRAMES, WANTED_HEADER};
 use super::table_lines::TableLines;
 use super::{FrameRow, ReplayError, RowForm};
 use std::collections::BTreeMap;
@@ -22,29 +22,29 @@ impl RowReader<BufReader<File>> {
     /// Opens the file and checks its first line.
     ///
     /// # Errors
-    /// When it cannot be read, or is no such file.
+    /// When it cannot be read, or is not a table of frames.
     pub fn open(path: &Path) -> Result<Self, ReplayError> {
         Self::of(TableLines::open(path, DOING, ROW_MAX)?)
     }
 }
 
 impl<R: BufRead> RowReader<R> {
-    /// Reads from `source`, which errors call `path`.
+    /// Reads from `source`; errors name `path`.
     ///
     /// # Errors
-    /// When its first line is not that of such a file.
+    /// When its first line is not that of a table of frames.
     pub fn new(source: R, path: &Path) -> Result<Self, ReplayError> {
         Self::of(TableLines::new(source, path, DOING, ROW_MAX))
     }
 
     fn of(mut lines: TableLines<R>) -> Result<Self, ReplayError> {
         let text = lines.read()?.unwrap_or_default();
-        let refuse = || lines.refuse("wanted frame,head,messages,load_bits,rung,fate,crc32,exposed", &text);
+        let refuse = || lines.refuse(WANTED_HEADER, &text);
         let form = RowForm::of_header(&text).ok_or_else(refuse)?;
         Ok(Self { lines, form })
     }
 
-    /// Returns whether the last line was cut off, as by a power cut; it is left out.
+    /// Returns true when the last line was cut off, as by a power cut; it is left out.
     #[must_use]
     pub fn is_cut_off(&self) -> bool {
         self.lines.is_cut_off()
@@ -53,18 +53,18 @@ impl<R: BufRead> RowReader<R> {
     /// Returns the next row; `None` at the end.
     ///
     /// # Errors
-    /// When the line is no row.
+    /// When the line is not a valid row.
     pub fn read(&mut self) -> Result<Option<FrameRow>, ReplayError> {
         let Some(text) = self.lines.read()? else { return Ok(None) };
         FrameRow::parse(&text, self.form).map(Some).map_err(|why| self.lines.refuse(why, &text))
     }
 }
 
-/// Reads the rows of one head in the order of frames, of which at most [`ORDER_FRAMES`] wait for an earlier one.
+/// Reads the rows of one head in the order of frames; at most [`ORDER_FRAMES`] rows wait for an earlier one.
 pub(super) struct RowsOfHead<R> {
     reader: RowReader<R>,
     head: usize,
-    /// By frame and line: two rows of one frame come as they are in the file.
+    /// Waiting rows by frame and line: two rows of one frame keep the order of the file.
     waiting: BTreeMap<(u32, u64), FrameRow>,
     newest: u32,
     is_over: bool,
@@ -75,7 +75,7 @@ impl<R: BufRead> RowsOfHead<R> {
         Self { reader, head, waiting: BTreeMap::new(), newest: 0, is_over: false }
     }
 
-    /// As [`RowReader::is_cut_off`], at the end.
+    /// Returns the same as [`RowReader::is_cut_off`], at the end.
     pub(super) fn is_cut_off(&self) -> bool {
         self.reader.is_cut_off()
     }

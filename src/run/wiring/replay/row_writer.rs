@@ -5,8 +5,8 @@
 //! head 1: engine -> marks -> RowSink -> queue -> writer thread -> frames.csv
 //! ```
 //!
-//! A row joins what a frame was drawn from (its mark, put by the engine) with what went out (the frame, seen by the sink).
-//! One thread writes the rows of all heads: one that blocks is given up, as the writer of a capture's packets is.
+//! A row joins the inputs of a frame (its mark, put by the engine) with the frame that went out (seen by the sink). One
+//! thread writes the rows of all heads; a thread that blocks is abandoned, as the writer of a capture's packets is.
 
 use super::rows::{HEADER, ORDER_FRAMES};
 use super::{CapturedFate, DrawnFrom, FrameRow, ReplayError, RowCounts};
@@ -26,20 +26,20 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
-/// Rows between the sinks and the writer.
+/// Capacity of the queue between the sinks and the writer.
 const QUEUE_ROWS: usize = 4096;
 
-/// The table while it is written: the writer's thread, and what sinks are made from.
+/// The table while it is written: the writer's thread, and the data to make sinks.
 pub(super) struct RowWriter {
     queue: WriterQueue<FrameRow>,
     shared: Arc<Shared>,
     writer: JoinHandle<Option<String>>,
 }
 
-/// What writing came to.
+/// Result of writing.
 #[derive(Debug)]
 pub(super) struct RowsOutcome {
-    /// Of the rows that were written.
+    /// Sums over the written rows.
     pub(super) counts: RowCounts,
     /// Frames without a row.
     pub(super) lost: u64,
@@ -47,10 +47,10 @@ pub(super) struct RowsOutcome {
     pub(super) error: Option<String>,
 }
 
-/// What sinks and the writer share beside the rows.
+/// State shared by sinks and the writer, besides the rows.
 #[derive(Default)]
 struct Shared {
-    /// Frames whose mark was lost.
+    /// Number of frames whose mark was lost.
     lost_marks: AtomicU64,
     written: Mutex<RowCounts>,
 }
@@ -62,7 +62,7 @@ impl Shared {
 }
 
 impl RowWriter {
-    /// Begins the file of a run with so many links; `waits`: whether frames wait for the writer, on the virtual clock.
+    /// Starts the file of a run with this many links; `waits`: frames wait for the writer, on the virtual clock.
     pub(super) fn create(path: &Path, links: usize, waits: bool) -> Result<Self, ReplayError> {
         let refuse = |source| ReplayError::File { path: path.into(), doing: "write the frames", source };
         let mut out = BufWriter::new(File::create_new(path).map_err(refuse)?);
@@ -70,7 +70,7 @@ impl RowWriter {
         Self::start(Box::new(out), links, waits).map_err(refuse)
     }
 
-    /// Starts the writer of a file that has begun.
+    /// Starts the writer of a file that has been created.
     pub(super) fn start(mut out: Box<dyn Write + Send>, links: usize, waits: bool) -> io::Result<Self> {
         let (queue, rows) = WriterQueue::new(QUEUE_ROWS, waits);
         let shared = Arc::<Shared>::default();
@@ -80,27 +80,27 @@ impl RowWriter {
         Ok(Self { queue, shared, writer })
     }
 
-    /// Returns a sink around the sink of a head; `holds`: whether a late frame is replaced by the one before.
+    /// Returns a sink around the sink of a head; `holds`: a late frame is replaced by the previous one.
     pub(super) fn sink(&self, head: usize, inner: Box<dyn Sink>, marks: FrameMarksEnd, holds: bool) -> RowSink {
         let (queue, shared) = (self.queue.clone(), Arc::clone(&self.shared));
         RowSink { inner, head, marks, waiting: VecDeque::new(), holds, queue, shared }
     }
 
-    /// Ends the table: rows that sinks have put are written, and none that comes from here on.
+    /// Ends the table: rows in the queue are written, later ones are not.
     pub(super) fn finish(self) -> RowsOutcome {
         let error = match self.queue.end(self.writer) {
             Some(Ok(error)) => error,
             Some(Err(_panicked)) => Some("frames.csv: the thread that writes it broke down".into()),
             None => Some(CaptureError::GivenUp { file: super::FRAMES_FILE, patience: patience::end() }.to_string()),
         };
-        // What a writer that was given up writes later does not count.
+        // Rows that an abandoned writer writes later do not count.
         let counts = self.shared.written();
         let unwritten = self.queue.offered().saturating_sub(counts.rows);
         RowsOutcome { counts, lost: unwritten + self.shared.lost_marks.load(Ordering::SeqCst), error }
     }
 }
 
-/// Returns the writer's thread: each row is in the file before the next is taken, as a power cut should cost few rows.
+/// Runs the writer's thread: each row is in the file before the next is taken, so that a power cut costs few rows.
 fn write_all(rows: &Receiver<Option<FrameRow>>, links: usize, out: &mut dyn Write, shared: &Shared) -> Option<String> {
     let mut error = None;
     for row in rows.iter().map_while(|row| row) {
@@ -120,7 +120,7 @@ pub(super) struct RowSink {
     inner: Box<dyn Sink>,
     head: usize,
     marks: FrameMarksEnd,
-    /// Marks whose frames have not been seen, by rising frame.
+    /// Marks whose frames have not come yet, by rising frame.
     waiting: VecDeque<FrameMark>,
     holds: bool,
     queue: WriterQueue<FrameRow>,
@@ -134,7 +134,7 @@ impl RowSink {
         self.queue.put(FrameRow { frame, head: self.head, drawn, degradation: degradation.into(), fate, crc32 });
     }
 
-    /// Puts rows of the oldest frames that were drawn and never came.
+    /// Writes rows for the oldest frames that were drawn and never came.
     fn put_dropped(&mut self, is_dropped: impl Fn(&FrameMark) -> bool) {
         while let Some(mark) = self.waiting.front().copied().filter(&is_dropped) {
             self.waiting.pop_front();
@@ -166,7 +166,7 @@ impl Sink for RowSink {
         self.inner.send(frame)?;
         let (number, fate, crc32) = (frame.meta.number, self.fate(frame), Some(pixel_crc32(&frame.image)));
         self.take_marks();
-        // First: a reader knows then that no row of them comes later.
+        // First, so that a reader knows that no row of them comes later.
         self.put_dropped(|mark| mark.frame != number && mark.frame.saturating_add(ORDER_FRAMES) <= number);
         match self.waiting.iter().position(|mark| mark.frame == number).and_then(|place| self.waiting.remove(place)) {
             Some(mark) => self.put(&mark, fate, crc32),

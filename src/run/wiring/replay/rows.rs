@@ -1,39 +1,52 @@
-//! One row of `frames.csv`, the table of a captured run's frames: what each was drawn from, and what became of it.
+//! One row of `frames.csv`, the table of a captured run's frames: the inputs and the result of each frame.
 //!
-//! Columns: frame; head; messages that each link brought before it was drawn, `120;118` (all since the run began; empty:
-//! nothing was drawn); load, the 64 bits of the number in hexadecimal; rung; fate; CRC-32 of the pixels that went out
-//! (empty: none did); how a commanded camera exposed it ([`super::exposed`]). A row of fate `held` has the checksum of the frame that went out again in its place.
+//! Columns: frame; head; messages that each link brought before it was drawn, `120;118` (all since the run started;
+//! empty: nothing was drawn); load, the 64 bits of the number in hexadecimal; degradation; fate; CRC-32 of the pixels
+//! that went out (empty: none did); exposure of a commanded camera ([`super::exposed`]). A row of fate `held` has the
+//! checksum of the frame that was sent again.
 //!
-//! Form 1 of the table has no column of heads and one link, form 2 no column of exposures. All are read, form 3 is written. Rows of one head
-//! are nearly in the order of frames: before the row of a frame is each row of a frame [`ORDER_FRAMES`] earlier.
+//! Form 1 of the table has no column of heads and one link, form 2 no column of exposures. All are read, form 3 is
+//! written. Rows of one head are nearly in the order of frames: a row comes after every row of a frame [`ORDER_FRAMES`]
+//! earlier.
 
 use super::exposed;
 use crate::runtime::Exposed;
 use crate::runtime::receiver::PORTS_MAX;
 use std::io::{self, Write};
 
+/// Expands to the last columns of every form. The column of the degradation keeps its published name.
+macro_rules! columns {
+    () => {
+        "load_bits,rung,fate,crc32"
+    };
+}
+#[cfg(test)]
+pub(super) use columns;
+
 /// First line of form 1.
-const HEADER_OF_ONE: &str = "frame,messages,load_bits,rung,fate,crc32";
+pub(super) const HEADER_OF_ONE: &str = concat!("frame,messages,", columns!());
 /// First line of form 2.
-const HEADER_OF_TWO: &str = "frame,head,messages,load_bits,rung,fate,crc32";
+const HEADER_OF_TWO: &str = concat!("frame,head,messages,", columns!());
 /// First line of form 3.
-pub(super) const HEADER: &str = "frame,head,messages,load_bits,rung,fate,crc32,exposed";
-/// A frame that goes out late has its row behind rows of later frames, fewer than this.
+pub(super) const HEADER: &str = concat!("frame,head,messages,", columns!(), ",exposed");
+/// Message for a table with another first line.
+pub(super) const WANTED_HEADER: &str = concat!("wanted frame,head,messages,", columns!(), ",exposed");
+/// Largest number of rows of later frames before the row of a frame that goes out late.
 pub(super) const ORDER_FRAMES: u32 = 1024;
 
-/// Which columns a table has.
+/// Columns of a table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RowForm {
-    /// Of one head and one link.
+    /// One head and one link.
     One,
-    /// Of several.
+    /// Several heads and links.
     Two,
-    /// With exposures.
+    /// Several, with exposures.
     Three,
 }
 
 impl RowForm {
-    /// Returns the form that begins with this line.
+    /// Returns the form whose first line is this.
     #[must_use]
     pub fn of_header(line: &str) -> Option<Self> {
         [(HEADER_OF_ONE, Self::One), (HEADER_OF_TWO, Self::Two), (HEADER, Self::Three)]
@@ -42,14 +55,14 @@ impl RowForm {
     }
 }
 
-/// What became of a frame.
+/// Result of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CapturedFate {
     /// It went out in time.
     Sent,
     /// It went out late.
     Late,
-    /// The last one that went out in time went out again in its place.
+    /// The last frame that went out in time was sent again in its place.
     Held,
     /// Nothing went out.
     Dropped,
@@ -68,14 +81,14 @@ impl CapturedFate {
     }
 }
 
-/// What a frame was drawn from.
+/// Inputs that a frame was drawn from.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DrawnFrom {
     /// Messages that each link brought before it was drawn.
     pub messages: [u64; PORTS_MAX],
     /// The load under which it was planned.
     pub load: f64,
-    /// How a commanded camera exposed it; `None`: as the camera's file and the frame rate have it.
+    /// Exposure of a commanded camera; `None`: by the camera's file and the frame rate.
     pub exposed: Option<Exposed>,
 }
 
@@ -86,18 +99,18 @@ pub struct FrameRow {
     pub frame: u32,
     /// Number of its head, from 0.
     pub head: usize,
-    /// What it was drawn from; `None`: nothing was drawn.
+    /// Inputs that it was drawn from; `None`: nothing was drawn.
     pub drawn: Option<DrawnFrom>,
-    /// How far it was degraded.
+    /// Degradation of the frame.
     pub degradation: String,
-    /// What became of it.
+    /// Result of the frame.
     pub fate: CapturedFate,
-    /// Of the pixels that went out.
+    /// CRC-32 of the pixels that went out.
     pub crc32: Option<u32>,
 }
 
 impl FrameRow {
-    /// Writes the row of a run with so many links.
+    /// Writes the row of a run with this many links.
     pub(super) fn write(&self, links: usize, out: &mut dyn Write) -> io::Result<()> {
         write!(out, "{},{},", self.frame, self.head)?;
         if let Some(DrawnFrom { messages, .. }) = &self.drawn {
@@ -124,7 +137,7 @@ impl FrameRow {
     /// Reads a row without its line's end.
     ///
     /// # Errors
-    /// What is wrong with it.
+    /// The error of the first wrong field.
     pub fn parse(text: &str, form: RowForm) -> Result<Self, &'static str> {
         let mut fields: Vec<&str> = text.split(',').collect();
         let wanted = match form {
@@ -156,7 +169,7 @@ impl FrameRow {
     }
 }
 
-/// What a frame was drawn from, if it was drawn.
+/// Reads the inputs that a frame was drawn from, if it was drawn.
 fn drawn(messages: &str, load: &str, exposed: &str) -> Result<Option<DrawnFrom>, &'static str> {
     if (messages, load, exposed) == ("", "", "") {
         return Ok(None);

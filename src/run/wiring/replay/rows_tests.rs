@@ -1,8 +1,9 @@
-//! Every frame has a row that says what became of it; rows come back in the order of frames; damage is refused.
+//! Tests that every frame has a row with its result, that rows come back in the order of frames, and that damage is
+//! refused.
 
 use super::row_reader::{RowReader, RowsOfHead};
 use super::row_writer::{RowWriter, RowsOutcome};
-use super::rows::{HEADER, ORDER_FRAMES};
+use super::rows::{HEADER, HEADER_OF_ONE, ORDER_FRAMES};
 use super::{CapturedFate, DrawnFrom, FrameRow, RowCounts};
 use crate::runtime::receiver::PORTS_MAX;
 use crate::runtime::{FrameMark, frame_marks};
@@ -15,8 +16,6 @@ use frames::sink::sample::sample_frame;
 use frames::sink::{FaultFlags, NullSink, SentFrame, Sink};
 use std::io::{self, Write};
 use std::path::Path;
-
-const HEADER_OF_ONE: &str = "frame,messages,load_bits,rung,fate,crc32";
 
 fn read(text: &str) -> Result<(Vec<FrameRow>, bool), String> {
     let mut reader = RowReader::new(text.as_bytes(), Path::new("frames.csv")).map_err(|error| error.to_string())?;
@@ -32,7 +31,7 @@ fn read_head(text: &str, head: usize) -> Vec<FrameRow> {
     core::iter::from_fn(|| rows.read().unwrap()).collect()
 }
 
-/// Returns the ten messages of each link for each frame.
+/// Returns a mark with ten messages of each link per frame.
 fn mark(frame: u32) -> FrameMark {
     FrameMark {
         frame,
@@ -49,7 +48,7 @@ fn frame(number: u32, lateness_ms: i64, faults: FaultFlags) -> SentFrame {
     frame
 }
 
-/// Returns numbers and fates.
+/// Returns frame numbers and fates.
 fn fates(rows: &[FrameRow]) -> Vec<(u32, CapturedFate)> {
     rows.iter().map(|row| (row.frame, row.fate)).collect()
 }
@@ -61,7 +60,7 @@ fn every_frame_has_a_row_that_says_what_became_of_it() {
     let (marks, end) = frame_marks();
     let writer = RowWriter::create(&path, 1, true).unwrap();
     let mut sink = writer.sink(0, Box::new(NullSink::new()), end, true);
-    // 0: sent. 1: drawn, and nothing came of it. 2: late. 3: never drawn, held. 4: the run ends before it goes out.
+    // 0: sent. 1: drawn, never sent. 2: late. 3: never drawn, held. 4: the run ends before it goes out.
     for (number, lateness_ms, faults) in
         [(0, -1, FaultFlags::NONE), (2, 1, FaultFlags::NONE), (3, 1, FaultFlags::FRAME_DUPLICATE)]
     {
@@ -124,11 +123,12 @@ fn frames_that_a_fault_delays_duplicates_or_drops_come_back_in_order() {
     let path = folder.path().join("frames.csv");
     let (marks, end) = frame_marks();
     let writer = RowWriter::create(&path, 1, true).unwrap();
-    // Late frames go out: none is held, whatever a fault repeats.
+    // Late frames go out: none is held, even if a fault repeats an image.
     let mut sink = writer.sink(0, Box::new(NullSink::new()), end, false);
     let last = 3 * ORDER_FRAMES;
     (0..=last).for_each(|number| marks.put(mark(number)));
-    // 1 is delayed behind 3, 2 repeats an image, 4 is repeated and late; then so many are dropped that no order is kept.
+    // 1 is delayed behind 3, 2 repeats an image, 4 is repeated and late; then so many are dropped that the order is
+    // lost.
     for (number, lateness_ms, faults) in [
         (0, -1, FaultFlags::NONE),
         (2, -1, FaultFlags::FRAME_DUPLICATE),
@@ -167,7 +167,7 @@ impl Write for Hanging {
     }
 }
 
-/// Sends seven frames of two heads to a disk; what became of their rows.
+/// Sends seven frames of two heads to a disk; returns the result of writing their rows.
 fn written_to(disk: Box<dyn Write + Send>, waits: bool) -> RowsOutcome {
     let writer = RowWriter::start(disk, 1, waits).unwrap();
     let mut sinks = [0, 1].map(|head| writer.sink(head, Box::new(NullSink::new()), frame_marks().1, false));

@@ -1,9 +1,10 @@
-//! `samples.csv`: what a plant in lockstep said of each instant, as a captured run took it in, and the way back.
+//! `samples.csv`: the samples that a captured run took from a plant in lockstep, writer and reader.
 //!
-//! Columns: the part of a sample, its instant (TAI ns since 1970), on the real clock when it arrived, and its numbers in the
-//! fewest digits that give the same bits again. One row per part: `attitude` has w x y z, rate, acceleration (rad/s, rad/s^2, body axes); `observer` position
-//! and velocity (km, km/s); `jitter` a rotation vector (rad, body axes). Rows are in the order in which samples were sent;
-//! in lockstep each acts at its own instant, on the real clock when it arrived. Limits: [`SAMPLES_MAX`] rows. Tests: below, `tests/closed_loop/lockstep.rs`.
+//! Columns: the part of a sample, its instant (TAI ns since 1970), on the real clock its arrival, and its numbers in
+//! the fewest digits that give the same bits again. One row per part: `attitude` has w x y z, rate, acceleration
+//! (rad/s, rad/s^2, body axes); `observer` position and velocity (km, km/s); `jitter` a rotation vector (rad, body
+//! axes). Rows are in the order in which samples were sent; in lockstep each acts at its own instant, on the real clock
+//! at its arrival. Limits: [`SAMPLES_MAX`] rows. Tests: below, `tests/closed_loop/lockstep.rs`.
 
 use super::ReplayError;
 use super::table_lines::TableLines;
@@ -22,15 +23,15 @@ pub(super) const SAMPLES_FILE: &str = "samples.csv";
 const HEADER: &str = "part,at_tai_ns,numbers";
 /// First line, on the real clock.
 const HEADER_REAL: &str = "part,at_tai_ns,arrived_tai_ns,numbers";
-/// Most rows that are read: a day of 100 Hz, about 2 GB of memory in a replay.
+/// Largest number of rows that are read: a day of 100 Hz, about 2 GB of memory in a replay.
 const SAMPLES_MAX: u64 = 10_000_000;
 const DOING: &str = "read the samples";
 /// Longest row, bytes.
 const ROW_MAX: (u64, &str) = (512, "longer than 512 bytes");
-/// Largest difference from 1 of a quaternion's norm: those of a capture were made unit ones.
+/// Largest difference from 1 of a quaternion's norm: captured quaternions were normalised.
 const NORM_TOLERANCE: f64 = 1e-9;
 
-/// The table while a run goes on.
+/// The table during a run.
 pub(super) struct SampleWriter {
     out: BufWriter<File>,
     is_real: bool,
@@ -39,7 +40,7 @@ pub(super) struct SampleWriter {
 }
 
 impl SampleWriter {
-    /// Begins the file; on the real clock every row says when it arrived.
+    /// Starts the file; on the real clock every row has its arrival.
     pub(super) fn create(directory: &Path, is_real: bool) -> Result<Self, ReplayError> {
         let path = directory.join(SAMPLES_FILE);
         let refuse = |source| ReplayError::File { path: path.clone(), doing: "write the samples", source };
@@ -48,7 +49,8 @@ impl SampleWriter {
         Ok(Self { out, is_real, rows: 0, error: None })
     }
 
-    /// Writes a list that the run has taken at this instant. After an error nothing more is written; the session says so.
+    /// Writes a list that the run has taken at this instant. After an error nothing more is written; the session
+    /// reports it.
     pub(super) fn write(&mut self, samples: &[PlantSample], arrived: Tai) {
         if self.error.is_some() {
             return;
@@ -99,19 +101,19 @@ fn joined(vectors: &[DVec3]) -> Vec<f64> {
     vectors.iter().flat_map(DVec3::to_array).collect()
 }
 
-/// A sample of a captured run, which has one part.
+/// A sample of a captured run, with one part.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CapturedSample {
-    /// What was sent.
+    /// The sample.
     pub sample: PlantSample,
-    /// When the run took it; in lockstep its own instant.
+    /// Time at which the run took it; in lockstep its own instant.
     pub arrived: Tai,
 }
 
 /// Reads the rows one by one.
 pub struct SampleReader<R> {
     lines: TableLines<R>,
-    /// Rows say when they arrived.
+    /// True when rows have their arrival.
     is_real: bool,
 }
 
@@ -119,17 +121,17 @@ impl SampleReader<BufReader<File>> {
     /// Opens the file and checks its first line.
     ///
     /// # Errors
-    /// When it cannot be read, or is no such file.
+    /// When it cannot be read, or is not a table of samples.
     pub fn open(path: &Path) -> Result<Self, ReplayError> {
         Self::of(TableLines::open(path, DOING, ROW_MAX)?)
     }
 }
 
 impl<R: BufRead> SampleReader<R> {
-    /// Reads from `source`, which errors call `path`.
+    /// Reads from `source`; errors name `path`.
     ///
     /// # Errors
-    /// When its first line is not that of such a file.
+    /// When its first line is not that of a table of samples.
     pub fn new(source: R, path: &Path) -> Result<Self, ReplayError> {
         Self::of(TableLines::new(source, path, DOING, ROW_MAX))
     }
@@ -152,7 +154,7 @@ impl<R: BufRead> SampleReader<R> {
     /// Returns the next sample; `None` at the end.
     ///
     /// # Errors
-    /// When the line is no row, or there are too many.
+    /// When the line is not a valid row, or there are too many.
     pub fn read(&mut self) -> Result<Option<CapturedSample>, ReplayError> {
         let Some(text) = self.lines.read()? else { return Ok(None) };
         if self.lines.line() > SAMPLES_MAX + 1 {
@@ -199,7 +201,8 @@ fn sample_of<'t>(
     }
 }
 
-/// The order in which a run in lockstep takes parts of samples: by instant, then as [`write_rows`] has them.
+/// Returns the sort key by which a run in lockstep takes parts of samples: by instant, then in the order of
+/// [`write_rows`].
 fn key(CapturedSample { sample, .. }: &CapturedSample) -> (Tai, bool, bool) {
     (sample.at, sample.observer.is_none(), sample.attitude.is_none())
 }
@@ -207,9 +210,9 @@ fn key(CapturedSample { sample, .. }: &CapturedSample) -> (Tai, bool, bool) {
 /// The samples of a captured run.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Samples {
-    /// In the order in which they act.
+    /// Samples in the order in which they act.
     pub(super) samples: Vec<CapturedSample>,
-    /// The last row was cut off, and is left out.
+    /// True when the last row was cut off and is left out.
     pub(super) is_cut_off: bool,
 }
 
@@ -233,7 +236,7 @@ pub(super) fn read_all(directory: &Path) -> Result<Samples, ReplayError> {
     Ok(Samples { samples, is_cut_off: reader.is_cut_off() })
 }
 
-/// Returns counts the rows of a captured run.
+/// Counts the rows of a captured run.
 pub(super) fn count(path: &Path) -> Result<u64, ReplayError> {
     let mut reader = SampleReader::open(path)?;
     let mut rows = 0;

@@ -1,8 +1,9 @@
-//! `session.json`: everything about a captured run that is not in its packets or frames.
+//! `session.json`: all data of a captured run that are not in its packets or frames.
 //!
-//! Floating-point numbers stand as text, in the fewest digits that give the same bits again, as not every reader of JSON
-//! keeps them. Written when the run begins, with each event that is injected, and again when it ends: without `end` the run
-//! was cut off. Form 1 is that of versions that captured one head of a bench; both forms are read.
+//! Floating-point numbers are stored as text, in the fewest digits that give the same bits again, because not every
+//! reader of JSON keeps them. Written when the run starts, with each event that is injected, and again when it ends:
+//! without `end` the run was cut off. Form 1 is that of versions that captured one head of a bench; both forms are
+//! read.
 
 use super::injected::{Injected, KeptEvent};
 use super::{ReplayError, RowCounts, SESSION_FILE};
@@ -37,16 +38,16 @@ pub struct Session {
     pub is_real: bool,
     /// When the run's clock started, TAI ns since 1970.
     pub start_tai_ns: i64,
-    /// The same for people.
+    /// The same in UTC.
     pub start_utc: String,
     /// Seed of the run.
     pub seed: u64,
     /// Seed of the noise of exposures; absent: that of the bench, or `seed`.
     #[serde(default)]
     pub noise_seed: Option<u64>,
-    /// What drew: `cpu`, `gpu`, `reference`.
+    /// Backend: `cpu`, `gpu`, `reference`.
     pub backend: String,
-    /// What it ran on; its vector level with it.
+    /// Device it ran on, with its vector level.
     pub adapter: String,
     /// Name of the file of packets.
     pub bus: String,
@@ -56,32 +57,32 @@ pub struct Session {
     cost: Option<BTreeMap<String, String>>,
     /// Values changed by the command line, as given.
     settings: Vec<String>,
-    /// The run file, whatever its kind, and the files it names.
+    /// The run file of any kind, and the files it names.
     #[serde(alias = "bench")]
     run_file: PackedDocuments,
     /// Events of the run that are not in the file, such as random faults.
     #[serde(default)]
     added: Vec<KeptEvent>,
-    /// Events that came from outside while it ran, in this order.
+    /// Events injected during the run, in this order.
     #[serde(default)]
     pub(super) injected: Vec<Injected>,
-    /// How the run ended; absent: it was cut off.
+    /// End record; absent when the run was cut off.
     pub end: Option<SessionEnd>,
 }
 
-/// What the capture of a run came to.
+/// End record of a captured run.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SessionEnd {
     /// Packets in the capture.
     pub packets: u64,
-    /// Packets that passed and are not in it.
+    /// Packets that passed and are not in the capture.
     pub packets_lost: u64,
     /// Messages lost between the receiving thread and the frame thread.
     pub messages_lost: u64,
     /// Frames without a row.
     pub rows_lost: u64,
-    /// What the rows add up to; absent in captures of versions that did not count them.
+    /// Sums over the rows; absent in captures of versions that did not count them.
     #[serde(default)]
     pub counted: Option<RowCounts>,
     /// Rows of samples.csv; absent where the plant was not in lockstep.
@@ -91,14 +92,14 @@ pub struct SessionEnd {
     pub error: Option<String>,
 }
 
-/// What a session is made of.
+/// Data to make a session.
 #[derive(Debug, Clone)]
 pub struct SessionParams<'a> {
     /// The run file as it is written.
     pub document: &'a Document,
     /// Values changed by the command line, as given.
     pub settings: &'a [String],
-    /// The run file as it runs; its duration, seeds, backend and the events that it has beyond the file are kept beside it.
+    /// The run file as it runs; its duration, seeds, backend and additional events are stored beside it.
     pub scenario: &'a Scenario,
     /// When the run's clock starts.
     pub start: Tai,
@@ -106,9 +107,9 @@ pub struct SessionParams<'a> {
     pub is_real: bool,
     /// Name of the backend.
     pub backend: &'a str,
-    /// What it runs on.
+    /// Device the backend runs on.
     pub adapter: String,
-    /// Costs measured on the machine, where they are used.
+    /// Costs measured on the machine, if they are used.
     pub cost: Option<CostModel>,
 }
 
@@ -146,7 +147,7 @@ impl Session {
         Ok(session)
     }
 
-    /// Writes the file, whole or not at all.
+    /// Writes the file atomically.
     ///
     /// # Errors
     /// When it cannot be written.
@@ -183,7 +184,7 @@ impl Session {
         Ok(session)
     }
 
-    /// Copies the files of data that the run file names into the capture.
+    /// Copies the data files that the run file names into the capture.
     ///
     /// # Errors
     /// When one cannot be read or written.
@@ -191,10 +192,10 @@ impl Session {
         Ok(self.run_file.keep_data(directory)?)
     }
 
-    /// Refuses files of data that are not those of the run.
+    /// Refuses data files that differ from those of the run.
     ///
     /// # Errors
-    /// With the first that is missing or changed.
+    /// The first file that is missing or changed.
     pub fn check_data(&self) -> Result<(), ReplayError> {
         Ok(self.run_file.check_data()?)
     }
@@ -213,7 +214,7 @@ impl Session {
         Ok(Scenario::from_document_lasting(document.with_settings(settings), duration_s)?)
     }
 
-    /// Those of the run's events that the file alone does not have.
+    /// Returns the events of the run that are not in its file.
     fn events_beyond_file(&self, events: &[Event]) -> Result<Vec<KeptEvent>, ReplayError> {
         let (mut of_file, mut added) = (self.checked()?.events, Vec::new());
         for event in events {
@@ -228,7 +229,7 @@ impl Session {
     /// Returns the run file as it ran, with all its events except those that were injected.
     ///
     /// # Errors
-    /// When it no longer checks, or a number is none.
+    /// When it is no longer valid, or a number cannot be parsed.
     pub fn scenario(&self) -> Result<Scenario, ReplayError> {
         let mut scenario = self.checked()?;
         let bench = &mut scenario.bench;
@@ -248,10 +249,10 @@ impl Session {
         Ok(scenario)
     }
 
-    /// Costs that were measured on the machine that captured it.
+    /// Returns the costs that were measured on the machine that captured it.
     ///
     /// # Errors
-    /// When a number is none or one is missing.
+    /// When a number cannot be parsed or is missing.
     pub fn cost(&self) -> Result<Option<CostModel>, ReplayError> {
         let Some(texts) = &self.cost else { return Ok(None) };
         let mut numbers = serde_json::Map::new();
@@ -262,7 +263,7 @@ impl Session {
         cost.map(Some).map_err(|error| wrong("cost", &error.to_string(), "the constants of the cost model"))
     }
 
-    /// What makes a replay doubtful, a sentence each.
+    /// Returns reasons to doubt a replay, a sentence each.
     #[must_use]
     pub fn doubts(&self) -> Vec<String> {
         let Some(end) = &self.end else {

@@ -1,4 +1,4 @@
-//! A session comes back bit by bit, whatever the run file is; sessions of the first form are read; damage is refused.
+//! Tests that a session of any run file comes back bit by bit, that the first form is read, and that damage is refused.
 
 use super::*;
 use crate::wiring::fault_schedule::{ScheduleLimits, fault_schedule};
@@ -21,12 +21,12 @@ fn session_of(document: &Document, scenario: &Scenario, settings: &[String], cos
     Session::new(&params, CaptureFormat::Pcapng).unwrap()
 }
 
-/// Rates of a gyro are kept in other units.
+/// Rates of a gyro are stored in other units.
 fn is_exact(event: &Event) -> bool {
     !matches!(event.action, Action::Aboard(VehicleFault::GyroBiasJump(_) | VehicleFault::GyroSpike(_)))
 }
 
-/// Returns the session after it was written and read.
+/// Writes a session and reads it again.
 fn again(session: &Session) -> Session {
     let folder = tempfile::tempdir().unwrap();
     session.write(folder.path()).unwrap();

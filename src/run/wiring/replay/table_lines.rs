@@ -1,4 +1,4 @@
-//! A table of a captured run, line by line: whole lines only, none beyond a length.
+//! Reads a table of a captured run line by line: complete lines only, none beyond a length.
 
 use super::ReplayError;
 use std::fs::File;
@@ -9,9 +9,9 @@ use std::path::{Path, PathBuf};
 pub(super) struct TableLines<R> {
     source: R,
     path: PathBuf,
-    /// What is done, for messages.
+    /// Action for error messages.
     doing: &'static str,
-    /// Longest line, bytes, and what is said of a longer one.
+    /// Longest line, bytes, and the message for a longer one.
     most: (u64, &'static str),
     line: u64,
     is_cut_off: bool,
@@ -26,12 +26,12 @@ impl TableLines<BufReader<File>> {
 }
 
 impl<R: BufRead> TableLines<R> {
-    /// Reads from `source`, which errors call `path`.
+    /// Reads from `source`; errors name `path`.
     pub(super) fn new(source: R, path: &Path, doing: &'static str, most: (u64, &'static str)) -> Self {
         Self { source, path: path.into(), doing, most, line: 0, is_cut_off: false }
     }
 
-    /// Returns whether the last line was cut off, as by a power cut; it is left out.
+    /// Returns true when the last line was cut off, as by a power cut; it is left out.
     pub(super) fn is_cut_off(&self) -> bool {
         self.is_cut_off
     }
