@@ -221,7 +221,7 @@ impl GpioChip {
         let before = PairedReading::take(clock);
         if !self.source.is_ready(Span::ZERO).map_err(|error| failed(error, &self.name))? {
             // Edges from here on are stamped after any step of the clock so far.
-            let _nothing = self.stamps.place(None, before);
+            let _ = self.stamps.place(None, before);
             self.stamps.drained();
             if !self.source.is_ready(at_most).map_err(|error| failed(error, &self.name))? {
                 return Ok(None);

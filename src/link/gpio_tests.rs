@@ -90,7 +90,7 @@ fn gaps_in_the_numbers_of_a_line_are_lost_edges() {
 }
 
 #[test]
-fn what_is_no_edge_of_these_lines_is_refused_and_impossible_stamps_are_counted() {
+fn foreign_events_are_refused_and_impossible_stamps_are_counted() {
     let mut pipe = Pipe::new();
     let mut chip = pipe.open(&[line(3, ActiveEdge::Rising)]);
     pipe.edge(2, true, 1, Span::ZERO);

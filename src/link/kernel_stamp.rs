@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn slewing_is_no_step_and_a_jump_beyond_it_is() {
+    fn slewing_is_accepted_and_a_jump_beyond_it_is_a_step() {
         // 100 ppm over 100 s: the distance changes by 10 ms; a queue that is never empty.
         let mut map = StampMap::new(reading(0, UTC));
         for second in 1..=100 {

@@ -155,7 +155,7 @@ fn noise_on_the_line_is_counted() {
 }
 
 #[test]
-fn what_classic_can_does_not_carry_is_refused() {
+fn message_that_classic_can_does_not_carry_is_refused() {
     let Bench { near, .. } = bench(FORMATS[0].1);
     let burst = firmware_protocol::message::JitterBurst::new(0, 1000, 0, &[[0.0; 2]]).unwrap();
     let error = port(near, WireFormat::CanClassic).send(&Message::Jitter(burst)).unwrap_err();

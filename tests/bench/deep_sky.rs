@@ -50,7 +50,7 @@ fn layers() -> Vec<PathBuf> {
         println!("making {stars} stars in {} ...", folder.display());
         let mut watch = Stopwatch::start();
         let population = Population::new(&LIMITS_MAG, Some(stars), 1).expect("a population");
-        population.write(&folder, &mut |_| {}).expect("room on the disk");
+        population.write(&folder, &mut |_| {}).expect("space on the disk");
         println!("made in {:.0} s", watch.lap().s());
     }
     paths
@@ -91,7 +91,7 @@ fn deep_layers() -> Vec<PathBuf> {
         let population = Population::new(&DEEP_MAG, None, 1).expect("a population");
         let (_, ra_deg, dec_deg) = PLACES[0];
         let axis = direction_from_ra_dec(ra_deg * DEG, dec_deg * DEG);
-        population.around(axis, 2.0 * DEG).write(&folder, &mut |_| {}).expect("room on the disk");
+        population.around(axis, 2.0 * DEG).write(&folder, &mut |_| {}).expect("space on the disk");
     }
     paths
 }

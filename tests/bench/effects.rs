@@ -1,4 +1,5 @@
-//! What every pixel-local effect adds to the detector's readout: one flat million pixels on one thread, effect by effect.
+//! The time that every pixel-local effect adds to the detector's readout: one flat million pixels on one thread, effect
+//! by effect.
 #![allow(missing_docs, reason = "criterion's macros make undocumented functions")]
 
 use base::image::{DnImage, Image};

@@ -96,7 +96,7 @@ fn detector() -> Detector {
     Detector::new(params, SIZE, SIZE, 1)
 }
 
-/// The cases every backend is measured with.
+/// Returns the cases every backend is measured with.
 fn cases() -> impl Iterator<Item = (u32, u32, String)> {
     [100, 2_000, 10_000].into_iter().flat_map(|stars| {
         [1, 16, 64].into_iter().flat_map(move |samples| {
@@ -105,7 +105,7 @@ fn cases() -> impl Iterator<Item = (u32, u32, String)> {
     })
 }
 
-/// The GPU, whichever there is: drawing alone (waited for), and drawing, noise and readback.
+/// Measures the GPU, whichever is installed: drawing alone (waited for), and drawing, noise and readback.
 fn gpu_frames(c: &mut Criterion) {
     let device = match GpuDevice::open(&AdapterChoice::Best) {
         Ok(device) => device,

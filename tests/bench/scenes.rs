@@ -100,7 +100,7 @@ fn cpu(c: &mut Criterion) {
     group.finish();
 }
 
-/// The GPU, whichever there is; drawing is waited for.
+/// Measures the GPU, whichever is installed; drawing is waited for.
 fn gpu(c: &mut Criterion) {
     let device = match GpuDevice::open(&AdapterChoice::Best) {
         Ok(device) => device,

@@ -74,12 +74,12 @@ fn a_map_given_later_is_the_map_given_at_once() {
     let mut detector = detector(size, 1.0, 5);
     let mut later = GpuDetector::new(device.clone(), &detector, size[0], size[1]).expect("a detector");
     let even = read(&mut later);
-    later.set_illumination_map(Some(&map)).expect("room");
+    later.set_illumination_map(Some(&map)).expect("space");
     detector.set_illumination_map(Some(map));
     let mut at_once = GpuDetector::new(device.clone(), &detector, size[0], size[1]).expect("a detector");
     let with_map = read(&mut later);
     assert_eq!(with_map, read(&mut at_once));
     assert_ne!(with_map, even, "control: the map shows");
-    later.set_illumination_map(None).expect("room");
+    later.set_illumination_map(None).expect("space");
     assert_eq!(read(&mut later), even, "and goes");
 }

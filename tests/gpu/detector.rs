@@ -61,7 +61,7 @@ fn a_bright_background_goes_through_the_other_branch() {
 }
 
 #[test]
-fn effects_that_are_off_cost_no_agreement() {
+fn effects_that_are_off_keep_the_agreement() {
     let Some(device) = device() else { return };
     let scene = Scene::new(PsfModel::gaussian(0.8), Motion::Still, "static");
     let params = DetectorParams {

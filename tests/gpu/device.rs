@@ -29,7 +29,7 @@ fn a_refused_shader_is_an_error_and_the_device_stays_failed() {
 }
 
 #[test]
-fn an_adapter_no_one_has_and_an_image_no_one_takes_are_refused() {
+fn missing_adapter_and_oversized_image_are_refused() {
     let Some(device) = device() else { return };
     let missing = GpuDevice::open(&AdapterChoice::Named("no such adapter".into()));
     assert!(matches!(missing, Err(GpuError::NoAdapter { .. })), "{missing:?}");

@@ -41,7 +41,7 @@ pub fn unit(i: u32, stream: u32) -> f64 {
     f64::from(philox([i, stream, 7, 0], [3, 4])[0]) / 4_294_967_296.0
 }
 
-/// What moves the stars of a scene.
+/// Motion of the stars of a scene.
 pub enum Motion {
     /// Nothing.
     Still,
@@ -145,7 +145,7 @@ impl Scene {
     }
 }
 
-/// A star at a place on the detector.
+/// Returns a star at a place on the detector.
 pub fn star(id: u32, electrons: f64, px: [f64; 2]) -> Source {
     Source { id, electrons, mag: f32::NAN, place: SourcePlace::Pixel(px) }
 }
@@ -216,7 +216,7 @@ impl DnDifference {
     }
 }
 
-/// A detector with every effect switched on.
+/// Returns a detector with every effect switched on.
 pub fn detector([width, height]: [usize; 2], gain_e_per_dn: f64, seed: u64) -> Detector {
     let params = DetectorParams {
         full_well_e: 1e5,

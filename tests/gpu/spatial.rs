@@ -24,7 +24,7 @@ const SCALE: f32 = 1024.0;
 /// Share of pixels that may be off by one number.
 const SHARE: f64 = 2e-3;
 
-/// A dark frame with bright spots, some of them saturated.
+/// Returns a dark frame with bright spots, some of them saturated.
 fn mean(frame: u32, [width, height]: [usize; 2]) -> Image<f32> {
     let mut image = Image::new(width, height);
     for (pixel, e) in (0_u32..).zip(image.pixels_mut()) {
@@ -60,7 +60,7 @@ fn params(spatial: SpatialParams) -> DetectorParams {
     }
 }
 
-/// Three frames by both, and the detector on the CPU.
+/// Returns three frames by both, and the detector on the CPU.
 fn both(
     spatial: SpatialParams,
     size: [usize; 2],
@@ -82,7 +82,7 @@ fn both(
     Some(frames.collect())
 }
 
-/// Both agree in all frames, and the effect is seen in the last one.
+/// Checks that both agree in all frames, and that the effect is seen in the last one.
 fn agree(name: &str, spatial: SpatialParams, size: [usize; 2], command: impl Fn(&mut Detector)) {
     let at = DetectorConditions::dark(EXPOSURE_S);
     let Some(frames) = both(spatial, size, &at, command) else { return };
@@ -101,7 +101,7 @@ const RATES: Rates = Rates { up_per_s: 3.0, down_per_s: 3.0 };
 
 fn defects(detector: &mut Detector) {
     let list = detector.disturbances_mut().defects_mut();
-    let mut insert = |place, kind| list.insert(Defect { place, kind }).expect("room");
+    let mut insert = |place, kind| list.insert(Defect { place, kind }).expect("space");
     insert(DefectPlace::Column(17), DefectKind::Stuck { dn: 999 });
     insert(DefectPlace::Row(3), DefectKind::Dead { response: 0.3 });
     insert(DefectPlace::Column(30), DefectKind::Hot { extra_e_per_s: 20_000.0 });
@@ -187,7 +187,7 @@ fn the_comparison_sees_a_defect_more_and_another_share() {
     assert!(!DnDifference::between(&a[2][0], &b[2][1]).within(SHARE), "another share");
     let one = |detector: &mut Detector| {
         let (place, kind) = (DefectPlace::Pixel(60, 40), DefectKind::Hot { extra_e_per_s: 1e5 });
-        detector.disturbances_mut().defects_mut().insert(Defect { place, kind }).expect("room");
+        detector.disturbances_mut().defects_mut().insert(Defect { place, kind }).expect("space");
     };
     let Some(c) = both(spatial, SIZE, &at, one) else { return };
     assert!(!DnDifference::between(&a[2][0], &c[2][1]).within(SHARE), "a hot pixel");
@@ -215,5 +215,5 @@ fn a_reset_forgets_on_both() {
     let lagging = frame(2, &dark, false);
     let clean = frame(2, &dark, true);
     assert!(!DnDifference::between(&lagging, &clean).within(SHARE), "the rest is seen");
-    assert_eq!(frame(2, &dark, false), clean, "the same frame once more begins anew");
+    assert_eq!(frame(2, &dark, false), clean, "the same frame once more starts again");
 }

@@ -27,7 +27,7 @@ fn device() -> Option<Arc<GpuDevice>> {
     }
 }
 
-/// What the painter stores for `greys`: one word for each pixel of the target.
+/// Returns the words that the painter stores for `greys`: one for each pixel of the target.
 fn painted(gpu: &GpuDevice, format: TextureFormat, most: u16, greys: &[u16]) -> Vec<u32> {
     let size = wgpu::Extent3d { width: TARGET_PX[0], height: TARGET_PX[1], depth_or_array_layers: 1 };
     let target = gpu.device().create_texture(&wgpu::TextureDescriptor {

@@ -1,7 +1,7 @@
 //! A network camera without a bench: frames of arithmetic at a steady rate, for clients and for measurements.
 //!
-//! `camera_feed KEY=VALUE ...` brings a camera up, tells its address as one line of JSON, and feeds it until its input
-//! ends or its frames are over; then it tells the camera's counts. `record=FOLDER` writes the same frames as FITS.
+//! `camera_feed KEY=VALUE ...` starts a camera, prints its address as one line of JSON, and feeds it until its input
+//! ends or its frames are over; then it prints the camera's counts. `record=FOLDER` writes the same frames as FITS.
 //! Used by `hil_scripts/test_network_camera.py`.
 
 use anyhow::Context;
@@ -14,7 +14,7 @@ use starloop_outputs::network_camera::{Identity, NetworkCamera, Params, PixelFor
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// What the command line says.
+/// Words of the command line.
 struct Words(BTreeMap<String, String>);
 
 impl Words {
@@ -61,7 +61,7 @@ fn main() -> anyhow::Result<()> {
     let is_over = Arc::new(AtomicBool::new(false));
     let reported = Arc::clone(&is_over);
     std::thread::Builder::new().name("input".into()).spawn(move || {
-        let _anything = std::io::read_to_string(std::io::stdin());
+        let _ = std::io::read_to_string(std::io::stdin()); // any input, or none
         reported.store(true, Ordering::Release);
     })?;
     let mut frame = SentFrame::with_capacity(sensor.size_px[0] as usize, sensor.size_px[1] as usize, 0, "feed".into());
@@ -114,7 +114,7 @@ fn identity(words: &Words) -> Identity {
     Identity { model: given("model").unwrap_or(usual.model), serial, ..Identity::default() }
 }
 
-/// Pixels and truth that differ in every frame; all of them follow from the frame's number.
+/// Fills pixels and truth that differ in every frame; all of them follow from the frame's number.
 #[allow(clippy::cast_possible_truncation, reason = "the low bits of a pattern")]
 fn fill(frame: &mut SentFrame, number: u32, sensor: &SensorParams) {
     let mask = ((1_u32 << sensor.bits) - 1) as u16;
@@ -139,7 +139,7 @@ fn fill(frame: &mut SentFrame, number: u32, sensor: &SensorParams) {
     meta.faults = FaultFlags::HOT_PIXELS;
 }
 
-/// The same number in all pixels of a colour, and another one in each frame.
+/// Fills all pixels of a colour with the same number, and with another one in each frame.
 fn fill_colours(frame: &mut SentFrame, number: u32, pattern: BayerPattern) {
     let width = frame.image.width();
     let more = u16::try_from(number % 16).unwrap_or_default();

@@ -187,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn recording_takes_no_memory() {
+    fn recording_allocates_nothing() {
         let mut histogram = StageHistogram::default();
         let bins = histogram.histogram.distinct_values();
         histogram.record(Span::from_ns(i64::MAX));

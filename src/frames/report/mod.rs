@@ -29,7 +29,7 @@ pub mod summary;
 pub mod table;
 pub mod time_tally;
 pub mod timeline;
-mod xml;
+pub mod xml;
 
 pub use budget::{BudgetLimits, BudgetLine, BudgetReport, HygieneLine, LineVerdict, budget_lines};
 pub use budget_table::budget_table;

@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_zeros_and_the_longest_times_are_no_trouble() {
+    fn empty_tally_zeros_and_longest_times_are_counted() {
         let none = TimeTally::EMPTY;
         assert_eq!((none.quantile_ms(0.99), none.mean_ms(), none.max_ms()), (0.0, 0.0, 0.0));
         let mut tally = TimeTally::EMPTY;

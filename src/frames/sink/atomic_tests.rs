@@ -10,7 +10,7 @@ fn names_in(directory: &Path) -> Vec<String> {
 }
 
 #[test]
-fn a_failure_leaves_the_old_file_and_no_other() {
+fn failed_write_leaves_only_the_old_file() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("a.txt");
     let bytes = write_file_atomically(&path, |out| out.write_all(b"first")).unwrap();

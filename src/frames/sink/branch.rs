@@ -102,7 +102,7 @@ impl Branch {
     pub(super) fn offer(&mut self, frame: &SentFrame) {
         self.collect();
         let free = self.free.pop();
-        let _the_loss_is_reported = self.put(free, frame);
+        let _ = self.put(free, frame); // `put` reports a loss itself
     }
 
     /// Hands a copy of a frame over as soon as there is a buffer.
@@ -285,7 +285,7 @@ impl Carrier {
     fn carry(mut self, to_send: &Receiver<Held>, sent: &Sender<Held>) -> Ended {
         for mut held in to_send {
             self.send(&mut held);
-            let _whoever_waited_has_ended = sent.send(held);
+            let _ = sent.send(held); // no receiver: the caller has ended
         }
         self.finish()
     }
@@ -303,7 +303,7 @@ impl Carrier {
                 held.failure = Some(SinkError::Lost { sink: self.line.kind });
                 held.broke_down = true;
                 let broken = self.sink.take();
-                let _what_is_broken_may_break_once_more = catch_unwind(AssertUnwindSafe(|| drop(broken)));
+                let _ = catch_unwind(AssertUnwindSafe(|| drop(broken))); // dropping a broken sink may panic again
             }
         }
     }

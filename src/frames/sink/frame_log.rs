@@ -153,7 +153,7 @@ impl FrameLog {
     fn append_bytes(&mut self, bytes: &[u8]) -> io::Result<u64> {
         if let Err(error) = self.file.write_all(bytes) {
             // The first error is the one to report; a cut that fails leaves a line that does not parse.
-            let _cut = cut_back(&mut self.file, self.whole_bytes);
+            let _ = cut_back(&mut self.file, self.whole_bytes);
             return Err(error);
         }
         self.whole_bytes += bytes.len() as u64;

@@ -141,7 +141,7 @@ impl SerFile {
         let count = i32::try_from(self.times.len()).unwrap_or(i32::MAX);
         let cut = self.file.set_len(self.end_of_frames());
         // The error that led here is the one to report; a count that is too high by one is the worst that can stay.
-        let _counted = cut.and_then(|()| if count > 0 { self.write_count(count) } else { Ok(()) });
+        let _ = cut.and_then(|()| if count > 0 { self.write_count(count) } else { Ok(()) });
     }
 }
 

@@ -327,7 +327,7 @@ impl Sink for SharedMemory {
 impl Drop for SharedMemory {
     fn drop(&mut self) {
         if has_name(&self.file, &self.path) {
-            let _readers_keep_theirs = fs::remove_file(&self.path);
+            let _ = fs::remove_file(&self.path); // readers keep their mapping
         }
     }
 }
@@ -387,7 +387,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_killed_run_left_is_replaced_and_other_files_are_not() {
+    fn ring_of_a_killed_run_is_replaced_and_other_files_are_not() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("frames");
         let living = SharedMemory::create(path.clone(), [4, 4], 1).unwrap();
@@ -404,7 +404,7 @@ mod tests {
     }
 
     #[test]
-    fn what_bears_the_name_now_is_not_removed() {
+    fn newer_ring_with_the_name_is_not_removed() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("frames");
         let first = SharedMemory::create(path.clone(), [4, 4], 1).unwrap();
@@ -479,7 +479,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_file_is_refused_without_a_wait() {
+    fn pipe_link_and_directory_are_refused_without_a_wait() {
         let directory = tempfile::tempdir().unwrap();
         let names = ["pipe", "link", "directory"].map(|name| directory.path().join(name));
         nix::unistd::mkfifo(&names[0], nix::sys::stat::Mode::S_IRWXU).unwrap();

@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn flat_empty_and_non_finite_images_are_no_trouble() {
+    fn flat_empty_and_non_finite_images_are_stretched() {
         assert_eq!(Stretch::of_dn(&[]).grey(0.0), 0);
         assert_eq!(Stretch::of_dn(&[9; 50]).grey(9.0), 0, "a flat image is black");
         let stretch = Stretch::of_electrons(&[f32::NAN, f32::INFINITY, 0.0, 1.0]);

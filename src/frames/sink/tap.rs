@@ -50,7 +50,7 @@ pub fn tap(size_px: [usize; 2], space: usize) -> (Tap, TapEnd) {
             regions: Regions::WHOLE,
             image: DnImage::new(size_px[0], size_px[1]),
         };
-        let _there_is_space_for_all = given_back.try_send(buffer);
+        let _ = given_back.try_send(buffer); // the queue has space for all buffers
     }
     let tap = Tap { full, empty, tally: Tally::default(), lost: 0 };
     (tap, TapEnd { full: to_take, empty: given_back })
@@ -73,7 +73,7 @@ impl TapEnd {
 
     /// Returns a frame's buffer.
     pub fn give_back(&self, frame: TappedFrame) {
-        let _there_is_space_for_all = self.empty.try_send(frame);
+        let _ = self.empty.try_send(frame); // the queue has space for all buffers
     }
 }
 
@@ -95,7 +95,7 @@ impl Sink for Tap {
         } else {
             buffer.image.clone_from(&frame.image);
         }
-        let _the_end_may_be_gone = self.full.try_send(buffer);
+        let _ = self.full.try_send(buffer); // the other end may be gone
         Ok(())
     }
 

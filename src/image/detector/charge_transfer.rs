@@ -310,7 +310,7 @@ mod tests {
     }
 
     #[test]
-    fn no_share_is_no_change_and_few_terms_suffice() {
+    fn zero_share_changes_nothing_and_few_terms_suffice() {
         let transfer = ChargeTransfer { parallel_share: 0.0, serial_share: 0.0, corner: OutputCorner::BottomRight };
         assert_eq!(transferred(transfer, image(33, 21)), image(33, 21));
         assert_eq!(Trails::new(0.0, 1000).terms(), 1);

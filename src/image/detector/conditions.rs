@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn settings_equal_to_the_parameters_change_no_bit() {
+    fn settings_equal_to_the_parameters_leave_all_bits_unchanged() {
         let plain = frame(PARAMS, 300.0, &DetectorConditions::dark(0.1));
         assert_eq!(frame(PARAMS, 300.0, &set(1.0, Some(100.0))), plain);
         let other = DetectorParams { gain_e_per_dn: 0.5, black_level_dn: 7.0, ..PARAMS };

@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_is_counted() {
+    fn outliers_that_do_not_fit_are_counted() {
         let list: Vec<Outlier> = (0..100).map(|i| hot(i, 1.0)).collect();
         let mut few = Outliers::with_capacity(10);
         let space = few.capacity();

@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_few_products_cannot_hold_stays_images() {
+    fn path_without_a_short_sum_stays_images() {
         // A path all over the field has no short sum.
         let scattered = |i: u32| {
             let [x, y] = [i * 7 % 40, i * 13 % 37].map(|v| f64::from(v) / 2.5 - 8.0);

@@ -143,7 +143,7 @@ impl Client {
     pub(super) fn hang_up(&self, reason: &'static str) {
         self.tally.reject(reason);
         self.leave();
-        let _it_may_be_gone_already = rustix::net::shutdown(&self.fd, Shutdown::Both);
+        let _ = rustix::net::shutdown(&self.fd, Shutdown::Both); // the client may be gone already
     }
 
     /// Ends both threads.
@@ -228,7 +228,7 @@ impl Client {
         match &self.on_stall {
             OnStall::HangUp => self.leave(),
             OnStall::CloseChannel(device) => {
-                let _old_bytes_are_no_error = rustix::termios::tcflush(device, QueueSelector::IFlush);
+                let _ = rustix::termios::tcflush(device, QueueSelector::IFlush); // old bytes in the line are harmless
             }
         }
     }

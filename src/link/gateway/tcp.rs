@@ -164,6 +164,6 @@ impl Hall {
             let mut said = [0; 256];
             stream.read(&mut said)
         };
-        let _it_may_be_gone_already = announce();
+        let _ = announce(); // the client may be gone already
     }
 }

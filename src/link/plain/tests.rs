@@ -219,7 +219,7 @@ fn damaged_message_of_42_gives_nothing_and_the_next_one_is_whole() {
 
 proptest! {
     #[test]
-    fn what_is_written_is_read_again(
+    fn written_messages_read_back(
         axis in prop::array::uniform3(-1.0_f64..1.0),
         rate in prop::array::uniform3(-0.1_f64..0.1),
         t_ns in 1_i64..4_000_000_000,

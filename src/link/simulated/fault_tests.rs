@@ -238,7 +238,7 @@ fn the_seed_decides_and_looking_does_not() {
 }
 
 #[test]
-fn a_serial_line_knows_no_such_faults() {
+fn serial_line_ignores_can_faults() {
     let bench = Bench::new(BusTiming::Serial { baud: 1_000_000 }, BusModel::default());
     let [mut a, b] = bench.ends();
     let control = bench.bus.control();

@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn packets_of_another_kind_have_no_duration() {
+    fn packets_of_another_kind_are_without_duration() {
         let fd = Packet::Can(CanFrame::fd(1, &[0; 8]).unwrap());
         assert_eq!(BusTiming::CanClassic { bit_rate_bps: 500_000 }.duration(&fd), None);
         assert_eq!(BusTiming::Serial { baud: 9600 }.duration(&fd), None);

@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_learnt_before_a_silence_is_forgotten() {
+    fn delays_before_a_silence_are_forgotten() {
         let mut clock = HardwareClock::default();
         assert_eq!(clock.place(0, Tai::from_ns(1_000)), Tai::from_ns(1_000));
         let late = 60_000_000_000;

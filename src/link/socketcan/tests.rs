@@ -50,7 +50,7 @@ fn every_frame_comes_back() {
 }
 
 #[test]
-fn what_is_no_standard_data_frame_is_foreign() {
+fn frames_other_than_standard_data_frames_are_foreign() {
     let foreign = [
         raw(0x123 | 0x8000_0000, 1, &[1], 16), // extended
         raw(0x123 | 0x4000_0000, 1, &[1], 16), // remote

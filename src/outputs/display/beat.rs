@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_refused() {
+    fn invalid_inputs_are_refused() {
         for wrong in [
             BeatInput { exposure_s: 0.0, ..input(0.05, 0.5) },
             BeatInput { refresh_hz: f64::NAN, ..input(0.05, 0.5) },

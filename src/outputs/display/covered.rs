@@ -92,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_area_is_none() {
+    fn points_without_area_give_none() {
         let line: Vec<[f64; 2]> = (0..9).map(|i| [f64::from(i), 2.0 * f64::from(i)]).collect();
         assert_eq!(Covered::within(&line), None);
         assert_eq!(Covered::within(&[]), None);

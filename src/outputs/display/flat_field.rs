@@ -224,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_flat_field_is_refused() {
+    fn invalid_flat_fields_are_refused() {
         assert!(fit_flat(&[], SIZE_PX).is_err());
         let p = |coefficient: Vec<f64>| FlatField::new(FlatParameters { degree: 1, coefficient }, SIZE_PX);
         assert!(p(vec![0.5, 0.3, 0.1]).is_ok());

@@ -246,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_refused() {
+    fn invalid_parameters_are_refused() {
         let good = parameters(&taken_apart(&homography()).unwrap());
         let refused = |change: &dyn Fn(&mut GeometryParameters)| {
             let mut changed = good.clone();

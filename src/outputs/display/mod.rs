@@ -59,7 +59,7 @@ pub use counters::Counts;
 pub use error::DisplayError;
 pub use grey::{GreyMaker, GreyTable};
 pub use marker::{Corner, Marker};
-pub use monitor::MonitorChoice;
+pub use monitor::{MonitorChoice, MonitorFacts};
 pub use params::{Bits, CardChoice, Params};
 #[cfg(feature = "display")]
 pub use screen::{Display, monitors, painter};

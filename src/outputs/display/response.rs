@@ -352,7 +352,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_response_is_refused() {
+    fn invalid_responses_are_refused() {
         let good = ramp();
         assert!(response_of(8, &good[1..]).unwrap_err().to_string().contains("with 0 and 255 among them"));
         assert!(response_of(5, &good).is_err());

@@ -49,7 +49,7 @@ fn all_of(mut stream: TcpStream) -> Vec<u8> {
 /// Returns status, head and body of the answer to raw bytes.
 fn ask(view: &LiveView, request: &[u8]) -> (u16, String, Vec<u8>) {
     let mut stream = connect(view);
-    let _may_be_refused_half_way = stream.write_all(request);
+    let _ = stream.write_all(request); // the server may refuse it half-way
     let answer = all_of(stream);
     let end = answer.windows(4).position(|four| four == b"\r\n\r\n").map_or(answer.len(), |at| at + 4);
     let head = String::from_utf8_lossy(&answer[..end]).into_owned();
@@ -237,7 +237,7 @@ fn no_answer_may_be_shown_by_other_pages() {
 }
 
 #[test]
-fn what_is_no_request_ends_the_connection() {
+fn bytes_other_than_requests_end_the_connection() {
     let (view, _sink, _numbers) = start();
     let long_header = format!("GET / HTTP/1.1\r\nHost: localhost\r\nX: {}\r\n\r\n", "x".repeat(64 * 1024));
     let many_headers = format!("GET / HTTP/1.1\r\nHost: localhost\r\n{}\r\n", "A: b\r\n".repeat(200));
@@ -306,7 +306,7 @@ fn frames_go_on_whatever_clients_do() {
             2 => b"GET / HTTP/1.1\r\nHost: loc",
             _ => b"",
         };
-        let _may_be_hung_up_on = client.write_all(said);
+        let _ = client.write_all(said); // the server may hang up
         bad_clients.push(client);
         frame.meta.number = number;
         sink.send(&frame).unwrap();
@@ -316,7 +316,7 @@ fn frames_go_on_whatever_clients_do() {
     // With its seats taken the view hangs up; when their time is over it serves again, and has counted all of them.
     until("the view serves again", || {
         let mut stream = connect(&view);
-        let _may_be_hung_up_on = stream.write_all(b"GET /state.json HTTP/1.1\r\nHost: localhost\r\n\r\n");
+        let _ = stream.write_all(b"GET /state.json HTTP/1.1\r\nHost: localhost\r\n\r\n"); // the server may hang up
         all_of(stream).starts_with(b"HTTP/1.1 200")
     });
     until("all hundred found no seat or lost it", || {

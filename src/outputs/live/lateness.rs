@@ -88,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reach_that_is_no_width_is_replaced() {
+    fn invalid_reach_is_replaced() {
         for reach_s in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             assert_eq!(LatenessBins::reaching(reach_s).reach_s(), 1.0);
         }

@@ -35,7 +35,8 @@ impl Text {
     fn labelled(&mut self, name: &str, labels: &[(&str, &str)], value: impl Display) {
         let mut inside = String::new();
         for (i, (label, text)) in labels.iter().enumerate() {
-            let _a_string_takes_all = write!(inside, "{}{label}=\"{}\"", if i == 0 { "" } else { "," }, escaped(text));
+            // Writing to a string cannot fail.
+            let _ = write!(inside, "{}{label}=\"{}\"", if i == 0 { "" } else { "," }, escaped(text));
         }
         self.line(format_args!("starloop_{name}{{{inside}}} {value}"));
     }
@@ -68,7 +69,7 @@ impl Text {
     }
 
     fn line(&mut self, line: core::fmt::Arguments<'_>) {
-        let _a_string_takes_all = writeln!(self.text, "{line}");
+        let _ = writeln!(self.text, "{line}"); // writing to a string cannot fail
     }
 }
 

@@ -32,12 +32,13 @@ impl Numbers {
 
     /// Hands the numbers over; drops them while the view has not taken the ones before. No allocation, no wait.
     pub fn announce(&self, numbers: &RunNumbers) {
-        let _the_view_is_busy = self.to_view.try_send(Reported { numbers: *numbers, are_last: false });
+        // Dropped while the view is busy.
+        let _ = self.to_view.try_send(Reported { numbers: *numbers, are_last: false });
     }
 
     /// Hands over the totals of a run that is over. Waits for the view, but not for long: one that has ended takes none.
     pub fn send_last(&self, numbers: &RunNumbers) {
         let last = Reported { numbers: *numbers, are_last: true };
-        let _the_view_has_ended = self.to_view.send_timeout(last, TAKES_WITHIN);
+        let _ = self.to_view.send_timeout(last, TAKES_WITHIN); // the view may have ended
     }
 }

@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_question_is_refused_with_what_was_wanted() {
+    fn invalid_queries_are_refused_with_the_wanted_form() {
         for (query, part) in [
             ("stretch=nice", "wanted stars, faint"),
             ("stretch", "got \"\""),

@@ -118,8 +118,8 @@ impl Seats {
 }
 
 async fn attend(stream: TcpStream, board: SharedBoard, seat: OwnedSemaphorePermit, (number, silent): (u64, Silent)) {
-    let _an_answer_may_be_slower_without = stream.set_nodelay(true);
-    let _the_system_may_hold_more = setsockopt(&stream, sockopt::SndBuf, &KERNEL_BYTES);
+    let _ = stream.set_nodelay(true); // without it answers may be slower
+    let _ = setsockopt(&stream, sockopt::SndBuf, &KERNEL_BYTES); // without it the system may buffer more
     let answering = service_fn(|request: Request<Incoming>| {
         silent.remove(number);
         let board = Arc::clone(&board);

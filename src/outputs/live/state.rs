@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_is_null() {
+    fn numbers_that_are_not_finite_are_null() {
         let (mut board, mut sink, _numbers) = board();
         let mut frame = sample_frame(1);
         frame.meta.ra_deg = f64::NAN;

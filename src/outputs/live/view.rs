@@ -167,7 +167,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn view_of_no_head_is_refused() {
+    fn view_without_heads_is_refused() {
         let clock: Arc<dyn Clock> = Arc::new(Virtual::new(Tai::from_ns(0)));
         let error = LiveView::start(Params { heads: Vec::new(), ..params() }, Arc::clone(&clock)).err().unwrap();
         assert!(error.to_string().contains("wanted at least one camera head"), "{error}");

@@ -65,7 +65,8 @@ impl Wanted {
 
     fn add_one(&self) {
         let more = |word| Some(if left(word) >= ALL - 1 { word } else { word + 1 });
-        let _never_refused = self.acquisition_and_left.fetch_update(Ordering::AcqRel, Ordering::Acquire, more);
+        // The closure always returns a value.
+        let _ = self.acquisition_and_left.fetch_update(Ordering::AcqRel, Ordering::Acquire, more);
     }
 
     /// Gives the client one of so many frames of the bench.

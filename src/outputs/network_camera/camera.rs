@@ -85,7 +85,7 @@ impl NetworkCamera {
         let (full, frames) = bounded(params.frames_queued as usize);
         let (given_back, free) = bounded(params.frames_queued as usize);
         for _ in 0..params.frames_queued {
-            let _there_is_space_for_all = given_back.try_send(Slot::with_capacity(pixels));
+            let _ = given_back.try_send(Slot::with_capacity(pixels)); // the queue has space for all buffers
         }
         let (ask, asks) = bounded(ASKS_QUEUED);
         let (tests, rate, tally) = (Arc::clone(&stream_socket), params.rate_bit_s, || Arc::clone(&shared.tally));

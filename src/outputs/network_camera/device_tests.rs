@@ -372,7 +372,7 @@ fn requests_to_send_again_are_handed_on_and_never_answered() {
 }
 
 #[test]
-fn what_is_no_command_is_counted_by_reason() {
+fn malformed_commands_are_counted_by_reason() {
     let mut bench = bench();
     for bytes in [&[][..], &[0x42; 7], &[0x41, 1, 0, 2, 0, 0, 0, 1], &[0x42, 1, 0, 2, 0, 9, 0, 1]] {
         bench.device.answer(A, bytes, START, &mut bench.answer);
@@ -474,7 +474,7 @@ fn by_broadcast_come_discovery_actions_and_addresses_alone() {
 }
 
 #[test]
-fn half_words_and_an_interface_of_tiny_packets_do_no_harm() {
+fn half_words_are_refused_and_tiny_packets_do_not_panic() {
     let mut bench = bench();
     bench.control();
     let before = bench.memory(0xA000, (own::END - own::SENSOR_WIDTH) as usize);

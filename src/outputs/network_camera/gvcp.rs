@@ -315,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_command_has_a_reason() {
+    fn malformed_commands_have_a_reason() {
         let whole = datagram(1, code::DISCOVERY, &[]);
         assert_eq!(parse(&whole[..7]), Err(Malformed::TooShort));
         assert_eq!(parse(&[&whole[..], &[0]].concat()), Err(Malformed::WrongLength));

@@ -79,7 +79,7 @@ impl Listener {
         }
         for _ in 0..IN_A_ROW {
             let Some(to) = self.device.message(self.clock.now(), buffer) else { break };
-            let _repeated_when_the_client_wants_answers = self.messages.send_to(buffer, to);
+            let _ = self.messages.send_to(buffer, to); // repeated if the client wants answers
         }
     }
 
@@ -101,7 +101,7 @@ impl Listener {
             .for_each(|(place, socket)| *place = Some(PollFd::new(socket.as_fd(), PollFlags::POLLIN)));
         let look_ms = if self.device.has_messages() { EVENT_LOOK_MS } else { LOOK_MS };
         let mut filled: Vec<PollFd<'_>> = sockets.into_iter().flatten().collect();
-        let _nothing_came_or_something_did = poll(&mut filled, PollTimeout::from(look_ms));
+        let _ = poll(&mut filled, PollTimeout::from(look_ms)); // the sockets are read in either case
     }
 
     fn act(&mut self, from: SocketAddrV4, answer: &Answer) {
@@ -112,7 +112,7 @@ impl Listener {
             self.ask_again(from, resend);
         }
         if !answer.reply.is_empty() {
-            let _lost_like_any_packet = self.control.send_to(&answer.reply, from);
+            let _ = self.control.send_to(&answer.reply, from); // a lost answer is asked for again
         }
     }
 

@@ -158,7 +158,8 @@ impl Params {
         let [a, b, c, last] = self.address.octets();
         let last = more.and_then(|more| last.checked_add(more)).filter(|last| *last < 255);
         let got = || format!("{} for head {head}", self.address);
-        let last = last.ok_or_else(|| refuse("address", "a last number that stays at most .254 for each head", got()))?;
+        let last =
+            last.ok_or_else(|| refuse("address", "a last number that stays at most .254 for each head", got()))?;
         let serial = format!("{}-{head}", self.identity.serial);
         if serial.len() > SERIAL_BYTES {
             return Err(refuse("serial", "at most 15 characters with the head's number behind it", serial));

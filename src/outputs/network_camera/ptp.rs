@@ -162,7 +162,7 @@ impl PtpClient {
             let question = question(id, self.sequence);
             if let Some((socket, _)) = &self.socket {
                 // Without a daemon no answer comes, which shows in the state.
-                let _no_clock = socket.send_to(&question, &self.path);
+                let _ = socket.send_to(&question, &self.path); // without a daemon there is no clock
             }
         }
     }

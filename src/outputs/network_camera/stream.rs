@@ -107,7 +107,7 @@ impl Stream {
         let mut select = Select::new();
         select.recv(&self.frames);
         select.recv(&self.asks);
-        let _whichever_it_is = select.ready();
+        let _ = select.ready(); // the caller looks at both
     }
 
     /// Packets of the last frame may be missing.
@@ -143,7 +143,7 @@ impl Stream {
             self.write_block(&mut slot, settings);
         }
         // Before its packets leave: the sink may want it.
-        let _there_is_space_for_all = self.free.try_send(slot);
+        let _ = self.free.try_send(slot); // the queue has space for all buffers
         match destination {
             Some(to) => self.send_block(to),
             None => self.shared.tally.frames_cut.one(),
@@ -182,7 +182,7 @@ impl Stream {
                 self.shared.receiver_is_gone(acquisition);
                 return self.shared.tally.frames_cut.one();
             }
-            let _no_one_may_be_left_to_ask = self.serve();
+            let _ = self.serve(); // an error means that the control side is gone
         }
         let tally = &self.shared.tally;
         if refused == 0 { tally.frames_sent.one() } else { tally.frames_refused.one() }
@@ -274,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn what_waits_is_sent_until_the_deadline_and_counted_after_it() {
+    fn waiting_frames_are_sent_until_the_deadline_and_counted_after_it() {
         let receiver = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
         let to = SocketAddrV4::new(Ipv4Addr::LOCALHOST, receiver.local_addr().unwrap().port());
         assert_eq!(counts_of(to, Span::from_ms(1_000)), [FRAMES, 0, 0, 0]);

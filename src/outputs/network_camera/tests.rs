@@ -179,7 +179,7 @@ fn a_frame_that_finds_no_slot_is_dropped_and_counted_at_once() {
 }
 
 #[test]
-fn garbage_and_endless_requests_cost_no_frame() {
+fn garbage_and_endless_requests_lose_no_frame() {
     let mut camera = camera(&Params { rate_bit_s: 1e9, frames_queued: 16, ..Params::default() });
     let client = Client::of(&camera);
     client.start();
@@ -210,7 +210,7 @@ fn a_second_camera_on_the_same_port_is_refused_and_another_address_is_free() {
 }
 
 #[test]
-fn what_no_camera_can_be_is_refused_in_words() {
+fn invalid_parameters_are_refused_in_words() {
     let base = Params { port: 0, ..Params::default() };
     let start = |params: Params| {
         NetworkCamera::start(&params, &SENSOR, None, Arc::new(Monotonic::start())).err().map(|error| error.to_string())
@@ -234,7 +234,7 @@ fn large_frame(number: u32) -> SentFrame {
 }
 
 #[test]
-fn the_end_of_a_run_waits_for_no_slow_pace_and_what_was_not_sent_is_counted() {
+fn end_of_a_run_ignores_a_slow_pace_and_counts_unsent_frames() {
     let params = Params { port: 0, rate_bit_s: 1e6, frames_queued: 16, ..Params::default() };
     let sensor = SensorParams { size_px: [256, 128], ..SENSOR };
     let mut camera = NetworkCamera::start(&params, &sensor, None, Arc::new(Monotonic::start())).unwrap();
@@ -261,8 +261,8 @@ fn a_client_that_never_stops_asking_does_not_hold_up_the_end() {
         scope.spawn(|| {
             while !is_over.load(Ordering::Acquire) {
                 let request = [1_u32, 0, 0].map(u32::to_be_bytes).concat();
-                let _refused_when_it_is_gone =
-                    client.control.send(&[&[0x42, 0, 0, 0x40, 0, 12, 0, 1][..], &request].concat());
+                // Refused when the camera is gone.
+                let _ = client.control.send(&[&[0x42, 0, 0, 0x40, 0, 12, 0, 1][..], &request].concat());
                 std::thread::yield_now();
             }
         });

@@ -24,7 +24,7 @@ pub(super) fn pixel_formats(colours: Option<BayerPattern>) -> String {
     let entries: Vec<Entry<'_>> =
         names.iter().map(|(name, format)| Entry::standard(name, format.code(colours))).collect();
     let mut text = String::new();
-    let _text_grows = write_entries(&mut text, &entries);
+    let _ = write_entries(&mut text, &entries); // writing to a string cannot fail
     text.trim_end().to_owned()
 }
 

@@ -67,7 +67,7 @@ pub(super) struct Nodes {
 
 impl Nodes {
     fn put(&mut self, write: impl FnOnce(&mut String) -> Result) {
-        let _text_grows = write(&mut self.text);
+        let _ = write(&mut self.text); // writing to a string cannot fail
     }
 
     fn begin(&mut self, node: &str, feature: &Feature<'_>) {

@@ -71,7 +71,7 @@ fn a_larger_value_is_further_right_and_up() {
 }
 
 #[test]
-fn what_has_no_place_is_left_out_and_counted() {
+fn points_without_a_place_are_left_out_and_counted() {
     let points = [[1.0, 1.0], [0.0, 1.0], [2.0, -1.0], [f64::NAN, 1.0], [3.0, f64::INFINITY], [4.0, 2.0]];
     let log = to_svg(&chart(vec![series(Style::Points, 0, &points)]));
     assert_eq!(lines_with(&log, "mark").len(), 2);

@@ -115,7 +115,7 @@ fn every_part_of_a_header_has_facts() {
 }
 
 #[test]
-fn what_is_not_known_is_absent() {
+fn unknown_facts_are_absent() {
     let frame = sample_frame(1);
     let facts = |source: &FactSource<'_>| TABLE.iter().filter(|row| (row.value)(source) == super::Fact::Absent).count();
     let without = |source| facts(&source);

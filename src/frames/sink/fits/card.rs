@@ -309,9 +309,9 @@ mod tests {
         fn reading_any_bytes_never_panics(bytes in proptest::collection::vec(any::<u8>(), CARD_BYTES)) {
             let mut card = [0; CARD_BYTES];
             card.copy_from_slice(&bytes);
-            let _any_answer = parse_value(&card);
+            let _ = parse_value(&card); // any result is right, but no panic
             card[8..10].copy_from_slice(b"= ");
-            let _any_answer = parse_value(&card);
+            let _ = parse_value(&card); // any result is right, but no panic
         }
     }
 }

@@ -61,7 +61,7 @@ fn a_sum_with_a_stuck_pixel_is_stuck() {
 }
 
 #[test]
-fn what_is_removed_is_gone_and_what_is_left_stays() {
+fn removed_defects_are_gone_and_others_stay() {
     let mut defects = list();
     let column = defects.insert(stuck(DefectPlace::Column(5), 100)).unwrap();
     let pixel = defects.insert(stuck(DefectPlace::Pixel(5, 5), 300)).unwrap();

@@ -134,7 +134,8 @@ impl<R: Read> PcapngReader<R> {
             magic if u32::from_le_bytes(magic) == ORDER_MAGIC => false,
             magic if u32::from_be_bytes(magic) == ORDER_MAGIC => true,
             other => {
-                return self.refuse(format!("its byte-order magic is {other:02X?}, wanted 1A 2B 3C 4D in either order"));
+                return self
+                    .refuse(format!("its byte-order magic is {other:02X?}, wanted 1A 2B 3C 4D in either order"));
             }
         };
         self.interfaces.clear();

@@ -79,7 +79,7 @@ impl<W: Write> PcapngWriter<W> {
         put_option(body, OPTION_FLAGS, &flags.to_le_bytes());
         let mut comment = [0; 40];
         let mut rest = &mut comment[..];
-        let _forty_bytes_hold_it = write!(rest, "{TAI_BEFORE}{}{TAI_AFTER}", captured.at.ns());
+        let _ = write!(rest, "{TAI_BEFORE}{}{TAI_AFTER}", captured.at.ns()); // 40 bytes are enough
         let unused = rest.len();
         put_option(body, OPTION_COMMENT, &comment[..comment.len() - unused]);
         put_option(body, OPTION_END, &[]);

@@ -64,7 +64,7 @@ fn frames_have_their_identifier_length_and_bytes() {
 }
 
 #[test]
-fn what_is_wrong_is_refused_by_reason() {
+fn malformed_lines_are_refused_by_reason() {
     use SlcanReject::*;
     for (line, reason) in [
         ("Q", UnknownCommand),

@@ -37,7 +37,7 @@ fn every_command_is_understood() {
 }
 
 #[test]
-fn what_is_wrong_is_refused_by_reason() {
+fn malformed_commands_are_refused_by_reason() {
     use SocketcandReject::*;
     for (element, reason) in [
         ("< >", UnknownCommand),

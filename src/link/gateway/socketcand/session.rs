@@ -103,7 +103,7 @@ pub(in super::super) fn element(packet: &Stamped<Packet>, tai_minus_utc_s: i64, 
     let (seconds, micros) = (unix_us.div_euclid(1_000_000), unix_us.rem_euclid(1_000_000));
     out.extend_from_slice(b"< frame ");
     put_digits(out, u32::from(frame.id()), 3);
-    let _writing_to_memory_works = write!(out, " {seconds}.{micros:06} ");
+    let _ = write!(out, " {seconds}.{micros:06} "); // writing to memory cannot fail
     put_bytes(out, frame.data());
     out.extend_from_slice(b" >");
     true

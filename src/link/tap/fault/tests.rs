@@ -277,7 +277,7 @@ fn off_the_bus_nothing_comes_and_nothing_goes() {
 }
 
 #[test]
-fn what_waits_is_bounded_and_counted() {
+fn waiting_packets_are_bounded_and_counted() {
     let mut bench = bench(15);
     let period = Span::from_ns(50_000);
     bench.control.add(START, START + Span::from_s(10.0), LinkFault::Babble { id: 1, period, bytes: 8 });

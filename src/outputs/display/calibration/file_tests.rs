@@ -102,7 +102,7 @@ fn any_changed_number_is_damage() {
 }
 
 #[test]
-fn what_is_no_calibration_is_refused() {
+fn files_other_than_calibrations_are_refused() {
     let (_folder, path, text) = written(&sample());
     let sum = sample().sum().unwrap();
     for (wrong, reported) in [

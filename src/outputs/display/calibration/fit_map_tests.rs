@@ -42,7 +42,7 @@ fn fields_of_half_a_degree_to_fifty_degrees_are_mapped() {
 }
 
 #[test]
-fn a_homography_alone_needs_no_degree() {
+fn pure_homography_is_fitted_with_a_low_degree() {
     let fit = fit_map(&dots(3000.0, 0.0, 0.02), SIZE_PX).unwrap();
     assert!(fit.parameters.degree <= 2, "degree {}", fit.parameters.degree);
     let bent = fit_map(&dots(3000.0, -0.2, 0.02), SIZE_PX).unwrap();
@@ -50,7 +50,7 @@ fn a_homography_alone_needs_no_degree() {
 }
 
 #[test]
-fn a_fifth_may_be_wrong_and_no_more() {
+fn one_fifth_of_wrong_dots_is_accepted_and_more_refused() {
     let spoil = |share: usize| {
         let mut dots = dots(2000.0, -0.05, 0.02);
         dots.iter_mut()

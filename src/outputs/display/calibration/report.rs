@@ -77,7 +77,7 @@ impl MagnitudeRange {
 pub fn reported(calibration: &Calibration, calibrated: &Calibrated, dither: Dither) -> String {
     let mut text = String::new();
     let mut line = |name: &str, value: String| {
-        let _text_only_grows = writeln!(text, "  {name:<16} {value}");
+        let _ = writeln!(text, "  {name:<16} {value}"); // writing to a string cannot fail
     };
     let (display, tracker) = (&calibration.display, &calibration.tracker);
     let Calibration { measured_utc, made_utc, valid_days, .. } = calibration;

@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn the_edge_hot_pixels_and_noise_are_no_spots() {
+    fn edge_hot_pixels_and_noise_are_not_spots() {
         let mut image = frame(&[([1.0, 40.0], 9000.0), TRUTH[1]], 10.0, 1.0);
         let at = 10 * image.width() + 100;
         image.pixels_mut()[at] = 5000.0;

@@ -322,7 +322,7 @@ mod tests {
 
     /// Returns a scan-out without a card. No driver has `/dev/null` among its cards: each refuses it before it looks at
     /// the connector.
-    fn on_no_card(losses: u32) -> ScanOut {
+    fn without_card(losses: u32) -> ScanOut {
         let file = File::options().read(true).write(true).open("/dev/null").unwrap();
         let card = Card { file, path: "/dev/null".into() };
         let handle = drm::control::from_u32(1).unwrap();
@@ -332,8 +332,8 @@ mod tests {
     }
 
     #[test]
-    fn what_no_driver_scans_out_to_is_refused() {
-        let error = on_no_card(0).make().unwrap_err();
+    fn connector_without_a_driver_is_refused() {
+        let error = without_card(0).make().unwrap_err();
         assert!(matches!(error, DisplayError::NoScanOut { .. }), "{error}");
         let text = error.to_string();
         assert!(text.contains("DP-1 of /dev/null") && text.contains("VK_EXT_acquire_drm_display"), "{text}");
@@ -341,7 +341,7 @@ mod tests {
 
     #[test]
     fn a_surface_that_is_lost_too_often_stays_lost() {
-        let mut out = on_no_card(MOST_LOSSES - 2);
+        let mut out = without_card(MOST_LOSSES - 2);
         assert_eq!((out.turn(), out.failure()), (Turn::Lost, None));
         assert_eq!(out.turn(), Turn::Lost);
         let failure = out.failure().unwrap();
@@ -350,7 +350,7 @@ mod tests {
 
     #[test]
     fn a_connector_that_is_gone_is_reported_as_an_unplugged_monitor() {
-        let out = on_no_card(0);
+        let out = without_card(0);
         watch(&out.connector, &out.state).unwrap();
         while !out.state.is_away() {
             std::thread::yield_now();

@@ -56,8 +56,8 @@ pub(super) fn hand_over(pixels: usize) -> (Outgoing, Incoming) {
     let (full, fetched) = bounded(WAITING);
     let (returned, empty) = bounded(BUFFERS);
     for _ in 0..BUFFERS {
-        let _there_is_space_for_all =
-            returned.try_send(Luminances { pixels: vec![0; pixels], ..Luminances::default() });
+        // The queue has space for all buffers.
+        let _ = returned.try_send(Luminances { pixels: vec![0; pixels], ..Luminances::default() });
     }
     let outgoing = Outgoing { full, not_fetched: fetched.clone(), empty, returned: returned.clone() };
     (outgoing, Incoming { full: fetched, returned, next: None })
@@ -80,7 +80,7 @@ impl Outgoing {
         while let Err(refused) = self.full.try_send(buffer) {
             if let Ok(older) = self.not_fetched.try_recv() {
                 has_replaced = true;
-                let _there_is_space_for_all = self.returned.try_send(older);
+                let _ = self.returned.try_send(older); // the queue has space for all buffers
             }
             buffer = refused.into_inner();
         }
@@ -103,7 +103,7 @@ impl Incoming {
                 self.next = Some(next);
                 break;
             }
-            let _there_is_space_for_all = self.returned.try_send(core::mem::replace(shown, next));
+            let _ = self.returned.try_send(core::mem::replace(shown, next)); // the queue has space for all buffers
             fetched += 1;
         }
         fetched.checked_sub(1)
@@ -149,11 +149,11 @@ mod tests {
     }
 
     #[test]
-    fn a_presenter_that_is_gone_stops_no_one() {
+    fn ended_presenter_does_not_stop_the_sender() {
         let (outgoing, incoming) = hand_over(1);
         drop(incoming);
         for number in 0..20 {
-            let _it_is_taken_or_replaces = outgoing.put(number, None, &[0]);
+            let _ = outgoing.put(number, None, &[0]); // taken, or replaces the one before
         }
     }
 

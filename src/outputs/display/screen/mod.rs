@@ -226,7 +226,7 @@ impl Drop for Display {
     fn drop(&mut self) {
         self.state.finish();
         if let Some(presenter) = self.presenter.take() {
-            let _no_one_is_left_to_ask = presenter.join();
+            let _ = presenter.join(); // no caller is left to report to
         }
     }
 }
@@ -301,7 +301,7 @@ impl Start<'_> {
         let shared = Arc::clone(&state);
         let present = move || {
             let opened = panel();
-            let _the_opener_waits = reported.send(opened.as_ref().map(describe).map_err(Clone::clone));
+            let _ = reported.send(opened.as_ref().map(describe).map_err(Clone::clone)); // the opener waits for it
             if let Ok(panel) = opened {
                 let (pace, now) = (Pace::new(refresh), Showing::default());
                 let (state, submits) = (shared, submitted);
@@ -424,7 +424,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_together_opens_no_window() {
+    fn contradictory_parameters_are_refused_without_a_window() {
         let clock = || Arc::new(Monotonic::start());
         let open = |params: Params| Display::open(&params, [64, 48], maker(), clock()).unwrap_err();
         let plain = Params::full_screen();

@@ -354,7 +354,7 @@ mod tests {
     }
 
     #[test]
-    fn an_absent_monitor_is_presented_to_no_one_and_counted() {
+    fn frames_for_an_absent_monitor_are_counted_as_unseen() {
         let mut bench = bench(nearest(), None);
         assert!(bench.presenter.state.monitor_is_there(false));
         for number in 0..3 {
@@ -394,7 +394,7 @@ mod tests {
     }
 
     #[test]
-    fn submit_times_that_no_one_takes_are_counted() {
+    fn submit_times_that_are_not_read_are_counted() {
         let mut bench = bench(nearest(), None);
         for number in 0..6 {
             bench.outgoing.put(number, None, &[0, 0]);

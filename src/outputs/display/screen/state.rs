@@ -32,7 +32,7 @@ impl State {
 
     /// Ends the display: nothing is shown from now on; the first reason counts.
     pub(super) fn end(&self, why: DisplayError) {
-        let _first = self.end.set(why);
+        let _ = self.end.set(why); // a later reason does not replace the first
     }
 
     /// Returns why nothing is shown any more, if so.

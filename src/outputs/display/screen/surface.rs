@@ -245,7 +245,8 @@ fn listen(device: &wgpu::Device) -> Arc<Trouble> {
     device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| complaints.complain(error.to_string())));
     let losses = Arc::clone(&trouble);
     device.set_device_lost_callback(move |reason, message| {
-        let _first = losses.lost.set(format!("device lost ({reason:?}): {message}"));
+        // A later reason does not replace the first.
+        let _ = losses.lost.set(format!("device lost ({reason:?}): {message}"));
     });
     trouble
 }

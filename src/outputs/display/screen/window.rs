@@ -89,7 +89,7 @@ fn ask<T>(request: impl FnOnce(Sender<T>) -> Request) -> Result<T, DisplayError>
 /// Lets a window go; it closes with its last owner.
 pub(super) fn forget(window: WindowId) {
     if let Some(Ok(proxy)) = EVENT_LOOP.get() {
-        let _the_loop_may_have_ended = proxy.send_event(Request::Forget(window));
+        let _ = proxy.send_event(Request::Forget(window)); // the event loop may have ended
     }
 }
 
@@ -112,8 +112,8 @@ fn run(reported: &Sender<Result<EventLoopProxy<Request>, String>>) {
     match builder.with_x11().build() {
         Err(error) => drop(reported.send(Err(without_source_path(&error.to_string())))),
         Ok(event_loop) => {
-            let _somebody_waits = reported.send(Ok(event_loop.create_proxy()));
-            let _when_the_server_is_gone = event_loop.run_app(&mut Windows::new());
+            let _ = reported.send(Ok(event_loop.create_proxy())); // the other thread waits for it
+            let _ = event_loop.run_app(&mut Windows::new()); // returns when the server is gone
         }
     }
 }
@@ -155,7 +155,7 @@ impl Shown {
             let ([x, y], [w, h]) = (facts.origin_px, facts.size_px);
             self.window.set_fullscreen(None);
             self.window.set_outer_position(PhysicalPosition::new(x, y));
-            let _reported_by_an_event = self.window.request_inner_size(PhysicalSize::new(w, h));
+            let _ = self.window.request_inner_size(PhysicalSize::new(w, h)); // an event reports the new size
             if self.is_managed {
                 self.window.set_fullscreen(Some(Fullscreen::Borderless(Some(handle))));
             }
@@ -302,7 +302,7 @@ impl ApplicationHandler<Request> for Windows {
             Request::Open(order, reply) => self.begin(event_loop, order, reply),
             Request::List(reply) => {
                 let all = monitors_of(event_loop).into_iter().map(|(facts, _)| facts).collect();
-                let _somebody_waits = reply.send(all);
+                let _ = reply.send(all); // the other thread waits for it
             }
             Request::Forget(id) => self.shown.retain(|shown| shown.window.id() != id),
         }
@@ -340,7 +340,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn error_names_no_path_of_the_build() {
+    fn errors_do_not_contain_paths_of_the_build() {
         let error = "os error at /home/me/.cargo/registry/src/winit-0.30.13/src/mod.rs:788: Failed to open X11 display";
         assert_eq!(without_source_path(error), "Failed to open X11 display");
         assert_eq!(without_source_path("no server"), "no server");

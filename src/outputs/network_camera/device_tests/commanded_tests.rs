@@ -175,7 +175,7 @@ fn settings_of_a_camera_that_is_only_read_stay_write_protected() {
 }
 
 #[test]
-fn what_the_camera_chooses_for_itself_is_read_back() {
+fn automatic_settings_are_read_back() {
     let (mut bench, end) = commanded();
     assert_eq!(bench.write(A, own::EXPOSURE_AUTO, 1), 0);
     assert_eq!(bench.write(A, own::GAIN_AUTO, 2), 0);

@@ -102,7 +102,7 @@ fn messages_go_to_the_controller_alone_and_end_with_control() {
 }
 
 #[test]
-fn camera_that_is_only_read_has_no_events() {
+fn read_only_camera_sends_no_events() {
     let mut bench = bench();
     bench.control();
     assert_eq!(bench.write(A, own::EVENT_SELECTOR, 0), 0x8004);
