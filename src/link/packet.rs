@@ -83,7 +83,7 @@ impl Packet {
         }
     }
 
-    /// Returns bytes that the packet carries, without those of its frame.
+    /// Returns the number of bytes that the packet carries, without those of its frame.
     #[must_use]
     pub fn data(&self) -> &[u8] {
         match self {

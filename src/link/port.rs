@@ -210,8 +210,8 @@ impl Port {
         datagram.map_or(Ok(Tai::from_ns(i64::MIN)), send)
     }
 
-    /// Returns packets that the link took so far: right after [`Self::send`], the last packet of that message is number
-    /// `packets_sent() - 1` for [`Self::departure`].
+    /// Returns the number of packets that the link took so far: right after [`Self::send`], the last packet of that
+    /// message is number `packets_sent() - 1` for [`Self::departure`].
     #[must_use]
     pub fn packets_sent(&self) -> u64 {
         self.packets_sent

@@ -15,7 +15,7 @@ pub(super) enum Readiness {
 }
 
 /// Returns when it is so, after `span` at the latest, or when a signal came.
-/// Returns whether it is so.
+/// Returns true if the event has occurred.
 pub(super) fn wait_for(fd: BorrowedFd<'_>, wanted: Readiness, span: Span) -> io::Result<bool> {
     let flags = match wanted {
         Readiness::Read => PollFlags::IN,

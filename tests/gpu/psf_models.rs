@@ -20,7 +20,7 @@ fn cell(x: f64, sigma: f64) -> f64 {
     edge(x + 0.5) - edge(x - 0.5)
 }
 
-/// Returns the wider along x than along y, with a flare to the right and up.
+/// Returns a PSF that is wider along x than along y, with a flare to the right and up.
 fn lopsided(wider: f64) -> PsfModel {
     let shape = |x: f64, y: f64| {
         0.8 * cell(x - 0.1, 0.95 + wider) * cell(y, 0.65) + 0.2 * cell(x - 1.4, 0.8) * cell(y + 0.9, 1.1)

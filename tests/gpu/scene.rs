@@ -135,7 +135,7 @@ impl Scene {
         planner
     }
 
-    /// Returns the random stars all over the detector and up to 10 px beyond its edges.
+    /// Returns random stars all over the detector and up to 10 px beyond its edges.
     pub fn stars(&self, count: u32) -> Vec<Source> {
         let place = |i, stream, size: usize| unit(i, stream) * (size as f64 + 20.0) - 10.5;
         let [width, height] = self.size;
@@ -187,7 +187,7 @@ impl Difference {
         Self { largest_e, peak_e, flux_rel: (sum(b) - sum(a)) / sum(a).max(1.0) }
     }
 
-    /// Returns whether no pixel is off by more than `share` of the peak and `floor_e`, and the flux agrees to `flux`.
+    /// Returns true if no pixel is off by more than `share` of the peak and `floor_e`, and the flux agrees to `flux`.
     pub fn within(&self, share: f64, floor_e: f64, flux: f64) -> bool {
         self.largest_e <= share * self.peak_e + floor_e && self.flux_rel.abs() <= flux
     }
@@ -210,7 +210,7 @@ impl DnDifference {
         Self { largest_dn: differences().max().unwrap_or(0), share: differing as f64 / a.pixels().len() as f64 }
     }
 
-    /// Returns whether no pixel is off by more than 1 DN and no more than `share` of them differ.
+    /// Returns true if no pixel is off by more than 1 DN and no more than `share` of them differ.
     pub fn within(&self, share: f64) -> bool {
         self.largest_dn <= 1 && self.share <= share
     }

@@ -67,7 +67,7 @@ impl StageHistogram {
         &self.tally
     }
 
-    /// Returns half of the times so far were at most this, ms; 0 when nothing was recorded. Cheaper than all quantiles.
+    /// Returns the median of the times so far, ms; 0 when nothing was recorded. Cheaper than all quantiles.
     #[must_use]
     pub fn median_ms(&self) -> f64 {
         self.at_ms(0.5)

@@ -67,7 +67,7 @@ impl TimeTally {
         self.count
     }
 
-    /// Returns the their sum, s.
+    /// Returns the sum of the times, s.
     #[must_use]
     pub fn sum_s(&self) -> f64 {
         self.sum_ns as f64 / 1e9
@@ -85,8 +85,8 @@ impl TimeTally {
         self.sum_ns as f64 / self.count.max(1) as f64 / 1e6
     }
 
-    /// Returns a share `q` (0 to 1) of the times was at most this, ms: inside the right bin by its share of the bin's
-    /// count, and never above the longest. 0 when nothing was recorded.
+    /// Returns the time below which a share `q` (0 to 1) of the times lies, ms: interpolated in its bin, and never
+    /// above the longest. 0 when nothing was recorded.
     #[must_use]
     pub fn quantile_ms(&self, q: f64) -> f64 {
         let rank = q.clamp(0.0, 1.0) * self.count as f64;

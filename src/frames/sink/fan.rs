@@ -93,7 +93,7 @@ fn is_given_up(error: &SinkError) -> bool {
 }
 
 impl Sink for Fan {
-    /// Returns the first sink's.
+    /// Returns the name of the first sink.
     fn name(&self) -> &'static str {
         self.branches.first().map_or("nothing", |branch| branch.line().kind)
     }

@@ -47,7 +47,7 @@ impl SinkLine {
         line
     }
 
-    /// Returns whether a frame was refused, or the sink failed in another way: a drop alone is none.
+    /// Returns true if a frame was refused, or the sink failed in another way: a drop alone does not count.
     #[must_use]
     pub fn has_failed(&self) -> bool {
         self.first_error.is_some() || self.is_lost || self.refused > 0

@@ -94,7 +94,8 @@ impl Recorder {
         Ok(())
     }
 
-    /// Returns the frame in what holds all frames: in every one of them or in none.
+    /// Appends the frame to the SER file, if there is one, and to the log: to both or to neither. Returns the bytes
+    /// written.
     fn append(&mut self, frame: &SentFrame, crc32: u32) -> Result<u64, SinkError> {
         let images = self.ser.as_mut().map_or(Ok(0), |ser| ser.append(frame))?;
         match self.log.append(&FactSource::of_frame(frame, Some(crc32))) {

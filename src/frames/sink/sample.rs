@@ -107,7 +107,7 @@ fn pinned(name: &str) -> PathBuf {
 /// Compares a text with a file of the source tree.
 ///
 /// # Errors
-/// As [`compare_with_pinned`].
+/// Compares as [`compare_with_pinned`] does.
 pub fn compare_with_file(path: &Path, got: &str) -> Result<(), String> {
     let wanted = std::fs::read_to_string(path).unwrap_or_default();
     if wanted == got {

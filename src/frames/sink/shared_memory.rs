@@ -247,7 +247,7 @@ fn take_lock(file: &File) -> io::Result<bool> {
 /// The byte that the writer locks: behind every ring's end.
 const LOCKED_BYTE: i64 = 1 << 62;
 
-/// Returns whether the open file is the one that bears the name.
+/// Returns true if the open file is the one with the name.
 fn has_name(file: &File, path: &Path) -> bool {
     let identity = |found: fs::Metadata| (found.dev(), found.ino());
     match (file.metadata(), fs::symlink_metadata(path)) {

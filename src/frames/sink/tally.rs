@@ -27,7 +27,7 @@ impl Tally {
         self.refused += 1;
     }
 
-    /// Returns counts a frame that `sink` takes; after the end it is refused.
+    /// Counts a frame that `sink` takes; after the end it is refused.
     pub(super) fn take(&mut self, sink: &'static str, frame: &SentFrame) -> Result<(), SinkError> {
         self.check(sink, frame)?;
         self.run_crc32.add(frame.meta.number, pixel_crc32(&frame.image));

@@ -32,7 +32,7 @@ impl Sink for Tee {
         second.map(|_| first)
     }
 
-    /// Returns the first one's.
+    /// Returns the counts of the first sink.
     fn counts(&self) -> Vec<(&'static str, u64)> {
         self.first.counts()
     }
@@ -42,7 +42,7 @@ impl Sink for Tee {
         self.second.take_losses(announce);
     }
 
-    /// Returns the first one's, as the summary is.
+    /// Returns the lines of the first sink, as the summary does.
     fn lines(&self) -> Vec<SinkLine> {
         self.first.lines()
     }

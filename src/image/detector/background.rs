@@ -42,7 +42,7 @@ impl Background {
         if has_map { self.uniform_e } else { self.uniform_e + self.sky_e }
     }
 
-    /// Returns whether it differs from pixel to pixel.
+    /// Returns true if it differs from pixel to pixel.
     pub(super) fn is_shaped(&self, has_map: bool) -> bool {
         self.gradient_e != [0.0; 2] || self.quadratic_e != 0.0 || (has_map && self.sky_e != 0.0)
     }

@@ -61,7 +61,7 @@ impl Nonlinearity {
         Ok(made)
     }
 
-    /// Returns whether the response differs from none.
+    /// Returns true if the response is not linear.
     #[must_use]
     pub fn is_on(&self) -> bool {
         self.count > 0

@@ -72,7 +72,7 @@ impl Outliers {
         &self.list
     }
 
-    /// Returns whether every pixel is as its neighbours.
+    /// Returns true if no pixel differs.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.list.is_empty()

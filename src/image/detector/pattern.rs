@@ -47,7 +47,7 @@ impl Patterns {
         }
     }
 
-    /// Returns whether all that are given have so many pixels.
+    /// Returns true if all given patterns have so many pixels.
     ///
     /// # Errors
     /// With the first that has not.

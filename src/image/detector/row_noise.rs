@@ -40,7 +40,7 @@ impl RowNoise {
     /// None.
     pub const OFF: Self = Self { e_rms: 0.0, corner_cycles_per_row: 0.0 };
 
-    /// Returns whether there is any.
+    /// Returns true if row noise is on.
     #[must_use]
     pub fn is_on(&self) -> bool {
         self.e_rms > 0.0

@@ -46,7 +46,7 @@ pub(super) fn write_line(
 /// Reads a line.
 ///
 /// # Errors
-/// What is wrong with it.
+/// Fault of the line.
 pub fn parse_line(line: &[u8]) -> Result<Line, &'static str> {
     let mut words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
     let Some(stamp) = words.next() else { return Ok(Line::Blank) };

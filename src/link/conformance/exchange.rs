@@ -36,7 +36,8 @@ pub(super) fn packet(format: WireFormat, number: usize, len: usize) -> Result<Pa
     made.ok_or_else(|| format!("the suite made an impossible packet of {len} bytes"))
 }
 
-/// Returns the weyl steps, scrambled: every byte value occurs, and no packet is a shift of another.
+/// Returns one byte of packet `number`, from scrambled Weyl steps: every value occurs, and no packet is a shift of
+/// another.
 #[allow(clippy::cast_possible_truncation, reason = "the top byte of the product is wanted")]
 fn scrambled(number: usize, at: usize) -> u8 {
     let mut x = (number as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ (at as u64).wrapping_mul(0xD1B5_4A32_D192_ED03);

@@ -72,7 +72,7 @@ pub fn check_link(
 /// Returns the same for a link that carries plain records of one length.
 ///
 /// # Errors
-/// As [`check_link`].
+/// Checks a link as [`check_link`] does.
 pub fn check_records(
     link: &str,
     length: usize,

@@ -14,7 +14,7 @@ pub enum GatewayAddress {
 }
 
 impl GatewayAddress {
-    /// Returns whether other machines can reach it: a gateway asks for no password.
+    /// Returns whether other machines can reach it: a gateway does not ask for a password.
     #[must_use]
     pub fn is_exposed(&self) -> bool {
         matches!(self, Self::Tcp(address) if !address.ip().is_loopback())

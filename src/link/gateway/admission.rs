@@ -53,18 +53,18 @@ impl Admission {
         self.has_sent_a_valid_line.store(true, Ordering::Release);
     }
 
-    /// Returns counts a malformed line; true when the connection is to be closed.
+    /// Counts a malformed line; returns true when the connection is to be closed.
     pub(super) fn count_malformed(&self) -> bool {
         let before = self.malformed.fetch_add(1, Ordering::AcqRel);
         !self.has_sent_a_valid_line.load(Ordering::Acquire) && before + 1 >= MALFORMED_MAX
     }
 
-    /// Returns whether the client has not opened the bus within `limit` of its arrival.
+    /// Returns true if the client has not opened the bus within `limit` of its arrival.
     pub(super) fn is_idle(&self, now: Tai, limit: Span) -> bool {
         !self.has_opened.load(Ordering::Acquire) && now - self.since >= limit
     }
 
-    /// Returns whether the client has not opened the bus.
+    /// Returns true if the client has not opened the bus.
     pub(super) fn may_lose_its_seat(&self) -> bool {
         !self.has_opened.load(Ordering::Acquire)
     }

@@ -66,7 +66,7 @@ pub(super) enum OnStall {
     CloseChannel(OwnedFd),
 }
 
-/// Whether, and since when, a client wants frames.
+/// State of a client's wish for frames.
 #[derive(Debug)]
 pub(super) struct Listening {
     /// Frames received before this are not for the client; never, while it is closed.
@@ -134,7 +134,7 @@ impl Client {
         Ok(Self { link, clock, tally, listening, on_stall, patience, ended, admission, is_gone, fd, outgoing })
     }
 
-    /// Returns whether nothing that the client sends is obeyed any more.
+    /// Returns true if the client's lines are not obeyed any more.
     pub(super) fn is_over(&self) -> bool {
         self.is_gone.load(Ordering::Acquire) || self.ended.load(Ordering::Acquire)
     }

@@ -18,7 +18,7 @@ pub(super) fn read_in_pieces<P: Default, T: PartialEq + core::fmt::Debug>(
     whole
 }
 
-/// Returns the random words in their hundreds of thousands: most of what they say is refused, some of it is right by
+/// Checks that a parser survives hundreds of thousands of random words: it refuses most of them, and accepts some by
 /// chance.
 pub(super) fn survives_random_words<P: Default, T, E>(
     words: &[&[u8]],

@@ -96,7 +96,7 @@ impl Hall {
         }
     }
 
-    /// Returns whether there is a seat for one client more. Waits for seats that are about to become free.
+    /// Returns true if one more client can be served. Waits for clients that are about to leave.
     fn has_seat(&self, clients: &mut Vec<Served>) -> bool {
         let until = self.clock.now() + GRACE + LEAVES_WITHIN;
         loop {

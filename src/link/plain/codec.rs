@@ -69,7 +69,7 @@ impl PlainCodec {
 }
 
 impl PlainLayout {
-    /// Returns whether these bytes are a message of this layout: what a sender is known by.
+    /// Returns true if these bytes are a message of this layout, which identifies a sender.
     #[must_use]
     pub fn is_message(&self, bytes: &[u8]) -> bool {
         numbers::read(self, bytes).and_then(|values| self.record(&values)).is_ok()

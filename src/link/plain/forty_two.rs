@@ -103,7 +103,7 @@ fn quantity<'n>(name: &'n str, object: &str, number: u16) -> Option<&'n str> {
     (digits.parse() == Ok(number)).then(|| rest.strip_prefix('.')).flatten()
 }
 
-/// Returns the exactly `N` finite numbers between brackets, or without them.
+/// Reads exactly `N` finite numbers, with or without brackets.
 fn numbers<const N: usize>(value: &str) -> Result<[f64; N], PlainReject> {
     let value = value.trim();
     let inside = value.strip_prefix('[').map_or(value, |rest| rest.strip_suffix(']').unwrap_or(rest));

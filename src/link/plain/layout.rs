@@ -78,7 +78,8 @@ pub struct PlainLayout {
 }
 
 impl Default for PlainLayout {
-    /// Returns the eight little-endian doubles: seconds of any clock or 0, quaternion w x y z, rate in rad/s.
+    /// Returns the default layout, eight little-endian doubles: seconds of any clock or 0, quaternion w x y z, rate in
+    /// rad/s.
     fn default() -> Self {
         use Field::{Quaternion, Rate, Time};
         let quaternion = (0..4).map(Quaternion);
@@ -154,7 +155,7 @@ impl PlainLayout {
     /// Reads a list of names of fields.
     ///
     /// # Errors
-    /// What is wrong with it, and the place of the name in the list.
+    /// When a name is unknown or given twice, or the list is too long; with the place of the name in it.
     pub fn fields_of(names: &[String]) -> Result<Vec<Field>, (usize, LayoutError)> {
         let mut fields = Vec::new();
         for (place, name) in names.iter().enumerate() {
@@ -173,7 +174,7 @@ impl PlainLayout {
     /// Checks that vectors are whole and that something of use is in it.
     ///
     /// # Errors
-    /// What is missing.
+    /// When a part is missing.
     pub fn check(&self) -> Result<(), LayoutError> {
         let torn = |fields: &[Field]| fields.iter().find(|field| !self.has(**field)).map(|field| field.name());
         let (q, w) = ([0, 1, 2, 3].map(Field::Quaternion), [0, 1, 2].map(Field::Rate));
@@ -213,7 +214,7 @@ impl PlainLayout {
         }
     }
 
-    /// Returns values as the message has them -> a record in starloop's units and conventions.
+    /// Converts the values of a message to a record in starloop's units and conventions.
     pub(super) fn record(&self, values: &Values) -> Result<PlainRecord, PlainReject> {
         if self.fields.iter().any(|field| !values.get(*field).is_finite()) {
             return Err(PlainReject::NotFinite);
@@ -260,7 +261,7 @@ impl PlainLayout {
         }
     }
 
-    /// Returns a record -> the values of its message.
+    /// Converts a record to the values of its message.
     pub(super) fn values(&self, record: &PlainRecord, sequence: u32) -> Values {
         let mut values = Values { sequence: Some(f64::from(sequence)), ..Values::NONE };
         values.time = match record.time {

@@ -58,7 +58,7 @@ fn json(layout: &PlainLayout, bytes: &[u8]) -> Result<Values, PlainReject> {
     Ok(values)
 }
 
-/// Returns a component in a vector of its name, whose order is that of the layout: `"q": [w, x, y, z]`.
+/// Returns a component from a vector of its name, whose order is that of the layout: `"q": [w, x, y, z]`.
 fn component<'v>(vector: &'v Value, layout: &PlainLayout, field: Field) -> Option<&'v Value> {
     let mut of_vector = layout.fields.iter().filter(|other| other.vector() == field.vector());
     let place = of_vector.position(|other| *other == field)?;

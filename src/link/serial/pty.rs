@@ -46,8 +46,8 @@ impl PseudoTerminal {
         Ok(Self { master, path, port })
     }
 
-    /// Returns its parts, for whoever serves it otherwise: the master, which does not block, the port, to be kept open,
-    /// and the port's path.
+    /// Returns its parts for another server: the master, which does not block, the port, which must stay open, and the
+    /// port's path.
     #[must_use]
     pub fn into_ends(self) -> (OwnedFd, OwnedFd, PathBuf) {
         (self.master, self.port, self.path)

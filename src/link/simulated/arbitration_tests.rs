@@ -85,7 +85,7 @@ fn of_one_identifier_a_classic_frame_goes_before_an_fd_frame() {
 /// A send: bit time, end, identifier.
 type Sent = (i64, usize, u16);
 
-/// Returns the independent bus: one step per bit. Returns (bit at which the frame is over, identifier).
+/// Simulates the independent bus, one step per bit. Returns (bit at which the frame is over, identifier).
 fn stepped(sends: &[Sent], pick: fn(&[(i64, u16)]) -> usize) -> Vec<(i64, u16)> {
     let mut queues = vec![Vec::<(i64, u16)>::new(); 4];
     let mut over = Vec::new();

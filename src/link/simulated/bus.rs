@@ -122,7 +122,7 @@ impl SimulatedBus {
 }
 
 impl Bus {
-    /// Returns a thread that panicked while it held the lock left counters and queues whole.
+    /// Locks the medium. A thread that panicked while it held the lock left counters and queues valid.
     fn lock(&self) -> MutexGuard<'_, Medium> {
         self.medium.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -157,7 +157,7 @@ impl SimulatedLink {
         self.bus.settled().ends[self.end].errors
     }
 
-    /// Returns packets that [`Link::send`] would still queue.
+    /// Returns the number of packets that [`Link::send`] would still queue.
     #[must_use]
     pub fn space(&self) -> usize {
         let medium = self.bus.settled();

@@ -113,7 +113,7 @@ impl SocketCanLink {
         received_frame.hardware_ns.map_or(placed.at, |hardware_ns| self.hardware.place(hardware_ns, placed.at))
     }
 
-    /// Returns an interface that went is counted and looked for again; anything else is for good.
+    /// Counts the loss of an interface that went away, so that it is looked for again; other errors are permanent.
     fn lose(&mut self, doing: &'static str, source: io::Error) -> Result<(), LinkError> {
         if !is_lost(&source) {
             return Err(LinkError::System { link: self.params.interface.clone(), doing, source, advice: "" });

@@ -82,7 +82,8 @@ fn stamps_wanted() -> TimestampingFlag {
         | TimestampingFlag::SOF_TIMESTAMPING_RAW_HARDWARE
 }
 
-/// Returns the beyond the system's limit (`net.core.rmem_max`) where the rights suffice, else up to it.
+/// Enlarges the receive buffer: beyond the system's limit (`net.core.rmem_max`) where the rights suffice, else up to
+/// it.
 fn enlarge_receive_buffer(socket: &CanFdSocket) -> io::Result<()> {
     setsockopt(socket, RcvBufForce, &RECEIVE_BUFFER_BYTES)
         .or_else(|_| setsockopt(socket, RcvBuf, &RECEIVE_BUFFER_BYTES))

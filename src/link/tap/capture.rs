@@ -84,8 +84,8 @@ impl Capture {
     }
 }
 
-/// Returns the writer thread: hands everything to the system whenever nothing waits, so that a power cut costs little.
-/// A packet counts as written when the system has it: one that waits in the buffer when writing fails is lost.
+/// Runs the writer thread: flushes to the system whenever nothing waits, so that a power cut costs little. A packet
+/// counts as written when the system has it: one that waits in the buffer when writing fails is lost.
 fn write_all(
     queue: &Receiver<Option<CapturedPacket>>,
     mut writer: CaptureWriter<Box<dyn Write + Send>>,

@@ -111,7 +111,7 @@ impl BeatInput {
 }
 
 impl Beat {
-    /// Returns whether frames of the same scene differ by more than anybody would notice.
+    /// Returns true if frames of the same scene differ by a detectable amount.
     #[must_use]
     pub fn is_seen(&self) -> bool {
         self.ripple_mag > UNSEEN_MAG

@@ -16,7 +16,7 @@ pub enum Bits {
 }
 
 impl Bits {
-    /// Returns the number.
+    /// Returns the number of bits.
     #[must_use]
     pub const fn count(self) -> u32 {
         match self {

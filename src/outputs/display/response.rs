@@ -91,7 +91,7 @@ pub enum ResponseError {
     NotRising {
         /// Where.
         grey: f64,
-        /// What.
+        /// Luminance at that grey.
         luminance: f64,
     },
 }

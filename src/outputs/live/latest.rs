@@ -78,7 +78,7 @@ impl Reader {
         &self.mine
     }
 
-    /// Returns whether no picture comes any more.
+    /// Returns true if no more pictures come.
     pub(super) fn is_over(&self) -> bool {
         self.between.lock().unwrap_or_else(PoisonError::into_inner).is_over
     }

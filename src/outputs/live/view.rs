@@ -92,7 +92,7 @@ impl LiveView {
         thread.join().is_ok() && was_at_work
     }
 
-    /// Returns whether other machines can reach it: it asks for no password.
+    /// Returns whether other machines can reach it: it does not ask for a password.
     #[must_use]
     pub fn is_exposed(&self) -> bool {
         !self.address.ip().is_loopback()
@@ -149,7 +149,7 @@ pub(super) mod tests {
         }
     }
 
-    /// As [`params`], with three heads.
+    /// Returns [`params`] with three heads.
     pub(in crate::live) fn params_of_three() -> Params {
         Params { heads: (0..3).map(head).collect(), ..params() }
     }

@@ -149,7 +149,7 @@ impl Acquisition {
         self.is_started
     }
 
-    /// Returns a trigger; false when it is not heeded.
+    /// Takes a trigger; returns false when it is ignored.
     pub(super) fn trigger(&mut self, wanted: &Wanted) -> bool {
         let is_heeded = self.is_started && self.triggers_left != Some(0);
         if is_heeded {

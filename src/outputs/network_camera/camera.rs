@@ -146,7 +146,7 @@ impl NetworkCamera {
         self.address
     }
 
-    /// Returns whether other machines can reach it: a camera asks for no password.
+    /// Returns whether other machines can reach it: a camera does not ask for a password.
     #[must_use]
     pub fn is_exposed(&self) -> bool {
         !self.address.ip().is_loopback()

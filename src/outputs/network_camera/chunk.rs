@@ -61,7 +61,7 @@ const fn field_count() -> usize {
     count
 }
 
-/// Returns a place that is not there does not compile; a test of the table finds a gap.
+/// Returns every field of the table. A wrong number of fields does not compile; a test of the table finds a gap.
 const fn fields() -> [Field; field_count()] {
     let first = Field { feature: TABLE[0].chunk[0], element: 0, row: &TABLE[0] };
     let mut fields = [first; field_count()];
@@ -84,7 +84,7 @@ pub(super) fn truth_bytes() -> usize {
     FIELDS.iter().map(Field::bytes).sum()
 }
 
-/// Returns bytes that chunk data adds to the image: the image's tag, the truth and its tag.
+/// Returns the number of bytes that chunk data adds to the image: the image's tag, the truth and its tag.
 pub(super) fn added_bytes() -> usize {
     TAG_BYTES + truth_bytes() + TAG_BYTES
 }

@@ -65,7 +65,7 @@ impl Control {
         if self.controller() == Some(from) { Ok(()) } else { Err(Status::AccessDenied) }
     }
 
-    /// Returns a write to the privilege register.
+    /// Applies a write to the privilege register.
     pub(super) fn request(&mut self, from: SocketAddrV4, value: u32, now: Tai) -> Result<Change, Status> {
         if self.controller.is_some() {
             self.may_write(from)?;

@@ -144,12 +144,13 @@ pub(super) enum Command<'a> {
 }
 
 impl Command<'_> {
-    /// Returns true for what looks for devices, or is meant for many; all else goes to one device.
+    /// Returns true for commands that look for devices, or address many; all others go to one device.
     pub(super) fn may_be_broadcast(&self) -> bool {
         matches!(self, Self::Discovery | Self::ForceAddress { .. } | Self::Action(_))
     }
 
-    /// Returns true for what changes the device, or what it does: once, however often it comes.
+    /// Returns true for commands that change the device or its actions: they are carried out once, however often they
+    /// come.
     pub(super) fn is_change(&self) -> bool {
         matches!(self, Self::WriteRegisters(_) | Self::WriteMemory { .. } | Self::Action(_))
     }
@@ -167,7 +168,7 @@ pub struct Resend {
 }
 
 impl Resend {
-    /// Returns how many.
+    /// Returns the number of packets.
     #[must_use]
     pub fn packets(&self) -> u64 {
         u64::from(self.last - self.first) + 1

@@ -71,7 +71,7 @@ impl Shared {
         self.deadline_ns.store(deadline.ns(), Ordering::Release);
     }
 
-    /// Returns whether the time for what waits is over.
+    /// Returns true if the time for waiting frames is over.
     pub(super) fn is_overdue(&self, now: Tai) -> bool {
         now.ns() >= self.deadline_ns.load(Ordering::Acquire)
     }

@@ -66,7 +66,7 @@ pub enum DefectKind {
 pub struct Defect {
     /// Where.
     pub place: DefectPlace,
-    /// What.
+    /// Kind of the defect.
     pub kind: DefectKind,
 }
 
@@ -222,7 +222,7 @@ impl Defects {
         self.entries.iter().map(|entry| (entry.id, entry.defect))
     }
 
-    /// Returns whether there is none.
+    /// Returns true if the list is empty.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.entries.is_empty()
@@ -353,7 +353,7 @@ impl Defects {
         }
     }
 
-    /// Returns the random numbers go by place, not by the order of insertion.
+    /// Returns the number of the random stream: it depends on the place, not on the order of insertion.
     fn stream(&self, place: DefectPlace) -> u32 {
         match place {
             DefectPlace::Pixel(x, y) => y * self.size_px[0] + x,

@@ -163,7 +163,7 @@ impl GpuDetector {
         }
     }
 
-    /// Returns the wall time of the latest frame.
+    /// Returns the wall times of the latest frame.
     #[must_use]
     pub fn times(&self) -> FrameTimes {
         self.times

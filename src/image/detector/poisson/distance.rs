@@ -15,7 +15,7 @@ use crate::detector::poisson::{cornish_fisher, inversion::invert, rounded_normal
 /// Largest mean that is computed: beyond it, neighbouring counts are the same f32.
 const MOST_MEAN: f64 = 16_777_216.0;
 
-/// Returns the kolmogorov distance between Poisson's law at mean `lambda` (as f32) and what `method` draws there,
+/// Returns the Kolmogorov distance between Poisson's law at mean `lambda` (as f32) and what `method` draws there,
 /// inside or outside its domain; none when `lambda` is not a mean above 0 and below 2^24.
 #[must_use]
 pub fn distance(method: PoissonMethod, lambda: f64) -> Option<f64> {

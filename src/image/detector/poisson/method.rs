@@ -58,7 +58,7 @@ impl PoissonMethod {
         }
     }
 
-    /// Returns the kolmogorov distance that the method promises within its domain.
+    /// Returns the Kolmogorov distance that the method promises within its domain.
     #[must_use]
     pub fn promise(self) -> f64 {
         match self {
@@ -97,7 +97,7 @@ impl PoissonMethod {
         }
     }
 
-    /// Returns whether the bound holds the promise at mean `lambda`.
+    /// Returns true if the bound at mean `lambda` is within the guaranteed error.
     #[must_use]
     pub fn is_within_domain(self, lambda: f64) -> bool {
         self.domain().contains(&lambda)

@@ -64,7 +64,7 @@ impl Hat {
         (self.whole + ((2.0 * self.a / to_end + self.b) * u + self.part).floor(), to_end)
     }
 
-    /// Returns whether a candidate is taken; `is_below(k, mean, level)` says whether `level` is below the probability
+    /// Returns true if a candidate is accepted; `is_below(k, mean, level)` says whether `level` is below the probability
     /// of `k`.
     #[inline(always)]
     pub(crate) fn takes(

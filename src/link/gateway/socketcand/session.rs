@@ -109,7 +109,7 @@ pub(in super::super) fn element(packet: &Stamped<Packet>, tai_minus_utc_s: i64, 
     true
 }
 
-/// Whole seconds between TAI and Unix time around `at`.
+/// Returns the whole seconds between TAI and Unix time around `at`.
 pub(in super::super) fn tai_minus_utc_s(at: Tai) -> i64 {
     let seconds = at.ns() as f64 / NS_PER_S as f64 - at.unix_s();
     Span::from_s(seconds.round()).ns() / NS_PER_S

@@ -245,7 +245,8 @@ impl Link for FaultyLink {
         Ok(leaves)
     }
 
-    /// Returns the right for what was sent after the last packet that was lost here, and for that packet.
+    /// Returns the departure; it is right for packets sent after the last packet that was lost here, and for that
+    /// packet.
     fn departure(&mut self, sent: u64) -> Departure {
         if self.last_unsent.is_some_and(|lost| sent <= lost) {
             return Departure::Never;

@@ -63,7 +63,7 @@ pub struct MapFit {
     pub geometry: DisplayGeometry,
     /// Shown less mapped place of every dot given, display px.
     pub residual_px: Vec<DVec2>,
-    /// Whether each dot was fitted to.
+    /// Whether each dot was used in the fit.
     pub is_used: Vec<bool>,
     /// Residual of the dots fitted to, display px rms (of the length).
     pub rms_px: f64,

@@ -27,7 +27,7 @@ pub struct Sight {
     pub luminance: Option<f64>,
     /// The dot's number, where known.
     pub dot: Option<usize>,
-    /// Whether the camera was at its end there.
+    /// Whether the camera was saturated there.
     pub is_saturated: bool,
 }
 

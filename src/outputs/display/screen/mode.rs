@@ -14,7 +14,7 @@ pub(super) struct Mode {
     pub(super) size_px: [u32; 2],
     /// Refreshes per 1000 s.
     pub(super) refresh_mhz: u32,
-    /// Whether the monitor likes it best.
+    /// Whether the monitor prefers this mode.
     pub(super) is_preferred: bool,
 }
 

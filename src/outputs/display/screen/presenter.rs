@@ -142,7 +142,7 @@ impl<G: Panel> Presenter<G> {
         }
     }
 
-    /// Returns whether there is an image to show something in.
+    /// Returns true if an image is available to show something in.
     fn take_turn(&mut self) -> bool {
         let counters = &self.state.counters;
         match self.panel.turn() {
@@ -159,7 +159,7 @@ impl<G: Panel> Presenter<G> {
         false
     }
 
-    /// Returns whether there is another frame to show.
+    /// Returns true if another frame is to be shown.
     fn fetch(&mut self) -> bool {
         let lead = self.lead.filter(|_| !self.now.takes_all);
         let by = lead.map(|lead| self.clock.now() + self.now.composing + lead);

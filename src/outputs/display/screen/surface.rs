@@ -70,7 +70,7 @@ impl Pane {
         }
     }
 
-    /// Returns whether it gives another surface when one is lost; a driver hands out a connector once.
+    /// Returns true if it gives another surface when one is lost; a driver hands out a connector once.
     fn is_lasting(&self) -> bool {
         matches!(self, Self::Window(_))
     }

@@ -24,7 +24,7 @@ const AUTO_MODES: [AutoMode; 3] = [AutoMode::Off, AutoMode::Once, AutoMode::Cont
 const NUMBERS: [u32; 5] = [own::EXPOSURE_TIME, own::GAIN, own::BLACK_LEVEL, own::FRAME_RATE, own::TRIGGER_DELAY];
 
 impl Device {
-    /// Returns true for what a command to the frame loop sets.
+    /// Returns true for registers that a command to the frame loop sets.
     pub(super) fn is_commanded(address: u32) -> bool {
         let is_half = NUMBERS.iter().any(|number| address == *number || address == *number + 4);
         let words = own::FRAME_RATE_ENABLE..=own::EXPOSURE_MODE;

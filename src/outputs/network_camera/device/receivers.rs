@@ -4,9 +4,9 @@ use super::Device;
 use std::net::{Ipv4Addr, SocketAddrV4};
 
 impl Device {
-    /// Returns a few bytes of commands make many of frames: they go to who sent the commands, so that the camera cannot
-    /// be turned against a third party; when the bench allows others, to one neighbour or a multicast group, never to
-    /// all.
+    /// Returns true if frames may go to `receiver`. A few bytes of commands cause many bytes of frames, so frames go to
+    /// the sender of the commands, and the camera cannot be turned against a third party; when the bench allows others,
+    /// to one neighbour or a multicast group, never to all.
     pub(super) fn may_receive(&self, receiver: Ipv4Addr, controller: SocketAddrV4) -> bool {
         let host_bits = !self.place.mask.to_bits();
         let is_all = receiver.is_broadcast() || host_bits > 1 && receiver.to_bits() & host_bits == host_bits;
