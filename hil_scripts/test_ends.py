@@ -24,7 +24,15 @@ ROOT = Path(__file__).resolve().parent.parent
 BINARY = os.environ.get("STARLOOP_BINARY", str(ROOT / "target/release/starloop"))
 LOST = 5
 RECORDER = '[sink]\nkind = "recorder"\nfits = true\n'
+# A program started by one that ignores a signal (such as nohup) ignores it too: the programs below start with the defaults.
+CAUGHT = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 SIGNALS = ((signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129))
+
+
+def default_signals():
+    """Restores what signals do at the start of a program, whatever this one was started with."""
+    for number in CAUGHT:
+        signal.signal(number, signal.SIG_DFL)
 
 
 class Case(unittest.TestCase):
@@ -43,7 +51,8 @@ class Case(unittest.TestCase):
         return ["run", self.bench(bench), "--backend", "cpu", "--out", str(self.out), "--quiet", *words]
 
     def start(self, *words, **options):
-        options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, **options}
+        streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+        options = {**streams, "preexec_fn": default_signals, **options}
         program = subprocess.Popen([BINARY, *words], cwd=self.folder, **options)
         self.addCleanup(self.end, program)
         return program
