@@ -40,7 +40,7 @@ const NO_CHIP: &str = "; `gpiodetect` lists chips; reading one needs rights (gro
 const NO_LINE: &str = "; `gpioinfo` lists the lines of a chip, their names, and who uses them";
 const BY_OFFSET: &str = "; a named pipe has no names: give the number of the line";
 
-/// Which line of a chip.
+/// Name of a line of a chip.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum LineName {
     /// By its number on the chip, from 0.
@@ -63,35 +63,35 @@ pub enum ActiveEdge {
 pub enum LineBias {
     /// The present setting, unchanged.
     AsIs,
-    /// Nothing.
+    /// Both resistors are off.
     Off,
-    /// They pull it up.
+    /// The pull-up resistor is on.
     PullUp,
-    /// They pull it down.
+    /// The pull-down resistor is on.
     PullDown,
 }
 
-/// One line, and how it is listened to.
+/// One line and its settings.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct GpioLine {
-    /// Which one.
+    /// Name of the line.
     pub name: LineName,
     /// The edge with which it becomes active.
     pub active: ActiveEdge,
     /// The chip's resistors.
     pub bias: LineBias,
-    /// How long a level must last to count; zero: any time.
+    /// Shortest time that a level must last to count; zero: any time.
     pub debounce: Duration,
 }
 
 /// An edge of a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Edge {
-    /// Which of the lines that were asked for, from 0.
+    /// Number of the line among those that were requested, from 0.
     pub line: usize,
-    /// When.
+    /// Time of the edge.
     pub at: Tai,
-    /// The line became active; false: inactive.
+    /// Whether the line became active; false: inactive.
     pub is_active: bool,
 }
 
@@ -127,7 +127,7 @@ struct Listened {
     newest: u32,
 }
 
-/// Where events come from.
+/// Source of events.
 #[derive(Debug)]
 enum Source {
     /// The kernel.

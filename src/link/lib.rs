@@ -115,13 +115,13 @@ pub enum LinkError {
 /// Outcome of a packet that was sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Departure {
-    /// The link knows no better than what [`Link::send`] returned.
+    /// The link has no better value than the one that [`Link::send`] returned.
     AsReported,
-    /// It waits, or is on its way.
+    /// The packet waits, or is on its way.
     Waiting,
     /// Its last bit left at this instant.
     At(Tai),
-    /// It was given up.
+    /// The packet was given up.
     Never,
 }
 

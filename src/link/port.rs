@@ -8,7 +8,7 @@ use firmware_protocol::message::AttitudeRecord;
 use firmware_protocol::ticks::ticks_diff;
 use firmware_protocol::{Message, Reject, RejectCounters, serial};
 
-/// How messages look on the wire.
+/// Format of messages on the wire.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum WireFormat {
     /// Classic CAN: attitude as a group of frames.
@@ -37,7 +37,7 @@ pub enum Polled {
     Input(Stamped<Input>),
     /// A packet that does not yet complete a message, or was refused and counted.
     Packet,
-    /// Nothing came in time.
+    /// No packet came in time.
     Nothing,
 }
 

@@ -28,7 +28,7 @@ pub enum CameraCommand {
     Overlap(TriggerOverlap),
     /// Exposures of one trigger.
     Burst(u32),
-    /// How the length of an exposure is determined.
+    /// Rule for the length of an exposure.
     Mode(ExposureMode),
     /// Mode that sets the integration time.
     AutoExposure(AutoMode),
@@ -36,7 +36,7 @@ pub enum CameraCommand {
     AutoGain(AutoMode),
     /// A trigger: the instant of the command starts an exposure. Only exposures by width heed the falling edge.
     Trigger {
-        /// Where it comes from.
+        /// Source of the trigger.
         source: TriggerSource,
         /// The line became active; false: inactive.
         is_rising: bool,

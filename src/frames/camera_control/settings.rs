@@ -24,7 +24,7 @@ impl CameraSettings {
     }
 }
 
-/// Where a trigger comes from.
+/// Source of a trigger.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TriggerSource {
     /// A command of a GenICam client.
@@ -104,7 +104,7 @@ pub enum TriggerOverlap {
     PreviousFrame,
 }
 
-/// How the length of an exposure is determined.
+/// Rule for the length of an exposure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ExposureMode {
     /// By the exposure time.
@@ -137,7 +137,7 @@ pub struct StartSettings {
     pub overlap: TriggerOverlap,
     /// Exposures of one trigger.
     pub burst: u32,
-    /// How the length of an exposure is determined.
+    /// Rule for the length of an exposure.
     pub mode: ExposureMode,
     /// From one exposure's start to the next when free running, at least; `None`: as fast as exposure and readout allow.
     pub period: Option<Span>,

@@ -15,7 +15,7 @@ pub enum Fate {
     Late,
     /// The frame before went out again in its place.
     Held,
-    /// Nothing went out.
+    /// No frame was sent.
     Dropped,
 }
 
@@ -55,7 +55,7 @@ const CAUSES: [MissCause; 4] =
     [MissCause::ReleasedLate, MissCause::FramesBefore, MissCause::SinkBusy, MissCause::AwaitingAttitude];
 
 impl MissCause {
-    /// How many there are.
+    /// Number of causes.
     pub const COUNT: usize = CAUSES.len() + Stage::COUNT;
 
     /// Returns every cause, in the order of [`Self::index`].
@@ -103,9 +103,9 @@ pub struct FrameRecord {
     pub release: Tai,
     /// Deadline.
     pub due: Tai,
-    /// The frame thread began to wait for the slot.
+    /// Time at which the frame thread began to wait for the slot.
     pub asked: Tai,
-    /// It ran again.
+    /// Time at which it ran again.
     pub woken: Tai,
     /// The image was finished.
     pub finished: Option<Tai>,
@@ -116,7 +116,7 @@ pub struct FrameRecord {
     /// Time at which the sink took the frame: several sinks, and any sink on the real clock, have it in their queues
     /// then.
     pub delivered: Option<Tai>,
-    /// Where the time went.
+    /// Times of the stages.
     pub times: StageTimes,
     /// Finished minus due; negative when early.
     pub lateness: Span,
@@ -128,7 +128,7 @@ pub struct FrameRecord {
     pub degradation: &'static str,
     /// Motion method.
     pub method: &'static str,
-    /// Where the attitude came from.
+    /// Source of the attitude.
     pub origin: &'static str,
     /// Newest attitude to mid-exposure: how far it was predicted; negative when it was interpolated.
     pub horizon: Span,

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 pub struct GatewayRow {
     /// Its kind.
     pub gateway: String,
-    /// Where it listened.
+    /// Address at which it listened.
     pub address: String,
     /// Clients served.
     pub clients: u64,

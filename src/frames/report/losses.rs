@@ -28,7 +28,7 @@ pub struct LossLine {
     pub part: LostPart,
     /// Its name: the sink's place in the bench, the file, the thread.
     pub name: String,
-    /// How many frames, packets, files or threads.
+    /// Number of frames, packets, files or threads.
     pub count: u64,
     /// Description of the loss, in words.
     pub detail: String,

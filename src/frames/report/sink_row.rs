@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 /// Result of one sink for the frames that it was given.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SinkRow {
-    /// Where the bench names it.
+    /// Place in the bench that names it.
     pub place: String,
     /// Its kind.
     pub sink: String,
@@ -20,11 +20,11 @@ pub struct SinkRow {
     pub bytes: u64,
     /// CRC-32 over the frames it took, eight hexadecimal digits; `None` when it could not finish.
     pub run_crc32: Option<String>,
-    /// Where they went.
+    /// Folder, file or address of the frames.
     pub output: Option<String>,
     /// Its first failure.
     pub first_error: Option<String>,
-    /// It broke down.
+    /// Whether it broke down.
     pub is_lost: bool,
     /// Handed to the sinks to taken by this one, wall time, mean; 0 when nothing waits between the two.
     pub mean_delay_ms: f64,

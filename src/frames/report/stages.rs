@@ -67,7 +67,7 @@ stages! {
 }
 
 impl Stage {
-    /// How many there are.
+    /// Number of stages.
     pub const COUNT: usize = Self::ALL.len();
 
     /// The stages a frame goes through one after another, from its release to its delivery.

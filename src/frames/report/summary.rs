@@ -76,7 +76,7 @@ pub struct RunSummary {
     pub last_events: Vec<EventLine>,
     /// Sink the frames went to.
     pub sink: String,
-    /// Where the sink put them.
+    /// Folder, file or address to which the sink wrote them.
     pub output: Option<String>,
     /// CRC-32 over all frames, eight hexadecimal digits: equal for equal runs.
     pub run_crc32: String,

@@ -45,7 +45,7 @@ impl Default for TimeTally {
 }
 
 impl TimeTally {
-    /// Nothing recorded.
+    /// Tally without recorded times.
     pub const EMPTY: Self = Self { count: 0, sum_ns: 0, max_ns: 0, bins: [0; BOUNDS + 1] };
 
     /// Records one time; a negative one counts as 0. Takes no memory.

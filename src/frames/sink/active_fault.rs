@@ -23,7 +23,7 @@ pub struct ActiveFault {
     pub name: &'static str,
     /// Its number in the run's list of faults, from 1.
     pub number: u16,
-    /// How much of it there is.
+    /// Size of the fault.
     pub amount: Amount,
 }
 

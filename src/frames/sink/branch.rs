@@ -27,7 +27,7 @@ const SLOW_BYTES_PER_S: f64 = 10e6;
 
 /// A sink that is to get a thread.
 pub struct BranchParams {
-    /// Where the bench names it, for the summary.
+    /// Place in the bench that names it, for the summary.
     pub place: String,
     /// The sink.
     pub sink: Box<dyn Sink>,
@@ -54,7 +54,7 @@ pub(super) struct Branch {
     thread: Option<JoinHandle<Ended>>,
     /// Frames that were offered.
     offered: u64,
-    /// Of these: taken and refused, as far as their buffers have come back.
+    /// Numbers of these that were taken and refused, as far as their buffers have come back.
     returned: [u64; 2],
     /// Number of the newest frame.
     newest: u32,

@@ -134,7 +134,7 @@ pub enum SinkError {
     Stuck {
         /// The sink's name.
         sink: &'static str,
-        /// How long it was waited for.
+        /// Time that was waited.
         patience: Span,
     },
     /// A device that took its frames, but not all that belongs to them.
@@ -158,7 +158,7 @@ pub enum SinkError {
     /// Bytes that are not a FITS image this reader knows.
     #[error("not a FITS image starloop can read: {what}: wanted {wanted}, got {got}")]
     BadFits {
-        /// Where in the file.
+        /// Place in the file.
         what: &'static str,
         /// Contents that are readable.
         wanted: &'static str,
@@ -168,7 +168,7 @@ pub enum SinkError {
     /// A table (truth or frame log) that does not have the promised columns or values.
     #[error("{table}, line {line}: wanted {wanted}, got {got}")]
     BadTable {
-        /// Which table.
+        /// Name of the table.
         table: &'static str,
         /// Line in the file, the header being 1.
         line: u64,

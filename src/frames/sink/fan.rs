@@ -20,9 +20,9 @@ use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
 /// Action for a frame when a sink has no free buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum OnFull {
-    /// It goes past that sink, and is counted.
+    /// The frame passes that sink, and is counted.
     Drop,
-    /// It waits, and so does everything else.
+    /// The frame waits, and so does everything else.
     Wait,
 }
 

@@ -7,11 +7,11 @@ use core::fmt;
 pub struct FaultPixels {
     /// Column and row.
     pub at: Option<[u32; 2]>,
-    /// How many at random.
+    /// A number of random pixels.
     pub random: u32,
 }
 
-/// Where the pixels of a detector are defective.
+/// Places of defective pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DefectSpots {
     /// Single pixels.

@@ -156,7 +156,7 @@ impl TruthStar {
     };
 }
 
-/// How a frame came about.
+/// Metadata of a frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FrameMeta {
     /// Frame number in the run.
@@ -207,7 +207,7 @@ pub struct FrameMeta {
     pub backend: &'static str,
     /// Smear method.
     pub method: &'static str,
-    /// How far the frame was degraded to be ready in time; `full`: not at all.
+    /// Degree to which the frame was degraded to be ready in time; `full`: not at all.
     pub degradation: &'static str,
     /// Stars that were left out: too faint to be seen, or for want of time.
     pub left_out_stars: usize,
@@ -217,7 +217,7 @@ pub struct FrameMeta {
     pub occulted_stars: usize,
     /// Electrons that the image lacks because each pixel shows only the brighter of stars and targets.
     pub overlap_lost_e: f64,
-    /// Where the attitude came from (measured, predicted, held, ...).
+    /// Source of the attitude (measured, predicted, held, ...).
     pub origin: &'static str,
     /// Commanded faults active in this frame.
     pub faults: FaultFlags,
@@ -235,7 +235,7 @@ pub struct FrameMeta {
     pub window_px: [u32; 2],
     /// Further facts about the camera; `None` where the image is not that of its own detector.
     pub facts: Option<CameraFacts>,
-    /// Where on the sky its pixels are; `None` without stars, and for an image that does not show its attitude.
+    /// Places of its pixels on the sky; `None` without stars, and for an image that does not show its attitude.
     pub wcs: Option<Wcs>,
 }
 

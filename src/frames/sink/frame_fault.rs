@@ -44,7 +44,7 @@ pub enum PixelFault {
     },
     /// Always the same digital number.
     Stuck {
-        /// Which.
+        /// The digital number.
         dn: u16,
     },
 }
@@ -60,10 +60,10 @@ pub struct ProtonStorm {
     pub beam_deg: Option<[f64; 2]>,
 }
 
-/// How a frame is spoilt.
+/// Fault of a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum FrameFault {
-    /// Not sent.
+    /// The frame is not sent.
     Drop,
     /// The previous image in place of this one.
     Duplicate,
@@ -75,7 +75,7 @@ pub enum FrameFault {
     Blank,
     /// One bit of some pixels' numbers is the other way, new pixels at random in every frame.
     BitFlip {
-        /// Which bit, from 0.
+        /// Number of the bit, from 0.
         bit: u8,
         /// Pixels of the fault.
         pixels: FaultPixels,
@@ -92,7 +92,7 @@ pub enum FrameFault {
         /// And at the end.
         to_e_per_s: f64,
     },
-    /// Another point-spread function: a Gaussian.
+    /// The point-spread function is another one, a Gaussian.
     Defocus {
         /// Its sigma, px.
         sigma_px: f64,
@@ -106,34 +106,34 @@ pub enum FrameFault {
     },
     /// The detector is warmer, and its dark current larger.
     TemperatureStep {
-        /// By this, K.
+        /// Step, K.
         by_k: f64,
     },
     /// Light floods every pixel.
     Saturation {
-        /// With this much in each exposure, full wells.
+        /// Light in each exposure, full wells.
         full_wells: f64,
     },
     /// Stars that are in no catalog, in the same places while it lasts.
     FalseStars {
-        /// Where.
+        /// Places of the stars.
         pixels: FaultPixels,
         /// Their magnitude in the instrument's band.
         mag: f64,
     },
     /// Catalog stars are left out, the same ones while it lasts.
     MissingStars {
-        /// This share of them.
+        /// Share of stars that are left out.
         share: f64,
     },
     /// The brightest catalog stars on the detector are left out.
     MissingBrightStars {
-        /// How many.
+        /// Number of stars.
         count: u32,
     },
     /// Pixels with a defect.
     Pixels {
-        /// Which.
+        /// Pixels with the defect.
         spots: DefectSpots,
         /// Fault of these pixels.
         fault: PixelFault,

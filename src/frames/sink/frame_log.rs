@@ -64,7 +64,7 @@ pub struct FrameRow {
     pub backend: String,
     /// Smear method.
     pub method: String,
-    /// How far the frame was degraded; `full`: not at all.
+    /// Degree to which the frame was degraded; `full`: not at all.
     pub degradation: String,
     /// Stars left out.
     pub left_out_stars: usize,
@@ -74,7 +74,7 @@ pub struct FrameRow {
     pub occulted_stars: usize,
     /// Electrons lost where targets cover stars (`target_overlap = "brighter"`).
     pub overlap_lost_e: f64,
-    /// Where the attitude came from.
+    /// Source of the attitude.
     pub origin: String,
     /// Active faults: `none`, or names joined by `+`.
     pub faults: String,

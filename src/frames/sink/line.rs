@@ -8,7 +8,7 @@ use base::time::Span;
 /// One sink of a run that is over.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct SinkLine {
-    /// Where the bench names it: `sink`, `extra_sink[0]`, ...
+    /// Place in the bench that names it: `sink`, `extra_sink[0]`, ...
     pub place: String,
     /// The sink's name.
     pub kind: &'static str,
@@ -22,7 +22,7 @@ pub struct SinkLine {
     pub bytes: u64,
     /// CRC-32 over the frames it took; `None` when it could not finish.
     pub run_crc32: Option<u32>,
-    /// Where they went.
+    /// Folder, file or address of the frames.
     pub output: Option<String>,
     /// Its first failure in words; of a frame, or of its end.
     pub first_error: Option<String>,
@@ -76,7 +76,7 @@ pub struct Loss {
     pub frame: u32,
 }
 
-/// How a frame is lost.
+/// Kind of a lost frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LossKind {
     /// A sink was too slow for it, or is lost.

@@ -68,7 +68,7 @@ pub use wcs::{MOST_SIP_ORDER, QUADRATIC, Sip, SipTerm, Wcs};
 
 use std::path::PathBuf;
 
-/// Where finished frames go. One sink is owned by one thread.
+/// Destination of finished frames. One sink is owned by one thread.
 pub trait Sink: Send {
     /// Returns the short name for messages and the run summary.
     fn name(&self) -> &'static str;

@@ -25,7 +25,7 @@ use std::path::PathBuf;
 
 /// Bytes before the first frame.
 pub const HEADER_BYTES: u64 = 178;
-/// Where the header counts the frames.
+/// Place of the number of frames in the header.
 const FRAME_COUNT_AT: u64 = 38;
 /// 1970-01-01 in days since 0001-01-01, both Gregorian.
 const UNIX_EPOCH_D: i64 = 719_162;

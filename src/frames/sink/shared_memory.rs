@@ -85,7 +85,7 @@ pub struct FileHead {
     pub published: u64,
     /// 0: more will come; 1: the run is over.
     pub is_over: u32,
-    /// Nothing.
+    /// Reserved, zero.
     pub reserved: [u32; 3],
 }
 
@@ -132,7 +132,7 @@ pub struct SlotHead {
     pub noise_seed: u64,
     /// Part of the exposure without jitter samples, ns.
     pub jitter_missing_ns: i64,
-    /// Nothing.
+    /// Reserved, zero.
     pub reserved: [u64; 10],
 }
 

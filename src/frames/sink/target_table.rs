@@ -18,15 +18,15 @@ pub struct TargetRow {
     pub ra_deg: f64,
     /// Declination of it, deg.
     pub dec_deg: f64,
-    /// Where its light begins, the camera's motion included, px.
+    /// Place where its light begins, the camera's motion included, px.
     pub begin_px: [f64; 2],
-    /// Where its light ends, px.
+    /// Place where its light ends, px.
     pub end_px: [f64; 2],
     /// Distance at mid-exposure, km.
     pub range_km: f64,
-    /// How fast it grows, km/s.
+    /// Speed of its growth, km/s.
     pub range_rate_km_s: f64,
-    /// How fast the direction turns with respect to the stars, deg/s.
+    /// Rate of its direction with respect to the stars, deg/s.
     pub rate_deg_s: f64,
     /// Angle at the target between Sun and observer, deg.
     pub phase_deg: f64,

@@ -8,7 +8,7 @@ use crate::detector::block::BLOCK;
 use crate::detector::params::Constants;
 use base::fused::{mul_add, whole_bits};
 
-/// How a whole number is made.
+/// Rounding of digital numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Rounding {
     /// The nearest.

@@ -11,7 +11,7 @@
 /// Mean electrons of one exposure, beside the stars'.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Background {
-    /// In the middle of the image, e-.
+    /// Electrons in the middle of the image, e-.
     pub uniform_e: f32,
     /// More towards the right and towards the bottom, e- per half diagonal.
     pub gradient_e: [f32; 2],

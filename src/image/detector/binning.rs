@@ -18,26 +18,26 @@ use std::sync::Arc;
 /// Largest factor.
 pub const MOST: u32 = 8;
 
-/// Where pixels become one.
+/// Stage at which pixels become one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum BinningKind {
-    /// In the charge domain, on the chip.
+    /// The charge is summed on the chip.
     Charge {
         /// Charge that the summing node holds, e-.
         full_well_e: f64,
     },
-    /// Sums of digital numbers.
+    /// Digital numbers are summed.
     DigitalSum,
-    /// Means of digital numbers.
+    /// Digital numbers are averaged.
     DigitalMean,
 }
 
-/// How pixels become one.
+/// Binning of pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Binning {
     /// Pixels along each side, 2 to 8.
     pub factor: u32,
-    /// Where.
+    /// Stage at which they are summed.
     pub kind: BinningKind,
 }
 
@@ -52,7 +52,7 @@ impl Binning {
     }
 }
 
-/// How the numbers of the image that is put out are to be read.
+/// Scale of the numbers of the output image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Levels {
     /// Electrons, of all pixels that became one, per digital number.

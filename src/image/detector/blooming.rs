@@ -15,7 +15,7 @@ use crate::detector::Effect;
 use crate::detector::neighbours::{FrameAt, NeighbourStage};
 use base::image::Image;
 
-/// How charge above the full well is lost or spilled.
+/// Loss and spilling of charge above the full well.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Blooming {
     /// Share of the excess that the anti-blooming drain takes, 0 to 1; at 1 nothing spills.

@@ -22,7 +22,7 @@ pub const MOST_TERMS: usize = 32;
 /// Largest product of share and transfers for which [`MOST_TERMS`] are enough.
 pub const MOST_LEFT_BEHIND: f64 = 6.0;
 
-/// Where the amplifier is.
+/// Corner of the amplifier.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum OutputCorner {
     /// Rows go up, pixels left: trails go down and right.
@@ -39,16 +39,16 @@ pub enum OutputCorner {
 /// Shares left behind.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ChargeTransfer {
-    /// By one transfer from row to row.
+    /// Share left behind by one transfer from row to row.
     pub parallel_share: f64,
-    /// By one transfer along the output register.
+    /// Share left behind by one transfer along the output register.
     pub serial_share: f64,
-    /// Which way charge goes.
+    /// Corner to which charge goes.
     pub corner: OutputCorner,
 }
 
 impl ChargeTransfer {
-    /// Nothing is left behind.
+    /// Transfer without loss.
     pub const NONE: Self = Self { parallel_share: 0.0, serial_share: 0.0, corner: OutputCorner::TopLeft };
 
     /// Returns whether rows are counted from the last one.

@@ -21,13 +21,13 @@ pub const LEAST_RESPONSE: f64 = 0.01;
 /// The filters of a detector.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ColourFilter {
-    /// Where the colours are.
+    /// Pattern of the colours.
     pub pattern: BayerPattern,
-    /// Share of the electrons of a pixel without a filter, 0.01 to 1: of red pixels.
+    /// Share of the electrons of a pixel without a filter that red pixels get, 0.01 to 1.
     pub red: f64,
-    /// Of green pixels.
+    /// The same of green pixels.
     pub green: f64,
-    /// Of blue pixels.
+    /// The same of blue pixels.
     pub blue: f64,
 }
 

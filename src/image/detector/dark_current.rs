@@ -18,7 +18,7 @@ const ELECTRON_C: f64 = 1.602_176_634e-19;
 /// Doubling temperature where none is given, K.
 pub const DOUBLING_K: f64 = 7.0;
 
-/// How the dark current depends on temperature.
+/// Dependence of the dark current on temperature.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DarkLaw {
     /// Temperature at which the rate was given, degrees Celsius.

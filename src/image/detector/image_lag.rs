@@ -12,7 +12,7 @@ use crate::detector::Effect;
 use crate::detector::neighbours::{FrameAt, NeighbourStage};
 use base::image::Image;
 
-/// Which share stays.
+/// Share of the charge that stays.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ImageLag {
     /// Share of the charge that stays, 0 to less than 1.

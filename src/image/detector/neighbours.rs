@@ -12,7 +12,7 @@ use crate::detector::{DetectorParams, Effect, full_well};
 use base::image::Image;
 use core::fmt::Debug;
 
-/// Which frame the charge belongs to.
+/// The frame to which the charge belongs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrameAt {
     /// Number of the frame: random words are counted by it.

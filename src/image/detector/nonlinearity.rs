@@ -99,7 +99,7 @@ impl Nonlinearity {
 pub struct Pieces {
     /// Slope from zero.
     pub slope: f32,
-    /// Where the slope changes, e-; beyond all numbers where it does not.
+    /// Charge at which the slope changes, e-; beyond all numbers where it does not.
     pub thresholds_e: [f32; MOST_KNOTS - 1],
     /// By how much.
     pub steps: [f32; MOST_KNOTS - 1],

@@ -8,7 +8,7 @@ use crate::detector::window::{OutputGeometry, cut};
 use base::image::DnImage;
 use base::region::Regions;
 
-/// How the output is made.
+/// Geometry of the output image.
 #[derive(Debug, Clone)]
 pub struct Output {
     geometry: OutputGeometry,

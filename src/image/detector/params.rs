@@ -40,9 +40,9 @@ pub struct DetectorParams {
     pub line_pattern: LinePattern,
     /// Noise that a row shares.
     pub row_noise: RowNoise,
-    /// How the ADC makes a whole number.
+    /// Rounding of the ADC.
     pub rounding: Rounding,
-    /// How shot noise is drawn; a GPU knows [`PoissonMethod::Auto`] only.
+    /// Method of drawing shot noise; a GPU supports [`PoissonMethod::Auto`] only.
     pub poisson: PoissonMethod,
     /// Defects, protons, and what needs more than one pixel or one frame.
     pub spatial: SpatialParams,

@@ -26,7 +26,7 @@ pub struct Patterns {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("{what} map of {got} pixels for a detector of {wanted}: give a map of the detector's size")]
 pub struct PatternSizeError {
-    /// Which pattern.
+    /// Name of the pattern.
     pub what: &'static str,
     /// Pixels of the map.
     pub got: usize,
@@ -50,7 +50,7 @@ impl Patterns {
     /// Returns true if all given patterns have so many pixels.
     ///
     /// # Errors
-    /// With the first that has not.
+    /// The first pattern of another size.
     pub fn check(&self, pixels: usize) -> Result<(), PatternSizeError> {
         for (what, map) in [("PRNU", &self.prnu), ("DSNU", &self.dsnu_e), ("dark current", &self.dark_factor)] {
             if let Some(map) = map.as_ref().filter(|map| map.len() != pixels) {

@@ -32,7 +32,7 @@ const BLOCKS: u32 = 3;
 pub struct RowNoise {
     /// White part, e- rms.
     pub e_rms: f64,
-    /// Where the 1/f part equals the white part, cycles per row; 0: white alone.
+    /// Frequency at which the 1/f part equals the white part, cycles per row; 0: white alone.
     pub corner_cycles_per_row: f64,
 }
 

@@ -6,9 +6,9 @@
 /// used for both, as `seed` without `noise_seed` is in a bench.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Seeds {
-    /// Of fixed patterns (PRNU, DSNU, dark current, columns and rows) and of the places of random defects.
+    /// Seed of fixed patterns (PRNU, DSNU, dark current, columns and rows) and of the places of random defects.
     pub sensor: u64,
-    /// Of photon, dark, read and row noise, of telegraph signals and of protons.
+    /// Seed of photon, dark, read and row noise, of telegraph signals and of protons.
     pub noise: u64,
 }
 

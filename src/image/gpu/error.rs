@@ -45,7 +45,7 @@ pub enum GpuError {
     /// an image of one size met a pass made for another
     #[error("{what}: got an image of {got:?} px, wanted {wanted:?}")]
     Size {
-        /// Which pass.
+        /// Name of the pass.
         what: &'static str,
         /// Width and height given.
         got: [usize; 2],

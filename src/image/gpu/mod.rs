@@ -21,7 +21,7 @@ pub use error::GpuError;
 
 use base::image::Image;
 
-/// Where a mean electron image lives after a backend has rendered it.
+/// Memory in which a mean electron image is after a backend has rendered it.
 pub enum Electrons<'a> {
     /// On the host, single precision (CPU backend).
     Host(&'a Image<f32>),

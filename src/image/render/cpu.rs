@@ -126,7 +126,7 @@ struct Draw<'a> {
     /// Tables of the PSF itself; none where it is drawn analytically.
     bases: &'a [PsfTable],
     half_px: i32,
-    /// Of all tables of a plan.
+    /// Grid points per pixel of all tables of a plan.
     oversampling: usize,
     profile: Profile,
     /// 1 for lanes inside the footprint, else 0.
@@ -178,7 +178,7 @@ struct Splats {
     x: [f32; BLOCK],
     y: [f32; BLOCK],
     electrons: [f32; BLOCK],
-    /// As of [`Spot::kernel`](crate::render::bands::Spot).
+    /// Kernel of each star, as in [`Spot::kernel`](crate::render::bands::Spot).
     kernel: [u32; BLOCK],
 }
 

@@ -11,7 +11,7 @@ pub const ERF_P: [f32; 6] =
     [1.128_379_03, 0.191_942_573, 0.052_967_090_6, 0.003_836_935_53, 0.000_287_457_189, 2.050_355_29e-6];
 /// Denominator, ascending powers of x^2.
 pub const ERF_Q: [f32; 6] = [1.0, 0.503_436_454, 0.114_758_817, 0.015_109_322_1, 0.001_181_746_39, 3.823_041_09e-5];
-/// Where the argument is clamped.
+/// Limit at which the argument is clamped.
 pub const ERF_CLAMP: f32 = 3.9;
 
 /// Returns the error function; see the module for its error.

@@ -100,7 +100,7 @@ pub enum RenderError {
          samples or auto"
     )]
     KernelTooLong {
-        /// How far it leads, px.
+        /// Length of the path from its mean, px.
         extent_px: f64,
     },
     /// the kernels of a method take too much memory
@@ -137,7 +137,7 @@ pub enum RenderError {
     TooLarge {
         /// Part that is too large.
         what: &'static str,
-        /// How large it is.
+        /// Size of that part.
         got: usize,
         /// The limit.
         most: usize,

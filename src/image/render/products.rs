@@ -40,7 +40,7 @@ pub(super) struct Products {
     columns: Vec<f32>,
 }
 
-/// How a grid's points make the pixels of images.
+/// Relation of a grid's points to the pixels of images.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Phases {
     /// Grid points per pixel.

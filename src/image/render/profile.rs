@@ -9,7 +9,7 @@ use crate::render::erf::erf;
 use plan::exposure::PsfSampling;
 use plan::exposure::sampling::keys;
 
-/// How one axis is sampled.
+/// Sampling of one axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Profile {
     kind: Kind,

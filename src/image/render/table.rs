@@ -36,13 +36,13 @@ pub struct PsfTable {
     column: Vec<f32>,
 }
 
-/// How a table's images are kept.
+/// Storage form of a table's images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Form {
     /// By phase.
     #[default]
     Images,
-    /// As a sum of products where that is cheaper.
+    /// A sum of products where that is cheaper.
     Products,
 }
 

@@ -21,7 +21,7 @@ pub enum Line {
     Packet(CapturedPacket),
     /// A frame that has no form here: 29-bit identifier, remote frame, error frame.
     Skipped,
-    /// Nothing.
+    /// An empty line.
     Blank,
 }
 

@@ -30,12 +30,12 @@ pub enum CaptureError {
         patience.s()
     )]
     GivenUp {
-        /// Which file of the capture.
+        /// Name of the file of the capture.
         file: &'static str,
-        /// How long it was waited for.
+        /// Time that was waited.
         patience: Span,
     },
-    /// Nothing is in the file.
+    /// The file is empty.
     #[error("capture: got an empty file, wanted a candump log or pcapng")]
     Empty,
     /// The older format.
@@ -54,7 +54,7 @@ pub enum CaptureError {
     /// A pcapng block that is damaged.
     #[error("capture block at byte {offset}: {why}")]
     Block {
-        /// Where the block begins.
+        /// Place of the block's start.
         offset: u64,
         /// Fault of the block, with what was wanted and got.
         why: String,

@@ -46,12 +46,12 @@ pub enum CaptureFormat {
     Pcapng,
 }
 
-/// Which way a packet went, as the capturing side saw it.
+/// Direction of a packet, as the capturing side saw it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Direction {
-    /// It came.
+    /// The packet was received.
     Received,
-    /// It went.
+    /// The packet was sent.
     Sent,
 }
 
@@ -60,7 +60,7 @@ pub enum Direction {
 pub struct CapturedPacket {
     /// Receive stamp, or the instant at which it left.
     pub at: Tai,
-    /// Which way it went.
+    /// Direction of the packet.
     pub direction: Direction,
     /// Number of the interface it passed, from 0; the last number is used for all beyond it.
     pub interface: u8,

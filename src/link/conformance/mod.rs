@@ -32,7 +32,7 @@ pub const BURST: usize = 1000;
 pub struct Report {
     /// Name of the link.
     pub link: String,
-    /// How messages look on its wire.
+    /// Format of messages on its wire.
     pub format: WireFormat,
     /// Every check, in the order in which they were made.
     pub checks: Vec<Check>,

@@ -6,7 +6,7 @@ use crate::{Datagram, Link, LinkCounters, LinkError, Packet, SerialChunk, WireFo
 use base::time::{Span, Tai};
 use firmware_protocol::can::CanFrame;
 
-/// How far a stamp may lie before the sending: the kernel's stamps come over a paired reading of two clocks.
+/// Longest time by which a stamp may precede the sending: the kernel's stamps come over a paired reading of two clocks.
 const STAMP_UNCERTAINTY: Span = Span::from_ns(100_000);
 const STAMPED: usize = 100;
 const ECHOES: usize = 300;

@@ -4,7 +4,7 @@ use core::str::FromStr;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, ToSocketAddrs};
 use std::path::PathBuf;
 
-/// Where a gateway is found.
+/// Address of a gateway.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum GatewayAddress {
     /// A TCP address.

@@ -28,7 +28,7 @@ const KEEP_ALIVE_TRIES: u32 = 3;
 /// Time after which a connection is lost whose bytes are not acknowledged: as long as all questions take.
 const UNACKNOWLEDGED_MAX_MS: u32 = 25_000;
 
-/// How far one connection has got.
+/// Progress of one connection.
 #[derive(Debug)]
 pub(super) struct Admission {
     since: Tai,

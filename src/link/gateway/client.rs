@@ -28,7 +28,7 @@ use std::os::fd::{AsFd, OwnedFd};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::thread::JoinHandle;
 
-/// How often a thread that waits looks whether it is over.
+/// Interval at which a waiting thread checks for its end.
 pub(super) const LOOK_MS: u16 = 100;
 /// Between two tries to write to a client that has not read.
 const RETRY: Span = Span::from_ms(2);
@@ -121,7 +121,7 @@ pub(super) struct ClientParts {
     pub(super) patience: Span,
     /// Set when all gateways end.
     pub(super) ended: Arc<AtomicBool>,
-    /// Of a TCP connection.
+    /// Admission of a TCP connection.
     pub(super) admission: Option<Admission>,
 }
 

@@ -59,7 +59,7 @@ const LINE_IN_USE: &[u8] = b"\x07in use: one client at a time\r";
 /// Message to a fifth client of socketcand.
 const DAEMON_FULL: &[u8] = b"< error too many clients >";
 
-/// Which gateways are wanted.
+/// Gateways that are configured.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct GatewayParams {
     /// slcan over TCP here; port 0 takes a free one.

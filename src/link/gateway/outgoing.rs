@@ -7,14 +7,14 @@ use std::os::fd::OwnedFd;
 /// Bytes that wait for a client; more are dropped and counted.
 pub(super) const WAITING_MAX: usize = 64 * 1024;
 
-/// How a client takes what is written to it.
+/// State of a client's reading.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Flow {
     /// Everything is written.
     Clear,
     /// Something waits.
     Waiting,
-    /// Nothing was read for too long.
+    /// The client read nothing for too long.
     Stalled,
     /// The client is gone.
     Broken,

@@ -22,7 +22,7 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 
 const NAME: &str = "slcan on a PTY";
-/// Where the system puts PTYs.
+/// Folder in which the system puts PTYs.
 const DEVICES: &str = "/dev/pts";
 
 /// A PTY that is served, with a symbolic link to it.

@@ -51,16 +51,16 @@ pub(crate) fn opens_another_protocol(first: &[u8]) -> bool {
     METHODS.iter().any(is_method) || first.starts_with(&TLS)
 }
 
-/// Where in a line the screen is.
+/// Place of the screen in a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Place {
-    /// In the first word, after so many of its bytes.
+    /// The first word, after so many of its bytes.
     Word(usize),
     /// After the first word and a space.
     Target,
     /// After a space that follows the target: so many bytes of the version have come.
     Version(usize),
-    /// In a line that cannot become HTTP.
+    /// A line that cannot become HTTP.
     Ours,
 }
 

@@ -22,9 +22,9 @@ pub enum Encoding {
 /// Sense of the quaternion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum QuaternionSense {
-    /// As starloop and SPICE have it: a body turned by +a about x has x = -sin(a/2).
+    /// Sense of starloop and SPICE: a body turned by +a about x has x = -sin(a/2).
     Starloop,
-    /// As most others have it: a body turned by +a about x has x = +sin(a/2).
+    /// Sense of most other programs: a body turned by +a about x has x = +sin(a/2).
     Conjugate,
 }
 
@@ -33,7 +33,7 @@ pub enum QuaternionSense {
 pub enum TimeMeaning {
     /// The sender's clock since any epoch, Unix time or another; its offset and drift are estimated. 0: the arrival.
     Tag,
-    /// Nothing: values hold when their message arrives.
+    /// The time is ignored: values are valid when their message arrives.
     Arrival,
 }
 
@@ -49,7 +49,7 @@ pub enum LayoutError {
     /// A vector is there in part.
     #[error("the field \"{0}\" is missing beside its neighbours")]
     Torn(&'static str),
-    /// Nothing that a frame needs is in it.
+    /// The layout has no value that a frame needs.
     #[error("it has neither an attitude nor jitter nor an observer")]
     Empty,
     /// The time is missing.
@@ -60,7 +60,7 @@ pub enum LayoutError {
     TooLong,
 }
 
-/// Which numbers, in which order, form and units.
+/// The layout of a message: its numbers, their order, form and units.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlainLayout {
     /// The numbers in their order.

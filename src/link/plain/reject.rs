@@ -42,7 +42,7 @@ rejects! {
     Incomplete = "plain_incomplete",
 }
 
-/// How often messages were refused, by reason.
+/// Number of refused messages by reason.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct PlainRejectCounters {
     counts: [u32; PlainReject::ALL.len()],

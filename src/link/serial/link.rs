@@ -44,7 +44,7 @@ impl AsFd for Port {
     }
 }
 
-/// How a write ended.
+/// Outcome of a write.
 enum Written {
     Whole,
     /// Given up; true when a part of it is out.

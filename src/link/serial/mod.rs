@@ -40,7 +40,7 @@ const DELIMITER: u8 = 0;
 /// A lost port is looked for this often.
 pub const RETRY: Span = Span::from_ms(500);
 
-/// Which port, and how it is set. Always 8 data bits.
+/// A port and its settings. Always 8 data bits.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SerialParams {
     /// Device, such as `/dev/ttyUSB0` or, better, a name under `/dev/serial/by-id`.

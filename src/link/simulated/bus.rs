@@ -25,7 +25,7 @@ pub struct BusParams {
     pub queue_packets: usize,
 }
 
-/// How closely the controllers are modelled.
+/// Options of the model of the controllers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BusModel {
     /// Stuff bits of each frame.

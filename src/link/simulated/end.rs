@@ -13,19 +13,19 @@ const RECOVERY_SEQUENCES: i64 = 128;
 /// A packet that waits for the wire.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Queued {
-    /// How many were sent from this end before it.
+    /// Number of packets that this end sent before it.
     pub(super) number: u64,
-    /// When it was sent.
+    /// Time at which it was sent.
     pub(super) at: Tai,
     pub(super) packet: Packet,
     /// Its time on the wire, interframe space included.
     pub(super) duration: Span,
 }
 
-/// The way back from bus-off.
+/// Progress of a recovery from bus-off.
 #[derive(Debug, Clone, Copy)]
 struct Recovery {
-    /// Up to here the bus was watched; later than now while a fault holds the controller off.
+    /// Time up to which the bus was watched; later than now while a fault holds the controller off.
     watched: Tai,
     /// Sequences still to see.
     left: i64,
@@ -37,9 +37,9 @@ pub(super) struct End {
     pub(super) outbox: VecDeque<Queued>,
     pub(super) counters: LinkCounters,
     pub(super) errors: ErrorCounters,
-    /// Not before this does it start a frame: the pause of an error-passive controller.
+    /// Earliest start of its next frame: the pause of an error-passive controller.
     pub(super) not_before: Tai,
-    /// Its user is gone; what it queued still goes out.
+    /// Whether its user is gone; packets that it queued still go out.
     pub(super) has_left: bool,
     /// Next to look at in the outbox, for estimates.
     pub(super) cursor: usize,
@@ -197,7 +197,7 @@ impl End {
         }
     }
 
-    /// Another's frame went through.
+    /// Takes a frame that another end transmitted.
     pub(super) fn take(&mut self, packet: Stamped<Packet>, space: usize) {
         if self.is_off() || self.has_left {
             return;
@@ -211,7 +211,7 @@ impl End {
         self.inbox.insert(place, packet);
     }
 
-    /// Another's frame was destroyed.
+    /// Counts a destroyed frame of another end.
     pub(super) fn saw_error(&mut self) {
         if !self.is_off() && !self.has_left {
             self.counters.errors += 1;

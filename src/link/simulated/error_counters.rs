@@ -54,12 +54,12 @@ impl ErrorCounters {
         self.transmit = self.transmit.saturating_sub(1);
     }
 
-    /// Another's frame was destroyed.
+    /// Counts a destroyed frame of another controller.
     pub fn receive_failed(&mut self) {
         self.receive = (self.receive + 1).min(PASSIVE);
     }
 
-    /// Another's frame went through.
+    /// Counts a received frame of another controller.
     pub fn receive_succeeded(&mut self) {
         self.receive = if self.receive >= PASSIVE { BACK_FROM_PASSIVE } else { self.receive.saturating_sub(1) };
     }

@@ -6,13 +6,13 @@
 
 use firmware_protocol::can::CanFrame;
 
-/// Which stuff bits a frame is given.
+/// Stuff bits of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Stuffing {
-    /// As many as a frame of its length can have: what a budget is made with.
+    /// The most that a frame of its length can have, as for a budget.
     #[default]
     Worst,
-    /// Those that its bits ask for.
+    /// The exact number for its bits.
     Exact,
 }
 

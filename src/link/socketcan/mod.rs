@@ -34,7 +34,7 @@ pub use link::SocketCanLink;
 /// A lost interface is looked for this often.
 pub const RETRY: Span = Span::from_ms(200);
 
-/// Which interface, and what goes over it.
+/// Parameters of an interface.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SocketCanParams {
     /// Name of the interface, such as `can0`.

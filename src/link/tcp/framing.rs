@@ -2,7 +2,7 @@
 
 use crate::{DATAGRAM_MAX, Datagram};
 
-/// Where messages end.
+/// Rule for the end of messages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Framing {
     /// After so many bytes, 1 to [`DATAGRAM_MAX`].

@@ -33,12 +33,12 @@ pub enum TcpRole {
     Client(SocketAddr),
 }
 
-/// How the connection is made and divided.
+/// Parameters of the connection and of the messages on it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TcpParams {
     /// Side that connects.
     pub role: TcpRole,
-    /// Where messages end.
+    /// Rule for the end of messages.
     pub framing: Framing,
     /// Answers each message of 42.
     pub acknowledges: bool,

@@ -22,7 +22,7 @@ pub(super) struct Stream {
 pub(super) enum Got {
     /// So many bytes.
     Bytes(usize),
-    /// Nothing for now.
+    /// No bytes for now.
     Nothing,
     /// The connection is over.
     End,

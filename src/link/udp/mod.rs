@@ -23,7 +23,7 @@ pub use link::UdpLink;
 /// Decides whether bytes are a message.
 pub type IsMessage = Box<dyn Fn(&[u8]) -> bool + Send>;
 
-/// Where datagrams are received, and from whom.
+/// Address at which datagrams are received, and their sender.
 pub struct UdpParams {
     /// Address of this end.
     pub listen: SocketAddr,

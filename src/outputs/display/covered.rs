@@ -4,7 +4,7 @@
 //! sorted points). Within it the map is held by dots on all sides; beyond it, it is a guess. Limit: holes in the middle do
 //! not show. Tests below.
 
-/// How far a place may lie beyond the line of the outermost dots and still be on it, display px.
+/// Distance beyond the line of the outermost dots at which a place still counts as on it, display px.
 const ON_THE_LINE_PX: f64 = 1e-6;
 
 /// Corners of the covered area, in order.

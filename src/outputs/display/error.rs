@@ -14,7 +14,7 @@ pub enum DisplayError {
     /// The event loop's thread has ended, or does not answer.
     #[error("the display's event loop does not answer within {waited_s} s; is the X server stuck?")]
     NoAnswer {
-        /// How long it was waited for.
+        /// Time that was waited.
         waited_s: u64,
     },
     /// The monitor that was asked for is not there.
@@ -105,9 +105,9 @@ pub enum DisplayError {
          0.5 %; set timing.frame_rate_hz to the monitor's, or the monitor's mode to the frames'"
     )]
     RefreshRate {
-        /// Of the frames.
+        /// Rate of the frames.
         drawn_hz: String,
-        /// Of the monitor.
+        /// Rate of the monitor.
         monitor_hz: String,
     },
     /// Submit times cannot be written to their file.
@@ -130,7 +130,7 @@ pub enum DisplayError {
          write its file (group video)", directory.display()
     )]
     NoCard {
-        /// Where it was looked for.
+        /// Folder in which it was looked for.
         directory: PathBuf,
         /// Files that were found.
         found: String,
@@ -146,7 +146,7 @@ pub enum DisplayError {
         /// The system's reason.
         reason: String,
     },
-    /// Somebody else shows on the card.
+    /// Another program shows on the card.
     #[error(
         "{} lets this program set no mode: {reason}; another display server, or a display of this program, has the card: stop \
          the server (`systemctl isolate multi-user.target`) and start on a text console", card.display()
@@ -181,7 +181,7 @@ pub enum DisplayError {
         /// Reason given by the driver.
         reason: String,
     },
-    /// Somebody closed the window.
+    /// The window was closed.
     #[error("the display's window was closed ({0}); what is sent from now on is not shown")]
     Closed(Closing),
     /// The driver failed for good.
@@ -197,7 +197,7 @@ pub enum DisplayError {
     },
 }
 
-/// How a window came to be closed.
+/// Cause of a closed window.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Closing {
     /// The key.

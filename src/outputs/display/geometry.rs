@@ -35,7 +35,7 @@ pub struct GeometryParameters {
     pub drawn_from_sensor: [f64; 4],
     /// Focal lengths along columns and rows, display px.
     pub focal_px: [f64; 2],
-    /// Where the drawn axes' +Z falls, display px.
+    /// Display pixel of the drawn axes' +Z, px.
     pub principal_point_px: [f64; 2],
     /// Highest degree of the polynomial.
     pub degree: usize,

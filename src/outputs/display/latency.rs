@@ -23,11 +23,11 @@ pub const APART_S: f64 = 0.1;
 /// Largest share of flips without an edge.
 const MOST_MISSED: f64 = 0.1;
 
-/// Where a latency comes from.
+/// Source of a latency.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LatencySource {
-    /// Somebody said so.
+    /// A person stated it.
     Given,
     /// Measured on the marker patch.
     Measured,
@@ -37,7 +37,7 @@ pub enum LatencySource {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Latency {
-    /// Where it comes from.
+    /// Source of the latency.
     pub source: LatencySource,
     /// Median delay at the marker, ns.
     pub median_ns: i64,

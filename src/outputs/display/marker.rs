@@ -8,7 +8,7 @@ use crate::display::error::DisplayError;
 /// A corner of the frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Corner {
-    /// Where pixel (0, 0) is.
+    /// Corner of pixel (0, 0).
     #[default]
     TopLeft,
     /// The end of the first row.
@@ -24,7 +24,7 @@ pub enum Corner {
 pub struct Marker {
     /// Its side, px.
     pub size_px: u32,
-    /// Where it is.
+    /// Corner of the marker.
     pub corner: Corner,
 }
 

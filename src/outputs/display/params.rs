@@ -48,7 +48,7 @@ pub enum CardChoice {
 /// A display, as a bench describes it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Params {
-    /// Which monitor is filled.
+    /// Monitor that is filled.
     pub monitor: MonitorChoice,
     /// A window of this size (columns, rows) in place of a full screen.
     pub window_px: Option<[u32; 2]>,

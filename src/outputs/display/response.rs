@@ -64,7 +64,7 @@ pub enum ResponseError {
     Greys {
         /// Highest grey.
         highest: f64,
-        /// How many were given.
+        /// Number of entries.
         count: usize,
         /// Lowest given.
         first: f64,
@@ -84,12 +84,12 @@ pub enum ResponseError {
         /// Its luminance over that of full grey.
         share: f64,
     },
-    /// Not rising.
+    /// The luminance does not rise.
     #[error(
         "a display's response: wanted luminance that rises with grey, got {luminance} at grey {grey}; was the exposure changed, or the display's dynamic contrast left on?"
     )]
     NotRising {
-        /// Where.
+        /// Grey level.
         grey: f64,
         /// Luminance at that grey.
         luminance: f64,

@@ -25,7 +25,7 @@ pub(super) enum NoPicture {
     NoFrame,
     /// The encoder rests; to be asked again after this.
     NotYet(Span),
-    /// It cannot be encoded.
+    /// The picture cannot be encoded.
     Broken(std::io::Error),
 }
 

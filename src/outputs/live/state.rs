@@ -190,7 +190,7 @@ mod tests {
             sink.send(&frame).unwrap();
             let text = serde_json::to_string_pretty(&state_of(&mut board)["frame"]).unwrap() + "\n";
             compare_with_pinned(name, &text).unwrap();
-            assert!(differs_from_pinned(name, &text.replace("\"rung\"", "\"level\"")), "control: another key");
+            assert!(differs_from_pinned(name, &text.replace("\"origin\"", "\"source\"")), "control: another key");
         }
     }
 }

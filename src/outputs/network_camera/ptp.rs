@@ -162,7 +162,7 @@ impl PtpClient {
             let question = question(id, self.sequence);
             if let Some((socket, _)) = &self.socket {
                 // Without a daemon no answer comes, which shows in the state.
-                let _ = socket.send_to(&question, &self.path); // without a daemon there is no clock
+                let _ = socket.send_to(&question, &self.path); // a lost question shows as a missing answer
             }
         }
     }

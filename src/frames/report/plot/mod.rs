@@ -21,7 +21,7 @@ pub use front::pareto_front;
 pub(super) use marks::colour;
 pub use svg::to_svg;
 
-/// How values are spread along an axis.
+/// Spacing of values along an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Scale {
     /// Equal ratios, equal lengths; positive values only.
@@ -35,11 +35,11 @@ pub enum Scale {
 pub struct Axis {
     /// Quantity of the axis, with its unit.
     pub label: String,
-    /// How values are spread.
+    /// Spacing of the values.
     pub scale: Scale,
 }
 
-/// How a series is drawn.
+/// Style of a series.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Style {
     /// One mark per point.
@@ -57,7 +57,7 @@ pub enum Style {
 pub struct Series {
     /// Name in the legend.
     pub name: String,
-    /// How it is drawn.
+    /// Style of the series.
     pub style: Style,
     /// Series of one group share colour and shape (a method's error, and its bound).
     pub group: usize,

@@ -17,7 +17,7 @@ pub struct Row {
     pub value: for<'a> fn(&FactSource<'a>) -> Fact<'a>,
     /// Cards of FITS files, one per element, or several of a fact of one element.
     pub fits: &'static [Card],
-    /// Where in the header they are.
+    /// Part of the header that has them.
     pub part: Part,
     /// Columns of `frames.csv`, one per element, or several of a fact of one element.
     pub csv: &'static [Column],
@@ -50,7 +50,7 @@ pub struct Key(pub &'static str, pub Form);
 #[derive(Debug, Clone, Copy)]
 pub struct Place(pub usize, pub Stored, pub Form);
 
-/// How an element is stored in a slot's head; a number that is too large becomes the largest one.
+/// Storage of an element in a slot's head; a number that is too large becomes the largest one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stored {
     /// 4 bytes.
@@ -88,11 +88,11 @@ impl Stored {
 /// A feature of the chunk data. Its place counts features from 0, without gaps: a new one takes the next number.
 #[derive(Debug, Clone, Copy)]
 pub struct Feature {
-    /// Which one it is of all features.
+    /// Number among all features.
     pub place: usize,
     /// Name for clients.
     pub name: &'static str,
-    /// How it is stored.
+    /// Storage form.
     pub kind: FeatureKind,
     /// Form of the value.
     pub form: Form,
@@ -102,7 +102,7 @@ pub struct Feature {
     pub about: &'static str,
 }
 
-/// How a feature is stored.
+/// Storage form of a feature.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FeatureKind {
     /// Whole number, signed, 8 bytes.
@@ -118,15 +118,15 @@ pub enum FeatureKind {
 /// Part of a FITS header, in the order of the header.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Part {
-    /// Which camera.
+    /// Identity of the camera.
     Camera,
-    /// Which frame.
+    /// Identity of the frame.
     Frame,
     /// Times.
     Time,
     /// Attitude and motion.
     Attitude,
-    /// How the frame came about.
+    /// Making of the frame.
     Making,
     /// Pixels and focal length; the map to the sky comes after it.
     Optics,

@@ -14,7 +14,7 @@ const UNIX_EPOCH_MJD: f64 = 40_587.0;
 /// Sources from which facts are read.
 #[derive(Debug, Clone, Copy)]
 pub struct FactSource<'a> {
-    /// How the frame came about.
+    /// Metadata of the frame.
     pub meta: &'a FrameMeta,
     /// The frame itself; `None` where only its metadata is known.
     pub frame: Option<&'a SentFrame>,
@@ -47,7 +47,7 @@ pub enum Fact<'a> {
     U32(u32),
     /// A large number.
     U64(u64),
-    /// How many.
+    /// A number of objects.
     Count(usize),
     /// A real number.
     Real(f64),
@@ -78,7 +78,7 @@ pub enum Kind {
     U32,
     /// 64 bits.
     U64,
-    /// How many.
+    /// A number of objects.
     Count,
     /// Double precision.
     Real,
@@ -144,10 +144,10 @@ impl Kind {
     }
 }
 
-/// How an output writes a fact.
+/// Form in which an output writes a fact.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Form {
-    /// As it is: times as UTC text, spans in seconds, sets of faults and lists of faults as text.
+    /// The value unchanged: times as UTC text, spans in seconds, sets of faults and lists of faults as text.
     Plain,
     /// The number itself; left out when it is not finite.
     Finite,
@@ -163,7 +163,7 @@ pub enum Form {
     Bits,
     /// A set of faults as a list of names, where the output has lists; else as text.
     Names,
-    /// How many faults or regions there are.
+    /// The number of faults or regions.
     Number,
     /// Eight hexadecimal digits.
     Hex,
@@ -172,7 +172,7 @@ pub enum Form {
 /// One element of a fact as an output writes it.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Scalar<'a> {
-    /// Nothing is written.
+    /// No value is written.
     Absent,
     /// Yes or no.
     Flag(bool),

@@ -23,7 +23,7 @@ use crate::detector::outliers::{Outlier, fold_equal, with_space};
 use base::image::DnImage;
 use telegraph::Telegraph;
 
-/// Where a defect is.
+/// Place of a defect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DefectPlace {
     /// One pixel: column and row.
@@ -51,12 +51,12 @@ pub enum DefectKind {
     Rts {
         /// Mean electrons per second more at the high level.
         extra_e_per_s: f64,
-        /// How often it switches.
+        /// Switching rates.
         rates: Rates,
     },
     /// Always the same digital number.
     Stuck {
-        /// Which.
+        /// The digital number.
         dn: u16,
     },
 }
@@ -64,7 +64,7 @@ pub enum DefectKind {
 /// One defect.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Defect {
-    /// Where.
+    /// Place of the defect.
     pub place: DefectPlace,
     /// Kind of the defect.
     pub kind: DefectKind,
@@ -74,13 +74,13 @@ pub struct Defect {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DefectId(u32);
 
-/// Why a defect was not taken.
+/// Reason why a defect was refused.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum DefectError {
     /// The place is not on the detector.
     #[error("defect at {place:?}: the detector has {size_px:?} px; give a place on it")]
     Outside {
-        /// Where it was to be.
+        /// Place that was given.
         place: DefectPlace,
         /// Columns and rows.
         size_px: [u32; 2],
@@ -95,10 +95,10 @@ pub enum DefectError {
         /// Capacity of the list, pixels.
         most_px: usize,
     },
-    /// A value means nothing.
+    /// A value is invalid.
     #[error("defect {what}: got {got}, wanted {wanted}")]
     Value {
-        /// Which value.
+        /// Name of the value.
         what: &'static str,
         /// Value that was given.
         got: f64,

@@ -23,7 +23,7 @@ pub struct Rates {
 /// One signal as it goes on.
 #[derive(Debug, Clone, Copy)]
 pub struct Telegraph {
-    /// Which stream of random numbers is its own.
+    /// Number of its stream of random numbers.
     stream: u32,
     /// Share of time spent high.
     high_share: f64,

@@ -70,7 +70,7 @@ struct FrameUniform {
 enum Passes {
     /// All stages in one.
     One(ImagePass),
-    /// With a charge image between them.
+    /// Passes with a charge image between them.
     Apart { charge: ImagePass, charge_e: GrowableBuffer, neighbours: Neighbours, readout: ImagePass },
 }
 

@@ -17,7 +17,7 @@ pub struct Law {
     pub cumulative: Vec<f64>,
 }
 
-/// How far a law is from Poisson's.
+/// Differences of a law from Poisson's.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Departure {
     /// Largest difference of the distribution functions (Kolmogorov).

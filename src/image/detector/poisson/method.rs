@@ -14,7 +14,7 @@ const MOST_MEAN: f64 = 1e6;
 /// Mean from which `auto` takes Cornish-Fisher.
 const LIMIT: f64 = inversion::INVERSION_LIMIT as f64;
 
-/// How counted electrons are drawn from their mean.
+/// Method of drawing counted electrons from their mean.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum PoissonMethod {
     /// Inversion below 20 electrons, Cornish-Fisher above.

@@ -33,7 +33,7 @@ pub const GROUP: usize = 32;
 /// Largest mean that the methods by name draw.
 const MOST_MEAN: f32 = 1e6;
 
-/// Where a block lies: what a method's further random words are counted by.
+/// Place of a block: a method's further random words are counted by it.
 #[derive(Debug, Clone, Copy)]
 pub struct BlockPlace {
     /// First pixel of the block.

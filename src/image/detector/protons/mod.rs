@@ -34,7 +34,7 @@ const Z_OVER_A: f64 = 14.0 / 28.085;
 /// Cosines are not smaller: at the smallest one a track in 10 um is a centimetre long.
 const LEAST_COSINE: f64 = 1e-3;
 
-/// Where protons come from.
+/// Directions of protons.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ProtonDirection {
     /// Everywhere alike.
@@ -79,7 +79,7 @@ impl SensitiveLayer {
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error("proton flux {what}: got {got}, wanted {wanted}")]
 pub struct ProtonFluxError {
-    /// Which value.
+    /// Name of the value.
     what: &'static str,
     /// Value that was given.
     got: f64,
@@ -91,7 +91,7 @@ impl ProtonFlux {
     /// Returns the flux itself when it means something.
     ///
     /// # Errors
-    /// With the first value that does not.
+    /// The first value that is invalid.
     pub fn checked(self) -> Result<Self, ProtonFluxError> {
         let error = |what, got, wanted| Err(ProtonFluxError { what, got, wanted });
         if !(0.0..=1e9).contains(&self.per_cm2_s) {

@@ -12,9 +12,9 @@ const STEP_PX: f64 = 0.25;
 /// A track.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ProtonTrack {
-    /// Where it enters, px.
+    /// Place where it enters, px.
     pub start_px: [f64; 2],
-    /// Where it leaves the layer or the image, px.
+    /// Place where it leaves the layer or the image, px.
     pub end_px: [f64; 2],
     /// Electrons between the two.
     pub electrons: f64,

@@ -20,15 +20,15 @@ const ORDER_MAGIC: u32 = 0x1A2B_3C4D;
 
 const OPTION_END: u16 = 0;
 const OPTION_COMMENT: u16 = 1;
-/// Of an interface: its name.
+/// Option of an interface: its name.
 const OPTION_NAME: u16 = 2;
-/// Of an enhanced packet: direction and more.
+/// Option of an enhanced packet: direction and more.
 const OPTION_FLAGS: u16 = 2;
-/// Of an interface: units of its stamps.
+/// Option of an interface: units of its stamps.
 const OPTION_RESOLUTION: u16 = 9;
-/// Of an interface: seconds to add to its stamps.
+/// Option of an interface: seconds to add to its stamps.
 const OPTION_OFFSET: u16 = 14;
-/// Of a section: the program that wrote it.
+/// Option of a section: the program that wrote it.
 const OPTION_PROGRAM: u16 = 4;
 
 /// LINKTYPE_CAN_SOCKETCAN.

@@ -23,7 +23,7 @@ pub(in crate::capture) struct PcapngReader<R> {
     source: R,
     /// Bytes taken from the source.
     offset: u64,
-    /// Where the block at hand begins.
+    /// Place of the present block's start.
     begin: u64,
     is_big_endian: bool,
     interfaces: Vec<Interface>,
@@ -38,7 +38,7 @@ struct Interface {
     link_type: u16,
     resolution: u8,
     offset_s: i64,
-    /// As packets have it: the one in a name of ours, else its place in the section.
+    /// Number for packets: the one in a name that this program wrote, else the place in the section.
     number: u8,
 }
 

@@ -28,7 +28,7 @@ const WARNING_LIMIT: u16 = 96;
 /// Settings of the client.
 pub(in super::super) struct Channel {
     parser: Parser,
-    /// Of the bus: arbitration and data.
+    /// Bit rates of the bus: arbitration and data.
     rates_bps: (u32, u32),
     is_silent: bool,
     may_send: bool,

@@ -100,14 +100,14 @@ impl SocketcandReject {
     }
 }
 
-/// Where in the stream the parser is.
+/// Place of the parser in the stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Place {
     Between,
     /// Between elements, among bytes that were refused.
     InGarbage,
     Inside,
-    /// In an element that is too long.
+    /// Inside an element that is too long.
     Skipping,
 }
 

@@ -14,7 +14,7 @@ use std::io::Write;
 /// After `< ok >` to raw mode, no frame for so long: clients read the answer and expect nothing behind it.
 const QUIET_AFTER_OK: Span = Span::from_ms(20);
 
-/// How far a client has got.
+/// Progress of a client.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Step {
     Greeted,

@@ -24,7 +24,7 @@ pub struct FaultyLink {
     clock: Arc<dyn Clock>,
     control: FaultControl,
     dice: StdRng,
-    /// How babble looks.
+    /// Form of babble.
     format: WireFormat,
     /// Faults that lose a share of what is sent.
     sent_faults: Option<FaultControl>,

@@ -26,12 +26,12 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 pub enum LinkFault {
     /// A share of the packets is lost.
     Loss {
-        /// 0 to 1.
+        /// Share of the packets, 0 to 1.
         share: f64,
     },
-    /// Nothing arrives.
+    /// All packets are lost.
     Silence,
-    /// Everything arrives later.
+    /// All packets arrive later.
     Delay {
         /// Constant part.
         by: Span,
@@ -40,31 +40,31 @@ pub enum LinkFault {
     },
     /// A share of the packets arrives twice.
     Duplicate {
-        /// 0 to 1.
+        /// Share of the packets, 0 to 1.
         share: f64,
     },
     /// One bit is wrong in a share of the packets.
     WrongBits {
-        /// 0 to 1.
+        /// Share of the packets, 0 to 1.
         share: f64,
     },
     /// A share of the packets is held back, so that later ones overtake them; they arrive, and are stamped, later.
     Reorder {
-        /// 0 to 1.
+        /// Share of the packets, 0 to 1.
         share: f64,
-        /// How long they are held back.
+        /// Time for which they are held back.
         by: Span,
     },
     /// A share of the packets loses its tail: fewer data bytes on CAN, the end of a chunk on serial.
     Truncate {
-        /// 0 to 1.
+        /// Share of the packets, 0 to 1.
         share: f64,
     },
-    /// Somebody talks nonsense: a packet of random content every period.
+    /// A foreign sender transmits a packet of random content every period.
     Babble {
         /// CAN identifier, 11 bits; of no use on serial.
         id: u16,
-        /// From one to the next, above zero.
+        /// Time from one packet to the next, above zero.
         period: Span,
         /// Bytes of content, cut to what the wire carries in one packet.
         bytes: u8,
@@ -79,16 +79,16 @@ pub enum LinkFault {
         /// Parts per million; above zero: fast.
         ppm: f64,
     },
-    /// The controller is off the bus: nothing arrives, and what is sent is lost.
+    /// The controller is off the bus: nothing arrives, and sent packets are lost.
     Off,
 }
 
 /// Effect of a fault on the times at which packets arrive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Arrival {
-    /// Nothing.
+    /// The times are unchanged.
     AsSent,
-    /// They are late by up to this.
+    /// Packets are late by up to this.
     Late(Span),
     /// The clock that stamps them is off by up to this.
     Misstamped(Span),

@@ -21,7 +21,7 @@ pub enum CalibrationError {
     /// A file that cannot be read.
     #[error("{path}: {reason}")]
     File {
-        /// Which.
+        /// Path of the file.
         path: PathBuf,
         /// Fault that was found.
         reason: String,
@@ -31,7 +31,7 @@ pub enum CalibrationError {
         "{path}, line {line}: {reason}; wanted the columns pattern,x_px,y_px,flux,luminance,dot,saturated (pattern and what was measured of it; the others may be missing or empty)"
     )]
     Row {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
         /// Line, the header being 1.
         line: u64,
@@ -100,40 +100,40 @@ pub enum CalibrationError {
         "{path}: damaged or edited: wanted the check sum {wanted} of its content, got {got}; calibrate again, or fetch the original"
     )]
     Damaged {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
-        /// Of the content.
+        /// Check sum of the content.
         wanted: String,
-        /// As written in the file.
+        /// Check sum as written in the file.
         got: String,
     },
-    /// Of something else.
+    /// The calibration is of another display or tracker.
     #[error(
         "calibration measured {measured_utc}: it is of another {what}: wanted {wanted}, got {got}; name the file that belongs to it, or calibrate this one"
     )]
     Mismatch {
-        /// When it was measured.
+        /// Time of the measurement.
         measured_utc: String,
-        /// In what it differs.
+        /// Name of the difference.
         what: &'static str,
         /// Identity of the display or tracker in use.
         wanted: String,
         /// Identity in the calibration.
         got: String,
     },
-    /// Too old, or from the future.
+    /// The calibration is too old, or from the future.
     #[error(
         "calibration measured {measured_utc}: wanted an age of 0 to {valid_days} days, got {age_days:.1}; calibrate again, or set this machine's clock"
     )]
     Stale {
-        /// When it was measured.
+        /// Time of the measurement.
         measured_utc: String,
-        /// How long it is valid.
+        /// Time for which it is valid, days.
         valid_days: u32,
-        /// How old it is.
+        /// Age, days.
         age_days: f64,
     },
-    /// It could not be written.
+    /// The file could not be written.
     #[error(transparent)]
     Write(#[from] SinkError),
 }

@@ -43,7 +43,7 @@ pub struct Light {
     pub brightest_mag: f64,
 }
 
-/// How well it fits.
+/// Quality of the fit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Residuals {
@@ -51,7 +51,7 @@ pub struct Residuals {
     pub dots_used: usize,
     /// Dots that were left out: off, without a number, or saturated.
     pub dots_left_out: usize,
-    /// Those of them that were saturated.
+    /// Number of them that were saturated.
     pub dots_saturated: usize,
     /// Share of what the tracker sees of the display that lies within the outermost dots.
     pub coverage: f64,
@@ -182,7 +182,7 @@ impl Calibration {
     /// Refuses it for another display, another tracker, or another time. `tracker` `None`: not asked.
     ///
     /// # Errors
-    /// With the first thing that does not match.
+    /// The first part that does not match.
     pub fn admit(
         &self,
         display: &DisplayIdentity,
@@ -199,7 +199,7 @@ impl Calibration {
     /// Refuses it for a plan other than the one that was measured.
     ///
     /// # Errors
-    /// With both sums.
+    /// Both sums.
     pub fn admit_plan(&self, plan: &Plan) -> Result<(), CalibrationError> {
         let (wanted, got) = (plan.crc32(), self.plan_crc32.clone());
         if wanted == got {

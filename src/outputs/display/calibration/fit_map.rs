@@ -48,9 +48,9 @@ const MOST_TILT_COS: f64 = 0.7;
 pub struct SeenDot {
     /// Its number in the plan.
     pub number: usize,
-    /// Where the tracker sees it: sensor axes, any length.
+    /// Direction in which the tracker sees it: sensor axes, any length.
     pub v_sensor: DVec3,
-    /// Where the display shows it.
+    /// Place at which the display shows it.
     pub display_px: [f64; 2],
 }
 

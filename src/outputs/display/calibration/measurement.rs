@@ -19,7 +19,7 @@ const MOST_ROWS: usize = 1_000_000;
 pub struct Sight {
     /// The pattern shown.
     pub pattern: Pattern,
-    /// Where, tracker px.
+    /// Place, tracker px.
     pub tracker_px: Option<[f64; 2]>,
     /// Light of a dot above its surroundings, electrons per second.
     pub flux: Option<f64>,
@@ -46,7 +46,7 @@ struct Row {
 /// Reads a table.
 ///
 /// # Errors
-/// With the line that is none, and why.
+/// The line that is not a measurement, and the reason.
 pub fn read_csv(input: impl Read, path: &Path) -> Result<Vec<Sight>, CalibrationError> {
     let refuse = |line: u64, reason: String| CalibrationError::Row { path: path.into(), line, reason };
     let mut sights = Vec::new();

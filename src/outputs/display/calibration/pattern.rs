@@ -17,7 +17,7 @@ const RAMP_POWER: f64 = 1.7;
 /// Bits of a grey that a window can show.
 const BITS: [u32; 2] = [8, 10];
 
-/// Where the dots are.
+/// Places of the dots.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Grid {
@@ -34,7 +34,7 @@ pub struct Grid {
 /// One image to be shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Pattern {
-    /// Nothing: the display off, or the lens covered.
+    /// A black image: the display off, or the lens covered.
     Dark,
     /// One grey everywhere.
     Level(u16),

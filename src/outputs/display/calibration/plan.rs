@@ -124,7 +124,7 @@ impl Plan {
     /// Reads and checks a plan.
     ///
     /// # Errors
-    /// With what is wrong with the file.
+    /// The fault of the file.
     pub fn read(path: &Path) -> Result<Self, CalibrationError> {
         let refuse = |reason: String| CalibrationError::File { path: path.into(), reason };
         let text = std::fs::read_to_string(path).map_err(|error| refuse(error.to_string()))?;

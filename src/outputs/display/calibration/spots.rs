@@ -28,7 +28,7 @@ const BEYOND_PX: f64 = 3.0;
 /// Width of the ring, px.
 const RING_PX: f64 = 3.0;
 const ROUNDS: usize = 3;
-/// Of a full well: above it a pixel counts as full, as read noise lies about it.
+/// Share of a full well above which a pixel counts as full, because read noise scatters full pixels around it.
 const FULL_WELL_SHARE: f64 = 0.98;
 /// Blocks along a side.
 pub const BLOCKS: usize = 8;

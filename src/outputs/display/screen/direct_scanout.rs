@@ -29,7 +29,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Weak};
 use std::time::Duration;
 
-/// Where the kernel puts its cards.
+/// Folder in which the kernel puts its cards.
 const CARDS: &str = "/dev/dri";
 /// Between looks at the plug.
 const WATCH: Duration = Duration::from_millis(500);

@@ -9,7 +9,7 @@ pub(super) enum Turn {
     Ready,
     /// The image is available, but the surface was configured again.
     Reconfigured,
-    /// Nothing can be shown now; ask again.
+    /// No image can be shown now; ask again.
     NotNow,
     /// The surface was lost; it has been made again, or will be.
     Lost,

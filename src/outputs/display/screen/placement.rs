@@ -31,11 +31,11 @@ impl core::fmt::Display for Area {
 /// Result of one look at the window.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Verdict {
-    /// It may still get there.
+    /// The window may still reach its place.
     Waiting,
-    /// It is there to stay.
+    /// The window is in its place to stay.
     Settled,
-    /// It does not get there.
+    /// The window does not reach its place.
     Refused,
 }
 

@@ -33,13 +33,13 @@ const WATCH: Span = Span::from_ms(500);
 /// A window that is wanted.
 #[derive(Debug, Clone)]
 pub(super) struct Order {
-    /// Which monitor.
+    /// Monitor of the window.
     pub(super) monitor: MonitorChoice,
     /// A plain window of this size instead of a full screen.
     pub(super) window_px: Option<[u32; 2]>,
     /// Columns and rows of what will be shown.
     pub(super) image_px: [u32; 2],
-    /// Where its events go.
+    /// Receiver of its events.
     pub(super) state: Arc<State>,
 }
 
