@@ -15,26 +15,26 @@ const TABLE: [u16; 256] = table();
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Crc16(u16);
 
-/// CRC of one run of bytes.
+/// Returns the CRC of one run of bytes.
 #[must_use]
 pub fn crc16(bytes: &[u8]) -> u16 {
     Crc16::new().over(bytes).value()
 }
 
 impl Crc16 {
-    /// Before the first byte.
+    /// Returns the state before the first byte.
     #[must_use]
     pub const fn new() -> Self {
         Self(START)
     }
 
-    /// Under way, from the value so far.
+    /// Returns the state after a run with this CRC.
     #[must_use]
     pub const fn from_value(value: u16) -> Self {
         Self(value)
     }
 
-    /// After further bytes.
+    /// Returns the state after further bytes.
     #[must_use]
     pub fn over(self, bytes: &[u8]) -> Self {
         Self(bytes.iter().fold(self.0, |crc, byte| {
@@ -57,7 +57,7 @@ impl Default for Crc16 {
     }
 }
 
-/// CRC-32/ISO-HDLC, bit by bit, at compile time: of the DBC file.
+/// Returns the CRC-32/ISO-HDLC of the DBC file, bit by bit, at compile time.
 #[allow(clippy::indexing_slicing, reason = "evaluated at compile time, where an index out of bounds is an error")]
 pub(crate) const fn crc32(bytes: &[u8]) -> u32 {
     let mut crc = u32::MAX;

@@ -86,7 +86,7 @@ impl<F: FnOnce(Trigger) -> Result<Triggered, Refusal>> Takes for ByFiring<F> {
 }
 
 impl Handshake {
-    /// Before the first HELLO; [`crate::DBC_CRC32`] is this crate's own file.
+    /// Returns the state before the first HELLO; [`crate::DBC_CRC32`] is this crate's own file.
     #[must_use]
     pub const fn new(dbc_crc32: u32, rates: Rates) -> Self {
         Self { dbc_crc32, rates, capabilities: 0, agreed: false, peer_minor: 0, running: false, last: None }

@@ -163,7 +163,7 @@ impl<const COLUMNS: usize, const ROWS: usize> Sheet<COLUMNS, ROWS> {
         self.effective.get(..self.rows).unwrap_or(&[])
     }
 
-    /// The first `rows` rows become effective, if all their cells are there, match the CRC, and are `legal`.
+    /// Makes the first `rows` rows effective, if all their cells are there, match the CRC, and are `legal`.
     fn apply(&mut self, rows: u8, crc: u16, legal: fn(&[[f32; COLUMNS]]) -> bool) -> Result<(), Refusal> {
         if rows == 0 {
             *self = Self::EMPTY;
@@ -291,7 +291,7 @@ fn is_line(&[frequency_hz, x, y, z, phase_rad]: &[f32; 5]) -> bool {
         && are_within(&[phase_rad], PHASE_MAX_RAD)
 }
 
-/// A single breakpoint spans nothing.
+/// Returns whether these are legal breakpoints: at least two, with rising frequencies.
 fn is_psd(rows: &[[f32; 4]]) -> bool {
     let rises = rows.iter().zip(rows.iter().skip(1)).all(|([low, ..], [high, ..])| low < high);
     let is_point = |&[frequency_hz, x, y, z]: &[f32; 4]| {

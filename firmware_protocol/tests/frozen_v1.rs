@@ -28,7 +28,7 @@ fn frames(message: Message, format: Format) -> Vec<CanFrame> {
     can::encode(&message, format, &ids()).unwrap().iter().copied().collect()
 }
 
-/// The message is these frames, and these frames are the message.
+/// Asserts that the message is sent as these frames, and read from them.
 fn frozen(message: Message, format: Format, wanted: &[(u16, &str)]) {
     let sent = frames(message, format);
     assert_eq!(sent.len(), wanted.len(), "{message:?}");

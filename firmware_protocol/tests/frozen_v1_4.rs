@@ -21,7 +21,7 @@ fn ids() -> IdMap {
     IdMap::new(0, 3).unwrap()
 }
 
-/// The message is this frame, and this frame is the message.
+/// Asserts that the message is sent as this frame, and read from it.
 fn frozen(message: Message, id: u16, bytes: [u8; 8]) {
     for format in [Format::Classic, Format::Fd] {
         let frames = can::encode(&message, format, &ids()).unwrap();

@@ -61,7 +61,7 @@ impl<To, From> Rotation<To, From> {
     /// No rotation.
     pub const IDENTITY: Self = Self { q: DQuat::IDENTITY, axes: PhantomData };
 
-    /// From scalar-first components; normalised here. `None` when not finite or the norm is further than
+    /// Makes a rotation of scalar-first components; normalised here. `None` when not finite or the norm is further than
     /// `norm_tolerance` from 1.
     #[must_use]
     pub fn from_wxyz(wxyz: [f64; 4], norm_tolerance: f64) -> Option<Self> {
@@ -71,7 +71,8 @@ impl<To, From> Rotation<To, From> {
         (norm.is_finite() && (norm - 1.0).abs() <= norm_tolerance).then(|| Self::from_quat(q))
     }
 
-    /// From a unit quaternion whose bits are kept; `None` when its norm differs from 1 by more than `norm_tolerance`.
+    /// Makes a rotation of a unit quaternion whose bits are kept; `None` when its norm differs from 1 by more than
+    /// `norm_tolerance`.
     #[must_use]
     pub fn from_unit_wxyz(wxyz: [f64; 4], norm_tolerance: f64) -> Option<Self> {
         let [w, x, y, z] = wxyz;
@@ -79,13 +80,13 @@ impl<To, From> Rotation<To, From> {
         ((q.length() - 1.0).abs() <= norm_tolerance).then_some(Self { q, axes: PhantomData })
     }
 
-    /// From a quaternion of any non-zero norm.
+    /// Makes a rotation of a quaternion of any non-zero norm.
     #[must_use]
     pub fn from_quat(q: DQuat) -> Self {
         Self { q: q.normalize(), axes: PhantomData }
     }
 
-    /// From the three `To` axes written in `From` (the rows of the direction-cosine matrix).
+    /// Makes a rotation of the three `To` axes written in `From` (the rows of the direction-cosine matrix).
     #[must_use]
     pub fn from_axes(x: DVec3, y: DVec3, z: DVec3) -> Self {
         Self::from_quat(DQuat::from_mat3(&DMat3::from_cols(x, y, z).transpose()))
@@ -97,7 +98,7 @@ impl<To, From> Rotation<To, From> {
         Self { q: DQuat::from_scaled_axis(-v_rad), axes: PhantomData }
     }
 
-    /// Scalar-first components with `w >= 0`.
+    /// Returns the scalar-first components with `w >= 0`.
     #[must_use]
     pub fn wxyz(&self) -> [f64; 4] {
         let s = if self.q.w < 0.0 { -1.0 } else { 1.0 };

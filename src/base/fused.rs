@@ -11,7 +11,7 @@ pub fn whole_bits(whole: f32) -> u32 {
     (whole + INTEGER_MAGIC).to_bits()
 }
 
-/// `a * b + c`: rounded once when `FUSED`, else twice. Vector code picks `FUSED` from the processor at run time;
+/// Returns `a * b + c`, rounded once when `FUSED`, else twice. Vector code picks `FUSED` from the processor at run time;
 /// emulated fusing would be fifty times slower.
 #[inline(always)]
 #[must_use]

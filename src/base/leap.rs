@@ -39,13 +39,13 @@ const TABLE: [(i64, i64); 28] = [
     (1_483_228_800, 37), // 2017-01-01
 ];
 
-/// TAI - UTC, s, of a count of TAI nanoseconds. A leap second still has the old number.
+/// Returns TAI - UTC, s, of a count of TAI nanoseconds. A leap second still has the old number.
 pub(super) fn tai_less_utc_s(tai_ns: i64) -> i64 {
     let has_begun = |(unix_s, after): &(i64, i64)| tai_ns >= (unix_s + after) * NS_PER_S;
     TABLE.iter().rev().find(|row| has_begun(row)).map_or(0, |row| row.1)
 }
 
-/// TAI - UTC, s, of a Unix time in whole seconds; that after the leap second where it counts twice.
+/// Returns TAI - UTC, s, of a Unix time in whole seconds; that after the leap second where it counts twice.
 pub(super) fn tai_less_utc_of_unix_s(unix_s: i64) -> i64 {
     TABLE.iter().rev().find(|row| unix_s >= row.0).map_or(0, |row| row.1)
 }

@@ -214,7 +214,7 @@ impl Iterator for Runs {
 }
 
 impl core::fmt::Display for Region {
-    /// `left,top,width,height`.
+    /// Writes `left,top,width,height`.
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         write!(f, "{},{},{},{}", self.left_px, self.top_px, self.width_px, self.height_px)
     }
@@ -258,7 +258,7 @@ mod tests {
         Regions::of(&of.iter().map(region).collect::<Vec<_>>()).unwrap()
     }
 
-    /// Pixel by pixel.
+    /// Returns whether a pixel is in one of the regions, tested pixel by pixel.
     fn is_in(of: &[[u32; 4]], x: usize, y: usize) -> bool {
         let within = |at: usize, first: u32, count: u32| (first as usize..(first + count) as usize).contains(&at);
         of.is_empty()

@@ -39,29 +39,30 @@ pub struct Span {
 
 /// Text that is not an RFC 3339 instant.
 #[derive(Debug, thiserror::Error)]
-#[error("not a time: got \"{got}\", wanted RFC 3339 such as 2026-03-01T12:00:00Z ({why})")]
+#[error("not a time: got \"{got}\", wanted RFC 3339 such as 2026-03-01T12:00:00Z{why}")]
 pub struct TimeError {
     got: String,
-    why: String,
+    /// A clause; empty where the form of the text is wrong.
+    why: &'static str,
 }
 
 impl Span {
     /// No time at all.
     pub const ZERO: Self = Self { ns: 0 };
 
-    /// From nanoseconds.
+    /// Makes a span of nanoseconds.
     #[must_use]
     pub const fn from_ns(ns: i64) -> Self {
         Self { ns }
     }
 
-    /// From milliseconds.
+    /// Makes a span of milliseconds.
     #[must_use]
     pub const fn from_ms(ms: i64) -> Self {
         Self { ns: ms * 1_000_000 }
     }
 
-    /// From seconds, rounded to the nanosecond (saturating at the ends of i64).
+    /// Makes a span of seconds, rounded to the nanosecond (saturating at the ends of i64).
     #[must_use]
     pub fn from_s(s: f64) -> Self {
         #[allow(clippy::cast_possible_truncation, reason = "float-to-int casts saturate; the range is 292 years")]
@@ -88,7 +89,7 @@ impl Span {
 }
 
 impl Tai {
-    /// From nanoseconds of TAI since 1970-01-01T00:00:00 TAI.
+    /// Makes an instant of nanoseconds of TAI since 1970-01-01T00:00:00 TAI.
     #[must_use]
     pub const fn from_ns(ns: i64) -> Self {
         Self { ns }
@@ -105,16 +106,16 @@ impl Tai {
     /// # Errors
     /// When the text is not such an instant, with the text and the reason.
     pub fn from_rfc3339(text: &str) -> Result<Self, TimeError> {
-        let refuse = |why: String| TimeError { got: text.into(), why };
+        let refuse = |why| TimeError { got: text.into(), why };
         // The second 60 of a minute is the one after its second 59.
         let (plain, is_60) = match text.trim().match_indices(":60").find(|(place, _)| *place >= 16) {
             Some((place, _)) => (text.trim()[..place].to_owned() + ":59" + &text.trim()[place + 3..], true),
             None => (text.trim().to_owned(), false),
         };
-        let epoch = Epoch::from_str(&plain).map_err(|e| refuse(e.to_string()))?;
+        let epoch = Epoch::from_str(&plain).map_err(|_| refuse(""))?;
         let seconds = epoch.to_time_scale(TimeScale::TAI) - ptp_epoch();
         let tai = i64::try_from(seconds.total_nanoseconds()).map(Self::from_ns);
-        let tai = tai.map_err(|_| refuse("outside the years 1678 to 2262".into()))?;
+        let tai = tai.map_err(|_| refuse(" (outside the years 1678 to 2262)"))?;
         if !is_60 {
             return Ok(tai);
         }
@@ -122,11 +123,11 @@ impl Tai {
         if leap::is_leap_second(leaped.ns) {
             Ok(leaped)
         } else {
-            Err(refuse("no leap second was inserted there".into()))
+            Err(refuse(" (no leap second was inserted there)"))
         }
     }
 
-    /// UTC text, RFC 3339 with microseconds.
+    /// Returns the UTC text, RFC 3339 with microseconds.
     #[must_use]
     pub fn to_rfc3339(self) -> String {
         let is_60 = leap::is_leap_second(self.ns);

@@ -1,5 +1,6 @@
 //! `starloop bus`: a simulated CAN bus with gateways, so that programs without CAN in their kernel can talk.
 
+use crate::cli::report_json::json_line;
 use crate::cli::run_end::say_losses;
 use crate::cli::{EXIT_DONE, EXIT_LOST, signals};
 use anyhow::{Context, Result, bail};
@@ -166,7 +167,7 @@ impl BusArgs {
         for (gateway, address) in gateways.addresses() {
             if self.json {
                 let line = AddressLine { gateway, address: address.to_string() };
-                writeln!(out, "{}", serde_json::to_string(&line)?)?;
+                writeln!(out, "{}", json_line("bus", &line)?)?;
             } else {
                 writeln!(out, "{:<12} {address}", gateway_name(gateway))?;
             }
@@ -177,7 +178,7 @@ impl BusArgs {
     fn print_line(&self, summary: &Summary) -> Result<()> {
         let mut out = Output;
         if self.json {
-            writeln!(out, "{}", serde_json::to_string(summary)?)?;
+            writeln!(out, "{}", json_line("bus", summary)?)?;
             return Ok(());
         }
         let Summary { duration_s, load, frames, error_frames, gateways } = summary;
@@ -229,7 +230,7 @@ async fn passed(duration_s: Option<f64>) {
     }
 }
 
-/// One line per second on a terminal; never ends.
+/// Prints one line per second on a terminal; never ends.
 async fn watch(bus: &SimulatedBus, gateways: &Gateways) {
     if !std::io::stderr().is_terminal() {
         return core::future::pending().await;

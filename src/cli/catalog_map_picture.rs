@@ -98,7 +98,7 @@ impl Scale {
     }
 }
 
-/// 0.05, 2, 20000: what is a power of ten times 1, 2 or 5, without digits that say nothing.
+/// Returns a density as text without needless digits, such as 0.05, 2 or 20000: 1, 2 or 5 times a power of ten.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few digits")]
 fn number(density: f64) -> String {
     let digits = (-density.log10().floor()).max(0.0) as usize;
@@ -119,7 +119,7 @@ impl Canvas {
         }
     }
 
-    /// The colours from `top` on over half the width, their densities below, and what they are.
+    /// Draws the colours from `top` on over half the width, their densities below, and their name.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "places within the picture")]
     fn legend(&mut self, scale: &Scale, top: usize, what: &str) {
         let (left, length) = (self.width / 4, self.width / 2);
@@ -136,7 +136,7 @@ impl Canvas {
         self.text([self.width / 2, below + LETTER_SCALE * LETTER_PX[1] + MARGIN_PX / 2], what);
     }
 
-    /// Text about the middle `x`, down from `y`.
+    /// Draws text about the middle `x`, down from `y`.
     fn text(&mut self, [x, y]: [usize; 2], text: &str) {
         let left = x.saturating_sub(LETTER_SCALE * width_px(text) / 2);
         for [across, down] in dots(text) {

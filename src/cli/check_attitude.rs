@@ -89,7 +89,7 @@ impl Situation {
         Self { motion, reach, record_period_s, arrival_s, wait_s }
     }
 
-    /// From the newest sample of jitter to mid-exposure.
+    /// Returns the time from the newest sample of jitter to mid-exposure.
     fn jitter_held_s(&self, bench: &Bench) -> f64 {
         let samples = if bench.link.wire == Wire::CanClassic { 2.0 } else { f64::from(BURST_SAMPLES) };
         (samples * jitter_sample_s(bench) + self.arrival_s - self.wait_s).max(0.0)

@@ -21,7 +21,7 @@ pub(super) struct DisplayLimits {
     brightest_mag: f64,
 }
 
-/// The limits of the display that `params` are drawn for, if its calibration has fluxes.
+/// Returns the limits of the display that `params` are drawn for, if its calibration has fluxes.
 ///
 /// # Errors
 /// When a number of the calibration is out of range.

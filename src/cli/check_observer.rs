@@ -9,7 +9,7 @@ use run::runtime::RunParams;
 use sky::astrometry::{PROVEN_YEARS, Vantage};
 use sky::observer::{Observer, ObserverTrack};
 
-/// Place, speed, size of the aberration; a warning outside the years for which places are proven.
+/// Writes place, speed, size of the aberration; a warning outside the years for which places are proven.
 pub(super) fn write_observer(text: &mut String, params: &RunParams) -> Result<()> {
     let at = params.first_exposure;
     let track = ObserverTrack::new(params.observer.clone(), at);

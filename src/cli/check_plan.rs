@@ -142,7 +142,7 @@ pub(super) fn write_plan(text: &mut String, number: u32, plan: &ExposurePlan, pl
     write_time(text, plan, planned)
 }
 
-/// Of every method the cheapest variant that fits, or the least wrong one when none does; and what was chosen.
+/// Returns true for the chosen variant, and for each method's cheapest one that fits, or else its least wrong one.
 fn is_reported(assessment: &Assessment, plan: &ExposurePlan) -> bool {
     let variants = || plan.assessed.iter().filter(|other| other.method.name() == assessment.method.name());
     let least_wrong = || variants().min_by(|a, b| a.pixel_sigma.total_cmp(&b.pixel_sigma));

@@ -19,7 +19,7 @@ pub(super) struct FramePlans<'a> {
 }
 
 impl<'a> FramePlans<'a> {
-    /// For the frames of a run whose attitude this flight computer sends.
+    /// Plans the frames of a run whose attitude this flight computer sends.
     pub(super) fn new(computer: FlightComputer, params: &'a RunParams, sky: &Sky) -> Self {
         Self { params, computer, scene: Scene::new(&params.scene(&params.almanac()), sky) }
     }

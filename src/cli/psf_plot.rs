@@ -20,7 +20,7 @@ pub(super) fn files(star: &Star, path: &Path) -> Vec<(PathBuf, String)> {
     chain.into_iter().chain([(beside, to_svg(&star_chart(star)))]).collect()
 }
 
-/// `dir/name.svg` -> `dir/name_energy.svg`.
+/// Returns `dir/name_energy.svg` for `dir/name.svg`.
 fn beside(path: &Path) -> PathBuf {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     path.with_file_name(format!("{stem}_energy.svg"))

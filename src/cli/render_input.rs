@@ -29,7 +29,7 @@ fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     if numbers.iter().all(|number| number.is_finite()) { Ok(numbers) } else { Err(refuse()) }
 }
 
-/// Rows of named columns; the file may hold others, in any order.
+/// Reads rows of named columns; the file may hold others, in any order.
 fn read_columns<const N: usize>(path: &Path, columns: [&str; N]) -> Result<Vec<[f64; N]>> {
     let mut reader = csv::ReaderBuilder::new()
         .trim(csv::Trim::All)

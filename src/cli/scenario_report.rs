@@ -90,7 +90,7 @@ pub struct ScenarioReport {
 }
 
 impl ScenarioReport {
-    /// Of a run, over or under way.
+    /// Makes the report of a run, finished or in progress.
     #[must_use]
     pub fn of(scenario: &Scenario, outcome: &LoopView<'_>, wall_s: f64) -> Self {
         let (record, assessment) = (outcome.record, outcome.assessment);

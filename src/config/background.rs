@@ -95,7 +95,7 @@ impl BackgroundKeys {
     }
 }
 
-/// The shape of a non-uniform light, which must not be negative anywhere on the image.
+/// Checks the shape of a non-uniform light, which must not be negative anywhere on the image.
 pub(super) fn check_shape(
     section: &str,
     gradient: [f64; 2],

@@ -76,7 +76,7 @@ pub(super) fn check_band(
     Ok(Some(band))
 }
 
-/// A table given as a list, or in a file, or not at all.
+/// Reads a table that is given as a list, in a file, or not at all.
 fn table(
     list: &Given<'_, Raw<Vec<[f64; 2]>>>,
     file: &Given<'_, String>,
@@ -120,7 +120,7 @@ fn replaced(key: &str, table: &str, check: &mut Checker<'_>) -> Result<(), Confi
     Ok(())
 }
 
-/// The wavelength of a diffraction pattern must be one that the detector sees.
+/// Checks that the detector sees the wavelength of a diffraction pattern.
 fn wavelength_inside(psf: &Psf, band: &Band, check: &Checker<'_>) -> Result<(), ConfigError> {
     let Psf::Airy { wavelength_nm, .. } = *psf else { return Ok(()) };
     let (least, most) = band.range_nm();

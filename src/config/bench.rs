@@ -23,6 +23,7 @@ use crate::sink::{Sink, SinkKeys, SinkSettings};
 use crate::stages::{AccuracyKeys, AttitudeKeys, AttitudeSettings, Render, RenderKeys, check_accuracy};
 use crate::target::{Overlap, TargetKeys, TargetSettings, check_targets};
 use crate::timing::{Timing, TimingKeys};
+use crate::tracker_out::{TrackerOut, TrackerOutKeys, check_tracker_outs};
 use crate::trigger_line::{TriggerLine, TriggerLineKeys, check_trigger_lines};
 use base::accuracy::AccuracyBudget;
 use base::axes::{Body, Rotation, Sensor, WRITTEN_NORM_TOLERANCE};
@@ -54,6 +55,8 @@ pub struct Bench {
     pub extra_links: Vec<Link>,
     /// GPIO lines whose edges start exposures.
     pub trigger_lines: Vec<TriggerLine>,
+    /// Telemetry of star trackers.
+    pub tracker_outs: Vec<TrackerOut>,
     /// The conversation with the flight computer.
     pub session: Session,
     /// How the sensor is mounted.
@@ -114,6 +117,8 @@ section! {
         extra_link: Vec<LinkKeys>;
         /// GPIO lines of this machine whose edges start exposures, on the real clock.
         trigger_line: Vec<TriggerLineKeys>;
+        /// Telemetry of star trackers on protocols that clients speak.
+        tracker_out: Vec<TrackerOutKeys>;
         /// How the conversation with the flight computer is kept.
         session: SessionKeys;
         /// How the sensor is mounted.
@@ -190,7 +195,7 @@ impl SkyKeys {
 /// Memory for stars of layers, MiB, when nothing is said: some nine million stars.
 pub const STAR_MEMORY_MB: u32 = 512;
 
-/// The constant delay of the bus is given once.
+/// Checks that the constant delay of the bus is given once.
 fn check_one_delay(is_given: bool, link: &Link, check: &Checker<'_>) -> Result<(), ConfigError> {
     if is_given && link.latency_us > 0.0 {
         let wanted = "not given beside link.latency_us";
@@ -200,7 +205,7 @@ fn check_one_delay(is_given: bool, link: &Link, check: &Checker<'_>) -> Result<(
     Ok(())
 }
 
-/// Classic CAN carries jitter in pairs of one fixed rate.
+/// Checks the jitter rate for classic CAN, which carries jitter in pairs of one fixed rate.
 fn check_classic_jitter(link: &Link, computer: &FlightComputer, check: &Checker<'_>) -> Result<(), ConfigError> {
     const PAIRS_HZ: f64 = 1000.0;
     let hz = computer.jitter_sample_hz;
@@ -212,7 +217,7 @@ fn check_classic_jitter(link: &Link, computer: &FlightComputer, check: &Checker<
     Ok(())
 }
 
-/// A display shows one head.
+/// Checks that no display is used with several heads: it shows one.
 pub(super) fn check_sinks_of_heads(
     sinks: &[SinkSettings],
     extra_heads: &[Head],
@@ -246,8 +251,8 @@ fn check_not_stale(
     Err(check.invalid("timing.ahead_ms", ahead_ms, wanted, advice))
 }
 
-/// Every extra link has somebody at its other end, and one link at most has pulses. Whether somebody is at the other end of
-/// the first one depends on how the run is started ([`Bench::is_lockstep`]).
+/// Checks that every extra link leads to another program, and that one link at most has pulses. Whether the first link
+/// leads to one depends on how the run is started ([`Bench::is_lockstep`]).
 fn check_both_ends(
     link: &Link,
     extra_links: &[Link],
@@ -384,6 +389,7 @@ impl Bench {
             link,
             extra_links,
             trigger_lines,
+            tracker_outs: Vec::new(),
             session,
             sensor_from_body,
             extra_heads: Vec::new(),
@@ -403,6 +409,7 @@ impl Bench {
         };
         let mut bench =
             bench.with_heads(&keys.head, &keys.extra_head, keys.mounting.sensor_from_body().is_given(), &mut check)?;
+        bench.tracker_outs = check_tracker_outs(&keys.tracker_out, &bench, &mut check)?;
         check_sinks_of_heads(&bench.sinks, &bench.extra_heads, &check)?;
         bench.defaulted = check.defaulted;
         let BenchKeys { spacecraft, plant, event, expect, .. } = keys;
@@ -520,7 +527,7 @@ fn mounting(keys: &MountingKeys, check: &mut Checker<'_>) -> Result<Rotation<Sen
     }
 }
 
-/// A typed quaternion.
+/// Returns a quaternion of numbers from a file.
 pub(super) fn quaternion(
     key: &str,
     wxyz: [f64; 4],

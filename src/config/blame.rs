@@ -24,7 +24,7 @@ pub(super) fn without_the_blamed(text: &str, name: &str, error: &ConfigError) ->
     DeTable::parse(&blanked).is_ok().then_some(blanked)
 }
 
-/// From the start of a key such as `link.bit_rate` or `event[1].for_s` to the end of its value.
+/// Returns the bytes of a key such as `link.bit_rate` or `event[1].for_s`, with its value.
 fn range_of_key(root: &DeTable<'_>, key: &str) -> Option<Range<usize>> {
     let mut table = root;
     let mut steps = key.split('.').peekable();
@@ -64,7 +64,7 @@ fn range_on_line(table: &DeTable<'_>, text: &str, line: usize) -> Option<Range<u
     })
 }
 
-/// A table's header goes with all lines below it, up to the next header.
+/// Extends a table's header to all lines below it, up to the next header.
 fn with_its_table(text: &str, range: Range<usize>) -> Range<usize> {
     let line_start = text[..range.start].rfind('\n').map_or(0, |end| end + 1);
     if !text[line_start..].trim_start().starts_with('[') {

@@ -390,7 +390,7 @@ fn defects(keys: &DefectsKeys, check: &mut Checker<'_>) -> Result<DefectPopulati
     })
 }
 
-/// The layer is there without a flux too: protons may come by a command.
+/// Reads the protons. The layer is there without a flux too: protons may come by a command.
 fn protons(
     keys: Option<&ProtonsKeys>,
     fits: Fits,

@@ -61,7 +61,7 @@ impl FixedPatterns {
     }
 }
 
-/// A figure that may be given as rms, as peak-to-peak, or as a map.
+/// Reads a figure that may be given as rms, as peak-to-peak, or as a map.
 fn spread(
     [rms, peak_to_peak]: [Given<'_, f64>; 2],
     sigmas: f64,

@@ -74,7 +74,7 @@ fn contradictions_are_refused_with_what_to_try() {
             "full_well_e = 500.0\ngain_e_per_dn = 10.0",
             ["detector.full_well_e is 500", "50.0 DN", "lower black_level_dn"],
         ),
-        ("black_level_dn = 4095.0", ["detector.black_level_dn", "0 to 4094", "room for signal"]),
+        ("black_level_dn = 4095.0", ["detector.black_level_dn", "0 to 4094", "range for signal"]),
         ("gain_rule = \"lsb\"\ngain_e_per_dn = 2.0", ["gain_e_per_dn is 2", "gain_rule", "give the gain, or the rule"]),
         ("gain_rule = \"lsp\"", ["detector.gain_rule", "\"lsb\"", "full well / 2^bits"]),
         ("rounding = \"up\"", ["detector.rounding", "\"truncate\"", "whole number"]),
@@ -113,7 +113,7 @@ fn contradictions_are_refused_with_what_to_try() {
     }
 }
 
-/// A FITS file by the letter of the standard: one header block, big-endian floats, padded to whole blocks.
+/// Writes a FITS file by the letter of the standard: one header block, big-endian floats, padded to whole blocks.
 fn write_map(path: &Path, [width, height]: [usize; 2], value: impl Fn(usize) -> f32) {
     let cards = ["SIMPLE  =                    T", "BITPIX  =                  -32", "NAXIS   =                    2"];
     let sides = [("NAXIS1", width), ("NAXIS2", height)].map(|(name, side)| format!("{name:<8}= {side:>20}"));

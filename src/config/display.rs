@@ -106,7 +106,7 @@ impl DisplaySettings {
         Ok(plain)
     }
 
-    /// With the keys that only a calibrated display has.
+    /// Adds the keys that only a calibrated display has.
     fn calibrated(self, keys: &DisplayKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
         let path = keys.calibration().raw().filter(|path| !path.trim().is_empty());
         let path = path.ok_or_else(|| keys.calibration().invalid("empty", "a calibration file", check))?;

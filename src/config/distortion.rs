@@ -9,7 +9,7 @@ use sky::astrometry::{DISTORTION_DEGREE, PolynomialDistortion};
 /// Rows of exponents of x and y, and the coefficient of that term.
 pub(super) type Terms = Vec<(usize, usize, f64)>;
 
-/// The polynomial of the terms along x and along y.
+/// Returns the polynomial of the terms along x and along y.
 pub(super) fn check_polynomial(
     along: [Given<'_, Raw<Terms>>; 2],
     check: &Checker<'_>,

@@ -88,22 +88,22 @@ impl<'k, T: KeyType> Given<'k, T> {
         self.raw
     }
 
-    /// With a default that follows from other keys.
+    /// Sets a default that follows from other keys.
     pub(super) fn or(self, default: impl Into<T::Default>) -> Self {
         Self { preset: Preset::Noted(default.into()), ..self }
     }
 
-    /// With a default that follows from other keys, and is not listed.
+    /// Sets a default that follows from other keys, and is not listed.
     pub(super) fn or_silently(self, default: impl Into<T::Default>) -> Self {
         Self { preset: Preset::Silent(default.into()), ..self }
     }
 
-    /// With a limit that follows from other keys.
+    /// Sets a limit that follows from other keys.
     pub(super) fn within(self, limit: impl Into<T::Limit>) -> Self {
         Self { limit: limit.into(), ..self }
     }
 
-    /// With other advice.
+    /// Sets other advice.
     pub(super) fn advised(self, advice: impl Into<Cow<'static, str>>) -> Self {
         Self { advice: advice.into(), ..self }
     }

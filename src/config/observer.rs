@@ -260,7 +260,8 @@ fn tle(keys: &ObserverKeys, check: &Checker<'_>) -> Result<Observer, ConfigError
     Ok(Observer::Tle { line1, line2 })
 }
 
-/// The form every element line has: length, line number, and the checksum modulo 10 (digits count themselves, `-` one).
+/// Returns whether a text has the form of every element line: length, line number, and the checksum modulo 10 (digits
+/// count themselves, `-` one).
 fn is_tle_line(text: &str, number: char) -> bool {
     if text.len() != 69 || !text.is_ascii() || !text.starts_with(number) || !text[1..].starts_with(' ') {
         return false;

@@ -111,7 +111,7 @@ impl Optics {
     }
 }
 
-/// The principal point, not further outside the detector than its own size.
+/// Returns the principal point, not further outside the detector than its own size.
 fn principal_point(
     given: &Given<'_, [f64; 2]>,
     centre: [f64; 2],
@@ -129,7 +129,7 @@ fn principal_point(
 }
 
 impl Distortion {
-    /// None given: none. What is given must be finite and small enough to be a lens.
+    /// Reads the distortion; zero without keys. Coefficients must be finite and small enough to be a lens.
     pub(super) fn check(keys: &DistortionKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
         let IsPolynomial(is_polynomial) = keys.model().check(check)?;
         let polynomial = if is_polynomial {

@@ -71,7 +71,8 @@ impl PartialEq for PackedDocuments {
 impl Eq for PackedDocuments {}
 
 impl Document {
-    /// This document and every file it names, its settings included in what it names but not in what it says.
+    /// Packs this document and every file it names. Settings decide which files are named; the packed text is without
+    /// them.
     ///
     /// # Errors
     /// When a file that it names cannot be read.

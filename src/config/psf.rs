@@ -324,7 +324,7 @@ impl NodeKeys {
     }
 }
 
-/// `nodes` and `[[psf.node]]` over a detector of `size_px`.
+/// Reads `nodes` and `[[psf.node]]` over a detector of `size_px`.
 pub(super) fn field(keys: &PsfKeys, size_px: [u32; 2], check: &mut Checker<'_>) -> Result<PsfModel, ConfigError> {
     let nodes = keys.nodes();
     let wanted = format!("two whole numbers from 2 to {MOST_NODES}");

@@ -51,7 +51,7 @@ fn write_table(page: &mut String, declared: &Declared, path: &str) {
     }
 }
 
-/// A table whose keys depend on the first of them.
+/// Writes a table whose keys depend on the first of them.
 fn write_forms(page: &mut String, table: &Table) {
     let Some(first) = table.forms.first() else { return };
     let mut common: Vec<Key> = first.keys.iter().filter(|key| table.is_common(key)).cloned().collect();

@@ -209,7 +209,7 @@ impl SinkTable<'_> {
 }
 
 impl SinkSettings {
-    /// `[sink]` and then those beside it.
+    /// Reads `[sink]` and then the extra sinks.
     pub(super) fn check_all(
         first: SinkKeys,
         extra: Vec<SinkKeys>,

@@ -117,7 +117,7 @@ const MOST_MS: f64 = 3_600_000.0;
 const ALLAN: &str = "Allan deviation of the flight computer's oscillator at 1 s, such as 5e-9";
 
 impl AttitudeSettings {
-    /// `attitude_hz`, `jitter_hz` and `exposure_s` size the histories.
+    /// Checks the keys; `attitude_hz`, `jitter_hz` and `exposure_s` size the histories.
     pub(super) fn check(
         keys: &AttitudeKeys,
         attitude_hz: f64,

@@ -106,7 +106,7 @@ pub(super) fn sample(shape: &Shape) -> String {
     }
 }
 
-/// A line of TOML, commented out unless it is live.
+/// Writes a line of TOML, commented out unless it is live.
 fn line(text: &mut String, toml: &str, is_live: bool) {
     // Writing to a string does not fail.
     let _ = writeln!(text, "{}{toml}", if is_live { "" } else { "#" });

@@ -108,7 +108,7 @@ const DEGRADATIONS: [Degradation; 5] = [
 pub(super) const PHASE_MAX_MS: f64 = 60_000.0;
 
 impl Timing {
-    /// `exposure_s`: of the camera; `None` where a frame is one refresh of a calibrated display.
+    /// Checks the keys. `exposure_s` is the camera's; `None` where a frame is one refresh of a calibrated display.
     pub(super) fn check(
         keys: &TimingKeys,
         exposure_s: Option<f64>,

@@ -93,7 +93,7 @@ pub extern "C" fn fmi3SetFloat64(
     })
 }
 
-/// The functions of a whole-number type: those that the unit has no variable of refuse every reference.
+/// Reads variables of a whole-number type; refuses every reference when the unit has no variable of that type.
 macro_rules! whole {
     ($($get:ident, $set:ident, $kind:literal, $number:ty;)*) => {$(
         #[unsafe(no_mangle)]

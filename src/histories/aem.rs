@@ -86,7 +86,7 @@ impl<'m> Frames<'m> {
         Ok(Self { axes, body: body.value, is_to_body: is_a_to_b == a_is_inertial })
     }
 
-    /// This program's quaternion of the file's.
+    /// Returns this program's quaternion for one of the file.
     pub(crate) fn body_from_axes(&self, quaternion: DQuat) -> DQuat {
         if self.is_to_body { quaternion.conjugate() } else { quaternion }
     }

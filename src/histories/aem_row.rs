@@ -185,13 +185,13 @@ fn quaternion(numbers: &[f64], scalar_first: bool) -> DQuat {
     }
 }
 
-/// The quaternion, as CCSDS has it, of turns about these axes, the first one first.
+/// Returns the quaternion, as CCSDS has it, of turns about these axes, the first one first.
 fn turn_of(axes: [DVec3; 3], angles_rad: [f64; 3]) -> DQuat {
     let turns = axes.into_iter().zip(angles_rad);
     turns.fold(DQuat::IDENTITY, |before, (axis, angle_rad)| before * DQuat::from_axis_angle(axis, angle_rad))
 }
 
-/// The rate of the axes that are turned so, in themselves, rad/s.
+/// Returns the rate of the axes that are turned so, in these axes, rad/s.
 fn rate_of(axes: [DVec3; 3], angles_rad: [f64; 3], rates_rad_s: [f64; 3]) -> DVec3 {
     let turns = axes.into_iter().zip(angles_rad).zip(rates_rad_s);
     turns.fold(DVec3::ZERO, |before, ((axis, angle_rad), rate_rad_s)| {

@@ -71,7 +71,7 @@ impl TimeSystem {
     }
 }
 
-/// TDB - TT at a count of nanoseconds TT since 1970 (Explanatory Supplement 1992, eq. 2.222-1).
+/// Returns TDB - TT at a count of nanoseconds TT since 1970 (Explanatory Supplement 1992, eq. 2.222-1).
 fn tdb_less_tt_ns(tt_ns: i64) -> i64 {
     let days = (tt_ns - J2000_TT_NS) as f64 / (DAY_S * NS_PER_S as f64);
     let anomaly_rad = (357.53 + 0.985_600_28 * days).to_radians();
@@ -104,7 +104,7 @@ impl Civil {
         ((self.days * 24 + self.hour) * 60 + self.minute) * 60 * NS_PER_S + self.second * NS_PER_S + self.ns
     }
 
-    /// A second 60 counts, as Unix time has it, as the first second of the next day.
+    /// Returns the instant of a UTC time. Unix time counts a second 60 as the first second of the next day.
     fn utc(&self, ns: i64) -> Option<Tai> {
         let at = Tai::from_unix_ns(ns);
         if self.second < 60 {

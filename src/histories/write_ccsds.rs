@@ -13,8 +13,8 @@ fn time(t_ns: i64) -> String {
     utc_text(Tai::from_ns(t_ns))
 }
 
-/// Q1 Q2 Q3 QC of a turn of axes: the conjugate of this program's quaternion, scalar last, with the sign that continues
-/// `last`, for readers that interpolate its components.
+/// Returns Q1 Q2 Q3 QC of a turn of axes: the conjugate of this program's quaternion, scalar last, with the sign that
+/// continues `last`, for readers that interpolate its components.
 pub(crate) fn q1_q2_q3_qc(state: &AttitudeState, last: &mut [f64; 4]) -> [f64; 4] {
     let [w, x, y, z] = state.body_from_icrf.wxyz();
     let quaternion = [-x, -y, -z, w];
@@ -31,7 +31,7 @@ pub(crate) fn rate_deg_s(state: &AttitudeState) -> DVec3 {
     state.rate_rad_s.unwrap_or_default().map(f64::to_degrees)
 }
 
-/// `KEY, VALUE` of a segment of attitudes.
+/// Returns `KEY, VALUE` of a segment of attitudes.
 fn attitude_metadata(segment: &AttitudeSegment, header: &Header, is_first: bool) -> Vec<(&'static str, String)> {
     let [begin, end] = [segment.states().first(), segment.states().last()].map(|state| state.map_or(0, |s| s.t_ns));
     let with_rates = has_rates(segment) && !is_first;
@@ -128,7 +128,7 @@ pub(crate) fn aem_xml(out: &mut dyn Write, history: &AttitudeHistory, header: &H
     out.flush()
 }
 
-/// `KEY, VALUE` of a segment of an orbit.
+/// Returns `KEY, VALUE` of a segment of an orbit.
 fn orbit_metadata(history: &OrbitHistory, segment: &OrbitSegment, header: &Header) -> Vec<(&'static str, String)> {
     let [begin, end] = [segment.states().first(), segment.states().last()].map(|state| state.map_or(0, |s| s.t_ns));
     let (method, degree) = match segment.method() {

@@ -30,7 +30,7 @@ pub struct DensityMap {
 }
 
 impl Default for DensityMap {
-    /// No stars.
+    /// Returns a map without stars.
     fn default() -> Self {
         Self { order: FINEST_ORDER, counts: vec![0; 12 << (2 * FINEST_ORDER)] }
     }
@@ -76,7 +76,7 @@ impl DensityMap {
         self.counts.iter().sum()
     }
 
-    /// HEALPix order of its cells.
+    /// Returns the HEALPix order of its cells.
     #[must_use]
     pub fn order(&self) -> u8 {
         self.order

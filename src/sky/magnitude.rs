@@ -85,7 +85,7 @@ fn polynomial(coefficients: &[f64], x: f64) -> f64 {
     coefficients.iter().rev().fold(0.0, |sum, c| sum * x + c)
 }
 
-/// At 1 au from Sun and observer.
+/// Returns the magnitude at 1 au from Sun and observer.
 fn at_one_au(planet: Planet, a: f64, lighting: &Lighting, year: f64) -> f64 {
     match planet {
         Planet::Mercury => {

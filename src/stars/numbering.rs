@@ -147,14 +147,14 @@ const MARKS: [(Option<GaiaRelease>, u32); 4] =
 const BRIGHT_MARK: u32 = 0x100;
 
 impl Numbering {
-    /// As a file stores it; never zero, which means that the file has no numbers.
+    /// Returns the number that a file stores; never zero, which means that the file has no numbers.
     #[must_use]
     pub fn mark(self) -> u32 {
         let gaia = MARKS.iter().find(|(gaia, _)| *gaia == self.gaia).map_or(1, |(_, mark)| *mark);
         gaia | if self.bright { BRIGHT_MARK } else { 0 }
     }
 
-    /// And back; `None` when this program does not know the mark.
+    /// Returns the numbering of a stored number; `None` when this program does not know the mark.
     #[must_use]
     pub fn of_mark(mark: u32) -> Option<Self> {
         let gaia = MARKS.iter().find(|(_, known)| *known == mark & !BRIGHT_MARK)?.0;

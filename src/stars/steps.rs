@@ -24,8 +24,8 @@ pub(crate) fn mag_of(steps: u16) -> f64 {
     f64::from(steps) * MAG_STEP + MAG_ZERO
 }
 
-/// The star of a record, with the motion (eastward with cos dec, northward) and the parallax that are known, and the magnitude
-/// and colour.
+/// Returns the star of a record, with the motion (eastward with cos dec, northward) and the parallax that are known,
+/// and the magnitude and colour.
 #[must_use]
 #[allow(clippy::cast_possible_truncation, reason = "an f32 holds every step of these fields to 1e-7 of itself")]
 pub(crate) fn source(

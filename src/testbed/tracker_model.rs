@@ -142,7 +142,7 @@ impl TrackerModel {
         })
     }
 
-    /// Temporal noise at a rate. What turns about the boresight moves stars by the field's radius at most.
+    /// Returns the temporal noise at a rate. A turn about the boresight moves stars by the field's radius at most.
     fn noise_rad(&self, rate_rad_s: DVec3) -> DVec3 {
         let across = rate_rad_s.truncate().length().hypot(0.5 * self.params.field_rad * rate_rad_s.z);
         let added = self.params.noise_rate_s * across;
@@ -173,7 +173,7 @@ impl TrackerModel {
         uniforms(self.seed, frame, block)
     }
 
-    /// Four independent numbers of standard deviation 1 (Box and Muller 1958).
+    /// Returns four independent numbers of standard deviation 1 (Box and Muller 1958).
     fn gaussians(&self, frame: u32) -> [f64; 4] {
         let [a, b, c, d] = self.uniforms(frame, 1);
         let pair = |u: f64, v: f64| {
@@ -208,7 +208,7 @@ fn waves(seed: [u32; 2], first_block: u32, period_rad: f64) -> [[Wave; WAVES]; 3
     })
 }
 
-/// A spatial error at an attitude, of standard deviation 1 over all attitudes, per axis.
+/// Returns a spatial error at an attitude, of standard deviation 1 over all attitudes, per axis.
 fn spatial(waves: &[[Wave; WAVES]; 3], truth: &Rotation<Sensor, Icrf>) -> DVec3 {
     let inverse = truth.inverse();
     let (z, x) = (inverse.apply(DVec3::Z), inverse.apply(DVec3::X));
@@ -219,8 +219,9 @@ fn spatial(waves: &[[Wave; WAVES]; 3], truth: &Rotation<Sensor, Icrf>) -> DVec3 
     DVec3::new(sum(&waves[0]), sum(&waves[1]), sum(&waves[2]))
 }
 
-/// Unit vector from the Earth's centre to the Moon, ICRF: the low-precision formulae of the Astronomical Almanac, section D, good
-/// to 0.3 degrees in longitude and 0.2 in latitude, with the precession since J2000.0 taken out of the longitude.
+/// Returns the unit vector from the Earth's centre to the Moon, ICRF: the low-precision formulae of the Astronomical
+/// Almanac, section D, good to 0.3 degrees in longitude and 0.2 in latitude, with the precession since J2000.0 taken
+/// out of the longitude.
 #[must_use]
 pub fn moon_direction_icrf(at: Tai) -> DVec3 {
     /// Julian days of a century.

@@ -64,7 +64,7 @@ impl AttitudeFlags {
         (if self.rate { RATE_BIT } else { 0 }) | (if self.acceleration { ACCELERATION_BIT } else { 0 })
     }
 
-    /// From the byte on the wire; unknown bits are ignored.
+    /// Reads the byte on the wire; unknown bits are ignored.
     #[must_use]
     pub const fn from_bits(bits: u8) -> Self {
         Self { rate: bits & RATE_BIT != 0, acceleration: bits & ACCELERATION_BIT != 0 }

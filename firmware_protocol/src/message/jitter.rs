@@ -52,7 +52,7 @@ pub struct JitterPair {
 }
 
 impl JitterBurst {
-    /// A burst of the first 14 samples (about body X, about body Y); `None` without samples or period.
+    /// Returns a burst of the first 14 samples (about body X, about body Y); `None` without samples or period.
     #[must_use]
     pub fn new(t_first_us: u32, period_us: u16, seq: u8, samples_arcsec: &[[f32; 2]]) -> Option<Self> {
         let mut samples = [[0.0; 2]; JITTER_BURST_MAX];

@@ -119,7 +119,7 @@ impl PointingAngle {
         (counts + 0.5_f64.copysign(counts)) as i64 as u32
     }
 
-    /// The angle of 2^-32 turns: right ascension in 0 to 2 pi, the others in -pi to pi.
+    /// Returns the angle of 2^-32 turns: right ascension in 0 to 2 pi, the others in -pi to pi.
     #[must_use]
     pub fn to_rad(self, turns_2_32: u32) -> f64 {
         match self {

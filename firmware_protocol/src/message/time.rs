@@ -42,7 +42,7 @@ const FRACTIONS_PER_S: u64 = 1 << 24;
 const NS_PER_S: u64 = 1_000_000_000;
 
 impl Scet {
-    /// From whole seconds and 2^-24 s; `None` when the fraction is a second or more.
+    /// Returns the time of whole seconds and 2^-24 s; `None` when the fraction is a second or more.
     #[must_use]
     pub fn new(seconds: u32, fraction: u32) -> Option<Self> {
         (u64::from(fraction) < FRACTIONS_PER_S).then_some(Self { seconds, fraction })

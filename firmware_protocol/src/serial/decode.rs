@@ -81,7 +81,7 @@ impl Decoder {
     }
 }
 
-/// Type, sequence number and payload of a packet whose length, CRC and version are right.
+/// Returns type, sequence number and payload of a packet whose length, CRC and version are right.
 fn open(packet: &[u8]) -> Result<(u8, u8, &[u8]), Reject> {
     let ([major, number, seq, len], _) = packet.split_first_chunk::<HEADER>().ok_or(Reject::WrongLength)?;
     let body = HEADER + usize::from(*len);

@@ -42,7 +42,7 @@ impl Encoder {
     }
 }
 
-/// Header, payload and CRC: a whole packet before COBS.
+/// Writes header, payload and CRC: a whole packet before COBS.
 fn packet(number: u8, seq: u8, payload: &Payload) -> ([u8; PACKET_MAX], usize) {
     let mut packet = [0; PACKET_MAX];
     let data = payload.as_slice();

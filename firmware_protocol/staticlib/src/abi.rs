@@ -74,7 +74,7 @@ const _: () = assert!(size_of::<serial::Decoder>() <= size_of::<SerialSpace>());
 const _: () = assert!(align_of::<serial::Decoder>() <= align_of::<SerialSpace>());
 
 unsafe extern "C" {
-    /// The program's own; does not return.
+    /// Ends the program; supplied by it, and never returns.
     fn sl_panic();
 }
 

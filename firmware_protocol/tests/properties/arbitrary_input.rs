@@ -14,7 +14,7 @@ fn frame() -> impl Strategy<Value = CanFrame> {
         .prop_map(|(id, data)| CanFrame::classic(id, &data).or_else(|| CanFrame::fd(id, &data)).unwrap())
 }
 
-/// A decoder's output can be sent again: every value is finite and in range.
+/// Asserts that a decoder's output can be sent again: every value is finite and in range.
 fn assert_legal(message: &Message) {
     assert!(message.payload().is_ok(), "{message:?}");
     if let Message::Attitude(record) = message {

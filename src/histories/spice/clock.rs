@@ -36,7 +36,7 @@ impl EarthTime {
         }
     }
 
-    /// TAI in ns since 1970 of an instant of TDB, s after J2000, that is the sum of two numbers.
+    /// Returns TAI in ns since 1970 of an instant of TDB, s after J2000, that is the sum of two numbers.
     pub(super) fn tai_ns_of_tdb(&self, parts_s: [f64; 2]) -> Option<i64> {
         let tdb_s = parts_s[0] + parts_s[1];
         let anomaly = self.m_rad[0] + self.m_rad[1] * tdb_s;
@@ -45,7 +45,7 @@ impl EarthTime {
     }
 }
 
-/// TAI in ns since 1970 of an instant of TT, s after J2000: large parts keep their digits.
+/// Returns TAI in ns since 1970 of an instant of TT, s after J2000: large parts keep their digits.
 fn tai_ns_of_tt(parts_s: [f64; 3]) -> Option<i64> {
     if !parts_s.iter().all(|part| part.abs() < MOST_S) {
         return None;

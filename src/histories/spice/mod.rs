@@ -78,7 +78,7 @@ fn texts(kernels: &[KernelFile<'_>]) -> Result<Vec<TextKernel>, HistoryError> {
     kernels.iter().map(|kernel| TextKernel::read(kernel.bytes, &kernel.source())).collect()
 }
 
-/// Which of the numbers in a file is meant.
+/// Returns the wanted one of the numbers in a file.
 fn chosen(numbers: &[i32], wanted: Option<i32>, what: &str, source: &Source<'_>) -> Result<i32, HistoryError> {
     let mut known = numbers.to_vec();
     known.sort_unstable();

@@ -64,7 +64,7 @@ pub(super) fn read(
     Ok(orbit)
 }
 
-/// Type 13 says its rows less one.
+/// Returns the interpolation of a segment of type 13, which stores its number of rows less one.
 fn hermite(rows_less_one: usize) -> Option<OrbitInterpolation> {
     let rows = rows_less_one.checked_add(1).filter(|rows| 2 * rows <= MOST_NODES)?;
     Some(OrbitInterpolation::Hermite { rows })

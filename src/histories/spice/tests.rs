@@ -66,7 +66,7 @@ fn read(bytes: &[u8], texts: &[&str]) -> Result<AttitudeHistory, String> {
     attitudes(KernelFile { file: "a.bc", bytes }, &texts, None).map_err(|error| error.to_string())
 }
 
-/// TAI of seconds after the clock's zero.
+/// Returns TAI of seconds after the clock's zero.
 fn at(t_s: f64) -> i64 {
     let zero = Tai::from_tt_ns((10_957 * 86_400 + 43_200 + 1000) * 1_000_000_000);
     (zero + base::time::Span::from_s(t_s)).ns()

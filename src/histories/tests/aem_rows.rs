@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// A message of version 2 with two rows of this type, ten seconds apart.
+/// Returns a message of version 2 with two rows of this type, ten seconds apart.
 fn message(kind: &str, more: &str, rows: [&str; 2]) -> String {
     let [first, last] = rows;
     AEM_2
@@ -20,7 +20,7 @@ fn state(text: &str) -> AttitudeState {
     attitudes(text).segments()[0].states()[0]
 }
 
-/// Where a direction of the inertial axes is in the body, by matrices that turn the axes about z, x and z.
+/// Returns a direction of the inertial axes in body axes, by matrices that turn the axes about z, x and z.
 fn turned_axes(degrees: [f64; 3], v: DVec3) -> DVec3 {
     let about = |is_z: bool, degrees: f64, v: DVec3| {
         let (sin, cos) = degrees.to_radians().sin_cos();

@@ -3,7 +3,7 @@
 use super::*;
 use crate::{Times, csv_attitude::Sense};
 
-/// 0.2 rad about x, this program's quaternion: x = -sin 0.1.
+/// Returns a turn of 0.2 rad about x, this program's quaternion: x = -sin 0.1.
 fn expected() -> Rotation<Body, Icrf> {
     Rotation::from_wxyz([0.1_f64.cos(), -(0.1_f64.sin()), 0.0, 0.0], 1e-12).unwrap()
 }

@@ -77,7 +77,7 @@ pub fn export(
     done
 }
 
-/// That the layers are of one epoch, and none holds magnitudes of another.
+/// Checks that the layers are of one epoch, and none contains magnitudes of another.
 fn check(layers: &[Layer]) -> Result<(), HatsError> {
     let refuse =
         |layer: &Layer, what, wanted, got| Err(HatsError::Layers { path: layer.path().into(), what, wanted, got });

@@ -163,7 +163,7 @@ impl PageHead {
     const INDEX: i64 = 1;
     const DICTIONARY: i64 = 2;
 
-    /// And its own length.
+    /// Reads the head of a page; returns it with its length, bytes.
     fn read(bytes: &[u8]) -> Option<(Self, u64)> {
         let (mut head, mut compact, mut last) = (Self::default(), Compact { bytes }, 0);
         while let Some((number, kind)) = compact.field(&mut last)? {

@@ -58,7 +58,7 @@ pub fn import(
     if got == wanted { Ok(got) } else { Err(HatsError::Rows { path: path.into(), what: "its footer", wanted, got }) }
 }
 
-/// That a row with a place is in the right partition. A place that is none is refused where the star is stored.
+/// Checks that a row with a place is in the right partition. An illegal place is refused where the star is stored.
 fn check_place(rows: &Rows, row: usize, pixel: Pixel, is_coarse: bool) -> Result<(), HatsError> {
     let (Some(ra_deg), Some(dec_deg)) = (rows.number(row, RA)?, rows.number(row, DEC)?) else { return Ok(()) };
     let (ra_rad, dec_rad) = (ra_deg * DEG, dec_deg * DEG);

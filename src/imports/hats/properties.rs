@@ -15,7 +15,7 @@ pub(super) struct Properties {
 }
 
 impl Properties {
-    /// Those of a catalog; of the main one in a collection. The folder they are in goes with them.
+    /// Reads the properties of a catalog; of the main one in a collection. The folder of the file is kept with them.
     pub(super) fn read(folder: &Path) -> Result<Self, HatsError> {
         let collection = folder.join(COLLECTION);
         if collection.is_file() {

@@ -240,7 +240,7 @@ fn write_file(path: &Path, columns: &[Column], form: &Form) {
     writer.close().unwrap();
 }
 
-/// Gaia's columns with `count` rows: every fifth without a motion, one without a place, one without a magnitude.
+/// Returns Gaia's columns with `count` rows: every fifth without a motion, one without a place, one without a magnitude.
 fn columns(count: usize) -> Vec<Column> {
     let floats = |value: &dyn Fn(usize) -> Option<f64>| Cells::F64((0..count).map(value).collect());
     let some = |value: &dyn Fn(usize) -> f64| floats(&|i| Some(value(i)));
@@ -412,7 +412,7 @@ fn catalog(folder: &Path) -> PathBuf {
     path
 }
 
-/// The properties of [`catalog`], with others in their place.
+/// Writes the properties of [`catalog`], with others in their place.
 fn write_properties(catalog: &Path, other: &[(&str, &str)]) {
     let mut values = vec![
         ("obs_collection", "two"),

@@ -64,8 +64,8 @@ impl BrightStar {
     }
 }
 
-/// Direction and proper motion `years` later: uniform straight motion in space, as `sky::astrometry::at_epoch`; what
-/// is eastward there may not be here (Polaris). A star without a motion stays.
+/// Returns direction and proper motion `years` later: uniform straight motion in space, as `sky::astrometry::at_epoch`;
+/// what is eastward there may not be here (Polaris). A star without a motion stays.
 #[must_use]
 pub(super) fn moved(direction: DVec3, motion_mas_yr: Option<[f64; 2]>, years: f64) -> (DVec3, Option<[f64; 2]>) {
     let Some([east_mas_yr, north_mas_yr]) = motion_mas_yr else { return (direction, None) };
@@ -189,7 +189,7 @@ impl Line<'_> {
         number.map(Some).ok_or_else(|| self.refuse(column, "a number, or blank", field))
     }
 
-    /// A number within limits that must be there.
+    /// Reads a number within limits that must be there.
     pub(super) fn required(
         &self,
         column: &str,

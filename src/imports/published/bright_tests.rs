@@ -371,7 +371,7 @@ fn near(rng: &mut StdRng, direction: DVec3, off_rad: f64) -> DVec3 {
     (direction + (across * cos + across.cross(direction) * sin) * off_rad).normalize()
 }
 
-/// Each catalog sees a star with its own errors: Gaia 0.1 mas, 0.03 mas/yr; Hipparcos 1 and 1; Tycho-2 70 and 2.5.
+/// Adds a star to each catalog with its own errors: Gaia 0.1 mas, 0.03 mas/yr; Hipparcos 1 and 1; Tycho-2 70 and 2.5.
 fn see(sky: &mut MadeSky, rng: &mut StdRng, star: &MadeStar) {
     let scatter = if star.kind == Kind::Variable { 0.5 } else { 0.015 };
     let off = |rng: &mut StdRng, mas: f64, mas_yr: f64| {
@@ -402,7 +402,7 @@ fn see(sky: &mut MadeSky, rng: &mut StdRng, star: &MadeStar) {
     }
 }
 
-/// A pair as each catalog resolves it: Gaia from 0.6 arcsec on, Hipparcos not below 3, Tycho-2 from 0.8 on.
+/// Adds a pair as each catalog resolves it: Gaia from 0.6 arcsec on, Hipparcos not below 3, Tycho-2 from 0.8 on.
 fn see_pair(sky: &mut MadeSky, rng: &mut StdRng, pair: [&MadeStar; 2], arcsec: f64) {
     let flux = pair.map(|star| 10.0_f64.powf(-0.4 * star.mag_g));
     let together = -2.5 * (flux[0] + flux[1]).log10();

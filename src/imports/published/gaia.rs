@@ -66,7 +66,7 @@ const ARCHIVE: [&str; COLUMNS] = [
 ];
 
 impl Default for Names {
-    /// Those of Gaia's archive.
+    /// Returns the names of Gaia's archive.
     fn default() -> Self {
         Self { columns: ARCHIVE.map(String::from) }
     }
@@ -80,7 +80,7 @@ impl Names {
         place.map(|place| self.columns[place] = here.into()).is_some()
     }
 
-    /// As [`Self::rename`], unless it was renamed before.
+    /// Renames a column as [`Self::rename`] does, unless it was renamed before.
     pub fn rename_unless_renamed(&mut self, archive: &str, here: &str) {
         if self.columns.iter().zip(ARCHIVE).any(|(name, of_archive)| of_archive == archive && name == archive) {
             self.rename(archive, here);

@@ -86,7 +86,7 @@ fn star_at(line: &Line<'_>, parts: &[&str], places: &Places, epoch_yr: f64) -> R
     }))
 }
 
-/// `TYC1 TYC2 TYC3` in one number.
+/// Reads `TYC1 TYC2 TYC3` as one number.
 fn number(line: &Line<'_>, part: &str) -> Result<i64, ImportError> {
     let refused = || line.refuse("TYC", "three numbers, such as 0001 00008 1", part);
     let mut numbers = part.split_whitespace().map(|word| word.parse::<u32>().ok());

@@ -58,7 +58,7 @@ pub struct Density {
 }
 
 impl Density {
-    /// In a direction (unit vector, ICRF axes).
+    /// Returns the counts in a direction (unit vector, ICRF axes).
     #[must_use]
     pub fn towards(direction_icrf: DVec3) -> Self {
         let [longitude, latitude] = galactic_rad(direction_icrf).map(|rad| (rad / DEG).abs());
@@ -88,7 +88,7 @@ impl Density {
     }
 }
 
-/// One magnitude's nodes at a place, by absolute longitude and latitude.
+/// Interpolates one magnitude's nodes at a place, by absolute longitude and latitude.
 fn at_place(nodes: &[f64; 7], longitude_deg: f64, latitude_deg: f64) -> f64 {
     let in_plane = [nodes[0], nodes[1], nodes[2]];
     let mean: f64 = in_plane.iter().zip(LONGITUDE_SHARES).map(|(node, share)| node * share).sum();
@@ -97,7 +97,7 @@ fn at_place(nodes: &[f64; 7], longitude_deg: f64, latitude_deg: f64) -> f64 {
     linear(&LATITUDES_DEG, &[plane, above, nodes[4], nodes[5], nodes[6]], latitude_deg)
 }
 
-/// Linear between nodes, constant beyond them.
+/// Interpolates linearly between nodes, constant beyond them.
 fn linear<const N: usize>(places: &[f64; N], values: &[f64; N], at: f64) -> f64 {
     let at = at.clamp(places[0], places[N - 1]);
     let upper = places.iter().position(|place| at < *place).unwrap_or(N - 1).max(1);
@@ -140,7 +140,7 @@ mod tests {
         ([0.0, 90.0], [0.0, 180.0], [11.7, 908.0, 7340.0, 43_917.0]),
     ];
 
-    /// Mean over a region, by steps of equal size in longitude and latitude weighted with their area.
+    /// Returns the mean over a region, by steps of equal size in longitude and latitude weighted with their area.
     fn mean(latitudes: [f64; 2], longitudes: [f64; 2], mag_g: f64) -> f64 {
         let (steps, mut sums) = (60, [0.0; 2]);
         let middle = |range: [f64; 2], i: usize| range[0] + (range[1] - range[0]) * (i as f64 + 0.5) / f64::from(steps);

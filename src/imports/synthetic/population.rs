@@ -139,7 +139,7 @@ fn draw_tile(draw: &LayerDraw, tile: u64, stars: &mut Vec<NewStar>) -> Result<Ve
     tile_records(draw.order, tile, stars)
 }
 
-/// Stars of the whole sky between two magnitudes, as measured.
+/// Returns the number of stars of the whole sky between two magnitudes, as measured.
 fn measured_between([from, below]: [f64; 2]) -> f64 {
     let cells = tiles_of(SUM_ORDER) as u64;
     let of_cell = |cell: u64| {

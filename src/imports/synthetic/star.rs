@@ -101,14 +101,14 @@ fn median_colour(mag_g: f64) -> f64 {
     0.8 + 0.07 * (mag_g - 10.0).clamp(-5.0, 12.0)
 }
 
-/// Half of the stars of 10 mag are giants and a tenth of those of 18, if they are red enough.
+/// Returns a parallax. Half of the stars of 10 mag are giants and a tenth of those of 18, if they are red enough.
 fn parallax_mas(mag_g: f64, bp_rp: f64, chance: f64) -> f64 {
     let is_giant = bp_rp > 0.9 && chance < (1.0 - 0.05 * mag_g).clamp(0.1, 0.6);
     let absolute_mag = if is_giant { 0.5 } else { 1.0 + 4.4 * bp_rp };
     (1000.0 / 10.0_f64.powf((mag_g - absolute_mag + 5.0) / 5.0)).min(MOST_PARALLAX_MAS)
 }
 
-/// Two normal numbers (Box and Muller 1958).
+/// Returns two normal numbers (Box and Muller 1958).
 fn normals([a, b]: [u32; 2]) -> [f64; 2] {
     let (size, (sin, cos)) = ((-2.0 * unit(a).ln()).sqrt(), (TAU * unit(b)).sin_cos());
     [size * cos, size * sin]

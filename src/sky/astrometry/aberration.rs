@@ -18,7 +18,7 @@ pub struct Aberration {
 }
 
 impl Aberration {
-    /// Of an observer that moves at `velocity_km_s` (barycentric, slower than light).
+    /// Computes the aberration of an observer that moves at `velocity_km_s` (barycentric, slower than light).
     #[must_use]
     pub fn of(velocity_km_s: DVec3) -> Self {
         let speed = velocity_km_s / SPEED_OF_LIGHT_KM_S;

@@ -32,7 +32,7 @@ pub struct ApparentPlaces {
 }
 
 impl ApparentPlaces {
-    /// For sources of the catalog epoch `epoch_yr` (Julian year) as they are seen from `vantage` at `at`.
+    /// Prepares for sources of the catalog epoch `epoch_yr` (Julian year) as they are seen from `vantage` at `at`.
     #[must_use]
     pub fn new(epoch_yr: f64, at: Tai, vantage: &Vantage) -> Self {
         let observer_km = vantage.observer.position_km;

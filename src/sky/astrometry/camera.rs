@@ -100,7 +100,7 @@ impl CameraGeometry {
         self.parameters.width_px
     }
 
-    /// Rows.
+    /// Returns the number of rows.
     #[must_use]
     pub fn height_px(&self) -> usize {
         self.parameters.height_px
@@ -126,7 +126,7 @@ impl CameraGeometry {
         self.ideal(v_sensor).map(|ideal| self.pixel(self.distortion.distort(ideal)))
     }
 
-    /// Unit direction in sensor axes of a pixel position; `None` where no direction of the domain is imaged.
+    /// Returns the unit direction in sensor axes of a pixel position; `None` where no direction of the domain is imaged.
     #[must_use]
     pub fn unproject(&self, px: [f64; 2]) -> Option<DVec3> {
         let ideal = self.tangent_of_pixel(px)?;

@@ -29,7 +29,7 @@ pub struct Deflection {
 }
 
 impl Deflection {
-    /// For an observer at `heliocentric_km` from the Sun's centre.
+    /// Computes the deflection for an observer at `heliocentric_km` from the Sun's centre.
     #[must_use]
     pub fn at(heliocentric_km: DVec3) -> Self {
         let distance_au = heliocentric_km.length() / AU_KM;

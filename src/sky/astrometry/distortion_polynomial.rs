@@ -95,7 +95,7 @@ impl PolynomialDistortion {
     }
 }
 
-/// 1, v, v^2 ... v^[`DEGREE`].
+/// Returns 1, v, v^2 ... v^[`DEGREE`].
 fn powers(v: f64) -> [f64; DEGREE + 1] {
     let mut powers = [1.0; DEGREE + 1];
     for n in 1..=DEGREE {

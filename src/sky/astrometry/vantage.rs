@@ -33,7 +33,7 @@ pub struct Sight {
 }
 
 impl Sight {
-    /// As [`Vantage::apparent`].
+    /// Returns an apparent direction, as [`Vantage::apparent`].
     #[inline]
     #[must_use]
     pub fn apparent(&self, natural_icrf: DVec3) -> DVec3 {
@@ -53,7 +53,7 @@ impl Sight {
 }
 
 impl From<BarycentricState> for Vantage {
-    /// Without deflection of light.
+    /// Makes a vantage without deflection of light.
     fn from(observer: BarycentricState) -> Self {
         Self { observer, heliocentric_km: None }
     }

@@ -32,8 +32,8 @@ impl CentralBody {
         }
     }
 
-    /// Below this distance from its centre nothing is in orbit, km: the Earth's polar radius (WGS 84), the Moon's mean
-    /// radius, the Sun's nominal radius (IAU 2015 Resolution B3).
+    /// Returns the distance from the centre below which nothing can orbit, km: the Earth's polar radius (WGS 84), the
+    /// Moon's mean radius, the Sun's nominal radius (IAU 2015 Resolution B3).
     #[must_use]
     pub fn surface_km(self) -> f64 {
         match self {

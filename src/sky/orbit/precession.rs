@@ -36,7 +36,7 @@ fn centuries_tdb(at: Tai) -> f64 {
     at.days_tdb_since_j2000() / (100.0 * JULIAN_YEAR_D)
 }
 
-/// True axes of date from ICRF; mean ones when nutation (in longitude and obliquity, rad) is zero.
+/// Returns the true axes of date from ICRF; mean ones when nutation (in longitude and obliquity, rad) is zero.
 fn date_from_icrf(t: f64, nutation_rad: [f64; 2]) -> DMat3 {
     let gamma = (-0.052_928 + t * (10.556_378 + t * (0.493_204_4 - t * 0.000_312_38))) * ARCSEC;
     let phi = (84_381.412_819 + t * (-46.811_016 + t * (0.051_126_8 + t * 0.000_532_89))) * ARCSEC;

@@ -161,7 +161,7 @@ impl TleOrbit {
 }
 
 impl TleOrbit {
-    /// Position, km, and velocity, km/s, in SGP4's own axes.
+    /// Returns position, km, and velocity, km/s, in SGP4's own axes.
     pub(super) fn teme_state(&self, minutes_from_epoch: f64) -> Result<[DVec3; 2], String> {
         let minutes = sgp4::MinutesSinceEpoch(minutes_from_epoch);
         let teme = self.constants.propagate_afspc_compatibility_mode(minutes).map_err(|error| error.to_string())?;
@@ -178,7 +178,7 @@ fn number_of(text: &str) -> Option<u64> {
     Some(10_000 * tens + text.get(1..)?.parse::<u64>().ok()?)
 }
 
-/// That a file has no other lines than a title, `first` and the line after it.
+/// Checks that a file has no other lines than a title, `first` and the line after it.
 fn check_alone<'a>(lines: impl Iterator<Item = &'a str>, first: &str) -> Result<(), ObserverError> {
     let mut lines = (1..).zip(lines).filter(|(_, line)| !line.is_empty()).peekable();
     lines.next_if(|(_, line)| *line != first);

@@ -225,7 +225,7 @@ fn axes(elements: &KeplerElements) -> [DVec3; 2] {
     [node * cos_w + a_quarter_later * sin_w, a_quarter_later * cos_w - node * sin_w]
 }
 
-/// Stumpff's c1, c2, c3 of `z`: sin s / s, (1 - cos s) / s^2, (s - sin s) / s^3 with s = sqrt(z), and their
+/// Returns Stumpff's c1, c2, c3 of `z`: sin s / s, (1 - cos s) / s^2, (s - sin s) / s^3 with s = sqrt(z), and their
 /// hyperbolic kin for negative `z`.
 fn stumpff(z: f64) -> [f64; 3] {
     if z.abs() < SERIES_BELOW {
@@ -241,7 +241,7 @@ fn stumpff(z: f64) -> [f64; 3] {
     }
 }
 
-/// n! times the sum of (-z)^k / (n + 2k)!: below 1 its tenth term is 1e-18.
+/// Returns n! times the sum of (-z)^k / (n + 2k)!: below 1 its tenth term is 1e-18.
 fn series(z: f64, n: f64) -> f64 {
     let term = |sum: f64, k: i32| {
         let first = n + 2.0 * f64::from(k);

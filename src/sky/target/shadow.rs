@@ -28,7 +28,7 @@ pub enum Sunlight {
 }
 
 impl Sunlight {
-    /// Of a share of the Sun's light.
+    /// Returns the kind of light for a share of the Sun's light.
     #[must_use]
     pub fn of_share(share: f64) -> Self {
         if share >= 1.0 {

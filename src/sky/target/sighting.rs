@@ -77,7 +77,7 @@ impl Sighting {
         Ok(Self { from_observer_km, target: then, observer: *observer, light_time_s })
     }
 
-    /// Distance, km.
+    /// Returns the distance, km.
     #[must_use]
     pub fn range_km(&self) -> f64 {
         self.from_observer_km.length()

@@ -148,7 +148,8 @@ impl StarRecord {
     }
 }
 
-/// CRC-32 of a packed file: IEEE 802.3 (polynomial 0xEDB88320 reflected), over all bytes but the stored checksum.
+/// Returns the CRC-32 of a packed file: IEEE 802.3 (polynomial 0xEDB88320 reflected), over all bytes but the stored
+/// checksum.
 pub(super) fn file_crc32(bytes: &[u8]) -> u32 {
     let mut hasher = crc32fast::Hasher::new();
     hasher.update(&bytes[..CRC_AT]);

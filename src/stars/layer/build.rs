@@ -281,7 +281,7 @@ impl Sorting {
         Ok(())
     }
 
-    /// An input has been taken in whole: from here an import goes on.
+    /// Marks an input as taken in whole: a resumed import starts here.
     ///
     /// # Errors
     /// When the disk failed.

@@ -192,7 +192,7 @@ pub(super) fn motion_steps(mas_yr: f64) -> i16 {
     (if slow <= SLOW_STEPS { slow } else { fast }).round().copysign(mas_yr) as i16
 }
 
-/// And back, mas/yr.
+/// Returns the motion of steps, mas/yr.
 #[must_use]
 pub(super) fn motion_mas_yr(steps: i16) -> f64 {
     let size = f64::from(steps).abs();
@@ -228,14 +228,14 @@ impl TileFrame {
         [steps(self.east), steps(self.north)]
     }
 
-    /// And back, a unit vector.
+    /// Returns the direction of steps, a unit vector.
     pub(super) fn direction(&self, steps: [u32; 2]) -> DVec3 {
         let tangent = |steps: u32| (f64::from(steps) / (0.5 * COORDINATE_STEPS) - 1.0) * self.reach;
         (self.centre + self.east * tangent(steps[0]) + self.north * tangent(steps[1])).normalize()
     }
 }
 
-/// CRC-32 of the head: IEEE 802.3 (polynomial 0xEDB88320 reflected), its own field taken as zero.
+/// Returns the CRC-32 of the head: IEEE 802.3 (polynomial 0xEDB88320 reflected), its own field taken as zero.
 pub(super) fn head_crc32(head: &[u8]) -> u32 {
     let mut hasher = crc32fast::Hasher::new();
     hasher.update(&head[..CRC_AT]);

@@ -53,7 +53,7 @@ impl Layer {
     }
 }
 
-/// Right ascension and declination that lie in the tile.
+/// Returns right ascension and declination that lie in the tile.
 fn inside(frame: &TileFrame, order: u8, tile: u64, place: [u32; 2]) -> [f64; 2] {
     let direction = frame.direction(place);
     let east = frame.direction([place[0] + 1, place[1]]) - direction;
@@ -68,7 +68,7 @@ fn inside(frame: &TileFrame, order: u8, tile: u64, place: [u32; 2]) -> [f64; 2] 
     places.find(is_in).unwrap_or_else(|| ra_dec_rad(direction))
 }
 
-/// A magnitude within the layer's: from, and below.
+/// Returns a magnitude within the layer's range: from, and below.
 fn magnitude(g: u16, [from, below]: [f32; 2]) -> f64 {
     let mag = mag_of(g);
     let below = f64::from(below);

@@ -244,7 +244,7 @@ mod tests {
     use rand::rngs::StdRng;
     use rand::{RngExt, SeedableRng};
 
-    /// Rows; every tenth comes twice.
+    /// Returns rows; every tenth comes twice.
     fn rows(count: usize) -> Vec<u8> {
         let mut rng = StdRng::seed_from_u64(1);
         let mut bytes = Vec::new();

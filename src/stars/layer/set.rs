@@ -120,7 +120,7 @@ impl LayerSet {
         self.layers().next().map_or(f64::NAN, |index| index.epoch_yr)
     }
 
-    /// No star is faster, mas/yr.
+    /// Returns a proper motion that no star exceeds, mas/yr.
     #[must_use]
     pub fn fastest_mas_yr(&self) -> f64 {
         self.layers().map(|index| index.fastest_mas_yr).fold(0.0, f64::max)

@@ -146,7 +146,7 @@ impl WaitingRow {
         }
     }
 
-    /// As it is stored in its tile.
+    /// Returns the record of the star in its tile.
     pub(super) fn record(&self, frame: &TileFrame) -> StarRecord {
         let place = frame.steps(direction_from_ra_dec(self.ra_rad, self.dec_rad));
         StarRecord { place, g: self.g, bp_rp: self.bp_rp, motion: self.motion, parallax: self.parallax }

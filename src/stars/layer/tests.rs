@@ -184,7 +184,7 @@ fn fainter_stars_than_the_last_layer_are_counted() {
     assert_eq!((sorting.counts().stars, sorting.counts().too_faint), (1, 2));
 }
 
-/// An import of two inputs that is cut short somewhere in the second.
+/// Runs an import of two inputs that is cut short somewhere in the second.
 fn cut_short(work: &Path, halves: [&[NewStar]; 2], taken: usize) {
     let mut sorting = Sorting::start(work, &LIMITS).unwrap();
     halves[0].iter().for_each(|star| sorting.add(star).unwrap());

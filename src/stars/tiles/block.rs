@@ -32,7 +32,7 @@ pub struct TileStar {
 pub struct Light(Arc<dyn Fn(f32, f32) -> (f64, f32) + Send + Sync>);
 
 impl Light {
-    /// By this law.
+    /// Makes the light of stars by this law of magnitude and colour.
     pub fn new(law: impl Fn(f32, f32) -> (f64, f32) + Send + Sync + 'static) -> Self {
         Self(Arc::new(law))
     }

@@ -88,7 +88,7 @@ impl TileSky {
         &self.layers
     }
 
-    /// From here on a thread reads files, and what has not been read in time is missing.
+    /// Starts a thread that reads files; from here on tiles not read in time are missing.
     ///
     /// # Errors
     /// When the system has no thread for it.
@@ -224,7 +224,8 @@ impl TileSky {
         Ok(Found::Late)
     }
 
-    /// A field that may come: its tiles are asked for, as far as they fit into memory beside those of the present field.
+    /// Announces a field that may come: asks for its tiles, as far as they fit into memory beside those of the present
+    /// field.
     pub fn look_ahead(&mut self, axis: DVec3, radius_rad: f64) {
         if self.reader.is_none() {
             return;

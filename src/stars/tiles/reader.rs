@@ -86,7 +86,7 @@ impl Reader {
         self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
-    /// From here on field number `field` is the present one.
+    /// Makes field number `field` the present one.
     pub(super) fn begin(&self, field: u64) {
         self.field.store(field, Ordering::Relaxed);
     }

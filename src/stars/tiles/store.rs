@@ -43,7 +43,7 @@ pub(super) struct Store {
 }
 
 impl Store {
-    /// For so many stars, of so many tiles in all.
+    /// Makes a store for this many stars and tiles.
     pub(super) fn new(most_stars: u64, tiles: usize) -> Self {
         // Tiles that are asked for have names too.
         let places = HashMap::with_capacity(2 * tiles);
@@ -78,7 +78,7 @@ impl Store {
         &self.slots[slot as usize].stars
     }
 
-    /// Field number `field` wants the tile of a slot.
+    /// Records that field number `field` wants the tile of a slot.
     pub(super) fn want(&mut self, slot: u32, field: u64) {
         self.slots[slot as usize].wanted_in = field;
     }

@@ -130,8 +130,8 @@ impl<'a> Around<'a> {
         [self.azimuth_rad, self.azimuth_rad - TAU.copysign(self.azimuth_rad)]
     }
 
-    /// Two turns through a waypoint at `angle_rad` from the Sun, at `part` of the way around it by `turn_rad`. The
-    /// waypoint is the shortest turn's attitude, tilted as little as puts the boresight there.
+    /// Returns two turns through a waypoint at `angle_rad` from the Sun, at `part` of the way around it by `turn_rad`.
+    /// The waypoint is the shortest turn's attitude, tilted as little as puts the boresight there.
     fn through(&self, angle_rad: f64, part: f64, turn_rad: f64, limits: &SlewLimits) -> SlewPath {
         let (sin, cos) = (turn_rad * part).sin_cos();
         let across = self.zero * cos + self.sun.cross(self.zero) * sin;

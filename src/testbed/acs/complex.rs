@@ -27,7 +27,7 @@ impl Complex {
         Self { re: 0.0, im }
     }
 
-    /// `exp(i angle)`.
+    /// Returns `exp(i angle)`.
     #[must_use]
     pub fn unit(angle_rad: f64) -> Self {
         Self { re: angle_rad.cos(), im: angle_rad.sin() }
@@ -45,7 +45,7 @@ impl Complex {
         self.re * self.re + self.im * self.im
     }
 
-    /// Argument, rad, in `-pi..=pi`.
+    /// Returns the argument, rad, in `-pi..=pi`.
     #[must_use]
     pub fn argument_rad(self) -> f64 {
         self.im.atan2(self.re)

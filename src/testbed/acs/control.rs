@@ -129,7 +129,7 @@ impl Acs {
         self.asked.map_or(self.logic.mode(), |(mode, _)| mode)
     }
 
-    /// A new target: at once by a planned turn when it is far off; a slew under way ends.
+    /// Takes a new target: starts a planned turn at once when it is far off; ends a slew in progress.
     fn point(&mut self, target: Rotation<Body, Icrf>) {
         let pointing = matches!(self.mode_to_be(), Mode::CoarsePointing | Mode::FinePointing);
         let start = self.attitude.filter(|attitude| pointing && self.is_far(attitude, &target));
@@ -145,7 +145,8 @@ impl Acs {
         attitude.rotation_vector_to(target).length() > self.params.thresholds.slew_above_rad
     }
 
-    /// In fine pointing the target, not the estimate, so that the reference goes on without a step.
+    /// Returns the start of a slew: in fine pointing the target, not the estimate, so that the reference goes on
+    /// without a step.
     fn slew_start(&self, attitude: Rotation<Body, Icrf>) -> Rotation<Body, Icrf> {
         let is_fine = self.logic.mode() == Mode::FinePointing;
         self.target.filter(|target| is_fine && !self.is_far(&attitude, target)).unwrap_or(attitude)
@@ -285,7 +286,7 @@ impl Acs {
     }
 }
 
-/// The slew limits, with the acceleration cut to what half the torque gives about the stiffest axis.
+/// Returns the slew limits, with the acceleration cut to what half the torque gives about the stiffest axis.
 fn torque_limited(params: &AcsParams) -> SlewLimits {
     let j = &params.inertia_kg_m2;
     // Largest row sum: a bound on the largest principal inertia (Gershgorin).

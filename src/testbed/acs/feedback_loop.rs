@@ -32,7 +32,7 @@ impl FeedbackLoop {
         *self = Self { integral_rad_s: DVec3::ZERO, saturated: false, fresh: true, ..*self };
     }
 
-    /// The torque of this step was cut.
+    /// Records whether the torque of this step was cut.
     pub(super) fn note_saturation(&mut self, saturated: bool) {
         self.saturated = saturated;
     }

@@ -83,7 +83,7 @@ impl Biquad {
         above / (Complex::ONE + back * self.a[0] + twice * self.a[1])
     }
 
-    /// This section with nothing in it yet.
+    /// Returns the state of this section for zero input.
     #[must_use]
     pub fn at_rest(self) -> BiquadState {
         BiquadState { section: self, kept: [DVec3::ZERO; 2] }

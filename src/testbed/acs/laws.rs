@@ -39,7 +39,7 @@ impl Gains {
         TAU * self.bandwidth_hz
     }
 
-    /// `J wn^2`, `2 zeta wn J`, `J wn^2 / Ti`: with the full inertia all axes have the same loop, and a turn from
+    /// Returns `J wn^2`, `2 zeta wn J`, `J wn^2 / Ti`: with the full inertia all axes have the same loop, and a turn from
     /// rest stays on its eigen-axis.
     #[must_use]
     pub fn of(&self, inertia_kg_m2: &DMat3) -> LoopGains {

@@ -54,7 +54,7 @@ impl PointingLoop {
         2.0 * self.gains.damping * self.gains.natural_rad_s()
     }
 
-    /// From wanted acceleration to angle: filter, delay, hold and body, `F exp(-s T) H / (r s^2)`.
+    /// Returns the response from wanted acceleration to angle: filter, delay, hold and body, `F exp(-s T) H / (r s^2)`.
     #[must_use]
     pub fn plant(&self, w_rad_s: f64) -> Complex {
         let half = w_rad_s * self.control_period_s / 2.0;
@@ -69,13 +69,13 @@ impl PointingLoop {
         (self.angle_gain(w_rad_s) + Complex::imaginary(self.rate_gain() * w_rad_s)) * self.plant(w_rad_s)
     }
 
-    /// `S = 1 / (1 + L)`: what is left of a disturbing angle.
+    /// Returns `S = 1 / (1 + L)`: the response to a disturbing angle.
     #[must_use]
     pub fn sensitivity(&self, w_rad_s: f64) -> Complex {
         Complex::ONE / (Complex::ONE + self.open_loop(w_rad_s))
     }
 
-    /// `T = L / (1 + L)`: what a moving target, or an error of the measured angle with its rate, becomes.
+    /// Returns `T = L / (1 + L)`: the response to a moving target, or to an error of the measured angle with its rate.
     #[must_use]
     pub fn complementary(&self, w_rad_s: f64) -> Complex {
         let open = self.open_loop(w_rad_s);

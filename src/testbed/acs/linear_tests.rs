@@ -46,7 +46,7 @@ impl Axis {
         Self { angle: 0.0, rate: 0.0, integral: 0.0, filter, late, held: 0.0, dt_s, steps: 0 }
     }
 
-    /// One physics step with errors of the measured angle and rate and a disturbing acceleration.
+    /// Takes one physics step with errors of the measured angle and rate and a disturbing acceleration.
     fn step(&mut self, model: &PointingLoop, angle_error: f64, rate_error: f64, disturbance: f64) {
         if self.steps.is_multiple_of(FINE) {
             let wn = TAU * model.gains.bandwidth_hz;

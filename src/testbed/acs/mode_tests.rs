@@ -71,7 +71,7 @@ fn nothing_moves_without_a_cause() {
     }
 }
 
-/// Mode changes in 100 s while the error swings between 0.8 of the entry and 1.2 of it, 3 s each.
+/// Returns the mode changes in 100 s while the error swings between 0.8 of the entry and 1.2 of it, 3 s each.
 fn changes_while_swinging(thresholds: Thresholds) -> u32 {
     let mut logic = ModeLogic::new(Mode::CoarsePointing, thresholds);
     let enter = thresholds.fine_enter_rad;

@@ -145,7 +145,7 @@ impl Observer {
     }
 }
 
-/// `int_0^inf |H|^2 dw`, four decades past the corners.
+/// Returns `int_0^inf |H|^2 dw`, four decades past the corners.
 fn bandwidth_rad_s((low, high): (f64, f64), h: impl Fn(f64) -> Complex) -> f64 {
     let (first, last) = (low.log10() - DECADES, high.log10() + DECADES);
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some thousands of points")]

@@ -52,7 +52,7 @@ pub struct SlewPath {
 }
 
 impl Reference {
-    /// At rest.
+    /// Returns a reference at rest.
     #[must_use]
     pub fn at_rest(body_from_icrf: Rotation<Body, Icrf>) -> Self {
         Self { body_from_icrf, rate_rad_s: DVec3::ZERO, acceleration_rad_s2: DVec3::ZERO }
@@ -135,7 +135,7 @@ impl Leg {
         }
     }
 
-    /// Angle, rate and acceleration `t_s` into the rising ramp.
+    /// Returns angle, rate and acceleration `t_s` into the rising ramp.
     fn ramp(&self, t_s: f64) -> [f64; 3] {
         let (k, half) = (TAU / self.ramp_s, self.acceleration_rad_s2 / 2.0);
         let (sin, cos) = (k * t_s).sin_cos();
@@ -144,7 +144,7 @@ impl Leg {
 }
 
 impl SlewPath {
-    /// From the first one to [`MOST_LEGS`] of `legs`; `None` when there are none or too many.
+    /// Makes a path of one to [`MOST_LEGS`] legs; `None` when there are none or too many.
     #[must_use]
     pub fn new(legs: &[Leg]) -> Option<Self> {
         let first = *legs.first()?;
@@ -159,13 +159,13 @@ impl SlewPath {
         Self { legs: [leg; MOST_LEGS], count: 1 }
     }
 
-    /// The turns.
+    /// Returns the turns.
     #[must_use]
     pub fn legs(&self) -> &[Leg] {
         &self.legs[..self.count]
     }
 
-    /// Time of all turns, s.
+    /// Returns the time of all turns, s.
     #[must_use]
     pub fn duration_s(&self) -> f64 {
         self.legs().iter().map(Leg::duration_s).sum()

@@ -103,8 +103,8 @@ impl TestBody {
         }
     }
 
-    /// One control period under a torque from the wheels: Euler's equations, `J w' = T - w x (J w + h)`, `h' = -T` in
-    /// the body; midpoint rule.
+    /// Takes one control period under a torque from the wheels: Euler's equations, `J w' = T - w x (J w + h)`, `h' =
+    /// -T` in the body; midpoint rule.
     pub(super) fn turn(&mut self, torque: DVec3) {
         let dt = PERIOD.s() / f64::from(FINE);
         let (j, inverse) = (inertia(), inertia().inverse());

@@ -42,7 +42,7 @@ impl Covariance6 {
         Self { attitude, cross: DMat3::ZERO, bias }
     }
 
-    /// `turn P turn' + noise`.
+    /// Returns `turn P turn' + noise`.
     #[must_use]
     pub fn propagated(&self, turn: &Turn, noise: &Self) -> Self {
         let (f, g) = (turn.attitude, turn.cross);
@@ -61,8 +61,8 @@ impl Covariance6 {
         Gain { attitude: self.attitude * *inverse_innovation, bias: self.cross.transpose() * *inverse_innovation }
     }
 
-    /// After a measurement with noise `r` worked in with `gain`: Joseph's form, which stays positive for any gain
-    /// (Bucy and Joseph 1968; Markley and Crassidis 2014, eq. 12.83).
+    /// Returns the covariance after a measurement with noise `r`, used with `gain`: Joseph's form, which stays positive
+    /// for any gain (Bucy and Joseph 1968; Markley and Crassidis 2014, eq. 12.83).
     #[must_use]
     pub fn updated(&self, gain: &Gain, r: &DMat3) -> Self {
         let left = DMat3::IDENTITY - gain.attitude;

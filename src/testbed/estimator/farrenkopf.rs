@@ -65,7 +65,7 @@ mod tests {
     /// Relative rounding of a few dozen f64 operations, with cancellation of two digits.
     const ROUNDING: f64 = 1e-11;
 
-    /// One period of the two-state covariance equations, from before an update to before the next.
+    /// Takes one period of the two-state covariance equations, from before an update to before the next.
     fn next(p: [f64; 3], nea: f64, t: f64, gyro: &GyroNoise) -> [f64; 3] {
         let (v, u) = (gyro.arw_rad_sqrt_s.powi(2), gyro.rrw_rad_s_sqrt_s.powi(2));
         let s = p[0] + nea * nea;

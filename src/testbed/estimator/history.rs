@@ -159,7 +159,7 @@ fn gyro_noise(params: &MekfParams, dt_s: f64) -> Covariance6 {
     }
 }
 
-/// `[v x]`: the matrix with `[v x] u = v x u`.
+/// Returns `[v x]`, the matrix with `[v x] u = v x u`.
 fn cross_product_matrix(v: DVec3) -> DMat3 {
     DMat3::from_cols(DVec3::new(0.0, v.z, -v.y), DVec3::new(-v.z, 0.0, v.x), DVec3::new(v.y, -v.x, 0.0))
 }

@@ -74,8 +74,8 @@ impl Mekf {
         Ok(Self { params, history, started: false, gated_in_a_row: 0, counts: MekfCounts::default() })
     }
 
-    /// One gyro sample: the mean rate since the last one, up to `at`, rad/s in body axes. `None`: no sample came; the
-    /// last rate goes on with noise for the acceleration that was not seen. A time that is not later is left out.
+    /// Takes one gyro sample: the mean rate since the last one, up to `at`, rad/s in body axes. `None`: no sample came;
+    /// the last rate goes on with noise for the acceleration that was not seen. A time that is not later is left out.
     pub fn propagate(&mut self, at: Tai, rate_measured_rad_s: Option<DVec3>) {
         let last = *self.history.last();
         let span = at - last.at;
@@ -274,7 +274,7 @@ fn fresh(params: &MekfParams, attitude: Rotation<Body, Icrf>, covariance_rad2: D
     Estimate { attitude, bias_rad_s: DVec3::ZERO, covariance: Covariance6::independent(covariance_rad2, bias) }
 }
 
-/// A covariance is usable when it is symmetric enough to have positive leading minors (Sylvester's criterion).
+/// Returns whether a covariance is usable: symmetric enough to have positive leading minors (Sylvester's criterion).
 fn usable(fix: &Fix) -> bool {
     let c = &fix.covariance_rad2;
     let second = c.x_axis.x * c.y_axis.y - c.x_axis.y * c.y_axis.x;
@@ -285,7 +285,7 @@ fn inverse_innovation(estimate: &Estimate, fix: &Fix) -> DMat3 {
     (estimate.covariance.attitude + fix.covariance_rad2).inverse()
 }
 
-/// `None` when the innovation's covariance cannot be inverted in f64.
+/// Returns the squared Mahalanobis distance; `None` when the innovation's covariance cannot be inverted in f64.
 fn normalised_innovation(estimate: &Estimate, fix: &Fix) -> Option<f64> {
     let innovation = estimate.attitude.rotation_vector_to(&fix.attitude);
     let normalised = innovation.dot(inverse_innovation(estimate, fix) * innovation);

@@ -43,7 +43,7 @@ pub struct SteadyMotion {
 }
 
 impl SteadyMotion {
-    /// Attitude, rate and acceleration at `at`.
+    /// Returns attitude, rate and acceleration at `at`.
     #[must_use]
     pub fn at(&self, at: Tai) -> AttitudeTruth {
         let t_s = (at - self.zero).s();
@@ -164,7 +164,7 @@ impl WaypointMotion {
         Ok(Self { pieces: turns.iter().enumerate().map(piece).collect() })
     }
 
-    /// Attitude, rate and acceleration `t_s` after the zero of the motion.
+    /// Returns attitude, rate and acceleration `t_s` after the zero of the motion.
     #[must_use]
     pub fn at_s(&self, t_s: f64) -> AttitudeTruth {
         let place = self.pieces.partition_point(|piece| piece.begin_s <= t_s);
@@ -259,7 +259,7 @@ impl Piece {
 /// Below this angle the closed forms lose digits, and three terms of their series are exact to 4e-9.
 const SERIES_BELOW_RAD: f64 = 0.2;
 
-/// `(1 - cos x) / x^2` and `(x - sin x) / x^3`, and the derivative of each divided by `x`.
+/// Returns `(1 - cos x) / x^2` and `(x - sin x) / x^3`, and the derivative of each divided by `x`.
 fn shares_of_turn(x: f64) -> [f64; 4] {
     let x2 = x * x;
     if x < SERIES_BELOW_RAD {
@@ -280,7 +280,7 @@ fn shares_of_turn(x: f64) -> [f64; 4] {
     ]
 }
 
-/// `(1 - x/2 cot(x/2)) / x^2`, and its derivative divided by `x`.
+/// Returns `(1 - x/2 cot(x/2)) / x^2`, and its derivative divided by `x`.
 fn shares_of_slope(x: f64) -> [f64; 2] {
     let x2 = x * x;
     if x < SERIES_BELOW_RAD {

@@ -90,7 +90,7 @@ impl Schedule {
         (timer.stream, timer.due_us(), timer.count)
     }
 
-    /// As [`Self::next`], and moves that stream on.
+    /// Returns the stream as [`Self::next`] does, and moves it on.
     pub(super) fn take(&mut self) -> (Stream, u64, u64) {
         let next = self.next();
         self.timers[self.next_index()].count += 1;

@@ -54,13 +54,13 @@ pub fn body_from_ra_dec_roll(ra_rad: f64, dec_rad: f64, roll_rad: f64) -> Rotati
 }
 
 impl SlewProfile {
-    /// At rest for ever.
+    /// Makes a motion at rest for ever.
     #[must_use]
     pub fn hold(body_from_icrf: Rotation<Body, Icrf>) -> Self {
         Self::turning(body_from_icrf, Tai::from_ns(0), DVec3::ZERO)
     }
 
-    /// At rest until `start`, then turning at a constant rate (body axes) for ever.
+    /// Makes a motion at rest until `start`, then turning at a constant rate (body axes) for ever.
     #[must_use]
     pub fn turning(initial: Rotation<Body, Icrf>, start: Tai, rate_rad_s: DVec3) -> Self {
         Self {
@@ -74,7 +74,7 @@ impl SlewProfile {
         }
     }
 
-    /// At rest until `start`, one turn, at rest.
+    /// Makes a motion at rest until `start`, one turn, at rest.
     #[must_use]
     pub fn slew(initial: Rotation<Body, Icrf>, start: Tai, slew: &Slew) -> Self {
         let angle_rad = slew.angle_rad.abs();
@@ -92,7 +92,7 @@ impl SlewProfile {
         2.0 * self.ramp_s + self.cruise_s
     }
 
-    /// Attitude, rate and acceleration at `at`.
+    /// Returns attitude, rate and acceleration at `at`.
     #[must_use]
     pub fn at(&self, at: Tai) -> AttitudeTruth {
         let [angle_rad, rate_rad_s, acceleration_rad_s2] = self.about_axis((at - self.start).s());
@@ -103,7 +103,7 @@ impl SlewProfile {
         }
     }
 
-    /// Angle, rate and acceleration `t_s` after the start.
+    /// Returns angle, rate and acceleration `t_s` after the start.
     fn about_axis(&self, t_s: f64) -> [f64; 3] {
         let (peak, ramp_s) = (self.peak_rate_rad_s, self.ramp_s);
         let left_s = self.duration_s() - t_s;
@@ -120,7 +120,7 @@ impl SlewProfile {
         }
     }
 
-    /// Angle, rate and acceleration `t_s` into the ramp up.
+    /// Returns angle, rate and acceleration `t_s` into the ramp up.
     fn on_ramp(&self, t_s: f64) -> [f64; 3] {
         let (peak, ramp_s, share) = (self.peak_rate_rad_s, self.ramp_s, t_s / self.ramp_s);
         let [integral, value, slope] = match self.shape {

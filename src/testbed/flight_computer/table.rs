@@ -25,7 +25,7 @@ pub struct FileProfile {
 }
 
 impl FileProfile {
-    /// Attitude, rate and acceleration at `at`; `None` where the file has none.
+    /// Returns attitude, rate and acceleration at `at`; `None` where the file has none.
     #[must_use]
     pub fn at(&self, at: Tai) -> Option<AttitudeTruth> {
         let t_ns = (at - self.zero).ns().saturating_add(self.zero_ns);
@@ -58,7 +58,7 @@ pub enum Profile {
 }
 
 impl Profile {
-    /// Attitude, rate and acceleration at `at`; `None` where there is none.
+    /// Returns attitude, rate and acceleration at `at`; `None` where there is none.
     #[must_use]
     pub fn at(&self, at: Tai) -> Option<AttitudeTruth> {
         match self {

@@ -61,13 +61,13 @@ fn check_inertia(inertia: DMat3) -> Result<(), SpacecraftError> {
     }
 }
 
-/// Sylvester's criterion.
+/// Returns whether a matrix is positive definite (Sylvester's criterion).
 fn is_positive_definite(m: DMat3) -> bool {
     let second = m.x_axis.x * m.y_axis.y - m.x_axis.y * m.y_axis.x;
     m.x_axis.x > 0.0 && second > 0.0 && m.determinant() > 0.0
 }
 
-/// `got` when it is finite and `is_good`, or the error that says what was wanted.
+/// Returns `got` when it is finite and `is_good`, or the error that says what was wanted.
 pub(super) fn within(
     of: &'static str,
     index: usize,

@@ -35,7 +35,7 @@ pub(super) fn reduced_inertia(params: &SpacecraftParams) -> DMat3 {
     reduced
 }
 
-/// `a b'`.
+/// Returns the outer product `a b'`.
 pub(super) fn outer(a: DVec3, b: DVec3) -> DMat3 {
     DMat3::from_cols(a * b.x, a * b.y, a * b.z)
 }
@@ -109,7 +109,7 @@ impl Rotor {
 }
 
 impl State {
-    /// `self + derivative h`. The quaternion is left unnormalised: stages are points of a smooth field.
+    /// Returns `self + derivative h`. The quaternion is left unnormalised: stages are points of a smooth field.
     fn plus(&self, derivative: &Self, h_s: f64) -> Self {
         let mut sum = *self;
         sum.add(derivative, h_s);
@@ -130,7 +130,7 @@ impl State {
 }
 
 impl Equations {
-    /// From checked parameters; `orbit_offset_s` is the start of the run less the orbit's epoch.
+    /// Makes the equations from checked parameters; `orbit_offset_s` is the start of the run less the orbit's epoch.
     pub(super) fn new(params: &SpacecraftParams, orbit_offset_s: f64) -> Self {
         let rotor = |wheel: &WheelParams| Rotor {
             axis: wheel.axis_body.normalize_or_zero(),
@@ -192,7 +192,7 @@ impl Equations {
         momentum
     }
 
-    /// Momentum of the rotors relative to the body, body axes, N m s.
+    /// Returns the momentum of the rotors relative to the body, body axes, N m s.
     pub(super) fn wheel_momentum(&self, speeds: &[f64; WHEELS_MAX]) -> DVec3 {
         self.rotors.iter().zip(speeds).map(|(rotor, speed)| rotor.axis * (rotor.inertia_kg_m2 * speed)).sum()
     }

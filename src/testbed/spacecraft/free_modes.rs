@@ -73,8 +73,8 @@ pub(super) fn free_modes(params: &SpacecraftParams) -> Vec<FreeMode> {
         .collect()
 }
 
-/// Jacobi's method (Golub and Van Loan, "Matrix Computations", section 8.5): `matrix` becomes diagonal in its first
-/// `n` rows; the columns of what is returned are its eigenvectors.
+/// Applies Jacobi's method (Golub and Van Loan, "Matrix Computations", section 8.5): `matrix` becomes diagonal in its
+/// first `n` rows; the columns of what is returned are its eigenvectors.
 fn diagonalise(matrix: &mut Square, n: usize) -> Square {
     let mut vectors = Square::default();
     for i in 0..n {
@@ -90,7 +90,7 @@ fn diagonalise(matrix: &mut Square, n: usize) -> Square {
     vectors
 }
 
-/// One rotation that brings `matrix[p][q]` to zero.
+/// Applies one rotation that brings `matrix[p][q]` to zero.
 fn rotate(matrix: &mut Square, vectors: &mut Square, n: usize, p: usize, q: usize) {
     if matrix[p][q] == 0.0 {
         return;

@@ -150,7 +150,7 @@ impl Gyro {
         mean + white
     }
 
-    /// The angle in whole counts; the rest waits for the next interval.
+    /// Returns the angle in whole counts; the rest waits for the next interval.
     fn count(&mut self, angle_rad: DVec3) -> DVec3 {
         let quantum_rad = self.params.quantum_rad;
         if quantum_rad == 0.0 {

@@ -15,7 +15,7 @@ impl<T: Copy> History<T> {
         Self { entries: Vec::with_capacity(capacity), capacity, pushed: 0 }
     }
 
-    /// Entry number `self.next()`.
+    /// Adds entry number `self.next()`.
     pub(super) fn push(&mut self, entry: T) {
         if self.entries.len() < self.capacity {
             self.entries.push(entry);

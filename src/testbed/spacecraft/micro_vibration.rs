@@ -48,8 +48,8 @@ struct Wheel {
 }
 
 impl MicroVibration {
-    /// Of the spacecraft `params` from `start` on, sampled every `period`; wheels at their initial speeds for long.
-    /// `seed` draws the phases.
+    /// Simulates the spacecraft `params` from `start` on, sampled every `period`; wheels at their initial speeds for
+    /// long. `seed` draws the phases.
     ///
     /// # Errors
     /// When the parameters are not physical, a mode has no damping (or is overdamped once free), or the period will not
@@ -165,7 +165,7 @@ impl MicroVibration {
         }
     }
 
-    /// Steady responses at the present speeds.
+    /// Computes the steady responses at the present speeds.
     fn respond(&mut self) {
         for line in &mut self.lines {
             line.respond(self.wheels[line.wheel].speed_rad_s, self.period.s(), &self.oscillators);

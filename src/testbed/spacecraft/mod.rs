@@ -75,7 +75,8 @@ pub struct Spacecraft {
 }
 
 impl Spacecraft {
-    /// At `start` with this attitude and rate (body axes, rad/s). `seed` is for the random walk of the torque.
+    /// Makes a spacecraft at `start` with this attitude and rate (body axes, rad/s). `seed` is for the random walk of
+    /// the torque.
     ///
     /// # Errors
     /// When a parameter is not physical or the step too long: [`SpacecraftError`].
@@ -178,7 +179,7 @@ impl Spacecraft {
         has_place
     }
 
-    /// Momentum unloading on or off, from [`Self::time`] on.
+    /// Switches momentum unloading on or off, from [`Self::time`] on.
     pub fn command_unloading(&mut self, is_on: bool) {
         self.is_unloading = is_on;
     }

@@ -52,7 +52,7 @@ impl Motors {
         self.demand = *torques_n_m;
     }
 
-    /// The wheel coasts from now on; the others share what is demanded next.
+    /// Lets the wheel coast from now on; the others share the next demand.
     pub(super) fn fail(&mut self, wheel: usize, equations: &Equations) {
         self.healthy[wheel] = false;
         self.demand[wheel] = 0.0;

@@ -76,7 +76,7 @@ impl CircularOrbit {
         self.node * cos + self.quarter * sin
     }
 
-    /// `mu / r^3`, 1/s^2.
+    /// Returns `mu / r^3`, 1/s^2.
     pub(super) fn rate_squared(&self) -> f64 {
         self.rate_rad_s * self.rate_rad_s
     }

@@ -74,7 +74,7 @@ pub(super) fn lines(params: &SpacecraftParams, seed: u64) -> Vec<Line> {
 }
 
 impl Line {
-    /// Steady response at a wheel speed.
+    /// Computes the steady response at a wheel speed.
     pub(super) fn respond(&mut self, speed_rad_s: f64, period_s: f64, oscillators: &[Oscillator]) {
         self.frequency_rad_s = self.multiple * speed_rad_s;
         self.turn = DVec2::from_angle(self.frequency_rad_s * period_s);
@@ -117,7 +117,7 @@ impl Line {
 }
 
 impl Oscillator {
-    /// At rest; the transition is the closed form of an underdamped oscillator.
+    /// Makes an oscillator at rest; the transition is the closed form of an underdamped oscillator.
     pub(super) fn new(mode: FreeMode, period_s: f64) -> Self {
         let decay_rad_s = mode.damping * mode.frequency_rad_s;
         let damped_rad_s = mode.frequency_rad_s * (1.0 - mode.damping * mode.damping).sqrt();

@@ -71,7 +71,7 @@ impl Spot {
 }
 
 impl SpotModel {
-    /// Half-width of the window that holds the spot, px.
+    /// Returns the half-width of the window that holds the spot, px.
     pub(super) fn half_px(&self) -> usize {
         let reach = 3.0 * self.psf_sigma_px + 0.5 + 0.5 * self.trail_px.abs().max_element();
         to_index(reach.ceil()).clamp(2, WIDEST / 2)
@@ -286,7 +286,7 @@ impl Normal {
     }
 }
 
-/// Inverse of a symmetric positive 3 x 3 matrix given as xx, xy, xz, yy, yz, zz, in the same order.
+/// Returns the inverse of a symmetric positive 3 x 3 matrix given as xx, xy, xz, yy, yz, zz, in the same order.
 fn inverse3(m: &[f64; 6]) -> Option<[f64; 6]> {
     let [xx, xy, xz, yy, yz, zz] = *m;
     let (a, b, c) = (yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy);

@@ -142,7 +142,7 @@ impl Identifier {
         None
     }
 
-    /// All triples of pattern stars with the triangle's three angles and its sense of turn.
+    /// Finds all triples of pattern stars with the triangle's three angles and its sense of turn.
     fn find_hypotheses(&mut self, search: &Search<'_>, [i, j, k]: Triangle) {
         self.hypotheses.clear();
         let pairs = search.guide.pairs();
@@ -252,7 +252,7 @@ impl Search<'_> {
         (angle_of_chord(chord), place_px * self.params.geometry.ifov_rad() + aberration)
     }
 
-    /// Whether three directions turn to the right.
+    /// Returns whether three directions turn to the right.
     fn turn(&self, [a, b, c]: [DVec3; 3]) -> bool {
         a.dot(b.cross(c)) > 0.0
     }

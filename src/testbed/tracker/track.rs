@@ -210,7 +210,7 @@ impl Follower {
         }
     }
 
-    /// Second pass: every star at its place.
+    /// Makes the second pass: measures every star at its place.
     fn measure(
         &mut self,
         params: &TrackerParams,

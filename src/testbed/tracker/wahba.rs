@@ -49,7 +49,7 @@ pub(super) fn davenport(observations: impl Iterator<Item = Observation>) -> Rota
     Rotation::from_quat(DQuat::from_xyzw(-x, -y, -z, w))
 }
 
-/// Eigenvector of the largest eigenvalue of a symmetric matrix: cyclic Jacobi (Golub & Van Loan, *Matrix
+/// Returns the eigenvector of the largest eigenvalue of a symmetric matrix: cyclic Jacobi (Golub & Van Loan, *Matrix
 /// Computations*, 4th ed., section 8.5).
 pub(super) fn largest_eigenvector(mut a: [[f64; 4]; 4]) -> [f64; 4] {
     let mut vectors = [[0.0; 4]; 4];
@@ -67,7 +67,7 @@ pub(super) fn largest_eigenvector(mut a: [[f64; 4]; 4]) -> [f64; 4] {
     [vectors[0][best], vectors[1][best], vectors[2][best], vectors[3][best]]
 }
 
-/// One Jacobi rotation that makes the element (p, q) zero.
+/// Applies one Jacobi rotation that makes the element (p, q) zero.
 fn rotate(a: &mut [[f64; 4]; 4], vectors: &mut [[f64; 4]; 4], p: usize, q: usize) {
     if a[p][q].abs() <= f64::EPSILON * 1e-3 * (a[p][p].abs() + a[q][q].abs()) {
         return;

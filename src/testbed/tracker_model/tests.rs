@@ -47,7 +47,7 @@ fn geometry() -> Geometry {
     }
 }
 
-/// A walk over the sky in stations 0.37 deg apart, on a line that meets all of the field's waves.
+/// Returns a station of a walk over the sky in stations 0.37 deg apart, on a line that meets all of the field's waves.
 fn station(number: u32) -> Rotation<Sensor, Icrf> {
     let s = f64::from(number);
     sensor_from_ra_dec_roll(0.37 * DEG * s, 0.9 * (0.011 * s).sin(), 0.004 * s)

@@ -125,7 +125,7 @@ impl Head {
         is_fresh && matches!(self.report.last, Some(Outcome::Solved(_)))
     }
 
-    /// Off once more, or once less.
+    /// Counts one more, or one less, of the causes that switch the head off.
     pub(super) fn switch(&mut self, is_off: bool) {
         self.off = if is_off { self.off + 1 } else { self.off.saturating_sub(1) };
         if is_off {

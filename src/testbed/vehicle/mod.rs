@@ -176,14 +176,14 @@ impl Vehicle {
         Ok(self.spacecraft.attitude_at(at)?)
     }
 
-    /// Until when the motion has been flown.
+    /// Returns the instant until which the motion has been flown.
     #[must_use]
     pub fn flown_until(&self) -> Tai {
         self.spacecraft.time()
     }
 
-    /// Micro-vibration at `at`: rotation vector of the body away from its smooth attitude, body axes, rad. Zero when none
-    /// is computed.
+    /// Returns the micro-vibration at `at`: rotation vector of the body away from its smooth attitude, body axes, rad.
+    /// Zero when none is computed.
     ///
     /// # Errors
     /// When `at` is more than about two seconds ago.
@@ -291,7 +291,7 @@ impl Vehicle {
         Ok(())
     }
 
-    /// A fault that ends by itself has ended; another of its kind may go on.
+    /// Ends a fault whose time is over; another of its kind may go on.
     pub fn clear(&mut self, fault: VehicleFault) {
         self.faults.end(&fault);
         if let VehicleFault::TrackerOff(head) = fault {
@@ -392,7 +392,7 @@ impl Vehicle {
         }
     }
 
-    /// The gyro's sample over the control period into the estimator.
+    /// Passes the gyro's sample over the control period to the estimator.
     fn sense(&mut self, at: Tai, truth: &AttitudeTruth) {
         let (last_at, last) = self.last;
         self.faults.spoil(&mut self.gyro);
@@ -433,7 +433,8 @@ impl Vehicle {
         self.acs.step(at, &input)
     }
 
-    /// Ground control: leaves a safe mode that was not commanded once the attitude has been known in it for a while.
+    /// Acts as ground control: leaves a safe mode that was not commanded once the attitude has been known in it for a
+    /// while.
     fn resume(&mut self, at: Tai, mode: Mode) {
         self.safe_since = (mode == Mode::Safe).then(|| self.safe_since.unwrap_or(at));
         let (Some(wait), Some(safe_since)) = (self.params.resume_after, self.safe_since) else { return };

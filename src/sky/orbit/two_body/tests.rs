@@ -44,7 +44,7 @@ fn orbit(gm: f64, elements: [f64; 6]) -> TwoBodyOrbit {
     TwoBodyOrbit::from_elements(epoch(), &elements, gm).expect("a valid orbit")
 }
 
-/// Module doc: shares of distance and of speed, and of the phase.
+/// Returns the bound of the module doc: shares of distance and of speed, and of the phase.
 fn bound(gm: f64, elements: [f64; 6], seconds: f64) -> f64 {
     let phase_rad = elements[5].abs() + (gm / elements[0].abs().powi(3)).sqrt() * seconds.abs();
     1e-11 + 4.0 * f64::EPSILON * phase_rad

@@ -33,7 +33,7 @@ pub(super) struct Camera {
 }
 
 impl Camera {
-    /// 1024 x 1024, 20 degrees: configs/cameras/star_tracker_20deg.toml.
+    /// Returns the camera of 1024 x 1024, 20 degrees: configs/cameras/star_tracker_20deg.toml.
     pub(super) fn wide() -> Self {
         let detector =
             DetectorFigures { gain_e_per_dn: 25.1, black_level_dn: 100.0, read_noise_e_rms: 55.0, saturation_dn: 4095 };
@@ -42,7 +42,7 @@ impl Camera {
         Self { params, zero_magnitude_e: 1.12e6, dark_e: 19.0, dsnu_e_rms: 27.5, prnu: 0.008, steps: 1 }
     }
 
-    /// 256 x 256, 20 degrees: four times coarser pixels.
+    /// Returns a camera of 256 x 256, 20 degrees: four times coarser pixels.
     pub(super) fn coarse() -> Self {
         let wide = Self::wide();
         let params = TrackerParams {
@@ -52,7 +52,7 @@ impl Camera {
         Self { params, ..wide }
     }
 
-    /// 1936 x 1216, 13 x 8.2 degrees, with distortion: configs/cameras/cubesat_tracker.toml.
+    /// Returns the camera of 1936 x 1216, 13 x 8.2 degrees, with distortion: configs/cameras/cubesat_tracker.toml.
     pub(super) fn narrow() -> Self {
         let detector =
             DetectorFigures { gain_e_per_dn: 8.15, black_level_dn: 60.0, read_noise_e_rms: 6.83, saturation_dn: 4095 };
@@ -270,7 +270,7 @@ pub(super) fn gaussian(random: &mut StdRng) -> f64 {
     (-2.0 * (1.0 - radius).ln()).sqrt() * (TAU * turn).cos()
 }
 
-/// Knuth's product of uniforms below 30, a rounded Gaussian above (skew 0.18 and less).
+/// Draws a Poisson number: Knuth's product of uniforms below 30, a rounded Gaussian above (skew 0.18 and less).
 fn poisson(random: &mut StdRng, mean: f64) -> f64 {
     if mean > 30.0 {
         return (mean + mean.sqrt() * gaussian(random)).round();

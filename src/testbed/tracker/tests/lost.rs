@@ -60,7 +60,7 @@ fn dirty() -> Shot {
     Shot { missing: 0.2, false_stars: 5, hot_pixels: 30, ..still() }
 }
 
-/// At least 99 % solved, none wrong.
+/// Asserts that at least 99 % are solved, and none wrong.
 fn assert_found(tally: &Tally) {
     assert!(f64::from(tally.solved) >= 0.99 * f64::from(tally.frames) && tally.wrong == 0, "{tally:?}");
 }
@@ -109,7 +109,7 @@ fn trails_are_solved_or_refused() {
     }
 }
 
-/// Every image must give no attitude.
+/// Asserts that no image gives an attitude.
 fn assert_refused(camera: &Camera, guide: Arc<GuideStars>, images: impl Iterator<Item = DnImage>, what: &str) {
     let mut tracker = Tracker::new(camera.params, guide);
     for image in images {
