@@ -91,7 +91,7 @@ fn obstacle(call: &Call) -> Option<&'static str> {
     needs_shell.then_some("it needs a shell")
 }
 
-/// `configs/x` and `--flag=configs/x` from the repository, all else as written.
+/// Returns `configs/x` and `--flag=configs/x` with the path of the repository, all else as written.
 pub(crate) fn from_root(argument: &str, root: &Path) -> String {
     let (flag, value) = argument.split_at(argument.rfind('=').map_or(0, |at| at + 1));
     let is_config = value == "configs" || value.starts_with("configs/");
@@ -121,7 +121,7 @@ fn failure(command: &mut Command, written: &str) -> Option<String> {
     (!output.status.success()).then(|| format!("{}: $ {written}\n{words}", output.status))
 }
 
-/// Output goes to files, so that a talkative program never waits for a reader.
+/// Runs a command with its output in files, so that a talkative program never waits for a reader.
 pub(crate) fn output_within(command: &mut Command, limit_s: u64) -> std::io::Result<Output> {
     const POLL: Duration = Duration::from_millis(20);
     let logs = tempfile::tempdir()?;

@@ -13,7 +13,7 @@ pub(crate) struct Page {
     pub(crate) text: String,
 }
 
-/// README.md, the architecture and the guide.
+/// Returns README.md, the architecture and the guide.
 pub(crate) fn pages() -> Vec<Page> {
     let mut paths = vec!["README.md".to_owned(), "src/ARCHITECTURE.md".to_owned()];
     let guide = std::fs::read_dir(root().join("src/guide")).unwrap();

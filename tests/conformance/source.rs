@@ -101,7 +101,7 @@ impl Scanner<'_> {
         true
     }
 
-    /// A character literal or a lifetime.
+    /// Reads a character literal or a lifetime.
     fn quote(&mut self) {
         let mut after = self.rest.chars().skip(1);
         let is_literal = after.next() == Some('\\') || after.next() == Some('\'');

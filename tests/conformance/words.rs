@@ -7,7 +7,7 @@ const SAYS_NOTHING: &[&str] = &["util", "utils", "manager", "managers", "helper"
 /// Verbs that do not say what is done: no module or function begins with them.
 const VAGUE_VERBS: &[&str] = &["handle", "process"];
 
-/// `PATH:LINE: what` for each breach in one file.
+/// Returns `PATH:LINE: what` for each breach in one file.
 fn breaches(file: &SourceFile) -> Vec<String> {
     let tokens = tokens(&file.text);
     let stem = file.path.rsplit('/').next().unwrap_or_default().split('.').next().unwrap_or_default();
@@ -19,7 +19,7 @@ fn breaches(file: &SourceFile) -> Vec<String> {
     named.into_iter().chain(folders).chain(in_text).collect()
 }
 
-/// `snake_case` and `CamelCase` alike.
+/// Returns the words of a name, `snake_case` and `CamelCase` alike.
 fn words(name: &str) -> Vec<String> {
     let mut words = vec![String::new()];
     for c in name.chars() {
@@ -52,7 +52,7 @@ fn unfinished(tokens: &[Token]) -> impl Iterator<Item = (usize, String)> {
     })
 }
 
-/// `#[ignore]`, `#[ignore = ".."]` and `#[cfg_attr(.., ignore)]`.
+/// Finds `#[ignore]`, `#[ignore = ".."]` and `#[cfg_attr(.., ignore)]`.
 fn ignored_tests(tokens: &[Token]) -> impl Iterator<Item = (usize, String)> {
     tokens.windows(3).enumerate().filter_map(|(at, start)| {
         let is_attribute = start[0].text == "#" && start[1].text == "[";

@@ -31,7 +31,7 @@ fn outcome_text(outcome: &Result<Option<Message>, Reject>) -> String {
     }
 }
 
-/// Equal, messages value by value.
+/// Returns whether two outcomes are equal, messages value by value.
 fn same_outcome(wanted: &str, got: &str) -> bool {
     match (wanted.strip_prefix("message "), got.strip_prefix("message ")) {
         (Some(wanted), Some(got)) => Flat::parse(wanted) == Flat::parse(got),
@@ -68,7 +68,7 @@ impl Exam {
     }
 }
 
-/// One vector, both ways, on all three carriers.
+/// Asks for one vector, both ways, on all three carriers.
 fn examine(exam: &mut Exam, vector: &Vector) {
     let (name, flat, place) = (&vector.name, Flat::of(&vector.message).line(), (vector.base, vector.node));
     exam.put(name, format!("encode 1 {} {} {flat}", place.0, place.1), frames_text([&vector.fd]));
@@ -204,7 +204,8 @@ pub(crate) fn exam_of_payloads(seed: u64, inputs: usize) -> Exam {
     exam
 }
 
-/// A sequence number 16 behind the newest is that of a sender which has restarted; 15 behind is a replay.
+/// Asks about restarts: a sequence number 16 behind the newest is that of a sender which has restarted; 15 behind is a
+/// replay.
 fn examine_restart(exam: &mut Exam) {
     let mut decoder = can::Decoder::new(IdMap::default());
     exam.put("restart", "listen 0 0".into(), "ok".into());

@@ -13,7 +13,7 @@ const KIT_SOURCES: [&str; 2] = ["starloop_protocol.c", "example.c"];
 const CORTEX_M4F: [&str; 4] = ["-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"];
 const CROSS: &str = "arm-none-eabi-gcc";
 
-/// False, with a line that counts as a skipped test, when the machine lacks the compiler.
+/// Returns false, with a line that counts as a skipped test, when the machine lacks the compiler.
 fn is_there(compiler: &str) -> bool {
     let is_there = Command::new(compiler).arg("--version").output().is_ok_and(|output| output.status.success());
     if !is_there {
@@ -65,7 +65,7 @@ fn arm_gcc_has_no_warning_about_the_c_kit() {
     check_warnings(CROSS);
 }
 
-/// Double-precision routines of the compiler's library that an object calls.
+/// Returns the double-precision routines of the compiler's library that an object calls.
 fn double_routines(source: &Path, name: &str) -> Vec<String> {
     let to = folder("cortex_m4f").join(name);
     let arguments = [&["-std=c99", "-O2"][..], &CORTEX_M4F].concat();
@@ -94,7 +94,7 @@ fn cortex_m4f_needs_no_double_precision_routine() {
     assert!(["__aeabi_f2d", "__aeabi_dmul"].iter().all(|name| found.iter().any(|symbol| symbol == name)), "{found:?}");
 }
 
-/// `N compared, M differ` of `scaled.c`, and whether it ended well.
+/// Returns `N compared, M differ` of `scaled.c`, and whether it ended well.
 fn compared(program: &Path, arguments: &[&str]) -> (u64, u64, bool) {
     let output = Command::new(program).args(arguments).output().unwrap();
     let said = String::from_utf8(output.stdout).unwrap();

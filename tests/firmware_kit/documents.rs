@@ -177,7 +177,8 @@ fn canopen_node(id: u16) -> Option<u16> {
     FUNCTIONS.iter().find_map(|function| id.checked_sub(*function).filter(|node| (1..=127).contains(node)))
 }
 
-/// CANopen nodes whose identifiers, or the network's, none of our nodes uses at this base; as in the document.
+/// Returns the CANopen nodes whose identifiers, or the network's, none of our nodes uses at this base; as in the
+/// document.
 fn clear_of_canopen(base: u16) -> String {
     let ids = (0..16).map(|node| IdMap::new(base, node).unwrap());
     let used: Vec<_> = ids.flat_map(|map| MessageId::ALL.map(|id| map.id(id))).filter_map(canopen_node).collect();
@@ -199,7 +200,7 @@ fn bases_beside_canopen_are_clear_of_the_nodes_that_the_document_names() {
     assert_eq!([0x000, 0x080, 0x0E0].map(clear_of_canopen), ["none", "none", "none"]);
 }
 
-/// `CODE NAME` of a table's rows.
+/// Returns `CODE NAME` of a table's rows.
 fn coded(text: &str, heading: &str) -> Vec<String> {
     let is_coded = |row: &Vec<String>| row[0].parse::<u8>().is_ok();
     rows(text, heading).iter().filter(|row| is_coded(row)).map(|row| format!("{} {}", row[0], row[1])).collect()

@@ -15,7 +15,7 @@ impl Flat {
         Self { number: message.id().number(), values: values(message) }
     }
 
-    /// `NUMBER VALUE ...`; every f32 with all its digits.
+    /// Returns `NUMBER VALUE ...`, every f32 with all its digits.
     pub(crate) fn line(&self) -> String {
         self.values.iter().fold(self.number.to_string(), |line, value| match value {
             whole if whole.fract() == 0.0 && whole.abs() < 1e12 => format!("{line} {whole}"),
@@ -123,7 +123,7 @@ fn arguments(request: Request) -> Vec<u32> {
     }
 }
 
-/// Opcode, code and what follows; the token is put in between.
+/// Returns opcode, code and what follows; the token is put in between.
 fn reply(reply: Reply) -> Vec<u32> {
     match reply {
         Reply::Hello(identity) => vec![

@@ -27,7 +27,7 @@ fn on_the_line(vector: &Vector) -> Vec<u8> {
     line[..len].to_vec()
 }
 
-/// Equal, but for rates that classic CAN rounds to 1 urad/s.
+/// Returns whether two messages are equal, but for rates that classic CAN rounds to 1 urad/s.
 pub(crate) fn agrees(sent: &Message, got: &Message) -> bool {
     let (Message::Attitude(sent), Message::Attitude(got)) = (sent, got) else {
         return sent == got;

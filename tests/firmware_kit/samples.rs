@@ -32,7 +32,7 @@ impl Samples {
         z ^ (z >> 31)
     }
 
-    /// `0..limit`.
+    /// Returns a number in `0..limit`.
     pub(crate) fn below(&mut self, limit: u64) -> u64 {
         self.bits() % limit
     }
@@ -46,7 +46,7 @@ impl Samples {
         self.int(8)
     }
 
-    /// -1 to 1.
+    /// Returns a number from -1 to 1.
     #[allow(clippy::cast_possible_truncation, reason = "24 bits fit in f32")]
     fn unit(&mut self) -> f32 {
         (self.int::<u32>(24) as f32) / 8_388_608.0 - 1.0

@@ -58,7 +58,7 @@ impl Motion {
         Self { initial: Rotation::from_rotation_vector(DVec3::new(0.7, -0.2, 1.3)), turns }
     }
 
-    /// Attitude, rate and acceleration at `at`.
+    /// Returns attitude, rate and acceleration at `at`.
     pub(crate) fn sample(&self, at: Tai, seq: u8) -> AttitudeSample {
         let t = (at - epoch(0.0)).s();
         let (mut q, mut rate, mut acceleration) = (self.initial, DVec3::ZERO, DVec3::ZERO);

@@ -111,7 +111,7 @@ pub(crate) const NORTH: [Star; 15] = [
     star(20860, [1.1703374566, 1.462721399, -4.14, 11.5, 4.31]),
 ];
 
-/// Rows of 3-vectors: sums and products by hand, so that nothing of the production path's algebra is shared.
+/// Returns the scalar product; sums and products by hand, so that nothing of the production path's algebra is shared.
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
@@ -126,8 +126,9 @@ fn ecliptic_to_equatorial([x, y, z]: [f64; 3]) -> [f64; 3] {
     [x, c * y - s * z, s * y + c * z]
 }
 
-/// Ecliptic position of a planet about the Sun, J2000, au: mean elements of Standish (Explanatory Supplement, 1992,
-/// table 5.8.1): a au, e, mean longitude deg, its rate deg/century, perihelion deg. Inclinations (2 deg) left out.
+/// Returns the ecliptic position of a planet about the Sun, J2000, au: mean elements of Standish (Explanatory
+/// Supplement, 1992, table 5.8.1): a au, e, mean longitude deg, its rate deg/century, perihelion deg. Inclinations (2
+/// deg) left out.
 fn planet_au(t: f64, [a, e, longitude_deg, rate_deg, perihelion_deg]: [f64; 5]) -> [f64; 3] {
     let mean = (longitude_deg + rate_deg * t - perihelion_deg) * DEG;
     let eccentric = (0..20).fold(mean, |angle, _| mean + e * angle.sin());
@@ -217,8 +218,8 @@ pub(crate) struct Pointing {
     pub(crate) tangential: [f64; 2],
 }
 
-/// Pixel of a direction; `None` behind the camera. Standard coordinates (Smart, Spherical Astronomy, ch. 12), turned
-/// by the roll, through the lens r (1 + k . powers) + (p r^2 + 2 (p . r) r) with p = (p2, p1).
+/// Returns the pixel of a direction; `None` behind the camera. Standard coordinates (Smart, Spherical Astronomy, ch.
+/// 12), turned by the roll, through the lens r (1 + k . powers) + (p r^2 + 2 (p . r) r) with p = (p2, p1).
 pub(crate) fn project(direction: [f64; 3], pointing: &Pointing) -> Option<[f64; 2]> {
     let [ra0, dec0, roll] = pointing.ra_dec_roll_rad;
     let [x, y, z] = unit(direction);
@@ -239,7 +240,7 @@ pub(crate) fn project(direction: [f64; 3], pointing: &Pointing) -> Option<[f64; 
     Some([cx + pointing.focal_px * (right * scale + p2 * r2), cy + pointing.focal_px * (down * scale + p1 * r2)])
 }
 
-/// The apparent directions of the production path within 40 degrees of an axis.
+/// Returns the apparent directions of the production path within 40 degrees of an axis.
 fn production(axis: [f64; 3], at: Tai) -> Vec<DVec3> {
     let catalog = Catalog::built_in().expect("the built-in catalog");
     let vantage = Vantage::from(sky::earth::barycentric_state(at));
@@ -251,7 +252,7 @@ fn production(axis: [f64; 3], at: Tai) -> Vec<DVec3> {
     sources.iter().map(|star| places.of(star)).collect()
 }
 
-/// Angle between two unit vectors, arcsec.
+/// Returns the angle between two unit vectors, arcsec.
 fn apart_arcsec(a: [f64; 3], b: [f64; 3]) -> f64 {
     let d = sum(a, b, -1.0);
     2.0 * (dot(d, d).sqrt() / 2.0).asin() / ARCSEC

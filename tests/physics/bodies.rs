@@ -213,7 +213,7 @@ fn pixel(source: &Source) -> [f64; 2] {
     }
 }
 
-/// Sum, middle, and farthest place from a point.
+/// Returns sum, middle, and farthest place from a point.
 fn moments(sources: &[Source], about: [f64; 2]) -> (f64, [f64; 2], f64) {
     let (mut sum, mut first, mut far) = (0.0, [0.0; 2], 0.0_f64);
     for source in sources {

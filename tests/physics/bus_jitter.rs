@@ -108,7 +108,7 @@ fn uploaded_lines_run_by_the_remote_clock() {
     assert!(blind.fold(0.0, f64::max) > 1000.0 * tolerance, "the drift matters");
 }
 
-/// 1 to 200 Hz: flat, falling as f^-2, a notch of nothing, a hump.
+/// Returns a density from 1 to 200 Hz: flat, falling as f^-2, an empty notch, a hump.
 fn density() -> Vec<PsdPoint> {
     let point = |frequency_hz: f64, x: f64, y: f64| PsdPoint { frequency_hz, density: DVec3::new(x, y, 0.0) * 1e-12 };
     vec![

@@ -7,7 +7,7 @@ use image::detector::{DarkLaw, DetectorParams};
 const SIZE: [usize; 2] = [256, 256];
 const PIXELS: usize = SIZE[0] * SIZE[1];
 
-/// 0.02 nA/cm^2 at 20 C on 15 um pixels.
+/// Returns a detector with 0.02 nA/cm^2 at 20 C on 15 um pixels.
 fn warm(operating_c: f64) -> DetectorParams {
     let dark_law = DarkLaw { reference_c: 20.0, operating_c, doubling_k: 6.5 };
     DetectorParams { dark_e_per_s: DarkLaw::e_per_s_of_density(0.02, 15.0), dark_law, ..DetectorParams::QUIET }

@@ -216,7 +216,7 @@ fn count(name: &str, mag_g: f64) -> Counts {
     Counts { stars: sums.len(), mean_e: sum_e - 9.0 * background_e, sd_e, background_e, background_sd_e }
 }
 
-/// The case of a limiting magnitude: what is counted against the file's numbers, by formulae of this file.
+/// Compares the counts at a limiting magnitude with the file's numbers, by formulae of this file.
 fn hold_case(name: &str, mag_g: f64, sigma_px: f64, zero_point_e_per_s: f64) {
     let (_, file) = camera(name);
     let (d, t) = (&file.detector.params, file.exposure.exposure_s);

@@ -27,7 +27,7 @@ fn flat(e: f32) -> Image<f32> {
     image
 }
 
-/// A round star of so many electrons with sigma 3 px, by the midpoint of every pixel.
+/// Draws a round star of so many electrons with sigma 3 px, by the midpoint of every pixel.
 fn star(at_px: [f64; 2], electrons: f64) -> Image<f32> {
     let mut image = flat(0.0);
     for (i, e) in image.pixels_mut().iter_mut().enumerate() {

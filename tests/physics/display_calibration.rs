@@ -168,7 +168,7 @@ fn response_black_level_and_flat_field_are_recovered() {
     assert!((range.black_px - range.full_px + 2.5 * truth.black_share.log10()).abs() < 0.2, "{range:?}");
 }
 
-/// A star of a Gaussian's light, integrated over pixels, at a place of the display; luminance of full.
+/// Draws a star of a Gaussian's light, integrated over pixels, at a place of the display; luminance of full.
 fn star(size_px: [usize; 2], at: [f64; 2], peak: f64) -> Vec<f32> {
     const SIGMA_PX: f64 = 0.5;
     let share = |i: usize, at: f64| {

@@ -119,7 +119,7 @@ fn draw(ra_dec_roll_deg: [f64; 3], backend: BackendChoice) -> Frame {
     Frame { dn, mean_sum_e, truth }
 }
 
-/// Background-free first moment of the DN around a place, px.
+/// Returns the background-free first moment of the DN around a place, px.
 fn centroid(image: &DnImage, near: [f64; 2]) -> [f64; 2] {
     let black = camera().detector.black_level_dn + 5.0 / 8.0; // 50 e-/s in 0.1 s at 8 e-/DN
     let (cx, cy) = (near[0].round() as i64, near[1].round() as i64);
@@ -136,7 +136,7 @@ fn centroid(image: &DnImage, near: [f64; 2]) -> [f64; 2] {
     [sum[1] / sum[0], sum[2] / sum[0]]
 }
 
-/// Distance of every usable star's centroid from its independent place, px.
+/// Returns the distance of every usable star's centroid from its independent place, px.
 fn misses(frame: &Frame, stars: &[Star], ra_dec_roll_deg: [f64; 3]) -> Vec<(u32, f64)> {
     let at = Tai::from_rfc3339(AT).unwrap();
     let pointing = Pointing {

@@ -44,7 +44,7 @@ fn column_gains_spread_with_the_signal() {
     }
 }
 
-/// In place, of a power of two of complex numbers: Cooley and Tukey (1965).
+/// Transforms a power of two of complex numbers in place: Cooley and Tukey (1965).
 fn transform(values: &mut [[f64; 2]]) {
     let n = values.len();
     if n == 1 {
@@ -66,7 +66,7 @@ fn transform(values: &mut [[f64; 2]]) {
 const ROWS: usize = 4096;
 const FRAMES: u32 = 150;
 
-/// One-sided density of the rows' means, cycles per row `k / ROWS`, with Hann's window, over many frames.
+/// Returns the one-sided density of the rows' means, cycles per row `k / ROWS`, with Hann's window, over many frames.
 fn density_of_rows(row_noise: RowNoise) -> Vec<f64> {
     const WIDTH: usize = 2;
     let mut flats = Flats::new(DetectorParams { row_noise, ..fine() }, [WIDTH, ROWS]);
@@ -88,7 +88,7 @@ fn density_of_rows(row_noise: RowNoise) -> Vec<f64> {
     density
 }
 
-/// Largest distance of octaves' means from `2 sigma^2 (1 + corner / f)`, in what statistics and the model allow.
+/// Returns the largest distance of octaves' means from `2 sigma^2 (1 + corner / f)`, in units of the allowed one.
 fn worst_octave(density: &[f64], sigma_e: f64, corner: f64) -> f64 {
     let mut worst = 0.0_f64;
     let mut from = 8;

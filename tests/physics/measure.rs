@@ -66,7 +66,7 @@ pub(crate) fn peak_error(image: &Picture, truth: &Picture) -> f64 {
     image.pixels.iter().zip(&truth.pixels).map(|(a, b)| (a - b).abs() / peak).fold(0.0, f64::max)
 }
 
-/// The square that holds a star's light.
+/// Returns the square that holds a star's light.
 pub(crate) fn around(plan: &ExposurePlan, px: [f64; 2]) -> Window {
     let reach_px = plan.half_px as f64 + plan.extent_px.ceil() + 1.0;
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the detector")]
@@ -83,7 +83,7 @@ fn is_whole(plan: &ExposurePlan, around: &Window) -> bool {
     sides.iter().all(|(range, size)| range.start > 0 && range.end < *size)
 }
 
-/// `plan` with the stars of one of its classes alone.
+/// Returns `plan` with the stars of one of its classes alone.
 pub(crate) fn class_alone(plan: &ExposurePlan, class: usize) -> ExposurePlan {
     let (above_e, faintest_e) = plan.brightness_of(class);
     let is_of = |star: &PlannedStar| star.electrons < above_e && star.electrons >= faintest_e;

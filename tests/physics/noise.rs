@@ -21,7 +21,7 @@ const EXPOSURE_S: f64 = 0.1;
 /// Seed of every detector.
 const SEED: u64 = 20_240_601;
 
-/// Nothing but shot noise, one electron per DN.
+/// Returns a detector with shot noise only, one electron per DN.
 pub(crate) fn shot_only() -> DetectorParams {
     DetectorParams::QUIET
 }
@@ -43,7 +43,7 @@ fn read_out(detector: &mut Detector, mean: &ElectronImage, frame: u32) -> DnImag
     dn
 }
 
-/// DN of a flat image over `frames` frames.
+/// Returns the DN of a flat image over `frames` frames.
 fn values(params: DetectorParams, electrons: f64, frames: u32) -> Vec<f64> {
     let (mut detector, mean) = (detector(params), flat(electrons));
     let frame =
@@ -77,7 +77,7 @@ fn poisson(k: f64, lambda: f64) -> f64 {
     (k * lambda.ln() - lambda - libm::lgamma(k + 1.0)).exp()
 }
 
-/// Chi-square of `counts` against Poisson's law, and the value it must not pass.
+/// Returns chi-square of `counts` against Poisson's law, and the value it must not pass.
 pub(crate) fn chi_square(counts: &[f64], lambda: f64) -> (f64, f64) {
     let n = counts.len() as f64;
     let spread = 8.0 * lambda.sqrt() + 12.0;

@@ -18,7 +18,7 @@ const MEAN_SIGMA: f64 = 5e-5;
 /// Error of a method's variance, share: rounding adds 1/12 to a rounded normal's, 8.3e-5 of it at mean 1000.
 const VARIANCE_REL: f64 = 1e-4;
 
-/// Three means a decade from 0.1 to 1e6, and the edges.
+/// Returns three means a decade from 0.1 to 1e6, and the edges.
 fn lambdas() -> impl Iterator<Item = f64> {
     (-3..=18).map(|third| 10_f64.powf(f64::from(third) / 3.0)).chain(EDGES)
 }

@@ -167,7 +167,7 @@ fn all_stamps_of_airy_patterns_are_met() {
     hold_stamps(&cases);
 }
 
-/// Transform of the drawn star times a Gaussian window of `window_px`, at one frequency: every sample once.
+/// Returns the transform of the drawn star times a Gaussian window of `window_px`, at one frequency: every sample once.
 fn windowed_transform(drawn: &ChainPsf, f: [f64; 2], window_px: f64) -> f64 {
     let (n, half) = (drawn.grid.oversampling() as i32, drawn.grid.half_px() as i32);
     let reach = half * n + n / 2;
@@ -181,7 +181,7 @@ fn windowed_transform(drawn: &ChainPsf, f: [f64; 2], window_px: f64) -> f64 {
     (-reach..=reach).zip(&lines[1]).map(|(j, wave)| row(j) * wave).sum::<f64>() / f64::from(n * n)
 }
 
-/// The chain smoothed by the transform of that window: a Gaussian of `1 / (2 pi window_px)`, by a product rule.
+/// Returns the chain smoothed by the transform of that window: a Gaussian of `1 / (2 pi window_px)`, by a product rule.
 fn smoothed_chain(chain: &MtfChain, f: [f64; 2], window_px: f64) -> f64 {
     let sigma = 1.0 / (TAU * window_px);
     // 6.5 standard deviations to each side, in panels: the chain is smooth away from frequency 0.

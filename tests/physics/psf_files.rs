@@ -29,7 +29,7 @@ fn made_in(directory: &Path, psf: &str) -> PsfModel {
     }
 }
 
-/// A lopsided star on cells of a quarter of a pixel, as a FITS file.
+/// Writes a lopsided star on cells of a quarter of a pixel, as a FITS file.
 fn write_star(path: &Path, level: f64) {
     let (k, width, height) = (4.0, 61_usize, 49_usize);
     let along = |i: usize, at: f64, sigma: f64| cell(i as f64 - at, sigma * k);

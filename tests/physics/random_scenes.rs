@@ -89,7 +89,7 @@ impl Scene {
         planner_of(self.instrument.clone(), self.method, los, path).plan(&self.stars).clone()
     }
 
-    /// In a few words, for a report.
+    /// Describes the scene in a few words, for a report.
     pub(crate) fn words(&self) -> String {
         let parameters = self.instrument.camera.parameters();
         format!(
@@ -110,7 +110,8 @@ fn pick<T: Copy>(dice: &mut Dice, from: &[T]) -> T {
     from[i]
 }
 
-/// A wide field has short focal lengths; one camera in four is a corner of a larger detector, one in four has a lens.
+/// Draws a camera. A wide field has short focal lengths; one camera in four is a corner of a larger detector, one in
+/// four has a lens.
 fn camera(dice: &mut Dice, focal_px: f64) -> CameraGeometry {
     let middle = 0.5 * (SIZE as f64 - 1.0);
     let off = if dice.unit() < 0.25 { 0.3 * focal_px } else { 0.0 };

@@ -148,17 +148,17 @@ pub(crate) fn planner_of(instrument: Instrument, method: &str, los: LosPath, pat
     planner
 }
 
-/// A star on the detector.
+/// Returns a star on the detector.
 pub(crate) fn star(id: u32, electrons: f64, px: [f64; 2]) -> Source {
     Source { id, electrons, mag: f32::NAN, place: SourcePlace::Pixel(px) }
 }
 
-/// `plan` drawn by the CPU backend.
+/// Draws `plan` with the CPU backend.
 pub(crate) fn draw_cpu(plan: &ExposurePlan) -> Picture {
     draw(&mut Cpu::new(plan.camera.width_px(), plan.camera.height_px()), plan)
 }
 
-/// `plan`'s motion integrated by the reference.
+/// Integrates the motion of `plan` with the reference.
 pub(crate) fn draw_reference(plan: &ExposurePlan) -> Picture {
     draw(&mut Reference::new(plan.camera.width_px(), plan.camera.height_px()), plan)
 }

@@ -109,7 +109,7 @@ fn drawn(electrons: f64) -> ElectronImage {
     image
 }
 
-/// Weighted sums over every star's window in every frame, e-, with the dark signal taken off.
+/// Returns weighted sums over every star's window in every frame, e-, with the dark signal taken off.
 fn sums(params: DetectorParams, electrons: f64, side_px: usize, weight: impl Fn(usize) -> f64) -> Vec<f64> {
     let (mean, mut detector) = (drawn(electrons), Detector::new(params, SIZE, SIZE, 99));
     let half = side_px / 2;

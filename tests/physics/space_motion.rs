@@ -15,7 +15,7 @@ const YEARS: f64 = 34.0;
 /// Promised of a place in 2050, with the radial velocities that are known.
 const PROMISED_MAS: f64 = 1.0;
 
-/// Direction `years` after the epoch by spherical trigonometry along the great circle of the motion.
+/// Returns the direction `years` after the epoch by spherical trigonometry along the great circle of the motion.
 fn propagated([ra_deg, dec_deg]: [f64; 2], motion_mas_yr: [f64; 2], years: f64) -> DVec3 {
     let speed_mas_yr = motion_mas_yr[0].hypot(motion_mas_yr[1]);
     // Straight motion at right angles to the first line of sight.

@@ -127,7 +127,7 @@ impl Case {
         Some(PixelPath::line((0..=pieces).map(row).collect(), EXPOSURE_S).expect("a path"))
     }
 
-    /// The plan of one star at `px` (relative to the stamp's origin).
+    /// Returns the plan of one star at `px` (relative to the stamp's origin).
     fn plan(&self, px: [f64; 2], path: Option<PixelPath>) -> ExposurePlan {
         let mut planner = planner(SIZE, &self.psf(), "auto", los(), path);
         let sources = [star(0, ELECTRONS, px.map(|v| v + ORIGIN as f64))];

@@ -139,8 +139,8 @@ fn straight_accelerating_and_turning_targets_are_their_integrals() {
     assert_drawn("accelerating", plan, &truth);
 }
 
-/// `v` turned by `-angle` about each axis of `rotation`, by Rodrigues' formula: how a fixed direction is seen after the
-/// camera has turned by `rotation`.
+/// Returns `v` turned by `-angle` about each axis of `rotation`, by Rodrigues' formula: how a fixed direction is seen
+/// after the camera has turned by `rotation`.
 fn seen_after(rotation: DVec3, v: DVec3) -> DVec3 {
     let angle = rotation.length();
     if angle == 0.0 {
@@ -264,7 +264,7 @@ fn a_target_seen_for_a_part_of_the_exposure_leaves_that_part_of_its_light() {
     assert!((row.smear_deg - 100.0_f64.atan2(200.0).to_degrees()).abs() < 1e-9);
 }
 
-/// All of the sensor is put out.
+/// Returns the output of the whole sensor.
 fn whole(plan: &ExposurePlan) -> OutputGeometry {
     OutputGeometry::whole([plan.camera.width_px(), plan.camera.height_px()])
 }

@@ -6,7 +6,7 @@
 
 use crate::Input;
 
-/// CRC-16/IBM-3740, from its definition: polynomial 0x1021, start 0xFFFF, the highest bit first.
+/// Returns the CRC-16/IBM-3740, from its definition: polynomial 0x1021, start 0xFFFF, the highest bit first.
 #[must_use]
 pub fn crc16<'a>(bytes: impl IntoIterator<Item = &'a u8>) -> u16 {
     bytes.into_iter().fold(0xFFFF, |crc, byte| {
@@ -32,7 +32,7 @@ pub fn flip(codeword: &mut [u8], input: &mut Input<'_>) -> bool {
     codeword != before
 }
 
-/// Bit 0 is the highest of the first byte.
+/// Flips a bit; bit 0 is the highest of the first byte.
 fn flip_bit(codeword: &mut [u8], bit: usize) {
     codeword[bit / 8] ^= 0x80 >> (bit % 8);
 }

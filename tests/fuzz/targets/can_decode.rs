@@ -141,7 +141,7 @@ fn judge_commit(ids: IdMap, data: &[u8], parts: Parts, outcome: Result<Option<Me
     assert!(frames.iter().map(CanFrame::data).eq(sent.iter().map(<[u8; 8]>::as_slice)));
 }
 
-/// A message in one piece: legal, and the same bytes again, reserved ones zero.
+/// Asserts that a message in one piece is legal, and sent as the same bytes, reserved ones zero.
 fn judge_message(message: &Message, kind: MessageId, data: &[u8]) {
     let wanted = with_reserved_zero(kind, data);
     let payload = message.payload().expect("what is accepted can be sent again");

@@ -130,7 +130,7 @@ fn put_block(file: &mut Vec<u8>, kind: u32, body: &[u8], is_big_endian: bool, sl
     file.extend(reported);
 }
 
-/// A line says the same when it is written again.
+/// Asserts that a line is equal when it is written again.
 fn read_line(text: &[u8]) {
     if let Ok(Line::Packet(packet)) = parse_line(text) {
         let line = written(&[packet], CaptureFormat::Candump);

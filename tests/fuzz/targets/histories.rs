@@ -107,7 +107,7 @@ fn orbit(text: &str) {
     let _ = history.interpolation_error();
 }
 
-/// Rows of whole seconds and quaternions of whole numbers, as a table or as a message.
+/// Makes rows of whole seconds and quaternions of whole numbers, as a table or as a message.
 fn made(is_table: bool, input: &mut Input<'_>) {
     let (mut rows, mut t_s, mut is_sound) = (String::new(), 0_u32, true);
     let count = 1 + input.u8() % 6;

@@ -105,7 +105,7 @@ fn assert_is_of(layer: &Layer, star: &CatalogSource) {
 /// A head of no stars, as it is written without numbers.
 static EMPTY: LazyLock<Vec<u8>> = LazyLock::new(|| written(&[], &mut 0, false));
 
-/// A layer of any records, then any changes to it, then checksums that fit or do not.
+/// Reads a layer of any records, after any changes to it, then checksums that fit or do not.
 fn read_damaged(input: &mut Input<'_>) {
     let flags = input.u8();
     let (repairs_tiles, repairs_head) = (flags & 1 == 0, flags & 2 == 0);
@@ -175,7 +175,7 @@ fn put_firsts(layer: &mut [u8], tiles: core::ops::RangeInclusive<usize>, stars: 
     firsts.copy_from_slice(&stars.to_le_bytes().repeat(tiles.count()));
 }
 
-/// One change: of the header, of a row of the tables, of what follows them, or of the length.
+/// Makes one change: of the header, of a row of the tables, of what follows them, or of the length.
 fn change(layer: &mut Vec<u8>, input: &mut Input<'_>) {
     let (kind, place) = (input.u8() % 6, input.u16());
     let place = usize::from(place);
@@ -213,7 +213,7 @@ fn repair_tiles(layer: &mut [u8], tiles: &[(usize, usize)]) {
     }
 }
 
-/// The checksum of everything before the records, its own field taken as zero.
+/// Writes the checksum of everything before the records, its own field taken as zero.
 fn repair_head(layer: &mut [u8]) {
     if layer.len() < CREDITS_AT {
         return;

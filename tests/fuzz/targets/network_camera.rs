@@ -78,7 +78,7 @@ fn prove(device: &mut Device, sender: SocketAddrV4, now: Tai) {
     }
 }
 
-/// Noise, or a command of likely addresses.
+/// Returns noise, or a command of likely addresses.
 fn datagram(input: &mut Input<'_>) -> Vec<u8> {
     let (kind, flags, code) = (input.u8(), input.u8(), CODES[input.below(CODES.len())]);
     let words = usize::from(kind >> 4);

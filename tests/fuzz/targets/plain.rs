@@ -77,7 +77,7 @@ fn read_lines(layout: &PlainLayout, bytes: &[u8]) {
     assert!(records <= lines.count());
 }
 
-/// A good message is read after anything, exactly but for the last bits of JSON.
+/// Asserts that a good message is read after any bytes, exactly but for the last bits of JSON.
 fn read_good(layout: &PlainLayout, good: &PlainRecord, noise: &[u8]) {
     let mut codec = PlainCodec::new(layout.clone());
     let _ = codec.read(noise);

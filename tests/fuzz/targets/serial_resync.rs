@@ -38,7 +38,7 @@ fuzz_target!(|bytes: &[u8]| {
     assert!(received == [Ok(record)] || received == [Err(Reject::ReplayedSequence)], "still in step: {received:?}");
 });
 
-/// Each run of bytes that a delimiter ends is one message or one refusal.
+/// Asserts that each run of bytes up to a delimiter is one message or one refusal.
 fn read_noise(decoder: &mut serial::Decoder, noise: &[u8]) {
     let ended = noise.iter().rposition(|byte| *byte == 0).map_or(&[][..], |end| &noise[..end]);
     let runs = ended.split(|byte| *byte == 0).filter(|run| !run.is_empty()).count();
@@ -98,7 +98,7 @@ fn unstuffed(line: &[u8]) -> Vec<u8> {
     packet
 }
 
-/// For packets below 254 bytes.
+/// Returns the COBS bytes of a packet below 254 bytes.
 fn stuffed(packet: &[u8]) -> Vec<u8> {
     let mut line = Vec::new();
     for run in packet.split(|byte| *byte == 0) {

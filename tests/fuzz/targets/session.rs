@@ -92,7 +92,7 @@ fn cell(input: &mut Input<'_>) -> TableCell {
     TableCell { table, row: if row < 192 { row % 4 } else { row }, column, value: value(input) }
 }
 
-/// A few whole rows, mostly legal ones.
+/// Uploads a few whole rows, mostly legal ones.
 fn upload(input: &mut Input<'_>, put: &mut impl FnMut(&TableCell)) {
     let table = Table::ALL[usize::from(input.u8()) % 3];
     for row in 0..1 + input.u8() % 4 {
@@ -166,7 +166,7 @@ impl Takes for Taker {
     }
 }
 
-/// APPLY, mostly with the right CRC.
+/// Returns APPLY, mostly with the right CRC.
 fn apply(model: &Model, input: &mut Input<'_>) -> Request {
     let (number, rows, seed) = (input.u8(), input.u8(), input.u16());
     let table = if number < 250 { 1 + number % 3 } else { number };
@@ -213,7 +213,7 @@ impl Model {
         places.map(|place| self.cells.get(&place).copied()).collect()
     }
 
-    /// Broken: a retry is done again.
+    /// Returns the answer of the model. Broken: a retry is done again.
     fn answer(&mut self, command: &Command) -> Answer {
         if let Some((last, response)) = self.last
             && last == *command
@@ -319,7 +319,7 @@ impl Model {
     }
 }
 
-/// The limits of INTERFACE.md, by column.
+/// Returns whether values are within the limits of INTERFACE.md, by column.
 fn is_legal(table: Table, values: &[f32]) -> bool {
     let rows = || values.chunks(usize::from(table.columns()));
     let frequencies = || rows().map(|row| row[0]);
@@ -354,7 +354,7 @@ fn assert_same_tables(store: &TableStore, model: &Model) {
     assert_eq!(store.psd_seed(), model.seed);
 }
 
-/// Bit by bit, but for the wheel's number, which has no sign.
+/// Compares rows bit by bit, but for the wheel's number, which has no sign.
 fn assert_same<R: Row>(rows: impl Iterator<Item = R>, model: &Model, columns: usize) {
     let mut wanted = model.effective.get(&R::TABLE.number()).map_or(&[][..], Vec::as_slice).chunks(columns);
     for row in rows {

@@ -54,7 +54,7 @@ fn read_orbit(bytes: &[u8]) {
     }
 }
 
-/// Broken: a file that names its kind must have a byte order.
+/// Checks the error of a refused file. Broken: a file that names its kind must have a byte order.
 fn refused(error: &HistoryError) {
     let error = error.to_string();
     assert!(error.starts_with('k'), "{error}");

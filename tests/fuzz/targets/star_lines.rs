@@ -102,7 +102,7 @@ fn shown(error: &ImportError) -> String {
     shown
 }
 
-/// The same stars as the plain text has, or an error when the packed file is damaged.
+/// Asserts the same stars as of the plain text, or an error when the packed file is damaged.
 fn read_packed(text: &[u8], form: u8, place: u16, change: u8) {
     let wanted = read_gaia(text, form, u8::MAX);
     let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
@@ -124,7 +124,7 @@ fn read_packed(text: &[u8], form: u8, place: u16, change: u8) {
     assert!(!is_cut || got.is_err(), "cut at {place}");
 }
 
-/// Any bytes as a packed file.
+/// Reads any bytes as a packed file.
 fn read_any_packed(bytes: &[u8]) {
     let (path, mut sorting) = (scratch::file("stars.any.gz", bytes), sorting());
     if let Err(error) = gaia::import(&path, &names(0), &mut sorting, &mut |_| {}) {
@@ -146,7 +146,7 @@ fn read_bright(text: &[u8]) -> Result<BrightStars, String> {
     Ok(bright)
 }
 
-/// Both into one import: every bright star was there, or is added, or counted.
+/// Merges both into one import: asserts that every bright star was there, or is added, or counted.
 fn merge(gaia: &[u8], bright: &[u8], form: u8) {
     let mut sorting = sorting();
     let Ok(bright) = read_bright(bright) else { return };

@@ -16,7 +16,7 @@ const SLACKEST: f64 = 20.0;
 /// Single precision of a star's sum.
 const F32_FLUX: f64 = 2e-6;
 
-/// Bright stars, and a grid of faint ones, jittered.
+/// Returns a scene of bright stars, and a grid of faint ones, jittered.
 fn scene(faint: &[[f64; 2]], read_noise_e_rms: f64) -> Scene {
     let mut stars: Vec<Source> =
         (0..).zip([[40.3, 50.6], [200.1, 99.4], [120.5, 210.2]]).map(|(id, px)| star(id, ELECTRONS, px)).collect();

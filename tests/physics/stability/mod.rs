@@ -96,7 +96,7 @@ fn announce(where_: &str, what: &str, method: &str, plan: &ExposurePlan, measure
     );
 }
 
-/// Inside: error <= bound <= budget.
+/// Asserts, inside the domain: error <= bound <= budget.
 fn assert_inside(what: &str, scene: &Scene, method: &str) -> ExposurePlan {
     let plan = scene.plan(method);
     let measured = measure(&plan);
@@ -107,7 +107,8 @@ fn assert_inside(what: &str, scene: &Scene, method: &str) -> ExposurePlan {
     plan
 }
 
-/// Outside: the error is over the budget, the method is refused, and its bound, where it has one, holds all the same.
+/// Asserts, outside the domain: the error is over the budget, the method is refused, and its bound, where it has one,
+/// holds all the same.
 fn assert_outside(what: &str, scene: &Scene, method: &str) -> ExposurePlan {
     let plan = scene.plan(method);
     let measured = measure(&plan);
@@ -120,14 +121,14 @@ fn assert_outside(what: &str, scene: &Scene, method: &str) -> ExposurePlan {
     plan
 }
 
-/// Outside for `method`, and the planner finds another that fits.
+/// Asserts that a scene is outside for `method`, and that the planner finds another that fits.
 fn assert_replaced(what: &str, scene: &Scene, method: &str) {
     let refused = assert_outside(what, scene, method);
     let chosen = assert_inside(what, scene, "auto").chosen.method;
     assert_ne!(chosen, refused.chosen.method, "{what}: the method that was refused");
 }
 
-/// Outside for all: the planner says so, and how far off.
+/// Asserts that a scene is outside for all methods: the planner says so, and by how much.
 fn assert_hopeless(what: &str, scene: &Scene) {
     assert_outside(what, scene, "auto");
 }

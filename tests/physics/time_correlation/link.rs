@@ -97,7 +97,7 @@ impl Bench {
         self.rate_ns_per_s += 1000.0 * ppm;
     }
 
-    /// An exact step of the integrated random walk.
+    /// Takes an exact step of the integrated random walk.
     pub(super) fn advance_to(&mut self, elapsed_s: f64) {
         let t_s = elapsed_s - self.elapsed_s;
         let (a, b) = (self.dice.normal(), self.dice.normal());
