@@ -1,8 +1,8 @@
 //! Files -> a zip archive: the XML of a network camera, a co-simulation unit. Deflated, no date, no attributes.
 //!
-//! The archive's length is a multiple of four, as a camera's memory is read in words; a comment of up to three spaces fills it
-//! up. The same files give the same bytes. The layout is that of the zip application note without its 64-bit extensions; the
-//! tests read it back with an independent inflater and with another program.
+//! The archive's length is a multiple of four, as a camera's memory is read in words; a comment of up to three spaces
+//! fills it up. The same files give the same bytes. The layout is that of the zip application note without its 64-bit
+//! extensions; the tests read it back with an independent inflater and with another program.
 
 use flate2::Compression;
 use flate2::write::DeflateEncoder;

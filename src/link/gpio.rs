@@ -1,17 +1,17 @@
 //! Edges of GPIO lines (Linux character device, uAPI v2) -> instants on the bench clock.
 //!
-//! The kernel debounces the lines, stamps each edge with CLOCK_REALTIME in its interrupt (after the debounce period, where there
-//! is one) and numbers the edges of each line. An edge is placed on the bench clock like a packet's stamp, by its age when it is
-//! read; error: the interrupt's latency and half the window of the paired reading. A gap in the numbers is edges that the kernel
-//! dropped because its queue was full: they are counted as lost. Both edges of a line are reported: the active one starts an
-//! exposure, the other one ends those whose length is the pulse's.
+//! The kernel debounces the lines, stamps each edge with CLOCK_REALTIME in its interrupt (after the debounce period,
+//! where there is one) and numbers the edges of each line. An edge is placed on the bench clock like a packet's stamp,
+//! by its age when it is read; error: the interrupt's latency and half the window of the paired reading. A gap in the
+//! numbers is edges that the kernel dropped because its queue was full: they are counted as lost. Both edges of a line
+//! are reported: the active one starts an exposure, the other one ends those whose length is the pulse's.
 //!
 //! *A named pipe in place of a chip.* Where the chip is a named pipe, it brings events of the kernel's own form
 //! (`struct gpio_v2_line_event`, 48 bytes): a pulse generator that is a program, for benches without lines, and for tests.
 //!
-//! Source: Linux `include/uapi/linux/gpio.h`, `Documentation/userspace-api/gpio/chardev.rst`. Limits: `QUEUE` edges may wait for
-//! all lines of a chip together; waiting reads a file, off the frame path. Tests: `gpio_tests`, on a named pipe; on a simulated
-//! chip of the kernel where there is one, `hil_scripts/test_triggers.py`.
+//! Source: Linux `include/uapi/linux/gpio.h`, `Documentation/userspace-api/gpio/chardev.rst`. Limits: `QUEUE` edges may
+//! wait for all lines of a chip together; waiting reads a file, off the frame path. Tests: `gpio_tests`, on a named
+//! pipe; on a simulated chip of the kernel where there is one, `hil_scripts/test_triggers.py`.
 
 use super::LinkError;
 use super::kernel_stamp::StampMap;
@@ -102,7 +102,8 @@ pub struct EdgeCounters {
     pub edges: u64,
     /// Edges that the kernel dropped because too many waited.
     pub lost: u64,
-    /// Edges whose stamp was impossible, as across a step of CLOCK_REALTIME: they have the instant at which they were read.
+    /// Edges whose stamp was impossible, as across a step of CLOCK_REALTIME: they have the instant at which they were
+    /// read.
     pub unstamped: u64,
     /// Events of lines that were not asked for, or of no known kind: refused.
     pub refused: u64,

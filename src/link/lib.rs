@@ -70,7 +70,8 @@ pub struct LinkCounters {
     pub bus_off: u64,
     /// Times the controller came back from bus-off.
     pub restarted: u64,
-    /// Packets stamped when they were read, because the kernel gave no stamp or an impossible one (a step of its clock).
+    /// Packets stamped when they were read, because the kernel gave no stamp or an impossible one (a step of its
+    /// clock).
     pub unstamped: u64,
     /// Times the interface or port was lost.
     pub lost: u64,

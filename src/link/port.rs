@@ -173,8 +173,8 @@ impl Port {
         Ok(self.read(packet).map_or(Polled::Packet, Polled::Input))
     }
 
-    /// Sends a message; returns when its last packet leaves, as [`Link::send`] does. A plain link carries attitudes only:
-    /// other messages have no plain form, and are left out.
+    /// Sends a message; returns when its last packet leaves, as [`Link::send`] does. A plain link carries attitudes
+    /// only: other messages have no plain form, and are left out.
     ///
     /// # Errors
     /// When the wire format cannot carry it, or the link refuses it.

@@ -1,9 +1,9 @@
 //! Pulses per second from the kernel (`/sys/class/pps/ppsN/assert`) -> instants on the bench clock.
 //!
-//! The kernel stamps each pulse with CLOCK_REALTIME in the interrupt: text `SECONDS.NANOSECONDS#COUNT`. A pulse is placed
-//! on the bench clock like a packet's stamp, by its age when it is fetched; error: the interrupt's latency (microseconds
-//! on a GPIO, a millisecond on USB) and half the window of the paired reading. A pulse that is older than two seconds, or
-//! whose stamp a step of CLOCK_REALTIME spoilt, is useless for a clock: it is counted as refused.
+//! The kernel stamps each pulse with CLOCK_REALTIME in the interrupt: text `SECONDS.NANOSECONDS#COUNT`. A pulse is
+//! placed on the bench clock like a packet's stamp, by its age when it is fetched; error: the interrupt's latency
+//! (microseconds on a GPIO, a millisecond on USB) and half the window of the paired reading. A pulse that is older than
+//! two seconds, or whose stamp a step of CLOCK_REALTIME spoilt, is useless for a clock: it is counted as refused.
 //!
 //! Look at least once a second, off the frame path: each look reads a file (some microseconds, no allocation).
 //! Source: Linux `Documentation/driver-api/pps.rst`. Tests here, on a file that looks the same.

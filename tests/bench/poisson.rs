@@ -1,5 +1,5 @@
-//! ns per pixel of every Poisson method: one million flat pixels through a detector with shot noise alone, on one thread.
-//! The same with no light at all is the rest of the detector.
+//! ns per pixel of every Poisson method: one million flat pixels through a detector with shot noise alone, on one
+//! thread. The same with no light at all is the rest of the detector.
 #![allow(missing_docs, reason = "criterion's macros make undocumented functions")]
 
 use base::image::{DnImage, Image};

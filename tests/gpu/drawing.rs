@@ -12,7 +12,7 @@ use std::sync::Arc;
 const PEAK_SHARE: f64 = 3e-6;
 /// Half a unit of fixed point (3e-5 e-) for each of the few stars over a pixel, several slices each.
 const FLOOR_E: f64 = 5e-4;
-/// Rounding to units is unbiased but for wings below half a unit, which vanish.
+/// Rounding to units is unbiased except for wings below half a unit, which vanish.
 const FLUX_REL: f64 = 5e-6;
 
 fn compare(scene: &Scene, count: u32) {

@@ -1,4 +1,4 @@
-//! One pass over all stages and two passes with a charge image between them put out the same numbers.
+//! One pass over all stages and two passes with a charge image between them give the same numbers.
 
 use crate::scene::{DnDifference, EXPOSURE_S, Motion, Scene, detector, device, draw_cpu, draw_gpu, star};
 use base::image::DnImage;
@@ -35,7 +35,8 @@ fn passes_apart_agree_with_one_pass_and_with_the_cpu() {
         let apart = read_out(&detector, 3);
         let mut on_cpu = DnImage::new(size[0], size[1]);
         detector.collect(&draw_cpu(plan, size), 3, &DetectorConditions::dark(EXPOSURE_S), &mut on_cpu);
-        // Under the brightest star a mean is known to a hundredth of an electron: some of its 49 counts round the other way.
+        // Under the brightest star a mean is known to a hundredth of an electron: some of its 49 counts round the other
+        // way.
         let share = SHARE.max(5.0 / (size[0] * size[1]) as f64);
         let [to_one, to_cpu] = [&one, &on_cpu].map(|other| DnDifference::between(&apart, other));
         println!("{size:?}: against one pass {to_one:?}, against the CPU {to_cpu:?}");

@@ -1,5 +1,5 @@
-//! The display's painter: every grey of every format is stored as that grey, in all three colours, and what is beyond the
-//! picture is black.
+//! The display's painter: every grey of every format is stored as that grey, in all three colours, and what is beyond
+//! the picture is black.
 
 #![allow(clippy::panic, clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 

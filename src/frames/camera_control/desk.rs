@@ -1,4 +1,4 @@
-//! Bounded queues between those who command a camera and the loop that exposes its frames.
+//! Bounded queues between the senders of camera commands and the loop that exposes its frames.
 
 use crate::camera_control::command::Commanded;
 use base::time::{Span, Tai};
@@ -39,7 +39,7 @@ pub struct CameraEvent {
     pub frame: u32,
 }
 
-/// The end of those who command. Both directions never wait.
+/// The end of the senders of commands. Both directions never wait.
 #[derive(Debug, Clone)]
 pub struct CameraDesk {
     commands: Sender<Commanded>,

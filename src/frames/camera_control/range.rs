@@ -50,8 +50,8 @@ pub enum SettingRefusal {
 }
 
 impl CameraRange {
-    /// Returns this range, which is that of the whole image, as it is when these regions are read out: fewer rows leave time for
-    /// more frames.
+    /// Returns this range, which is that of the whole image, as it is when these regions are read out: fewer rows leave
+    /// time for more frames.
     #[must_use]
     pub fn reading(mut self, regions: &Regions) -> Self {
         let rows = [self.size_px[1], regions.rows(self.size_px)].map(|rows| rows.max(1) as f64);

@@ -139,12 +139,14 @@ pub struct StartSettings {
     pub burst: u32,
     /// Rule for the length of an exposure.
     pub mode: ExposureMode,
-    /// From one exposure's start to the next when free running, at least; `None`: as fast as exposure and readout allow.
+    /// From one exposure's start to the next when free running, at least; `None`: as fast as exposure and readout
+    /// allow.
     pub period: Option<Span>,
 }
 
 impl StartSettings {
-    /// Returns those of a camera that runs free with this period: triggers of every source count once it waits for them.
+    /// Returns those of a camera that runs free with this period: triggers of every source count once it waits for
+    /// them.
     #[must_use]
     pub const fn free_running(period: Span) -> Self {
         Self {

@@ -1,8 +1,8 @@
 //! The timing budget: what was allowed, what was measured, and what that means, line by line.
 //!
 //! In: limits, stage histograms and the frame ring. Out: [`BudgetLine`]s and the whole [`BudgetReport`] as JSON. A line
-//! compares the 99 % quantile (below 100 frames: the longest). A stage that did not run breaks no limit; that nothing was
-//! delivered breaks those of delivery.
+//! compares the 99 % quantile (below 100 frames: the longest). A stage that did not run breaks no limit; that nothing
+//! was delivered breaks those of delivery.
 
 use crate::report::ReportError;
 use crate::report::frame_ring::{FrameRing, Latency};
@@ -107,7 +107,7 @@ impl BudgetLine {
     }
 }
 
-/// Returns every line: the stages in order (but for the wait), the latency, the missed slots.
+/// Returns every line: the stages in order (except the wait), the latency, the missed slots.
 #[must_use]
 pub fn budget_lines(limits: &BudgetLimits, stages: &StageHistograms, ring: &FrameRing) -> Vec<BudgetLine> {
     let of_stage = |stage: &Stage| {

@@ -10,7 +10,7 @@ fn usual() -> StageHistograms {
     usual
 }
 
-/// Returns a frame whose stages took their usual times, but for one.
+/// Returns a frame whose stages took their usual times, except one.
 fn record(stage: Stage, ms: i64, lateness_ms: i64) -> FrameRecord {
     let mut record = sample_record(1);
     for usual in [Stage::Wake, Stage::Receive, Stage::Attitude, Stage::Sky, Stage::Plan, Stage::Detector] {

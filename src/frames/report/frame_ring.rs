@@ -1,7 +1,7 @@
 //! The records of the last frames; counts of all of them.
 //!
-//! In: one record per slot and camera head, in order of their numbers, completed later by what the sink thread measured. Counts and
-//! latencies survive when records are overwritten. All memory is taken at the start.
+//! In: one record per slot and camera head, in order of their numbers, completed later by what the sink thread
+//! measured. Counts and latencies survive when records are overwritten. All memory is taken at the start.
 
 use crate::report::frame_record::{Fate, FrameRecord, MissCause};
 use crate::report::histogram::{Quantiles, StageHistogram};

@@ -7,8 +7,8 @@
 //! -> `summary`, `losses` and `machine` (JSON) -> `table` (the same for people), `progress` and `progress_numbers` (while it runs). Apart from a run:
 //! `plot` (charts as SVG).
 //!
-//! Frame by frame: `frame_record` (one frame's times, fate and cause) -> `frame_ring` (the last frames, counts of all) ->
-//! `budget` (verdict per line) -> `budget_table`, `junit`, `frames_csv`, `timeline`.
+//! Frame by frame: `frame_record` (one frame's times, fate and cause) -> `frame_ring` (the last frames, counts of all)
+//! -> `budget` (verdict per line) -> `budget_table`, `junit`, `frames_csv`, `timeline`.
 
 pub mod budget;
 pub mod budget_table;

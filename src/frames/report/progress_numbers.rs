@@ -1,8 +1,9 @@
 //! The numbers of a run under way, as one plain value: what a live view shows beside the frame.
 //!
-//! In: counts and tallies of the run's record, copied by the frame thread after a frame: no allocation, no text. All are
-//! counts since the start, so a value that is lost on the way costs nothing but its age. Size: about 15 KiB. Limits:
-//! [`PORTS_MAX`] ports and [`NAMES_MAX`] names each, [`EVENTS_MAX`] kinds of events; what does not fit is counted. Tests: below.
+//! In: counts and tallies of the run's record, copied by the frame thread after a frame: no allocation, no text. All
+//! are counts since the start, so a value that is lost on the way costs nothing but its age. Size: about 15 KiB.
+//! Limits: [`PORTS_MAX`] ports and [`NAMES_MAX`] names each, [`EVENTS_MAX`] kinds of events; what does not fit is
+//! counted. Tests: below.
 
 use crate::report::stages::Stage;
 use crate::report::summary::FrameCounts;

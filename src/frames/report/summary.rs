@@ -1,6 +1,6 @@
 //! The run summary: everything a run is judged by, as one JSON object.
 //!
-//! Keys carry their unit; maps are sorted, stages are in flow order, so equal runs give equal text but for their times.
+//! Keys carry their unit; maps are sorted, stages are in flow order, so equal runs give equal text except their times.
 //! The caller writes the text, whole or not at all.
 
 use crate::report::ReportError;

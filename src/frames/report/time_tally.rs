@@ -1,9 +1,9 @@
 //! Times in few bins: small enough to be copied to another thread after every frame.
 //!
 //! In: times, ns. Out: count, mean and maximum, exact; cumulative counts per bound; quantiles. Bounds are the preferred
-//! numbers R10 (ten per decade, each about 1.26 of the one before) from 10 us to 10 s, and one bin for all that is longer.
-//! Limit: a quantile lies in the right bin, so it is wrong by at most 26 % of itself (10 us below the first bound);
-//! where that is too coarse, `histogram` keeps three digits. Tests: below.
+//! numbers R10 (ten per decade, each about 1.26 of the one before) from 10 us to 10 s, and one bin for all that is
+//! longer. Limit: a quantile lies in the right bin, so it is wrong by at most 26 % of itself (10 us below the first
+//! bound); where that is too coarse, `histogram` keeps three digits. Tests: below.
 
 use base::time::Span;
 

@@ -1,7 +1,7 @@
 //! One sink that is called directly, without a queue, and its line of the run summary.
 //!
-//! Input: frames. Output: the same frames in the sink. It adds what [`crate::sink::Fan`] keeps for several sinks: the place
-//! in the bench and the first failure in words, so that a refused frame has a reason in the summary.
+//! Input: frames. Output: the same frames in the sink. It adds what [`crate::sink::Fan`] keeps for several sinks: the
+//! place in the bench and the first failure in words, so that a refused frame has a reason in the summary.
 
 use crate::sink::line::{Loss, SinkLine};
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};

@@ -1,8 +1,8 @@
 //! A file appears under its final name only when all of its bytes are written.
 //!
-//! The bytes go to a hidden temporary file with a random name in the same directory, made by `O_CREAT | O_EXCL`, so that
-//! no link that somebody planted is followed and no file of another program is opened. It then gets its final name in
-//! one step; when anything fails it is removed. There are three ways to take the name:
+//! The bytes go to a hidden temporary file with a random name in the same directory, made by `O_CREAT | O_EXCL`, so
+//! that a planted link is not followed and no file of another program is opened. It then gets its final name in one
+//! step; when anything fails it is removed. There are three ways to take the name:
 //!
 //! * [`write_new_file`]: names that the program chose and that are free, such as the frames of a recording. Whatever
 //!   has the name already (file, link, pipe, device, folder) stays as it is, and the write is refused without blocking.

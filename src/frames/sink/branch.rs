@@ -19,7 +19,7 @@ use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, bounded};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::thread::JoinHandle;
 
-/// Losses that are kept for whoever asks; of more than that the numbers are in the line alone.
+/// Losses that are kept until they are read; further ones are only counted in the line.
 const LOSSES_KEPT: usize = 4096;
 
 /// Rate of a slow disk or encoder, by which large frames add to the patience.
@@ -136,8 +136,8 @@ impl Branch {
         self.line.dropped += 1;
     }
 
-    /// Puts a frame into the queue: there are as many places as buffers, so this waits for nothing. False when there is no
-    /// buffer, or no thread any more.
+    /// Puts a frame into the queue: there are as many places as buffers, so this waits for nothing. False when there is
+    /// no buffer, or no thread any more.
     fn put(&mut self, free: Option<Held>, frame: &SentFrame) -> bool {
         self.offered += 1;
         self.newest = frame.meta.number;
@@ -211,8 +211,8 @@ impl Branch {
         self.full = None;
     }
 
-    /// Ends the thread of a sink that has finished what it was handed, for which [`wait_for`] waits; a sink that has not is
-    /// given up. Once.
+    /// Ends the thread of a sink that has finished what it was handed, for which [`wait_for`] waits; a sink that has
+    /// not is given up. Once.
     pub(super) fn finish(&mut self) -> Result<Option<SinkSummary>, SinkError> {
         self.hang_up();
         let Some(thread) = self.thread.take() else { return Ok(None) };
@@ -259,8 +259,8 @@ impl Drop for Branch {
     }
 }
 
-/// Waits until every sink has finished what it was handed, or until none of them has finished anything for the patience of
-/// the most patient.
+/// Waits until every sink has finished what it was handed, or until none of them has finished anything for the patience
+/// of the most patient.
 pub(super) fn wait_for(branches: &mut [Branch]) {
     branches.iter_mut().for_each(Branch::hang_up);
     let slowest = branches.iter().map(|branch| branch.slow_frame).max().unwrap_or(Span::ZERO);

@@ -8,9 +8,10 @@
 //! [`STALL_PATIENCE`](base::patience::STALL_PATIENCE) is given up and counted as lost; the others go on.
 //!
 //! Limits: `finish` waits for what is still queued as long as a sink finishes something within
-//! [`END_PATIENCE`](base::patience::END_PATIENCE); after that a sink that blocks is given up, counted as lost, and its thread is left behind. Dropping a fan waits in the same
-//! way, so that nothing of a sink that works outlives it, also when a run never began. Memory: buffers times (2 bytes a pixel and the truth table) per sink, all of it at the start.
-//! Tests: `fan_tests.rs`, `tests/closed_loop/sinks.rs`.
+//! [`END_PATIENCE`](base::patience::END_PATIENCE); after that a sink that blocks is given up, counted as lost, and its
+//! thread is left behind. Dropping a fan waits in the same way, so that nothing of a sink that works outlives it, also
+//! when a run never began. Memory: buffers times (2 bytes a pixel and the truth table) per sink, all of it at the
+//! start. Tests: `fan_tests.rs`, `tests/closed_loop/sinks.rs`.
 
 use crate::sink::branch::{Branch, BranchParams, wait_for};
 use crate::sink::line::{Loss, SinkLine};

@@ -117,11 +117,11 @@ pub struct TruthStar {
     /// Right ascension and declination in which the moving observer sees it at mid-exposure, ICRF axes, deg: with
     /// aberration and deflection. Not a number for what is not on the sky.
     pub apparent_deg: [f64; 2],
-    /// The same without aberration and deflection, as a catalog has it: ICRS at the frame's epoch, space motion and parallax
-    /// applied.
+    /// The same without aberration and deflection, as a catalog has it: ICRS at the frame's epoch, space motion and
+    /// parallax applied.
     pub catalog_deg: [f64; 2],
-    /// Magnitude in the instrument's band; infinite for a target that is dark at mid-exposure, not a number where there is
-    /// none.
+    /// Magnitude in the instrument's band; infinite for a target that is dark at mid-exposure, not a number where there
+    /// is none.
     pub mag: f32,
     /// Mean column over the exposure, px (first pixel's centre is 0).
     pub x_px: f64,
@@ -195,7 +195,8 @@ pub struct FrameMeta {
     pub attitude_age: Span,
     /// Newest attitude sample to mid-exposure: how far the attitude was predicted; negative when it was interpolated.
     pub horizon: Span,
-    /// Newest attitude sample used to the end of the exposure: how far its last part was extrapolated; negative when it was not.
+    /// Newest attitude sample used to the end of the exposure: how far its last part was extrapolated; negative when it
+    /// was not.
     pub end_horizon: Span,
     /// The middle of the exposure was interpolated, and two or more attitude samples were missing at one of its ends.
     pub is_partly_extrapolated: bool,
@@ -213,7 +214,7 @@ pub struct FrameMeta {
     pub left_out_stars: usize,
     /// Their electrons together.
     pub left_out_e: f64,
-    /// Stars that would be on the detector but for the Earth or the Moon before them.
+    /// Stars that would be on the detector if the Earth or the Moon did not cover them.
     pub occulted_stars: usize,
     /// Electrons that the image lacks because each pixel shows only the brighter of stars and targets.
     pub overlap_lost_e: f64,

@@ -10,8 +10,8 @@ use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
-/// One line of `frames.csv` as it is read back: the columns that readers of this project want, others are left. Units and
-/// meaning as in [`crate::sink::FrameMeta`].
+/// One line of `frames.csv` as it is read back: the columns that readers of this project want, others are left. Units
+/// and meaning as in [`crate::sink::FrameMeta`].
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 pub struct FrameRow {
     /// Frame number in the run.

@@ -1,15 +1,15 @@
 //! Frames for programs on the same machine through iceoryx2, with no copy on the reader's side.
 //!
-//! Input: frames. Output: samples of one publish-subscribe service: the pixels as a slice of `u16`, row by row, and before
-//! them a [`SlotHead`] as the user header, which is what the ring of `shared_memory` has before its pixels too. A frame is
-//! copied once, into memory that was loaned from the service, and readers see it there.
+//! Input: frames. Output: samples of one publish-subscribe service: the pixels as a slice of `u16`, row by row, and
+//! before them a [`SlotHead`] as the user header, which is what the ring of `shared_memory` has before its pixels too.
+//! A frame is copied once, into memory that was loaned from the service, and readers see it there.
 //!
 //! The writer never waits: a reader that is behind by more than `slots` frames loses the oldest, and sees it by
 //! `serial`. A frame for which no memory is left, as readers keep all of it, is refused and counted.
 //!
-//! Limits: one size of frame; one publisher and at most [`READERS_MAX`] readers of a service; its name is free of the file
-//! system. What a killed run has left is cleaned up by the next program that uses iceoryx2. Signals stay with the run.
-//! Tests: below, and `hil_scripts/test_recorders.py` with iceoryx2's own Python package in another process.
+//! Limits: one size of frame; one publisher and at most [`READERS_MAX`] readers of a service; its name is free of the
+//! file system. What a killed run has left is cleaned up by the next program that uses iceoryx2. Signals stay with the
+//! run. Tests: below, and `hil_scripts/test_recorders.py` with iceoryx2's own Python package in another process.
 
 use crate::sink::shared_memory::{SlotHead, slot_head};
 use crate::sink::tally::Tally;

@@ -4,15 +4,15 @@
 //! is being sent and then handed back for reuse. Output: files (`recorder::Recorder`) or nothing but a count and a
 //! checksum (`null::NullSink`).
 //!
-//! Promises, held by the compliance suite that runs against every sink:
+//! Promises, checked by the compliance suite that runs against every sink:
 //! * a frame that `send` accepted is counted once, one it refused is not;
 //! * `finish` may be called more than once; a frame sent after it is refused;
 //! * a full disk, a missing directory or a wrong frame number is a `SinkError`, never a panic, and whatever was
 //!   complete before stays complete: every file gets its final name only when all of its bytes are written.
 //!
-//! Tour: `frame` (what is sent) -> `facts` (by which names outputs have it) -> `fits`, `png`, `ser`, `truth`, `frame_log` (its forms on disk) -> `atomic`
-//! (how a file appears) -> `recorder`, `shared_memory`, `iceoryx`, `null`, `tap`, `tee` (the sinks) -> `alone`, `branch`, `fan` (one or several) -> `line`
-//! (what each of them did).
+//! Tour: `frame` (what is sent) -> `facts` (by which names outputs have it) -> `fits`, `png`, `ser`, `truth`,
+//! `frame_log` (its forms on disk) -> `atomic` (how a file appears) -> `recorder`, `shared_memory`, `iceoryx`, `null`,
+//! `tap`, `tee` (the sinks) -> `alone`, `branch`, `fan` (one or several) -> `line` (what each of them did).
 
 pub mod active_fault;
 mod alone;

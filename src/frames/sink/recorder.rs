@@ -1,9 +1,9 @@
 //! The sink that writes a directory per run.
 //!
-//! Per frame: `frame_000012.fits`, `frame_000012.truth.csv`, with targets on the sky `frame_000012.targets.csv`, every so
-//! often `frame_000012.png`, then a line in `frames.csv`. The image comes first, so that no truth table is without its
-//! image, and the line last, so that a frame listed there is complete. When a step fails, the files that the frame has
-//! got so far are removed; a frame whose files are there and that is not listed was under way when the program was
+//! Per frame: `frame_000012.fits`, `frame_000012.truth.csv`, with targets on the sky `frame_000012.targets.csv`, every
+//! so often `frame_000012.png`, then a line in `frames.csv`. The image comes first, so that no truth table is without
+//! its image, and the line last, so that a frame listed there is complete. When a step fails, the files that the frame
+//! has got so far are removed; a frame whose files are there and that is not listed was under way when the program was
 //! killed. With `ser` the images are in one file as well, `frames.ser`, in the order of the lines; a frame that is not
 //! listed is not in it. A directory that already holds a recording is refused, and no file, link, pipe or device that
 //! the recording did not make is opened or replaced: the frame is refused instead.

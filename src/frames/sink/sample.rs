@@ -85,8 +85,8 @@ pub fn bare_sample_frame(number: u32) -> SentFrame {
     frame
 }
 
-/// Compares the text of an output with the one that is kept in `tests/golden/frame_facts`. Readers of other programs depend
-/// on these bytes: a new fact adds to them, nothing else changes them.
+/// Compares the text of an output with the one that is kept in `tests/golden/frame_facts`. Readers of other programs
+/// depend on these bytes: a new fact adds to them, nothing else changes them.
 ///
 /// # Errors
 /// With the first line that differs. The whole text is then in `target/frame_facts`, to be looked at and copied.

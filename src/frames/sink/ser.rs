@@ -1,8 +1,8 @@
 //! A run as one SER file: what planetary-imaging programs (Siril, PIPP, SER Player) call a sequence.
 //!
 //! Input: frames of one size, 16 bits a pixel. Output: a header of 178 bytes, the frames one after the other, and, when
-//! the file is finished, a trailer with the UTC of each frame's mid-exposure. Source: *SER format description version 3*
-//! (H. Wilkens, 2014). Numbers are little-endian. Times are ticks of 100 ns since 0001-01-01T00:00:00, rounded down;
+//! the file is finished, a trailer with the UTC of each frame's mid-exposure. Source: *SER format description version
+//! 3* (H. Wilkens, 2014). Numbers are little-endian. Times are ticks of 100 ns since 0001-01-01T00:00:00, rounded down;
 //! "local" time is UTC as well.
 //!
 //! *The field for the byte order.* The description says 1 for little-endian pixels; the first programs wrote 0 for

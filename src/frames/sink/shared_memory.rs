@@ -5,8 +5,8 @@
 //! overwritten, and a reader sees by the numbers how many it missed. Only the copy of a frame is made: no name service,
 //! no daemon.
 //!
-//! Layout, numbers in the byte order of the machine (`firmware_protocol/FRAMES.md` has every field, held to these structures by
-//! `tests/conformance/frames_document.rs`):
+//! Layout, numbers in the byte order of the machine (`firmware_protocol/FRAMES.md` has every field, held to these
+//! structures by `tests/conformance/frames_document.rs`):
 //!
 //! | at | what |
 //! |---|---|
@@ -25,8 +25,9 @@
 //! with it. When a ring loses its name during the run (the file was removed or replaced), every frame from then on is
 //! an error ([`SinkError::Vanished`]): readers that have it open still get them, new readers cannot.
 //!
-//! Limits: one size of frame. Unix. Written by `pwrite`, so that no memory is shared by reference with other programs: no
-//! `unsafe`, at the cost of one copy by the kernel. Tests: below, and `hil_scripts/test_recorders.py` from another process.
+//! Limits: one size of frame. Unix. Written by `pwrite`, so that no memory is shared by reference with other programs:
+//! no `unsafe`, at the cost of one copy by the kernel. Tests: below, and `hil_scripts/test_recorders.py` from another
+//! process.
 
 use crate::sink::atomic::temporary_beside;
 use crate::sink::crc32::pixel_crc32;
@@ -89,8 +90,8 @@ pub struct FileHead {
     pub reserved: [u32; 3],
 }
 
-/// The 256 bytes before the pixels of a frame, here and in `iceoryx`, by name for readers; [`crate::sink::facts`] has the place
-/// of each fact.
+/// The 256 bytes before the pixels of a frame, here and in `iceoryx`, by name for readers; [`crate::sink::facts`] has
+/// the place of each fact.
 #[cfg_attr(feature = "iceoryx2", derive(ZeroCopySend))]
 #[cfg_attr(feature = "iceoryx2", type_name("StarloopFrameHead"))]
 #[repr(C)]
@@ -147,8 +148,8 @@ pub struct SharedMemory {
 }
 
 impl SharedMemory {
-    /// Makes the file, all of it, for `slots` frames of `size_px` (columns, rows). What a run before has left is replaced:
-    /// readers of the old file keep it.
+    /// Makes the file, all of it, for `slots` frames of `size_px` (columns, rows). What a run before has left is
+    /// replaced: readers of the old file keep it.
     ///
     /// # Errors
     /// [`SinkError::Write`] when it cannot be made, or the memory is not there; [`SinkError::NotShared`] when something
@@ -303,7 +304,7 @@ impl Sink for SharedMemory {
             self.tally.refuse();
             return Err(SinkError::Write { path: self.path.clone(), source });
         }
-        // Published all the same: who has the ring open still reads it.
+        // Published all the same: readers that have the ring open still read it.
         if !has_name(&self.file, &self.path) {
             self.tally.refuse();
             return Err(SinkError::Vanished { path: self.path.clone() });
@@ -474,7 +475,7 @@ mod tests {
             });
             let living: Vec<_> = made.iter().flatten().collect();
             assert_eq!(living.len(), 1);
-            assert!(has_name(&living[0].file, &path), "whoever got it has it");
+            assert!(has_name(&living[0].file, &path), "the ring that got the name has it");
         }
     }
 

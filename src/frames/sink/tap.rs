@@ -1,7 +1,8 @@
 //! The sink that hands pixels to another part of the program: a tracker that sees what a cable would carry.
 //!
-//! Input: frames. Output: the number and the pixels of each and what a camera says of its exposure, nothing of its truth, through a bounded queue whose buffers
-//! go round. When the other end is too slow the new frame is lost and counted, and the sender never waits.
+//! Input: frames. Output: the number and the pixels of each and what a camera says of its exposure, nothing of its
+//! truth, through a bounded queue whose buffers go round. When the other end is too slow the new frame is lost and
+//! counted, and the sender never waits.
 
 use crate::sink::tally::Tally;
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};

@@ -1,7 +1,8 @@
-//! The table of targets on the sky in one frame: where each streak begins and ends, how far the target is, how it is lit.
+//! The table of targets on the sky in one frame: where each streak begins and ends, how far the target is, how it is
+//! lit.
 //!
-//! CSV with the header [`HEADER`], beside the truth table of a frame that has such targets. Pixels and degrees have nine
-//! decimals. Test: `every_column_is_written`.
+//! CSV with the header [`HEADER`], beside the truth table of a frame that has such targets. Pixels and degrees have
+//! nine decimals. Test: `every_column_is_written`.
 
 use std::io::{self, Write};
 

@@ -6,8 +6,9 @@
 //! | `digital-sum` | digital numbers, clipped at 65535; the black level adds up too | read noise of every pixel |
 //! | `digital-mean` | their mean, rounded, halves up | the same, divided |
 //!
-//! Source: Janesick 2001, section 5.2.4 (summing wells); EMVA 1288 R4.0, section 2 (noise of sums). The factor is the same
-//! along rows and columns and divides both sides of the image. Held by the tests below and `tests/physics/detector_spatial.rs`.
+//! Source: Janesick 2001, section 5.2.4 (summing wells); EMVA 1288 R4.0, section 2 (noise of sums). The factor is the
+//! same along rows and columns and divides both sides of the image. Tests: below and
+//! `tests/physics/detector_spatial.rs`.
 
 use crate::detector::neighbours::{FrameAt, NeighbourStage};
 use crate::detector::{DetectorConditions, DetectorParams, Effect};

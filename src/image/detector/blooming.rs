@@ -1,4 +1,5 @@
-//! Blooming: charge above the full well spills along the column, up and down alike; an anti-blooming drain takes a share.
+//! Blooming: charge above the full well spills along the column, up and down alike; an anti-blooming drain takes a
+//! share.
 //!
 //! In: charge of every pixel, e-. Out: no pixel above the full well. Of the excess charge of a pixel, `drained_share`
 //! is lost at once; one half of the rest goes down the column and one half up, and fills the free capacity of the

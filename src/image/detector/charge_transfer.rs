@@ -5,7 +5,7 @@
 //! done again any number of times (negative binomial law; for `n c << 1` the familiar `n c` in the first trailing
 //! pixel: Janesick 2001, section 5.2). Row `y` from the output needs `y + 1` parallel transfers, column `x` as many serial
 //! ones. The law is cut after [`Trails::terms`] pixels, where less than [`TAIL`] of the farthest packet is left; that
-//! rest is put into the last of them, so that charge is conserved, but for what trails out of the image.
+//! rest is put into the last of them, so that charge is conserved, except the part that trails out of the image.
 //!
 //! Limits: the same share for every signal and time; no traps with time constants, no charge-injected fat zero.
 //! Tests below hold it against a simulation of all transfers, one by one.
@@ -209,7 +209,7 @@ mod tests {
 
     const AT: FrameAt = FrameAt { frame: 0, exposure_s: 1.0, key: [0; 2] };
 
-    /// Returns every packet by every transfer: each tick all packets move one place towards the output, but for the
+    /// Returns every packet by every transfer: each tick all packets move one place towards the output, except the
     /// share that stays. What leaves place 0 at tick `t` is pixel `t`.
     fn by_ticks(line: &[f64], share: f64) -> Vec<f64> {
         let mut wells = line.to_vec();

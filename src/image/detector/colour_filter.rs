@@ -1,10 +1,11 @@
 //! Colour filter array: each pixel counts the share of the light that the filter of its colour lets through.
 //!
-//! In: mean electrons of a pixel without a filter: stars, sky and stray light together. Out: these times the response of the
-//! pixel's colour. The response is a share of the electrons that a pixel without a filter counts, for light of the **reference
-//! spectrum**: the colour of stars for which the responses are given. Dark signal passes no filter. The response belongs to the
-//! pixel as its photo-response non-uniformity does, and is drawn with it: `e' = e (1 + p)` with `1 + p = response (1 + prnu)`,
-//! so that CPU, GPU and reference have one stage for both, and a detector without filters has not a bit or a step more.
+//! In: mean electrons of a pixel without a filter: stars, sky and stray light together. Out: these times the response
+//! of the pixel's colour. The response is a share of the electrons that a pixel without a filter counts, for light of
+//! the **reference spectrum**: the colour of stars for which the responses are given. Dark signal passes no filter. The
+//! response belongs to the pixel as its photo-response non-uniformity does, and is drawn with it: `e' = e (1 + p)` with
+//! `1 + p = response (1 + prnu)`, so that CPU, GPU and reference have one stage for both, and a detector without
+//! filters has not a bit or a step more.
 //!
 //! *Named approximation: one colour of light.* All light has the reference spectrum. A star of another colour gets too much or
 //! too little in each colour of pixel, by `response(reference) / response(its spectrum)`; places are not changed. With filters of
@@ -42,7 +43,8 @@ impl ColourFilter {
         }
     }
 
-    /// Returns each pixel's response less 1, row by row: of its filter and of its own non-uniformity, where there is one.
+    /// Returns each pixel's response less 1, row by row: of its filter and of its own non-uniformity, where there is
+    /// one.
     #[must_use]
     pub fn photo_response(&self, prnu: Option<&[f32]>, [width, height]: [usize; 2]) -> Arc<[f32]> {
         let share = |i: usize| {

@@ -17,12 +17,13 @@ pub struct DetectorConditions {
     /// Protons in place of those of the parameters; a flux that [`ProtonFlux::checked`] refuses is none.
     pub protons: Option<ProtonFlux>,
     /// Gain beyond that of the parameters: `DN = e / gain_e_per_dn * gain_factor`, 1 for none. Read and amplifier noise
-    /// are given at the input, in e-, and stay what they are: in DN they grow with the gain. Stuck pixels keep their number.
+    /// are given at the input, in e-, and stay what they are: in DN they grow with the gain. Stuck pixels keep their
+    /// number.
     pub gain_factor: f64,
     /// Black level in place of that of the parameters, DN.
     pub black_level_dn: Option<f64>,
-    /// Parts of the image that are read out, in its pixels; the others are 0. Pixels that are read out have the bits that they
-    /// have in the whole image.
+    /// Parts of the image that are read out, in its pixels; the others are 0. Pixels that are read out have the bits
+    /// that they have in the whole image.
     pub regions: Regions,
 }
 

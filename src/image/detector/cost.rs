@@ -1,9 +1,10 @@
 //! The cost of the effects: their shares of the time that a pixel takes with shot and read noise, PRNU and DSNU.
 //!
-//! Pixel-local effects: processor time on one thread, 512 x 512 pixels, where that pixel takes 4.9 ns (least of 80 frames; good to
-//! 6 % of the pixel, below which a share is rounded up). Effects of neighbours: the last table of `starloop chart`, 1024 x 1024,
-//! two threads, with the passes apart that they need; of several together the sum is too much. An effect that is off, truncation,
-//! amplifier noise and a temperature cost nothing. On a device the shares are others: its memory is the limit.
+//! Pixel-local effects: processor time on one thread, 512 x 512 pixels, where that pixel takes 4.9 ns (least of 80
+//! frames; good to 6 % of the pixel, below which a share is rounded up). Effects of neighbours: the last table of
+//! `starloop chart`, 1024 x 1024, two threads, with the passes apart that they need; of several together the sum is too
+//! much. An effect that is off, truncation, amplifier noise and a temperature cost nothing. On a device the shares are
+//! others: its memory is the limit.
 
 use crate::detector::binning::BinningKind;
 use crate::detector::block::BLOCK;

@@ -1,6 +1,6 @@
 //! The detector on the CPU: in one pass, every stage over a block of pixels while it is in the first-level cache; or,
-//! when neighbour stages are on, a pass that makes charge, the neighbour stages, and a pass that reads out. Regions limit
-//! the pass that reads out; charge is made and moved in the whole image, where it comes from anywhere.
+//! when neighbour stages are on, a pass that makes charge, the neighbour stages, and a pass that reads out. Regions
+//! limit the pass that reads out; charge is made and moved in the whole image, where it comes from anywhere.
 
 use crate::detector::background::Shape;
 use crate::detector::conditions::DetectorConditions;
@@ -127,7 +127,7 @@ impl Detector {
         self.output.adc_px()
     }
 
-    /// Returns how the image that is put out comes from that of the ADC, and where its pixels are on the sensor.
+    /// Returns the geometry of the output image: its pixels on the ADC's image and on the sensor.
     #[must_use]
     pub fn output(&self) -> &Output {
         &self.output

@@ -20,7 +20,7 @@ pub const SPARE_PX: usize = 16_384;
 pub const MOST_TRACKS: usize = 1024;
 /// Pixels with charge of tracks in one frame.
 pub const MOST_TRACK_PX: usize = 32_768;
-/// Frames per second until somebody says otherwise.
+/// Frames per second as long as no other rate is set.
 const FRAME_PERIOD_S: f64 = 1.0;
 
 /// Defects and protons.

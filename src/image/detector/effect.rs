@@ -1,5 +1,5 @@
-//! The effects, named, in the order in which light becomes numbers, the step of each that works pixel by pixel, and which of
-//! them need more than one pixel.
+//! The effects, named, in the order in which light becomes numbers, the step of each that works pixel by pixel, and
+//! which of them need more than one pixel.
 //!
 //! The effects before the neighbour stages make charge, those after them read it out. When no neighbour stage
 //! is on, all runs in one pass, block by block. Random words are counted by (frame, pixel, stage), not by pass: both
@@ -48,7 +48,7 @@ pub enum Effect {
     Adc,
     /// Pixels, columns and rows whose number never changes.
     Stuck,
-    /// The part of the image that is put out.
+    /// The window that is cut out for the output.
     Window,
 }
 

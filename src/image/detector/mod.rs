@@ -1,8 +1,9 @@
 //! Electrons -> digital numbers: one file per effect, one ordered list of stages.
 //!
-//! In: mean electrons per pixel. Out: u16 DN. Random numbers are Philox words keyed by (seed, frame, pixel, stage), with one seed for the sensor and one for the noise ([`Seeds`]): any
-//! frame, and any pixel of it, can be replayed alone. A stage whose parameter is zero does nothing and costs nothing.
-//! Photon and dark shot noise are one Poisson draw: the sum of two Poisson variables is a Poisson variable.
+//! In: mean electrons per pixel. Out: u16 DN. Random numbers are Philox words keyed by (seed, frame, pixel, stage),
+//! with one seed for the sensor and one for the noise ([`Seeds`]): any frame, and any pixel of it, can be replayed
+//! alone. A stage whose parameter is zero does nothing and costs nothing. Photon and dark shot noise are one Poisson
+//! draw: the sum of two Poisson variables is a Poisson variable.
 
 pub mod adc;
 pub mod background;

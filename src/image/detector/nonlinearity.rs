@@ -1,9 +1,9 @@
 //! Nonlinear response: charge -> charge as the output shows it, straight pieces between knots.
 //!
-//! Knot `k` says: `x_k` electrons are seen as `y_k`. The response runs from (0, 0) through the knots in straight lines and
-//! goes on past the last as it came; below zero it is the first piece. In the form the loops use,
-//! `y = s_1 x + sum (s_{k+1} - s_k) max(x - x_k, 0)`: up to four pieces, three thresholds. Exact for its knots; a smooth
-//! curve of second derivative `c` between knots `h` apart is off by `c h^2 / 8` at most.
+//! Knot `k` says: `x_k` electrons are seen as `y_k`. The response runs from (0, 0) through the knots in straight lines
+//! and goes on past the last as it came; below zero it is the first piece. In the form the loops use, `y = s_1 x + sum
+//! (s_{k+1} - s_k) max(x - x_k, 0)`: up to four pieces, three thresholds. Exact for its knots; a smooth curve of second
+//! derivative `c` between knots `h` apart is off by `c h^2 / 8` at most.
 //!
 //! Tests: below, and `tests/physics/response.rs`.
 

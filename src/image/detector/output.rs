@@ -1,4 +1,4 @@
-//! The last step: the image that the ADC made -> the image that is put out, binned digitally and cut to the window.
+//! The last step: the image of the ADC -> the output image, binned digitally and cut to the window.
 //!
 //! On the host for both backends. When output and ADC's image are the same, nothing is copied.
 

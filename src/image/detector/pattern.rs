@@ -60,8 +60,8 @@ impl Patterns {
         Ok(())
     }
 
-    /// Returns the patterns of a detector as its stages read them: drawn from the seed, along the stages of a TDI detector,
-    /// behind the filters of the pixels.
+    /// Returns the patterns of a detector as its stages read them: drawn from the seed, along the stages of a TDI
+    /// detector, behind the filters of the pixels.
     #[must_use]
     pub fn of_detector(params: &DetectorParams, size_px: [usize; 2], seed: u64) -> Self {
         let [width, height] = size_px;
@@ -70,8 +70,8 @@ impl Patterns {
         drawn.behind(params.spatial.colour_filter, size_px)
     }
 
-    /// Returns these patterns, given sensor pixel by sensor pixel, as the stages of a detector read them: TDI averages them
-    /// along its stages, charge binning adds up offsets, filters change the response.
+    /// Returns these patterns, given sensor pixel by sensor pixel, as the stages of a detector read them: TDI averages
+    /// them along its stages, charge binning adds up offsets, filters change the response.
     ///
     /// # Errors
     /// When the number of pixels of a map is not that of the detector.

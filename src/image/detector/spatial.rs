@@ -1,4 +1,5 @@
-//! Parameters of the effects that depend on the pixel's place, on its neighbours or on the frame before; all of them off.
+//! Parameters of the effects that depend on the pixel's place, on its neighbours or on the frame before; all of them
+//! off.
 
 use crate::detector::binning::Binning;
 use crate::detector::blooming::Blooming;
@@ -30,7 +31,7 @@ pub struct SpatialParams {
     pub charge_transfer: Option<ChargeTransfer>,
     /// Squares of pixels become one.
     pub binning: Option<Binning>,
-    /// The part of the image that is put out.
+    /// The window that is cut out for the output.
     pub window: Option<Window>,
     /// Time-delayed integration.
     pub tdi: Option<Tdi>,
@@ -51,8 +52,8 @@ impl SpatialParams {
         tdi: None,
     };
 
-    /// Returns the colours of the image that is put out, from its first pixel; `None` where its pixels have none: without filters,
-    /// and where binning adds colours up.
+    /// Returns the colours of the output image, from its first pixel; `None` where its pixels have none: without
+    /// filters, and where binning adds colours up.
     #[must_use]
     pub fn output_colours(&self) -> Option<BayerPattern> {
         let first_px = self.window.map_or([0; 2], |window| [window.left_px, window.top_px]);

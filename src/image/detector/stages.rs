@@ -1,7 +1,8 @@
-//! The pixel-local stages over blocks of pixels while they are in the first-level cache, compiled once per vector level.
+//! The pixel-local stages over blocks of pixels while they are in the first-level cache, compiled once per vector
+//! level.
 //!
-//! One pass may run all of [`ORDER`](crate::detector::ORDER), or the stages before or after the neighbours alone; over all
-//! pixels, or over those of some regions, with the same bits.
+//! One pass may run all of [`ORDER`](crate::detector::ORDER), or the stages before or after the neighbours alone; over
+//! all pixels, or over those of some regions, with the same bits.
 
 use crate::detector::background::Shape;
 use crate::detector::block::{BLOCK, Words};

@@ -1,17 +1,17 @@
 //! Time-delayed integration: charge is shifted along the columns with the image, and `stages` exposures add up.
 //!
-//! The image of one line period moves by one row; each of the `stages` rows adds `line_s` of exposure to the same packet,
-//! so signal, dark signal and their variance grow by `stages`, and read noise comes once: shot-noise-limited SNR grows by
-//! `sqrt(stages)`. Every output pixel of a column has passed the same `stages` pixels: fixed patterns are one number per
-//! column, with `1 / sqrt(stages)` of the pixels' spread.
+//! The image of one line period moves by one row; each of the `stages` rows adds `line_s` of exposure to the same
+//! packet, so signal, dark signal and their variance grow by `stages`, and read noise comes once: shot-noise-limited
+//! SNR grows by `sqrt(stages)`. Every output pixel of a column has passed the same `stages` pixels: fixed patterns are
+//! one number per column, with `1 / sqrt(stages)` of the pixels' spread.
 //!
 //! How it is drawn: as one exposure of `stages * line_s` in which the frame moves with the image; what motion is left
-//! is the motion of the line of sight in that exposure, which the planner draws as any other. What the discrete steps and a
-//! mismatch of scan rate cost in sharpness is a link of a chain PSF (`[mtf]`, `plan::optics::mtf::motion`). Source:
-//! Holst, "CCD Arrays, Cameras and Displays", 1998, section 10.3.
+//! is the motion of the line of sight in that exposure, which the planner draws as any other. What the discrete steps
+//! and a mismatch of scan rate cost in sharpness is a link of a chain PSF (`[mtf]`, `plan::optics::mtf::motion`).
+//! Source: Holst, "CCD Arrays, Cameras and Displays", 1998, section 10.3.
 //!
 //! Not modelled: that a frame's rows are exposed one after another (all rows share one exposure window), and the partly
-//! integrated rows at the start and end of a scan. Held by the tests below and `tests/physics/detector_spatial.rs`.
+//! integrated rows at the start and end of a scan. Tests: below and `tests/physics/detector_spatial.rs`.
 
 use crate::detector::pattern::Patterns;
 use std::sync::Arc;

@@ -1,10 +1,10 @@
 //! Which part of the image leaves the detector, and in pixels of what size.
 //!
-//! Three coordinates, all with the first pixel's centre at (0, 0): **sensor** pixels, in which light is drawn; pixels of
-//! the **ADC's image**, smaller by charge binning; **output** pixels, smaller by digital binning and cut to the window.
-//! A star at `s` on the sensor is in the output at `(s - first - (b - 1) / 2) / b`, where `b` is both binnings' factor
-//! together and `first` the first sensor pixel of the window. The window is given in sensor pixels; it begins and ends on
-//! whole output pixels. `tests/physics/detector_spatial.rs` holds the centroid of a star against this.
+//! Three coordinates, all with the first pixel's centre at (0, 0): **sensor** pixels, in which light is drawn; pixels
+//! of the **ADC's image**, smaller by charge binning; **output** pixels, smaller by digital binning and cut to the
+//! window. A star at `s` on the sensor is in the output at `(s - first - (b - 1) / 2) / b`, where `b` is both binnings'
+//! factor together and `first` the first sensor pixel of the window. The window is given in sensor pixels; it begins
+//! and ends on whole output pixels. `tests/physics/detector_spatial.rs` holds the centroid of a star against this.
 
 use base::image::DnImage;
 use base::region::Regions;

@@ -1,7 +1,7 @@
 //! A mean electron image on the device, in fixed point.
 //!
-//! Every pixel is a signed 32-bit sum; `electrons = sum / scale`, with `scale` a power of two that whoever drew the
-//! image chose so that no sum can wrap. Signed, because tabulated PSFs dip below zero by a millionth of their peak.
+//! Every pixel is a signed 32-bit sum; `electrons = sum / scale`, with `scale` a power of two that the pass that drew
+//! the image chose so that no sum can wrap. Signed, because tabulated PSFs dip below zero by a millionth of their peak.
 
 use crate::gpu::buffers::GrowableBuffer;
 use crate::gpu::device::GpuDevice;

@@ -3,7 +3,7 @@
 //! One [`crate::gpu::GpuDevice`] is shared by everything that draws on it. After warm-up a frame allocates no device
 //! memory and makes no bind group; what wgpu itself allocates per submission is small and its own. Everything fits
 //! wgpu's default limits. A failure of the device, at whatever call, is an error of the next call into this module,
-//! never a panic. Held by `tests/gpu`.
+//! never a panic. Tests: `tests/gpu`.
 
 pub mod buffers;
 pub mod device;

@@ -84,7 +84,8 @@ impl Bands {
         Self { rows, bands, chunks, used: 0, nodes }
     }
 
-    /// Sorts a plan; paths that do not reach `regions` are left out. `half_px`: half-height of the footprint of a list; `table_of`: its kernel or PSF ([`Spot::kernel`]).
+    /// Sorts a plan; paths that do not reach `regions` are left out. `half_px`: half-height of the footprint of a list;
+    /// `table_of`: its kernel or PSF ([`Spot::kernel`]).
     pub(super) fn sort(
         &mut self,
         plan: &ExposurePlan,

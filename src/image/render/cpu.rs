@@ -119,8 +119,8 @@ impl Band<'_> {
 /// Inputs of drawing into the bands.
 struct Draw<'a> {
     bands: &'a Bands,
-    /// Stars that do not reach these are left out where they would be drawn: the others are added in the same order as in the
-    /// whole image, and so to the same bits.
+    /// Stars that do not reach these are left out where they would be drawn: the others are added in the same order as
+    /// in the whole image, and so to the same bits.
     regions: &'a Regions,
     kernels: &'a [PsfTable],
     /// Tables of the PSF itself; none where it is drawn analytically.

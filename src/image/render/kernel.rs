@@ -2,7 +2,7 @@
 //!
 //! In: trace of the path (weight, px), sigma. Out: `sum_k w_k X_k(x) Y_k(y)`, with `X_k` and `Y_k` the spline
 //! coefficients of one axis's pixel integral about the node. Each axis is filtered by the inverse B-spline as a finite
-//! sum (`sqrt 3 z^|j|`, `z = sqrt 3 - 2`, 1e-7 beyond twelve), so every loop is a vector loop. Held by the table's
+//! sum (`sqrt 3 z^|j|`, `z = sqrt 3 - 2`, 1e-7 beyond twelve), so every loop is a vector loop. Tests: the table's
 //! tests and the agreement tests of both backends.
 
 use crate::render::erf::erf;

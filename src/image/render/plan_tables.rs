@@ -1,7 +1,7 @@
 //! Which tables a plan is drawn from, and the tables themselves, kept from frame to frame.
 //!
 //! A Gaussian narrow enough for the backend's analytic form needs none; another PSF needs its own table, built once;
-//! kernels are rebuilt for every plan, side by side. Held by the agreement tests of both backends.
+//! kernels are rebuilt for every plan, side by side. Tests: the agreement tests of both backends.
 
 use crate::render::table::{Form, PsfTable};
 use plan::exposure::cost::kernel_half_px;

@@ -1,12 +1,12 @@
 //! A table as a short sum of products `across_k(x) down_k(y)`: a star then costs two small sets of vectors and one
 //! multiply-add for every term and row, in place of sixteen images that no first-level cache holds.
 //!
-//! In: spline coefficients on the table's grid. Out: the terms, by phase. Method: elimination with complete pivoting (the
-//! adaptive cross approximation; Bebendorf, Numerische Mathematik 86 (2000), 565, with every entry looked at), which leaves
-//! nothing of the largest entry's row and column, until no entry is larger than [`PRODUCTS_ERROR`] of the largest: an exact
-//! bound of what any pixel lacks, since spline weights are positive and sum to 1. A Gaussian is one term, one that moves
-//! along a line three to eight. Where the terms would cost more than the images, the images are drawn. Tests in
-//! `stamp`, and the agreement tests of the backend.
+//! In: spline coefficients on the table's grid. Out: the terms, by phase. Method: elimination with complete pivoting
+//! (the adaptive cross approximation; Bebendorf, Numerische Mathematik 86 (2000), 565, with every entry looked at),
+//! which leaves nothing of the largest entry's row and column, until no entry is larger than [`PRODUCTS_ERROR`] of the
+//! largest: an exact bound of what any pixel lacks, since spline weights are positive and sum to 1. A Gaussian is one
+//! term, one that moves along a line three to eight. Where the terms would cost more than the images, the images are
+//! drawn. Tests in `stamp`, and the agreement tests of the backend.
 
 use crate::render::table::{Grid, LANES};
 use base::fused::mul_add;

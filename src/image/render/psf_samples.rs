@@ -4,7 +4,7 @@
 //! the coefficients of the spline through them. Pixels are sums of `S x S` subcells, each integrated by Gauss-Legendre:
 //! for an Airy pattern of `L >= 0.2` and a Moffat profile of `alpha >= 0.3` px the error is below that of single
 //! precision. A grid whose knots are among the table's is refined exactly, by the two-scale relation of the cubic
-//! B-spline (Unser, IEEE Signal Processing Magazine 16 (1999), 22). Held by the table's tests.
+//! B-spline (Unser, IEEE Signal Processing Magazine 16 (1999), 22). Tests: the table's.
 
 use crate::render::table::Grid;
 use plan::optics::RoundPsf;

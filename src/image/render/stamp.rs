@@ -1,6 +1,6 @@
 //! A star from a table, into the rows of a band: as a sum of products, or as the weighted sum of sixteen images.
 //!
-//! Held by the agreement tests of the CPU backend; `products_and_images_are_one_star` below.
+//! Tests: the agreement tests of the CPU backend; `products_and_images_are_one_star` below.
 
 use crate::render::cpu::{Band, add_clipped, add_lanes};
 use crate::render::products::MOST_TERMS;

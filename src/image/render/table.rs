@@ -2,10 +2,10 @@
 //!
 //! `P(u)`: share of the light in the pixel whose centre lies `u` px from the star, sampled every `1 / S` px, stored as
 //! cubic B-spline coefficients. A star of fraction `f` needs `P(i - f)` for all pixels `i`: with integer `S` the four
-//! taps per axis are the same for every pixel, so the table is kept by phase,
-//! `[phase_y][row][16 columns][phase_x][column]`, and a star is a weighted sum of 16 small images; the four phases along
-//! x that a pixel needs are adjacent in memory. Error: `3 / (384 (S sigma)^4)` of the peak; `S` is chosen to keep it
-//! below [`TABLE_ERROR`](plan::exposure::sampling::TABLE_ERROR). Tests below compare with the exact integral.
+//! taps per axis are the same for every pixel, so the table is kept by phase, `[phase_y][row][16
+//! columns][phase_x][column]`, and a star is a weighted sum of 16 small images; the four phases along x that a pixel
+//! needs are adjacent in memory. Error: `3 / (384 (S sigma)^4)` of the peak; `S` is chosen to keep it below
+//! [`TABLE_ERROR`](plan::exposure::sampling::TABLE_ERROR). Tests below compare with the exact integral.
 
 use crate::render::kernel::{GaussianPath, accumulate};
 use crate::render::products::{Phases, Products};

@@ -1,7 +1,8 @@
 //! One line of a candump log: `(sec.fraction) interface id#data`, FD `id##flags data`, with an optional ` R` or ` T`.
 //!
-//! Written: nine digits of fraction, interface `can0`, `can1`, ..., direction always. Read: one to nine digits of fraction,
-//! any interface (its number is that at the end of its name, 0 without one), 3 or 8 hexadecimal digits of identifier. Input: bytes without the line's end. Tests: `tests`.
+//! Written: nine digits of fraction, interface `can0`, `can1`, ..., direction always. Read: one to nine digits of
+//! fraction, any interface (its number is that at the end of its name, 0 without one), 3 or 8 hexadecimal digits of
+//! identifier. Input: bytes without the line's end. Tests: `tests`.
 
 use super::{CapturedPacket, Direction};
 use crate::Packet;

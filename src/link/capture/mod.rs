@@ -9,12 +9,12 @@
 //! candump log. In files of other programs the number is taken from the name, or from the place of the interface in its
 //! section. Stamps are Unix time to the nanosecond in both formats; pcapng keeps the instant (TAI) beside it, a candump
 //! log does not distinguish a leap second from the second after it. A candump log holds CAN only; pcapng holds CAN
-//! (link type 227, SocketCAN), serial bytes (link type 147, USER0) and plain datagrams (link type 148, USER1).
-//! Readers accept any bytes: errors are reported with line or offset, a file that was cut off is read up to the cut,
-//! and memory is bounded by `BLOCK_MAX` and `LINE_MAX` whatever lengths a file states. Frames that have no [`Packet`]
-//! (29-bit identifiers, remote and error frames) are skipped and counted.
-//! Sources: candump's log format as written by can-utils; pcapng, IETF draft-ietf-opsawg-pcapng; LINKTYPE_CAN_SOCKETCAN as
-//! registered by tcpdump.org. Tests: `tests`, and `hil_scripts` against can-utils, python-can and tshark.
+//! (link type 227, SocketCAN), serial bytes (link type 147, USER0) and plain datagrams (link type 148, USER1). Readers
+//! accept any bytes: errors are reported with line or offset, a file that was cut off is read up to the cut, and memory
+//! is bounded by `BLOCK_MAX` and `LINE_MAX` whatever lengths a file states. Frames that have no [`Packet`] (29-bit
+//! identifiers, remote and error frames) are skipped and counted. Sources: candump's log format as written by
+//! can-utils; pcapng, IETF draft-ietf-opsawg-pcapng; LINKTYPE_CAN_SOCKETCAN as registered by tcpdump.org. Tests:
+//! `tests`, and `hil_scripts` against can-utils, python-can and tshark.
 
 mod candump;
 mod error;

@@ -7,9 +7,9 @@ use firmware_protocol::can::CanFrame;
 
 /// Lengths of FD data (ISO 11898-1).
 const FD_LENGTHS: [usize; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
-/// Bytes that a serial line holds without anybody reading: half of a pseudo terminal's 4 KiB.
+/// Bytes that a serial line holds while its other end does not read: half of a pseudo terminal's 4 KiB.
 const SERIAL_SPACE: usize = 2048;
-/// Datagrams that any receive buffer holds without anybody reading.
+/// Datagrams that any receive buffer holds while it is not read.
 const DATAGRAMS_AT_ONCE: usize = 32;
 
 /// Returns every length a packet can have on this wire, shortest first.

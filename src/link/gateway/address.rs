@@ -30,7 +30,8 @@ impl core::fmt::Display for GatewayAddress {
     }
 }
 
-/// Where to listen, read from `PORT`, which is on loopback, or `ADDRESS:PORT` (an address, or a name that the system knows).
+/// Where to listen, read from `PORT`, which is on loopback, or `ADDRESS:PORT` (an address, or a name that the system
+/// knows).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TcpAddress(SocketAddr);
 

@@ -2,9 +2,9 @@
 //!
 //! A TCP connection costs nothing to make, so a seat belongs to a client only once it has opened the bus (`O` or `L` of
 //! slcan, `< open >` of socketcand). Until then it is closed after [`OPENING_WITHIN`], or after [`GRACE`] when another
-//! client waits for its seat. A client that has opened the bus keeps its seat, however quiet it is. A connection is closed
-//! at the [`MALFORMED_MAX`]th malformed line before its first valid one. TCP alone: a pseudo-terminal has one line, which
-//! outlives its users.
+//! client waits for its seat. A client that has opened the bus keeps its seat, however quiet it is. A connection is
+//! closed at the [`MALFORMED_MAX`]th malformed line before its first valid one. TCP alone: a pseudo-terminal has one
+//! line, which outlives its users.
 
 use base::time::{Span, Tai};
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};

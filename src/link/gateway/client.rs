@@ -6,8 +6,9 @@
 //! ```
 //!
 //! A client that sends faster than the bus takes is read more slowly. One that does not read loses frames, counted, and
-//! is hung up on when its patience is over. Neither holds a lock of the bus while it waits. A TCP client that speaks another
-//! protocol, or sends too many malformed lines, is hung up on for good: nothing of what it sent afterwards is obeyed.
+//! is hung up on when its patience is over. Neither holds a lock of the bus while it waits. A TCP client that speaks
+//! another protocol, or sends too many malformed lines, is hung up on for good: nothing of what it sent afterwards is
+//! obeyed.
 
 use super::admission::Admission;
 use super::counters::{CountsIfLost, Tally};
@@ -61,8 +62,8 @@ pub(super) enum Sending {
 pub(super) enum OnStall {
     /// The connection is closed.
     HangUp,
-    /// The channel is closed and what the line holds is thrown away: it is stale by the time somebody reads it. The
-    /// device end of the line, which stays open so that the line outlives its users.
+    /// The channel is closed and the bytes in the line are discarded: they would be stale when they are read. Contains
+    /// the device end of the line, which stays open so that the line outlives its users.
     CloseChannel(OwnedFd),
 }
 

@@ -76,8 +76,8 @@ pub(super) fn open(
     Ok(pty)
 }
 
-/// Marks a PTY as served for as long as its device end is open: by a lock of the open file, which the line's users do not
-/// look at (they use `flock`, if any) and which the system releases however the program ends.
+/// Marks a PTY as served for as long as its device end is open: by a lock of the open file, which the line's users do
+/// not look at (they use `flock`, if any) and which the system releases however the program ends.
 fn lock(device_end: &OwnedFd) -> std::io::Result<()> {
     #[allow(clippy::cast_possible_truncation, reason = "small constants, which the system takes as short ones")]
     const WHOLE: libc::flock = libc::flock {
@@ -91,8 +91,8 @@ fn lock(device_end: &OwnedFd) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Returns whether `path` is a link to a PTY that another run serves; `None` when it is not a link to a PTY. `ours` has just
-/// been made: a link to it was made when its number belonged to another PTY.
+/// Returns whether `path` is a link to a PTY that another run serves; `None` when it is not a link to a PTY. `ours` has
+/// just been made: a link to it was made when its number belonged to another PTY.
 fn is_live_link(path: &Path, ours: &Path) -> Option<bool> {
     let device = std::fs::read_link(path).ok().filter(|device| device.starts_with(DEVICES))?;
     if device == ours {
@@ -102,7 +102,7 @@ fn is_live_link(path: &Path, ours: &Path) -> Option<bool> {
         Ok(device_end) => Some(lock(&device_end).is_err()),
         // Nothing there, or the number of a PTY whose other end is closed: its run is over.
         Err(Errno::NOENT | Errno::NXIO | Errno::IO) => Some(false),
-        // Somebody else's.
+        // It belongs to another program.
         Err(_) => Some(true),
     }
 }
@@ -123,7 +123,7 @@ impl Pty {
 
 impl Drop for Pty {
     fn drop(&mut self) {
-        // Only our own link: somebody may have put another thing there.
+        // Only our own link: another file may be there now.
         if std::fs::read_link(&self.path).is_ok_and(|target| target == self.device) {
             let _ = std::fs::remove_file(&self.path); // a link that remains is harmless
         }

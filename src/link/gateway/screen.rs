@@ -1,10 +1,11 @@
-//! Recognises clients that speak another protocol: HTTP, which any web page can send to a port of this machine, and TLS.
+//! Recognises clients that speak another protocol: HTTP, which any web page can send to a port of this machine, and
+//! TLS.
 //!
 //! In: the bytes of one connection, in runs of any length. Out: where the first line that belongs to another protocol
-//! starts, and which protocol it is. Pure: no socket, no allocation. A web page may send a POST whose body has valid lines
-//! of our protocol, so the connection must be closed at its first line, before the body. Recognised are a request line (a
-//! known method and a space, or any word followed by a target and `HTTP/`), a header (`Name:`), both in either case, and
-//! a TLS record that opens the connection. A WebSocket starts with an HTTP request. Tests: below.
+//! starts, and which protocol it is. Pure: no socket, no allocation. A web page may send a POST whose body has valid
+//! lines of our protocol, so the connection must be closed at its first line, before the body. Recognised are a request
+//! line (a known method and a space, or any word followed by a target and `HTTP/`), a header (`Name:`), both in either
+//! case, and a TLS record that opens the connection. A WebSocket starts with an HTTP request. Tests: below.
 
 /// Methods that are recognised without their version, in lower case; `pri` starts HTTP/2.
 const METHODS: [&[u8]; 10] =
@@ -41,8 +42,8 @@ impl Foreign {
 /// Bytes after which [`opens_another_protocol`] knows.
 pub(crate) const OPENING_BYTES: usize = METHOD_MAX + 1;
 
-/// Returns true when a connection that begins with these bytes is HTTP (a method and a space, in either case) or TLS. For
-/// streams of any bytes, in which a later line may look like a header.
+/// Returns true when a connection that begins with these bytes is HTTP (a method and a space, in either case) or TLS.
+/// For streams of any bytes, in which a later line may look like a header.
 pub(crate) fn opens_another_protocol(first: &[u8]) -> bool {
     let is_method = |method: &&[u8]| {
         let rest = first.get(..method.len()).filter(|begin| begin.eq_ignore_ascii_case(method));

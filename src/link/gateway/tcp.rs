@@ -1,7 +1,7 @@
 //! TCP listeners: clients come and go; one too many gets a message and is hung up on.
 //!
-//! Before a newcomer is refused, a client that has left gives its seat up, so that a client may reconnect at once, and a
-//! client that has not opened the bus loses its seat ([`super::admission`]).
+//! Before a newcomer is refused, a client that has left gives its seat up, so that a client may reconnect at once, and
+//! a client that has not opened the bus loses its seat ([`super::admission`]).
 
 use super::admission::{Admission, GRACE, keep_alive};
 use super::client::{Client, ClientParts, Dialogue, LOOK_MS, OnStall, Scribe, Served, is_readable, serve};

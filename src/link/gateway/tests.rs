@@ -1,4 +1,4 @@
-//! Starting, refusing and ending; what passes is held by `hil_scripts/test_gateways.py` with python-can.
+//! Starting, refusing and ending; `hil_scripts/test_gateways.py` tests the frames with python-can.
 
 use super::*;
 use crate::simulated::{BusParams, BusTiming};

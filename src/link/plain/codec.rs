@@ -36,7 +36,8 @@ impl PlainCodec {
         &self.rejects
     }
 
-    /// Reads a message; `None` for one that is refused and counted, and for a line of 42 before the last of its message.
+    /// Reads a message; `None` for one that is refused and counted, and for a line of 42 before the last of its
+    /// message.
     pub fn read(&mut self, bytes: &[u8]) -> Option<PlainRecord> {
         let record = match self.layout.encoding {
             Encoding::FortyTwo(spacecraft) => self.forty_two.take(bytes, spacecraft, self.layout.time),

@@ -43,7 +43,8 @@ pub enum PlainTime {
 /// An attitude in starloop's conventions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlainAttitude {
-    /// Body from ICRF, Hamilton, passive, scalar first; its norm is 1 within [`WRITTEN_NORM_TOLERANCE`](base::axes::WRITTEN_NORM_TOLERANCE).
+    /// Body from ICRF, Hamilton, passive, scalar first; its norm is 1 within
+    /// [`WRITTEN_NORM_TOLERANCE`](base::axes::WRITTEN_NORM_TOLERANCE).
     pub q_wxyz: [f64; 4],
     /// Angular rate with respect to ICRF, body axes, rad/s.
     pub rate_rad_s: [f64; 3],

@@ -1,10 +1,10 @@
 //! Serial ports: runs of bytes, stamped when they were read <-> `Link`. UART, RS-422, RS-485, USB adapters, pseudo
 //! terminals.
 //!
-//! A read gives what has arrived, at most `CHUNK_MAX` bytes, and is stamped at its return.
-//! Against the end of the last bit on the wire the stamp is late by the adapter's latency (FTDI: its latency timer, 16 ms
-//! unless set to 1 ms; a UART: up to 4 character times of its FIFO's timeout), the interrupt and the wake-up of the
-//! thread. The kernel keeps no receive times for serial ports; where microseconds matter, use PPS or CAN.
+//! A read gives what has arrived, at most `CHUNK_MAX` bytes, and is stamped at its return. Against the end of the last
+//! bit on the wire the stamp is late by the adapter's latency (FTDI: its latency timer, 16 ms unless set to 1 ms; a
+//! UART: up to 4 character times of its FIFO's timeout), the interrupt and the wake-up of the thread. The kernel keeps
+//! no receive times for serial ports; where microseconds matter, use PPS or CAN.
 //!
 //! * The port is opened for this program alone. Settings are read back, and those that the driver did not take are an
 //!   error: a pseudo terminal, for one, silently drops parity.
@@ -16,8 +16,8 @@
 //!   fail their CRC.
 //! * RS-422 needs nothing special. On RS-485 with two wires the adapter or the driver must switch the direction.
 //!
-//! Settings go through `rustix`, because a port must be non-blocking to keep the promise about writes; ports are listed by
-//! `serialport`. Tests: `tests` here, `tests/links` over pseudo terminals.
+//! Settings go through `rustix`, because a port must be non-blocking to keep the promise about writes; ports are listed
+//! by `serialport`. Tests: `tests` here, `tests/links` over pseudo terminals.
 
 mod link;
 mod opening;

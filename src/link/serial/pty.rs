@@ -10,7 +10,7 @@ use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::os::unix::ffi::OsStringExt;
 use std::path::{Path, PathBuf};
 
-/// The master's side of a pseudo terminal. Dropping it unplugs whoever has opened [`Self::path`].
+/// The master's side of a pseudo terminal. Dropping it unplugs the program that has opened [`Self::path`].
 #[derive(Debug)]
 pub struct PseudoTerminal {
     master: OwnedFd,

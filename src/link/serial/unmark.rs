@@ -1,8 +1,8 @@
 //! Bytes as the terminal gives them, errors marked -> bytes of the line, errors counted.
 //!
-//! With PARMRK (POSIX, termios) a byte that came with a parity or framing error, or a break, is read as `FF 00 XX`, and a
-//! good byte FF as `FF FF`. A damaged byte becomes the delimiter 00: its packet ends there and is rejected, whatever the
-//! byte was.
+//! With PARMRK (POSIX, termios) a byte that came with a parity or framing error, or a break, is read as `FF 00 XX`, and
+//! a good byte FF as `FF FF`. A damaged byte becomes the delimiter 00: its packet ends there and is rejected, whatever
+//! the byte was.
 
 use super::DELIMITER;
 

@@ -117,7 +117,7 @@ fn first_come(heads: &[(i64, u16)]) -> usize {
     (0..heads.len()).min_by_key(|head| heads[*head].0).unwrap()
 }
 
-/// Returns the same on the simulated bus; `looks` is how often somebody listens in between.
+/// Returns the same on the simulated bus; `looks` is how often the bus is read in between.
 fn simulated(sends: &[Sent], looks: usize) -> Vec<(i64, u16)> {
     let bench = Bench::new(CAN, BusModel::default());
     let ends: [SimulatedLink; 4] = bench.ends();
@@ -154,7 +154,7 @@ fn random_traffic_is_that_of_a_bus_stepped_bit_by_bit() {
             .collect();
         let wanted = stepped(&sends, lowest);
         assert_eq!(simulated(&sends, 0), wanted, "seed {seed}");
-        assert_eq!(simulated(&sends, 1), wanted, "seed {seed}: whenever somebody looks");
+        assert_eq!(simulated(&sends, 1), wanted, "seed {seed}: whenever the bus is read");
         assert_eq!(simulated(&sends, 7), wanted, "seed {seed}: now and then");
         differs_from_first_come += u32::from(stepped(&sends, first_come) != wanted);
     }

@@ -1,4 +1,4 @@
-//! The bus, its ends, and who waits for what.
+//! The bus, its ends, and the waiting of their threads.
 
 use super::control::BusControl;
 use super::error_counters::ErrorCounters;

@@ -5,7 +5,7 @@ use crate::{Departure, LinkCounters, Packet, Stamped};
 use base::time::{Span, Tai};
 use std::collections::VecDeque;
 
-/// Departures that are remembered for whoever asks.
+/// Number of departures that are remembered.
 const DEPARTURES: usize = 64;
 /// Sequences of 11 recessive bits that a controller sees before it is back from bus-off.
 const RECOVERY_SEQUENCES: i64 = 128;

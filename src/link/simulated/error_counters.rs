@@ -1,7 +1,8 @@
 //! Transmit and receive error counters of one controller -> error active, error passive, bus-off.
 //!
-//! Source: ISO 11898-1:2015, 12.1.4 (fault confinement). Left out: the rules for errors inside error and overload flags,
-//! and the receiver that is the first to see an error (+8). The tests beside the code count to both limits and back.
+//! Source: ISO 11898-1:2015, 12.1.4 (fault confinement). Left out: the rules for errors inside error and overload
+//! flags, and the receiver that is the first to see an error (+8). The tests beside the code count to both limits and
+//! back.
 
 /// Error state of a controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -1,8 +1,8 @@
-//! The wire: who sends when, what is destroyed, who receives what.
+//! The wire: order of sending, destroyed frames, delivery to the ends.
 //!
 //! Lazy: nothing runs by itself. [`Medium::settle`] brings the wire up to an instant, event by event, and is called
 //! before anything is asked or changed. A start is decided only when its instant has passed, so that a frame that is
-//! queued before then still takes part in the arbitration; what comes out does not depend on when anybody looks.
+//! queued before then still takes part in the arbitration; the result does not depend on when the bus is read.
 
 use super::bus::{BusModel, BusParams};
 use super::control::{BusFault, TimedBusFault};
@@ -137,7 +137,7 @@ impl Medium {
                 if current.done > now {
                     return;
                 }
-                // In the order of time, whenever somebody looks.
+                // In the order of time, whenever the bus is read.
                 self.put_off(current.done);
                 self.finish(wire, &current);
             }
@@ -236,7 +236,7 @@ impl Medium {
         } else {
             self.deliver(sender, &frame, done);
         }
-        // Last: who comes back with the end of this frame has not received it.
+        // Last: a controller that comes back with the end of this frame has not received it.
         self.ends.iter_mut().for_each(|end| end.see_frame(done));
     }
 

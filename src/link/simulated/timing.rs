@@ -1,7 +1,7 @@
 //! How long a packet occupies the wire.
 //!
-//! Source: ISO 11898-1:2015, frame formats. Worst-case stuffing unless asked otherwise, so that a budget that holds here
-//! holds on a bench; exact stuffing is counted in `stuffing`.
+//! Source: ISO 11898-1:2015, frame formats. Worst-case stuffing unless asked otherwise, so that a budget that holds
+//! here holds on a bench; exact stuffing is counted in `stuffing`.
 
 use super::stuffing::{self, Stuffing};
 use crate::Packet;

@@ -1,5 +1,6 @@
 //! The kernel's frames as bytes <-> frames. Layout: `struct can_frame` and `struct canfd_frame` of Linux
-//! `include/uapi/linux/can.h`: identifier and flags u32 (native order), length u8, FD flags u8, two bytes reserved, data.
+//! `include/uapi/linux/can.h`: identifier and flags u32 (native order), length u8, FD flags u8, two bytes reserved,
+//! data.
 
 use super::errors::ErrorReport;
 use firmware_protocol::can::{CLASSIC_MAX, CanFrame, FD_MAX};

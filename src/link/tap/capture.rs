@@ -1,10 +1,11 @@
 //! The capture tap: a link that passes everything on unchanged and has it written to a file.
 //!
-//! In: links and an output. Out: the same packets, and one capture of what each link received and sent. The packet path takes no
-//! lock of ours, allocates nothing and touches no file: packets go by a bounded queue to a writer thread. When the queue
-//! is full they are not written and counted ([`Capture::finish`]); on the virtual clock, where waiting costs no time of
-//! the run, the tap waits instead. What the writer cannot write it counts as lost too, and says why at the end. A writer
-//! that blocks is given up, and what it has not written is lost. Outermost of the taps, it sees what the port sees. Tests: `capture_tests`.
+//! In: links and an output. Out: the same packets, and one capture of what each link received and sent. The packet path
+//! takes no lock of ours, allocates nothing and touches no file: packets go by a bounded queue to a writer thread. When
+//! the queue is full they are not written and counted ([`Capture::finish`]); on the virtual clock, where waiting costs
+//! no time of the run, the tap waits instead. What the writer cannot write it counts as lost too, and says why at the
+//! end. A writer that blocks is given up, and what it has not written is lost. Outermost of the taps, it sees what the
+//! port sees. Tests: `capture_tests`.
 
 use crate::capture::{CaptureError, CaptureFormat, CaptureWriter, CapturedPacket, Direction};
 use crate::{Departure, Link, LinkCounters, LinkError, Packet, Stamped};

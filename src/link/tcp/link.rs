@@ -145,7 +145,8 @@ impl TcpLink {
         self.read > 0
     }
 
-    /// Returns true when a client of the server begins as a browser does: what follows may be lines of ours in its body.
+    /// Returns true when a client of the server begins as a browser does: what follows may be lines of ours in its
+    /// body.
     fn is_foreign(&mut self, count: usize) -> bool {
         for (place, byte) in self.opening.iter_mut().skip(self.opened).zip(&self.bytes[..count]) {
             *place = *byte;

@@ -1,15 +1,14 @@
 //! Shutter against refresh: how much light an exposure collects from a display that flashes, and whether it beats.
 //!
-//! Input: exposure, frame period, refresh rate, the share of each refresh during which the display shines. Output: light of
-//! an exposure over its phase, in refreshes; its spread in percent and magnitudes; the beat's period; advice.
+//! Input: exposure, frame period, refresh rate, the share of each refresh during which the display shines. Output:
+//! light of an exposure over its phase, in refreshes; its spread in percent and magnitudes; the beat's period; advice.
 //! Model: light is on for `duty` of each refresh period P, the same in all. An exposure E = (n + r) P, 0 <= r < 1,
-//! collects n duty + (overlap of a window r with a pulse duty), so between n duty + max(0, r + duty - 1) and
-//! n duty + min(r, duty). With duty 0 it collects n or n + 1 flashes. With duty 1 (light is held) a still picture does not
-//! beat, but dithering and motion still have whole refreshes as their steps.
-//! The phase moves by the fraction of frame period over P in every frame, so it repeats with the period of the
-//! nearest whole number; two clocks that are equal by name drift apart by their tolerance.
-//! Limits: the scan from the first row to the last and a rolling shutter shift the phase row by row, they
-//! do not change the spread. Tests below, against counted flashes.
+//! collects n duty + (overlap of a window r with a pulse duty), so between n duty + max(0, r + duty - 1) and n duty +
+//! min(r, duty). With duty 0 it collects n or n + 1 flashes. With duty 1 (light is held) a still picture does not beat,
+//! but dithering and motion still have whole refreshes as their steps. The phase moves by the fraction of frame period
+//! over P in every frame, so it repeats with the period of the nearest whole number; two clocks that are equal by name
+//! drift apart by their tolerance. Limits: the scan from the first row to the last and a rolling shutter shift the
+//! phase row by row, they do not change the spread. Tests below, against counted flashes.
 
 use core::f64::consts::LN_10;
 
@@ -46,7 +45,8 @@ pub struct Beat {
     pub ripple_mag: f64,
     /// From brightest to brightest, seconds; infinite when each frame begins at the same phase.
     pub period_s: f64,
-    /// Exposures nearest to the one given that are whole numbers of refreshes, seconds: shorter (if there is one), longer.
+    /// Exposures nearest to the one given that are whole numbers of refreshes, seconds: shorter (if there is one),
+    /// longer.
     pub whole_exposures_s: [Option<f64>; 2],
 }
 

@@ -1,8 +1,8 @@
 //! The part of a display that a map was fitted to: what lies within the outermost dots.
 //!
-//! The convex hull of the dots' places, display px (Andrew 1979, Inf. Process. Lett. 9, 216: lower and upper chain of the
-//! sorted points). Within it the map is held by dots on all sides; beyond it, it is a guess. Limit: holes in the middle do
-//! not show. Tests below.
+//! The convex hull of the dots' places, display px (Andrew 1979, Inf. Process. Lett. 9, 216: lower and upper chain of
+//! the sorted points). Within it the map is held by dots on all sides; beyond it, it is a guess. Limit: holes in the
+//! middle do not show. Tests below.
 
 /// Distance beyond the line of the outermost dots at which a place still counts as on it, display px.
 const ON_THE_LINE_PX: f64 = 1e-6;

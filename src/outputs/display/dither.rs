@@ -1,13 +1,13 @@
 //! Light between two greys by time: which refreshes show the brighter one.
 //!
-//! Of N refreshes (N a power of two) a pixel whose wanted luminance lies at `share` of the step between two greys shows the
-//! brighter grey in round(share N): the refreshes whose threshold lies below the share. Thresholds are (b + 1/2) / N, b the
-//! bit-reversed number of the refresh (van der Corput 1935), so that bright refreshes lie as evenly in time as can be.
-//! Each pixel begins elsewhere in the cycle (Philox of its place): neighbours do not flicker together, and
-//! the light of a star, which several pixels share, is steadier than that of each. The same refresh shows the same.
+//! Of N refreshes (N a power of two) a pixel whose wanted luminance lies at `share` of the step between two greys shows
+//! the brighter grey in round(share N): the refreshes whose threshold lies below the share. Thresholds are (b + 1/2) /
+//! N, b the bit-reversed number of the refresh (van der Corput 1935), so that bright refreshes lie as evenly in time as
+//! can be. Each pixel begins elsewhere in the cycle (Philox of its place): neighbours do not flicker together, and the
+//! light of a star, which several pixels share, is steadier than that of each. The same refresh shows the same.
 //!
-//! Bounds, in units of the luminance step between the two greys (`tests` below, all shares and starts): the mean of any N
-//! consecutive refreshes is off by at most 1 / (2 N); that of any M < N by at most (log2(N) + 2) / (2 M) and never
+//! Bounds, in units of the luminance step between the two greys (`tests` below, all shares and starts): the mean of any
+//! N consecutive refreshes is off by at most 1 / (2 N); that of any M < N by at most (log2(N) + 2) / (2 M) and never
 //! more than 1. In luminance, not in grey: the two greys are those of the measured response.
 
 use base::random::philox;

@@ -1,12 +1,12 @@
 //! Frames in linear luminance -> greys of one refresh: flat field, response, dither.
 //!
 //! Input: luminance above black relative to a full pixel at the display's brightest place, row by row, as the codes of
-//! [`super::luminance_code`]. Output: one grey per pixel, and the count of pixels that wanted more than the display has;
-//! the brightest code counts, as it says "as much or more". A pixel gets luminance / flat field; its grey is
-//! the exact one of the measured response (a table over the root of the luminance finds the place to look), and what
-//! is between two greys is dithered. So light split over pixels is split in *luminance*, and a star's centroid moves linearly:
-//! a display driven as if grey were luminance moves a star by more than 1/10 px (test).
-//! After `new` nothing is allocated. Tests below; `tests/physics/display_calibration` by a simulated tracker.
+//! [`super::luminance_code`]. Output: one grey per pixel, and the count of pixels that wanted more than the display
+//! has; the brightest code counts, as it says "as much or more". A pixel gets luminance / flat field; its grey is the
+//! exact one of the measured response (a table over the root of the luminance finds the place to look), and what is
+//! between two greys is dithered. So light split over pixels is split in *luminance*, and a star's centroid moves
+//! linearly: a display driven as if grey were luminance moves a star by more than 1/10 px (test). After `new` nothing
+//! is allocated. Tests below; `tests/physics/display_calibration` by a simulated tracker.
 
 use super::dither::Dither;
 use super::flat_field::FlatField;
@@ -54,8 +54,9 @@ impl DisplayDrive {
         Self { luminance_of_code, luminance, begin, gain, start, dither, width, mirrored }
     }
 
-    /// Greys of one row of refresh `refresh`, whose luminances come as codes. Gives how many pixels wanted more light than
-    /// there is (they show full). Rows beyond the display and pixels beyond the shorter slice are left as they are.
+    /// Greys of one row of refresh `refresh`, whose luminances come as codes. Gives how many pixels wanted more light
+    /// than there is (they show full). Rows beyond the display and pixels beyond the shorter slice are left as they
+    /// are.
     pub fn row(&self, codes: &[u16], y: usize, refresh: u64, greys: &mut [u16]) -> u64 {
         self.fill(codes.iter().map(|code| self.luminance_of_code[usize::from(*code)]), y, refresh, greys)
     }

@@ -2,8 +2,9 @@
 //!
 //! A polynomial (degree 4 at most) of the place, scaled to -1..1 over the display, fitted to the flux of dots; 1 at its
 //! brightest on the display. It is the flux of a *point*: the display's luminance, the lens's vignetting, and the solid
-//! angle of a pixel together, which is what a star's magnitude needs; what the tracker's own optics vignette, as its camera
-//! file states it, has been divided out before. Limits: structure finer than the grid of dots is not in it. Tests below.
+//! angle of a pixel together, which is what a star's magnitude needs; what the tracker's own optics vignette, as its
+//! camera file states it, has been divided out before. Limits: structure finer than the grid of dots is not in it.
+//! Tests below.
 
 use base::least_squares::{Basis, median, rms};
 use serde::{Deserialize, Serialize};

@@ -2,15 +2,15 @@
 //!
 //! The map of a flat display, seen through a lens that maps straight lines to straight lines, is a homography: with the
 //! direction v = (X, Y, Z), pixel (x, y, 1) ~ H v. Every such H is K R, a camera matrix times a rotation (Hartley and
-//! Zisserman, Multiple View Geometry, 2nd ed. 2004, section 6.2.4: Gram and Schmidt from the last row). So **a calibrated display is
-//! a camera that the renderer draws with**: turn the directions by R, then project with K's focal lengths and principal
-//! point; K's shear, and what the lens bends, are terms of [`PolynomialDistortion`] (degree 5 at most, of tangents in R's
-//! axes, dimensionless). Stars are drawn at their moved centroids; no image is resampled.
+//! Zisserman, Multiple View Geometry, 2nd ed. 2004, section 6.2.4: Gram and Schmidt from the last row). So **a
+//! calibrated display is a camera that the renderer draws with**: turn the directions by R, then project with K's focal
+//! lengths and principal point; K's shear, and what the lens bends, are terms of [`PolynomialDistortion`] (degree 5 at
+//! most, of tangents in R's axes, dimensionless). Stars are drawn at their moved centroids; no image is resampled.
 //!
 //! Exactness: the camera evaluates the very polynomial that was fitted, so camera and calibration differ by rounding
-//! only, below [`CAMERA_PX`] display px; the way back is a Newton iteration to 1e-12 of a focal length.
-//! A mirror between display and tracker cannot be a rotation: [`DisplayGeometry::mirrored`] then says that columns are
-//! shown in reverse order. Limits: a polynomial says nothing beyond the dots it was fitted to ([`DisplayGeometry::covered`]).
+//! only, below [`CAMERA_PX`] display px; the way back is a Newton iteration to 1e-12 of a focal length. A mirror
+//! between display and tracker cannot be a rotation: [`DisplayGeometry::mirrored`] then says that columns are shown in
+//! reverse order. Limits: a polynomial says nothing beyond the dots it was fitted to ([`DisplayGeometry::covered`]).
 //! Tests: below, and `tests/physics/display_calibration` against a simulated collimator that shares no code.
 
 use crate::display::covered::Covered;

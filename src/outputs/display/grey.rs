@@ -1,9 +1,9 @@
 //! Luminance -> grey.
 //!
-//! Luminance is u16, 65535 the full luminance of the display. A grey is a whole number, 0 to `2^bits - 1`, as it goes to
-//! the monitor. A [`GreyTable`] holds the grey, with its fraction, at evenly spaced luminances; in between it is linear.
-//! [`GreyMaker`] is what the presenter calls, a row at a time: the nearest grey of a table, or what anybody else makes of a
-//! row, such as temporal dithering.
+//! Luminance is u16, 65535 the full luminance of the display. A grey is a whole number, 0 to `2^bits - 1`, as it goes
+//! to the monitor. A [`GreyTable`] holds the grey, with its fraction, at evenly spaced luminances; in between it is
+//! linear. [`GreyMaker`] is what the presenter calls, a row at a time: the nearest grey of a table, or another function
+//! of a row, such as temporal dithering.
 
 use crate::display::error::DisplayError;
 

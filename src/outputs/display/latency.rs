@@ -139,7 +139,7 @@ pub fn flips_of(submits_s: &[f64], edges_s: &[f64]) -> Result<Vec<Flip>, Latency
 }
 
 impl Latency {
-    /// Returns a latency that somebody gives, with its full spread.
+    /// Returns a latency that a person states, with its full spread.
     #[must_use]
     pub fn given(latency: Span, spread: Span) -> Self {
         let half = spread.ns() / 2;

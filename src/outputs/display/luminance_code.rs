@@ -1,14 +1,14 @@
 //! Luminance <-> the sixteen bits that a frame has for it: fine steps for faint light, coarse ones for bright.
 //!
 //! The greys of a display lie dense near black: grey 1 of 256 has 5e-6 of the full luminance at a gamma of 2.2, and
-//! dithering shows parts of that. In even steps, sixteen bits would round such light to nothing before it is dithered, and
-//! take faint stars off the screen. So a code is straight pieces of luminance through [`KNOTS`], each with an eighth of the
-//! steps per luminance of the one before; four pieces, as a detector's response has
+//! dithering shows parts of that. In even steps, sixteen bits would round such light to nothing before it is dithered,
+//! and take faint stars off the screen. So a code is straight pieces of luminance through [`KNOTS`], each with an
+//! eighth of the steps per luminance of the one before; four pieces, as a detector's response has
 //! `image::detector::Nonlinearity`, so that frames are born with them on every backend.
 //!
 //! Rounding to codes: at most [`LEAST_STEP`] / 2 below 1/512 of full, at most 3.5e-4 of the luminance above. Light of
-//! 1e-5 of full is right to 1 %. Limit: 1 is the full luminance, and nothing is brighter. Tests below; a faint star's light
-//! in `drive`; through renderer and detector in `tests/closed_loop/display`.
+//! 1e-5 of full is right to 1 %. Limit: 1 is the full luminance, and nothing is brighter. Tests below; a faint star's
+//! light in `drive`; through renderer and detector in `tests/closed_loop/display`.
 
 /// Luminance, of the full one, and its code: ends of the pieces.
 pub const KNOTS: [[f64; 2]; 4] = [[1.0 / 512.0, 18_079.0], [1.0 / 64.0, 33_898.0], [0.125, 49_717.0], [1.0, 65_535.0]];

@@ -56,14 +56,14 @@ pub struct Params {
     pub bits: Bits,
     /// A square for a photodiode.
     pub marker: Option<Marker>,
-    /// Submit to light in the middle of the display, as measured or given: added to a submit time it predicts when light
-    /// left the screen. `None`: not known.
+    /// Submit to light in the middle of the display, as measured or given: added to a submit time it predicts when
+    /// light left the screen. `None`: not known.
     pub latency: Option<Span>,
-    /// Time of the refresh that each frame was drawn for: frames are held back until theirs. `None`: each is shown as soon
-    /// as it is there.
+    /// Time of the refresh that each frame was drawn for: frames are held back until theirs. `None`: each is shown as
+    /// soon as it is there.
     pub refresh: Option<Span>,
-    /// Direct scan-out: the monitor of this card, without an X server and with no window. Refused in a build without the
-    /// feature `direct_scanout`. `None`: through the server.
+    /// Direct scan-out: the monitor of this card, without an X server and with no window. Refused in a build without
+    /// the feature `direct_scanout`. `None`: through the server.
     pub direct_scanout: Option<CardChoice>,
 }
 

@@ -2,8 +2,9 @@
 //!
 //! Times are those of the run's clock. `light_off_ns` says how far from the start of its exposure a frame's light is
 //! expected, where the latency is known: for frames that were drawn for a refresh within half a refresh, either way.
-//! Written by the sink's thread; a disk that takes no more ends the log, not the display, and what is missing is counted.
-//! `starloop display latency` reads that of `starloop display flip` beside the edges that a photodiode saw. Tests below.
+//! Written by the sink's thread; a disk that takes no more ends the log, not the display, and what is missing is
+//! counted. `starloop display latency` reads that of `starloop display flip` beside the edges that a photodiode saw.
+//! Tests below.
 
 use crate::display::error::DisplayError;
 use crate::display::submitted::Submitted;

@@ -52,7 +52,7 @@ pub(super) struct Board {
     pub(super) has_numbers: bool,
     /// The numbers are the totals of a run that is over.
     has_totals: bool,
-    /// When somebody asked last.
+    /// Time of the last request.
     pub(super) asked: Option<Tai>,
     pub(super) served: Served,
     reported: Receiver<Reported>,

@@ -1,4 +1,5 @@
-//! One camera head on the board: its newest picture, its newest encoding, and the stars of frames that were encoded last.
+//! One camera head on the board: its newest picture, its newest encoding, and the stars of frames that were encoded
+//! last.
 //!
 //! One owner, the view's thread. What a browser draws over a picture belongs to that picture, so the stars of the last
 //! `TRUTHS_KEPT` encoded frames are kept. Tests: `http_tests`, with three heads.
@@ -24,7 +25,7 @@ pub(super) struct Encoded {
     scale: Scale,
 }
 
-/// A head, and what is known of its frames.
+/// A head, and the data of its frames.
 pub(super) struct Head {
     pub(super) params: HeadParams,
     reader: Reader,

@@ -1,8 +1,8 @@
 //! How early or late frames were: a histogram with signs.
 //!
-//! In: lateness (completion minus deadline, negative when early). Out: counts in [`BINS`] equal bins from one readout time
-//! before the deadline to one after it, and one bin beyond each end. A bin has its upper end in it, so that a frame that is
-//! finished at the deadline is in time. Test: below.
+//! In: lateness (completion minus deadline, negative when early). Out: counts in [`BINS`] equal bins from one readout
+//! time before the deadline to one after it, and one bin beyond each end. A bin has its upper end in it, so that a
+//! frame that is finished at the deadline is in time. Test: below.
 
 use base::time::Span;
 

@@ -1,7 +1,7 @@
 //! The newest picture, between a thread that writes and a thread that looks.
 //!
-//! Three buffers change places: the writer's, the one between them, the reader's. The lock is held for the exchange of two
-//! pointers, so neither waits for the other's copying or encoding. An unread picture is replaced. Test: below.
+//! Three buffers change places: the writer's, the one between them, the reader's. The lock is held for the exchange of
+//! two pointers, so neither waits for the other's copying or encoding. An unread picture is replaced. Test: below.
 
 use crate::live::lateness::LatenessBins;
 use base::time::Tai;

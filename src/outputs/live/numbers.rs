@@ -1,7 +1,7 @@
 //! The run's end of the view: counts, handed over when the queue has space, else dropped.
 //!
-//! A queue of one: the frame thread never waits, and as all values are counts since the start, a dropped one costs nothing
-//! but its age. The last ones, after the run, are never dropped.
+//! A queue of one: the frame thread never waits, and as all values are counts since the start, a dropped one costs
+//! nothing but its age. The last ones, after the run, are never dropped.
 
 use crossbeam_channel::{Receiver, Sender, bounded};
 use frames::report::RunNumbers;
@@ -36,7 +36,8 @@ impl Numbers {
         let _ = self.to_view.try_send(Reported { numbers: *numbers, are_last: false });
     }
 
-    /// Hands over the totals of a run that is over. Waits for the view, but not for long: one that has ended takes none.
+    /// Hands over the totals of a run that is over. Waits for the view, but not for long: one that has ended takes
+    /// none.
     pub fn send_last(&self, numbers: &RunNumbers) {
         let last = Reported { numbers: *numbers, are_last: true };
         let _ = self.to_view.send_timeout(last, TAKES_WITHIN); // the view may have ended

@@ -1,12 +1,12 @@
 //! The queries in the address, after the question mark.
 //!
-//! Unknown and repeated keys and values out of range are refused with what was wanted. Nothing is decoded: no valid value
-//! needs it. Tests: below.
+//! Unknown and repeated keys and values out of range are refused with what was wanted. Nothing is decoded: no valid
+//! value needs it. Tests: below.
 
 use crate::live::picture::Scale;
 use core::str::FromStr;
 
-/// A question that has no answer; the text is for whoever asked.
+/// An invalid query; the text is for the client.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{key}: got \"{got}\", wanted {wanted}")]
 pub(super) struct BadQuery {

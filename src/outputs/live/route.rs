@@ -8,9 +8,9 @@
 //! | `/state.json?head=H` | everything else the page shows: of head H at the top, of each head in the list `heads` |
 //! | `/metrics` | the same for Prometheus, of all heads |
 //!
-//! `head` is 0 where it is left out; a number beyond the last head is 404. GET and HEAD only. Refusals are one line of text that says what was wanted. Nothing is cached by browsers, nothing may
-//! be shown by pages from elsewhere, and only who asks for this place by its address or a known name is answered. Tests:
-//! `http_tests`.
+//! `head` is 0 where it is left out; a number beyond the last head is 404. GET and HEAD only. Refusals are one line of
+//! text that says what was wanted. Nothing is cached by browsers, nothing may be shown by pages from elsewhere, and
+//! only requests by its address or a known name are answered. Tests: `http_tests`.
 
 use crate::live::board::{Board, NoPicture};
 use crate::live::head::Encoded;

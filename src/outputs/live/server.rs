@@ -1,10 +1,10 @@
 //! Clients come and go, in one thread.
 //!
-//! In: a listener and the board. Limits: [`CLIENTS_MAX`] at once; one more takes the seat of the one that has been silent
-//! for longest, or is hung up on when all have sent a request; one every `PACE`; one request a connection, its head within `HEAD_MAX` and `HEAD_BYTES`, the whole within `CONNECTION_MAX`. A client that sends
-//! garbage, nothing, or never reads loses its connection and takes nothing from the others but a seat for that long. A
-//! picture is shared by all who asked for it, so what clients hold is bounded by seats times one picture. Tests:
-//! `http_tests`.
+//! In: a listener and the board. Limits: [`CLIENTS_MAX`] at once; one more takes the seat of the one that has been
+//! silent for longest, or is hung up on when all have sent a request; one every `PACE`; one request a connection, its
+//! head within `HEAD_MAX` and `HEAD_BYTES`, the whole within `CONNECTION_MAX`. A client that sends garbage, nothing, or
+//! never reads loses its connection and takes nothing from the others but a seat for that long. A picture is shared by
+//! all its clients, so their memory is bounded by seats times one picture. Tests: `http_tests`.
 
 use crate::live::route::{SharedBoard, answer, lock};
 use hyper::Request;

@@ -1,7 +1,7 @@
 //! The sink that shows: keeps a copy of the newest frame for the page.
 //!
-//! In: frames, in a sink's thread. Out: the newest picture, and lateness counted over all frames. `send` copies the frame
-//! into a buffer that is there already (a frame of another size takes a new one, once) and waits for no client.
+//! In: frames, in a sink's thread. Out: the newest picture, and lateness counted over all frames. `send` copies the
+//! frame into a buffer that is there already (a frame of another size takes a new one, once) and waits for no client.
 //! Tests: the compliance suite of sinks, and below.
 
 use crate::live::lateness::LatenessBins;

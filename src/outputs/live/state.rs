@@ -1,8 +1,8 @@
 //! Everything the page shows beside the picture, as one JSON object.
 //!
 //! At the top: the run, and one head, the first where none is asked for. `heads` lists all of them with the same keys.
-//! The facts of a frame are those of [`frames::sink::facts`]. Keys carry their unit; what is not known is `null`. Times are UTC: of the frame by the run's clock, of its arrival by the
-//! view's. Test: below.
+//! The facts of a frame are those of [`frames::sink::facts`]. Keys carry their unit; what is not known is `null`. Times
+//! are UTC: of the frame by the run's clock, of its arrival by the view's. Test: below.
 
 use crate::live::board::Board;
 use crate::live::head::Head;

@@ -1,7 +1,7 @@
 //! The stars of a frame as JSON, for the page to draw over its picture.
 //!
-//! In: a frame. Out: the brightest [`STARS_MAX`] by electrons, with how many there are. Positions: px, the first pixel's
-//! centre is (0, 0). Test: below.
+//! In: a frame. Out: the brightest [`STARS_MAX`] by electrons, with how many there are. Positions: px, the first
+//! pixel's centre is (0, 0). Test: below.
 
 use frames::sink::SentFrame;
 use serde_json::{Value, json};

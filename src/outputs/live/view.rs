@@ -20,7 +20,7 @@ use tokio::sync::Notify;
 
 /// After the end of a run its totals are served for so long, so that pages and Prometheus see that it is over.
 pub const LINGER: Duration = Duration::from_secs(2);
-/// They are served only when somebody has asked so shortly before: a page asks four times a second.
+/// They are served only when a client asked so shortly before: a page asks four times a second.
 const ASKED_WITHIN: Span = Span::from_ms(5000);
 /// Number of stars of a frame that fit without allocation.
 const STARS: usize = 1024;
@@ -35,8 +35,8 @@ pub struct LiveView {
 
 impl LiveView {
     /// Listens, and serves in a thread of its own: call it before the frame thread takes its priority, which threads
-    /// inherit. `clock` is a clock that runs: it measures the age of a frame and the rest of the encoder. Returns one sink
-    /// per head, in the order of `params.heads`; each may run in a thread of its own.
+    /// inherit. `clock` is a clock that runs: it measures the age of a frame and the rest of the encoder. Returns one
+    /// sink per head, in the order of `params.heads`; each may run in a thread of its own.
     ///
     /// # Errors
     /// When the list of heads is empty, when the address cannot be used, or when the thread cannot be started.

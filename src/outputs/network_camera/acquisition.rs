@@ -1,9 +1,9 @@
 //! Which of the bench's frames a client gets: all, each n-th, one, some, or the next after each trigger.
 //!
-//! The bench exposes on its own schedule; a trigger chooses, it does not start an exposure: the next frame that is handed
-//! over after the trigger is sent. A lower frame rate chooses too: each n-th frame, from the first of the acquisition on.
-//! [`Wanted`] is the count of frames still to be taken, shared between the control side, which adds to it, and the sink,
-//! which takes from it without waiting.
+//! The bench exposes on its own schedule; a trigger chooses, it does not start an exposure: the next frame that is
+//! handed over after the trigger is sent. A lower frame rate chooses too: each n-th frame, from the first of the
+//! acquisition on. [`Wanted`] is the count of frames still to be taken, shared between the control side, which adds to
+//! it, and the sink, which takes from it without waiting.
 
 use base::time::Tai;
 use core::sync::atomic::{AtomicI64, AtomicU32, AtomicU64, Ordering};
@@ -11,8 +11,8 @@ use core::sync::atomic::{AtomicI64, AtomicU32, AtomicU64, Ordering};
 /// Every frame until the acquisition stops.
 const ALL: u32 = u32::MAX;
 
-/// Frames still wanted, and the acquisition that wants them. Both are one word: a frame is taken for the acquisition that
-/// counts it, also when another one begins at that moment.
+/// Frames still wanted, and the acquisition that wants them. Both are one word: a frame is taken for the acquisition
+/// that counts it, also when another one begins at that moment.
 #[derive(Debug, Default)]
 pub struct Wanted {
     acquisition_and_left: AtomicU64,

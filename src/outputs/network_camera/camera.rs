@@ -50,8 +50,9 @@ pub struct NetworkCamera {
 
 impl NetworkCamera {
     /// Brings the camera up: two threads, one control port, one stream port. `clock` is the bench's: its time is what
-    /// clients latch. On a virtual clock, clients being real, heartbeat and pace go by the machine's. With `commands` clients
-    /// command the camera that makes the frames; without, they only read its settings and choose among its frames.
+    /// clients latch. On a virtual clock, clients being real, heartbeat and pace go by the machine's. With `commands`
+    /// clients command the camera that makes the frames; without, they only read its settings and choose among its
+    /// frames.
     ///
     /// # Errors
     /// When a value cannot be, no interface has the address, or the system refuses a socket or a thread.

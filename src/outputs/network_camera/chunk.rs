@@ -4,8 +4,8 @@
 //! image bytes, id 1, length | truth bytes, id 2, length        all big-endian; read from the end
 //! ```
 //!
-//! [`FIELDS`] is the layout, taken from [`frames::sink::facts`]: the XML is written from it and so are the bytes. Times are TAI
-//! since 1970, ns.
+//! [`FIELDS`] is the layout, taken from [`frames::sink::facts`]: the XML is written from it and so are the bytes. Times
+//! are TAI since 1970, ns.
 
 use frames::sink::FrameMeta;
 use frames::sink::facts::{FactSource, Feature, FeatureKind, Row, TABLE};

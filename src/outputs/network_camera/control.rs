@@ -84,7 +84,7 @@ impl Control {
         })
     }
 
-    /// Ends control, whoever has it.
+    /// Ends the control of any application.
     pub(super) fn release(&mut self) {
         self.controller = None;
     }

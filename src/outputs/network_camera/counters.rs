@@ -72,8 +72,8 @@ counters! {
     resends_served;
     /// Packets requested again that were already dropped (answered with status 800C).
     resends_gone;
-    /// Packets asked for again that were not sent: by others than the stream's receiver, beyond what one frame may cost,
-    /// more requests than may wait, or the acquisition or the run over first.
+    /// Packets asked for again that were not sent: by others than the stream's receiver, beyond what one frame may
+    /// cost, more requests than may wait, or the acquisition or the run over first.
     resends_refused;
     /// Packets of a size that a client wanted to try.
     test_packets;

@@ -1,8 +1,9 @@
 //! The camera as clients see it: one datagram of the control port -> an answer and the actions that follow.
 //!
-//! No sockets, no threads, no clock: sender and time are arguments, so that the whole protocol is tested and fuzzed as a
-//! function. Answers never exceed one datagram of 576 bytes. Settings of the stream are published in [`Shared`] before a
-//! datagram is answered and before its frames are wanted; the number of the acquisition in them goes up with each start and stop.
+//! No sockets, no threads, no clock: sender and time are arguments, so that the whole protocol is tested and fuzzed as
+//! a function. Answers never exceed one datagram of 576 bytes. Settings of the stream are published in [`Shared`]
+//! before a datagram is answered and before its frames are wanted; the number of the acquisition in them goes up with
+//! each start and stop.
 //!
 //! A command that comes again under the same number is answered as before and carried out once. By broadcast come
 //! discovery, actions, and a new address, which this device cannot take: its address is the machine's.

@@ -1,8 +1,8 @@
 //! The control thread: datagrams of the control port -> the device -> answers, test packets, requests to send again.
 //!
-//! It renders nothing and sends no frames: however much comes in, only this thread is busy with it. Requests to send again
-//! go through a bounded queue; what does not fit is refused and counted, as is what comes from anybody but the stream's
-//! receiver. Test packets leave before the answer to their command, no faster than the stream's rate.
+//! It renders nothing and sends no frames: however much comes in, only this thread is busy with it. Requests to send
+//! again go through a bounded queue; requests that do not fit are refused and counted, as are those of other senders
+//! than the stream's receiver. Test packets leave before the answer to their command, no faster than the stream's rate.
 
 use crate::network_camera::device::{Answer, Device};
 use crate::network_camera::gvcp::Resend;

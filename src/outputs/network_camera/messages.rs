@@ -11,7 +11,8 @@
 //! behind it is full, new messages are lost and counted. Time is an argument. Event identifiers up to 0x8FFF are the
 //! standard's.
 //!
-//! Proven by `outputs::network_camera::device_tests` and `hil_scripts/test_camera_events.py` (tshark, the reference GenApi).
+//! Proven by `outputs::network_camera::device_tests` and `hil_scripts/test_camera_events.py` (tshark, the reference
+//! GenApi).
 
 use crate::network_camera::counters::Tally;
 use base::time::{Span, Tai};

@@ -14,27 +14,28 @@
 //! `send` never waits for either thread: a client that does nothing, stalls, or floods the control port costs frames,
 //! which are counted, and no time. Memory is fixed at the start: incoming slots, kept frames, two bounded queues.
 //!
-//! With [`CommandParams`] clients command the camera that makes the frames: writes become commands to the frame loop, and
-//! triggers and actions, also scheduled ones, start exposures. Without, settings are read-only and triggers choose frames.
+//! With [`CommandParams`] clients command the camera that makes the frames: writes become commands to the frame loop,
+//! and triggers and actions, also scheduled ones, start exposures. Without, settings are read-only and triggers choose
+//! frames.
 //!
 //! A message channel sends events of the exposures (`messages`); user sets keep settings in memory (`user_sets`); test
 //! patterns take the place of images (`test_pattern`); the state of the machine's PTP clock is that of `ptp4l` (`ptp`).
 //!
-//! Limits: IPv4, one stream channel. Nothing here is certified; the registers and packets are those
-//! that Aravis and its relatives use. Packets carry at most the interface's MTU. A multicast group may receive the stream
-//! where the bench allows other receivers.
-//! Discovery is answered to the device's own subnet only: a program that receives the answer can also get its frames.
-//! Frames go to the controller's own address, unless the bench allows others. At the end of a run waiting packets are
-//! sent for one more second.
+//! Limits: IPv4, one stream channel. Nothing here is certified; the registers and packets are those that Aravis and its
+//! relatives use. Packets carry at most the interface's MTU. A multicast group may receive the stream where the bench
+//! allows other receivers. Discovery is answered to the device's own subnet only: a program that receives the answer
+//! can also get its frames. Frames go to the controller's own address, unless the bench allows others. At the end of a
+//! run waiting packets are sent for one more second.
 //!
 //! Tests: `device_tests` (the protocol with virtual time, no sockets), `pixel_format`, `gvsp`, `xml` beside their
 //! code, `tests` (loopback, stalled clients), `tests/network_camera` (any bytes), and in `hil_scripts`
 //! `test_network_camera.py` (Aravis, GStreamer, the reference GenApi; bit-exact), `test_camera_genicam.py` (commanded),
 //! `test_camera_events.py` (events, actions), `test_camera_ptp.py`.
 //!
-//! Tour: `params` -> `pixel_format`, `test_pattern`, `chunk` (what a frame becomes) -> `gvcp`, `gvsp`, `messages` (bytes) ->
-//! `registers`, `user_sets`, `xml` (memory) -> `acquisition`, `control`, `repeats`, `ptp`, `device` (the state machine) -> `shared`, `slots` (between threads) ->
-//! `interface`, `pacing`, `packets`, `stream`, `listener` (sockets and threads) -> `camera` (the sink).
+//! Tour: `params` -> `pixel_format`, `test_pattern`, `chunk` (what a frame becomes) -> `gvcp`, `gvsp`, `messages`
+//! (bytes) -> `registers`, `user_sets`, `xml` (memory) -> `acquisition`, `control`, `repeats`, `ptp`, `device` (the
+//! state machine) -> `shared`, `slots` (between threads) -> `interface`, `pacing`, `packets`, `stream`, `listener`
+//! (sockets and threads) -> `camera` (the sink).
 
 mod acquisition;
 mod camera;

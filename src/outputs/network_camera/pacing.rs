@@ -1,9 +1,9 @@
 //! When packets may leave: a stated rate and the client's own pause between packets.
 //!
-//! A receiver's buffer holds a few hundred packets; a frame sent at once overruns it. Packets leave in small batches, each
-//! followed by the time that it takes at the rate. After a late wake-up the lost time is caught up, but no more than
-//! [`CATCH_UP`], so that the pace never turns into a burst. Test: the average rate on a clock that does not advance
-//! between batches, and one that oversleeps.
+//! A receiver's buffer holds a few hundred packets; a frame sent at once overruns it. Packets leave in small batches,
+//! each followed by the time that it takes at the rate. After a late wake-up the lost time is caught up, but no more
+//! than [`CATCH_UP`], so that the pace never turns into a burst. Test: the average rate on a clock that does not
+//! advance between batches, and one that oversleeps.
 
 use base::clock::Clock;
 use base::time::{Span, Tai};

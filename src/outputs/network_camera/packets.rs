@@ -1,4 +1,5 @@
-//! Packets of a block -> the system, many in one call, at the stream's pace; some lost on purpose when that is asked for.
+//! Packets of a block -> the system, many in one call, at the stream's pace; some lost on purpose when that is asked
+//! for.
 
 use crate::network_camera::counters::Tally;
 use crate::network_camera::gvsp::{Block, HEADER_BYTES, gone};
@@ -145,7 +146,7 @@ impl Outlet {
                     }
                 }
                 // A refused packet is lost, as on a wire; the client may ask for it again. The first of the rest was
-                // refused, or, when the wait for space was in vain, all of them: it is not waited for each.
+                // refused, or, when no space came in time, all of them: it is not waited for each.
                 reported => {
                     let lost = if reported == Err(Errno::AGAIN) { filled - sent } else { 1 };
                     refused += lost as u64;
@@ -169,7 +170,8 @@ fn is_unreachable(error: Errno) -> bool {
 /// Time that test packets may run ahead of the rate: clients try sizes one after another.
 const TESTS_AHEAD: Span = Span::from_ms(100);
 
-/// Where test packets leave: at once, so that none comes after the answer to its command, and no faster than the stream.
+/// Where test packets leave: at once, so that none comes after the answer to its command, and no faster than the
+/// stream.
 pub(super) struct TestOutlet {
     socket: Arc<UdpSocket>,
     ns_per_byte: f64,

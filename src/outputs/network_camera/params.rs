@@ -82,7 +82,7 @@ pub struct Params {
     pub mac: Option<[u8; 6]>,
     /// Form of the XML that the first URL names.
     pub xml: XmlForm,
-    /// Frames may go to another neighbour than the one who has control; otherwise to that one's address only.
+    /// Frames may go to another neighbour than the controller; otherwise only to the controller's address.
     pub allow_other_receivers: bool,
     /// The socket on which `ptp4l` of this machine answers questions.
     pub ptp_socket: PathBuf,

@@ -10,8 +10,8 @@
 //! * `...p` (PFNC) is one stream of bits, the lowest bit of a sample first, without gaps between samples or lines; the last
 //!   byte is filled up with zeros.
 //!
-//! A sensor with a colour filter array sends the same bytes under another name and code: `BayerRG12` for `Mono12` of red and
-//! green in the first row. The letters are the colours of the image's first two pixels.
+//! A sensor with a colour filter array sends the same bytes under another name and code: `BayerRG12` for `Mono12` of
+//! red and green in the first row. The letters are the colours of the image's first two pixels.
 
 use base::bayer::BayerPattern;
 use core::iter::repeat_n;
@@ -169,8 +169,8 @@ fn shifted(dn: u16, from: u32, to: u32) -> u16 {
     u16::try_from(sample).unwrap_or(u16::MAX)
 }
 
-/// Appends regions of an image, one below the other; lines that are shorter than the longest end with zeros. The regions lie
-/// inside the image.
+/// Appends regions of an image, one below the other; lines that are shorter than the longest end with zeros. The
+/// regions lie inside the image.
 pub(super) fn append_regions(
     format: PixelFormat,
     dn_bits: u32,

@@ -2,9 +2,9 @@
 //!
 //! A datagram's source address can be forged. GigE Vision has no handshake against this, but every client fetches the
 //! camera's XML before it does anything else. The camera therefore shows each client (address and port) the XML at a
-//! memory address of its own, drawn from a random key of this run. Who reads the XML's first bytes there has received
-//! the answer that named the address. Until then no stream starts, no test packet is sent, exclusive access has no
-//! effect, and control lasts no longer than the default heartbeat.
+//! memory address of its own, drawn from a random key of this run. A client that reads the XML's first bytes there has
+//! received the answer that named the address. Until then no stream starts, no test packet is sent, exclusive access
+//! has no effect, and control lasts no longer than the default heartbeat.
 //!
 //! Guessing: the address is one of 4.0e8. After [`MISSES_MAX`] wrong addresses within [`MISSES_FORGOTTEN`], no new
 //! proof is accepted until that time is over: half of the addresses take 36 days.

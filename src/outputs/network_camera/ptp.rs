@@ -1,8 +1,9 @@
 //! The PTP clock of this machine: what `ptp4l` says of it over its local socket.
 //!
-//! The camera neither starts nor steers a clock. While PtpEnable is on, the control thread asks once a second for four data
-//! sets (GET of management messages, IEEE 1588-2008 clause 15, domain 0) and takes in what has come, without waiting. A clock
-//! that does not answer for [`PATIENCE`] is faulty. Of several ports the one that follows a master counts.
+//! The camera neither starts nor steers a clock. While PtpEnable is on, the control thread asks once a second for four
+//! data sets (GET of management messages, IEEE 1588-2008 clause 15, domain 0) and takes in what has come, without
+//! waiting. A clock that does not answer for [`PATIENCE`] is faulty. Of several ports the one that follows a master
+//! counts.
 //!
 //! Proven by the tests below and `hil_scripts/test_camera_ptp.py` (`ptp4l` of linuxptp, and a simulated clock).
 

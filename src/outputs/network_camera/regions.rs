@@ -1,8 +1,8 @@
 //! The regions of a camera: parts of the sensor's image that are sent, selected by number.
 //!
-//! The first one is always on. Several are sent as one image, one below the other in the order of their numbers: as wide as
-//! the widest, narrower ones filled up with zeros at the right. They may overlap; together they have no more pixels than the
-//! sensor, which is checked when an acquisition starts.
+//! The first one is always on. Several are sent as one image, one below the other in the order of their numbers: as
+//! wide as the widest, narrower ones filled up with zeros at the right. They may overlap; together they have no more
+//! pixels than the sensor, which is checked when an acquisition starts.
 
 use frames::camera_control::{REGIONS_MAX, Region, Regions};
 

@@ -1,6 +1,7 @@
 //! A command that comes twice is carried out once: a client whose answer was lost sends the same datagram again.
 //!
-//! The last command that changed something is kept with its answer, for as long as clients try again. Time is an argument.
+//! The last command that changed something is kept with its answer, for as long as clients try again. Time is an
+//! argument.
 
 use base::time::{Span, Tai};
 use std::net::SocketAddrV4;

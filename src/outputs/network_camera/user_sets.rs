@@ -1,8 +1,8 @@
 //! User sets: settings that a client keeps and takes back, by number. They live in memory, until the program ends.
 //!
-//! The first set is the bench's and never changes; the others begin as copies of it. A set has the words of [`WORDS`] and,
-//! of a camera that clients command, of [`COMMANDED_WORDS`]; numbers of double precision are two words. What is of one
-//! client or one moment is in none: addresses, packet sizes, events, selectors, the acquisition.
+//! The first set is the bench's and never changes; the others begin as copies of it. A set has the words of [`WORDS`]
+//! and, of a camera that clients command, of [`COMMANDED_WORDS`]; numbers of double precision are two words. What is of
+//! one client or one moment is in none: addresses, packet sizes, events, selectors, the acquisition.
 
 use crate::network_camera::regions::RegionSet;
 use crate::network_camera::registers::{Memory, own};

@@ -1,8 +1,8 @@
 //! Charts as SVG: accuracy against speed, error against a parameter.
 //!
-//! Input: plain numbers and names ([`Chart`]). Output: one SVG text, 760 px wide, on white, the same for the same input.
-//! Text is 12 px sans-serif; colour-blind readers can distinguish the colours (Okabe and Ito 2008), and every group has
-//! a shape of its own besides. The legend is above the frame, so it never covers a point.
+//! Input: plain numbers and names ([`Chart`]). Output: one SVG text, 760 px wide, on white, the same for the same
+//! input. Text is 12 px sans-serif; colour-blind readers can distinguish the colours (Okabe and Ito 2008), and every
+//! group has a shape of its own besides. The legend is above the frame, so it never covers a point.
 //!
 //! *Limits.* Points without a place on a logarithmic axis (zero, negative) or on any (not finite) are left out and
 //! counted below the chart. Text widths are estimated (7 px a character). *Validation.* `tests.rs` reads the SVG back.

@@ -1,21 +1,21 @@
-//! The facts of a frame: one table of what every output says about it, and by which name.
+//! The facts of a frame: one table with the names and forms under which each output writes them.
 //!
-//! In: a frame. Out: for each output, in the order of [`TABLE`] (binary layouts: by place), the facts it has. The writers
-//! walk the table: `fits::keywords`, `frame_log`, `shared_memory`, and outside this crate the network camera's chunk data,
-//! the live view and the control socket. So a new fact is a row of `table`, and a field of [`FrameMeta`](crate::sink::FrameMeta)
-//! where it is new there too; whoever knows it fills that in.
+//! In: a frame. Out: for each output, in the order of [`TABLE`] (binary layouts: by place), the facts it has. The
+//! writers walk the table: `fits::keywords`, `frame_log`, `shared_memory`, and outside this crate the network camera's
+//! chunk data, the live view and the control socket. So a new fact is a row of `table`, and a field of
+//! [`FrameMeta`](crate::sink::FrameMeta) where it is new there too; the code that knows the value fills that in.
 //!
 //! Outputs deliberately have fewer facts than the table:
 //!
-//! * FITS has all but what only JSON needs; [`crate::sink::wcs`] is a map, not a fact, and has writers of its own;
-//! * the frame log has what changes from frame to frame: the camera's own numbers are in FITS;
+//! * FITS has all facts except those that only JSON needs; [`crate::sink::wcs`] is a map, not a fact, and has writers of its own;
+//! * the frame log has the facts that change from frame to frame: the camera's own numbers are in FITS;
 //! * shared memory has 256 bytes for all of them (`firmware_protocol/FRAMES.md`, version 1);
 //! * chunk data has a fixed layout which only grows at its end;
-//! * the live view has what its page shows, the control socket what a program that steps a run asks for.
+//! * the live view has the facts that its page shows, the control socket those that a program needs to step a run.
 //!
-//! Tour: `value` (a fact, and how it is written) -> `row` (a fact's names) -> `table` -> `reference` (the table for people,
-//! `src/guide/frame_facts.md`). Tests: `tests`, and `pinned_tests`: every output byte by byte
-//! (those of other crates beside their writers).
+//! Tour: `value` (a fact, and how it is written) -> `row` (a fact's names) -> `table` -> `reference` (the table for
+//! people, `src/guide/frame_facts.md`). Tests: `tests`, and `pinned_tests`: every output byte by byte (those of other
+//! crates beside their writers).
 
 mod json;
 #[cfg(test)]

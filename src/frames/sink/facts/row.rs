@@ -33,8 +33,8 @@ pub struct Row {
     pub control_meta: &'static [Key],
 }
 
-/// A FITS card: keyword, form, comment. The element is counted by the cards before it in the row. A list of faults has three
-/// cards for each fault, one of regions a card for each, with its number behind the keyword.
+/// A FITS card: keyword, form, comment. The element is counted by the cards before it in the row. A list of faults has
+/// three cards for each fault, one of regions a card for each, with its number behind the keyword.
 #[derive(Debug, Clone, Copy)]
 pub struct Card(pub &'static str, pub Form, pub &'static str);
 

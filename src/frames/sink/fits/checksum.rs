@@ -1,7 +1,7 @@
 //! Checksums of a FITS file: `DATASUM` and `CHECKSUM`.
 //!
-//! Source: FITS standard 4.0, section 4.4.2.7 and appendix J (Seaman, Pence and Rots): the ones' complement sum of all 32-bit
-//! words; the header's is written as 16 characters that make the sum of the whole file minus zero.
+//! Source: FITS standard 4.0, section 4.4.2.7 and appendix J (Seaman, Pence and Rots): the ones' complement sum of all
+//! 32-bit words; the header's is written as 16 characters that make the sum of the whole file minus zero.
 
 /// Characters of `CHECKSUM` while the sum is taken.
 pub(super) const NO_CHECKSUM: &str = "0000000000000000";
@@ -31,8 +31,8 @@ impl Sum32 {
     }
 }
 
-/// Returns the characters of the complement of `sum`: letters and digits, four for each byte, turned by one place, as the
-/// value of a card begins in the last byte of a word.
+/// Returns the characters of the complement of `sum`: letters and digits, four for each byte, turned by one place, as
+/// the value of a card begins in the last byte of a word.
 pub(super) fn encoded(sum: u32) -> String {
     let mut text = [0_u8; 16];
     for (place, byte) in (!sum).to_be_bytes().into_iter().enumerate() {

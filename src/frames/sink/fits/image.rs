@@ -30,7 +30,7 @@ impl Pixels<'_> {
         }
     }
 
-    /// Hands the bytes of the file to `take`, some at a time, whole words but for the last.
+    /// Hands the bytes of the file to `take`, some at a time, whole words except the last.
     fn for_each_chunk(&self, take: impl FnMut(&[u8]) -> io::Result<()>) -> io::Result<()> {
         match self {
             Self::U16(p) => convert(p, |v| (v ^ BZERO_U16).to_be_bytes(), take),

@@ -6,15 +6,16 @@
 //! at the bottom, so they show the image upside down. FITS counts pixels from 1: pixel (x, y) here is (x + 1, y + 1)
 //! there.
 //!
-//! The WCS maps pixels to ICRS catalog places at the epoch of the frame (`wcs_cards`); `DATASUM` and `CHECKSUM` as in the
-//! standard (`checksum`).
+//! The WCS maps pixels to ICRS catalog places at the epoch of the frame (`wcs_cards`); `DATASUM` and `CHECKSUM` as in
+//! the standard (`checksum`).
 //!
 //! Limits: no extensions, tables, compression or `CONTINUE`; long text is cut.
 //!
-//! Checked outside the tests with astropy 8.0.2 on files of this writer (u16, f32, f64, odd sizes): `verify('exception')`
-//! is silent with every warning turned into an error, every card's own verification passes, the pixels are equal bit by
-//! bit, the 64-bit seed and the nanosecond time are equal to the last digit, `Time(DATE-OBS)` and `Time(MJD-OBS)` agree
-//! to 2 us, `Unit(BUNIT)` parses, and zlib gives the same CRC-32 as `PIXCRC32` and `frames.csv`.
+//! Checked outside the tests with astropy 8.0.2 on files of this writer (u16, f32, f64, odd sizes):
+//! `verify('exception')` is silent with every warning turned into an error, every card's own verification passes, the
+//! pixels are equal bit by bit, the 64-bit seed and the nanosecond time are equal to the last digit, `Time(DATE-OBS)`
+//! and `Time(MJD-OBS)` agree to 2 us, `Unit(BUNIT)` parses, and zlib gives the same CRC-32 as `PIXCRC32` and
+//! `frames.csv`.
 
 pub mod card;
 mod checksum;

@@ -1,7 +1,7 @@
 //! The cards of a frame's [`Wcs`].
 //!
-//! Sources: FITS standard 4.0, section 8; the SIP convention (Shupe et al. 2005): `A_p_q`, `B_p_q` from pixels, `AP_p_q`,
-//! `BP_p_q` back. Read by astropy in `hil_scripts/test_wcs.py`.
+//! Sources: FITS standard 4.0, section 8; the SIP convention (Shupe et al. 2005): `A_p_q`, `B_p_q` from pixels,
+//! `AP_p_q`, `BP_p_q` back. Read by astropy in `hil_scripts/test_wcs.py`.
 
 use super::card::Header;
 use crate::sink::wcs::Wcs;

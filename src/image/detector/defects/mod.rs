@@ -379,8 +379,8 @@ impl Defects {
                 }
             }
         }
-        // A stable sort would allocate. The order within a pixel decides the last bit of a sum of three: it is that of the
-        // values, not that in which defects were added.
+        // A stable sort would allocate. The order within a pixel decides the last bit of a sum of three: it is that of
+        // the values, not that in which defects were added.
         self.fixed.sort_unstable_by(|a, b| {
             let values = |outlier: &Outlier| [outlier.response, outlier.dark_e, outlier.charge_e];
             let by_values = values(a).into_iter().zip(values(b)).map(|(a, b)| a.total_cmp(&b));

@@ -2,7 +2,7 @@
 //!
 //! `round(share * pixels)` pixels of each kind, at places drawn from the seed (two may meet). What hot and RTS pixels
 //! have more is exponentially distributed with the given mean, as radiation damage spreads it to first order
-//! (Hopkinson, IEEE Trans. Nucl. Sci. 43 (1996) 614). Held by the tests below.
+//! (Hopkinson, IEEE Trans. Nucl. Sci. 43 (1996) 614). Tests: below.
 
 use crate::detector::defects::{Defect, DefectKind, DefectPlace, Rates};
 use base::random::{Stage, counter, key, philox};

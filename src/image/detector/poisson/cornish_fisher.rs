@@ -5,7 +5,7 @@
 //! formula is that of Giles, "Algorithm 955: approximation of the inverse Poisson cumulative distribution function"
 //! (ACM TOMS 42, 2016), up to the power -1/2; his next term, which is left out, gives the error bound.
 //! Domain: means from 20, where the bound falls below its promise, to 1e6, where rounding in f32 takes it up again.
-//! The tails end at 5.2 sigma. Held by the tests below, `tests/physics/poisson_methods.rs`, `tests/physics/noise.rs`.
+//! The tails end at 5.2 sigma. Tests: below, `tests/physics/poisson_methods.rs`, `tests/physics/noise.rs`.
 
 use crate::detector::elementary::{normal_quantile, open_unit};
 use crate::detector::poisson::GROUP;

@@ -2,7 +2,7 @@
 //!
 //! Poisson's probabilities come from `lgamma` at the mode and the recurrence `p(k + 1) = p(k) mean/(k + 1)` to both
 //! sides; nothing here is shared with the code that draws. Error of the distribution function: 1e-8 at mean 1e6
-//! (`lgamma` near 1.3e7), less below. Held by the tests below.
+//! (`lgamma` near 1.3e7), less below. Tests: below.
 
 /// Half-width of the counts that are looked at: this many sigma and [`MARGIN`] beyond (1e-18 of the law lies outside).
 const SIGMAS: f64 = 9.0;

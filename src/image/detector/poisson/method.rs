@@ -1,8 +1,8 @@
 //! The methods of shot noise by name, with domain, promise, error bound and cost.
 //!
 //! Errors are Kolmogorov distances: the largest difference between the distribution function that is drawn and
-//! Poisson's. [`crate::detector::poisson::distance`] measures them; `tests/physics/poisson_methods.rs` holds measured <=
-//! bound <= promise over every domain, and measured > promise outside.
+//! Poisson's. [`crate::detector::poisson::distance`] measures them; `tests/physics/poisson_methods.rs` holds measured
+//! <= bound <= promise over every domain, and measured > promise outside.
 
 use crate::detector::poisson::{cornish_fisher, inversion, ptrs, rounded_normal};
 use core::fmt;

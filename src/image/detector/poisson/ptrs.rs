@@ -10,7 +10,7 @@
 //!
 //! Candidates are floored before the whole part of the mean is added, so that no digit of them is lost. Every pixel has
 //! words of its own, counted by attempt: (pixel, frame, [`Stage::Overflow`], block), two pairs a block.
-//! Domain: means from 10 (Hörmann's hat) to 1e6. Held by the tests below and `tests/physics/poisson_methods.rs`.
+//! Domain: means from 10 (Hörmann's hat) to 1e6. Tests: below and `tests/physics/poisson_methods.rs`.
 
 use crate::detector::elementary::{ln, open_unit};
 use base::random::{Stage, attempt_counter, philox};
@@ -20,7 +20,8 @@ pub const LEAST_MEAN: f32 = 10.0;
 /// Blocks of words one pixel may use: with two pairs each and at least 0.75 accepted, 1e-19 of the pixels need more
 /// (and get the mean).
 const MOST_BLOCKS: u32 = 16;
-/// Relative error of the acceptance, averaged over the law: logarithm 3e-7, deviance and quotients 30 roundings at most.
+/// Relative error of the acceptance, averaged over the law: logarithm 3e-7, deviance and quotients 30 roundings at
+/// most.
 const ACCEPTANCE_REL: f64 = 3e-7 + 30.0 / 16_777_216.0;
 /// Stirling's series, cut: at most 2.9e-4 at 1 and 3.5e-6 at 2, whose probabilities at mean 10 are 4.5e-4 and 2.3e-3.
 const SERIES: f64 = 1.4e-7;
@@ -64,8 +65,8 @@ impl Hat {
         (self.whole + ((2.0 * self.a / to_end + self.b) * u + self.part).floor(), to_end)
     }
 
-    /// Returns true if a candidate is accepted; `is_below(k, mean, level)` says whether `level` is below the probability
-    /// of `k`.
+    /// Returns true if a candidate is accepted; `is_below(k, mean, level)` says whether `level` is below the
+    /// probability of `k`.
     #[inline(always)]
     pub(crate) fn takes(
         &self,

@@ -6,13 +6,14 @@
 //! second in both cases. Each track enters anywhere on the detector and runs `thickness / mu` through the layer.
 //!
 //! Charge: `electronic stopping power * density * path / 3.65 eV` ([`stopping_power`]; 3.65 eV per pair: Janesick 2001,
-//! section 2.1), never more than the proton's energy, constant along the path, spread over [`track`]'s width. Its spread
-//! has Bohr's variance, `4 pi N r^2 (m c^2)^2 Z/A rho x gamma^2 (1 - beta^2/2)`, drawn log-normal: the mean stays and the
-//! long tail of Landau's law is there in kind. Charge is added after the shot noise: it is counted charge already.
+//! section 2.1), never more than the proton's energy, constant along the path, spread over [`track`]'s width. Its
+//! spread has Bohr's variance, `4 pi N r^2 (m c^2)^2 Z/A rho x gamma^2 (1 - beta^2/2)`, drawn log-normal: the mean
+//! stays and the long tail of Landau's law is there in kind. Charge is added after the shot noise: it is counted charge
+//! already.
 //!
 //! Not modelled: delta electrons that leave the layer, nuclear reactions, protons through the edges of the detector
 //! (the layer is thin), slowing down within the layer (below 3 MeV it is no longer small).
-//! Held by the tests below and in `track`.
+//! Tests: below and in `track`.
 
 pub mod stopping_power;
 pub mod track;

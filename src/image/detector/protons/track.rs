@@ -1,8 +1,8 @@
 //! One proton's track: where it enters and leaves -> electrons by pixel.
 //!
 //! Charge is the same along the path. The path is cut into steps of at most a quarter of a pixel; the charge of each
-//! lies evenly over a square about its middle, shared exactly among the pixels it covers. What lies outside the image is
-//! lost. Sum over pixels: the track's electrons to f32 rounding when it is inside (test below).
+//! lies evenly over a square about its middle, shared exactly among the pixels it covers. What lies outside the image
+//! is lost. Sum over pixels: the track's electrons to f32 rounding when it is inside (test below).
 
 use crate::detector::outliers::Outlier;
 
@@ -60,7 +60,8 @@ pub fn spread(track: &ProtonTrack, width_px: f64, size_px: [usize; 2], out: &mut
     true
 }
 
-/// Shares electrons that lie evenly over a square among its pixels. Pixels from `first` of the list on are this track's.
+/// Shares electrons that lie evenly over a square among its pixels. Pixels from `first` of the list on are this
+/// track's.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels of an image below 2^32")]
 fn spread_square(
     middle_px: [f64; 2],

@@ -259,7 +259,7 @@ impl Gpu {
         Ok(())
     }
 
-    #[allow(clippy::cast_possible_truncation, reason = "counts and sizes are held by the device's buffer limits")]
+    #[allow(clippy::cast_possible_truncation, reason = "the device's buffer limits bound counts and sizes")]
     /// Returns the parameters that all blocks of stars have in common.
     fn params(&self, plan: &ExposurePlan, nodes_per_slice: usize, scale: f32) -> FrameParams {
         let table = self.tables.bases(plan).first().or_else(|| self.tables.kernels().first());

@@ -1,7 +1,7 @@
 //! pcapng: the blocks that a bus capture needs, written and read.
 //!
-//! Written by hand, as are the readers: what is wanted are four kinds of blocks, an error with its offset for each damage,
-//! and a file that was cut off read up to the cut.
+//! Written by hand, as are the readers: what is wanted are four kinds of blocks, an error with its offset for each
+//! damage, and a file that was cut off read up to the cut.
 
 mod read;
 mod write;

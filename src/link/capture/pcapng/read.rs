@@ -135,7 +135,7 @@ impl<R: Read> PcapngReader<R> {
             magic if u32::from_be_bytes(magic) == ORDER_MAGIC => true,
             other => {
                 return self
-                    .refuse(format!("its byte-order magic is {other:02X?}, wanted 1A 2B 3C 4D in either order"));
+                    .refuse(format!("its byte order magic is {other:02X?}, wanted 1A 2B 3C 4D in either order"));
             }
         };
         self.interfaces.clear();

@@ -1,7 +1,7 @@
 //! The link that spoils what it receives, and loses what it sends while it is off the bus.
 //!
-//! On the virtual clock the order in which packets are spoilt, and so what the dice say, is that of their receive times,
-//! however often the receiver looks.
+//! On the virtual clock the order in which packets are spoilt, and so what the dice say, is that of their receive
+//! times, however often the receiver looks.
 
 use super::damage::{babble, cut_the_tail, flip_a_bit};
 use super::{FaultControl, LinkFault, TimedLinkFault};

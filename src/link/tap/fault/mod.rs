@@ -163,7 +163,7 @@ impl TimedLinkFault {
     }
 }
 
-/// The list of faults, shared by a link and whoever commands it.
+/// The list of faults, shared by a link and the code that commands it.
 #[derive(Debug, Clone, Default)]
 pub struct FaultControl {
     timed: Arc<Mutex<Vec<TimedLinkFault>>>,

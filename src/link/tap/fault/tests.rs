@@ -152,7 +152,7 @@ fn packets_that_are_held_back_are_overtaken_and_none_is_lost() {
     let arrived = bench.run(PACKETS);
     assert!(arrived.is_sorted_by_key(|packet| packet.at), "stamped when they arrive");
     let mut numbers: Vec<u16> = arrived.iter().map(number_of).collect();
-    // Sent each millisecond: who is held back for 2.5 ms comes after the two that follow, unless they are held back too.
+    // Sent each millisecond: a packet held back for 2.5 ms follows the next two, unless they are held back too.
     let overtaken = numbers.windows(2).filter(|pair| pair[0] > pair[1]).count();
     assert!(overtaken > 100, "{overtaken}");
     let late = arrived.iter().filter(|packet| packet.at - (START + Span::from_ms(i64::from(number_of(packet)))) >= by);

@@ -9,8 +9,8 @@ use super::error::CalibrationError;
 use crate::display::geometry::DisplayGeometry;
 use sky::astrometry::CameraGeometry;
 
-/// Least share of what the tracker sees of the display that must lie within the outermost dots. A grid that fills a field
-/// misses up to one spacing on each side: with 6 x 6 dots in view half of it is left.
+/// Least share of what the tracker sees of the display that must lie within the outermost dots. A grid that fills a
+/// field misses up to one spacing on each side: with 6 x 6 dots in view half of it is left.
 pub const LEAST_COVERAGE: f64 = 0.5;
 /// Places along each side of the display.
 const PLACES: usize = 48;

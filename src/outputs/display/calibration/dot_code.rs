@@ -1,8 +1,8 @@
 //! Which dot is which: centroids of all dots and of those with each bit -> numbers.
 //!
 //! A dot's code is its number, counted from 1, and above it a bit that makes the count of ones even. A centroid of the
-//! image with all dots carries bit k when the image of bit k has a centroid at the same place. One bit read wrong spoils
-//! the parity, and a number read twice names neither: such centroids are left out and counted. Tests below.
+//! image with all dots carries bit k when the image of bit k has a centroid at the same place. One bit read wrong
+//! spoils the parity, and a number read twice names neither: such centroids are left out and counted. Tests below.
 
 use super::error::CalibrationError;
 

@@ -1,9 +1,9 @@
 //! The calibration file: TOML, dated, with a CRC-32 over its content, of one display and one tracker.
 //!
-//! The check sum is taken over the content as this program writes it (every key, numbers with all their digits), without the line of
-//! the sum itself: comments and spaces may change, a digit may not. It finds damage and edits; it is not a signature.
-//! A file is refused when it is damaged, too old or from the future, or of another display, mode or tracker: each with
-//! what was wanted, what is there, and what to do. Tests: `file_tests`.
+//! The check sum is taken over the content as this program writes it (every key, numbers with all their digits),
+//! without the line of the sum itself: comments and spaces may change, a digit may not. It finds damage and edits; it
+//! is not a signature. A file is refused when it is damaged, too old or from the future, or of another display, mode or
+//! tracker: each with what was wanted, what is there, and what to do. Tests: `file_tests`.
 
 use super::error::CalibrationError;
 use super::identity::{DisplayIdentity, TrackerIdentity, same_display, same_tracker};
@@ -32,14 +32,15 @@ const SUM: &str = "crc32";
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Light {
-    /// Of a pixel of full grey where the flat field is 1, above black, electrons per second in the tracker, less what the
-    /// tracker's file says that it vignettes.
+    /// Of a pixel of full grey where the flat field is 1, above black, electrons per second in the tracker, less what
+    /// the tracker's file says that it vignettes.
     pub full_px_e_per_s: f64,
     /// Electrons per second of a star of instrument magnitude 0 in the same tracker.
     pub zero_point_e_per_s: f64,
     /// Standard deviation of the Gaussians that stars are drawn as, display px.
     pub spot_sigma_px: f64,
-    /// The brightest star that is nowhere clipped: standing still, in the middle of a pixel, where the display is dimmest.
+    /// The brightest star that is nowhere clipped: standing still, in the middle of a pixel, where the display is
+    /// dimmest.
     pub brightest_mag: f64,
 }
 

@@ -1,10 +1,11 @@
 //! Plan and measurements -> map, response, flat field, magnitudes: the contents of a calibration.
 //!
-//! Light: a dot's flux is what the display sends, the lens before it lets through, and the tracker's own optics vignette. What
-//! the tracker does to a dot it does to a star in the sky as well, so it must stay in what the tracker sees: fluxes are
-//! divided by the illumination that the tracker's file states, and the flat field holds the display and its lens alone.
-//! Stars are then drawn evenly, and the tracker vignettes them itself, once. What its file does not state is taken for the
-//! display's, and made up for. Test: `tests/physics/display_calibration`, a tracker that vignettes.
+//! Light: a dot's flux is what the display sends, the lens before it lets through, and the tracker's own optics
+//! vignette. What the tracker does to a dot it does to a star in the sky as well, so it must stay in what the tracker
+//! sees: fluxes are divided by the illumination that the tracker's file states, and the flat field holds the display
+//! and its lens alone. Stars are then drawn evenly, and the tracker vignettes them itself, once. What its file does not
+//! state is taken for the display's, and made up for. Test: `tests/physics/display_calibration`, a tracker that
+//! vignettes.
 
 use super::coverage::enough;
 use super::dot_code::{bits_of, numbers};
@@ -47,7 +48,8 @@ pub struct Tracker<'a> {
     pub name: &'a str,
     /// Pixels to directions: what measurements are in.
     pub geometry: &'a CameraGeometry,
-    /// Relative illumination of its image plane by the tangents (X/Z, Y/Z) of a direction, 0 to 1, as its file states it.
+    /// Relative illumination of its image plane by the tangents (X/Z, Y/Z) of a direction, 0 to 1, as its file states
+    /// it.
     pub illumination: &'a dyn Fn(DVec2) -> f64,
 }
 

@@ -1,9 +1,11 @@
 //! Levels of flats at many places -> the response.
 //!
-//! At one place, light is that of darkness plus a share of the display's, whatever share that is: so a level less the dark
-//! one, over the same of full grey, is the luminance relative to full, and places may be averaged. Places with less than
-//! a third of the brightest one's light (beyond the display's edge) do not count. The standard error is that of the mean over places
-//! and repeats. Saturated levels are left out and counted: a place whose full grey is saturated does not count. Where no dark level was measured it is taken for nothing: true of a luminance meter, not of a camera.
+//! At one place, light is that of darkness plus a share of the display's, whatever share that is: so a level less the
+//! dark one, over the same of full grey, is the luminance relative to full, and places may be averaged. Places with
+//! less than a third of the brightest one's light (beyond the display's edge) do not count. The standard error is that
+//! of the mean over places and repeats. Saturated levels are left out and counted: a place whose full grey is saturated
+//! does not count. Where no dark level was measured it is taken for nothing: true of a luminance meter, not of a
+//! camera.
 
 use super::error::CalibrationError;
 use super::measurement::Sight;

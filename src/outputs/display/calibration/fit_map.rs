@@ -9,10 +9,10 @@
 //! does not fold.
 //!
 //! In narrow fields the keystone drowns in noise and distortion: where it would put the principal point or the axes far
-//! off, the homography is an affine map, and the polynomial takes the rest.
-//! Limits: a camera accepts coefficients up to 1e6; below half a degree, distortion of more than a percent may need more in degree
-//! 5, and degree 4 is then taken. Errors of the tracker's own camera file go into the map, since only the two together are measured.
-//! Tests: `fit_map_tests`; `tests/physics/display_calibration`.
+//! off, the homography is an affine map, and the polynomial takes the rest. Limits: a camera accepts coefficients up to
+//! 1e6; below half a degree, distortion of more than a percent may need more in degree 5, and degree 4 is then taken.
+//! Errors of the tracker's own camera file go into the map, since only the two together are measured. Tests:
+//! `fit_map_tests`; `tests/physics/display_calibration`.
 
 use super::error::CalibrationError;
 use crate::display::covered::Covered;

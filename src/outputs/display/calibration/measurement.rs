@@ -1,9 +1,9 @@
 //! The measurements of each image: rows of a table, from any program that measures.
 //!
-//! CSV columns: `pattern` (its name), `x_px`, `y_px` (tracker px, first pixel's centre 0, 0), `flux` (of a dot, above its
-//! surroundings, electrons per second), `luminance` (of a level, any unit that is the same for all levels), `dot` (its number, where
-//! the measuring program knows it; else it is read from the codes), `saturated` (`true` where the camera was at its end: it is
-//! then left out). Columns may be missing, values empty.
+//! CSV columns: `pattern` (its name), `x_px`, `y_px` (tracker px, first pixel's centre 0, 0), `flux` (of a dot, above
+//! its surroundings, electrons per second), `luminance` (of a level, any unit that is the same for all levels), `dot`
+//! (its number, where the measuring program knows it; else it is read from the codes), `saturated` (`true` where the
+//! camera was at its end: it is then left out). Columns may be missing, values empty.
 
 use super::error::CalibrationError;
 use super::pattern::Pattern;

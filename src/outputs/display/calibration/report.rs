@@ -2,10 +2,9 @@
 //!
 //! A star is drawn as a Gaussian, so its brightest pixel has at most the share `erf(1 / (sqrt 8 sigma))^2` of its
 //! light: when it is at rest in the middle of that pixel. Off the middle, or moving, less. So a star may be brighter
-//! than a full pixel
-//! by that share, and the brightest that is nowhere clipped has it where the display is dimmest. The faintest star
-//! is one whose brightest pixel shows grey 1 in one refresh of a dither cycle; its light is then right to a half. Tests below;
-//! the numbers of a simulated bench in `tests/physics/display_calibration`.
+//! than a full pixel by that share, and the brightest that is nowhere clipped has it where the display is dimmest. The
+//! faintest star is one whose brightest pixel shows grey 1 in one refresh of a dither cycle; its light is then right to
+//! a half. Tests below; the numbers of a simulated bench in `tests/physics/display_calibration`.
 
 use super::file::{Calibrated, Calibration, Light};
 use crate::display::dither::Dither;

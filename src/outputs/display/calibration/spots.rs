@@ -1,12 +1,11 @@
 //! Frames of a tracker or a camera -> centroids and fluxes of dots, levels of flats.
 //!
-//! Dots: background and noise are the frame's median and its median absolute deviation; pixels above both
-//! eight standard deviations and a twentieth of the brightest are joined into spots; the centroid is the centre of light in a
-//! disc around the spot, less the median of the ring around the disc, three times over. Limits: spots that touch the edge
-//! are left out; spots closer than their discs disturb each other (the plan keeps dots apart). A spot with a pixel at the
-//! camera's end is marked as saturated.
-//! Levels: medians of 8 x 8 blocks, so that a hot pixel or a mote does not count; a median at the camera's end is marked.
-//! Tests below.
+//! Dots: background and noise are the frame's median and its median absolute deviation; pixels above both eight
+//! standard deviations and a twentieth of the brightest are joined into spots; the centroid is the centre of light in a
+//! disc around the spot, less the median of the ring around the disc, three times over. Limits: spots that touch the
+//! edge are left out; spots closer than their discs disturb each other (the plan keeps dots apart). A spot with a pixel
+//! at the camera's end is marked as saturated. Levels: medians of 8 x 8 blocks, so that a hot pixel or a mote does not
+//! count; a median at the camera's end is marked. Tests below.
 
 use super::measurement::Sight;
 use super::pattern::Pattern;

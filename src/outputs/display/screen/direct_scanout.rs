@@ -1,15 +1,16 @@
 //! A display with no X server: a connector of a graphics card that is this program's alone.
 //!
-//! Input: which card, which monitor, columns and rows of the frames, the refresh they are drawn for. Output: a [`Connector`] in
-//! a mode of exactly that size, and a [`ScanOut`] that shows on it. Monitors have the kernel's names here (`HDMI-A-1` where X
-//! says `HDMI-1`).
+//! Input: which card, which monitor, columns and rows of the frames, the refresh they are drawn for. Output: a
+//! [`Connector`] in a mode of exactly that size, and a [`ScanOut`] that shows on it. Monitors have the kernel's names
+//! here (`HDMI-A-1` where X says `HDMI-1`).
 //!
 //! **Access to the card.** One open file of a card may set its modes: the first one, unless another program has it. A
 //! Vulkan driver that lists its adapters opens the card as well and would keep it from us, so the card is opened before
 //! this display's driver, and by `run::wiring::display_parts::hold_cards` before the renderer's.
 //!
-//! Limits: a driver with `VK_EXT_acquire_drm_display`; one display on a card; no keys, as no window has them. **Never run on a
-//! monitor:** tests below and in `mode` prove the choice of a mode and the refusals; what needs a card was compiled, no more.
+//! Limits: a driver with `VK_EXT_acquire_drm_display`; one display on a card; no keys, as no window has them. **Never
+//! run on a monitor:** tests below and in `mode` prove the choice of a mode and the refusals; what needs a card was
+//! compiled, no more.
 
 use crate::display::counters::Counts;
 use crate::display::error::DisplayError;
@@ -154,9 +155,9 @@ impl Connector {
             refresh_rate: self.mode.refresh_mhz,
         };
         let make = || {
-            // SAFETY: the file is an open card that this program is master of; the card itself reported the connector and
-            // its mode. This stays true while the surface lives: `VulkanPanel` holds the connector in its pane, the last of
-            // its fields to be dropped, and nothing else keeps the surface or the instance.
+            // SAFETY: the file is an open card that this program is master of; the card itself reported the connector
+            // and its mode. This stays true while the surface lives: `VulkanPanel` holds the connector in its pane, the
+            // last of its fields to be dropped, and nothing else keeps the surface or the instance.
             unsafe { instance.create_surface_unsafe(target) }
         };
         // wgpu panics where the driver refuses to hand over the connector.

@@ -1,6 +1,7 @@
 //! Which format of a surface shows greys as they are.
 //!
-//! Only formats that store what the shader gives times `2^bits - 1`, rounded, will do: no sRGB encoding, no HDR transfer.
+//! Only formats that store what the shader gives times `2^bits - 1`, rounded, will do: no sRGB encoding, no HDR
+//! transfer.
 
 use crate::display::error::DisplayError;
 use crate::display::params::Bits;

@@ -1,8 +1,8 @@
 //! Frames from the sink's thread to the presenter's, with no one waiting.
 //!
 //! Five buffers go round: one that is shown, one that the presenter holds until its time, two on the way, one to be
-//! filled. Of frames whose time has come the newest wins; one that is put while two are on the way takes the older one's
-//! place. A frame without a time to wait for is shown at the next refresh.
+//! filled. Of frames whose time has come the newest wins; one that is put while two are on the way takes the older
+//! one's place. A frame without a time to wait for is shown at the next refresh.
 
 use base::time::Tai;
 use crossbeam_channel::{Receiver, Sender, bounded};
@@ -94,8 +94,8 @@ impl Incoming {
         self.next.is_none() && self.full.is_empty()
     }
 
-    /// Exchanges `shown` for the newest frame whose light is to begin at `by` or before (`None`: for the newest of all).
-    /// Returns how many older ones it passed over; `None` when no such frame waits.
+    /// Exchanges `shown` for the newest frame whose light is to begin at `by` or before (`None`: for the newest of
+    /// all). Returns how many older ones it passed over; `None` when no such frame waits.
     pub(super) fn fetch(&mut self, shown: &mut Luminances, by: Option<Tai>) -> Option<u64> {
         let mut fetched = 0_u64;
         while let Some(next) = self.next.take().or_else(|| self.full.try_recv().ok()) {

@@ -42,7 +42,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
-/// Submit times kept for whoever asks: more than a minute at 60 Hz.
+/// Submit times kept until they are read: more than a minute at 60 Hz.
 const SUBMITS: usize = 4096;
 const NAME: &str = "display";
 
@@ -69,8 +69,8 @@ pub struct Display {
 }
 
 impl Display {
-    /// Opens the window for frames of `image_px` (columns, rows), or takes the monitor by direct scan-out, and starts its
-    /// presenter. Submit times are read from `clock`.
+    /// Opens the window for frames of `image_px` (columns, rows), or takes the monitor by direct scan-out, and starts
+    /// its presenter. Submit times are read from `clock`.
     ///
     /// # Errors
     /// When the X server, the monitor or the driver is missing, or the parameters contradict each other; with direct

@@ -1,8 +1,8 @@
 //! The modes of a monitor -> the one for frames of a size and a refresh.
 //!
-//! Of the modes of exactly the frames' size the one whose refresh comes nearest to what they are drawn for; for frames that
-//! were drawn for no refresh the monitor's preferred one, else the first. Interlaced and doubled modes are left out: a frame
-//! would not be one refresh. Tests below, on timings of the standards.
+//! Of the modes of exactly the frames' size the one whose refresh comes nearest to what they are drawn for; for frames
+//! that were drawn for no refresh the monitor's preferred one, else the first. Interlaced and doubled modes are left
+//! out: a frame would not be one refresh. Tests below, on timings of the standards.
 
 use base::time::Span;
 use drm::control::{ModeFlags, ModeTypeFlags};
@@ -36,8 +36,8 @@ impl Mode {
     }
 }
 
-/// Refreshes per 1000 s, rounded as drivers round them, as theirs must be the same number. `scans`: how often each row is
-/// sent, 0 for once.
+/// Refreshes per 1000 s, rounded as drivers round them, as theirs must be the same number. `scans`: how often each row
+/// is sent, 0 for once.
 fn refresh_mhz(clock_khz: u32, [columns, rows]: [u16; 2], scans: u16) -> Option<u32> {
     let pixels = f64::from(columns) * f64::from(rows) * f64::from(scans.max(1));
     let mhz = (f64::from(clock_khz) * 1000.0 / pixels * 1000.0).round();

@@ -1,8 +1,8 @@
 //! Whole greys -> a texture of unsigned normalised numbers that stores exactly these greys, in all three colours.
 //!
 //! The shader divides by `2^bits - 1`, the hardware multiplies by it and rounds. The division errs by 2.5 units in the
-//! last place at most (WGSL), so what is rounded is within 1023 * 3 * 6e-8 = 2e-4 of a whole number: any rounding to the
-//! nearest gives the grey. Every grey of every format: `tests/greys/main.rs`.
+//! last place at most (WGSL), so what is rounded is within 1023 * 3 * 6e-8 = 2e-4 of a whole number: any rounding to
+//! the nearest gives the grey. Every grey of every format: `tests/greys/main.rs`.
 
 use bytemuck::cast_slice;
 use wgpu::{Device, Queue, TextureFormat, TextureView};

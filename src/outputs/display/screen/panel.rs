@@ -20,8 +20,8 @@ pub(super) trait Panel {
     /// Waits for a free image: a second at most.
     fn turn(&mut self) -> Turn;
 
-    /// Shows the picture in the image of the last [`Turn::Ready`] or [`Turn::Reconfigured`]. `is_changed`: the greys are not
-    /// those of the last call.
+    /// Shows the picture in the image of the last [`Turn::Ready`] or [`Turn::Reconfigured`]. `is_changed`: the greys
+    /// are not those of the last call.
     fn show(&mut self, picture: &Picture, is_changed: bool);
 
     /// Returns the first unrecoverable failure.

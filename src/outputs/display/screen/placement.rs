@@ -1,7 +1,7 @@
 //! Whether a window has got where it was asked to be.
 //!
-//! Window managers move and resize a window some time after it is asked for, in several steps. A place counts when it has
-//! been right for a while; a window that is not right in time is remade as one that no window manager touches.
+//! Window managers move and resize a window some time after it is asked for, in several steps. A place counts when it
+//! has been right for a while; a window that is not right in time is remade as one that no window manager touches.
 
 /// Looks in a row that must find the window right.
 const RIGHT_LOOKS: u32 = 5;

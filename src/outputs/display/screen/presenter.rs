@@ -1,9 +1,9 @@
 //! One refresh after the other: fetch the newest frame, make its greys, show them, say when.
 //!
 //! The frame is fetched after the wait for a free image, so that it is as new as can be. A frame that was drawn for a
-//! moment is shown at the refresh whose light comes nearest to it ([`crate::display::Params::lead`]): its light begins within
-//! half a refresh of that moment, and on the average at it, however soon it was drawn. Monitors set the pace; where
-//! a driver does not wait for one (software Vulkan on a virtual server), the presenter waits itself.
+//! moment is shown at the refresh whose light comes nearest to it ([`crate::display::Params::lead`]): its light begins
+//! within half a refresh of that moment, and on the average at it, however soon it was drawn. Monitors set the pace;
+//! where a driver does not wait for one (software Vulkan on a virtual server), the presenter waits itself.
 
 use crate::display::counters::count;
 use crate::display::error::DisplayError;
@@ -98,7 +98,8 @@ pub(super) struct Showing {
 }
 
 impl<G: Panel> Presenter<G> {
-    /// Presents until the run is over, the window closed, or the driver has failed; then shows what is still on its way.
+    /// Presents until the run is over, the window closed, or the driver has failed; then shows what is still on its
+    /// way.
     pub(super) fn run(&mut self) {
         while !self.state.is_over() && self.state.ended().is_none() {
             std::thread::sleep(self.pace.left());

@@ -1,8 +1,9 @@
 //! Windows: one event loop for the whole program, on a thread of its own, begun with the first display.
 //!
-//! Input: orders for windows. Output: each window once it is where it was asked to be; from then on its size, its monitor's
-//! comings and goings, and its end, in the display's `State`. A window without a manager, or with one that knows no full
-//! screen, fills its monitor all the same: it is placed by hand, and remade without a manager when that is undone.
+//! Input: orders for windows. Output: each window once it is where it was asked to be; from then on its size, its
+//! monitor's comings and goings, and its end, in the display's `State`. A window without a manager, or with one that
+//! knows no full screen, fills its monitor all the same: it is placed by hand, and remade without a manager when that
+//! is undone.
 
 use crate::display::error::{Closing, DisplayError};
 use crate::display::monitor::{self, MonitorChoice, MonitorFacts};
@@ -261,7 +262,7 @@ fn attributes(wanted: Area, fullscreen: Option<Fullscreen>, is_managed: bool) ->
     }
 }
 
-/// Returns the monitors that there are, with what is known of them.
+/// Returns the monitors with their data.
 fn monitors_of(event_loop: &ActiveEventLoop) -> Vec<(MonitorFacts, MonitorHandle)> {
     let primary = event_loop.primary_monitor();
     let all = event_loop.available_monitors().enumerate().map(|(index, handle)| {

@@ -22,7 +22,7 @@ function newTile(number) {
   return tile;
 }
 
-// Shows another head large; what is known of it already is shown at once.
+// Shows another head large; its last data are shown at once.
 function chooseHead(number) {
   if (number === chosenHead) return;
   chosenHead = number;

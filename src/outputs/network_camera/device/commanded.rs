@@ -1,7 +1,7 @@
 //! Writes to the features of a camera that clients command: each becomes a command to the frame loop.
 //!
-//! A value outside the camera's range is an invalid parameter; when too many commands wait, the device is busy. Commands
-//! are dated by the bench clock and act from the first exposure that starts then or later.
+//! A value outside the camera's range is an invalid parameter; when too many commands wait, the device is busy.
+//! Commands are dated by the bench clock and act from the first exposure that starts then or later.
 
 use super::{Device, SOURCE_ACTION};
 use crate::network_camera::gvcp::Status;

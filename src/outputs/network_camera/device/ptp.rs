@@ -11,7 +11,7 @@ impl Device {
         self.memory.word(own::PTP_ENABLE) == 1
     }
 
-    /// Takes in what is known of the clock now.
+    /// Takes the present state of the clock.
     pub(in crate::network_camera) fn note_ptp(&mut self, data: PtpData) {
         self.ptp = data;
         self.memory.set(own::PTP_STATUS, data.state);

@@ -1,5 +1,5 @@
-//! The registers of the selected region, the frame rates that regions leave time for, and the command that makes the camera
-//! read out no more than its regions.
+//! The registers of the selected region, the frame rates that regions leave time for, and the command that makes the
+//! camera read out no more than its regions.
 
 use super::Device;
 use crate::network_camera::gvcp::Status;
@@ -52,7 +52,8 @@ impl Device {
         Ok(())
     }
 
-    /// Shows the highest frame rate of a commanded camera with the regions that are set; its frame rate becomes no higher.
+    /// Shows the highest frame rate of a commanded camera with the regions that are set; its frame rate becomes no
+    /// higher.
     pub(super) fn show_rate_range(&mut self) {
         let Some(range) = self.range() else { return };
         let most = range.frame_rate_max_hz.to_bits();
@@ -74,13 +75,14 @@ impl Device {
         if regions.as_slice() == [whole] { Regions::WHOLE } else { regions }
     }
 
-    /// Returns true when the camera does not read out yet what is set: it will from the next start of an acquisition on.
+    /// Returns true when the camera does not read out yet what is set: it will from the next start of an acquisition
+    /// on.
     pub(super) fn regions_wait(&self) -> bool {
         self.wanted_read_out() != self.read_out
     }
 
-    /// Makes the camera that clients command read out the regions from the next exposure on, when they have changed, at the
-    /// frame rate that was set for them.
+    /// Makes the camera that clients command read out the regions from the next exposure on, when they have changed, at
+    /// the frame rate that was set for them.
     pub(super) fn command_regions(&mut self, at: Tai) -> Result<(), Status> {
         let pixels = |[columns, rows]: [u32; 2]| u64::from(columns) * u64::from(rows);
         if pixels(stacked_px(&self.regions.present())) > pixels(self.sensor_px()) {

@@ -1,4 +1,4 @@
-//! Events on the message channel: who gets them, when, and what is lost.
+//! Events on the message channel: their receivers, their times, and losses.
 
 use super::commanded_tests::{BENCH, commanded};
 use super::*;
@@ -71,7 +71,7 @@ fn message_waits_for_the_answer_of_its_receiver() {
     assert_eq!(messages(&mut bench), [(4, 1)], "again");
     let answer = |id| [0, 0, 0, 0xC3, 0, 0, 0, id];
     bench.device.answer_to_message(B, &answer(1));
-    assert_eq!(messages(&mut bench), [], "of somebody else");
+    assert_eq!(messages(&mut bench), [], "of another client");
     bench.device.answer_to_message(A, &answer(1));
     assert_eq!(messages(&mut bench), [(4, 2)]);
     bench.now = bench.now + Span::from_ms(100);
