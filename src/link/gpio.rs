@@ -232,7 +232,7 @@ impl GpioChip {
         Ok(raw.and_then(|raw| self.edge(raw, PairedReading::take(clock))))
     }
 
-    /// Returns what came of the edges so far.
+    /// Returns the counts of the edges so far.
     #[must_use]
     pub fn counters(&self) -> EdgeCounters {
         self.counters

@@ -33,7 +33,7 @@ pub mod serial;
 pub mod simulated;
 /// CAN and CAN FD through the kernel.
 pub mod socketcan;
-/// Wrappers that see or change what passes.
+/// Wrappers that see or change the packets that pass.
 pub mod tap;
 pub mod tcp;
 pub mod udp;
@@ -83,7 +83,7 @@ pub struct LinkCounters {
     pub oversize: u64,
 }
 
-/// Why a link cannot do what is asked.
+/// Reason why a link refuses a request.
 #[derive(Debug, thiserror::Error)]
 pub enum LinkError {
     /// The packet is of another kind than the link carries.

@@ -71,7 +71,7 @@ fn the_brighter_is_the_same_on_both() {
     let mut gpu = Gpu::new(device.clone(), width, height).expect("a backend");
     let mut brighter = Brighter::new(&device, scene.size).expect("a pass");
     let mut got = Image::new(width, height);
-    // Twice: what is kept from one image must not show in the next.
+    // Twice: the state of one image must not show in the next.
     for _ in 0..2 {
         brighter.render(&mut gpu, &plan, &mut apart).expect("draws");
         gpu.read_image(brighter.electrons(), &mut got).expect("reads");

@@ -7,7 +7,7 @@ use starloop_image::detector::DetectorConditions;
 use starloop_image::detector::gpu::GpuDetector;
 use starloop_image::render::gpu::Gpu;
 
-/// A driver may fuse a multiply-add across what is a store to memory in the other form: as CPU against GPU.
+/// A driver may fuse a multiply-add where the other form stores to memory: as CPU against GPU.
 const SHARE: f64 = 3e-4;
 
 #[test]

@@ -41,7 +41,7 @@ pub enum SettingRefusal {
     /// A region is not on the sensor, or there are too many.
     #[error("a region outside the image, or too many regions")]
     Region,
-    /// This camera does not have what the command sets.
+    /// This camera does not have the setting of the command.
     #[error("this camera cannot do that")]
     Unsupported,
     /// Too many commands wait.

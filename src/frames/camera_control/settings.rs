@@ -1,4 +1,4 @@
-//! The settings of one exposure, and what starts exposures. Names and meanings: GenICam SFNC 2.7.1.
+//! The settings of one exposure, and the triggers of exposures. Names and meanings: GenICam SFNC 2.7.1.
 
 use base::region::Regions;
 use base::time::Span;

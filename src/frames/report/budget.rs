@@ -1,4 +1,4 @@
-//! The timing budget: what was allowed, what was measured, and what that means, line by line.
+//! The timing budget: limit, measurement and verdict, line by line.
 //!
 //! In: limits, stage histograms and the frame ring. Out: [`BudgetLine`]s and the whole [`BudgetReport`] as JSON. A line
 //! compares the 99 % quantile (below 100 frames: the longest). A stage that did not run breaks no limit; that nothing

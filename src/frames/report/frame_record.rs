@@ -1,4 +1,4 @@
-//! The times of one frame: when it was due, where its time went, what became of it and why.
+//! The times of one frame: its due time, the times of its stages, its outcome and the cause.
 //!
 //! Plain data that a frame thread fills in and a sink thread completes. Instants are on the run's clock. What is not
 //! known is `None`, never a made-up number.

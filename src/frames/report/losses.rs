@@ -78,7 +78,7 @@ impl Losses {
         self.0.is_empty()
     }
 
-    /// Returns what was lost, in the order in which it was noted.
+    /// Returns the losses, in the order in which they were recorded.
     #[must_use]
     pub fn lines(&self) -> &[LossLine] {
         &self.0

@@ -29,7 +29,7 @@ pub struct Progress {
     pub method: &'static str,
 }
 
-/// Returns the line without a line break, at most `width` characters; what is cut ends in `…`.
+/// Returns the line without a line break, at most `width` characters; a cut line ends in `…`.
 #[must_use]
 pub fn progress_line(p: &Progress, width: usize) -> String {
     let frames = p.frames.map_or_else(|| Cow::Borrowed("-"), |n| n.to_string().into());

@@ -1,4 +1,4 @@
-//! The numbers of a run under way, as one plain value: what a live view shows beside the frame.
+//! The numbers of a run under way, as one plain value, which a live view shows beside the frame.
 //!
 //! In: counts and tallies of the run's record, copied by the frame thread after a frame: no allocation, no text. All
 //! are counts since the start, so a value that is lost on the way costs nothing but its age. Size: about 15 KiB.
@@ -62,7 +62,7 @@ impl<const MOST: usize> FromIterator<(&'static str, u64)> for NamedCounts<MOST> 
 /// Counts of one port.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PortCounts {
-    /// Packets, and what became of the link.
+    /// Packets, and errors of the link.
     pub counters: NamedCounts,
     /// Messages refused, by reason.
     pub rejects: NamedCounts,

@@ -32,7 +32,7 @@ stages! {
     Wait = "wait",
     /// Release of the slot to the moment the frame thread ran: the system's delay, or the frames before.
     Wake = "wake",
-    /// Taking in what the bus brought, and waiting for jitter samples that are under way.
+    /// Reading the messages of the bus, and waiting for jitter samples that are under way.
     Receive = "receive",
     /// No work: epoch of the newest attitude to the release.
     BusAge = "bus_age",
@@ -56,7 +56,7 @@ stages! {
     Detector = "detector",
     /// DN from the device to memory. Absent where memory is shared.
     Readback = "readback",
-    /// Finished image to the sink's queue: what the policy does, the copy that may be sent again.
+    /// Finished image to the sink's queue: the action of the policy, and the copy that may be sent again.
     Handover = "handover",
     /// Waiting for the sink thread.
     Queue = "queue",

@@ -95,7 +95,7 @@ pub struct FrameCounts {
     pub scheduled: u64,
     /// Frames drawn.
     pub rendered: u64,
-    /// Frames handed to the sinks; what each of them took is in its line.
+    /// Frames handed to the sinks; each sink's line says how many it took.
     pub delivered: u64,
     /// Frames finished after their deadline.
     pub late: u64,

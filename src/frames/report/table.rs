@@ -30,7 +30,7 @@ pub fn summary_table(summary: &RunSummary) -> String {
     trimmed.join("\n") + "\n"
 }
 
-/// Lays out what matters most of a summary; ends in a line break.
+/// Lays out the most important numbers of a summary; ends in a line break.
 #[must_use]
 pub fn short_table(s: &RunSummary) -> String {
     let f = &s.frames;
@@ -126,7 +126,7 @@ fn push_times(lines: &mut Vec<String>, s: &RunSummary) {
     if s.intake.count > 0 {
         lines.push(times_row("bus to history", &s.intake));
     }
-    // Two of the names are wider than their column: they go without what is the same in all of them.
+    // Two of the names are wider than their column: they are written without their common part.
     const NAMES: [&str; 4] = ["epoch-submitted", "submitted-delivered", "epoch-delivered", "mid-exp.-delivered"];
     let latency = NAMES.into_iter().zip(s.latency.named()).filter(|(_, (_, q))| q.count > 0);
     lines.extend(latency.map(|(name, (_, q))| times_row(name, q)));

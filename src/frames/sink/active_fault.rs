@@ -1,6 +1,6 @@
 //! Which commanded faults a frame was made under, with their numbers: part of its truth.
 //!
-//! A list of fixed length, so that frames travel without allocation; what does not fit is counted.
+//! A list of fixed length, so that frames travel without allocation; faults that do not fit are counted.
 
 use core::fmt;
 

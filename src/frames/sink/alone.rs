@@ -6,7 +6,7 @@
 use crate::sink::line::{Loss, SinkLine};
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
 
-/// A sink and what it did.
+/// A sink and its counts.
 pub struct Alone {
     sink: Box<dyn Sink>,
     line: SinkLine,

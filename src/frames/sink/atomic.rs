@@ -72,7 +72,7 @@ pub fn replace_own_file(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::R
     if fs::symlink_metadata(path).is_ok_and(|found| !found.is_file()) {
         return Err(SinkError::NameTaken { path: path.to_path_buf() });
     }
-    // Renaming replaces what has the name and follows nothing, whatever comes in between.
+    // Renaming replaces the file of that name and follows no link, even one made in between.
     write_and_rename(path, write).map_err(|source| SinkError::Write { path: path.to_path_buf(), source })
 }
 

@@ -1,6 +1,6 @@
 //! One sink on a thread of its own, behind a fixed number of buffers that go round.
 //!
-//! Input: frames, copied into a free buffer. Output: what the sink makes of them, and counts. A buffer is made once, at
+//! Input: frames, copied into a free buffer. Output: the sink's own output, and counts. A buffer is made once, at
 //! the start; copying into it allocates nothing unless a frame is larger than any before. A buffer comes back with the
 //! outcome of its frame, so every loss is reported with the number of its own frame. A sink that fails on a frame is
 //! given the next one: a disk that is full now may have space later. A sink that panics is not called again.
@@ -111,7 +111,7 @@ impl Branch {
         if self.put(free, frame) { Ok(()) } else { Err(SinkError::Lost { sink: self.name }) }
     }
 
-    /// Waits for the oldest frame that was handed over: what became of it. A sink that blocks is given up.
+    /// Waits for the outcome of the oldest frame that was handed over. A sink that blocks is given up.
     pub(super) fn settle(&mut self) -> Result<(), SinkError> {
         let limit = patience::stall() + self.slow_frame;
         let mut patience = Patience::new(limit);
@@ -170,7 +170,7 @@ impl Branch {
         self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
-    /// Frees a buffer: what became of its frame.
+    /// Frees a buffer and counts the outcome of its frame.
     fn take_back(&mut self, mut held: Held) -> Result<(), SinkError> {
         let number = held.frame.meta.number;
         if core::mem::take(&mut held.broke_down) {
@@ -211,7 +211,7 @@ impl Branch {
         self.full = None;
     }
 
-    /// Ends the thread of a sink that has finished what it was handed, for which [`wait_for`] waits; a sink that has
+    /// Ends the thread of a sink that has finished its frames, for which [`wait_for`] waits; a sink that has
     /// not is given up. Once.
     pub(super) fn finish(&mut self) -> Result<Option<SinkSummary>, SinkError> {
         self.hang_up();

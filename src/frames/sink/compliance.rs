@@ -3,7 +3,7 @@
 use crate::sink::sample::sample_frame;
 use crate::sink::{Sink, SinkError, SinkSummary};
 
-/// Checks what every sink promises; `make` gives a fresh sink each time.
+/// Checks the promises of every sink; `make` gives a fresh sink each time.
 ///
 /// # Errors
 /// The promise that was broken.

@@ -1,6 +1,6 @@
 //! Several sinks at once, each on a thread of its own.
 //!
-//! Input: frames. Output: the same frames in every sink. What happens when one of them is slow or fails is set by
+//! Input: frames. Output: the same frames in every sink. The action when one of them is slow or fails is set by
 //! [`OnFull`]: on the real clock ([`OnFull::Drop`]) a frame goes past a sink that has no free buffer, a failure is
 //! counted, and the other sinks do not notice; `send` copies the frame once per sink and waits for nothing. On the
 //! virtual clock ([`OnFull::Wait`]) `send` returns when every sink is done with the frame, or with the first failure of
@@ -118,7 +118,7 @@ impl Sink for Fan {
     fn finish(&mut self) -> Result<SinkSummary, SinkError> {
         let mut failure = None;
         let mut bytes = 0;
-        // All at the same time: what each has left to send takes as long as it takes.
+        // All at the same time: each may take its own time for its remaining frames.
         wait_for(&mut self.branches);
         for branch in &mut self.branches {
             match branch.finish() {

@@ -115,7 +115,7 @@ pub struct TruthStar {
     /// Identifier: the catalog's; false stars and targets have ranges of their own.
     pub id: u32,
     /// Right ascension and declination in which the moving observer sees it at mid-exposure, ICRF axes, deg: with
-    /// aberration and deflection. Not a number for what is not on the sky.
+    /// aberration and deflection. Not a number for objects that are not on the sky.
     pub apparent_deg: [f64; 2],
     /// The same without aberration and deflection, as a catalog has it: ICRS at the frame's epoch, space motion and
     /// parallax applied.

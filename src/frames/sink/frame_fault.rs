@@ -263,7 +263,7 @@ impl FrameFault {
         Amount { value, unit }
     }
 
-    /// Returns the pixels that it names, and what they are counted on.
+    /// Returns the pixels that it names, and the image on which they are counted.
     #[must_use]
     pub fn spots(self) -> Option<(PixelsOf, DefectSpots)> {
         match self {

@@ -1,7 +1,7 @@
 //! Frames for programs on the same machine through iceoryx2, with no copy on the reader's side.
 //!
 //! Input: frames. Output: samples of one publish-subscribe service: the pixels as a slice of `u16`, row by row, and
-//! before them a [`SlotHead`] as the user header, which is what the ring of `shared_memory` has before its pixels too.
+//! before them a [`SlotHead`] as the user header, the same that the ring of `shared_memory` has before its pixels.
 //! A frame is copied once, into memory that was loaned from the service, and readers see it there.
 //!
 //! The writer never waits: a reader that is behind by more than `slots` frames loses the oldest, and sees it by
@@ -117,7 +117,7 @@ mod tests {
         format!("starloop test/{test}/{}", std::process::id())
     }
 
-    /// Returns a reader with what it needs to stay.
+    /// Returns a reader with the objects that it needs to live.
     fn reader(service: &str) -> Subscriber<ipc_threadsafe::Service, [u16], SlotHead> {
         let node = NodeBuilder::new().create::<ipc_threadsafe::Service>().unwrap();
         let service = node.service_builder(&service.try_into().unwrap()).publish_subscribe::<[u16]>();

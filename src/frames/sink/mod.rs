@@ -1,4 +1,4 @@
-//! Frames -> the world: trait `Sink` and what implements it.
+//! Frames -> the outside: the trait `Sink` and its implementations.
 //!
 //! Input: `SentFrame`, one finished exposure with its truth and its bookkeeping, owned by the sink thread while it
 //! is being sent and then handed back for reuse. Output: files (`recorder::Recorder`) or nothing but a count and a

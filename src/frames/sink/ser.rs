@@ -1,4 +1,4 @@
-//! A run as one SER file: what planetary-imaging programs (Siril, PIPP, SER Player) call a sequence.
+//! A run as one SER file, which planetary-imaging programs (Siril, PIPP, SER Player) call a sequence.
 //!
 //! Input: frames of one size, 16 bits a pixel. Output: a header of 178 bytes, the frames one after the other, and, when
 //! the file is finished, a trailer with the UTC of each frame's mid-exposure. Source: *SER format description version
@@ -8,7 +8,7 @@
 //! *The field for the byte order.* The description says 1 for little-endian pixels; the first programs wrote 0 for
 //! them, and the programs in use read it so. Here 0 is written, and pixels are little-endian.
 //!
-//! *What stays of a file that is not finished.* The count in the header is brought up to date after each frame, over
+//! *Unfinished files.* The count in the header is brought up to date after each frame, over
 //! bytes that are there already: a program that is killed leaves a file whose count is true, without a trailer (which
 //! the format allows); `frames.csv` beside it has the times. On a full disk the file is cut back to its last whole
 //! frame, and the next frame is tried again.

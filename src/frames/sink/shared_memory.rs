@@ -272,7 +272,7 @@ pub(super) fn slot_head(frame: &SentFrame) -> SlotHead {
     head
 }
 
-/// Writes an element in the byte order of the machine; what is too large becomes the largest number.
+/// Writes an element in the byte order of the machine; a number that is too large becomes the largest number.
 fn store(to: &mut [u8], stored: Stored, element: &Scalar<'_>) {
     let whole = element.whole();
     match stored {

@@ -1,14 +1,14 @@
 //! The truth table of one frame: which stars are in it, and where.
 //!
 //! CSV with the columns of [`COLUMNS`]. Pixels and degrees have nine decimals (1e-9 px; 3.6 microarcsec), magnitude and
-//! electrons the fewest digits that read back exactly; what is not known, or not finite, is an empty field.
+//! electrons the fewest digits that read back exactly; a value that is unknown, or not finite, is an empty field.
 
 use crate::sink::SinkError;
 use crate::sink::frame::{TruthKind, TruthStar};
 use core::fmt;
 use std::io::{self, Read, Write};
 
-/// Every column in order, with what it is.
+/// Every column in order, with its meaning.
 pub const COLUMNS: [(&str, &str); 13] = [
     ("id", "row of the star in the catalog; false stars, targets, bodies and tracks have ranges of their own"),
     (

@@ -45,7 +45,7 @@ pub struct Wcs {
     pub crval_deg: [f64; 2],
     /// Plane coordinates (east, north) per pixel (column, row), deg.
     pub cd_deg_px: [[f64; 2]; 2],
-    /// Quadratic terms of this frame on top of the lens's: what aberration bends, px.
+    /// Quadratic terms of this frame on top of the lens's, from aberration, px.
     pub quadratic_px: [[f64; 3]; 2],
     /// Polynomials of the lens; `None`: it does not distort.
     pub sip: Option<Arc<Sip>>,
@@ -74,7 +74,7 @@ impl Wcs {
         [lens[0] + own[0], lens[1] + own[1]]
     }
 
-    /// Returns the coefficients of `U^i V^j` to pixels, px. What the frame adds is small enough to be subtracted.
+    /// Returns the coefficients of `U^i V^j` to pixels, px. The terms of the frame are small enough to be subtracted.
     #[must_use]
     pub fn inverse(&self, i: u8, j: u8) -> [f64; 2] {
         let lens = self.sip.as_ref().map_or([0.0; 2], |sip| coefficient(&sip.inverse, i, j));

@@ -4,7 +4,7 @@
 //! half the image's diagonal, so that corners are 1 away; and `I` the relative illumination of each pixel, a map given
 //! once ([`Detector::set_illumination_map`](crate::detector::Detector::set_illumination_map)); without one it is 1.
 //! Every number may change from frame to frame. All zero: the stage is left out. Only `c`: one addition per pixel.
-//! What falls below zero counts as no light (the shot stage takes it so).
+//! A level below zero counts as no light (the shot stage takes it so).
 //! Single precision: within 1e-6 of the largest term. GPU: `charge.wgsl`, the same steps.
 //! Tests: below against the formula in f64; `tests/gpu/background.rs`.
 
@@ -66,7 +66,7 @@ pub(super) fn normalisation(size_px: [usize; 2]) -> ([f32; 2], f32) {
 }
 
 impl Shape<'_> {
-    /// Adds what differs from pixel to pixel to pixels `first` and following, row by row.
+    /// Adds the part that differs from pixel to pixel to pixels `first` and following, row by row.
     #[inline(always)]
     pub(super) fn add(&self, first: usize, electrons: &mut [f32]) {
         let Self { background, size_px: [width, _], illumination } = *self;

@@ -1,4 +1,4 @@
-//! A block of consecutive pixels and its random words: what one pass of every stage works on.
+//! A block of consecutive pixels and its random words, on which one pass of every stage works.
 
 use base::random::{Stage, counter, philox};
 

@@ -210,7 +210,7 @@ mod tests {
     const AT: FrameAt = FrameAt { frame: 0, exposure_s: 1.0, key: [0; 2] };
 
     /// Returns every packet by every transfer: each tick all packets move one place towards the output, except the
-    /// share that stays. What leaves place 0 at tick `t` is pixel `t`.
+    /// share that stays. The charge that leaves place 0 at tick `t` is pixel `t`.
     fn by_ticks(line: &[f64], share: f64) -> Vec<f64> {
         let mut wells = line.to_vec();
         (0..line.len())

@@ -27,7 +27,7 @@ const ROW_NOISE_PX: f64 = 80.0;
 const DEFECTS: f64 = 0.1;
 /// Tracks of a storm.
 const PROTONS: f64 = 0.3;
-/// An image of what stays.
+/// An image of the remaining charge.
 const IMAGE_LAG: f64 = 1.0;
 /// Every column looked at.
 const BLOOMING: f64 = 0.7;
@@ -36,7 +36,7 @@ const CHARGE_TRANSFER: f64 = 2.9;
 /// Sums of squares.
 const CHARGE_BINNING: f64 = 0.5;
 
-/// One effect that is on, and what it adds.
+/// One effect that is on, and its cost.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EffectCost {
     /// Name for people.

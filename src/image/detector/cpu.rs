@@ -20,7 +20,7 @@ use base::random::key;
 use core::marker::PhantomData;
 use pulp::Arch;
 
-/// A detector with its fixed patterns and what it keeps from frame to frame.
+/// A detector with its fixed patterns and its state from frame to frame.
 #[derive(Debug)]
 pub struct Detector {
     params: DetectorParams,
@@ -133,7 +133,7 @@ impl Detector {
         &self.output
     }
 
-    /// Forgets what is kept from frame to frame: the next frame is as the first.
+    /// Clears the state that is kept from frame to frame: the next frame is as the first.
     pub fn reset(&mut self) {
         self.neighbours.iter_mut().for_each(|stage| stage.reset());
     }

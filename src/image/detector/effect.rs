@@ -28,7 +28,7 @@ pub enum Effect {
     ProtonTracks,
     /// Charge that an earlier frame left.
     ImageLag,
-    /// Saturation of the pixel; what is too much is lost, or blooms.
+    /// Saturation of the pixel; excess charge is lost, or blooms.
     FullWell,
     /// Charge that a transfer leaves behind.
     ChargeTransfer,

@@ -44,7 +44,7 @@ impl Memory {
     }
 }
 
-/// The stage and what stays.
+/// The stage and its rest.
 #[derive(Debug)]
 pub struct ImageLagStage {
     share: f64,
@@ -88,7 +88,7 @@ impl NeighbourStage for ImageLagStage {
 mod tests {
     use super::*;
 
-    /// Returns the charge of frames `numbers`, one pixel each, out of what comes in.
+    /// Returns the charge of frames `numbers`, one pixel each, from the input.
     fn frames(stage: &mut ImageLagStage, frames: &[(u32, f32)]) -> Vec<f32> {
         frames
             .iter()

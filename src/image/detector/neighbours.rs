@@ -1,7 +1,7 @@
 //! Stages that need more than one pixel or an earlier frame: charge image -> charge image, between shot noise and
 //! readout. The list is empty when none is on; the detector then runs in one pass and keeps no charge image.
 //!
-//! A stage is an object: what it keeps from frame to frame and its working memory are its own, made in
+//! A stage is an object: its state from frame to frame and its working memory are its own, made in
 //! [`stages`], never in a frame. [`crate::detector::gpu::neighbours`] has the same list on a device.
 
 use crate::detector::binning::{Binning, BinningKind, ChargeBinningStage};
@@ -32,7 +32,7 @@ pub trait NeighbourStage: Debug + Send + Sync {
     /// of the stage's own where the size changes.
     fn apply<'a>(&'a mut self, charge: &'a mut Image<f32>, at: &FrameAt) -> &'a mut Image<f32>;
 
-    /// Forgets what it keeps from frame to frame.
+    /// Clears its state from frame to frame.
     fn reset(&mut self) {}
 }
 

@@ -94,7 +94,7 @@ impl Nonlinearity {
     }
 }
 
-/// A response as a slope and what it changes by at three thresholds.
+/// A response as a slope and its changes at three thresholds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pieces {
     /// Slope from zero.

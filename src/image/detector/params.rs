@@ -44,7 +44,7 @@ pub struct DetectorParams {
     pub rounding: Rounding,
     /// Method of drawing shot noise; a GPU supports [`PoissonMethod::Auto`] only.
     pub poisson: PoissonMethod,
-    /// Defects, protons, and what needs more than one pixel or one frame.
+    /// Defects, protons, and the effects of more than one pixel or one frame.
     pub spatial: SpatialParams,
 }
 

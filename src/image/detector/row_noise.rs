@@ -1,8 +1,8 @@
 //! Noise that a row shares: white from row to row, and 1/f along the readout. (frame, seed) -> electrons by row.
 //!
-//! A row is read in one go (column-parallel readout), so what supplies and references do in that moment is common to
-//! it. One-sided density over rows, `f` in cycles per row: `S(f) = 2 sigma^2 (1 + corner / f)`, `0 < f <= 1/2`: `sigma`
-//! is the rms of the white part alone, `corner` where 1/f equals it.
+//! A row is read in one go (column-parallel readout), so the noise of supplies and references in that moment is common
+//! to it. One-sided density over rows, `f` in cycles per row: `S(f) = 2 sigma^2 (1 + corner / f)`, `0 < f <= 1/2`:
+//! `sigma` is the rms of the white part alone, `corner` where 1/f equals it.
 //!
 //! Source of 1/f: a sum of relaxations with rates a factor 4 apart (van der Ziel 1950; Milotti, "1/f noise: a pedagogical
 //! review", 2002), each an exact autoregression `x' = a x + sqrt(v (1 - a^2)) z`. Nine of them follow `corner / f` within
@@ -101,7 +101,7 @@ impl RowNoise {
     }
 }
 
-/// One relaxation: what it keeps from row to row, and its variance.
+/// One relaxation: its factor from row to row, and its variance.
 #[derive(Debug, Clone, Copy)]
 struct Pole {
     keep: f64,

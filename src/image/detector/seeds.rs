@@ -1,4 +1,4 @@
-//! The two seeds of a detector: one for the device itself, one for what is random in its exposures.
+//! The two seeds of a detector: one for the device itself, one for the random parts of its exposures.
 
 /// Seeds of fixed patterns and of noise.
 ///

@@ -37,7 +37,7 @@ pub(super) struct Stages<'a> {
     pub(super) outliers: &'a Outliers,
 }
 
-/// How a pass gets a block's electrons from its input, and what it puts out.
+/// Input and output of a pass over blocks.
 pub(super) trait Ends: Copy + Sync {
     /// Pixel of the input.
     type In: Copy + Sync;

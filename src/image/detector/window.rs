@@ -1,4 +1,4 @@
-//! Which part of the image leaves the detector, and in pixels of what size.
+//! The part of the image that leaves the detector, and the size of its pixels.
 //!
 //! Three coordinates, all with the first pixel's centre at (0, 0): **sensor** pixels, in which light is drawn; pixels
 //! of the **ADC's image**, smaller by charge binning; **output** pixels, smaller by digital binning and cut to the

@@ -3,7 +3,7 @@
 use crate::gpu::device::GpuDevice;
 use crate::gpu::error::GpuError;
 
-/// Times what is wanted that a texture may keep of earlier sizes.
+/// Largest ratio of a texture's kept size to the size that is needed.
 const MOST_GROWTH: u64 = 2;
 
 /// Layers of two-dimensional tables of four floats each, kept from frame to frame.

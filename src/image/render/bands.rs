@@ -1,4 +1,4 @@
-//! A plan's stars in single precision, sorted into bands of image rows: what the CPU backend's threads read.
+//! A plan's stars in single precision, sorted into bands of image rows for the threads of the CPU backend.
 //!
 //! Positions are integer + fraction, so that f32 keeps 1e-8 px of the fraction wherever the star is. Stars are
 //! taken in chunks, each sorted by its own thread; a band reads the chunks in order, so its stars come in source order
@@ -236,7 +236,7 @@ fn sort_trail(
         px_per_tangent: track.px_per_tangent.map(|row| row.map(|v| v as f32)),
         from_principal_px: track.from_principal_px.map(|v| v as f32),
     };
-    // The path stays within its extent of the mean; one pixel for what the probes did not see, one for rounding.
+    // The path stays within its extent of the mean; one pixel for motion between the probes, one for rounding.
     #[allow(clippy::cast_possible_truncation, reason = "a path on a detector, px")]
     let reach = half + plan.extent_px.ceil() as i64 + 2;
     #[allow(clippy::cast_possible_truncation, reason = "the planner keeps positions within a few detectors")]

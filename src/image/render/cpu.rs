@@ -243,7 +243,7 @@ impl Draw<'_> {
         }
     }
 
-    /// Draws what still waits.
+    /// Draws the stars that still wait.
     #[inline(always)]
     fn rest<const FUSED: bool>(&self, band: &mut Band<'_>, waiting: &mut Waiting) {
         self.stamps::<FUSED>(band, &waiting.tabled);

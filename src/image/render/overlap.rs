@@ -1,8 +1,8 @@
 //! "The brighter of the two": stars and targets drawn apart, each pixel shows the larger of both.
 //!
-//! In: a plan with targets. Out: `max(stars, targets)` per pixel and what is lost by it, `sum of min(stars, targets)`.
-//! This is the mask of some simulations, not physics: photons add. It is off unless asked for, and then costs a second
-//! drawing and a pass over the image. Tests: below, `tests/physics/overlap.rs`, `tests/gpu/overlap.rs`.
+//! In: a plan with targets. Out: `max(stars, targets)` per pixel and the light lost by it, `sum of min(stars,
+//! targets)`. This is the mask of some simulations, not physics: photons add. It is off unless asked for, and then
+//! costs a second drawing and a pass over the image. Tests: below, `tests/physics/overlap.rs`, `tests/gpu/overlap.rs`.
 
 use crate::gpu::Electrons;
 use crate::render::{Backend, RenderError};
@@ -109,7 +109,7 @@ impl Apart {
         if self.is_precise { Electrons::Precise(&self.precise) } else { Electrons::Host(&self.single) }
     }
 
-    /// Takes in what a device lost.
+    /// Sets the light that was lost on a device, e-.
     pub fn set_lost_e(&mut self, lost_e: f64) {
         self.lost_e = lost_e;
     }

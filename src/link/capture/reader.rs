@@ -108,7 +108,7 @@ impl<R: BufRead> LineReader<R> {
                 Ok(Line::Packet(packet)) if is_whole => return Ok(Some(packet)),
                 Ok(Line::Skipped) => self.skipped += 1,
                 Ok(Line::Blank) => {}
-                // Digits may be missing even where what is left reads as a frame.
+                // Digits may be missing even where the remaining text reads as a frame.
                 _ if !is_whole => return Err(CaptureError::CutOff { place: format!("line {}", self.line) }),
                 Ok(Line::Packet(_)) => {}
                 Err(why) => return Err(self.refuse(why)),

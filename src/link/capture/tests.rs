@@ -48,7 +48,7 @@ fn written(format: CaptureFormat, packets: &[CapturedPacket]) -> Vec<u8> {
     bytes
 }
 
-/// Returns everything up to the end or the first error, the error, and what was skipped.
+/// Returns everything up to the end or the first error, the error, and the number of skipped frames.
 fn read(bytes: &[u8]) -> (Vec<CapturedPacket>, Option<CaptureError>, u64) {
     let mut reader = match CaptureReader::new(bytes) {
         Ok(reader) => reader,

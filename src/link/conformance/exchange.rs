@@ -1,4 +1,4 @@
-//! Packets made from numbers; sending them and holding what arrives against them.
+//! Packets made from numbers; sending them and comparing the received packets.
 
 use super::{PATIENCE, Suite};
 use crate::{CHUNK_MAX, DATAGRAM_MAX, Datagram, Link, Packet, SerialChunk, Stamped, WireFormat};

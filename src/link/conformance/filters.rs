@@ -45,7 +45,7 @@ pub fn check_filters(
     Ok(Check { promise: "each side of a node receives the other's messages and no others", seen })
 }
 
-/// Identifiers of the next `count` frames, and of what else is there.
+/// Returns the identifiers of the next `count` frames, and of any others that arrived.
 fn received_by(link: &mut dyn Link, count: usize, clock: &Arc<dyn Clock>) -> Result<Vec<u16>, String> {
     let mut ids = Vec::new();
     loop {

@@ -15,7 +15,7 @@ pub(super) fn lengths_and_order(suite: &mut Suite<'_>) -> Result<String, String>
     let (mut near, mut far) = suite.pair()?;
     let lengths = suite.lengths.clone();
     for direction in ["there", "back"] {
-        // Up and down again: no packet may profit from what the one before it left behind.
+        // Up and down again: no packet may profit from bytes of the one before it.
         for (number, len) in lengths.iter().chain(lengths.iter().rev()).enumerate() {
             let packet = packet(suite.format, number, *len)?;
             let named = |broken| format!("{direction}, {len} bytes: {broken}");
@@ -133,7 +133,7 @@ pub(super) fn burst(suite: &mut Suite<'_>) -> Result<String, String> {
 
 /// Checks that each packet wakes the far end, which waits on a thread of its own.
 pub(super) fn echo(suite: &mut Suite<'_>) -> Result<String, String> {
-    // The far end outlives the exchange: closing a pseudo terminal throws away what is under way.
+    // The far end outlives the exchange: closing a pseudo terminal discards bytes on their way.
     let (mut near, mut far) = suite.pair()?;
     let len = suite.longest();
     let packets: Result<Vec<_>, _> = (0..ECHOES).map(|number| packet(suite.format, number, len)).collect();
@@ -164,7 +164,7 @@ fn round_trip(suite: &Suite<'_>, near: &mut dyn Link, packet: &Packet) -> Result
     Ok(suite.clock.now() - began)
 }
 
-/// Sends back what arrives until that was `bytes` bytes.
+/// Sends back the packets that arrive until they were `bytes` bytes.
 fn send_back(link: &mut dyn Link, mut bytes: usize, limit: impl Fn() -> Tai) -> Result<(), String> {
     while bytes > 0 {
         let packet = link.receive(limit()).map_err(|error| error.to_string())?.ok_or("nothing to send back")?;

@@ -1,4 +1,4 @@
-//! Whether a connection may stay: what it must send, and by when.
+//! Conditions under which a connection may stay: the lines it must send, and their deadline.
 //!
 //! A TCP connection costs nothing to make, so a seat belongs to a client only once it has opened the bus (`O` or `L` of
 //! slcan, `< open >` of socketcand). Until then it is closed after [`OPENING_WITHIN`], or after [`GRACE`] when another

@@ -45,7 +45,7 @@ pub(super) trait Dialogue: Send {
         b""
     }
 
-    /// Takes what the client said.
+    /// Takes bytes of the client.
     fn read(&mut self, bytes: &[u8], client: &Client);
 }
 
@@ -251,7 +251,7 @@ impl Client {
         }
     }
 
-    /// Hands on what came before the first foreign line, if there is one, which ends the client.
+    /// Passes on the bytes before the first foreign line, if one came, which ends the client.
     fn read(&self, bytes: &[u8], screen: &mut Screen, dialogue: &mut dyn Dialogue) {
         let foreign = self.admission.is_some().then(|| screen.look(bytes)).flatten();
         let ours = foreign.map_or(bytes, |(start, _)| bytes.get(..start).unwrap_or(&[]));

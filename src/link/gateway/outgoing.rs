@@ -41,7 +41,7 @@ impl Outgoing {
         fits
     }
 
-    /// Writes what the client takes now.
+    /// Writes as much as the client takes now.
     pub(super) fn flush(&mut self, now: Tai, patience: Span) -> Flow {
         let mut written = 0;
         let outcome = loop {
@@ -69,7 +69,7 @@ impl Outgoing {
         }
     }
 
-    /// Forgets what waits.
+    /// Discards the waiting bytes.
     pub(super) fn clear(&mut self) {
         self.waiting.clear();
         self.stuck_since = None;

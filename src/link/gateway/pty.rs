@@ -1,4 +1,4 @@
-//! A pseudo-terminal with slcan on it: what a USB adapter looks like to a program.
+//! A pseudo-terminal with slcan on it, which looks like a USB adapter to a program.
 //!
 //! The link of a run that was killed is replaced by the next run's; that of a run that goes on is not.
 

@@ -1,4 +1,4 @@
-//! Packets -> records, with what is remembered from one to the next; and back.
+//! Packets -> records, with the state from one to the next; and back.
 
 use super::forty_two::FortyTwo;
 use super::layout::{Encoding, PlainLayout};

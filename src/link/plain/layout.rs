@@ -41,19 +41,19 @@ pub enum TimeMeaning {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum LayoutError {
     /// The name of the field is unknown.
-    #[error("no field has this name")]
+    #[error("it is not the name of a field")]
     Unknown,
     /// A field is there twice.
-    #[error("the field \"{0}\" is there twice")]
+    #[error("it has the field \"{0}\" twice")]
     Twice(&'static str),
     /// A vector is there in part.
-    #[error("the field \"{0}\" is missing beside its neighbours")]
+    #[error("it lacks the field \"{0}\" of a vector")]
     Torn(&'static str),
     /// The layout has no value that a frame needs.
     #[error("it has neither an attitude nor jitter nor an observer")]
     Empty,
     /// The time is missing.
-    #[error("it has no \"t\", which the meaning of time wants")]
+    #[error("it has no \"t\", which time = \"tag\" needs")]
     NoTime,
     /// Too many fields.
     #[error("it has more than {FIELDS_MAX} fields")]

@@ -57,7 +57,7 @@ impl SerialLink {
     ///
     /// # Errors
     /// When it is absent (the ports that exist are listed), in use or forbidden, or its driver does not take the
-    /// settings; each with what to do about it.
+    /// settings; each with advice.
     pub fn open(params: SerialParams, clock: &Arc<dyn Clock>) -> Result<Self, LinkError> {
         let port = Port::Device(open_port(&params)?);
         Ok(Self::over(port, params, clock))
@@ -140,7 +140,7 @@ impl SerialLink {
     /// Returns the bytes as a chunk; `None` when only the start of a mark was read.
     fn take(&mut self, at: Tai, bytes: &mut [u8]) -> Option<Stamped<Packet>> {
         let len = match self.port {
-            // The master reads what its port wrote: nothing is marked there.
+            // The master reads the bytes that its port wrote: they contain no marks.
             Some(Port::Master(_)) => bytes.len(),
             _ => {
                 let (len, errors) = self.unmark.take(bytes);
@@ -163,7 +163,7 @@ impl SerialLink {
             .map_err(|error| self.failed("wait for bytes", error))
     }
 
-    /// Writes all of `bytes`, or what goes out before `limit`.
+    /// Writes all of `bytes`, or as many as are sent before `limit`.
     fn write(&self, mut bytes: &[u8], limit: Tai) -> Result<Written, LinkError> {
         let Some(port) = &self.port else { return Ok(Written::GivenUp(false)) };
         let whole = bytes.len();

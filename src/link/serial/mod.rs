@@ -1,14 +1,14 @@
 //! Serial ports: runs of bytes, stamped when they were read <-> `Link`. UART, RS-422, RS-485, USB adapters, pseudo
 //! terminals.
 //!
-//! A read gives what has arrived, at most `CHUNK_MAX` bytes, and is stamped at its return. Against the end of the last
-//! bit on the wire the stamp is late by the adapter's latency (FTDI: its latency timer, 16 ms unless set to 1 ms; a
-//! UART: up to 4 character times of its FIFO's timeout), the interrupt and the wake-up of the thread. The kernel keeps
-//! no receive times for serial ports; where microseconds matter, use PPS or CAN.
+//! A read returns the bytes that have arrived, at most `CHUNK_MAX` bytes, and is stamped at its return. Against the end
+//! of the last bit on the wire the stamp is late by the adapter's latency (FTDI: its latency timer, 16 ms unless set to
+//! 1 ms; a UART: up to 4 character times of its FIFO's timeout), the interrupt and the wake-up of the thread. The
+//! kernel keeps no receive times for serial ports; where microseconds matter, use PPS or CAN.
 //!
 //! * The port is opened for this program alone. Settings are read back, and those that the driver did not take are an
 //!   error: a pseudo terminal, for one, silently drops parity.
-//! * A write never waits longer than two full chunks take on the line. What is not written by then is given up and
+//! * A write never waits longer than two full chunks take on the line. Bytes that are not written by then are given up and
 //!   counted; a packet cut off by that is ended with a delimiter before the next one, so that only it is lost.
 //! * A port that is unplugged is counted as lost and opened again every `RETRY` until it is back.
 //! * Bytes with parity or framing errors, and breaks, are counted and read as 0x00, the delimiter: their packet is rejected

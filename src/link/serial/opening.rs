@@ -1,4 +1,4 @@
-//! Path of a port -> an open one, set and for us alone, or the reason and what to do about it.
+//! Path of a port -> an open port with its settings, for this program alone, or the reason and advice.
 
 use super::SerialParams;
 use super::settings::apply;
@@ -12,6 +12,7 @@ use std::os::fd::{AsFd, OwnedFd};
 const ABSENT: &str = "; check the cable and the name (names under /dev/serial/by-id survive replugging)";
 const FORBIDDEN: &str = "; add the user to the group of the port: `usermod -aG dialout USER`, then log in again";
 const BUSY: &str = "; another program has it open: `fuser -v` on the port shows which";
+const NOT_A_PORT: &str = "; this is not a serial port: wanted a device such as /dev/ttyUSB0";
 const NOT_TAKEN: &str = "; choose settings that the adapter has";
 
 /// Opens without waiting for a carrier, non-blocking; input that arrived before is thrown away.
@@ -21,7 +22,7 @@ pub(super) fn open_port(params: &SerialParams) -> Result<OwnedFd, LinkError> {
     let failed = |doing, source, advice| LinkError::System { link: name(params), doing, source, advice };
     flock(&port, FlockOperation::NonBlockingLockExclusive)
         .and_then(|()| ioctl_tiocexcl(&port))
-        .map_err(|error| failed("have the port alone", error.into(), if is_busy(error) { BUSY } else { "" }))?;
+        .map_err(|error| failed("lock the port", error.into(), lock_advice(error)))?;
     apply(port.as_fd(), params).map_err(|error| failed("set the port", error, NOT_TAKEN))?;
     tcflush(&port, QueueSelector::IOFlush).map_err(|error| failed("empty the port", error.into(), ""))?;
     Ok(port)
@@ -30,6 +31,15 @@ pub(super) fn open_port(params: &SerialParams) -> Result<OwnedFd, LinkError> {
 /// Returns the name of a link, for messages.
 pub(super) fn name(params: &SerialParams) -> String {
     params.path.display().to_string()
+}
+
+/// Returns what to do when a port cannot be locked.
+fn lock_advice(error: Errno) -> &'static str {
+    match error {
+        _ if is_busy(error) => BUSY,
+        Errno::NOTTY => NOT_A_PORT,
+        _ => "",
+    }
 }
 
 fn is_busy(error: Errno) -> bool {

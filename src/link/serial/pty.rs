@@ -1,6 +1,6 @@
 //! A pseudo terminal: the far end of a serial port without a cable.
 //!
-//! It has no bit times and no parity, and holds 4 KiB each way. Closing it throws away what is under way.
+//! It has no bit times and no parity, and holds 4 KiB each way. Closing it discards bytes on their way.
 
 use crate::LinkError;
 use rustix::fs::{Mode, OFlags, fcntl_setfl, open};

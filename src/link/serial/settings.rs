@@ -15,7 +15,7 @@ const LINE: ControlModes = ControlModes::CSIZE
     .union(ControlModes::CSTOPB)
     .union(ControlModes::CRTSCTS);
 
-/// Sets a port, and refuses what the driver did not take. `Err` says wanted and got.
+/// Sets a port, and refuses settings that the driver did not take. `Err` says wanted and got.
 pub(super) fn apply(fd: BorrowedFd<'_>, params: &SerialParams) -> io::Result<()> {
     if params.flow == FlowControl::Software {
         let why = "software flow control eats bytes 0x11 and 0x13, which packets contain; use hardware or none";

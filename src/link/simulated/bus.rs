@@ -32,7 +32,7 @@ pub struct BusModel {
     pub stuffing: Stuffing,
     /// Packets an end holds until they are on the wire; more are given up and counted as unsent.
     pub transmit_packets: usize,
-    /// Seed of what bit errors hit.
+    /// Seed of the places of bit errors.
     pub seed: u64,
 }
 
@@ -48,8 +48,8 @@ pub struct SimulatedBus {
     bus: Arc<Bus>,
 }
 
-/// One end of a simulated bus. Packets of one end reach every other end. Dropped, it leaves the bus: what it has queued
-/// still goes out, and it receives nothing.
+/// One end of a simulated bus. Packets of one end reach every other end. Dropped, it leaves the bus: packets that it
+/// has queued still goes out, and it receives nothing.
 pub struct SimulatedLink {
     bus: Arc<Bus>,
     end: usize,

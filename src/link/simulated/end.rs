@@ -1,4 +1,4 @@
-//! One controller on the bus: what it has to send, what it has received, its error counters.
+//! One controller on the bus: its packets to send, its received packets, its error counters.
 
 use super::error_counters::{ErrorCounters, ErrorState};
 use crate::{Departure, LinkCounters, Packet, Stamped};
@@ -158,7 +158,7 @@ impl End {
         }
     }
 
-    /// Leaves the bus, gives up what waits, and begins to watch for the way back at `watch_from`.
+    /// Leaves the bus, gives up waiting packets, and starts to watch for recovery at `watch_from`.
     pub(super) fn go_off(&mut self, watch_from: Tai) {
         if !self.is_off() {
             self.counters.bus_off += 1;

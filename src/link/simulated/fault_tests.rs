@@ -58,7 +58,7 @@ fn thirty_two_errors_in_a_row_put_a_controller_off_the_bus() {
     assert_eq!((b.error_counters().receive, b.error_counters().state()), (32, ErrorState::Active));
     a.send(&frame(3)).unwrap();
     assert_eq!((a.counters().unsent, a.departure(2)), (3, Departure::Never));
-    // Others go on, and what they send counts for the way back.
+    // Others go on, and their frames count towards the recovery.
     bench.clock.advance_to(START + Span::from_ms(25));
     assert_eq!(a.error_counters().state(), ErrorState::Active, "2.8 ms of silence are long over");
     b.send(&frame(4)).unwrap();

@@ -1,4 +1,4 @@
-//! The kernel's error frames -> what is counted. Classes: Linux `include/uapi/linux/can/error.h`.
+//! The kernel's error frames -> counters. Classes: Linux `include/uapi/linux/can/error.h`.
 
 use socketcan::errors::{CAN_ERR_BUSOFF, CAN_ERR_CNT, CAN_ERR_CRTL, CAN_ERR_RESTARTED};
 

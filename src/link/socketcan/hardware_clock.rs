@@ -41,7 +41,7 @@ impl HardwareClock {
         match &mut self.current {
             Some((began, least_ns)) if kernel - *began < BUCKET => *least_ns = distance_ns.min(*least_ns),
             Some((began, least_ns)) => {
-                // After a long silence what was learnt before it is too old.
+                // After a long silence the delays before it are too old.
                 self.previous = (kernel - *began < BUCKET + BUCKET).then_some(*least_ns);
                 self.current = Some((kernel, distance_ns));
             }

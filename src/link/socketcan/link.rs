@@ -42,7 +42,7 @@ impl SocketCanLink {
     ///
     /// # Errors
     /// When the kernel has no CAN, the interface is absent, down or no CAN interface, or `fd` is wanted and its MTU
-    /// is that of classic CAN; each with what to do about it.
+    /// is that of classic CAN; each with advice.
     pub fn open(params: SocketCanParams, clock: &Arc<dyn Clock>) -> Result<Self, LinkError> {
         let socket = Some(Socket::open(&params)?);
         let stamps = StampMap::new(PairedReading::take(&**clock));

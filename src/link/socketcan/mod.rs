@@ -6,7 +6,7 @@
 //!
 //! * The kernel forwards only the identifiers that this side receives (`Receives`), standard data frames, and error
 //!   frames. Error frames are counted and not delivered.
-//! * The receive buffer is enlarged; what the kernel drops all the same is counted as overflow.
+//! * The receive buffer is enlarged; frames that the kernel drops all the same are counted as overflow.
 //! * A frame that finds the interface's queue full is given up and counted; nothing waits behind it.
 //! * An interface that is taken down or unplugged is counted as lost, and looked for every `RETRY` until it is back.
 //!   Frames to be sent meanwhile are given up and counted. At the start its absence is an error.

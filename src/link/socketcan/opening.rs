@@ -1,4 +1,4 @@
-//! Name of an interface -> a bound socket with every option set, or the reason and what to do about it.
+//! Name of an interface -> a bound socket with every option set, or the reason and advice.
 
 use super::SocketCanParams;
 use super::filters::filters;

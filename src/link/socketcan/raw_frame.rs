@@ -25,7 +25,7 @@ pub(super) enum RawFrame {
     Foreign,
 }
 
-/// Reads what the kernel gave: 16 bytes are a classic or error frame, 72 an FD frame.
+/// Reads a frame of the kernel: 16 bytes are a classic or error frame, 72 an FD frame.
 pub(super) fn read(bytes: &[u8]) -> RawFrame {
     let Some((head, data)) = bytes.split_first_chunk::<HEADER>() else { return RawFrame::Foreign };
     let [id @ .., len, _flags, _, _] = head;

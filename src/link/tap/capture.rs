@@ -1,11 +1,11 @@
 //! The capture tap: a link that passes everything on unchanged and has it written to a file.
 //!
-//! In: links and an output. Out: the same packets, and one capture of what each link received and sent. The packet path
-//! takes no lock of ours, allocates nothing and touches no file: packets go by a bounded queue to a writer thread. When
-//! the queue is full they are not written and counted ([`Capture::finish`]); on the virtual clock, where waiting costs
-//! no time of the run, the tap waits instead. What the writer cannot write it counts as lost too, and says why at the
-//! end. A writer that blocks is given up, and what it has not written is lost. Outermost of the taps, it sees what the
-//! port sees. Tests: `capture_tests`.
+//! In: links and an output. Out: the same packets, and one capture of the packets that each link received and sent. The
+//! packet path takes no lock of ours, allocates nothing and touches no file: packets go by a bounded queue to a writer
+//! thread. When the queue is full they are not written and counted ([`Capture::finish`]); on the virtual clock, where
+//! waiting costs no time of the run, the tap waits instead. Packets that the writer cannot write are counted as lost
+//! too, and says why at the end. A writer that blocks is given up, and its unwritten packets are lost. Outermost of the
+//! taps, it sees what the port sees. Tests: `capture_tests`.
 
 use crate::capture::{CaptureError, CaptureFormat, CaptureWriter, CapturedPacket, Direction};
 use crate::{Departure, Link, LinkCounters, LinkError, Packet, Stamped};
@@ -24,7 +24,7 @@ const QUEUE_PACKETS: usize = 65_536;
 /// Packets that may wait in the writer's buffer.
 const FLUSHED_PACKETS: u64 = 4;
 
-/// A capture under way: the writer thread, and what taps are made from.
+/// A capture under way: the writer thread, and the parts from which taps are made.
 pub struct Capture {
     queue: WriterQueue<CapturedPacket>,
     /// Packets that the system has.
@@ -73,7 +73,7 @@ impl Capture {
         CapturingLink { inner, queue: self.queue.clone(), interface }
     }
 
-    /// Ends the capture: what has passed so far is written. Taps that are still there lose what passes from here on.
+    /// Ends the capture: packets that have passed so far are written. Taps that still exist lose later packets.
     #[must_use]
     pub fn finish(self) -> CaptureOutcome {
         let error = match self.queue.end(self.writer) {

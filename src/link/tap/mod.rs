@@ -1,4 +1,4 @@
-//! Wrappers of a link that see or change what passes: each is a `Link` around a `Link`.
+//! Wrappers of a link that see or change the packets that pass: each is a `Link` around a `Link`.
 
 mod capture;
 #[cfg(test)]

@@ -15,7 +15,7 @@ pub enum Framing {
 pub(super) struct Reassembly {
     framing: Framing,
     bytes: Vec<u8>,
-    /// The line under way is too long: what comes up to its end is left out.
+    /// Whether the present line is too long: bytes up to its end are left out.
     is_skipping: bool,
     /// Lines that were too long.
     pub(super) oversize: u64,
@@ -26,7 +26,7 @@ impl Reassembly {
         Self { framing, bytes: Vec::with_capacity(DATAGRAM_MAX), is_skipping: false, oversize: 0 }
     }
 
-    /// Forgets what is under way.
+    /// Discards the unfinished message.
     pub(super) fn clear(&mut self) {
         self.bytes.clear();
         self.is_skipping = false;

@@ -119,7 +119,7 @@ impl TcpLink {
         self.retry_at = self.clock.now() + RETRY;
     }
 
-    /// Returns the next whole message of what was read.
+    /// Returns the next whole message of the bytes that were read.
     fn take(&mut self) -> Option<Datagram> {
         let mut rest = self.bytes.get(self.taken..self.read).unwrap_or(&[]);
         let message = self.reassembly.next(&mut rest);
@@ -128,7 +128,7 @@ impl TcpLink {
         message
     }
 
-    /// Reads what is there, when all that was read before is taken; true when something was read.
+    /// Reads the bytes that wait, when all earlier ones are taken; returns true when bytes were read.
     fn fill(&mut self) -> bool {
         let Some(stream) = &mut self.stream else { return false };
         let got = stream.read(&mut self.bytes[..]);

@@ -1,4 +1,4 @@
-//! Records or lines over TCP: what an outside simulator writes to a connection <-> `Link`.
+//! Records or lines over TCP: the connection of an outside simulator <-> `Link`.
 //!
 //! * Server: listens, and takes one client at a time; another one is refused and counted. Client: connects, also again after
 //!   the connection is lost, every [`RETRY`]. A connection that ends counts as lost, the next one as regained.

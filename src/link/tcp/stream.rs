@@ -1,4 +1,4 @@
-//! A connection that never blocks: reads what is there, writes whole messages or gives the connection up.
+//! A connection that never blocks: reads the bytes that wait, writes whole messages or gives the connection up.
 
 use crate::readiness::{Readiness, wait_for};
 use base::time::Span;

@@ -1,10 +1,10 @@
-//! Datagrams over UDP: what an outside simulator sends to an address of this machine <-> `Link`.
+//! Datagrams over UDP: those that an outside simulator sends to an address of this machine <-> `Link`.
 //!
 //! * One sender at a time. The first whose datagram is a message (`UdpParams::is_message`) is the sender from then on; what
 //!   comes from other addresses is refused and counted. After [`UdpParams::sender_timeout`] without a datagram of its own,
 //!   another may take its place: a simulator that is started again has another port. That counts as lost and regained.
 //! * Stamps are the kernel's (`SO_TIMESTAMPNS`), placed on the bench clock when the datagram is fetched (`kernel_stamp`).
-//! * The receive buffer is enlarged; what the kernel drops all the same is counted as overflow.
+//! * The receive buffer is enlarged; datagrams that the kernel drops all the same are counted as overflow.
 //! * Datagrams longer than [`crate::DATAGRAM_MAX`] are refused and counted.
 //!
 //! Waiting is done in `poll`; a datagram costs no allocation. Tests: `tests` here, `tests/links/plain.rs`.

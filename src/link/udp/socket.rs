@@ -57,7 +57,7 @@ impl Socket {
         let flags = MsgFlags::MSG_DONTWAIT;
         let message = match recvmsg::<SockaddrStorage>(self.inner.as_raw_fd(), &mut slices, control, flags) {
             Ok(message) => message,
-            // An ICMP answer to what was sent before: the other end was not there yet.
+            // An ICMP answer to an earlier datagram: the other end was not running yet.
             Err(nix::Error::EAGAIN | nix::Error::EINTR | nix::Error::ECONNREFUSED) => return Ok(None),
             Err(error) => return Err(error.into()),
         };

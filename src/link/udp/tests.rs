@@ -28,7 +28,7 @@ fn bench(sender_timeout: Span) -> Bench {
 }
 
 impl Bench {
-    /// Sends bytes, and returns what the link makes of them.
+    /// Sends bytes, and returns the packet that the link makes of them.
     fn pass(&mut self, sender: usize, bytes: &[u8]) -> Option<Vec<u8>> {
         self.senders[sender].send(bytes).unwrap();
         let until = self.clock.now() + Span::from_ms(100);

@@ -60,7 +60,7 @@ pub struct BeatError {
 }
 
 impl BeatInput {
-    /// Returns the light over phase, and what to do about it.
+    /// Returns the light over phase, with advice.
     ///
     /// # Errors
     /// When a number is out of range.

@@ -1,4 +1,4 @@
-//! The part of a display that a map was fitted to: what lies within the outermost dots.
+//! The part of a display that a map was fitted to: the area within the outermost dots.
 //!
 //! The convex hull of the dots' places, display px (Andrew 1979, Inf. Process. Lett. 9, 216: lower and upper chain of
 //! the sorted points). Within it the map is held by dots on all sides; beyond it, it is a guess. Limit: holes in the

@@ -61,7 +61,7 @@ impl DisplayDrive {
         self.fill(codes.iter().map(|code| self.luminance_of_code[usize::from(*code)]), y, refresh, greys)
     }
 
-    /// Greys of a whole frame of single-precision luminances, 1 one full pixel; what is not a number is black.
+    /// Greys of a whole frame of single-precision luminances, 1 one full pixel; a value that is not a number is black.
     pub fn frame(&self, luminance: &[f32], refresh: u64, greys: &mut [u16]) -> u64 {
         let rows = luminance.chunks_exact(self.width).zip(greys.chunks_exact_mut(self.width));
         rows.enumerate().map(|(y, (luminance, greys))| self.fill(luminance.iter().copied(), y, refresh, greys)).sum()

@@ -41,7 +41,7 @@ pub struct FlatField {
     size_px: [usize; 2],
 }
 
-/// A flat field, and what it was fitted to.
+/// A flat field, and the dots that it was fitted to.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FlatFit {
     /// The flat field.

@@ -132,7 +132,7 @@ impl DisplayGeometry {
         if self.mirrored { [self.camera.width_px() as f64 - 1.0 - x, y] } else { [x, y] }
     }
 
-    /// Returns the angle of one display pixel in the middle of what is covered, arcsec.
+    /// Returns the angle of one display pixel in the middle of the covered area, arcsec.
     #[must_use]
     pub fn arcsec_per_px(&self) -> f64 {
         let [left, right, top, bottom] = self.covered.range_px();
@@ -157,7 +157,7 @@ pub(super) struct Pinhole {
     pub(super) drawn_from_sensor: DMat3,
 }
 
-/// Takes `h` apart, whose third row is positive for what is seen; `None` for one that mirrors or flattens.
+/// Takes `h` apart, whose third row is positive for visible points; `None` for one that mirrors or flattens.
 pub(super) fn taken_apart(h: &DMat3) -> Option<Pinhole> {
     let [h1, h2, h3] = [h.row(0), h.row(1), h.row(2)];
     let scale = h3.length();

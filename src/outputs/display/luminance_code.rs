@@ -34,7 +34,7 @@ pub fn luminance(code: u16) -> f64 {
     along(f64::from(code), 1)
 }
 
-/// Returns the nearest code of a luminance; beyond 0 to 1, and for what is not a number, the ends.
+/// Returns the nearest code of a luminance; beyond 0 to 1, and for a value that is not a number, the ends.
 #[must_use]
 pub fn code(luminance: f64) -> u16 {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 65535")]

@@ -21,11 +21,11 @@
 //! never been run on a monitor. Ten bits where the driver offers A2B10G10R10. When the X server itself dies, Xlib ends
 //! the program; so does a client that is killed from outside (`xkill`).
 //!
-//! Tour: `params` (what is asked) -> `monitor` (which screen) -> `screen` (the sink): `refresh` (how often), `window`,
-//! `placement`, `plug` (a window that fills it) or `direct_scanout`, `mode` (a monitor without a server), `panel`,
-//! `surface`, `format`, `painter` (what can be shown on), `hand_over` (the newest frame whose time has come),
-//! `presenter` (each refresh) -> `grey`, `marker`, `picture` (what is shown) -> `counters`, `submitted`, `submit_log`
-//! (what came of it).
+//! Tour: `params` (parameters) -> `monitor` (choice of the screen) -> `screen` (the sink): `refresh` (how often),
+//! `window`, `placement`, `plug` (a window that fills it) or `direct_scanout`, `mode` (a monitor without a server),
+//! `panel`, `surface`, `format`, `painter` (what can be shown on), `hand_over` (the newest frame whose time has come),
+//! `presenter` (each refresh) -> `grey`, `marker`, `picture` (the picture) -> `counters`, `submitted`, `submit_log`
+//! (results).
 //!
 //! Calibration: `geometry` and `response` say where and how bright, `drive` and `dither` make greys of luminance,
 //! `beat` and `latency` compute the effects of shutters and clocks; `calibration` measures all of them.

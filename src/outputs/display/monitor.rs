@@ -53,7 +53,7 @@ impl core::fmt::Display for MonitorFacts {
 /// Returns the index of the monitor that was asked for.
 ///
 /// # Errors
-/// When it is not there; the message lists what is.
+/// When the monitor is missing; the message lists those that were found.
 pub fn choose(monitors: &[MonitorFacts], choice: &MonitorChoice) -> Result<usize, DisplayError> {
     let found = match choice {
         MonitorChoice::Primary => {

@@ -103,7 +103,7 @@ impl SubmitLog {
         self.unwritten
     }
 
-    /// Writes what is still buffered.
+    /// Writes the buffered lines.
     ///
     /// # Errors
     /// The first that was met.

@@ -14,7 +14,7 @@ pub(super) const BINS: usize = 48;
 pub(super) struct LatenessBins {
     /// Half of the width covered, s.
     reach_s: f64,
-    /// The first has what is earlier, the last what is later.
+    /// The first counts earlier frames, the last later ones.
     counts: [u64; BINS + 2],
     sum_s: f64,
 }

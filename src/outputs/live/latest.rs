@@ -8,7 +8,7 @@ use base::time::Tai;
 use frames::sink::SentFrame;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// A frame, and what is known with it.
+/// A frame and its data.
 #[derive(Debug, Clone)]
 pub(super) struct Picture {
     pub(super) frame: SentFrame,
@@ -53,7 +53,7 @@ impl Writer {
         &mut self.mine
     }
 
-    /// Makes what is in the buffer the newest picture.
+    /// Publishes the buffer as the newest picture.
     pub(super) fn publish(&mut self) {
         let mut between = self.between.lock().unwrap_or_else(PoisonError::into_inner);
         core::mem::swap(&mut self.mine, &mut between.picture);

@@ -7,7 +7,7 @@ use crossbeam_channel::{Receiver, Sender, bounded};
 use frames::report::RunNumbers;
 use std::time::Duration;
 
-/// Time that the view may take for what is in the queue, at the end of a run.
+/// Time that the view may take for the queue at the end of a run.
 const TAKES_WITHIN: Duration = Duration::from_secs(1);
 
 /// Numbers on their way to the view.

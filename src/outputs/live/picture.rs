@@ -20,12 +20,12 @@ const ONE_SIGMA_BELOW: f64 = 0.158_655;
 /// One grey per possible DN.
 const LEVELS: usize = 1 << 16;
 
-/// A grey scale, by what is asked for.
+/// A grey scale, as requested.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Scale {
     /// Faint and bright stars together.
     Stars,
-    /// The background and what is little above it.
+    /// The background and pixels little above it.
     Faint,
     /// In proportion to the signal.
     Linear,

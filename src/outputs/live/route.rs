@@ -97,7 +97,7 @@ async fn answered(board: &SharedBoard, request: &Parts) -> Answer {
     }
 }
 
-/// Answers what was asked for, or says why it cannot be read.
+/// Answers a request, or says why it cannot be read.
 fn answer_or_refusal<T>(asked: Result<T, BadQuery>, answer: impl FnOnce(T) -> Answer) -> Answer {
     match asked {
         Ok(asked) => answer(asked),

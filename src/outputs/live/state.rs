@@ -1,7 +1,7 @@
 //! Everything the page shows beside the picture, as one JSON object.
 //!
 //! At the top: the run, and one head, the first where none is asked for. `heads` lists all of them with the same keys.
-//! The facts of a frame are those of [`frames::sink::facts`]. Keys carry their unit; what is not known is `null`. Times
+//! The facts of a frame are those of [`frames::sink::facts`]. Keys carry their unit; unknown values are `null`. Times
 //! are UTC: of the frame by the run's clock, of its arrival by the view's. Test: below.
 
 use crate::live::board::Board;
@@ -32,7 +32,7 @@ pub(super) fn state_of(board: &mut Board, chosen: usize) -> Option<Value> {
     Some(Value::Object(state))
 }
 
-/// Returns one head: what it is, and its newest frame.
+/// Returns one head: its description, and its newest frame.
 fn head_of(number: usize, head: &mut Head, now: Tai) -> Map<String, Value> {
     let frame = head.newest().map(|picture| frame_of(picture, (now - picture.taken).s()));
     let lateness = head.newest().map(lateness_of);

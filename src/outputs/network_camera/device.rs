@@ -98,7 +98,8 @@ pub struct DeviceParams {
 pub struct Answer {
     /// To be sent back to the sender; empty for nothing.
     pub reply: Vec<u8>,
-    /// A datagram of so many bytes, zeros, to be sent from the stream's port: the client measures what gets through.
+    /// A datagram of so many bytes, zeros, to be sent from the stream's port: the client measures the size that gets
+    /// through.
     pub test_packet: Option<(SocketAddrV4, usize)>,
     /// Packets to be sent again, if the stream goes to this sender.
     pub resend: Option<Resend>,
@@ -287,7 +288,7 @@ impl Device {
         self.control.controller().is_some_and(|controller| self.proof.is_proven(controller))
     }
 
-    /// Refuses what sends more than was received, as long as the controller may be a forged address.
+    /// Refuses actions that send more than was received, as long as the controller's address is not proven.
     fn must_be_proven(&self) -> Result<(), Status> {
         if self.is_controller_proven() {
             return Ok(());
@@ -531,7 +532,7 @@ impl Device {
         Ok(())
     }
 
-    /// Sets the packet size within what the interface carries. A test packet is sent only at a size that can get
+    /// Sets the packet size within the limit of the interface. A test packet is sent only at a size that can get
     /// through, and only to a client that has proven its address.
     fn write_packet_size(&mut self, value: u32, out: &mut Answer) -> Result<(), Status> {
         if value & FIRE_TEST != 0 {

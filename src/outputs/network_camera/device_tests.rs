@@ -443,7 +443,7 @@ fn a_repeated_command_is_answered_as_before_and_carried_out_once() {
     assert_eq!(bench.device.counters().repeats, 2);
     assert_eq!(bench.ask(A, 0x82, &trigger), answer, "another number is another command");
     assert!(wanted.take().is_some());
-    // Reading shows what is there, whatever its number.
+    // Reading shows the present memory, whatever the number of the request.
     bench.read(B, own::WIDTH).unwrap();
     assert_eq!(bench.write(A, own::ACQUISITION_STOP, 1), OK);
     assert_eq!(bench.write(A, own::TRIGGER_SOURCE, 1), OK);

@@ -246,7 +246,7 @@ fn force_address(payload: &[u8]) -> Option<Command<'_>> {
     Some(Command::ForceAddress { mac: *mac, address: address(24)?, mask: address(40)? })
 }
 
-/// Puts the head of an answer into `out`, in place of what was there.
+/// Puts the head of an answer into `out`, in place of its old contents.
 pub(super) fn begin_answer(request_code: u16, id: u16, out: &mut Vec<u8>) {
     out.clear();
     out.extend(0_u16.to_be_bytes());

@@ -32,7 +32,7 @@ pub(super) struct Listener {
     pub(super) device: Device,
     pub(super) shared: Arc<Shared>,
     pub(super) clock: Arc<dyn Clock>,
-    /// The control port, which also answers what came by broadcast.
+    /// The control port, which also answers broadcasts.
     pub(super) control: UdpSocket,
     /// Sockets that receive broadcasts.
     pub(super) broadcasts: Vec<UdpSocket>,

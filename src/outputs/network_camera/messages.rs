@@ -86,7 +86,7 @@ impl Messages {
         Self { waiting: VecDeque::with_capacity(PLACES), flight: None, last_id: 0, wanted: 0 }
     }
 
-    /// Wants nothing any more, and forgets what waits.
+    /// Ends the messages, and discards waiting ones.
     pub(super) fn clear(&mut self) {
         self.waiting.clear();
         (self.flight, self.wanted) = (None, 0);
@@ -156,7 +156,7 @@ impl Messages {
     }
 }
 
-/// Writes one message in place of what was there.
+/// Writes one message in place of the old contents.
 fn write(event: &CameraEvent, id: u16, is_answered: bool, out: &mut Vec<u8>) {
     let known = EVENTS.iter().find(|known| known.kind == event.kind);
     out.clear();

@@ -1,6 +1,6 @@
 //! Frames -> a camera on the network: a device that speaks GVCP (control) and GVSP (stream) over UDP/IPv4.
 //!
-//! Input: frames through [`frames::sink::Sink`]. Output: what a GenICam client sees of a camera: discovery, bootstrap
+//! Input: frames through [`frames::sink::Sink`]. Output: a camera as a GenICam client sees it: discovery, bootstrap
 //! registers, an XML that names the features, image packets on a stated rate, each frame's truth as chunk data.
 //!
 //! ```text
@@ -32,7 +32,7 @@
 //! `test_network_camera.py` (Aravis, GStreamer, the reference GenApi; bit-exact), `test_camera_genicam.py` (commanded),
 //! `test_camera_events.py` (events, actions), `test_camera_ptp.py`.
 //!
-//! Tour: `params` -> `pixel_format`, `test_pattern`, `chunk` (what a frame becomes) -> `gvcp`, `gvsp`, `messages`
+//! Tour: `params` -> `pixel_format`, `test_pattern`, `chunk` (forms of a frame) -> `gvcp`, `gvsp`, `messages`
 //! (bytes) -> `registers`, `user_sets`, `xml` (memory) -> `acquisition`, `control`, `repeats`, `ptp`, `device` (the
 //! state machine) -> `shared`, `slots` (between threads) -> `interface`, `pacing`, `packets`, `stream`, `listener`
 //! (sockets and threads) -> `camera` (the sink).

@@ -13,7 +13,7 @@ use std::sync::Arc;
 pub(super) const GVCP_PORT: u16 = 3956;
 /// Least packet that the test packet of a client begins with, bytes with IP and UDP headers.
 pub(super) const PACKET_BYTES_MIN: u32 = 576;
-/// Most bytes of one packet: what the packet size register holds, and a multiple of 4.
+/// Most bytes of one packet: the largest multiple of 4 in the packet size register.
 pub(super) const PACKET_BYTES_MAX: u32 = 65_532;
 
 /// Most bytes of a serial number.
@@ -66,7 +66,7 @@ pub struct Params {
     pub address: Ipv4Addr,
     /// Control port; 0 takes a free one. Many clients know 3956 only.
     pub port: u16,
-    /// Pixel format at the start; `None`: the narrowest that holds what the detector reads out.
+    /// Pixel format at the start; `None`: the narrowest that holds the detector's numbers.
     pub pixel_format: Option<PixelFormat>,
     /// Packet size at the start, bytes with IP and UDP headers; the interface's MTU when that is less.
     pub packet_bytes: u32,
@@ -172,7 +172,7 @@ impl Params {
         Ok(Self { address: Ipv4Addr::new(a, b, c, last), mac, identity, ..self.clone() })
     }
 
-    /// Refuses what no camera can be.
+    /// Refuses parameters that no camera can have.
     pub(super) fn check(&self, sensor: &SensorParams) -> Result<(), NetworkCameraError> {
         let refuse =
             |what, wanted: &str, got: String| Err(NetworkCameraError::Invalid { what, wanted: wanted.into(), got });

@@ -1,4 +1,4 @@
-//! Proves that a client receives what is sent to its address, before anything large is sent there.
+//! Proves that a client receives the packets to its address, before anything large is sent there.
 //!
 //! A datagram's source address can be forged. GigE Vision has no handshake against this, but every client fetches the
 //! camera's XML before it does anything else. The camera therefore shows each client (address and port) the XML at a
@@ -40,7 +40,7 @@ pub(super) struct Proof {
 }
 
 impl Proof {
-    /// Returns what is added to the XML's place in memory for this client.
+    /// Returns the offset that is added to the XML's address for this client.
     pub(super) fn shift(&self, client: SocketAddrV4) -> u32 {
         let drawn = self.key.hash_one(client) % SHIFTS;
         u32::try_from(drawn).map_or(SHIFT_LEAST, |drawn| SHIFT_LEAST + 4 * drawn)

@@ -1,4 +1,4 @@
-//! The PTP clock of this machine: what `ptp4l` says of it over its local socket.
+//! The PTP clock of this machine, as `ptp4l` reports it over its local socket.
 //!
 //! The camera neither starts nor steers a clock. While PtpEnable is on, the control thread asks once a second for four
 //! data sets (GET of management messages, IEEE 1588-2008 clause 15, domain 0) and takes in what has come, without
@@ -137,7 +137,7 @@ impl PtpClient {
         (self.socket, self.began, self.asked, self.answered) = (None, None, None, None);
     }
 
-    /// Asks when it is time, and takes in what has come. Returns what is known.
+    /// Asks when it is time, and reads the answers that have come. Returns the state.
     pub(super) fn poll(&mut self, now: Tai) -> PtpData {
         if self.began.is_none() {
             (self.began, self.data) = (Some(now), PtpData::in_state(INITIALIZING));
@@ -179,7 +179,7 @@ impl PtpClient {
         }
     }
 
-    /// Takes one answer; `None` for what is none.
+    /// Takes one answer; `None` for other datagrams.
     fn take(&mut self, answer: &[u8]) -> Option<()> {
         let half = |at: usize| Some(u16::from_be_bytes(answer.get(at..at + 2)?.try_into().ok()?));
         let is_answer = answer.first()? & 0xF == MANAGEMENT

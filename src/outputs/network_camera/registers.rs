@@ -1,7 +1,7 @@
 //! The device's memory: bootstrap registers, its own features from A000, the XML twice. Big-endian words.
 //!
-//! Reading goes through whole words inside one block of memory; what lies between the blocks is an invalid address.
-//! Reserved words inside a block read as zero. Writing is the device's business: it knows what a value does.
+//! Reading goes through whole words inside one block of memory; addresses between the blocks are invalid.
+//! Reserved words inside a block read as zero. The device writes: it knows the effect of a value.
 
 use crate::network_camera::gvcp::Status;
 

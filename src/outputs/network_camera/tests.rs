@@ -1,4 +1,4 @@
-//! The camera on loopback: what every sink promises, and clients that do it no good.
+//! The camera on loopback: the promises of every sink, and hostile clients.
 
 use super::*;
 use crate::network_camera::registers::{at, own};

@@ -1,4 +1,4 @@
-//! Reads what the network answered to packets that were sent: "destination unreachable" (ICMP type 3).
+//! Reads the network's answers to sent packets: "destination unreachable" (ICMP type 3).
 //!
 //! Linux keeps such answers in the socket's error queue, each with the address that the packet went to (`man 7 ip`,
 //! IP_RECVERR). Only answers from the network count, not errors of this machine, and "fragmentation needed" is not an

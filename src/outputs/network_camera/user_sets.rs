@@ -22,7 +22,7 @@ const WORDS: [u32; 9] = [
     own::FRAME_RATE,
     own::FRAME_RATE_LOW,
 ];
-/// Settings of a camera that clients command. What is automatic is off before numbers are loaded.
+/// Settings of a camera that clients command. Automatic modes are off before numbers are loaded.
 const COMMANDED_WORDS: [u32; 14] = [
     own::EXPOSURE_TIME,
     own::EXPOSURE_TIME + 4,

@@ -35,7 +35,7 @@ impl<'a> Entry<'a> {
     }
 }
 
-/// A feature: its name, what it means, and the features that it selects, or that lock it.
+/// A feature: its name, its meaning, and the features that it selects, or that lock it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Feature<'a> {
     pub(super) name: &'a str,

@@ -18,7 +18,7 @@ pub fn json_keys(source: &FactSource<'_>, keys: impl Fn(&Row) -> &'static [Key])
 }
 
 /// Returns a fact as JSON: lists as arrays, faults with their numbers as objects, regions as arrays of left, top, width
-/// and height; `null` for what is absent or no finite number.
+/// and height; `null` for values that are absent or not finite.
 #[must_use]
 pub fn json(fact: Fact<'_>, form: Form) -> Value {
     match fact {

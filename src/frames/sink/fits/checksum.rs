@@ -11,7 +11,7 @@ pub(super) const NO_CHECKSUM: &str = "0000000000000000";
 pub(super) struct Sum32(u64);
 
 impl Sum32 {
-    /// Adds bytes; what lacks of the last word counts as zero.
+    /// Adds bytes; missing bytes of the last word count as zero.
     pub(super) fn add(&mut self, bytes: &[u8]) {
         for word in bytes.chunks(4) {
             let mut whole = [0; 4];

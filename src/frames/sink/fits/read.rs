@@ -1,4 +1,4 @@
-//! Reads back what the writer writes: a primary image of two axes, 16-bit unsigned or IEEE floats.
+//! Reads the files of the writer: a primary image of two axes, 16-bit unsigned or IEEE floats.
 
 use super::card::{CARD_BYTES, Card, Header, end_card};
 use super::image::BZERO_U16;

@@ -147,7 +147,7 @@ pub struct Defects {
     stuck: Vec<Stuck>,
     /// Fixed defects by pixel: `dark_e` per second. RTS pixels are in it with nothing more.
     fixed: Vec<Outlier>,
-    /// The same with what this frame adds.
+    /// The same with this frame's part.
     frame: Vec<Outlier>,
 }
 

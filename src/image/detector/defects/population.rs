@@ -12,7 +12,7 @@ use base::random::{Stage, counter, key, philox};
 pub struct DefectPopulation {
     /// Share of the pixels that are hot.
     pub hot_share: f64,
-    /// Mean of what they have more, e-/s.
+    /// Mean of their extra dark current, e-/s.
     pub hot_e_per_s: f64,
     /// Share of the pixels that are dead.
     pub dead_share: f64,
@@ -20,7 +20,7 @@ pub struct DefectPopulation {
     pub dead_response: f64,
     /// Share of the pixels with a telegraph signal.
     pub rts_share: f64,
-    /// Mean of what these have more at the high level, e-/s.
+    /// Mean of their extra dark current at the high level, e-/s.
     pub rts_e_per_s: f64,
     /// Their rates.
     pub rts_rates: Rates,

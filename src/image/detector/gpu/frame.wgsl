@@ -9,7 +9,7 @@ struct Frame {
     full_well_e: f32,
     read_noise_e: f32,
     dn_per_e: f32,
-    // Black level plus what is added before the fraction is cut off.
+    // Black level plus the number that is added before the fraction is cut off.
     black_dn: f32,
     largest_dn: f32,
     stray_light_e: f32,

@@ -1,4 +1,4 @@
-//! [`crate::detector::image_lag`] on a device; what stays is a buffer there.
+//! [`crate::detector::image_lag`] on a device; the rest is a buffer there.
 
 use crate::detector::Effect;
 use crate::detector::gpu::neighbours::GpuNeighbourStage;

@@ -156,7 +156,7 @@ impl GpuDetector {
         &mut self.disturbances
     }
 
-    /// Forgets what is kept from frame to frame: the next frame is as the first.
+    /// Clears the state that is kept from frame to frame: the next frame is as the first.
     pub fn reset(&mut self) {
         if let Passes::Apart { neighbours, .. } = &mut self.passes {
             neighbours.stages.iter_mut().for_each(|stage| stage.reset());

@@ -23,7 +23,7 @@ pub trait GpuNeighbourStage: Debug + Send + Sync {
     /// When the device failed.
     fn record(&mut self, gpu: &GpuDevice, encoder: &mut wgpu::CommandEncoder, at: &FrameAt) -> Result<(), GpuError>;
 
-    /// Forgets what it keeps from frame to frame.
+    /// Clears its state from frame to frame.
     fn reset(&mut self) {}
 }
 

@@ -49,7 +49,7 @@ impl Maps {
         })
     }
 
-    /// Draws what a frame has of its own, and takes its outliers to the device.
+    /// Draws the random numbers of one frame, and writes its outliers to the device.
     ///
     /// # Errors
     /// When the device failed.
@@ -192,7 +192,7 @@ impl Maps {
     }
 }
 
-/// Returns the shader's constants. What is off is a constant too, and the driver leaves it out.
+/// Returns the shader's constants. Effects that are off are constants too, and the driver leaves them out.
 fn constants(detector: &Detector) -> String {
     let (params, patterns, lines) = (detector.params(), detector.patterns(), detector.lines());
     let mut text: String = PHILOX.iter().map(|(name, value)| shader::constant_u32(name, *value)).collect();

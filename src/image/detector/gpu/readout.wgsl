@@ -6,7 +6,7 @@ fn read_noise(words: vec2<u32>) -> vec2<f32> {
     return radius * cos_sin_turns(unit(words.yy).x);
 }
 
-// Response to charge: a slope, and what it changes by at three thresholds.
+// Response to charge: a slope, and its changes at three thresholds.
 fn bend(x: vec2<f32>) -> vec2<f32> {
     let zero = vec2<f32>(0.0);
     var y = fma(vec2<f32>(STEP_0), max(x - THRESHOLD_0, zero), SLOPE * x);

@@ -119,7 +119,7 @@ mod tests {
     use base::random::{key, philox};
 
     const PLACE: BlockPlace = BlockPlace { first_pixel: 0, frame: 7, key: [3, 0] };
-    /// Below, at and above every edge, and what a detector may hand on besides.
+    /// Means below, at and above every edge, and other values that a detector may pass on.
     const MEANS: [f32; 16] =
         [-5.0, 0.0, 0.1, 3.0, 9.9, 10.0, 19.99, 20.0, 33.3, 500.0, 999.0, 1000.0, 3e4, 1e6, 1.1e6, f32::NAN];
 

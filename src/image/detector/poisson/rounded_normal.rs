@@ -1,9 +1,9 @@
 //! Rounded normal: mean electrons and the normal quantile `z` of a 23-bit uniform -> `floor(m + sqrt(m) z + 1/2)`.
 //!
-//! What many simulators do. Poisson's law is skewed and this is not: by the expansion of Cornish and Fisher the count
-//! is off by `(z^2 - 1)/6` electrons, a sixth in the centre, and the distribution function by that times its density.
-//! Domain: means from 1000, where the bound falls below its promise, to 1e6; negative counts become 0. Tests: below and
-//! `tests/physics/poisson_methods.rs`.
+//! Many simulators use this method. Poisson's law is skewed and this is not: by the expansion of Cornish and Fisher the
+//! count is off by `(z^2 - 1)/6` electrons, a sixth in the centre, and the distribution function by that times its
+//! density. Domain: means from 1000, where the bound falls below its promise, to 1e6; negative counts become 0. Tests:
+//! below and `tests/physics/poisson_methods.rs`.
 
 use crate::detector::elementary::{normal_quantile, open_unit};
 use crate::detector::poisson::GROUP;

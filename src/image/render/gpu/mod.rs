@@ -61,7 +61,7 @@ struct FrameParams {
     oversampling: i32,
 }
 
-/// Device buffers and what binds them.
+/// Device buffers and their bind groups.
 #[derive(Debug)]
 struct Resources {
     params: GrowableBuffer,
@@ -235,7 +235,7 @@ impl Gpu {
         }
     }
 
-    /// Brings some of the stars to the device and records what draws them.
+    /// Writes some of the stars to the device and records the passes that draw them.
     fn record_block(
         &mut self,
         stars: Range<usize>,

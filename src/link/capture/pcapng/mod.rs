@@ -1,6 +1,6 @@
 //! pcapng: the blocks that a bus capture needs, written and read.
 //!
-//! Written by hand, as are the readers: what is wanted are four kinds of blocks, an error with its offset for each
+//! Written by hand, as are the readers: the needs are four kinds of blocks, an error with its offset for each
 //! damage, and a file that was cut off read up to the cut.
 
 mod read;

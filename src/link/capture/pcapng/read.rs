@@ -302,7 +302,7 @@ fn tai_of(comment: &[u8]) -> Option<Tai> {
     text.strip_prefix(TAI_BEFORE)?.strip_suffix(TAI_AFTER)?.parse().ok().map(Tai::from_ns)
 }
 
-/// Returns a stamp as Unix time, ns; `None` beyond what nanoseconds in 64 bits hold.
+/// Returns a stamp as Unix time, ns; `None` beyond the range of nanoseconds in 64 bits.
 fn unix_ns(ticks: u64, interface: &Interface) -> Option<i64> {
     let (ticks, power) = (i128::from(ticks), u32::from(interface.resolution & 0x7F));
     let ns = if interface.resolution & 0x80 == 0 {

@@ -1,7 +1,7 @@
 //! Bytes of an slcan client -> commands. Pure: no socket, no clock, no allocation.
 //!
 //! Source: Lawicel CANUSB manual 1.0D (commands ended by a carriage return), with the CAN FD letters `d D b B` and the
-//! codes `Y M` of the CANable 2.0 firmware. Limits: a line of [`LINE_MAX`] bytes; what is longer is refused once and
+//! codes `Y M` of the CANable 2.0 firmware. Limits: a line of [`LINE_MAX`] bytes; a longer one is refused once and
 //! skipped to its end. The tests beside the code hold every letter, both sides of every length, and split input.
 
 use super::super::hex::{digit, digits};
@@ -95,7 +95,7 @@ impl Default for Parser {
 }
 
 impl Parser {
-    /// Takes bytes in runs of any length, and hands on what each line says.
+    /// Takes bytes in runs of any length, and passes on the command of each line.
     pub fn push(&mut self, bytes: &[u8], each: &mut impl FnMut(Result<Command, SlcanReject>)) {
         for byte in bytes {
             match byte {

@@ -1,13 +1,13 @@
 //! Bytes of a socketcand client -> commands. Pure: no socket, no clock, no allocation.
 //!
 //! Source: socketcand's protocol description (`< word arguments >`), raw mode. Limits: an element of [`ELEMENT_MAX`]
-//! bytes between its brackets; what is longer is refused once and skipped to its end. The tests beside the code hold
+//! bytes between its brackets; a longer one is refused once and skipped to its end. The tests beside the code hold
 //! every command, both sides of every length, and split input.
 
 use super::super::hex::digits;
 use firmware_protocol::can::CanFrame;
 
-/// Longest element, without its brackets: twice what any command needs.
+/// Longest element, without its brackets: twice the longest command.
 pub const ELEMENT_MAX: usize = 128;
 /// Longest name of a bus, as of a network interface.
 pub const NAME_MAX: usize = 15;
@@ -126,7 +126,7 @@ impl Default for Parser {
 }
 
 impl Parser {
-    /// Takes bytes in runs of any length, and hands on what each element says.
+    /// Takes bytes in runs of any length, and passes on the command of each element.
     pub fn push(&mut self, bytes: &[u8], each: &mut impl FnMut(Result<Command, SocketcandReject>)) {
         for byte in bytes {
             self.take(*byte, each);

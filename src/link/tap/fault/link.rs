@@ -1,6 +1,6 @@
-//! The link that spoils what it receives, and loses what it sends while it is off the bus.
+//! The link that spoils received packets, and loses sent packets while it is off the bus.
 //!
-//! On the virtual clock the order in which packets are spoilt, and so what the dice say, is that of their receive
+//! On the virtual clock the order in which packets are spoilt, and so the random numbers, is that of their receive
 //! times, however often the receiver looks.
 
 use super::damage::{babble, cut_the_tail, flip_a_bit};
@@ -18,7 +18,7 @@ const MOST_COPIES: u32 = 8;
 /// Most packets that wait to be handed on; more are lost and counted.
 const MOST_WAITING: usize = 65_536;
 
-/// A link that spoils what it receives.
+/// A link that spoils the packets that it receives.
 pub struct FaultyLink {
     inner: Box<dyn Link>,
     clock: Arc<dyn Clock>,
@@ -26,7 +26,7 @@ pub struct FaultyLink {
     dice: StdRng,
     /// Form of babble.
     format: WireFormat,
-    /// Faults that lose a share of what is sent.
+    /// Faults that lose a share of the sent packets.
     sent_faults: Option<FaultControl>,
     /// Received and not yet handed on, in order of when they are due.
     waiting: VecDeque<Waiting>,

@@ -1,7 +1,7 @@
 //! A link with faults on purpose: their kinds, their times, and how often each occurred.
 //!
 //! ```text
-//! kinds and their times (here) -> link (what becomes of a packet) -> damage (wrong bits, cut tails, babble)
+//! kinds and their times (here) -> link (outcome of a packet) -> damage (wrong bits, cut tails, babble)
 //! ```
 //!
 //! Packets are spoilt where they are received, by their receive time, in order of the faults. Deterministic: the
@@ -66,7 +66,7 @@ pub enum LinkFault {
         id: u16,
         /// Time from one packet to the next, above zero.
         period: Span,
-        /// Bytes of content, cut to what the wire carries in one packet.
+        /// Bytes of content, cut to the most that the wire carries in one packet.
         bytes: u8,
     },
     /// The receiving side's clock is off by this while it lasts: so are the stamps. At the end it steps back.
@@ -95,7 +95,7 @@ pub enum Arrival {
 }
 
 impl LinkFault {
-    /// Returns what it changes of the times at which packets come when it lasts so long.
+    /// Returns its effect on the times at which packets come when it lasts so long.
     #[must_use]
     pub fn arrival(self, lasts: Span) -> Arrival {
         match self {

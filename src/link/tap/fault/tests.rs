@@ -35,7 +35,7 @@ fn packet(n: u16) -> Packet {
 }
 
 impl Bench {
-    /// Sends a packet each millisecond; what arrives.
+    /// Sends a packet each millisecond and returns those that arrive.
     fn run(&mut self, packets: u16) -> Vec<Stamped<Packet>> {
         let mut arrived = Vec::new();
         for n in 0..packets {
@@ -174,7 +174,7 @@ fn cut_packets_are_shorter_and_begin_as_they_were() {
     }
     assert!(lengths[0] > 400 && lengths[1] > 400 && lengths[2] == 0, "of two bytes none or one is left: {lengths:?}");
     assert_eq!(bench.hits(), u64::from(PACKETS));
-    // An FD frame has only some lengths; a chunk any; what is empty cannot be cut.
+    // An FD frame has only some lengths; a chunk any; an empty one cannot be cut.
     let mut dice = rand::SeedableRng::seed_from_u64(1);
     for _ in 0..1000 {
         let whole = CanFrame::fd(1, &[7; 48]).unwrap();

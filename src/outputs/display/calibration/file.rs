@@ -3,7 +3,7 @@
 //! The check sum is taken over the content as this program writes it (every key, numbers with all their digits),
 //! without the line of the sum itself: comments and spaces may change, a digit may not. It finds damage and edits; it
 //! is not a signature. A file is refused when it is damaged, too old or from the future, or of another display, mode or
-//! tracker: each with what was wanted, what is there, and what to do. Tests: `file_tests`.
+//! tracker: each error says what was wanted, what was found, and what to do. Tests: `file_tests`.
 
 use super::error::CalibrationError;
 use super::identity::{DisplayIdentity, TrackerIdentity, same_display, same_tracker};

@@ -1,4 +1,4 @@
-//! Calibration files: what reads back, what is refused.
+//! Tests of calibration files: reading back, and refusals.
 
 use super::*;
 use crate::display::response::GreyLevel;

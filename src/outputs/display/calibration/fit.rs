@@ -46,7 +46,7 @@ pub struct FitOptions {
 pub struct Tracker<'a> {
     /// Its camera file's name.
     pub name: &'a str,
-    /// Pixels to directions: what measurements are in.
+    /// Camera of the measurements: pixels to directions.
     pub geometry: &'a CameraGeometry,
     /// Relative illumination of its image plane by the tangents (X/Z, Y/Z) of a direction, 0 to 1, as its file states
     /// it.

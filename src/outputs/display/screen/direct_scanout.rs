@@ -9,8 +9,8 @@
 //! this display's driver, and by `run::wiring::display_parts::hold_cards` before the renderer's.
 //!
 //! Limits: a driver with `VK_EXT_acquire_drm_display`; one display on a card; no keys, as no window has them. **Never
-//! run on a monitor:** tests below and in `mode` prove the choice of a mode and the refusals; what needs a card was
-//! compiled, no more.
+//! run on a monitor:** tests below and in `mode` prove the choice of a mode and the refusals; code that needs a card
+//! was compiled, no more.
 
 use crate::display::counters::Counts;
 use crate::display::error::DisplayError;

@@ -15,7 +15,7 @@ const TEN: [TextureFormat; 1] = [TextureFormat::Rgb10a2Unorm];
 /// Returns the format to take.
 ///
 /// # Errors
-/// When the surface offers none; the message lists what it does offer.
+/// When the surface offers none of them; the message lists its formats.
 pub(super) fn choose(offered: &[SurfaceFormatCapabilities], bits: Bits) -> Result<TextureFormat, DisplayError> {
     let wanted: &[TextureFormat] = match bits {
         Bits::Eight => &EIGHT,

@@ -1,4 +1,4 @@
-// Whole greys -> what a surface of unsigned normalised numbers stores for them. One pixel of the texture is one pixel of the
+// Whole greys -> the numbers that a surface of unsigned normalised numbers stores for them. One pixel of the texture is one pixel of the
 // surface, from the top left; beyond the texture it is black.
 
 override most: f32;

@@ -36,7 +36,7 @@ impl Luminances {
 #[derive(Debug)]
 pub(super) struct Outgoing {
     full: Sender<Luminances>,
-    /// The other end of `full`: to take back what was not fetched.
+    /// The other end of `full`, to take back frames that were not fetched.
     not_fetched: Receiver<Luminances>,
     empty: Receiver<Luminances>,
     returned: Sender<Luminances>,

@@ -28,7 +28,7 @@ const USUAL_REFRESH: Span = Span::from_ns(16_666_667);
 const PACE: f64 = 0.5;
 /// A refresh that comes later than this many after the one before has missed one.
 const LATE: f64 = 1.5;
-/// Refreshes after the end of a run for what is still on its way; in the second half nothing waits for its time.
+/// Refreshes after the end of a run for frames that are still on their way; in the second half none waits for its time.
 const LAST_REFRESHES: u32 = 10;
 
 /// Times of refreshes.
@@ -169,7 +169,7 @@ impl<G: Panel> Presenter<G> {
         passed.is_some()
     }
 
-    /// Shows what is to be shown; when it was submitted.
+    /// Shows the present picture; returns the time at which it was submitted.
     fn show(&mut self, is_new: bool) -> Tai {
         let now = &mut self.now;
         // Before the first frame the picture is black, as it was made.

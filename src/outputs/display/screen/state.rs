@@ -9,7 +9,7 @@ use std::sync::OnceLock;
 #[derive(Debug, Default)]
 pub(super) struct State {
     pub(super) counters: Counters,
-    /// The run is over: show what is on its way, and end.
+    /// Whether the run is over: frames on their way are shown, then the display ends.
     is_over: AtomicBool,
     /// The monitor is unplugged.
     is_away: AtomicBool,

@@ -78,7 +78,7 @@ impl Pane {
 
 /// A surface, its device, and the pipeline that paints on it.
 pub(super) struct VulkanPanel {
-    // Dropped from the top: an image before its surface, the surface and its instance before what they show on.
+    // Dropped from the top: an image before its surface, the surface and its instance before the window or connector.
     acquired: Option<SurfaceTexture>,
     surface: wgpu::Surface<'static>,
     painter: GreyPainter,
@@ -169,7 +169,7 @@ impl VulkanPanel {
     /// Returns the next image, or why there is none.
     fn acquire(&mut self) -> Turn {
         match self.surface.get_current_texture() {
-            // Suboptimal images are shown as they are: what matters, the size, is watched by itself.
+            // Suboptimal images are shown as they are: the size, which matters, is watched separately.
             CurrentSurfaceTexture::Success(image) | CurrentSurfaceTexture::Suboptimal(image) => {
                 self.acquired = Some(image);
                 Turn::Ready
@@ -238,7 +238,7 @@ impl Panel for VulkanPanel {
     }
 }
 
-/// Collects what the driver complains of.
+/// Collects the errors that the driver reports.
 fn listen(device: &wgpu::Device) -> Arc<Trouble> {
     let trouble = Arc::new(Trouble::default());
     let complaints = Arc::clone(&trouble);

@@ -38,7 +38,7 @@ pub(super) struct Order {
     pub(super) monitor: MonitorChoice,
     /// A plain window of this size instead of a full screen.
     pub(super) window_px: Option<[u32; 2]>,
-    /// Columns and rows of what will be shown.
+    /// Columns and rows of the frames.
     pub(super) image_px: [u32; 2],
     /// Receiver of its events.
     pub(super) state: Arc<State>,

@@ -1,4 +1,4 @@
-// The newest frame, and over it what is truly in it. The picture's canvas has one pixel per pixel of the frame.
+// The newest frame, and over it its truth. The picture's canvas has one pixel per pixel of the frame.
 
 const KIND_COLOUR = { star: "blue", target: "amber", false_star: "red", proton_track: "violet" };
 const LABELS_MAX = 40;
@@ -70,7 +70,7 @@ function drawOverlay() {
   pen.globalAlpha = 1;
 }
 
-// The way of what moves by itself.
+// The path of objects that move by themselves.
 function drawSmear(pen, star, [x, y], scale) {
   if (!(star.smear_px > 2)) return;
   const half = (star.smear_px * scale) / 2, angle = (star.smear_deg * Math.PI) / 180;

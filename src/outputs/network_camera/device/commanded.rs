@@ -43,7 +43,7 @@ impl Device {
         f64::from_bits(u64::from(high) << 32 | u64::from(low))
     }
 
-    /// Takes in what the camera has chosen for itself: clients read it from here on.
+    /// Takes a value that the camera has chosen for itself: clients read it from now on.
     pub(super) fn take_events(&mut self) {
         let Some(commands) = &self.commands else { return };
         for event in commands.desk.events() {
@@ -152,13 +152,13 @@ impl Device {
         Ok(())
     }
 
-    /// Refuses what the camera cannot do when it reads out the regions that are set.
+    /// Refuses settings that are impossible for the regions that are set.
     pub(super) fn check(&self, command: &CameraCommand) -> Result<(), Status> {
         let range = self.range().ok_or(Status::WriteProtect)?;
         range.check(command).map_err(|_| Status::InvalidParameter)
     }
 
-    /// Returns what commands may ask with the regions that are set; `None`: nothing.
+    /// Returns the limits of commands with the regions that are set; `None`: clients do not command the camera.
     pub(super) fn range(&self) -> Option<CameraRange> {
         self.commands.as_ref().map(|commands| commands.range.reading(&self.regions.present()))
     }

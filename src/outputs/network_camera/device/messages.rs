@@ -7,7 +7,7 @@ use crate::network_camera::registers::{at, own};
 use base::time::{Span, Tai};
 use std::net::{Ipv4Addr, SocketAddrV4};
 
-/// Longest wait for an answer, ms, and most repetitions: bounds on what a client that is gone costs.
+/// Longest wait for an answer, ms, and most repetitions: bounds on the cost of a client that is gone.
 const TIMEOUT_MOST_MS: u32 = 10_000;
 const RETRIES_MOST: u32 = 20;
 
@@ -33,7 +33,7 @@ impl Device {
         self.messages.next(channel, now, &self.shared.tally, out).then_some(receiver)
     }
 
-    /// Takes what came to the port that messages are sent from.
+    /// Takes a datagram from the port that messages are sent from.
     pub fn answer_to_message(&mut self, from: SocketAddrV4, bytes: &[u8]) {
         if self.message_receiver().is_some_and(|receiver| receiver.ip() == from.ip()) {
             self.messages.acknowledge(bytes);

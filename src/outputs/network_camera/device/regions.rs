@@ -24,7 +24,7 @@ impl Device {
         }
     }
 
-    /// Keeps what a client has written to the registers of the selected region.
+    /// Stores the values that a client has written to the registers of the selected region.
     pub(super) fn keep_region(&mut self) {
         let word = |address| self.memory.word(address);
         let (left_px, top_px) = (word(own::OFFSET_X), word(own::OFFSET_Y));
@@ -68,7 +68,7 @@ impl Device {
         [own::SENSOR_WIDTH, own::SENSOR_HEIGHT].map(|side| self.memory.word(side))
     }
 
-    /// Returns what the camera has to read out for the regions that are set.
+    /// Returns the regions that the camera has to read out.
     fn wanted_read_out(&self) -> Regions {
         let (regions, [width_px, height_px]) = (self.regions.present(), self.sensor_px());
         let whole = Region { left_px: 0, top_px: 0, width_px, height_px };

@@ -1,4 +1,4 @@
-//! A camera that clients command: what reaches the frame loop, and what is refused.
+//! A camera that clients command: commands to the frame loop, and refusals.
 
 use super::*;
 use base::clock::Virtual;

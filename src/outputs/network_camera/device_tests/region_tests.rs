@@ -1,4 +1,4 @@
-//! Several regions: what is sent, what is refused, and what a commanded camera reads out.
+//! Several regions: packets, refusals, and the readout of a commanded camera.
 
 use super::commanded_tests::{commanded, taken};
 use super::*;
