@@ -123,7 +123,7 @@ class Settings(unittest.TestCase):
                 self.assertAlmostEqual(pixels.mean() / target, 1.0, delta=0.05, msg=f"light {light}")
                 self.assertAlmostEqual(info["meta"]["exposure_s"] * light, target * GAIN_E_PER_DN / 2e5, delta=0.01)
 
-    def test_what_a_camera_cannot_do_is_refused_and_nothing_changes(self):
+    def test_unsupported_settings_are_refused_and_change_nothing(self):
         with outside() as loop:
             for settings, word in (
                 ({"exposure_us": 0}, "exposure_us"),

@@ -106,7 +106,7 @@ class Commands(unittest.TestCase):
         finally:
             relay.close()
 
-    def test_what_the_camera_cannot_do_is_refused_with_its_reason(self):
+    def test_unsupported_settings_are_refused_with_a_reason(self):
         with Stimulator("gateways.toml", "link.slcan_tcp=0", "link.socketcand=0", *SETTINGS) as starloop:
             starloop.wait_for("socketcand at")
             channel = f"socket://{starloop.gateways['slcan (TCP)']}"

@@ -439,7 +439,7 @@ class OnAScreen(unittest.TestCase):
         self.assertEqual(refused.returncode, 1)
         self.assertIn("flips with an edge", refused.stderr)
 
-    def test_what_does_not_fit_is_refused(self):
+    def test_unsuitable_images_are_refused(self):
         small, every = self.png("small.png", [0] * 64 * 48, width=64), self.png("every.png", self.every)
         refusals = (
             ((small,), ("64 x 48", "256 x 256", "window = [64, 48]")),

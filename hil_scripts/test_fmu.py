@@ -183,7 +183,7 @@ class Unit(unittest.TestCase):
         self.assertEqual(checksums("once"), checksums("again"))
         self.assertNotEqual(checksums("once more"), checksums("another slew", 1.01))
 
-    def test_what_cannot_be_is_an_error_and_not_a_crash(self):
+    def test_impossible_values_are_errors_not_crashes(self):
         slave = self.start(self.here / "errors")
         with self.assertRaises(Exception):
             slave.getFMUState()

@@ -455,7 +455,7 @@ class CommandLine(unittest.TestCase):
         self.assertIn(done.returncode, (1, 2), done.stderr)
         return done.stderr
 
-    def test_what_it_cannot_do_is_said(self):
+    def test_unsupported_requests_are_reported(self):
         self.assertIn("--slcan-tcp", self.refused())
         self.assertIn("ADDRESS:PORT", self.refused("--slcan-tcp", "here"))
         self.assertIn("can_fd", self.refused("--slcan-tcp", "0", "--wire", "can_classic", "--data-bit-rate", "1000000"))

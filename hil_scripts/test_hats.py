@@ -133,7 +133,7 @@ class Catalogs(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assert_same_layers(self.root / "from_csv")
 
-    def test_what_starloop_writes_is_a_catalog_to_hats(self):
+    def test_hats_reads_catalogs_of_starloop(self):
         self.assertTrue(is_valid_catalog(self.exported, strict=True))
         catalog = hats.read_hats(self.exported)
         about = catalog.catalog_info

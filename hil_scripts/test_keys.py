@@ -60,7 +60,7 @@ class Schema(unittest.TestCase):
                 errors = [error.message for error in by_schema.iter_errors(tomllib.loads(file.read_text()))]
                 self.assertEqual(errors, [], file.name)
 
-    def test_what_is_wrong_is_refused(self):
+    def test_wrong_values_are_refused(self):
         self.assertEqual(problems("camera", CAMERA), [])
         for kind, text, part in [
             ("camera", CAMERA + "focal_lenght_mm = 25\n", "focal_lenght_mm"),

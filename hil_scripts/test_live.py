@@ -487,7 +487,7 @@ class Machines(unittest.TestCase):
         except OSError:
             return None
 
-    def test_who_can_be_reached_from_other_machines_says_so(self):
+    def test_a_service_reachable_from_other_machines_says_so(self):
         for address, wanted in (("0.0.0.0:0", True), ("127.0.0.1:0", False)):
             run = Run(address, 1)
             run.program.wait(HANGS_S)

@@ -123,7 +123,7 @@ class Lines(unittest.TestCase):
         self.assertNotEqual(done.returncode, 0)
         return done.stdout + done.stderr
 
-    def test_what_cannot_be_is_refused_in_a_sentence(self):
+    def test_impossible_triggers_are_refused_in_a_sentence(self):
         bench = str(trigger_delays.ROOT / "configs/benches/loopback.toml")
         line = ["--set", 'trigger_line=[{chip="gpiochip_none",line=1}]', "--duration", "1", "--sink", "null"]
         said = self.refusal("--clock", "virtual", text=[bench, *line])

@@ -253,7 +253,7 @@ class Losses(OnVcan):
         status = Path(f"/proc/{echo.program.pid}/status").read_text()
         return int(re.search(r"^voluntary_ctxt_switches:\s+(\d+)", status, re.MULTILINE)[1])
 
-    def test_what_the_kernel_drops_is_counted_exactly(self):
+    def test_drops_of_the_kernel_are_counted_exactly(self):
         flood = 16_000
         with Echo("vcan0") as echo:
             echo.program.send_signal(signal.SIGSTOP)

@@ -93,7 +93,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_is_refused_not_clipped() {
+    fn values_out_of_range_are_refused_not_clipped() {
         for value in [1.048_576_f32, -1.05, f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
             assert!(RATE.counts(value).is_err(), "{value}");
         }

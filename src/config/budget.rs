@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_given_is_kept() {
+    fn given_values_are_kept() {
         let text = "render_ms = 12.5\nbus_age_ms = 30\ntotal_ms = 70\nlatency_ms = 200\nmissed_frames = 2\n\
                     realtime = false\npriority = 40\naffinity = [0, 2]\nring_frames = 10";
         let budget = bench(text).expect("sound").budget;
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_refused_by_name() {
+    fn wrong_values_are_refused_by_name() {
         for (text, key, says) in [
             ("render_ms = 0", "budget.render_ms", "above 0"),
             ("sink_ms = -1.0", "budget.sink_ms", "is -1"),

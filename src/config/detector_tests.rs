@@ -15,7 +15,7 @@ fn detector(lines: &str) -> Result<Detector, String> {
 }
 
 #[test]
-fn what_is_not_asked_for_is_off() {
+fn effects_without_keys_are_off() {
     let plain = detector("").expect("a camera");
     assert_eq!(plain.params.dark_law, DarkLaw { reference_c: 20.0, operating_c: 20.0, ..DarkLaw::AT_REFERENCE });
     assert_eq!((plain.params.line_pattern, plain.params.row_noise), (LinePattern::OFF, RowNoise::OFF));

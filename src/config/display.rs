@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_refused_with_the_key() {
+    fn impossible_values_are_refused_with_the_key() {
         for (text, part) in [
             ("monitr = 1", "did you mean `monitor`"),
             ("monitor = -1", "sink.monitor"),

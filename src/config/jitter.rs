@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_jitter_is_refused_with_its_line() {
+    fn bad_jitter_is_refused_with_its_line() {
         for (rows, keys, part) in [
             ("t_s,x\n", "series = \"j.csv\"\n", "j.csv:line 1"),
             ("t_s,x_arcsec\n0,1\n1,x\n", "series = \"j.csv\"\n", "j.csv:line 3"),

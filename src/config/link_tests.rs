@@ -26,7 +26,7 @@ fn each_kind_is_read_with_its_own_keys() {
 }
 
 #[test]
-fn what_does_not_belong_or_is_missing_is_refused_by_name() {
+fn unused_and_missing_keys_are_refused_by_name() {
     for (text, words) in [
         ("kind = \"socketcan\"", "link.interface"),
         ("kind = \"socketcan\"\ninterface = \" \"", "empty"),

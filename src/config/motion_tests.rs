@@ -34,7 +34,7 @@ fn waypoints(rows: &[(f64, f64)]) -> String {
 }
 
 #[test]
-fn what_cannot_be_flown_or_sent_is_refused() {
+fn impossible_motion_is_refused() {
     let sinusoid = |amplitude_deg: f64, frequency_hz: f64| {
         let row = "[[flight_computer.motion.sinusoid]]\naxis = [1.0, 0.0, 0.0]\n";
         format!("kind = \"sinusoidal\"\n{row}amplitude_deg = {amplitude_deg:?}\nfrequency_hz = {frequency_hz:?}\n")

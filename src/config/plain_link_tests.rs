@@ -42,7 +42,7 @@ fn each_carrier_and_convention_is_read() {
 }
 
 #[test]
-fn what_does_not_belong_or_is_missing_is_refused_by_name() {
+fn unused_and_missing_keys_are_refused_by_name() {
     for (text, words) in [
         ("kind = \"udp\"", "link.listen"),
         ("kind = \"udp\"\nlisten = 1\nconnect = 2", "kind = \"tcp\""),

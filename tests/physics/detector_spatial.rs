@@ -134,7 +134,7 @@ fn a_star_is_where_the_output_geometry_says() {
 }
 
 #[test]
-fn what_lags_is_what_was_there() {
+fn image_lag_shows_a_share_of_the_frames_before() {
     let lag = Some(ImageLag { share: 0.02 });
     let mut detector = detector(SpatialParams { image_lag: lag, ..SpatialParams::OFF });
     let first = moments(&electrons(&frame(&mut detector, &flat(10_000.0), 0)))[0];

@@ -305,7 +305,7 @@ fn the_file_keeps_all_of_it_and_a_wrong_file_is_refused() {
 }
 
 #[test]
-fn what_the_tracker_vignettes_is_left_to_the_tracker() {
+fn vignetting_of_the_tracker_is_not_corrected() {
     let truth = BenchTruth::crooked();
     let (plan, sights, even) = crooked();
     let camera = tracker(&truth);

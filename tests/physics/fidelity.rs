@@ -107,7 +107,7 @@ fn frames_are_ten_times_truer_than_published() {
 }
 
 #[test]
-fn what_is_not_true_is_seen() {
+fn wrong_figures_are_found() {
     let (params, exposure_s) = camera();
     let psf = PsfModel::gaussian(0.8);
     let wrong = fidelity(

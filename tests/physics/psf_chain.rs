@@ -282,7 +282,7 @@ fn repetitions_of_the_star_stay_within_their_bound() {
 }
 
 #[test]
-fn what_lies_outside_is_what_the_wings_hold() {
+fn light_outside_a_stamp_is_that_of_the_wings() {
     // Circles of an Airy pattern are known; the square of half-width a loses 2 sqrt(2) / pi of what its inner circle does.
     let drawn = draw(plain(1.0, 0.0), &Drawing { oversampling: Some(8), half_px: Some(40), ..Drawing::default() });
     let circle = 1.0 - energy::encircled_energy(&PsfModel::airy(1.0, 0.0), 40.5);

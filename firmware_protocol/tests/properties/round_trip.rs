@@ -79,7 +79,7 @@ proptest! {
 }
 
 #[test]
-fn what_does_not_fit_is_refused_with_the_field() {
+fn values_out_of_range_are_refused_with_the_field() {
     let ids = IdMap::default();
     let wheels = Message::Wheels(Wheels { speed_rpm: [8192.0, 0.0, 0.0, 0.0] });
     let error = can::encode(&wheels, Format::Fd, &ids).unwrap_err();

@@ -79,7 +79,7 @@ fn a_replayed_group_is_refused() {
 proptest! {
     /// Any loss, repetition and reordering of the frames of several epochs: what comes out is what went in.
     #[test]
-    fn what_comes_out_is_one_epoch(picks in prop::collection::vec((1_u8..6, 0_usize..5), 0..60)) {
+    fn every_output_is_of_one_epoch(picks in prop::collection::vec((1_u8..6, 0_usize..5), 0..60)) {
         let stream: Vec<_> = picks.iter().map(|(seq, part)| frames(*seq)[*part]).collect();
         for message in read_all(&stream).into_iter().filter_map(|outcome| outcome.ok().flatten()) {
             let Message::Attitude(got) = message else { unreachable!("only attitude was sent") };

@@ -126,7 +126,7 @@ fn a_chebyshev_record_is_its_polynomial() {
 }
 
 #[test]
-fn what_cannot_be_read_is_refused_with_its_reason() {
+fn unreadable_kernels_are_refused_with_a_reason() {
     let good = daf("DAF/CK", &[type_3()], true);
     let changed = |place: usize, value: f64| {
         let mut file = good.clone();
@@ -166,7 +166,7 @@ fn what_cannot_be_read_is_refused_with_its_reason() {
     }
     for (texts, part) in [
         (vec![], "SCLK_DATA_TYPE_7"),
-        (vec!["hello"], "no text kernel"),
+        (vec!["hello"], "not a text kernel"),
         (vec!["KPL/SCLK\n\\begindata\n5 6\n"], "a.t:3"),
         (vec!["KPL/SCLK\n\\begindata\nSCLK_DATA_TYPE_7 = 2\n"], "is not 1"),
     ] {

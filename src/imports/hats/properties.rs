@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_is_read() {
+    fn written_properties_are_read_back() {
         let folder = tempfile::tempdir().unwrap();
         let credits = "Gaia: ESA/DPAC = #1!\nline\ttwo \\ é";
         write(&folder.path().join("properties"), &[("obs_ack", credits.into()), ("empty", String::new())]).unwrap();

@@ -392,7 +392,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_reported_with_file_line_and_column() {
+    fn errors_name_file_line_and_column() {
         let refused = |text: &[u8], name: &str| take(text, name, &Names::default()).0.unwrap_err().to_string();
         let bad = BULK.replace("11.938616", "11.9x");
         let reported = refused(bad.as_bytes(), "g.csv");

@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_said_with_its_place() {
+    fn errors_name_their_place() {
         let message = |text: &str| TleOrbit::parse_omm(text, None).unwrap_err().to_string();
         let cut = message(&OBJECT[..200]);
         assert!(cut.contains("line 3, column 2"), "{cut}");

@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_unknown_or_changed_is_counted() {
+    fn unknown_and_changed_values_are_counted() {
         let mut counts = StarCounts::default();
         let unknown = NewStar { motion_mas_yr: None, parallax_mas: None, bp_rp: None, ..STAR };
         let row = WaitingRow::new(&unknown, &mut counts).unwrap();

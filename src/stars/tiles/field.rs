@@ -316,7 +316,7 @@ impl TileSky {
 
     /// Returns what a field would lack, without asking for anything.
     #[cfg(test)]
-    pub(super) fn what_would_be_late(&self, axis: DVec3, radius_rad: f64) -> Shortfall {
+    pub(super) fn would_be_late(&self, axis: DVec3, radius_rad: f64) -> Shortfall {
         let mut tiles = Vec::new();
         self.layers.tiles_of_cone(axis, radius_rad, &mut tiles);
         let is_late = |tile: &&TileId| !matches!(self.store.place(**tile), Some(Place::Held(_)));

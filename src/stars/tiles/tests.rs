@@ -138,7 +138,7 @@ fn settle(sky: &mut TileSky, axis: DVec3, radius_rad: f64) -> u32 {
 }
 
 #[test]
-fn what_is_not_there_in_time_is_missing_and_counted() {
+fn late_tiles_are_missing_and_counted() {
     let folder = tempfile::tempdir().unwrap();
     let paths = layers(folder.path(), 2016.0);
     let (axis, radius_rad) = (towards(84.0, -1.2), 12.0 * DEG);
@@ -201,19 +201,19 @@ fn a_tile_that_was_asked_for_ahead_and_then_lacking_comes_once() {
 }
 
 #[test]
-fn a_field_that_was_reported_beforehand_is_there() {
+fn an_announced_field_is_there() {
     let folder = tempfile::tempdir().unwrap();
     let paths = layers(folder.path(), 2016.0);
     let mut sky = sky(&paths, 6.5, 100_000);
     sky.read_ahead().unwrap();
     let (here, there, radius_rad) = (towards(84.0, 0.0), towards(100.0, 0.0), 5.0 * DEG);
     settle(&mut sky, here, radius_rad);
-    assert!(sky.what_would_be_late(there, radius_rad).late_tiles > 0, "control: it is not there by itself");
+    assert!(sky.would_be_late(there, radius_rad).late_tiles > 0, "control: it is not there by itself");
     sky.look_ahead(there, radius_rad);
     // The reader answers while the camera looks here.
     for _ in 0..10_000 {
         sky.take_field(here, radius_rad).unwrap();
-        if sky.what_would_be_late(there, radius_rad).late_tiles == 0 {
+        if sky.would_be_late(there, radius_rad).late_tiles == 0 {
             break;
         }
         std::thread::sleep(std::time::Duration::from_millis(1));

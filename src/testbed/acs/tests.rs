@@ -187,7 +187,7 @@ fn a_far_target_is_reached_around_the_sun() {
 }
 
 #[test]
-fn what_cannot_be_done_is_refused_with_a_reason() {
+fn impossible_commands_are_refused_with_a_reason() {
     let mut body = TestBody::new(DVec3::ZERO);
     let mut acs = Acs::new(AcsParams { exclusion: Some(KEEP_OUT), ..params() }, start()).expect("in range");
     let slew = Command::SlewTo(body.attitude.rotated_by(DVec3::X));

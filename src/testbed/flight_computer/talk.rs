@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn who_is_refused_says_no_more() {
+    fn a_refused_sender_stops_asking() {
         let mut talk = Talk::new(0);
         talk.take(0);
         answer(&mut talk, 1, Reply::Refused { opcode: 1, reason: Refusal::WrongMajor }, 10);

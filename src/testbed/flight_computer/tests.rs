@@ -297,7 +297,7 @@ fn time_tags_and_sequence_numbers_wrap_without_a_gap() {
 }
 
 #[test]
-fn what_the_stimulator_says_is_counted() {
+fn messages_of_the_stimulator_are_counted() {
     let mut bench = fd_bench(params());
     let exposure = Exposure::new(4, 9, 1000, 20_000);
     bench.far.send(&Message::Exposure(exposure)).unwrap();
