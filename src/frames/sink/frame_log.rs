@@ -65,6 +65,7 @@ pub struct FrameRow {
     /// Smear method.
     pub method: String,
     /// Degree to which the frame was degraded; `full`: not at all.
+    #[serde(rename = "rung")] // the published name of the column
     pub degradation: String,
     /// Stars left out.
     pub left_out_stars: usize,
