@@ -7,7 +7,7 @@ use core::fmt::Write;
 
 const HEAD: &str = "# Facts of a frame
 
-What starloop says about each frame, and where. Written from the table in `src/frames/sink/facts/table.rs`, which every
+The facts of each frame, and where they are stored. Generated from the table in `src/frames/sink/facts/table.rs`, which every
 output walks; a test compares this file with it, and leaves the new text in `target/frame_facts` when they differ.
 
 A dash: that output deliberately does not have the fact. FITS has nearly all; `frames.csv` has what changes from frame to
