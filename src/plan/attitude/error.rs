@@ -1,12 +1,12 @@
-//! What this module refuses, and why.
+//! Errors of this module.
 
 use base::time::Tai;
 
-/// Why a sample was not taken into a history; each has its own counter in
+/// Reason why a sample was not taken into a history; each has its own counter in
 /// [`HistoryCounts`](super::HistoryCounts).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, thiserror::Error)]
 pub enum HistoryReject {
-    /// A sample of the same epoch is already held.
+    /// A sample of the same epoch is already stored.
     #[error("a sample of the same epoch is already held")]
     DuplicateEpoch,
     /// The epoch is older than the limit allows at its receive time.
@@ -26,18 +26,18 @@ pub enum HistoryReject {
     OlderThanHistory,
 }
 
-/// Why a table of jitter was not put into effect.
+/// Reason why a table of jitter was not put into effect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum JitterReject {
-    /// More rows than there is room for.
+    /// More rows than the capacity.
     #[error("{got} rows of jitter parameters: wanted {most} at most; join what is close together")]
     TooMany {
-        /// Rows that came.
+        /// Number of rows received.
         got: usize,
-        /// Rows that fit.
+        /// Largest number of rows.
         most: usize,
     },
-    /// A row has a number that is not finite, or outside what it can be.
+    /// A row has a number that is not finite or outside its range.
     #[error(
         "row {row} of jitter parameters has an illegal number: wanted finite ones, frequencies and harmonics above zero"
     )]
@@ -53,23 +53,23 @@ pub enum JitterReject {
     },
 }
 
-/// Why no line of sight could be made.
+/// Reason why no line of sight could be made.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum AttitudeError {
     /// Nothing has been received yet.
     #[error("no attitude at {at}: the history is empty; wait for the first ATT message or check the link")]
     NoSamples {
-        /// The instant that was asked for.
+        /// The requested instant.
         at: Tai,
     },
-    /// The instant is older than everything the history still holds.
+    /// The instant is older than everything the history still contains.
     #[error(
         "no attitude at {at}: the history begins at {oldest}; wanted a later exposure, or a history with more capacity"
     )]
     BeforeHistory {
-        /// The instant that was asked for.
+        /// The requested instant.
         at: Tai,
-        /// Epoch of the oldest sample held.
+        /// Epoch of the oldest stored sample.
         oldest: Tai,
     },
     /// The instant is later than the newest sample, and the method needs one after it.
@@ -77,15 +77,15 @@ pub enum AttitudeError {
         "no attitude at {at} by interpolation: the newest sample is of {newest}; predict, or wait for the next one"
     )]
     AfterHistory {
-        /// The instant that was asked for.
+        /// The requested instant.
         at: Tai,
-        /// Epoch of the newest sample held.
+        /// Epoch of the newest stored sample.
         newest: Tai,
     },
-    /// An exposure time that is no time.
+    /// The exposure time is not finite and positive.
     #[error("exposure of {exposure_s} s: wanted a finite time of zero or more")]
     ExposureTime {
-        /// The exposure time that was asked for, s.
+        /// The requested exposure time, s.
         exposure_s: f64,
     },
 }

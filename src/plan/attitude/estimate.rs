@@ -1,6 +1,6 @@
 //! The attitude at any instant: interpolated inside the history, predicted beyond it, held when the stream stopped.
 //!
-//! Never a silent fallback: what was done is in [`PathOrigin`], and blank or stop are decisions of their own.
+//! Nothing falls back silently: [`PathOrigin`] states the method used, and blank or stop are explicit decisions.
 
 use crate::attitude::error::AttitudeError;
 use crate::attitude::history::AttitudeHistory;
@@ -9,10 +9,10 @@ use crate::attitude::los::PathOrigin;
 use crate::attitude::predict::{AttitudeState, held_state, predict};
 use base::time::{Span, Tai};
 
-/// What to show when the stream stopped.
+/// Policy for a stopped stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum StalePolicy {
-    /// Go on from the last attitude while the rate decays.
+    /// Continue from the last attitude while the rate decays.
     Hold,
     /// Show no stars.
     Blank,
@@ -22,12 +22,12 @@ pub enum StalePolicy {
     Stop,
 }
 
-/// How long which information is trusted.
+/// Time limits for the use of samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct EstimateLimits {
-    /// Newest sample older than this: the policy decides.
+    /// Age of the newest sample beyond which the policy applies.
     pub stale_after: Span,
-    /// What happens then.
+    /// Policy beyond that age.
     pub policy: StalePolicy,
     /// Longest horizon over which the acceleration is used; the rate alone after that.
     pub max_horizon: Span,
@@ -36,7 +36,8 @@ pub struct EstimateLimits {
 }
 
 impl Default for EstimateLimits {
-    /// 500 ms (five missed samples of a slow 10 Hz stream), no frame then, acceleration for 200 ms, decay over 200 ms.
+    /// Returns 500 ms (five missed samples of a slow 10 Hz stream), no frame after that, acceleration for 200 ms, decay
+    /// over 200 ms.
     fn default() -> Self {
         Self {
             stale_after: Span::from_ms(500),
@@ -60,10 +61,10 @@ pub struct EstimatedAttitude {
     pub gap: Span,
 }
 
-/// What the policy says about one instant.
+/// Decision of the policy for one instant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Decision {
-    /// There is an attitude (held, perhaps).
+    /// Show the attitude (which may be held).
     Show,
     /// Show no stars: the newest sample is this old.
     Blank {
@@ -96,10 +97,10 @@ pub fn decide(estimated: &EstimatedAttitude, policy: StalePolicy) -> Decision {
     }
 }
 
-/// Returns the attitude at `at`. Beyond `stale_after` it is `Held` whatever the policy ([`decide`] applies that).
+/// Returns the attitude at `at`. Beyond `stale_after` it is `Held` for every policy ([`decide`] applies the policy).
 ///
 /// # Errors
-/// When nothing was received yet, or when `at` is before everything the history holds.
+/// When nothing was received yet, or when `at` is before everything the history contains.
 pub fn state_at(
     history: &AttitudeHistory,
     at: Tai,
@@ -145,7 +146,7 @@ mod tests {
     use base::axes::Rotation;
     use glam::DVec3;
 
-    /// Two estimates 1 ns apart on a motion of 0.05 rad/s: 5e-11 rad, and rounding.
+    /// Largest difference of two estimates 1 ns apart on a motion of 0.05 rad/s: 5e-11 rad, and rounding.
     const CONTINUITY_RAD: f64 = 1e-10;
 
     fn ms(t_ms: i64) -> Tai {

@@ -2,8 +2,8 @@
 //!
 //! *Algorithm.* The attitude is estimated at the start, the middle and the end of the exposure; rate and acceleration
 //! are those of the quadratic through the three (exact for constant acceleration; a jerk `j` is missed by at most
-//! `j h^3 / (9 sqrt 3)`, `h` half the exposure, instead of `j h^3 / 6`). What it still misses goes into the track as knots
-//! (see `residual.rs`). The mounting turns all of it into sensor axes.
+//! `j h^3 / (9 sqrt 3)`, `h` half the exposure, instead of `j h^3 / 6`). The remaining error is added to the track as
+//! knots (see `residual.rs`). The mounting rotates all of it into sensor axes.
 
 use crate::attitude::error::AttitudeError;
 use crate::attitude::estimate::{Decision, EstimateLimits, EstimatedAttitude, decide, state_at};
@@ -15,11 +15,11 @@ use base::axes::{Body, Rotation, Sensor};
 use base::time::{Span, Tai};
 use glam::DVec3;
 
-/// Below this exposure time the motion is its rate: the quadratic of 1 rad/s^2 turns 0.03 arcsec in half of it, and
-/// differences over less lose digits.
+/// Exposure time below which the motion is described by its rate only: the quadratic of 1 rad/s^2 turns 0.03 arcsec in
+/// half of it, and differences over shorter times lose digits.
 const FIT_FROM_S: f64 = 1e-3;
 
-/// How the path was made; the frame's metadata say it, and the ledger what is out of the ordinary.
+/// Report on how the path was made; frame metadata contain it, and the ledger unusual values.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PathReport {
     /// Mid-exposure minus the epoch of the newest sample used.
@@ -28,26 +28,26 @@ pub struct PathReport {
     pub end_horizon: Span,
     /// Time between the samples around mid-exposure (zero when predicted).
     pub gap: Span,
-    /// The longer of the two parts of the exposure that lie before the oldest and after the newest sample.
+    /// The longer part of the exposure before the oldest or after the newest sample.
     pub outside: Span,
-    /// Shortest time between samples used in the exposure; zero when there was one only.
+    /// Shortest time between samples used in the exposure; zero when there was only one.
     pub interval: Span,
     /// Largest motion the quadratic missed, rad; above 0.01 arcsec it was added to the track.
     pub residual_rad: f64,
-    /// How much of the exposure has received jitter.
+    /// Coverage of the exposure by received jitter.
     pub jitter: JitterCoverage,
 }
 
 impl PathReport {
-    /// Returns true when two or more samples are missing at one end of the exposure: the motion there is extrapolated, though
-    /// its middle may be interpolated. One missing sample is the one that is always under way.
+    /// Returns true when two or more samples are missing at one end of the exposure: the motion there is extrapolated,
+    /// though its middle may be interpolated. A single missing sample is normal: it is still on its way.
     #[must_use]
     pub fn is_partly_extrapolated(&self) -> bool {
         self.outside > self.interval + self.interval
     }
 }
 
-/// What became of an exposure. The path is filled in every case (truth for the ledger).
+/// Result for an exposure. The path is filled in every case (truth for the ledger).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PathOutcome {
     /// Render the path; its `origin` says whether it was interpolated, predicted or held.
@@ -73,7 +73,8 @@ pub enum PathOutcome {
 /// [`JitterHistory::new_track`].
 ///
 /// # Errors
-/// No samples yet, mid-exposure before the history begins, or an exposure time that is no time; `path` is then as before.
+/// When the history is empty, mid-exposure is before the history, or the exposure time is invalid; `path` is then
+/// unchanged.
 pub fn compose(
     history: &AttitudeHistory,
     jitter: &JitterHistory,
@@ -120,7 +121,7 @@ pub fn compose(
     })
 }
 
-/// Returns the time between the samples on both sides of an instant, also where a sample is of that very instant.
+/// Returns the time between the samples before and after an instant, also when a sample has exactly that instant.
 fn interval_at(history: &AttitudeHistory, at: Tai) -> Option<Span> {
     let instants = [at - Span::from_ns(1), at];
     instants.into_iter().find_map(|at| match history.around(at) {
@@ -146,8 +147,8 @@ impl Motion<'_> {
         self.exposure_start + Span::from_s(self.exposure_s)
     }
 
-    /// Returns the rotation vector (body axes, rad) from mid-exposure to `at`; by the state at mid-exposure where the
-    /// history does not reach back that far.
+    /// Returns the rotation vector (body axes, rad) from mid-exposure to `at`; before the start of the history, by the
+    /// state at mid-exposure.
     fn turned_rad(&self, middle: &EstimatedAttitude, at: Tai) -> DVec3 {
         match state_at(self.history, at, self.limits) {
             Ok(there) => middle.state.body_from_icrf.rotation_vector_to(&there.state.body_from_icrf),
@@ -171,7 +172,7 @@ impl Motion<'_> {
         [after.1 - half_acceleration * after.0, half_acceleration * 2.0]
     }
 
-    /// Adds what the quadratic misses to the track, and returns the largest of it, rad.
+    /// Adds the error of the quadratic to the track, and returns its largest value, rad.
     fn add_residual(
         &self,
         middle: &EstimatedAttitude,

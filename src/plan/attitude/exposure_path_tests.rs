@@ -1,4 +1,4 @@
-//! Exposures of analytic motion, seen through the history.
+//! Tests exposures of analytic motion that is sampled into a history.
 
 use super::*;
 use crate::attitude::estimate::StalePolicy;
@@ -9,7 +9,7 @@ use base::axes::Icrf;
 use base::units::{ARCSEC, DEG};
 use core::f64::consts::TAU;
 
-/// Differences of quaternions (1e-16) over half an exposure of 25 ms, squared for the acceleration.
+/// Rounding of quaternion differences (1e-16) over half an exposure of 25 ms, squared for the acceleration.
 const RATE_ROUNDING_RAD_S: f64 = 1e-12;
 const ACCELERATION_ROUNDING_RAD_S2: f64 = 1e-10;
 const ATTITUDE_ROUNDING_RAD: f64 = 1e-14;
@@ -20,7 +20,7 @@ fn ms(t_ms: i64) -> Tai {
     Tai::from_ns(t_ms * 1_000_000)
 }
 
-/// Returns the constant acceleration about one body axis.
+/// Returns a motion of constant acceleration about one body axis.
 fn accelerating(t_s: f64) -> (Rotation<Body, Icrf>, DVec3, DVec3) {
     let (axis, rate, acceleration) = (DVec3::new(0.6, 0.0, 0.8), 2.0 * DEG, 1.0 * DEG);
     let turned = axis * (rate * t_s + 0.5 * acceleration * t_s * t_s);
@@ -156,7 +156,7 @@ fn stopped_stream_is_held_blanked_dropped_or_stopped() {
     assert_eq!(composed(&history, 1000, 0.1, StalePolicy::Stop).0, PathOutcome::Stop { age });
 }
 
-/// Exposures of 200 ms, of samples every 10 ms: one missing at an end is usual, two are reported.
+/// Tests exposures of 200 ms with samples every 10 ms: one missing sample at an end is normal, two are reported.
 #[test]
 fn exposure_is_partly_extrapolated_when_two_samples_are_missing_at_an_end() {
     for (from_ms, until_ms, outside_ms, wanted) in

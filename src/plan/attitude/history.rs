@@ -1,7 +1,7 @@
-//! The samples received lately, in order of epoch.
+//! The most recently received samples, in order of epoch.
 //!
-//! Late samples go to their place; duplicates, stale and future tags, and motion that no spacecraft makes are refused and
-//! counted. Replayed sequence numbers do not come this far: `firmware_protocol` refuses them. The property test
+//! Late samples are inserted in order; duplicates, stale and future tags, and motion that no spacecraft makes are
+//! refused and counted. Replayed sequence numbers are refused earlier, by `firmware_protocol`. The property test
 //! `any_arrival_order_equals_a_sorted_reference` compares it with sorting.
 
 use crate::attitude::error::HistoryReject;
@@ -17,16 +17,16 @@ pub struct AttitudeHistory {
 }
 
 impl AttitudeHistory {
-    /// Returns an empty history; all memory is taken here.
+    /// Returns an empty history; all memory is allocated here.
     #[must_use]
     pub fn new(limits: HistoryLimits) -> Self {
         Self { ring: EpochRing::new(limits), counts: HistoryCounts::default() }
     }
 
-    /// Takes a sample that arrived at `received_at`.
+    /// Inserts a sample that arrived at `received_at`.
     ///
     /// # Errors
-    /// The reason of a refusal, which is also counted.
+    /// The reason of the refusal, which is also counted.
     pub fn insert(&mut self, sample: AttitudeSample, received_at: Tai) -> Result<(), HistoryReject> {
         let place = self.admit(&sample, received_at).map_err(|reject| self.counts.count(reject))?;
         if !self.ring.insert(place, sample.at, sample) {
@@ -49,18 +49,18 @@ impl AttitudeHistory {
         Ok(place)
     }
 
-    /// Forgets all samples, when the flight computer has restarted; the counters stay.
+    /// Removes all samples, after a restart of the flight computer; the counters are kept.
     pub fn clear(&mut self) {
         self.ring.clear();
     }
 
-    /// What was taken and refused so far.
+    /// Returns the counts of accepted and refused samples.
     #[must_use]
     pub fn counts(&self) -> HistoryCounts {
         self.counts
     }
 
-    /// Returns samples held.
+    /// Returns the number of stored samples.
     #[must_use]
     pub fn len(&self) -> usize {
         self.ring.len()
@@ -72,13 +72,13 @@ impl AttitudeHistory {
         self.ring.len() == 0
     }
 
-    /// Returns the sample with the earliest epoch held.
+    /// Returns the stored sample with the earliest epoch.
     #[must_use]
     pub fn oldest(&self) -> Option<&AttitudeSample> {
         self.ring.oldest()
     }
 
-    /// Returns the sample with the latest epoch held.
+    /// Returns the stored sample with the latest epoch.
     #[must_use]
     pub fn newest(&self) -> Option<&AttitudeSample> {
         self.ring.newest()
@@ -171,7 +171,7 @@ mod tests {
         assert_eq!((history.counts().accepted, history.counts().duplicate_epoch), (2, 1));
     }
 
-    /// Both sides of each limit, and a turn that two tags a microsecond apart make impossible.
+    /// Tests both sides of each limit, and a turn that is impossible because its two tags are a microsecond apart.
     #[test]
     fn motion_above_the_limits_is_refused() {
         let axis = DVec3::new(0.6, 0.0, -0.8);
@@ -228,7 +228,7 @@ mod tests {
         assert_eq!(epochs(20), (Some(20), None));
     }
 
-    /// What the history promises, the slow way: sort everything admitted, keep the newest `capacity`.
+    /// Returns the expected history by brute force: sorts everything admitted and keeps the newest `capacity`.
     fn sorted_reference(arrivals: &[(i64, u8, i64)], limits: HistoryLimits) -> Vec<i64> {
         let mut held: Vec<i64> = Vec::new();
         for &(at_ns, _, received_ns) in arrivals {

@@ -4,7 +4,7 @@
 //! `phi` is the cubic with `phi(0) = 0`, `phi(H) = Phi` and the end slopes that the two rates give through the
 //! kinematics of the rotation vector (Bortz 1971):
 //! `phi' = w + phi x w / 2 + k(|phi|) phi x (phi x w)`, `w` in body axes; the rate of the curve comes back by the
-//! inverse relation. Near 180 degrees the two ways round are told apart by the rates.
+//! inverse relation. Near 180 degrees the rates decide between the two directions of rotation.
 //!
 //! *Error.* [`hermite_error_bound_rad`]: `H^4 / 384` times the largest fourth derivative of `phi`.
 //! *Limits.* Less than 270 degrees between samples; the acceleration neglects terms of relative size `|phi|^2 / 12`.
@@ -16,14 +16,14 @@ use base::time::Tai;
 use core::f64::consts::{FRAC_PI_2, TAU};
 use glam::DVec3;
 
-/// Below this angle the closed forms lose digits (`1 - cos x` keeps `eps / x^2`), and three terms of their series
-/// are exact to `x^6 / 10^6`.
+/// Angle below which the closed forms lose digits (`1 - cos x` keeps `eps / x^2`), and three terms of their series are
+/// exact to `x^6 / 10^6`.
 const SERIES_BELOW_RAD: f64 = 1e-2;
 
 /// Returns the state at `at` on the curve between `earlier` and `later`.
 ///
-/// `at` should lie between the two epochs; outside them the cubic is continued. Samples of the same epoch give the
-/// earlier one.
+/// `at` should lie between the two epochs; outside them the cubic is continued. For samples of the same epoch the
+/// earlier one is returned.
 #[must_use]
 pub fn interpolate(earlier: &AttitudeSample, later: &AttitudeSample, at: Tai) -> AttitudeState {
     let h_s = (later.at - earlier.at).s();
@@ -50,8 +50,8 @@ pub fn hermite_error_bound_rad(interval_s: f64, snap_rad_s4: f64) -> f64 {
     interval_s.powi(4) * snap_rad_s4 / 384.0
 }
 
-/// Of the two rotation vectors to one attitude (the other way round is `2 pi` away) the one nearer to what the rates
-/// say. Only from 90 degrees on, so that the longer way stays below 270.
+/// Returns the rotation vector nearer to the one expected from the rates: two vectors, `2 pi` apart, lead to one
+/// attitude. The choice is made from 90 degrees on only, so that the longer one stays below 270.
 fn way_round_nearest(short_way_rad: DVec3, expected_rad: DVec3) -> DVec3 {
     let angle = short_way_rad.length();
     if angle < FRAC_PI_2 {
@@ -65,7 +65,7 @@ fn way_round_nearest(short_way_rad: DVec3, expected_rad: DVec3) -> DVec3 {
     }
 }
 
-/// Value, slope and curvature at `t_s` of the cubic from 0 to `end` in `h_s`.
+/// Returns value, slope and curvature at `t_s` of the cubic from 0 to `end` in `h_s`.
 fn hermite(end: DVec3, start_slope: DVec3, end_slope: DVec3, h_s: f64, t_s: f64) -> [DVec3; 3] {
     let chord = end / h_s;
     let c2 = (chord * 3.0 - start_slope * 2.0 - end_slope) / h_s;
@@ -86,7 +86,7 @@ fn slope_of_rate(phi: DVec3, rate: DVec3) -> DVec3 {
     rate + phi.cross(rate) * 0.5 + phi.cross(phi.cross(rate)) * k
 }
 
-/// `(1 - cos x) / x^2` and `(x - sin x) / x^3`.
+/// Returns `(1 - cos x) / x^2` and `(x - sin x) / x^3`.
 fn kinematic_coefficients(x: f64) -> (f64, f64) {
     let xx = x * x;
     if x < SERIES_BELOW_RAD {
@@ -102,7 +102,7 @@ fn rate_of_slope(phi: DVec3, slope: DVec3) -> DVec3 {
     slope - phi.cross(slope) * b + phi.cross(phi.cross(slope)) * c
 }
 
-/// Returns the derivative of [`rate_of_slope`], with its two coefficients held.
+/// Returns the derivative of [`rate_of_slope`] with its two coefficients kept constant.
 fn acceleration_of_curvature(phi: DVec3, slope: DVec3, curvature: DVec3) -> DVec3 {
     let (b, c) = kinematic_coefficients(phi.length());
     let double_cross = slope.cross(phi.cross(slope)) + phi.cross(phi.cross(curvature));
@@ -117,9 +117,9 @@ mod tests {
     use base::units::{ARCSEC, DEG};
     use core::f64::consts::PI;
 
-    /// f64 rounding of quaternions and of the Hermite sums, as an angle.
+    /// Rounding of f64 quaternions and of the Hermite sums, as an angle.
     const ROUNDING_RAD: f64 = 1e-14;
-    /// Rates come from differences over one interval: rounding over 10 ms.
+    /// Rounding of rates, which come from differences over one interval of 10 ms.
     const ROUNDING_RAD_S: f64 = 1e-11;
 
     fn epoch(t_s: f64) -> Tai {
@@ -159,7 +159,7 @@ mod tests {
         assert!((plain.rate_rad_s - rate).length() < ROUNDING_RAD_S, "{}", plain.rate_rad_s);
     }
 
-    /// Returns a wobble about a fixed axis: analytic attitude and rate.
+    /// Returns attitude and rate of a wobble about a fixed axis in closed form.
     fn wobble(t_s: f64, amplitude_rad: f64, hz: f64) -> AttitudeSample {
         let (sin, cos) = (TAU * hz * t_s).sin_cos();
         let axis = DVec3::new(0.6, 0.0, 0.8);
@@ -167,7 +167,7 @@ mod tests {
         sample(t_s, q, axis * amplitude_rad * TAU * hz * cos)
     }
 
-    /// Returns the largest error over one period, samples every `h_s`.
+    /// Returns the largest error over one period with samples every `h_s`.
     fn wobble_error_rad(amplitude_rad: f64, hz: f64, h_s: f64) -> f64 {
         (0..2000).fold(0.0, |worst, i| {
             let t = f64::from(i) / 2000.0 / hz;
@@ -201,12 +201,13 @@ mod tests {
         assert!(error > 20.0 * hermite_error_bound_rad(h_s, amplitude * TAU.powi(4)), "{} arcsec", error / ARCSEC);
     }
 
-    /// Precession: a cone traced at one rate while spinning at another, so that the axis of rotation moves.
+    /// Returns a sample of precession: a cone traced at one rate while spinning at another, so that the axis of
+    /// rotation moves.
     fn coning(t_s: f64) -> AttitudeSample {
         let (slow, fast) = (DVec3::Z * 0.8, DVec3::new(0.5, 0.0, 0.3));
         let base = Rotation::<Body, Icrf>::from_rotation_vector(slow * t_s);
         let q = base.rotated_by(fast * t_s);
-        // body rate = fast + (slow rewritten into the axes that the fast turn reaches)
+        // Body rate = fast rate + slow rate rotated into the axes that the fast rotation reaches.
         let rate = fast + Rotation::<Body, Body>::from_rotation_vector(fast * t_s).apply(slow);
         sample(t_s, q, rate)
     }

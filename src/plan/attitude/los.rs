@@ -1,10 +1,10 @@
-//! The line of sight during one exposure: what `attitude` hands to `exposure`.
+//! The line of sight during one exposure: the output of `attitude` and input of `exposure`.
 
 use base::axes::{Icrf, Rotation, Sensor};
 use base::time::{Span, Tai};
 use glam::DVec3;
 
-/// Where the attitude of an exposure came from.
+/// Origin of the attitude of an exposure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PathOrigin {
     /// Between two received samples.
@@ -40,13 +40,13 @@ pub struct JitterPoint {
     pub rotation_rad: DVec3,
 }
 
-/// Motion on top of the smooth quadratic: spectral lines plus a polyline through samples (received jitter, and what
-/// of the attitude's own motion a quadratic cannot follow).
+/// Motion on top of the smooth quadratic: spectral lines plus a polyline through samples (received jitter, and the part
+/// of the attitude's own motion that a quadratic cannot follow).
 #[derive(Debug, Clone, PartialEq)]
 pub struct JitterTrack {
     /// Spectral lines.
     pub lines: Vec<JitterLine>,
-    /// Instant at which the lines' phases hold.
+    /// Instant to which the lines' phases refer.
     pub lines_epoch: Tai,
     /// Samples in time order, linear between them, held beyond both ends. Empty: none.
     pub points: Vec<JitterPoint>,
@@ -67,14 +67,14 @@ pub struct LosPath {
     pub acceleration_rad_s2: DVec3,
     /// Jitter during the exposure.
     pub jitter: JitterTrack,
-    /// How the attitude was had.
+    /// Origin of the attitude.
     pub origin: PathOrigin,
     /// Mid-exposure minus the epoch of the newest sample used (negative when interpolated).
     pub horizon: Span,
 }
 
 impl LosPath {
-    /// Becomes the same as `from`, in buffers that are kept.
+    /// Copies `from` into the existing buffers.
     pub fn copy_from(&mut self, from: &Self) {
         let mut jitter = core::mem::replace(&mut self.jitter, JitterTrack::none());
         jitter.lines.clone_from(&from.jitter.lines);
@@ -85,20 +85,20 @@ impl LosPath {
 }
 
 impl JitterTrack {
-    /// No jitter.
+    /// Returns a track without jitter.
     #[must_use]
     pub fn none() -> Self {
         Self { lines: Vec::new(), lines_epoch: Tai::from_ns(0), points: Vec::new() }
     }
 
-    /// Returns whether there is nothing to integrate.
+    /// Returns true without jitter to integrate.
     #[must_use]
     pub fn is_still(&self) -> bool {
         self.lines.is_empty() && self.points.is_empty()
     }
 
-    /// Returns the highest frequency, Hz, of the lines that move anything (0 without lines): quadrature must resolve
-    /// it.
+    /// Returns the highest frequency, Hz, of the lines that are not negligible (0 without lines): quadrature must
+    /// resolve it.
     #[must_use]
     pub fn highest_line_hz(&self) -> f64 {
         let moving = self.lines.iter().filter(|line| line.amplitude_rad.abs().max_element() > NEGLIGIBLE_RAD);
@@ -125,13 +125,13 @@ impl JitterTrack {
     }
 }
 
-/// Lines below this need no nodes of their own, rad (1e-5 arcsec): a table full of them is 2e-3 arcsec.
+/// Amplitude below which lines need no nodes of their own, rad (1e-5 arcsec): a table full of them is 2e-3 arcsec.
 const NEGLIGIBLE_RAD: f64 = 5e-11;
-/// Lines whose sines are made together: a loop over an array this long becomes vector instructions.
+/// Number of lines whose sines are computed together: a loop over an array of this length becomes vector instructions.
 const LANES: usize = 4;
-/// Adding and subtracting it rounds to whole numbers.
+/// Constant whose addition and subtraction rounds to whole numbers.
 const ROUND: f64 = 6_755_399_441_055_744.0;
-/// Taylor's, of `sin x / x - 1` in `x^2`, highest first.
+/// Taylor coefficients of `sin x / x - 1` in `x^2`, highest first.
 const SINE_SERIES: [f64; 9] = [
     -1.0 / 121_645_100_408_832_000.0,
     1.0 / 355_687_428_096_000.0,
@@ -144,9 +144,9 @@ const SINE_SERIES: [f64; 9] = [
     -1.0 / 6.0,
 ];
 
-/// `sin(2 pi turns)` to 3e-16, for up to 1e15 turns: additions and products only, so the same bits on every machine, and
-/// quick (a frame may ask for 200 lines at 4000 instants). Whole turns leave exactly; a quarter turn either way is left
-/// for Taylor's series, whose first term left out is `(pi/2)^21 / 21!` = 3e-16.
+/// Returns `sin(2 pi turns)` to 3e-16, for up to 1e15 turns: additions and products only, so the same bits on every
+/// machine, and fast (a frame may need 200 lines at 4000 instants). Whole turns are removed exactly; the rest within a
+/// quarter turn either way uses Taylor's series, whose first omitted term is `(pi/2)^21 / 21!` = 3e-16.
 fn sines_of_turns<const N: usize>(turns: [f64; N]) -> [f64; N] {
     let mut x = [0.0; N];
     let mut series = [0.0; N];
@@ -175,7 +175,7 @@ pub(super) fn polyline_at(points: &[JitterPoint], at: Tai) -> DVec3 {
 }
 
 impl LosPath {
-    /// Returns a line of sight that stands still, as the user commanded it.
+    /// Returns a static line of sight, as commanded by the user.
     #[must_use]
     pub fn commanded(sensor_from_icrf: Rotation<Sensor, Icrf>, exposure_start: Tai, exposure_s: f64) -> Self {
         Self {
@@ -215,7 +215,7 @@ mod tests {
     use super::*;
     use core::f64::consts::TAU;
 
-    /// Truncation 3e-16, rounding of `2 pi x` and of the sum: 2e-16 each.
+    /// Tolerance: truncation 3e-16, rounding of `2 pi x` and of the sum: 2e-16 each.
     const SINE: f64 = 8e-16;
 
     fn sine_of_turns(turns: f64) -> f64 {

@@ -1,7 +1,7 @@
-//! Errors of the attitude methods found on a motion in closed form, beside their bounds: the data of a chart.
+//! Measures the errors of the attitude methods on a motion in closed form, beside their bounds: the data of a chart.
 //!
 //! Input: an [`AnalyticMotion`] and a list of horizons. Output: [`MeasuredError`]s, the worst of 96 starts over the
-//! longest period and, for the interpolation, of seven places between the samples. Samples are perfect: what is found is
+//! longest period and, for the interpolation, of seven places between the samples. Samples are perfect: the result is
 //! the method's error alone. A worst phase between the starts is missed by at most `1 - cos(pi / 96)`, 0.06 %.
 
 use crate::attitude::history::AttitudeHistory;
@@ -14,9 +14,9 @@ use base::time::{Span, Tai};
 use core::f64::consts::TAU;
 use glam::DVec3;
 
-/// Starts over the longest period.
+/// Number of starts over the longest period.
 const STARTS: u32 = 96;
-/// Parts into which the places between two samples divide their interval.
+/// Number of parts into which the places between two samples divide their interval.
 const PARTS: u32 = 8;
 /// Time zero of every motion.
 const EPOCH: Tai = Tai::from_ns(1_000_000_000_000);
@@ -63,7 +63,7 @@ pub struct MeasuredError {
 }
 
 impl AnalyticMotion {
-    /// Attitude, rate and acceleration at `at`, exact.
+    /// Returns attitude, rate and acceleration at `at`, exact.
     #[must_use]
     pub fn sample_at(&self, at: Tai) -> AttitudeSample {
         let t = (at - EPOCH).s();
@@ -103,7 +103,7 @@ impl AnalyticMotion {
         let mut history = AttitudeHistory::new(HistoryLimits::default());
         let sees_later = method == AttitudeMethod::Interpolation;
         for (seq, at) in (0..).zip([Some(start), sees_later.then_some(start + horizon)].into_iter().flatten()) {
-            // A time that is no later than the sample's own is refused: there is no error at it either.
+            // A time that is not later than the sample's own is refused: the error there is zero as well.
             let _refused = history.insert(AttitudeSample { seq, ..self.sample_at(at) }, at);
         }
         let parts = if sees_later { 1..PARTS } else { PARTS..PARTS + 1 };
@@ -117,7 +117,7 @@ impl AnalyticMotion {
 }
 
 impl SinusoidTurn {
-    /// `inner` turned by this sinusoid at `t` seconds.
+    /// Returns `inner` rotated by this sinusoid at `t` seconds.
     fn applied(&self, inner: &AttitudeSample, t: f64) -> AttitudeSample {
         let (w, amplitude_rad) = (TAU * self.sinusoid.frequency_hz, self.sinusoid.amplitude_rad);
         let (sin, cos) = (w * t + self.phase_rad).sin_cos();
@@ -128,14 +128,14 @@ impl SinusoidTurn {
         AttitudeSample {
             body_from_icrf: inner.body_from_icrf.rotated_by(turn_rad),
             rate_rad_s: turn_rate + rate,
-            // A vector at rest, written in axes that turn, turns the other way.
+            // A constant vector turns the other way when written in rotating axes.
             acceleration_rad_s2: acceleration - turn_rad * (w * w) - turn_rate.cross(rate),
             ..*inner
         }
     }
 }
 
-/// Returns the worst error found and the bound of every method over every horizon, method by method.
+/// Returns the worst measured error and the bound of every method over every horizon, method by method.
 #[must_use]
 pub fn measured_prediction_errors(motion: &AnalyticMotion, horizons_s: &[f64]) -> Vec<MeasuredError> {
     let spread_s = motion.longest_period_s();
@@ -159,7 +159,7 @@ mod tests {
     use super::*;
     use base::units::{ARCSEC, DEG};
 
-    /// Central differences over 0.2 ms: third derivatives here times 1e-8 / 6, and rounding of 1e-16 / 1e-4.
+    /// Error of central differences over 0.2 ms: third derivatives here times 1e-8 / 6, and rounding of 1e-16 / 1e-4.
     const DIFFERENCE: f64 = 1e-8;
     /// f64 rounding of a quaternion seen as an angle.
     const ROUNDING_RAD: f64 = 2e-15;

@@ -1,4 +1,4 @@
-//! The attitude at one instant by a method of choice, and which method is good enough.
+//! The attitude at one instant by a selected method, and which method is good enough.
 //!
 //! Input: a history and an instant; or a [`MotionScale`], the [`Reach`] of the samples and a budget. Output: a state;
 //! or each method's error bound and verdict.
@@ -10,8 +10,8 @@
 //! | `constant-acceleration` | any | its acceleration | `j T^3 / 6` |
 //! | `interpolation` | < 1 rad between samples, sinusoids below half the sample rate | the next sample | `A (w H)^4 / 384` |
 //!
-//! `T` is the time since the sample, `H` the time between samples. The whole bounds are in `method_bound.rs`. Errors of
-//! the samples themselves (noise, wire format, time tags) are in none of them: see
+//! `T` is the time since the sample, `H` the time between samples. The complete bounds are in `method_bound.rs`. They
+//! do not contain errors of the samples themselves (noise, wire format, time tags): see
 //! [`PredictionErrors`](super::PredictionErrors). *Validation.* `tests/physics/attitude_methods.rs`.
 
 use crate::attitude::error::AttitudeError;
@@ -24,7 +24,7 @@ use crate::attitude::sample::AttitudeSample;
 use base::time::{Span, Tai};
 use core::fmt;
 
-/// How the attitude at an instant is made from samples; in the order of what they need.
+/// Method to compute the attitude at an instant from samples, in the order of the data they need.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum AttitudeMethod {
     /// The last sample's attitude.
@@ -37,16 +37,16 @@ pub enum AttitudeMethod {
     Interpolation,
 }
 
-/// How near the samples come to the instant.
+/// Distances of the samples from the instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reach {
     /// Longest time from the last sample at or before the instant to the instant, s.
     pub horizon_s: f64,
-    /// Longest time between the samples on both sides, s; `None` where the later one comes too late.
+    /// Longest time between the samples on both sides, s; `None` when the later one comes too late.
     pub spacing_s: Option<f64>,
 }
 
-/// What was found about one method.
+/// Result of the assessment of one method.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum AttitudeVerdict {
     /// The bound is within the budget.
@@ -56,9 +56,9 @@ pub enum AttitudeVerdict {
         /// Bound over budget.
         times: f64,
     },
-    /// There is no sample after the instant to interpolate to.
+    /// Interpolation needs a sample after the instant, which is missing.
     NeedsLaterSample,
-    /// A sinusoid is faster than half the sample rate: the samples do not show it.
+    /// A sinusoid is faster than half the sample rate, so that the samples do not resolve it.
     FasterThanSamples {
         /// Its frequency, Hz.
         frequency_hz: f64,
@@ -78,7 +78,7 @@ pub struct AttitudeAssessment {
     pub verdict: AttitudeVerdict,
 }
 
-/// Turn between samples up to which the bound of the interpolation holds, rad.
+/// Largest turn between samples for which the bound of the interpolation is valid, rad.
 pub(super) const INTERPOLATION_TURN_MAX_RAD: f64 = 1.0;
 
 impl AttitudeMethod {
@@ -137,7 +137,7 @@ impl fmt::Display for AttitudeMethod {
     }
 }
 
-/// Returns why the bound of the interpolation says nothing about `motion`.
+/// Returns the reason why the bound of the interpolation is not valid for `motion`.
 fn interpolation_refusal(motion: &MotionScale, spacing_s: f64) -> Option<AttitudeVerdict> {
     let frequency_hz = motion.highest_frequency_hz();
     if frequency_hz * spacing_s > 0.5 {
@@ -147,7 +147,7 @@ fn interpolation_refusal(motion: &MotionScale, spacing_s: f64) -> Option<Attitud
     (turn_rad > INTERPOLATION_TURN_MAX_RAD).then_some(AttitudeVerdict::TurnsTooFar)
 }
 
-/// Returns every method against `budget_rad`, in the order of [`AttitudeMethod::ALL`].
+/// Compares every method with `budget_rad`; returns the results in the order of [`AttitudeMethod::ALL`].
 #[must_use]
 pub fn assess_methods(budget_rad: f64, motion: &MotionScale, reach: Reach) -> [AttitudeAssessment; 4] {
     AttitudeMethod::ALL.map(|method| method.assess(budget_rad, motion, reach))
@@ -160,10 +160,10 @@ pub fn cheapest(assessed: &[AttitudeAssessment]) -> Option<AttitudeMethod> {
 }
 
 /// Returns the state at `at` by `method`, from the last sample at or before `at` and, for `Interpolation`, the first
-/// after it. A sample of that very instant is taken as it is.
+/// after it. A sample at exactly that instant is returned unchanged.
 ///
 /// # Errors
-/// No samples, none at or before `at`, or none after it where the method needs one.
+/// When the history is empty, has no sample at or before `at`, or none after it for a method that needs one.
 pub fn state_by(method: AttitudeMethod, history: &AttitudeHistory, at: Tai) -> Result<AttitudeState, AttitudeError> {
     let (earlier, later) = history.around(at);
     let earlier = match (earlier, history.oldest()) {
@@ -180,7 +180,7 @@ pub fn state_by(method: AttitudeMethod, history: &AttitudeHistory, at: Tai) -> R
     }
 }
 
-/// `sample` continued to `at` by one of the methods that need no later sample.
+/// Returns `sample` continued to `at` by one of the methods that need no later sample.
 fn continued(method: AttitudeMethod, sample: &AttitudeSample, at: Tai) -> AttitudeState {
     let from = AttitudeState::from(sample);
     match method {

@@ -18,7 +18,7 @@ use crate::attitude::motion_scale::MotionScale;
 use crate::attitude::predict::PredictionErrors;
 use glam::DVec3;
 
-/// Below this phase the closed forms lose digits (`cos x - 1 + x^2 / 2` keeps `1e-16 / x^4`) and the leading term of
+/// Phase below which the closed forms lose digits (`cos x - 1 + x^2 / 2` keeps `1e-16 / x^4`) and the leading term of
 /// the series, which is never below them, is within 0.1 %.
 const SERIES_BELOW_RAD: f64 = 0.1;
 
@@ -43,34 +43,34 @@ fn sinusoids_rad(motion: &MotionScale, terms: u32, horizon_s: f64) -> f64 {
     motion.sinusoids.iter().map(|s| s.amplitude_rad.abs() * worst(s.angular_rad_s() * horizon_s)).sum()
 }
 
-/// Returns the last attitude, `t` seconds old.
+/// Returns the bound for holding the last attitude, `t` seconds old, rad.
 pub(super) fn hold_rad(motion: &MotionScale, t: f64) -> f64 {
     motion.rate_rad_s * t + sinusoids_rad(motion, 1, t)
 }
 
-/// Returns the last rate, `t` seconds old.
+/// Returns the bound for the last rate, `t` seconds old, rad.
 pub(super) fn constant_rate_rad(motion: &MotionScale, t: f64) -> f64 {
     let unused_acceleration_rad_s2 = motion.acceleration_rad_s2 + motion.coupled_acceleration();
     let errors = PredictionErrors { unused_acceleration_rad_s2, ..Default::default() };
     errors.bound_rad(DVec3::ZERO, DVec3::ZERO, t) + sinusoids_rad(motion, 2, t)
 }
 
-/// Returns the last rate and acceleration, `t` seconds old.
+/// Returns the bound for the last rate and acceleration, `t` seconds old, rad.
 pub(super) fn constant_acceleration_rad(motion: &MotionScale, t: f64) -> f64 {
-    // A parabola that is as steep as the sinusoids goes on to this rate.
+    // A parabola as steep as the sinusoids reaches this rate.
     let tilt_rate = motion.sinusoid_sum(1) + motion.sinusoid_sum(2) * t;
     let smooth_rate = motion.rate_rad_s + motion.acceleration_rad_s2 * t;
     let jerk_rad_s3 = motion.jerk_rad_s3 + motion.coupled_jerk(tilt_rate, smooth_rate);
     let errors = PredictionErrors { jerk_rad_s3, ..Default::default() };
     let body = motion.body_extremes();
-    // Nothing says that rate and acceleration are parallel.
+    // Rate and acceleration need not be parallel.
     let [rate, acceleration] = [DVec3::X * body.rate, DVec3::Y * body.acceleration];
     let next_term = body.rate * t / 4.0 + body.acceleration * t * t / 10.0;
     let commutation = body.rate * body.acceleration * t.powi(3) / 12.0;
     errors.bound_rad(rate, acceleration, t) + commutation * next_term + sinusoids_rad(motion, 3, t)
 }
 
-/// Returns the cubic between samples `h` seconds apart, no more than 1 rad of turn between them.
+/// Returns the bound for the cubic between samples `h` seconds apart, with at most 1 rad of turn between them, rad.
 pub(super) fn interpolation_rad(motion: &MotionScale, h: f64) -> f64 {
     let sinusoid = |amplitude_rad: f64, w: f64| {
         let uncorrelated_rad = amplitude_rad * (2.0 + w * h / 4.0);
@@ -84,8 +84,8 @@ pub(super) fn interpolation_rad(motion: &MotionScale, h: f64) -> f64 {
 /// own.
 fn rotation_vector_jerk(motion: &MotionScale, h: f64) -> f64 {
     let body = motion.body_extremes();
-    // |Bernoulli numbers| / n! give 1 + x / 2 + x^2 / 12 + x^4 / 720 ..; below 1 rad x^2 / 10 covers the rest, and
-    // likewise for the two derivatives.
+    // |Bernoulli numbers| / n! give 1 + x / 2 + x^2 / 12 + x^4 / 720 ..; below 1 rad x^2 / 10 covers the rest, and also
+    // for the two derivatives.
     let x = body.rate * h;
     let [f, slope, curvature] = [1.0 + x / 2.0 + x * x / 10.0, 0.5 + x / 5.0, 0.2];
     let first = f * body.rate;
@@ -93,7 +93,7 @@ fn rotation_vector_jerk(motion: &MotionScale, h: f64) -> f64 {
     let third = f * body.jerk
         + 2.0 * slope * first * body.acceleration
         + (curvature * first * first + slope * second) * body.rate;
-    // The sinusoids' own third derivative was taken with axes at rest: they tilt by g_1 h.
+    // The sinusoids' own third derivative was taken with constant axes: they tilt by g_1 h.
     let own = motion.sinusoid_sum(3);
     (third - own).max(0.0) + motion.sinusoid_sum(1) * h * own
 }
@@ -103,7 +103,7 @@ mod tests {
     use super::*;
     use core::f64::consts::TAU;
 
-    /// Returns the error of `terms` of the Taylor polynomial, the worst of many phases.
+    /// Returns the largest error of `terms` of the Taylor polynomial over many phases.
     fn scanned(terms: u32, x: f64) -> f64 {
         let phases = (0..20_000).map(|i| f64::from(i) / 20_000.0 * TAU);
         let error = |p: f64| {

@@ -48,7 +48,7 @@ fn the_cheapest_that_fits_is_chosen_and_nothing_when_none_does() {
     assert_eq!(choice(0.01), Some(AttitudeMethod::ConstantAcceleration));
     assert_eq!(choice(1e-4), Some(AttitudeMethod::Interpolation));
     assert_eq!(choice(1e-9), None);
-    assert_eq!(choice(f64::NAN), None, "a budget that is no number allows nothing");
+    assert_eq!(choice(f64::NAN), None, "a NaN budget allows nothing");
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Attitude samples -> history -> interpolation or prediction -> [`LosPath`] of one exposure.
 //!
-//! Input: `(AttitudeSample, received_at)` and jitter points, stamped at the link; remote tick counts. Output: the
-//! line of sight of one exposure, with the origin and age of what it is made from. Units: rad, s, TAI.
+//! Input: `(AttitudeSample, received_at)` and jitter points, stamped at the link; remote tick counts. Output: the line
+//! of sight of one exposure, with the origin and age of its data. Units: rad, s, TAI.
 //!
 //! ```text
 //! u32 ticks -> RemoteClock -> Tai                        (remote_clock)
@@ -12,8 +12,8 @@
 //! AnalyticMotion -> errors found beside their bounds      (measured)
 //! ```
 //!
-//! After construction nothing here allocates: rings have a fixed capacity and the caller's buffers are reused.
-//! Refused input is a typed [`HistoryReject`], counted by reason.
+//! After construction nothing here allocates: rings have a fixed capacity and the caller's buffers are reused. Refused
+//! input gives a typed [`HistoryReject`], counted by reason.
 
 mod error;
 mod estimate;

@@ -1,16 +1,16 @@
-//! How fast a motion is: what the error bounds of [`AttitudeMethod`](super::AttitudeMethod) are made from.
+//! Magnitudes of a motion, the input of the error bounds of [`AttitudeMethod`](super::AttitudeMethod).
 //!
 //! Input: the largest rate, acceleration and jerk of a smooth motion, and sinusoids on top of it, each a turn about an
 //! axis fixed in the body. Output: the largest rate, acceleration and jerk of the whole, in body axes.
 //!
 //! *Coupling.* A sinusoid tilts the axes in which the rest of the motion is written. With `g_n = sum A w^n`, the n-th
 //! derivative of that tilt is at most `B_n`: `B_1 = g_1`, `B_2 = g_2 + g_1^2` (complete Bell polynomials, which add
-//! over a chain of turns), and Leibniz' rule gives what it does to the rest. *Limits.* Angles need not be small.
+//! over a chain of turns), and Leibniz' rule gives its effect on the rest. *Limits.* Angles need not be small.
 //! *Validation.* `tests/physics/attitude_methods.rs`, 600 random motions.
 
 use core::f64::consts::TAU;
 
-/// A turn to and fro about an axis fixed in the body.
+/// An oscillation about an axis fixed in the body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sinusoid {
     /// Frequency, Hz.
@@ -49,7 +49,7 @@ pub(super) struct BodyExtremes {
 }
 
 impl MotionScale {
-    /// `sum A w^power` over the sinusoids.
+    /// Returns `sum A w^power` over the sinusoids.
     pub(super) fn sinusoid_sum(&self, power: i32) -> f64 {
         self.sinusoids.iter().map(|s| s.amplitude_rad.abs() * s.angular_rad_s().powi(power)).sum()
     }
@@ -60,20 +60,21 @@ impl MotionScale {
         self.sinusoids.iter().fold(0.0, |highest, s| s.frequency_hz.abs().max(highest))
     }
 
-    /// What the tilt of the axes adds to the acceleration, rad/s^2.
+    /// Returns the contribution of the axes' tilt to the acceleration, rad/s^2.
     pub(super) fn coupled_acceleration(&self) -> f64 {
         let tilt_rate = self.sinusoid_sum(1);
         tilt_rate * (self.rate_rad_s + tilt_rate)
     }
 
-    /// What the tilt of the axes adds to the jerk, rad/s^3, where it tilts at `tilt_rate` and the rest turns at `rate`.
+    /// Returns the contribution of the axes' tilt to the jerk, rad/s^3: they tilt at `tilt_rate`, and the rest turns at
+    /// `rate`.
     pub(super) fn coupled_jerk(&self, tilt_rate: f64, rate: f64) -> f64 {
         let tilt_acceleration = self.sinusoid_sum(2);
         2.0 * tilt_rate * (self.acceleration_rad_s2 + tilt_acceleration)
             + (tilt_acceleration + tilt_rate * tilt_rate) * (rate + tilt_rate)
     }
 
-    /// Returns the smooth motion, sinusoids and coupling together.
+    /// Returns the extremes of the smooth motion, sinusoids and coupling together.
     pub(super) fn body_extremes(&self) -> BodyExtremes {
         let [g1, g2, g3] = [1, 2, 3].map(|power| self.sinusoid_sum(power));
         BodyExtremes {

@@ -1,16 +1,16 @@
-//! Attitude beyond the last sample, from its rate and acceleration, and what that prediction can be wrong by.
+//! Attitude beyond the last sample, from its rate and acceleration, and the error of that prediction.
 //!
 //! *Algorithm.* In the project's passive convention `q(t + T) = exp(-(w T + a T^2 / 2) / 2) * q(t)`: the rotation
-//! vector is the integral of a rate that changes linearly in body axes (first term of the Magnus series). What it
-//! leaves out has the bounds of [`PredictionErrors`]; `errors_stay_within_their_bounds_on_both_sides` holds each
-//! against analytic motion.
+//! vector is the integral of a rate that changes linearly in body axes (first term of the Magnus series). The neglected
+//! effects have the bounds of [`PredictionErrors`]; `errors_stay_within_their_bounds_on_both_sides` compares each with
+//! analytic motion.
 
 use crate::attitude::sample::AttitudeSample;
 use base::axes::{Body, Icrf, Rotation};
 use base::time::{Span, Tai};
 use glam::DVec3;
 
-/// Attitude of the body at one instant, made from samples.
+/// Attitude of the body at one instant, computed from samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AttitudeState {
     /// The instant.
@@ -34,9 +34,9 @@ impl From<&AttitudeSample> for AttitudeState {
     }
 }
 
-/// Returns the state at `at`, trusting the acceleration for `acceleration_horizon` and the rate after that.
+/// Returns the state at `at`, using the acceleration for `acceleration_horizon` and only the rate after that.
 ///
-/// A time before the state's own runs the same equations backwards (no limit on the acceleration there).
+/// For a time before the state's own the same equations run backwards (without limit on the acceleration).
 #[must_use]
 pub fn predict(from: &AttitudeState, at: Tai, acceleration_horizon: Span) -> AttitudeState {
     let trusted_until = from.at + acceleration_horizon;
@@ -59,7 +59,7 @@ fn accelerated(from: &AttitudeState, at: Tai) -> AttitudeState {
 }
 
 /// Returns the state at `at` when the stream stopped at `from`: the rate decays as `exp(-t / rate_decay)`, so the
-/// attitude comes to rest `w * rate_decay` further on. A decay of zero stops it at once.
+/// attitude comes to rest after a further turn of `w * rate_decay`. A decay of zero stops it at once.
 #[must_use]
 pub fn held_state(from: &AttitudeState, at: Tai, rate_decay: Span) -> AttitudeState {
     let (t_s, decay_s) = ((at - from.at).s().max(0.0), rate_decay.s());
@@ -75,10 +75,10 @@ pub fn held_state(from: &AttitudeState, at: Tai, rate_decay: Span) -> AttitudeSt
     }
 }
 
-/// What a prediction over a horizon can be wrong by. Each term bounds one neglected effect; their sum bounds all.
+/// Errors of a prediction over a horizon. Each term bounds one neglected effect; their sum bounds all.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PredictionErrors {
-    /// Acceleration that was not used (constant-rate prediction), rad/s^2: `a T^2 / 2`.
+    /// Acceleration that is not used (constant-rate prediction), rad/s^2: `a T^2 / 2`.
     pub unused_acceleration_rad_s2: f64,
     /// Largest jerk of the true motion, rad/s^3: `j T^3 / 6`.
     pub jerk_rad_s3: f64,
@@ -107,9 +107,10 @@ mod tests {
     use super::*;
     use base::units::{ARCSEC, DEG};
 
-    /// Bounds are the leading terms of series; the next terms are `rate * T` smaller (< 1 % here).
+    /// Factor for the next terms of the series whose leading terms are the bounds: `rate * T` smaller (< 1 % here).
     const NEXT_TERM: f64 = 1.01;
-    /// An error that is below this share of its bound means the bound is idle or the motion is not the worst case.
+    /// Share of its bound that an error must reach: below it the bound is too loose or the motion is not the worst
+    /// case.
     const WORST_CASE_SHARE: f64 = 0.95;
     /// f64 rounding of a quaternion (2^-53) seen as an angle, with a few operations.
     const ROUNDING_RAD: f64 = 2e-15;
@@ -127,7 +128,7 @@ mod tests {
         }
     }
 
-    /// Integrates `w(t) = w0 + a t + j t^2 / 2` (body axes) in small exact steps: the truth.
+    /// Returns the truth: integrates `w(t) = w0 + a t + j t^2 / 2` (body axes) in small exact steps.
     fn integrated(from: &AttitudeState, jerk_rad_s3: DVec3, t_s: f64) -> Rotation<Body, Icrf> {
         let steps = 4000;
         let h = t_s / f64::from(steps);

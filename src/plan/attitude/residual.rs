@@ -1,9 +1,10 @@
-//! What of the attitude's motion the quadratic of a [`LosPath`](super::LosPath) cannot follow, added to its polyline.
+//! The part of the attitude's motion that the quadratic of a [`LosPath`](super::LosPath) cannot follow, added to its
+//! polyline.
 //!
-//! Input: the estimated attitude over the exposure. Output: knots in the jitter track. Short exposures need none; a long
-//! one under attitude control (a 1 s exposure, a 2 Hz limit cycle) has most of its motion here. The knots are close
-//! enough that straight lines between them miss a residual of one or two lobes by less than the tolerance (a sine of
-//! amplitude R over 1.5 periods in K segments misses by `R (3 pi / K)^2 / 8`; K = 4 sqrt(R / tolerance) gives 0.7
+//! Input: the estimated attitude over the exposure. Output: knots in the jitter track. Short exposures need none; a
+//! long one under attitude control (a 1 s exposure, a 2 Hz limit cycle) has most of its motion here. The knots are
+//! close enough that straight lines between them miss a residual of one or two lobes by less than the tolerance (a sine
+//! of amplitude R over 1.5 periods in K segments misses by `R (3 pi / K)^2 / 8`; K = 4 sqrt(R / tolerance) gives 0.7
 //! tolerances); `long_exposures_follow_a_limit_cycle` checks it.
 
 use crate::attitude::los::{JitterPoint, JitterTrack, polyline_at};
@@ -11,11 +12,11 @@ use base::time::{Span, Tai};
 use base::units::ARCSEC;
 use glam::DVec3;
 
-/// Most knots added to one exposure.
+/// Largest number of knots added to one exposure.
 pub(super) const KNOTS_MAX: usize = 129;
-/// Probes for the size of the residual: six per lobe of a cubic or quartic one.
+/// Number of probes for the size of the residual: six per lobe of a cubic or quartic one.
 const PROBES: i32 = 24;
-/// Residuals below this are not worth a knot: a tenth of the default line-of-sight budget.
+/// Residual below which no knots are added: a tenth of the default line-of-sight budget.
 pub(super) const RESIDUAL_TOLERANCE_RAD: f64 = 0.01 * ARCSEC;
 
 /// Returns the largest residual, rad, among equally spaced probes from `from` to `until`.
@@ -25,7 +26,7 @@ pub(super) fn largest_rad(from: Tai, until: Tai, residual_at: impl Fn(Tai) -> DV
     (0..=PROBES).map(probe).fold(0.0, f64::max)
 }
 
-/// Adds the residual to the track's polyline: at its own points, and at as many knots as `largest_rad` needs.
+/// Adds the residual to the track's polyline: at the track's own points, and at as many knots as `largest_rad` needs.
 pub(super) fn add_knots(
     track: &mut JitterTrack,
     from: Tai,

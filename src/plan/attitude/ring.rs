@@ -7,10 +7,10 @@ use crate::attitude::error::HistoryReject;
 use base::time::{Span, Tai};
 use std::collections::VecDeque;
 
-/// What a history holds and believes.
+/// Capacity and time limits of a history.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct HistoryLimits {
-    /// Most samples held; the oldest leaves first. At least 2.
+    /// Largest number of samples; the oldest is removed first. At least 2.
     pub capacity: usize,
     /// Oldest epoch accepted, before the receive time.
     pub max_age: Span,
@@ -19,18 +19,18 @@ pub struct HistoryLimits {
 }
 
 impl Default for HistoryLimits {
-    /// 1024 samples (10 s at 100 Hz), 1 s old at most, 100 ms ahead at most.
+    /// Returns 1024 samples (10 s at 100 Hz), at most 1 s old, at most 100 ms ahead.
     fn default() -> Self {
         Self { capacity: 1024, max_age: Span::from_ms(1000), max_lead: Span::from_ms(100) }
     }
 }
 
-/// How many samples were taken, and how many refused for which reason.
+/// Counts of accepted samples, and of refused ones by reason.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct HistoryCounts {
-    /// Taken (in order or not).
+    /// Accepted (in order or not).
     pub accepted: u64,
-    /// Taken, but older than the newest held at that time.
+    /// Accepted, but older than the newest stored one at that time.
     pub out_of_order: u64,
     /// Refused: [`HistoryReject::DuplicateEpoch`].
     pub duplicate_epoch: u64,
@@ -47,7 +47,7 @@ pub struct HistoryCounts {
 }
 
 impl HistoryCounts {
-    /// Returns all refusals together.
+    /// Returns the number of all refusals.
     #[must_use]
     pub fn refused(&self) -> u64 {
         self.duplicate_epoch + self.stale + self.future + self.not_finite + self.too_fast + self.older_than_history
@@ -67,7 +67,7 @@ impl HistoryCounts {
     }
 }
 
-/// Values in strictly ascending order of epoch, never more than the capacity.
+/// Values in strictly ascending order of epoch, at most the capacity.
 #[derive(Debug, Clone)]
 pub(super) struct EpochRing<T> {
     slots: VecDeque<(Tai, T)>,
@@ -98,7 +98,7 @@ impl<T: Copy> EpochRing<T> {
         Ok(place)
     }
 
-    /// Inserts at a place that [`Self::admit`] gave; true when the value is now the newest.
+    /// Inserts at a place that [`Self::admit`] returned; returns true when the value is now the newest.
     pub(super) fn insert(&mut self, place: usize, at: Tai, value: T) -> bool {
         let is_newest = place == self.slots.len();
         let full = self.slots.len() >= self.limits.capacity;
@@ -129,7 +129,7 @@ impl<T: Copy> EpochRing<T> {
         self.slots.back().map(|(_, value)| value)
     }
 
-    /// Returns how many values have an epoch of `at` or earlier: also the place of the first later one.
+    /// Returns the number of values with an epoch of `at` or earlier, which is also the place of the first later one.
     pub(super) fn count_until(&self, at: Tai) -> usize {
         self.slots.partition_point(|(epoch, _)| *epoch <= at)
     }

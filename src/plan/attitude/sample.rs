@@ -1,4 +1,4 @@
-//! One attitude as the flight computer sent it.
+//! One attitude as sent by the flight computer.
 
 use base::axes::{Body, Icrf, Rotation};
 use base::time::Tai;
@@ -20,16 +20,16 @@ pub struct AttitudeSample {
     pub acceleration_rad_s2: DVec3,
 }
 
-/// Fastest turn that is taken as a spacecraft's attitude, rad/s: 1000 deg/s, beyond what a star sensor follows.
+/// Fastest turn that is accepted as a spacecraft's attitude, rad/s: 1000 deg/s, beyond what a star sensor follows.
 pub const MOST_RATE_RAD_S: f64 = 1000.0 * DEG;
-/// Largest angular acceleration that is taken, rad/s^2: 10,000 deg/s^2. Actuators stay far below it; a vibration of 80 arcsec
-/// at 50 Hz has 2,200.
+/// Largest angular acceleration that is accepted, rad/s^2: 10,000 deg/s^2. Actuators stay far below it; a vibration of
+/// 80 arcsec at 50 Hz has 2,200.
 pub const MOST_ACCELERATION_RAD_S2: f64 = 10_000.0 * DEG;
-/// Noise of attitudes and of their time tags that is no turn, rad: 3.4 arcmin.
+/// Tolerance for noise of attitudes and of their time tags, rad: 3.4 arcmin.
 const TURN_NOISE_RAD: f64 = 1e-3;
 
 impl AttitudeSample {
-    /// Returns true when every rate and acceleration is a number.
+    /// Returns true when every rate and acceleration is finite.
     pub(super) fn is_finite(&self) -> bool {
         self.rate_rad_s.is_finite() && self.acceleration_rad_s2.is_finite()
     }

@@ -1,4 +1,4 @@
-//! Choosing among methods that have been weighed, class of stars by class.
+//! Chooses among weighed methods, class of stars by class.
 
 mod weighing;
 
@@ -21,59 +21,59 @@ use crate::optics::PsfModel;
 use base::accuracy::AccuracyBudget;
 use rayon::prelude::*;
 
-/// Centroid error a table of [`TABLE_ERROR`] leaves, px (measured at most 3e-5 for sigma 0.3 to 1.2).
+/// Centroid error of a table of [`TABLE_ERROR`], px (measured at most 3e-5 for sigma 0.3 to 1.2).
 const TABLE_CENTROID_PX: f64 = 1e-4;
 /// Rounding of single-precision drawing, px.
 const F32_CENTROID_PX: f64 = 5e-6;
-/// Bias of the single-precision error function in a star's sum.
+/// Flux bias of the single-precision error function.
 const F32_FLUX: f64 = 1e-6;
-/// Rounding of one addition in single precision; sums over nodes wander as the root of their number, and a little more:
-/// the light of neighbouring nodes is rounded alike (measured 1.1e-7 with 32,768 nodes; doubled).
+/// Rounding of one addition in single precision. The error of sums over nodes grows as the root of their number, and
+/// slightly more, because neighbouring nodes have similar rounding (measured 1.1e-7 with 32,768 nodes; doubled).
 const F32_ROUNDING: f64 = 2.4e-7;
 /// Steepest slope of a Gaussian, peaks per sigma: `exp(-1/2)`.
 const STEEPEST: f64 = 0.607;
-/// Side of the square that holds a star's core, sigma.
+/// Side of the square that contains a star's core, sigma.
 const CORE_SIGMAS: f64 = 2.5;
-/// Between probes the mean may be off by more than at the checks.
+/// Safety factor: the error between probes can exceed the error at the check points.
 const BETWEEN_CHECKS: f64 = 2.0;
-/// Most nodes it gives to jitter, on the frame path.
+/// Largest number of nodes for jitter on the frame path.
 const MOST_JITTER_NODES: usize = 1024;
-/// Row bands that are tried under a rolling shutter.
+/// Numbers of row bands that are tried under a rolling shutter.
 const BANDS: [usize; 4] = [1, 4, 16, 64];
-/// Share of the budget that the windows of a band's rows may differ by.
+/// Share of the budget by which the windows of a band's rows may differ.
 const BAND_SHARE: f64 = 0.15;
-/// A tracker uses stars whose brightest pixel stands this many sigma above the noise floor.
+/// Threshold of a tracker, sigma: it uses stars whose brightest pixel is this far above the noise floor.
 const TRACKED_SIGMA: f64 = 3.0;
-/// Classes of stars differ by this factor in brightness.
+/// Brightness factor between classes of stars.
 const CLASS_STEP: f64 = 8.0;
-/// Classes of stars at most.
+/// Largest number of classes of stars.
 const CLASSES: usize = 3;
-/// Stars that methods are tried on where no bound is inside the budget, and where a frame has its time.
+/// Number of stars on which methods are tried when no bound is inside the budget and the frame has time.
 const TRIED: usize = 9;
 const TRIED_IN_TIME: usize = 3;
-/// Multiples of the budget: what is reported at least of an error that is over it by its bound alone, and what a tried
-/// error is surely inside, whatever is added to it.
+/// Multiples of the budget: a lower limit for the report of an error whose bound exceeds the budget, and the margin
+/// within which a tried error certainly fits, with all additions.
 const SURELY_OVER: f64 = 1.2;
 const SURELY_INSIDE: f64 = 0.7;
-/// Relative flux error of a list of nodes that was tried: dots lose what lies between windows.
+/// Relative flux error of a tried list of nodes: dots lose light between windows.
 const TRIED_FLUX: f64 = 1e-4;
-/// Error of a pixel in the wings of a star, of the star's peak: single-precision error functions near 1 (measured 1e-7
-/// to 3e-7 on the CPU, up to 7e-7 on a GPU).
+/// Error of a pixel in the wings of a star, relative to the star's peak: single-precision error functions near 1
+/// (measured 1e-7 to 3e-7 on the CPU, up to 7e-7 on a GPU).
 const F32_WING: f64 = 5e-7;
-/// Stars one thread counts at a time.
+/// Number of stars one thread counts at a time.
 const COUNTED_TOGETHER: usize = 16_384;
 
-/// A method and the error of its nodes, whatever the stars.
+/// A method and the error of its nodes for any star.
 #[derive(Debug, Clone, Copy)]
 struct Weighed {
     method: Method,
     error: NodeError,
     verdict: Option<Verdict>,
-    /// What it errs by on some of the frame's stars, where no bound was inside the budget.
+    /// Its error on some of the frame's stars, when no bound was inside the budget.
     tried: Option<TriedError>,
 }
 
-/// Weighs and chooses; keeps its buffers.
+/// Weighs and chooses methods; keeps its buffers.
 #[derive(Debug)]
 pub(super) struct Chooser {
     instrument: Instrument,
@@ -84,39 +84,39 @@ pub(super) struct Chooser {
     sampling: SamplingError,
     scales: Scales,
     lists: Vec<Vec<PathNode>>,
-    /// Room for the dense nodes of one row.
+    /// Buffer for the dense nodes of one row.
     dense: Vec<PathNode>,
     weighed: Vec<Weighed>,
-    /// Errors that every method has.
+    /// Errors common to all methods.
     common: NodeError,
     /// Flux error of a rolling shutter.
     rolling_flux: f64,
     bands: usize,
     /// Error of one list for all rows under a rolling shutter.
     one_band: NodeError,
-    /// Stars of the frame.
+    /// Number of stars of the frame.
     stars: usize,
     moves: bool,
     trial: Trial,
-    /// Methods in the order in which they are tried.
+    /// Methods in the order of trials.
     order: Vec<usize>,
-    /// The methods have been tried on some of the frame's stars.
+    /// True when the methods have been tried on some of the frame's stars.
     is_tried: bool,
-    /// What is found on a few stars may stand for all: the motion is smooth, and the planner chooses. A method that was
-    /// asked for, and any method for another motion, is inside the budget by its bound or not at all.
+    /// True when results on a few stars count for all, because the motion is smooth and the planner chooses. A method
+    /// selected by the user, and any method for another motion, must be inside the budget by its bound.
     accepts_tried: bool,
-    /// The backend integrates the exact path, whatever the method.
+    /// True when the backend integrates the exact path with any method.
     is_exact: bool,
     /// Share of a star's light in the brightest pixel outside its footprint.
     rim_share: f64,
-    /// Weigh every method.
+    /// True when every method is weighed.
     pub(super) is_thorough: bool,
-    /// Time for drawing, ms (infinite: as long as it takes).
+    /// Time for drawing, ms (infinite: no limit).
     pub(super) limit_ms: f64,
 }
 
 impl Chooser {
-    /// For one instrument, budget and backend.
+    /// Returns a chooser for one instrument, budget and backend.
     #[must_use]
     pub(super) fn new(
         instrument: &Instrument,
@@ -153,13 +153,13 @@ impl Chooser {
         }
     }
 
-    /// For a backend that integrates every star's exact path in footprints of `half_px`.
+    /// Sets a backend that integrates every star's exact path in footprints of `half_px`.
     pub(super) fn draw_exactly(&mut self, half_px: usize) {
         self.is_exact = true;
         self.half_px = half_px;
     }
 
-    /// Errors that every method has: the mean field's, the dense list's own, a rolling shutter's.
+    /// Measures the errors common to all methods: of the mean field, of the dense list, of a rolling shutter.
     pub(super) fn measure(&mut self, motion: &Motion, probes: &Probes, means: &MeanField) {
         self.common = NodeError::default();
         self.rolling_flux = 0.0;
@@ -186,7 +186,7 @@ impl Chooser {
         }
     }
 
-    /// The fewest bands of rows whose stars may share a list.
+    /// Chooses the smallest number of bands of rows whose stars may share a list.
     fn choose_bands(&mut self, motion: &Motion, probes: &Probes) {
         let mut error = NodeError::default();
         for bands in BANDS {
@@ -207,7 +207,7 @@ impl Chooser {
     fn band_error(&mut self, motion: &Motion, probes: &Probes, bands: usize) -> NodeError {
         let height = self.instrument.camera.height_px();
         let half_s = 0.5 * self.instrument.shutter.line_s() * height as f64 / bands as f64;
-        // Listed positions are all there is; other paths are compared well enough by so many samples.
+        // Listed positions are complete; for other paths this number of samples is enough for the comparison.
         let listed = matches!(motion.image_path, Some(PixelPath::Samples(_)));
         let count = if listed { probes.dense().len() } else { probes.dense().len().clamp(64, 1024) };
         let mut worst = NodeError::default();
@@ -229,7 +229,7 @@ impl Chooser {
         worst
     }
 
-    /// Chooses a method for every class of stars of `plan`, on a rung of the ladder.
+    /// Chooses a method for every class of stars of `plan`, at a degradation level.
     pub(super) fn choose(
         &mut self,
         plan: &mut ExposurePlan,
@@ -280,8 +280,8 @@ impl Chooser {
         }
     }
 
-    /// Tries the methods on some of the plan's stars, cheapest first, until one is inside the budget; what cannot be
-    /// the least wrong one is left at its bound.
+    /// Tries the methods on some of the plan's stars, cheapest first, until one is inside the budget; a method that
+    /// cannot be the best keeps its bound.
     fn try_methods(&mut self, plan: &ExposurePlan, all: &StarClass, budget: &AccuracyBudget, probes: &Probes) {
         self.is_tried = true;
         let sigma_px = self.instrument.psf.core_sigma_px();
@@ -312,8 +312,9 @@ impl Chooser {
         (self.trial, self.order) = (trial, order);
     }
 
-    /// With what the wings of a star err by, where that is more; no method changes it: what its footprint leaves out, and
-    /// single precision. Both grow with all of its light, though an overexposed star's core cannot be seen.
+    /// Adds the error in the wings of a star if it is larger. It is the same for all methods: light outside the
+    /// footprint, and single precision. Both grow with all of the star's light, though an overexposed star's core
+    /// saturates.
     fn with_wings(&self, assessment: Assessment, brightest_e: f64, budget: &AccuracyBudget) -> Assessment {
         let Instrument { psf, full_well_e, read_noise_e_rms, .. } = &self.instrument;
         let rim_e = (brightest_e * self.rim_share).min(*full_well_e);
@@ -364,12 +365,12 @@ impl Chooser {
         }
     }
 
-    /// Returns electrons of a star that fills its brightest pixel: errors of brighter ones are no larger.
+    /// Returns the electrons of a star that saturates its brightest pixel: errors of brighter stars are not larger.
     fn saturating_e(&self) -> f64 {
         self.instrument.full_well_e / self.instrument.psf.peak()
     }
 
-    /// Returns the cheapest method for one class that is inside the budget; without one, the least wrong one of those
+    /// Returns the cheapest method for one class that is inside the budget; without one, the most accurate one of those
     /// that fit the time, or of all. Its cost is that of its stars.
     fn best(
         &self,
@@ -402,12 +403,12 @@ impl Chooser {
         StarClass { chosen, bands: if chosen.method.kernels() > 0 { 1 } else { self.bands }, ..*class }
     }
 
-    /// Returns whether the user fixed the method.
+    /// Returns true when the user fixed the method.
     pub(super) fn is_fixed(&self) -> bool {
         matches!(self.choice, MethodChoice::Fixed(..))
     }
 
-    /// Returns how many of the plan's stars fit `limit_ms` with the method that the plan has now.
+    /// Returns how many of the plan's stars fit `limit_ms` with the present method of the plan.
     #[must_use]
     pub(super) fn stars_within(&self, plan: &ExposurePlan, limit_ms: f64) -> usize {
         let pixels = self.instrument.camera.width_px() * self.instrument.camera.height_px();
@@ -426,15 +427,15 @@ impl Chooser {
         let psf = &self.instrument.psf;
         let whole_e = brightest_e * psf.peak();
         let peak_e = whole_e.min(self.instrument.full_well_e);
-        // Errors are largest on the flanks: a quarter of the smeared peak's light is there at least.
+        // Errors are largest on the flanks, which have at least a quarter of the smeared peak's light.
         let light_e = 0.25 * peak_e * light_share(CORE_SIGMAS * psf.core_sigma_px(), probes);
         let noise_e = light_e.sqrt().hypot(self.instrument.read_noise_e_rms).max(1.0);
-        // Where an overexposed star's light falls below saturation, it is steeper than at its peak.
+        // At the edge of its saturated core an overexposed star is steeper than near its peak.
         let steeper = (0.5 * (whole_e / peak_e).ln()).max(1.0);
         peak * peak_e * steeper / noise_e
     }
 
-    /// Returns whether a tracker uses stars of this brightness.
+    /// Returns true when a tracker uses stars of this brightness.
     fn is_tracked(&self, brightest_e: f64) -> bool {
         brightest_e * self.instrument.psf.peak() >= TRACKED_SIGMA * self.instrument.read_noise_e_rms.max(1.0)
     }
@@ -443,8 +444,8 @@ impl Chooser {
         Load { psf: &self.instrument.psf, half_px: self.half_px, extent_px, stars, moves: self.moves }
     }
 
-    /// Returns bounds of a method for one class of stars, or what it was found to err by; its cost is that of the
-    /// class's stars. With it, the largest error as a multiple of the budget, pixels beyond a star's peak included.
+    /// Returns the bounds, or the tried errors, of a method for one class of stars; its cost is that of the class's
+    /// stars. Returns with it the largest error as a multiple of the budget, including pixels beyond a star's peak.
     fn assess(
         &self,
         weighed: &Weighed,
@@ -457,7 +458,7 @@ impl Chooser {
         let psf = &self.instrument.psf;
         let tabulated = method.kernels() > 0 || !psf.is_gaussian() || self.half_px > ANALYTIC_HALF_PX;
         let (drawn_px, drawn_peak) = if tabulated { (TABLE_CENTROID_PX, TABLE_ERROR) } else { (F32_CENTROID_PX, 0.0) };
-        // Without probes nothing is known of the motion, and nothing is promised.
+        // Without probes the motion is unknown, so no bound can be given.
         let unknown_px = if probes.probes.len() < SIDE * SIDE { f64::INFINITY } else { 0.0 };
         let rim_px = self.rim_error_px(extent_px);
         let mut centroid_px =
@@ -469,7 +470,7 @@ impl Chooser {
             let found = tried.reported();
             let found_px = found.centroid_px + self.sampling.centroid_px + rim_px + drawn_px + unknown_px;
             let found_sigma = found.pixel_sigma + sigma_of(self.sampling.peak + drawn_peak);
-            // Where a sample is not taken for a bound, what is over the budget by its bound stays over it.
+            // Where samples do not replace bounds, an error with its bound over the budget stays over it.
             let least = if self.accepts_tried { 0.0 } else { SURELY_OVER };
             centroid_px = centroid_px.min(found_px.max(least * MOTION_SHARE * budget.centroid_px));
             pixel_sigma = pixel_sigma.min(found_sigma.max(least * budget.pixel_sigma));
@@ -496,7 +497,7 @@ impl Chooser {
         (Assessment { method, centroid_px, flux_rel, pixel_sigma, cost_ms, verdict }, excess)
     }
 
-    /// Returns the centroid error of light that the footprint drops, px: none while the footprint's rim stays outside
+    /// Returns the centroid error by the light outside the footprint, px: none while the footprint's rim stays outside
     /// the window.
     fn rim_error_px(&self, extent_px: f64) -> f64 {
         let rim_px = self.half_px as f64 - 0.5 - extent_px;
@@ -504,21 +505,21 @@ impl Chooser {
     }
 }
 
-/// Returns the share of a star's light in the brightest pixel outside a footprint of `half_px`, wherever in its pixel
-/// it stands.
+/// Returns the share of a star's light in the brightest pixel outside a footprint of `half_px`, for the worst position
+/// of the star in its pixel.
 fn rim_share(psf: &PsfModel, half_px: usize) -> f64 {
     psf.nodes().iter().map(|psf| psf.pixel(half_px as f64 + 0.5, 0.0)).fold(0.0, f64::max)
 }
 
 impl Weighed {
-    /// Returns whether it is drawn from nodes that are known before the plan is made.
+    /// Returns true when it is drawn from nodes that are known before the plan is made.
     fn can_be_tried(&self) -> bool {
         self.verdict.is_none() && !matches!(self.method, Method::ZonalPsf { .. })
     }
 }
 
 impl TriedError {
-    /// Returns the larger of both errors as a multiple of the budget, centroids where stars `is_tracked`.
+    /// Returns the larger of both errors as a multiple of the budget; centroids count for stars that are tracked.
     fn excess(&self, budget: &AccuracyBudget, is_tracked: bool) -> f64 {
         let Self { centroid_px, pixel_sigma } = self.reported();
         let of_centroid = if is_tracked { centroid_px / (MOTION_SHARE * budget.centroid_px) } else { 0.0 };
@@ -526,7 +527,8 @@ impl TriedError {
     }
 }
 
-/// Of every class, brightest first, its stars and the electrons of the brightest; each begins at its `faintest_e`.
+/// Returns for every class, brightest first, its stars and the electrons of the brightest; each starts at its
+/// `faintest_e`.
 fn count_classes(stars: &[PlannedStar], faintest_e: [f64; CLASSES]) -> [(usize, f64); CLASSES] {
     let and = |mut all: [(usize, f64); CLASSES], more: [(usize, f64); CLASSES]| {
         for (class, more) in all.iter_mut().zip(more) {
@@ -544,8 +546,8 @@ fn count_classes(stars: &[PlannedStar], faintest_e: [f64; CLASSES]) -> [(usize, 
     stars.par_chunks(COUNTED_TOGETHER).map(count).reduce(|| [(0, 0.0); CLASSES], and)
 }
 
-/// What the planner's own list of nodes leaves out, relative to its PSF: pairs `h` apart on average and up to `pi / 2`
-/// times further where a sinusoid is fast err by `(h / sigma)^4 / 270`.
+/// Returns the error of the planner's own list of nodes, relative to its PSF: pairs `h` apart on average and up to `pi
+/// / 2` times further where a sinusoid is fast have an error of `(h / sigma)^4 / 270`.
 fn dense_error(motion: &Motion, probes: &Probes, sigma_px: f64) -> f64 {
     if motion.is_smooth() || matches!(motion.image_path, Some(PixelPath::Samples(_))) {
         return 0.0;

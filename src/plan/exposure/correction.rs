@@ -2,7 +2,7 @@
 
 use crate::exposure::probes::SIDE;
 
-/// Corrections below this are nothing, px.
+/// Corrections below this are neglected, px.
 const NOTHING_PX: f64 = 1e-9;
 
 /// Displacements at the probes, px.
@@ -14,20 +14,21 @@ pub struct Correction {
 }
 
 impl Correction {
-    /// Through `values` at the probes (row by row) of a detector whose last pixel is at `size_px`.
+    /// Returns the correction through `values` at the probes (row by row) of a detector whose last pixel is at
+    /// `size_px`.
     #[must_use]
     pub fn through(size_px: [f64; 2], values: [[f64; 2]; SIDE * SIDE]) -> Self {
         let is_nothing = values.iter().flatten().all(|v| v.abs() <= NOTHING_PX);
         Self { size_px, values, is_nothing }
     }
 
-    /// No displacement anywhere.
+    /// Returns a correction of zero.
     #[must_use]
     pub fn none() -> Self {
         Self { size_px: [1.0; 2], values: [[0.0; 2]; SIDE * SIDE], is_nothing: true }
     }
 
-    /// At `px`.
+    /// Returns the displacement at `px`.
     #[inline]
     #[must_use]
     pub fn at(&self, px: [f64; 2]) -> [f64; 2] {
@@ -48,7 +49,7 @@ impl Correction {
 }
 
 impl Correction {
-    /// Adds what there is at eight places to eight others, by component.
+    /// Adds the displacements at eight places to eight values, by component.
     #[inline(always)]
     pub(super) fn add_to_eight(&self, px: &[[f64; 8]; 2], to: &mut [[f64; 8]; 2]) {
         if self.is_nothing {
@@ -72,7 +73,7 @@ impl Correction {
     }
 }
 
-/// Returns the lagrange weights at `t` for points at -1, 0, 1.
+/// Returns the Lagrange weights at `t` for points at -1, 0, 1.
 #[inline(always)]
 #[must_use]
 pub fn quadratic(t: f64) -> [f64; 3] {

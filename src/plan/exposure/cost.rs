@@ -1,8 +1,8 @@
-//! What a frame costs, from a handful of constants per backend.
+//! Predicts the time of a frame from a few constants per backend.
 //!
-//! In: method, number of stars, sizes. Out: ms of planning and drawing. The defaults were measured on a two-core AVX-512 machine (guide, accuracy_and_speed.md);
-//! `starloop calibrate` measures those of the machine at hand. They order the methods, and give `check` and the
-//! degradation ladder their prediction.
+//! In: method, number of stars, sizes. Out: ms of planning and drawing. The defaults were measured on a two-core
+//! AVX-512 machine (guide, accuracy_and_speed.md); `starloop calibrate` measures those of the present machine. They
+//! order the methods, and are the prediction used by `check` and the degradation levels.
 
 use crate::exposure::method::Method;
 use crate::exposure::sampling::{oversampling, table_images};
@@ -13,40 +13,41 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CostModel {
-    /// Per frame, whatever is in it, ms.
+    /// Constant time per frame, ms.
     pub frame_ms: f64,
-    /// Per pixel of the detector: cleared and written, ns.
+    /// Time per pixel of the detector to clear and write it, ns.
     pub pixel_ns: f64,
-    /// Per star: placed, planned, sorted, ns.
+    /// Time per star to place, plan and sort it, ns.
     pub star_ns: f64,
-    /// Per frame in which something moves: methods are weighed, ms.
+    /// Additional time per frame with motion, to weigh methods, ms.
     pub motion_ms: f64,
-    /// Per star when something moves: its mean place, ns.
+    /// Additional time per star with motion, for its mean place, ns.
     pub motion_star_ns: f64,
-    /// Per star and node of an analytic (Gaussian) PSF, ns.
+    /// Time per star and node of an analytic (Gaussian) PSF, ns.
     pub splat_ns: f64,
-    /// Per star and pixel of a kernel's padded rows, ns.
+    /// Time per star and pixel of a kernel's padded rows, ns.
     pub table_pixel_ns: f64,
-    /// Per star, node and pixel of the padded rows of a table of the PSF itself (wider, further from the cache), ns.
+    /// Time per star, node and pixel of the padded rows of a table of the PSF itself (wider, further from the cache),
+    /// ns.
     pub base_pixel_ns: f64,
-    /// Per node and grid point while an effective PSF is built, ns.
+    /// Time per node and grid point to build an effective PSF, ns.
     pub kernel_node_ns: f64,
-    /// Per entry of an effective PSF's images, whatever the nodes, ns.
+    /// Time per entry of an effective PSF's images for any number of nodes, ns.
     pub kernel_entry_ns: f64,
-    /// Kernels that are built side by side.
+    /// Number of kernels that are built in parallel.
     pub threads: f64,
-    /// Per pixel of the detector's noise and conversion, ns.
+    /// Time per pixel for the detector's noise and conversion, ns.
     pub readout_pixel_ns: f64,
 }
 
-/// What is to be drawn, as far as its cost goes.
+/// Properties of the stars to be drawn that determine their cost.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Load<'a> {
     /// The PSF.
     pub psf: &'a PsfModel,
     /// Footprint half-width, px.
     pub half_px: usize,
-    /// What the path adds to every side of a kernel, px.
+    /// Length that the path adds to every side of a kernel, px.
     pub extent_px: f64,
     /// Stars.
     pub stars: usize,
@@ -55,7 +56,7 @@ pub struct Load<'a> {
 }
 
 impl CostModel {
-    /// CPU backend, two cores.
+    /// Constants of the CPU backend, two cores.
     pub const CPU: Self = Self {
         frame_ms: 0.0,
         pixel_ns: 0.08,
@@ -70,7 +71,7 @@ impl CostModel {
         threads: 2.0,
         readout_pixel_ns: 2.6,
     };
-    /// GPU backend on software Vulkan, two cores.
+    /// Constants of the GPU backend on software Vulkan, two cores.
     pub const SOFTWARE_GPU: Self = Self {
         frame_ms: 0.3,
         pixel_ns: 0.08,
@@ -85,7 +86,7 @@ impl CostModel {
         threads: 2.0,
         readout_pixel_ns: 10.0,
     };
-    /// GPU backend on a hardware adapter (an estimate until measured there).
+    /// Constants of the GPU backend on a hardware adapter (an estimate until measured there).
     pub const GPU: Self = Self {
         frame_ms: 0.3,
         pixel_ns: 0.001,
@@ -100,7 +101,7 @@ impl CostModel {
         threads: 2.0,
         readout_pixel_ns: 0.05,
     };
-    /// Reference backend.
+    /// Constants of the reference backend.
     pub const REFERENCE: Self = Self {
         frame_ms: 5.0,
         pixel_ns: 0.5,
@@ -116,10 +117,10 @@ impl CostModel {
         readout_pixel_ns: 4.0,
     };
 
-    /// Returns whether every constant is finite and not negative, and something does the work.
+    /// Returns true when every constant is finite and not negative, and drawing takes time.
     #[must_use]
     pub fn is_sound(&self) -> bool {
-        // Every constant by name: a new one cannot be forgotten.
+        // Every constant by name, so that a new one cannot be forgotten.
         let Self { frame_ms, pixel_ns, star_ns, motion_ms, motion_star_ns, splat_ns, table_pixel_ns, .. } = *self;
         let Self { base_pixel_ns, kernel_node_ns, kernel_entry_ns, threads, readout_pixel_ns, .. } = *self;
         let constants = [frame_ms, pixel_ns, star_ns, motion_ms, motion_star_ns, splat_ns, table_pixel_ns];
@@ -127,20 +128,20 @@ impl CostModel {
         constants.into_iter().chain(rest).all(|constant| constant.is_finite() && constant >= 0.0)
     }
 
-    /// Returns milliseconds a frame of `pixels` takes before any star is drawn.
+    /// Returns the time of a frame of `pixels` without stars, ms.
     #[must_use]
     pub fn empty_frame_ms(&self, pixels: usize, moves: bool) -> f64 {
         let motion_ms = if moves { self.motion_ms } else { 0.0 };
         self.frame_ms + motion_ms + pixels as f64 * self.pixel_ns * 1e-6
     }
 
-    /// Milliseconds the detector takes for `pixels`.
+    /// Returns the detector's time for `pixels`, ms.
     #[must_use]
     pub fn readout_ms(&self, pixels: usize) -> f64 {
         pixels as f64 * self.readout_pixel_ns * 1e-6
     }
 
-    /// Returns milliseconds `method` takes for the stars of `load`, beyond an empty frame.
+    /// Returns the time of `method` for the stars of `load`, beyond an empty frame, ms.
     #[must_use]
     pub fn stars_ms(&self, method: Method, load: &Load<'_>) -> f64 {
         let stars = load.stars as f64;
@@ -158,11 +159,11 @@ impl CostModel {
         (drawing_ns + stars * self.star_ns + moved_ns) * 1e-6
     }
 
-    /// Returns nanoseconds for building the kernels of `method`.
+    /// Returns the time to build the kernels of `method`, ns.
     fn kernels_ns(&self, method: Method, psf: &PsfModel, half_px: usize) -> f64 {
         let s = oversampling(psf);
         let grid = ((2 * half_px + 1) * s) as f64;
-        // A shifted table is 16 taps; a Gaussian is an outer product.
+        // A shifted table needs 16 taps; a Gaussian is an outer product.
         let per_node = if psf.is_gaussian() { 1.0 } else { 16.0 };
         let entries = (table_images(s) as f64) * padded_pixels(half_px);
         let each =
@@ -172,8 +173,8 @@ impl CostModel {
     }
 }
 
-/// Returns bytes of all kernels of `method`: images by phase, the grid they are taken from, and both axes of every
-/// node.
+/// Returns the memory of all kernels of `method`, bytes: images by phase, the grid they are taken from, and both axes
+/// of every node.
 #[must_use]
 pub fn kernel_bytes(method: Method, psf: &PsfModel, half_px: usize, extent_px: f64) -> usize {
     let (side, s) = (2 * kernel_half_px(half_px, extent_px) + 1, oversampling(psf));
@@ -183,7 +184,8 @@ pub fn kernel_bytes(method: Method, psf: &PsfModel, half_px: usize, extent_px: f
     kernel_count(method, psf).saturating_mul(each).saturating_mul(size_of::<f32>())
 }
 
-/// Kernels that `method` builds: in a field of PSFs one for every node, where it is not zonal itself.
+/// Returns the number of kernels that `method` builds: in a field of PSFs one for every node, unless it is zonal
+/// itself.
 #[must_use]
 pub fn kernel_count(method: Method, psf: &PsfModel) -> usize {
     match method {
@@ -197,7 +199,7 @@ pub fn kernel_count(method: Method, psf: &PsfModel) -> usize {
     }
 }
 
-/// Half-width of a kernel's footprint, px.
+/// Returns the half-width of a kernel's footprint, px.
 #[must_use]
 pub fn kernel_half_px(half_px: usize, extent_px: f64) -> usize {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a path on a detector, px")]
@@ -205,7 +207,7 @@ pub fn kernel_half_px(half_px: usize, extent_px: f64) -> usize {
     half_px + extent
 }
 
-/// Returns pixels of a footprint whose rows are padded to whole vectors of 16.
+/// Returns the pixels of a footprint whose rows are padded to whole vectors of 16.
 fn padded_pixels(half_px: usize) -> f64 {
     let side = 2 * half_px + 1;
     (side * side.next_multiple_of(16)) as f64

@@ -1,24 +1,25 @@
-//! Cost constants from timings: what a machine took for known frames -> [`CostModel`].
+//! Fits cost constants to measured times of known frames -> [`CostModel`].
 //!
-//! The model is linear in its constants, so a timing's coefficients are what the model predicts with one constant set to
-//! 1 and all others to 0. Least squares of predicted / measured - 1 with no constant below 0, by projected Gauss-Seidel
-//! on the normal equations (convex: it converges from anywhere). Constants on which no timing depends, the number of
-//! threads and the readout stay as they were. Tests below: known constants are recovered, wrong timings are seen.
+//! The model is linear in its constants, so the coefficients of a time are the model's predictions with one constant
+//! set to 1 and all others to 0. Least squares of predicted / measured - 1 with no constant below 0, by projected
+//! Gauss-Seidel on the normal equations (convex: it converges from any start). Constants that affect no measured time,
+//! the number of threads and the readout keep their values. Tests below: known constants are recovered, wrong times are
+//! detected.
 
 use crate::exposure::cost::{CostModel, Load};
 use crate::exposure::method::Method;
 
-/// Constants that are fitted.
+/// Number of constants that are fitted.
 const FITTED: usize = 10;
-/// Sweeps of Gauss-Seidel: enough for constants to 1e-3 on exact timings of [`FITTED`] unknowns.
+/// Number of Gauss-Seidel sweeps: enough for constants to 1e-3 on exact times of [`FITTED`] unknowns.
 const SWEEPS: usize = 100_000;
 
-/// What one frame took.
+/// Measured time of one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Timing<'a> {
     /// Pixels of the detector.
     pub pixels: usize,
-    /// How its stars were drawn.
+    /// Method that drew its stars.
     pub method: Method,
     /// Its stars.
     pub load: Load<'a>,
@@ -27,7 +28,7 @@ pub struct Timing<'a> {
 }
 
 impl Timing<'_> {
-    /// What the model predicts for it, ms.
+    /// Returns the time that the model predicts for it, ms.
     #[must_use]
     pub fn predicted_ms(&self, cost: &CostModel) -> f64 {
         let stars_ms = if self.load.stars == 0 { 0.0 } else { cost.stars_ms(self.method, &self.load) };
@@ -35,7 +36,7 @@ impl Timing<'_> {
     }
 }
 
-/// Returns the constants, none below 0, whose predictions come nearest to the timings.
+/// Returns the non-negative constants whose predictions are closest to the measured times.
 #[must_use]
 pub fn fit(timings: &[Timing<'_>], usual: &CostModel) -> CostModel {
     let (mut normal, mut right) = ([[0.0; FITTED]; FITTED], [0.0; FITTED]);
@@ -112,7 +113,7 @@ mod tests {
         readout_pixel_ns: 2.0,
     };
 
-    /// Returns frames like those that are measured, as `cost` predicts them.
+    /// Returns frames like those that are measured, with the times that `cost` predicts.
     fn timings<'a>(cost: &CostModel, psf: &'a PsfModel, airy: &'a PsfModel) -> Vec<Timing<'a>> {
         let frames = [
             (1 << 18, Method::Static, 0),
@@ -141,7 +142,7 @@ mod tests {
 
     #[test]
     fn known_constants_are_recovered_from_a_wrong_start() {
-        /// Gauss-Seidel's own remainder.
+        /// Remaining error of Gauss-Seidel.
         const RELATIVE: f64 = 1e-3;
         let (psf, airy) = (PsfModel::gaussian(0.8), PsfModel::airy(1.5, 0.0));
         let timings = timings(&TRUE, &psf, &airy);

@@ -1,12 +1,12 @@
-//! Star cut-off: which stars stay below a share of the noise in every pixel, and what leaving them out costs.
+//! Star cut-off: stars that stay below a share of the noise in every pixel, and the light lost by leaving them out.
 //!
-//! In: sources' electrons and places. Out: the limit in electrons below which a star is left out, and a bound of what
-//! any pixel lacks: faint stars add up where they crowd, so the bound is summed over cells of a footprint's width and
-//! the four cells that any footprint can touch. Test below; the planner's property test in `tests/physics`.
+//! In: sources' electrons and places. Out: the limit in electrons below which a star is left out, and a bound of the
+//! light missing in any pixel: faint stars add up where they crowd, so the bound is summed over cells of a footprint's
+//! width and the four cells that any footprint can touch. Test below; the planner's property test in `tests/physics`.
 
 use crate::exposure::plan::CutOff;
 
-/// Times the limit is halved before nothing is left out.
+/// Number of times the limit is halved before no star is left out.
 const HALVINGS: u32 = 6;
 
 /// Sums over cells, kept from frame to frame.
@@ -19,7 +19,7 @@ pub struct CutOffCells {
 }
 
 impl CutOffCells {
-    /// For a detector of `size_px` and footprints that reach `reach_px` from a star's mean place.
+    /// Sets a detector of `size_px` and footprints that reach `reach_px` from a star's mean place.
     pub fn resize(&mut self, size_px: [usize; 2], reach_px: f64) {
         self.cell_px = 2.0 * reach_px + 1.0;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a detector's side in cells")]
@@ -54,7 +54,7 @@ impl CutOffCells {
         (0.0, CutOff::default())
     }
 
-    /// What leaving `stars` out costs.
+    /// Returns the light lost by leaving out `stars`.
     pub fn left_out(&mut self, peak: f64, stars: impl Iterator<Item = (f64, [f64; 2])>) -> CutOff {
         self.sums.fill(0.0);
         let mut cut = CutOff::default();
@@ -102,7 +102,7 @@ mod tests {
         let (limit_e, cut) = chosen(&outlier, 1.0);
         assert!((limit_e, cut.stars) == (4.0, 2) && cut.most_in_pixel_e <= 1.0, "{limit_e} {cut:?}");
         let crowd: Vec<_> = (0..100).map(|i| (3.0, [20.0 + 0.01 * f64::from(i), 20.0])).collect();
-        assert_eq!(chosen(&crowd, 1.0), (0.0, CutOff::default()), "300 e- in one place are no faint star");
+        assert_eq!(chosen(&crowd, 1.0), (0.0, CutOff::default()), "300 e- in one place are too bright to leave out");
         assert_eq!(chosen(&[(5.0, [1.0, 1.0])], 1.0).0, 0.0, "nothing below the limit");
     }
 

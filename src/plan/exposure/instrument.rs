@@ -14,11 +14,11 @@ pub struct Instrument {
     pub shutter: Shutter,
     /// PSF.
     pub psf: PsfModel,
-    /// How pixel values are had from it.
+    /// Method to compute pixel values from the PSF.
     pub sampling: PsfSampling,
-    /// How the image plane is lit: sources are multiplied by its value where they stand at mid-exposure.
+    /// Relative illumination of the image plane: sources are multiplied by its value at their mid-exposure position.
     pub illumination: Illumination,
-    /// Electrons at which a pixel saturates: errors above it cannot be seen.
+    /// Electrons at which a pixel saturates: errors above it are invisible.
     pub full_well_e: f64,
     /// Noise floor of a pixel, e-.
     pub read_noise_e_rms: f64,

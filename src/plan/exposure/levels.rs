@@ -1,13 +1,13 @@
-//! The degradation ladder: what is given up, in order, when the cheapest plan inside the accuracy budget does not fit
-//! the time budget. `starloop check` announces it; every frame says on which rung it stands.
+//! Degradation levels: losses accepted, in order, when the cheapest plan inside the accuracy budget does not fit the
+//! time budget. `starloop check` announces the level; every frame states its own.
 
 use base::accuracy::AccuracyBudget;
 use core::fmt;
 
-/// How far a frame was degraded.
+/// Degradation of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
 pub enum Degradation {
-    /// Not at all.
+    /// No degradation.
     #[default]
     Full,
     /// Stars whose light stays below half a sigma of the noise in every pixel are left out.
@@ -23,14 +23,14 @@ pub enum Degradation {
 }
 
 impl Degradation {
-    /// The last level that is taken unless the user names another one: those below it leave out motion, or stars that can be seen.
+    /// The default limit: levels beyond it leave out motion, or stars that are visible.
     pub const LAST_BY_DEFAULT: Self = Self::Budget10;
 
-    /// All rungs, best first.
+    /// All levels, best first.
     pub const ALL: [Self; 6] =
         [Self::Full, Self::FaintStarsOut, Self::Budget3, Self::Budget10, Self::MotionOut, Self::BrightStarsOnly];
 
-    /// Returns the word for it in files.
+    /// Returns the name in files.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -43,7 +43,7 @@ impl Degradation {
         }
     }
 
-    /// What it gives up, in words.
+    /// Describes in words the loss of this level.
     #[must_use]
     pub fn gives_up(self) -> &'static str {
         match self {
@@ -56,14 +56,14 @@ impl Degradation {
         }
     }
 
-    /// Returns the next rung down; `None` at the end.
+    /// Returns the next worse level; `None` at the end.
     #[must_use]
     pub fn next(self) -> Option<Self> {
         let at = Self::ALL.iter().position(|degradation| *degradation == self)?;
         Self::ALL.get(at + 1).copied()
     }
 
-    /// Returns the accuracy budget on this rung.
+    /// Returns the accuracy budget of this level.
     #[must_use]
     pub fn loosened(self, budget: &AccuracyBudget) -> AccuracyBudget {
         let times = match self {

@@ -1,4 +1,4 @@
-//! The chosen methods' nodes, and which star is drawn with which list.
+//! Builds the chosen methods' nodes, and assigns a list to each star.
 
 use crate::exposure::correction::Correction;
 use crate::exposure::method::Method;
@@ -17,19 +17,19 @@ use std::sync::Arc;
 /// Buffers kept from frame to frame.
 #[derive(Debug, Default)]
 pub struct Buffers {
-    /// Lists of the cells of all zonal classes.
+    /// Lists by cell, for all zonal classes.
     used: Vec<u32>,
     corners: Vec<u32>,
-    /// Class by class, how its stars get their lists.
+    /// For each class, the way its stars get their lists.
     gives: Vec<Give>,
 }
 
-/// Which list a star of a class is drawn with.
+/// Selects the list of a star.
 #[derive(Debug, Clone)]
 enum Give {
     /// By the band of its row, and in a field of PSFs by its cell.
     Band { first: usize, per_band: usize, bands: usize, height_px: f64, field: Option<Arc<PsfField>> },
-    /// By its cell; the cells' lists begin at `first` of the buffer.
+    /// By its cell; the cells' lists start at `first` of the buffer.
     Cell { first: usize, grid: Grid },
 }
 
@@ -49,7 +49,7 @@ impl Give {
     }
 }
 
-/// No list.
+/// Marks a cell without a list.
 const UNUSED: u32 = u32::MAX;
 
 /// Fills nodes and lists of every class of stars; [`give`] gives each star its list.
@@ -86,7 +86,7 @@ pub fn fill(plan: &mut ExposurePlan, probes: &Probes, camera: &CameraGeometry, b
     }
 }
 
-/// Makes of the list `own`, the last, one for every node of the field, and a blend for every cell.
+/// Replaces the last list, `own`, by one for every node of the field, and adds a blend for every cell.
 fn push_field(plan: &mut ExposurePlan, field: &PsfField, camera: &CameraGeometry, own: usize) {
     let Some(list) = plan.lists.pop() else { return };
     for node in 0..field.nodes().len() {
@@ -102,7 +102,7 @@ fn push_field(plan: &mut ExposurePlan, field: &PsfField, camera: &CameraGeometry
     }
 }
 
-/// Gives every star its list, and its electrons on the detector.
+/// Assigns every star its list, and its electrons on the detector.
 pub fn give(plan: &mut ExposurePlan, share: &Share, buffers: &Buffers) {
     let Buffers { used, gives, .. } = buffers;
     let ExposurePlan { stars, nodes, lists, classes, extent_px, camera, .. } = plan;
@@ -115,7 +115,7 @@ pub fn give(plan: &mut ExposurePlan, share: &Share, buffers: &Buffers) {
     });
 }
 
-/// One list of a method that is not zonal: `[band, bands]` of the rows.
+/// Adds one list of a method that is not zonal: `[band, bands]` of the rows.
 fn push_band(
     plan: &mut ExposurePlan,
     probes: &Probes,
@@ -139,7 +139,7 @@ fn push_band(
     push_list(plan, probes, first, drawing);
 }
 
-/// How much later than the frame the middle of a band is exposed, s; `[band, bands]` of `height` rows.
+/// Returns the delay of a band's middle after the frame's exposure, s; `[band, bands]` of `height` rows.
 pub(super) fn band_delay_s(shutter: Shutter, height: usize, [band, bands]: [usize; 2]) -> f64 {
     let middle_px = (band as f64 + 0.5) / bands as f64 * (height as f64 - 1.0);
     shutter.delay_s(middle_px, height)
@@ -148,7 +148,7 @@ pub(super) fn band_delay_s(shutter: Shutter, height: usize, [band, bands]: [usiz
 fn push_list(plan: &mut ExposurePlan, probes: &Probes, first: usize, drawing: Drawing) {
     let range = first..plan.nodes.len();
     let nodes = &mut plan.nodes[range.clone()];
-    // A shift that all nodes share is the star's mean place already; in single precision it would cost digits.
+    // A shift that all nodes share is already in the star's mean place; in single precision it would cost digits.
     let shared = mean_pose(nodes).only_shift();
     for node in &mut *nodes {
         node.pose = node.pose.plus(-1.0, &shared);
@@ -158,7 +158,7 @@ fn push_list(plan: &mut ExposurePlan, probes: &Probes, first: usize, drawing: Dr
     plan.lists.push(NodeList { nodes: range, mean, correction, drawing, psf_px: [0.0; 2] });
 }
 
-/// What the mean displacement at the probes is more than that of the mean pose.
+/// Returns the mean displacement at the probes minus that of the mean pose.
 pub(super) fn correction(nodes: &[PathNode], mean: &Pose, probes: &Probes) -> Correction {
     let camera = &probes.camera;
     let mut off = [[0.0; 2]; SIDE * SIDE];
@@ -174,7 +174,7 @@ pub(super) fn correction(nodes: &[PathNode], mean: &Pose, probes: &Probes) -> Co
 
 /// Appends the nodes of `method` for rows that are exposed `delay_s` late.
 pub fn fill_nodes(motion: &Motion, method: Method, delay_s: f64, probes: &Probes, out: &mut Vec<PathNode>) {
-    // Off the middle only shapes are drawn from nodes: any mean near the list's own will do.
+    // Other rows use nodes only for shapes: any mean near the list's own is sufficient.
     let mean = if delay_s == 0.0 { probes.mean() } else { motion.pose_at(0.0, delay_s) };
     match method {
         Method::Static => nodes::single(&mean, out),
@@ -195,14 +195,14 @@ pub fn fill_nodes(motion: &Motion, method: Method, delay_s: f64, probes: &Probes
     }
 }
 
-/// Returns the band that holds row `y_px`.
+/// Returns the band that contains row `y_px`.
 pub(super) fn band_of(y_px: f64, height: f64, bands: usize) -> usize {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the bands")]
     let band = ((y_px + 0.5) / height * bands as f64).clamp(0.0, bands as f64 - 1.0) as usize;
     band
 }
 
-/// Where the stars of a class stand on the grid of a zonal method.
+/// Positions of a class's stars on the grid of a zonal method.
 #[derive(Debug, Clone, Copy)]
 struct Grid {
     cells: [usize; 2],
@@ -224,7 +224,7 @@ impl Grid {
         self.index(self.cell_of(star))
     }
 
-    /// A cell between the lists of its corners.
+    /// Returns a cell between the lists of its corners.
     fn cell(&self, [column, row]: [usize; 2], corners: [u32; 4]) -> Cell {
         let (origin_px, end_px) = (self.corner_px([column, row]), self.corner_px([column + 1, row + 1]));
         Cell { corners, origin_px, size_px: [end_px[0] - origin_px[0], end_px[1] - origin_px[1]] }
@@ -239,18 +239,18 @@ impl Grid {
         row * self.cells[0] + column
     }
 
-    /// The corner at the top left of a cell, px; the last corners stand at the detector's far edges.
+    /// Returns the top left corner of a cell, px; the last corners are at the detector's far edges.
     fn corner_px(&self, at: [usize; 2]) -> [f64; 2] {
         core::array::from_fn(|i| at[i] as f64 / self.cells[i] as f64 * self.size_px[i] - 0.5)
     }
 
-    /// Corners of all cells, by index.
+    /// Returns the index of a corner of the cells.
     fn corner_index(&self, [column, row]: [usize; 2]) -> usize {
         row * (self.cells[0] + 1) + column
     }
 }
 
-/// A kernel for every corner of a cell that holds a star of the class, and a blend for every such cell.
+/// Adds a kernel for every corner of a cell that contains a star of the class, and a blend for every such cell.
 fn fill_zones(
     plan: &mut ExposurePlan,
     probes: &Probes,
@@ -288,7 +288,7 @@ fn fill_zones(
     }
 }
 
-/// The blend of one cell and those of its kernels that are not there yet.
+/// Adds the blend of one cell, and those of its kernels that do not exist yet.
 fn push_cell(
     plan: &mut ExposurePlan,
     probes: &Probes,
@@ -311,10 +311,10 @@ fn push_cell(
     list_number(plan.lists.len() - 1)
 }
 
-/// A kernel made at `px`.
+/// Adds a kernel made at `px`.
 fn push_kernel(plan: &mut ExposurePlan, probes: &Probes, px: [f64; 2], method: Method, first_list: usize) -> u32 {
     let camera = &probes.camera;
-    // On the pixel grid, where the lens's domain holds; half a pixel is nothing to a zone.
+    // Kept on the pixel grid, within the lens's domain; half a pixel is negligible for a zone.
     let last = [camera.width_px(), camera.height_px()].map(|side| side as f64 - 1.0);
     let place = StarPlace::of_pixel(camera, [px[0].clamp(0.0, last[0]), px[1].clamp(0.0, last[1])]);
     let track = place.map(|place| StarTrack::new(camera, place)).or(probes.centre().map(|probe| probe.track));

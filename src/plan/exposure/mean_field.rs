@@ -1,9 +1,9 @@
-//! Mean positions of stars over the exposure, all over the detector, from a few exact ones.
+//! Computes mean positions of stars over the exposure, anywhere on the detector, from a few exact ones.
 //!
 //! A star's mean displacement is that of the mean pose plus a small correction (perspective and distortion are not
 //! linear), which is a smooth function of the field: it is exact at the nine probes and quadratic between them. With a
 //! rolling shutter the mean pose follows the row: exact at `rows` rows, quadratic through the nearest three.
-//! [`Probes::mean_error_px`] measures what is left.
+//! [`Probes::mean_error_px`] measures the remaining error.
 
 use crate::exposure::correction::{Correction, quadratic};
 use crate::exposure::motion::{Motion, Shutter};
@@ -13,28 +13,28 @@ use crate::exposure::track::StarTrack;
 use crate::optics::quadrature::gauss_legendre_node;
 use sky::astrometry::CameraGeometry;
 
-/// Midpoints in time from which a row's mean pose is taken when there is jitter.
+/// Number of midpoints in time for a row's mean pose when there is jitter.
 const ROW_SAMPLES: usize = 256;
 /// Gauss-Legendre nodes in time for smooth motion.
 const SMOOTH_NODES: usize = 5;
-/// Rows at which the mean pose of a rolling shutter is worked out.
+/// Number of rows at which the mean pose of a rolling shutter is computed.
 const ROLLING_ROWS: usize = 33;
 
-/// Most that a star may move down from one row to the next for its light to be worked out, px.
+/// Largest downward motion of a star from one row to the next for which its light is computed, px.
 const MOST_PER_ROW: f64 = 0.9;
 
 /// Mean positions over one exposure.
 #[derive(Debug)]
 pub struct MeanField {
     size_px: [f64; 2],
-    /// Mean pose at equally spaced rows (one: the same for all rows).
+    /// Mean poses at equally spaced rows (one: the same for all rows).
     poses: Vec<Pose>,
     correction: Correction,
     moves: bool,
 }
 
 impl MeanField {
-    /// For a detector of this size.
+    /// Returns a field for a detector of this size.
     #[must_use]
     pub fn new(camera: &CameraGeometry) -> Self {
         Self {
@@ -45,7 +45,7 @@ impl MeanField {
         }
     }
 
-    /// Works the field out from measured probes.
+    /// Computes the field from measured probes.
     pub fn measure(&mut self, motion: &Motion, shutter: Shutter, probes: &Probes) {
         self.moves = !motion.is_still();
         self.poses.clear();
@@ -66,13 +66,13 @@ impl MeanField {
         self.correction = Correction::through(self.size_px, off);
     }
 
-    /// Returns whether every star stays where it stands at mid-exposure.
+    /// Returns true when every star keeps its mid-exposure position.
     #[must_use]
     pub fn is_still(&self) -> bool {
         !self.moves
     }
 
-    /// Returns the mean pose and correction, where all rows have the same.
+    /// Returns the mean pose and correction, if all rows have the same.
     #[must_use]
     pub fn same_for_all_rows(&self) -> Option<(Pose, Correction)> {
         match self.poses.as_slice() {
@@ -111,7 +111,7 @@ impl MeanField {
             moved = track.displacement_px(pose);
         } else {
             moved = track.displacement_px(&self.pose_at(y_px));
-            // The row in which the star spends its exposure, not the one in which it stands in the middle of it.
+            // Use the row in which the star spends its exposure, not the row of its mid-exposure position.
             moved = track.displacement_px(&self.pose_at(y_px + moved[1]));
             moved = track.displacement_px(&self.pose_at(y_px + moved[1]));
         }
@@ -119,8 +119,8 @@ impl MeanField {
         [moved[0] + cx, moved[1] + cy]
     }
 
-    /// What a rolling shutter multiplies a star's light by: a star that moves by `v` px down from row to row is exposed
-    /// by `1 / (1 - v)` times the rows (with a global shutter: 1).
+    /// Returns the factor of a star's light by a rolling shutter: a star that moves by `v` px down from row to row is
+    /// exposed for `1 / (1 - v)` times the rows (with a global shutter: 1).
     #[must_use]
     pub fn rolling_gain(&self, track: &StarTrack) -> f64 {
         if !self.moves || self.poses.len() < 2 {
@@ -129,7 +129,7 @@ impl MeanField {
         let row_px = track.place.mid_px[1] + self.displacement_px(track)[1];
         let down_px = |row_px: f64| track.displacement_px(&self.pose_at(row_px))[1];
         let per_row = down_px(row_px + 0.5) - down_px(row_px - 0.5);
-        // A star that keeps pace with the rows is in no image that could be drawn.
+        // A star that moves as fast as the rows cannot be drawn.
         1.0 / (1.0 - per_row.min(MOST_PER_ROW))
     }
 }

@@ -3,7 +3,7 @@
 use core::fmt;
 use core::str::FromStr;
 
-/// A method with its parameter.
+/// A method with its parameters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Method {
     /// The PSF at the mean position. Domain: path much shorter than the PSF.
@@ -12,24 +12,24 @@ pub enum Method {
     Gaussian,
     /// Gauss-Legendre nodes in time, per star. Domain: smooth motion.
     GaussLegendre {
-        /// Nodes.
+        /// Number of nodes.
         nodes: usize,
     },
     /// Straight segments of equal time, per star. Domain: a path that is nearly straight in between.
     Segments {
-        /// Segments.
+        /// Number of segments.
         segments: usize,
-        /// Gauss-Legendre nodes along each.
+        /// Number of Gauss-Legendre nodes along each segment.
         per_segment: usize,
     },
-    /// Samples in time, per star. Domain: any path, when there are enough of them.
+    /// Samples in time, per star. Domain: any path, if there are enough of them.
     Samples {
-        /// Nodes.
+        /// Number of nodes.
         nodes: usize,
     },
     /// PSF convolved with the path once per frame. Domain: any path that is nearly the same for all stars.
     EffectivePsf {
-        /// Nodes from which the kernel is built.
+        /// Number of nodes from which the kernel is built.
         nodes: usize,
     },
     /// PSF convolved with the path at the corners of a grid of zones, blended between them. Domain: any path; roll,
@@ -37,18 +37,18 @@ pub enum Method {
     ZonalPsf {
         /// Zones along columns and rows.
         zones: [u16; 2],
-        /// Nodes from which each kernel is built.
+        /// Number of nodes from which each kernel is built.
         nodes: usize,
     },
 }
 
-/// What the user or the config asks for.
+/// Method setting of the user or the configuration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum MethodChoice {
     /// The planner chooses.
     #[default]
     Auto,
-    /// This method; its number of nodes by the planner unless given.
+    /// This method; the planner chooses the number of nodes unless it is given.
     Fixed(MethodName, Option<usize>),
 }
 
@@ -83,7 +83,7 @@ impl MethodName {
         Self::ZonalPsf,
     ];
 
-    /// Returns the name people type.
+    /// Returns the name used in files and commands.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -97,7 +97,7 @@ impl MethodName {
         }
     }
 
-    /// Returns whether a number of nodes (segments, for segments) can be asked for.
+    /// Returns true when a number of nodes (of segments, for segments) can be specified.
     #[must_use]
     pub fn takes_number(self) -> bool {
         !matches!(self, Self::Static | Self::Gaussian)
@@ -119,7 +119,7 @@ impl Method {
         }
     }
 
-    /// Nodes per star, or per kernel.
+    /// Returns the number of nodes per star, or per kernel.
     #[must_use]
     pub fn nodes(self) -> usize {
         match self {
@@ -133,13 +133,13 @@ impl Method {
         }
     }
 
-    /// Kernels that one star is made of.
+    /// Returns the number of kernels that draw one star.
     #[must_use]
     pub fn stamps(self) -> usize {
         if matches!(self, Self::ZonalPsf { .. }) { 4 } else { 1 }
     }
 
-    /// Kernels that are built for a frame.
+    /// Returns the number of kernels that are built for a frame.
     #[must_use]
     pub fn kernels(self) -> usize {
         match self {
@@ -166,7 +166,7 @@ impl fmt::Display for Method {
     }
 }
 
-/// Text that names no method.
+/// The text is not the name of a method.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
     "method \"{got}\": wanted auto, static, gaussian, gauss-legendre[:N], segments[:N], samples[:N], effective-psf[:N] or \

@@ -1,8 +1,9 @@
 //! The planner: `LosPath` (or a path in pixels) and sources -> [`ExposurePlan`].
 //!
-//! During an exposure the image moves through poses that all stars share: turn, roll, shift ([`pose`]). Every method for
-//! motion is a list of weighted poses, drawn star by star or folded into the PSF; its error against the true paths of a
-//! few probes is known before a single pixel is drawn ([`weigh`]). `starloop check` prints what was chosen and why.
+//! During an exposure the image moves through poses that all stars share: rotation, roll, shift ([`pose`]). Every
+//! method for motion is a list of weighted poses, drawn star by star or combined with the PSF; its error relative to
+//! the true paths of a few probes is known before a single pixel is drawn ([`weigh`]). `starloop check` prints the
+//! choice and its reasons.
 
 mod choice;
 pub mod correction;

@@ -1,9 +1,8 @@
-//! Moments of node lists, and what a difference in moments does to an image.
+//! Moments of node lists, and the effect of a difference in moments on an image.
 //!
-//! Two traces
-//! with the same mean but covariances that differ by `dC` (px^2) give images whose 5 x 5 centroids differ by at most
-//! [`window_sensitivity`] times `|dC|`; the third moment enters likewise. `tests/physics` holds these against the
-//! reference.
+//! Two traces with the same mean but covariances that differ by `dC` (px^2) give images whose 5 x 5 centroids differ by
+//! at most [`window_sensitivity`] times `|dC|`; the third moment enters likewise. `tests/physics` compares these with
+//! the reference.
 
 /// One instant of a star's path on the detector: weight, displacement about the path's mean along x and y, px.
 pub type TracePoint = [f64; 3];
@@ -17,7 +16,7 @@ pub struct Moments {
     pub third_px3: [f64; 2],
 }
 
-/// Displacements about their mean; the mean comes back.
+/// Writes displacements about their mean; returns the mean.
 pub fn trace(points: impl Iterator<Item = TracePoint>, out: &mut Vec<TracePoint>) -> [f64; 2] {
     out.clear();
     out.extend(points);
@@ -44,7 +43,7 @@ impl Moments {
         m
     }
 
-    /// `self += share * other`: the moments of a blend of images with one mean.
+    /// Adds `share * other`: the moments of a blend of images with one mean.
     pub fn add(&mut self, share: f64, other: &Self) {
         for (sum, v) in self.covariance_px2.iter_mut().zip(other.covariance_px2) {
             *sum += share * v;
@@ -54,8 +53,8 @@ impl Moments {
         }
     }
 
-    /// Frobenius norm of the difference of covariance from `other`, px^2: at least the largest difference in any
-    /// direction.
+    /// Returns the Frobenius norm of the difference of covariance from `other`, px^2: at least the largest difference
+    /// in any direction.
     #[must_use]
     pub fn covariance_difference(&self, other: &Self) -> f64 {
         let [xx, xy, yy] = core::array::from_fn(|i| self.covariance_px2[i] - other.covariance_px2[i]);
@@ -68,14 +67,14 @@ impl Moments {
         (self.third_px3[0] - other.third_px3[0]).hypot(self.third_px3[1] - other.third_px3[1])
     }
 
-    /// Returns the bound of the 5 x 5 centroid error of an image drawn with these moments where `truth` holds, px.
+    /// Returns the bound of the 5 x 5 centroid error of an image drawn with these moments instead of `truth`, px.
     #[must_use]
     pub fn centroid_error_px(&self, truth: &Self, sigma_px: f64) -> f64 {
         window_sensitivity(sigma_px) * (self.covariance_difference(truth) + self.third_difference(truth) / sigma_px)
     }
 
     /// Returns the bound of the largest pixel error relative to the star's peak: `|dC| / sigma^2` (twice the
-    /// second-order Taylor term at the peak, for the higher ones).
+    /// second-order Taylor term at the peak, to cover the higher ones).
     #[must_use]
     pub fn peak_error(&self, truth: &Self, sigma_px: f64) -> f64 {
         let variance = sigma_px * sigma_px;
@@ -84,7 +83,7 @@ impl Moments {
 }
 
 /// Returns the centroid error in a 5 x 5 window per px^2 of covariance error. Measured 0.14 at sigma 0.8 (light that
-/// leaves the window); an undersampled PSF adds the slope of its S-curve, `2 pi^2 exp(-2 pi^2 sigma^2) / pi`. Both
+/// leaves the window); an undersampled PSF adds the slope of its S-curve, `2 pi^2 exp(-2 pi^2 sigma^2) / pi`. Both are
 /// doubled.
 #[must_use]
 pub fn window_sensitivity(sigma_px: f64) -> f64 {

@@ -1,4 +1,4 @@
-//! What moves the image during one exposure, and when each row of the detector sees it.
+//! Motion of the image during one exposure, and the times at which each row of the detector is exposed.
 
 use crate::attitude::LosPath;
 use crate::exposure::pixel_path::{PixelPath, PixelPoint};
@@ -13,7 +13,7 @@ pub enum Shutter {
     Global,
     /// Row after row from the top, `line_s` apart; the exposure named by a frame is that of the middle of the image.
     Rolling {
-        /// From one row's exposure to the next, s.
+        /// Time from one row's exposure to the next, s.
         line_s: f64,
     },
 }
@@ -37,7 +37,7 @@ impl Shutter {
         }
     }
 
-    /// Returns how much later than the middle of an image of `height_px` rows the row at `y_px` is exposed, s.
+    /// Returns the delay of the row at `y_px` after the middle of an image of `height_px` rows, s.
     #[must_use]
     pub fn delay_s(self, y_px: f64, height_px: usize) -> f64 {
         self.line_s() * (y_px - 0.5 * (height_px as f64 - 1.0))
@@ -51,13 +51,13 @@ impl Motion {
         self.los.smooth_rotation_rad(t_s)
     }
 
-    /// Returns whether nothing but smooth rotation moves the image.
+    /// Returns true when only smooth rotation moves the image.
     #[must_use]
     pub fn is_smooth(&self) -> bool {
         self.image_path.is_none() && self.los.jitter.is_still()
     }
 
-    /// Returns whether nothing moves at all.
+    /// Returns true when nothing moves.
     #[must_use]
     pub fn is_still(&self) -> bool {
         self.is_smooth() && self.los.rate_rad_s == DVec3::ZERO && self.los.acceleration_rad_s2 == DVec3::ZERO
@@ -92,7 +92,7 @@ impl Motion {
     }
 }
 
-/// Returns the position of a path at `tau`; held beyond its ends.
+/// Returns the position of a path at `tau`, constant beyond its ends.
 #[must_use]
 pub fn point_at(path: &PixelPath, tau: f64, exposure_s: f64) -> PixelPoint {
     let points = path.points();

@@ -1,6 +1,6 @@
-//! Lists of path nodes: samples in time, Gauss-Legendre in time, straight segments, a Gaussian of the path's covariance,
-//! and the dense list the planner trusts. Every function appends to `out`; `delay_s` is how much later than the frame
-//! the rows in question are exposed.
+//! Lists of path nodes: samples in time, Gauss-Legendre in time, straight segments, a Gaussian of the path's
+//! covariance, and the dense list that serves as truth. Every function appends to `out`; `delay_s` is the delay of the
+//! rows after the frame's exposure.
 
 use crate::exposure::motion::Motion;
 use crate::exposure::pixel_path::{PixelPath, PixelPoint};
@@ -13,23 +13,23 @@ use base::time::Tai;
 const DENSE_STEP_SIGMA: f64 = 0.1;
 /// Dense nodes per period of the fastest jitter line.
 const DENSE_PER_PERIOD: f64 = 24.0;
-/// Most dense nodes of a path with jitter (the frame path's buffers hold this many).
+/// Largest number of dense nodes of a path with jitter (the frame path's buffers hold this many).
 pub const MOST_DENSE_NODES: usize = 4096;
-/// Most Gauss-Legendre nodes of one rule over a whole exposure, which costs the square of its nodes: 512 of a method,
-/// and the few more of the list that it is compared with.
+/// Largest number of Gauss-Legendre nodes of one rule over a whole exposure, which costs the square of its nodes: 512
+/// of a method, and the few more of the list that it is compared with.
 pub const ONE_RULE_NODES: usize = 520;
-/// Nodes of a panel, where more are wanted.
+/// Number of nodes of a panel, when more are needed.
 pub const PANEL_NODES: usize = 16;
-/// Most nodes of a smooth path, a whole number of panels.
+/// Largest number of nodes of a smooth path, a whole number of panels.
 pub const MOST_SMOOTH_NODES: usize = 1 << 14;
-/// Most dense nodes of a commanded image path.
+/// Largest number of dense nodes of a commanded image path.
 pub const MOST_PATH_NODES: usize = 1 << 18;
-/// An axis of a Gaussian thinner than this share of the wider gets one node.
+/// Ratio of the axes of a Gaussian below which the thin one gets a single node.
 const THIN_AXIS: f64 = 1e-3;
 
-/// `k` equally weighted samples in time, moved together so that their mean pose is exactly `mean`: no centroid error
-/// is left. Gauss-Legendre pairs (fourth order in the step); midpoints when `k` is odd or the path is itself a list of
-/// samples.
+/// Appends `k` equally weighted samples in time, shifted together so that their mean pose is exactly `mean`: the
+/// centroid has no error. Gauss-Legendre pairs (fourth order in the step); midpoints when `k` is odd or the path is
+/// itself a list of samples.
 pub fn samples(motion: &Motion, k: usize, delay_s: f64, mean: &Pose, out: &mut Vec<PathNode>) {
     let (weight, first) = (1.0 / k as f64, out.len());
     let listed = matches!(motion.image_path, Some(PixelPath::Samples(_)));
@@ -43,7 +43,7 @@ pub fn samples(motion: &Motion, k: usize, delay_s: f64, mean: &Pose, out: &mut V
     recentre(&mut out[first..], mean);
 }
 
-/// `n` Gauss-Legendre nodes in time (smooth motion only: jitter between nodes would be missed); more than
+/// Appends `n` Gauss-Legendre nodes in time (smooth motion only: jitter between nodes would be missed); more than
 /// [`ONE_RULE_NODES`] come in panels of equal time, of at most [`PANEL_NODES`] each.
 pub fn gauss_legendre_in_time(motion: &Motion, n: usize, delay_s: f64, out: &mut Vec<PathNode>) {
     if n <= ONE_RULE_NODES {
@@ -69,8 +69,8 @@ pub fn gauss_legendre_in_time(motion: &Motion, n: usize, delay_s: f64, out: &mut
     }
 }
 
-/// `count` straight segments of equal time between points of the path, `per_segment` Gauss-Legendre nodes along each,
-/// moved together to `mean`. Domain: a path that is nearly straight between the points.
+/// Appends `count` straight segments of equal time between points of the path, `per_segment` Gauss-Legendre nodes along
+/// each, shifted together to `mean`. Domain: a path that is nearly straight between the points.
 pub fn segments(motion: &Motion, count: usize, per_segment: usize, delay_s: f64, mean: &Pose, out: &mut Vec<PathNode>) {
     let (share, first) = (1.0 / count as f64, out.len());
     let mut from = motion.pose_at(-0.5, delay_s);
@@ -85,8 +85,9 @@ pub fn segments(motion: &Motion, count: usize, per_segment: usize, delay_s: f64,
     recentre(&mut out[first..], mean);
 }
 
-/// A Gaussian of the path's own covariance (xx, xy, yy, px^2) about `mean`: three Gauss-Hermite nodes along each of its
-/// axes, the same shift for all stars. Domain: paths that look like noise, short against the PSF or crossed many times.
+/// Appends a Gaussian of the path's own covariance (xx, xy, yy, px^2) about `mean`: three Gauss-Hermite nodes along
+/// each of its axes, the same shift for all stars. Domain: paths that look like noise, short relative to the PSF or
+/// crossed many times.
 pub fn gaussian(covariance_px2: [f64; 3], mean: &Pose, out: &mut Vec<PathNode>) {
     let [xx, xy, yy] = covariance_px2;
     let (middle, half) = (0.5 * (xx + yy), (0.5 * (xx - yy)).hypot(xy));
@@ -105,7 +106,8 @@ pub fn gaussian(covariance_px2: [f64; 3], mean: &Pose, out: &mut Vec<PathNode>) 
     }
 }
 
-/// Three-point Gauss-Hermite rule for a normal of this deviation; one point when it is thin against `widest`.
+/// Returns a three-point Gauss-Hermite rule for a normal of this deviation; one point when it is thin relative to
+/// `widest`.
 fn hermite(deviation: f64, widest: f64) -> [(f64, f64); 3] {
     if deviation <= THIN_AXIS * widest || deviation == 0.0 {
         return [(1.0, 0.0), (0.0, 0.0), (0.0, 0.0)];
@@ -114,13 +116,13 @@ fn hermite(deviation: f64, widest: f64) -> [(f64, f64); 3] {
     [(1.0 / 6.0, -at), (2.0 / 3.0, 0.0), (1.0 / 6.0, at)]
 }
 
-/// One node at the mean of the path.
+/// Appends one node at the mean of the path.
 pub fn single(mean: &Pose, out: &mut Vec<PathNode>) {
     out.push(PathNode { weight: 1.0, pose: *mean });
 }
 
-/// The list the planner measures other lists against. `reach_px`: length of the jittered path on the detector,
-/// `radius_px`: furthest star from the principal point.
+/// Appends the list with which the planner compares other lists. `reach_px`: length of the jittered path on the
+/// detector, `radius_px`: furthest star from the principal point.
 pub fn dense(motion: &Motion, sigma_px: f64, reach_px: f64, radius_px: f64, delay_s: f64, out: &mut Vec<PathNode>) {
     let step_px = DENSE_STEP_SIGMA * sigma_px;
     let exposure_s = motion.los.exposure_s;
@@ -130,7 +132,7 @@ pub fn dense(motion: &Motion, sigma_px: f64, reach_px: f64, radius_px: f64, dela
             let by_samples = 4.0 * motion.los.jitter.points.len() as f64;
             let wanted = (reach_px / step_px).max(by_period).max(by_samples);
             let panels = clamped(0.5 * wanted, 8, MOST_DENSE_NODES / 2) as f64;
-            // Panels end at the samples: the track has corners there.
+            // Panels end at the samples, where the track has corners.
             let (mut from, mid) = (-0.5, motion.los.mid_exposure());
             let tau = |at: Tai| ((at - mid).s() - delay_s) / exposure_s;
             let corners = motion.los.jitter.points.iter().map(|point| tau(point.at));
@@ -163,7 +165,7 @@ fn pair() -> [f64; 2] {
     [0.5 - OFF, 0.5 + OFF]
 }
 
-/// Node pairs of short pieces of every segment, weighted by their time.
+/// Appends node pairs of short pieces of every segment, weighted by their time.
 fn along_line(
     motion: &Motion,
     points: &[PixelPoint],
@@ -185,8 +187,8 @@ fn along_line(
     });
 }
 
-/// Calls `visit(from, to)` for every stretch with positive duration of an exposure that is `delay_s` late, the held
-/// ends included; times count from the start of the frame's own exposure.
+/// Calls `visit(from, to)` for every stretch with positive duration of an exposure that is `delay_s` late, including
+/// the constant ends; times count from the start of the frame's own exposure.
 pub fn for_each_segment(
     points: &[PixelPoint],
     exposure_s: f64,

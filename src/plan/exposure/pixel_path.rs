@@ -5,7 +5,7 @@
 /// One row of a path.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PixelPoint {
-    /// Seconds since the exposure began (0 and ignored in a list of samples).
+    /// Time since the exposure started, s (0 and ignored in a list of samples).
     pub t_s: f64,
     /// Displacement to the right, px.
     pub dx_px: f64,
@@ -18,25 +18,25 @@ pub struct PixelPoint {
 /// A commanded image path.
 #[derive(Debug, Clone, PartialEq)]
 pub enum PixelPath {
-    /// Linear between rows in time order; held before the first and after the last.
+    /// Linear between rows in time order; constant before the first and after the last.
     Line(Vec<PixelPoint>),
     /// Equal weights, in time order.
     Samples(Vec<PixelPoint>),
 }
 
-/// Why a list of rows is no path.
+/// Error in the rows of a path.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PixelPathError {
     /// no rows: wanted at least one
     #[error("no rows: wanted at least one")]
     Empty,
-    /// a row holds a number that is not finite
+    /// a row contains a number that is not finite
     #[error("row {row}: got a number that is not finite")]
     NotFinite {
         /// Row, counted from 1.
         row: usize,
     },
-    /// a displacement leads nowhere near the detector
+    /// a displacement leads far off the detector
     #[error("row {row}: got a displacement of {px:e} px, wanted at most {LARGEST_PX:e} px")]
     TooFar {
         /// Row, counted from 1.
@@ -56,16 +56,16 @@ pub enum PixelPathError {
     },
 }
 
-/// Displacements beyond this are refused: no detector is as large.
+/// Largest displacement, px: no detector is as large.
 const LARGEST_PX: f64 = 1e6;
-/// Times in files are rounded: this share of the exposure beyond its ends is accepted.
+/// Tolerance for rounded times in files: this share of the exposure beyond its ends is accepted.
 const TIME_SLACK: f64 = 1e-9;
 
 impl PixelPath {
     /// Returns a path that is linear between rows.
     ///
     /// # Errors
-    /// When there is no row, a number is not finite, or the times are not ascending within the exposure.
+    /// When the list is empty, a number is not finite, or the times are not ascending within the exposure.
     pub fn line(points: Vec<PixelPoint>, exposure_s: f64) -> Result<Self, PixelPathError> {
         check_finite(&points)?;
         let mut earliest = -TIME_SLACK * exposure_s;
@@ -81,13 +81,13 @@ impl PixelPath {
     /// Returns a list of equally weighted positions.
     ///
     /// # Errors
-    /// When there is no row or a number is not finite.
+    /// When the list is empty or a number is not finite.
     pub fn samples(points: Vec<PixelPoint>) -> Result<Self, PixelPathError> {
         check_finite(&points)?;
         Ok(Self::Samples(points))
     }
 
-    /// Returns rows of the path.
+    /// Returns the rows of the path.
     #[must_use]
     pub fn points(&self) -> &[PixelPoint] {
         match self {
@@ -97,7 +97,7 @@ impl PixelPath {
 }
 
 impl PixelPoint {
-    /// Returns the point a share `s` of the way to `next`.
+    /// Returns the point at a share `s` of the distance to `next`.
     #[must_use]
     pub fn towards(&self, next: &Self, s: f64) -> Self {
         let mix = |a: f64, b: f64| a + s * (b - a);
@@ -109,8 +109,8 @@ impl PixelPoint {
         }
     }
 
-    /// Returns the upper bound of how far any star within `radius_px` of the principal point moves on the way to
-    /// `next`, px.
+    /// Returns an upper bound of the distance that any star within `radius_px` of the principal point moves to `next`,
+    /// px.
     #[must_use]
     pub fn distance_px(&self, next: &Self, radius_px: f64) -> f64 {
         (next.dx_px - self.dx_px).hypot(next.dy_px - self.dy_px) + (next.roll_rad - self.roll_rad).abs() * radius_px

@@ -1,7 +1,7 @@
-//! Sources -> stars of a plan: where each stands at mid-exposure, its mean over the exposure, and its electrons there:
-//! those of the source times the relative illumination at its place at mid-exposure (bound of what the value may change
-//! by during the exposure: [`crate::optics::illumination`]). All cores; source
-//! order is kept, so a repeated plan is the same whatever the number of threads.
+//! Sources -> stars of a plan: mid-exposure position, mean over the exposure, and electrons, which are those of the
+//! source times the relative illumination at its mid-exposure position (bound of the change during the exposure:
+//! [`crate::optics::illumination`]). Uses all cores; the order of sources is kept, so a repeated plan is the same for
+//! any number of threads.
 
 use crate::attitude::LosPath;
 use crate::exposure::mean_field::MeanField;
@@ -15,9 +15,9 @@ use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 use sky::astrometry::CameraGeometry;
 
-/// Stars one thread takes at a time.
+/// Number of stars one thread takes at a time.
 const CHUNK: usize = 1024;
-/// A star that leaves no light on the detector.
+/// Place of a star that leaves no light on the detector.
 const NOWHERE: [f64; 2] = [f64::NAN; 2];
 
 /// The brightest and the faintest of the stars.
@@ -37,17 +37,18 @@ impl Brightness {
     }
 }
 
-/// The field that sources stand in.
+/// Camera and illumination of the field of the sources.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Lit<'a> {
     /// Projection and distortion.
     pub(super) camera: &'a CameraGeometry,
-    /// How the image plane is lit.
+    /// Relative illumination of the image plane.
     pub(super) illumination: &'a Illumination,
 }
 
-/// Replaces `stars` by those of all sources whose light can reach the detector: mean place within `margin_px` of it. A star
-/// is out of sight when its direction is outside the camera's domain. `seen`: room for the number of stars of every chunk.
+/// Replaces `stars` by those of all sources whose light can reach the detector: mean place within `margin_px` of it. A
+/// star is out of sight when its direction is outside the camera's domain. `seen` is a buffer for the number of stars
+/// of every chunk.
 pub(super) fn place_stars(
     sources: &[Source],
     lit: Lit<'_>,
@@ -56,13 +57,13 @@ pub(super) fn place_stars(
     margin_px: f64,
     (stars, seen): (&mut Vec<PlannedStar>, &mut Vec<usize>),
 ) -> Brightness {
-    // No clearing: every star is written.
+    // Not cleared: every star is overwritten.
     stars.resize(sources.len(), EMPTY);
     seen.resize(sources.len().div_ceil(CHUNK), 0);
     let (blocks, arch) = (BlockPlacer::new(lit.camera, los, means, margin_px), Arch::new());
     let chunk = |((stars, seen), sources): ((&mut [PlannedStar], &mut usize), &[Source])| {
         let mut placed = Placed { stars, seen: 0, brightness: Brightness::NONE };
-        // Sources of pixel places are few, and come alone.
+        // Sources with pixel places are few, and are not mixed with others.
         let is_icrf = |source: &Source| matches!(source.place, SourcePlace::Icrf(_));
         let in_blocks = blocks.filter(|_| sources.iter().all(is_icrf));
         let (eights, rest) = sources.as_chunks::<STARS>();
@@ -91,7 +92,7 @@ pub(super) fn place_stars(
     found
 }
 
-/// Runs `work` on all stars, side by side when there are many.
+/// Calls `work` for all stars, in parallel when there are many.
 pub(super) fn for_each_star(stars: &mut [PlannedStar], work: impl Fn(&mut PlannedStar) + Sync) {
     if stars.len() <= CHUNK {
         stars.iter_mut().for_each(work);
@@ -100,7 +101,7 @@ pub(super) fn for_each_star(stars: &mut [PlannedStar], work: impl Fn(&mut Planne
     }
 }
 
-/// The stars of a chunk that are in sight, at its front.
+/// The visible stars of a chunk, at its front.
 struct Placed<'a> {
     stars: &'a mut [PlannedStar],
     seen: usize,
@@ -118,7 +119,7 @@ impl Placed<'_> {
     }
 }
 
-/// Blocks of a chunk, in the shape `pulp` compiles once per vector level.
+/// Blocks of a chunk, in the form that `pulp` compiles once per vector level.
 struct PlaceBlocks<'a, 'b> {
     placer: BlockPlacer,
     sources: &'a [[Source; STARS]],
@@ -152,7 +153,7 @@ impl NullaryFnOnce for PlaceBlocks<'_, '_> {
     }
 }
 
-/// A source that is seen.
+/// Returns the star of a visible source.
 #[inline(always)]
 fn star_at(source: &Source, place: StarPlace, mean_px: [f64; 2], lit: Lit<'_>) -> PlannedStar {
     let electrons = source.electrons * lit.illumination.at(place.tangent);
@@ -227,7 +228,7 @@ mod tests {
         Motion { los, image_path: None }
     }
 
-    /// Directions all over the sky, most of them about the boresight.
+    /// Returns directions all over the sky, most of them near the boresight.
     fn sources(motion: &Motion) -> Vec<Source> {
         let back: Rotation<_, _> = motion.los.mid_sensor_from_icrf.inverse();
         let source = |i: u32| {

@@ -1,8 +1,7 @@
-//! Directions -> places and mean places, eight stars at a time: the vector form of what `place` does star by star.
+//! Directions -> places and mean places, eight stars at a time: the vector form of `place` for single stars.
 //!
-//! Domain: a lens without distortion and one mean pose for all rows (a global shutter, or nothing that moves), where it is
-//! the same arithmetic; elsewhere there is none, and stars are placed one by one. Test: `blocks_place_as_single_stars_do`
-//! in `place`.
+//! Domain: a lens without distortion and one mean pose for all rows (a global shutter, or a still image), where it is
+//! the same arithmetic; otherwise stars are placed one by one. Test: `blocks_place_as_single_stars_do` in `place`.
 
 use crate::attitude::LosPath;
 use crate::exposure::correction::Correction;
@@ -11,13 +10,13 @@ use crate::exposure::pose::{Pose, ROLL, SHIFT};
 use glam::DVec3;
 use sky::astrometry::CameraGeometry;
 
-/// Stars of a block.
+/// Number of stars in a block.
 pub(super) const STARS: usize = 8;
 
 /// Numbers of eight stars.
 type Eight = [f64; STARS];
 
-/// What all stars of an exposure have in common.
+/// Data common to all stars of an exposure.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct BlockPlacer {
     /// Rows of the rotation from ICRF to sensor axes.
@@ -28,11 +27,11 @@ pub(super) struct BlockPlacer {
     domain_squared: f64,
     pose: Pose,
     correction: Correction,
-    /// Mean places in sight are above the first and below the second.
+    /// Limits of visible mean places: above the first and below the second.
     sight_px: [[f64; 2]; 2],
 }
 
-/// Places of eight stars; those that are not in sight hold anything.
+/// Places of eight stars; values of stars that are not in sight are undefined.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Places {
     pub(super) in_sight: [bool; STARS],
@@ -42,7 +41,7 @@ pub(super) struct Places {
 }
 
 impl BlockPlacer {
-    /// For one exposure; `None` outside the domain.
+    /// Returns a placer for one exposure; `None` outside the domain.
     pub(super) fn new(camera: &CameraGeometry, los: &LosPath, means: &MeanField, margin_px: f64) -> Option<Self> {
         let (pose, correction) = means.same_for_all_rows()?;
         if camera.is_distorted() {
@@ -82,7 +81,7 @@ impl BlockPlacer {
             places.tangent[1][k] = v;
             places.mid_px[0][k] = cx + fx * u;
             places.mid_px[1][k] = cy + fy * v;
-            // A direction behind the camera, or beyond the domain, is nowhere.
+            // A direction behind the camera, or beyond the domain, is not imaged.
             places.in_sight[k] = (forward > 0.0) & (u * u + v * v <= self.domain_squared);
         }
         self.mean(&mut places);

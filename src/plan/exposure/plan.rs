@@ -23,8 +23,8 @@ pub struct PlannedStar {
     pub mag: f32,
     /// Electrons the star sends into the whole image plane during the exposure.
     pub electrons: f64,
-    /// Electrons that a backend draws which gives all rows of a star one exposure: those of [`Self::electrons`] times
-    /// what a rolling shutter makes of the star's motion along its rows. The reference exposes row by row instead.
+    /// Electrons drawn by a backend that gives all rows of a star one exposure: [`Self::electrons`] times the effect of
+    /// a rolling shutter on a star that moves along its rows. The reference exposes row by row instead.
     pub drawn_e: f64,
     /// Electrons of it that land on the detector within the footprint.
     pub electrons_on_detector: f64,
@@ -32,11 +32,11 @@ pub struct PlannedStar {
     pub place: StarPlace,
     /// Exposure-averaged position: the star's true centroid, px.
     pub mean_px: [f64; 2],
-    /// The list of [`ExposurePlan::lists`] it is drawn with.
+    /// Index in [`ExposurePlan::lists`] of the list it is drawn with.
     pub list: u32,
 }
 
-/// How the stars of one list are drawn.
+/// Drawing method of the stars of one list.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Drawing {
     /// The PSF once, at the mean position.
@@ -61,7 +61,7 @@ pub struct Cell {
 }
 
 impl Cell {
-    /// Shares of the four lists for a star at `px`; they sum to 1.
+    /// Returns the shares of the four lists for a star at `px`; they sum to 1.
     #[must_use]
     pub fn shares(&self, px: [f64; 2]) -> [f64; 4] {
         let [x, y] = core::array::from_fn(|i| ((px[i] - self.origin_px[i]) / self.size_px[i]).clamp(0.0, 1.0));
@@ -69,22 +69,22 @@ impl Cell {
     }
 }
 
-/// Path nodes and what is done with them, for some of the stars.
+/// Path nodes and their use, for some of the stars.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NodeList {
-    /// Among [`ExposurePlan::nodes`].
+    /// Range in [`ExposurePlan::nodes`].
     pub nodes: Range<usize>,
     /// Their mean pose.
     pub mean: Pose,
-    /// What the mean of the nodes' displacements is more than the displacement of the mean pose.
+    /// The mean of the nodes' displacements minus the displacement of the mean pose.
     pub correction: Correction,
-    /// What is drawn.
+    /// Drawing method.
     pub drawing: Drawing,
-    /// The place whose PSF is drawn, px, where the PSF depends on the place.
+    /// The place of the PSF that is drawn, px, if the PSF depends on the place.
     pub psf_px: [f64; 2],
 }
 
-/// What a method is predicted to do to a frame.
+/// Predicted effect of a method on a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Assessment {
     /// The method.
@@ -97,7 +97,7 @@ pub struct Assessment {
     pub pixel_sigma: f64,
     /// Predicted time, ms.
     pub cost_ms: f64,
-    /// What the budget says.
+    /// Comparison with the budget.
     pub verdict: Verdict,
 }
 
@@ -106,9 +106,9 @@ pub struct Assessment {
 pub struct StarClass {
     /// Electrons of its brightest star.
     pub brightest_e: f64,
-    /// Stars fainter than this are in the next class, e-.
+    /// Lower limit of the class, e-: fainter stars are in the next class.
     pub faintest_e: f64,
-    /// Stars in it.
+    /// Number of stars.
     pub stars: usize,
     /// Bands of rows with a list of nodes each (more than one: rolling shutter).
     pub bands: usize,
@@ -116,19 +116,19 @@ pub struct StarClass {
     pub chosen: Assessment,
 }
 
-/// Furthest an effective PSF may reach from a star's mean position, px: its table grows with the square.
+/// Largest reach of an effective PSF from a star's mean position, px: its table grows with the square.
 pub const LONGEST_KERNEL_PX: f64 = 256.0;
 
-/// Share of the budget's centroid error that a method's bound may take; the rest is for what the bound does not cover.
+/// Share of the budget's centroid error for a method's bound; the rest is reserved for errors outside the bound.
 pub const MOTION_SHARE: f64 = 0.5;
 
-/// Largest kernels of a frame together, bytes (a device holds up to four times as much).
+/// Largest memory of all kernels of a frame, bytes (a device holds up to four times as much).
 pub const MOST_KERNEL_BYTES: usize = 256 << 20;
 
-/// Most kernels of a frame: with the PSF's own table, the layers of a texture.
+/// Largest number of kernels of a frame: with the PSF's own table, the layers of a texture.
 pub const MOST_KERNELS: usize = 255;
 
-/// Whether a method may be used.
+/// Result of the comparison of a method with its limits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
     /// Inside the budget.
@@ -139,7 +139,7 @@ pub enum Verdict {
     PathTooLong,
     /// Its kernels together are too large ([`MOST_KERNEL_BYTES`]).
     TooManyKernels,
-    /// Its kernels are made of exact pixel integrals, and another sampling was asked for.
+    /// Its kernels are made of exact pixel integrals, and another sampling was requested.
     OtherSampling,
     /// Its centroid error is over the budget.
     CentroidOverBudget,
@@ -151,19 +151,19 @@ pub enum Verdict {
 }
 
 impl Verdict {
-    /// Returns whether every error is inside the budget.
+    /// Returns true when every error is inside the budget.
     #[must_use]
     pub fn is_met(self) -> bool {
         self == Self::Fits
     }
 
-    /// Returns whether motion is drawn inside the budget; light that no method keeps may be lost.
+    /// Returns true when motion is drawn inside the budget; light may be lost by any method.
     #[must_use]
     pub fn keeps_shape(self) -> bool {
         matches!(self, Self::Fits | Self::FluxOverBudget)
     }
 
-    /// Returns whether the method can be drawn at all.
+    /// Returns true when the method can be drawn.
     #[must_use]
     pub fn is_drawable(self) -> bool {
         !matches!(self, Self::NeedsSmoothMotion | Self::PathTooLong | Self::TooManyKernels | Self::OtherSampling)
@@ -173,11 +173,11 @@ impl Verdict {
 /// Stars that were left out because they stay below a share of the noise.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct CutOff {
-    /// How many.
+    /// Number of stars.
     pub stars: usize,
     /// Their electrons together.
     pub electrons: f64,
-    /// Bound of what any pixel lacks, e-.
+    /// Bound of the light missing in any pixel, e-.
     pub most_in_pixel_e: f64,
 }
 
@@ -186,11 +186,11 @@ pub struct CutOff {
 pub struct ExposurePlan {
     /// The camera.
     pub camera: CameraGeometry,
-    /// How its rows are exposed.
+    /// Exposure of its rows.
     pub shutter: Shutter,
     /// The PSF.
     pub psf: PsfModel,
-    /// How pixel values are had from it.
+    /// Method to compute pixel values from the PSF.
     pub sampling: PsfSampling,
     /// Footprint half-width, px: a star is drawn in the square of `2 half_px + 1` pixels around each node.
     pub half_px: usize,
@@ -200,9 +200,9 @@ pub struct ExposurePlan {
     pub assessed: Vec<Assessment>,
     /// The stars by brightness, brightest first.
     pub classes: Vec<StarClass>,
-    /// What was left out.
+    /// Stars that were left out.
     pub cut_off: CutOff,
-    /// How far the frame was degraded to keep its time budget.
+    /// Degradation to keep the time budget.
     pub degradation: Degradation,
     /// Path nodes of all lists.
     pub nodes: Vec<PathNode>,
@@ -210,20 +210,20 @@ pub struct ExposurePlan {
     pub lists: Vec<NodeList>,
     /// Bound of the path's length on the detector, px.
     pub reach_px: f64,
-    /// Furthest the path leads a star from its mean position, px.
+    /// Largest distance of a star from its mean position along the path, px.
     pub extent_px: f64,
-    /// How far the exposure's motion takes a star, by its place.
+    /// Motion of a star during the exposure, by its place.
     pub smear: SmearField,
     /// The stars, in source order; behind them the nodes of the targets.
     pub stars: Vec<PlannedStar>,
-    /// The targets that are seen.
+    /// The visible targets.
     pub targets: Vec<PlannedTarget>,
-    /// What moves the image, for backends that integrate it exactly.
+    /// Motion of the image, for backends that integrate it exactly.
     pub motion: Motion,
 }
 
 impl CutOff {
-    /// Adds what else was left out.
+    /// Adds further stars that were left out.
     pub fn add(&mut self, more: &Self) {
         self.stars += more.stars;
         self.electrons += more.electrons;
@@ -239,33 +239,33 @@ impl ExposurePlan {
         &self.stars[..nodes.min(self.stars.len())]
     }
 
-    /// Returns the test for stars of a class.
+    /// Returns a test for the stars of a class.
     pub fn is_member(&self, class: usize) -> impl Fn(&PlannedStar) -> bool + Copy + Sync + use<> {
         let only = self.classes.len() == 1;
         let (above, faintest) = self.brightness_of(class);
         move |star| only || (star.electrons < above && star.electrons >= faintest)
     }
 
-    /// Returns electrons between which the stars of a class lie: below the first, from the second on.
+    /// Returns the electrons between which the stars of a class lie: below the first, from the second on.
     #[must_use]
     pub fn brightness_of(&self, class: usize) -> (f64, f64) {
         let above_e = class.checked_sub(1).map_or(f64::INFINITY, |before| self.classes[before].faintest_e);
         (above_e, self.classes[class].faintest_e)
     }
 
-    /// Nodes of a list.
+    /// Returns the nodes of a list.
     #[must_use]
     pub fn nodes_of(&self, list: &NodeList) -> &[PathNode] {
         &self.nodes[list.nodes.clone()]
     }
 
-    /// The list a star is drawn with.
+    /// Returns the list that a star is drawn with.
     #[must_use]
     pub fn list_of(&self, star: &PlannedStar) -> &NodeList {
         &self.lists[star.list as usize]
     }
 
-    /// Returns where a star's poses count from when it is drawn node by node: its mean comes out at `mean_px`.
+    /// Returns the origin of a star's poses when it is drawn node by node, so that its mean is at `mean_px`.
     #[must_use]
     pub fn origin_px(&self, star: &PlannedStar, track: &StarTrack) -> [f64; 2] {
         let list = self.list_of(star);
@@ -273,8 +273,8 @@ impl ExposurePlan {
         [star.mean_px[0] - x - cx, star.mean_px[1] - y - cy]
     }
 
-    /// Returns the displacement about its mean, for every node, of a star that stands where the kernel is made: the
-    /// shape of an effective PSF.
+    /// Returns the displacement about its mean, for every node, of a star at the position for which the kernel is made:
+    /// the shape of an effective PSF.
     pub fn kernel_trace<'a>(
         &'a self,
         nodes: &'a [PathNode],
@@ -290,7 +290,7 @@ impl ExposurePlan {
         })
     }
 
-    /// What a star is made of: lists and shares of its light.
+    /// Returns the lists that draw a star, with their shares of its light.
     pub fn parts(&self, star: &PlannedStar) -> impl Iterator<Item = (usize, f64)> + use<> {
         let parts = match self.list_of(star).drawing {
             Drawing::Blend(cell) => {
@@ -304,7 +304,7 @@ impl ExposurePlan {
         parts.into_iter().filter(|(_, share)| *share > 0.0)
     }
 
-    /// Returns whether any star is drawn from a kernel.
+    /// Returns true when any star is drawn from a kernel.
     #[must_use]
     pub fn has_kernel(&self) -> bool {
         self.lists.iter().any(|list| matches!(list.drawing, Drawing::Kernel(_)))

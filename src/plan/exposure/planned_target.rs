@@ -1,4 +1,4 @@
-//! A target as a plan has it.
+//! A target in a plan.
 
 use crate::exposure::target::{Smear, Target};
 use crate::exposure::track::StarPlace;
@@ -7,7 +7,7 @@ use core::ops::Range;
 /// One target of a plan.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlannedTarget {
-    /// The target, its light as it comes through.
+    /// The target with its light after all losses.
     pub target: Target,
     /// Electrons it sends into the whole image plane during the exposure.
     pub electrons: f64,
@@ -21,6 +21,6 @@ pub struct PlannedTarget {
     pub smear: Smear,
     /// Its nodes among [`ExposurePlan::stars`](crate::exposure::ExposurePlan::stars).
     pub nodes: Range<usize>,
-    /// It would need more nodes than a target may have.
+    /// True when it would need more nodes than a target may have.
     pub is_coarse: bool,
 }

@@ -1,7 +1,7 @@
-//! The planner: the cheapest methods whose error bounds fit the budget, in the time there is.
+//! The planner: finds the cheapest methods whose error bounds fit the budget, in the available time.
 //!
-//! In: motion, sources, instrument. Out: [`ExposurePlan`]. After the first frames it allocates nothing. Bounds are held
-//! against the reference by `tests/physics`.
+//! In: motion, sources, instrument. Out: [`ExposurePlan`]. After the first frames it allocates nothing. `tests/physics`
+//! compares the bounds with the reference.
 
 use crate::attitude::LosPath;
 use crate::exposure::choice::Chooser;
@@ -26,10 +26,10 @@ use base::accuracy::AccuracyBudget;
 
 /// Share of the budget's flux error that footprint truncation may use.
 const TRUNCATION_SHARE: f64 = 0.05;
-/// Stars a frame's buffers hold from the start.
+/// Initial capacity of a frame's buffers, stars.
 const STARS_RESERVED: usize = 16_384;
 
-/// Stars that are drawn whatever the time: a frame without any is of no use, and hardly sooner ready.
+/// Smallest number of stars, drawn even when late: a frame without stars is useless and not much faster.
 const LEAST_STARS: usize = 32;
 
 /// Chooses methods; owns the buffers of the plan.
@@ -48,11 +48,11 @@ pub struct Planner {
     share: Share,
     targets: TargetPlanner,
     cost: CostModel,
-    /// For a backend that integrates every star's exact path.
+    /// True for a backend that integrates every star's exact path.
     is_exact: bool,
-    /// Room for the stars' electrons.
+    /// Buffer for the stars' electrons.
     brightness_e: Vec<f64>,
-    /// Room for the numbers of stars in sight, chunk by chunk of the sources.
+    /// Buffer for the numbers of stars in sight, chunk by chunk of the sources.
     seen: Vec<usize>,
 }
 
@@ -109,27 +109,27 @@ impl Planner {
         }
     }
 
-    /// Returns milliseconds in which drawing must be done; without one, frames are never degraded.
+    /// Sets the time in which drawing must be done, ms; without one, frames are never degraded.
     #[must_use]
     pub fn within_ms(mut self, time_budget_ms: f64) -> Self {
         self.time_budget_ms = Some(time_budget_ms);
         self
     }
 
-    /// With another level than [`Degradation::LAST_BY_DEFAULT`] as the last one that may be taken.
+    /// Sets another limit of degradation than [`Degradation::LAST_BY_DEFAULT`].
     #[must_use]
     pub fn down_to(mut self, last_degradation: Degradation) -> Self {
         self.last_degradation = last_degradation;
         self
     }
 
-    /// Another such time from the next plan on.
+    /// Sets another drawing time from the next plan on.
     pub fn set_time_budget_ms(&mut self, time_budget_ms: f64) {
         self.time_budget_ms = Some(time_budget_ms);
     }
 
-    /// For the reference: every star, however faint, and as much of each as the reference draws; nothing is over the
-    /// budget but light beyond the furthest footprint.
+    /// Prepares plans for the reference: every star, however faint, and as much of each as the reference draws; only
+    /// light beyond the furthest footprint can exceed the budget.
     #[must_use]
     pub fn exact(mut self) -> Self {
         self.is_exact = true;
@@ -141,38 +141,38 @@ impl Planner {
         self
     }
 
-    /// Weighs every method, also where a cheaper one has been found that fits: for reports.
+    /// Weighs every method, even when a cheaper one already fits: for reports.
     #[must_use]
     pub fn thorough(mut self) -> Self {
         self.chooser.is_thorough = true;
         self
     }
 
-    /// Targets that move over the detector by their own script, from the next plan on.
+    /// Sets targets that move over the detector by their own script, from the next plan on.
     pub fn set_targets(&mut self, scripts: Vec<Target>) {
         self.plan.targets.reserve(scripts.len());
         self.targets.set(scripts);
         self.plan.stars.reserve(self.targets.most_nodes());
     }
 
-    /// Makes room for so many targets on the sky.
+    /// Reserves memory for this many targets on the sky.
     pub fn reserve_targets_on_sky(&mut self, most: usize) {
         self.plan.targets.reserve(self.targets.scripts() + most);
         self.targets.reserve(most);
         self.plan.stars.reserve(self.targets.most_nodes());
     }
 
-    /// Targets on the sky in the next exposure.
+    /// Sets the targets on the sky for the next exposure.
     pub fn set_targets_on_sky(&mut self, targets: &[Target]) {
         self.targets.set_on_sky(targets);
     }
 
-    /// Share of the targets' light that comes through, from the next plan on.
+    /// Sets the share of the targets' light that reaches the detector, from the next plan on.
     pub fn set_target_light(&mut self, share: f64) {
         self.targets.light_share = share;
     }
 
-    /// Returns the motion of the next exposure, to be filled in before [`Self::plan`].
+    /// Returns the motion of the next exposure for the caller to fill before [`Self::plan`].
     pub fn motion_mut(&mut self) -> &mut Motion {
         &mut self.plan.motion
     }
@@ -196,7 +196,7 @@ impl Planner {
         &self.plan
     }
 
-    /// The true paths of the probes, and mean positions all over the field.
+    /// Computes the true paths of the probes, and mean positions all over the field.
     fn measure_path(&mut self) {
         let Self { plan, probes, means, instrument, chooser, .. } = self;
         probes.measure(&plan.motion, instrument.psf.core_sigma_px());
@@ -214,10 +214,10 @@ impl Planner {
         place_stars(sources, lit, &plan.motion.los, means, margin_px, (&mut plan.stars, seen))
     }
 
-    /// Down the ladder until the frame fits its time.
+    /// Raises the degradation level until the frame fits its time.
     fn take_degradations(&mut self, brightness: Brightness) {
         let mut degradation = Degradation::Full;
-        // Targets are drawn whatever the time: they are what the frame is for.
+        // Targets are drawn even when time is short: they are the purpose of the frame.
         let targets_ms = self.targets.cost_ms(&self.cost, &self.plan);
         self.plan.cut_off = CutOff::default();
         self.leave_out_faint(degradation, brightness.least_e);
@@ -232,7 +232,7 @@ impl Planner {
             }
             let Some(mut next) = degradation.next() else { return };
             if next == Degradation::MotionOut && self.chooser.is_fixed() {
-                // A method that the user fixed stays.
+                // A method fixed by the user is kept.
                 next = Degradation::BrightStarsOnly;
             }
             if next > self.last_degradation {
@@ -248,7 +248,7 @@ impl Planner {
         }
     }
 
-    /// Leaves out the stars that stay below the rung's share of the noise.
+    /// Leaves out the stars that stay below the level's share of the noise.
     fn leave_out_faint(&mut self, degradation: Degradation, least_e: f64) {
         let Self { plan, cells, instrument, budget, is_exact, .. } = self;
         let reach_px = light_reach_px(plan);
@@ -256,7 +256,7 @@ impl Planner {
         if *is_exact {
             return;
         }
-        // What an earlier rung left out counts too.
+        // Losses of an earlier level count too.
         let allowed_e = degradation.cut_off_sigma(budget) * instrument.read_noise_e_rms - plan.cut_off.most_in_pixel_e;
         let peak = plan.psf.peak();
         if least_e * peak >= allowed_e {
@@ -271,7 +271,7 @@ impl Planner {
         }
     }
 
-    /// Leaves as many of the brightest stars as fit the time.
+    /// Keeps as many of the brightest stars as fit the time.
     fn keep_brightest(&mut self, limit_ms: f64) {
         let Self { plan, chooser, brightness_e, cells, instrument, .. } = self;
         let keep = chooser.stars_within(plan, limit_ms).max(LEAST_STARS);
@@ -281,7 +281,7 @@ impl Planner {
         brightness_e.clear();
         brightness_e.extend(plan.stars.iter().map(|star| star.electrons));
         let limit_e = *brightness_e.select_nth_unstable_by(keep - 1, |a, b| b.total_cmp(a)).1;
-        // Of stars as bright as the last one kept, the first in order stay.
+        // Among stars as bright as the last one kept, the first in order are kept.
         let mut ties = keep - brightness_e.iter().filter(|electrons| **electrons > limit_e).count();
         for star in &mut plan.stars {
             let ties_left = star.electrons == limit_e && ties > 0;
@@ -298,12 +298,12 @@ impl Planner {
     }
 }
 
-/// Returns how far from its mean place a star leaves light, px.
+/// Returns the distance from its mean place at which a star leaves light, px.
 fn light_reach_px(plan: &ExposurePlan) -> f64 {
     plan.half_px as f64 + 1.0 + plan.extent_px
 }
 
-/// Marks of stars while some are left out; lists are given afterwards.
+/// Mark of a star that is kept while others are left out; lists are assigned afterwards.
 const STAYS: u32 = 0;
 const GOES: u32 = 1;
 

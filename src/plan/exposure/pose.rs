@@ -1,28 +1,28 @@
-//! Where the image stands at one instant of an exposure, relative to its middle: what all stars share of the motion.
+//! Position of the image at one instant of an exposure, relative to its middle: the motion that all stars share.
 //!
 //! A pose is thirteen numbers: the rotation of the sensor axes as `R - I` (row-major), the roll of a commanded image
 //! path as `sin` and `cos - 1`, and its shift in px. A star's displacement follows from them exactly
 //! ([`crate::exposure::track::StarTrack`]); differences from the identity keep their precision in f32. Lists of poses
-//! may be averaged and moved: displacement is linear in them to first order, and what that leaves out is measured by
-//! [`crate::exposure::probes`].
+//! may be averaged and shifted: displacement is linear in them to first order, and [`crate::exposure::probes`] measures
+//! the remaining error.
 
 use glam::DQuat;
 
-/// Numbers of a pose.
+/// Number of values of a pose.
 pub const POSE: usize = 13;
-/// Index of the sine of the roll; the cosine less one follows.
+/// Index of the sine of the roll; the cosine minus one follows.
 pub const ROLL: usize = 9;
-/// Index of the shift along x, px; along y follows.
+/// Index of the shift along x, px; that along y follows.
 pub const SHIFT: usize = 11;
 
-/// Turn (`R - I`, 0 to 8), roll (9, 10) and shift (11, 12).
+/// Rotation (`R - I`, 0 to 8), roll (9, 10) and shift (11, 12).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose(pub [f64; POSE]);
 
 /// One node of a method: a weight and the pose there. The weights of a list sum to 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PathNode {
-    /// Share of the exposure this node stands for.
+    /// Share of the exposure that this node represents.
     pub weight: f64,
     /// Pose at the node.
     pub pose: Pose,
@@ -35,15 +35,15 @@ impl Default for Pose {
 }
 
 impl Pose {
-    /// The image as it stands at mid-exposure.
+    /// The pose at mid-exposure.
     pub const STILL: Self = Self([0.0; POSE]);
 
-    /// A turn of directions by `q`, then a roll about the principal point, then a shift.
+    /// Returns the pose of a rotation of directions by `q`, then a roll about the principal point, then a shift.
     #[must_use]
     pub fn new(q: DQuat, roll_rad: f64, shift_px: [f64; 2]) -> Self {
         let DQuat { x, y, z, w } = q;
         let half = (0.5 * roll_rad).sin();
-        // cos - 1 without cancellation, in the turn as in the roll.
+        // Both for rotation and roll, cos - 1 is computed without cancellation.
         Self([
             -2.0 * (y * y + z * z),
             2.0 * (x * y - w * z),
@@ -69,13 +69,13 @@ impl Pose {
         pose
     }
 
-    /// `self + share * other`, number by number.
+    /// Returns `self + share * other`, value by value.
     #[must_use]
     pub fn plus(&self, share: f64, other: &Self) -> Self {
         Self(core::array::from_fn(|i| self.0[i] + share * other.0[i]))
     }
 
-    /// Returns the pose a share `s` of the way to `next`, along a straight line.
+    /// Returns the pose at a share `s` of the distance to `next`, along a straight line.
     #[must_use]
     pub fn towards(&self, next: &Self, s: f64) -> Self {
         Self(core::array::from_fn(|i| self.0[i] + s * (next.0[i] - self.0[i])))
@@ -88,7 +88,7 @@ pub fn mean_pose(nodes: &[PathNode]) -> Pose {
     nodes.iter().fold(Pose::STILL, |mean, node| mean.plus(node.weight, &node.pose))
 }
 
-/// Moves all nodes together so that their mean is `mean`.
+/// Shifts all nodes together so that their mean is `mean`.
 pub fn recentre(nodes: &mut [PathNode], mean: &Pose) {
     let off = mean.plus(-1.0, &mean_pose(nodes));
     for node in nodes {

@@ -1,8 +1,8 @@
-//! Stars that stand for all: at the corners, the edges' middles and the centre of the detector, and their true paths.
+//! Sample stars at the corners, the edges' middles and the centre of the detector, with their true paths.
 //!
 //! In: motion, camera. Out: for nine probes the mean, the moments and the trace of the exact path, integrated over a
-//! dense list of poses; for four more, between them, the mean. What a method draws is held against these before
-//! anything is drawn. Limits: what happens between probes is smooth in the field (perspective, a lens).
+//! dense list of poses; for four more, between them, the mean. The nodes of a method are compared with these before any
+//! pixel is drawn. Limits: the motion between probes must be smooth in the field (perspective, a lens).
 
 use crate::exposure::moments::{Moments, TracePoint, trace};
 use crate::exposure::motion::{Motion, Shutter};
@@ -13,13 +13,13 @@ use core::ops::Range;
 use glam::{DQuat, DVec3};
 use sky::astrometry::CameraGeometry;
 
-/// Probes along each side of the detector.
+/// Number of probes along each side of the detector.
 pub const SIDE: usize = 3;
 /// Rotation by which a probe's response is measured, rad.
 const SMALL_RAD: f64 = 1e-7;
-/// Nodes that the dense list of a smooth path has more than a method.
+/// Number of additional nodes of the dense list of a smooth path compared with a method.
 const DENSER: usize = 8;
-/// Arc over chord of a smooth path, generously.
+/// Upper bound of arc over chord of a smooth path.
 const ARC: f64 = 1.05;
 
 /// One probe.
@@ -43,14 +43,14 @@ pub struct Probes {
     /// The camera.
     pub camera: CameraGeometry,
     shutter: Shutter,
-    /// Row by row from the top left corner.
+    /// Probes row by row from the top left corner.
     pub probes: Vec<Probe>,
     checks: Vec<Probe>,
     dense: Vec<PathNode>,
     rows: [Row; SIDE],
     /// Upper bound of the path's length on the detector, px.
     pub reach_px: f64,
-    /// Furthest the path leads a star from its mean position, px.
+    /// Largest distance of a star from its mean position along the path, px.
     pub extent_px: f64,
 }
 
@@ -62,7 +62,7 @@ struct Row {
 }
 
 impl Probes {
-    /// Probes on `camera`'s detector.
+    /// Returns the probes on `camera`'s detector.
     #[must_use]
     pub fn new(camera: &CameraGeometry, shutter: Shutter) -> Self {
         let size = [camera.width_px(), camera.height_px()].map(|side| side as f64 - 1.0);
@@ -88,7 +88,7 @@ impl Probes {
         self.probes.get(self.centre_index())
     }
 
-    /// Returns its index.
+    /// Returns the index of that probe.
     #[must_use]
     pub fn centre_index(&self) -> usize {
         self.probes.len() / 2
@@ -113,7 +113,7 @@ impl Probes {
         &self.dense[self.rows[SIDE / 2].nodes.clone()]
     }
 
-    /// Integrates the true paths of all probes.
+    /// Computes the true paths of all probes.
     pub fn measure(&mut self, motion: &Motion, sigma_px: f64) {
         let radius_px = furthest_corner_px(&self.camera);
         self.reach_px = self.probes.iter().map(|probe| probe.path_length_px(motion, radius_px)).fold(0.0, f64::max);
@@ -149,8 +149,8 @@ impl Probes {
         dense_nodes(motion, sigma_px, self.reach_px, furthest_corner_px(&self.camera), delay_s, out);
     }
 
-    /// Returns the largest distance of a mean position worked out by `mean_px` from the true one, between the probes,
-    /// px. `own` is room for the nodes of a row.
+    /// Returns the largest distance of a mean position computed by `mean_px` from the true one, between the probes, px.
+    /// `own` is a buffer for the nodes of a row.
     #[must_use]
     pub fn mean_error_px(
         &self,
@@ -205,7 +205,7 @@ impl Probe {
         self.moments = Moments::of(&self.trace);
     }
 
-    /// Returns the upper bound of the length of the star's path on the detector, px.
+    /// Returns an upper bound of the length of the star's path on the detector, px.
     fn path_length_px(&self, motion: &Motion, radius_px: f64) -> f64 {
         let moved = |v: DVec3| v.abs().dot(self.px_per_rad.into());
         let half_s = 0.5 * motion.los.exposure_s;
@@ -216,7 +216,7 @@ impl Probe {
             None => {
                 let jitter = &motion.los.jitter;
                 let cycles = |hz: f64| hz * motion.los.exposure_s;
-                // A sinusoid's arc: 4 A per cycle; less than a cycle may still be crossed once: 2 A.
+                // Arc of a sinusoid: 4 A per cycle; less than a cycle may still be crossed once: 2 A.
                 let lines: f64 =
                     jitter.lines.iter().map(|l| moved(l.amplitude_rad) * 4.0 * cycles(l.frequency_hz).max(0.5)).sum();
                 let points: f64 = jitter.points.windows(2).map(|p| moved(p[1].rotation_rad - p[0].rotation_rad)).sum();
@@ -232,7 +232,7 @@ impl Probe {
     }
 }
 
-/// The dense list of one row's exposure.
+/// Appends the dense list of one row's exposure.
 fn dense_nodes(motion: &Motion, sigma_px: f64, reach_px: f64, radius_px: f64, delay_s: f64, out: &mut Vec<PathNode>) {
     if motion.is_still() {
         nodes::single(&Pose::STILL, out);
@@ -251,8 +251,8 @@ pub fn furthest_corner_px(camera: &CameraGeometry) -> f64 {
     furthest(cx, camera.width_px()).hypot(furthest(cy, camera.height_px()))
 }
 
-/// Gauss-Legendre nodes for a smooth path of `reach_px`: 1.5 per sigma, and two for the ends, of the path or of every
-/// panel of a long one.
+/// Returns the number of Gauss-Legendre nodes for a smooth path of `reach_px`: 1.5 per sigma, plus two for the ends, of
+/// the path or of every panel of a long one.
 #[must_use]
 pub fn gauss_legendre_count(reach_px: f64, sigma_px: f64) -> usize {
     let wanted = (1.5 * reach_px / sigma_px + 2.0).ceil();

@@ -1,8 +1,9 @@
-//! PSF sampling: how the light in a pixel is had from the PSF, and what that errs by.
+//! PSF sampling: methods to compute the light in a pixel from the PSF, and their errors.
 //!
-//! In: PSF, method. Out: bounds of the 5 x 5 centroid error and of the largest pixel error. Methods that take points of
-//! the PSF are products of two axes, so they are tried on one: all phases of a star on its pixel, in f64. A table errs
-//! by its splines' fourth-order remainder. Held against drawn images by `tests/physics/stability/sampling.rs`.
+//! In: PSF, method. Out: bounds of the 5 x 5 centroid error and of the largest pixel error. Methods that use points of
+//! the PSF are products of two axes, so they are tried on one: all phases of a star on its pixel, in f64. The error of
+//! a table is its splines' fourth-order remainder. `tests/physics/stability/sampling.rs` compares the bounds with drawn
+//! images.
 
 use crate::exposure::moments::window_sensitivity;
 use crate::optics::{PsfForm, PsfModel, gaussian};
@@ -12,24 +13,26 @@ use core::str::FromStr;
 
 /// Interpolation error of a tabulated PSF relative to its peak.
 pub const TABLE_ERROR: f64 = 3e-5;
-/// What a sum of products may leave out of a table's coefficients, relative to the largest: part of [`TABLE_ERROR`].
+/// Largest part of a table's coefficients that a sum of products may omit, relative to the largest: part of
+/// [`TABLE_ERROR`].
 pub const PRODUCTS_ERROR: f64 = 1e-6;
-/// Widest footprint of a Gaussian that is drawn from error functions rather than a table, px (the CPU backend's vectors).
+/// Widest footprint of a Gaussian drawn from error functions instead of a table, px (the CPU backend's vectors).
 pub const ANALYTIC_HALF_PX: usize = 7;
 /// Largest oversampling of a table.
 pub const MOST_OVERSAMPLING: usize = 32;
-/// Phases of a star on its pixel that are tried, from one edge to the other.
+/// Number of phases of a star on its pixel that are tried, from one edge to the other.
 const PHASES: i32 = 64;
-/// For what happens between two phases (errors are smooth in the phase; their second difference is 1e-3 of them).
+/// Safety factor for errors between two phases (errors are smooth in the phase; their second difference is 1e-3 of
+/// them).
 const BETWEEN_PHASES: f64 = 1.05;
-/// Pixels on each side of a star that are compared: an analytic footprint's, and those it may lack.
+/// Pixels on each side of a star that are compared: an analytic footprint and the pixels it may lack.
 const REACH_PX: i32 = 9;
 /// Pixels on each side of the middle of a tracker's window.
 const WINDOW_HALF_PX: i32 = 2;
 /// Centroid error of a table per unit of its peak error and of the window's sensitivity (measured at most 0.8).
 const TABLE_CENTROID_SAFETY: f64 = 2.0;
 
-/// How pixel values are had from the PSF.
+/// Method to compute pixel values from the PSF.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
 pub enum PsfSampling {
     /// Exact pixel integrals where the PSF has a closed form and is narrow, else the table that keeps
@@ -38,12 +41,12 @@ pub enum PsfSampling {
     Auto,
     /// A table of exact pixel integrals, interpolated by cubic B-splines.
     Table {
-        /// Grid points per pixel.
+        /// Number of grid points per pixel.
         oversampling: usize,
     },
     /// Mean of `n` x `n` points of the PSF in each pixel.
     Supersampled {
-        /// Points along each side of a pixel.
+        /// Number of points along each side of a pixel.
         n: usize,
     },
     /// The PSF at the pixel's centre.
@@ -59,7 +62,7 @@ impl PsfSampling {
         matches!(self, Self::Auto | Self::Table { .. })
     }
 
-    /// The methods a chart compares.
+    /// Methods compared by a chart.
     pub const CHARTED: [Self; 9] = [
         Self::Auto,
         Self::Table { oversampling: 16 },
@@ -85,7 +88,7 @@ impl fmt::Display for PsfSampling {
     }
 }
 
-/// Text that names no sampling.
+/// The text is not the name of a sampling.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
     "PSF sampling \"{got}\": wanted auto, table:S (S = 2, 4, 8, 16 or 32), supersampled:N (N from 1 to 9), point or bicubic"
@@ -122,12 +125,12 @@ impl FromStr for PsfSampling {
 pub fn oversampling(psf: &PsfModel) -> usize {
     let enough = |s: &usize| table_error(psf, *s) <= TABLE_ERROR - PRODUCTS_ERROR;
     match psf.form() {
-        // The knots of a grid are knots of its table, which then is the same spline.
+        // The knots of a grid are knots of its table, which is therefore the same spline.
         PsfForm::Grid(grid) => {
             let finer = || (0..).map(|k| grid.oversampling() << k).take_while(|s| *s <= MOST_OVERSAMPLING);
             finer().find(enough).or(finer().last()).unwrap_or(MOST_OVERSAMPLING)
         }
-        // One for all nodes.
+        // One value for all nodes.
         PsfForm::Field(field) => field.nodes().iter().map(oversampling).max().unwrap_or(MOST_OVERSAMPLING),
         PsfForm::Gaussian(_) | PsfForm::Round(_) => [4, 8, 16].into_iter().find(enough).unwrap_or(MOST_OVERSAMPLING),
     }
@@ -139,7 +142,7 @@ pub fn table_error(psf: &PsfModel, s: usize) -> f64 {
     psf.table_error(s as f64)
 }
 
-/// Images of a table: phases along both axes, with the taps' margin.
+/// Returns the number of images of a table: phases along both axes, with the taps' margin.
 #[must_use]
 pub fn table_images(s: usize) -> usize {
     (s + 4) * (s + 4)
@@ -154,7 +157,7 @@ pub struct SamplingError {
     pub peak: f64,
 }
 
-/// Returns bounds of what `sampling` errs by for a PSF with a core of `sigma_px`.
+/// Returns error bounds of `sampling` for a PSF with a core of `sigma_px`.
 #[must_use]
 pub fn sampling_error(psf: &PsfModel, sampling: PsfSampling) -> SamplingError {
     let sigma_px = psf.core_sigma_px();
@@ -166,12 +169,12 @@ pub fn sampling_error(psf: &PsfModel, sampling: PsfSampling) -> SamplingError {
             return tried_error(sigma_px, sampling);
         }
     };
-    // A table's error moves the centroid as any other change of shape does.
+    // A table's error moves the centroid like any other change of shape.
     let peak = table_error(psf, s);
     SamplingError { centroid_px: peak * TABLE_CENTROID_SAFETY * window_sensitivity(sigma_px), peak }
 }
 
-/// Returns the light in the pixel whose centre lies `x` px from a star along one axis, by a method that takes points of
+/// Returns the light in the pixel whose centre lies `x` px from a star along one axis, by a method that uses points of
 /// the PSF.
 fn sampled(sigma_px: f64, sampling: PsfSampling, x: f64) -> f64 {
     let density = |x: f64| (-0.5 * (x / sigma_px).powi(2)).exp() / (sigma_px * (2.0 * PI).sqrt());
@@ -200,8 +203,8 @@ pub fn keys(x: f64) -> f64 {
     }
 }
 
-/// Returns the largest errors over all phases. Along one axis the centroid of a window does not know the other; a pixel
-/// does.
+/// Returns the largest errors over all phases. The centroid of a window along one axis does not depend on the other
+/// axis; a pixel value does.
 fn tried_error(sigma_px: f64, sampling: PsfSampling) -> SamplingError {
     let mut pixels = Vec::new();
     let mut centroid_px = 0.0_f64;

@@ -1,9 +1,9 @@
-//! Share of a star's light that lands on the detector: what the truth table calls its electrons.
+//! Share of a star's light that lands on the detector, which the truth table lists as electrons.
 //!
 //! Inside the detector: the footprint's share. Across an edge: the mean over the path nodes of the share inside.
-//! Gaussian: exact products of error functions, within the footprint. Round PSFs: products of the line-spread function's integral,
-//! exact at one edge, at a corner off by what the PSF is not separable (Airy: < 3e-3 of the star; none for a star on the
-//! corner). A grid by the sums of its own samples, each side for itself.
+//! Gaussian: exact products of error functions, within the footprint. Round PSFs: products of the line-spread
+//! function's integral, exact at one edge; at a corner the error is the non-separable part of the PSF (Airy: < 3e-3 of
+//! the star; zero for a star on the corner). A grid uses the sums of its own samples, separately for each side.
 
 use crate::exposure::plan::PlannedStar;
 use crate::exposure::pose::{PathNode, mean_pose};
@@ -14,21 +14,21 @@ use std::sync::Arc;
 
 /// Step of the sums of a grid, px; half a pixel is a whole number of them.
 const GRID_STEP: f64 = 1.0 / 128.0;
-/// Such steps in half a pixel.
+/// Number of such steps in half a pixel.
 const HALF_PIXEL: usize = 64;
-/// Step of that of a Gaussian, sigma: linear interpolation errs by `step^2 / 8` of 0.24, 3e-7.
+/// Step for a Gaussian, sigma: linear interpolation has an error of `step^2 / 8` of 0.24, 3e-7.
 const GAUSSIAN_STEP: f64 = 1.0 / 320.0;
 
-/// Light on one detector.
+/// Light shares on one detector.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Share {
-    /// Of the PSF, or of those at the nodes of its field.
+    /// Shares of the PSF, or of those at the nodes of its field.
     nodes: Vec<NodeShare>,
     field: Option<Arc<PsfField>>,
 }
 
 impl Share {
-    /// For a PSF drawn in footprints of `half_px` on a detector of `size_px`.
+    /// Returns shares for a PSF drawn in footprints of `half_px` on a detector of `size_px`.
     #[must_use]
     pub fn new(psf: &PsfModel, half_px: usize, size_px: [usize; 2]) -> Self {
         let nodes = psf.nodes().iter().map(|psf| NodeShare::new(psf, half_px, size_px)).collect();
@@ -49,13 +49,13 @@ impl Share {
     }
 }
 
-/// Light of one PSF on one detector.
+/// Light shares of one PSF on one detector.
 #[derive(Debug, Clone, PartialEq)]
 struct NodeShare {
     half_px: usize,
     size_px: [usize; 2],
     footprint: f64,
-    /// By axis, before the star and after it: share of the light within a distance, every `step_px` from 0.
+    /// By axis, before and after the star: share of the light within a distance, every `step_px` from 0.
     lines: [[Vec<f64>; 2]; 2],
     step_px: f64,
 }
@@ -95,7 +95,8 @@ impl NodeShare {
         self.footprint * self.at_edge(star, &StarTrack::new(camera, star.place), nodes, clear)
     }
 
-    /// Mean over all nodes; only nodes whose footprint an edge cuts need the integral, and no axis whose edges are `clear`.
+    /// Returns the mean over all nodes; only nodes with a footprint across an edge need the integral, and no axis with
+    /// `clear` edges.
     fn at_edge(&self, star: &PlannedStar, track: &StarTrack, nodes: &[PathNode], clear: [bool; 2]) -> f64 {
         let [mx, my] = track.displacement_px(&mean_pose(nodes));
         let [x, y] = [star.mean_px[0] - mx, star.mean_px[1] - my];
@@ -107,7 +108,7 @@ impl NodeShare {
         nodes.iter().map(|node| node.weight * on(node)).sum()
     }
 
-    /// Returns the share of the light at `v` px that lies on the pixels of one axis.
+    /// Returns the share of the light of a star at `v` px that lies on the pixels of one axis.
     fn along(&self, axis: usize, v: f64) -> f64 {
         let size = self.size_px[axis];
         let clear_px = self.half_px as f64 + 1.0;
@@ -132,7 +133,7 @@ impl NodeShare {
     }
 }
 
-/// Returns the share of a Gaussian's light no further than `px` from its middle, one axis.
+/// Returns the share of a Gaussian's light within `px` from its middle, one axis.
 fn gaussian_within(px: f64, sigma_px: f64) -> f64 {
     libm::erf(px / sigma_px * core::f64::consts::FRAC_1_SQRT_2)
 }
@@ -155,7 +156,7 @@ fn line_integral(irradiance: impl Fn(f64) -> f64 + Sync, half_px: usize, step_px
     let steps = (reach_px / step_px).ceil() as usize;
     let panels: Vec<f64> = {
         use rayon::prelude::*;
-        // Midpoints serve: the pattern is band-limited far below 1 / step.
+        // Midpoints are sufficient: the pattern is band-limited far below 1 / step.
         let across = |x: f64| (0..steps).map(|j| irradiance(x.hypot((j as f64 + 0.5) * step_px))).sum::<f64>();
         (0..steps).into_par_iter().map(|i| across((i as f64 + 0.5) * step_px)).collect()
     };
@@ -191,7 +192,7 @@ fn grid_lines(grid: &PsfGrid, half_px: usize) -> (f64, [[Vec<f64>; 2]; 2]) {
         };
         let total: f64 = columns.iter().enumerate().map(|(i, v)| trapezoid(i, 2 * reach) * v).sum::<f64>() * GRID_STEP;
         footprint = total;
-        // Before a line: the column half a pixel before it, and all before the line one pixel on.
+        // Before a line: the column half a pixel before it, and all columns before the line one pixel further.
         let end = 2 * (reach + HALF_PIXEL);
         let mut before = vec![0.0; end + 1];
         for i in HALF_PIXEL..=end {

@@ -1,32 +1,33 @@
-//! The way of a target on the sky within one exposure -> its apparent direction at any instant of it.
+//! The trajectory of a target on the sky within one exposure -> its apparent direction at any instant of it.
 //!
-//! In: the target's place from the observer, km, at four instants evenly over the exposure, and the observer's barycentric
-//! velocity. Out: the apparent direction, ICRF axes, at any instant. The place is the cubic through the four, so that a
-//! near pass is exact in what makes it fast, the geometry; the direction is aberrated as stars' are. Error of the cubic:
-//! h^4 / 24 times the fourth derivative, h being the step; for what falls about a body at r that derivative is
-//! at most `14 GM^2 / r^5` (two-body motion up to parabolic speed, differentiated twice more): [`SkyPath::bound_km`].
-//! 10 s of two low orbits: 0.1 mm or less; a minute: 0.2 m. Beyond the four instants the error grows.
+//! In: the target's place from the observer, km, at four instants evenly over the exposure, and the observer's
+//! barycentric velocity. Out: the apparent direction, ICRF axes, at any instant. The place is the cubic through the
+//! four, so that the geometry of a close pass, the cause of its speed, is exact; the direction is aberrated like those
+//! of stars. Error of the cubic: h^4 / 24 times the fourth derivative, h being the step; for an orbit about a body at
+//! distance r that derivative is at most `14 GM^2 / r^5` (two-body motion up to parabolic speed, differentiated twice
+//! more): [`SkyPath::bound_km`]. 10 s of two low orbits: 0.1 mm or less; a minute: 0.2 m. Beyond the four instants the
+//! error grows.
 //! Tests: below; against the orbits themselves `scene::sky_targets`.
 
 use glam::DVec3;
 use sky::astrometry::aberrated;
 
-/// Instants a way is made from.
+/// Number of instants from which a trajectory is made.
 pub const PATH_INSTANTS: usize = 4;
-/// Largest fourth derivative of a fall about r, in units of GM^2 / r^5 (module doc).
+/// Largest fourth derivative of an orbit at distance r, in units of GM^2 / r^5 (module doc).
 const FOURTH_DERIVATIVE: f64 = 14.0;
 
-/// How something falls about a body.
+/// Gravity that acts on one end of the line of sight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fall {
     /// Gravitational parameter of the body, km^3/s^2.
     pub gm_km3_s2: f64,
-    /// The least distance from its centre, km.
+    /// Smallest distance from its centre, km.
     pub radius_km: f64,
 }
 
 impl Fall {
-    /// At rest, or as good as.
+    /// At rest, or nearly so.
     pub const NONE: Self = Self { gm_km3_s2: 0.0, radius_km: 1.0 };
 }
 
@@ -35,12 +36,12 @@ impl Fall {
 pub struct Cubic {
     /// Coefficients of the place by powers of `t / half_s`, km.
     powers_km: [DVec3; PATH_INSTANTS],
-    /// From the middle to the first and the last instant, s.
+    /// Time from the middle to the first and the last instant, s.
     half_s: f64,
 }
 
 impl Cubic {
-    /// Through the places at [`SkyPath::instants_s`].
+    /// Returns the cubic through the places at [`SkyPath::instants_s`].
     #[must_use]
     pub fn through(places_km: [DVec3; PATH_INSTANTS], half_s: f64) -> Self {
         let [a, b, c, d] = places_km;
@@ -72,13 +73,14 @@ pub struct SkyPath {
 }
 
 impl SkyPath {
-    /// Returns when places are wanted, s after mid-exposure, for a way of `2 half_s`.
+    /// Returns the instants at which places are needed, s after mid-exposure, for a trajectory of `2 half_s`.
     #[must_use]
     pub fn instants_s(half_s: f64) -> [f64; PATH_INSTANTS] {
         [-half_s, -half_s / 3.0, half_s / 3.0, half_s]
     }
 
-    /// The way through these places, for an observer whose barycentric velocity at the first and the last instant is this.
+    /// Returns the trajectory through these places, for an observer with these barycentric velocities at the first and
+    /// last instant.
     #[must_use]
     pub fn through(from_observer_km: [DVec3; PATH_INSTANTS], half_s: f64, [first, last]: [DVec3; 2]) -> Self {
         Self {
@@ -88,7 +90,7 @@ impl SkyPath {
         }
     }
 
-    /// Bound of the place's error, km; both ends of the line of sight fall.
+    /// Returns the bound of the place's error, km; gravity acts on both ends of the line of sight.
     #[must_use]
     pub fn bound_km(half_s: f64, falls: [Fall; 2]) -> f64 {
         let step_s = 2.0 * half_s / (PATH_INSTANTS as f64 - 1.0);
@@ -108,7 +110,8 @@ impl SkyPath {
         aberrated(self.from_observer_km(t_s).normalize(), self.observer_km_s + self.observer_km_s2 * t_s)
     }
 
-    /// Returns the angle that the direction turns through between two instants, rad; a little more, if the way bends.
+    /// Returns the angle that the direction turns through between two instants, rad; slightly more if the trajectory
+    /// bends.
     #[must_use]
     pub fn swept_rad(&self, from_s: f64, to_s: f64) -> f64 {
         let middle = self.apparent_icrf(0.5 * (from_s + to_s));
@@ -148,7 +151,7 @@ mod tests {
             // A circle's own fourth derivative is a fourteenth of the bound's.
             assert!(half_s < 4.0 || worst > bound / 20.0, "{half_s}: {worst:e} {bound:e}");
         }
-        assert!(worst_km(6_778.0, 300.0) > 0.5, "control: ten minutes are no cubic");
+        assert!(worst_km(6_778.0, 300.0) > 0.5, "control: ten minutes are too long for a cubic");
     }
 
     #[test]

@@ -1,18 +1,19 @@
-//! Probes -> how far each star of the field goes during the exposure: the length of its path, and from where to where.
+//! Probes -> the motion of each star of the field during the exposure: length of its path, and direction from start to
+//! end.
 //!
-//! Both are exact at the nine probes and quadratic between them; of the length, its square: for a constant rate that is a
-//! polynomial of the place, and a roll about a star leaves it a length of zero. A path is the polyline through the dense
-//! nodes of its probe, its two ends and its corners (samples of jitter). Limits: 24 nodes per period of the fastest jitter
-//! line, fewer where [`nodes::MOST_DENSE_NODES`](crate::exposure::nodes::MOST_DENSE_NODES) are too few (8 per period leave
-//! out 3 % of the length); under a rolling shutter the exposure is that of the row where the star is. Tests: below, by
-//! brute force.
+//! Both are exact at the nine probes and quadratic between them; of the length, its square: for a constant rate that is
+//! a polynomial of the place, and a roll about a star leaves it a length of zero. A path is the polyline through the
+//! dense nodes of its probe, its two ends and its corners (samples of jitter). Limits: 24 nodes per period of the
+//! fastest jitter line, fewer where [`nodes::MOST_DENSE_NODES`](crate::exposure::nodes::MOST_DENSE_NODES) are too few
+//! (8 per period leave out 3 % of the length); under a rolling shutter the exposure is that of the row where the star
+//! is. Tests: below, by brute force.
 
 use crate::exposure::correction::Correction;
 use crate::exposure::motion::Motion;
 use crate::exposure::pixel_path::PixelPath;
 use crate::exposure::probes::{Probe, Probes, SIDE};
 
-/// Times closer than this share of the exposure are the same.
+/// Times closer than this share of the exposure are treated as equal.
 const SAME_TIME: f64 = 1e-9;
 
 /// Motion of the whole field during one exposure.
@@ -20,7 +21,7 @@ const SAME_TIME: f64 = 1e-9;
 pub struct SmearField {
     /// Square of the path's length, px^2 (second number unused).
     squared: Correction,
-    /// From the start of the exposure to its end, px.
+    /// Displacement from the start of the exposure to its end, px.
     net: Correction,
 }
 
@@ -31,7 +32,7 @@ impl SmearField {
         Self { squared: Correction::none(), net: Correction::none() }
     }
 
-    /// Works the field out from measured probes.
+    /// Computes the field from measured probes.
     #[must_use]
     pub fn measured(motion: &Motion, probes: &Probes) -> Self {
         if motion.is_still() {
@@ -61,8 +62,8 @@ impl SmearField {
         self.squared.at(px)[0].max(0.0).sqrt()
     }
 
-    /// Returns the direction from where such a star is at the start to where it is at the end, from x towards y, rad; 0 for
-    /// one that comes back.
+    /// Returns the direction from such a star's place at the start to its place at the end, from x towards y, rad; 0
+    /// for a star that comes back.
     #[must_use]
     pub fn angle_rad(&self, px: [f64; 2]) -> f64 {
         let [x, y] = self.net.at(px);
@@ -70,8 +71,9 @@ impl SmearField {
     }
 }
 
-/// Length of a probe's path from end to end: its dense nodes in order of time and the corners between them, px. `corner`
-/// gives the times of the corners one after another, as shares of the exposure from its middle; `at` the place at a time.
+/// Returns the length of a probe's path, px: its dense nodes in order of time and the corners between them. `corner`
+/// returns the times of the corners one after another, as shares of the exposure from its middle; `at` the place at a
+/// time.
 fn path_px(
     probe: &Probe,
     [begin, end]: [[f64; 2]; 2],
@@ -99,7 +101,7 @@ fn path_px(
     length_px
 }
 
-/// Returns when the path has its corner number `corner` in an exposure that is `delay_s` late: share of the exposure
+/// Returns the time of the path's corner number `corner` in an exposure that is `delay_s` late: share of the exposure
 /// from its middle.
 fn corner_tau(motion: &Motion, corner: usize, delay_s: f64) -> Option<f64> {
     let exposure_s = motion.los.exposure_s;
@@ -134,9 +136,9 @@ mod tests {
     use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 
     const SIGMA_PX: f64 = 0.8;
-    /// Places of stars, shares of the detector's sides.
+    /// Places of stars as shares of the detector's sides.
     const PLACES: [[f64; 2]; 6] = [[0.02, 0.03], [0.5, 0.5], [0.31, 0.77], [0.93, 0.12], [0.66, 0.4], [0.99, 0.98]];
-    /// Steps of the brute-force path.
+    /// Number of steps of the brute-force path.
     const STEPS: u32 = 20_000;
 
     fn camera(distortion: BrownConrady) -> CameraGeometry {
@@ -156,7 +158,7 @@ mod tests {
         los
     }
 
-    /// Path of a star: its direction turned and projected at many instants. Length and the angle of its ends.
+    /// Returns the length and the angle of the path of a star: its direction is turned and projected at many instants.
     fn brute_force(camera: &CameraGeometry, los: &LosPath, mid_px: [f64; 2]) -> (f64, f64) {
         let mid = camera.unproject(mid_px).unwrap();
         let at = |step: u32| {

@@ -1,4 +1,4 @@
-//! A point of light as it is handed to the planner.
+//! A point of light as passed to the planner.
 
 use glam::DVec3;
 
@@ -7,15 +7,16 @@ use glam::DVec3;
 pub struct Source {
     /// Identifier.
     pub id: u32,
-    /// Electrons into the whole image plane during the exposure, were it on the axis of an instrument that blocks nothing.
+    /// Electrons into the whole image plane during the exposure, for a source on the axis of an instrument without
+    /// vignetting.
     pub electrons: f64,
     /// Magnitude in the instrument's band, for the truth table (NaN: not a star of a catalog).
     pub mag: f32,
-    /// Where it is.
+    /// Place of the source.
     pub place: SourcePlace,
 }
 
-/// Where a source is.
+/// Place of a source.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum SourcePlace {
     /// Apparent direction, ICRF axes, unit.

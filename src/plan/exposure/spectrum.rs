@@ -1,36 +1,36 @@
-//! Characteristic functions of displacements, and what a difference between two does to an image.
+//! Characteristic functions of displacements, and the effect of a difference between two on an image.
 //!
-//! Moments tell short paths apart. A path longer than the PSF can be sampled with every low moment right and still be
-//! a row of dots (sixteen midpoints of ten cycles of a sinusoid): its characteristic function
-//! `phi(k) = E[exp(i k . d)]` shows it. Two images of one star differ by the inverse transform of
-//! `exp(-sigma^2 k^2 / 2) (phi_a - phi_b)`; a linear functional with weights `W(x)` on pixels (first moment in a 5 x 5
-//! window, one pixel) therefore differs by at most the integral of `|W(k)| exp(-sigma^2 k^2 / 2) |phi_a - phi_b|
-//! d^2k / (2 pi)^2`, wherever the star lies on its pixel. The integral is a polar sum, `DIRECTIONS` by `RADII`
-//! cells, `|W|` averaged over each cell, the difference taken at its centre and the sum doubled (`CELL_SAFETY`).
-//! Held against the reference by `tests/physics`.
+//! Moments are sufficient to compare short paths. A path longer than the PSF can be sampled with every low moment right
+//! and still be a row of dots (sixteen midpoints of ten cycles of a sinusoid): its characteristic function `phi(k) =
+//! E[exp(i k . d)]` shows this. Two images of one star differ by the inverse transform of `exp(-sigma^2 k^2 / 2) (phi_a
+//! - phi_b)`; a linear functional with weights `W(x)` on pixels (first moment in a 5 x 5 window, one pixel) therefore
+//! differs by at most the integral of `|W(k)| exp(-sigma^2 k^2 / 2) |phi_a - phi_b| d^2k / (2 pi)^2`, for any position
+//! of the star in its pixel. The integral is a polar sum, `DIRECTIONS` by `RADII` cells, `|W|` averaged over each cell,
+//! the difference taken at its centre and the sum doubled (`CELL_SAFETY`).
+//! Tests: `tests/physics` compares it with the reference.
 
 use crate::exposure::moments::TracePoint;
 use core::f64::consts::PI;
 
-/// Directions over half a turn (the other half is conjugate).
+/// Number of directions over half a turn (the other half is conjugate).
 const DIRECTIONS: usize = 4;
-/// Radii: up to `RADII * STEP_SIGMA / sigma`, where the Gaussian has fallen to 3e-4.
+/// Number of radii: up to `RADII * STEP_SIGMA / sigma`, where the Gaussian has fallen to 3e-4.
 const RADII: usize = 8;
 /// Step of the radii times sigma.
 const STEP_SIGMA: f64 = 0.5;
-/// For what a difference does between the centres of the cells.
+/// Safety factor for differences between the centres of the cells.
 const CELL_SAFETY: f64 = 2.0;
-/// Points per side over which `|W|` is averaged in a cell.
+/// Number of points per side over which `|W|` is averaged in a cell.
 const CELL_POINTS: usize = 12;
 /// Window of a tracker: pixels from its middle to its edge.
 const WINDOW_HALF: f64 = 2.0;
-/// A window's centroid lies no further from its middle than this, px: light lost at an edge pulls by so much.
+/// Largest distance of a window's centroid from its middle, px: light lost at an edge shifts it by this much.
 const OFF_MIDDLE_PX: f64 = 0.5;
 
 /// Characteristic function on the polar grid, real and imaginary parts.
 pub type Spectrum = [[[f64; 2]; RADII]; DIRECTIONS];
 
-/// Zero everywhere.
+/// Characteristic function of zero.
 pub const NOTHING: Spectrum = [[[0.0; 2]; RADII]; DIRECTIONS];
 
 /// Weights of the polar sums for one PSF.
@@ -42,7 +42,7 @@ pub struct Sensitivity {
 }
 
 impl Sensitivity {
-    /// For a PSF with a core of `sigma_px`.
+    /// Returns the weights for a PSF with a core of `sigma_px`.
     #[must_use]
     pub fn new(sigma_px: f64) -> Self {
         let step = STEP_SIGMA / sigma_px;
@@ -79,7 +79,7 @@ impl Sensitivity {
         sum
     }
 
-    /// Returns bounds for an image drawn with `drawn` where `truth` holds: first moment of the 5 x 5 window, px times
+    /// Returns bounds for an image drawn with `drawn` instead of `truth`: first moment of the 5 x 5 window, px times
     /// the star's flux, and the largest pixel error relative to the star's peak.
     #[must_use]
     pub fn error(&self, drawn: &Spectrum, truth: &Spectrum) -> (f64, f64) {
@@ -114,7 +114,7 @@ fn cell_mean(d: usize, j: usize, step: f64, value: impl Fn(f64, f64) -> f64) -> 
     sum / (CELL_POINTS * CELL_POINTS) as f64
 }
 
-/// Modulus of the transform of the first moments of a 5 x 5 window of pixels, both axes together.
+/// Returns the modulus of the transform of the first moments of a 5 x 5 window of pixels, both axes together.
 fn window(kx: f64, ky: f64) -> f64 {
     let pixel = |k: f64| if k.abs() < 1e-9 { 1.0 } else { (0.5 * k).sin() / (0.5 * k) };
     let wide = |k: f64| {

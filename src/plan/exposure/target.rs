@@ -1,12 +1,13 @@
-//! Targets: point sources that move over the detector by themselves, besides the camera's motion.
+//! Targets: point sources with their own motion over the detector, in addition to the camera's motion.
 //!
-//! In: a script on the detector (where a target is first seen, its velocity then, and how the velocity changes), or a way
-//! on the sky ([`SkyPath`]) that is made anew for every exposure. Out: its place at any instant, as it would stand on the
-//! detector without the camera's motion within the exposure. A script is straight, accelerating, or an arc (the velocity
-//! turns at a constant rate): kinematics of a point, any textbook. Smear of a script as in the paper the
-//! chain follows: length `sqrt(vx^2 + vy^2) T`, angle `atan2(vy, vx)`, of the velocity at the middle of the light; of a way
-//! on the sky: the chord from its first place to its last.
-//! Brightness may change within an exposure ([`LightCurve`]). Tests: below, and `tests/physics/targets.rs`.
+//! In: a script on the detector (where a target is first seen, its velocity then, and how the velocity changes), or a
+//! trajectory on the sky ([`SkyPath`]) that is computed for every exposure. Out: its place at any instant on the
+//! detector without the camera's motion within the exposure. A script is straight, accelerating, or an arc (the
+//! velocity turns at a constant rate): kinematics of a point, any textbook. Smear of a script as in the paper that the
+//! chain follows: length `sqrt(vx^2 + vy^2) T`, angle `atan2(vy, vx)`, of the velocity at the middle of the light; of a
+//! trajectory on the sky: the chord from its first place to its last. Brightness may change within an exposure
+//! ([`LightCurve`]).
+//! Tests: below, and `tests/physics/targets.rs`.
 
 use crate::attitude::LosPath;
 use crate::exposure::sky_path::SkyPath;
@@ -14,40 +15,40 @@ use crate::exposure::track::StarPlace;
 use base::time::{Span, Tai};
 use sky::astrometry::CameraGeometry;
 
-/// Identifiers from here on are targets', in the order of the script.
+/// First identifier of targets, which are numbered in the order of the script.
 pub const FIRST_TARGET_ID: u32 = 0xF000_0000;
-/// Identifiers from here to the targets' are false stars'.
+/// First identifier of false stars.
 pub const FIRST_FALSE_STAR_ID: u32 = 0xE000_0000;
 
-/// Identifiers from here to the false stars' are proton tracks', in the order of one frame.
+/// First identifier of proton tracks, which are numbered in the order of one frame.
 pub const FIRST_TRACK_ID: u32 = 0xD000_0000;
 
-/// Identifiers from here to the proton tracks' are bodies': planets by their number from the Sun, 9 for the Moon.
+/// First identifier of bodies: planets by their number from the Sun, 9 for the Moon.
 pub const FIRST_BODY_ID: u32 = 0xC000_0000;
 
-/// How a target's velocity changes.
+/// Change of a target's velocity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum TargetCurve {
-    /// Not at all.
+    /// Constant velocity.
     Straight,
-    /// By a constant acceleration, px/s^2.
+    /// Constant acceleration, px/s^2.
     Accelerating([f64; 2]),
-    /// It turns at this rate, rad/s, from x towards y (clockwise on the screen), and keeps its size: a circle.
+    /// Constant speed with this rate of turn, rad/s, from x towards y (clockwise on the screen): a circle.
     Arc(f64),
 }
 
-/// The way of a target over the detector; times count from where it is first seen.
+/// Trajectory of a target over the detector; times count from its first appearance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TargetPath {
-    /// Place when first seen, px.
+    /// Place at its first appearance, px.
     pub position_px: [f64; 2],
-    /// Velocity then, px/s.
+    /// Velocity at that time, px/s.
     pub velocity_px_s: [f64; 2],
-    /// What becomes of the velocity.
+    /// Change of the velocity.
     pub curve: TargetCurve,
 }
 
-/// Where a target goes.
+/// Trajectory of a target.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum TargetWay {
     /// Over the detector, by a script.
@@ -56,28 +57,28 @@ pub enum TargetWay {
     Sky(SkyPath),
 }
 
-/// Samples of a light curve.
+/// Number of samples of a light curve.
 pub const LIGHT_SAMPLES: usize = 17;
 
-/// Light within one exposure: shares of [`Target::e_per_s`] at even instants, linear between them. A penumbra of a low
-/// orbit lasts 8 s: in an exposure of that length lines between 17 samples are within 0.4 % of its curve, in shorter ones
-/// nearer, by the square.
+/// Light within one exposure: shares of [`Target::e_per_s`] at evenly spaced instants, linear between them. A penumbra
+/// in a low orbit lasts 8 s: in an exposure of that length straight lines between 17 samples are within 0.4 % of its
+/// curve; for shorter exposures the error falls with the square of the length.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LightCurve {
-    /// From mid-exposure to the first and the last sample, s.
+    /// Time from mid-exposure to the first and the last sample, s.
     pub half_s: f64,
     /// Shares.
     pub shares: [f64; LIGHT_SAMPLES],
 }
 
 impl LightCurve {
-    /// Returns when samples are wanted, s after mid-exposure.
+    /// Returns the instants at which samples are needed, s after mid-exposure.
     #[must_use]
     pub fn instants_s(half_s: f64) -> [f64; LIGHT_SAMPLES] {
         core::array::from_fn(|i| half_s * (2.0 * i as f64 / (LIGHT_SAMPLES as f64 - 1.0) - 1.0))
     }
 
-    /// Returns the share `t_s` after mid-exposure; held beyond the samples.
+    /// Returns the share `t_s` after mid-exposure, constant beyond the samples.
     #[must_use]
     pub fn at(&self, t_s: f64) -> f64 {
         let place = (0.5 * (t_s / self.half_s + 1.0)).clamp(0.0, 1.0) * (LIGHT_SAMPLES as f64 - 1.0);
@@ -97,13 +98,13 @@ pub struct Target {
     pub mag: f32,
     /// Light into the whole image plane, e-/s.
     pub e_per_s: f64,
-    /// First seen.
+    /// Time of its first appearance.
     pub begin: Tai,
-    /// Last seen, exclusive.
+    /// End of its appearance, exclusive.
     pub end: Tai,
-    /// Its way.
+    /// Trajectory.
     pub way: TargetWay,
-    /// How its light changes within the exposure; `None`: not at all.
+    /// Change of its light within the exposure; `None`: constant.
     pub light: Option<LightCurve>,
 }
 
@@ -112,15 +113,15 @@ pub struct Target {
 pub struct Smear {
     /// Length, px.
     pub length_px: f64,
-    /// Direction of motion, from x towards y, rad; 0 for one that stands still.
+    /// Direction of motion, from x towards y, rad; 0 for a static target.
     pub angle_rad: f64,
 }
 
-/// Angles below this, rad, are summed by their series: the closed form loses digits.
+/// Angle below which a series is used, rad: the closed form loses digits.
 const SMALL_TURN_RAD: f64 = 1e-4;
 
 impl TargetPath {
-    /// Returns the place `t_s` after it is first seen, px.
+    /// Returns the place `t_s` after its first appearance, px.
     #[must_use]
     pub fn at(&self, t_s: f64) -> [f64; 2] {
         let ([x, y], [vx, vy]) = (self.position_px, self.velocity_px_s);
@@ -134,7 +135,7 @@ impl TargetPath {
         }
     }
 
-    /// Returns the velocity `t_s` after it is first seen, px/s.
+    /// Returns the velocity `t_s` after its first appearance, px/s.
     #[must_use]
     pub fn velocity_at(&self, t_s: f64) -> [f64; 2] {
         let [vx, vy] = self.velocity_px_s;
@@ -148,7 +149,7 @@ impl TargetPath {
         }
     }
 
-    /// Returns the length of the way from one instant to another, px; an upper bound for an accelerating target.
+    /// Returns the length of the trajectory from one instant to another, px; an upper bound for an accelerating target.
     #[must_use]
     pub fn length_px(&self, from_s: f64, to_s: f64) -> f64 {
         let speed = |t_s: f64| self.velocity_at(t_s).into_iter().fold(0.0, f64::hypot);
@@ -157,7 +158,7 @@ impl TargetPath {
     }
 }
 
-/// `sin(a) / a` and `(1 - cos(a)) / a`: the way along and across the first velocity on an arc of `a`.
+/// Returns `sin(a) / a` and `(1 - cos(a)) / a`: displacement along and across the first velocity on an arc of `a`.
 fn chord(a: f64) -> [f64; 2] {
     if a.abs() < SMALL_TURN_RAD {
         return [1.0 - a * a / 6.0, 0.5 * a * (1.0 - a * a / 12.0)];
@@ -167,14 +168,15 @@ fn chord(a: f64) -> [f64; 2] {
 }
 
 impl Target {
-    /// Returns when it is seen in an exposure from `from` to `to`: seconds after `begin`; `None` when it is not.
+    /// Returns the times of its appearance in an exposure from `from` to `to`: seconds after `begin`; `None` when it is
+    /// not visible.
     #[must_use]
     pub fn seen_s(&self, from: Tai, to: Tai) -> Option<[f64; 2]> {
         let (from, to) = (from.max(self.begin), to.min(self.end));
         (to - from > Span::ZERO).then(|| [(from - self.begin).s(), (to - self.begin).s()])
     }
 
-    /// Returns whether its light changes within the exposure.
+    /// Returns true when its light changes within the exposure.
     #[must_use]
     pub fn fades(&self) -> bool {
         self.light.is_some_and(|light| light.shares.iter().any(|share| (share - light.shares[0]).abs() > 1e-3))
@@ -186,8 +188,8 @@ impl Target {
         self.light.map_or(self.e_per_s, |light| self.e_per_s * light.at(t_s))
     }
 
-    /// Returns where it stands `t_s` after mid-exposure without the camera's motion in the exposure, px; `None` where a
-    /// way on the sky leaves the camera's domain.
+    /// Returns its position `t_s` after mid-exposure without the camera's motion in the exposure, px; `None` when a
+    /// trajectory on the sky leaves the camera's domain.
     #[must_use]
     pub fn own_px(&self, camera: &CameraGeometry, los: &LosPath, t_s: f64) -> Option<[f64; 2]> {
         match &self.way {
@@ -196,7 +198,7 @@ impl Target {
         }
     }
 
-    /// Returns the same as a place that the camera's motion can act on; `None` where no direction is imaged.
+    /// Returns the same as a place to which the camera's motion can be applied; `None` when no direction is imaged.
     #[must_use]
     pub fn own_place(&self, camera: &CameraGeometry, los: &LosPath, t_s: f64) -> Option<StarPlace> {
         match &self.way {
@@ -207,7 +209,8 @@ impl Target {
         }
     }
 
-    /// Length of its own way between two instants, s after mid-exposure, px; an upper bound where it accelerates.
+    /// Returns the length of its own trajectory between two instants, s after mid-exposure, px; an upper bound if it
+    /// accelerates.
     #[must_use]
     pub fn length_px(&self, camera: &CameraGeometry, los: &LosPath, [from_s, to_s]: [f64; 2]) -> f64 {
         match &self.way {
@@ -224,7 +227,7 @@ impl Target {
         }
     }
 
-    /// Smear of its own motion between two instants, s after mid-exposure.
+    /// Returns the smear of its own motion between two instants, s after mid-exposure.
     #[must_use]
     pub fn smear(&self, camera: &CameraGeometry, los: &LosPath, [from_s, to_s]: [f64; 2]) -> Smear {
         match &self.way {
@@ -242,7 +245,7 @@ impl Target {
         }
     }
 
-    /// Mid-exposure, s after a script begins.
+    /// Returns mid-exposure, s after a script starts.
     fn script_s(&self, los: &LosPath) -> f64 {
         (los.mid_exposure() - self.begin).s()
     }
@@ -348,7 +351,7 @@ mod tests {
     fn a_light_curve_is_linear_between_its_samples_and_near_a_penumbra() {
         let instants = LightCurve::instants_s(4.0);
         assert!((instants[0] + 4.0).abs() < 1e-15 && (instants[16] - 4.0).abs() < 1e-15 && instants[8].abs() < 1e-15);
-        // The straight limb passes the disc in 8 s: share of a circle beyond a chord.
+        // The straight limb crosses the disc in 8 s: share of a circle beyond a chord.
         let share = |t_s: f64| {
             let x = (t_s / 4.0).clamp(-1.0, 1.0);
             0.5 + (x * (1.0 - x * x).sqrt() + x.asin()) / PI

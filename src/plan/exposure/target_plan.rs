@@ -1,13 +1,14 @@
 //! Targets -> point sources of a plan, one for every node in time.
 //!
-//! A target moves by itself while the camera moves: its place at an instant is that of its script, or of its way on the
-//! sky, displaced by the camera's pose of the same instant. Drawn as weighted Gauss-Legendre nodes in time, `1.5 L / sigma + 2` of them for a
-//! way of length L (its own and the camera's together), in pieces between the corners of the camera's path. Each node
-//! is one more star of the plan, drawn once, so that every backend draws targets as it draws stars; the reference
-//! integrates the way itself instead. Limits: under a rolling shutter a node's instant is that of the row where it
-//! stands; at most [`MOST_NODES`] nodes for one target: where its way or the corners of the camera's path ask for more,
-//! corners are left out evenly, and it says that it is coarse.
-//! Tests: `tests/physics/targets.rs` against an integral of its own.
+//! A target moves by itself while the camera moves: its place at an instant is that of its script, or of its trajectory
+//! on the sky, displaced by the camera's pose of the same instant. It is drawn as weighted Gauss-Legendre nodes in
+//! time, `1.5 L / sigma + 2` of them for a trajectory of length L (its own and the camera's together), in pieces
+//! between the corners of the camera's path. Each node is one more star of the plan, drawn once, so that every backend
+//! draws targets as it draws stars; the reference integrates the trajectory itself instead. Limits: under a rolling
+//! shutter a node's instant is that of the row of its position; a target has at most [`MOST_NODES`] nodes: if its
+//! trajectory or the corners of the camera's path need more, corners are left out evenly, and the target is marked as
+//! coarse.
+//! Tests: `tests/physics/targets.rs` against an independent integral.
 
 use crate::exposure::correction::Correction;
 use crate::exposure::cost::{CostModel, Load};
@@ -25,27 +26,28 @@ use crate::optics::quadrature::{Node, gauss_legendre};
 use base::time::Span;
 use sky::astrometry::CameraGeometry;
 
-/// Nodes per sigma of the way.
+/// Number of nodes per sigma of the trajectory.
 const NODES_PER_SIGMA: f64 = 1.5;
-/// Nodes of every piece beyond that.
+/// Number of additional nodes of every piece.
 const NODES_MORE: usize = 2;
-/// Share of the nodes of a long stretch that are not those of its pieces' ends.
+/// Share of the nodes of a long stretch that are not at its pieces' ends.
 const PIECE_SHARE: f64 = 1.0 - (NODES_MORE + 1) as f64 / PIECE_NODES as f64;
-/// Most nodes of one piece; longer ones are divided.
+/// Largest number of nodes of one piece; longer ones are divided.
 const PIECE_NODES: usize = 16;
-/// Nodes per period of the fastest jitter line.
+/// Number of nodes per period of the fastest jitter line.
 const NODES_PER_PERIOD: f64 = 8.0;
-/// Nodes at least of light that changes: two for each piece of its curve.
+/// Smallest number of nodes of changing light: two for each piece of its curve.
 const NODES_OF_FADING: f64 = 32.0;
-/// Most nodes of one target.
+/// Largest number of nodes of one target.
 pub const MOST_NODES: usize = 4096;
-/// Least nodes of a stretch between corners.
+/// Smallest number of nodes of a stretch between corners.
 const LEAST_NODES: usize = 2 + NODES_MORE;
-/// Most stretches between corners: each has its least nodes, and half of all are left for the way.
+/// Largest number of stretches between corners: each has its smallest number of nodes, and half of all remain for the
+/// trajectory.
 const MOST_STRETCHES: usize = MOST_NODES / (2 * LEAST_NODES);
-/// Room for the nodes of all targets together, from the start: beyond it a frame may allocate once.
+/// Initial capacity for the nodes of all targets together: beyond it a frame may allocate once.
 const MOST_RESERVED: usize = 8 * MOST_NODES;
-/// Steps to the row, and so the instant, of a target under a rolling shutter.
+/// Number of steps to find the row, and thereby the instant, of a target under a rolling shutter.
 const ROW_STEPS: usize = 3;
 
 /// The targets and the buffers of their nodes.
@@ -59,12 +61,12 @@ pub(super) struct TargetPlanner {
     nodes: Vec<PlannedStar>,
     planned: Vec<PlannedTarget>,
     corners: Vec<f64>,
-    /// Share of their light that comes through.
+    /// Share of their light that reaches the detector.
     pub(super) light_share: f64,
 }
 
 impl TargetPlanner {
-    /// No targets.
+    /// Returns a planner without targets.
     pub(super) fn new() -> Self {
         let (nodes, planned) = (Vec::new(), Vec::new());
         Self {
@@ -78,14 +80,14 @@ impl TargetPlanner {
         }
     }
 
-    /// From here on these scripts; everything is allocated now.
+    /// Sets the scripts; all memory is allocated now.
     pub(super) fn set(&mut self, scripts: Vec<Target>) {
         self.scripts = scripts.len();
         self.targets = scripts;
         self.reserve(0);
     }
 
-    /// Makes room for `on_sky` targets beside the scripts.
+    /// Reserves memory for `on_sky` targets in addition to the scripts.
     pub(super) fn reserve(&mut self, on_sky: usize) {
         let most = self.scripts + on_sky;
         if most > 0 && self.rules.is_empty() {
@@ -97,17 +99,17 @@ impl TargetPlanner {
         self.nodes.reserve(self.most_nodes());
     }
 
-    /// Nodes there is room for.
+    /// Returns the capacity for nodes.
     pub(super) fn most_nodes(&self) -> usize {
         (self.targets.capacity().max(self.targets.len()) * MOST_NODES).min(MOST_RESERVED)
     }
 
-    /// Returns how many scripts there are.
+    /// Returns the number of scripts.
     pub(super) fn scripts(&self) -> usize {
         self.scripts
     }
 
-    /// The targets on the sky of the next exposure.
+    /// Sets the targets on the sky of the next exposure.
     pub(super) fn set_on_sky(&mut self, targets: &[Target]) {
         if self.rules.is_empty() && !targets.is_empty() {
             self.reserve(targets.len());
@@ -123,7 +125,7 @@ impl TargetPlanner {
         if self.nodes.is_empty() { 0.0 } else { cost.stars_ms(Method::Static, &load) }
     }
 
-    /// Nodes of every target that is seen in the plan's exposure.
+    /// Computes the nodes of every target that is visible in the plan's exposure.
     pub(super) fn place(&mut self, plan: &ExposurePlan, illumination: &Illumination) {
         self.nodes.clear();
         self.planned.clear();
@@ -139,7 +141,7 @@ impl TargetPlanner {
         }
     }
 
-    /// Adds the nodes to the plan's stars, drawn once each.
+    /// Adds the nodes to the plan's stars, each drawn once.
     pub(super) fn append(&self, plan: &mut ExposurePlan, share: &Share) {
         plan.targets.clear();
         if self.planned.is_empty() {
@@ -173,8 +175,8 @@ impl TargetPlanner {
     }
 }
 
-/// Instants at which the camera's path has corners, s after mid-exposure, ascending; true when there are more than
-/// [`MOST_STRETCHES`] within the exposure, of which only every so many are taken.
+/// Fills the instants at which the camera's path has corners, s after mid-exposure, ascending; returns true when there
+/// are more than [`MOST_STRETCHES`] within the exposure, so that only an even selection is used.
 fn fill_corners(motion: &Motion, corners: &mut Vec<f64>) -> bool {
     let exposure_s = motion.los.exposure_s;
     match &motion.image_path {
@@ -191,7 +193,7 @@ fn fill_corners(motion: &Motion, corners: &mut Vec<f64>) -> bool {
     }
 }
 
-/// Takes corners, evenly fewer where there are too many; true then.
+/// Takes corners, an even selection of them when there are too many; then returns true.
 fn take_corners(all: impl Iterator<Item = f64> + Clone, corners: &mut Vec<f64>) -> bool {
     corners.clear();
     let every = all.clone().count().div_ceil(MOST_STRETCHES - 1).max(1);
@@ -199,8 +201,8 @@ fn take_corners(all: impl Iterator<Item = f64> + Clone, corners: &mut Vec<f64>) 
     every > 1
 }
 
-/// Returns where a target stands `t_s` after mid-exposure, px, the camera's motion included; rows there are `delay_s`
-/// late. `None` when no direction is imaged there.
+/// Returns the position of a target `t_s` after mid-exposure, px, including the camera's motion; rows there are
+/// `delay_s` late. `None` when no direction is imaged there.
 #[must_use]
 pub fn target_px(
     target: &Target,
@@ -218,7 +220,7 @@ pub fn target_px(
     Some([place.mid_px[0] + dx, place.mid_px[1] + dy])
 }
 
-/// Returns when a target is seen in an exposure that is `delay_s` late: s after mid-exposure.
+/// Returns the times of a target's appearance in an exposure that is `delay_s` late: s after mid-exposure.
 #[must_use]
 pub fn seen_after_mid_s(target: &Target, motion: &Motion, delay_s: f64) -> Option<[f64; 2]> {
     let mid = motion.los.mid_exposure();
@@ -240,7 +242,7 @@ fn place(
     let (camera, motion) = (&plan.camera, &plan.motion);
     let [from_s, to_s] = seen_after_mid_s(target, motion, 0.0)?;
     let middle = target.own_place(camera, &motion.los, 0.5 * (from_s + to_s))?;
-    // As for stars: what its place in the field takes at the middle of its light.
+    // As for stars: the illumination at its field position at the middle of its light.
     let target = &Target { e_per_s: target.e_per_s * illumination.at(middle.tangent), ..*target };
     let sigma_px = plan.psf.core_sigma_px();
     let own_px = target.length_px(camera, &motion.los, [from_s, to_s]);
@@ -251,7 +253,7 @@ fn place(
     let fading = if target.fades() { NODES_OF_FADING } else { 0.0 };
     let wanted = (NODES_PER_SIGMA * (own_px + camera_px) / sigma_px + NODES_PER_PERIOD * periods).max(fading);
     let inside = corners.iter().filter(|at| **at > from_s && **at < to_s).count();
-    // Every stretch has its least nodes beyond those that are wanted.
+    // Every stretch has its smallest number of nodes in addition to the needed ones.
     let most = (MOST_NODES - LEAST_NODES * (inside + 1)) as f64 * PIECE_SHARE;
     let is_coarse = wanted > most;
     let wanted = wanted.min(most);
@@ -297,8 +299,8 @@ fn place(
     })
 }
 
-/// Returns where the rows see a target whose frame's time is `t_s` after mid-exposure, px; `None` where no direction is
-/// imaged.
+/// Returns the position at which the rows see a target at the frame's time `t_s` after mid-exposure, px; `None` when no
+/// direction is imaged.
 #[must_use]
 pub fn seen_by_row(target: &Target, plan: &ExposurePlan, t_s: f64) -> Option<[f64; 2]> {
     let ExposurePlan { camera, motion, shutter, .. } = plan;
@@ -312,7 +314,7 @@ pub fn seen_by_row(target: &Target, plan: &ExposurePlan, t_s: f64) -> Option<[f6
     Some(px)
 }
 
-/// Returns whether any node leaves light on the detector.
+/// Returns true when any node leaves light on the detector.
 fn is_near(nodes: &[PlannedStar], plan: &ExposurePlan) -> bool {
     let margin = plan.half_px as f64 + 1.0;
     let inside = |v: f64, size: usize| v > -margin && v < size as f64 - 1.0 + margin;

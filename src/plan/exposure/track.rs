@@ -1,8 +1,9 @@
-//! One star's place on the detector at mid-exposure, and where a pose leads it.
+//! One star's place on the detector at mid-exposure, and its displacement by a pose.
 //!
-//! Two maps from a pose to a displacement. [`StarTrack::displacement_px`] is what backends draw: exact perspective and
-//! roll, the lens's distortion through its derivative at mid-exposure. [`StarTrack::exact_px`] has the distortion
-//! too; the planner measures the first against the second. Without distortion they agree (test below).
+//! There are two maps from a pose to a displacement. [`StarTrack::displacement_px`] is used by backends: exact
+//! perspective and roll, the lens's distortion through its derivative at mid-exposure. [`StarTrack::exact_px`] has the
+//! complete distortion; the planner measures the error of the first with the second. Without distortion they agree
+//! (test below).
 
 use crate::exposure::pose::{Pose, ROLL, SHIFT};
 use glam::{DQuat, DVec2, DVec3};
@@ -11,25 +12,25 @@ use sky::astrometry::CameraGeometry;
 /// Place of one star at mid-exposure without jitter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StarPlace {
-    /// On the detector, px.
+    /// Position on the detector, px.
     pub mid_px: [f64; 2],
     /// Direction as tangents (X/Z, Y/Z), sensor axes, without distortion.
     pub tangent: DVec2,
 }
 
-/// A place and all that turns a pose into a displacement.
+/// A place and the data needed to turn a pose into a displacement.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StarTrack {
     /// The place.
     pub place: StarPlace,
     /// Derivative of the pixel position by the tangents, px: rows x and y.
     pub px_per_tangent: [[f64; 2]; 2],
-    /// Place from the principal point, px.
+    /// Position relative to the principal point, px.
     pub from_principal_px: [f64; 2],
 }
 
 impl StarPlace {
-    /// Of a direction in sensor axes; `None` outside the camera's domain.
+    /// Returns the track of a direction in sensor axes; `None` outside the camera's domain.
     #[inline]
     #[must_use]
     pub fn of_direction(camera: &CameraGeometry, mid_sensor: DVec3) -> Option<Self> {
@@ -37,7 +38,7 @@ impl StarPlace {
         Some(Self { mid_px: camera.pixel_of_tangent(tangent), tangent })
     }
 
-    /// Of a pixel position; `None` where no direction is imaged.
+    /// Returns the track of a pixel position; `None` when no direction is imaged.
     #[must_use]
     pub fn of_pixel(camera: &CameraGeometry, mid_px: [f64; 2]) -> Option<Self> {
         let tangent = camera.tangent_of_pixel(mid_px)?;
@@ -71,7 +72,7 @@ impl StarTrack {
         rolled_and_shifted(moved, self.from_principal_px, pose)
     }
 
-    /// Returns the displacement from mid-exposure at `pose`, distortion and all, px.
+    /// Returns the displacement from mid-exposure at `pose` including distortion, px.
     #[must_use]
     pub fn exact_px(&self, camera: &CameraGeometry, pose: &Pose) -> [f64; 2] {
         if !camera.is_distorted() {
@@ -83,7 +84,7 @@ impl StarTrack {
         rolled_and_shifted([x - mx, y - my], self.from_principal_px, pose)
     }
 
-    /// Returns the place at `pose`, distortion and all, px; `None` outside the camera's domain.
+    /// Returns the place at `pose` including distortion, px; `None` outside the camera's domain.
     #[must_use]
     pub fn seen_px(&self, camera: &CameraGeometry, pose: &Pose) -> Option<[f64; 2]> {
         let tangent = self.place.tangent;
@@ -95,7 +96,8 @@ impl StarTrack {
     }
 }
 
-/// Change of a direction's tangents: with `d = (R - I) (u, v, 1)`, `(d_x - u d_z, d_y - v d_z) / (1 + d_z)`.
+/// Returns the change of a direction's tangents: with `d = (R - I) (u, v, 1)`, `(d_x - u d_z, d_y - v d_z) / (1 +
+/// d_z)`.
 #[inline]
 fn tangent_step(DVec2 { x: u, y: v }: DVec2, Pose(p): &Pose) -> [f64; 2] {
     let d = |row: usize| p[3 * row] * u + p[3 * row + 1] * v + p[3 * row + 2];

@@ -1,11 +1,11 @@
-//! Methods tried on a few stars of the frame itself, for frames where no bound is inside the budget.
+//! Tries methods on a few stars of the frame itself, for frames in which no bound is inside the budget.
 //!
-//! Bounds add up all that may go wrong anywhere in the field, so they cannot tell a streak that is a little off from a
-//! row of dots. Here the brightest star of each zone of the detector is drawn twice in f64, in windows of 5 x 5 pixels
-//! along its path: at the nodes of a method as backends draw them, and along its exact path, every row of a rolling
-//! shutter at its own time. In: plan, probes, method. Out: the differences as centroid (px) and pixel error (sigma).
-//! They are samples, not bounds; the chooser multiplies them by [`SAFETY`]. A PSF that is no Gaussian is tried with a
-//! Gaussian of its core. Test: `tests/physics/streaks`.
+//! Bounds add up all possible errors anywhere in the field, so they cannot distinguish a streak with a small error from
+//! a row of dots. Here the brightest star of each zone of the detector is drawn twice in f64, in windows of 5 x 5
+//! pixels along its path: at the nodes of a method as backends draw them, and along its exact path, every row of a
+//! rolling shutter at its own time. In: plan, probes, method. Out: the differences as centroid (px) and pixel error
+//! (sigma). They are samples, not bounds; the chooser multiplies them by [`SAFETY`]. A PSF that is not a Gaussian is
+//! replaced by a Gaussian of its core. Test: `tests/physics/streaks`.
 
 use crate::exposure::lists::{band_delay_s, band_of, correction, fill_nodes};
 use crate::exposure::method::Method;
@@ -15,24 +15,24 @@ use crate::exposure::pose::{PathNode, mean_pose};
 use crate::exposure::probes::Probes;
 use crate::exposure::track::StarTrack;
 
-/// What a tried error is multiplied by before it is reported: other stars and other windows may be worse.
+/// Safety factor of a tried error: other stars and other windows may have larger errors.
 const SAFETY: f64 = 2.0;
-/// What other stars and windows may err by where those that were tried do not, px and sigma.
+/// Smallest reported error, for other stars and windows than those tried, px and sigma.
 const FLOOR: TriedError = TriedError { centroid_px: 3e-4, pixel_sigma: 5e-3 };
-/// Zones along each side of the detector; the brightest star of each is tried.
+/// Number of zones along each side of the detector; the brightest star of each is tried.
 const ZONES: usize = 3;
-/// Windows along a star's path.
+/// Number of windows along a star's path.
 const WINDOWS: usize = 5;
-/// Pixels along a side of a window.
+/// Number of pixels along a side of a window.
 const SIDE: usize = 5;
-/// Pixels from the middle of a window to its edge.
+/// Number of pixels from the middle of a window to its edge.
 const HALF: i32 = 2;
-/// Furthest from a pixel's edge that a star is drawn in a window, sigma (beyond: 1e-9 of its light).
+/// Largest distance from a pixel's edge at which a star is drawn in a window, sigma (beyond: 1e-9 of its light).
 const REACH_SIGMA: f64 = 6.0;
-/// A window with less than this share of the light of the star's brightest one has no centroid: a tracker looks where a
-/// star is brightest, not at the ends of its streak.
+/// Smallest light of a window with a centroid, as a share of the light of the star's brightest window: a tracker uses
+/// the brightest part of a star, not the ends of its streak.
 const CENTROID_LIGHT: f64 = 0.8;
-/// A path whose nodes are further apart on average than this shows them as dots, sigma.
+/// Mean distance of a path's nodes above which they appear as dots, sigma.
 const DOTS_SIGMA: f64 = 1.5;
 
 /// Light of a star in the pixels of a window, shares of its electrons.
@@ -41,7 +41,7 @@ type Shares = [[f64; SIDE]; SIDE];
 /// One instant of a star: weight and place, px.
 type Lit = [f64; 3];
 
-/// What a method errs by on the stars it was tried on.
+/// Errors of a method on the stars it was tried on.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct TriedError {
     /// Centroid in a 5 x 5 window, px.
@@ -50,7 +50,7 @@ pub(super) struct TriedError {
     pub(super) pixel_sigma: f64,
 }
 
-/// What a window is compared by.
+/// Noise with which a window's errors are compared.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Noise {
     pub(super) full_well_e: f64,
@@ -65,7 +65,7 @@ struct Window {
     truth: Shares,
 }
 
-/// A star that methods are tried on.
+/// A star on which methods are tried.
 #[derive(Debug, Clone, Copy)]
 struct Tried {
     star: PlannedStar,
@@ -73,7 +73,7 @@ struct Tried {
     windows: [Option<Window>; WINDOWS],
 }
 
-/// The stars that methods are tried on; keeps its buffers.
+/// The stars on which methods are tried; keeps its buffers.
 #[derive(Debug, Default)]
 pub(super) struct Trial {
     stars: Vec<Tried>,
@@ -82,7 +82,7 @@ pub(super) struct Trial {
 }
 
 impl Trial {
-    /// Takes the brightest stars of the zones, at most `most` of them, and follows their true paths.
+    /// Selects the brightest stars of the zones, at most `most` of them, and follows their true paths.
     pub(super) fn prepare(&mut self, plan: &ExposurePlan, probes: &Probes, sigma_px: f64, most: usize) {
         self.stars.clear();
         let mut brightest = brightest_of_zones(plan);
@@ -94,7 +94,7 @@ impl Trial {
         }
     }
 
-    /// Windows at even steps of the part of the true path that lies on the detector.
+    /// Places windows at even steps of the part of the true path that lies on the detector.
     fn place_windows(&mut self, plan: &ExposurePlan, probes: &Probes, sigma_px: f64, tried: &mut Tried) {
         let row_px = tried.star.mean_px[1];
         self.follow(plan, probes, sigma_px, &tried.track, row_px);
@@ -112,7 +112,7 @@ impl Trial {
         }
     }
 
-    /// The true path of a star while the row at `row_px` is exposed.
+    /// Computes the true path of a star while the row at `row_px` is exposed.
     fn follow(&mut self, plan: &ExposurePlan, probes: &Probes, sigma_px: f64, track: &StarTrack, row_px: f64) {
         let delay_s = plan.shutter.delay_s(row_px, plan.camera.height_px());
         self.nodes.clear();
@@ -122,7 +122,7 @@ impl Trial {
         self.lit.extend(self.nodes.iter().filter_map(seen));
     }
 
-    /// True light of a star in a window.
+    /// Computes the true light of a star in a window.
     fn true_light(
         &mut self,
         plan: &ExposurePlan,
@@ -146,7 +146,7 @@ impl Trial {
         shares
     }
 
-    /// What `method` errs by; `None` as soon as `is_hopeless` says so of what was found until then.
+    /// Returns the error of `method`; `None` as soon as `is_hopeless` returns true for the errors found so far.
     pub(super) fn error(
         &mut self,
         plan: &ExposurePlan,
@@ -187,7 +187,7 @@ impl Trial {
         Some(worst)
     }
 
-    /// Where backends draw a star, instant by instant.
+    /// Computes the places at which backends draw a star, instant by instant.
     fn draw(&mut self, plan: &ExposurePlan, probes: &Probes, (method, bands): (Method, usize), tried: &Tried) {
         let (star, track, height) = (&tried.star, &tried.track, plan.camera.height_px());
         let [mx, my] = star.mean_px;
@@ -224,7 +224,7 @@ impl Trial {
 }
 
 impl TriedError {
-    /// What is reported: more than was found.
+    /// Returns the errors for the report, increased by the safety factor.
     pub(super) fn reported(self) -> Self {
         Self {
             centroid_px: SAFETY * self.centroid_px + FLOOR.centroid_px,
@@ -248,7 +248,7 @@ fn brightness(star: &Option<PlannedStar>) -> f64 {
 fn brightest_of_zones(plan: &ExposurePlan) -> [Option<PlannedStar>; ZONES * ZONES] {
     let size = [plan.camera.width_px(), plan.camera.height_px()];
     let mut brightest = [None; ZONES * ZONES];
-    // The nodes of targets come behind the stars later.
+    // The nodes of targets are appended after the stars later.
     for star in &plan.stars {
         let [column, row] = core::array::from_fn(|i| band_of(star.mean_px[i], size[i] as f64, ZONES));
         let held = &mut brightest[row * ZONES + column];
@@ -264,7 +264,7 @@ fn is_on(plan: &ExposurePlan, [x, y]: [f64; 2]) -> bool {
     inside(x, plan.camera.width_px()) && inside(y, plan.camera.height_px())
 }
 
-/// First pixel of the window about a place.
+/// Returns the first pixel of the window about a place.
 fn window_about(px: [f64; 2]) -> [i32; 2] {
     #[allow(clippy::cast_possible_truncation, reason = "a place on the detector")]
     px.map(|v| (v + 0.5).floor() as i32 - HALF)
@@ -296,7 +296,7 @@ fn add_light(lit: &[Lit], first_px: [i32; 2], sigma_px: f64, out: &mut Shares) {
     }
 }
 
-/// What one window errs by.
+/// Computes the errors of one window.
 fn window_error(
     plan: &ExposurePlan,
     star: &PlannedStar,
@@ -323,7 +323,7 @@ fn window_error(
     let centroid_px = if is_whole && has_centroid {
         let ([a, b], [c, d]) = (centroid(drawn), centroid(truth));
         let apart = (a - c).hypot(b - d);
-        // Without light there is none; it is nowhere in the window.
+        // Without light the centroid is undefined: use the largest distance in the window.
         if apart.is_finite() { apart } else { SIDE as f64 }
     } else {
         0.0

@@ -1,8 +1,8 @@
-//! What a method's node list errs by, held against the true paths of the probes before anything is drawn.
+//! Error of a method's node list relative to the true paths of the probes, before any pixel is drawn.
 //!
 //! In: node lists, probes. Out: bounds of the centroid error (px) and of the pixel error (of the star's peak). Each
-//! star is drawn about its own exact mean, so lists err in the shape of the path only: moments tell short paths apart,
-//! characteristic functions long ones.
+//! star is drawn about its own exact mean, so the lists only have errors in the shape of the path: moments show them
+//! for short paths, characteristic functions for long ones.
 
 use crate::exposure::moments::{Moments, TracePoint, trace};
 use crate::exposure::nodes::MOST_DENSE_NODES;
@@ -25,25 +25,25 @@ pub struct NodeError {
 }
 
 impl NodeError {
-    /// Returns the larger of each.
+    /// Returns the larger of each error.
     #[must_use]
     pub fn worst(self, other: Self) -> Self {
         Self { centroid_px: self.centroid_px.max(other.centroid_px), peak: self.peak.max(other.peak) }
     }
 
-    /// Returns the sum of each.
+    /// Returns the sum of each error.
     #[must_use]
     pub fn plus(self, other: Self) -> Self {
         Self { centroid_px: self.centroid_px + other.centroid_px, peak: self.peak + other.peak }
     }
 }
 
-/// How a list is drawn, as far as its shape goes.
+/// Origin of the shape in which a list is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ShapeOf {
-    /// Each star's own.
+    /// The shape of each star's own path.
     EachStar,
-    /// That of a star at the detector's centre.
+    /// The shape for a star at the detector's centre.
     Centre,
 }
 
@@ -57,7 +57,7 @@ pub struct Scales {
 }
 
 impl Scales {
-    /// For a PSF with a core of `sigma_px`.
+    /// Returns scales for a PSF with a core of `sigma_px`.
     #[must_use]
     pub fn new(sigma_px: f64) -> Self {
         Self {
@@ -68,7 +68,7 @@ impl Scales {
         }
     }
 
-    /// Notes the true characteristic functions of the centre and the widest probe.
+    /// Stores the true characteristic functions of the centre and the widest probe.
     pub fn watch(&mut self, probes: &Probes) {
         let (centre, widest) = (probes.centre_index(), probes.widest_index());
         for (watched, i) in self.watched.iter_mut().zip([centre, widest]) {
@@ -100,10 +100,10 @@ impl Scales {
         worst
     }
 
-    /// Largest error of drawing stars in a cell of `size_px` about `probe` (moved inside the detector) with a blend of
-    /// the paths at its corners: at the cell's middle and the middles of its sides, where it is largest.
-    /// Where the PSF varies over the cell too, a blend of products is not the product of blends: they differ by the
-    /// covariance of both over the cell, at most what the corners' paths differ by from the middle's (`psf_varies`).
+    /// Returns the largest error of drawing stars in a cell of `size_px` about `probe` (moved inside the detector) with
+    /// a blend of the paths at its corners: at the cell's middle and the middles of its sides, where it is largest. If
+    /// the PSF varies over the cell too, a blend of products is not the product of blends: they differ by the
+    /// covariance of both over the cell, at most the difference of the corners' paths from the middle's (`psf_varies`).
     pub fn cell_error(
         &mut self,
         nodes: &[PathNode],
@@ -167,7 +167,7 @@ impl Scales {
     }
 }
 
-/// `sum += share * other`.
+/// Adds `share * other` to `sum`.
 fn add_spectrum(sum: &mut Spectrum, share: f64, other: &Spectrum) {
     for (sum, other) in sum.iter_mut().flatten().zip(other.iter().flatten()) {
         sum[0] += share * other[0];
@@ -175,11 +175,11 @@ fn add_spectrum(sum: &mut Spectrum, share: f64, other: &Spectrum) {
     }
 }
 
-/// Nothing is known, and nothing is promised.
+/// Error of an unknown motion, for which no bound can be given.
 const UNKNOWN: NodeError = NodeError { centroid_px: f64::INFINITY, peak: f64::INFINITY };
 
-/// Returns the least share of a star's light in the brightest square of `side_px`: along the path's length, or all over
-/// the square that holds the path.
+/// Returns the smallest share of a star's light in the brightest square of `side_px`: along the path's length, or all
+/// over the square that contains the path.
 #[must_use]
 pub fn light_share(side_px: f64, probes: &Probes) -> f64 {
     let along = side_px / (side_px + probes.reach_px);
@@ -213,9 +213,9 @@ pub fn shear_error(speed_px_s: f64, line_s: f64, sigma_px: f64) -> NodeError {
 }
 
 /// Returns the bound of the relative flux error of a star that moves along the rows of a rolling shutter: its light is
-/// multiplied by `1 / (1 - v)`, `v = speed_px_s * line_s`, for its mean velocity; what is left is of second order where
-/// the velocity changes, the S-curve of an undersampled star, `2 exp(-2 pi^2 sigma^2) v`, and a share of `v` where the
-/// path is not smooth (largest measured: 0.1).
+/// multiplied by `1 / (1 - v)`, `v = speed_px_s * line_s`, for its mean velocity; the remaining error is of second
+/// order where the velocity changes, the S-curve of an undersampled star, `2 exp(-2 pi^2 sigma^2) v`, and a share of
+/// `v` where the path is not smooth (largest measured: 0.1).
 #[must_use]
 pub fn stretch_error(speed_px_s: f64, line_s: f64, sigma_px: f64, is_smooth: bool) -> f64 {
     const ROUGH: f64 = 0.25;

@@ -3,7 +3,7 @@
 //! `I(r) = pi / (4 L^2 (1 - e^2)) [2 J1(v)/v - e^2 2 J1(e v)/(e v)]^2`, `v = pi r / L`, `L = lambda N / pixel`
 //! (px), `e` the linear obscuration; unit flux over the infinite plane. Source: Born and Wolf, Principles of Optics,
 //! 7th ed., section 8.5.2 and 8.6.2. The pixel integral is a tensor Gauss-Legendre rule with as many nodes as the
-//! pattern's own scale asks (error < 1e-12 of the flux for `L >= 0.2`; held against truth in `tests/physics`).
+//! pattern's own scale needs (error < 1e-12 of the flux for `L >= 0.2`; compared with the truth in `tests/physics`).
 
 use crate::optics::quadrature::{Node, gauss_legendre, half_width, over_pixel, ringed};
 use crate::optics::round_psf::RoundPsf;
@@ -18,7 +18,8 @@ pub struct Airy {
 }
 
 impl Airy {
-    /// `lambda_n_px`: wavelength times F-number over pixel pitch; `obscuration`: linear ratio, `0 <= e < 1`.
+    /// Returns a pattern. `lambda_n_px`: wavelength times F-number over pixel pitch; `obscuration`: linear ratio, `0 <=
+    /// e < 1`.
     #[must_use]
     pub fn new(lambda_n_px: f64, obscuration: f64) -> Self {
         // The pattern is band-limited at 1 / L cycles per pixel; n nodes integrate half that many oscillations and
@@ -48,14 +49,14 @@ impl RoundPsf for Airy {
         over_pixel(&self.nodes, [x_px, y_px], |r_px| self.irradiance(r_px))
     }
 
-    /// Returns the envelope of the pattern's wings, `2 L (1 + e) /
-    /// (pi^2 r (1 - e^2))` (Born and Wolf 8.5.2, asymptotic form of `J0^2 + J1^2`, taken per annulus).
+    /// Returns the share of the light beyond `r_px` from the envelope of the pattern's wings, `2 L (1 + e) / (pi^2 r (1
+    /// - e^2))` (Born and Wolf 8.5.2, asymptotic form of `J0^2 + J1^2`, taken per annulus).
     fn lost_flux(&self, r_px: f64) -> f64 {
         let e = self.obscuration;
         (2.0 * self.lambda_n_px * (1.0 + e) / (PI * PI * r_px.max(0.5) * (1.0 - e * e))).min(1.0)
     }
 
-    /// Returns the radial integral (without obscuration: Rayleigh 1881).
+    /// Returns the encircled energy as a radial integral (without obscuration in closed form: Rayleigh 1881).
     fn encircled_energy(&self, r_px: f64) -> f64 {
         ringed(r_px, 0.25 * self.lambda_n_px, |r| TAU * self.irradiance(r))
     }
@@ -64,12 +65,13 @@ impl RoundPsf for Airy {
         2.0 * half_width(0.05 * self.lambda_n_px, |r| self.irradiance(r))
     }
 
-    /// 0.42 L matches the core to 3 % (Zhang et al. 2007); never used as an image of the PSF.
+    /// Returns 0.42 L, which matches the core to 3 % (Zhang et al. 2007); never used as an image of the PSF.
     fn core_sigma_px(&self) -> f64 {
         0.42 * self.lambda_n_px
     }
 
-    /// Returns the band limit 1 / L cycles per px: the pattern's own fourth derivative at the peak, (2 pi / L)^4 / 24.
+    /// Returns the table error from the band limit 1 / L cycles per px: the fourth derivative at the peak is (2 pi /
+    /// L)^4 / 24.
     fn table_error(&self, per_px: f64) -> f64 {
         (2.0 * PI / (self.lambda_n_px * per_px)).powi(4) / (24.0 * 384.0)
     }
@@ -79,7 +81,7 @@ impl RoundPsf for Airy {
     }
 }
 
-/// `2 J1(v) / v`, 1 at 0.
+/// Returns `2 J1(v) / v`, 1 at 0.
 fn jinc(v: f64) -> f64 {
     if v.abs() < 1e-6 { 1.0 - v * v / 8.0 } else { 2.0 * libm::j1(v) / v }
 }

@@ -1,27 +1,27 @@
-//! Everything that lights the detector beside the stars -> electrons per second and pixel, with their shape.
+//! All light on the detector besides the stars -> electrons per second and pixel, with their shape.
 //!
-//! `b(u, v) = c + g . (u, v) + q (u^2 + v^2) + sky I(u, v)`: u right, v down, in half diagonals of the image; c from what the
-//! camera file gives as uniform and from stray light, g and q as shares of it; the sky (given, zodiacal, Galaxy) on the
-//! axis, to be multiplied by the relative illumination I. Stray light of bodies: `E_sun PST A_pixel`, with `E_sun` in
-//! electrons s^-1 m^-2 on the detector: the photons of a star of the Sun's G and colour above the optics, times quantum
-//! efficiency (the transmittance holds the optics' transmission). Non-uniform stray light is brighter on the side of the
-//! image that its source would fall on, were the field wide enough.
+//! `b(u, v) = c + g . (u, v) + q (u^2 + v^2) + sky I(u, v)`: u right, v down, in half diagonals of the image; c from
+//! the uniform light of the camera file and from stray light, g and q as shares of it; the sky (given, zodiacal,
+//! Galaxy) on the axis, to be multiplied by the relative illumination I. Stray light of bodies: `E_sun PST A_pixel`,
+//! with `E_sun` in electrons s^-1 m^-2 on the detector: the photons of a star of the Sun's G and colour above the
+//! optics, times quantum efficiency (the transmittance contains the optics' transmission). Non-uniform stray light is
+//! brighter on the side of the image on which its source would lie in a wider field.
 //! Tests: below; `tests/physics/field_light.rs`.
 
 use crate::optics::baffle::{Baffle, BrightBodies, Glare};
 use crate::optics::sky_brightness::{S10_MAG_PER_ARCSEC2, SUN_V_LESS_G, SkyBrightness, pixel_arcsec2};
 use glam::{DVec2, DVec3};
 
-/// What lights a camera's detector beside the stars. Off: all zero.
+/// Light on a camera's detector besides the stars. Off: all zero.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct BackgroundLight {
-    /// Uniform part that is always there, e-/s per pixel, in the middle of the image.
+    /// Constant uniform part, e-/s per pixel, in the middle of the image.
     pub uniform_e_per_s: f64,
     /// Its gradient towards the right and the bottom, share per half diagonal.
     pub gradient: DVec2,
-    /// Its growth outwards, share per half diagonal squared.
+    /// Its increase outwards, share per half diagonal squared.
     pub quadratic: f64,
-    /// Sky of one brightness everywhere, e-/s per pixel on the axis.
+    /// Sky of uniform brightness, e-/s per pixel on the axis.
     pub sky_e_per_s: f64,
     /// Zodiacal light and Galaxy.
     pub sky: SkyBrightness,
@@ -34,41 +34,41 @@ pub struct BackgroundLight {
 pub struct StrayLight {
     /// The baffle.
     pub baffle: Baffle,
-    /// Electrons per second and pixel of the Sun at 1 au with nothing in the way, [`sun_e_per_s`].
+    /// Electrons per second and pixel of the Sun at 1 au without optics, [`sun_e_per_s`].
     pub sun_e_per_s: f64,
     /// Gradient towards the source, share per half diagonal.
     pub gradient: f64,
-    /// Growth outwards, share per half diagonal squared.
+    /// Increase outwards, share per half diagonal squared.
     pub quadratic: f64,
 }
 
 /// A frame's background, electrons per second and pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct BackgroundRates {
-    /// In the middle of the image.
+    /// Rate in the middle of the image.
     pub uniform: f64,
-    /// Towards the right and the bottom, per half diagonal.
+    /// Gradient towards the right and the bottom, per half diagonal.
     pub gradient: DVec2,
-    /// Outwards, per half diagonal squared.
+    /// Increase outwards, per half diagonal squared.
     pub quadratic: f64,
-    /// From the sky, on the axis.
+    /// Rate of the sky, on the axis.
     pub sky: f64,
 }
 
 impl BackgroundLight {
-    /// Returns whether there is none of it.
+    /// Returns true when all parts are zero.
     #[must_use]
     pub fn is_dark(&self) -> bool {
         *self == Self::default()
     }
 
-    /// Returns whether it depends on where Sun, Moon and Earth stand.
+    /// Returns true when it depends on the positions of Sun, Moon and Earth.
     #[must_use]
     pub fn needs_bodies(&self) -> bool {
         self.stray.is_some() || self.sky.zodiacal
     }
 
-    /// What is there whatever the camera looks at.
+    /// Returns the part that does not depend on the pointing.
     #[must_use]
     pub fn constant(&self) -> BackgroundRates {
         let uniform = self.uniform_e_per_s;
@@ -80,8 +80,8 @@ impl BackgroundLight {
         }
     }
 
-    /// Returns the background with the boresight and the Sun in these directions (ICRF axes), and this stray light of
-    /// bodies.
+    /// Returns the background with the boresight and the Sun in these directions (ICRF axes), and with this stray light
+    /// of bodies.
     #[must_use]
     pub fn rates(&self, boresight_icrf: DVec3, sun_icrf: DVec3, glare: &Glare) -> BackgroundRates {
         let mut rates = self.constant();
@@ -113,14 +113,15 @@ pub const S10_MAG_G: f64 = S10_MAG_PER_ARCSEC2 - SUN_V_LESS_G;
 
 /// Returns electrons per second and pixel that the Sun at 1 au would leave on a bare detector behind the band's filter.
 ///
-/// A star of the Sun's magnitude and colour leaves `collected_e_per_s` through an aperture of `effective_m2` (clear area
-/// times transmission); a pixel has `pixel_m2`.
+/// A star of the Sun's magnitude and colour leaves `collected_e_per_s` through an aperture of `effective_m2` (clear
+/// area times transmission); a pixel has `pixel_m2`.
 #[must_use]
 pub fn sun_e_per_s(collected_e_per_s: f64, effective_m2: f64, pixel_m2: f64) -> f64 {
     collected_e_per_s / effective_m2 * pixel_m2
 }
 
-/// Electrons per second and pixel, on the axis, of a sky whose square arcsecond shines like a star of `star_e_per_s`.
+/// Returns the electrons per second and pixel, on the axis, of a sky whose square arcsecond shines like a star of
+/// `star_e_per_s`.
 #[must_use]
 pub fn sky_e_per_s(star_e_per_s: f64, ifov_rad: [f64; 2]) -> f64 {
     star_e_per_s * pixel_arcsec2(ifov_rad)
@@ -148,8 +149,8 @@ mod tests {
 
     #[test]
     fn sunlight_is_the_solar_constant_in_photons() {
-        // 1 m^2 of pixel, 50 % quantum efficiency: half of the photons. The band of Gaia G lets some 60 % of 330-1050 nm
-        // through, which is 3/4 of 1361 W/m^2 at 3.0e-19 J: 2e21 photons; the zero point says 1.85e21.
+        // 1 m^2 of pixel, 50 % quantum efficiency: half of the photons. The band of Gaia G transmits about 60 % of
+        // 330-1050 nm, which is 3/4 of 1361 W/m^2 at 3.0e-19 J: 2e21 photons; the zero point gives 1.85e21.
         let light = radiometry();
         let collected = light.electrons(SUN_MAG_G, SUN_BP_RP, 1.0);
         let photons = sun_e_per_s(collected, light.clear_aperture_m2() * light.transmission, 1.0) / 0.5;

@@ -14,38 +14,38 @@
 //!   fills half the sky, to the Moon's distance. No clouds, ocean glint, airglow or twilight.
 //! * The Earth hides Sun and Moon; what is left of the Sun's disc is linear in its depth.
 //!
-//! A body inside the field of view is no stray light: here it is only its scatter at the table's first row; its image is
-//! drawn where a bench asks for bodies.
-//! Light within a frame is uniform plus what the camera file says of its gradient ([`Glare::towards`]).
-//! Tests below: Lambert sphere in closed form, table, phases, eclipse; `tests/physics/field_light` for the whole chain.
+//! A body inside the field of view is not stray light: only its scatter at the table's first row is computed here; its
+//! image is drawn if a bench includes bodies. Light within a frame is uniform plus the gradient given in the camera
+//! file ([`Glare::towards`]). Tests below: Lambert sphere in closed form, table, phases, eclipse;
+//! `tests/physics/field_light` for the whole chain.
 
 use base::units::{AU_KM, DEG};
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
 use glam::{DVec2, DVec3};
 use std::sync::Arc;
 
-/// Rings of equal solid angle on the Earth's disc.
+/// Number of rings of equal solid angle on the Earth's disc.
 pub const RINGS: u32 = 32;
-/// Sectors of each ring.
+/// Number of sectors of each ring.
 pub const SECTORS: u32 = 64;
 /// Equatorial radius of the Earth, km (WGS 84).
 pub const EARTH_RADIUS_KM: f64 = 6_378.137;
 /// Bond albedo of the Earth (Allen's Astrophysical Quantities, 4th ed.: 0.306).
 pub const EARTH_ALBEDO: f64 = 0.306;
-/// Gaia G of the Sun at 1 au (Casagrande and VandenBerg 2018, MNRAS 479, L102: M_G 4.67; less 31.572).
+/// Gaia G of the Sun at 1 au (Casagrande and VandenBerg 2018, MNRAS 479, L102: M_G 4.67; minus 31.572).
 pub const SUN_MAG_G: f64 = -26.90;
 /// Gaia BP - RP of the Sun (the same).
 pub const SUN_BP_RP: f64 = 0.82;
-/// Full Moon at mean distance less the Sun, mag.
+/// Magnitude of the full Moon at mean distance minus that of the Sun.
 const MOON_LESS_SUN_MAG: f64 = -12.74 + 26.76;
-/// Mean distance of the Moon that its magnitude goes with, km.
+/// Mean distance of the Moon to which its magnitude refers, km.
 const MOON_DISTANCE_KM: f64 = 384_400.0;
 /// Radius of the Sun, km (IAU 2015 Resolution B3).
 const SUN_RADIUS_KM: f64 = 695_700.0;
 /// Radius of the Moon, km.
 const MOON_RADIUS_KM: f64 = 1_737.4;
 
-/// Why a table of transmittances was refused.
+/// Error in a table of transmittances.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum BaffleError {
     /// Too few rows.
@@ -53,7 +53,7 @@ pub enum BaffleError {
         "point-source transmittance: wanted 2 to 1000 rows of [angle_deg, transmittance], got {got}; one row gives no slope"
     )]
     Rows {
-        /// Rows given.
+        /// Number of rows.
         got: usize,
     },
     /// An angle is out of range or not above the one before.
@@ -88,7 +88,7 @@ pub struct PointSourceTransmittance {
 }
 
 impl PointSourceTransmittance {
-    /// From rows of angle, deg, and transmittance.
+    /// Returns a table from rows of angle, deg, and transmittance.
     ///
     /// # Errors
     /// When there are fewer than two rows, angles do not rise within 0..180, or a share is not in 0..1.
@@ -131,14 +131,15 @@ impl PointSourceTransmittance {
     }
 }
 
-/// A baffle and what shines on it.
+/// A baffle and the bodies that shine on it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Baffle {
     /// Transmittance.
     pub transmittance: Arc<PointSourceTransmittance>,
-    /// Which of Sun, Moon and Earth shine.
+    /// True for each of Sun, Moon and Earth that shines.
     pub shines: [bool; 3],
-    /// Angles between boresight and limb below which the instrument is not meant to work: Sun, Moon, Earth, rad.
+    /// Exclusion angles between boresight and limb, below which the instrument is not meant to work: Sun, Moon, Earth,
+    /// rad.
     pub exclusion_rad: [f64; 3],
     /// Albedo of the Earth.
     pub earth_albedo: f64,
@@ -151,7 +152,7 @@ pub struct BrightBodies {
     pub sun_km: DVec3,
     /// The Moon's centre.
     pub moon_km: DVec3,
-    /// The Earth's centre; `None`: not there.
+    /// The Earth's centre; `None` without the Earth.
     pub earth_km: Option<DVec3>,
 }
 
@@ -162,7 +163,7 @@ pub struct Glare {
     pub share: f64,
     /// Sum of every source's share times the unit vector towards its side of the image (x right, y down).
     pub towards: DVec2,
-    /// Which of Sun, Moon and Earth stand inside their exclusion angles.
+    /// True for each of Sun, Moon and Earth that is inside its exclusion angle.
     pub excluded: [bool; 3],
 }
 
@@ -174,7 +175,7 @@ impl Glare {
 }
 
 impl Baffle {
-    /// Returns the stray light of the bodies. Does not allocate; 2048 angles when the Earth shines, some 0.1 ms.
+    /// Returns the stray light of the bodies. Does not allocate; 2048 angles when the Earth shines, about 0.1 ms.
     #[must_use]
     pub fn glare(&self, bodies: &BrightBodies) -> Glare {
         let mut glare = Glare::default();
@@ -206,14 +207,14 @@ impl Baffle {
         self.transmittance.at(direction.angle_between(DVec3::Z))
     }
 
-    /// The Earth's sunlit disc, patch by patch.
+    /// Adds the Earth's sunlit disc, patch by patch.
     fn add_earth(&self, sun_km: DVec3, earth_km: DVec3, glare: &mut Glare) {
         let distance_km = earth_km.length();
         let nadir = earth_km / distance_km;
         let to_sun = (sun_km - earth_km).normalize();
         let east = nadir.any_orthonormal_vector();
         let north = nadir.cross(east);
-        // 1 - cos of the disc's radius, without its digits lost far away.
+        // 1 - cos of the disc's radius, without cancellation far away.
         let sine = (EARTH_RADIUS_KM / distance_km).min(1.0);
         let depth = sine * sine / (1.0 + (1.0 - sine * sine).sqrt());
         let solid_angle = TAU * depth / f64::from(RINGS * SECTORS);
@@ -237,12 +238,12 @@ impl Baffle {
     }
 }
 
-/// Returns the irradiance by the Sun at `km` from it over that at 1 au.
+/// Returns the ratio of the Sun's irradiance at this distance to that at 1 au.
 fn nearness(km: DVec3) -> f64 {
     AU_KM * AU_KM / km.length_squared()
 }
 
-/// Returns the irradiance by the Moon over that of the Sun at 1 au.
+/// Returns the ratio of the Moon's irradiance to that of the Sun at 1 au.
 fn moonlight(bodies: &BrightBodies) -> f64 {
     let sun_from_moon_km = bodies.sun_km - bodies.moon_km;
     let phase_deg = sun_from_moon_km.angle_between(-bodies.moon_km) / DEG;
@@ -255,7 +256,7 @@ fn apparent_radius_rad(km: DVec3, radius_km: f64) -> f64 {
     (radius_km / km.length()).min(1.0).asin()
 }
 
-/// Returns the share of a body's disc that the Earth leaves to be seen: linear in depth.
+/// Returns the share of a body's disc that the Earth leaves visible: linear in depth.
 fn seen_past_earth(body_km: DVec3, radius_km: f64, earth_km: Option<DVec3>) -> f64 {
     let Some(earth_km) = earth_km else { return 1.0 };
     let [earth_rad, body_rad] =
@@ -275,14 +276,14 @@ mod tests {
         Baffle { transmittance, shines, exclusion_rad: [30.0 * DEG, 15.0 * DEG, 25.0 * DEG], earth_albedo: 0.3 }
     }
 
-    /// Lets everything in front of the aperture through.
+    /// A table that transmits everything in front of the aperture.
     const OPEN: [[f64; 2]; 2] = [[0.0, 1.0], [90.0, 1.0]];
 
     fn off_axis(deg: f64) -> DVec3 {
         DVec3::new((deg * DEG).sin(), 0.0, (deg * DEG).cos())
     }
 
-    /// Bodies far from the boresight and from one another, none of which matters.
+    /// Returns bodies far from the boresight and from one another, with no effect.
     fn nothing_near() -> BrightBodies {
         BrightBodies { sun_km: DVec3::NEG_Z * AU_KM, moon_km: DVec3::NEG_X * MOON_DISTANCE_KM, earth_km: None }
     }
@@ -322,7 +323,7 @@ mod tests {
         // Exclusion counts from the limb: 30 deg and the Sun's 0.267 deg.
         assert!(only.glare(&bodies(30.2, 1.0)).excluded[0] && !only.glare(&bodies(30.3, 1.0)).excluded[0]);
         let off = baffle(&ROWS, [false; 3]).glare(&bodies(10.0, 1.0));
-        assert!(off.share == 0.0 && off.excluded[0], "its exclusion is told all the same");
+        assert!(off.share == 0.0 && off.excluded[0], "its exclusion is still reported");
     }
 
     #[test]
@@ -340,7 +341,8 @@ mod tests {
         assert!((at_phase(90.0) / at_phase(0.0) - 10_f64.powf(-0.4 * 2.602_44)).abs() < 1e-6);
     }
 
-    /// Returns the lambert sphere seen from far away: (2/3) A (R/d)^2 (sin a + (pi - a) cos a) / pi (Russell 1916).
+    /// Returns the light of a Lambert sphere seen from far away: (2/3) A (R/d)^2 (sin a + (pi - a) cos a) / pi (Russell
+    /// 1916).
     fn lambert(phase_rad: f64, distance_km: f64) -> f64 {
         let shape = (phase_rad.sin() + (PI - phase_rad) * phase_rad.cos()) / PI;
         2.0 / 3.0 * 0.3 * (EARTH_RADIUS_KM / distance_km).powi(2) * shape
@@ -358,7 +360,7 @@ mod tests {
     fn the_earth_far_away_is_a_lambert_sphere() {
         for phase_deg in [0.0, 45.0, 90.0, 135.0] {
             let (got, wanted) = (earth_at(4e6, phase_deg, &OPEN), lambert(phase_deg * DEG, 4e6));
-            // The terminator crosses patches; the thinner the crescent, the fewer they are.
+            // The terminator crosses patches; a thinner crescent has fewer of them.
             assert!((got / wanted - 1.0).abs() < 0.01, "{phase_deg}: {got} {wanted}");
         }
         assert!(earth_at(4e6, 180.0, &OPEN) < 1e-3 * lambert(0.0, 4e6), "new Earth");
@@ -376,7 +378,7 @@ mod tests {
         let depth = 1.0 - (1.0 - sine * sine).sqrt();
         let ring = |k: u32| {
             let cos: f64 = 1.0 - depth * (f64::from(k) + 0.5) / 20_000.0;
-            // The Sun stands behind the observer: its angle to the normal is that at the Earth's centre.
+            // The Sun is behind the observer: its angle to the normal is that at the Earth's centre.
             let rho = cos.acos();
             let at_centre = (rho.sin() / sine).asin() - rho;
             at_centre.cos() * depth / 20_000.0

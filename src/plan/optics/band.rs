@@ -1,10 +1,10 @@
 //! An instrument's band: transmission(lambda) x QE(lambda) -> electrons of a star from G and BP-RP.
 //!
 //! `rate = A 10^(-0.4 G) * integral of n(lambda; BP-RP) T(lambda) QE(lambda) d lambda`, with `n` the star's photons
-//! ([`StarSpectrum`]) and `A` the clear aperture. The integral is taken once per colour at start ([`Band::e_per_s_m2`]);
-//! [`BandRadiometry`] keeps it as an offset of magnitude at steps of [`COLOR_STEP`] and looks it up by cubic
-//! interpolation: no allocation, and within 1e-5 mag of the integral for bands of a hundred nanometres and more
-//! (`the_table_agrees_with_the_integral`).
+//! ([`StarSpectrum`]) and `A` the clear aperture. The integral is taken once per colour at start
+//! ([`Band::e_per_s_m2`]); [`BandRadiometry`] keeps it as an offset of magnitude at steps of [`COLOR_STEP`] and looks
+//! it up by cubic interpolation: no allocation, and within 1e-5 mag of the integral for bands of a hundred nanometres
+//! and more (`the_table_agrees_with_the_integral`).
 //!
 //! *Limits.* Those of the spectrum; light outside the tables counts for nothing. *Validation:* the tests below;
 //! `tests/physics/radiometry.rs` integrates again by other means and against measured colours.
@@ -17,10 +17,10 @@ use std::sync::Arc;
 
 /// Step of the colour table, mag of BP-RP.
 pub const COLOR_STEP: f64 = 0.05;
-/// Its entries: one beyond either end of [`COLOR_RANGE`] would not help, as colours are clamped there.
+/// Number of its entries: more beyond either end of [`COLOR_RANGE`] would not help, because colours are clamped there.
 const COLORS: usize = 111;
 
-/// What of the light becomes electrons, by wavelength.
+/// Electrons per photon by wavelength.
 #[derive(Debug, Clone)]
 pub struct Band {
     transmission: Transmission,
@@ -41,10 +41,10 @@ impl PartialEq for Band {
 }
 
 impl Band {
-    /// Returns a band of two tables of shares.
+    /// Returns a band from two tables of shares.
     ///
     /// # Errors
-    /// Transmission stated where QE is not; a product that is zero everywhere.
+    /// When the transmission covers wavelengths without QE, or the product is zero everywhere.
     pub fn new(transmission: Spectrum, qe: Spectrum) -> Result<Self, SpectrumError> {
         let ((from_nm, to_nm), (least_nm, most_nm)) = (transmission.range_nm(), qe.range_nm());
         if from_nm < least_nm || to_nm > most_nm {
@@ -55,10 +55,10 @@ impl Band {
         Self { transmission: Transmission::Table(transmission), qe, cells }.not_dark()
     }
 
-    /// Returns a band of which the optics pass the same share, 0 to 1, at every wavelength of the QE.
+    /// Returns a band whose optics transmit the same share, 0 to 1, at every wavelength of the QE.
     ///
     /// # Errors
-    /// A product that is zero everywhere.
+    /// When the product is zero everywhere.
     pub fn with_flat_transmission(transmission: f64, qe: Spectrum) -> Result<Self, SpectrumError> {
         let (from_nm, to_nm) = qe.range_nm();
         let cells = Cells::new(from_nm, to_nm, qe.knots_nm());
@@ -88,13 +88,13 @@ impl Band {
         }
     }
 
-    /// Returns electrons s^-1 m^-2 of a star of G = 0 with this spectrum.
+    /// Returns the electrons s^-1 m^-2 of a star of G = 0 with this spectrum.
     #[must_use]
     pub fn e_per_s_m2(&self, star: &StarSpectrum) -> f64 {
         self.cells.integral(|nm| self.response(nm) * star.photons_per_s_m2_nm(nm))
     }
 
-    /// Returns the mean transmission for the electrons of such a star: with it, over without it.
+    /// Returns the mean transmission for such a star: its electrons with transmission over those without.
     #[must_use]
     pub fn mean_transmission(&self, star: &StarSpectrum) -> f64 {
         let bare = self.cells.integral(|nm| self.qe.at(nm) * star.photons_per_s_m2_nm(nm));
@@ -144,12 +144,12 @@ pub fn spectral_weights(band: &Band, bp_rp: f64, n: usize) -> Vec<SpectralWeight
 #[derive(Debug, Clone, PartialEq)]
 pub struct BandRadiometry {
     zero_point_e_per_s: f64,
-    /// Instrument magnitude less G, at steps of [`COLOR_STEP`].
+    /// Instrument magnitude minus G, at steps of [`COLOR_STEP`].
     offsets_mag: Arc<[f64]>,
 }
 
 impl BandRadiometry {
-    /// Integrates over the band for every colour of the table.
+    /// Integrates over the band for every colour of the table, and returns the table.
     #[must_use]
     pub fn new(band: &Band, clear_aperture_m2: f64) -> Self {
         let spectra = StarSpectra::new();
@@ -161,7 +161,7 @@ impl BandRadiometry {
         Self { zero_point_e_per_s: zero * clear_aperture_m2, offsets_mag: (0..COLORS).map(offset).collect() }
     }
 
-    /// Returns electrons per second of a star of G = 0 and BP-RP = 0.
+    /// Returns the electrons per second of a star of G = 0 and BP-RP = 0.
     #[must_use]
     pub fn zero_point_e_per_s(&self) -> f64 {
         self.zero_point_e_per_s
@@ -180,7 +180,7 @@ impl BandRadiometry {
         mag_g + -a * t * v * w / 6.0 + b * u * v * w / 2.0 - c * u * t * w / 2.0 + d * u * t * v / 6.0
     }
 
-    /// Electrons a star leaves on the detector during one exposure.
+    /// Returns the electrons a star leaves on the detector during one exposure.
     #[must_use]
     pub fn electrons(&self, mag_g: f64, bp_rp: f64, exposure_s: f64) -> f64 {
         self.zero_point_e_per_s * exposure_s * 10_f64.powf(-0.4 * self.mag_instrument(mag_g, bp_rp))
@@ -220,7 +220,7 @@ mod tests {
                 worst = worst.max((-2.5 * (table.electrons(5.0, color, 1.0) / exact).log10()).abs());
             }
             assert!(worst < 1e-5, "{worst:e} mag");
-            // The comparison can fail: without its colour term the table would be off by far more.
+            // Control: without its colour term the table would have a far larger error.
             assert!(table.mag_instrument(0.0, 2.0).abs() > 0.02, "{}", table.mag_instrument(0.0, 2.0));
         }
     }

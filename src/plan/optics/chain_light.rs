@@ -1,33 +1,33 @@
 //! The light of a chain before the pixel: irradiance, encircled energy and width at half height.
 //!
-//! In: [`MtfChain`]. Out: what falls on (and has diffused in) the detector, without the pixel's square and the circuit,
-//! which is round: Hankel transforms of its factor `M(f)`, `I(r) = 2 pi int M J0(2 pi f r) f df` and
+//! In: [`MtfChain`]. Out: the light that falls on (and has diffused in) the detector, without the pixel's square and
+//! the circuit, which is round: Hankel transforms of its factor `M(f)`, `I(r) = 2 pi int M J0(2 pi f r) f df` and
 //! `EE(R) = 2 pi R int M J1(2 pi f R) df` (Goodman, Introduction to Fourier Optics, 2.1.5), with unit flux.
-//! Gauss-Legendre panels: error below 1e-6 up to [`FURTHEST_PX`] for bands that end at 8 cycles/px. The tests hold it
-//! to closed forms of Airy patterns and Gaussians.
+//! Gauss-Legendre panels: error below 1e-6 up to [`FURTHEST_PX`] for bands that end at 8 cycles/px. The tests compare
+//! it with closed forms of Airy patterns and Gaussians.
 
 use crate::optics::mtf::{MtfChain, gaussian};
 use crate::optics::quadrature::gauss_legendre;
 use core::f64::consts::TAU;
 
-/// Distances told of, px.
+/// Largest distance at which results are valid, px.
 pub const FURTHEST_PX: f64 = 12.0;
-/// Panels of the band.
+/// Number of panels of the band.
 const PANELS: u32 = 96;
-/// Nodes of a panel.
+/// Number of nodes of a panel.
 const NODES: usize = 8;
-/// Factor below which frequencies are left away.
+/// Factor below which frequencies are left out.
 const NOTHING: f64 = 1e-12;
 
 /// Light of a star before pixels.
 #[derive(Debug, Clone)]
 pub struct ChainLight {
-    /// Frequency, cycles/px, and the chain's factor there times the width of its node.
+    /// Frequency, cycles/px, and the chain's factor at that frequency times the width of its node.
     band: Vec<[f64; 2]>,
 }
 
 impl ChainLight {
-    /// Returns samples the chain once.
+    /// Returns the light of a chain, which is sampled once.
     #[must_use]
     pub fn of(chain: &MtfChain) -> Self {
         let p = chain.params();
@@ -55,8 +55,8 @@ impl ChainLight {
         TAU * radius_px * self.band.iter().map(|[f, m]| m * libm::j1(TAU * f * radius_px)).sum::<f64>()
     }
 
-    /// Returns the full width at half height, px. A ring-shaped star (much defocus behind an obscuration) has the width
-    /// at which it last falls to half of its highest irradiance.
+    /// Returns the full width at half height, px. For a ring-shaped star (much defocus behind an obscuration) it is the
+    /// width at which the irradiance last falls to half of its maximum.
     #[must_use]
     pub fn fwhm_px(&self) -> f64 {
         const STEP_PX: f64 = 0.02;
@@ -122,7 +122,7 @@ mod tests {
             (ours.encircled_energy(6.4 / 2.0_f64.sqrt()) - 0.5).abs() < 0.05,
             "half of the area, half of the light"
         );
-        // Fringes at the edge are the highest: half of them is reached inside it.
+        // Fringes at the edge are the highest: half of their height is reached inside it.
         assert!((10.5..13.0).contains(&ours.fwhm_px()), "{}", ours.fwhm_px());
     }
 }

@@ -1,14 +1,14 @@
-//! A chain of transfer functions -> the PSF that pixels see, on a grid.
+//! A chain of transfer functions -> the PSF integrated over pixels, on a grid.
 //!
-//! In: [`MtfChain`]; what the samples may err by ([`Drawing`]). Out: [`PsfGrid`] with the bounds of its errors
-//! ([`ChainPsf`]). `P(x, y) = integral of S(fx, fy) exp(2 pi i (fx x + fy y))`, `S` the chain with the pixel in it: unit
+//! In: [`MtfChain`]; the allowed errors of the samples ([`Drawing`]). Out: [`PsfGrid`] with the bounds of its errors
+//! ([`ChainPsf`]). `P(x, y) = integral of S(fx, fy) exp(2 pi i (fx x + fy y))`, `S` the chain including the pixel: unit
 //! flux over the infinite plane, because `S(0) = 1`.
 //!
-//! *Method.* `S` is sampled every `1 / T` cycles/px up to the end of its band, folded to the grid's own band (which is
-//! what sampling does, and exact), and transformed along rows and columns. `S` is even in both axes, so is `P`. What
-//! depends on the wavelength is round: it is tabulated once ([`ROWS`] rows, cubic interpolation).
+//! *Method.* `S` is sampled every `1 / T` cycles/px up to the end of its band, folded to the grid's own band (as by
+//! sampling, and exact), and transformed along rows and columns. `S` is even in both axes, so is `P`. The factors that
+//! depend on the wavelength are round: they are tabulated once ([`ROWS`] rows, cubic interpolation).
 //!
-//! *Errors*, in shares of the flux per pixel, each bounded and told:
+//! *Errors*, in shares of the flux per pixel, each bounded and reported:
 //! * **folded wings**: sampling `S` repeats the star every `T` px. A cone `-s |f|` at frequency 0 makes a mean wing of
 //!   `s / (4 pi^2 r^3)`; the rings of an annular pupil reach at most `RINGS` times that; the sum of `|m|^-3` over all
 //!   repetitions is 9.03 (4 zeta(3/2) beta(3/2)). `T` is taken so that the sum is small enough;
@@ -16,11 +16,11 @@
 //!   errs by at most `E(u) = 2 (1 - eta(u))`, `u = f / n`, `eta` the spline's own spectrum over that of its samples
 //!   (all aliases are positive and sum to 1). Two axes: `E(ux) + E(uy)`. Integrated over `|S|` this bounds every point;
 //!   `n` is the least that is good enough;
-//! * **outside**: what lies beyond the grid's edge, mean over all places of the star.
+//! * **outside**: the light beyond the grid's edge, mean over all places of the star.
 //!
-//! Limits: a star so sharp that 32 samples per pixel do not do is refused. Sources: Goodman, Introduction to Fourier
-//! Optics; Unser, IEEE Signal Processing Magazine 16 (1999) 22, for `eta`. `tests/physics/psf_chain.rs` holds grids
-//! against Airy stamps, against the chain by transforming back, and every bound against what it bounds.
+//! Limits: a star so sharp that 32 samples per pixel are too few is refused. Sources: Goodman, Introduction to Fourier
+//! Optics; Unser, IEEE Signal Processing Magazine 16 (1999) 22, for `eta`. `tests/physics/psf_chain.rs` compares grids
+//! with Airy stamps, with the chain by transforming back, and every bound with the error it bounds.
 
 use crate::optics::mtf::{MtfChain, gaussian};
 use crate::optics::psf::LARGEST_HALF_PX;
@@ -29,50 +29,50 @@ use core::f64::consts::PI;
 use rustfft::FftPlanner;
 use rustfft::num_complex::Complex64;
 
-/// Rows of the table of what depends on the wavelength.
+/// Number of rows of the table of factors that depend on the wavelength.
 pub const ROWS: usize = 4096;
-/// Factor below which frequencies are left away: ten thousand times below any bound.
+/// Factor below which frequencies are left out: ten thousand times below any bound.
 const NOTHING: f64 = 1e-12;
-/// Crests of the rings over the mean wing: `2 (1 + sqrt e)^2 / (1 + e)` for an obscuration e, at most 4.
+/// Ratio of the crests of the rings to the mean wing: `2 (1 + sqrt e)^2 / (1 + e)` for an obscuration e, at most 4.
 const RINGS: f64 = 4.0;
-/// Sum over the repetitions of the star.
+/// Sum of `|m|^-3` over the repetitions of the star.
 const REPETITIONS: f64 = 9.034;
 /// Largest bound of the spline's error that is accepted, share of the flux per pixel.
 pub const MOST_ERROR: f64 = 1e-4;
-/// Samples per pixel to choose from.
+/// Available numbers of samples per pixel.
 const OVERSAMPLINGS: [usize; 6] = [4, 8, 12, 16, 24, 32];
-/// Periods to choose from, px: products of small primes.
+/// Available periods, px: products of small primes.
 const PERIODS: [usize; 8] = [128, 192, 256, 384, 512, 768, 1024, 1536];
 
-/// How well a PSF is to be drawn.
+/// Accuracy with which a PSF is drawn.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Drawing {
-    /// Error of the grid's spline at any place that the samples per pixel are chosen for, share of the flux per pixel.
-    /// A star for which 32 do not do is drawn with 32, up to [`MOST_ERROR`].
+    /// Error of the grid's spline at any place for which the samples per pixel are chosen, share of the flux per pixel.
+    /// A star that needs more than 32 is drawn with 32, up to [`MOST_ERROR`].
     pub pixel: f64,
-    /// Share of the light that may lie outside the grid; its size ends at [`LARGEST_HALF_PX`] all the same.
+    /// Largest share of the light outside the grid; its size is limited to [`LARGEST_HALF_PX`].
     pub outside: f64,
-    /// Samples per pixel instead of those that the error asks for; even.
+    /// Number of samples per pixel that replaces the one chosen by the error; even.
     pub oversampling: Option<usize>,
-    /// Half-width instead of that which the light outside asks for, px.
+    /// Half-width that replaces the one chosen by the light outside, px.
     pub half_px: Option<usize>,
 }
 
 impl Default for Drawing {
-    /// Returns a tenth of the 1e-4 of the flux that a rendered pixel may err by.
+    /// Returns a tenth of the allowed error of a rendered pixel, 1e-4 of the flux.
     fn default() -> Self {
         Self { pixel: 1e-5, outside: 1e-4, oversampling: None, half_px: None }
     }
 }
 
-/// A drawn PSF and what it errs by.
+/// A drawn PSF and its errors.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ChainPsf {
     /// The PSF.
     pub grid: PsfGrid,
-    /// Bound of what repeating the star adds to any sample.
+    /// Bound of the light that the repetitions of the star add to any sample.
     pub folded: f64,
-    /// Bound of what the spline errs by between samples.
+    /// Bound of the spline's error between samples.
     pub between: f64,
     /// Share of the light outside the grid.
     pub outside: f64,
@@ -90,11 +90,11 @@ pub enum ChainPsfError {
          model = \"airy\""
     )]
     Sharp {
-        /// The most samples per pixel.
+        /// Largest number of samples per pixel.
         most: usize,
         /// Bound with that many.
         bound: f64,
-        /// What was asked for.
+        /// Wanted bound.
         wanted: f64,
     },
     /// The star is too wide.
@@ -113,7 +113,7 @@ pub enum ChainPsfError {
     Grid(#[from] PsfGridError),
 }
 
-/// Most light outside the largest grid.
+/// Largest share of light outside the largest grid.
 const MOST_OUTSIDE: f64 = 0.2;
 
 impl ChainPsf {
@@ -132,7 +132,7 @@ impl ChainPsf {
     }
 }
 
-/// The chain, ready to be sampled: a round factor that depends on the wavelength, and one for each axis.
+/// The chain prepared for sampling: a round factor that depends on the wavelength, and one for each axis.
 #[derive(Debug)]
 struct Spectrum<'a> {
     chain: &'a MtfChain,
@@ -141,7 +141,7 @@ struct Spectrum<'a> {
     step: f64,
     end: f64,
     slope: f64,
-    /// Radius of the geometric blur disc of defocus, px: wings begin at its edge.
+    /// Radius of the geometric blur disc of defocus, px: wings start at its edge.
     disc_px: f64,
 }
 
@@ -179,7 +179,7 @@ impl<'a> Spectrum<'a> {
         [x, y]
     }
 
-    /// Returns the bound of the spline's error between samples, with `oversampling` of them per pixel.
+    /// Returns the bound of the spline's error between samples, with `oversampling` samples per pixel.
     fn between(&self, oversampling: usize) -> f64 {
         const CELLS: usize = 192;
         let step = self.end / CELLS as f64;
@@ -198,7 +198,7 @@ impl<'a> Spectrum<'a> {
 
     fn oversampling(&self, drawing: &Drawing) -> Result<(usize, f64), ChainPsfError> {
         if let Some(got) = drawing.oversampling {
-            // The grid would refuse it too, after as many samples as were asked for.
+            // The grid would refuse it too, but only after this many samples.
             let is_known = got.is_multiple_of(2) && (2..=MOST_OVERSAMPLING).contains(&got);
             return if is_known {
                 Ok((got, self.between(got)))
@@ -213,7 +213,7 @@ impl<'a> Spectrum<'a> {
         found.or(last).ok_or(ChainPsfError::Sharp { most, bound, wanted: MOST_ERROR })
     }
 
-    /// Half-width and the light outside it, from a coarse drawing of the largest grid.
+    /// Returns the half-width and the light outside it, from a coarse drawing of the largest grid.
     fn half_px(&self, drawing: &Drawing) -> Result<(usize, f64), ChainPsfError> {
         const COARSE: usize = 2;
         let period_px = self.period_px(LARGEST_HALF_PX, 1e-7);
@@ -227,9 +227,9 @@ impl<'a> Spectrum<'a> {
         Ok((half_px, outside[half_px]))
     }
 
-    /// Returns the bound of what the repetitions of the star add to a sample of a grid.
+    /// Returns the bound of the light that the repetitions of the star add to a sample of a grid.
     fn folded(&self, half_px: usize, period_px: usize) -> f64 {
-        // From the furthest corner of the grid, a pixel and the blur disc nearer.
+        // Distance from the furthest corner of the grid, reduced by a pixel and the blur disc.
         let reach = core::f64::consts::SQRT_2 * (half_px as f64 + 1.0) + self.disc_px;
         let nearest = period_px as f64 - reach;
         if nearest <= 0.0 {
@@ -265,7 +265,8 @@ impl<'a> Spectrum<'a> {
     }
 }
 
-/// Sums of cosines `sum over all j of a(|j|) cos(2 pi j k / length)` for `k < places`, by fast Fourier transform.
+/// Computes sums of cosines `sum over all j of a(|j|) cos(2 pi j k / length)` for `k < places` by fast Fourier
+/// transform.
 struct Waves {
     transform: std::sync::Arc<dyn rustfft::Fft<f64>>,
     length: usize,
@@ -282,7 +283,7 @@ impl Waves {
         let mut sums = vec![0.0; lines * self.places];
         let mut buffer = vec![Complex64::default(); self.length];
         let mut scratch = vec![Complex64::default(); self.transform.get_inplace_scratch_len()];
-        // Real and even amplitudes have real sums: two lines travel as one complex one.
+        // Real and even amplitudes have real sums: two lines are transformed as one complex one.
         for line in (0..lines).step_by(2) {
             buffer.fill(Complex64::default());
             for j in 0..count {
@@ -313,7 +314,7 @@ fn spline_error(u: f64) -> f64 {
     2.0 * (1.0 - (sinc.powi(4) / samples).min(1.0))
 }
 
-/// Returns the share of the light outside squares of half-width 0, 1, ... (and a half) px, mean over all places of the
+/// Returns the share of the light outside squares of half-width 0, 1, ... (plus a half) px, mean over all places of the
 /// star.
 fn outside_by_half_width(samples: &[f64], oversampling: usize) -> Vec<f64> {
     let side = samples.len().isqrt();
@@ -323,7 +324,7 @@ fn outside_by_half_width(samples: &[f64], oversampling: usize) -> Vec<f64> {
     let within = |half_px: usize| {
         let reach = half_px * oversampling + oversampling / 2;
         let line = middle - reach..=middle + reach;
-        // The outermost samples stand on the edge: half of their cells is inside.
+        // The outermost samples lie on the edge: half of their cells is inside.
         let edge = |i: usize| if i.abs_diff(middle) == reach { 0.5 } else { 1.0 };
         let row = |y: usize| line.clone().map(|x| edge(x) * samples[y * side + x]).sum::<f64>();
         line.clone().map(|y| edge(y) * row(y)).sum::<f64>() * cell

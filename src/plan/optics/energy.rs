@@ -1,29 +1,30 @@
-//! How a star's light is gathered: encircled and ensquared energy, energy on one pixel, width at half height.
+//! Concentration of a star's light: encircled and ensquared energy, energy on one pixel, width at half height.
 //!
 //! In: a PSF model, lengths in px. Out: shares of the star's light (of all of it, over the infinite plane), px.
-//! * [`encircled_energy`] and [`fwhm_px`] describe the *light* on the detector: Gaussian `1 - exp(-r^2 / 2 s^2)`, a
-//!   round PSF's own answer. A grid of samples knows
-//!   only what pixels *see*, the light blurred by a pixel, and tells of that, as a field does for its middle: [`seen_encircled_energy`] and
-//!   [`seen_fwhm_px`] do so for every model, and are what models are compared by.
+//! * [`encircled_energy`] and [`fwhm_px`] describe the *light* on the detector: Gaussian `1 - exp(-r^2 / 2 s^2)`, for a
+//!   round PSF its own function. A grid of samples only contains the light as pixels *see* it, blurred by a pixel, and
+//!   its results refer to that, as do those of a field for its middle. [`seen_encircled_energy`] and [`seen_fwhm_px`]
+//!   do so for every model, and serve to compare models.
 //! * [`ensquared_energy`] and [`energy_on_detector`] are sums of whole pixels, the same for every model.
 //!
-//! Errors below 1e-9 of the flux for closed forms and Airy, 1e-6 for what is seen. Definitions: Strojnik, Optical
-//! Engineering (2023), for energy on detector; ISO 15529 for the others. The tests hold closed forms against sums.
+//! Errors below 1e-9 of the flux for closed forms and Airy, 1e-6 for light as pixels see it. Definitions: Strojnik,
+//! Optical Engineering (2023), for energy on detector; ISO 15529 for the others. The tests compare closed forms with
+//! sums.
 
 use crate::optics::quadrature::{bisected, gauss_legendre, half_width, ringed};
 use crate::optics::{PsfForm, PsfModel};
 use core::f64::consts::{PI, TAU};
 
-/// Where the star stands on its pixel.
+/// Position of the star on its pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Centring {
-    /// On the pixel's centre: the most a pixel can hold.
+    /// On the pixel's centre: the largest share in a pixel.
     Centre,
     /// On the corner of four.
     Corner,
 }
 
-/// Returns the share of the light within `radius_px` of the star; of what pixels see for a grid and a field.
+/// Returns the share of the light within `radius_px` of the star; for a grid and a field of the light as pixels see it.
 #[must_use]
 pub fn encircled_energy(psf: &PsfModel, radius_px: f64) -> f64 {
     match psf.form() {
@@ -33,13 +34,13 @@ pub fn encircled_energy(psf: &PsfModel, radius_px: f64) -> f64 {
     }
 }
 
-/// Returns the share of what pixels see within `radius_px` of the star.
+/// Returns the share of the light as pixels see it within `radius_px` of the star.
 #[must_use]
 pub fn seen_encircled_energy(psf: &PsfModel, radius_px: f64) -> f64 {
     ringed(radius_px, 0.25, |r| around(psf, r))
 }
 
-/// Returns the integral of what pixels see over the angle, at a distance.
+/// Returns the integral of the light as pixels see it over the angle, at a distance.
 fn around(psf: &PsfModel, r_px: f64) -> f64 {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few tens a pixel")]
     let steps = (24.0 + 12.0 * r_px).ceil().min(2000.0) as u32;
@@ -50,8 +51,8 @@ fn around(psf: &PsfModel, r_px: f64) -> f64 {
     (0..steps).map(at).sum::<f64>() * TAU / f64::from(steps)
 }
 
-/// Returns the share of the light in a square of `side_px` whole pixels with the star in its middle: an odd square has
-/// a pixel there, an even one a corner.
+/// Returns the share of the light in a square of `side_px` whole pixels with the star in its middle: for an odd side
+/// the star is on a pixel's centre, for an even one on a corner.
 #[must_use]
 pub fn ensquared_energy(psf: &PsfModel, side_px: usize) -> f64 {
     let middle = 0.5 * (side_px as f64 - 1.0);
@@ -59,7 +60,7 @@ pub fn ensquared_energy(psf: &PsfModel, side_px: usize) -> f64 {
     (0..side_px * side_px).map(|i| psf.pixel(at(i % side_px), at(i / side_px))).sum()
 }
 
-/// Returns the share of the light in the pixel that the star stands on, or in one of the four it stands between.
+/// Returns the share of the light in the pixel with the star on its centre, or in one of the four around the star.
 #[must_use]
 pub fn energy_on_detector(psf: &PsfModel, centring: Centring) -> f64 {
     match centring {
@@ -68,7 +69,7 @@ pub fn energy_on_detector(psf: &PsfModel, centring: Centring) -> f64 {
     }
 }
 
-/// Returns the full width at half height of the light, px, mean of x and y; of what pixels see for a grid and a field.
+/// Returns the full width at half height of the light, px, mean of x and y; for a grid and a field as pixels see it.
 #[must_use]
 pub fn fwhm_px(psf: &PsfModel) -> f64 {
     match psf.form() {
@@ -78,17 +79,17 @@ pub fn fwhm_px(psf: &PsfModel) -> f64 {
     }
 }
 
-/// Returns the full width at half height of what pixels see, px, mean of x and y.
+/// Returns the full width at half height of the light as pixels see it, px, mean of x and y.
 #[must_use]
 pub fn seen_fwhm_px(psf: &PsfModel) -> f64 {
     let toward = |x: f64, y: f64| half_width(0.05, |r| psf.pixel(r * x, r * y));
     0.5 * (toward(1.0, 0.0) + toward(-1.0, 0.0) + toward(0.0, 1.0) + toward(0.0, -1.0))
 }
 
-/// Radius of the circle that holds `share` of what pixels see; `None`: more than the circle of `most_px` does.
+/// Returns the radius of the circle with `share` of the light as pixels see it; `None` if it exceeds `most_px`.
 #[must_use]
 pub fn seen_radius_px(psf: &PsfModel, share: f64, most_px: f64) -> Option<f64> {
-    // What lies within the rings before is kept: each ring is integrated once.
+    // Each ring is integrated once: the sum over the inner rings is kept.
     const STEP: f64 = 0.25;
     let (mut held, mut low) = (0.0, 0.0);
     while low < most_px {
@@ -107,7 +108,7 @@ fn within_ring(psf: &PsfModel, from_px: f64, to_px: f64) -> f64 {
     gauss_legendre(6).iter().map(|node| node.weight * width * ring(node.x)).sum()
 }
 
-/// Radius of the first dark ring of a clear pupil, px: `1.22 lambda N` over the pitch.
+/// Returns the radius of the first dark ring of a clear pupil, px: `1.22 lambda N` over the pitch.
 #[must_use]
 pub fn airy_radius_px(lambda_n_px: f64) -> f64 {
     // First zero of J1 over pi.
@@ -164,7 +165,7 @@ mod tests {
     fn what_is_seen_is_the_light_averaged_over_a_pixel() {
         let psf = PsfModel::gaussian(0.7);
         let brute = |radius: f64| -> f64 {
-            // Sum of the seen star over fine cells within the circle.
+            // Sum of the star's light as pixels see it over fine cells within the circle.
             let n = 400;
             let at = |i: i32| (f64::from(i) + 0.5) / f64::from(n) * 2.0 * radius - radius;
             let cell = (2.0 * radius / f64::from(n)).powi(2);

@@ -1,10 +1,10 @@
-//! Gaia's passbands G, BP and RP, and the zero points that make magnitudes of them.
+//! Gaia's passbands G, BP and RP, and their zero points.
 //!
-//! Source: Gaia EDR3 passbands and Vega-system zero points (Riello et al. 2021, A&A 649, A3; ESA, "Gaia EDR3 passbands";
-//! unchanged in DR3). Values are the published ones at every tenth nanometre (published: every one), rounded to four
-//! digits, with straight lines between: against the full table, G of black bodies from 1500 to 100 000 K errs by at most
-//! 0.9 mmag, BP-RP by 3.5 mmag; Vega's by 0.4 and 1.3 mmag. The zero points' own uncertainties are 3 to 4 mmag.
-//! With these zero points Vega's spectrum (CALSPEC, alpha_lyr_stis_011) has G = 0.013, BP-RP = -0.017.
+//! Source: Gaia EDR3 passbands and Vega-system zero points (Riello et al. 2021, A&A 649, A3; ESA, "Gaia EDR3
+//! passbands"; unchanged in DR3). Values are the published ones at every tenth nanometre (published: every one),
+//! rounded to four digits, with straight lines between: against the full table, G of black bodies from 1500 to 100 000
+//! K errs by at most 0.9 mmag, BP-RP by 3.5 mmag; Vega's by 0.4 and 1.3 mmag. The zero points' own uncertainties are 3
+//! to 4 mmag. With these zero points Vega's spectrum (CALSPEC, alpha_lyr_stis_011) has G = 0.013, BP-RP = -0.017.
 //!
 //! `mag = ZP - 2.5 log10(P * integral of n(lambda) S(lambda) d lambda)`, `n` photons s^-1 m^-2 nm^-1, `P` the area of
 //! the telescope's pupil.
@@ -26,19 +26,19 @@ pub struct GaiaBand {
 }
 
 impl GaiaBand {
-    /// G.
+    /// Returns the G band.
     #[must_use]
     pub fn g() -> Self {
         Self { response: Spectrum::sampled(320.0, STEP_NM, &G), zero_point_mag: 25.687_366_867_1 }
     }
 
-    /// BP.
+    /// Returns the BP band.
     #[must_use]
     pub fn bp() -> Self {
         Self { response: Spectrum::sampled(320.0, STEP_NM, &BP), zero_point_mag: 25.338_542_215_8 }
     }
 
-    /// RP.
+    /// Returns the RP band.
     #[must_use]
     pub fn rp() -> Self {
         Self { response: Spectrum::sampled(600.0, STEP_NM, &RP), zero_point_mag: 24.747_895_501_2 }
@@ -50,14 +50,14 @@ impl GaiaBand {
         self.zero_point_mag - 2.5 * (PUPIL_M2 * e_per_s_m2).log10()
     }
 
-    /// Returns electrons s^-1 m^-2 that the telescope counts from a source of magnitude 0.
+    /// Returns the electrons s^-1 m^-2 that the telescope counts from a source of magnitude 0.
     #[must_use]
     pub fn zero_magnitude_e_per_s_m2(&self) -> f64 {
         10_f64.powf(0.4 * self.zero_point_mag) / PUPIL_M2
     }
 }
 
-/// From 320 nm.
+/// Response of G from 320 nm.
 const G: [f64; 75] = [
     0.0, 0.0098, 0.0869, 0.1259, 0.1214, 0.1093, 0.1163, 0.2046, 0.3408, 0.4332, 0.4929, 0.5325, 0.5601, 0.5819,
     0.5989, 0.6127, 0.6245, 0.6346, 0.6429, 0.6514, 0.6592, 0.6652, 0.6726, 0.6779, 0.6834, 0.6882, 0.6929, 0.6984,
@@ -67,14 +67,14 @@ const G: [f64; 75] = [
     0.0114, 0.0073, 0.0044, 0.0024, 0.0,
 ];
 
-/// From 320 nm.
+/// Response of BP from 320 nm.
 const BP: [f64; 39] = [
     0.0, 0.0109, 0.2098, 0.1846, 0.2353, 0.2044, 0.1621, 0.2544, 0.4322, 0.5335, 0.5783, 0.5990, 0.6153, 0.6270,
     0.6270, 0.6292, 0.6346, 0.6353, 0.6315, 0.6301, 0.6300, 0.6233, 0.6202, 0.6227, 0.6193, 0.6086, 0.6133, 0.6432,
     0.6279, 0.6132, 0.6495, 0.6669, 0.6207, 0.5284, 0.3412, 0.0352, 0.0007, 0.0003, 0.0,
 ];
 
-/// From 600 nm.
+/// Response of RP from 600 nm.
 const RP: [f64; 50] = [
     0.0, 0.0001, 0.0090, 0.3945, 0.7285, 0.6932, 0.7068, 0.7259, 0.7318, 0.7311, 0.7376, 0.7352, 0.7322, 0.7396,
     0.7434, 0.7384, 0.7392, 0.7300, 0.7148, 0.7045, 0.7038, 0.7012, 0.6905, 0.6750, 0.6552, 0.6279, 0.5985, 0.5664,

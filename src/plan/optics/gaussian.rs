@@ -1,7 +1,7 @@
 //! Gaussian PSF integrated over square pixels, exact in f64.
 //!
 //! `P(x) = 1/2 [erf((x + 1/2) / (sigma sqrt 2)) - erf((x - 1/2) / (sigma sqrt 2))]` per axis; x is the pixel centre
-//! minus the star, px. Error: that of `libm::erf` (< 1 ulp). Held against independent truth in `tests/physics`.
+//! minus the star, px. Error: that of `libm::erf` (< 1 ulp). Compared with independent truth in `tests/physics`.
 
 use core::f64::consts::FRAC_1_SQRT_2;
 

@@ -1,15 +1,15 @@
 //! Linear grey mapping: magnitude -> grey between the brightest and the faintest star, and back to electrons.
 //!
-//! How image simulators without a radiometric chain give stars their grey: the brightest star of the scene gets one grey,
-//! the faintest another, those between follow linearly in irradiance `E = 10^(-0.4 m)`,
-//! `g = g_f + (g_b - g_f) (E - E_f) / (E_b - E_f)`, or in magnitude, `g = g_f + (g_b - g_f) (m_f - m) / (m_f - m_b)`.
-//! `g` is the sum of the star's grey above black, spread by the PSF as everything else; times the gain it is electrons,
-//! so noise, saturation and the rest of the chain stay the same.
+//! Image simulators without a radiometric chain define greys this way: the brightest star of the scene gets one grey,
+//! the faintest another, those between follow linearly in irradiance `E = 10^(-0.4 m)`, `g = g_f + (g_b - g_f) (E -
+//! E_f) / (E_b - E_f)`, or in magnitude, `g = g_f + (g_b - g_f) (m_f - m) / (m_f - m_b)`. `g` is the sum of the star's
+//! grey above black, spread by the PSF as for other models; times the gain it gives electrons, so noise, saturation and
+//! the rest of the chain stay the same.
 //!
 //! *Limits.* Not physics: electrons do not depend on exposure, aperture or colour, and flux ratios are kept only in
 //! irradiance with `g_f / g_b = E_f / E_b`. Stars outside the two magnitudes get the grey of the nearer one.
 
-/// What the grey is linear in.
+/// Quantity in which the grey is linear.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum GreyScale {
     /// Irradiance.
@@ -29,7 +29,7 @@ pub struct GreyMap {
     pub brightest_grey_dn: f64,
     /// Sum of the faintest star's grey above black, DN.
     pub faintest_grey_dn: f64,
-    /// What the grey is linear in.
+    /// Quantity in which the grey is linear.
     pub scale: GreyScale,
     /// Electrons per DN.
     pub gain_e_per_dn: f64,
@@ -51,7 +51,7 @@ impl GreyMap {
         self.faintest_grey_dn + (self.brightest_grey_dn - self.faintest_grey_dn) * share
     }
 
-    /// Returns electrons of a star in any exposure.
+    /// Returns the electrons of a star in any exposure.
     #[must_use]
     pub fn electrons(&self, mag: f64) -> f64 {
         self.gain_e_per_dn * self.grey_dn(mag)
@@ -86,7 +86,7 @@ mod tests {
     #[test]
     fn between_them_irradiance_or_magnitude_is_linear() {
         assert!((map(GreyScale::Magnitude).grey_dn(4.5) - 2020.0).abs() < 1e-9, "half way");
-        // Greys in the ratio of the irradiances (100) follow Pogson's law all the way.
+        // Greys in the ratio of the irradiances (100) follow Pogson's law at all magnitudes.
         let pogson = 4000.0 * 10_f64.powf(-0.4 * 2.5);
         assert!((map(GreyScale::Irradiance).grey_dn(4.5) - pogson).abs() < 1e-9);
         assert!((map(GreyScale::Magnitude).grey_dn(4.5) - pogson).abs() > 1000.0, "the two differ");

@@ -1,8 +1,8 @@
 //! A Gaussian core in a wider Gaussian halo: a star with light scattered by the optics.
 //!
 //! `I(r) = (1 - h) G(r, sigma) + h G(r, sigma_halo)`, `G(r, s) = exp(-r^2 / 2 s^2) / (2 pi s^2)`; unit flux over the
-//! infinite plane. Pixels are products of error functions, exact in f64. The double Gaussian of King, Publications of the
-//! Astronomical Society of the Pacific 83 (1971), 199, without its aureole.
+//! infinite plane. Pixels are products of error functions, exact in f64. The double Gaussian of King, Publications of
+//! the Astronomical Society of the Pacific 83 (1971), 199, without its aureole.
 
 use crate::optics::gaussian;
 use crate::optics::psf_grid::BOTH_AXES;
@@ -18,13 +18,13 @@ pub struct Halo {
 }
 
 impl Halo {
-    /// `halo_share` of the light in a halo of `halo_sigma_px`, the rest in a core of `sigma_px`.
+    /// Returns a PSF with `halo_share` of the light in a halo of `halo_sigma_px`, the rest in a core of `sigma_px`.
     #[must_use]
     pub fn new(sigma_px: f64, halo_sigma_px: f64, halo_share: f64) -> Self {
         Self { parts: [(1.0 - halo_share, sigma_px), (halo_share, halo_sigma_px)] }
     }
 
-    /// Returns the sum of a number of both parts by their standard deviation, weighted by their light.
+    /// Returns the sum of a function of the standard deviation over both parts, weighted by their light.
     fn sum(&self, of: impl Fn(f64) -> f64) -> f64 {
         self.parts.iter().map(|(share, sigma_px)| share * of(*sigma_px)).sum()
     }
@@ -51,12 +51,13 @@ impl RoundPsf for Halo {
         2.0 * half_width(0.05 * self.core_sigma_px(), |r| self.irradiance(r))
     }
 
-    /// Returns the that of the Gaussian that is curved alike at the peak.
+    /// Returns that of the Gaussian that is curved alike at the peak.
     fn core_sigma_px(&self) -> f64 {
         (self.sum(|sigma| sigma.powi(-2)) / self.sum(|sigma| sigma.powi(-4))).sqrt()
     }
 
-    /// Returns each part by its share of the peak; once in the table, and once more where a kernel displaces it.
+    /// Returns the sum of both parts' errors by their share of the peak; once for the table, and once for a kernel's
+    /// displacement.
     fn table_error(&self, per_px: f64) -> f64 {
         let peak = |sigma| gaussian::cell(0.0, sigma).powi(2);
         BOTH_AXES * self.sum(|sigma| peak(sigma) * gaussian::table_error(sigma, per_px)) / self.sum(peak)

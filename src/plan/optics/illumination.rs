@@ -2,8 +2,8 @@
 //!
 //! `I = s v(t) cos^4 w`, with `t = tan w` the length of the star's tangents (X/Z, Y/Z) and `w` the field angle:
 //!
-//! * `s`, the share of the aperture that nothing blocks: spider, filter frame. Central obscuration is not in it: that is
-//!   in the clear aperture of [`crate::optics::Radiometry`].
+//! * `s`, the unblocked share of the aperture: spider, filter frame. Central obscuration is not included: it belongs to
+//!   the clear aperture of [`crate::optics::Radiometry`].
 //! * `cos^4 w`: projected pupil, projected pixel, squared distance (Born & Wolf, Principles of Optics, 7th ed., 4.8.1).
 //! * `v`, vignetting: the beam that passes the entrance window (radius R1) and the entrance pupil (R2) is what two circles
 //!   share. At a field angle their centres are `d = L tan w` apart, L the distance of window and pupil along the axis.
@@ -12,14 +12,15 @@
 //!   `K^2 = (R1 + R2 + d) (R1 + R2 - d) (d + R1 - R2) (d - R1 + R2)`; below, the smaller circle; above, 0.
 //!   `v = A / A(0)`, so 1 on the axis.
 //!
-//! Slope: `dA/dd` is minus the common chord, `K / d <= 2 min(R1, R2)`, so `|dv/dt| <= 2 L / (pi min(R1, R2))`, and
-//! `|d cos^4 / dt| <= 1.036` (at t = 1/sqrt 5); [`Illumination::steepest_per_tangent`] is their sum. A star keeps the value
-//! of its place at mid-exposure: over a path of `p` px it errs by at most `p / 2 / focal_px` times that slope, and by far
-//! less on a path that is even about its middle. Sources are multiplied once, where they are placed, so that the
-//! reference and the fast backends draw the same electrons by definition.
+//! Slope: `dA/dd` is minus the common chord, `K / d <= 2 min(R1, R2)`, so `|dv/dt| <= 2 L / (pi min(R1, R2))`, and `|d
+//! cos^4 / dt| <= 1.036` (at t = 1/sqrt 5); [`Illumination::steepest_per_tangent`] is their sum. A star keeps the value
+//! of its mid-exposure position: over a path of `p` px the error is at most `p / 2 / focal_px` times that slope, and
+//! far less on a path that is symmetric about its middle. Sources are multiplied once, where they are placed, so that
+//! the reference and the fast backends draw the same electrons by definition.
 //!
-//! The slope is continuous save where R1 = R2, on the axis. Limits: circles, no pupil aberration; the beam is not traced.
-//! Tests below: area by counting, slope against differences, both sides of every edge.
+//! The slope is continuous except for R1 = R2, on the axis. Limits: circles, no pupil aberration; the beam is not
+//! traced.
+//! Tests below: area by counting, slope compared with differences, both sides of every limit.
 
 use core::f64::consts::PI;
 use glam::DVec2;
@@ -27,12 +28,12 @@ use glam::DVec2;
 /// Largest |d cos^4 w / d tan w|: 4 t (1 + t^2)^-3 at t = 5^-1/2, rounded up.
 const COS4_SLOPE: f64 = 1.036;
 
-/// How an image plane is lit.
+/// Relative illumination of an image plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Illumination {
-    /// Two circles that share less and less of a beam; `None`: off.
+    /// Vignetting by two circles; `None`: off.
     pub vignetting: Option<Vignetting>,
-    /// Whether the cosine's fourth power acts.
+    /// True when the cosine's fourth power is applied.
     pub cos4: bool,
     /// Share of the aperture that is not blocked, 0 < s <= 1; 1: off.
     pub unblocked: f64,
@@ -56,10 +57,10 @@ impl Default for Illumination {
 }
 
 impl Illumination {
-    /// Every field point is lit alike.
+    /// Uniform illumination.
     pub const EVEN: Self = Self { vignetting: None, cos4: false, unblocked: 1.0 };
 
-    /// Returns whether it changes nothing.
+    /// Returns true when it changes nothing.
     #[must_use]
     pub fn is_even(&self) -> bool {
         *self == Self::EVEN
@@ -88,7 +89,7 @@ impl Illumination {
 }
 
 impl Vignetting {
-    /// Returns the share of the beam on the axis that passes at `tan w`.
+    /// Returns the share of the beam on the axis that is transmitted at `tan w`.
     fn at(&self, tangent: f64) -> f64 {
         let Self { window_radius_mm: a, pupil_radius_mm: b, distance_mm } = *self;
         let smaller = a.min(b);
@@ -99,7 +100,7 @@ impl Vignetting {
         2.0 * self.distance_mm / (PI * self.window_radius_mm.min(self.pupil_radius_mm))
     }
 
-    /// `tan w` from which the field darkens, and from which it is dark.
+    /// Returns `tan w` from which the field darkens, and from which it is dark.
     #[must_use]
     pub fn edges(&self) -> [f64; 2] {
         let Self { window_radius_mm: a, pupil_radius_mm: b, distance_mm } = *self;
@@ -107,7 +108,7 @@ impl Vignetting {
     }
 }
 
-/// Returns the area that circles of radius `a` and `b` share when their centres are `d` apart.
+/// Returns the common area of circles of radius `a` and `b` with centres `d` apart.
 fn overlap(a: f64, b: f64, d: f64) -> f64 {
     let smaller = a.min(b);
     if d <= (a - b).abs() {
@@ -116,7 +117,7 @@ fn overlap(a: f64, b: f64, d: f64) -> f64 {
     if d >= a + b {
         return 0.0;
     }
-    // Sector of radius `r` less its triangle, as angles: rounding may take the cosine beyond 1.
+    // Sector of radius `r` minus its triangle, as angles: rounding may make the cosine exceed 1.
     let half_angle = |r: f64, other: f64| ((d * d + r * r - other * other) / (2.0 * d * r)).clamp(-1.0, 1.0).acos();
     let kite = (a + b + d) * (a + b - d) * (d + a - b) * (d - a + b);
     a * a * half_angle(a, b) + b * b * half_angle(b, a) - 0.5 * kite.max(0.0).sqrt()
@@ -147,7 +148,7 @@ mod tests {
             [(14.0, 10.0, 3.9), (14.0, 10.0, 8.0), (10.0, 14.0, 8.0), (10.0, 10.0, 5.0), (14.0, 10.0, 23.0)]
         {
             let (got, wanted) = (overlap(a, b, d), counted(a, b, d));
-            // Cells cut by a border: about 4 N of the N^2 inside, their error random: far below 1e-4 of the circle.
+            // Cells cut by a border: about 4 N of the N^2 inside, with random errors: far below 1e-4 of the circle.
             assert!((got - wanted).abs() < 1e-4 * PI * b * b, "({a}, {b}, {d}): {got} {wanted}");
         }
         assert!((overlap(14.0, 10.0, 8.0) - counted(14.0, 10.0, 8.1)).abs() > 1.0, "control: a tenth of a mm shows");
@@ -188,7 +189,7 @@ mod tests {
         let slopes: Vec<f64> = (1..4400).map(|i| slope(f64::from(i) * 1e-4)).collect();
         let steepest = slopes.iter().fold(0.0_f64, |most, s| most.max(s.abs()));
         assert!(steepest <= bound && steepest > 0.3 * bound, "{steepest} of {bound}");
-        // No jump: at the two edges the chord grows like a square root, 0.09 of the bound within a step of 1e-4.
+        // Continuous: at the two edges the chord grows like a square root, 0.09 of the bound within a step of 1e-4.
         let jump = slopes.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max);
         assert!(jump < 0.15 * bound, "{jump} of {bound}");
         assert!(slopes.iter().all(|s| *s <= 1e-9), "never brighter further out");

@@ -1,20 +1,20 @@
 //! The cubic B-spline through the samples of an image, in f64.
 //!
-//! In: samples. Out: values between them. Natural ends: the second derivative vanishes there, so nothing beyond the
-//! samples is made up. Error of a smooth image: `h^4 |f''''| / 384` along each axis. Source: Unser, Aldroubi and Eden, IEEE
-//! Trans. Signal Processing 41 (1993), 821. Held by the tests of `psf_grid` and `measured`.
+//! In: samples. Out: values between them. Natural ends: the second derivative vanishes there, so nothing is
+//! extrapolated beyond the samples. Error of a smooth image: `h^4 |f''''| / 384` along each axis. Source: Unser,
+//! Aldroubi and Eden, IEEE Trans. Signal Processing 41 (1993), 821. Checked by the tests of `psf_grid` and `measured`.
 
 /// The cubic B-spline with natural ends through an image, by sample.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Spline {
-    /// Coefficients, with one more on every side.
+    /// Coefficients, with one more than the samples on every side.
     coefficients: Vec<f64>,
     columns: usize,
     rows: usize,
 }
 
 impl Spline {
-    /// Returns the through samples, row by row, `columns` in each.
+    /// Returns the spline through samples, row by row, `columns` in each.
     #[must_use]
     pub fn new(samples: &[f64], columns: usize) -> Self {
         let rows = samples.len() / columns;
@@ -33,7 +33,7 @@ impl Spline {
         Self { coefficients: out, columns, rows }
     }
 
-    /// Returns coefficients row by row, with one more on every side than there are samples.
+    /// Returns the coefficients row by row, with one more on every side than there are samples.
     #[must_use]
     pub fn coefficients(&self) -> &[f64] {
         &self.coefficients
@@ -42,7 +42,7 @@ impl Spline {
     /// Returns its value at a place counted in samples from the first; 0 outside.
     #[must_use]
     pub fn at(&self, x: f64, y: f64) -> f64 {
-        // Negated, so that what is no number is outside.
+        // Negated, so that NaN counts as outside.
         let inside = |v: f64, n: usize| v >= 0.0 && v <= n as f64 - 1.0;
         if !inside(x, self.columns) || !inside(y, self.rows) {
             return 0.0;
@@ -61,14 +61,14 @@ impl Spline {
 
 /// Returns the first of four coefficients along an axis of `n` samples, and their weights.
 fn taps(at: f64, n: usize) -> (usize, [f64; 4]) {
-    // The last interval holds its own end.
+    // The last interval includes its end.
     let j = at.floor().clamp(0.0, n as f64 - 2.0);
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the samples")]
     (j as usize, weights(at - j))
 }
 
-/// One axis: `(c[i - 1] + 4 c[i] + c[i + 1]) / 6 = f[i]` with a vanishing second derivative at both ends, where
-/// therefore `c = f`; by elimination.
+/// Solves one axis by elimination: `(c[i - 1] + 4 c[i] + c[i + 1]) / 6 = f[i]` with a vanishing second derivative at
+/// both ends, where therefore `c = f`.
 fn natural(samples: impl Iterator<Item = f64>, out: &mut [f64]) {
     let last = out.len() - 2;
     for (c, f) in out[1..=last].iter_mut().zip(samples) {
@@ -87,7 +87,7 @@ fn natural(samples: impl Iterator<Item = f64>, out: &mut [f64]) {
     out[last + 1] = 2.0 * out[last] - out[last - 1];
 }
 
-/// Returns weights of the coefficients at offsets -1, 0, 1, 2 for a point a share `t` in [0, 1] past offset 0.
+/// Returns the weights of the coefficients at offsets -1, 0, 1, 2 for a point at a share `t` in [0, 1] after offset 0.
 fn weights(t: f64) -> [f64; 4] {
     let r = 1.0 - t;
     [r * r * r / 6.0, (4.0 - 3.0 * t * t * (2.0 - t)) / 6.0, (4.0 - 3.0 * r * r * (2.0 - r)) / 6.0, t * t * t / 6.0]

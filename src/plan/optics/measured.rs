@@ -1,37 +1,37 @@
 //! A measured or simulated image of a star -> a pixel-integrated PSF.
 //!
-//! In: samples, row by row from the top, `samples_per_px` along each side of a pixel; what they hold ([`Holds`]). Out:
-//! a [`PsfGrid`]. In order: the background is taken off or its absence checked; light on small cells is summed over
-//! pixels (a pixel of k x k cells holds their sum, exactly); the flux is normalised; the star's place is put on the
+//! In: samples, row by row from the top, `samples_per_px` along each side of a pixel; their content ([`Holds`]). Out: a
+//! [`PsfGrid`]. In order: the background is subtracted or its absence checked; light on small cells is summed over
+//! pixels (a pixel of k x k cells contains exactly their sum); the flux is normalised; the star's place is moved to the
 //! grid's middle by the cubic B-spline through the samples. The grid reaches as far as the image does on its nearest
-//! side. Limits: the centroid is that of the whole image, so wings that the image cuts, or noise far out, move it.
-//! Tests below make the image of a known PSF, off its middle and on a background, and want it back.
+//! side. Limits: the centroid is that of the whole image, so wings that the image cuts off, or noise far out, move it.
+//! Tests below make the image of a known PSF, off its middle and on a background, and check that it is recovered.
 
 use crate::optics::image_spline::Spline;
 use crate::optics::psf::LARGEST_HALF_PX;
 use crate::optics::psf_grid::{PsfGrid, PsfGridError};
 
-/// What a sample holds.
+/// Content of a sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Holds {
     /// The light on its own small cell, `1 / samples_per_px` px wide: an image by finer pixels, or of a ray tracer.
     Light,
-    /// The light on a whole pixel centred on it: stars of many frames, put together.
+    /// The light on a whole pixel centred on it: stars of many frames combined.
     Pixels,
 }
 
-/// What lies under the star.
+/// Background below the star.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Background {
-    /// Nothing: refused when the border says otherwise.
+    /// No background: refused when the border shows one.
     None,
     /// The mean of the outermost samples.
     Border,
-    /// This, in the samples' own unit.
+    /// This level, in the samples' own unit.
     Level(f64),
 }
 
-/// Where the star stands in the image.
+/// Position of the star in the image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum StarAt {
     /// At the image's centroid.
@@ -42,29 +42,29 @@ pub enum StarAt {
     Sample([f64; 2]),
 }
 
-/// How an image is taken.
+/// Method of processing an image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measurement {
     /// Samples along each side of a pixel.
     pub samples_per_px: usize,
-    /// What they hold.
+    /// Content of the samples.
     pub holds: Holds,
-    /// What lies under the star.
+    /// Background below the star.
     pub background: Background,
-    /// Where the star stands.
+    /// Position of the star.
     pub star_at: StarAt,
-    /// Share of the star's light that the image holds, the background taken off.
+    /// Share of the star's light inside the image, without background.
     pub light_inside: f64,
 }
 
-/// Share of an image's light that its border may stand for before a background is suspected.
+/// Largest share of an image's light in its border before a background is suspected.
 const MOST_BORDER_SHARE: f64 = 0.02;
 
-/// An image that is no PSF.
+/// Error of an image that cannot be used as a PSF.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum MeasuredError {
     /// too few samples
-    #[error("the image has {got} samples per pixel, wanted 2 to 32: fewer do not show where in a pixel a star stands")]
+    #[error("the image has {got} samples per pixel, wanted 2 to 32: fewer do not show the star's position in a pixel")]
     SamplesPerPx {
         /// Samples along each side of a pixel.
         got: usize,
@@ -72,30 +72,30 @@ pub enum MeasuredError {
     /// too small
     #[error(
         "the image of {width} x {height} samples reaches {reach_px:.2} px from the star, wanted 1.5 px at least; take a larger \
-         image, or check samples_per_px and where the star stands"
+         image, or check samples_per_px and the star's position"
     )]
     TooSmall {
         /// Columns.
         width: usize,
         /// Rows.
         height: usize,
-        /// From the star to the nearest end, px.
+        /// Distance from the star to the nearest end, px.
         reach_px: f64,
     },
-    /// a sample is no number
+    /// a sample is not finite
     #[error("the sample at column {column}, row {row} is {got}, wanted a finite number")]
     NotFinite {
         /// Column.
         column: usize,
         /// Row.
         row: usize,
-        /// What stands there.
+        /// Value of the sample.
         got: f64,
     },
     /// nothing in it
     #[error("the image holds {total:.3e} in all, wanted a star: more light than background")]
     Dark {
-        /// Sum of the samples less the background.
+        /// Sum of the samples minus the background.
         total: f64,
     },
     /// the border is bright
@@ -111,7 +111,7 @@ pub enum MeasuredError {
         /// Share of the light.
         share: f64,
     },
-    /// what came out is no PSF
+    /// the result is not a PSF
     #[error(transparent)]
     Grid(#[from] PsfGridError),
 }
@@ -120,7 +120,7 @@ impl Measurement {
     /// Returns the PSF of an image of `width` columns.
     ///
     /// # Errors
-    /// When the image is too small, not finite, dark, on a background that nobody mentioned, or no PSF ([`PsfGridError`]).
+    /// When the image is too small, not finite, dark, on an unspecified background, or not a PSF ([`PsfGridError`]).
     pub fn psf(&self, samples: &[f64], width: usize) -> Result<PsfGrid, MeasuredError> {
         let per_px = self.samples_per_px;
         if !(2..=32).contains(&per_px) {
@@ -136,7 +136,7 @@ impl Measurement {
         }
         let mut light = without_background(samples, [width, height], self.background)?;
         let total: f64 = light.iter().sum();
-        // Samples of whole pixels hold every photon as often as a pixel has samples.
+        // Samples of whole pixels contain every photon as many times as a pixel has samples.
         let shares = match self.holds {
             Holds::Light => total,
             Holds::Pixels => total / (per_px * per_px) as f64,
@@ -151,7 +151,7 @@ impl Measurement {
             Holds::Pixels => (light, [width, height], star),
             Holds::Light => {
                 let (pixels, size) = summed_over_pixels(&light, [width, height], per_px);
-                // The first pixel's middle stands (k - 1) / 2 cells from the first cell.
+                // The first pixel's middle is (k - 1) / 2 cells from the first cell.
                 (pixels, size, star.map(|v| v - 0.5 * (per_px as f64 - 1.0)))
             }
         };
@@ -188,7 +188,7 @@ fn without_background(
     let light: Vec<f64> = samples.iter().map(|v| v - level).collect();
     let total: f64 = light.iter().sum();
     let brightest = light.iter().copied().fold(0.0, f64::max);
-    // No star is as faint as the mean of what is left.
+    // No star is as faint as the mean of the remaining light.
     if total <= 0.0 || brightest * light.len() as f64 <= 2.0 * total {
         return Err(MeasuredError::Dark { total });
     }
@@ -208,7 +208,7 @@ fn centroid(light: &[f64], width: usize) -> [f64; 2] {
     first.map(|v| v / total)
 }
 
-/// Sums over all squares of `k` x `k` cells.
+/// Returns sums over all squares of `k` x `k` cells.
 fn summed_over_pixels(light: &[f64], [width, height]: [usize; 2], k: usize) -> (Vec<f64>, [usize; 2]) {
     let (columns, rows) = (width + 1 - k, height + 1 - k);
     let mut along_x = Vec::with_capacity(columns * height);
@@ -232,7 +232,7 @@ mod tests {
         light_inside: 1.0,
     };
 
-    /// Light of a Gaussian of [`SIGMAS`] px on cells of `1 / k` px, about sample `at`, on a level.
+    /// Returns the light of a Gaussian of [`SIGMAS`] px on cells of `1 / k` px, about sample `at`, on a level.
     fn cells(k: usize, [width, height]: [usize; 2], at: [f64; 2], level: f64) -> Vec<f64> {
         let along = |i: usize, at: f64, sigma: f64| gaussian::cell(i as f64 - at, sigma * k as f64);
         (0..width * height)
@@ -254,7 +254,7 @@ mod tests {
 
     #[test]
     fn the_psf_comes_back_from_its_image() {
-        // Off the middle of an image that is no square; even and odd numbers of cells.
+        // Off the middle of a rectangular image; even and odd numbers of cells.
         for k in [4, 5, 8] {
             let (size, at) = ([15 * k, 12 * k + 1], [7.3 * k as f64, 5.9 * k as f64]);
             let grid = (Measurement { samples_per_px: k, ..PLAIN }).psf(&cells(k, size, at, 0.0), size[0]).unwrap();

@@ -1,11 +1,11 @@
 //! Moffat profile, integrated over square pixels: a core with the wings of a real telescope.
 //!
 //! `I(r) = (beta - 1) / (pi alpha^2) [1 + (r / alpha)^2]^-beta`, alpha px, beta > 1; unit flux over the infinite plane.
-//! Source: Moffat, Astronomy and Astrophysics 3 (1969), 455; the light outside a circle of r is `[1 + (r /
-//! alpha)^2]^(1 - beta)`. The pixel integral is a tensor Gauss-Legendre rule: the profile is analytic but for `r = +- i
-//! alpha`, so n nodes err by some times `(2 alpha + sqrt(4 alpha^2 + 1))^-2n`, and n is taken for 1e-15 of that: the
-//! error is below 1e-12 of the flux (`alpha >= 0.25` px, `beta <= 5`). Tests below hold it to sums over finer cells and to
-//! the closed form.
+//! Source: Moffat, Astronomy and Astrophysics 3 (1969), 455; the light outside a circle of r is `[1 + (r / alpha)^2]^(1
+//! - beta)`. The pixel integral is a tensor Gauss-Legendre rule: the profile is analytic but for `r = +- i alpha`, so n
+//! nodes err by some times `(2 alpha + sqrt(4 alpha^2 + 1))^-2n`, and n is taken for 1e-15 of that: the error is below
+//! 1e-12 of the flux (`alpha >= 0.25` px, `beta <= 5`). Tests below hold it to sums over finer cells and to the closed
+//! form.
 
 use crate::optics::psf_grid::BOTH_AXES;
 use crate::optics::quadrature::{Node, gauss_legendre, over_pixel};
@@ -21,13 +21,13 @@ pub struct Moffat {
     fourth_derivative: f64,
 }
 
-/// What the power above is brought to by the number of nodes.
+/// Error to which the number of nodes reduces the power above.
 const PIXEL_ERROR: f64 = 1e-15;
-/// Step at which derivatives of the pixel integral are taken, in units of the scale of its core.
+/// Step for derivatives of the pixel integral, in units of the scale of its core.
 const DERIVATIVE_STEP: f64 = 0.05;
 
 impl Moffat {
-    /// `alpha_px`: scale of the core; `beta` > 1: how fast the wings fall.
+    /// Returns a profile. `alpha_px`: scale of the core; `beta` > 1: steepness of the wings.
     #[must_use]
     pub fn new(alpha_px: f64, beta: f64) -> Self {
         let convergence = 2.0 * alpha_px + (4.0 * alpha_px * alpha_px + 1.0).sqrt();
@@ -44,8 +44,8 @@ impl Moffat {
         Self::new(0.5 * fwhm_px / (2.0_f64.powf(1.0 / beta) - 1.0).sqrt(), beta)
     }
 
-    /// Returns the largest fourth derivative of the pixel integral along an axis through the star, of the peak, 1 /
-    /// px^4.
+    /// Returns the largest fourth derivative of the pixel integral along an axis through the star, relative to the
+    /// peak, 1 / px^4.
     fn largest_fourth_derivative(&self) -> f64 {
         const POINTS: u32 = 120;
         let step = DERIVATIVE_STEP * self.core_sigma_px().hypot(0.3);
@@ -81,12 +81,12 @@ impl RoundPsf for Moffat {
         2.0 * self.alpha_px * (2.0_f64.powf(1.0 / self.beta) - 1.0).sqrt()
     }
 
-    /// Returns the that of the Gaussian that is curved alike at the peak: `alpha / sqrt(2 beta)`.
+    /// Returns that of the Gaussian that is curved alike at the peak: `alpha / sqrt(2 beta)`.
     fn core_sigma_px(&self) -> f64 {
         self.alpha_px / (2.0 * self.beta).sqrt()
     }
 
-    /// Returns the once in the table, and once more where a kernel displaces it.
+    /// Returns the table error: one part for the table, and one for the displacement by a kernel.
     fn table_error(&self, per_px: f64) -> f64 {
         2.0 * BOTH_AXES * self.fourth_derivative / (384.0 * per_px.powi(4))
     }
@@ -138,7 +138,7 @@ mod tests {
             .filter(|(x, y)| f64::from(x * x + y * y) <= f64::from(half * half))
             .map(|(x, y)| moffat.pixel(f64::from(x), f64::from(y)))
             .sum();
-        // A disc made of pixels is as large as the circle but for its rim.
+        // A disc made of pixels is as large as the circle except for its rim.
         let (lost, reported) = (1.0 - inside, moffat.lost_flux(f64::from(half)));
         assert!((lost / reported - 1.0).abs() < 0.02, "{lost:e} against {reported:e}");
     }
@@ -151,7 +151,7 @@ mod tests {
 
     #[test]
     fn the_fourth_derivative_is_that_of_a_wide_profile() {
-        // A pixel is small against alpha = 6: 12 beta (beta + 1) / alpha^4 of the peak.
+        // A pixel is small relative to alpha = 6: 12 beta (beta + 1) / alpha^4 of the peak.
         let moffat = Moffat::new(6.0, 2.0);
         let wanted = 72.0 / 6.0_f64.powi(4);
         assert!((moffat.fourth_derivative / wanted - 1.0).abs() < 0.1, "{} {wanted}", moffat.fourth_derivative);

@@ -1,4 +1,4 @@
-//! Johnson V of a star from Gaia's G and BP-RP, for data sheets and readers who think in V.
+//! Johnson V of a star from Gaia's G and BP-RP, for data sheets and users of V.
 //!
 //! `G - V` is a polynomial of BP-RP: Gaia DR3 documentation, section 5.5.1, table 5.9 (Johnson-Cousins; Riello et al.
 //! 2021, A&A 649, A3, appendix C). Valid for -0.5 < BP-RP < 5 (clamped), scatter of the stars about it 0.030 mag.
@@ -8,7 +8,7 @@ use crate::optics::radiometry::COLOR_RANGE;
 /// Coefficients of 1, x, x^2, x^3 with x = BP-RP.
 const G_MINUS_V: [f64; 4] = [-0.02704, 0.01424, -0.2156, 0.01426];
 
-/// `G - V` of a star of this colour; a missing colour is taken as 0.
+/// Returns `G - V` of a star of this colour; a missing colour is taken as 0.
 #[must_use]
 pub fn g_minus_v(bp_rp: f64) -> f64 {
     let x = if bp_rp.is_finite() { bp_rp.clamp(COLOR_RANGE.0, COLOR_RANGE.1) } else { 0.0 };
@@ -16,7 +16,7 @@ pub fn g_minus_v(bp_rp: f64) -> f64 {
     c0 + x * (c1 + x * (c2 + x * c3))
 }
 
-/// Returns the v of a star.
+/// Returns the V magnitude of a star.
 #[must_use]
 pub fn mag_v(mag_g: f64, bp_rp: f64) -> f64 {
     mag_g - g_minus_v(bp_rp)

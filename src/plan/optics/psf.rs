@@ -1,5 +1,5 @@
-//! The PSF of a camera, and all that is asked of it: its exact (f64) integral over a pixel, its extent, its widths, how fine
-//! a table must be. Other files ask here; where images are drawn differently they ask for its [`PsfForm`].
+//! The PSF of a camera and its properties: exact (f64) integral over a pixel, extent, widths, required table
+//! resolution. Other files use it through these; where images are drawn differently they use its [`PsfForm`].
 
 use crate::optics::airy::Airy;
 use crate::optics::gaussian;
@@ -27,11 +27,11 @@ pub enum PsfModel {
     Halo(Halo),
     /// Samples of the pixel integral, and the spline through them.
     Grid(Arc<PsfGrid>),
-    /// Another at every place of the detector.
+    /// A different PSF at every place of the detector.
     Field(Arc<PsfField>),
 }
 
-/// How a PSF is drawn: all that backends and the planner distinguish.
+/// Form in which a PSF is drawn: the only cases that backends and the planner distinguish.
 #[derive(Debug, Clone, Copy)]
 pub enum PsfForm<'a> {
     /// A product of two error functions, by standard deviation in px.
@@ -40,7 +40,7 @@ pub enum PsfForm<'a> {
     Round(&'a dyn RoundPsf),
     /// A spline through samples.
     Grid(&'a PsfGrid),
-    /// A blend of those at the nodes about the star.
+    /// A blend of the PSFs at the nodes about the star.
     Field(&'a Arc<PsfField>),
 }
 
@@ -69,19 +69,19 @@ impl PsfModel {
         Self::Halo(Halo::new(sigma_px, halo_sigma_px, halo_share))
     }
 
-    /// Returns samples of the pixel integral.
+    /// Returns a PSF of samples of the pixel integral.
     #[must_use]
     pub fn grid(grid: PsfGrid) -> Self {
         Self::Grid(Arc::new(grid))
     }
 
-    /// PSFs over the detector.
+    /// Returns a field of PSFs over the detector.
     #[must_use]
     pub fn field(field: PsfField) -> Self {
         Self::Field(Arc::new(field))
     }
 
-    /// Returns how it is drawn.
+    /// Returns the form in which it is drawn.
     #[must_use]
     pub fn form(&self) -> PsfForm<'_> {
         match self {
@@ -94,44 +94,44 @@ impl PsfModel {
         }
     }
 
-    /// Returns whether it is a Gaussian, which needs no table.
+    /// Returns true for a Gaussian, which needs no table.
     #[must_use]
     pub fn is_gaussian(&self) -> bool {
         matches!(self, Self::Gaussian { .. })
     }
 
-    /// Returns the field, where the PSF depends on the place.
+    /// Returns the field, if the PSF depends on the place.
     #[must_use]
     pub fn as_field(&self) -> Option<&Arc<PsfField>> {
         if let Self::Field(field) = self { Some(field) } else { None }
     }
 
-    /// Returns the PSFs that this one is made of: itself, or those at the nodes of a field.
+    /// Returns the PSFs that form this one: itself, or those at the nodes of a field.
     #[must_use]
     pub fn nodes(&self) -> &[Self] {
         self.as_field().map_or(core::slice::from_ref(self), |field| field.nodes())
     }
 
-    /// PSFs that one star is drawn from.
+    /// Returns the number of PSFs from which one star is drawn.
     #[must_use]
     pub fn blended(&self) -> usize {
         if self.as_field().is_some() { 4 } else { 1 }
     }
 
-    /// The PSFs among [`Self::nodes`] that make that of a place, and their shares.
+    /// Returns the PSFs among [`Self::nodes`] that form that of a place, and their shares.
     #[must_use]
     pub fn around(&self, px: [f64; 2]) -> [(usize, f64); 4] {
         self.as_field().map_or([(0, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)], |field| field.around(px))
     }
 
-    /// Share of the light in the pixel whose centre lies (`x_px`, `y_px`) from a star at `star_px`.
+    /// Returns the share of the light in the pixel whose centre lies (`x_px`, `y_px`) from a star at `star_px`.
     #[must_use]
     pub fn pixel_of(&self, star_px: [f64; 2], x_px: f64, y_px: f64) -> f64 {
         self.as_field().map_or_else(|| self.pixel(x_px, y_px), |field| field.pixel(star_px, x_px, y_px))
     }
 
     /// Returns the share of the light in the pixel whose centre lies (`x_px`, `y_px`) from the star, which in a field
-    /// stands in the middle of the detector.
+    /// is in the middle of the detector.
     #[must_use]
     pub fn pixel(&self, x_px: f64, y_px: f64) -> f64 {
         match self.form() {
@@ -142,7 +142,8 @@ impl PsfModel {
         }
     }
 
-    /// Largest share any pixel can receive (the star at its centre, where the PSF is symmetric), anywhere in a field.
+    /// Returns the largest share any pixel can receive (the star at its centre, where the PSF is symmetric), anywhere
+    /// in a field.
     #[must_use]
     pub fn peak(&self) -> f64 {
         match self.form() {
@@ -152,15 +153,14 @@ impl PsfModel {
         }
     }
 
-    /// Returns the standard deviation of the Gaussian with the same core, px: the scale against which motion is short
-    /// or long.
+    /// Returns the standard deviation of the Gaussian with the same core, px: the scale for the length of a motion.
     #[must_use]
     pub fn core_sigma_px(&self) -> f64 {
         match self.form() {
             PsfForm::Gaussian(sigma_px) => sigma_px,
             PsfForm::Round(psf) => psf.core_sigma_px(),
             PsfForm::Grid(grid) => grid.core_sigma_px(),
-            // The sharpest: what is good for it is good for the others.
+            // The sharpest: limits derived from it also suit the others.
             PsfForm::Field(field) => field.nodes().iter().map(Self::core_sigma_px).fold(f64::INFINITY, f64::min),
         }
     }
@@ -170,18 +170,18 @@ impl PsfModel {
     pub fn lost_flux(&self, half_px: usize) -> f64 {
         match self.form() {
             PsfForm::Gaussian(sigma_px) => gaussian::lost_flux(half_px, sigma_px),
-            // The circle that the footprint holds wherever the star stands on its pixel.
+            // The circle inside the footprint for any position of the star on its pixel.
             PsfForm::Round(psf) => psf.lost_flux(half_px as f64),
             PsfForm::Grid(grid) => grid.lost_flux(half_px),
             PsfForm::Field(field) => field.nodes().iter().map(|node| node.lost_flux(half_px)).fold(0.0, f64::max),
         }
     }
 
-    /// Returns the footprint half-width within which all light is that double precision can see, where the PSF ends
-    /// there: a Gaussian of any width; other PSFs are cut as by [`Self::half_px`].
+    /// Returns the footprint half-width that contains all light within double precision, for a PSF that ends there: a
+    /// Gaussian of any width; other PSFs are cut as by [`Self::half_px`].
     #[must_use]
     pub fn whole_half_px(&self) -> usize {
-        /// Light that may be lost.
+        /// Largest light loss.
         const LOST_FLUX: f64 = 1e-13;
         /// Half-width of a Gaussian, sigma.
         const GAUSSIAN_SIGMAS: f64 = 8.0;

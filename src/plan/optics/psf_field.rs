@@ -1,17 +1,17 @@
 //! A PSF that depends on the place in the field: PSFs at the nodes of a grid, and between them their bilinear blend.
 //!
-//! In: PSFs of any model at `columns x rows` nodes, evenly spaced from one edge of the detector to the other (the first at
-//! -1/2 px, the last at size - 1/2), row by row. Out: the four nodes about a place with their shares, or the blend's pixel
-//! integral. A star has the PSF of its mean place throughout its exposure. What a bilinear blend errs by is the maker's
-//! to say: for a PSF that changes smoothly it falls with the square of the cells' size. Tests below; drawn images are held
-//! to the blend by `tests/physics/psf_field.rs`.
+//! In: PSFs of any model at `columns x rows` nodes, evenly spaced from one edge of the detector to the other (the first
+//! at -1/2 px, the last at size - 1/2), row by row. Out: the four nodes about a place with their shares, or the blend's
+//! pixel integral. A star has the PSF of its mean place throughout its exposure. The maker of the field must know the
+//! error of the bilinear blend: for a PSF that changes smoothly it falls with the square of the cells' size. Tests
+//! below; `tests/physics/psf_field.rs` compares drawn images with the blend.
 
 use crate::optics::psf::PsfModel;
 
-/// Most nodes along each side.
+/// Largest number of nodes along each side.
 pub const MOST_NODES: usize = 9;
 
-/// Nodes that make no field.
+/// Error of the nodes of a field.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum PsfFieldError {
     /// too few or too many
@@ -19,25 +19,25 @@ pub enum PsfFieldError {
         "PSF field: {columns} x {rows} nodes, wanted 2 to {MOST_NODES} along each side (one PSF for all places needs no field)"
     )]
     Nodes {
-        /// Along a row.
+        /// Number along a row.
         columns: usize,
-        /// Along a column.
+        /// Number along a column.
         rows: usize,
     },
     /// another number of PSFs
     #[error("PSF field: {got} PSFs for {columns} x {rows} nodes, wanted one for each")]
     Count {
-        /// PSFs given.
+        /// Number of PSFs.
         got: usize,
-        /// Nodes along a row.
+        /// Number of nodes along a row.
         columns: usize,
-        /// Nodes along a column.
+        /// Number of nodes along a column.
         rows: usize,
     },
     /// a field in a field
     #[error("PSF field: node {node} is a field itself, wanted a PSF for one place")]
     Nested {
-        /// Which, from 0.
+        /// Index of the node, from 0.
         node: usize,
     },
 }
@@ -51,7 +51,8 @@ pub struct PsfField {
 }
 
 impl PsfField {
-    /// `nodes` along a row and a column of a detector of `size_px`, `psfs` row by row from the top left.
+    /// Returns a field of nodes along a row and a column of a detector of `size_px`, with `psfs` row by row from the
+    /// top left.
     ///
     /// # Errors
     /// When there are too few or too many nodes, or another number of PSFs, or a node is a field.
@@ -69,7 +70,7 @@ impl PsfField {
         Ok(Self { cells: [columns - 1, rows - 1], size_px: size_px.map(|n| n as f64), nodes: psfs })
     }
 
-    /// Returns cells between the nodes along a row and a column.
+    /// Returns the number of cells between the nodes along a row and a column.
     #[must_use]
     pub fn cells(&self) -> [usize; 2] {
         self.cells
@@ -88,8 +89,8 @@ impl PsfField {
         self.corner_px([node % columns, node / columns])
     }
 
-    /// The four nodes about a place (top left, top right, bottom left, bottom right) and their shares, which sum to 1.
-    /// Places off the detector have those of the edge.
+    /// Returns the four nodes about a place (top left, top right, bottom left, bottom right) and their shares, which
+    /// sum to 1. Places off the detector have those of the edge.
     #[must_use]
     pub fn around(&self, px: [f64; 2]) -> [(usize, f64); 4] {
         let cell: [usize; 2] = core::array::from_fn(|i| {
@@ -110,7 +111,7 @@ impl PsfField {
         ]
     }
 
-    /// Share of the light of a star at `star_px` in the pixel whose centre lies (`x_px`, `y_px`) from it.
+    /// Returns the share of the light of a star at `star_px` in the pixel whose centre lies (`x_px`, `y_px`) from it.
     #[must_use]
     pub fn pixel(&self, star_px: [f64; 2], x_px: f64, y_px: f64) -> f64 {
         let nodes = self.around(star_px).into_iter().filter(|(_, share)| *share > 0.0);

@@ -1,22 +1,22 @@
 //! A pixel-integrated PSF on a grid of samples: made by a chain of MTFs, or measured.
 //!
-//! In: `P(dx, dy)`, the share of the light in the pixel whose centre lies (dx, dy) px from the star, every
-//! `1 / oversampling` px up to `half_px + 1/2` px from the star; x right, y down; unit flux over the infinite plane. Out:
-//! the same between the samples: the cubic B-spline through them with natural ends, 0 beyond. That spline is the
-//! model, so every backend can be held to it; how far it is from the light is for the maker of the samples to say.
-//! Source: Unser, Aldroubi and Eden, IEEE Trans. Signal Processing 41 (1993), 821. Error of a smooth `P`:
-//! `h^4 |f''''| / 384` along each axis. Tests below hold it to a Gaussian's integrals.
+//! In: `P(dx, dy)`, the share of the light in the pixel whose centre lies (dx, dy) px from the star, every `1 /
+//! oversampling` px up to `half_px + 1/2` px from the star; x right, y down; unit flux over the infinite plane. Out:
+//! the same between the samples: the cubic B-spline through them with natural ends, 0 beyond. That spline is the model,
+//! with which every backend can be compared; its distance from the real light is for the maker of the samples to state.
+//! Source: Unser, Aldroubi and Eden, IEEE Trans. Signal Processing 41 (1993), 821. Error of a smooth `P`: `h^4 |f''''|
+//! / 384` along each axis. Tests below compare it with a Gaussian's integrals.
 
 use crate::optics::gaussian;
 use crate::optics::image_spline::Spline;
 use core::f64::consts::PI;
 
-/// No footprint reaches further from its star than this, px: beyond it an Airy pattern's wings are given up and
-/// reported as lost flux.
+/// Largest reach of a footprint from its star, px: the wings of an Airy pattern beyond it are left out and reported as
+/// lost flux.
 pub const LARGEST_HALF_PX: usize = 48;
-/// Most negative sample that is taken, share of the peak: ringing of a transform, noise of a measurement.
+/// Most negative sample that is accepted, share of the peak: ringing of a transform, noise of a measurement.
 pub const NEGATIVE_SHARE: f64 = 0.01;
-/// Least and most flux of a grid: what is missing has left the grid, what is too much is wrong.
+/// Smallest and largest flux of a grid: missing light is outside the grid, too much light is an error.
 pub const FLUX_RANGE: (f64, f64) = (0.5, 1.01);
 /// Largest number of grid points per pixel.
 pub const MOST_OVERSAMPLING: usize = 32;
@@ -27,15 +27,16 @@ pub const MOST_OVERSAMPLING: usize = 32;
 const OWN_KNOTS: f64 = 1.0 / 48.0;
 /// The same for knots at least 2 h apart.
 const FINER_KNOTS: f64 = 1.0 / 80.0;
-/// Interpolation along x, then along y: one error, and the other times the spline's norm `(1 + 3 sqrt 3) / 4`.
+/// Factor for interpolation along x, then along y: one error, plus the other times the spline's norm `(1 + 3 sqrt 3) /
+/// 4`.
 pub(super) const BOTH_AXES: f64 = 2.55;
-/// Least core that is told, px: no grid is fine enough for a narrower one.
+/// Smallest reported core, px: no grid is fine enough for a narrower one.
 const LEAST_CORE_PX: f64 = 0.05;
 
-/// Samples that are no PSF.
+/// Error in the samples of a PSF.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PsfGridError {
-    /// no even number of samples per pixel
+    /// an odd number of samples per pixel, or one out of range
     #[error("PSF grid: {got} samples per pixel, wanted an even number from 2 to {MOST_OVERSAMPLING}")]
     Oversampling {
         /// Samples per pixel.
@@ -47,7 +48,7 @@ pub enum PsfGridError {
         /// Half-width, px.
         got: usize,
     },
-    /// not as many samples as the shape asks for
+    /// the number of samples does not fit the shape
     #[error(
         "PSF grid: {got} samples, wanted {side} x {side} = {}: 2 x {half_px} px x {oversampling} + {oversampling} + 1 along \
          each side",
@@ -63,14 +64,14 @@ pub enum PsfGridError {
         /// Samples per pixel.
         oversampling: usize,
     },
-    /// a sample is no number
+    /// a sample is not finite
     #[error("PSF grid: the sample at column {column}, row {row} is {got}, wanted a finite number")]
     NotFinite {
         /// Column of the sample.
         column: usize,
         /// Row of the sample.
         row: usize,
-        /// What stands there.
+        /// Value of the sample.
         got: f64,
     },
     /// a sample is far below zero
@@ -81,12 +82,12 @@ pub enum PsfGridError {
         100.0 * NEGATIVE_SHARE
     )]
     Negative {
-        /// The least sample.
+        /// The smallest sample.
         least: f64,
         /// The largest sample.
         peak: f64,
     },
-    /// the samples do not hold the light of one star
+    /// the samples do not contain the light of one star
     #[error(
         "PSF grid: the samples hold {got:.4} of the light, wanted {} to {}; normalise them, or take a larger grid",
         FLUX_RANGE.0,
@@ -108,15 +109,16 @@ pub struct PsfGrid {
     flux: f64,
     core_sigma_px: f64,
     third_step: f64,
-    /// Share of the light outside a footprint of half-width 0, 1, ... px, wherever the star stands on its pixel.
+    /// Share of the light outside a footprint of half-width 0, 1, ... px, for the worst position of the star on its
+    /// pixel.
     lost: Vec<f64>,
 }
 
-/// Every value is finite: equality is reflexive, and grids that are one in memory need no comparing.
+/// Every value is finite: equality is reflexive, and identical grids in memory need no comparison.
 impl Eq for PsfGrid {}
 
 impl PsfGrid {
-    /// Returns samples along each side of a grid.
+    /// Returns the number of samples along each side of a grid.
     #[must_use]
     pub fn side_of(oversampling: usize, half_px: usize) -> usize {
         2 * half_px * oversampling + oversampling + 1
@@ -125,8 +127,8 @@ impl PsfGrid {
     /// Returns the PSF through `samples`, row by row, [`Self::side_of`] along each side, the star on the middle one.
     ///
     /// # Errors
-    /// When the samples have another shape, are not finite, fall below zero by more than [`NEGATIVE_SHARE`] of the peak,
-    /// or hold a flux outside [`FLUX_RANGE`].
+    /// When the samples have another shape, are not finite, fall below zero by more than [`NEGATIVE_SHARE`] of the
+    /// peak, or contain a flux outside [`FLUX_RANGE`].
     pub fn new(oversampling: usize, half_px: usize, samples: Vec<f64>) -> Result<Self, PsfGridError> {
         if !oversampling.is_multiple_of(2) || !(2..=MOST_OVERSAMPLING).contains(&oversampling) {
             return Err(PsfGridError::Oversampling { got: oversampling });
@@ -162,7 +164,7 @@ impl PsfGrid {
     /// Returns samples of `pixel` on such a grid: x and y from the star, px.
     ///
     /// # Errors
-    /// As [`Self::new`].
+    /// The same errors as [`Self::new`].
     pub fn sampled(oversampling: usize, half_px: usize, pixel: impl Fn(f64, f64) -> f64) -> Result<Self, PsfGridError> {
         let side = Self::side_of(oversampling.min(MOST_OVERSAMPLING), half_px.min(LARGEST_HALF_PX));
         let at = |i: usize| (i as f64 - (side / 2) as f64) / oversampling as f64;
@@ -170,40 +172,40 @@ impl PsfGrid {
         Self::new(oversampling, half_px, samples)
     }
 
-    /// Returns samples per pixel.
+    /// Returns the number of samples per pixel.
     #[must_use]
     pub fn oversampling(&self) -> usize {
         self.oversampling
     }
 
-    /// The grid ends this and half a pixel from the star, px.
+    /// Returns the half-width, px: the grid ends this and half a pixel from the star.
     #[must_use]
     pub fn half_px(&self) -> usize {
         self.half_px
     }
 
-    /// Largest share any pixel can receive, wherever the star stands.
+    /// Returns the largest share any pixel can receive, for the best position of the star.
     #[must_use]
     pub fn peak(&self) -> f64 {
         self.peak
     }
 
-    /// Returns the share of the light that the grid holds, mean over all places of the star on its pixel.
+    /// Returns the share of the light inside the grid, mean over all places of the star on its pixel.
     #[must_use]
     pub fn flux(&self) -> f64 {
         self.flux
     }
 
-    /// Returns the standard deviation of the Gaussian that is as sharply curved, before a pixel integrates it, as this
-    /// is where it is sharpest, px.
+    /// Returns the standard deviation of the Gaussian with the same largest curvature, before the integral over a
+    /// pixel, px.
     #[must_use]
     pub fn core_sigma_px(&self) -> f64 {
         self.core_sigma_px
     }
 
     /// Returns the interpolation error of a table with `per_px` grid points per pixel, relative to the peak. The spline
-    /// has steps of its third derivative at its knots: a table whose knots hold them is that spline, and a kernel,
-    /// which displaces it, errs by this bound.
+    /// has steps of its third derivative at its knots: a table that includes these knots is that spline, and a kernel,
+    /// which displaces it, has an error within this bound.
     #[must_use]
     pub fn table_error(&self, per_px: f64) -> f64 {
         let own = self.oversampling as f64;
@@ -228,7 +230,7 @@ impl PsfGrid {
     #[must_use]
     pub fn pixel(&self, x_px: f64, y_px: f64) -> f64 {
         let reach = self.half_px as f64 + 0.5;
-        // Negated, so that what is no number is outside.
+        // Negated, so that NaN counts as outside.
         if !(x_px.abs() <= reach && y_px.abs() <= reach) {
             return 0.0;
         }
@@ -249,12 +251,12 @@ impl PsfGrid {
         }
     }
 
-    /// Returns coefficients along each side.
+    /// Returns the number of coefficients along each side.
     fn stride(&self) -> usize {
         Self::side_of(self.oversampling, self.half_px) + 2
     }
 
-    /// Returns the highest value about the highest sample.
+    /// Returns the highest value near the highest sample.
     fn highest_near(&self, samples: &[f64]) -> f64 {
         const PARTS: i32 = 8;
         let side = Self::side_of(self.oversampling, self.half_px);
@@ -318,7 +320,8 @@ fn flux_of(samples: &[f64], side: usize, oversampling: usize) -> f64 {
     sum / (oversampling * oversampling) as f64
 }
 
-/// What footprints of half-width 0, 1, ... `half_px` lose at most, over the places of the star that the grid has.
+/// Returns the largest loss of footprints of half-width 0, 1, ... `half_px`, over the places of the star that the grid
+/// has.
 fn lost_by_half_width(samples: &[f64], side: usize, oversampling: usize, half_px: usize) -> Vec<f64> {
     let mut lost = vec![0.0_f64; half_px + 1];
     for (phase_y, phase_x) in (0..=oversampling).flat_map(|y| (0..=oversampling).map(move |x| (y, x))) {
@@ -340,8 +343,8 @@ fn lost_by_half_width(samples: &[f64], side: usize, oversampling: usize, half_px
     lost
 }
 
-/// Returns the sigma of the Gaussian whose pixel integral is, where it is sharpest, curved like this, of its peak, 1 /
-/// px^2; by bisection.
+/// Returns the sigma of the Gaussian whose pixel integral has this largest curvature, relative to its peak, 1 / px^2;
+/// by bisection.
 fn core_sigma_px(curvature: f64) -> f64 {
     const STEPS: i32 = 64;
     let of_gaussian = |sigma: f64| {
@@ -363,7 +366,7 @@ fn core_sigma_px(curvature: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Returns an elongated Gaussian off its centre: nothing about it is symmetric.
+    /// Returns an elongated Gaussian off its centre, without any symmetry.
     fn skewed(x: f64, y: f64) -> f64 {
         gaussian::cell(x - 0.3, 0.9) * gaussian::cell(y + 0.2, 0.6)
     }

@@ -1,7 +1,7 @@
 //! Gauss-Legendre nodes and weights on [-1/2, 1/2], by Newton's method on the Legendre recurrence.
 //!
-//! Source: Abramowitz and Stegun, section 25.4.29. Exact for polynomials of degree `2 n - 1`; the tests below integrate such
-//! polynomials. Integrals and half widths of profiles that depend on the distance alone are built on them.
+//! Source: Abramowitz and Stegun, section 25.4.29. Exact for polynomials of degree `2 n - 1`; the tests below integrate
+//! such polynomials. Integrals and half widths of profiles that depend on the distance alone use them.
 
 /// One node: position in [-1/2, 1/2] and weight; weights sum to 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -12,7 +12,7 @@ pub struct Node {
     pub weight: f64,
 }
 
-/// Newton steps; convergence is quadratic from the asymptotic start and needs at most six.
+/// Number of Newton steps; convergence is quadratic from the asymptotic start and needs at most six.
 const NEWTON_STEPS: usize = 12;
 
 /// Returns the node `i` of `n` (ascending in x).
@@ -39,8 +39,8 @@ pub fn gauss_legendre(n: usize) -> Vec<Node> {
     (0..n).map(|i| gauss_legendre_node(n, i)).collect()
 }
 
-/// Integral over a pixel whose centre lies (`x_px`, `y_px`) from the star, of an irradiance that depends on the distance
-/// alone: the tensor rule of these nodes.
+/// Returns the integral over a pixel whose centre lies (`x_px`, `y_px`) from the star, of an irradiance that depends on
+/// the distance alone, by the tensor rule of these nodes.
 #[must_use]
 pub fn over_pixel(nodes: &[Node], [x_px, y_px]: [f64; 2], irradiance: impl Fn(f64) -> f64) -> f64 {
     let mut sum = 0.0;
@@ -52,7 +52,7 @@ pub fn over_pixel(nodes: &[Node], [x_px, y_px]: [f64; 2], irradiance: impl Fn(f6
     sum
 }
 
-/// Returns the legendre polynomial of degree `n` and its derivative at `x` in (-1, 1).
+/// Returns the Legendre polynomial of degree `n` and its derivative at `x` in (-1, 1).
 fn legendre(n: usize, x: f64) -> (f64, f64) {
     let (mut before, mut value) = (1.0, x);
     for k in 2..=n {
@@ -76,7 +76,7 @@ pub(super) fn ringed(radius_px: f64, panel_px: f64, around: impl Fn(f64) -> f64)
     (0..panels).map(panel).sum()
 }
 
-/// Returns the distance at which a profile first falls to half of what it is at 0, found in steps and then halved.
+/// Returns the distance at which a profile first falls to half of its value at 0, found in steps and then by bisection.
 pub(super) fn half_width(step_px: f64, profile: impl Fn(f64) -> f64) -> f64 {
     let half = 0.5 * profile(0.0);
     let mut low = 0.0;
@@ -86,7 +86,7 @@ pub(super) fn half_width(step_px: f64, profile: impl Fn(f64) -> f64) -> f64 {
     bisected([low, low + step_px], |r| half - profile(r))
 }
 
-/// Where a function that is negative at the first place becomes positive.
+/// Returns where a function that is negative at the first place becomes positive.
 pub(super) fn bisected(between: [f64; 2], f: impl Fn(f64) -> f64) -> f64 {
     let [mut low, mut high] = between;
     for _ in 0..50 {

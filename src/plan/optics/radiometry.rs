@@ -37,7 +37,7 @@ impl Radiometry {
         PI / 4.0 * diameter_m * diameter_m * (1.0 - self.obscuration * self.obscuration)
     }
 
-    /// Returns electrons per second from a star of instrument magnitude 0.
+    /// Returns the electrons per second of a star of instrument magnitude 0.
     #[must_use]
     pub fn zero_point_e_per_s(&self) -> f64 {
         self.zero_magnitude_photons_per_s_m2 * self.clear_aperture_m2() * self.transmission * self.quantum_efficiency
@@ -50,7 +50,7 @@ impl Radiometry {
         mag_g + self.color_c1 * color + self.color_c2 * color * color
     }
 
-    /// Electrons a star leaves on the detector during one exposure.
+    /// Returns the electrons a star leaves on the detector during one exposure.
     #[must_use]
     pub fn electrons(&self, mag_g: f64, bp_rp: f64, exposure_s: f64) -> f64 {
         self.zero_point_e_per_s() * exposure_s * 10_f64.powf(-0.4 * self.mag_instrument(mag_g, bp_rp))

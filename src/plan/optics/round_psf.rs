@@ -1,7 +1,7 @@
-//! A PSF that depends only on the distance from the star, and what it must answer to be planned and drawn.
+//! A PSF that depends only on the distance from the star, and the functions needed to plan and draw it.
 //!
 //! A new one is a file beside this one that implements [`RoundPsf`] and passes `checks`, a variant of
-//! [`PsfModel`](crate::optics::PsfModel) and a word of `[psf] model`: every backend draws it from its table.
+//! [`PsfModel`](crate::optics::PsfModel) and a value of `[psf] model`: every backend draws it from its table.
 
 use core::fmt::Debug;
 
@@ -30,12 +30,12 @@ pub trait RoundPsf: Debug + Send + Sync {
     /// pixel, relative to the peak (upper bound).
     fn table_error(&self, per_px: f64) -> f64;
 
-    /// Returns the step at which the light within a straight line is tabulated, px: linear interpolation errs by
-    /// `step^2 / 8` of the line-spread function's slope, which should be below 1e-4.
+    /// Returns the step at which the light within a straight line is tabulated, px: linear interpolation has an error
+    /// of `step^2 / 8` of the line-spread function's slope, which should be below 1e-4.
     fn line_step_px(&self) -> f64;
 }
 
-/// One check for every round PSF: its answers agree with each other and with sums over its irradiance.
+/// Checks for every round PSF: its functions agree with each other and with sums over its irradiance.
 #[cfg(test)]
 pub(crate) mod checks {
     use super::RoundPsf;
@@ -44,12 +44,13 @@ pub(crate) mod checks {
 
     /// Largest disagreement of two shares of the flux.
     const SHARE: f64 = 1e-6;
-    /// Where wings begin, sigmas of the core.
+    /// Start of the wings, sigmas of the core.
     const FAR_SIGMAS: f64 = 7.0;
-    /// Share by which a bound may miss: the envelope of an obscured pattern does by 4.5 % at three times `lambda N`.
+    /// Share by which a bound may be too small: 4.5 % for the envelope of an obscured pattern at three times `lambda
+    /// N`.
     const BOUND: f64 = 0.05;
 
-    /// Panics with the first answer that does not agree with the irradiance.
+    /// Panics with the first function that does not agree with the irradiance.
     pub(crate) fn agrees(psf: &dyn RoundPsf) {
         if let Err(wrong) = disagreement(psf) {
             panic!("{psf:?}: {wrong}");
@@ -87,7 +88,7 @@ pub(crate) mod checks {
         if finer < 4.0 { Err(format!("a table twice as fine errs {finer} times less")) } else { Ok(()) }
     }
 
-    /// A PSF with one wrong answer.
+    /// A PSF with one wrong function.
     #[derive(Debug)]
     struct Wrong(crate::optics::moffat::Moffat, &'static str);
 

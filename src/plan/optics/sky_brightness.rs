@@ -13,13 +13,13 @@
 //!   is quoted with (30 and 160 to 640). Single directions differ by a factor of two (Cygnus, the bulge, dark clouds); stars
 //!   that are drawn are in it too: where a camera draws to magnitude 8, a good part of it is counted twice.
 //!
-//! One value serves a whole frame, that of the boresight. Beyond 60 deg from the Sun the table changes by at most 5 % per
-//! degree, and the slab by 7.5 % per degree at b = 5 deg; `check` prints the range over the corners. Tests below.
+//! One value serves a whole frame, that of the boresight. Beyond 60 deg from the Sun the table changes by at most 5 %
+//! per degree, and the slab by 7.5 % per degree at b = 5 deg; `check` prints the range over the corners. Tests below.
 
 use base::units::DEG;
 use glam::{DVec2, DVec3};
 
-/// V less Gaia G of a source of the Sun's colour (V -26.76, G -26.90).
+/// V minus Gaia G of a source of the Sun's colour (V -26.76, G -26.90).
 pub const SUN_V_LESS_G: f64 = 0.14;
 /// V magnitude per square arcsecond of 1 S10: 10 + 2.5 lg 3600^2.
 pub const S10_MAG_PER_ARCSEC2: f64 = 27.781_512_503_836_436;
@@ -27,7 +27,7 @@ pub const S10_MAG_PER_ARCSEC2: f64 = 27.781_512_503_836_436;
 const OBLIQUITY_ARCSEC: f64 = 84_381.406;
 /// North pole of the Galaxy, ICRF (ESA 1997, Hipparcos Catalogue vol. 1, 1.5.3): 192.859 48, 27.128 25 deg.
 const GALACTIC_POLE_DEG: [f64; 2] = [192.859_48, 27.128_25];
-/// Galaxy at the poles, S10.
+/// Brightness of the Galaxy at the poles, S10.
 const POLE_S10: f64 = 30.0;
 /// Optical depth of the half slab.
 const SLAB_DEPTH: f64 = 0.15;
@@ -81,7 +81,7 @@ pub fn galactic_s10(direction_icrf: DVec3) -> f64 {
     POLE_S10 * seen(SLAB_DEPTH / sine) / seen(SLAB_DEPTH)
 }
 
-/// Returns the v magnitude per square arcsecond of so many S10.
+/// Returns the V magnitude per square arcsecond of a brightness in S10.
 #[must_use]
 pub fn mag_per_arcsec2(s10: f64) -> f64 {
     S10_MAG_PER_ARCSEC2 - 2.5 * s10.log10()
@@ -95,9 +95,9 @@ fn ecliptic_rad(icrf: DVec3) -> [f64; 2] {
     [ecliptic.y.atan2(ecliptic.x), ecliptic.z.clamp(-1.0, 1.0).asin()]
 }
 
-/// Returns the table at a helioecliptic longitude and a latitude, deg.
+/// Returns the value of the table at a helioecliptic longitude and a latitude, deg.
 fn table_s10(longitude_deg: f64, latitude_deg: f64) -> f64 {
-    // Both hemispheres and both sides of the Sun are alike.
+    // Both hemispheres and both sides of the Sun are equal.
     let turned = longitude_deg.rem_euclid(360.0);
     let (row, u) = cell(&LONGITUDE_DEG, turned.min(360.0 - turned));
     let (column, v) = cell(&LATITUDE_DEG, latitude_deg.abs());
@@ -113,12 +113,12 @@ fn cell(nodes: &[f64], value: f64) -> (usize, f64) {
     (i, ((value - nodes[i]) / (nodes[i + 1] - nodes[i])).clamp(0.0, 1.0))
 }
 
-/// Which parts of the sky shine, and how brightly that is seen.
+/// Parts of the sky that shine.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct SkyBrightness {
-    /// Whether the zodiacal light shines.
+    /// True when the zodiacal light shines.
     pub zodiacal: bool,
-    /// Whether the Galaxy shines.
+    /// True when the Galaxy shines.
     pub galactic: bool,
     /// Electrons per second and pixel of 1 S10, on the axis.
     pub e_per_s_of_s10: f64,
@@ -172,7 +172,8 @@ mod tests {
 
     #[test]
     fn magnitudes_are_those_that_telescopes_quote() {
-        // Hubble's low, average and high zodiacal light: 23.3, 22.7, 22.1 V mag/arcsec^2 (WFC3 Instrument Handbook, 9.7).
+        // Hubble's low, average and high zodiacal light: 23.3, 22.7, 22.1 V mag/arcsec^2 (WFC3 Instrument Handbook,
+        // 9.7).
         for (s10, mag) in [(60.0, 23.3), (105.0, 22.7), (180.0, 22.1)] {
             assert!((mag_per_arcsec2(s10) - mag).abs() < 0.05, "{s10}: {}", mag_per_arcsec2(s10));
         }

@@ -1,23 +1,23 @@
-//! Signal-to-noise ratio of a star, and the electrons that make an asked-for one.
+//! Signal-to-noise ratio of a star, and the electrons needed for a given one.
 //!
 //! Electrons `S` of the star, shares `w_i` of its PSF in the pixels of a square window, variance `b` of each pixel
-//! without the star. Two estimates of `S`, both unbiased once the mean background is taken off:
+//! without the star. Two estimates of `S`, both unbiased after subtraction of the mean background:
 //!
 //! * **aperture**: the sum over the window, `SNR = S E / sqrt(S E + n b)` with `E = sum w_i`, `n` pixels;
 //! * **optimal**: pixels weighted by `w_i / (S w_i + b)`, `SNR^2 = sum (S w_i)^2 / (S w_i + b)`; no other linear
 //!   estimate has less noise (Gauss-Markov; Horne 1986, PASP 98, 609).
 //!
-//! `b = dark + background + read^2 + LSB^2 / 12`: shot noise of what is not star, the readout, the converter's rounding
-//! (EMVA 1288; Janesick, *Photon Transfer*). Fixed patterns are the same in every frame, so they stand apart
-//! ([`Terms::prnu_e`], [`Terms::dsnu_e`]): in a single frame without a correction they add in quadrature.
+//! `b = dark + background + read^2 + LSB^2 / 12`: shot noise of all light except the star's, the readout, the
+//! converter's rounding (EMVA 1288; Janesick, *Photon Transfer*). Fixed patterns are the same in every frame, so they
+//! are separate ([`Terms::prnu_e`], [`Terms::dsnu_e`]): in a single frame without a correction they add in quadrature.
 //!
-//! *Limits.* The star stands on the centre of a pixel; the background's level is known exactly; no saturation; rounding
-//! is a noise of its own only where the rest is above half a step. *Validation:* `tests/physics/snr.rs`, by frames that
+//! *Limits.* The star is on the centre of a pixel; the background's level is known exactly; no saturation; rounding is
+//! an independent noise only where the rest is above half a step. *Validation:* `tests/physics/snr.rs`, by frames that
 //! are drawn, read out and measured.
 
 use crate::optics::psf::PsfModel;
 
-/// Noise of a pixel that sees no star, over one exposure.
+/// Noise of a pixel without a star, over one exposure.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PixelNoise {
     /// Dark signal, e-.
@@ -35,14 +35,14 @@ pub struct PixelNoise {
 }
 
 impl PixelNoise {
-    /// Returns the variance of one frame, e-^2, fixed patterns left out.
+    /// Returns the variance of one frame without fixed patterns, e-^2.
     #[must_use]
     pub fn variance_e2(&self) -> f64 {
         self.dark_e + self.background_e + self.read_noise_e_rms.powi(2) + self.lsb_e.powi(2) / 12.0
     }
 }
 
-/// What an aperture catches of a star, and its noise without the star.
+/// Share of a star's light in an aperture, and the aperture's noise without the star.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NoiseInAperture {
     /// Share of the star's electrons in the aperture, above 0.
@@ -52,7 +52,7 @@ pub struct NoiseInAperture {
 }
 
 impl NoiseInAperture {
-    /// SNR of a star of so many electrons in all.
+    /// Returns the SNR of a star of this many electrons in total.
     #[must_use]
     pub fn snr(&self, electrons: f64) -> f64 {
         let signal = self.share * electrons;
@@ -60,15 +60,15 @@ impl NoiseInAperture {
     }
 }
 
-/// Returns electrons of the whole star whose sum over the aperture has this SNR: the positive root of
-/// `(S E)^2 - snr^2 S E - snr^2 n b = 0`.
+/// Returns the electrons of the whole star whose sum over the aperture has this SNR: the positive root of `(S E)^2 -
+/// snr^2 S E - snr^2 n b = 0`.
 #[must_use]
 pub fn electrons_for_snr(snr: f64, noise: &NoiseInAperture) -> f64 {
     let squared = snr * snr;
     0.5 * (squared + (squared * squared + 4.0 * squared * noise.variance_e2).sqrt()) / noise.share
 }
 
-/// A square window about a star that stands on the centre of its middle pixel.
+/// A square window about a star on the centre of its middle pixel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Window {
     side_px: usize,
@@ -113,7 +113,7 @@ impl Window {
         Self { side_px: 2 * (side_px / 2) + 1, shares }
     }
 
-    /// Returns the window, up to `most_px`, in which the faintest star is found at this SNR.
+    /// Returns the window, up to `most_px`, that reaches this SNR with the faintest star.
     #[must_use]
     pub fn best(psf: &PsfModel, pixel: &PixelNoise, snr: f64, most_px: usize) -> Self {
         let mut best = Self::new(psf, 1);
@@ -128,7 +128,7 @@ impl Window {
         best
     }
 
-    /// Side, px; odd.
+    /// Returns the side, px; odd.
     #[must_use]
     pub fn side_px(&self) -> usize {
         self.side_px
@@ -152,7 +152,7 @@ impl Window {
         NoiseInAperture { share: self.share(), variance_e2: self.shares.len() as f64 * pixel.variance_e2() }
     }
 
-    /// SNR of the optimally weighted sum for a star of so many electrons in all.
+    /// Returns the SNR of the optimally weighted sum for a star of this many electrons in total.
     #[must_use]
     pub fn snr_optimal(&self, electrons: f64, pixel: &PixelNoise) -> f64 {
         let variance = pixel.variance_e2();
@@ -163,7 +163,7 @@ impl Window {
         self.shares.iter().map(of_pixel).sum::<f64>().sqrt()
     }
 
-    /// Returns everything about a star of so many electrons in all.
+    /// Returns all terms of the noise for a star of this many electrons in total.
     #[must_use]
     pub fn terms(&self, electrons: f64, pixel: &PixelNoise) -> Terms {
         let pixels = self.shares.len() as f64;
@@ -184,8 +184,8 @@ impl Window {
         }
     }
 
-    /// Returns electrons of the whole star at which its brightest pixel holds `full_e` with everything else that is in
-    /// it.
+    /// Returns the electrons of the whole star at which its brightest pixel contains `full_e`, including all other
+    /// signals in it.
     #[must_use]
     pub fn saturating_electrons(&self, full_e: f64, pixel: &PixelNoise) -> f64 {
         ((full_e - pixel.dark_e - pixel.background_e) / self.peak()).max(0.0)
@@ -237,7 +237,7 @@ mod tests {
                 assert!(sum < optimal, "{electrons} e-, {side_px} px: {sum} against {optimal}");
             }
         }
-        // Bright: photons alone. Nothing else matters, and both reach sqrt(S).
+        // Bright: only photon noise matters, and both reach sqrt(S).
         assert!((wide.snr_optimal(1e9, &pixel()) / 1e9_f64.sqrt() - 1.0).abs() < 1e-4);
     }
 

@@ -1,4 +1,5 @@
-//! Light of one wavelength, as a share of what a detector counts: how a band and a star's colour reach the PSF.
+//! Light of one wavelength, as a share of the detector's electrons: the effect of a band and a star's colour on the
+//! PSF.
 
 /// One wavelength of a band.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,29 +1,29 @@
 //! A quantity over wavelength: points (nm, value) -> its value at any wavelength, by straight lines.
 //!
-//! Wavelengths in nm, ascending; values finite and not negative. Outside the table the value is 0: a detector whose
-//! quantum efficiency is not stated there counts nothing there. Validation: the tests below, both sides of every rule.
+//! Wavelengths in nm, ascending; values finite and not negative. Outside the table the value is 0: a detector without a
+//! stated quantum efficiency counts nothing. Validation: the tests below, both sides of every rule.
 
 use crate::optics::quadrature::{Node, gauss_legendre};
 
-/// Why a spectrum, or a band made of spectra, is refused.
+/// Reason why a spectrum, or a band made of spectra, is refused.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum SpectrumError {
-    /// Too short to say anything.
+    /// Fewer than two points.
     #[error("{points} points; a table over wavelength needs at least two, such as [[400, 0.6], [900, 0.5]]")]
     TooFew {
-        /// Points given.
+        /// Number of points.
         points: usize,
     },
-    /// A wavelength that is no wavelength of light a silicon detector could see.
+    /// A wavelength outside the range of silicon detectors and infrared light.
     #[error("wavelength {nm} nm (point {point}); wavelengths are nanometres from {least} to {most}")]
     Wavelength {
         /// Index of the point.
         point: usize,
         /// Wavelength given.
         nm: f64,
-        /// Shortest that is taken.
+        /// Shortest accepted.
         least: f64,
-        /// Longest that is taken.
+        /// Longest accepted.
         most: f64,
     },
     /// Wavelengths that do not ascend.
@@ -36,14 +36,14 @@ pub enum SpectrumError {
         /// The wavelength before it.
         before: f64,
     },
-    /// A value that is negative, or not a number, or above the most that it can be.
+    /// A value that is negative, not finite, or above its limit.
     #[error("value {value} at {nm} nm; values are from 0 to {most}")]
     Value {
         /// Wavelength.
         nm: f64,
         /// Value given.
         value: f64,
-        /// Largest that is taken.
+        /// Largest accepted.
         most: f64,
     },
     /// Transmission is stated where quantum efficiency is not.
@@ -76,18 +76,18 @@ pub struct Spectrum {
 }
 
 impl Spectrum {
-    /// From `[nm, value]`, values not negative.
+    /// Returns a table from `[nm, value]`, values not negative.
     ///
     /// # Errors
-    /// Fewer than two points, wavelengths out of range or order, a value below 0 or not finite.
+    /// When there are fewer than two points, wavelengths out of range or order, a value below 0 or not finite.
     pub fn new(points: Vec<[f64; 2]>) -> Result<Self, SpectrumError> {
         Self::up_to(points, f64::MAX)
     }
 
-    /// The same for a share, such as a transmission or a quantum efficiency: no value above 1.
+    /// Returns a table of a share, such as a transmission or a quantum efficiency: no value above 1.
     ///
     /// # Errors
-    /// As [`Self::new`], and a value above 1.
+    /// The same errors as [`Self::new`], and a value above 1.
     pub fn share(points: Vec<[f64; 2]>) -> Result<Self, SpectrumError> {
         Self::up_to(points, 1.0)
     }
@@ -112,7 +112,7 @@ impl Spectrum {
         Ok(Self { points })
     }
 
-    /// Returns samples at equal steps from `first_nm`; for the tables of this crate, which hold to the rules.
+    /// Returns samples at equal steps from `first_nm`; for the tables of this crate, which satisfy the rules.
     pub(super) fn sampled(first_nm: f64, step_nm: f64, values: &[f64]) -> Self {
         Self { points: values.iter().enumerate().map(|(i, value)| [first_nm + step_nm * i as f64, *value]).collect() }
     }
@@ -134,19 +134,19 @@ impl Spectrum {
         (self.points[0][0], self.points[self.points.len() - 1][0])
     }
 
-    /// Wavelengths at which the slope changes, nm.
+    /// Returns the wavelengths at which the slope changes, nm.
     pub(super) fn knots_nm(&self) -> impl Iterator<Item = f64> {
         self.points.iter().map(|point| point[0])
     }
 }
 
-/// Nodes in each cell of an integral.
+/// Number of nodes in each cell of an integral.
 const NODES: usize = 3;
 /// Widest cell of an integral, nm: three nodes integrate a black body over it to 1e-9 (`cells_are_fine_enough`).
 const WIDEST_CELL_NM: f64 = 10.0;
 
 /// Integrals over wavelength of products of tables with smooth functions: cut where a table has a knot, so that three
-/// Gauss-Legendre nodes a cell see smooth functions only.
+/// Gauss-Legendre nodes per cell integrate smooth functions only.
 #[derive(Debug, Clone)]
 pub(super) struct Cells {
     edges_nm: Vec<f64>,
@@ -154,7 +154,7 @@ pub(super) struct Cells {
 }
 
 impl Cells {
-    /// From the first to the last wavelength, cut at all `knots_nm` in between.
+    /// Returns the cells from the first to the last wavelength, cut at all `knots_nm` in between.
     pub(super) fn new(from_nm: f64, to_nm: f64, knots_nm: impl Iterator<Item = f64>) -> Self {
         Self::no_wider_than(WIDEST_CELL_NM, from_nm, to_nm, knots_nm)
     }
@@ -173,7 +173,7 @@ impl Cells {
         Self { edges_nm, nodes: gauss_legendre(NODES) }
     }
 
-    /// Returns edges of the cells, ascending, nm.
+    /// Returns the edges of the cells, ascending, nm.
     pub(super) fn edges_nm(&self) -> &[f64] {
         &self.edges_nm
     }

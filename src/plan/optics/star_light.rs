@@ -1,4 +1,4 @@
-//! The radiometry a camera chose: magnitude and colour -> electrons of one exposure.
+//! The radiometry selected by a camera: magnitude and colour -> electrons of one exposure.
 //!
 //! | model | electrons from |
 //! |---|---|
@@ -7,24 +7,24 @@
 //! | [`StarLight::Band`] | transmission(lambda) x QE(lambda), integrated over the star's spectrum |
 //! | [`StarLight::Grey`] | a linear grey mapping, independent of exposure and aperture |
 //!
-//! Off the frame path nothing is kept but this value; on it a star costs one `powf` and at most one look-up.
+//! Nothing but this value is stored; on the frame path a star costs one `powf` and at most one look-up.
 
 use crate::optics::band::BandRadiometry;
 use crate::optics::grey_map::GreyMap;
 use crate::optics::photometry_v::mag_v;
 use crate::optics::radiometry::Radiometry;
 
-/// Brightest and faintest G between which a star of so many electrons is looked for.
+/// Brightest and faintest G between which a star of given electrons is searched.
 const MAG_RANGE: (f64, f64) = (-30.0, 40.0);
-/// Halvings of that range: to 1e-13 mag.
+/// Number of halvings of that range: to 1e-13 mag.
 const HALVINGS: usize = 50;
 
 /// Magnitude to electrons.
 #[derive(Debug, Clone, PartialEq)]
 pub enum StarLight {
-    /// A few numbers; magnitudes in Gaia G.
+    /// A few parameters; magnitudes in Gaia G.
     Parametric(Radiometry),
-    /// A few numbers; magnitudes in Johnson V.
+    /// A few parameters; magnitudes in Johnson V.
     ParametricV(Radiometry),
     /// An instrument band.
     Band(BandRadiometry),
@@ -39,7 +39,7 @@ impl From<Radiometry> for StarLight {
 }
 
 impl StarLight {
-    /// Electrons a star of this G and BP-RP leaves on the detector during one exposure.
+    /// Returns the electrons a star of this G and BP-RP leaves on the detector during one exposure.
     #[must_use]
     pub fn electrons(&self, mag_g: f64, bp_rp: f64, exposure_s: f64) -> f64 {
         match self {
@@ -61,7 +61,7 @@ impl StarLight {
         }
     }
 
-    /// Returns electrons per second of a star of instrument magnitude 0; `None` where electrons do not follow the
+    /// Returns the electrons per second of a star of instrument magnitude 0; `None` when electrons do not follow the
     /// exposure.
     #[must_use]
     pub fn zero_point_e_per_s(&self) -> Option<f64> {
@@ -72,7 +72,7 @@ impl StarLight {
         }
     }
 
-    /// Returns the g of the star of this colour that leaves so many electrons; `None` when none does.
+    /// Returns the G magnitude of the star of this colour with this many electrons; `None` if there is none.
     #[must_use]
     pub fn mag_g_of_electrons(&self, electrons: f64, bp_rp: f64, exposure_s: f64) -> Option<f64> {
         let of = |mag_g: f64| self.electrons(mag_g, bp_rp, exposure_s);
@@ -88,7 +88,7 @@ impl StarLight {
     }
 }
 
-/// Returns electrons per second and pixel of a sky of this surface brightness (instrument magnitudes per square
+/// Returns the electrons per second and pixel of a sky of this surface brightness (instrument magnitudes per square
 /// arcsecond), with pixels of `ifov_arcsec` squared: `zero_point 10^(-0.4 mu) ifov^2`.
 #[must_use]
 pub fn surface_brightness_e_per_s_px(zero_point_e_per_s: f64, mag_per_arcsec2: f64, ifov_arcsec: f64) -> f64 {

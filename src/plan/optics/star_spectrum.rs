@@ -1,17 +1,17 @@
 //! The spectrum of a star of known G and BP-RP: photons s^-1 m^-2 nm^-1 above the optics.
 //!
-//! A black body, `n(lambda) = s lambda^-4 / (exp(c2 / (lambda T)) - 1)`. `T` is the **colour temperature** in Gaia's own
-//! system: the body whose BP-RP, through Gaia's passbands and zero points, is the star's. `s` makes its G the star's. So
-//! both numbers that the catalog has of a star are reproduced, whatever reddened it, and light between and near Gaia's
-//! bands is interpolated rather than guessed from an effective temperature. Sources: Planck's law (CODATA 2018 constants);
-//! Gaia's bands: `gaia_bands`.
+//! A black body, `n(lambda) = s lambda^-4 / (exp(c2 / (lambda T)) - 1)`. `T` is the **colour temperature** in Gaia's
+//! own system: the body whose BP-RP, through Gaia's passbands and zero points, is the star's. `s` makes its G the
+//! star's. So both values of a star in the catalog are reproduced with any reddening, and light between and near Gaia's
+//! bands is interpolated instead of estimated from an effective temperature. Sources: Planck's law (CODATA 2018
+//! constants); Gaia's bands: `gaia_bands`.
 //!
 //! *Limits.* No lines, bands of molecules, or Balmer jump. Against the mean stars of the Gaia DR3 documentation, table
-//! 5.9, over -0.4 <= BP-RP <= 2.6: V errs by at most 0.045 mag, R by 0.068, I by 0.048; up to 4: V 0.10, R 0.07, I 0.12.
-//! Against measured spectra of Vega and the Sun: electrons of a silicon detector err by 0.1 %, of 100 to 200 nm wide
-//! parts of it by 1 to 5 %; a detector that sees more blue than Gaia by 5 % for Vega (Balmer jump), 1 % for the Sun. Light
-//! outside 350 to 1000 nm is only as good as the black body. Colours are clamped to [`COLOR_RANGE`], a missing one is taken
-//! as 0. *Validation:* `tests/physics/radiometry.rs`, the tests below.
+//! 5.9, over -0.4 <= BP-RP <= 2.6: V errs by at most 0.045 mag, R by 0.068, I by 0.048; up to 4: V 0.10, R 0.07, I
+//! 0.12. Against measured spectra of Vega and the Sun: electrons of a silicon detector err by 0.1 %, of 100 to 200 nm
+//! wide parts of it by 1 to 5 %; a detector that sees more blue than Gaia by 5 % for Vega (Balmer jump), 1 % for the
+//! Sun. Light outside 350 to 1000 nm is only as good as the black body. Colours are clamped to [`COLOR_RANGE`], a
+//! missing one is taken as 0. *Validation:* `tests/physics/radiometry.rs`, the tests below.
 
 use crate::optics::gaia_bands::GaiaBand;
 use crate::optics::radiometry::COLOR_RANGE;
@@ -19,11 +19,11 @@ use crate::optics::spectrum::Cells;
 
 /// Second radiation constant `h c / k`, nm K (CODATA 2018).
 const C2_NM_K: f64 = 1.438_776_877e7;
-/// Reciprocal temperatures between which colour temperatures are looked for, 1/K: colours -0.63 and 6.
+/// Range of reciprocal temperatures in the search for a colour temperature, 1/K: colours -0.63 and 6.
 const RECIPROCAL_RANGE_PER_K: (f64, f64) = (1e-7, 1.0 / 1200.0);
-/// Colour at which the search for a temperature stops, mag.
+/// Tolerance of the colour in the search for a temperature, mag.
 const COLOR_TOLERANCE: f64 = 1e-10;
-/// Steps of that search: it needs about ten.
+/// Largest number of steps of that search: it needs about ten.
 const MOST_STEPS: usize = 100;
 
 /// Spectrum of one star of G = 0.
@@ -40,7 +40,7 @@ impl StarSpectrum {
         self.temperature_k
     }
 
-    /// Photons s^-1 m^-2 nm^-1 of the star, were it of G = 0, at a wavelength above 0.
+    /// Returns the photons s^-1 m^-2 nm^-1 of the star, scaled to G = 0, at a wavelength above 0.
     #[must_use]
     pub fn photons_per_s_m2_nm(&self, nm: f64) -> f64 {
         self.scale * planck_photons(nm, self.temperature_k.recip())
@@ -68,7 +68,7 @@ impl Default for StarSpectra {
 }
 
 impl StarSpectra {
-    /// With the passbands of this crate.
+    /// Returns spectra with the passbands of this crate.
     #[must_use]
     pub fn new() -> Self {
         let ready = |band: GaiaBand| {
@@ -88,13 +88,13 @@ impl StarSpectra {
         StarSpectrum { temperature_k: reciprocal_k.recip(), scale: self.g.0.zero_magnitude_e_per_s_m2() / counted }
     }
 
-    /// BP-RP of a black body.
+    /// Returns the BP-RP of a black body.
     fn color(&self, reciprocal_k: f64) -> f64 {
         self.bp.0.mag(counts(&self.bp, reciprocal_k)) - self.rp.0.mag(counts(&self.rp, reciprocal_k))
     }
 
-    /// Returns the reciprocal of the colour temperature: the colour rises with it, nearly in proportion. False position
-    /// (Illinois).
+    /// Returns the reciprocal of the colour temperature: the colour rises with it, nearly in proportion. By false
+    /// position (Illinois).
     fn reciprocal_of_color(&self, color: f64) -> f64 {
         let (mut low, mut high) = RECIPROCAL_RANGE_PER_K;
         let (mut below, mut above) = (self.color(low) - color, self.color(high) - color);
@@ -115,7 +115,7 @@ impl StarSpectra {
     }
 }
 
-/// Returns electrons that Gaia counts of a black body of that shape, in arbitrary units.
+/// Returns the electrons that Gaia counts of a black body of that shape, in arbitrary units.
 fn counts((band, cells): &(GaiaBand, Cells), reciprocal_k: f64) -> f64 {
     cells.integral(|nm| band.response.at(nm) * planck_photons(nm, reciprocal_k))
 }
@@ -151,7 +151,8 @@ mod tests {
 
     #[test]
     fn the_sun_is_as_hot_as_its_colour_says() {
-        // BP-RP = 0.82 (Casagrande and VandenBerg 2018); effective temperature 5772 K: the colour is bluer by its lines.
+        // BP-RP = 0.82 (Casagrande and VandenBerg 2018); effective temperature 5772 K: the colour is bluer by its
+        // lines.
         let t = StarSpectra::new().of_color(0.82).temperature_k();
         assert!((t / 5772.0 - 1.0).abs() < 0.05, "{t}");
     }

@@ -1,7 +1,9 @@
-//! Lines whose phases hold at one instant -> the same lines with their phases at another.
+//! Lines whose phases refer to one instant -> the same lines with phases at another.
 //!
-//! Phases are kept in turns of f64. A line of 100 Hz has turned 1e11 times since 1970, of which f64 would keep 1e-5;
-//! whole hertz times whole seconds are whole turns and leave first, so 1e-7 turns remain after 30 years.
+//! Phases are kept in turns of f64. A line of 100 Hz has turned 1e11 times since 1970; f64 would resolve 1e-5 turns of
+//! these.
+//! Whole hertz times whole seconds are whole turns and are removed first, so the resolution is 1e-7 turns after 30
+//! years.
 
 use crate::attitude::los::JitterLine;
 use base::time::Span;
@@ -9,19 +11,20 @@ use base::units::NS_PER_S;
 use core::f64::consts::{PI, TAU};
 use glam::DVec3;
 
-/// Turns of a frequency over a span, without whole ones: in (-1, 1).
+/// Returns the turns of a frequency over a span without whole turns: in (-1, 1).
 pub(super) fn turns(frequency_hz: f64, span: Span) -> f64 {
     let (whole_s, rest_ns) = (span.ns().div_euclid(NS_PER_S), span.ns().rem_euclid(NS_PER_S));
     let whole_turns = (frequency_hz.fract() * whole_s as f64).fract();
     (whole_turns + frequency_hz * Span::from_ns(rest_ns).s()).fract()
 }
 
-/// Returns the line with its phase `later` than where it held.
+/// Returns the line with its phase at an instant that is `later` than its own.
 pub(super) fn moved(line: &JitterLine, later: Span) -> JitterLine {
     JitterLine { phase_rad: line.phase_rad + TAU * turns(line.frequency_hz, later), ..*line }
 }
 
-/// `amplitude sin(2 pi f t + phase)` with a frequency that may be negative, as a line with one that is not.
+/// Returns `amplitude sin(2 pi f t + phase)`, in which the frequency may be negative, as a line of non-negative
+/// frequency.
 pub(super) fn forward(frequency_hz: f64, amplitude_rad: DVec3, phase_rad: f64) -> JitterLine {
     if frequency_hz < 0.0 {
         JitterLine { frequency_hz: -frequency_hz, amplitude_rad, phase_rad: PI - phase_rad }

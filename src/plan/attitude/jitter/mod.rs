@@ -1,4 +1,4 @@
-//! Line-of-sight jitter: what was configured, and what came over the bus -> the track of one exposure.
+//! Line-of-sight jitter: configured and received jitter -> the track of one exposure.
 //!
 //! | source | what it is | in an exposure |
 //! |---|---|---|
@@ -9,16 +9,16 @@
 //! | sampled bursts | points | linear between points |
 //! | a record of the bench (`record`) | a series, measured or of a density (`spectrum`) | points, and lines with the moments of what is faster |
 //!
-//! Nothing is averaged beforehand: all of it is a function of time ([`JitterTrack::rotation_at`]), integrated inside the image
-//! by the planner's quadrature. Its node count follows the highest line's frequency and every sampled point, and its
-//! bound (`plan::exposure::weigh`) says what is left.
+//! Nothing is averaged beforehand: all of it is a function of time ([`JitterTrack::rotation_at`]), integrated inside
+//! the image by the planner's quadrature. Its node count follows the highest line's frequency and every sampled point,
+//! and its bound (`plan::exposure::weigh`) states the remaining error.
 //!
-//! Bursts arrive late and batched, so they are kept by epoch under the same rules as attitude samples, and an exposure
-//! takes what covers it. Jitter that stopped arriving is not held for ever: a point further than `max_gap` from the
-//! exposure is left out, and [`JitterCoverage`] says how much of the exposure had data.
+//! Bursts arrive late and batched, so they are stored by epoch under the same rules as attitude samples, and an
+//! exposure takes those that cover it. Jitter that stopped arriving is not held: a point further than `max_gap` from
+//! the exposure is left out, and [`JitterCoverage`] states the covered part of the exposure.
 //!
-//! Uploaded tables need the remote clock ([`JitterHistory::follow_clock`]) and have no effect before it is known. Memory for
-//! all tables is taken at construction. Tests: `tests/physics/bus_jitter.rs`.
+//! Uploaded tables need the remote clock ([`JitterHistory::follow_clock`]) and have no effect before it is known.
+//! Memory for all tables is allocated at construction. Tests: `tests/physics/bus_jitter.rs`.
 
 mod lines;
 mod psd;
@@ -45,14 +45,14 @@ use record::{RECORD_LINES, RECORD_POINTS_MAX, RecordReader};
 use stream::Stream;
 use wheels::WheelHarmonics;
 
-/// Lines that can be uploaded.
+/// Largest number of uploaded lines.
 pub const UPLOADED_LINES_MAX: usize = 32;
-/// Lines that all tables of the bus can give an exposure.
+/// Largest number of lines that all tables of the bus can add to an exposure.
 pub const BUS_LINES_MAX: usize = UPLOADED_LINES_MAX + 3 * LINES_PER_AXIS + HARMONICS_MAX;
 
 impl JitterTrack {
-    /// No jitter, and room for so many configured lines and received points, for the lines of all tables that come over
-    /// the bus, for what a record gives, and for the knots of a long exposure.
+    /// Returns an empty track with capacity for this many configured lines and received points, for the lines of all
+    /// tables that come over the bus, for those of a record, and for the knots of a long exposure.
     #[must_use]
     pub fn with_capacity(lines: usize, points: usize) -> Self {
         let points = Vec::with_capacity(points + RECORD_POINTS_MAX + KNOTS_MAX);
@@ -61,7 +61,7 @@ impl JitterTrack {
     }
 }
 
-/// Jitter known so far.
+/// All known sources of jitter.
 #[derive(Debug, Clone)]
 pub struct JitterHistory {
     ring: EpochRing<JitterPoint>,
@@ -71,7 +71,7 @@ pub struct JitterHistory {
     counts: HistoryCounts,
     lines: Vec<JitterLine>,
     lines_epoch: Tai,
-    /// Phases at remote time 0.
+    /// Uploaded lines with phases at remote time 0.
     uploaded: Vec<JitterLine>,
     noise: Vec<JitterLine>,
     wheels: WheelHarmonics,
@@ -79,7 +79,7 @@ pub struct JitterHistory {
     record: Option<RecordReader>,
 }
 
-/// How much of a window the received points cover.
+/// Coverage of a window by the received points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct JitterCoverage {
     /// Points put into the track, those just outside the window included.
@@ -93,7 +93,7 @@ pub struct JitterCoverage {
 }
 
 impl JitterHistory {
-    /// No jitter yet. Points further than `max_gap` outside an exposure are not used for it.
+    /// Returns a history without jitter. Points further than `max_gap` outside an exposure are not used for it.
     #[must_use]
     pub fn new(limits: HistoryLimits, max_gap: Span) -> Self {
         Self {
@@ -112,10 +112,10 @@ impl JitterHistory {
         }
     }
 
-    /// Replaces the spectral lines, whose phases hold at `epoch`. May allocate: for set-up, not for every frame.
+    /// Replaces the spectral lines, whose phases refer to `epoch`. May allocate: for set-up, not for every frame.
     ///
     /// # Errors
-    /// When a number is not finite; the former lines stay.
+    /// When a number is not finite; the former lines remain.
     pub fn set_lines(&mut self, lines: &[JitterLine], epoch: Tai) -> Result<(), HistoryReject> {
         if !lines.iter().all(lines::is_finite) {
             return Err(self.counts.count(HistoryReject::NotFinite));
@@ -126,23 +126,23 @@ impl JitterHistory {
         Ok(())
     }
 
-    /// Adds a record to all other jitter, in place of a former one. Makes the tables of its filter: for set-up.
+    /// Adds a record to all other jitter, replacing a former one. Computes the tables of its filter: for set-up.
     pub fn set_record(&mut self, jitter: RecordedJitter) {
         self.record = Some(RecordReader::new(jitter));
     }
 
-    /// The next exposures last so long, s: a record's fast part is made for that time.
+    /// Sets the length of the next exposures, s: a record's fast part is made for that time.
     pub fn set_exposure_s(&mut self, exposure_s: f64) {
         if let Some(record) = &mut self.record {
             record.set_exposure_s(exposure_s);
         }
     }
 
-    /// Replaces the uploaded lines, whose phases hold at remote time 0 and whose frequencies are per remote second. An
-    /// empty set clears them.
+    /// Replaces the uploaded lines, whose phases refer to remote time 0 and whose frequencies are per remote second. An
+    /// empty set removes them.
     ///
     /// # Errors
-    /// Too many, or a number that is not finite; the former lines stay.
+    /// When there are too many, or a number is not finite; the former lines remain.
     pub fn set_uploaded_lines(&mut self, lines: &[JitterLine]) -> Result<(), JitterReject> {
         if lines.len() > UPLOADED_LINES_MAX {
             return Err(JitterReject::TooMany { got: lines.len(), most: UPLOADED_LINES_MAX });
@@ -155,12 +155,12 @@ impl JitterHistory {
         Ok(())
     }
 
-    /// Replaces the noise by one of this density; the seed names it. Fewer than two points: none. The axes of the density
-    /// are those of whoever tells it: `turned` brings their vectors into sensor axes. Takes about 1 ms: for commands, not
-    /// for every frame.
+    /// Replaces the noise by one of this density, realised from the seed. Fewer than two points mean zero noise.
+    /// The axes of the density are those of its sender: `turned` rotates their vectors into sensor axes. Takes about 1
+    /// ms: for commands, not for every frame.
     ///
     /// # Errors
-    /// Too many points, frequencies that do not rise, or an illegal number; the former noise stays.
+    /// When there are too many points, frequencies that do not rise, or an illegal number; the former noise remains.
     pub fn set_psd(
         &mut self,
         points: &[PsdPoint],
@@ -179,34 +179,34 @@ impl JitterHistory {
     /// Replaces the table of wheel harmonics.
     ///
     /// # Errors
-    /// Too many rows, or an illegal one; the former table stays.
+    /// When there are too many rows, or an illegal one; the former table remains.
     pub fn set_wheel_harmonics(&mut self, table: &[WheelHarmonic]) -> Result<(), JitterReject> {
         self.wheels.set_table(table)
     }
 
-    /// Takes the wheels' speeds, rad/s, at an instant.
+    /// Accepts the wheels' speeds, rad/s, at an instant.
     ///
     /// # Errors
-    /// The reason of a refusal, which is also counted: not finite, or not later than the speeds before.
+    /// The reason of the refusal, which is also counted: not finite, or not later than the speeds before.
     pub fn wheel_speeds(&mut self, rad_s: [f64; WHEELS], at: Tai) -> Result<(), HistoryReject> {
         self.wheels.set_speeds(rad_s, at).map_err(|reject| self.counts.count(reject))
     }
 
-    /// The remote clock, by which uploaded lines and noise run: to be told after every time mark.
+    /// Sets the estimate of the remote clock, by which uploaded lines and noise run; call after every time mark.
     pub fn follow_clock(&mut self, estimate: &ClockEstimate) {
         self.remote = Some(*estimate);
     }
 
-    /// What taking the wheels' speeds as constant during an exposure may err by, sensor axes, rad.
+    /// Returns the largest error of taking the wheels' speeds as constant during an exposure, sensor axes, rad.
     #[must_use]
     pub fn frozen_speed_bound_rad(&self, from: Tai, until: Tai) -> DVec3 {
         self.wheels.frozen_bound_rad(from, until)
     }
 
-    /// Takes one point that arrived at `received_at`.
+    /// Inserts one point that arrived at `received_at`.
     ///
     /// # Errors
-    /// The reason of a refusal, which is also counted.
+    /// The reason of the refusal, which is also counted.
     pub fn insert(&mut self, point: JitterPoint, received_at: Tai) -> Result<(), HistoryReject> {
         let admitted = if point.rotation_rad.is_finite() {
             self.ring.admit(point.at, received_at)
@@ -221,7 +221,7 @@ impl JitterHistory {
         Ok(())
     }
 
-    /// Takes a burst of equally spaced points; returns how many were accepted (the others are counted by reason).
+    /// Inserts a burst of equally spaced points; returns how many were accepted (the others are counted by reason).
     pub fn insert_burst(&mut self, first_at: Tai, interval: Span, rotations_rad: &[DVec3], received_at: Tai) -> usize {
         let mut at = first_at;
         let mut accepted = 0;
@@ -232,12 +232,12 @@ impl JitterHistory {
         accepted
     }
 
-    /// Takes note of a message whose samples begin at `first_at` and are `period` apart: from now on samples are expected.
+    /// Records a message whose samples start at `first_at` and are `period` apart: from now on samples are expected.
     pub fn note_stream(&mut self, first_at: Tai, period: Span, received_at: Tai) {
         self.stream.note(first_at, period, received_at);
     }
 
-    /// Returns true while samples are expected: something of a stream of them arrived in the second before `at`.
+    /// Returns true while samples are expected: a message of the stream arrived in the second before `at`.
     #[must_use]
     pub fn is_streaming(&self, at: Tai) -> bool {
         self.stream.is_live(at)
@@ -249,26 +249,27 @@ impl JitterHistory {
         self.stream.is_behind(self.ring.newest().map(|point| point.at), until)
     }
 
-    /// Forgets the points and the stream they came in, when the flight computer has restarted (not the lines, nor the counters).
+    /// Removes the points and their stream, after a restart of the flight computer (but not the lines or the counters).
     pub fn clear_points(&mut self) {
         self.ring.clear();
         self.stream.clear();
     }
 
-    /// What was taken and refused so far.
+    /// Returns the counts of accepted and refused points.
     #[must_use]
     pub fn counts(&self) -> HistoryCounts {
         self.counts
     }
 
-    /// An empty track with room for all this history can put into it, so that filling never allocates.
+    /// Returns an empty track with capacity for everything this history can put into it, so that filling never
+    /// allocates.
     #[must_use]
     pub fn new_track(&self) -> JitterTrack {
         let lines_epoch = self.lines_epoch;
         JitterTrack { lines_epoch, ..JitterTrack::with_capacity(self.lines.len(), self.capacity) }
     }
 
-    /// Replaces the track's content by the lines and the points that bear on `from..=until`: those inside, and the
+    /// Replaces the track's content by the lines and the points that affect `from..=until`: those inside, and the
     /// nearest on each side.
     pub fn fill(&self, from: Tai, until: Tai, track: &mut JitterTrack) -> JitterCoverage {
         self.fill_lines(from + Span::from_ns((until - from).ns() / 2), track);
@@ -284,7 +285,8 @@ impl JitterHistory {
         JitterCoverage { missing: missing.max(beyond), ..received }
     }
 
-    /// With tables of the bus in effect all phases are moved to mid-exposure: short times keep their digits.
+    /// Adds the lines. With tables of the bus in effect all phases are moved to mid-exposure: short times keep their
+    /// digits.
     fn fill_lines(&self, mid_exposure: Tai, track: &mut JitterTrack) {
         track.lines.clear();
         let by_remote = self.remote.filter(|_| !(self.uploaded.is_empty() && self.noise.is_empty()));
@@ -332,7 +334,7 @@ mod tests {
         HistoryLimits { capacity: 64, max_age: Span::from_ms(1000), max_lead: Span::from_ms(10) }
     }
 
-    /// 20 ms of 1 kHz jitter from t = 0, in two bursts that arrive in the wrong order.
+    /// Returns 20 ms of 1 kHz jitter from t = 0, in two bursts that arrive in the wrong order.
     fn history() -> JitterHistory {
         let mut history = JitterHistory::new(limits(), Span::from_ms(5));
         let rotation = |i: i32| DVec3::X * (f64::from(i) * ARCSEC);
@@ -363,7 +365,7 @@ mod tests {
         assert_eq!(soon.covered, Span::from_ms(4), "data up to 19 ms");
         assert_eq!(track.rotation_at(us(22_000)), track.points[4].rotation_rad, "held to the end of this exposure");
         let after = history.fill(us(22_000), us(30_000), &mut track);
-        assert_eq!((after.points, after.covered), (1, Span::ZERO), "3 ms old: held, and told");
+        assert_eq!((after.points, after.covered), (1, Span::ZERO), "3 ms old: held, and reported");
         let later = history.fill(us(40_000), us(50_000), &mut track);
         assert_eq!(later, JitterCoverage::default());
         assert!(track.is_still(), "21 ms old: dropped");

@@ -1,19 +1,18 @@
 //! A power spectral density and a seed -> lines that sum to Gaussian noise of that density.
 //!
-//! Input: breakpoints of a one-sided density per axis, straight in log-log between them, nothing outside and nothing in a
-//! piece of which one end is zero. Output: [`LINES_PER_AXIS`] sinusoids per axis.
+//! Input: breakpoints of a one-sided density per axis, straight in log-log between them; zero outside, and zero in a
+//! piece with a zero at one end. Output: [`LINES_PER_AXIS`] sinusoids per axis.
 //!
 //! *Method.* Spectral representation (Shinozuka and Deodatis, "Simulation of stochastic processes by spectral
 //! representation", Applied Mechanics Reviews 44, 1991): the band is cut into strata; each has one sinusoid with the
 //! stratum's whole power `P`, of amplitude `sqrt(2 P)`, a random phase, and a random frequency with the density as its
-//! law. So the mean over seeds is the density itself, the variance over a long time is its integral exactly, and as
-//! the frequencies are no multiples of anything the sum does not repeat. Strata are equal in the mean of power and of
-//! the logarithm of frequency: half of the lines go where the power is, and no octave is without.
+//! law. So the mean over seeds is the density itself, the variance over a long time is exactly its integral, and
+//! because the frequencies have no common period the sum does not repeat. Strata are equal in the mean of power and of
+//! the logarithm of frequency: half of the lines go where the power is, and no octave is left empty.
 //!
-//! *Limits.* Over a time shorter than 1/stratum a stratum's line looks like a line. The kurtosis is
-//! `3 - 1.5 sum P^2 / (sum P)^2`: 2.95 for a flat density, 2.8 when half of the power is in a few strata. Frequencies and
-//! phases come from `base::random`, logarithms from `libm`: the same on every machine. Tests:
-//! `tests/physics/bus_jitter.rs`.
+//! *Limits.* Over a time shorter than 1/stratum a stratum's line looks like a line. The kurtosis is `3 - 1.5 sum P^2 /
+//! (sum P)^2`: 2.95 for a flat density, 2.8 when half of the power is in a few strata. Frequencies and phases come from
+//! `base::random`, logarithms from `libm`: the same on every machine. Tests: `tests/physics/bus_jitter.rs`.
 
 use crate::attitude::error::JitterReject;
 use crate::attitude::los::JitterLine;
@@ -23,9 +22,9 @@ use glam::DVec3;
 
 /// Sinusoids per axis.
 pub const LINES_PER_AXIS: usize = 32;
-/// Breakpoints at most.
+/// Largest number of breakpoints.
 pub const PSD_POINTS_MAX: usize = 32;
-/// Halvings of a stratum's edge: the band to 1e-15 of itself.
+/// Number of halvings to find a stratum's edge: to 1e-15 of the band.
 const HALVINGS: u32 = 52;
 
 /// A breakpoint of a power spectral density.
@@ -57,7 +56,7 @@ impl Piece {
     pub(super) fn power_to(&self, frequency_hz: f64) -> f64 {
         let octaves = libm::log(frequency_hz.clamp(self.low_hz, self.high_hz) / self.low_hz);
         let steps = (self.slope + 1.0) * octaves;
-        // expm1(x) / x, which is 1 where the density falls as 1/f.
+        // expm1(x) / x is 1 where the density falls as 1/f.
         let ratio = if steps.abs() < 1e-12 { 1.0 } else { libm::expm1(steps) / steps };
         self.density * self.low_hz * octaves * ratio
     }
@@ -74,7 +73,7 @@ impl Piece {
     }
 }
 
-/// The pieces of one axis.
+/// Pieces of one axis.
 struct Band<'a> {
     points: &'a [PsdPoint],
     axis: usize,
@@ -134,7 +133,7 @@ pub fn psd_variance(points: &[PsdPoint]) -> DVec3 {
 }
 
 /// # Errors
-/// Which point is no density, or how many are too many.
+/// The first point that is invalid, or the number of points when there are too many.
 pub(super) fn check(points: &[PsdPoint]) -> Result<(), JitterReject> {
     if points.len() > PSD_POINTS_MAX {
         return Err(JitterReject::TooMany { got: points.len(), most: PSD_POINTS_MAX });
@@ -143,7 +142,7 @@ pub(super) fn check(points: &[PsdPoint]) -> Result<(), JitterReject> {
 }
 
 /// # Errors
-/// Which point is no part of a density.
+/// The first point that is invalid.
 pub(super) fn check_rows(points: &[PsdPoint]) -> Result<(), JitterReject> {
     for (row, point) in points.iter().enumerate() {
         let is_legal =
@@ -200,7 +199,7 @@ mod tests {
 
     #[test]
     fn power_is_the_integral_of_straight_lines_in_log_log() {
-        // Flat, then falling as f^-2, then as 1/f: by hand 9 s, s 10^2 (1/10 - 1/100), s 10^-2 100 ln 10.
+        // Flat, then falling as f^-2, then as 1/f; by hand: 9 s, s 10^2 (1/10 - 1/100), s 10^-2 100 ln 10.
         let s = 3e-12;
         let points = [point(1.0, s), point(10.0, s), point(100.0, s * 1e-2), point(1000.0, s * 1e-3)];
         let by_hand = s * (9.0 + 100.0 * 0.09 + 10.0_f64.ln());

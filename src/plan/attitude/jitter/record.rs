@@ -1,16 +1,17 @@
-//! A measured or made-up series of jitter -> what one exposure takes of it.
+//! A measured or synthetic series of jitter -> its contribution to one exposure.
 //!
 //! Input: equally spaced samples of a signal that is band-limited below half its rate. Output: points and lines of the
 //! [`JitterTrack`] of an exposure, a fixed number at most, whatever the rate of the record.
 //!
-//! *Slow part.* The record is low-passed below what straight lines between the points can follow, and evaluated at points
-//! 1/128 of the exposure apart (windowed sinc, Blackman, 16 lobes to either side): nothing faster is folded down into them.
-//! *Fast part.* What the points leave out moves the image to and fro many times within an exposure. Its effect there is its
-//! covariance: that of the record's samples in the exposure less that of the points (none, where the points have its whole
-//! band). It goes into [`RECORD_LINES`] sinusoids with whole numbers of periods per exposure, above the band of the points: their mean is zero, they are orthogonal to each
-//! other, and first and second moments of the path are those of the record. *Limits.* Of the fast part only the moments are
-//! kept, per exposure: its own course within the exposure is not. Ends of the window count by halves of samples.
-//! Tests: below, and `tests/physics/measured_jitter.rs`.
+//! *Slow part.* The record is low-passed below what straight lines between the points can follow, and evaluated at
+//! points 1/128 of the exposure apart (windowed sinc, Blackman, 16 lobes to either side): nothing faster is folded down
+//! into them. *Fast part.* The frequencies above the points move the image to and fro many times within an exposure.
+//! Their effect is a covariance: that of the record's samples in the exposure minus that of the points (none, where the
+//! points have its whole band). It is represented by [`RECORD_LINES`] sinusoids with whole numbers of periods per
+//! exposure, above the band of the points: their mean is zero, they are orthogonal to each other, and first and second
+//! moments of the path are those of the record. *Limits.* Only the moments of the fast part are kept, per exposure: its
+//! course within the exposure is not. Ends of the window count by halves of samples. Tests: below, and
+//! `tests/physics/measured_jitter.rs`.
 
 use crate::attitude::los::{JitterLine, JitterPoint, JitterTrack, polyline_at};
 use base::time::{Span, Tai};
@@ -18,17 +19,17 @@ use core::f64::consts::{FRAC_PI_2, PI, TAU};
 use glam::{DMat3, DQuat, DVec3};
 use std::sync::Arc;
 
-/// Most samples of a record: half a gigabyte.
+/// Largest number of samples of a record: half a gigabyte.
 pub const RECORD_SAMPLES_MAX: usize = 1 << 24;
-/// Most points that a record gives an exposure with all its rows.
+/// Largest number of points that a record adds to an exposure with all its rows.
 pub(crate) const RECORD_POINTS_MAX: usize = 900;
-/// Lines that a record gives an exposure.
+/// Number of lines that a record adds to an exposure.
 pub(crate) const RECORD_LINES: usize = 12;
-/// Points of an exposure.
+/// Number of points per exposure.
 const POINTS_PER_EXPOSURE: f64 = 128.0;
-/// Points per sample of a slow record: straight lines between them miss 2 % of the power at its highest frequency.
+/// Points per sample of a slow record: straight lines between them lose 2 % of the power at its highest frequency.
 const POINTS_PER_SAMPLE: f64 = 8.0;
-/// Highest frequency that goes into points, per point.
+/// Highest frequency represented by points, per point.
 const POINTS_BAND: f64 = 0.28;
 /// Highest frequency of a record, per sample.
 const RECORD_BAND: f64 = 0.46;
@@ -37,37 +38,37 @@ const LINES_FROM: f64 = 0.406;
 /// Lobes of the filter to either side, and steps of its table in a lobe.
 const LOBES: usize = 16;
 const STEPS: usize = 256;
-/// Lines weaker than this are left out, rad.
+/// Amplitude below which lines are left out, rad.
 const NEGLIGIBLE_RAD: f64 = 5e-11;
 
-/// What follows the last sample of a record.
+/// Behaviour after the last sample of a record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RecordEnd {
-    /// No jitter; exposures there lack some.
+    /// No jitter; exposures there report missing jitter.
     Still,
-    /// Its first sample, one period later.
+    /// The record repeats from its first sample, one period later.
     Repeat,
 }
 
-/// Why samples are no record.
+/// Error of the samples of a record.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum RecordError {
     /// Too few samples, or too many.
     #[error("{got} samples; wanted 2 to {RECORD_SAMPLES_MAX}")]
     Count {
-        /// How many there are.
+        /// Number of samples.
         got: usize,
     },
-    /// No time between samples.
+    /// The time between samples is not finite and positive.
     #[error("a period of {period_s} s; wanted 1e-6 to 1000 s")]
     Period {
         /// The period.
         period_s: f64,
     },
-    /// A sample is no rotation.
+    /// A sample is not finite.
     #[error("sample {place} is not finite")]
     NotFinite {
-        /// Which one, from 0.
+        /// Index of the sample, from 0.
         place: usize,
     },
 }
@@ -81,10 +82,10 @@ pub struct JitterRecord {
 }
 
 impl JitterRecord {
-    /// Returns a record of rotation vectors, rad, so far apart.
+    /// Returns a record of rotation vectors, rad, that are `period_s` apart.
     ///
     /// # Errors
-    /// Too few or too many samples, an illegal period, or a sample that is not finite.
+    /// When there are too few or too many samples, an illegal period, or a sample that is not finite.
     pub fn new(period_s: f64, samples: Vec<DVec3>, end: RecordEnd) -> Result<Self, RecordError> {
         if !(2..=RECORD_SAMPLES_MAX).contains(&samples.len()) {
             return Err(RecordError::Count { got: samples.len() });
@@ -104,25 +105,25 @@ impl JitterRecord {
         self.period_s
     }
 
-    /// Samples, rad.
+    /// Returns the samples, rad.
     #[must_use]
     pub fn samples(&self) -> &[DVec3] {
         &self.samples
     }
 
-    /// Returns how long it is, s.
+    /// Returns its duration, s.
     #[must_use]
     pub fn duration_s(&self) -> f64 {
         self.period_s * self.samples.len() as f64
     }
 
-    /// What follows its last sample.
+    /// Returns the behaviour after its last sample.
     #[must_use]
     pub fn end(&self) -> RecordEnd {
         self.end
     }
 
-    /// Returns the sample of this number, also before the first and after the last.
+    /// Returns the sample of this number, also for numbers before the first and after the last.
     fn sample(&self, number: i64) -> DVec3 {
         let place = match self.end {
             RecordEnd::Still => usize::try_from(number).ok(),
@@ -132,24 +133,24 @@ impl JitterRecord {
     }
 }
 
-/// A record at its place in a run.
+/// A record at its time in a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecordedJitter {
     /// The record.
     pub record: Arc<JitterRecord>,
     /// Instant of its first sample.
     pub start: Tai,
-    /// From the axes of the record to sensor axes.
+    /// Rotation from the axes of the record to sensor axes.
     pub sensor_from_record: DQuat,
     /// Exposure time of one row, s.
     pub exposure_s: f64,
 }
 
-/// A record at its place, and the filter that goes with it.
+/// A record at its time, and its filter.
 #[derive(Debug, Clone)]
 pub(super) struct RecordReader {
     jitter: RecordedJitter,
-    /// The filter by steps of a lobe, from its middle.
+    /// Filter coefficients by steps of a lobe, from its middle.
     filter: Vec<f64>,
 }
 
@@ -181,13 +182,14 @@ fn outer(v: DVec3) -> DMat3 {
     DMat3::from_cols(v * v.x, v * v.y, v * v.z)
 }
 
-/// How a record is read for one window.
+/// Grid on which a record is read for one window.
 struct Grid {
     /// Time between points, s.
     step_s: f64,
     /// Highest frequency in the points, Hz.
     band_hz: f64,
-    /// The record has higher frequencies than the points. Without them its few samples say less of the moments than the points.
+    /// True when the record has higher frequencies than the points. Otherwise its few samples describe the moments
+    /// worse than the points.
     leaves_out: bool,
 }
 
@@ -197,7 +199,7 @@ impl RecordReader {
         Self { jitter, filter }
     }
 
-    /// The next exposures of one row last so long.
+    /// Sets the exposure time of one row of the next exposures.
     pub(super) fn set_exposure_s(&mut self, exposure_s: f64) {
         self.jitter.exposure_s = exposure_s;
     }
@@ -210,8 +212,8 @@ impl RecordReader {
         Grid { step_s, band_hz: of_points_hz.min(of_record_hz), leaves_out: of_points_hz < of_record_hz }
     }
 
-    /// Adds what bears on `from..=until` to a track whose lines' phases hold at `lines_epoch`; how much of the window lies
-    /// outside the record.
+    /// Adds the part that affects `from..=until` to a track whose lines' phases refer to `lines_epoch`; returns how
+    /// much of the window lies outside the record.
     pub(super) fn add_to(&self, from: Tai, until: Tai, track: &mut JitterTrack) -> Span {
         let start = self.jitter.start;
         let window = [(from - start).s(), (until - start).s()];
@@ -244,7 +246,7 @@ impl RecordReader {
         self.missing(window)
     }
 
-    /// Returns the record below `band_hz`, `t_s` after its start, in its own axes.
+    /// Returns the record filtered below `band_hz`, `t_s` after its start, in its own axes.
     fn slow_at(&self, t_s: f64, band_hz: f64) -> DVec3 {
         let record = &self.jitter.record;
         let per_lobe = 2.0 * band_hz;
@@ -269,7 +271,7 @@ impl RecordReader {
         self.filter[place] * (1.0 - share) + self.filter[place + 1] * share
     }
 
-    /// Moments of the whole record in a window: each sample counts for the time that is nearest to it.
+    /// Returns the moments of the whole record in a window: each sample counts for the time that is nearest to it.
     fn all_of(&self, window: [f64; 2]) -> Moments {
         let (record, mut all) = (&self.jitter.record, Moments::NONE);
         let [first, last] = window.map(|t_s| whole((t_s / record.period_s).round()));
@@ -282,7 +284,7 @@ impl RecordReader {
         all
     }
 
-    /// Adds a covariance that the points lack, as cosines about the middle of the window.
+    /// Adds the covariance missing in the points, as cosines about the middle of the window.
     fn add_lines(&self, lacking: DMat3, grid: &Grid, (from, until): (Tai, Tai), track: &mut JitterTrack) {
         let exposure_s = self.jitter.exposure_s;
         if exposure_s <= 0.0 {
@@ -322,8 +324,8 @@ fn add_clipped(moments: &mut Moments, a: (f64, DVec3), b: (f64, DVec3), window: 
     }
 }
 
-/// Returns columns whose outer products sum to the part of a covariance that is one (Cholesky; what is below zero is
-/// left out).
+/// Returns columns whose outer products sum to the positive part of a covariance (Cholesky; negative values are left
+/// out).
 fn root(covariance: DMat3) -> [DVec3; 3] {
     let c = covariance;
     let least = 1e-9 * (c.x_axis.x.abs() + c.y_axis.y.abs() + c.z_axis.z.abs());
@@ -337,7 +339,7 @@ fn root(covariance: DMat3) -> [DVec3; 3] {
     [DVec3::new(a, b, d), DVec3::new(0.0, e, f), DVec3::new(0.0, 0.0, g)]
 }
 
-/// Returns the sinc of so many lobes, by Blackman's window of [`LOBES`].
+/// Returns a sinc with this many lobes, windowed by Blackman's window of [`LOBES`].
 fn windowed_sinc(lobes: f64) -> f64 {
     let sinc = if lobes.abs() < 1e-12 { 1.0 } else { libm::sin(PI * lobes) / (PI * lobes) };
     let turn = PI * lobes / LOBES as f64;

@@ -93,8 +93,8 @@ fn a_record_of_every_tenth_sample_and_a_scaled_one_are_found_out() {
     assert!((scaled - 1.21).abs() < 0.03, "{scaled}");
 }
 
-/// Returns the straight lines between points lack `(2 pi f step)^2 / 6` of a tone's power. The lines that give it back
-/// are four in phase for each column of the covariance, each of them its root times `sqrt(1/2)`: at most this, arcsec.
+/// Returns the largest amplitude of a tone's lines, arcsec. Straight lines between points lose `(2 pi f step)^2 / 6` of
+/// its power. Four lines in phase restore it for each column of the covariance, each with its root times `sqrt(1/2)`.
 fn largest_of_lines_arcsec(tones: Tones<'_>, step_s: f64) -> f64 {
     let lacking =
         |([x, y], f_hz, _): &([f64; 2], f64, f64)| (TAU * f_hz * step_s).powi(2) / 6.0 * (x * x + y * y) / 2.0;

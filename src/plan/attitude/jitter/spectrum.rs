@@ -1,10 +1,11 @@
 //! A density and a seed -> a series of jitter; a series or a density -> its power in bands.
 //!
 //! *Series.* Random phases (Shinozuka and Deodatis, 1991): one cosine per bin of a discrete Fourier transform, with the
-//! density's power in that bin, and a phase from `base::random`. So the variance of the series is the density's integral
-//! exactly. What is slower than the series is long goes into its slowest bin. The transform has no vector code: the same
-//! bits on every machine. *Power in bands.* Welch's method: Hann windows of up to 65,536 samples, overlapping by half, scaled to the
-//! variance of the record. *Limit.* A line within two bins of an edge is shared by both bands.
+//! density's power in that bin, and a phase from `base::random`. So the variance of the series is exactly the density's
+//! integral. Frequencies with a period longer than the series go into its slowest bin. The transform has no vector
+//! code: the same bits on every machine. *Power in bands.* Welch's method: Hann windows of up to 65,536 samples,
+//! overlapping by half, scaled to the variance of the record. *Limit.* A line within two bins of an edge is shared by
+//! both bands.
 
 use crate::attitude::error::JitterReject;
 use crate::attitude::jitter::psd::{self, Piece, PsdPoint};
@@ -17,44 +18,44 @@ use rustfft::num_complex::Complex64;
 
 /// Samples per period of the highest frequency of a density.
 const SAMPLES_PER_PERIOD: f64 = 2.5;
-/// Most samples of a series made from a density; longer runs repeat it.
+/// Largest number of samples of a series made from a density; longer runs repeat it.
 const SERIES_MAX: usize = 1 << 22;
-/// Most samples of one window of Welch's method.
+/// Largest number of samples of one window of Welch's method.
 const WINDOW_MAX: usize = 1 << 16;
-/// Most rows of a density.
+/// Largest number of rows of a density.
 pub const DENSITY_ROWS_MAX: usize = 100_000;
 
 /// One bin of a one-sided spectrum.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SpectrumBin {
-    /// Its middle, Hz.
+    /// Centre frequency, Hz.
     pub frequency_hz: f64,
     /// Power about each axis, rad^2.
     pub power_rad2: DVec3,
 }
 
-/// Why no series can be made of a density.
+/// Reason why no series can be made of a density.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum DensityError {
-    /// A row is no part of a density.
+    /// A row is invalid.
     #[error(transparent)]
     Row(#[from] JitterReject),
     /// Too few or too many rows.
     #[error("{got} rows; wanted 2 to {DENSITY_ROWS_MAX}")]
     Count {
-        /// How many there are.
+        /// Number of rows.
         got: usize,
     },
-    /// No series comes of it.
+    /// The series is invalid.
     #[error(transparent)]
     Series(#[from] RecordError),
 }
 
 impl JitterRecord {
-    /// Returns a series with this density, at least `duration_s` long where its rate allows it; it repeats.
+    /// Returns a series with this density, at least `duration_s` long if its rate allows it; it repeats.
     ///
     /// # Errors
-    /// When the rows are no density, or its frequencies fit no series.
+    /// When the rows are invalid, or the frequencies do not fit a series.
     pub fn of_density(points: &[PsdPoint], seed: u64, duration_s: f64) -> Result<Self, DensityError> {
         if !(2..=DENSITY_ROWS_MAX).contains(&points.len()) {
             return Err(DensityError::Count { got: points.len() });
@@ -112,7 +113,7 @@ impl JitterRecord {
     }
 }
 
-/// Power of a spectrum in a band, rad^2: from the first frequency on, below the second.
+/// Returns the power of a spectrum in a band, rad^2: from the first frequency on, below the second.
 #[must_use]
 pub fn band_power_rad2(spectrum: &[SpectrumBin], [from_hz, below_hz]: [f64; 2]) -> DVec3 {
     let inside = |bin: &&SpectrumBin| (from_hz..below_hz).contains(&bin.frequency_hz);
@@ -133,7 +134,7 @@ pub fn smear_power_rad2(spectrum: &[SpectrumBin], exposure_s: f64) -> DVec3 {
 
 fn phase(seed: u64, axis: usize, place: usize) -> f64 {
     let word = |i: usize| u32::try_from(i).unwrap_or(u32::MAX);
-    // The last word keeps them apart from the lines of a density that came over the bus.
+    // The last word keeps these numbers different from those of a density that came over the bus.
     let [a, ..] = philox([word(place), word(axis), Stage::Jitter as u32, 1], key(seed));
     TAU * (f64::from(a) + 0.5) / 4_294_967_296.0
 }
@@ -145,7 +146,7 @@ fn bin_powers(points: &[PsdPoint], axis: usize, bin_hz: f64, last: usize) -> Vec
     let (mut passed, mut below) = (0.0, 0.0);
     let mut bins = Vec::with_capacity(last);
     for place in 1..=last {
-        // The last bin takes what rounding leaves above it.
+        // The last bin takes the rest that rounding leaves above it.
         let edge_hz = if place == last { f64::INFINITY } else { (place as f64 + 0.5) * bin_hz };
         while let Some(piece) = pieces.next_if(|piece| piece.high_hz <= edge_hz) {
             passed += piece.power_to(piece.high_hz);
@@ -202,7 +203,7 @@ mod tests {
         let spectrum = JitterRecord::new(1e-3, samples, RecordEnd::Still).unwrap().spectrum();
         assert!((band_power_rad2(&spectrum, [45.0, 55.0]).x - 0.5).abs() < 1e-3);
         assert!(band_power_rad2(&spectrum, [100.0, 500.0]).x < 1e-6);
-        // A whole period is in the exposure: all of it smears. A hundredth: none.
+        // An exposure of a whole period smears all of the power; a hundredth of a period smears none.
         assert!((smear_power_rad2(&spectrum, 0.02).x - 0.5).abs() < 1e-3);
         assert!(smear_power_rad2(&spectrum, 0.0002).x < 1e-3);
     }

@@ -1,17 +1,18 @@
 //! The stream of jitter samples: whether one is expected, and how much of an exposure lacks its samples.
 //!
-//! In: when messages with samples arrived, and the epochs of the samples that an exposure has. Out: the time that lacks
-//! samples. A stream is expected from its first sample until nothing has arrived for [`ENDS_AFTER`]. No sample is lacking where
-//! neighbours are up to one and a half periods apart, or the outermost one is less than a period from the exposure's end.
+//! In: arrivals of messages with samples, and the epochs of the samples that an exposure has. Out: the time that lacks
+//! samples. A stream is expected from its first sample until nothing has arrived for [`ENDS_AFTER`]. No sample is
+//! missing where neighbours are up to one and a half periods apart, or the outermost one is less than a period from the
+//! exposure's end.
 //! Tests: below, and `tests/closed_loop/late_jitter.rs`.
 
 use crate::attitude::los::JitterPoint;
 use base::time::{Span, Tai};
 
-/// A stream has ended when nothing of it has arrived for so long.
+/// Time without a message after which a stream has ended.
 const ENDS_AFTER: Span = Span::from_ms(1000);
 
-/// The stream of samples; none at first.
+/// The stream of samples, if there is one.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Stream {
     known: Option<Known>,
@@ -23,12 +24,12 @@ struct Known {
     since: Tai,
     /// Time between samples.
     period: Span,
-    /// When its newest message arrived.
+    /// Arrival of its newest message.
     received_at: Tai,
 }
 
 impl Stream {
-    /// Takes note of a message whose samples begin at `first_at` and are `period` apart.
+    /// Records a message whose samples start at `first_at` and are `period` apart.
     pub(super) fn note(&mut self, first_at: Tai, period: Span, received_at: Tai) {
         let going = self.known.filter(|known| received_at - known.received_at <= ENDS_AFTER);
         let since = going.map_or(first_at, |known| known.since.min(first_at));
@@ -36,7 +37,7 @@ impl Stream {
         self.known = Some(Known { since, period, received_at });
     }
 
-    /// Forgets the stream.
+    /// Removes the stream.
     pub(super) fn clear(&mut self) {
         self.known = None;
     }
@@ -50,12 +51,12 @@ impl Stream {
         self.live(at).is_some()
     }
 
-    /// Returns true when samples up to `until` are still to come, the newest of which is of `newest`.
+    /// Returns true when samples up to `until` are still to come; `newest` is the epoch of the newest sample.
     pub(super) fn is_behind(&self, newest: Option<Tai>, until: Tai) -> bool {
         self.live(until).is_some_and(|known| newest.is_none_or(|newest| until - newest >= known.period))
     }
 
-    /// Returns how much of `from..=until` lacks samples; `points` are those that bear on it, in order of time.
+    /// Returns how much of `from..=until` lacks samples; `points` are those that affect it, in order of time.
     pub(super) fn missing(&self, points: &[JitterPoint], from: Tai, until: Tai) -> Span {
         let Some(known) = self.live(until) else { return Span::ZERO };
         let from = from.max(known.since);
@@ -81,7 +82,7 @@ mod tests {
         epochs_ms.into_iter().map(|t_ms| JitterPoint { at: ms(t_ms), rotation_rad: DVec3::ZERO }).collect()
     }
 
-    /// 1 kHz from 0 on, last received at 120 ms.
+    /// Returns a stream of 1 kHz from 0 on, last received at 120 ms.
     fn stream() -> Stream {
         let mut stream = Stream::default();
         stream.note(ms(0), Span::from_ms(1), ms(2));

@@ -1,9 +1,9 @@
 //! Text of a jitter record, or of its density, as CSV -> samples or breakpoints in rad.
 //!
-//! The first line that is no comment names the columns, units included: `t_s,x_arcsec,y_arcsec` or
-//! `frequency_hz,x_urad2_hz,y_urad2_hz`; `z` is taken and may be left out, as may one of `x` and `y`. `#` begins a comment.
-//! *Limits.* Equal steps of time, to a tenth of one; [`RECORD_SAMPLES_MAX`] rows of a series, [`DENSITY_ROWS_MAX`] of a
-//! density. Every refusal has the line and the reason. Fuzzed: `tests/fuzz/targets/jitter_table.rs`.
+//! The first line that is not a comment names the columns, units included: `t_s,x_arcsec,y_arcsec` or
+//! `frequency_hz,x_urad2_hz,y_urad2_hz`; `z` is optional, as is one of `x` and `y`. `#` starts a comment. *Limits.*
+//! Equal steps of time, to a tenth of one; [`RECORD_SAMPLES_MAX`] rows of a series, [`DENSITY_ROWS_MAX`] of a density.
+//! Every refusal states the line and the reason. Fuzzed: `tests/fuzz/targets/jitter_table.rs`.
 
 use crate::attitude::jitter::psd::PsdPoint;
 use crate::attitude::jitter::record::{JitterRecord, RECORD_SAMPLES_MAX, RecordEnd, RecordError};
@@ -11,24 +11,24 @@ use crate::attitude::jitter::spectrum::DENSITY_ROWS_MAX;
 use base::units::{ARCSEC, DEG};
 use glam::DVec3;
 
-/// Largest rotation that is taken as jitter, rad: 10 degrees.
+/// Largest rotation that is accepted as jitter, rad: 10 degrees.
 const MOST_RAD: f64 = 10.0 * DEG;
-/// Most columns of a table.
+/// Largest number of columns of a table.
 const COLUMNS_MAX: usize = 4;
 /// Characters of a refused line that a message shows.
 const SHOWN: usize = 60;
-/// How far the time of a row may be from equal steps, in steps.
+/// Largest deviation of a row's time from equal steps, in steps.
 const STEP_TOLERANCE: f64 = 0.1;
 
-/// Why a text is no table of jitter.
+/// Error in a table of jitter.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("line {line}: \"{got}\"; wanted {wanted}")]
 pub struct JitterTableError {
     /// Line, from 1.
     pub line: usize,
-    /// What is there.
+    /// Text found.
     pub got: String,
-    /// What was wanted.
+    /// Text wanted.
     pub wanted: String,
 }
 
@@ -39,7 +39,7 @@ impl JitterTableError {
     }
 }
 
-/// A column of a table: the axis it is of, `None` for the first quantity; and its unit in SI.
+/// A column of a table: its axis, `None` for the first quantity; and its unit in SI.
 type Column = (Option<usize>, f64);
 
 /// Names of a first column, and their units.
@@ -54,7 +54,7 @@ const ANGLES: [(&str, f64); 5] =
 /// Reads a measured series.
 ///
 /// # Errors
-/// The first line that cannot be one of it.
+/// The first invalid line.
 pub fn read_series(text: &str, end: RecordEnd) -> Result<JitterRecord, JitterTableError> {
     let (mut times, mut samples) = (Vec::new(), Vec::new());
     let mut line_of_first = 1;
@@ -88,7 +88,7 @@ pub fn read_series(text: &str, end: RecordEnd) -> Result<JitterRecord, JitterTab
 /// Reads a one-sided density.
 ///
 /// # Errors
-/// The first line that cannot be one of it.
+/// The first invalid line.
 pub fn read_density(text: &str) -> Result<Vec<PsdPoint>, JitterTableError> {
     let mut points: Vec<PsdPoint> = Vec::new();
     for_each_row(text, FREQUENCIES, "2_hz", DENSITY_ROWS_MAX, |line, frequency_hz, density, row| {
@@ -108,7 +108,7 @@ pub fn read_density(text: &str) -> Result<Vec<PsdPoint>, JitterTableError> {
     Ok(points)
 }
 
-/// Reads the columns' names and then hands line, first quantity and vector of every row to `take`.
+/// Reads the columns' names and then passes line, first quantity and vector of every row to `take`.
 fn for_each_row(
     text: &str,
     firsts: Firsts,
@@ -150,7 +150,7 @@ fn for_each_row(
     Ok(())
 }
 
-/// What the named columns are.
+/// Returns the columns named by the header.
 fn columns(line: usize, header: &str, firsts: Firsts, power: &str) -> Result<Vec<Column>, JitterTableError> {
     let wanted = || {
         let first: Vec<&str> = firsts.iter().map(|(name, _)| *name).collect();

@@ -5,12 +5,12 @@
 //! and Grogan, "Development and validation of reaction wheel disturbance models", Journal of Sound and Vibration 249,
 //! 2002). Output: one line per harmonic, with its phase at mid-exposure.
 //!
-//! *Speed* is linear between messages and held before the first and after the last. The *angle* is its integral, 0 at the
-//! first message; the trapezoid of a linear speed is exact.
+//! *Speed* is linear between messages and held before the first and after the last. The *angle* is its integral, 0 at
+//! the first message; the trapezoid of a linear speed is exact.
 //!
 //! *Frozen speed.* During one exposure a harmonic has the frequency and the amplitude of mid-exposure. With the speed
-//! changing by `a` it errs by at most `harmonic a T^2 / 8` rad of phase at the exposure's ends, times the amplitude, and by
-//! `exponent a T / (2 speed)` of the amplitude; [`WheelHarmonics::frozen_bound_rad`] sums both over the table.
+//! changing by `a` it errs by at most `harmonic a T^2 / 8` rad of phase at the exposure's ends, times the amplitude,
+//! and by `exponent a T / (2 speed)` of the amplitude; [`WheelHarmonics::frozen_bound_rad`] sums both over the table.
 //! `tests/physics/bus_jitter.rs` has both sides of the bound.
 
 use super::lines::forward;
@@ -21,9 +21,9 @@ use core::f64::consts::TAU;
 use glam::DVec3;
 use std::collections::VecDeque;
 
-/// Wheels whose speeds are told.
+/// Number of wheels whose speeds are sent.
 pub const WHEELS: usize = 4;
-/// Harmonics at most.
+/// Largest number of harmonics.
 pub const HARMONICS_MAX: usize = 64;
 /// Speed at which amplitudes are given, rad/s: 1000 rpm.
 const NOMINAL_RAD_S: f64 = 1000.0 * TAU / 60.0;
@@ -50,11 +50,11 @@ pub struct WheelHarmonic {
 struct Speeds {
     at: Tai,
     rad_s: [f64; WHEELS],
-    /// All turns since the first message: harmonics need not be whole, so none can be dropped. f64 keeps 1e-6 after years.
+    /// Turns since the first message: harmonics need not be whole, so none can be dropped. f64 keeps 1e-6 after years.
     turns: [f64; WHEELS],
 }
 
-/// The table and the speeds so far.
+/// The table, and the speeds so far.
 #[derive(Debug, Clone)]
 pub(super) struct WheelHarmonics {
     table: Vec<WheelHarmonic>,
@@ -103,7 +103,7 @@ impl WheelHarmonics {
         Ok(())
     }
 
-    /// Takes the speeds at an instant later than those before.
+    /// Accepts the speeds at an instant later than those before.
     pub(super) fn set_speeds(&mut self, rad_s: [f64; WHEELS], at: Tai) -> Result<(), HistoryReject> {
         if !rad_s.iter().all(|speed| speed.is_finite()) {
             return Err(HistoryReject::NotFinite);
@@ -135,7 +135,7 @@ impl WheelHarmonics {
         }
     }
 
-    /// Adds the lines of an exposure; their phases hold at `mid_exposure`.
+    /// Adds the lines of an exposure; their phases refer to `mid_exposure`.
     pub(super) fn add_lines(&self, mid_exposure: Tai, lines: &mut Vec<JitterLine>) {
         let line = |row: &WheelHarmonic| {
             let (speed_rad_s, turns) = self.state_at(row.wheel, mid_exposure)?;
@@ -146,7 +146,7 @@ impl WheelHarmonics {
         lines.extend(self.table.iter().filter_map(line));
     }
 
-    /// What frozen speeds may err by at the ends of an exposure, sensor axes, rad.
+    /// Returns the largest error of constant speeds at the ends of an exposure, sensor axes, rad.
     pub(super) fn frozen_bound_rad(&self, from: Tai, until: Tai) -> DVec3 {
         let exposure_s = (until - from).s();
         let middle = from + Span::from_s(0.5 * exposure_s);

@@ -1,27 +1,27 @@
-//! What is known of the remote clock at one instant, and how well.
+//! Estimate of the remote clock at one instant, with its uncertainty.
 
 use base::time::{Span, Tai};
 
 /// Local time of a remote time: `local = remote + offset + drift * (remote - reference)`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ClockEstimate {
-    /// Local minus remote time at the reference, the link's constant delay taken off.
+    /// Local minus remote time at the reference, with the link's constant delay subtracted.
     pub offset: Span,
-    /// Remote time at which the offset holds, ns: that of the newest mark.
+    /// Remote time to which the offset refers, ns: that of the newest mark.
     pub reference_remote_ns: i64,
-    /// Local seconds per remote second, less one.
+    /// Local seconds per remote second, minus one.
     pub drift: f64,
-    /// One sigma of the offset, without what the calibrated constant delay may err by.
+    /// One sigma of the offset, without the error of the calibrated constant delay.
     pub offset_sigma: Span,
     /// One sigma of the drift.
     pub drift_sigma: f64,
-    /// How fast the drift wanders: its variance grows by this each second, 1/s.
+    /// Random walk of the drift: its variance grows by this each second, 1/s.
     pub drift_walk_per_s: f64,
-    /// How far above the line the newest mark was: its queueing delay, as it looked when it came.
+    /// Height of the newest mark above the line: its queueing delay, as estimated when it came.
     pub residual: Span,
-    /// Largest less smallest difference in this window and the one before: how unsteady the link's delay was.
+    /// Largest minus smallest difference in this window and the previous one: the variation of the link's delay.
     pub spread: Span,
-    /// Marks in this window and the one before.
+    /// Number of marks in this window and the previous one.
     pub pairs: usize,
 }
 
@@ -41,8 +41,8 @@ impl ClockEstimate {
         remote.ns()
     }
 
-    /// Returns one sigma at a remote time: what the offset and the drift may err by, and how far the drift may have
-    /// wandered (`q t^3 / 3`). Offset and drift are taken as independent, and their errors are added: never too small.
+    /// Returns one sigma at a remote time from the errors of offset and drift and the random walk of the drift (`q t^3
+    /// / 3`). Offset and drift are taken as independent, and their errors are added: never too small.
     #[must_use]
     pub fn sigma_at(&self, remote_ns: i64) -> Span {
         let since_s = Span::from_ns(remote_ns.saturating_sub(self.reference_remote_ns)).s().abs();

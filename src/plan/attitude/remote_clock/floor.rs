@@ -1,21 +1,21 @@
-//! How close the marks' delays come to their floor: the scale of queueing, learnt from the marks.
+//! Distance of the marks' delays from their floor: the scale of queueing, learnt from the marks.
 //!
-//! Input: how far marks lie above the line, ns. Output: `s`, the mean of the exponential law that has as many delays
+//! Input: heights of marks above the line, ns. Output: `s`, the mean of the exponential law that has as many delays
 //! near the floor. The octile (1/8 of the marks lie below it) is followed by steps in proportion to itself, down by 7
-//! parts with a mark below it and up by 1 with one above; `s` is the octile over `-ln(7/8)`. Only what is near the
-//! floor counts, so late marks (10 % or 50 % of them) hardly matter. Steps shrink from 0.8 to 1/20: learnt within some
-//! 30 marks.
+//! parts with a mark below it and up by 1 with one above; `s` is the octile over `-ln(7/8)`. Only marks near the floor
+//! count, so late marks (10 % or 50 % of them) hardly matter. Steps shrink from 0.8 to 1/20: learnt within some 30
+//! marks.
 
-/// Where `s` begins, ns: more than most links have, so that the first lines are not believed too much.
+/// Initial `s`, ns: more than most links have, so that the first lines get a low weight.
 const FIRST_NS: f64 = 100_000.0;
-/// Below it `s` would be finer than stamps are (SCET counts 60 ns), ns.
+/// Lower limit of `s`: the resolution of stamps (SCET counts 60 ns), ns.
 const LEAST_NS: f64 = 60.0;
 /// `-ln(7/8)`.
 const OCTILE_OF_EXPONENTIAL: f64 = 0.133_531_392_624_522_62;
 /// Largest and smallest step.
 const GAIN: (f64, f64) = (0.8, 0.05);
 
-/// The scale so far.
+/// The present scale.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct DelayFloor {
     octile_ns: f64,
@@ -27,13 +27,13 @@ impl DelayFloor {
         Self { octile_ns: FIRST_NS * OCTILE_OF_EXPONENTIAL, marks: 0 }
     }
 
-    /// `s`, ns.
+    /// Returns `s`, ns.
     pub(super) fn scale_ns(&self) -> f64 {
         (self.octile_ns / OCTILE_OF_EXPONENTIAL).max(LEAST_NS)
     }
 
-    /// Takes a mark that lies so far above the line. Below it counts like above: that is the line's error, and must not
-    /// make it surer of itself.
+    /// Updates the scale with a mark's height above the line. A mark below counts like one above: it shows the line's
+    /// error, and must not reduce its uncertainty.
     pub(super) fn observe(&mut self, above_ns: f64) {
         self.marks = self.marks.saturating_add(1);
         let gain = (1.0 / (1.0 + f64::from(self.marks) / 4.0)).clamp(GAIN.1, GAIN.0);
@@ -59,7 +59,7 @@ mod tests {
     #[test]
     fn the_scale_is_learnt_and_late_marks_hardly_matter() {
         for mean_ns in [500.0, 20_000.0, 300_000.0] {
-            // A step of 1/20 every mark: the octile is known to a factor of 1.6.
+            // With a step of 1/20 per mark the octile is known to a factor of 1.6.
             let ratio = learnt_ns(mean_ns, 0.0, 400) / mean_ns;
             assert!((0.6..1.6).contains(&ratio), "{ratio} of {mean_ns} ns");
             let ratio = learnt_ns(mean_ns, 0.3, 400) / mean_ns;

@@ -6,7 +6,7 @@
 //! measurements", INFOCOM 1999; kept as a hull by Zhang, Liu and Xia, INFOCOM 2002). Chain by Andrew (1979): a point
 //! costs O(1) on the whole.
 //!
-//! *What the edge errs by.* With `n` points of exponential delay of mean `s` over a time `T`, the points near the line are
+//! *Error of the edge.* With `n` points of exponential delay of mean `s` over a time `T`, the points near the line are
 //! a Poisson process and the edge's errors scale: its height over the middle is `1.83 s/n` too large on average and
 //! scatters by `1.37 s/n`, its slope by `6.9 s/(n T)`. The three numbers are from 6000 draws of 300 points;
 //! `the_edge_errs_as_stated` draws them again.
@@ -17,7 +17,8 @@ pub(super) const HEIGHT_MEAN: f64 = 1.83;
 pub(super) const HEIGHT_SIGMA: f64 = 1.37;
 /// Standard deviation of the slope, in `s/(n T)`.
 pub(super) const SLOPE_SIGMA: f64 = 6.9;
-/// Vertices kept. Random delays need about 2 ln n; a clock whose drift only grows puts every point on the hull.
+/// Largest number of vertices. Random delays need about 2 ln n; a clock whose drift only grows puts every point on the
+/// hull.
 const VERTICES_MAX: usize = 256;
 
 /// A point: x in s, y in ns.
@@ -35,7 +36,7 @@ pub(super) struct Edge {
     pub slope_ns_per_s: f64,
 }
 
-/// The hull so far.
+/// The present hull.
 #[derive(Debug, Clone)]
 pub(super) struct LowerHull {
     vertices: Vec<Vertex>,
@@ -45,7 +46,7 @@ pub(super) struct LowerHull {
 }
 
 impl LowerHull {
-    /// Returns an empty hull; all memory is taken here.
+    /// Returns an empty hull; all memory is allocated here.
     pub(super) fn new() -> Self {
         Self { vertices: Vec::with_capacity(VERTICES_MAX), count: 0, first_x_s: 0.0, last_x_s: 0.0 }
     }
@@ -55,17 +56,17 @@ impl LowerHull {
         self.count = 0;
     }
 
-    /// Returns points taken.
+    /// Returns the number of points.
     pub(super) fn count(&self) -> usize {
         self.count
     }
 
-    /// From the first point to the last, s.
+    /// Returns the length from the first point to the last, s.
     pub(super) fn length_s(&self) -> f64 {
         if self.count == 0 { 0.0 } else { self.last_x_s - self.first_x_s }
     }
 
-    /// Takes a point at or to the right of the last one.
+    /// Adds a point at or to the right of the last one.
     pub(super) fn push(&mut self, x_s: f64, y_ns: f64) {
         if self.count == 0 {
             self.first_x_s = x_s;
@@ -92,7 +93,7 @@ impl LowerHull {
         self.vertices.push(point);
     }
 
-    /// The inner vertex leaves whose chord rises least above it: at most a few ns for any clock.
+    /// Removes the inner vertex whose chord rises least above it: at most a few ns for any clock.
     fn thin(&mut self) {
         let sagitta = |i: usize| {
             let [a, b, c] = [self.vertices[i - 1], self.vertices[i], self.vertices[i + 1]];
@@ -165,7 +166,8 @@ mod tests {
         assert!((edge.height_ns - 2500.0).abs() < 10.0, "{edge:?}: x^2 at 50");
     }
 
-    /// The scatter of the sampled numbers: 3 % of a deviation, 5 % of the slope's (its tails are long).
+    /// Tests the three numbers within their sampling scatter: 3 % of a deviation, 5 % of the slope's (its tails are
+    /// long).
     #[test]
     fn the_edge_errs_as_stated() {
         const DRAWS: u32 = 3000;

@@ -1,20 +1,22 @@
 //! Offset and drift with their covariance: a Kalman filter of two states.
 //!
 //! Input: measured offsets (ns) and rates (ns/s = ppb) with their variances, at remote times. Model: the offset is the
-//! integral of the rate, the rate walks at random with `q` (ns/s)^2/s. An oscillator whose frequency walks has the Allan
-//! variance `q tau / 3`, so `q = 3 a^2` with `a` the Allan deviation at 1 s. Measurements come one by one (their errors
-//! are independent). One that lies further out than [`BELIEVED_SIGMAS`] is either a bad measurement or the sign of a shock;
-//! [`Trust`] says which: the measurement's variance or the prior's is widened until it lies that far out. Tests: against textbook least squares, and consistency in `tests/physics/time_correlation.rs`.
+//! integral of the rate, the rate walks at random with `q` (ns/s)^2/s. An oscillator whose frequency walks has the
+//! Allan variance `q tau / 3`, so `q = 3 a^2` with `a` the Allan deviation at 1 s. Measurements come one by one (their
+//! errors are independent). One that deviates by more than [`BELIEVED_SIGMAS`] is either a bad measurement or the sign
+//! of a shock; [`Trust`] selects which: the measurement's variance or the prior's is widened until the deviation equals
+//! that limit.
+//! Tests: against textbook least squares, and consistency in `tests/physics/time_correlation.rs`.
 
-/// Deviations within which a measurement is believed as it is.
+/// Largest deviation at which a measurement is used unchanged, sigma.
 const BELIEVED_SIGMAS: f64 = 4.0;
 
-/// What to doubt when a measurement is a surprise.
+/// Side that is trusted when measurement and prior disagree.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Trust {
-    /// The prior.
+    /// The measurement is trusted, and the prior widened.
     Measurement,
-    /// The measurement.
+    /// The prior is trusted, and the measurement widened.
     Prior,
 }
 
@@ -22,7 +24,7 @@ pub(super) enum Trust {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct TwoState {
     at_remote_ns: i64,
-    /// Whole nanoseconds that `offset_ns` counts from: f64 would lose them.
+    /// Whole nanoseconds to which `offset_ns` is added: f64 would lose them.
     base_ns: i64,
     offset_ns: f64,
     rate_ns_per_s: f64,
@@ -32,7 +34,7 @@ pub(super) struct TwoState {
 }
 
 impl TwoState {
-    /// Returns an offset and a rate of 0, with deviations.
+    /// Returns a state with an offset and a rate of 0, with these deviations.
     pub(super) fn new(remote_ns: i64, offset_ns: i64, offset_sigma_ns: f64, rate_sigma_ns_per_s: f64) -> Self {
         Self {
             at_remote_ns: remote_ns,
@@ -49,7 +51,7 @@ impl TwoState {
         self.at_remote_ns
     }
 
-    /// Offset: whole nanoseconds and the rest.
+    /// Returns the offset: whole nanoseconds and the rest.
     pub(super) fn offset(&self) -> (i64, f64) {
         (self.base_ns, self.offset_ns)
     }
@@ -66,7 +68,7 @@ impl TwoState {
         self.rate_variance.max(0.0).sqrt()
     }
 
-    /// Returns how far an offset lies above this state's, ns.
+    /// Returns the height of an offset above this state's, ns.
     pub(super) fn above_ns(&self, offset_ns: i64) -> f64 {
         offset_ns.saturating_sub(self.base_ns) as f64 - self.offset_ns
     }
@@ -84,7 +86,7 @@ impl TwoState {
         self.rebased()
     }
 
-    /// Takes a measured offset: `base_ns + rest_ns`.
+    /// Returns the state updated with a measured offset: `base_ns + rest_ns`.
     pub(super) fn with_offset(mut self, base_ns: i64, rest_ns: f64, variance: f64, trust: Trust) -> Self {
         let innovation = self.above_ns(base_ns) + rest_ns;
         let variance = self.widen(innovation, self.offset_variance, variance, trust);
@@ -98,7 +100,7 @@ impl TwoState {
         self.rebased()
     }
 
-    /// Takes a measured rate.
+    /// Returns the state updated with a measured rate.
     pub(super) fn with_rate(mut self, rate_ns_per_s: f64, variance: f64, trust: Trust) -> Self {
         let innovation = rate_ns_per_s - self.rate_ns_per_s;
         let variance = self.widen(innovation, self.rate_variance, variance, trust);
@@ -112,7 +114,7 @@ impl TwoState {
         self
     }
 
-    /// Returns the same rate, a little less sure of itself, with an offset of which nothing is known but its size.
+    /// Returns the same rate with slightly more uncertainty, and an offset whose error is only known by its size.
     pub(super) fn shifted_to(mut self, remote_ns: i64, offset_ns: i64, offset_sigma_ns: f64, rate_shock: f64) -> Self {
         self.at_remote_ns = remote_ns;
         self.base_ns = offset_ns;
@@ -123,13 +125,13 @@ impl TwoState {
         self
     }
 
-    /// Returns a rate within its limit.
+    /// Returns the state with its rate limited.
     pub(super) fn limited(mut self, most_ns_per_s: f64) -> Self {
         self.rate_ns_per_s = self.rate_ns_per_s.clamp(-most_ns_per_s, most_ns_per_s);
         self
     }
 
-    /// Widens what is doubted, and gives the measurement's variance.
+    /// Widens the untrusted side, and returns the measurement's variance.
     fn widen(&mut self, innovation: f64, prior: f64, measured: f64, trust: Trust) -> f64 {
         let total = (innovation / BELIEVED_SIGMAS).powi(2);
         if total <= prior + measured {
@@ -188,7 +190,7 @@ mod tests {
         assert!((state.offset_sigma_ns() - 1000.0_f64.sqrt()).abs() < ROUNDING, "q t^3 / 3");
         assert!((state.rate_sigma_ns_per_s() - 30.0_f64.sqrt()).abs() < ROUNDING, "q t");
         let known = state.with_offset(0, 0.0, 0.0, Trust::Prior);
-        // What the offset does not tell of the rate: q t / 4.
+        // Uncertainty of the rate that remains when the offset is known: q t / 4.
         assert!((known.rate_sigma_ns_per_s() - 7.5_f64.sqrt()).abs() < ROUNDING, "{known:?}");
     }
 

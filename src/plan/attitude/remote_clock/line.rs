@@ -1,44 +1,45 @@
-//! One line of offset and drift under the marks: what earlier windows left in the filter, and the hull of this one.
+//! One line of offset and drift under the marks: earlier windows through the filter, and the hull of this one.
 //!
-//! Input: marks (remote time, local minus remote), already judged. Output: a [`TwoState`] at any remote time. A window's
-//! hull is used from its first mark on, and goes into the filter once, when the window is full: no mark counts twice.
-//! Memory is the hulls' and is taken at construction; a mark costs O(1) on the whole, an estimate O(log n).
+//! Input: marks (remote time, local minus remote), already judged. Output: a [`TwoState`] at any remote time. A
+//! window's hull is used from its first mark on, and goes into the filter once, when the window is full: no mark counts
+//! twice. Memory is that of the hulls, allocated at construction; a mark costs O(1) amortised, an estimate O(log n).
 
 use super::floor::DelayFloor;
 use super::hull::{Edge, HEIGHT_MEAN, HEIGHT_SIGMA, LowerHull, SLOPE_SIGMA};
 use super::kalman::{Trust, TwoState};
 use super::mark::Mark;
 
-/// Deviation of the first mark's delay, ns; each pair of marks leaves a tenth of it: the chance that all were late.
+/// Deviation of the first mark's delay, ns; each pair of marks reduces it to a tenth: the chance that all were late.
 const FIRST_DELAY_SIGMA_NS: f64 = 1e6;
-/// The link's delay becomes known by so many marks; before, the hull's mean height is not taken off.
+/// Marks needed to know the link's delay; before, the hull's mean height is not subtracted.
 const MARKS_FOR_BIAS: usize = 16;
-/// Marks for a slope of their own.
+/// Marks needed to measure a slope.
 const MARKS_FOR_SLOPE: usize = 3;
-/// Marks this many scales above the line say nothing of the floor.
+/// Marks more scales than this above the line do not show the floor.
 const NEAR_SCALES: f64 = 8.0;
-/// Marks, and seconds, that all lie above the line before the line follows them.
+/// Number of marks, and seconds, that must all lie above the line before the line follows them.
 const RISEN: (usize, f64) = (16, 4.0);
-/// The least of n delays is above this many `s/n` with a chance of e^-20. Less than what 16 marks must show is no rise:
-/// the hull follows it by and by.
+/// Height, in `s/n`, above which the least of n delays lies with a chance of e^-20. A smaller height of 16 marks is not
+/// treated as a rise: the hull follows it gradually.
 const RISEN_SCALES: f64 = 20.0;
-/// The line then begins again with so many of the newest of them: a mark that was only late may have been the first.
+/// Number of the newest of these marks with which the line then restarts: a mark that was only late may have been the
+/// first.
 const RISEN_KEPT: usize = 8;
-/// What a shift may have to do with the drift, ns/s (2 ppm) at most.
+/// Largest change of drift that a shift may indicate, ns/s (2 ppm).
 const MOST_RATE_SHOCK: f64 = 2000.0;
 
-/// What the line takes as given.
+/// Parameters of a line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct LineParams {
     /// Length of a window of remote time, s.
     pub window_s: f64,
     /// Random walk of the rate, (ns/s)^2/s.
     pub walk: f64,
-    /// Steeper slopes are no drift, ns/s.
+    /// Steepest slope that counts as drift, ns/s.
     pub most_rate_ns_per_s: f64,
 }
 
-/// Marks from an origin on, as a hull.
+/// Marks from an origin on, in a hull.
 #[derive(Debug, Clone)]
 struct Window {
     hull: LowerHull,
@@ -54,7 +55,7 @@ struct Rising {
     least_above_ns: f64,
 }
 
-/// Extremes of differences, and how many.
+/// Smallest and largest difference, and count.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Seen {
     smallest_ns: i64,
@@ -65,9 +66,9 @@ struct Seen {
 #[derive(Debug, Clone)]
 pub(super) struct Line {
     params: LineParams,
-    /// What the windows before this one left, at the middle of the last of them.
+    /// State after the previous windows, at the middle of the last of them.
     before: TwoState,
-    /// The filter and this window, at the newest mark.
+    /// State of the filter with this window, at the newest mark.
     now: TwoState,
     window: Window,
     rising: Rising,
@@ -148,7 +149,7 @@ impl Line {
         }
     }
 
-    /// Begins at a mark of which nothing else is known. The prior of the drift: a quarter of its limit.
+    /// Starts at a mark without other data. The prior of the drift is a quarter of its limit.
     pub(super) fn begin(&mut self, mark: Mark) {
         let rate_sigma = 0.25 * self.params.most_rate_ns_per_s;
         self.before = TwoState::new(mark.remote_ns, mark.difference_ns, FIRST_DELAY_SIGMA_NS, rate_sigma);
@@ -156,7 +157,7 @@ impl Line {
         self.restart(mark);
     }
 
-    /// Begins at a mark after a step of `other`: drift and delays are those that were.
+    /// Starts at a mark after a step of `other`: drift and delays are kept.
     pub(super) fn begin_after(&mut self, other: &Self, mark: Mark) {
         self.floor = other.floor;
         self.before = other.now.shifted_to(mark.remote_ns, mark.difference_ns, FIRST_DELAY_SIGMA_NS, MOST_RATE_SHOCK);
@@ -184,12 +185,12 @@ impl Line {
         self.floor.scale_ns()
     }
 
-    /// Returns the height of the newest mark over the line as it was before that mark, ns.
+    /// Returns the height of the newest mark above the line before that mark, ns.
     pub(super) fn residual_ns(&self) -> f64 {
         self.residual_ns
     }
 
-    /// Returns the smallest and largest difference, and marks, of this window and the one before.
+    /// Returns the smallest and largest difference, and the number of marks, of this window and the previous one.
     pub(super) fn seen(&self) -> (i64, i64, usize) {
         let seen = self.seen[0].with(self.seen[1]);
         (seen.smallest_ns, seen.largest_ns, seen.marks)
@@ -200,13 +201,13 @@ impl Line {
         self.now.at(remote_ns, self.params.walk)
     }
 
-    /// Deviations of offset (ns) and rate (ns/s) at the newest mark.
+    /// Returns the deviations of offset (ns) and rate (ns/s) at the newest mark.
     pub(super) fn sigmas(&self) -> (f64, f64) {
         (self.now.offset_sigma_ns(), self.now.rate_sigma_ns_per_s())
     }
 
-    /// Takes a mark that is not below the line by more than `gate_ns`. True when the line had to follow marks that
-    /// all lie above it.
+    /// Adds a mark that is not below the line by more than `gate_ns`. Returns true when the line was moved to marks
+    /// that all lie above it.
     pub(super) fn take(&mut self, mark: Mark, gate_ns: f64) -> bool {
         let above_ns = self.at(mark.remote_ns).above_ns(mark.difference_ns);
         let near_ns = gate_ns + NEAR_SCALES * self.scale_ns();
@@ -233,7 +234,7 @@ impl Line {
         has_risen
     }
 
-    /// The line is not where these marks are: it begins again with them, and keeps its drift.
+    /// Restarts the line at marks that do not fit it, and keeps its drift.
     pub(super) fn begin_shifted(&mut self, marks: impl Iterator<Item = Mark>) {
         let walk = self.params.walk;
         self.window.hull.clear();
@@ -260,7 +261,7 @@ impl Line {
         is_long && least_above_ns > gate_ns + RISEN_SCALES * self.scale_ns() / count as f64
     }
 
-    /// A shift may be the link's or, when it is small, the sign of a drift that the filter did not follow.
+    /// Shifts the line: the cause may be the link or, when the shift is small, a drift that the filter did not follow.
     fn shift(&mut self, mark: Mark, above_ns: f64) {
         let shock = (above_ns / self.params.window_s).abs().min(MOST_RATE_SHOCK);
         let there = self.now.at(mark.remote_ns, self.params.walk);
@@ -283,7 +284,7 @@ impl Line {
         known.at(remote_ns, self.params.walk).limited(self.params.most_rate_ns_per_s)
     }
 
-    /// What was known before with this window's edge, at the edge's middle.
+    /// Returns the state before this window updated with its edge, at the edge's middle.
     fn measured(&self, edge: &Edge) -> TwoState {
         let LineParams { walk, most_rate_ns_per_s, .. } = self.params;
         let (hull, origin) = (&self.window.hull, &self.window.origin);
@@ -294,7 +295,7 @@ impl Line {
         let is_known = count >= MARKS_FOR_BIAS;
         let is_long = is_known && length_s >= 0.5 * self.params.window_s;
         let trust = if is_long { Trust::Measurement } else { Trust::Prior };
-        // What a walking rate bends the true line by, in the middle of a chord and over its length.
+        // Deviation of the true line from a chord because of the rate's walk, in the middle and over the length.
         let (bent, turned) = (walk * length_s.powi(3) / 192.0, walk * length_s / 12.0);
         let doubt_ns = late_ns + if is_known { 0.0 } else { bias_ns };
         let height_variance = (HEIGHT_SIGMA * unit_ns).powi(2) + doubt_ns * doubt_ns + bent;

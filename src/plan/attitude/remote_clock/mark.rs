@@ -5,6 +5,6 @@
 pub(super) struct Mark {
     /// Remote time of SYNC's transmission, ns.
     pub remote_ns: i64,
-    /// Local time of its reception less that, ns.
+    /// Local time of its reception minus `remote_ns`, ns.
     pub difference_ns: i64,
 }

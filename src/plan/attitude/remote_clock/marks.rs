@@ -1,62 +1,63 @@
-//! Time marks, and which of them to believe.
+//! Judges time marks: which of them are used.
 //!
-//! Input: a mark and the line so far. Output: a [`Verdict`]. Early is judged against the predicted line: a gate of 3 us
-//! and six deviations of the prediction (100 us of them at most while the line is young), since no delay is below the
-//! floor. Limits: marks that are damaged alike as often as [`AGREEING`] are believed; the bus's own checksum is what
-//! keeps them rare.
+//! Input: a mark and the line so far. Output: a [`Verdict`]. A mark is early relative to the predicted line: the gate
+//! is 3 us and six deviations of the prediction (at most 100 us of them while the line is young), because no delay is
+//! below the floor. Limits: marks that are equally damaged as often as [`AGREEING`] are used; only the bus's own
+//! checksum keeps them rare.
 
 use super::line::Line;
 use super::mark::Mark;
 use std::collections::VecDeque;
 
-/// Outliers that a further one must agree with.
+/// Number of outliers that a further one must agree with.
 pub(super) const AGREEING: usize = 2;
-/// Marks after which an outlier is forgotten: when the link has become faster most marks say so, damage is rare.
+/// Number of marks after which an outlier is dropped: when the link has become faster most marks show it; damage is
+/// rare.
 const OUTLIER_KEPT_FOR: u64 = 16;
-/// Consecutive marks beyond the limit that make a growing step.
+/// Number of consecutive marks beyond the limit that make a growing step.
 const LATE_MARKS_FOR_STEP: u32 = 3;
-/// Early marks agree within this, ns: at the rate of a fast slew (0.5 deg/s) it is 0.2 arcsec. Or within
-/// [`AGREE_SCALES`] scales of the delays, where those are more.
+/// Tolerance within which early marks agree, ns: at the rate of a fast slew (0.5 deg/s) it is 0.2 arcsec. Or
+/// [`AGREE_SCALES`] scales of the delays, if that is larger.
 const AGREE_NS: f64 = 100_000.0;
 const AGREE_SCALES: f64 = 4.0;
-/// Nothing is early by less, ns: the grain of stamps, and floors that are not quite constant.
+/// Smallest gate for early marks, ns: the resolution of stamps, and floors that are not quite constant.
 const LEAST_GATE_NS: f64 = 3_000.0;
-/// Deviations of the prediction within which a mark is no surprise.
+/// Deviations of the prediction up to which a mark is normal.
 const GATE_SIGMAS: f64 = 6.0;
-/// As much as these may add while a line is young, ns.
+/// Largest contribution of these deviations while a line is young, ns.
 const MOST_SIGMAS_NS: f64 = 95_000.0;
 
-/// What a mark is.
+/// Classification of a mark.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Verdict {
-    /// One of the line's.
+    /// It fits the line.
     Fits,
-    /// Earlier than can be, as others before it.
+    /// Earlier than physically possible, as are others before it.
     Fell,
-    /// Earlier than can be.
+    /// Outlier: earlier than physically possible.
     Outlier,
     /// Later than the limit.
     Late,
-    /// Of a clock that stepped.
+    /// The clock has stepped.
     Stepped,
 }
 
-/// The memory of doubtful marks.
+/// Memory of doubtful marks.
 #[derive(Debug, Clone)]
 pub(super) struct Doubts {
-    /// With the number of each.
+    /// Outliers, each with its number.
     outliers: VecDeque<(u64, Mark)>,
     judged: u64,
     late_in_a_row: u32,
 }
 
 impl Mark {
-    /// Returns the remote seconds from another mark to this.
+    /// Returns the time from another mark to this one, remote s.
     pub(super) fn since_s(&self, other: &Self) -> f64 {
         self.remote_ns.saturating_sub(other.remote_ns) as f64 * 1e-9
     }
 
-    /// Returns the remote time so many seconds after this mark, ns.
+    /// Returns the remote time `by_s` seconds after this mark, ns.
     pub(super) fn later_ns(&self, by_s: f64) -> i64 {
         #[allow(clippy::cast_possible_truncation, reason = "float-to-int casts saturate")]
         let by_ns = (by_s * 1e9).round() as i64;
@@ -64,7 +65,7 @@ impl Mark {
     }
 }
 
-/// Returns how far below the line a mark may lie, ns.
+/// Returns how far below the line a mark may lie without being early, ns.
 pub(super) fn gate_ns(line: &Line, mark: &Mark) -> f64 {
     let (offset_sigma_ns, rate_sigma_ns_per_s) = line.sigmas();
     let silent_s = mark.since_s(&line.newest()).abs();
@@ -72,8 +73,8 @@ pub(super) fn gate_ns(line: &Line, mark: &Mark) -> f64 {
     LEAST_GATE_NS + young_ns + GATE_SIGMAS * rate_sigma_ns_per_s * silent_s
 }
 
-/// Returns whether a mark is one of the former line's and none of the present one's: near the floor of the one and not
-/// of the other, or no step away from the one (late, perhaps) and a step away from the other.
+/// Returns true when a mark belongs to the former line and not to the present one: near the floor of the one and not of
+/// the other, or less than a step away from the one (late, perhaps) and a step away from the other.
 pub(super) fn belongs_rather(mark: &Mark, former: &Line, present: &Line, step_ns: f64) -> bool {
     let is_near = |line: &Line| lies_within(line, mark, gate_ns(line, mark) + AGREE_SCALES * line.scale_ns());
     let could_be = |line: &Line| lies_within(line, mark, step_ns);
@@ -100,7 +101,7 @@ impl Doubts {
         self.late_in_a_row = 0;
     }
 
-    /// Judges a mark against the line; outliers are kept for those that may follow.
+    /// Judges a mark against the line; outliers are kept for comparison with later ones.
     pub(super) fn judge(&mut self, line: &Line, mark: &Mark, step_ns: f64) -> Verdict {
         self.judged += 1;
         while self.outliers.front().is_some_and(|(number, _)| self.judged - number >= OUTLIER_KEPT_FOR) {
@@ -126,7 +127,7 @@ impl Doubts {
         Verdict::Outlier
     }
 
-    /// Outliers that agree with this one, in order of time.
+    /// Returns the outliers that agree with this one, in order of time.
     pub(super) fn agreeing<'a>(&'a self, line: &Line, mark: &'a Mark) -> impl Iterator<Item = Mark> + 'a {
         let within_ns = AGREE_NS.max(AGREE_SCALES * line.scale_ns());
         let rate = line.at(mark.remote_ns).rate_ns_per_s();

@@ -7,18 +7,18 @@
 //!
 //! *Estimator.* `local - remote` is a line, the clocks' offset and drift, plus the link's delay; delays only add. The
 //! lower convex hull of a window's marks finds the line under them (`hull`), and a Kalman filter of offset and drift
-//! carries it from window to window and weighs it (`kalman`, `line`). What the hull errs by follows from how close the
-//! delays come to their floor, which is learnt (`floor`), so the estimate knows its own deviations. One-way data cannot see
-//! the constant part of the delay: it is calibrated, or measured by pulses per second (`pps`).
+//! carries it from window to window and weighs it (`kalman`, `line`). The error of the hull follows from how close the
+//! delays come to their floor, which is learnt (`floor`), so the estimate knows its own deviations. One-way data cannot
+//! see the constant part of the delay: it is calibrated, or measured by pulses per second (`pps`).
 //!
 //! *Errors*, measured by `tests/physics/time_correlation.rs` with queueing of 20 us on average and 10 % of the marks up
 //! to 5 ms late: 99 % of them below 1 us at 10 marks per second.
 //!
 //! *Doubt* (`marks`). A mark earlier than the line allows (a damaged one) is used only when two more agree with it: the
-//! line then begins again there and keeps its drift. Marks that all lie above the line for 4 s and 16 marks make it
-//! follow (`line`): the link has become slower, or the clock was set back a little. A step beyond the limit restarts: at
-//! once when the difference shrinks or remote time runs backwards, after three marks when it grows. The line before the
-//! step is kept for eight marks: when a mark fits it again, the step was damage and is undone.
+//! line then restarts there and keeps its drift. The line follows marks that all lie above it for 4 s and 16 marks
+//! (`line`): the link has become slower, or the clock was set back a little. A step beyond the limit restarts: at once
+//! when the difference shrinks or remote time runs backwards, after three marks when it grows. The line before the step
+//! is kept for eight marks: when a mark fits it again, the step was damage and is undone.
 
 mod estimate;
 mod floor;
@@ -42,10 +42,10 @@ use mark::Mark;
 use marks::{Doubts, Verdict};
 use pps::Pulses;
 
-/// Marks after a step in which it may turn out to have been damage.
+/// Number of marks after a step in which it may turn out to have been damage.
 const MARKS_OF_DOUBT: u32 = 8;
 
-/// How marks are believed.
+/// Limits for the use of marks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RemoteClockLimits {
     /// Length of a hull's window.
@@ -54,17 +54,17 @@ pub struct RemoteClockLimits {
     pub constant_delay: Span,
     /// A difference further than this from the line is a late message or a step.
     pub step: Span,
-    /// Steeper lines are no drift of a clock (1e-6 is 1 ppm).
+    /// Steepest line that counts as a clock's drift (1e-6 is 1 ppm).
     pub most_drift: f64,
-    /// How far the remote clock's frequency wanders: its Allan deviation at 1 s, as a random walk.
+    /// Random walk of the remote clock's frequency: its Allan deviation at 1 s.
     pub allan_1s: f64,
     /// One sigma of the stamps of pulses per second.
     pub pps_sigma: Span,
 }
 
 impl Default for RemoteClockLimits {
-    /// Windows of 30 s, no constant delay, steps from 250 ms, drifts to 200 ppm that wander by 5e-9 in a second (a
-    /// quartz in a box whose temperature changes), pulses stamped to 1 us.
+    /// Returns windows of 30 s, no constant delay, steps from 250 ms, drifts to 200 ppm that wander by 5e-9 in a second
+    /// (a quartz in a box whose temperature changes), pulses stamped to 1 us.
     fn default() -> Self {
         Self {
             window: Span::from_ms(30_000),
@@ -77,34 +77,34 @@ impl Default for RemoteClockLimits {
     }
 }
 
-/// What was done with a mark.
+/// Result for a mark.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Observed {
-    /// Taken.
+    /// Used.
     Used,
-    /// Left out: too late to be of use.
+    /// Left out: too late.
     Late,
-    /// Left out for now: earlier than can be, and no two others say so yet.
+    /// Left out for now: earlier than physically possible, and fewer than two others agree.
     Outlier,
-    /// The remote clock stepped, or a step turned out to be none: the line is another from this mark on.
+    /// The remote clock stepped, or a presumed step was withdrawn: the line is another one from this mark on.
     Restarted,
 }
 
-/// The bus's constant delay as pulses per second show it.
+/// The bus's constant delay as measured by pulses per second.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MeasuredDelay {
-    /// From SYNC's transmission to its receive stamp, without queueing.
+    /// Time from SYNC's transmission to its receive stamp, without queueing.
     pub delay: Span,
     /// One sigma.
     pub sigma: Span,
 }
 
-/// The remote clock as seen through its time messages.
+/// The remote clock, estimated from its time messages.
 #[derive(Debug, Clone)]
 pub struct RemoteClock {
     limits: RemoteClockLimits,
     line: Line,
-    /// The line before the last step, and the marks for which it is kept.
+    /// The line before the last step, and the number of marks for which it is kept.
     former: Line,
     former_marks: u32,
     doubts: Doubts,
@@ -119,7 +119,7 @@ pub struct RemoteClock {
 }
 
 impl RemoteClock {
-    /// A clock nothing is known about yet; all memory is taken here.
+    /// Returns a clock without data; all memory is allocated here.
     #[must_use]
     pub fn new(limits: RemoteClockLimits) -> Self {
         let walk = walk(&limits);
@@ -142,7 +142,7 @@ impl RemoteClock {
         }
     }
 
-    /// Takes one mark: remote time of SYNC's transmission (ns, from TIME_FUP's SCET), local time of its reception.
+    /// Adds one mark: remote time of SYNC's transmission (ns, from TIME_FUP's SCET), local time of its reception.
     pub fn observe(&mut self, sync_scet_ns: i64, local: Tai) -> Observed {
         let mark = Mark { remote_ns: sync_scet_ns, difference_ns: local.ns().saturating_sub(sync_scet_ns) };
         let outcome = self.take(mark);
@@ -204,7 +204,7 @@ impl RemoteClock {
 
     fn fall(&mut self, mark: Mark) {
         let agreeing = self.doubts.agreeing(&self.line, &mark);
-        // The line is changed while it is asked: a copy of a few marks on the stack.
+        // The line changes while the iterator reads it: copy a few marks to the stack.
         let mut marks = [mark; 17];
         let count = agreeing.zip(&mut marks).map(|(outlier, place)| *place = outlier).count();
         self.line.begin_shifted(marks.into_iter().take(count).chain([mark]));
@@ -212,7 +212,7 @@ impl RemoteClock {
         self.shifts += 1;
     }
 
-    /// Takes an edge of the remote clock's pulse per second, stamped locally.
+    /// Adds an edge of the remote clock's pulse per second, stamped locally.
     pub fn observe_pps(&mut self, local: Tai) -> ObservedPps {
         let Some(estimate) = self.estimate else {
             return ObservedPps::NoTimeYet;
@@ -225,13 +225,13 @@ impl RemoteClock {
         observed
     }
 
-    /// Returns the bus's delay, once pulses have shown it.
+    /// Returns the bus's delay, once pulses have measured it.
     #[must_use]
     pub fn measured_delay(&self) -> Option<MeasuredDelay> {
         self.delay
     }
 
-    /// Marks' line over the pulses', at the newest mark.
+    /// Returns the height of the marks' line above that of the pulses, at the newest mark.
     fn compared(&self) -> Option<MeasuredDelay> {
         let at_ns = self.line.newest().remote_ns;
         let (marks, pulses) = (self.line.at(at_ns), self.pulses.at(at_ns)?);
@@ -253,7 +253,7 @@ impl RemoteClock {
         ClockEstimate {
             offset: Span::from_ns(state.offset().0.saturating_sub(delay.ns())),
             reference_remote_ns: at_ns,
-            // At instants centuries apart the filter itself may leave the limit.
+            // For instants centuries apart the filter itself may leave the limit.
             drift: (state.rate_ns_per_s() * 1e-9).clamp(-self.limits.most_drift, self.limits.most_drift),
             offset_sigma: Span::from_s(state.offset_sigma_ns() * 1e-9),
             drift_sigma: state.rate_sigma_ns_per_s() * 1e-9,
@@ -270,31 +270,32 @@ impl RemoteClock {
         self.estimate
     }
 
-    /// Returns the number of pairs of SYNC and TIME_FUP that were taken since the start.
+    /// Returns the number of pairs of SYNC and TIME_FUP that were used since the start.
     #[must_use]
     pub fn pairs(&self) -> u64 {
         self.pairs
     }
 
-    /// Returns the number of pairs that were left out because they were too late to be of use.
+    /// Returns the number of pairs that were left out because they were too late.
     #[must_use]
     pub fn late(&self) -> u64 {
         self.late
     }
 
-    /// Returns the number of pairs that were left out because they were earlier than can be and no others agreed.
+    /// Returns the number of pairs that were left out because they were earlier than physically possible and no others
+    /// agreed.
     #[must_use]
     pub fn outliers(&self) -> u64 {
         self.outliers
     }
 
-    /// Times the line was put elsewhere by less than a step: marks agreed that the delay had changed.
+    /// Returns how often the line was shifted by less than a step because marks agreed that the delay has changed.
     #[must_use]
     pub fn shifts(&self) -> u64 {
         self.shifts
     }
 
-    /// Times the remote clock was found to have stepped, or not to have stepped after all.
+    /// Returns how often the remote clock was found to have stepped, or a step was withdrawn.
     #[must_use]
     pub fn steps(&self) -> u64 {
         self.steps

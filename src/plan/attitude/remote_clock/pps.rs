@@ -1,39 +1,39 @@
 //! Pulse per second: edges at whole seconds of the remote clock, with no bus between.
 //!
-//! Input: local times of edges. Output: an offset and a drift of their own, which need no hull (a pulse is not queued)
-//! and see the bus's constant delay. Which second an edge is of comes from the time marks: they must be right to a
-//! quarter of a second. An edge far from where the edges before it put it is left out; three in a row begin again.
+//! Input: local times of edges. Output: a separate offset and drift, which need no hull (a pulse is not queued) and
+//! include the bus's constant delay. The time marks determine the second of an edge: they must be right to a quarter of
+//! a second. An edge far from its predicted place is left out; three in a row restart the estimate.
 
 use super::kalman::{Trust, TwoState};
 use base::time::Tai;
 use base::units::NS_PER_S;
 
-/// An edge further than this from a whole second names none, ns.
+/// Largest distance of an edge from a whole second, ns.
 const MOST_ERROR_NS: i64 = NS_PER_S / 4;
-/// An edge is odd beyond so many deviations, and beyond this, ns.
+/// Deviations beyond which an edge is odd, and the smallest such distance, ns.
 const ODD_SIGMAS: f64 = 6.0;
 const ODD_LEAST_NS: f64 = 20_000.0;
-/// Odd edges in a row that begin again.
+/// Number of odd edges in a row that restart the estimate.
 const ODD_FOR_RESTART: u32 = 3;
-/// Edges that make an estimate.
+/// Number of edges needed for an estimate.
 const EDGES_FOR_USE: u32 = 2;
-/// An estimate lives on so long without edges, s.
+/// Holdover time: the estimate expires after this long without an edge, s.
 const SILENT_MOST_S: f64 = 10.0;
 
-/// What was done with an edge.
+/// Result for an edge.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ObservedPps {
-    /// Taken.
+    /// Used.
     Used,
-    /// Left out: not where the edges before it put it.
+    /// Left out: far from its predicted place.
     Odd,
-    /// Left out: more than a quarter of a second from any whole second, by the time marks.
+    /// Left out: more than a quarter of a second from any whole second, according to the time marks.
     Ambiguous,
-    /// Left out: no time mark yet says which second it is.
+    /// Left out: no time mark yet determines its second.
     NoTimeYet,
 }
 
-/// Edges so far.
+/// State of the pulses.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pulses {
     state: Option<TwoState>,
@@ -53,7 +53,7 @@ impl Pulses {
         *self = Self::new(self.sigma_ns, self.walk, self.rate_sigma);
     }
 
-    /// Takes an edge whose remote time by the marks is `near_remote_ns`.
+    /// Adds an edge whose remote time according to the marks is `near_remote_ns`.
     pub(super) fn observe(&mut self, local: Tai, near_remote_ns: i64) -> ObservedPps {
         let second_ns = near_remote_ns.saturating_add(NS_PER_S / 2).div_euclid(NS_PER_S).saturating_mul(NS_PER_S);
         if near_remote_ns.saturating_sub(second_ns).saturating_abs() > MOST_ERROR_NS {

@@ -39,7 +39,7 @@ fn the_first_mark_is_of_use_and_says_how_little_it_knows() {
 
 #[test]
 fn the_least_delayed_marks_count() {
-    // 40, 55 and 60 us bear each other out; 900 and 700 are late, and 3000 as well.
+    // 40, 55 and 60 us confirm each other; 900 and 700 are late, and so is 3000.
     let delays_us = [900, 40, 3000, 700, 55, 60];
     let clock =
         clock_after((0..).zip(delays_us).map(|(i, us)| (i * TENTH_NS, us * 1000)), RemoteClockLimits::default());
@@ -104,7 +104,7 @@ fn a_damaged_mark_is_not_believed_and_a_shorter_delay_is_with_the_third_mark_tha
     let again = clock.observe(11 * TENTH_NS, local(11 * TENTH_NS, -9_000_000));
     assert_eq!(again, Observed::Outlier, "another bit");
     assert_eq!((offset_ns(&clock), clock.outliers()), (before_ns, 2), "unmoved, and counted");
-    // The bus has become faster by 4 ms: two marks more, beside the one that happened to say so.
+    // The bus has become faster by 4 ms: two more marks agree with the first one.
     let marks = [12, 13].map(|i| clock.observe(i * TENTH_NS, local(i * TENTH_NS, -3_990_000)));
     assert_eq!(marks, [Observed::Outlier, Observed::Used]);
     assert!((offset_ns(&clock) + 3_995_000).abs() <= 10_000, "{}", offset_ns(&clock));

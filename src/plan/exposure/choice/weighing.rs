@@ -1,4 +1,4 @@
-//! Weighing: every method that may win, with as many nodes or zones as the brightest star asks for.
+//! Weighs every method that may win, with the number of nodes or zones that the brightest star needs.
 
 use super::{Chooser, MOST_JITTER_NODES, Weighed};
 use crate::exposure::cost::{kernel_bytes, kernel_count};
@@ -10,7 +10,7 @@ use crate::exposure::plan::{LONGEST_KERNEL_PX, MOST_KERNEL_BYTES, MOST_KERNELS, 
 use crate::exposure::probes::{Probes, SIDE, gauss_legendre_count};
 use crate::exposure::weigh::{NodeError, ShapeOf};
 
-/// The order in which methods are weighed: those whose need of nodes tells that of others come first.
+/// Order of weighing: methods whose number of nodes is needed for others come first.
 const ORDER: [MethodName; 6] = [
     MethodName::Gaussian,
     MethodName::GaussLegendre,
@@ -19,21 +19,21 @@ const ORDER: [MethodName; 6] = [
     MethodName::EffectivePsf,
     MethodName::ZonalPsf,
 ];
-/// Most nodes the planner gives to a commanded path.
+/// Largest number of nodes for a commanded path.
 const MOST_NODES: usize = 16_384;
-/// Nodes for every sigma of a path, beyond which more are of no use.
+/// Nodes per sigma of a path, beyond which more do not help.
 const NODES_PER_SIGMA: f64 = 4.0;
 /// Gauss-Legendre nodes along a straight segment.
 const PER_SEGMENT: usize = 2;
-/// Zones along each side that are tried.
+/// Numbers of zones along each side that are tried.
 const ZONES: [u16; 4] = [1, 2, 4, 8];
-/// Share of the budget's centroid error left to the number of nodes.
+/// Share of the budget's centroid error allowed for a finite number of nodes.
 const NODE_SHARE: f64 = 0.4;
-/// Share of the budget's pixel error left to the number of nodes.
+/// Share of the budget's pixel error allowed for a finite number of nodes.
 const NODE_PIXEL_SHARE: f64 = 0.8;
 
 impl Chooser {
-    /// Errors of all methods that the motion asks for.
+    /// Weighs all methods that suit the motion.
     pub(super) fn weigh(&mut self, motion: &Motion, brightest_e: f64, probes: &Probes) {
         self.weigh_method(Method::Static, ShapeOf::EachStar, motion, probes);
         let wanted = match self.choice {
@@ -48,7 +48,7 @@ impl Chooser {
         }
         let listed = matches!(motion.image_path, Some(PixelPath::Samples(_)));
         for name in ORDER {
-            // What cannot win, or was not asked for, is not weighed on the frame path.
+            // Methods that cannot win, or were not requested, are not weighed on the frame path.
             let needless = match (wanted, name) {
                 (Some((MethodName::EffectivePsf | MethodName::ZonalPsf, None)), MethodName::Samples) => false,
                 (Some((wanted, _)), _) => wanted != name,
@@ -77,7 +77,7 @@ impl Chooser {
             MethodName::Static => {}
             MethodName::Gaussian => self.weigh_method(Method::Gaussian, ShapeOf::Centre, motion, probes),
             MethodName::GaussLegendre if !motion.is_smooth() && matches!(self.choice, MethodChoice::Auto) => {
-                // For reports: it is not weighed where it is never taken.
+                // Needed for reports only: where it is never chosen it is not weighed.
                 if self.is_thorough {
                     let method = Method::GaussLegendre { nodes: 0 };
                     let error = NodeError { centroid_px: f64::NAN, peak: f64::NAN };
@@ -112,7 +112,7 @@ impl Chooser {
         }
     }
 
-    /// Weighs a method with 1, 2, 4 ... of what it counts until its error is as small as the brightest star asks for.
+    /// Weighs a method with 1, 2, 4 ... nodes until its error is small enough for the brightest star.
     #[allow(clippy::too_many_arguments, reason = "one loop for two methods")]
     fn weigh_growing(
         &mut self,
@@ -130,7 +130,7 @@ impl Chooser {
             None => self.most_nodes(motion, probes),
         };
         let mut count = fixed.unwrap_or(least.min(own));
-        // As many nodes as another method needs are no gain.
+        // Using as many nodes as another method is not an advantage.
         let star_by_star = |weighed: &&Weighed| weighed.method.kernels() == 0 && weighed.verdict.is_none();
         let enough = self.weighed.iter().filter(star_by_star);
         let enough = enough.filter(|weighed| self.is_enough(weighed.error, brightest_e, probes));
@@ -148,10 +148,10 @@ impl Chooser {
         }
     }
 
-    /// Returns the most nodes of a path that is not commanded: as many as its length is worth where there is time for
-    /// them.
+    /// Returns the largest number of nodes of a path that is not commanded: as many as its length needs, if there is
+    /// time for them.
     fn most_nodes(&self, motion: &Motion, probes: &Probes) -> usize {
-        // Smooth motion has Gauss-Legendre's.
+        // Smooth motion uses Gauss-Legendre nodes.
         if motion.is_smooth() || self.limit_ms.is_finite() {
             return MOST_JITTER_NODES;
         }
@@ -161,7 +161,8 @@ impl Chooser {
         most.next_power_of_two()
     }
 
-    /// Returns whether more nodes would not help: what the other errors leave of the budget is kept.
+    /// Returns true when the error is within the part of the budget that the other errors leave, so that more nodes do
+    /// not help.
     fn is_enough(&self, error: NodeError, brightest_e: f64, probes: &Probes) -> bool {
         const LEAST_LEFT: f64 = 0.3;
         let taken = self.pixel_sigma(self.common.peak.min(1.0), brightest_e, probes);
@@ -170,7 +171,7 @@ impl Chooser {
             && self.pixel_sigma(error.peak.min(1.0), brightest_e, probes) <= NODE_PIXEL_SHARE * left
     }
 
-    /// Nodes from which a kernel is built: as many as samples need, or Gauss-Legendre's where motion is smooth.
+    /// Returns the number of nodes of a kernel: as many as samples need, or Gauss-Legendre's for smooth motion.
     fn kernel_nodes(&self, motion: &Motion, smooth_count: usize, brightest_e: f64, probes: &Probes) -> usize {
         const USUAL: usize = 64;
         if motion.is_smooth() {
@@ -192,7 +193,7 @@ impl Chooser {
             let lists = if self.instrument.shutter == Shutter::Global { &self.lists[..1] } else { &self.lists[..] };
             let mut error = self.scales.error(lists, shape, probes);
             if shape == ShapeOf::Centre && self.bands > 1 {
-                // One kernel for all rows: their windows differ by more than a band's.
+                // One kernel for all rows has the error of rows that differ by more than a band.
                 error = error.plus(self.one_band);
             }
             error
@@ -202,7 +203,7 @@ impl Chooser {
         self.weighed.push(Weighed { method, error, verdict, tried: None });
     }
 
-    /// Nodes of `method` for every row of probes.
+    /// Fills the nodes of `method` for every row of probes.
     fn fill_lists(&mut self, method: Method, motion: &Motion, probes: &Probes) {
         let rows = if self.instrument.shutter == Shutter::Global { 1 } else { SIDE };
         for row in 0..rows {
@@ -217,7 +218,7 @@ impl Chooser {
         self.fill_lists(one, motion, probes);
         let rolling = self.instrument.shutter != Shutter::Global;
         let lists = if rolling { &self.lists[..] } else { &self.lists[..1] };
-        // Sampling error of the nodes themselves: each star with its own path.
+        // Sampling error of the nodes themselves, with each star on its own path.
         let sampled =
             if motion.is_still() { NodeError::default() } else { self.scales.error(lists, ShapeOf::EachStar, probes) };
         let camera = &self.instrument.camera;
@@ -229,7 +230,7 @@ impl Chooser {
         for zones in ZONES {
             let [columns, rows] = field.map(|cells| cells * zones);
             let bands = if rolling { u16::try_from(self.bands).unwrap_or(u16::MAX) } else { 1 };
-            // As fine as the bands, and corners where the field has its own.
+            // At least as fine as the bands, with corners where the field of PSFs has its own.
             let rows = rows.max(bands.next_multiple_of(field[1]));
             let method = Method::ZonalPsf { zones: [columns, rows], nodes };
             if !self.is_thorough && !self.is_fixed() && self.stars_ms(method, probes) >= cheapest_ms {
@@ -258,7 +259,7 @@ impl Chooser {
         self.cost.stars_ms(method, &self.load(self.stars, probes.extent_px))
     }
 
-    /// Returns why the kernels of a method cannot be made.
+    /// Returns the reason why the kernels of a method cannot be made, if there is one.
     fn kernel_verdict(&self, method: Method, probes: &Probes) -> Option<Verdict> {
         if method.kernels() == 0 {
             None
@@ -269,7 +270,7 @@ impl Chooser {
         } else {
             let psf = &self.instrument.psf;
             let bytes = kernel_bytes(method, psf, self.half_px, probes.extent_px);
-            // The PSFs' own tables take layers too.
+            // The PSFs' own tables need layers too.
             let most = (MOST_KERNELS + 1).saturating_sub(psf.nodes().len());
             (kernel_count(method, psf) > most || bytes > MOST_KERNEL_BYTES).then_some(Verdict::TooManyKernels)
         }

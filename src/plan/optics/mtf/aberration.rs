@@ -1,4 +1,4 @@
-//! Small aberrations of any kind, by their RMS wavefront error.
+//! Small aberrations of any kind, given by their RMS wavefront error.
 //!
 //! Frequency -> factor `1 - (W / 0.18)^2 [1 - 4 (v - 1/2)^2]`, `W` in waves rms, `v` the share of the diffraction
 //! cutoff. Source: Shannon, The Art and Science of Optical Design (1997) and Applied Optics and Optical Engineering

@@ -1,19 +1,19 @@
 //! The pixel's sensitive area: the mean over a square.
 //!
-//! Frequency -> factor `sinc(w fx) sinc(w fy)`, `sinc(u) = sin(pi u) / (pi u)`, `w` the width of the sensitive square in
-//! pixels (1: the whole pixel; the fill factor is `w^2`). Source: Boreman, Modulation Transfer Function in Optical and
-//! Electro-Optical Systems (2001), 2.1. What falls between the squares is lost: that loss belongs to the quantum
+//! Frequency -> factor `sinc(w fx) sinc(w fy)`, `sinc(u) = sin(pi u) / (pi u)`, `w` the width of the sensitive square
+//! in pixels (1: the whole pixel; the fill factor is `w^2`). Source: Boreman, Modulation Transfer Function in Optical
+//! and Electro-Optical Systems (2001), 2.1. Light between the squares is lost: that loss belongs to the quantum
 //! efficiency, the factor here is 1 at frequency 0. Domain: `0 < w <= 1`. The test integrates over the square.
 
 use core::f64::consts::PI;
 
-/// Factor at `[fx, fy]` (cycles/px) of a square of width `width_px`.
+/// Returns the factor at `[fx, fy]` (cycles/px) of a square of width `width_px`.
 #[must_use]
 pub fn mtf(frequency: [f64; 2], width_px: f64) -> f64 {
     sinc(width_px * frequency[0]) * sinc(width_px * frequency[1])
 }
 
-/// `sin(pi u) / (pi u)`, 1 at 0.
+/// Returns `sin(pi u) / (pi u)`, 1 at 0.
 #[must_use]
 pub fn sinc(u: f64) -> f64 {
     let angle = PI * u;

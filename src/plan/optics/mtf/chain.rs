@@ -1,14 +1,14 @@
-//! The chain: optics, detector and circuit multiplied, for one wavelength or over a band.
+//! The chain: product of optics, detector and circuit, for one wavelength or over a band.
 //!
 //! [`ChainParams`] (checked once) -> [`MtfChain`]: frequency `[fx, fy]` (cycles/px) -> each [`Term`] and the product.
-//! Over a band, what depends on the wavelength is averaged with the band's shares of electrons, as intensities add:
-//! `sum_k weight_k diffraction_k aberration_k defocus_k diffusion_k`, times the terms that do not. A table of terms shows
-//! each term's own mean; the product is the mean of the products, not the product of those means.
+//! Over a band, factors that depend on the wavelength are averaged with the band's shares of electrons, as intensities
+//! add: `sum_k weight_k diffraction_k aberration_k defocus_k diffusion_k`, times the other terms. A table of terms
+//! shows each term's own mean; the product is the mean of the products, not the product of those means.
 //!
 //! Limits: linear and the same everywhere on the detector; all terms real. Aberration times diffraction times exact
-//! defocus takes the three as independent, which Shannon's fit does too. Source: Holst, Electro-Optical Imaging System
+//! defocus assumes that the three are independent, as does Shannon's fit. Source: Holst, Electro-Optical Imaging System
 //! Performance, 5th ed., for the product; Goodman, Introduction to Fourier Optics, 6.5, for the sum over a band. Unit
-//! tests hold products against terms by hand; `tests/physics/psf_chain.rs` holds the drawn PSF against all of it.
+//! tests compare products with terms by hand; `tests/physics/psf_chain.rs` compares the drawn PSF with the chain.
 
 use crate::optics::SpectralWeight;
 use crate::optics::mtf::chain_params::{ChainParams, DefocusForm};
@@ -40,7 +40,7 @@ pub enum Term {
 }
 
 impl Term {
-    /// All, in the order of light.
+    /// All terms, in the order of light.
     pub const ALL: [Self; 9] = [
         Self::Diffraction,
         Self::Aberration,
@@ -53,8 +53,8 @@ impl Term {
         Self::Circuit,
     ];
 
-    /// Factor's direction in tables, `[x, y]`: TDI is along the columns, the circuit along the rows, others are the same
-    /// along both.
+    /// Returns the direction of the factor in tables, `[x, y]`: TDI is along the columns, the circuit along the rows,
+    /// others are the same along both.
     #[must_use]
     pub fn axis(self) -> [f64; 2] {
         if self == Self::Tdi { [0.0, 1.0] } else { [1.0, 0.0] }
@@ -96,28 +96,28 @@ pub struct MtfChain {
 }
 
 impl MtfChain {
-    /// Checks the parameters.
+    /// Checks the parameters, and returns the chain.
     ///
     /// # Errors
-    /// What is outside its domain, at whichever wavelength of the band.
+    /// The first number outside its domain, for any wavelength of the band.
     pub fn new(params: ChainParams) -> Result<Self, MtfError> {
         params.check()?;
         let colors = params.band.iter().map(|light| Color::new(&params, *light)).collect::<Result<_, _>>()?;
         Ok(Self { params, colors })
     }
 
-    /// What it is made of.
+    /// Returns its parameters.
     #[must_use]
     pub fn params(&self) -> &ChainParams {
         &self.params
     }
 
-    /// Returns terms that are not off.
+    /// Returns the terms that are not off.
     pub fn terms(&self) -> impl Iterator<Item = Term> {
         Term::ALL.into_iter().filter(|term| self.is_on(*term))
     }
 
-    /// Returns whether columns and rows differ.
+    /// Returns true when columns and rows differ.
     #[must_use]
     pub fn has_axes(&self) -> bool {
         self.is_on(Term::Tdi) || self.is_on(Term::Circuit)
@@ -137,8 +137,8 @@ impl MtfChain {
         }
     }
 
-    /// Factor of one term alone at `[fx, fy]`, over the band. Exact defocus is what it makes of diffraction, as a
-    /// ratio; beyond the cutoff, where nothing is left to compare, it is 1.
+    /// Returns the factor of one term alone at `[fx, fy]`, over the band. Exact defocus is its effect on diffraction,
+    /// as a ratio; beyond the cutoff, where both are zero, it is 1.
     #[must_use]
     pub fn term(&self, term: Term, frequency: [f64; 2]) -> f64 {
         let f = frequency[0].hypot(frequency[1]);
@@ -161,7 +161,7 @@ impl MtfChain {
         }
     }
 
-    /// What depends on the wavelength, at the magnitude `f` of a frequency: round.
+    /// Returns the round factors that depend on the wavelength, at the magnitude `f` of a frequency.
     #[must_use]
     pub fn colored(&self, f: f64) -> f64 {
         let p = &self.params;
@@ -175,7 +175,7 @@ impl MtfChain {
         self.colors.iter().map(|c| c.light.weight * of(c)).sum()
     }
 
-    /// What does not: assembly, fabrication, the pixel, TDI and the circuit.
+    /// Returns the factors that do not depend on the wavelength: assembly, fabrication, the pixel, TDI and the circuit.
     #[must_use]
     pub fn colorless(&self, frequency: [f64; 2]) -> f64 {
         let p = &self.params;
@@ -186,13 +186,13 @@ impl MtfChain {
             * p.circuit.map_or(1.0, |low_pass| circuit::mtf(frequency[0], low_pass))
     }
 
-    /// The whole chain at `[fx, fy]`, the pixel included: the transform of what pixels receive.
+    /// Returns the whole chain at `[fx, fy]`, the pixel included: the transform of the light integrated over pixels.
     #[must_use]
     pub fn product(&self, frequency: [f64; 2]) -> f64 {
         self.colored(frequency[0].hypot(frequency[1])) * self.colorless(frequency)
     }
 
-    /// Returns the frequency from which on nothing passes the pupil at any wavelength, cycles/px.
+    /// Returns the cutoff frequency of the pupil, the highest over all wavelengths, cycles/px.
     #[must_use]
     pub fn cutoff(&self) -> f64 {
         self.colors.iter().map(|c| diffraction::cutoff(c.lambda_n_px)).fold(0.0, f64::max)
@@ -209,7 +209,7 @@ impl MtfChain {
         self.colors.iter().map(of).sum()
     }
 
-    /// Returns the standard deviation of the Gaussian that passes as much, without the pixel, at half the Nyquist
+    /// Returns the standard deviation of the Gaussian with the same factor, without the pixel, at half the Nyquist
     /// frequency, px: the scale of the star's core.
     #[must_use]
     pub fn core_sigma_px(&self) -> f64 {
@@ -350,7 +350,7 @@ mod tests {
             assert!((terms - mean).abs() > 1e-6, "the product of mean terms is another thing");
         }
         assert!((both.mean_wavelength_nm() - 725.0).abs() < 1e-9 && (both.cutoff() - 2.5).abs() < 1e-12, "ends");
-        // A long diffusion length bends the curve soon: 130 f^2.
+        // A long diffusion length bends the curve early: 130 f^2.
         let step = 1e-8;
         let slope = (both.colored(step) - 1.0) / step;
         // The exact defocus is good to 1e-11: over this step, 1e-4 of the slope.

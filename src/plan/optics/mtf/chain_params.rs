@@ -1,21 +1,22 @@
-//! What a chain is made of, and the domains of its numbers.
+//! Parameters of a chain, and the domains of their values.
 //!
-//! In: numbers in the units of their names. Out: the same, or the first one outside its domain ([`MtfError`]). What holds
-//! only in some light (wavefront error, defocus, absorption) is checked with the chain, wavelength by wavelength.
+//! In: numbers in the units of their names. Out: the same, or the first one outside its domain ([`MtfError`]). Limits
+//! that depend on the wavelength (wavefront error, defocus, absorption) are checked with the chain, wavelength by
+//! wavelength.
 
 use crate::optics::mtf::MtfError;
 use crate::optics::mtf::circuit::{Circuit, LOWEST_CUTOFF};
 use crate::optics::mtf::diffusion::Diffusion;
 use crate::optics::{Band, SpectralWeight, spectral_weights};
 
-/// Shares of a band may miss 1 by this: what a table of printed weights loses.
+/// Largest deviation of a band's shares from a sum of 1: the rounding of printed weights.
 const WEIGHT_SUM: f64 = 1e-6;
 
-/// Wavelengths that stand for a band. Four times as many move no pixel by more than 1e-5 of the flux
+/// Number of wavelengths that represent a band. Four times as many change no pixel by more than 1e-5 of the flux
 /// (`tests/physics/psf_chain.rs`).
 pub const WAVELENGTHS: usize = 16;
 
-/// Which form defocus takes.
+/// Form of the defocus.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DefocusForm {
     /// Autocorrelation of the defocused pupil.
@@ -27,7 +28,7 @@ pub enum DefocusForm {
 /// A focus error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Defocus {
-    /// Image plane to focus, um; either sign, the star is the same.
+    /// Distance from image plane to focus, um; the sign has no effect on the star.
     pub defocus_um: f64,
     /// Its form.
     pub form: DefocusForm,
@@ -38,22 +39,22 @@ pub struct Defocus {
 pub struct Wavefront {
     /// RMS over the pupil, waves.
     pub rms_waves: f64,
-    /// At this wavelength, nm.
+    /// Wavelength at which it is given, nm.
     pub at_nm: f64,
 }
 
 /// Time-delayed integration: charge that follows the image along the columns.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TdiBlur {
-    /// Rows that add up.
+    /// Number of rows that are summed.
     pub stages: u32,
-    /// Steps in which charge moves from row to row.
+    /// Number of steps in which charge moves from row to row.
     pub phases: u32,
-    /// Image against charge from one stage to the next, px.
+    /// Motion of the image relative to the charge from one stage to the next, px.
     pub mismatch_px: f64,
 }
 
-/// What a chain is made of; `None` and 0 are off.
+/// Parameters of a chain; `None` and 0 are off.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ChainParams {
     /// Pixel pitch, um.
@@ -83,7 +84,7 @@ pub struct ChainParams {
 }
 
 impl ChainParams {
-    /// Returns the diffraction and the pixel at one wavelength, nothing else.
+    /// Returns parameters with only the diffraction and the pixel at one wavelength.
     #[must_use]
     pub fn diffraction(pixel_pitch_um: f64, f_number: f64, obscuration: f64, wavelength_nm: f64) -> Self {
         Self {
@@ -102,13 +103,13 @@ impl ChainParams {
         }
     }
 
-    /// Returns the same in a band, for a star of this BP-RP.
+    /// Returns the same parameters in a band, for a star of this BP-RP.
     #[must_use]
     pub fn in_band(&self, band: &Band, bp_rp: f64) -> Self {
         Self { band: spectral_weights(band, bp_rp, WAVELENGTHS), ..self.clone() }
     }
 
-    /// Refuses what is outside its domain in any light.
+    /// Refuses numbers outside their domain for any light.
     pub(super) fn check(&self) -> Result<(), MtfError> {
         check_numbers(self)?;
         check_band(&self.band)

@@ -1,11 +1,11 @@
 //! Bandwidth of the readout along the rows.
 //!
-//! Frequency along x -> factor: one pole (RC) `1 / sqrt(1 + (f/fc)^2)`, Butterworth of order n
-//! `1 / sqrt(1 + (f/fc)^(2 n))`; `f` in cycles/px, `fc` the frequency of half power. A pixel clock of `R` pixels per
-//! second makes a bandwidth of `B` hertz `fc = B / R`. Source: Holst, CCD Arrays, Cameras and Displays, 2nd ed., chapter
-//! on electronics; Butterworth (1930). Limits: the magnitude only. A causal filter also delays, by `atan(f/fc)` for RC:
-//! mostly a shift of the whole image, which a camera's calibration takes out, and a slight lopsidedness, which is left
-//! out here. Off by default: a settled pixel amplifier has no such term. The tests filter a wave in time.
+//! Frequency along x -> factor: one pole (RC) `1 / sqrt(1 + (f/fc)^2)`, Butterworth of order n `1 / sqrt(1 + (f/fc)^(2
+//! n))`; `f` in cycles/px, `fc` the frequency of half power. With a pixel clock of `R` pixels per second a bandwidth of
+//! `B` hertz gives `fc = B / R`. Source: Holst, CCD Arrays, Cameras and Displays, 2nd ed., chapter on electronics;
+//! Butterworth (1930). Limits: the magnitude only. A causal filter also delays, by `atan(f/fc)` for RC: mostly a shift
+//! of the whole image, which a camera's calibration removes, and a slight asymmetry, which is not modelled. Off by
+//! default: a settled pixel amplifier has no such term. The tests filter a wave in time.
 
 /// A low pass of the readout.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -16,7 +16,7 @@ pub struct Circuit {
     pub order: u32,
 }
 
-/// Lowest bandwidth accepted, cycles/px: below it one pixel's charge runs over tens of its neighbours.
+/// Lowest bandwidth accepted, cycles/px: below it one pixel's charge spreads over tens of its neighbours.
 pub const LOWEST_CUTOFF: f64 = 0.1;
 
 /// Returns the factor at `fx` (cycles/px, along the rows).
@@ -33,7 +33,7 @@ mod tests {
     use super::*;
     use core::f64::consts::{FRAC_1_SQRT_2, TAU};
 
-    /// Returns the amplitude of a wave after `dy/dt = wc (x - y)`, by small steps: independent of any transfer
+    /// Returns the amplitude of a wave after `dy/dt = wc (x - y)`, by small steps, independent of any transfer
     /// function.
     fn filtered_amplitude(f: f64, cutoff: f64) -> f64 {
         let step = 1e-4 / f;

@@ -1,7 +1,7 @@
 //! Defocus: the exact transfer function of a defocused pupil, and the geometric blur disc that approximates it.
 //!
-//! Frequency -> factor. A focus error `d` (image plane to focus) is a wavefront error of `W20 = d / (8 N^2 lambda)` waves
-//! at the edge of the pupil (Born and Wolf, 8.8, for pupils slow against f/1).
+//! Frequency -> factor. A focus error `d` (image plane to focus) is a wavefront error of `W20 = d / (8 N^2 lambda)`
+//! waves at the edge of the pupil (Born and Wolf, 8.8, for pupils slow against f/1).
 //! * **exact**: autocorrelation of the annular pupil with the phase `2 pi W20 rho^2` (Hopkins, Proc. R. Soc. A 231, 91,
 //!   1955). Along the shift `s = 2 v` the phases differ by `4 pi W20 s x`; the chord across the common area is known, so
 //!   one integral over `x` is left, between the points where circles meet, by Gauss-Legendre rules in the angle that
@@ -11,18 +11,18 @@
 //!   without defocus and with very much, and off by up to 0.29 in between. Domain: up to [`GEOMETRIC_SMALL_WAVES`] or
 //!   from [`GEOMETRIC_LARGE_WAVES`], where it errs by at most [`GEOMETRIC_ERROR`]; the rest is refused.
 //!
-//! The tests hold the exact form against a pupil summed on a grid, and the approximation against it on both sides of
-//! its edge.
+//! The tests compare the exact form with a pupil summed on a grid, and the approximation with it on both sides of its
+//! domain's limit.
 
 use crate::optics::quadrature::{Node, gauss_legendre};
 use core::f64::consts::PI;
 
 /// Largest wavefront error of the exact form, waves: 16 rings in the middle of the star; beyond, the image is the
-/// pupil's shadow, which a measured PSF shows better.
+/// pupil's shadow, for which a measured PSF is better.
 pub const LARGEST_W20_WAVES: f64 = 16.0;
-/// The geometric form holds up to this wavefront error, waves.
+/// Largest wavefront error of the lower domain of the geometric form, waves.
 pub const GEOMETRIC_SMALL_WAVES: f64 = 0.1;
-/// The geometric form holds again from this wavefront error on, waves.
+/// Smallest wavefront error of the upper domain of the geometric form, waves.
 pub const GEOMETRIC_LARGE_WAVES: f64 = 5.0;
 /// Largest error of diffraction times the geometric form in its domain, at any frequency, obscuration up to 0.7.
 pub const GEOMETRIC_ERROR: f64 = 0.1;
@@ -41,19 +41,19 @@ pub fn geometric(v: f64, w20_waves: f64, obscuration: f64) -> Option<f64> {
     holds_geometrically(w20_waves).then(|| blur_disc(v, w20_waves, obscuration))
 }
 
-/// Returns whether a wavefront error is in the domain of the geometric form.
+/// Returns true when a wavefront error is in the domain of the geometric form.
 #[must_use]
 pub fn holds_geometrically(w20_waves: f64) -> bool {
     w20_waves.abs() <= GEOMETRIC_SMALL_WAVES || w20_waves.abs() >= GEOMETRIC_LARGE_WAVES
 }
 
-/// Returns the transform of a uniform disc (or ring), whatever its size.
+/// Returns the transform of a uniform disc (or ring) of any size.
 pub(super) fn blur_disc(v: f64, w20_waves: f64, e: f64) -> f64 {
     let x = 8.0 * PI * w20_waves.abs() * v;
     (jinc(x) - e * e * jinc(e * x)) / (1.0 - e * e)
 }
 
-/// `2 J1(x) / x`, 1 at 0.
+/// Returns `2 J1(x) / x`, 1 at 0.
 fn jinc(x: f64) -> f64 {
     if x < 1e-6 { 1.0 - x * x / 8.0 } else { 2.0 * libm::j1(x) / x }
 }
@@ -67,11 +67,12 @@ pub struct DefocusedPupil {
 }
 
 impl DefocusedPupil {
-    /// `None`: more than [`LARGEST_W20_WAVES`].
+    /// Returns the pupil; `None` for more than [`LARGEST_W20_WAVES`].
     #[must_use]
     pub fn new(w20_waves: f64, obscuration: f64) -> Option<Self> {
         let size = w20_waves.abs();
-        // Up to W20 oscillations of the integrand on a piece, half of them in its middle third; 24 nodes do the rest.
+        // Up to W20 oscillations of the integrand on a piece, half of them in its middle third; 24 nodes are needed in
+        // addition.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 16")]
         let extra = (6.0 * size).ceil().max(0.0) as usize;
         let nodes = (size <= LARGEST_W20_WAVES).then(|| gauss_legendre(24 + extra))?;
@@ -111,7 +112,7 @@ impl DefocusedPupil {
         sum * half * PI
     }
 
-    /// Returns the height above the axis that both pupils leave open, `x` from the middle between them.
+    /// Returns the height above the axis of the area common to both pupils, `x` from the middle between them.
     fn half_chord(&self, v: f64, x: f64) -> f64 {
         let (far, near) = (x + v, x - v);
         let outer = (1.0 - far * far).max(0.0).sqrt();
@@ -125,7 +126,7 @@ mod tests {
     use super::*;
     use crate::optics::mtf::diffraction;
 
-    /// Returns the real part of the pupil's autocorrelation, summed over a grid: no chord, no symmetry.
+    /// Returns the real part of the pupil's autocorrelation, summed over a grid, without chords or symmetry.
     fn summed(v: f64, w20: f64, e: f64) -> f64 {
         let n = 1000;
         let at = |i: i32| (f64::from(i) + 0.5) / f64::from(n) * 4.0 - 2.0;
@@ -204,7 +205,7 @@ mod tests {
 
     #[test]
     fn a_blur_disc_is_the_transform_of_its_rays() {
-        // Rays fill a ring evenly; x / 2 pi cycles cross its radius.
+        // Rays fill a ring uniformly; x / 2 pi cycles cross its radius.
         let (w20, v, e) = (0.08_f64, 0.4, 0.3_f64);
         let cycles = 4.0 * w20 * v;
         let n = 4000;

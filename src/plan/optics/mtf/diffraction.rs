@@ -1,10 +1,10 @@
 //! Diffraction at a circular pupil, clear or with a central obscuration.
 //!
 //! Frequency -> factor: the normalised autocorrelation of the pupil (Goodman, Introduction to Fourier Optics, 3rd ed.,
-//! 6.3), for an annulus `[a(1, 1) - 2 a(1, e) + a(e, e)] / (pi (1 - e^2))` with `a(R, r)` the area common to two circles
-//! `2 v` apart; written out, O'Neill's closed form (J. Opt. Soc. Am. 46, 285, 1956). `v = f lambda N` is the share of
-//! the cutoff `1 / (lambda N)`, `e` the linear obscuration, `0 <= e < 1`. Without obscuration it is
-//! `2/pi [acos v - v sqrt(1 - v^2)]`. The tests hold it against a sum over a gridded pupil and against both written forms.
+//! 6.3), for an annulus `[a(1, 1) - 2 a(1, e) + a(e, e)] / (pi (1 - e^2))` with `a(R, r)` the area common to two
+//! circles `2 v` apart; written out, O'Neill's closed form (J. Opt. Soc. Am. 46, 285, 1956). `v = f lambda N` is the
+//! share of the cutoff `1 / (lambda N)`, `e` the linear obscuration, `0 <= e < 1`. Without obscuration it is `2/pi
+//! [acos v - v sqrt(1 - v^2)]`. The tests compare it with a sum over a gridded pupil and with both written forms.
 
 use core::f64::consts::PI;
 
@@ -14,7 +14,7 @@ pub fn mtf(frequency: f64, lambda_n_px: f64, obscuration: f64) -> f64 {
     at_share_of_cutoff(frequency.abs() * lambda_n_px, obscuration)
 }
 
-/// Returns the frequency from which on nothing passes, cycles/px.
+/// Returns the cutoff frequency, cycles/px.
 #[must_use]
 pub fn cutoff(lambda_n_px: f64) -> f64 {
     1.0 / lambda_n_px
@@ -37,13 +37,13 @@ pub(super) fn at_share_of_cutoff(v: f64, e: f64) -> f64 {
 /// Returns the slope at frequency 0 against the share of the cutoff: the cone that makes the PSF's wings fall as
 /// `r^-3`.
 ///
-/// `a(R, R)` loses `2 R` per unit of distance, the circle inside nothing: `-(4 + 4 e) / (pi (1 - e^2))`.
+/// `a(R, R)` loses `2 R` per unit of distance, the inner circle nothing: `-(4 + 4 e) / (pi (1 - e^2))`.
 #[must_use]
 pub fn slope_at_zero(obscuration: f64) -> f64 {
     -4.0 / (PI * (1.0 - obscuration))
 }
 
-/// Returns the area common to circles of radius `big >= small`, whose centres are `apart`.
+/// Returns the common area of circles of radius `big >= small` with centres `apart`.
 fn common_area(big: f64, small: f64, apart: f64) -> f64 {
     if apart >= big + small {
         return 0.0;
@@ -82,7 +82,7 @@ mod tests {
         f64::from(both) / f64::from(one)
     }
 
-    /// O'Neill's three parts as they are printed.
+    /// Returns O'Neill's three parts as printed.
     fn oneill(v: f64, e: f64) -> f64 {
         let clear = |v: f64| if v < 1.0 { 2.0 / PI * (v.acos() - v * (1.0 - v * v).sqrt()) } else { 0.0 };
         let a = clear(v);

@@ -17,7 +17,7 @@ use crate::optics::mtf::gaussian;
 use crate::optics::mtf::silicon::absorption_per_um;
 use core::f64::consts::TAU;
 
-/// How charge diffuses.
+/// Diffusion of charge.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Diffusion {
     /// A Gaussian.
@@ -36,11 +36,11 @@ pub struct Layers {
     pub depletion_um: f64,
     /// Diffusion length in the field-free silicon, um.
     pub diffusion_length_um: f64,
-    /// Where the light comes in.
+    /// Illuminated side.
     pub side: Side,
 }
 
-/// Where the light comes in.
+/// Illuminated side.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Side {
     /// Through the depletion region; the field-free silicon below is deep.
@@ -53,8 +53,8 @@ pub enum Side {
 }
 
 impl Diffusion {
-    /// Returns the factor at `frequency` (cycles/um) for light of `wavelength_nm`; `None` where absorption is not
-    /// known.
+    /// Returns the factor at `frequency` (cycles/um) for light of `wavelength_nm`; `None` when its absorption is
+    /// unknown.
     #[must_use]
     pub fn mtf(&self, frequency: f64, wavelength_nm: f64) -> Option<f64> {
         match self {
@@ -71,7 +71,7 @@ impl Layers {
         self.collected(frequency, absorption_per_um) / self.collected(0.0, absorption_per_um)
     }
 
-    /// Returns the share of the electrons that are collected, of a wave of this frequency.
+    /// Returns the share of the electrons that are collected, for a wave of this frequency.
     fn collected(&self, frequency: f64, a: f64) -> f64 {
         let length = 1.0 / (1.0 / self.diffusion_length_um).hypot(TAU * frequency);
         match self.side {
@@ -84,9 +84,10 @@ impl Layers {
     }
 }
 
-/// Returns the share that reaches the far side of field-free silicon of thickness `t`, the near surface losing nothing.
+/// Returns the share that reaches the far side of field-free silicon of thickness `t`, without loss at the near
+/// surface.
 fn wandered(a: f64, length: f64, t: f64) -> f64 {
-    // The closed form is 0 / 0 at a L = 1, where it is smooth: a millionth beside, it errs by less than that.
+    // The closed form is 0 / 0 at a L = 1, where it is smooth: the error a millionth beside it is smaller than that.
     let length = if (a * length - 1.0).abs() < 1e-6 { (1.0 + 1e-6) / a } else { length };
     let al = a * length;
     let depth = t / length;
@@ -98,14 +99,14 @@ mod tests {
     use super::*;
 
     /// Returns the share collected at the sink by `n'' = n / L^2 - a exp(-a z)` on `n` cells, tridiagonal elimination,
-    /// the flux at both ends; `z` from the lit side. The near end: a sink (front) or closed (back); the far end is the
-    /// other.
+    /// from the flux at both ends; `z` from the lit side. The near end is a sink (front) or closed (back); the far end
+    /// is the other.
     fn solved(a: f64, length: f64, thickness: f64, is_sink_near: bool) -> f64 {
         let cells = 40_000;
         let h = thickness / f64::from(cells);
         let source = |i: i32| ((-a * f64::from(i) * h).exp() - (-a * f64::from(i + 1) * h).exp()) / h;
         let loss = 1.0 / (length * length);
-        // Cell centres; a sink stands half a cell outside, a closed end passes nothing.
+        // Cell centres; a sink is half a cell outside, a closed end has no flux.
         let (mut upper, mut right) = (vec![0.0; cells as usize], vec![0.0; cells as usize]);
         for i in 0..cells {
             let conductance = |is_end: bool, is_sink: bool| match (is_end, is_sink) {
@@ -140,7 +141,7 @@ mod tests {
             let (ours, theirs) = (back.collected(f, a), solved(a, length, 12.0, false) + below);
             assert!((ours - theirs).abs() < 1e-6, "back, f {f}: {ours} against {theirs}");
             let front = Layers { depletion_um: 5.0, diffusion_length_um: long, side: Side::Front };
-            // Deep: 400 um hold all of the light and ten diffusion lengths.
+            // Deep: 400 um contain all of the light and ten diffusion lengths.
             let deep = (1.0 - (-a * 5.0_f64).exp()) + (-a * 5.0_f64).exp() * solved(a, length, 400.0, true);
             assert!((front.collected(f, a) - deep).abs() < 2e-5, "front, f {f}: {} {deep}", front.collected(f, a));
             let wrong = Layers { depletion_um: 5.2, ..front };

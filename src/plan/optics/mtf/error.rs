@@ -1,4 +1,4 @@
-//! What can be wrong with a chain of transfer functions.
+//! Errors in the parameters of a chain of transfer functions.
 
 /// A chain that was refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -8,11 +8,11 @@ pub enum MtfError {
     Number {
         /// The number, with its unit.
         what: &'static str,
-        /// What was given.
+        /// Given value.
         got: f64,
         /// The domain.
         wanted: &'static str,
-        /// What to try.
+        /// Advice for the user.
         advice: &'static str,
     },
     /// More wavefront error than the empirical aberration term holds for.
@@ -25,7 +25,7 @@ pub enum MtfError {
         rms_waves: f64,
         /// The wavelength, nm.
         wavelength_nm: f64,
-        /// The largest that is accepted, waves rms.
+        /// Largest accepted value, waves rms.
         limit: f64,
     },
     /// Defocus outside the domain of its form.
@@ -40,17 +40,17 @@ pub enum MtfError {
         w20_waves: f64,
         /// The wavelength, nm.
         wavelength_nm: f64,
-        /// What the form is good for.
+        /// Domain of the form.
         wanted: &'static str,
         /// Exact or geometric.
         form: &'static str,
-        /// What to try.
+        /// Advice for the user.
         advice: &'static str,
     },
-    /// A band that is none.
+    /// An invalid band.
     #[error("the band's weights are {why}; wanted positive shares that sum to 1: take those of the camera's band")]
     Band {
-        /// What is wrong.
+        /// Description of the error.
         why: String,
     },
 }

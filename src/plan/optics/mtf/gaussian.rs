@@ -1,8 +1,8 @@
-//! Blur with a Gaussian profile: errors of assembly and of fabrication, and whatever is known by a width only.
+//! Blur with a Gaussian profile: errors of assembly and of fabrication, and any blur known by its width only.
 //!
-//! Frequency -> factor `exp(-2 pi^2 s^2 f^2)`, the transform of a Gaussian of standard deviation `s` (px, one axis); `f`
-//! in cycles/px, its magnitude in two dimensions. Source: Holst, Electro-Optical Imaging System Performance, 5th ed.
-//! Two such blurs are one of `sqrt(s1^2 + s2^2)`. The test integrates the Gaussian.
+//! Frequency -> factor `exp(-2 pi^2 s^2 f^2)`, the transform of a Gaussian of standard deviation `s` (px, one axis);
+//! `f` in cycles/px, its magnitude in two dimensions. Source: Holst, Electro-Optical Imaging System Performance, 5th
+//! ed. Two such blurs are one of `sqrt(s1^2 + s2^2)`. The test integrates the Gaussian.
 
 use core::f64::consts::PI;
 
@@ -12,7 +12,7 @@ pub fn mtf(frequency: f64, sigma_px: f64) -> f64 {
     (-2.0 * (PI * sigma_px * frequency).powi(2)).exp()
 }
 
-/// Returns the frequency from which on the factor is below `least`, cycles/px.
+/// Returns the frequency above which the factor is below `least`, cycles/px.
 #[must_use]
 pub fn cutoff(sigma_px: f64, least: f64) -> f64 {
     (-0.5 * least.ln()).sqrt() / (PI * sigma_px)

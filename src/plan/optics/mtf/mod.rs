@@ -1,12 +1,12 @@
-//! The chain of modulation transfer functions (MTF): what each link from pupil to readout leaves of a contrast.
+//! The chain of modulation transfer functions (MTF): contrast that each link from pupil to readout transmits.
 //!
 //! In: spatial frequency in cycles/px (1 / (2 px) is the Nyquist frequency) and the camera's optics and detector. Out:
 //! a factor, 1 at frequency 0. All terms here are real: none shifts the image. Factors may be negative (reversed
 //! contrast, as of a defocused lens), so they are real optical transfer functions; an MTF is their magnitude.
 //!
 //! In the order of light: [`diffraction`], [`aberration`], [`defocus`], [`gaussian`] (assembly, fabrication),
-//! [`diffusion`] and [`aperture`] (detector), [`circuit`]. [`motion`] is for comparison only: exposures integrate motion
-//! themselves, and a PSF that held it too would count it twice. [`chain`] multiplies them, over a band.
+//! [`diffusion`] and [`aperture`] (detector), [`circuit`]. [`motion`] is for comparison only: exposures integrate
+//! motion themselves, and a PSF that included it would count it twice. [`chain`] multiplies them, over a band.
 
 pub mod aberration;
 pub mod aperture;

@@ -1,13 +1,13 @@
 //! Motion of the image in the exposure, as transfer functions.
 //!
-//! Frequency along the motion -> factor. *The drawn PSF never holds smear and jitter*: an exposure integrates the motion
-//! itself, star by star, and would count it twice. They tell what a motion costs, and are held against each other. TDI is
-//! motion of the charge, which no line of sight has: it is a link of the chain.
+//! Frequency along the motion -> factor. *The drawn PSF never contains smear and jitter*: an exposure integrates the
+//! motion itself, star by star, and would count it twice. These factors show the effect of a motion, and are compared
+//! with each other. TDI is a motion of the charge, not of the line of sight: it is a link of the chain.
 //! * smear of length `a` at constant speed: `sinc(a f)`;
 //! * jitter, many cycles, standard deviation `s` on the axis: `exp(-2 pi^2 s^2 f^2)`, see [`super::gaussian`];
 //! * sinusoid of amplitude `A`, whole cycles: `J0(2 pi A f)`;
 //! * TDI (time delay and integration) of `n` stages: charge moves in steps, `phases` per pixel, while the image moves
-//!   evenly: `sinc(f / phases)`; a velocity off by `d` pixels per stage smears by steps of `d`:
+//!   evenly: `sinc(f / phases)`; a velocity error of `d` pixels per stage smears by steps of `d`:
 //!   `sin(n pi d f) / (n sin(pi d f))`.
 //!
 //! `f` in cycles/px, lengths in px. Sources: Holst, CCD Arrays, Cameras and Displays, 2nd ed.; Wong and Yao, Proc. SPIE
@@ -18,31 +18,31 @@ use crate::optics::mtf::TdiBlur;
 use crate::optics::mtf::aperture::sinc;
 use core::f64::consts::{PI, TAU};
 
-/// Returns the constant speed over `length_px`.
+/// Returns the factor of motion at constant speed over `length_px`.
 #[must_use]
 pub fn smear(frequency: f64, length_px: f64) -> f64 {
     sinc(length_px * frequency)
 }
 
-/// Returns a sinusoid of `amplitude_px` over whole cycles.
+/// Returns the factor of a sinusoid of `amplitude_px` over whole cycles.
 #[must_use]
 pub fn sinusoid(frequency: f64, amplitude_px: f64) -> f64 {
     libm::j0(TAU * amplitude_px * frequency)
 }
 
-/// Returns the discrete steps of the charge, `phases` to a pixel, under an image that moves evenly.
+/// Returns the factor of the discrete steps of the charge, `phases` to a pixel, under an image that moves evenly.
 #[must_use]
 pub fn tdi_steps(frequency: f64, phases: u32) -> f64 {
     sinc(frequency / f64::from(phases))
 }
 
-/// Both: steps and mismatch.
+/// Returns the factor of TDI: steps and mismatch.
 #[must_use]
 pub fn tdi(frequency: f64, TdiBlur { stages, phases, mismatch_px }: TdiBlur) -> f64 {
     tdi_steps(frequency, phases) * tdi_mismatch(frequency, stages, mismatch_px)
 }
 
-/// Returns the image and charge drift apart by `mismatch_px` from one of `stages` to the next.
+/// Returns the factor of a drift of `mismatch_px` between image and charge from one of `stages` to the next.
 #[must_use]
 pub fn tdi_mismatch(frequency: f64, stages: u32, mismatch_px: f64) -> f64 {
     let angle = PI * mismatch_px * frequency;
@@ -81,7 +81,7 @@ mod tests {
     #[test]
     fn tdi_is_the_mean_over_its_stages() {
         for f in [0.1, 0.5, 1.2] {
-            // The image moves on while the charge stands: a saw of one step's length.
+            // The image moves on while the charge is at rest: a sawtooth of one step's length.
             let saw = averaged(f, 30_000, |t| ((3.0 * t).fract() - 0.5) / 3.0);
             assert!((tdi_steps(f, 3) - saw).abs() < 1e-7, "steps, f {f}");
             let stages = 16;
@@ -90,7 +90,7 @@ mod tests {
             assert!((tdi_mismatch(f, 15, 0.03) - drifted).abs() > 1e-5, "another number of stages must show");
         }
         assert_eq!(tdi_mismatch(0.4, 96, 0.0), 1.0, "no mismatch");
-        // A whole cycle per step: even stages, half a step off the middle, see the wave reversed.
+        // A whole cycle per step: an even number of stages is half a step off the middle, and reverses the wave.
         for (stages, sign) in [(4, -1.0), (5, 1.0)] {
             let near = tdi_mismatch(1.0 - 1e-4, stages, 1.0);
             assert!((tdi_mismatch(1.0, stages, 1.0) - sign).abs() < 1e-12 && (near - sign).abs() < 1e-4, "{stages}");

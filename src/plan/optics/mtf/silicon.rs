@@ -2,8 +2,8 @@
 //!
 //! Wavelength (nm) -> absorption coefficient `4 pi k / lambda`, 1/um. Source of the extinction coefficient `k`: Green,
 //! Solar Energy Materials and Solar Cells 92, 1305 (2008). Between rows `ln k` is linear in wavelength: at most 5 % off
-//! between 400 and 1000 nm, below the spread among published tables. Domain: 300 to 1100 nm; other wavelengths have
-//! none. Cold silicon absorbs less red light: not modelled.
+//! between 400 and 1000 nm, below the differences of published tables. Domain: 300 to 1100 nm; other wavelengths have
+//! no value. Cold silicon absorbs less red light: not modelled.
 
 use core::f64::consts::PI;
 
@@ -58,7 +58,7 @@ mod tests {
             let ratio = absorption_per_um(nm).unwrap() * 1e4 / per_cm;
             assert!((ratio - 1.0).abs() < 0.1, "{nm} nm: {ratio}");
         }
-        // Rows of the source that the table here leaves out.
+        // Rows of the source that are not in the table here.
         for (nm, k) in [(410.0, 0.227), (520.0, 3.6415e-2), (680.0, 1.1905e-2), (830.0, 4.2734e-3), (980.0, 7.4866e-4)]
         {
             let ratio = absorption_per_um(nm).unwrap() * nm * 1e-3 / (4.0 * PI * k);
