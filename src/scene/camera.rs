@@ -1,4 +1,4 @@
-//! One camera: everything between the light and its numbers.
+//! One camera: all parameters from the light to the digital numbers.
 
 use base::region::Regions;
 use frames::sink::CameraFacts;
@@ -20,15 +20,15 @@ pub struct CameraParams {
     pub name: Arc<str>,
     /// Projection and distortion.
     pub geometry: CameraGeometry,
-    /// How the rows of the detector are exposed.
+    /// Exposure of the detector's rows.
     pub shutter: Shutter,
     /// PSF.
     pub psf: PsfModel,
-    /// How pixel values are had from it.
+    /// Method to compute pixel values from the PSF.
     pub sampling: PsfSampling,
-    /// How the image plane is lit.
+    /// Relative illumination of the image plane.
     pub illumination: Illumination,
-    /// What lights the detector beside the stars.
+    /// Light on the detector besides the stars.
     pub background: BackgroundLight,
     /// Magnitude to electrons.
     pub radiometry: StarLight,
@@ -49,7 +49,7 @@ pub struct CameraParams {
 }
 
 impl CameraParams {
-    /// Returns bits of the numbers in an image: the converter's, or more where numbers are summed.
+    /// Returns the number of bits of an image's values: the converter's, or more where values are summed.
     #[must_use]
     pub fn output_bits(&self) -> u32 {
         let summed = match self.detector.spatial.binning {
@@ -60,7 +60,7 @@ impl CameraParams {
         u32::BITS - largest.leading_zeros()
     }
 
-    /// Returns the detector with its patterns: those that were measured, and the others drawn from the sensor seed.
+    /// Returns the detector with its patterns: the measured ones, and the others drawn from the sensor seed.
     ///
     /// # Errors
     /// When a measured pattern has another size than the detector.
@@ -70,13 +70,13 @@ impl CameraParams {
         made.with_patterns(&self.patterns)
     }
 
-    /// Returns what readers of its images want to know besides.
+    /// Returns facts that readers of its images need.
     #[must_use]
     pub fn facts(&self) -> CameraFacts {
         self.facts_of(&Levels::of_output(&self.detector))
     }
 
-    /// Returns the same of an image with these levels.
+    /// Returns the same facts for an image with these levels.
     #[must_use]
     pub fn facts_of(&self, levels: &Levels) -> CameraFacts {
         let full_dn = levels.black_level_dn + levels.full_well_e / levels.gain_e_per_dn;
@@ -90,7 +90,7 @@ impl CameraParams {
         }
     }
 
-    /// Returns the camera as the planner sees it.
+    /// Returns the camera in the form used by the planner.
     #[must_use]
     pub fn instrument(&self) -> Instrument {
         Instrument {
@@ -106,16 +106,22 @@ impl CameraParams {
 }
 
 impl CameraParams {
-    /// Returns columns and rows of the sensor, on which light is drawn.
+    /// Returns the columns and rows of the sensor, on which light is drawn.
     #[must_use]
     pub fn sensor_px(&self) -> [usize; 2] {
         [self.geometry.width_px(), self.geometry.height_px()]
     }
 
-    /// Returns where the pixels of the image that is put out are on the sensor; its size.
+    /// Returns the positions on the sensor of the pixels of the output image, and its size.
     #[must_use]
     pub fn output(&self) -> OutputGeometry {
         self.detector.spatial.output(self.sensor_px())
+    }
+
+    /// Returns where the pixels of an image before the detector are on the sensor.
+    #[must_use]
+    pub fn whole_sensor(&self) -> OutputGeometry {
+        OutputGeometry::whole(self.sensor_px())
     }
 
     /// Returns the predicted time of the detector, ms.
@@ -125,7 +131,7 @@ impl CameraParams {
         cost.readout_ms(width * height) * detector::cost::factor(&self.detector, &self.patterns, width)
     }
 
-    /// Returns the share of that time that these regions of the image take on a processor.
+    /// Returns the share of that time that these regions of the image take on a CPU.
     #[must_use]
     pub fn readout_share(&self, regions: &Regions) -> f64 {
         detector::cost::share_of(&self.detector, &self.output().sensor_regions(regions), self.sensor_px())

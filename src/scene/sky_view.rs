@@ -1,6 +1,6 @@
 //! Stars, observer and radiometry -> the sources of one exposure. Reuses its buffers.
 //!
-//! By the tiles of the field, whose light was computed when they were decoded, on all cores.
+//! Uses the tiles of the field, whose light was computed when they were decoded, on all cores.
 //! Tests: `tests/physics/frames.rs`, `tests/physics/deep_sky.rs`.
 
 use crate::camera::CameraParams;
@@ -21,32 +21,32 @@ use stars::cover::chord_squared;
 use stars::tiles::{Light, Shortfall, TileSky, TileStar};
 use std::sync::Arc;
 
-/// The sky as one camera sees it.
+/// The sky in view of one camera.
 pub struct SkyView {
     tiles: TileSky,
     field: FieldStars,
-    /// What the latest field lacks.
+    /// Stars missing from the latest field.
     shortfall: Shortfall,
     epoch_yr: f64,
     fastest_mas_yr: f64,
     observer: ObserverTrack,
     light_deflection: bool,
     half_diagonal_rad: f64,
-    /// From the boresight to the detector's corner, and its margin.
+    /// Angle from the boresight to the detector's corner, with its margin.
     field_rad: f64,
-    /// The same in the catalog, at the latest time asked for.
+    /// The same in the catalog, at the latest requested time.
     radius_rad: f64,
     bounds: FieldBounds,
-    /// What the observer does to directions in the latest field.
+    /// Aberration and light deflection by the observer in the latest field.
     sight: Option<Sight>,
     sources: Vec<Source>,
 }
 
-/// Stars in view for which there is room from the start.
+/// Initial capacity for stars in view.
 const STARS_RESERVED: usize = 16_384;
 /// Margin of the cone beyond the detector's corner, px: footprints and motion within the exposure.
 const MARGIN_PX: f64 = 64.0;
-/// How far ahead tiles are asked for: a slew that goes on as it is.
+/// Time by which tiles are requested ahead, for a slew at a constant rate.
 const AHEAD: Span = Span::from_ms(2000);
 
 impl SkyView {
@@ -73,22 +73,22 @@ impl SkyView {
         }
     }
 
-    /// Returns whether the Sun bends the stars' light: as a rule it does.
+    /// Sets whether the Sun bends the stars' light: by default it does.
     #[must_use]
     pub fn with_light_deflection(self, light_deflection: bool) -> Self {
         Self { light_deflection, ..self }
     }
 
-    /// From here on tiles of layers are read by a thread, ahead of the camera: stars that have not been read in time are
+    /// Starts a thread that reads tiles of layers ahead of the camera: stars that have not been read in time are
     /// missing. For the real clock.
     ///
     /// # Errors
-    /// When the system has no thread for it.
+    /// When the system cannot start the thread.
     pub fn read_ahead(&mut self) -> Result<(), SceneError> {
         self.tiles.read_ahead().map_err(|source| SceneError::Thread { name: "tiles", source })
     }
 
-    /// Takes in what has been read ahead; how many tiles are still to come.
+    /// Waits for the tiles that were requested ahead; returns how many are still to come.
     ///
     /// # Errors
     /// When a tile cannot be read.
@@ -96,36 +96,36 @@ impl SkyView {
         Ok(self.tiles.settle()?)
     }
 
-    /// Returns true when the thread that reads tiles has broken down.
+    /// Returns true when the thread that reads tiles has failed.
     #[must_use]
     pub fn has_lost_reader(&self) -> bool {
         self.tiles.has_lost_reader()
     }
 
-    /// What the latest field lacks.
+    /// Returns the stars missing from the latest field.
     #[must_use]
     pub fn shortfall(&self) -> Shortfall {
         self.shortfall
     }
 
-    /// Returns the observer that it follows.
+    /// Returns its observer.
     #[must_use]
     pub fn observer(&self) -> &ObserverTrack {
         &self.observer
     }
 
-    /// Returns the observer that it follows, for states from outside.
+    /// Returns its observer, so that callers can add states from outside.
     pub fn observer_mut(&mut self) -> &mut ObserverTrack {
         &mut self.observer
     }
 
-    /// Returns what the observer did to directions at the latest exposure; `None` before the first.
+    /// Returns the effect of the observer on directions at the latest exposure; `None` before the first.
     #[must_use]
     pub fn sight(&self) -> Option<&Sight> {
         self.sight.as_ref()
     }
 
-    /// Returns sources in view during an exposure: about its boresight, at mid-exposure, as far as it sweeps.
+    /// Returns the sources in view during an exposure: about its boresight, at mid-exposure, as far as it sweeps.
     ///
     /// # Errors
     /// When the observer's orbit cannot be computed at that time, or a tile cannot be read.
@@ -134,37 +134,37 @@ impl SkyView {
         Ok(&self.sources)
     }
 
-    /// Returns the sources that were found last.
+    /// Returns the sources of the latest call.
     #[must_use]
     pub fn found(&self) -> &[Source] {
         &self.sources
     }
 
-    /// Returns the name in its source catalog of a source that was found last, by its `id`; `None` when it has none.
+    /// Returns the name in its source catalog of a source of the latest call, by its `id`; `None` when it has none.
     /// Reads no file and allocates nothing.
     #[must_use]
     pub fn source_id(&self, id: u32) -> Option<SourceId> {
         self.tiles.source_id(id)
     }
 
-    /// Writes into the truth table which star of its source catalog each star is, where that is known.
+    /// Adds the identity in the source catalog to each star of the truth table, if known.
     pub fn name_stars(&self, rows: &mut [TruthStar]) {
         for row in rows.iter_mut().filter(|row| row.kind == TruthKind::Star) {
             row.source_id = self.source_id(row.id);
         }
     }
 
-    /// As [`Self::in_view`]; they are in [`Self::found`] then.
+    /// Finds the sources in view as [`Self::in_view`] does; [`Self::found`] returns them.
     ///
     /// # Errors
-    /// As there.
+    /// The same errors as there.
     pub fn find_in_view(&mut self, los: &LosPath) -> Result<(), SceneError> {
         let icrf_from_sensor = los.mid_sensor_from_icrf.inverse();
         let boresight = icrf_from_sensor.apply(DVec3::Z);
         let rate_rad_s = los.rate_rad_s.length();
         let sweep_rad = rate_rad_s * los.exposure_s;
         self.find(boresight, sweep_rad, Some(&los.mid_sensor_from_icrf), los.mid_exposure())?;
-        // The stretch from here to where a slew at this rate leads.
+        // The distance covered by a slew at this rate.
         let half = 0.5 * AHEAD.s();
         let turned = DQuat::from_scaled_axis(icrf_from_sensor.apply(los.rate_rad_s) * half) * boresight;
         let stretch_rad = boresight.angle_between(turned);
@@ -172,7 +172,16 @@ impl SkyView {
         Ok(())
     }
 
-    /// Returns sources in view around `boresight_icrf` at `at`; `sweep_rad` widens the cone by the motion in the
+    /// Takes in what the observer does to directions at an instant, without looking for stars.
+    ///
+    /// # Errors
+    /// When the observer's orbit cannot be computed at that time.
+    pub fn look(&mut self, at: Tai) -> Result<(), SceneError> {
+        self.sight = Some(Vantage::of(&self.observer, at, self.light_deflection)?.sight());
+        Ok(())
+    }
+
+    /// Returns the sources in view around `boresight_icrf` at `at`; `sweep_rad` widens the cone by the motion in the
     /// exposure.
     ///
     /// # Errors
@@ -182,7 +191,7 @@ impl SkyView {
         Ok(&self.sources)
     }
 
-    /// Of layers on disk only stars that may be seen at `attitude`, where it is known.
+    /// Finds sources; from layers on disk only stars that may be visible at `attitude`, if it is known.
     fn find(
         &mut self,
         boresight_icrf: DVec3,
@@ -194,7 +203,8 @@ impl SkyView {
         self.sight = Some(vantage.sight());
         self.radius_rad = self.field_rad + cone_margin_rad(self.epoch_yr, self.fastest_mas_yr, at, &vantage);
         let margin_rad = self.radius_rad - self.half_diagonal_rad + sweep_rad;
-        // Of a catalog in memory the whole cone, a few thousand stars: those that bodies hide beside the field count too.
+        // A catalog in memory gives the whole cone, a few thousand stars: stars hidden by bodies beside the field count
+        // too.
         let attitude = attitude.filter(|_| !self.tiles.layers().is_in_memory());
         let bounds = attitude.and_then(|attitude| self.bounds.at(attitude, margin_rad));
         let radius_rad = self.radius_rad + sweep_rad;

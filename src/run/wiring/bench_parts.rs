@@ -34,6 +34,14 @@ use testbed::flight_computer::{
 /// Time before the first exposure, in which the bus carries its first time marks and attitudes.
 const LEAD: Span = Span::from_ms(1000);
 
+/// Returns parameters whose first exposure begins at an instant.
+///
+/// # Errors
+/// As [`run_params`].
+pub fn params_from(bench: &Bench, first_exposure: Tai) -> Result<RunParams> {
+    run_params(bench, first_exposure - bench.timing.phase - LEAD)
+}
+
 /// Returns the parameters of a run on the virtual clock that starts when the clock reads `start`.
 ///
 /// # Errors
@@ -212,8 +220,7 @@ pub fn imager(params: &RunParams) -> Result<Imager> {
 }
 
 /// Applies the differences of the real clock: costs are those of this machine, frames may be degraded to be in time,
-/// and a
-/// stopped stream of attitudes leaves frames out unless the bench sets another policy.
+/// and a stopped stream of attitudes leaves frames out unless the bench sets another policy.
 pub fn take_real_clock(params: &mut RunParams, bench: &Bench, measured: Option<CostModel>) {
     params.cost = measured;
     params.degrade = bench.timing.degrade.applies(true);
@@ -283,7 +290,7 @@ fn observer(observer: &config::Observer, epoch: Tai) -> Result<Observer> {
         config::Observer::Elements { text } => {
             let is_json = text.trim_start().starts_with(['[', '{']);
             let read = if is_json { TleOrbit::parse_omm(text, None) } else { TleOrbit::parse_one_of(text, None) };
-            Observer::Tle(Box::new(read.context("[observer] file")?))
+            Observer::Tle(Box::new(read.context("observer.file: wanted JSON of one object, or two element lines")?))
         }
         config::Observer::TwoBody { about, epoch: given, start } => {
             let (about, epoch) = (*about, given.unwrap_or(epoch));
@@ -334,8 +341,7 @@ pub fn bus_of(link: &config::Link) -> (BusParams, WireFormat) {
 }
 
 /// Returns the simulated flight computer of a plant whose first exposure is at `zero`; without its own plant it keeps
-/// its
-/// attitude or slews as the bench demands.
+/// its attitude or slews as the bench demands.
 #[must_use]
 pub fn flight_computer_of(plant: &Plant, bench: &Bench, boot: Tai, zero: Tai) -> FlightComputerParams {
     let params = flight_computer(bench, boot);

@@ -1,0 +1,91 @@
+//! Faults of single images, written as the keys of an `[[event]]`.
+
+use base::time::Span;
+use config::{Action, ConfigError, Event};
+use frames::sink::FrameFault;
+use serde_json::{Map, Value};
+
+/// A fault that a single image cannot have.
+#[derive(Debug, thiserror::Error)]
+pub enum StillFaultError {
+    /// The keys are not those of an event.
+    #[error(transparent)]
+    Keys(#[from] ConfigError),
+    /// It is not written as keys of a table.
+    #[error("a fault: {0}; wanted keys of an event, such as do = \"stray_light\", e_per_s = 200")]
+    Form(String),
+    /// It does not change an image.
+    #[error(
+        "a fault: got do = \"{0}\", wanted one that changes a single image: frame_drop, frame_late, frame_duplicate and frame_torn need a run, faults \
+         of the bus and of the spacecraft do too"
+    )]
+    NotOfAnImage(&'static str),
+}
+
+/// Returns the fault that the keys of an event describe, separated by commas: `do = "stray_light", e_per_s = 200`.
+///
+/// # Errors
+/// When the keys are not those of a fault of frames that changes a single image.
+pub fn still_fault(keys: &str) -> Result<FrameFault, StillFaultError> {
+    #[derive(serde::Deserialize)]
+    struct Line {
+        fault: Map<String, Value>,
+    }
+    let line: Line = toml::from_str(&format!("fault = {{ {keys} }}"))
+        .map_err(|error| StillFaultError::Form(error.message().into()))?;
+    let mut keys = line.fault;
+    // It lasts as long as the image does.
+    keys.entry("for_s").or_insert_with(|| Value::from(1.0));
+    let event = Event::from_json(&keys, 0.0, Span::from_s(1.0))?;
+    match event.action {
+        Action::Frame { fault, .. } if !needs_a_run(&fault) => Ok(fault),
+        Action::Frame { .. }
+        | Action::Slew(_)
+        | Action::Safe
+        | Action::Resume
+        | Action::Bus(_)
+        | Action::BusBackLoss { .. }
+        | Action::Aboard(_)
+        | Action::Trigger { .. } => Err(StillFaultError::NotOfAnImage(event.action.word())),
+    }
+}
+
+/// Returns whether a fault is about an image before, or about when an image is sent.
+fn needs_a_run(fault: &FrameFault) -> bool {
+    match fault {
+        FrameFault::Drop | FrameFault::Duplicate | FrameFault::Late(_) | FrameFault::Torn => true,
+        FrameFault::Blank
+        | FrameFault::BitFlip { .. }
+        | FrameFault::StrayLight { .. }
+        | FrameFault::StrayLightRamp { .. }
+        | FrameFault::Defocus { .. }
+        | FrameFault::Contamination { .. }
+        | FrameFault::TemperatureStep { .. }
+        | FrameFault::Saturation { .. }
+        | FrameFault::FalseStars { .. }
+        | FrameFault::MissingStars { .. }
+        | FrameFault::MissingBrightStars { .. }
+        | FrameFault::Pixels { .. }
+        | FrameFault::Protons(_) => false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn keys_of_an_event_become_a_fault() {
+        let fault = still_fault("do = \"stray_light\", e_per_s = 200").unwrap();
+        assert_eq!(fault, FrameFault::StrayLight { e_per_s: 200.0 });
+    }
+
+    #[test]
+    fn faults_of_other_places_are_refused_with_advice() {
+        let wrong = |text: &str| still_fault(text).unwrap_err().to_string();
+        assert!(wrong("do = \"frame_torn\"").contains("need a run"));
+        assert!(wrong("do = \"gyro_dropout\"").contains("need a run"));
+        assert!(wrong("do = ").contains("wanted keys of an event"));
+        assert!(wrong("do = \"stray_light\"").contains("e_per_s"));
+    }
+}

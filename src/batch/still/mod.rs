@@ -1,0 +1,201 @@
+//! Single images of any attitude and instant, with all that a run knows: observer, bodies, targets, layers of stars, faults.
+//!
+//! In: a checked bench, the instants between which images are drawn, faults. Out: images with truth and metadata, the bits of
+//! which depend on the attitude, the instant, the seeds and the number of the image alone, not on the images before (a camera
+//! with image lag excepted, which keeps charge from image to image).
+//! Tests: below, `hil_scripts/test_files.py` (the command `render`).
+
+mod fault;
+
+pub use fault::{StillFaultError, still_fault};
+
+use base::time::{Span, Tai};
+use config::Bench;
+use frames::report::StageTimes;
+use frames::sink::{FrameFault, SentFrame};
+use image::gpu::Electrons;
+use plan::exposure::{ExposurePlan, Motion};
+use run::runtime::engine::Light;
+use run::runtime::frame_faults::FrameFaults;
+use run::runtime::{FrameEngine, Imager, Ledger, RunParams, Slot, Started};
+use run::wiring::bench_parts::params_from;
+use sky::almanac::Almanac;
+
+/// Time before and after all images for which a fault acts: a fault that changes while it lasts is near its middle.
+const FAULT_SPAN: Span = Span::from_ns(1_000_000_000_000_000_000);
+
+/// An image that cannot be drawn.
+#[derive(Debug, thiserror::Error)]
+pub enum StillError {
+    /// The bench cannot be used.
+    #[error("{0}")]
+    Bench(String),
+    /// The sky, the backend or the detector failed.
+    #[error(transparent)]
+    Run(#[from] run::runtime::RunError),
+}
+
+/// Parameters of single images.
+#[derive(Debug, Clone)]
+pub struct StillParams<'a> {
+    /// Camera, sky, observer, bodies, targets, seeds, backend and method; nothing of its link or its motion is used.
+    pub bench: &'a Bench,
+    /// The earliest and the latest middle of an exposure.
+    pub span: [Tai; 2],
+    /// Faults of every image, see [`still_fault`].
+    pub faults: &'a [FrameFault],
+}
+
+/// A camera and its sky, ready to draw.
+pub struct Still {
+    engine: FrameEngine,
+    faults: FrameFaults,
+    ledger: Ledger,
+    frame: SentFrame,
+    faintest_mag: f32,
+}
+
+impl Still {
+    /// Returns a camera that is ready to draw: opens the stars, prepares the ephemeris of the span, makes the detector.
+    ///
+    /// # Errors
+    /// When the camera, the observer, a layer of stars or the backend cannot be used.
+    pub fn new(params: &StillParams<'_>) -> Result<Self, StillError> {
+        let StillParams { bench, span: [first, last], faults } = *params;
+        let exposure = Span::from_s(bench.camera.exposure.exposure_s);
+        let start = first - Span::from_ns(exposure.ns() / 2);
+        let run = params_from(bench, start).map_err(|error| StillError::Bench(format!("{error:#}")))?;
+        // There is no deadline: images are drawn as exactly as the budget asks.
+        let run = RunParams { degrade: false, ..run };
+        let detector = run.camera.make_detector(run.seeds()).map_err(run::runtime::RunError::from)?;
+        let imager = Imager::of_detector(run.backend, detector).map_err(run::runtime::RunError::from)?;
+        let sky = run.open_sky().map_err(run::runtime::RunError::from)?;
+        let faintest_mag = sky.layers.magnitudes()[1];
+        let [width, height] = run.camera.output().size_px;
+        let frame = SentFrame::with_capacity(width, height, 0, run.camera.name.clone());
+        let almanac = Almanac::over(first, last);
+        let mut engine = FrameEngine::with_sky(run, imager, &sky, &almanac)?;
+        let mut timed = FrameFaults::default();
+        for fault in faults {
+            timed.add(first - FAULT_SPAN, last + FAULT_SPAN, *fault);
+        }
+        timed.prepare(&mut engine)?;
+        Ok(Self { engine, faults: timed, ledger: Ledger::default(), frame, faintest_mag })
+    }
+
+    /// Draws and reads out one image; `number` fixes its noise together with the noise seed. It is in [`Self::frame`] then.
+    /// Returns the wall time of the stages.
+    ///
+    /// # Errors
+    /// When the backend failed, or the sky cannot be computed at that time.
+    pub fn draw(&mut self, motion: &Motion, light: Light<'_>, number: u32) -> Result<StageTimes, StillError> {
+        let slot = slot_of(motion, number);
+        let fate = self.faults.begin(slot, &mut self.engine, &mut self.ledger);
+        let times = self.engine.expose_along(slot, motion, light, &mut self.ledger, &mut self.frame)?;
+        self.faults.spoil(&fate, &mut self.frame);
+        Ok(times)
+    }
+
+    /// Draws the mean electrons before the detector; they are in [`Self::mean`] then, truth and metadata in [`Self::frame`].
+    /// Returns the wall time of the stages.
+    ///
+    /// # Errors
+    /// As [`Self::draw`].
+    pub fn draw_mean(&mut self, motion: &Motion, light: Light<'_>, number: u32) -> Result<StageTimes, StillError> {
+        let slot = slot_of(motion, number);
+        self.faults.begin(slot, &mut self.engine, &mut self.ledger);
+        Ok(self.engine.mean_along(slot, motion, light, &mut self.ledger, &mut self.frame)?)
+    }
+
+    /// Returns the latest image with its truth.
+    #[must_use]
+    pub fn frame(&self) -> &SentFrame {
+        &self.frame
+    }
+
+    /// Returns the latest mean electrons, sensor pixel by sensor pixel.
+    #[must_use]
+    pub fn mean(&self) -> Electrons<'_> {
+        self.engine.imager().latest_mean()
+    }
+
+    /// Returns the plan of the latest image: methods, bounds and costs.
+    #[must_use]
+    pub fn plan(&self) -> &ExposurePlan {
+        self.engine.latest_plan()
+    }
+
+    /// Returns the backend and the detector.
+    #[must_use]
+    pub fn imager(&self) -> &Imager {
+        self.engine.imager()
+    }
+
+    /// Returns the camera, the sky and all other parameters as they are drawn with.
+    #[must_use]
+    pub fn params(&self) -> &RunParams {
+        self.engine.params()
+    }
+
+    /// Returns the magnitude of the faintest stars of the sky, G.
+    #[must_use]
+    pub fn faintest_mag(&self) -> f32 {
+        self.faintest_mag
+    }
+}
+
+/// Returns the place in time of an image.
+fn slot_of(motion: &Motion, number: u32) -> Slot {
+    let start = motion.los.exposure_start;
+    let end = start + Span::from_s(motion.los.exposure_s);
+    Slot { number, exposure_start: start, exposure_end: end, release: end, due: end, started: Started::Rate }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use base::axes::sensor_from_ra_dec_roll;
+    use base::image::DnImage;
+    use plan::attitude::LosPath;
+
+    fn motion(bench: &Bench, dec_deg: f64, at: Tai) -> Motion {
+        let exposure_s = bench.camera.exposure.exposure_s;
+        let attitude = sensor_from_ra_dec_roll(1.45, dec_deg.to_radians(), 0.3);
+        Motion { los: LosPath::commanded(attitude, at - Span::from_s(0.5 * exposure_s), exposure_s), image_path: None }
+    }
+
+    fn drawn(still: &mut Still, dec_deg: f64, at: Tai, number: u32, bench: &Bench) -> (DnImage, usize) {
+        still.draw(&motion(bench, dec_deg, at), Light::Sky, number).unwrap();
+        (still.frame().image.clone(), still.frame().truth.len())
+    }
+
+    #[test]
+    fn images_depend_on_attitude_instant_and_number_alone() {
+        let mut bench = Bench::built_in().unwrap();
+        bench.render.backend = config::Backend::Cpu;
+        let at = Tai::from_rfc3339("2026-05-01T00:00:00Z").unwrap();
+        let params = StillParams { bench: &bench, span: [at, at + Span::from_s(60.0)], faults: &[] };
+        let mut one = Still::new(&params).unwrap();
+        let first = drawn(&mut one, 5.0, at, 0, &bench);
+        let second = drawn(&mut one, 6.0, at + Span::from_s(9.0), 1, &bench);
+        let again = drawn(&mut one, 5.0, at, 0, &bench);
+        assert!(first == again && first.1 > 10, "the image between them leaves no trace");
+        let alone = drawn(&mut Still::new(&params).unwrap(), 6.0, at + Span::from_s(9.0), 1, &bench);
+        assert!(second == alone, "and neither does an image before");
+        assert!(first.0 != drawn(&mut one, 5.0, at, 7, &bench).0, "another number is another noise");
+    }
+
+    #[test]
+    fn faults_act_on_every_image() {
+        let mut bench = Bench::built_in().unwrap();
+        bench.render.backend = config::Backend::Cpu;
+        let at = Tai::from_rfc3339("2026-05-01T00:00:00Z").unwrap();
+        let blank = still_fault(r#"do = "frame_blank""#).unwrap();
+        let params = StillParams { bench: &bench, span: [at, at], faults: &[blank] };
+        let mut still = Still::new(&params).unwrap();
+        let (image, stars) = drawn(&mut still, 5.0, at, 0, &bench);
+        assert_eq!(stars, 0);
+        assert!(image.pixels().iter().all(|dn| *dn == image.pixels()[0]));
+        assert!(!still.frame().meta.faults.is_empty());
+    }
+}
