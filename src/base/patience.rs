@@ -1,7 +1,7 @@
 //! Patience with a thread that may block: how long it may finish nothing before it is given up.
 //!
-//! A disk, network or reader that is gone blocks a thread without limit. A run must end all the same, so whoever waits for
-//! such a thread counts the wall time in which it finished nothing. Test: below.
+//! A disk, network or reader that is gone blocks a thread without limit. A run must end all the same, so a thread that
+//! waits for a blocked one counts the wall time in which it finished nothing. Test: below.
 
 use crate::clock::Stopwatch;
 use crate::time::Span;
@@ -37,7 +37,7 @@ pub fn stall() -> Span {
 
 /// Between two looks at a thread that is to end.
 pub const LOOK: Duration = Duration::from_millis(2);
-/// Between two looks at the clock of whoever a queue wakes.
+/// Time between two looks at the clock of a thread that a queue wakes.
 pub const QUEUE_LOOK: Duration = Duration::from_millis(50);
 
 /// Wall time without progress, up to a limit.

@@ -72,7 +72,7 @@ pub fn say(text: fmt::Arguments<'_>) {
     }
 }
 
-/// Standard output for whoever writes more than lines: its errors are returned, and [`status_of_streams`] knows them.
+/// Standard output for code that writes more than lines: its errors are returned, and [`status_of_streams`] knows them.
 #[derive(Debug, Default)]
 pub struct Output;
 
@@ -86,7 +86,7 @@ impl Write for Output {
     }
 }
 
-/// Notes that somebody else could not write to standard error, or to standard output.
+/// Notes that other code could not write to standard error, or to standard output.
 pub fn note_failure(is_error_stream: bool, error: io::Error) {
     let stream = if is_error_stream { Stream::Error } else { Stream::Output };
     drop(stream.noted(error));

@@ -36,7 +36,7 @@ impl Drop for Unfinished {
     }
 }
 
-/// Removes everything that is unfinished, for a program that is about to end: whoever registers a file from then on waits
+/// Removes all unfinished files, for a program that is about to end: a thread that registers a file from then on waits
 /// for that end.
 pub fn remove_all_at_the_end() {
     let registered = registered();

@@ -1,6 +1,6 @@
 //! `[jitter]`: a measured series of jitter, or its density, that is added to the line of sight of every head.
 //!
-//! It is added where frames are made, whoever moves the spacecraft, and never travels over the bus. A density becomes a
+//! It is added where frames are made, whatever the source of the motion, and never travels over the bus. A density becomes a
 //! series by the bench's seed. `src/guide/motion_and_jitter.md` says how it is resampled. Tests: below.
 
 use crate::check::Checker;

@@ -1,4 +1,4 @@
-//! `[plant]`: who moves the spacecraft, and how one that is flown inside begins, points and is controlled.
+//! `[plant]`: source of the spacecraft's motion, and how one simulated here starts, points and is controlled.
 //!
 //! A scenario file that names a bench has the same tables at its top level. Tests: `plant_tests`.
 
@@ -33,7 +33,7 @@ pub enum Plant {
 pub struct OutsideTrackers {
     /// How long a tracker thinks: end of readout to attitude.
     pub delay: Span,
-    /// Error of the trackers' time tags, unknown to whoever reads them.
+    /// Error of the trackers' time tags, unknown to their readers.
     pub tag_error: Span,
     /// Most stars a tracker measures in a frame.
     pub most_stars: usize,
@@ -213,7 +213,7 @@ impl PlantKeys {
         self.kind().raw().is_some_and(|kind| kind == "outside")
     }
 
-    /// Reads who moves the spacecraft: without `kind` it is a vehicle where a spacecraft is named, else what
+    /// Reads the source of the spacecraft's motion: without `kind` it is a vehicle where a spacecraft is named, else what
     /// `flight_computer.kind` says.
     pub(super) fn mover(
         &self,

@@ -47,7 +47,7 @@ section! {
         debounce_us: Whole = 0, 0..=1_000_000;
         /// Number of the camera head that it triggers, from 0; left out, all of them.
         head: Whole<usize> = Optional, 0..=HEADS_MAX as i64 - 1;
-        /// Exposures of its heads wait for triggers from the start; false: once somebody commands it.
+        /// Exposures of its heads wait for triggers from the start; false: only after a command.
         armed: bool = true, Any;
         /// How long an exposure lasts: its own time, or as long as the line is active.
         exposure: Word<ExposureMode> = "timed",

@@ -56,7 +56,7 @@ impl TimeSystem {
         }
     }
 
-    /// Reads a date with a time; `None` when it is none, or outside the years that can be counted.
+    /// Reads a date with a time; `None` when it is malformed, or outside the years that can be counted.
     pub(crate) fn read(self, text: &str) -> Option<Tai> {
         let civil = Civil::read(text)?;
         let ns = civil.ns_since_1970();

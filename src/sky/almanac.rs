@@ -76,7 +76,7 @@ impl Almanac {
         Self(Arc::new(Days { first: day, prepared: numbers.map(Day::evaluate).collect(), evaluated: 0.into() }))
     }
 
-    /// Returns how often a day was evaluated where it was asked for, because it is none of those prepared.
+    /// Returns how often a day was evaluated where it was asked for, because it was not prepared.
     #[must_use]
     pub fn evaluated(&self) -> u64 {
         self.0.evaluated.load(Ordering::Relaxed)

@@ -47,7 +47,7 @@ pub enum ObserverError {
         /// The error of the JSON reader.
         why: String,
     },
-    /// An orbit mean-elements message lacks the object, or the object a key, or a value is none that an orbit has.
+    /// An orbit mean-elements message lacks the object, or the object a key, or a value is impossible for an orbit.
     #[error("orbit mean-elements message: {why}")]
     Omm {
         /// The problem, with the wanted and the given value.

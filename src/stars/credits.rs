@@ -1,11 +1,11 @@
 //! Where stars came from -> the credits that their catalogs ask for.
 //!
-//! A catalog of one's own stars credits no one unless its maker says whom. Tests: below, and in `stars::catalog`,
+//! A catalog of a user's own stars has no credits unless its maker gives them. Tests: below, and in `stars::catalog`,
 //! `cli`.
 
 use super::numbering::Origins;
 
-/// Asked for by Gaia's archive.
+/// Acknowledgement that Gaia's archive asks for.
 pub const GAIA: &str = "This work has made use of data from the European Space Agency (ESA) mission Gaia \
     (https://www.cosmos.esa.int/gaia), processed by the Gaia Data Processing and Analysis Consortium (DPAC, \
     https://www.cosmos.esa.int/web/gaia/dpac/consortium).";

@@ -7,7 +7,7 @@
 //! * [`StarIndex`]: facts and tiles of either; [`cover`]: cones and the tiles that they touch;
 //! * [`tiles`]: the tiles of a field, decoded, in bounded memory, read ahead; [`Sky`]: the stars of a run;
 //! * [`galactic`]: galactic longitude and latitude;
-//! * [`credits`]: whom stars' origins ask to name;
+//! * [`credits`]: acknowledgements that the sources of stars ask for;
 //! * [`numbering`]: stored numbers -> names in source catalogs; [`radial_velocity`]: of the fastest stars.
 
 pub mod catalog;

@@ -12,7 +12,7 @@ use base::source_id::{GaiaRelease, SourceId};
 use base::units::ARCSEC;
 use serde::{Deserialize, Serialize};
 
-/// A stored number that is none.
+/// Stored number of a star without a number.
 pub const NO_NUMBER: i64 = i64::MIN;
 /// Bits of a Gaia number below its HEALPix cell.
 const GAIA_CELL_BITS: u32 = 35;

@@ -108,7 +108,7 @@ impl<'a> Daf<'a> {
     }
 }
 
-/// Returns a count that a kernel keeps as a double; anything that is none becomes too large for any segment.
+/// Returns a count that a kernel keeps as a double; any other number becomes too large for any segment.
 pub(super) fn whole(value: f64) -> usize {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked in the condition")]
     if (0.0..1e15).contains(&value) { value as usize } else { usize::MAX }

@@ -102,7 +102,7 @@ impl BrightStars {
     /// Reads a file, and adds its stars.
     ///
     /// # Errors
-    /// When the file cannot be read to its end, is none of the three, a field is not what it should be, or there are more
+    /// When the file cannot be read to its end, is in none of the three formats, a field is malformed, or there are more
     /// stars than memory is meant to hold.
     pub fn read(&mut self, path: &Path) -> Result<(), ImportError> {
         let failed = |source| ImportError::File { path: path.into(), source };

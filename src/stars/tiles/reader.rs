@@ -1,4 +1,4 @@
-//! A thread that reads tiles: names in, blocks of stars out, so that who asks touches no file and frees no memory.
+//! A thread that reads tiles: names in, blocks of stars out, so that the caller touches no file and frees no memory.
 //!
 //! Two queues of names: those that a field lacks go before those that a coming field may want. What was asked for so many
 //! fields ago that it is of no use any more is not read. Blocks that are given up come back here, where they are used
@@ -81,7 +81,7 @@ impl Reader {
         Ok(Self { ends: Some(Ends { lacking, ahead, answers, spent }), field, thread: Some(thread) })
     }
 
-    /// Returns true when the thread has ended although somebody still asks: it broke down.
+    /// Returns true when the thread has ended although its senders are alive: it broke down.
     pub(super) fn is_lost(&self) -> bool {
         self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }

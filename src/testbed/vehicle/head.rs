@@ -21,7 +21,7 @@ const FRESH: Span = Span::from_ms(1500);
 /// Last result of a head.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HeadReport {
-    /// Attitude, or why there is none; `None` before the first frame.
+    /// Attitude, or the reason for its absence; `None` before the first frame.
     pub last: Option<Outcome>,
     /// Number of the frame of that result, and the middle of its exposure.
     pub frame: Option<(u32, Tai)>,

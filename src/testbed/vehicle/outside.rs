@@ -41,7 +41,7 @@ pub enum OutsideError {
         /// Wheels.
         count: usize,
     },
-    /// A torque that is none.
+    /// A torque that is not finite or too large.
     #[error("got a torque of {got} N m; wanted a finite one, at most {} N m", MOST_N_M)]
     Torque {
         /// The number.
@@ -53,7 +53,7 @@ pub enum OutsideError {
         /// How long ago.
         behind: Span,
     },
-    /// An interval that is none.
+    /// An interval that is not above zero.
     #[error("it lasts for {} s; wanted a time above 0", lasts.s())]
     Lasts {
         /// Its length.
@@ -68,7 +68,7 @@ pub enum OutsideError {
         /// How long ago.
         age: Span,
     },
-    /// An error that is none.
+    /// A sigma that is not between 0 and 1.
     #[error("got a sigma of {got} rad; wanted one above 0 and below 1")]
     Sigma {
         /// The number.

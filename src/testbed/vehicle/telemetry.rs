@@ -73,7 +73,7 @@ impl TelemetryRow {
     }
 }
 
-/// Rows and mode changes not yet taken by whoever keeps them.
+/// Rows and mode changes not yet taken by their recorder.
 #[derive(Debug, Default)]
 pub struct Telemetry {
     /// Rows, oldest first.
