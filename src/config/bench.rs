@@ -21,7 +21,7 @@ use crate::scenario::Scenario;
 use crate::session::{Session, SessionKeys};
 use crate::sink::{Sink, SinkKeys, SinkSettings};
 use crate::stages::{AccuracyKeys, AttitudeKeys, AttitudeSettings, Render, RenderKeys, check_accuracy};
-use crate::target::{Overlap, TargetKeys, TargetSettings, check_targets};
+use crate::target::{Overlap, TargetKeys, TargetSettings, check_seen, check_targets};
 use crate::timing::{Timing, TimingKeys};
 use crate::tracker_out::{TrackerOut, TrackerOutKeys, check_tracker_outs};
 use crate::trigger_line::{TriggerLine, TriggerLineKeys, check_trigger_lines};
@@ -371,6 +371,7 @@ impl Bench {
         let budget = Budget::check(&keys.budget, camera.exposure.readout_s, &mut check)?;
         let render = Render::check(&keys.render, &mut check)?;
         let targets = check_targets(&keys.target, &mut check)?;
+        check_seen(&targets, timing.duration_s, &check)?;
         let target_overlap = if targets.is_empty() {
             keys.refuse(&["target_overlap"], "a bench with a [[target]]", &check)?;
             Overlap::default()

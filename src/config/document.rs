@@ -4,6 +4,7 @@ use crate::blame::without_the_blamed;
 use crate::error::ConfigError;
 use crate::packed::{PackedDocuments, joined};
 use crate::setting::Setting;
+use crate::wrong_type::{wrong_type, wrong_type_set};
 use serde::de::DeserializeOwned;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
@@ -24,6 +25,7 @@ const BUILT_IN: &[(&str, &str)] = &[
     ("benches/three_heads.toml", include_str!("../../configs/benches/three_heads.toml")),
     ("benches/earth_limb.toml", include_str!("../../configs/benches/earth_limb.toml")),
     ("benches/moon.toml", include_str!("../../configs/benches/moon.toml")),
+    ("benches/tracker_out.toml", include_str!("../../configs/benches/tracker_out.toml")),
     ("benches/telescope.toml", include_str!("../../configs/benches/telescope.toml")),
     ("benches/target_crossing.toml", include_str!("../../configs/benches/target_crossing.toml")),
     ("benches/closed_loop_jitter.toml", include_str!("../../configs/benches/closed_loop_jitter.toml")),
@@ -31,6 +33,7 @@ const BUILT_IN: &[(&str, &str)] = &[
     ("cameras/star_tracker_20deg.toml", include_str!("../../configs/cameras/star_tracker_20deg.toml")),
     ("cameras/chain_tracker.toml", include_str!("../../configs/cameras/chain_tracker.toml")),
     ("cameras/cubesat_tracker.toml", include_str!("../../configs/cameras/cubesat_tracker.toml")),
+    ("cameras/imx265_35mm.toml", include_str!("../../configs/cameras/imx265_35mm.toml")),
     ("cameras/small_tracker.toml", include_str!("../../configs/cameras/small_tracker.toml")),
     ("cameras/wide_field_telescope.toml", include_str!("../../configs/cameras/wide_field_telescope.toml")),
     ("cameras/detection_limit_15mag.toml", include_str!("../../configs/cameras/detection_limit_15mag.toml")),
@@ -98,7 +101,9 @@ impl Document {
         if is_built_in && !path.exists() {
             return Self::find_built_in(below_configs, String::new());
         }
-        Self::read(path, String::new())
+        let known: Vec<_> = Self::built_in_paths().filter(|known| Path::new(known).parent() == below_configs.parent()).collect();
+        let others = if known.is_empty() { String::new() } else { format!("; built in are {}", known.join(", ")) };
+        Self::read(path, others)
     }
 
     /// Returns the same document without the key that an error is about; `None` when that cannot be found.
@@ -231,7 +236,8 @@ impl Document {
     }
 
     /// Returns the text as it is written, without settings.
-    pub(super) fn text(&self) -> &str {
+    #[must_use]
+    pub fn text(&self) -> &str {
         &self.text
     }
 
@@ -257,7 +263,11 @@ impl Document {
             if setting.apply(&mut table)? {
                 let reported = setting.reported();
                 let place = format!("{reported} ({})", self.name());
-                read = table.clone().try_into().map_err(|error| refusal(&error, place, setting.value_text()))?;
+                let refuse = |error: toml::de::Error| {
+                    wrong_type_set(&error, place.clone(), &setting.key(), setting.value_text())
+                        .unwrap_or_else(|| refusal(&error, place, setting.value_text()))
+                };
+                read = table.clone().try_into().map_err(refuse)?;
             }
         }
         Ok(read)
@@ -294,12 +304,17 @@ impl Document {
     }
 
     fn refuse(&self, error: &toml::de::Error) -> ConfigError {
+        if let Some(refused) = wrong_type(self, error) {
+            return refused;
+        }
         let offset = error.span().map_or(0, |span| span.start);
         let text = self.text.lines().nth(self.line_of_offset(offset) - 1).unwrap_or_default();
         let mut refused = refusal(error, self.place_of_offset(offset), text.trim());
         if let ConfigError::Syntax { why, .. } = &mut refused {
             if error.message().contains("duplicate key") {
                 why.push_str(&self.first_line_of(text));
+            } else if let Some(hint) = syntax_hint(text) {
+                why.push_str(hint);
             }
             if let Origin::File(path) = &self.origin
                 && path.extension().is_none_or(|end| end != "toml")
@@ -313,10 +328,19 @@ impl Document {
 
     /// Returns where the key of a line is given for the first time, as a clause.
     fn first_line_of(&self, line: &str) -> String {
-        let key_of = |line: &str| line.split_once('=').map(|(key, _)| key.trim().to_owned());
+        let key_of = |line: &str| match line.split_once('=') {
+            Some((key, _)) => Some(key.trim().to_owned()),
+            None => line.trim().starts_with('[').then(|| line.trim().to_owned()),
+        };
         let (Some(key), lines) = (key_of(line), self.text.lines()) else { return String::new() };
         let first = lines.zip(1..).find(|(other, _)| key_of(other).as_ref() == Some(&key));
         first.map(|(_, number)| format!(": `{key}` is already in line {number}")).unwrap_or_default()
+    }
+
+    /// Returns whether the text has no key at all, and no setting gives one.
+    #[must_use]
+    pub fn is_blank(&self) -> bool {
+        self.settings.is_empty() && DeTable::parse(&self.text).is_ok_and(|table| table.get_ref().is_empty())
     }
 
     /// Returns whether the text has this top-level key; false when it cannot be parsed.
@@ -355,34 +379,48 @@ fn refusal(error: &toml::de::Error, place: String, text: &str) -> ConfigError {
                 .unwrap_or_default(),
             known: if known.is_empty() { "nothing".into() } else { known.join(", ") },
         },
-        None => ConfigError::Syntax { place, why: in_plain_words(error.message()), text: text.into() },
+        None => ConfigError::Syntax { place, why: error.message().trim().replace('\n', ", "), text: text.into() },
     }
 }
 
-/// Of `known`, the name most like `name`, when any is like it.
+/// Returns the name of `known` most like `name`, when any is like it.
 pub(super) fn nearest<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     let name = name.to_lowercase();
     let scored = known.map(|candidate| (strsim::jaro_winkler(&name, &candidate.to_lowercase()), candidate));
     scored.filter(|(score, _)| *score >= NEAR_ENOUGH).max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, name)| name)
 }
 
+/// Returns what is usually meant by a line that is not TOML, as a clause.
+fn syntax_hint(line: &str) -> Option<&'static str> {
+    let line = line.trim();
+    if line.starts_with('{') || (line.ends_with(':') && !line.contains('=')) {
+        return Some(" (wanted a TOML file: [table] on a line of its own, then key = value)");
+    }
+    let (_, value) = line.split_once('=')?;
+    let value = value.split('#').next().unwrap_or_default().trim();
+    if value == "True" || value == "False" {
+        return Some(" (wanted true or false, in small letters)");
+    }
+    if value.starts_with('"') && value.contains('\\') {
+        return Some(" (a backslash begins an escape in double quotes: put paths in single quotes)");
+    }
+    let is_decimal_comma = value.split_once(',').is_some_and(|(whole, part)| {
+        let is_digits = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+        is_digits(whole.trim_start_matches('-')) && is_digits(part)
+    });
+    if is_decimal_comma {
+        return Some(" (decimals have a point)");
+    }
+    let is_word = value.starts_with(char::is_alphabetic) && !value.contains(['"', '\'']);
+    is_word.then_some(" (a word or a path needs quotes)")
+}
+
 /// Returns the reason why a file cannot be read, in words for a person.
 fn reason(error: &std::io::Error) -> String {
     if error.kind() == std::io::ErrorKind::InvalidData {
-        "it is not text; wanted a TOML file".into()
+        "it is not UTF-8 text; wanted a TOML file".into()
     } else {
         error.to_string()
-    }
-}
-
-/// Returns a reader's message without the names of our types.
-fn in_plain_words(message: &str) -> String {
-    let message = message.trim().replace('\n', ", ");
-    match message.rsplit_once("expected ") {
-        Some((found, "f64")) => format!("{found}expected a number"),
-        Some((found, "i64")) => format!("{found}expected a whole number"),
-        Some((found, wanted)) if wanted.starts_with("struct ") => format!("{found}expected a table"),
-        _ => message,
     }
 }
 

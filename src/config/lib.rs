@@ -31,6 +31,7 @@ mod distortion;
 mod document;
 mod error;
 mod event;
+mod event_places;
 mod event_reader;
 mod event_row;
 mod event_word;
@@ -72,7 +73,9 @@ mod target;
 mod target_orbit;
 mod template;
 mod timing;
+mod tracker_out;
 mod trigger_line;
+mod wrong_type;
 
 pub use background::{Background, Sky};
 pub use baffle::Baffle;
@@ -114,6 +117,9 @@ pub use target::{Overlap, TargetCourse, TargetLight, TargetSettings};
 pub use target_orbit::OrbitSettings;
 pub use template::key_template;
 pub use timing::{DeadlinePolicy, Degrade, StartTime, Timing};
+pub use tracker_out::{
+    TrackerLine, TrackerOut, TrackerOutFault, TrackerOutFaultKind, TrackerProtocol, TrackerSource,
+};
 pub use trigger_line::TriggerLine;
 
 #[cfg(test)]

@@ -128,6 +128,12 @@ impl Link {
         matches!(&self.carrier, Carrier::Simulated(gateway_ports) if *gateway_ports == GatewayPorts::default())
     }
 
+    /// Returns true for a simulated CAN bus.
+    #[must_use]
+    pub fn is_simulated_can(&self) -> bool {
+        matches!(self.carrier, Carrier::Simulated(_)) && matches!(self.wire, Wire::CanFd | Wire::CanClassic)
+    }
+
     pub(super) fn check(keys: &LinkKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
         Self::check_named(keys, "link", check)
     }
@@ -242,7 +248,7 @@ pub(super) fn named_address(given: &Given<'_, Raw<Address>>, check: &Checker<'_>
     address(given, check)?.ok_or_else(|| given.missing("a port (on loopback) or \"address:port\"", check))
 }
 
-/// `PORT`, on loopback, or `ADDRESS:PORT`.
+/// Reads `PORT`, on loopback, or `ADDRESS:PORT`.
 pub(super) fn address(given: &Given<'_, Raw<Address>>, check: &Checker<'_>) -> Result<Option<SocketAddr>, ConfigError> {
     let Some(text) = given.raw().map(ToString::to_string) else { return Ok(None) };
     let wanted = "a port (on loopback) or \"address:port\"";

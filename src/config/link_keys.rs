@@ -95,7 +95,7 @@ pub(super) enum Kind {
 pub(super) const WIRES: [(&str, Wire); 4] =
     [("can_fd", Wire::CanFd), ("can_classic", Wire::CanClassic), ("serial", Wire::Serial), ("plain", Wire::Plain)];
 
-fn port_or_address() -> Shape {
+pub(super) fn port_or_address() -> Shape {
     Shape::either(Shape::Whole(0..=65_535), Shape::Text("address:port"))
 }
 

@@ -14,7 +14,7 @@ pub const PORTS_MAX: usize = 4;
 /// Named counts in one list of a port.
 pub const NAMES_MAX: usize = 48;
 /// Kinds of events.
-pub const EVENTS_MAX: usize = 68;
+pub const EVENTS_MAX: usize = 72;
 
 /// Counts with names, in the order they were given; a list of fixed length.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

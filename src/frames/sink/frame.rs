@@ -236,6 +236,8 @@ pub struct FrameMeta {
     pub window_px: [u32; 2],
     /// Further facts about the camera; `None` where the image is not that of its own detector.
     pub facts: Option<CameraFacts>,
+    /// Observer's velocity about the barycentre over the speed of light, ICRF axes; zeros without stars.
+    pub observer_beta: [f64; 3],
     /// Places of its pixels on the sky; `None` without stars, and for an image that does not show its attitude.
     pub wcs: Option<Wcs>,
 }
@@ -300,6 +302,7 @@ impl FrameMeta {
             binning: 1,
             window_px: [0; 2],
             facts: None,
+            observer_beta: [0.0; 3],
             wcs: None,
         }
     }

@@ -83,6 +83,8 @@ pub enum LossKind {
     Dropped,
     /// A sink failed on it.
     Refused,
+    /// The telemetry of a tracker lost it, or a packet after it.
+    TelemetryLost,
     /// A sink broke down on it; that the frame was dropped is a loss of its own.
     SinkLost,
 }

@@ -50,6 +50,7 @@ use tcp::{Hall, Protocol};
 pub use address::{GatewayAddress, NoTcpAddress, TcpAddress};
 pub use admission::{GRACE, MALFORMED_MAX, OPENING_WITHIN};
 pub use counters::GatewayCounters;
+pub use pty::LinkedTerminal;
 pub use screen::{Foreign, Screen};
 
 /// Clients that socketcand serves at once.
@@ -157,7 +158,7 @@ impl Gateways {
     ) -> Result<(), LinkError> {
         let tally = Arc::default();
         let pty = pty::open(path, bus, clock, &tally, params.patience, &self.ended)?;
-        self.at_work.push((GatewayKind::SlcanPty, GatewayAddress::Pty(pty.path.clone()), tally));
+        self.at_work.push((GatewayKind::SlcanPty, GatewayAddress::Pty(pty.link.path().to_path_buf()), tally));
         self.pty = Some(pty);
         Ok(())
     }

@@ -21,16 +21,64 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
-const NAME: &str = "slcan on a PTY";
+const NAME: &str = "PTY";
 /// Folder in which the system puts PTYs.
 const DEVICES: &str = "/dev/pts";
+
+/// A symbolic link to a PTY, which goes away with it.
+#[derive(Debug)]
+pub struct LinkedTerminal {
+    /// The link that was asked for.
+    path: PathBuf,
+    /// Its target.
+    device: PathBuf,
+}
+
+impl LinkedTerminal {
+    /// Opens a PTY and links `path` to it. Returns the link, the master, which does not block, and the other end, to be kept
+    /// open.
+    ///
+    /// # Errors
+    /// When the system has none left, another run serves the link, or something else is there.
+    pub fn open(path: &Path) -> Result<(Self, OwnedFd, OwnedFd), LinkError> {
+        let (fd, device_end, device) = PseudoTerminal::open()?.into_ends();
+        let refuse = |doing, advice| {
+            let link = format!("{NAME} {}", path.display());
+            move |source| system(&link, doing, source, advice)
+        };
+        lock(&device_end).map_err(refuse("lock the PTY", ""))?;
+        let is_live = is_live_link(path, &device);
+        if is_live == Some(false) {
+            std::fs::remove_file(path).map_err(refuse("remove the link of a run that is over", ""))?;
+        }
+        let advice = match is_live {
+            Some(true) => "; a run that goes on serves this link: give each run a path of its own",
+            Some(false) | None => "; name a path in a folder that is there, with nothing at it",
+        };
+        std::os::unix::fs::symlink(&device, path).map_err(refuse("link to the PTY", advice))?;
+        Ok((Self { path: path.into(), device }, fd, device_end))
+    }
+
+    /// Returns the link's path.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+impl Drop for LinkedTerminal {
+    fn drop(&mut self) {
+        // Only our own link: another file may be there now.
+        if std::fs::read_link(&self.path).is_ok_and(|target| target == self.device) {
+            let _ = std::fs::remove_file(&self.path); // a link that remains is harmless
+        }
+    }
+}
 
 /// A PTY that is served, with a symbolic link to it.
 pub(super) struct Pty {
     /// The link that was asked for.
-    pub(super) path: PathBuf,
-    /// Device to which the link points.
-    device: PathBuf,
+    pub(super) link: LinkedTerminal,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -43,23 +91,7 @@ pub(super) fn open(
     patience: Span,
     ended: &Arc<AtomicBool>,
 ) -> Result<Pty, LinkError> {
-    let (fd, device_end, device) = PseudoTerminal::open()?.into_ends();
-    let refuse = |doing, advice| {
-        let link = format!("{NAME} {}", path.display());
-        move |source| system(&link, doing, source, advice)
-    };
-    lock(&device_end).map_err(refuse("lock the PTY", ""))?;
-    let is_live = is_live_link(path, &device);
-    if is_live == Some(false) {
-        std::fs::remove_file(path).map_err(refuse("remove the link of a run that is over", ""))?;
-    }
-    let advice = match is_live {
-        Some(true) => "; a run that goes on serves this link: give each run a path of its own",
-        Some(false) | None => "; name a path in a folder that is there, with nothing at it",
-    };
-    std::os::unix::fs::symlink(&device, path).map_err(refuse("link to the PTY", advice))?;
-    // From here on: dropped, it takes the link away.
-    let mut pty = Pty { path: path.into(), device, thread: None };
+    let (link, fd, device_end) = LinkedTerminal::open(path)?;
     let parts = ClientParts {
         fd,
         link: bus.attach(),
@@ -72,8 +104,8 @@ pub(super) fn open(
     };
     let channel = slcan::Channel::new(&bus.params().timing);
     let thread = serve(parts, Box::new(channel), slcan_scribe());
-    pty.thread = Some(thread.map_err(|source| system(NAME, "start a thread", source, ""))?.thread);
-    Ok(pty)
+    let thread = Some(thread.map_err(|source| system(NAME, "start a thread", source, ""))?.thread);
+    Ok(Pty { link, thread })
 }
 
 /// Marks a PTY as served for as long as its device end is open: by a lock of the open file, which the line's users do
@@ -117,15 +149,6 @@ impl Pty {
     pub(super) fn join(&mut self) {
         if let Some(thread) = self.thread.take() {
             let _ = thread.join(); // one that panicked has counted itself
-        }
-    }
-}
-
-impl Drop for Pty {
-    fn drop(&mut self) {
-        // Only our own link: another file may be there now.
-        if std::fs::read_link(&self.path).is_ok_and(|target| target == self.device) {
-            let _ = std::fs::remove_file(&self.path); // a link that remains is harmless
         }
     }
 }

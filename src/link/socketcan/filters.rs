@@ -12,6 +12,8 @@ pub enum Receives {
     FlightComputer,
     /// Messages of the node's stimulator: the flight computer's side.
     Stimulator,
+    /// What a CANopen node of this number receives: NMT, SYNC and requests of SDO clients.
+    CanOpenNode(u8),
     /// Every standard data frame: monitors and tests.
     Everything,
 }
@@ -44,6 +46,10 @@ pub(super) fn filters(ids: &IdMap, receives: Receives) -> Vec<CanFilter> {
     match receives {
         Receives::FlightComputer => FROM_FLIGHT_COMPUTER.iter().map(one).collect(),
         Receives::Stimulator => FROM_STIMULATOR.iter().map(one).collect(),
+        Receives::CanOpenNode(node) => {
+            let own = |id: u32| CanFilter::new(id, CAN_SFF_MASK | data_frames);
+            [0x000, 0x080, 0x600 + u32::from(node)].map(own).to_vec()
+        }
         Receives::Everything => vec![CanFilter::new(0, data_frames)],
     }
 }

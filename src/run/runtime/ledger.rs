@@ -6,11 +6,11 @@ use base::time::{Span, Tai};
 use plan::exposure::Degradation;
 
 macro_rules! events {
-    ($($(#[$doc:meta])* $kind:ident = $name:literal,)*) => {
+    ($($(#[doc = $doc:literal])+ $kind:ident = $name:literal,)*) => {
         /// Kind of an event.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
         pub enum EventKind {
-            $($(#[$doc])* $kind,)*
+            $($(#[doc = $doc])+ $kind,)*
         }
 
         impl EventKind {
@@ -22,6 +22,14 @@ macro_rules! events {
             pub const fn name(self) -> &'static str {
                 match self {
                     $(Self::$kind => $name,)*
+                }
+            }
+
+            /// Returns what it means, as one line: `src/guide/events.md` lists every word with it.
+            #[must_use]
+            pub const fn meaning(self) -> &'static str {
+                match self {
+                    $(Self::$kind => concat!($($doc),+).trim_ascii(),)*
                 }
             }
         }
@@ -73,6 +81,8 @@ events! {
     SinkRefused = "sink_refused",
     /// A sink failed: it takes no more frames, and the others go on.
     SinkLost = "sink_lost",
+    /// The telemetry of a star tracker lost a frame or a packet.
+    TelemetryLost = "telemetry_lost",
     /// A thread beside the run ended before it did; the event names it.
     ThreadLost = "thread_lost",
     /// An attitude arrived before the clocks were correlated.

@@ -41,6 +41,7 @@ pub mod session;
 pub mod shutter;
 mod slot;
 pub mod tracker_orders;
+pub mod tracker_out;
 pub mod triggers;
 pub mod virtual_time;
 

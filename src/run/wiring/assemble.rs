@@ -29,6 +29,7 @@ use crate::wiring::start;
 use crate::wiring::steering::Steering;
 use crate::wiring::stepped::SteppedRun;
 use crate::wiring::taps::Taps;
+use crate::wiring::tracker_outs::{TrackerOuts, WaitingOut, tap_heads};
 use crate::wiring::trigger_lines::arm;
 use anyhow::Context;
 use base::clock::{Clock, Monotonic, Virtual};
@@ -144,6 +145,10 @@ pub struct Run {
     pub(super) steering: Option<Steering>,
     is_controlled: bool,
     pub(super) cable: Option<Cable>,
+    /// Trackers whose lines are not open yet.
+    waiting_outs: Vec<WaitingOut>,
+    /// Trackers whose lines are open.
+    pub(super) outs: TrackerOuts,
     /// Delay of the bench's clock behind the machine's clock, if it was to start at the machine's time.
     lag: Span,
 }
@@ -187,6 +192,10 @@ impl Run {
             let sink = sink_of_head(head, (number, count), &mut outputs, &clock)?;
             take_sink(head, sink);
         }
+        let outs = match &outputs {
+            Outputs::Configured { directory, .. } => tap_heads(&scenario, &mut heads, start, directory.as_deref())?,
+            Outputs::Made(_) => Vec::new(),
+        };
         let times = times(start, &heads)?;
         let there = Inventory {
             heads: heads.iter().map(RunHead::size).collect(),
@@ -215,6 +224,8 @@ impl Run {
             on_row,
             steering,
             is_controlled,
+            waiting_outs: outs,
+            outs: TrackerOuts::default(),
             cable,
             lag: Span::ZERO,
         })
@@ -239,7 +250,10 @@ impl Run {
             recording: self.taps.recording.as_ref(),
             is_steered: self.is_controlled || self.steering.is_some(),
         };
-        self.cable = Some(Cable::open(&setting)?);
+        let cable = Cable::open(&setting)?;
+        let waiting = core::mem::take(&mut self.waiting_outs);
+        self.outs = TrackerOuts::open(waiting, cable.bus.as_ref(), &self.clock, self.times)?;
+        self.cable = Some(cable);
         Ok(())
     }
 
@@ -350,7 +364,7 @@ impl Run {
     pub fn notes(&self) -> Vec<String> {
         let cable = self.cable.as_ref().map(Cable::notes).unwrap_or_default();
         let live = self.taps.live.as_ref().map(LiveTap::notes).unwrap_or_default();
-        start::note(self.lag).into_iter().chain(live).chain(cable).collect()
+        start::note(self.lag).into_iter().chain(live).chain(cable).chain(self.outs.notes().to_vec()).collect()
     }
 }
 

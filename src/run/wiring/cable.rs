@@ -12,6 +12,7 @@ use config::{Action, Plant, Scenario};
 use frames::report::GatewayRow;
 use link::gateway::{GatewayAddress, GatewayCounters, GatewayKind, Gateways};
 use link::pps::Pps;
+use link::simulated::SimulatedBus;
 use link::tap::{FaultControl, FaultyLink};
 use link::{Link, Port};
 
@@ -24,6 +25,8 @@ pub struct Cable {
     pub near: Vec<Port>,
     /// The simulated far end's port, until the far end takes it.
     pub far: Option<Port>,
+    /// The simulated bus of the first link, where it is one.
+    pub bus: Option<SimulatedBus>,
     /// Pulses of the flight computer's clock.
     pub pulses: Option<Pps>,
     /// Chips with lines that trigger cameras, until the run takes them.
@@ -48,8 +51,9 @@ impl Cable {
     pub(super) fn open(setting: &CableSetting<'_>) -> Result<Self, LoopError> {
         let bench = &setting.scenario.bench;
         let mut tap = |end, link| setting.tapped(end, link);
-        let Ports { near, far, pulses, chips, gateways, notes } = open_ports(bench, &setting.clock.shared(), &mut tap)?;
-        Ok(Self { near, far, pulses, chips, gateways, notes })
+        let Ports { near, far, bus, pulses, chips, gateways, notes } =
+            open_ports(bench, &setting.clock.shared(), &mut tap)?;
+        Ok(Self { near, far, bus, pulses, chips, gateways, notes })
     }
 
     /// Returns the counters of the gateways, for the summary of a run.

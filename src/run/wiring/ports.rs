@@ -2,7 +2,7 @@
 
 use crate::runtime::edge_thread::TriggerChip;
 use crate::wiring::trigger_lines::open_chips;
-use crate::wiring::{bench_parts, plain_ends};
+use crate::wiring::{bench_parts, plain_ends, tracker_outs};
 use anyhow::{Context, Result};
 use base::clock::{Clock, PairedReading};
 use base::time::Span;
@@ -30,6 +30,8 @@ pub struct Ports {
     pub near: Vec<Port>,
     /// The simulated flight computer's port; `None` when the flight computer is external.
     pub far: Option<Port>,
+    /// The simulated bus of the first link, where it is one.
+    pub bus: Option<SimulatedBus>,
     /// Addresses of plain links for external simulators, in words.
     pub notes: Vec<String>,
 }
@@ -55,7 +57,7 @@ pub fn open_ports(bench: &Bench, clock: &Arc<dyn Clock>, tap: Tap<'_>) -> Result
     let first = open(&bench.link, 0, wants_far, clock, tap).context("[link]")?;
     let (gateways, near, pulses) = (Vec::new(), Vec::new(), None);
     let chips = open_chips(bench, &**clock)?;
-    let mut ports = Ports { gateways, pulses, chips, near, far: first.far, notes: first.notes };
+    let mut ports = Ports { gateways, pulses, chips, near, far: first.far, bus: first.bus, notes: first.notes };
     ports.near.push(first.near);
     ports.gateways.extend(first.gateways);
     for (i, link) in bench.extra_links.iter().enumerate() {
@@ -73,6 +75,7 @@ pub fn open_ports(bench: &Bench, clock: &Arc<dyn Clock>, tap: Tap<'_>) -> Result
 struct Opened {
     near: Port,
     far: Option<Port>,
+    bus: Option<SimulatedBus>,
     gateways: Option<Gateways>,
     notes: Vec<String>,
 }
@@ -99,14 +102,15 @@ fn open(link: &Link, number: usize, wants_far: bool, clock: &Arc<dyn Clock>, tap
             let bus = SimulatedBus::new(params, clock);
             let near = port_over(tap(near_end, Box::new(bus.attach())), link)?;
             let far = wants_far.then(|| port_over(tap(End::Far, Box::new(bus.attach())), link)).transpose()?;
-            Ok(Opened { near, far, gateways: gateways(gateway_ports, &bus, clock)?, notes: Vec::new() })
+            let gateways = gateways(gateway_ports, &bus, clock)?;
+            Ok(Opened { near, far, bus: Some(bus), gateways, notes: Vec::new() })
         }
         Carrier::SocketCan { interface } => {
             let end = |receives| can_link(interface, ids, receives, link.wire, clock);
             let near = tap(near_end, Box::new(end(Receives::FlightComputer)?));
             let far = wants_far.then(|| end(Receives::Stimulator)).transpose()?;
             let far = far.map(|far| port_over(tap(End::Far, Box::new(far)), link)).transpose()?;
-            Ok(Opened { near: port_over(near, link)?, far, gateways: None, notes: Vec::new() })
+            Ok(Opened { near: port_over(near, link)?, far, bus: None, gateways: None, notes: Vec::new() })
         }
         Carrier::SerialPort(settings) => {
             let end = |path: &Path| SerialLink::open(serial_params(settings, path, link.bit_rate), clock);
@@ -114,21 +118,21 @@ fn open(link: &Link, number: usize, wants_far: bool, clock: &Arc<dyn Clock>, tap
             let far_port = settings.far_port.as_deref().filter(|_| wants_far);
             let far = far_port.map(end).transpose()?;
             let far = far.map(|far| port_over(tap(End::Far, Box::new(far)), link)).transpose()?;
-            Ok(Opened { near, far, gateways: None, notes: Vec::new() })
+            Ok(Opened { near, far, bus: None, gateways: None, notes: Vec::new() })
         }
         Carrier::Udp { listen } => {
             let end = UdpLink::open(plain_ends::udp(*listen, link), clock)?;
             let far = wants_far.then(|| plain_ends::far_udp(end.address(), clock)).transpose()?;
             let notes = plain_ends::notes("udp", end.address());
             let far = far.map(|far| port_over(tap(End::Far, Box::new(far)), link)).transpose()?;
-            Ok(Opened { near: port_over(tap(near_end, Box::new(end)), link)?, far, gateways: None, notes })
+            Ok(Opened { near: port_over(tap(near_end, Box::new(end)), link)?, far, bus: None, gateways: None, notes })
         }
         Carrier::Tcp { address, connects } => {
             let near = plain_ends::tcp(*address, *connects, link);
             let (end, far) = plain_ends::open_tcp(near, wants_far, clock)?;
             let notes = if *connects { Vec::new() } else { plain_ends::notes("tcp", end.address()) };
             let far = far.map(|far| port_over(tap(End::Far, Box::new(far)), link)).transpose()?;
-            Ok(Opened { near: port_over(tap(near_end, Box::new(end)), link)?, far, gateways: None, notes })
+            Ok(Opened { near: port_over(tap(near_end, Box::new(end)), link)?, far, bus: None, gateways: None, notes })
         }
     }
 }
@@ -197,7 +201,7 @@ pub fn needs_real_clock(bench: &Bench) -> Option<&'static str> {
     } else if !bench.trigger_lines.is_empty() {
         Some("[[trigger_line]], a GPIO line")
     } else {
-        None
+        tracker_outs::needs_real_clock(&bench.tracker_outs)
     }
 }
 

@@ -19,6 +19,7 @@ use crate::wiring::outside_trackers::outside_trackers;
 use crate::wiring::run_end::{Flown, LoopView, RunEnd, keep_first, losses};
 use crate::wiring::run_times::RunTimes;
 use crate::wiring::taps::Taps;
+use crate::wiring::tracker_outs::TrackerOuts;
 use base::axes::{Body, Rotation, Sensor};
 use base::clock::{Clock, Virtual};
 use base::time::{Span, Tai};
@@ -36,6 +37,7 @@ pub struct SteppedRun {
     heads: Vec<RunHead>,
     cable: Cable,
     far: RefCell<FarSide>,
+    outs: RefCell<TrackerOuts>,
     desk: FaultDesk,
     taps: Taps,
     mounting: Rotation<Sensor, Body>,
@@ -65,11 +67,12 @@ impl SteppedRun {
         for note in run.place_events(&mut far)? {
             going.record_mut().ledger.note(note);
         }
-        let Run { scenario, times, heads, desk, taps, cable, .. } = run;
+        let Run { scenario, times, heads, desk, taps, cable, outs, .. } = run;
         going.set_trackers(outside_trackers(&scenario, times.start)?);
         let cable = cable.ok_or_else(|| anyhow::anyhow!("a run without a cable"))?;
         let (mounting, is_outside) = (scenario.bench.sensor_from_body, scenario.plant == Plant::Outside);
-        Ok(Self { clock, going, heads, cable, far: RefCell::new(far), desk, taps, mounting, times, is_outside })
+        let (far, outs) = (RefCell::new(far), RefCell::new(outs));
+        Ok(Self { clock, going, heads, cable, far, outs, desk, taps, mounting, times, is_outside })
     }
 
     /// Calls `on_row` with every row of telemetry from here on.
@@ -364,6 +367,7 @@ impl SteppedRun {
     /// Ends the run, which `error` cut short if there is one: finishes the sinks, and sums up telemetry and invariants.
     #[must_use]
     pub fn end(mut self, mut error: Option<LoopError>) -> RunEnd {
+        self.outs.get_mut().finish();
         let faults = self.faults();
         let (mut summaries, mut sink_lines) = (Vec::with_capacity(self.heads.len()), Vec::new());
         let heads = self.heads.len();
@@ -415,8 +419,8 @@ impl SteppedRun {
         on_frame: &mut dyn FnMut(usize, &mut SentFrame, &RunRecord) -> bool,
         advance: impl FnOnce(&mut VirtualLoop, &mut [Head<'_>], &mut World<'_>) -> Result<(), RunError>,
     ) -> Result<(), LoopError> {
-        let Self { going, heads, cable, far, .. } = self;
-        let far = &*far;
+        let Self { going, heads, cable, far, outs, .. } = self;
+        let (far, outs) = (&*far, &*outs);
         let no_port = || LoopError::Parts(anyhow::anyhow!("a run without a port"));
         let port = cable.near.first_mut().ok_or_else(no_port)?;
         let mut heads: Vec<Head<'_>> = heads
@@ -428,7 +432,11 @@ impl SteppedRun {
                 faults: Some(&mut head.faults),
             })
             .collect();
-        let mut far_end = |now: Tai| far.borrow_mut().step(now);
+        let mut far_end = |now: Tai| {
+            let far_due = far.borrow_mut().step(now)?;
+            let out_due = outs.borrow_mut().step(now);
+            Ok(out_due.map_or(far_due, |due| due.min(far_due)))
+        };
         let mut progress = |head: usize, frame: &mut SentFrame, record: &RunRecord| {
             far.borrow_mut().witness_frame(head, &frame.meta);
             on_frame(head, frame, record)

@@ -25,6 +25,12 @@ impl Aberration {
         Self { speed, inverse_gamma: (1.0 - speed.length_squared()).sqrt() }
     }
 
+    /// Returns the observer's velocity over the speed of light, ICRF axes.
+    #[must_use]
+    pub fn beta(&self) -> DVec3 {
+        self.speed
+    }
+
     /// Returns the direction in which it sees light that one at rest sees in `direction_icrf`; unit vectors.
     #[inline]
     #[must_use]

@@ -33,6 +33,12 @@ pub struct Sight {
 }
 
 impl Sight {
+    /// Returns the observer's velocity about the barycentre over the speed of light, ICRF axes.
+    #[must_use]
+    pub fn observer_beta(&self) -> DVec3 {
+        self.aberration.beta()
+    }
+
     /// Returns an apparent direction, as [`Vantage::apparent`].
     #[inline]
     #[must_use]

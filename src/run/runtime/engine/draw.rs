@@ -36,7 +36,8 @@ pub enum Light<'a> {
 
 impl Light<'_> {
     /// Returns whether pixels of the image have directions on the sky.
-    fn is_on_sky(self) -> bool {
+    #[must_use]
+    pub fn is_on_sky(self) -> bool {
         match self {
             Self::Sky => true,
             Self::Dark => false,

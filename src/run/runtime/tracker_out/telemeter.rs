@@ -1,0 +1,272 @@
+//! One tracker with its protocol and its line, stepped by whoever has a clock.
+//!
+//! A report is ready so long after the end of readout as the tracker thinks. It goes out then, or with the next beat of a
+//! rate of its own, which sends the newest attitude again when there is no newer one.
+
+use crate::runtime::tracker_out::damage::{Damage, Damages, Fate};
+use crate::runtime::tracker_out::outlet::Outlet;
+use crate::runtime::tracker_out::source::{Source, TrackerEyes, unknown};
+use crate::runtime::tracker_out::tap::{Seen, TapParts};
+use crate::runtime::tracker_out::thread::{OutCounts, OutShared};
+use base::clock::Clock;
+use base::time::{Span, Tai};
+use frames::camera_control::{CameraCommand, CameraDesk, CommandSource, Commanded};
+use frames::sink::crc32::Crc32;
+use std::collections::VecDeque;
+use std::net::SocketAddr;
+use std::sync::Arc;
+use telemetry::{Device, Mode, Order, Report, Wire};
+
+/// Reports and packets that may wait; more are lost and counted.
+const WAITING_MAX: usize = 1024;
+/// Packets of clients that are taken in one step: the others wait for the next.
+const COMMANDS_PER_STEP: usize = 64;
+
+/// Timing of a tracker.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TelemeterParams {
+    /// From the end of the exposure to the packet: readout and thinking.
+    pub after_exposure: Span,
+    /// Error of the time tags.
+    pub tag_error: Span,
+    /// From one packet to the next; `None`: one with each frame.
+    pub period: Option<Span>,
+    /// First exposure of the run: where a rate of its own begins, and the times of faults count from.
+    pub zero: Tai,
+    /// Faults.
+    pub damages: Vec<Damage>,
+    /// Seed of the faults.
+    pub seed: u64,
+}
+
+/// A tracker at work.
+pub struct Telemeter {
+    params: TelemeterParams,
+    source: Source,
+    device: Box<dyn Device>,
+    outlet: Outlet,
+    frames: TapParts,
+    desk: Option<CameraDesk>,
+    clock: Arc<dyn Clock>,
+    shared: Arc<OutShared>,
+    damages: Damages,
+    waiting: VecDeque<(Tai, Report)>,
+    late: VecDeque<(Tai, Wire)>,
+    newest: Option<Report>,
+    next_beat: Option<Tai>,
+    is_operating: bool,
+    counts: OutCounts,
+    crc: Crc32,
+    out: Vec<Wire>,
+    orders: Vec<Order>,
+}
+
+impl Telemeter {
+    /// Returns a tracker that is switched on now.
+    #[must_use]
+    pub fn new(
+        params: TelemeterParams,
+        (eyes, device): (TrackerEyes, Box<dyn Device>),
+        (frames, outlet): (TapParts, Outlet),
+        desk: Option<CameraDesk>,
+        (clock, shared): (Arc<dyn Clock>, Arc<OutShared>),
+    ) -> Self {
+        let source = Source::new(eyes, params.tag_error);
+        let damages = Damages::new(params.damages.clone(), params.seed);
+        let next_beat = params.period.map(|_| params.zero);
+        let mut telemeter = Self {
+            params,
+            source,
+            device,
+            outlet,
+            frames,
+            desk,
+            clock,
+            shared,
+            damages,
+            waiting: VecDeque::new(),
+            late: VecDeque::new(),
+            newest: None,
+            next_beat,
+            is_operating: true,
+            counts: OutCounts::default(),
+            crc: Crc32::default(),
+            out: Vec::new(),
+            orders: Vec::new(),
+        };
+        let now = telemeter.clock.now();
+        telemeter.device.start(now, &mut telemeter.out);
+        telemeter.send_out(now, None);
+        telemeter
+    }
+
+    /// Returns the queue of frames, for whoever waits for the next.
+    #[must_use]
+    pub fn frames(&self) -> &crossbeam_channel::Receiver<Seen> {
+        &self.frames.full
+    }
+
+    /// Measures a frame.
+    pub fn take(&mut self, seen: Seen) {
+        let report = if self.is_operating { self.source.report(&seen) } else { unknown(&seen, Mode::Standby) };
+        let ready = (seen.exposure_end() + self.params.after_exposure).max(self.clock.now());
+        if self.waiting.len() >= WAITING_MAX {
+            self.waiting.pop_front();
+            self.lose("more than a thousand reports waited");
+        }
+        self.waiting.push_back((ready, report));
+        let _the_other_end_may_be_gone = self.frames.empty.try_send(seen);
+    }
+
+    /// Does everything that is due by `now`: measures frames that have come, obeys clients, sends.
+    pub fn step(&mut self, now: Tai) {
+        while let Ok(seen) = self.frames.full.try_recv() {
+            self.take(seen);
+        }
+        self.listen(now);
+        while let Some(due) = self.next_due().filter(|due| *due <= now) {
+            self.act(due);
+        }
+        self.publish();
+    }
+
+    /// When it next has something to do without being asked.
+    #[must_use]
+    pub fn next_due(&self) -> Option<Tai> {
+        let ready = self.waiting.front().map(|(at, _)| *at);
+        let late = self.late.iter().map(|(at, _)| *at).min();
+        [ready, late, self.next_beat, self.device.next_due()].into_iter().flatten().min()
+    }
+
+    /// True when its line brings commands of clients, which come at any time.
+    #[must_use]
+    pub fn has_clients(&self) -> bool {
+        self.outlet.has_clients()
+    }
+
+    /// Sends all that waits, each at its own time, and closes the line.
+    pub fn finish(&mut self) {
+        while let Ok(seen) = self.frames.full.try_recv() {
+            self.take(seen);
+        }
+        let last = self.waiting.back().map(|(at, _)| *at);
+        while let Some(due) = self.next_due().filter(|due| last.is_some_and(|last| *due <= last)) {
+            if self.clock.is_real() {
+                self.clock.sleep_until(due);
+            }
+            self.act(due);
+        }
+        let late: Vec<(Tai, Wire)> = self.late.drain(..).collect();
+        late.into_iter().for_each(|(at, wire)| self.send(&wire, at, None));
+        if let Err(error) = self.outlet.finish() {
+            self.counts.first_error.get_or_insert_with(|| error.to_string());
+        }
+        self.publish();
+    }
+
+    /// Does what is due at an instant. On the real clock packets say when they go out.
+    fn act(&mut self, due: Tai) {
+        let now = if self.clock.is_real() { self.clock.now() } else { due };
+        let beats = self.next_beat.is_some_and(|at| at <= due);
+        while let Some((_, report)) = self.waiting.front().filter(|(at, _)| *at <= due).copied() {
+            self.waiting.pop_front();
+            self.newest = Some(report);
+            if self.params.period.is_none() {
+                self.report(now);
+            }
+        }
+        if beats {
+            self.next_beat = self.next_beat.zip(self.params.period).map(|(at, period)| at + period);
+            if self.newest.is_some() {
+                self.report(now);
+            }
+        }
+        while let Some(place) = self.late.iter().position(|(at, _)| *at <= due) {
+            if let Some((_, wire)) = self.late.remove(place) {
+                self.send(&wire, now, None);
+            }
+        }
+        self.device.step(due, &mut self.out);
+        self.send_out(now, None);
+    }
+
+    fn report(&mut self, now: Tai) {
+        let Some(newest) = self.newest else { return };
+        let report = self.damages.of_report(&newest, now);
+        self.counts.reports += 1;
+        self.counts.attitudes += u64::from(report.attitude_wxyz.is_some());
+        self.device.report(&report, now, &mut self.out);
+        self.send_out(now, None);
+    }
+
+    /// Sends what the device has put out, to whoever asked for it where somebody did.
+    fn send_out(&mut self, now: Tai, asked_by: Option<SocketAddr>) {
+        for wire in core::mem::take(&mut self.out) {
+            match self.damages.of_packet(wire, now) {
+                Fate::Now(wire) => self.send(&wire, now, asked_by),
+                Fate::Later(wire, by) if self.late.len() < WAITING_MAX => self.late.push_back((now + by, wire)),
+                Fate::Later(..) => self.lose("more than a thousand packets were to be late"),
+                Fate::Gone => {}
+            }
+        }
+    }
+
+    fn send(&mut self, wire: &Wire, at: Tai, asked_by: Option<SocketAddr>) {
+        match self.outlet.send(wire, at, asked_by) {
+            Ok(()) => {
+                self.counts.packets += 1;
+                self.counts.bytes += wire.data().len() as u64;
+                self.crc.update(&at.ns().to_le_bytes());
+                self.crc.update(wire.data());
+            }
+            Err(error) => self.lose(&error.to_string()),
+        }
+    }
+
+    fn lose(&mut self, why: &str) {
+        self.counts.lost += 1;
+        self.counts.first_error.get_or_insert_with(|| why.into());
+    }
+
+    /// Takes what clients have sent.
+    fn listen(&mut self, now: Tai) {
+        for _ in 0..COMMANDS_PER_STEP {
+            let Some((wire, from)) = self.outlet.receive() else { return };
+            self.device.take(&wire, now, &mut self.out, &mut self.orders);
+            for order in core::mem::take(&mut self.orders) {
+                self.obey(order, now);
+            }
+            self.send_out(now, from);
+        }
+    }
+
+    fn obey(&mut self, order: Order, now: Tai) {
+        match order {
+            Order::Operate => self.is_operating = true,
+            Order::Pause => {
+                self.is_operating = false;
+                self.source.forget();
+            }
+            Order::Reset => {
+                self.is_operating = true;
+                self.source.forget();
+                self.waiting.clear();
+                self.newest = None;
+            }
+            Order::Exposure(exposure) => {
+                let command = CameraCommand::Exposure(exposure);
+                let commanded = Commanded { command, at: now, from: CommandSource::Tracker };
+                if !self.desk.as_ref().is_some_and(|desk| desk.put(commanded)) {
+                    self.lose("the camera's queue of commands was full");
+                }
+            }
+        }
+    }
+
+    fn publish(&mut self) {
+        let answered = self.device.answered();
+        (self.counts.commands, self.counts.refused) = (answered.commands, answered.refused);
+        (self.counts.faults, self.counts.crc32) = (self.damages.hits, self.crc.value());
+        self.shared.publish(&self.counts);
+    }
+}
