@@ -41,6 +41,7 @@ pub use frames;
 pub use image;
 pub use imports;
 pub use link;
+pub use night_sky;
 pub use outputs;
 pub use plan;
 pub use run;

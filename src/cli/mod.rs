@@ -21,43 +21,60 @@ mod catalog_map_picture;
 mod catalog_synthetic;
 pub mod chart;
 pub mod check;
+pub mod compare;
 mod check_attitude;
 mod check_bodies;
 mod check_display;
 mod check_display_stars;
 mod check_files;
 mod check_jitter;
+mod check_json;
 mod check_light;
 mod check_observer;
 mod check_plan;
 mod check_scenario;
 mod check_targets;
+pub mod completions;
+mod command_groups;
 pub mod display;
 mod display_latency;
 mod display_measurements;
 pub mod degrees;
+pub mod doctor;
+mod doctor_devices;
+mod doctor_host;
+mod doctor_system;
+mod examples;
+pub mod exit_statuses;
 pub mod export;
 mod export_source;
+pub mod fly;
 mod frame_plan;
 pub mod fmu;
+mod folder;
 pub mod init;
 pub mod keys;
 pub mod link_check;
 mod lettering;
 mod load_threads;
+pub mod manual;
 mod monitor;
 mod named_camera;
 mod over_budget;
 mod plain_text;
+mod provenance;
 pub mod psf;
 mod psf_plot;
 mod radiometry_reported;
 pub mod render;
 pub mod render_input;
+mod render_files;
 mod render_notes;
 pub mod render_output;
 mod render_series;
 pub mod replay;
+pub mod report;
+pub mod report_json;
 pub mod run;
 pub mod run_args;
 mod run_control;
@@ -73,6 +90,7 @@ pub mod snr;
 pub mod study;
 mod telemetry_file;
 pub mod verify;
+mod version;
 mod wcs_warning;
 #[cfg(feature = "hats")]
 mod with_hats;
@@ -80,7 +98,7 @@ mod with_hats;
 mod without_hats;
 
 use base::streams;
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 use std::process::ExitCode;
 
 /// Exit status: done.
@@ -103,16 +121,12 @@ pub const EXIT_INTERRUPTED: u8 = 130;
 #[derive(Debug, Parser)]
 #[command(
     name = "starloop",
-    version,
+    version = version::SHORT,
     about = "Hardware-in-the-loop star-sensor stimulator: bus attitude in, star-sensor frames out, on a deadline",
-    after_help = "Exit status: 0 done; 1 could not do what was asked; 2 wrong command line; 3 over the timing budget \
-                  (`budget`); 4 a scenario's expectation or invariant, or a study's prediction, did not hold, a replayed frame differs, or a camera's frames are not what its file says; \
-                  5 it reached its end, but something was lost (frames that a sink did not take, a file, a capture, a \
-                  thread: one line says what); \
-                  130, 143 or 129 stopped by Ctrl-C (SIGINT), SIGTERM or SIGHUP (what was finished is written; a second \
-                  signal ends the program at once); 141 the reader of its output went away.\n\n\
-                  Start with `starloop run`: a simulated flight computer slews over a simulated bus, and ten seconds \
-                  of frames are recorded. No hardware, no GPU needed."
+    after_help = exit_statuses::help_text() + "\n\nStart with `starloop run`: a simulated flight computer slews over a \
+                  simulated bus, and ten seconds of frames are recorded. No hardware, no GPU needed. `starloop doctor` \
+                  looks for hardware.",
+    long_version = version::long()
 )]
 struct Arguments {
     #[command(subcommand)]
@@ -143,14 +157,20 @@ enum Command {
     Chart(chart::ChartArgs),
     /// Hold a camera's own frames against its file: photon transfer (EMVA 1288) and errors by brightness
     Verify(verify::VerifyArgs),
-    /// Tell how faint and how bright a camera's stars may be: SNR against magnitude, limiting and saturation magnitudes
+    /// Compare real night-sky images with drawn ones: attitude, fitted camera, residuals star by star
+    Compare(compare::CompareArgs),
+    /// Compute the range of a camera's stars: SNR against magnitude, limiting and saturation magnitudes
     Snr(snr::SnrArgs),
-    /// Inject latency and jitter into the closed loop and hold it against linear theory: CSV table and SVG charts
+    /// Inject latency and jitter into the closed loop and compare it with linear theory: CSV table and SVG charts
     Study(study::StudyArgs),
     /// Hold a bus or serial port of this machine to what links promise, or echo what arrives on it
     LinkCheck(link_check::LinkCheckArgs),
-    /// Tell a camera's star: MTF of every link, width, encircled energy, what star colours change; and plot them
+    /// Describe a camera's star: MTF of every link, width, encircled energy, what star colours change; and plot them
     Psf(psf::PsfArgs),
+    /// Fly a test plan of star trackers case by case, and write one report
+    Fly(fly::FlyArgs),
+    /// Judge a tracker's log by the truth of a run: metrics of ECSS-E-ST-60-20C with confidence, requirements, verdict
+    Report(report::ReportArgs),
     /// Write attitudes, the observer's orbit and places of stars as AEM, OEM, STK files, CSV
     Export(export::ExportArgs),
     /// Write a bench as an FMI 3.0 co-simulation unit, for simulators that import such units
@@ -163,9 +183,15 @@ enum Command {
     Init(init::InitArgs),
     /// Pack, describe or query a star catalog
     Catalog(catalog::CatalogArgs),
+    /// Look for what this machine has for a bench: CAN, serial ports, GPU, display, real-time rights, clocks, Python
+    Doctor(doctor::DoctorArgs),
+    /// Print the completions of a shell: bash, zsh or fish
+    Completions(completions::CompletionsArgs),
+    /// Write the manual pages of all commands
+    Man(manual::ManArgs),
 }
 
-/// Returns an error and its causes, without those that an error before them has already told.
+/// Returns an error and its causes, without those that an error before them already contains.
 fn chain(error: &anyhow::Error) -> String {
     let mut reported = String::new();
     for cause in error.chain().map(ToString::to_string) {
@@ -174,6 +200,12 @@ fn chain(error: &anyhow::Error) -> String {
         }
     }
     reported
+}
+
+/// Returns whether an error is about a value of the command line: its message begins with the option, and no file or
+/// device is its cause.
+fn is_wrong_command_line(error: &anyhow::Error) -> bool {
+    error.to_string().starts_with("--") && !error.chain().any(|cause| cause.is::<std::io::Error>())
 }
 
 /// Prints without our macros (those of libraries) panic when a standard stream cannot be written: the program ends as by
@@ -190,11 +222,18 @@ fn end_on_a_failed_print() {
     }));
 }
 
+/// Returns the whole command line, with groups and examples in its help.
+#[must_use]
+pub fn command() -> clap::Command {
+    let plain = advice::with_negative_numbers(Arguments::command());
+    command_groups::with_groups(examples::with_examples(plain))
+}
+
 /// Runs the command line; errors are printed with their causes.
 #[must_use]
 pub fn main() -> ExitCode {
     end_on_a_failed_print();
-    let arguments = match advice::parsed::<Arguments>() {
+    let arguments = match advice::parsed::<Arguments>(command()) {
         Ok(arguments) => arguments,
         Err(status) => return ExitCode::from(status),
     };
@@ -204,7 +243,7 @@ pub fn main() -> ExitCode {
         Err(error) if streams::output_has_failed() && error.root_cause().is::<std::io::Error>() => EXIT_DONE,
         Err(error) => {
             eprintln!("starloop: {}", plain_text::plain_text(&chain(&error)));
-            EXIT_FAILED
+            if is_wrong_command_line(&error) { EXIT_USAGE } else { EXIT_FAILED }
         }
     };
     ExitCode::from(streams::status_of_streams(status))
@@ -224,15 +263,21 @@ fn run_command(command: Command) -> anyhow::Result<u8> {
         Command::Campaign(arguments) => campaign::run(&arguments),
         Command::Chart(arguments) => chart::run(&arguments).map(|()| EXIT_DONE),
         Command::Verify(arguments) => verify::run(&arguments),
+        Command::Compare(arguments) => compare::run(&arguments),
         Command::Snr(arguments) => snr::run(&arguments).map(|()| EXIT_DONE),
         Command::Study(arguments) => study::run(&arguments),
         Command::LinkCheck(arguments) => link_check::run(&arguments),
         Command::Psf(arguments) => psf::run(&arguments).map(|()| EXIT_DONE),
+        Command::Fly(arguments) => fly::run(&arguments),
+        Command::Report(arguments) => report::run(&arguments),
         Command::Export(arguments) => export::run(&arguments).map(|()| EXIT_DONE),
         Command::Fmu(arguments) => fmu::run(&arguments).map(|()| EXIT_DONE),
         Command::Keys(arguments) => keys::run(&arguments).map(|()| EXIT_DONE),
         Command::Schema(arguments) => schema::run(&arguments).map(|()| EXIT_DONE),
         Command::Init(arguments) => init::run(&arguments).map(|()| EXIT_DONE),
         Command::Catalog(arguments) => catalog::run(arguments).map(|()| EXIT_DONE),
+        Command::Doctor(arguments) => doctor::run(&arguments).map(|()| EXIT_DONE),
+        Command::Completions(arguments) => completions::run(&arguments).map(|()| EXIT_DONE),
+        Command::Man(arguments) => manual::run(&arguments).map(|()| EXIT_DONE),
     }
 }

@@ -9,7 +9,7 @@
 
 mod admission;
 mod answers;
-mod base64;
+pub mod base64;
 mod camera;
 mod error;
 mod lines;

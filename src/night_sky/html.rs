@@ -1,0 +1,309 @@
+//! Comparisons -> one HTML page with everything in it: tables, charts as SVG, pictures as data.
+
+use crate::compare::Compared;
+use crate::figures::ring_px;
+use crate::pictures::side_by_side;
+use crate::report::verdict;
+use crate::result::{Comparison, MOST_CENTROID_PX, MOST_ENERGY, MOST_MAG, MOST_NOISE};
+use core::fmt::Write;
+use frames::report::plot::{Axis, Chart, Series, Style, to_svg};
+use run::wiring::control::base64;
+use std::io;
+
+/// Pixels of the images that are one pixel of the page's pictures, along each side.
+const SHRINK: usize = 2;
+/// How much a star's distance is enlarged in the chart of the field.
+const ENLARGED: f64 = 400.0;
+/// Style of the page.
+const STYLE: &str = "body{font:15px/1.5 sans-serif;max-width:70em;margin:2em auto;padding:0 1em;color:#222}\
+    table{border-collapse:collapse;margin:1em 0}td,th{border:1px solid #ccc;padding:.2em .6em;text-align:right}\
+    th{background:#f3f3f3}td:first-child,th:first-child{text-align:left}img{max-width:100%}\
+    .yes{color:#060;font-weight:bold}.no{color:#a00;font-weight:bold}svg{max-width:100%;height:auto}";
+
+/// Returns the page.
+///
+/// # Errors
+/// When a picture cannot be encoded.
+pub fn page(compared: &[Compared], camera: &str) -> io::Result<String> {
+    let mut page = String::new();
+    let verdict = verdict(compared);
+    let class = if compared.iter().all(|one| one.result.agrees) { "yes" } else { "no" };
+    let _ = write!(
+        page,
+        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>starloop compare</title><style>{STYLE}</style></head>\n\
+         <body><h1>Real frames and drawn frames</h1>\n<p class=\"{class}\">{}</p>\n<p>Camera at the start: {}. starloop {}.</p>\n",
+        escaped(&verdict),
+        escaped(camera),
+        env!("CARGO_PKG_VERSION")
+    );
+    page.push_str(&overview(compared));
+    for one in compared {
+        section(&mut page, one)?;
+    }
+    page.push_str("</body></html>\n");
+    Ok(page)
+}
+
+/// Returns a table of the figures with their limits.
+fn overview(compared: &[Compared]) -> String {
+    let mut text = "<table><tr><th>image</th><th>RA deg</th><th>Dec deg</th><th>roll deg</th><th>stars</th><th>centroid px rms</th>\
+                    <th>mag rms</th><th>noise, drawn / real</th><th>energy 3 x 3 px</th><th>agrees</th></tr>\n"
+        .to_owned();
+    let _ = writeln!(
+        text,
+        "<tr><td>limit</td><td></td><td></td><td></td><td></td><td>{MOST_CENTROID_PX}</td><td>{MOST_MAG}</td><td>1 &plusmn; {MOST_NOISE}</td><td>&plusmn; {MOST_ENERGY}</td><td></td></tr>"
+    );
+    for one in compared.iter().map(|one| &one.result) {
+        let _ = writeln!(
+            text,
+            "<tr><td>{}</td><td>{:.4}</td><td>{:.4}</td><td>{:.4}</td><td>{}</td><td>{:.3}</td><td>{:.3}</td><td>{:.3}</td><td>{:+.3}</td><td class=\"{}</td></tr>",
+            escaped(&one.image),
+            one.ra_deg,
+            one.dec_deg,
+            one.roll_deg,
+            one.stars,
+            one.centroid_rms_px,
+            one.mag_rms,
+            one.background_noise_ratio,
+            one.ensquared_energy_difference,
+            if one.agrees { "yes\">yes" } else { "no\">no" }
+        );
+    }
+    text.push_str("</table>\n");
+    text
+}
+
+fn section(page: &mut String, compared: &Compared) -> io::Result<()> {
+    let one = &compared.result;
+    let _ = writeln!(page, "<h2>{}</h2>", escaped(&one.image));
+    for failure in &one.failures {
+        let _ = writeln!(page, "<p class=\"no\">{}</p>", escaped(failure));
+    }
+    let picture = side_by_side(&compared.real, &compared.drawn, SHRINK)?;
+    let _ = writeln!(
+        page,
+        "<p><img alt=\"real, drawn, difference\" src=\"data:image/png;base64,{}\"><br>Real, drawn, and real less drawn (grey: none; white and black: five times its noise). \
+         Both images have the same greys; each pixel here is the brightest of {SHRINK} x {SHRINK}.</p>",
+        base64::encode(&picture)
+    );
+    page.push_str(&camera_table(one));
+    page.push_str(&published_table(one));
+    for chart in charts(one) {
+        page.push_str(&to_svg(&chart));
+        page.push('\n');
+    }
+    page.push_str(&star_table(one));
+    Ok(())
+}
+
+fn camera_table(one: &Comparison) -> String {
+    let mut rows = vec![
+        ("focal length", format!("{:.4} &plusmn; {:.4} mm", one.focal_length_mm[0], one.focal_length_mm[1])),
+        ("distortion k1", format!("{:+.4}", one.k1)),
+        ("PSF", format!("{}; residual {:.2} of the noise squared", escaped(&one.psf), one.psf_chi2)),
+        (
+            "light of G = 0",
+            format!(
+                "{:.3e} e- in one exposure; colour terms {:+.3}, {:+.3}",
+                one.zero_point_e, one.colour[0], one.colour[1]
+            ),
+        ),
+        (
+            "illumination at the corner",
+            format!(
+                "{:.3} of the middle, from the background; the stars say {:+.3} &plusmn; {:.3} mag besides",
+                one.edge_illumination, one.edge_by_stars_mag[0], one.edge_by_stars_mag[1]
+            ),
+        ),
+        ("gain, read noise", format!("{:.3} e-/DN, {:.2} e- rms", one.gain_e_per_dn, one.read_noise_e)),
+    ];
+    if let Some([gain, error]) = one.transfer_gain {
+        rows.push(("gain by the frame's photon transfer", format!("{gain:.3} &plusmn; {error:.3} e-/DN")));
+    }
+    if let Some(air) = &one.refraction {
+        rows.push((
+            "stretch of the air",
+            format!(
+                "{:.2e} &plusmn; {:.2e}, vertical at {:.0} deg from right towards down; centroids without it {:.3} px rms along an axis",
+                air.stretch, air.stretch_error, air.vertical_deg, air.rms_without_px
+            ),
+        ));
+    }
+    let mut text = "<h3>The camera as it was fitted</h3><table>\n".to_owned();
+    for (name, value) in rows {
+        let _ = writeln!(text, "<tr><td>{name}</td><td>{value}</td></tr>");
+    }
+    text.push_str("</table>\n");
+    text
+}
+
+/// Returns the four figures by which dense-star-field simulations have been judged in publications.
+fn published_table(one: &Comparison) -> String {
+    let background = &one.background;
+    let mean = background.drawn_mean_dn / background.real_mean_dn - 1.0;
+    let rows = [
+        ("SNR, drawn against real", "within 10 %", format!("{:+.1} %", 100.0 * one.snr_difference)),
+        (
+            "centroids",
+            "0.01 px",
+            format!(
+                "{:.3} px rms against the sky with its noise; the drawn frame's own {:.3} px",
+                one.centroid_rms_px, one.drawn_centroid_rms_px
+            ),
+        ),
+        (
+            "background, mean",
+            "within 5 %",
+            format!(
+                "{:+.2} %; {:.2} % rms over {} places",
+                100.0 * mean,
+                100.0 * background.mean_difference_rms,
+                background.places
+            ),
+        ),
+        (
+            "background, spread",
+            "within 10 %",
+            format!(
+                "{:+.1} %; in the darker half {:+.1} %, in the brighter {:+.1} %",
+                100.0 * (background.noise_ratio - 1.0),
+                100.0 * (background.noise_ratio_dark_bright[0] - 1.0),
+                100.0 * (background.noise_ratio_dark_bright[1] - 1.0)
+            ),
+        ),
+        (
+            "energy concentration",
+            "above 90 %",
+            format!(
+                "5 x 5 px: real {:.1} %, drawn {:.1} %; 3 x 3 px: real {:.1} &plusmn; {:.1} %, drawn {:.1} %",
+                100.0 * one.energy.real[1],
+                100.0 * one.energy.drawn[1],
+                100.0 * one.energy.real[0],
+                100.0 * one.energy.errors[0],
+                100.0 * one.energy.drawn[0]
+            ),
+        ),
+    ];
+    let mut text = "<h3>The published figures</h3><table><tr><th>figure</th><th>published for such simulations</th><th>here</th></tr>\n".to_owned();
+    for (name, published, here) in rows {
+        let _ = writeln!(text, "<tr><td>{name}</td><td>{published}</td><td>{here}</td></tr>");
+    }
+    text.push_str("</table>\n");
+    text
+}
+
+fn charts(one: &Comparison) -> Vec<Chart> {
+    let profile =
+        |values: &[f64]| values.iter().enumerate().map(|(ring, value)| [ring_px(ring), *value]).collect::<Vec<_>>();
+    let stars = |of: fn(&crate::result::StarRow) -> [f64; 2]| one.star_rows.iter().map(of).collect::<Vec<_>>();
+    let rows =
+        |of: fn(&crate::figures::SnrRow) -> f64| one.snr.iter().map(|row| [row.mag_g, of(row)]).collect::<Vec<_>>();
+    let arrow = |star: &crate::result::StarRow| {
+        let from = [star.x_px, -star.y_px];
+        Series {
+            name: String::new(),
+            style: Style::Line,
+            group: 1,
+            points: vec![from, [from[0] + ENLARGED * star.dx_px, from[1] - ENLARGED * star.dy_px]],
+            marked: Vec::new(),
+        }
+    };
+    let mut field: Vec<Series> = vec![series("star", Style::Points, 0, stars(|star| [star.x_px, -star.y_px]))];
+    field.extend(one.star_rows.iter().map(arrow));
+    vec![
+        chart(
+            "Distance of real stars from drawn ones",
+            Axis::linear("along columns, px"),
+            Axis::linear("along rows, px"),
+            vec![
+                series("real", Style::Points, 0, stars(|star| [star.dx_px, star.dy_px])),
+                series("drawn, measured alike", Style::Points, 1, stars(|star| [star.drawn_dx_px, star.drawn_dy_px])),
+            ],
+            Vec::new(),
+        ),
+        chart(
+            "The same over the field",
+            Axis::linear("column, px"),
+            Axis::linear("- row, px"),
+            field,
+            vec![format!("Lines: distances, {ENLARGED} times as long.")],
+        ),
+        chart(
+            "Magnitudes of real stars less drawn ones",
+            Axis::linear("Gaia G"),
+            Axis::linear("difference, mag"),
+            vec![
+                series("real", Style::Points, 0, stars(|star| [star.mag_g, star.dmag])),
+                series("drawn, measured alike", Style::Points, 1, stars(|star| [star.mag_g, star.drawn_dmag])),
+            ],
+            Vec::new(),
+        ),
+        chart(
+            "The same by colour",
+            Axis::linear("Gaia BP - RP"),
+            Axis::linear("difference, mag"),
+            vec![series("real", Style::Points, 0, stars(|star| [star.bp_rp, star.dmag]))],
+            Vec::new(),
+        ),
+        chart(
+            "Radial profile",
+            Axis::linear("distance, px"),
+            Axis::log("share of the light per pixel"),
+            vec![
+                series("real", Style::Line, 0, profile(&one.energy.real_profile)),
+                series("drawn", Style::DashedLine, 1, profile(&one.energy.drawn_profile)),
+            ],
+            Vec::new(),
+        ),
+        chart(
+            "SNR in 5 x 5 px",
+            Axis::linear("Gaia G"),
+            Axis::log("SNR"),
+            vec![
+                series("real", Style::Line, 0, rows(|row| row.real)),
+                series("drawn", Style::DashedLine, 1, rows(|row| row.drawn)),
+            ],
+            Vec::new(),
+        ),
+    ]
+}
+
+fn series(name: &str, style: Style, group: usize, points: Vec<[f64; 2]>) -> Series {
+    Series { name: name.into(), style, group, points, marked: Vec::new() }
+}
+
+fn chart(title: &str, x: Axis, y: Axis, series: Vec<Series>, notes: Vec<String>) -> Chart {
+    Chart { title: title.into(), x, y, series, ring: String::new(), notes }
+}
+
+fn star_table(one: &Comparison) -> String {
+    let mut text = format!(
+        "<details><summary>{} stars above SNR 20</summary><table><tr><th>G</th><th>BP - RP</th><th>column px</th><th>row px</th><th>SNR</th>\
+         <th>dx px</th><th>dy px</th><th>d mag</th></tr>\n",
+        one.stars
+    );
+    for star in &one.star_rows {
+        let _ = writeln!(
+            text,
+            "<tr><td>{:.2}</td><td>{:.2}</td><td>{:.2}</td><td>{:.2}</td><td>{:.1}</td><td>{:+.3}</td><td>{:+.3}</td><td>{:+.3}</td></tr>",
+            star.mag_g, star.bp_rp, star.x_px, star.y_px, star.snr, star.dx_px, star.dy_px, star.dmag
+        );
+    }
+    text.push_str("</table></details>\n");
+    text
+}
+
+/// Returns text with the characters of HTML replaced.
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_files_are_no_markup() {
+        assert_eq!(escaped("<b a=\"1\">&"), "&lt;b a=&quot;1&quot;&gt;&amp;");
+    }
+}

@@ -1,0 +1,48 @@
+//! Real frames of the night sky, compared with drawn ones.
+//!
+//! In: image files and the file of the camera that took them. Out: attitude, the camera as it was fitted, the same field drawn by
+//! starloop, and the differences star by star.
+//!
+//! Tour: [`read`] (TIFF, PNG, FITS) -> [`detect`] -> [`solve`] (attitude from nothing) -> [`geometry`], [`psf_fit`], [`light_fit`]
+//! (the camera), with places and light of stars by [`measure`] -> [`camera_text`] (the fitted file) -> [`draw`] -> [`figures`] ->
+//! [`result`] (limits, verdict) -> [`report`], [`html`] [`compare`] puts them together.
+//!
+//! *Limits.* One PSF for all stars and colours; no planets; the air's refraction as a linear stretch; exposures at rest.
+//! *Validation.* `tests`: drawn fields with known attitude and camera come back.
+
+pub mod camera_text;
+pub mod compare;
+pub mod detect;
+pub mod draw;
+mod error;
+pub mod figures;
+pub mod geometry;
+pub mod html;
+pub mod light_fit;
+pub mod measure;
+mod newton;
+pub mod picture;
+pub mod pictures;
+pub mod psf_fit;
+pub mod read;
+pub mod report;
+pub mod result;
+pub mod sky_stars;
+pub mod solve;
+pub mod stamp;
+
+pub use compare::{Compared, Comparer, Options};
+pub use error::CompareError;
+pub use picture::Picture;
+pub use result::Comparison;
+
+#[cfg(test)]
+#[allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    clippy::float_cmp,
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a test may stop at the first surprise and compares exact values where exactness is the claim"
+)]
+mod tests;

@@ -1,0 +1,162 @@
+//! Comparisons -> text, JSON, files.
+
+use crate::compare::Compared;
+use crate::html::page;
+use crate::pictures::side_by_side;
+use crate::result::{Comparison, SCHEMA_VERSION};
+use core::fmt::Write;
+use std::io;
+use std::path::Path;
+
+/// Returns the comparisons as JSON.
+///
+/// # Errors
+/// Never with the figures of this program.
+pub fn json(compared: &[Compared]) -> serde_json::Result<String> {
+    let images: Vec<&Comparison> = compared.iter().map(|one| &one.result).collect();
+    let agrees = images.iter().all(|one| one.agrees);
+    serde_json::to_string_pretty(
+        &serde_json::json!({ "schema_version": SCHEMA_VERSION, "agrees": agrees, "images": images }),
+    )
+}
+
+/// Returns the verdict: one line.
+#[must_use]
+pub fn verdict(compared: &[Compared]) -> String {
+    let good = compared.iter().filter(|one| one.result.agrees).count();
+    if good == compared.len() {
+        let worst = |of: fn(&Comparison) -> f64| compared.iter().map(|one| of(&one.result)).fold(0.0, f64::max);
+        format!(
+            "AGREES: {good} of {good} images: centroids within {:.3} px rms, magnitudes {:.3}, noise {:.1} %, energy {:.1} %",
+            worst(|one| one.centroid_rms_px),
+            worst(|one| one.mag_rms),
+            100.0 * worst(|one| (one.background_noise_ratio - 1.0).abs()),
+            100.0 * worst(|one| one.ensquared_energy_difference.abs())
+        )
+    } else {
+        let first = compared.iter().find(|one| !one.result.agrees);
+        let why =
+            first.map_or_else(String::new, |one| format!("{}: {}", one.result.image, one.result.failures.join("; ")));
+        format!("DOES NOT AGREE: {} of {} images; {why}", compared.len() - good, compared.len())
+    }
+}
+
+/// Returns the figures as text; the first line is the verdict.
+#[must_use]
+pub fn text(compared: &[Compared]) -> String {
+    let mut text = verdict(compared);
+    text.push('\n');
+    for one in compared {
+        let _ = lines(&mut text, &one.result);
+    }
+    text
+}
+
+fn lines(text: &mut String, one: &Comparison) -> core::fmt::Result {
+    writeln!(text, "\n{}", one.image)?;
+    writeln!(text, "  attitude     RA {:.4}, Dec {:.4}, roll {:.4} deg", one.ra_deg, one.dec_deg, one.roll_deg)?;
+    writeln!(
+        text,
+        "  stars        {} above SNR 20 ({} saturated, {} with a neighbour left out); {} found in the image",
+        one.stars, one.left_out[0], one.left_out[1], one.detections
+    )?;
+    writeln!(
+        text,
+        "  centroids    {:.3} px rms ({:.3} along columns, {:.3} along rows); of the drawn frame {:.3}",
+        one.centroid_rms_px, one.centroid_rms_axes_px[0], one.centroid_rms_axes_px[1], one.drawn_centroid_rms_px
+    )?;
+    writeln!(text, "  magnitudes   {:.3} rms; of the drawn frame {:.3}", one.mag_rms, one.drawn_mag_rms)?;
+    let background = &one.background;
+    writeln!(
+        text,
+        "  background   mean {:.1} and {:.1} DN, {:.2} % rms over {} places; noise {:.3} and {:.3} DN, ratio {:.3}",
+        background.real_mean_dn,
+        background.drawn_mean_dn,
+        100.0 * background.mean_difference_rms,
+        background.places,
+        background.real_noise_dn,
+        background.drawn_noise_dn,
+        background.noise_ratio
+    )?;
+    writeln!(
+        text,
+        "  energy       3 x 3 px: {:.3} and {:.3} ({:+.3}); 5 x 5 px: {:.3} and {:.3}; {} stars",
+        one.energy.real[0],
+        one.energy.drawn[0],
+        one.ensquared_energy_difference,
+        one.energy.real[1],
+        one.energy.drawn[1],
+        one.energy.stars
+    )?;
+    writeln!(text, "  SNR          drawn less real {:+.1} %", 100.0 * one.snr_difference)?;
+    writeln!(
+        text,
+        "  camera       f = {:.4} +- {:.4} mm, k1 {:+.4}; {}; edge {:.3} of the middle (by stars {:+.3} +- {:.3} mag more)",
+        one.focal_length_mm[0],
+        one.focal_length_mm[1],
+        one.k1,
+        one.psf,
+        one.edge_illumination,
+        one.edge_by_stars_mag[0],
+        one.edge_by_stars_mag[1]
+    )?;
+    writeln!(
+        text,
+        "  light        {:.3e} e- of G = 0; colour {:+.3}, {:+.3}; gain {:.3} e-/DN, read noise {:.2} e-",
+        one.zero_point_e, one.colour[0], one.colour[1], one.gain_e_per_dn, one.read_noise_e
+    )?;
+    if let Some(air) = &one.refraction {
+        writeln!(
+            text,
+            "  air          stretch {:.2e} +- {:.2e}, vertical at {:.0} deg from right towards down; without it {:.3} px rms along an axis",
+            air.stretch, air.stretch_error, air.vertical_deg, air.rms_without_px
+        )?;
+    }
+    Ok(())
+}
+
+/// Returns the files of a report, by name: the page, and for each image the fitted camera, pictures and star table.
+///
+/// # Errors
+/// When a picture cannot be encoded.
+pub fn files(compared: &[Compared], camera: &Path) -> io::Result<Vec<(String, Vec<u8>)>> {
+    let mut files = vec![("report.html".to_owned(), page(compared, &camera.display().to_string())?.into_bytes())];
+    let mut stems: Vec<String> = Vec::new();
+    for one in compared {
+        let stem = stem_of(&one.result.image, &stems);
+        files.push((format!("{stem}.camera.toml"), one.camera_text.clone().into_bytes()));
+        files.push((format!("{stem}.png"), side_by_side(&one.real, &one.drawn, 1)?));
+        files.push((format!("{stem}.stars.csv"), table(&one.result).into_bytes()));
+        stems.push(stem);
+    }
+    Ok(files)
+}
+
+/// Returns the name of an image without its folder and extension; with a number where another one has it.
+fn stem_of(image: &str, taken: &[String]) -> String {
+    let stem = Path::new(image).file_stem().map_or_else(|| "image".into(), |stem| stem.to_string_lossy().into_owned());
+    let numbered = (2..).map(|number| format!("{stem}_{number}"));
+    core::iter::once(stem.clone()).chain(numbered).find(|name| !taken.contains(name)).unwrap_or(stem)
+}
+
+fn table(one: &Comparison) -> String {
+    let mut text = "mag_g,bp_rp,x_px,y_px,dx_px,dy_px,dmag,snr,drawn_dx_px,drawn_dy_px,drawn_dmag\n".to_owned();
+    for star in &one.star_rows {
+        let _ = writeln!(
+            text,
+            "{:.4},{:.4},{:.4},{:.4},{:.4},{:.4},{:.4},{:.2},{:.4},{:.4},{:.4}",
+            star.mag_g,
+            star.bp_rp,
+            star.x_px,
+            star.y_px,
+            star.dx_px,
+            star.dy_px,
+            star.dmag,
+            star.snr,
+            star.drawn_dx_px,
+            star.drawn_dy_px,
+            star.drawn_dmag
+        );
+    }
+    text
+}

@@ -1,0 +1,282 @@
+//! Figures of one frame, what they may be, and whether they are.
+
+use crate::compare::Fitted;
+use crate::figures::{BackgroundFigures, EnergyFigures, Pair, SnrRow};
+use crate::geometry::stretch_axis;
+use crate::picture::{mean, rms};
+use crate::psf_fit::Shape;
+use config::Camera;
+use serde::Serialize;
+use std::path::Path;
+
+/// Version of the JSON that [`Comparison`] is written as.
+pub const SCHEMA_VERSION: u32 = 1;
+/// Least SNR of the stars whose residuals count.
+pub const COUNTED_SNR: f64 = 20.0;
+/// Least number of them.
+pub const LEAST_STARS: usize = 6;
+/// Most rms distance of real stars from drawn ones, px, along both axes together.
+pub const MOST_CENTROID_PX: f64 = 0.15;
+/// Most rms difference of magnitudes.
+pub const MOST_MAG: f64 = 0.15;
+/// How far the ratio of the noises may be from 1.
+pub const MOST_NOISE: f64 = 0.10;
+/// Most difference of the energy in 3 x 3 px, a share.
+pub const MOST_ENERGY: f64 = 0.03;
+
+/// A star of the comparison.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct StarRow {
+    /// Gaia G.
+    pub mag_g: f64,
+    /// BP - RP.
+    pub bp_rp: f64,
+    /// Place in the real frame, px.
+    pub x_px: f64,
+    /// Row.
+    pub y_px: f64,
+    /// Real less drawn, px.
+    pub dx_px: f64,
+    /// Real less drawn, px.
+    pub dy_px: f64,
+    /// Magnitude of the real star less that of the drawn one.
+    pub dmag: f64,
+    /// SNR of the fit in the real frame.
+    pub snr: f64,
+    /// Measured on the drawn frame, less what was drawn there, px: what noise and method do.
+    pub drawn_dx_px: f64,
+    /// The same.
+    pub drawn_dy_px: f64,
+    /// The same, mag.
+    pub drawn_dmag: f64,
+}
+
+/// The air's refraction.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Refraction {
+    /// Half the difference of the scales along and across the vertical.
+    pub stretch: f64,
+    /// Its standard error.
+    pub stretch_error: f64,
+    /// Direction of the vertical on the image, degrees from right towards down, 0 to 180.
+    pub vertical_deg: f64,
+    /// Rms of the stars' distances along an axis with the stretch kept at 0, px.
+    pub rms_without_px: f64,
+}
+
+/// One frame's figures.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Comparison {
+    /// The file.
+    pub image: String,
+    /// Every figure is within its limit.
+    pub agrees: bool,
+    /// Failed criteria, in words.
+    pub failures: Vec<String>,
+    /// Right ascension of the boresight (image's middle where principal_point_px is there), degrees.
+    pub ra_deg: f64,
+    /// Declination, degrees.
+    pub dec_deg: f64,
+    /// Position angle of image up, east of north, degrees, 0 to 360.
+    pub roll_deg: f64,
+    /// Stars above SNR 20 that residuals are of.
+    pub stars: usize,
+    /// Rms distance of real stars from the places at which they were drawn, px, along both axes together.
+    pub centroid_rms_px: f64,
+    /// The same along columns and rows.
+    pub centroid_rms_axes_px: [f64; 2],
+    /// Rms difference of magnitudes.
+    pub mag_rms: f64,
+    /// Noise of the drawn background over that of the real one.
+    pub background_noise_ratio: f64,
+    /// Share of the light within 3 x 3 px of 9 x 9 px, drawn less real.
+    pub ensquared_energy_difference: f64,
+    /// Rms distance of stars measured on the drawn frame from where they were drawn, px: noise and method.
+    pub drawn_centroid_rms_px: f64,
+    /// The same for magnitudes.
+    pub drawn_mag_rms: f64,
+    /// Stars found in the image, in the catalog or not.
+    pub detections: usize,
+    /// Stars above SNR 20 that are left out: saturated, with a neighbour in their pixels.
+    pub left_out: [usize; 2],
+    /// Whether the attitude was given, not found.
+    pub attitude_given: bool,
+    /// Focal length, mm, and its standard error.
+    pub focal_length_mm: [f64; 2],
+    /// First radial term.
+    pub k1: f64,
+    /// PSF in words.
+    pub psf: String,
+    /// Mean squared residual of the PSF's fit in units of noise.
+    pub psf_chi2: f64,
+    /// Electrons of a star of G = 0, BP - RP = 0 in one exposure.
+    pub zero_point_e: f64,
+    /// Colour terms.
+    pub colour: [f64; 2],
+    /// Illumination at half a diagonal over that in the middle.
+    pub edge_illumination: f64,
+    /// Further vignetting at half a diagonal from the stars, mag, and its standard error.
+    pub edge_by_stars_mag: [f64; 2],
+    /// Electrons per DN, taken.
+    pub gain_e_per_dn: f64,
+    /// The same by the frame's own photon transfer, and its error, where it says anything.
+    pub transfer_gain: Option<[f64; 2]>,
+    /// Noise without light, e- rms.
+    pub read_noise_e: f64,
+    /// The air.
+    pub refraction: Option<Refraction>,
+    /// SNR by magnitude.
+    pub snr: Vec<SnrRow>,
+    /// Mean relative difference of the SNR, drawn less real, of bins with SNR above 20.
+    pub snr_difference: f64,
+    /// Background.
+    pub background: BackgroundFigures,
+    /// Energy.
+    pub energy: EnergyFigures,
+    /// The stars that count.
+    pub star_rows: Vec<StarRow>,
+}
+
+/// Inputs of a verdict.
+pub(crate) struct Parts<'a> {
+    pub path: &'a Path,
+    pub fitted: &'a Fitted,
+    pub camera: &'a Camera,
+    pub pairs: &'a [Pair],
+    pub snr: Vec<SnrRow>,
+    pub background: BackgroundFigures,
+    pub energy: EnergyFigures,
+    pub ra_dec_roll: [f64; 3],
+    pub detections: usize,
+    pub is_ground: bool,
+    pub is_given: bool,
+}
+
+fn row(pair: &Pair) -> StarRow {
+    let mag = |flux: f64| -2.5 * (flux / pair.truth_dn).log10();
+    StarRow {
+        mag_g: pair.mag_g,
+        bp_rp: pair.bp_rp,
+        x_px: pair.real.px[0],
+        y_px: pair.real.px[1],
+        dx_px: pair.real.px[0] - pair.truth_px[0],
+        dy_px: pair.real.px[1] - pair.truth_px[1],
+        dmag: mag(pair.real.flux_dn),
+        snr: pair.real.snr(),
+        drawn_dx_px: pair.drawn.px[0] - pair.truth_px[0],
+        drawn_dy_px: pair.drawn.px[1] - pair.truth_px[1],
+        drawn_dmag: mag(pair.drawn.flux_dn),
+    }
+}
+
+/// Returns the figures with their verdict.
+pub(crate) fn conclude(parts: &Parts<'_>) -> Comparison {
+    let fitted = parts.fitted;
+    // A star counts by the brightness that it should have or has: one that is missing counts too.
+    let bright = |pair: &&Pair| pair.real.snr() > COUNTED_SNR;
+    let is_full = |pair: &Pair| pair.real.is_saturated || pair.drawn.is_saturated;
+    let left_out = [
+        parts.pairs.iter().filter(bright).filter(|pair| is_full(pair)).count(),
+        parts.pairs.iter().filter(bright).filter(|pair| !is_full(pair) && pair.is_blended).count(),
+    ];
+    let rows: Vec<StarRow> =
+        parts.pairs.iter().filter(bright).filter(|pair| !is_full(pair) && !pair.is_blended).map(row).collect();
+    let both = |of: fn(&StarRow) -> [f64; 2]| rms(rows.iter().map(|star| of(star)[0].hypot(of(star)[1])));
+    let axis = |of: fn(&StarRow) -> f64| rms(rows.iter().map(of));
+    let [ra, dec, roll] = parts.ra_dec_roll.map(f64::to_degrees);
+    let params = run::wiring::camera_parts::camera_params(parts.camera);
+    let edge = |params: &scene::camera::CameraParams| {
+        params.illumination.at(glam::DVec2::X * params.geometry.half_diagonal_rad().tan())
+    };
+    let light = fitted.light.as_ref();
+    let pitch_mm = parts.camera.detector.pixel_pitch_um * 1e-3;
+    let counted_snr = parts.snr.iter().filter(|row| row.real > COUNTED_SNR);
+    let (vertical_deg, stretch) = stretch_axis(fitted.geometry.stretch);
+    let mut comparison = Comparison {
+        image: parts.path.display().to_string(),
+        agrees: true,
+        failures: Vec::new(),
+        ra_deg: ra,
+        dec_deg: dec,
+        roll_deg: roll.rem_euclid(360.0),
+        stars: rows.len(),
+        centroid_rms_px: both(|star| [star.dx_px, star.dy_px]),
+        centroid_rms_axes_px: [axis(|star| star.dx_px), axis(|star| star.dy_px)],
+        mag_rms: axis(|star| star.dmag),
+        background_noise_ratio: parts.background.noise_ratio,
+        ensquared_energy_difference: parts.energy.drawn[0] - parts.energy.real[0],
+        drawn_centroid_rms_px: both(|star| [star.drawn_dx_px, star.drawn_dy_px]),
+        drawn_mag_rms: axis(|star| star.drawn_dmag),
+        detections: parts.detections,
+        left_out,
+        attitude_given: parts.is_given,
+        focal_length_mm: [fitted.geometry.focal_px * pitch_mm, fitted.focal_error_px * pitch_mm],
+        k1: fitted.geometry.distortion.k1,
+        psf: fitted.psf.as_ref().map_or_else(|| "kept".into(), |psf| words(psf.shape)),
+        psf_chi2: fitted.psf.as_ref().map_or(f64::NAN, |psf| psf.chi2_per_pixel),
+        zero_point_e: light.map_or(f64::NAN, |light| light.zero_e),
+        colour: light.map_or([f64::NAN; 2], |light| light.colour),
+        edge_illumination: params.as_ref().map_or(f64::NAN, edge),
+        edge_by_stars_mag: light.map_or([f64::NAN; 2], |light| light.edge_mag),
+        gain_e_per_dn: fitted.noise.gain_e_per_dn,
+        transfer_gain: fitted.transfer,
+        read_noise_e: fitted.noise.read_dn * fitted.noise.gain_e_per_dn,
+        refraction: parts.is_ground.then_some(Refraction {
+            stretch,
+            stretch_error: fitted.stretch_error,
+            vertical_deg,
+            rms_without_px: fitted.rms_without_air_px,
+        }),
+        snr_difference: mean(counted_snr.map(|row| row.drawn / row.real - 1.0)),
+        snr: parts.snr.clone(),
+        background: parts.background.clone(),
+        energy: parts.energy.clone(),
+        star_rows: rows,
+    };
+    comparison.failures = failures(&comparison);
+    comparison.agrees = comparison.failures.is_empty();
+    comparison
+}
+
+/// Returns what is beyond its limit, in words; a figure that is not a number is.
+fn failures(of: &Comparison) -> Vec<String> {
+    let mut found = Vec::new();
+    let mut check = |holds: bool, words: String| {
+        if !holds {
+            found.push(words);
+        }
+    };
+    check(
+        of.stars >= LEAST_STARS,
+        format!("{} stars above SNR {COUNTED_SNR}, wanted at least {LEAST_STARS}", of.stars),
+    );
+    check(
+        of.centroid_rms_px <= MOST_CENTROID_PX,
+        format!("centroids {:.3} px rms, wanted at most {MOST_CENTROID_PX}", of.centroid_rms_px),
+    );
+    check(of.mag_rms <= MOST_MAG, format!("magnitudes {:.3} rms, wanted at most {MOST_MAG}", of.mag_rms));
+    let noise = of.background_noise_ratio;
+    check(
+        (noise - 1.0).abs() <= MOST_NOISE,
+        format!("noise of the background {noise:.3} of the real one, wanted 1 within {MOST_NOISE}"),
+    );
+    let energy = of.ensquared_energy_difference;
+    check(
+        energy.abs() <= MOST_ENERGY,
+        format!("energy in 3 x 3 px {:+.1} % of the light, wanted within {:.0} %", 100.0 * energy, 100.0 * MOST_ENERGY),
+    );
+    found
+}
+
+fn words(shape: Shape) -> String {
+    match shape {
+        Shape::Gaussian { sigma_px } => format!("Gaussian, sigma {sigma_px:.3} px"),
+        Shape::Moffat { fwhm_px, beta } => format!("Moffat, FWHM {fwhm_px:.3} px, beta {beta:.2}"),
+        Shape::Halo { sigma_px, halo_sigma_px, share } => {
+            format!(
+                "Gaussian of {sigma_px:.3} px with {:.0} % of the light in a halo of {halo_sigma_px:.2} px",
+                100.0 * share
+            )
+        }
+    }
+}
