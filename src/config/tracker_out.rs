@@ -29,7 +29,7 @@ pub struct TrackerOut {
     pub head: usize,
     /// Where its attitudes come from.
     pub source: TrackerSource,
-    /// What it speaks.
+    /// Protocol.
     pub protocol: TrackerProtocol,
     /// Over what.
     pub line: TrackerLine,
@@ -41,7 +41,7 @@ pub struct TrackerOut {
     pub delay: Span,
     /// Error of its time tags.
     pub tag_error: Span,
-    /// What goes wrong, and when.
+    /// Faults of its telemetry, each at its time.
     pub faults: Vec<TrackerOutFault>,
 }
 
@@ -57,7 +57,7 @@ pub enum TrackerSource {
     Model(ModelParams),
 }
 
-/// What a tracker speaks.
+/// Protocol of a tracker.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TrackerProtocol {
     /// Plain JSON.
@@ -152,7 +152,7 @@ pub enum TrackerLine {
 }
 
 impl TrackerLine {
-    /// Returns true when nobody but this program is at the other end: it may be on the virtual clock.
+    /// Returns true when only this program is at the other end: it may be on the virtual clock.
     #[must_use]
     pub fn has_virtual_time(&self) -> bool {
         match self {
@@ -167,7 +167,7 @@ impl TrackerLine {
     }
 }
 
-/// What is wrong with telemetry for a while.
+/// Fault of telemetry for a while.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrackerOutFault {
     /// What.
@@ -238,7 +238,7 @@ section! {
         head: Whole<usize> = 0, 0..=HEADS_MAX as i64 - 1;
         /// Where attitudes come from: the built-in tracker on drawn pixels, or the truth with the errors of [tracker_out.model].
         source: Word<bool> = "pixels", [("pixels", true), ("model", false)];
-        /// What it speaks: json; nos3 and sagitta over a line of bytes; canopen; ccsds is space packets with PUS services.
+        /// Protocol: json; nos3 and sagitta over a line of bytes; canopen; ccsds is space packets with PUS services.
         protocol: Word<ProtocolWord> = "json", [
             ("json", ProtocolWord::Json), ("nos3", ProtocolWord::Nos3), ("sagitta", ProtocolWord::Sagitta),
             ("canopen", ProtocolWord::CanOpen), ("ccsds", ProtocolWord::Ccsds),

@@ -113,7 +113,7 @@ fn an_instance_is_set_stepped_read_and_freed() {
     assert_eq!(fmi3GetUInt64(unit, &raw const FRAMES, 1, &raw mut frames, 1), Status::Ok);
     assert!(frames > 3, "{frames}");
     let mut small = 0_u8;
-    assert_eq!(fmi3GetUInt8(unit, &raw const Q, 1, &raw mut small, 1), Status::Error, "a quaternion is no UInt8");
+    assert_eq!(fmi3GetUInt8(unit, &raw const Q, 1, &raw mut small, 1), Status::Error, "a quaternion is not a UInt8");
     assert_eq!(fmi3GetFMUState(unit, null_mut()), Status::Error);
     assert!(said.last().unwrap().contains("fmi3GetFMUState"), "{said:?}");
     assert_eq!(fmi3Terminate(unit), Status::Ok, "{said:?}");

@@ -12,7 +12,7 @@ pub enum Receives {
     FlightComputer,
     /// Messages of the node's stimulator: the flight computer's side.
     Stimulator,
-    /// What a CANopen node of this number receives: NMT, SYNC and requests of SDO clients.
+    /// Frames for a CANopen node of this number: NMT, SYNC and requests of SDO clients.
     CanOpenNode(u8),
     /// Every standard data frame: monitors and tests.
     Everything,

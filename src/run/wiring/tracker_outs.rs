@@ -239,7 +239,7 @@ fn outlet(out: &WaitingOut, bus: Option<&SimulatedBus>, clock: &RunClock) -> Res
         }
         TrackerLine::Bus => bus.map(Outlet::bus).ok_or_else(|| OutletError::Unread {
             line: "the run's bus".into(),
-            why: "the bench's link is no simulated CAN bus",
+            why: "the bench's link is not a simulated CAN bus",
         }),
         TrackerLine::File { path } => {
             let folder = out.folder.as_ref().filter(|_| path.is_relative());

@@ -18,7 +18,7 @@ use plan::exposure::{Degradation, Motion, Source};
 use scene::SceneReport;
 use scene::truth::{add_tracks, fill_targets, fill_truth, keep_shown};
 
-/// What shines into one exposure.
+/// Light of one exposure.
 #[derive(Debug, Clone, Copy)]
 pub enum Light<'a> {
     /// The sky.

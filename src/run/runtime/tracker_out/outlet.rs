@@ -25,7 +25,7 @@ use telemetry::Wire;
 const READ_MAX: usize = 2048;
 /// Packets that a bus of its own holds for a client.
 const BUS_PACKETS: usize = 256;
-/// Node of starloop's own messages, of which none is received here.
+/// Node of starloop's own messages; none of them is received here.
 const NO_NODE: u8 = 0;
 
 /// Why a line cannot be opened, or a packet is lost.
@@ -36,17 +36,17 @@ pub enum OutletError {
     System {
         /// The line.
         line: String,
-        /// What was tried.
+        /// The action.
         doing: &'static str,
-        /// What the system said.
+        /// The error of the system.
         source: std::io::Error,
-        /// What to try, after a semicolon; or nothing.
+        /// Advice, after a semicolon; or nothing.
         advice: &'static str,
     },
     /// A link of the bus.
     #[error(transparent)]
     Link(#[from] LinkError),
-    /// Nobody takes it: no client, or one that does not read.
+    /// Not read: without a client, or with one that does not read.
     #[error("{line}: {why}")]
     Unread {
         /// The line.
@@ -73,7 +73,7 @@ pub struct UdpParams {
 pub struct Outlet {
     lines: Lines,
     name: String,
-    /// What lasts as long as the line: gateways of a bus of its own, the link and the other end of a pseudo-terminal.
+    /// Parts that last as long as the line: gateways of a bus of its own, the link and the other end of a pseudo-terminal.
     #[allow(dead_code, reason = "kept for its drop")]
     kept: Option<Box<dyn core::any::Any + Send>>,
     /// Packets that were read and not taken yet.
@@ -112,7 +112,7 @@ impl Outlet {
     /// Opens a socket for datagrams.
     ///
     /// # Errors
-    /// When the address cannot be had.
+    /// When the address is unavailable.
     pub fn udp(params: UdpParams) -> Result<Self, OutletError> {
         let any: SocketAddr = if params.to.ip().is_loopback() {
             (params.to.ip(), 0).into()
@@ -132,7 +132,7 @@ impl Outlet {
     /// Opens a server.
     ///
     /// # Errors
-    /// When the address cannot be had.
+    /// When the address is unavailable.
     pub fn tcp(listen: SocketAddr) -> Result<Self, OutletError> {
         let line = format!("tcp {listen}");
         let open = TcpListener::bind(listen).and_then(|listener| listener.set_nonblocking(true).map(|()| listener));
@@ -144,7 +144,7 @@ impl Outlet {
     /// Opens a serial port: 8 data bits, no parity, one stop bit.
     ///
     /// # Errors
-    /// When it cannot be had, with the reason and what to try.
+    /// When it is unavailable, with the reason and what to try.
     pub fn serial(path: &Path, baud: u32, clock: &Arc<dyn Clock>) -> Result<Self, OutletError> {
         let link = SerialLink::open(SerialParams::new(path, baud), clock)?;
         Ok(Self::new(Lines::Serial(link), format!("serial {}", path.display())))
@@ -163,7 +163,7 @@ impl Outlet {
     /// Opens a CAN interface of the kernel, for the frames that a CANopen node receives.
     ///
     /// # Errors
-    /// When it cannot be had, with the reason and what to try.
+    /// When it is unavailable, with the reason and what to try.
     pub fn socketcan(interface: &str, node: u8, clock: &Arc<dyn Clock>) -> Result<Self, OutletError> {
         let ids = IdMap::new(0, NO_NODE).unwrap_or_default();
         let receives = Receives::CanOpenNode(node);
@@ -175,7 +175,7 @@ impl Outlet {
     /// Opens a bus of its own with slcan.
     ///
     /// # Errors
-    /// When an address or path cannot be had.
+    /// When an address or path is unavailable.
     pub fn slcan(gateway: GatewayParams, bit_rate_bps: u32, clock: &Arc<dyn Clock>) -> Result<Self, OutletError> {
         let timing = BusTiming::CanClassic { bit_rate_bps };
         let name = "tracker".into();
@@ -232,9 +232,9 @@ impl Outlet {
                 let to = asked_by.unwrap_or(params.to);
                 match socket.send_to(bytes, to) {
                     Ok(_) => Ok(()),
-                    // An answer to the packet before: nobody listens there. This packet was not sent either.
+                    // An answer to the packet before: the port has no listener. This packet was not sent either.
                     Err(error) if error.kind() == ErrorKind::ConnectionRefused => {
-                        socket.send_to(bytes, to).map(drop).map_err(|_| unread("nobody listens there"))
+                        socket.send_to(bytes, to).map(drop).map_err(|_| unread("the port has no listener"))
                     }
                     Err(error) => Err(system(&self.name, "send", "")(error)),
                 }
@@ -258,7 +258,7 @@ impl Outlet {
                 if link.counters().unsent > unsent { Err(unread("the port did not take it")) } else { Ok(()) }
             }
             (Lines::Terminal(master), Wire::Bytes(bytes)) => {
-                master.write_all(bytes).map_err(|_full| unread("nobody reads the pseudo-terminal"))
+                master.write_all(bytes).map_err(|_full| unread("the pseudo-terminal has no reader"))
             }
             (Lines::SocketCan(link), Wire::Can(frame)) => {
                 let unsent = link.counters().unsent;
@@ -294,7 +294,7 @@ impl Outlet {
         match &mut self.lines {
             Lines::Udp(socket, params) if params.has_clients => {
                 let Ok((length, from)) = socket.recv_from(&mut bytes) else { return };
-                // Whoever else finds the port commands nothing.
+                // Commands from other addresses are ignored.
                 if from.ip() == params.to.ip() {
                     let mut datagram = bytes[..length].to_vec();
                     if params.are_lines && datagram.last() != Some(&b'\n') {

@@ -25,7 +25,7 @@ pub struct OutCounts {
     pub packets: u64,
     /// Their bytes.
     pub bytes: u64,
-    /// Reports and packets that were lost, and commands for which the camera had no place.
+    /// Reports and packets that were lost, and commands that the camera's queue could not take.
     pub lost: u64,
     /// Commands and requests that were obeyed.
     pub commands: u64,
@@ -41,7 +41,7 @@ pub struct OutCounts {
     pub is_lost: bool,
 }
 
-/// What is known of a tracker elsewhere.
+/// Known state of a tracker outside.
 #[derive(Debug)]
 pub struct OutShared {
     /// Its place in the bench.
@@ -99,7 +99,7 @@ impl OutShared {
         state.counts.is_lost = is_lost;
     }
 
-    /// Returns how many losses nobody was told of yet.
+    /// Returns the number of losses not yet reported.
     pub(super) fn take_new_losses(&self) -> u64 {
         let mut state = self.state();
         let new = state.counts.lost.saturating_sub(state.announced);
