@@ -1,20 +1,22 @@
 //! A lit body -> point sources on a grid over its disc, which planner, PSF and motion draw as they draw stars.
 //!
-//! The grid is that of the pixels, `k` cells to a pixel's side: a source in the middle of every lit cell, with the cell's
-//! light. Summed over a whole grid of pixels, the PSF integrated over them is 1 wherever it stands, so an even disc is
-//! drawn without ripple whatever the PSF and the motion. What a grid costs:
+//! The grid is that of the pixels, `k` cells to a pixel's side: a source in the middle of every lit cell, with the
+//! cell's light. Summed over a whole grid of pixels, the PSF integrated over them is 1 for any position, so a uniform
+//! disc is drawn without ripple for any PSF and motion. Errors of the grid:
 //!
-//! * At an edge of full contrast light stands in the middle of its cells instead of all over them: `1 / (24 k^2)` times the
+//! * At an edge of full contrast the light is in the middle of the cells instead of spread over them: `1 / (24 k^2)`
+//!   times the
 //!   slope of the PSF's line spread, 0.5 % of the disc at `k = 2` and sigma 0.7 px ([`edge_error`]).
 //! * Cells of more than a pixel, taken when there would be more than [`MOST_CELLS`], show as dots: [`ripple`].
 //!
-//! Cells on the limb hold the part of them inside it, by straight lines between the cell's corners, at its centre of gravity:
-//! the area of a disc is right to 0.1 % at `CELLS_PER_RADIUS`. Electrons are radiance times solid angle of the cell, so
-//! that a part of a disc has its part of the light.
+//! Cells on the limb contain the part inside it, by straight lines between the cell's corners, at its centre of
+//! gravity: the area of a disc is right to 0.1 % at `CELLS_PER_RADIUS`. Electrons are radiance times solid angle of the
+//! cell, so that a part of a disc has its part of the light.
 //!
-//! Laws: the Earth and planets are Lambert spheres, `cos i`; Moon and Mercury are Lommel-Seeliger, `cos i / (cos i + cos e)`, flat
-//! at full moon as the Moon is. Neither has clouds, seas or an opposition peak of its own; the sum is the magnitude's. Limits:
-//! the disc stands still among the stars during an exposure (the Earth's limb turns by 0.06 deg/s in low orbit).
+//! Laws: the Earth and planets are Lambert spheres, `cos i`; Moon and Mercury are Lommel-Seeliger, `cos i / (cos i +
+//! cos e)`, flat at full phase as the Moon is. Neither has clouds, seas or an opposition peak; the sum follows the
+//! magnitude. Limits: the disc does not move among the stars during an exposure (the Earth's limb turns by 0.06 deg/s
+//! in low orbit).
 //! Tests: below; `tests/physics/bodies.rs`.
 
 use crate::occultation::Occultation;
@@ -26,27 +28,27 @@ use rayon::prelude::*;
 use sky::astrometry::CameraGeometry;
 use sky::spheroid::Spheroid;
 
-/// Cells to a radius, for small discs.
+/// Number of cells per radius, for small discs.
 const CELLS_PER_RADIUS: f64 = 16.0;
-/// Most cells of one disc; beyond it they are larger than pixels.
+/// Largest number of cells of one disc; beyond it they are larger than pixels.
 pub const MOST_CELLS: f64 = 1_572_864.0;
-/// Discs of fewer cells than this have two to a pixel's side.
+/// Number of cells below which discs have two cells to a pixel's side.
 const FINE_CELLS: f64 = 65_536.0;
-/// Shorter rows of cells are not shared among threads.
+/// Length of a row of cells below which it is not shared among threads.
 const CELLS_ALONE: usize = 256;
-/// Light from so far beyond the detector may reach it, px.
+/// Distance beyond the detector from which light may reach it, px.
 const MARGIN_PX: f64 = 32.0;
-/// Places on the limb by which a disc's extent is found.
+/// Number of places on the limb by which a disc's extent is found.
 const LIMB_PLACES: u32 = 24;
-/// Limbs farther than this from the middle are not projected: the whole detector is gone over, rad.
+/// Distance of a limb from the middle beyond which it is not projected and the whole detector is searched, rad.
 const WIDE_RAD: f64 = 0.5;
 
-/// How a surface shines.
+/// Reflection law of a surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Law {
-    /// By the cosine of incidence.
+    /// Lambert: by the cosine of incidence.
     Lambert,
-    /// As dust without multiple scattering.
+    /// Lommel-Seeliger: dust without multiple scattering.
     LommelSeeliger,
 }
 
@@ -85,27 +87,27 @@ pub struct Disc {
     pub id: u32,
     /// Magnitude in the instrument's band.
     pub mag: f32,
-    /// From it to the Sun, unit, ICRF.
+    /// Direction from the body to the Sun, unit, ICRF.
     pub to_sun: DVec3,
-    /// How it shines.
+    /// Reflection law.
     pub law: Law,
-    /// Electrons per steradian in an exposure where the law says 1.
+    /// Electrons per steradian in an exposure for a value of 1 of the law.
     pub e_per_sr: f64,
-    /// Electrons of all of it, where its magnitude tells them.
+    /// Total electrons, if the magnitude is known.
     pub electrons: Option<f64>,
 }
 
-/// How a disc came out.
+/// Properties of a drawn disc.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Drawn {
-    /// Sources.
+    /// Number of sources.
     pub sources: usize,
     /// Side of a cell, px.
     pub step_px: f64,
 }
 
-/// Returns the error at a sharp edge, as a share of the disc's level, of cells of `step_px` and a PSF that falls like a
-/// Gaussian.
+/// Returns the error at a sharp edge, as a share of the disc's level, for cells of `step_px` and a PSF that falls like
+/// a Gaussian.
 #[must_use]
 pub fn edge_error(step_px: f64, sigma_px: f64) -> f64 {
     // Steepest slope of a Gaussian line spread, integrated over a pixel, whose variance is 1/12 more.
@@ -113,8 +115,8 @@ pub fn edge_error(step_px: f64, sigma_px: f64) -> f64 {
     step_px * step_px / 24.0 / (TAU * core::f64::consts::E).sqrt() / variance
 }
 
-/// Returns the ripple of an even disc, as a share of its level, drawn by cells of `step_px`, with such a PSF: none up
-/// to a pixel, as they divide it.
+/// Returns the ripple of a uniform disc, as a share of its level, drawn by cells of `step_px`, with such a PSF: zero up
+/// to a pixel, because such cells divide it.
 #[must_use]
 pub fn ripple(step_px: f64, sigma_px: f64) -> f64 {
     if step_px <= 1.0 {
@@ -147,22 +149,23 @@ struct Grid {
     origin_px: [f64; 2],
     step_px: f64,
     cells: [usize; 2],
-    /// Nothing of the body is beyond it.
+    /// True when the whole body is inside it.
     is_whole: bool,
 }
 
 /// Draws discs; keeps its buffers.
 #[derive(Debug, Default)]
 pub struct DiscPainter {
-    /// How far the exposure sweeps, px: so much more beyond the detector may leave light on it.
+    /// Motion during the exposure, px: light from this much farther beyond the detector may reach it.
     pub sweep_px: f64,
     above: Vec<Corner>,
     below: Vec<Corner>,
 }
 
 impl DiscPainter {
-    /// Adds the sources of a disc, less what stands before it; `None` when it is not in the field. A disc that is all on
-    /// the grid has its electrons exactly: a sickle thinner than cells has too few by radiance.
+    /// Adds the sources of a disc, except for the parts hidden by other bodies; returns `None` when it is not in the
+    /// field. A disc completely on the grid has exactly its electrons: a crescent thinner than cells gets too few from
+    /// its radiance.
     pub fn paint(
         &mut self,
         disc: &Disc,
@@ -196,7 +199,7 @@ impl DiscPainter {
     }
 }
 
-/// What every corner is seen by.
+/// Inputs shared by all grid corners.
 struct View<'a> {
     disc: &'a Disc,
     camera: &'a CameraGeometry,
@@ -229,7 +232,7 @@ impl View<'_> {
     }
 }
 
-/// The source of one cell, and the share of it that nothing hides.
+/// Returns the source of one cell, and the share of it that is not hidden.
 fn source(disc: &Disc, grid: &Grid, [column, row]: [usize; 2], corners: &[Corner; 4]) -> (Source, f64) {
     let inside = corners.iter().filter(|corner| corner.depth > 0.0);
     let (count, sum, hidden) = inside.fold((0.0, 0.0, 0.0), |(count, sum, hidden), corner| {
@@ -245,8 +248,8 @@ fn source(disc: &Disc, grid: &Grid, [column, row]: [usize; 2], corners: &[Corner
     (source, 1.0 - hidden / count)
 }
 
-/// Area of the part of a unit square where depths given at its corners (around it, from the origin towards x) are positive,
-/// and its centre of gravity: straight lines between the crossings of its sides.
+/// Returns the area of the part of a unit square where depths given at its corners (around it, from the origin towards
+/// x) are positive, and its centre of gravity: straight lines between the crossings of its sides.
 fn part_inside(depths: [f64; 4]) -> (f64, [f64; 2]) {
     const CORNERS: [[f64; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
     if depths.iter().all(|depth| *depth > 0.0) {
@@ -277,7 +280,7 @@ fn part_inside(depths: [f64; 4]) -> (f64, [f64; 2]) {
     if area <= 0.0 { (0.0, [0.5, 0.5]) } else { (area, first.map(|v| v / area)) }
 }
 
-/// Returns the cells that a body may lie on; `None` when it is out of sight.
+/// Returns the cells that a body may cover; `None` when it is out of sight.
 fn grid(
     body: &Spheroid,
     camera: &CameraGeometry,
@@ -303,14 +306,14 @@ fn grid(
         return None;
     }
     let step_px = step_px(radius_px, sides[0] * sides[1]);
-    // Lines of the grid go between pixels, so that whole cells make up whole pixels.
+    // Lines of the grid go between pixels, so that pixels consist of whole cells.
     let origin_px = low.map(|v| ((v + 0.5) / step_px).floor() * step_px - 0.5);
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "positive, bounded by MOST_CELLS")]
     let cells = core::array::from_fn(|i| ((high[i] - origin_px[i]) / step_px).ceil() as usize);
     Some(Grid { origin_px, step_px, cells, is_whole })
 }
 
-/// Returns the side of the cells for a disc of this radius, of which `area_px` may be on the detector.
+/// Returns the side of the cells for a disc of this radius, with up to `area_px` on the detector.
 fn step_px(radius_px: f64, area_px: f64) -> f64 {
     if area_px > MOST_CELLS {
         return (area_px / MOST_CELLS).sqrt().ceil();
@@ -319,13 +322,13 @@ fn step_px(radius_px: f64, area_px: f64) -> f64 {
     1.0 / (CELLS_PER_RADIUS / radius_px).ceil().max(fine)
 }
 
-/// Returns the rectangle that a limb lies in, px; `None` when a part of it is not imaged, or it is too wide to be
+/// Returns the rectangle that contains a limb, px; `None` when a part of it is not imaged, or it is too wide to be
 /// followed by places.
 fn limb_px(middle: DVec3, radius_rad: f64, camera: &CameraGeometry) -> Option<[[f64; 2]; 2]> {
     if radius_rad > WIDE_RAD || middle.angle_between(DVec3::Z) + radius_rad > WIDE_RAD {
         return None;
     }
-    // The polygon about the places: its corners are farther out; and a little for flattening and aberration.
+    // The polygon about the places: its corners are farther out; with a margin for flattening and aberration.
     let wide = radius_rad / (PI / f64::from(LIMB_PLACES)).cos() * 1.001;
     let (east, (s, c)) = (middle.any_orthonormal_vector(), wide.sin_cos());
     let north = middle.cross(east);
@@ -359,8 +362,8 @@ mod tests {
         .expect("a camera")
     }
 
-    /// Returns a full disc of so many pixels radius about the axis, 1 electron per pixel: sources and how they were
-    /// made.
+    /// Returns a full disc of this radius in pixels about the axis, 1 electron per pixel: its sources and their
+    /// properties.
     fn full(camera: &CameraGeometry, radius_px: f64) -> (Vec<Source>, Drawn) {
         let focal_px = camera.parameters().focal_px[0];
         let radius_rad = (radius_px / focal_px).atan();
@@ -388,7 +391,7 @@ mod tests {
         }
     }
 
-    /// Electrons in a pixel by a Gaussian PSF integrated over it.
+    /// Returns the electrons in a pixel by a Gaussian PSF integrated over it.
     fn pixel_e(sources: &[Source], at: [f64; 2], shift: f64) -> f64 {
         let share = |d: f64| {
             let edge = |d: f64| libm::erf(d / (SIGMA_PX * 2_f64.sqrt()));
@@ -403,7 +406,7 @@ mod tests {
 
     #[test]
     fn a_disc_has_its_area_and_an_even_one_no_ripple() {
-        // So far away that light falls in and comes out at the same angle all over the disc.
+        // So far away that the angles of incidence and emergence are equal all over the disc.
         let camera = camera(128, 5_000_000.0);
         for radius_px in [0.3, 1.7, 8.0, 40.0] {
             let (sources, drawn) = full(&camera, radius_px);
@@ -417,7 +420,7 @@ mod tests {
         let (sources, _) = full(&camera, 40.0);
         for (at, shift) in [([63.0, 63.0], 0.0), ([70.0, 55.0], 0.0), ([70.0, 55.0], 0.37)] {
             let level = pixel_e(&sources, at, shift);
-            // The Sun is farther than the observer: the law's value falls by 3e-5 on the way to the edge.
+            // The Sun is farther away than the observer: the law's value falls by 3e-5 towards the edge.
             assert!((level - 1.0).abs() < 1e-4, "{level}");
             let still = pixel_e(&sources, at, 0.0);
             assert!((level - still).abs() < 1e-6, "flat whatever the shift by motion: {level} {still}");
@@ -428,7 +431,8 @@ mod tests {
     fn an_edge_is_right_to_its_bound_and_no_better() {
         let camera = camera(128, 50_000.0);
         let (sources, drawn) = full(&camera, 40.0);
-        // The truth along a row through the middle: the edge of so large a disc, nearly straight, through PSF and pixel.
+        // The truth along a row through the middle: the edge of so large a disc, nearly straight, through PSF and
+        // pixel.
         let fine = {
             let mut fine = Vec::new();
             for (i, j) in (0..1600).flat_map(|i| (0..1600).map(move |j| (i, j))) {
@@ -443,7 +447,7 @@ mod tests {
         let off = |x: f64| (pixel_e(&sources, [x, 64.0], 0.0) - pixel_e(&fine, [x, 64.0], 0.0)).abs();
         let worst = (0..8).map(|i| off(100.0 + f64::from(i))).fold(0.0, f64::max);
         let bound = edge_error(drawn.step_px, SIGMA_PX);
-        // What the fine grid of steps of 0.05 px leaves out, and the straight lines of the limb.
+        // Tolerance for the grid with steps of 0.05 px, and for the straight lines of the limb.
         assert!(worst < bound + 2e-3, "{worst} {bound}");
         assert!(edge_error(1.0, SIGMA_PX) > 3.9 * bound, "cells of twice the side err four times as much");
     }
@@ -461,7 +465,8 @@ mod tests {
             let levels = (0..6).flat_map(|i| (0..6).map(move |j| [i, j].map(|v| 20.0 + f64::from(v))));
             let worst = levels.map(|at| (pixel_e(&lattice, at, 0.0) - 1.0).abs()).fold(0.0, f64::max);
             let bound = ripple(step, SIGMA_PX);
-            // The bound is that of the first harmonic, which holds to steps of two pixels; beyond, it is the order of size.
+            // The bound is that of the first harmonic, valid for steps up to two pixels; beyond, it gives the order of
+            // magnitude.
             let most = if step <= 2.0 { 1.001 } else { 2.0 };
             assert!(worst < most * bound && worst > 0.2 * bound, "{step}: {worst} {bound}");
             assert!(worst > 0.05, "control: such cells do show: {worst}");

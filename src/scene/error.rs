@@ -1,4 +1,4 @@
-//! Why the scene of an exposure could not be found.
+//! Errors of finding the scene of an exposure.
 
 use sky::ObserverError;
 use stars::layer::LayerError;

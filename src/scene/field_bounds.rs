@@ -1,16 +1,16 @@
 //! A camera -> whether a direction may leave light on its detector: two bounds on its tangents in sensor axes.
 //!
-//! A cone about a square field has half as many stars again as the field. In: a margin for what a star's place may change by
-//! between the catalog and the detector. Out: for one attitude, a test of three products. It holds for fields of less than
-//! a hemisphere whose whole border is imaged; of others nothing is left out. Test: `no_star_of_the_field_is_left_out`.
+//! A cone about a square field has half as many stars again as the field. In: a margin for changes of a star's place
+//! between the catalog and the detector. Out: for one attitude, a test of three products. Valid for fields of less than
+//! a hemisphere whose whole border is imaged; for others nothing is left out. Test: `no_star_of_the_field_is_left_out`.
 
 use base::axes::{Icrf, Rotation, Sensor};
 use glam::DVec3;
 use sky::astrometry::CameraGeometry;
 
-/// Points of each side of the border at which the lens is asked.
+/// Number of points of each side of the border at which the lens is evaluated.
 const POINTS: u32 = 64;
-/// Between two of them a border may bulge by this share of the tangent.
+/// Largest bulge of the border between two of them, as a share of the tangent.
 const BULGE: f64 = 0.01;
 
 /// The largest tangents of a field, x and y.
@@ -19,7 +19,7 @@ pub(super) struct FieldBounds {
     tangent: Option<[f64; 2]>,
 }
 
-/// The same for one attitude.
+/// The bounds for one attitude.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Field {
     axes_icrf: [DVec3; 3],
@@ -40,11 +40,13 @@ impl FieldBounds {
         Self { tangent: largest.map(|largest| largest.map(|tangent| tangent * (1.0 + BULGE))) }
     }
 
-    /// For a camera that stands so, and directions that are known to `margin_rad`. `None`: nothing may be left out.
+    /// Returns the bounds for a camera with this attitude, and directions known to `margin_rad`. `None`: nothing may be
+    /// left out.
     pub(super) fn at(&self, sensor_from_icrf: &Rotation<Sensor, Icrf>, margin_rad: f64) -> Option<Field> {
         let icrf_from_sensor = sensor_from_icrf.inverse();
         let axes_icrf = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| icrf_from_sensor.apply(axis));
-        // In a corner a turn by the margin is more than that about one axis: as a step in longitude far from the equator.
+        // In a corner a turn by the margin is larger than that about one axis, like a step in longitude far from the
+        // equator.
         let [x, y] = self.tangent?;
         let wider = [x, y].map(|tangent| tangent.atan() + margin_rad * (1.0 + x.max(y)));
         let is_bounded = wider.iter().all(|angle| *angle < 1.4);
@@ -53,7 +55,7 @@ impl FieldBounds {
 }
 
 impl Field {
-    /// Returns false only for a direction that is more than the margin outside.
+    /// Returns false only for a direction outside by more than the margin.
     pub(super) fn may_have(&self, direction_icrf: DVec3) -> bool {
         let [x, y, z] = self.axes_icrf.map(|axis| axis.dot(direction_icrf));
         x.abs() <= z * self.tangent[0] && y.abs() <= z * self.tangent[1]
@@ -86,7 +88,7 @@ mod tests {
                 let px = [f64::from(i % 447) * 5.0 - 600.0, f64::from(i / 447) * 5.0 - 700.0];
                 let Some(tangent) = camera.tangent_of_pixel(px) else { continue };
                 let direction = attitude.inverse().apply(tangent.extend(1.0).normalize());
-                // Pushed outwards by all of the margin, along the way from the middle of the field.
+                // Moved outwards by the full margin, away from the middle of the field.
                 let boresight = attitude.inverse().apply(DVec3::Z);
                 let about = boresight.cross(direction).normalize_or(DVec3::X);
                 let pushed = DQuat::from_axis_angle(about, margin_rad) * direction;

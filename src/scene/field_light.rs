@@ -1,5 +1,5 @@
-//! Attitude and time -> a frame's background: sky, and stray light of Sun, Moon and Earth. Evaluated at the boresight at
-//! mid-exposure, once per frame; allocates nothing after start.
+//! Attitude and time -> a frame's background: sky, and stray light of Sun, Moon and Earth. Evaluated at the boresight
+//! at mid-exposure, once per frame; allocates nothing after start.
 
 use crate::camera::CameraParams;
 use crate::error::SceneError;
@@ -10,7 +10,7 @@ use plan::optics::background::{BackgroundLight, BackgroundRates};
 use plan::optics::baffle::{BrightBodies, Glare};
 use sky::observer::ObserverTrack;
 
-/// The light beside the stars, as one camera sees it.
+/// The light besides the stars for one camera.
 #[derive(Debug, Clone)]
 pub struct FieldLight {
     light: BackgroundLight,
@@ -18,7 +18,7 @@ pub struct FieldLight {
 }
 
 impl FieldLight {
-    /// For `camera` where `observer` flies.
+    /// Returns the light for `camera` and this observer.
     #[must_use]
     pub fn new(camera: &CameraParams, observer: ObserverTrack) -> Self {
         let light = camera.background.clone();
@@ -26,8 +26,8 @@ impl FieldLight {
         Self { light, observer }
     }
 
-    /// Returns the glare at mid-exposure, and the background it makes; what is there without any sky when no attitude
-    /// is known.
+    /// Returns the background and the glare at mid-exposure; the constant part of the background when the attitude is
+    /// unknown.
     ///
     /// # Errors
     /// When the observer's orbit cannot be computed at that time.
@@ -56,15 +56,16 @@ impl FieldLight {
         Ok((electrons(&self.light.rates(boresight_icrf, sun_icrf, &glare), los.exposure_s), glare))
     }
 
-    /// Returns the observer that it follows, for states from outside; `None` where the light needs none.
+    /// Returns its observer, so that callers can add states from outside; `None` if the light does not depend on it.
     pub fn observer_mut(&mut self) -> Option<&mut ObserverTrack> {
         self.observer.as_mut()
     }
 
-    /// Least and most electrons of the modelled sky in a pixel on the axis, were it in these directions (sensor axes).
+    /// Returns the smallest and largest electrons of the modelled sky in a pixel on the axis, for these directions
+    /// (sensor axes).
     ///
     /// # Errors
-    /// As for [`Self::at`].
+    /// The same errors as [`Self::at`].
     pub fn sky_over<const N: usize>(
         &self,
         los: &LosPath,
@@ -92,8 +93,8 @@ fn electrons(rates: &BackgroundRates, exposure_s: f64) -> Background {
     }
 }
 
-/// Returns the relative illumination of every pixel, where the camera has an uneven one and a background to multiply:
-/// made once, before the first frame. `None` where every pixel is lit alike or there is nothing to light it.
+/// Returns the relative illumination of every pixel, if the camera has an uneven one and a background to multiply:
+/// computed once, before the first frame. `None` for uniform illumination or without background.
 #[must_use]
 #[allow(clippy::cast_possible_truncation, reason = "the detector works in single precision")]
 pub fn illumination_map(camera: &CameraParams) -> Option<Vec<f32>> {

@@ -1,38 +1,38 @@
-//! Tiles of a field -> the sources of its stars, on all cores, in the tiles' order whatever the number of threads.
+//! Tiles of a field -> the sources of its stars, on all cores, in the tiles' order for any number of threads.
 //!
-//! Two passes, each over the blocks side by side: which stars are wanted, then what is seen of them. Blocks write where
-//! those before them end, so nothing is moved afterwards; buffers are used again. Test: `order_and_choice_are_those_of_a_loop`.
+//! Two passes, each over the blocks in parallel: selection of the stars, then their sources. Blocks write where those
+//! before them end, so nothing is moved afterwards; buffers are reused. Test: `order_and_choice_are_those_of_a_loop`.
 
 use core::ops::Range;
 use glam::DVec3;
 use plan::exposure::{Source, SourcePlace};
 
-/// Blocks of a field for which there is room from the start.
+/// Initial capacity for blocks of a field.
 const BLOCKS_RESERVED: usize = 16_384;
-/// Fewer stars are looked at by one thread.
+/// Number of stars below which one thread handles them.
 const FEW: usize = 4096;
-/// A place that is written over.
+/// Placeholder that is overwritten.
 const NO_SOURCE: Source = Source { id: 0, electrons: 0.0, mag: 0.0, place: SourcePlace::Icrf(DVec3::Z) };
 
 /// Buffers kept from frame to frame.
 #[derive(Debug, Default)]
 pub(super) struct FieldStars {
-    /// Where the stars of each block begin, and behind the last block.
+    /// Start of the stars of each block, and the end of the last block.
     first: Vec<usize>,
-    /// The same of the wanted ones.
+    /// The same for the selected ones.
     first_wanted: Vec<usize>,
-    /// Numbers of the wanted stars in their block, at the front of the block's part.
+    /// Indices of the selected stars in their block, at the front of the block's part.
     wanted: Vec<u32>,
 }
 
 impl FieldStars {
-    /// With room for so many stars.
+    /// Returns buffers with capacity for this many stars.
     pub(super) fn with_capacity(stars: usize) -> Self {
         let blocks = || Vec::with_capacity(BLOCKS_RESERVED);
         Self { first: blocks(), first_wanted: blocks(), wanted: Vec::with_capacity(stars) }
     }
 
-    /// Replaces `sources` by what is `seen` of the stars of `blocks` that are wanted.
+    /// Replaces `sources` by the results of `seen` for the selected stars of `blocks`.
     pub(super) fn take<'a, T: Sync + 'a>(
         &mut self,
         block: impl Fn(usize) -> &'a [T] + Sync,
@@ -73,7 +73,8 @@ impl FieldStars {
     }
 }
 
-/// `work` on every block with its part of `parts`, which begin at `first`, and its one of `each`, if there are any.
+/// Calls `work` on every block with its part of `parts`, which starts at `first`, and its element of `each`, if there
+/// are any.
 fn side_by_side<T: Send, E: Send>(
     blocks: Range<usize>,
     first: &[usize],

@@ -1,4 +1,4 @@
-//! All that shines into one exposure, and what is true of it.
+//! Finds all light sources of one exposure, and the truth about them.
 //!
 //! In: a line of sight and the sky. Out: sources for the planner, the background, the truth table, the map to the sky.
 //!

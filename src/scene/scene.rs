@@ -1,6 +1,6 @@
-//! All that shines into one exposure: stars, planets and discs, targets on the sky, the background.
+//! Finds all light sources of one exposure: stars, planets and discs, targets on the sky, the background.
 //!
-//! In: a line of sight. Out: the sources, the targets, and what a person must be told of them ([`SceneReport`]). Allocates
+//! In: a line of sight. Out: the sources, the targets, and facts about them for the user ([`SceneReport`]). Allocates
 //! nothing after its first frames.
 
 use crate::camera::CameraParams;
@@ -18,61 +18,61 @@ use sky::observer::{BarycentricState, Observer, ObserverTrack};
 use stars::Sky;
 use stars::tiles::Shortfall;
 
-/// What a scene is made from.
+/// Parameters of a scene.
 #[derive(Debug, Clone, Copy)]
 pub struct SceneParams<'a> {
     /// The camera.
     pub camera: &'a CameraParams,
-    /// Where the sensor is.
+    /// Position of the observer.
     pub observer: &'a Observer,
     /// Days prepared for the exposures.
     pub almanac: &'a Almanac,
-    /// Whether the Sun bends the light of stars.
+    /// True when the Sun's light deflection is applied to stars.
     pub light_deflection: bool,
-    /// Whether planets, Moon and Earth are drawn, and hide what is behind them.
+    /// True when planets, Moon and Earth are drawn and hide the sources behind them.
     pub bodies: bool,
     /// Targets on the sky.
     pub targets: &'a [SkyTarget],
 }
 
-/// What one camera may see.
+/// Everything one camera may see.
 pub struct Scene {
     /// Stars.
     pub stars: SkyView,
-    /// Planets, Moon and Earth, where they are drawn.
+    /// Planets, Moon and Earth, if they are drawn.
     pub bodies: Option<SkyBodies>,
     /// Targets on the sky.
     pub targets: SkyTargets,
-    /// The light beside them.
+    /// The light besides them.
     pub light: FieldLight,
     almanac: Almanac,
-    /// The latest exposure shows more than background.
+    /// True when the latest exposure shows more than background.
     has_stars: bool,
-    /// It was reported that tiles are read no more.
+    /// True when the loss of the reader of tiles has been reported.
     has_lost_reader: bool,
 }
 
-/// What was found for an exposure.
+/// Report about the scene of an exposure.
 #[derive(Debug, Clone, Copy)]
 pub struct SceneReport {
     /// Light in every pixel.
     pub background: Background,
-    /// The boresight is inside an exclusion angle of the baffle.
+    /// True when the boresight is inside an exclusion angle of the baffle.
     pub is_excluded: bool,
     /// Stars that are missing.
     pub shortfall: Shortfall,
-    /// The thread that reads stars broke down since the exposure before.
+    /// True when the thread that reads stars has failed since the previous exposure.
     pub lost_reader: bool,
-    /// What bodies hide, and how they are drawn.
+    /// Counts of hidden stars and drawn bodies.
     pub bodies: BodyCounts,
-    /// Targets whose orbits could be followed until now.
+    /// Number of targets whose orbits can no longer be followed.
     pub lost_targets: u32,
-    /// A day of the almanac was not prepared: its series were evaluated in this call.
+    /// True when a day of the almanac was not prepared, so that its series were evaluated in this call.
     pub evaluated_series: bool,
 }
 
 impl Scene {
-    /// Makes the scene of a camera, with the stars of `sky`.
+    /// Returns the scene of a camera, with the stars of `sky`.
     #[must_use]
     pub fn new(params: &SceneParams<'_>, sky: &Sky) -> Self {
         let SceneParams { camera, almanac, .. } = *params;
@@ -88,7 +88,8 @@ impl Scene {
         }
     }
 
-    /// Takes in the observer's state at an instant, from outside, relative to the body it is about: km and km/s, ICRF axes.
+    /// Accepts the observer's state at an instant, from outside, relative to the body that it orbits: km and km/s, ICRF
+    /// axes.
     ///
     /// # Errors
     /// When a number is not finite, too large, or below the surface of the body.
@@ -108,7 +109,7 @@ impl Scene {
         self.stars.observer().is_far(at)
     }
 
-    /// Finds all of it for an exposure; without stars its background only.
+    /// Finds everything for an exposure; without stars only its background.
     ///
     /// # Errors
     /// When the observer's orbit cannot be computed at that time, or a tile of stars cannot be read.
@@ -148,13 +149,14 @@ impl Scene {
         }
         report.lost_targets = self.targets.find_in_view(los)?;
         if let Some(bodies) = &self.bodies {
-            // Where a target sets behind the Earth is part of its light; the Moon hides it for all of the exposure or none.
+            // A target's setting behind the Earth is part of its light; the Moon hides it for all of the exposure or
+            // not at all.
             self.targets.leave_out(|seen| bodies.before().moon_hides(seen.apparent_icrf, seen.range_km));
         }
         Ok(report)
     }
 
-    /// Returns the sources that were found.
+    /// Returns the sources of the latest exposure.
     #[must_use]
     pub fn sources(&self) -> &[Source] {
         match &self.bodies {
@@ -166,7 +168,7 @@ impl Scene {
 }
 
 impl SceneReport {
-    /// Returns how many stars are missing, those too faint for the camera among them.
+    /// Returns the number of missing stars, including those too faint for the camera.
     #[must_use]
     pub fn missing_stars(&self) -> usize {
         usize::try_from(self.shortfall.late_stars + self.shortfall.crowded_out_stars).unwrap_or(usize::MAX)

@@ -1,8 +1,8 @@
-//! Stars in view, time -> stars that no body hides, and planets, Moon and Earth beside them.
+//! Stars in view, time -> stars that no body hides, and planets, Moon and Earth.
 //!
-//! In: the sources of one exposure and its attitude. Out: the sources to draw. Apparent places as for stars; light by the
-//! magnitude (planets, Moon) or the albedo (Earth) through the radiometry of stars, with the Sun's colour. A planet whose
-//! radius is below [`POINT_RADIUS_PX`] is a point. The Sun is never drawn: it is told when its disc is in the field.
+//! In: the sources of one exposure and its attitude. Out: the sources to draw. Apparent places as for stars; light by
+//! the magnitude (planets, Moon) or the albedo (Earth) through the radiometry of stars, with the Sun's colour. A planet
+//! whose radius is below [`POINT_RADIUS_PX`] is a point. The Sun is never drawn: its disc in the field is reported.
 //! Reuses its buffers; more sources than ever before may allocate once.
 //! Tests: `tests/physics/bodies.rs`.
 
@@ -26,29 +26,29 @@ use sky::observer::ObserverTrack;
 use sky::planets::Planet;
 use sky::spheroid::Spheroid;
 
-/// Planets smaller than this are points, px: the middle of their light is off by half of it at most.
+/// Radius below which planets are points, px: the error of the middle of their light is at most half of it.
 pub const POINT_RADIUS_PX: f64 = 0.02;
-/// The Earth's number in identifiers, and the Moon's.
+/// The Earth's number in identifiers.
 pub const EARTH_NUMBER: u32 = 3;
-/// The Moon's.
+/// The Moon's number in identifiers.
 pub const MOON_NUMBER: u32 = 9;
-/// Sources there is room for from the start.
+/// Initial capacity for sources.
 const SOURCES_RESERVED: usize = 65_536;
 /// Margin of the field beyond the detector's corner, px.
 const MARGIN_PX: f64 = 64.0;
-/// Least integral of a law over a disc, of 1.57 at full: a thinner sickle is not made brighter to have its magnitude.
+/// Smallest integral of a law over a disc, of 1.57 at full phase: a thinner crescent is not scaled to its magnitude.
 const LEAST_OVER_DISC: f64 = 1e-4;
 
-/// What became of the bodies in one frame.
+/// Counts of bodies in one frame.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct BodyCounts {
     /// Stars on the detector that a body hides.
     pub occulted: usize,
-    /// Sources that discs are drawn by.
+    /// Sources that form discs.
     pub disc_sources: usize,
     /// The largest cell of a disc, px; above 1 its light shows as dots.
     pub coarsest_px: f64,
-    /// The Sun's disc is on the detector, and nothing hides it. It is not drawn.
+    /// True when the Sun's disc is on the detector and not hidden. It is not drawn.
     pub has_sun: bool,
 }
 
@@ -59,19 +59,19 @@ pub struct SeenBody {
     pub name: &'static str,
     /// Its number: 0 for the Sun, planets in order, 9 for the Moon.
     pub number: u32,
-    /// Where its middle is seen, unit, ICRF.
+    /// Apparent direction of its centre, unit, ICRF.
     pub apparent_icrf: DVec3,
     /// Its distance, km.
     pub range_km: f64,
     /// Its angular radius, rad.
     pub radius_rad: f64,
-    /// G magnitude; the Earth has none.
+    /// G magnitude; `None` for the Earth.
     pub mag_g: Option<f64>,
     /// Share of its disc that is lit.
     pub lit_share: f64,
 }
 
-/// What a camera makes of a body.
+/// Camera parameters needed for bodies.
 #[derive(Debug, Clone)]
 pub struct BodyCamera {
     /// Projection.
@@ -84,7 +84,7 @@ pub struct BodyCamera {
     pub limiting_mag: f64,
 }
 
-/// The bodies as one camera sees them.
+/// The bodies in view of one camera.
 #[derive(Debug)]
 pub struct SkyBodies {
     observer: ObserverTrack,
@@ -96,7 +96,7 @@ pub struct SkyBodies {
 }
 
 impl SkyBodies {
-    /// For `camera` where `observer` flies.
+    /// Returns the bodies for `camera` and this observer.
     #[must_use]
     pub fn new(camera: &CameraParams, observer: ObserverTrack) -> Self {
         let body_camera = BodyCamera {
@@ -108,7 +108,7 @@ impl SkyBodies {
         Self::through(body_camera, observer)
     }
 
-    /// Returns the same with nothing else of a camera.
+    /// Returns the bodies for a camera given by the needed parameters only.
     #[must_use]
     pub fn through(camera: BodyCamera, observer: ObserverTrack) -> Self {
         Self {
@@ -121,30 +121,30 @@ impl SkyBodies {
         }
     }
 
-    /// Returns the observer that it follows, for states from outside.
+    /// Returns its observer, so that callers can add states from outside.
     pub fn observer_mut(&mut self) -> &mut ObserverTrack {
         &mut self.observer
     }
 
-    /// Returns everything to draw in the latest frame.
+    /// Returns all sources to draw in the latest frame.
     #[must_use]
     pub fn sources(&self) -> &[Source] {
         &self.sources
     }
 
-    /// What became of the bodies in the latest frame.
+    /// Returns the counts of the latest frame.
     #[must_use]
     pub fn counts(&self) -> BodyCounts {
         self.counts
     }
 
-    /// The exposure that comes sweeps so far, rad: bodies so much beyond the detector may shine on it.
+    /// Sets the motion during the next exposure, rad: bodies this much beyond the detector may shine on it.
     pub fn expect_sweep(&mut self, sweep_rad: f64) {
         let [ifov_x, ifov_y] = self.camera.geometry.ifov_rad();
         self.painter.sweep_px = sweep_rad / ifov_x.min(ifov_y);
     }
 
-    /// Returns everything to draw: `stars` less those that are hidden, and the bodies in the field.
+    /// Returns all sources to draw: `stars` without the hidden ones, and the bodies in the field.
     ///
     /// # Errors
     /// When the observer's orbit cannot be computed at that time, or it is at the barycentre.
@@ -181,16 +181,16 @@ impl SkyBodies {
         Ok(&self.sources)
     }
 
-    /// What stands before others in the latest frame's field.
+    /// Returns the bodies that hide others in the latest frame's field.
     #[must_use]
     pub fn before(&self) -> &Occultation {
         &self.before
     }
 
-    /// Returns every body as it is seen at `at`, the Sun first.
+    /// Returns every body as seen at `at`, the Sun first.
     ///
     /// # Errors
-    /// As for [`Self::seen`].
+    /// The same errors as [`Self::seen`].
     pub fn all(&self, at: Tai) -> Result<Vec<SeenBody>, SceneError> {
         Ok(seen_from(&self.observer.standpoint(at)?))
     }
@@ -217,7 +217,7 @@ impl SkyBodies {
         }
     }
 
-    /// Returns whether a direction, sensor axes, is on the detector or nearer to it than `margin_px`.
+    /// Returns true when a direction, sensor axes, is on the detector or nearer to it than `margin_px`.
     fn is_on_detector(&self, direction: DVec3, margin_px: f64) -> bool {
         let camera = &self.camera.geometry;
         let size_px = [camera.width_px(), camera.height_px()];
@@ -284,7 +284,7 @@ impl SkyBodies {
         })
     }
 
-    /// Returns the Earth: a Lambert sphere of its Bond albedo, as its stray light is.
+    /// Returns the Earth: a Lambert sphere of its Bond albedo, as for its stray light.
     fn earth(&self, standpoint: &Standpoint) -> Option<Disc> {
         let body = standpoint.earth()?;
         let from_sun_km = standpoint.from_sun_km - standpoint.from_earth.position_km;
@@ -311,7 +311,7 @@ impl SkyBodies {
     }
 }
 
-/// Returns every body as it is seen from there, the Sun first.
+/// Returns every body as seen from there, the Sun first.
 #[must_use]
 pub fn seen_from(standpoint: &Standpoint) -> Vec<SeenBody> {
     let mut all = vec![seen_sun(standpoint)];
@@ -321,7 +321,7 @@ pub fn seen_from(standpoint: &Standpoint) -> Vec<SeenBody> {
     all
 }
 
-/// Returns the radiance that spreads so many electrons over a disc.
+/// Returns the radiance that spreads these electrons over a disc.
 fn e_per_sr(electrons: f64, law: Law, phase_rad: f64, radius_rad: f64) -> f64 {
     electrons / (law.over_disc(phase_rad).max(LEAST_OVER_DISC) * radius_rad.sin().powi(2))
 }

@@ -1,14 +1,15 @@
 //! Orbits, observer, line of sight -> the targets on the sky that one exposure may see.
 //!
-//! In: targets about the Earth, where the observer flies, the exposure. Out: [`Target`]s whose ways are the cubics through
-//! four sightings of the exposure ([`SkyPath`], with its bound), whose light is sampled at 17 instants, and what is told
-//! of each ([`TargetFacts`]). Cost: two evaluations of every orbit per frame, eight more of those that are near the field;
-//! nothing is allocated after start. Light time is `sky::target`'s, aberration by the observer's motion that of stars.
+//! In: targets about the Earth, the observer's orbit, the exposure. Out: [`Target`]s whose trajectories are the cubics
+//! through four positions of the exposure ([`SkyPath`], with its bound), whose light is sampled at 17 instants, and the
+//! facts about each ([`TargetFacts`]). Cost: two evaluations of every orbit per frame, eight more of those that are
+//! near the field; nothing is allocated after start. Light time is `sky::target`'s, aberration by the observer's motion
+//! that of stars.
 //!
-//! A target behind the Earth's limb is not there; where it sets or rises within the exposure its light ends at that
-//! instant (one edge per exposure: a target that is hidden for less than an exposure in its middle is drawn through). One
-//! in the umbra is not there either. A target that SGP4 cannot follow any more is lost for the rest of the run, and counted
-//! once.
+//! A target behind the Earth's limb is not drawn; if it sets or rises within the exposure its light ends at that
+//! instant (one edge per exposure: a target that is hidden for less than an exposure in its middle is drawn
+//! throughout). A target in the umbra is not drawn either. A target that SGP4 can no longer follow is lost for the rest
+//! of the run, and counted once.
 //! Tests: below; `hil_scripts/test_targets.py` against another program.
 
 use crate::camera::CameraParams;
@@ -27,11 +28,11 @@ use sky::observer::{BarycentricState, ObserverTrack};
 use sky::orbit::{CentralBody, EARTH_GM_KM3_S2};
 use sky::target::{Brightness, Orbit, Sighting, limb_clearance_km, sunlight};
 
-/// Directions this far outside the field are still followed, px: footprints and jitter.
+/// Distance outside the field up to which directions are followed, px: footprints and jitter.
 const MARGIN_PX: f64 = 128.0;
-/// What a way may be wrong by before the frame says that it is over its budget, px.
+/// Largest error of a trajectory before the frame is reported as over its budget, px.
 pub const WAY_BUDGET_PX: f64 = 0.01;
-/// Halvings of an exposure to find when a target sets: nanoseconds of a minute.
+/// Number of halvings of an exposure to find when a target sets: nanoseconds of a minute.
 const LIMB_HALVINGS: usize = 36;
 
 /// One target on the sky.
@@ -39,19 +40,19 @@ const LIMB_HALVINGS: usize = 36;
 pub struct SkyTarget {
     /// Identifier in truth tables.
     pub id: u32,
-    /// Where it flies.
+    /// Its orbit.
     pub orbit: Orbit,
-    /// How bright it is.
+    /// Its brightness.
     pub brightness: Brightness,
     /// Its colour, Gaia BP-RP.
     pub bp_rp: f64,
-    /// There from here on.
+    /// Time from which it exists.
     pub begin: Tai,
-    /// No more from here on.
+    /// Time from which it no longer exists.
     pub end: Tai,
 }
 
-/// What is told of a target at one instant.
+/// Facts about a target at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TargetFacts {
     /// Its identifier.
@@ -60,17 +61,17 @@ pub struct TargetFacts {
     pub apparent_icrf: DVec3,
     /// Distance, km.
     pub range_km: f64,
-    /// How fast it grows, km/s.
+    /// Rate of change of the distance, km/s.
     pub range_rate_km_s: f64,
-    /// How fast the direction turns with respect to the stars, rad/s.
+    /// Angular rate of the direction relative to the stars, rad/s.
     pub rate_rad_s: f64,
     /// Angle at the target between Sun and observer, rad.
     pub phase_rad: f64,
-    /// Share of the Sun that it sees.
+    /// Visible share of the Sun at the target.
     pub sunlight: f64,
     /// Magnitude in that light, Gaia G; infinite in the umbra.
     pub mag_g: f64,
-    /// How far above the Earth's limb it is seen, km; negative behind it.
+    /// Height of the line of sight above the Earth's limb, km; negative behind it.
     pub clearance_km: f64,
 }
 
@@ -79,19 +80,19 @@ pub struct TargetFacts {
 struct Vantage {
     at: Tai,
     observer: BarycentricState,
-    /// Of the geocentre, barycentric.
+    /// Barycentric velocity of the geocentre, km/s.
     earth_km_s: DVec3,
     sun_km: DVec3,
 }
 
-/// The targets on the sky as one camera follows them.
+/// The targets on the sky followed by one camera.
 #[derive(Debug, Clone)]
 pub struct SkyTargets {
     targets: Vec<SkyTarget>,
     is_lost: Vec<bool>,
     observer: ObserverTrack,
     camera: CameraGeometry,
-    /// From the first row's exposure to the last one's, s.
+    /// Time from the first row's exposure to the last one's, s.
     rows_s: f64,
     light: StarLight,
     in_view: Vec<Target>,
@@ -100,13 +101,13 @@ pub struct SkyTargets {
 }
 
 impl SkyTargets {
-    /// Follows `targets` from where `observer` flies.
+    /// Returns `targets` seen through a camera by this observer.
     #[must_use]
     pub fn new(camera: &CameraParams, observer: ObserverTrack, targets: Vec<SkyTarget>) -> Self {
         Self::with_optics(camera.geometry, camera.shutter, camera.radiometry.clone(), observer, targets)
     }
 
-    /// Returns the same by what it needs of a camera.
+    /// Returns the same from the needed parameters of a camera.
     fn with_optics(
         camera: CameraGeometry,
         shutter: Shutter,
@@ -133,7 +134,7 @@ impl SkyTargets {
         &self.targets
     }
 
-    /// Returns the targets that an exposure may see; how many were lost since.
+    /// Finds the targets that an exposure may see; returns how many were lost since the last call.
     ///
     /// # Errors
     /// When the observer's own orbit cannot be computed at that time.
@@ -158,7 +159,7 @@ impl SkyTargets {
         Ok(lost)
     }
 
-    /// Leaves out those of which this is true at mid-exposure.
+    /// Leaves out targets for which `is_hidden` is true at mid-exposure.
     pub fn leave_out(&mut self, is_hidden: impl Fn(&TargetFacts) -> bool) {
         for place in (0..self.facts.len()).rev() {
             if is_hidden(&self.facts[place]) {
@@ -168,37 +169,37 @@ impl SkyTargets {
         }
     }
 
-    /// No target is in view.
+    /// Clears the targets in view.
     pub fn forget(&mut self) {
         self.in_view.clear();
         self.facts.clear();
         self.is_coarse = false;
     }
 
-    /// Those of the exposure that was looked at last.
+    /// Returns the targets of the latest exposure.
     #[must_use]
     pub fn in_view(&self) -> &[Target] {
         &self.in_view
     }
 
-    /// What is told of them at mid-exposure, in the same order.
+    /// Returns the facts at mid-exposure, in the same order.
     #[must_use]
     pub fn facts(&self) -> &[TargetFacts] {
         &self.facts
     }
 
-    /// Returns whether the way of one of them may be wrong by more than [`WAY_BUDGET_PX`].
+    /// Returns true when the error of a trajectory may exceed [`WAY_BUDGET_PX`].
     #[must_use]
     pub fn is_coarse(&self) -> bool {
         self.is_coarse
     }
 
-    /// Returns the observer that it follows, for states from outside.
+    /// Returns its observer, so that callers can add states from outside.
     pub fn observer_mut(&mut self) -> &mut ObserverTrack {
         &mut self.observer
     }
 
-    /// What is told of target `place` at `at`, wherever it stands.
+    /// Returns the facts about target `place` at `at`, for any position.
     ///
     /// # Errors
     /// When its orbit, or the observer's, cannot be computed.
@@ -247,7 +248,7 @@ impl SkyTargets {
         }
     }
 
-    /// Takes in a target if it may be seen.
+    /// Adds a target if it may be visible.
     fn take(&mut self, place: usize, exposure: &Exposure, los: &LosPath) -> Result<(), ObserverError> {
         let target = &self.targets[place];
         let facts = self.facts_of(target, &sight(&target.orbit, &exposure.vantage)?, &exposure.vantage);
@@ -267,11 +268,11 @@ impl SkyTargets {
         Ok(())
     }
 
-    /// Returns whether a target may come into the field while the camera and it move.
+    /// Returns true when a target may come into the field while the camera and it move.
     fn is_near(&self, facts: &TargetFacts, exposure: &Exposure, los: &LosPath) -> bool {
         let [ifov_x, ifov_y] = self.camera.ifov_rad();
         let boresight = los.mid_sensor_from_icrf.inverse().apply(DVec3::Z);
-        // A pass may speed up: at most to the speed at the nearest point it can reach.
+        // A pass may speed up, at most to the speed at the nearest possible point.
         let moves_km = (facts.range_rate_km_s.hypot(facts.rate_rad_s * facts.range_km)) * exposure.half_s;
         let own_rad = if moves_km < 0.5 * facts.range_km { 2.0 * moves_km / facts.range_km } else { PI };
         let sweep_rad = los.rate_rad_s.length() * 2.0 * exposure.half_s;
@@ -279,7 +280,7 @@ impl SkyTargets {
         facts.apparent_icrf.angle_between(boresight) < reach_rad
     }
 
-    /// Returns its brightest, e-/s, and shares of that; `None` when it is dark all the time.
+    /// Returns its largest light, e-/s, and shares of that; `None` when it is dark all the time.
     fn light_curve(&self, target: &SkyTarget, way: &Way, exposure: &Exposure) -> Option<(f64, LightCurve)> {
         let sun_km = exposure.vantage.sun_km;
         let e_per_s = LightCurve::instants_s(exposure.half_s).map(|t_s| {
@@ -294,7 +295,7 @@ impl SkyTargets {
     }
 }
 
-/// What an observer falls about, and how far from its centre it is.
+/// Returns the gravity that acts on the observer: its central body and the distance from its centre.
 fn fall_of(observer: &ObserverTrack, geocentric: &BarycentricState, at: Tai) -> Result<Fall, ObserverError> {
     let radius_km = match observer.about() {
         None => 0.0,
@@ -302,11 +303,11 @@ fn fall_of(observer: &ObserverTrack, geocentric: &BarycentricState, at: Tai) -> 
         Some(CentralBody::Moon | CentralBody::Sun) => observer.relative_state(at)?.position_km.length(),
     };
     let gm_km3_s2 = observer.about().map_or(0.0, CentralBody::gm_km3_s2);
-    // At the geocentre nothing falls.
+    // At the geocentre gravity vanishes.
     Ok(if radius_km > 1.0 { Fall { gm_km3_s2, radius_km } } else { Fall::NONE })
 }
 
-/// The nearer of two falls about the same body.
+/// Returns the nearer of two orbits about the same body.
 fn nearer(a: Fall, b: Fall) -> Fall {
     if a == Fall::NONE || b.radius_km < a.radius_km { b } else { a }
 }
@@ -350,13 +351,13 @@ impl Exposure {
         Ok(Way { path, bound_km: SkyPath::bound_km(self.half_s, falls), light_time_s })
     }
 
-    /// Returns the target from the geocentre when the light left, km.
+    /// Returns the position of the target from the geocentre when the light left, km.
     fn target_km(&self, way: &Way, t_s: f64) -> DVec3 {
         let earth_moved_km = self.vantage.earth_km_s * way.light_time_s;
         way.path.from_observer_km(t_s) + earth_moved_km + self.observer_km.at(t_s)
     }
 
-    /// From when to when a target is above the limb, within the time that it is there at all.
+    /// Returns when a target is above the limb, within the time of its existence.
     fn seen(&self, way: &Way, [begin, end]: [Tai; 2]) -> Option<[Tai; 2]> {
         let is_above = |t_s: f64| limb_clearance_km(self.observer_km.at(t_s), self.target_km(way, t_s)) > 0.0;
         let (first, last) = (-self.half_s, self.half_s);
@@ -365,7 +366,7 @@ impl Exposure {
             (true, true) => Some([begin, end]),
             (false, false) => None,
             (rises_not, _) => {
-                // Above at one end, below at the other.
+                // Above the limb at one end, below it at the other.
                 let (mut above, mut below) = if rises_not { (first, last) } else { (last, first) };
                 for _ in 0..LIMB_HALVINGS {
                     let middle = 0.5 * (above + below);

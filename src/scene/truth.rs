@@ -1,4 +1,4 @@
-//! Plan -> truth table: which stars are in the image, where, and with how much light.
+//! Plan -> truth table: the stars in the image, their places, and their light.
 
 use crate::sky_bodies::{EARTH_NUMBER, MOON_NUMBER};
 use crate::sky_targets::TargetFacts;
@@ -16,12 +16,12 @@ use plan::exposure::track::StarPlace;
 use plan::exposure::{ExposurePlan, PlannedStar, PlannedTarget};
 use sky::astrometry::Sight;
 
-/// Stars this far outside a window may still shine into it, sensor pixels.
+/// Distance outside a window from which stars may still shine into it, sensor pixels.
 const MARGIN_PX: f64 = 32.0;
 
-/// Writes one row per planned star, body and target into `out`: places in pixels of the image that is put out, electrons on the
-/// whole sensor. Stars well outside a window are left out. `sight` is what the observer does to directions; without it there
-/// are no catalog places.
+/// Writes one row per planned star, body and target into `out`: places in pixels of the output image, electrons on the
+/// whole sensor. Stars well outside a window are left out. `sight` is the effect of the observer on directions; without
+/// it catalog places are left out.
 pub fn fill_truth(plan: &ExposurePlan, output: &OutputGeometry, sight: Option<&Sight>, out: &mut Vec<TruthStar>) {
     let margin_px = MARGIN_PX / f64::from(output.binning);
     let is_near = |place_px: [f64; 2]| {
@@ -67,7 +67,7 @@ pub fn fill_truth(plan: &ExposurePlan, output: &OutputGeometry, sight: Option<&S
     }));
 }
 
-/// Writes one row per target on the sky that is in the plan; `facts` tells of them and others.
+/// Writes one row per target on the sky that is in the plan; `facts` contains theirs and others.
 pub fn fill_targets(plan: &ExposurePlan, facts: &[TargetFacts], output: &OutputGeometry, out: &mut Vec<TargetRow>) {
     out.clear();
     let of = |planned: &PlannedTarget| facts.iter().find(|facts| facts.id == planned.target.id);
@@ -95,7 +95,7 @@ pub fn fill_targets(plan: &ExposurePlan, facts: &[TargetFacts], output: &OutputG
     }));
 }
 
-/// Adds a row per body: the sum of its sources and the middle of their light.
+/// Adds a row per body: the sum of its sources and the centre of their light.
 fn add_bodies(plan: &ExposurePlan, output: &OutputGeometry, directions: &Directions<'_>, out: &mut Vec<TruthStar>) {
     let mut sums = [BodySum::default(); MOON_NUMBER as usize + 1];
     for star in plan.sky_stars() {
@@ -127,7 +127,7 @@ struct BodySum {
     mag: f32,
     electrons: f64,
     on_detector: f64,
-    /// Sums of place times electrons, at mid-exposure and in the mean.
+    /// Sums of place times electrons, at mid-exposure and of the mean.
     mid: [f64; 2],
     mean: [f64; 2],
 }
@@ -144,14 +144,14 @@ impl BodySum {
     }
 }
 
-/// Adds a row per proton track: its middle, its electrons, and its length and direction in place of a smear.
+/// Adds a row per proton track: its middle, its electrons, and its length and direction instead of a smear.
 pub fn add_tracks(tracks: &[ProtonTrack], output: &OutputGeometry, out: &mut Vec<TruthStar>) {
     out.extend((FIRST_TRACK_ID..FIRST_FALSE_STAR_ID).zip(tracks).map(|(id, track)| {
         let ([ax, ay], [bx, by]) = (track.start_px, track.end_px);
         let [x_px, y_px] = output.output_from_sensor([0.5 * (ax + bx), 0.5 * (ay + by)]);
         TruthStar {
             id,
-            // It comes from nowhere in the sky.
+            // A track has no place on the sky.
             apparent_deg: [f64::NAN; 2],
             catalog_deg: [f64::NAN; 2],
             mag: f32::NAN,
@@ -166,7 +166,8 @@ pub fn add_tracks(tracks: &[ProtonTrack], output: &OutputGeometry, out: &mut Vec
     }));
 }
 
-/// Leaves only the rows of what may shine into the parts of the image that are read out; Earth and Moon, which are large, stay.
+/// Keeps only the rows of sources that may shine into the parts of the image that are read out; Earth and Moon, which
+/// are large, stay.
 pub fn keep_shown(
     plan: &ExposurePlan,
     output: &OutputGeometry,
@@ -190,19 +191,19 @@ pub fn keep_shown(
     targets.retain(|row| truth.iter().any(|shown| shown.id == row.id));
 }
 
-/// What stands behind an identifier.
+/// Returns the kind of source for an identifier.
 fn kind_of(id: u32) -> TruthKind {
     if (FIRST_FALSE_STAR_ID..FIRST_TARGET_ID).contains(&id) { TruthKind::FalseStar } else { TruthKind::Star }
 }
 
-/// What turns places on the detector into directions on the sky.
+/// Conversion of places on the detector to directions on the sky.
 struct Directions<'a> {
     icrf_from_sensor: Rotation<Icrf, Sensor>,
     sight: Option<&'a Sight>,
 }
 
 impl Directions<'_> {
-    /// Returns a row with nothing but its directions.
+    /// Returns a row with only its directions.
     fn row_at(&self, place: &StarPlace) -> TruthStar {
         let degrees = |direction: DVec3| ra_dec_rad(direction).map(f64::to_degrees);
         let apparent = self.icrf_from_sensor.apply(place.mid_sensor());
@@ -211,7 +212,7 @@ impl Directions<'_> {
     }
 }
 
-/// Returns the path of a target's light on the sensor: of its own motion, and of the camera's where that moves.
+/// Returns the smear of a target's light on the sensor: of its own motion, and of the camera's if that moves.
 fn smear_of(planned: &PlannedTarget, plan: &ExposurePlan) -> Smear {
     let ends = || {
         let times_s = seen_after_mid_s(&planned.target, &plan.motion, 0.0)?;

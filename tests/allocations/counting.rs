@@ -1,4 +1,4 @@
-//! An allocator that counts what every thread asks for while it is armed, and remembers where.
+//! An allocator that counts every allocation of every thread while it is armed, and stores the call stacks.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::backtrace::Backtrace;
@@ -6,17 +6,17 @@ use std::cell::Cell;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-/// Bytes that are allocated now, and the most that were since the last look.
+/// Bytes allocated now, and the maximum since the last look.
 static HELD: AtomicUsize = AtomicUsize::new(0);
 static MOST_HELD: AtomicUsize = AtomicUsize::new(0);
 static ARMED: AtomicBool = AtomicBool::new(false);
 static FOUND: Mutex<Vec<Found>> = Mutex::new(Vec::new());
 
-/// Places that are remembered; more are one too many anyway.
+/// Number of call stacks that are stored; a single allocation is already an error.
 const REMEMBERED: usize = 32;
 
 thread_local! {
-    /// True while this thread writes an allocation down, which allocates.
+    /// True while this thread records an allocation, which allocates itself.
     static WRITING: Cell<bool> = const { Cell::new(false) };
 }
 
@@ -29,9 +29,9 @@ pub(crate) struct Found {
 }
 
 impl Found {
-    /// Returns whether a line of this repository is on the stack and the block is not one of rayon's queue of jobs from
-    /// threads outside its pool, which takes one for every 63 of them: it does not grow by what we draw, and cannot be
-    /// reserved. (The test harness's own thread may print a line while a test runs.)
+    /// Returns true when a line of this repository is on the stack and the block does not belong to rayon's queue of
+    /// jobs from threads outside its pool, which allocates one for every 63 of them: it does not grow with what we
+    /// draw, and cannot be reserved. (The test harness's own thread may print a line while a test runs.)
     pub(crate) fn is_ours(&self) -> bool {
         self.stack.contains("at ./") && !self.stack.contains("crossbeam_deque::deque::Injector")
     }
@@ -43,7 +43,7 @@ impl Found {
     }
 }
 
-/// The system's allocator, watched.
+/// The system's allocator, with counting.
 pub(crate) struct Counting;
 
 // SAFETY: every call is passed on to the system's allocator unchanged.
@@ -70,7 +70,7 @@ unsafe impl GlobalAlloc for Counting {
 
     unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, bytes: usize) -> *mut u8 {
         write_down(bytes);
-        // Both blocks may be there while one is copied.
+        // Both blocks may exist while one is copied.
         take(bytes);
         HELD.fetch_sub(layout.size(), Ordering::Relaxed);
         // SAFETY: as above.
@@ -96,7 +96,7 @@ fn take(bytes: usize) {
     MOST_HELD.fetch_max(held, Ordering::Relaxed);
 }
 
-/// Returns the most bytes that all threads hold at a time while `work` runs, beyond those that were held before.
+/// Returns the largest number of bytes that all threads hold at one time while `work` runs, beyond those held before.
 pub(crate) fn most_held_in(work: impl FnOnce()) -> usize {
     let before = HELD.load(Ordering::Relaxed);
     MOST_HELD.store(before, Ordering::Relaxed);
@@ -104,7 +104,7 @@ pub(crate) fn most_held_in(work: impl FnOnce()) -> usize {
     MOST_HELD.load(Ordering::Relaxed).saturating_sub(before)
 }
 
-/// What all threads allocate while `work` runs.
+/// Returns the allocations of all threads while `work` runs.
 pub(crate) fn allocations_in(work: impl FnOnce()) -> Vec<Found> {
     ARMED.store(true, Ordering::SeqCst);
     work();

@@ -1,4 +1,4 @@
-//! The built-in bench's frame engine in its slew, fed over its simulated bus; only `expose` is watched.
+//! The built-in bench's frame engine in its slew, fed over its simulated bus; only `expose` is checked.
 
 use crate::complaints;
 use crate::counting::{Found, allocations_in};
@@ -19,7 +19,7 @@ use testbed::flight_computer::FlightComputer;
 
 const WARM_UP: u32 = 10;
 
-/// What exposing the bench's frames allocates; and those of a camera whose field has light of every kind.
+/// Returns the allocations of exposing the bench's frames, and those of a camera whose field has light of every kind.
 pub(crate) fn complaints_of_the_bench() -> Vec<String> {
     let lit = [
         "observer={ kind = \"circular_orbit\", altitude_km = 500.0, inclination_deg = 97.0 }",
@@ -44,7 +44,7 @@ fn complaints_of(mut bench: Bench) -> Vec<String> {
     let (width, height) = (camera.geometry.width_px(), camera.geometry.height_px());
     let mut frame = SentFrame::with_capacity(width, height, 16_384, camera.name.clone());
     engine.warm_up(&mut frame).unwrap();
-    // Fewer than frames: records are overwritten too.
+    // Fewer records than frames, so that records are overwritten too.
     let mut record = RunRecord::with_ring(16, 1);
     engine.follow_load();
     let mut cable = Cable::new(&bench, start);
@@ -74,7 +74,7 @@ fn complaints_of(mut bench: Bench) -> Vec<String> {
     wrong
 }
 
-/// A trigger at once and one three frames ahead; those whose instant has come are taken out.
+/// Sends a trigger that acts at once and one three frames ahead; takes out those that are due.
 fn fire(slot: Slot, receiver: &mut Receiver, ledger: &mut Ledger) {
     let Some(now_us) = receiver.remote_us_at(slot.release) else { return };
     for (token, at_us) in [(1, 0), (2, now_us.wrapping_add(300_000))] {

@@ -1,4 +1,5 @@
-//! Imports hold no more memory than they are given, also when all stars are in one place; layers are read piece by piece.
+//! Tests that imports hold no more memory than allowed, even with all stars in one place, and that layers are read
+//! piece by piece.
 
 use crate::counting::most_held_in;
 use stars::layer::{Layer, NewStar, Sorting};
@@ -6,9 +7,10 @@ use std::path::Path;
 
 /// Stars of an import, all in one part of the sky: 34 bytes each on disk, 56 while they are sorted.
 const STARS: i64 = 400_000;
-/// Memory that the import is given, bytes: a tenth of what sorting all of them at once would take.
+/// Memory allowed for the import, bytes: a tenth of that needed to sort all of them at once.
 const GIVEN_BYTES: usize = 2 << 20;
-/// Beside it: the head's tables at order 6 (16 bytes for each of 49,152 tiles), buffers of the layer and of the runs.
+/// Additional memory: the head's tables at order 6 (16 bytes for each of 49,152 tiles), buffers of the layer and of the
+/// runs.
 const BESIDE_BYTES: usize = (1 << 20) + (2 << 20) + 65 * (64 << 10);
 
 fn import(folder: &Path, memory_bytes: usize, place: impl Fn(i64) -> f64) {
@@ -23,7 +25,7 @@ fn import(folder: &Path, memory_bytes: usize, place: impl Fn(i64) -> f64) {
     assert_eq!(reports[0].stars, u64::try_from(STARS).unwrap());
 }
 
-/// What is wrong with the memory of imports.
+/// Returns errors in the memory use of imports.
 pub(crate) fn complaints_of_imports() -> Vec<String> {
     let mut wrong = Vec::new();
     let folder = tempfile::tempdir().unwrap();

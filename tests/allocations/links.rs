@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 const PACKETS: usize = 200;
 
-/// What sending and receiving allocates.
+/// Returns the allocations of sending and receiving.
 pub(crate) fn complaints_of_links() -> Vec<String> {
     let clock: Arc<dyn Clock> = Arc::new(Monotonic::start());
     let terminal = PseudoTerminal::open().unwrap();
@@ -42,7 +42,7 @@ fn exchange(case: &str, [mut near, mut far]: [Box<dyn Link>; 2], packet: &Packet
             received += usize::from(far.receive(clock.now() + Span::from_s(10.0)).unwrap().is_some());
             far.send(packet).unwrap();
             received += usize::from(near.receive(clock.now() + Span::from_s(10.0)).unwrap().is_some());
-            // And a wait that ends with nothing.
+            // Also test a wait without a packet.
             near.receive(clock.now() + Span::from_ns(10_000)).unwrap();
         }
     });

@@ -1,7 +1,9 @@
-//! After its first frames the frame path allocates nothing: planning, CPU drawing, detector, and the whole frame engine;
-//! nor do packets on real links, nor frames on their way into several sinks. Imports hold no more than they are given.
+//! Tests that after its first frames the frame path allocates nothing: planning, CPU drawing, detector, and the whole
+//! frame engine; nor do packets on real links, nor frames sent to several sinks. Imports hold no more memory than
+//! allowed.
 //!
-//! One test, so that no other one allocates beside it. Left out: sinks that write files, the GPU driver, the link's threads.
+//! One test, so that no other one allocates beside it. Left out: sinks that write files, the GPU driver, the link's
+//! threads.
 #![allow(
     unsafe_code,
     reason = "a global allocator is unsafe to implement; tests/allocations/counting.rs says why it holds"
@@ -21,7 +23,7 @@ use std::collections::BTreeMap;
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// What is wrong with a case: its own allocations, by place.
+/// Returns the errors of a case: its own allocations, by place.
 fn complaints(case: &str, found: &[Found]) -> Vec<String> {
     let mut by_place = BTreeMap::<String, (usize, usize)>::new();
     for found in found.iter().filter(|found| found.is_ours()) {

@@ -23,14 +23,14 @@ use plan::exposure::{Instrument, Planner, Source, SourcePlace};
 use plan::optics::{Illumination, PsfModel};
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 
-/// Frames after which nothing may be allocated any more.
+/// Number of frames after which nothing may be allocated.
 pub(crate) const WARM_UP: u32 = 10;
-/// Frames in all.
+/// Number of all frames.
 pub(crate) const FRAMES: u32 = 40;
 const SIZE: usize = 256;
 const EXPOSURE_S: f64 = 0.1;
 
-/// What is drawn and how.
+/// One scene, its method and its shutter.
 pub(crate) struct Scene {
     pub(crate) name: &'static str,
     psf: PsfModel,
@@ -38,9 +38,9 @@ pub(crate) struct Scene {
     method: &'static str,
     rate_rad_s: [f64; 3],
     time_budget_ms: Option<f64>,
-    /// Whether the detector runs in two passes.
+    /// True when the detector runs in two passes.
     keep_charge: bool,
-    /// Whether defects, protons and the effects of neighbours are on, and defects come and go.
+    /// True when defects, protons and the effects of neighbours are on, and defects change.
     is_disturbed: bool,
 }
 
@@ -77,7 +77,7 @@ pub(crate) fn all() -> Vec<Scene> {
     ]
 }
 
-/// A scene with everything that draws it.
+/// A scene with all objects to draw it.
 pub(crate) struct Drawn {
     planner: Planner,
     backend: Cpu,
@@ -146,7 +146,7 @@ impl Drawn {
 
     /// Draws frame `number`: the field drifts, and its edges gain and lose stars.
     pub(crate) fn frame(&mut self, number: u32) {
-        // More and fewer in turn, never more than in the first frames by much.
+        // More and fewer in turn, but only slightly more than in the first frames.
         let stars = 3_000 + 750 * usize::try_from(number % 5).unwrap();
         let drift_px = 0.7 * f64::from(number);
         for (i, source) in self.sources.iter_mut().enumerate() {
@@ -162,7 +162,7 @@ impl Drawn {
         self.detector.collect(mean, number, &DetectorConditions::dark(EXPOSURE_S), &mut self.image);
     }
 
-    /// A column comes, the oldest commanded defect goes.
+    /// Adds a column, and removes the oldest commanded defect.
     fn change_defects(&mut self, number: u32) {
         let defects = self.detector.disturbances_mut().defects_mut();
         let (place, kind) = (DefectPlace::Column(number), DefectKind::Hot { extra_e_per_s: 100.0 });
@@ -174,7 +174,7 @@ impl Drawn {
     }
 }
 
-/// Returns everything that disturbs pixels and passes charge on; the image keeps its size.
+/// Returns everything that disturbs pixels and moves charge; the image keeps its size.
 fn disturbed() -> SpatialParams {
     let rates = Rates { up_per_s: 1.0, down_per_s: 1.0 };
     SpatialParams {
@@ -195,7 +195,7 @@ fn disturbed() -> SpatialParams {
     }
 }
 
-/// Returns the along one axis, from a good way outside the detector on one side to the other, px.
+/// Returns a position along one axis, from well outside the detector on one side to the other, px.
 fn place(i: u32, axis: usize) -> f64 {
     philox([i, 0, 0, 0], [1, 2]).map(|word| f64::from(word) / 4_294_967_296.0)[axis] * 400.0 - 20.0
 }

@@ -1,4 +1,4 @@
-//! Frames into several sinks at once: handing them over, and what needs no file.
+//! Frames sent to several sinks at once: passing them on, and the sinks without files.
 
 use crate::complaints;
 use crate::counting::allocations_in;
@@ -7,7 +7,7 @@ use frames::sink::{BranchParams, Fan, NullSink, OnFull, SentFrame, Sink, TruthSt
 
 const FRAMES: u32 = 40;
 
-/// What sending frames into a fan allocates, whatever their number of stars, in all threads.
+/// Returns the allocations of sending frames into a fan, for any number of stars, in all threads.
 pub(crate) fn complaints_of_sinks() -> Vec<String> {
     let directory = tempfile::tempdir().unwrap();
     let mut frame = SentFrame::with_capacity(64, 48, 500, "small".into());
@@ -21,7 +21,7 @@ pub(crate) fn complaints_of_sinks() -> Vec<String> {
             frame.meta.number = number;
             frame.truth.resize(number as usize * 7 % 500, TruthStar::NONE);
             fan.send(&frame).unwrap();
-            // Threads that wait for a frame have waited before.
+            // Let threads that wait for a frame reach their wait once.
             std::thread::sleep(std::time::Duration::from_millis(2));
         }
     };

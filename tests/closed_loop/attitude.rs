@@ -1,4 +1,4 @@
-//! The attitude rendered is the attitude sent, over every wire; runs repeat.
+//! Tests that the attitude rendered is the attitude sent, over every wire, and that runs repeat.
 
 use crate::bench::{built_in, over, run, run_changed};
 use base::axes::{Icrf, Rotation, Sensor};
@@ -7,8 +7,8 @@ use base::units::ARCSEC;
 use config::{JitterSource, Wire};
 use run::runtime::EventKind;
 
-/// f32 quaternion on the wire 0.019 arcsec, interpolation of a 2 degree slew at 100 Hz < 0.001, time tag rounding
-/// (1 us at 0.5 deg/s) 0.002.
+/// Tolerance: f32 quaternion on the wire 0.019 arcsec, interpolation of a 2 degree slew at 100 Hz < 0.001, time tag
+/// rounding (1 us at 0.5 deg/s) 0.002.
 const WIRE_ARCSEC: f64 = 0.03;
 
 #[test]
@@ -25,7 +25,7 @@ fn the_attitude_rendered_is_the_attitude_sent() {
             assert!(off_arcsec < WIRE_ARCSEC, "{wire:?}, frame {}: {off_arcsec} arcsec", frame.meta.number);
             assert!(frame.stars > 100, "{wire:?}: {} stars", frame.stars);
         }
-        // The negative control: half a frame later the slew has moved on.
+        // Negative control: half a frame later the slew has moved on.
         let (first, last) =
             (&run.frames[20], run.computer.truth(run.frames[20].meta.mid_exposure + Span::from_ms(50)).unwrap());
         let rendered: Rotation<Sensor, Icrf> = Rotation::from_wxyz(first.meta.attitude_wxyz, 1e-9).unwrap();
@@ -44,7 +44,8 @@ fn frames_drawn_ahead_show_where_the_sensor_will_point() {
     assert_eq!(now.frames.len(), ahead.frames.len());
     for (frame, now) in ahead.frames.iter().zip(&now.frames) {
         assert_eq!(frame.meta.mid_exposure, now.meta.mid_exposure, "the same instant is shown");
-        // Begun 120 ms before the end of an exposure of 100 ms: 70 ms before its middle, and the newest sample is older.
+        // Started 120 ms before the end of an exposure of 100 ms: 70 ms before its middle, and the newest sample is
+        // older.
         let horizon = frame.meta.horizon;
         assert!(horizon >= Span::from_ms(70) && horizon < Span::from_ms(90), "{horizon:?}");
         assert!(now.meta.horizon <= Span::ZERO, "{:?}", now.meta.horizon);
@@ -52,7 +53,7 @@ fn frames_drawn_ahead_show_where_the_sensor_will_point() {
         let rendered: Rotation<Sensor, Icrf> = Rotation::from_wxyz(frame.meta.attitude_wxyz, 1e-9).unwrap();
         let sent = Rotation::<Sensor, Icrf>::from_quat(truth.body_from_icrf.quat());
         let off_arcsec = sent.rotation_vector_to(&rendered).length() / ARCSEC;
-        // Held for so long, an attitude would be 100 arcsec off in the middle of the slew.
+        // Held for this long, an attitude would be 100 arcsec off in the middle of the slew.
         assert!(off_arcsec < 2.0, "frame {}: {off_arcsec} arcsec", frame.meta.number);
     }
     assert_eq!(ahead.outcome.record.ledger.count(EventKind::Predicted), ahead.frames.len() as u64, "and counted");
@@ -86,7 +87,7 @@ fn jitter_sent_as_samples_is_drawn_like_jitter_known_as_lines() {
     bench.flight_computer.jitter_source = JitterSource::Samples;
     let sampled = run(&bench);
     assert!(sampled.outcome.error.is_none());
-    // A burst of 14 samples at 1 kHz is complete up to 14 ms after its first one: the end of an exposure is held.
+    // A burst of 14 samples at 1 kHz is complete up to 14 ms after its first one, so the end of an exposure is held.
     let lines = run(&over(Wire::CanFd, 3.0));
     let mut still = over(Wire::CanFd, 3.0);
     still.flight_computer.jitter_lines.clear();
@@ -98,7 +99,7 @@ fn jitter_sent_as_samples_is_drawn_like_jitter_known_as_lines() {
 }
 
 #[test]
-fn a_stream_that_stops_is_held_and_said_so() {
+fn stopped_stream_is_held_and_reported() {
     let bench = built_in(3.0);
     let stop = crate::bench::start(&bench) + Span::from_ms(2000);
     let run = run_changed(&bench, |computer| computer.faults.stop_stream_at = Some(stop), usize::MAX);
@@ -112,7 +113,8 @@ fn a_stream_that_stops_is_held_and_said_so() {
     assert_eq!(counted, run.outcome.record.frames.extrapolated, "never silent");
 }
 
-/// The stream stops within an exposure whose middle is still interpolated: not a word was said of its extrapolated rest.
+/// Tests a stream that stops within an exposure whose middle is still interpolated: the extrapolated rest must be
+/// reported.
 #[test]
 fn long_exposure_that_outlives_the_stream_is_partly_extrapolated() {
     let mut bench = built_in(4.0);
@@ -120,7 +122,7 @@ fn long_exposure_that_outlives_the_stream_is_partly_extrapolated() {
     bench.timing.frame_rate_hz = 2.0;
     let whole = run(&bench);
     assert_eq!(whole.outcome.record.frames.partly_extrapolated, 0, "while the stream goes on");
-    // Exposures begin every 0.5 s from the first second on: the third one's middle is at 2.25 s.
+    // Exposures start every 0.5 s from the first second on: the third one's middle is at 2.25 s.
     let stop = crate::bench::start(&bench) + Span::from_ms(2350);
     let stopped = run_changed(&bench, |computer| computer.faults.stop_stream_at = Some(stop), usize::MAX);
     let record = &stopped.outcome.record;
@@ -138,9 +140,10 @@ fn long_exposure_that_outlives_the_stream_is_partly_extrapolated() {
     assert_ne!(stopped.frames[3].meta.origin, "interpolated");
 }
 
-/// The last rows of a rolling shutter are exposed after the frame's release: their motion is always extrapolated.
+/// Tests that the last rows of a rolling shutter, exposed after the frame's release, are always reported as
+/// extrapolated.
 #[test]
-fn rolling_shutter_says_that_its_last_rows_are_extrapolated() {
+fn rolling_shutter_reports_its_extrapolated_last_rows() {
     for (line_us, frames) in [(0.0, 0), (10.0, 0), (100.0, 10)] {
         let mut bench = built_in(1.0);
         bench.camera.exposure.rolling_line_us = line_us;

@@ -1,4 +1,4 @@
-//! What goes wrong is an error or a count, never a panic, and nothing finished before is lost.
+//! Tests that bad input leads to an error or a count, never to a panic, and that nothing finished before is lost.
 
 use crate::bench::{built_in, run_changed, start};
 use base::time::Span;
@@ -35,7 +35,8 @@ fn a_stopped_stream_blanks_frames_when_the_policy_says_so() {
     assert!(run.outcome.record.ledger.count(EventKind::Blank) > 0, "and it is counted");
 }
 
-/// Frames are missing from the moment at which the stream counts as stopped, each with its event; the flight computer hears it.
+/// Tests that frames are left out from the time at which the stream counts as stopped, each with an event and a
+/// message.
 #[test]
 fn stopped_stream_leaves_frames_out_when_the_policy_says_so() {
     let mut bench = built_in(3.0);
@@ -52,7 +53,7 @@ fn stopped_stream_leaves_frames_out_when_the_policy_says_so() {
         "every slot is accounted for"
     );
     assert_eq!(run.frames.len() as u64 + missing, 30);
-    assert!(run.frames.iter().all(|frame| frame.meta.origin != "held"), "no sky that stands still");
+    assert!(run.frames.iter().all(|frame| frame.meta.origin != "held"), "never a held sky");
     assert_eq!(record.ledger.count(EventKind::AttitudeHeld), 0);
     let reported = run.computer.received().last_status.unwrap().value;
     assert!(matches!(reported, StatusPage::State { mode: StimulatorMode::Stopped, .. }), "{reported:?}");
@@ -78,7 +79,7 @@ fn no_attitude_at_all_is_a_blank_frame_and_an_event() {
 }
 
 #[test]
-fn a_sink_that_fails_ends_the_run_with_what_it_wrote() {
+fn failing_sink_ends_the_run_with_what_it_wrote() {
     let run = run_changed(&built_in(2.0), |_| {}, 7);
     assert!(matches!(run.outcome.error, Some(RunError::Sink(_))));
     assert_eq!((run.frames.len(), run.outcome.record.frames.delivered), (7, 7));

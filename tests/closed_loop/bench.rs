@@ -1,4 +1,4 @@
-//! The built-in bench on the virtual clock, with changes, and every frame it sends kept.
+//! The built-in bench on the virtual clock, with changes; every frame it sends is stored.
 
 use base::clock::{Clock, Virtual};
 use base::time::Tai;
@@ -12,14 +12,14 @@ use run::wiring::bench_parts;
 use std::sync::{Arc, Mutex};
 use testbed::flight_computer::{FlightComputer, FlightComputerParams};
 
-/// What one run leaves behind.
+/// Results of one run.
 pub(crate) struct Run {
     pub(crate) outcome: RunOutcome,
     pub(crate) frames: Vec<Kept>,
     pub(crate) computer: FlightComputer,
 }
 
-/// One frame as the sink got it.
+/// One frame as the sink received it.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Kept {
     pub(crate) meta: FrameMeta,
@@ -27,7 +27,7 @@ pub(crate) struct Kept {
     pub(crate) dn_sum: u64,
 }
 
-/// A sink that keeps what it gets, and fails after `space` frames.
+/// A sink that stores its frames, and fails after `space` frames.
 struct Keeper {
     frames: Arc<Mutex<Vec<Kept>>>,
     space: usize,
@@ -62,7 +62,7 @@ pub(crate) fn built_in(seconds: f64) -> Bench {
     bench
 }
 
-/// Returns the same over another wire, at a rate that carries it.
+/// Returns the same bench over another wire, at a rate that carries it.
 pub(crate) fn over(wire: Wire, seconds: f64) -> Bench {
     let mut bench = built_in(seconds);
     bench.link.wire = wire;
@@ -83,15 +83,15 @@ pub(crate) fn run(bench: &Bench) -> Run {
     run_changed(bench, |_| {}, usize::MAX)
 }
 
-/// What flew: the outcome, and what the two ends know afterwards.
+/// A completed flight: the outcome, and the final state of the two ends.
 pub(crate) struct Flight {
     pub(crate) outcome: RunOutcome,
     pub(crate) computer: FlightComputer,
     pub(crate) receiver: Receiver,
 }
 
-/// Flies a bench with a changed flight computer into `sink`. `beside` may send more at the computer's end of the cable after
-/// each of its steps, and says when it next wants to.
+/// Flies a bench with a changed flight computer into `sink`. `beside` may send more at the computer's end of the cable
+/// after each of its steps, and returns when it next needs to.
 pub(crate) fn fly(
     bench: &Bench,
     change: impl FnOnce(&mut FlightComputerParams),
@@ -121,7 +121,7 @@ pub(crate) fn fly(
     Flight { outcome, computer, receiver }
 }
 
-/// Runs a bench with a changed flight computer and a sink with room for so many frames.
+/// Runs a bench with a changed flight computer and a sink with space for this many frames.
 pub(crate) fn run_changed(bench: &Bench, change: impl FnOnce(&mut FlightComputerParams), space: usize) -> Run {
     let frames = Arc::new(Mutex::new(Vec::new()));
     let mut sink = Keeper { frames: Arc::clone(&frames), space };

@@ -1,7 +1,7 @@
-//! The timing budget: every slot has a record and a cause, load takes the planner down the ladder and back, and the program
-//! says with its exit status what its table says.
+//! Tests the timing budget: every slot has a record and a cause, load raises the degradation level and back, and the
+//! exit status of the program agrees with its table.
 //!
-//! No wall time is asserted: limits are either far beyond what any machine takes or far below, and load is injected.
+//! No wall time is asserted: limits are either far above or far below what any machine needs, and load is injected.
 
 use crate::bench::{built_in, start};
 use base::clock::{Clock, Monotonic, Virtual};
@@ -22,7 +22,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use testbed::flight_computer::FlightComputer;
 
-/// Drawing that takes ten times what is predicted, or more: the estimate ends there.
+/// Drawing time ten times the predicted one or more: the estimate is limited there.
 const SLOW: Span = Span::from_ms(5_000);
 const FAST: Span = Span::from_ms(0);
 
@@ -33,8 +33,8 @@ fn ports(bench: &Bench, clock: &Arc<dyn Clock>) -> [Port; 2] {
     [Port::new(Box::new(near), format, ids), Port::new(Box::new(far), format, ids)]
 }
 
-/// Rungs of the frames of a bench on the virtual clock, each frame said to have taken `drawn` of its number; and the
-/// ledger of the load. Where it is not followed, nothing is said.
+/// Returns the degradations of the frames of a bench on the virtual clock, with drawing times `drawn` by frame number,
+/// and the ledger of the load. Without `follow` the load is not reported.
 fn degradations(bench: &Bench, follow: bool, drawn: impl Fn(u32) -> Span) -> (Vec<&'static str>, Ledger) {
     let start = start(bench);
     let params = bench_parts::run_params(bench, start).unwrap();
@@ -90,8 +90,7 @@ fn load_degrades_frames_at_once_and_they_come_back_when_it_goes() {
     assert!(whole(&degradations(&bench, true, load).0), "nor where frames may not be degraded");
 }
 
-/// Returns bounds of every frame's pointing error, rad, on the virtual clock, for a body that is said to move like
-/// this.
+/// Returns bounds of every frame's pointing error, rad, on the virtual clock, for a body with this motion.
 fn bounds(bench: &Bench, motion: Option<MotionScale>) -> Vec<Option<f64>> {
     let start = start(bench);
     let params = bench_parts::run_params(bench, start).unwrap();
@@ -138,7 +137,7 @@ fn the_attitude_has_a_bound_where_the_motion_is_known_and_none_where_it_is_not()
     assert!(bounds(&bench, Some(motion(1.0))).iter().all(Option::is_none), "nor beyond the acceleration's horizon");
 }
 
-/// Returns a bench on the real clock with nobody at the other end of the bus.
+/// Returns the records and outcome of a bench on the real clock without another end of the bus.
 fn alone(bench: &Bench, ring_frames: usize) -> (Vec<FrameRecord>, run::runtime::RunOutcome) {
     let start = start(bench);
     let params = bench_parts::run_params(bench, start).unwrap();
@@ -190,18 +189,18 @@ fn budget(folder: &Path, limits: &str, extra: &[&str]) -> Output {
     command.current_dir(folder).output().unwrap()
 }
 
-/// More than any machine takes.
+/// Limits above what any machine needs.
 const ROOMY: &str = "[budget]\ntotal_ms = 1e8\nrender_ms = 1e8\nmissed_frames = 1000\nlatency_ms = 1e8";
 
 #[test]
-fn the_program_says_with_its_exit_status_what_its_table_says() {
+fn exit_status_agrees_with_the_table() {
     let folder = tempfile::tempdir().unwrap();
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     let met = budget(folder.path(), ROOMY, &["--report", "met", "--load", "1"]);
     let said = text(&met.stdout);
     assert_eq!(met.status.code(), Some(0), "{said}{}", text(&met.stderr));
     assert!(said.contains("the budget is met") && said.contains("busy threads beside the run: 1"), "{said}");
-    // Less than any machine takes.
+    // Below what any machine needs.
     let limits = ROOMY.replace("render_ms = 1e8", "render_ms = 1e-5");
     let broken = budget(folder.path(), &limits, &["--report", "broken"]);
     let said = text(&broken.stdout);
@@ -226,7 +225,7 @@ fn a_report_of_simulated_time_is_refused() {
     let mut command = Command::new(env!("CARGO_BIN_EXE_starloop"));
     let output =
         command.args(["run", "--clock", "virtual", "--report", "r"]).current_dir(folder.path()).output().unwrap();
-    assert_eq!(output.status.code(), Some(1));
+    assert_eq!(output.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&output.stderr).contains("--clock real"));
     assert!(!folder.path().join("r").exists());
 }

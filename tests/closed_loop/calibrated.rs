@@ -1,4 +1,4 @@
-//! Measured costs: used on the real clock, told by `check`, never seen by the virtual clock.
+//! Tests measured costs: used on the real clock, reported by `check`, never used by the virtual clock.
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -12,7 +12,7 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
-/// Returns the one file of a cache.
+/// Returns the only file of a cache.
 fn cache_file(cache: &Path) -> std::path::PathBuf {
     let mut files = std::fs::read_dir(cache.join("starloop")).unwrap();
     files.next().unwrap().unwrap().path()
@@ -32,7 +32,7 @@ fn run_crc(folder: &Path, cache: &Path, name: &str) -> String {
 fn the_virtual_clock_ignores_what_was_measured_and_check_does_not() {
     let folder = tempfile::tempdir().unwrap();
     let [measured, none] = ["measured", "none"].map(|name| folder.path().join(name));
-    // The readout time is too short for all stars: costs decide what is drawn.
+    // The readout time is too short for all stars: costs decide the number drawn.
     std::fs::write(
         folder.path().join("camera.toml"),
         "[detector]\nwidth_px = 256\nheight_px = 256\n[optics]\nfocal_length_mm = 10\naperture_mm = 20\n\
@@ -45,7 +45,7 @@ fn the_virtual_clock_ignores_what_was_measured_and_check_does_not() {
     let output = starloop(&["calibrate", "--backend", "cpu", "--quick"], folder.path(), &measured);
     assert!(output.status.success(), "{}", text(&output.stderr));
     assert!(text(&output.stdout).contains("splat_ns"), "{}", text(&output.stdout));
-    // Costs that no machine has: were they used, nothing would be left of the frames.
+    // Impossible costs: if they were used, no star would be left in the frames.
     let file = cache_file(&measured);
     let slow: Vec<String> = std::fs::read_to_string(&file)
         .unwrap()

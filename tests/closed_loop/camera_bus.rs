@@ -1,5 +1,5 @@
-//! Camera commands of the flight computer over the bus: the light follows exposure and gain, triggers start exposures at their
-//! instants, and what the camera cannot do is answered with its reason.
+//! Tests camera commands of the flight computer over the bus: the light follows exposure and gain, triggers start
+//! exposures at their instants, and an impossible command is answered with its reason.
 
 use crate::bench::{built_in, start};
 use base::clock::{Clock, Virtual};
@@ -16,20 +16,20 @@ use run::wiring::bench_parts;
 use std::sync::Arc;
 use testbed::flight_computer::{CameraAnswers, FlightComputer, Received};
 
-/// Share of full scale that the background reaches at the camera's own exposure time: stars do not matter beside it.
+/// Background at the camera's own exposure time, share of full scale: stars are negligible relative to it.
 const BACKGROUND_SHARE: f64 = 0.1;
-/// Light follows the settings as well as this.
+/// Relative accuracy with which light follows the settings.
 const PROPORTION: f64 = 0.01;
-/// From a step of the flight computer, over the bus, to the arrival.
+/// Time from a step of the flight computer, over the bus, to the arrival.
 const ON_THE_WAY: Span = Span::from_ms(15);
-/// How well an instant of the far clock is known after some seconds of time marks.
+/// Accuracy of an instant of the far clock after some seconds of time marks.
 const CLOCK: Span = Span::from_ns(100_000);
 
-/// What the flight computer says.
+/// A message of the flight computer.
 #[derive(Clone, Copy)]
 enum Said {
     Set(CameraKind, u8, u32),
-    /// To act at once, or at a time after the start, s.
+    /// A trigger at once, or at a time after the start, s.
     Trigger(Option<f64>),
 }
 
@@ -37,7 +37,7 @@ struct Frame {
     meta: FrameMeta,
     /// Mean above the black level, DN.
     light_dn: f64,
-    /// Sum of all pixels, each by its place.
+    /// Sum of all pixels, each weighted by its place.
     sum: u64,
 }
 
@@ -49,7 +49,7 @@ struct Flown {
     received: Received,
 }
 
-/// Returns a bench in an even light.
+/// Returns a bench with uniform light.
 fn bright(seconds: f64) -> Bench {
     let mut bench = built_in(seconds);
     let full_e = bench.camera.detector.params.full_well_e;
@@ -107,7 +107,7 @@ fn fly(bench: &Bench, said: &[(f64, Said)]) -> Flown {
     Flown { start, outcome, frames, answers: computer.camera_answers(), received: *computer.received() }
 }
 
-/// Returns the middle one of the frames with these settings, in their light.
+/// Returns the light of the middle one of the frames with these settings.
 fn light_dn(flown: &Flown, exposure_s: f64, gain_db: f64) -> f64 {
     let has = |frame: &&Frame| {
         (frame.meta.exposure_s - exposure_s).abs() < 1e-9 && (frame.meta.gain_db - gain_db).abs() < 1e-9
@@ -145,13 +145,14 @@ fn light_follows_the_exposure_and_the_gain_that_the_bus_commands() {
     assert!(near(halved / own, f64::from(half) * 1e-6 / own_s), "{own} DN, then {halved} DN");
     assert!(near(amplified / halved, 10.0_f64.powf(6.0 / 20.0)), "{halved} DN, then {amplified} DN");
     assert!(!near(halved / own, 1.0) && !near(amplified / halved, 1.0), "negative control: they differ");
-    // CAMERA_STATUS: three pages for each frame after it was asked for, and none before.
+    // CAMERA_STATUS: three pages for each frame after the request, and none before.
     let after = flown.frames.iter().filter(|frame| frame.meta.mid_exposure > flown.start + Span::from_s(2.95));
     let pages = 3 * after.count() as u64;
     assert!(flown.received.camera_pages.abs_diff(pages) <= 3, "{} for {pages}", flown.received.camera_pages);
     let last = flown.received.last_camera.unwrap().value;
     assert_eq!((last.head, last.page), (0, CameraPage::Trigger { delay_us: 0 }));
-    // Negative control: without commands nothing of it happens, and the frames before the first command are the same bits.
+    // Negative control: without commands these effects are absent, and the frames before the first command are the
+    // same bits.
     let quiet = fly(&bench, &[]);
     assert_eq!((quiet.answers, quiet.received.camera_pages), (CameraAnswers::default(), 0));
     let is_before = |frame: &&Frame| frame.meta.mid_exposure < flown.start + Span::from_s(1.7);
@@ -179,13 +180,13 @@ fn trigger_on_the_bus_starts_an_exposure_at_its_instant() {
     let [("bus", at_once), ("bus", dated)] = starts[..] else { panic!("{starts:?}") };
     assert!(at_once >= Span::from_s(2.65) && at_once <= Span::from_s(2.65) + ON_THE_WAY, "{at_once:?}");
     assert!((dated.ns() - Span::from_s(3.02).ns()).abs() < CLOCK.ns(), "{dated:?}");
-    // Negative control: without the second trigger there is one exposure less.
+    // Negative control: without the second trigger there is one exposure fewer.
     let one = fly(&bright(4.0), &said[..2]);
     assert_eq!(one.frames.len() + 1, flown.frames.len());
 }
 
 #[test]
-fn what_the_camera_cannot_do_is_answered_with_its_reason_and_changes_nothing() {
+fn impossible_camera_command_is_answered_with_its_reason_and_changes_nothing() {
     let bench = bright(3.0);
     let wrong = [
         (Said::Set(CameraKind::Exposure, 0, u32::MAX), Refusal::CameraRange),
@@ -202,7 +203,7 @@ fn what_the_camera_cannot_do_is_answered_with_its_reason_and_changes_nothing() {
         let sums = |flown: &Flown| flown.frames.iter().map(|frame| frame.sum).collect::<Vec<_>>();
         assert_eq!(sums(&flown), sums(&quiet));
     }
-    // Negative control: a value within the range is taken, and its frames are others.
+    // Negative control: a value within the range is accepted, and its frames differ.
     let taken = fly(&bench, &[(1.75, Said::Set(CameraKind::Exposure, 0, 20_000))]);
     assert_eq!(taken.answers, CameraAnswers { set: 1, ..CameraAnswers::default() });
     assert_ne!(taken.frames.last().unwrap().sum, quiet.frames.last().unwrap().sum);

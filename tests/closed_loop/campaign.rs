@@ -1,4 +1,5 @@
-//! Fault campaigns: the invariants hold over simulated hours, the seed replays, and the witness can see.
+//! Tests fault campaigns: the invariants are met over simulated hours, the seed replays, and the witness detects
+//! violations.
 
 use crate::pixels::scenario;
 use base::axes::Rotation;
@@ -54,7 +55,7 @@ fn meta(attitude: &Rotation<base::axes::Sensor, base::axes::Icrf>, origin: &'sta
 }
 
 #[test]
-fn a_frame_that_is_off_and_says_nothing_is_seen() {
+fn wrong_frame_without_a_report_is_a_violation() {
     let scenario = quiet();
     let (zero, truth) = (Tai::from_ns(0), Rotation::IDENTITY);
     let off = Rotation::IDENTITY.rotated_by(glam::DVec3::new(0.0, 5e-6, 0.0));
@@ -70,9 +71,9 @@ fn a_frame_that_is_off_and_says_nothing_is_seen() {
 }
 
 #[test]
-fn a_fault_that_hits_nothing_is_seen() {
+fn fault_without_hits_is_a_violation() {
     let mut scenario = quiet();
-    // No packet is spoilt by a share of nothing.
+    // A share of zero damages no packet.
     let action = Action::Bus(LinkFault::Loss { share: 0.0 });
     scenario.events.push(Event { at: Span::from_s(10.0), on_trigger: None, lasts: Span::from_s(20.0), action });
     let mut going = SteppedRun::new(&scenario, |_| Box::new(NullSink::new())).unwrap();
@@ -83,11 +84,11 @@ fn a_fault_that_hits_nothing_is_seen() {
 }
 
 #[test]
-fn a_loop_that_does_not_recover_is_seen() {
+fn loop_without_recovery_is_a_violation() {
     let mut scenario = quiet();
     scenario.bench.timing.duration_s = 400.0;
     scenario.expect.recovery_s = 100.0;
-    // The trackers stay blind after the fault that counts: a bias jump then carries the pointing away.
+    // The trackers stay blind after the tested fault: a bias jump then carries the pointing away.
     let event = |at_s: f64, for_s: f64, action| Event {
         at: Span::from_s(at_s),
         on_trigger: None,
@@ -126,7 +127,7 @@ fn events_that_name_what_is_not_there_are_refused() {
     }
 }
 
-/// Returns a quiet flight of `seconds` with these events, small frames.
+/// Flies a quiet scenario of `seconds` with these events and small frames.
 fn flown(seconds: f64, events: Vec<Event>) -> (run::wiring::run_end::RunEnd, testbed::acs::Mode) {
     let mut scenario = quiet();
     scenario.bench.timing.duration_s = seconds;
@@ -142,7 +143,7 @@ fn event(at_s: f64, for_s: f64, action: Action) -> Event {
 fn a_commanded_safe_mode_stays_until_it_is_left_by_command() {
     use testbed::acs::Mode;
     let (_, mode) = flown(120.0, vec![event(40.0, 0.0, Action::Safe)]);
-    assert_eq!(mode, Mode::Safe, "nobody resumed");
+    assert_eq!(mode, Mode::Safe, "no RESUME was sent");
     let (outcome, mode) = flown(300.0, vec![event(40.0, 0.0, Action::Safe), event(45.0, 0.0, Action::Resume)]);
     assert_ne!(mode, Mode::Safe, "{:?}", outcome.assessment.mode_lines());
 }
@@ -170,13 +171,13 @@ fn overlapping_faults_aboard_end_one_by_one_whatever_is_added_later() {
 }
 
 #[test]
-fn a_refused_command_is_no_success() {
+fn refused_command_is_not_a_success() {
     use config::Pointing;
     let mut scenario = scenario("sun_avoidance");
     scenario.bench.timing.duration_s = 130.0;
     scenario.expect.window_s = 10.0;
     scenario.expect.final_mode = None;
-    // The Sun stands near RA 342, Dec -7.6 on that day.
+    // The Sun is near RA 342, Dec -7.6 on that day.
     let to_the_sun = Pointing { ra_deg: 342.0, dec_deg: -7.6, roll_deg: 0.0 };
     scenario.events = vec![event(100.0, 0.0, Action::Slew(to_the_sun))];
     let (outcome, _) = crate::pixels::fly(&scenario);

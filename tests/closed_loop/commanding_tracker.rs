@@ -1,4 +1,4 @@
-//! The tracker inside commands its camera: windows around its stars, an exposure time by their signal.
+//! Tests the internal tracker's camera commands: windows around its stars, an exposure time by their signal.
 
 use crate::pixels::scenario;
 use config::{Plant, Scenario, TrackerCommands};
@@ -7,10 +7,10 @@ use run::wiring::run_end::RunEnd;
 use run::wiring::stepped::SteppedRun;
 use testbed::acs::Mode;
 
-/// How far the pointing on windows may be from that on whole frames, as a share of it.
+/// Largest difference of the pointing on windows from that on whole frames, as a share of it.
 const SAME_POINTING: f64 = 0.1;
 
-/// What is known of one frame.
+/// Facts about one frame.
 #[derive(Debug, Clone, Copy)]
 struct Seen {
     at_s: f64,
@@ -19,7 +19,7 @@ struct Seen {
     window_share: f64,
 }
 
-/// Runs a scenario to its end; the exposures of its first head.
+/// Runs a scenario to its end; returns also the exposures of its first head.
 fn fly(scenario: &Scenario) -> (RunEnd, Mode, Vec<Seen>) {
     let mut seen = Vec::new();
     let mut going = SteppedRun::new(scenario, |_| Box::new(NullSink::new())).unwrap();
@@ -51,24 +51,24 @@ fn with_stars(mut scenario: Scenario, stars: usize) -> Scenario {
 const WINDOWS: TrackerCommands = TrackerCommands { windows: true, exposure: false };
 const EXPOSURE: TrackerCommands = TrackerCommands { windows: true, exposure: true };
 
-/// Rms pointing errors: of the boresight, and about it.
+/// Returns rms pointing errors: of the boresight, and about it.
 fn pointing_arcsec(end: &RunEnd) -> [f64; 2] {
     let errors = end.assessment.pointing();
     [errors.boresight_arcsec.unwrap(), errors.roll_arcsec.unwrap()]
 }
 
-/// How far these are from others, as a share of them.
+/// Returns the largest difference of these from others, as a share of them.
 fn farthest(got: [f64; 2], wanted: [f64; 2]) -> f64 {
     let shares = got.iter().zip(wanted).map(|(got, wanted)| (got / wanted - 1.0).abs());
     shares.fold(0.0, f64::max)
 }
 
-/// The pointing on windows is that on whole frames.
+/// Tests that the pointing on windows is that on whole frames.
 #[test]
 fn windows_alone_close_the_loop_with_the_pointing_of_whole_frames() {
     let acquisition = scenario("acquisition");
     let (whole, _, frames) = fly(&acquisition);
-    assert!(frames.iter().all(|frame| frame.windows == 0), "control: nobody commands anything");
+    assert!(frames.iter().all(|frame| frame.windows == 0), "control: no commands are sent");
     let (windows, mode, frames) = fly(&commanding(acquisition.clone(), WINDOWS));
     assert_eq!(mode, Mode::FinePointing);
     let last_whole_s = frames.iter().rev().find(|frame| frame.windows == 0).map_or(0.0, |frame| frame.at_s);
@@ -84,7 +84,8 @@ fn windows_alone_close_the_loop_with_the_pointing_of_whole_frames() {
     assert!(steady.len() > 1500 && steady.iter().all(|frame| frame.windows > 8), "on windows alone");
     assert!(largest_share < 0.06, "{largest_share} of the pixels");
     assert!(farthest(on_windows, on_whole) < SAME_POINTING, "{on_windows:?} and {on_whole:?} arcsec");
-    // Negative control: the comparison sees a tracker that measures fewer stars; it knows less of the roll.
+    // Negative control: the comparison detects a tracker that measures fewer stars and therefore has a larger roll
+    // error.
     let (few, _, _) = fly(&with_stars(commanding(acquisition, WINDOWS), 5));
     let few = pointing_arcsec(&few);
     assert!(farthest(few, on_whole) > SAME_POINTING, "control: {few:?} arcsec with five stars");
@@ -92,7 +93,8 @@ fn windows_alone_close_the_loop_with_the_pointing_of_whole_frames() {
 
 #[test]
 fn the_exposure_follows_the_signal_of_the_stars() {
-    /// The third-brightest star's highest pixel is within a quarter of its target; its place on the pixel is another each time.
+    /// Tolerance factor: the third-brightest star's highest pixel is within a quarter of its target; its pixel phase
+    /// varies.
     const SAME_EXPOSURE: f64 = 1.6;
     let flown = |brighter: f64| {
         let mut small = commanding(scenario("campaign"), EXPOSURE);

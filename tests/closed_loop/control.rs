@@ -1,5 +1,6 @@
-//! The control socket as a client meets it: stepping has the bits of running, faults injected show in the report, what is
-//! wrong with a line is said and changes nothing, and a client that goes away ends the run cleanly.
+//! Tests the control socket as a client uses it: stepping has the bits of running, injected faults appear in the
+//! report, an invalid line is answered with its error and changes nothing, and a client that disconnects ends the run
+//! cleanly.
 
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Read, Write};
@@ -37,7 +38,7 @@ fn report(output: &Output) -> Value {
         .unwrap_or_else(|error| panic!("{error}: {}", String::from_utf8_lossy(&output.stderr)))
 }
 
-/// Returns the parts of a report that the bits of a run decide.
+/// Returns the parts of a report that depend on the bits of a run.
 fn bits(report: &Value) -> Value {
     let mut bits = report.clone();
     for of_the_machine in ["wall_s", "speed", "machine"] {
@@ -52,7 +53,7 @@ struct Waiting {
     address: String,
     token: String,
     token_file: PathBuf,
-    /// Its runtime folder, which has the token.
+    /// Its runtime folder, which contains the token.
     _runtime: tempfile::TempDir,
 }
 
@@ -83,7 +84,7 @@ impl Waiting {
         Self { child, address, token, token_file, _runtime: runtime }
     }
 
-    /// Returns everything that comes back for these bytes until the program closes the connection.
+    /// Sends these bytes, and returns everything until the program closes the connection.
     fn answer(&self, bytes: &[u8]) -> String {
         let mut stream = TcpStream::connect(&self.address).unwrap();
         let _the_rest_may_find_it_closed = stream.write_all(bytes);
@@ -95,18 +96,18 @@ impl Waiting {
         String::from_utf8(said).unwrap()
     }
 
-    /// Returns the client with the token.
+    /// Connects as the client with the token.
     fn admitted(self) -> Stepped {
         let stream = TcpStream::connect(&self.address).unwrap();
         let replies = BufReader::new(stream.try_clone().unwrap());
         let mut stepped = Stepped { stream, replies, token: self.token, child: self.child, _runtime: self._runtime };
         let hello = json!({ "request": "hello", "token": stepped.token });
-        stepped.reported(hello);
+        stepped.answered(hello);
         stepped
     }
 }
 
-/// Returns the next line on standard error, byte by byte, so that nothing after it is taken away from `wait`.
+/// Returns the next line on standard error, read byte by byte, so that nothing after it is taken away from `wait`.
 fn next_line(child: &mut Child) -> String {
     let (mut line, mut byte) = (Vec::new(), [0]);
     let stderr = child.stderr.as_mut().unwrap();
@@ -142,23 +143,23 @@ impl Stepped {
         self.send(request.to_string().as_bytes())
     }
 
-    /// Asks for what must be answered.
-    fn reported(&mut self, request: Value) -> Value {
+    /// Sends a request that must succeed, and returns the answer.
+    fn answered(&mut self, request: Value) -> Value {
         let reply = self.ask(&request);
         assert_eq!(reply["ok"], true, "{request}: {reply}");
         reply
     }
 
-    /// Asks for what must be refused; why it was.
+    /// Sends a line that must be refused, and returns the reason.
     fn refused(&mut self, line: &[u8]) -> String {
         let reply = self.send(line);
         assert_eq!(reply["ok"], false, "{}: {reply}", String::from_utf8_lossy(&line[..line.len().min(80)]));
         reply["error"].as_str().unwrap().to_owned()
     }
 
-    /// Ends the run; the final reply and the program's output.
+    /// Ends the run; returns the final reply and the program's output.
     fn finish(mut self) -> (Value, Output) {
-        let reply = self.reported(json!({ "request": "finish" }));
+        let reply = self.answered(json!({ "request": "finish" }));
         (reply, self.child.wait_with_output().unwrap())
     }
 }
@@ -172,8 +173,8 @@ fn a_run_in_steps_has_the_bits_of_the_run_in_one() {
     assert_ne!(other["telemetry_crc32"], through["telemetry_crc32"], "control");
 }
 
-/// A run that is over before the last frame's period, with torques that begin between the spacecraft's steps and frames
-/// that are late, dropped and doubled: neither the end nor looking at the truth in between shifts anything.
+/// Tests a run that is over before the last frame's period, with torques that start between the spacecraft's steps and
+/// frames that are late, dropped and doubled: neither the end nor reading the truth in between changes anything.
 #[test]
 fn steps_do_not_shift_what_falls_between_them() {
     let faults = "event=[{ at_s = 1.0, do = \"frame_late\", late_ms = 333.3, for_s = 0.5 }, \
@@ -186,32 +187,32 @@ fn steps_do_not_shift_what_falls_between_them() {
     }
 }
 
-/// Steps to the end in odd lengths, looks at everything in between, and holds the reports against the run in one piece.
+/// Steps to the end in odd lengths, queries everything in between, and compares the reports with the run in one piece.
 fn step_oddly(arguments: &[&str], through: &Value) {
     let mut stepped = Stepped::start(arguments);
-    let hello = stepped.reported(json!({ "id": 7, "request": "hello" }));
+    let hello = stepped.answered(json!({ "id": 7, "request": "hello" }));
     assert_eq!((&hello["id"], &hello["protocol"]), (&json!(7), &json!(2)));
     assert_eq!((&hello["width"], &hello["frames"], &hello["seed"]), (&json!(256), &json!(40), &json!(1)));
     // Odd lengths: between the events, on them, and across several frames.
     let mut steps = [0.013, 0.1, 0.000_001, 0.251_3, 0.5, 0.037].iter().cycle();
-    while stepped.reported(json!({ "request": "step", "s": steps.next() }))["now_s"].as_f64().unwrap() < 2.0 {
-        stepped.reported(json!({ "request": "truth" }));
-        stepped.reported(json!({ "request": "estimate" }));
-        stepped.reported(json!({ "request": "summary" }));
+    while stepped.answered(json!({ "request": "step", "s": steps.next() }))["now_s"].as_f64().unwrap() < 2.0 {
+        stepped.answered(json!({ "request": "truth" }));
+        stepped.answered(json!({ "request": "estimate" }));
+        stepped.answered(json!({ "request": "summary" }));
     }
-    let three = stepped.reported(json!({ "request": "step", "frames": 3 }));
+    let three = stepped.answered(json!({ "request": "step", "frames": 3 }));
     assert!(three["frames_out"].as_u64().unwrap() >= 3, "{three}");
     for until_s in [3.9, 3.95, 3.985, 3.999, 4.0] {
-        if stepped.reported(json!({ "request": "step", "until_s": until_s }))["finished"] == true {
+        if stepped.answered(json!({ "request": "step", "until_s": until_s }))["finished"] == true {
             break;
         }
-        stepped.reported(json!({ "request": "truth" }));
+        stepped.answered(json!({ "request": "truth" }));
     }
     assert!(stepped.refused(br#"{"request": "step", "until_s": 4.0}"#).contains("reached its end"));
-    let so_far = stepped.reported(json!({ "request": "summary" }));
+    let so_far = stepped.answered(json!({ "request": "summary" }));
     let (last, output) = stepped.finish();
     assert_eq!(bits(&report(&output)), bits(through), "stepped and run through");
-    assert_eq!(bits(&last["report"]), bits(through), "and told so to the client");
+    assert_eq!(bits(&last["report"]), bits(through), "and reported to the client");
     assert_eq!(so_far["report"]["frames_crc32"], through["frames_crc32"], "the sum so far is the sink's");
     assert_eq!(last["exit_status"].as_i64().map(|code| code as i32), output.status.code());
 }
@@ -221,28 +222,28 @@ fn an_injected_fault_shows_in_frames_and_report() {
     let folder = tempfile::tempdir().unwrap();
     let mut stepped = Stepped::start(&["--out", folder.path().to_str().unwrap()]);
     assert!(stepped.refused(br#"{"request": "frame"}"#).contains("no frame has gone out yet"));
-    stepped.reported(json!({ "request": "step", "until_s": 1.05 }));
-    let seen = stepped.reported(json!({ "request": "frame" }));
+    stepped.answered(json!({ "request": "step", "until_s": 1.05 }));
+    let seen = stepped.answered(json!({ "request": "frame" }));
     assert_eq!(seen["faults"], json!([]));
     assert_eq!(seen["pixels_base64_u16_le"].as_str().unwrap().len(), (256 * 256 * 2_usize).div_ceil(3) * 4);
     let event = json!({ "do": "frame_blank", "for_s": 1 });
-    let placed = stepped.reported(json!({ "request": "inject", "event": event }));
+    let placed = stepped.answered(json!({ "request": "inject", "event": event }));
     assert_eq!((placed["event"].as_str(), placed["from_s"].as_f64()), (Some("frame_blank"), Some(1.05)));
-    stepped.reported(json!({ "request": "step", "s": 0.5 }));
+    stepped.answered(json!({ "request": "step", "s": 0.5 }));
     let path = folder.path().join("blank.fits");
-    let blank = stepped.reported(json!({ "request": "frame", "path": "blank.fits" }));
+    let blank = stepped.answered(json!({ "request": "frame", "path": "blank.fits" }));
     assert_ne!(blank["faults"], json!([]), "the frame says so");
     assert_eq!(std::fs::metadata(&path).unwrap().len(), blank["bytes"].as_u64().unwrap());
     for (path, part) in [("blank.fits", "does not exist yet"), ("../x.fits", "\"..\""), ("/tmp/x.fits", "relative")] {
         let line = json!({ "request": "frame", "path": path }).to_string();
         assert!(stepped.refused(line.as_bytes()).contains(part), "{path}");
     }
-    let estimate = stepped.reported(json!({ "request": "estimate" }));
+    let estimate = stepped.answered(json!({ "request": "estimate" }));
     assert_eq!(estimate["heads"][0]["outcome"], "no_attitude", "and the tracker has seen nothing: {estimate}");
-    let so_far = stepped.reported(json!({ "request": "summary" }));
+    let so_far = stepped.answered(json!({ "request": "summary" }));
     assert_eq!(so_far["finished"], false);
     assert!(so_far["report"]["faults"][0]["hits"].as_u64().unwrap() >= 4, "{so_far}");
-    stepped.reported(json!({ "request": "step", "until_s": 4 }));
+    stepped.answered(json!({ "request": "step", "until_s": 4 }));
     let (last, output) = stepped.finish();
     let fault = &last["report"]["faults"][0];
     assert_eq!((fault["name"].as_str(), fault["hits"].as_u64()), (Some("frame_blank"), Some(10)), "{fault}");
@@ -277,12 +278,12 @@ fn a_client_without_the_token_changes_nothing_and_is_counted() {
     assert_eq!(std::fs::read_to_string(&waiting.token_file).unwrap(), format!("{}\n", waiting.token));
     let token_file = waiting.token_file.clone();
     let mut stepped = waiting.admitted();
-    let hello = stepped.reported(json!({ "request": "hello" }));
+    let hello = stepped.answered(json!({ "request": "hello" }));
     // A run starts a second before its first exposure.
     assert_eq!((&hello["now_s"], folder.path().join("page.fits").exists()), (&json!(-1.0), false), "{hello}");
     let again = stepped.refused(format!("{{\"request\":\"hello\",\"token\":\"{wrong}\"}}").as_bytes());
     assert!(again.contains("not that of this run"), "{again}");
-    stepped.reported(json!({ "request": "step", "until_s": 4.0 }));
+    stepped.answered(json!({ "request": "step", "until_s": 4.0 }));
     let (last, output) = stepped.finish();
     let wanted = json!({ "http_request": 3, "malformed_lines": 1, "no_hello": 1, "no_token": 1,
         "tls_handshake": 1, "wrong_token": 1 });
@@ -294,11 +295,11 @@ fn a_client_without_the_token_changes_nothing_and_is_counted() {
 }
 
 #[test]
-fn a_connection_that_says_nothing_gives_way_to_the_client() {
+fn silent_connection_is_replaced_by_the_client() {
     let waiting = Waiting::start(&[]);
     let idle = TcpStream::connect(&waiting.address).unwrap();
     let mut stepped = waiting.admitted();
-    stepped.reported(json!({ "request": "step", "until_s": 4.0 }));
+    stepped.answered(json!({ "request": "step", "until_s": 4.0 }));
     let (last, _) = stepped.finish();
     assert_eq!(last["report"]["control_refusals"], json!({ "gave_way": 1 }));
     drop(idle);
@@ -317,12 +318,12 @@ fn a_control_client_that_turns_to_http_is_hung_up_on() {
 #[test]
 fn triggers_go_over_the_bus_and_show_in_the_report() {
     let mut stepped = Stepped::start(&[]);
-    // Faults that wait for these numbers, each of no length to speak of; nothing waits for 9.
+    // Faults that wait for these numbers, each of negligible length; nothing waits for 9.
     for number in [3, 4, 65_535] {
         let event = json!({ "on_trigger": number, "for_s": 0.01, "do": "frame_blank" });
-        stepped.reported(json!({ "request": "inject", "event": event }));
+        stepped.answered(json!({ "request": "inject", "event": event }));
     }
-    stepped.reported(json!({ "request": "step", "until_s": 1.0 }));
+    stepped.answered(json!({ "request": "step", "until_s": 1.0 }));
     for trigger in [
         json!({ "number": 3 }),
         json!({ "number": 65_535, "at_s": 2.25 }),
@@ -331,14 +332,14 @@ fn triggers_go_over_the_bus_and_show_in_the_report() {
     ] {
         let mut request = trigger;
         request["request"] = "trigger".into();
-        let reported = stepped.reported(request.clone());
+        let reported = stepped.answered(request.clone());
         assert_eq!(reported["number"], request["number"]);
     }
     let far = stepped.refused(br#"{"request": "trigger", "number": 3, "at_s": 3602}"#);
     assert!(far.contains("wanted within an hour"), "{far}");
     let events = |stepped: &mut Stepped, until_s: f64| {
-        stepped.reported(json!({ "request": "step", "until_s": until_s }));
-        let report = stepped.reported(json!({ "request": "summary" }))["report"].clone();
+        stepped.answered(json!({ "request": "step", "until_s": until_s }));
+        let report = stepped.answered(json!({ "request": "summary" }))["report"].clone();
         ["trigger_taken", "trigger_late", "trigger_fired", "trigger_refused"]
             .map(|name| report["events"][name].as_u64().unwrap_or(0))
     };
@@ -350,7 +351,7 @@ fn triggers_go_over_the_bus_and_show_in_the_report() {
 #[test]
 fn truth_and_estimate_are_near_each_other_and_move_with_the_rate() {
     let mut stepped = Stepped::start(&[]);
-    stepped.reported(json!({ "request": "step", "until_s": 3.0 }));
+    stepped.answered(json!({ "request": "step", "until_s": 3.0 }));
     let quaternion =
         |reply: &Value| -> [f64; 4] { core::array::from_fn(|i| reply["sensor_from_icrf"][i].as_f64().unwrap()) };
     // Half the angle between two attitudes: the scalar part of one over the other.
@@ -358,11 +359,11 @@ fn truth_and_estimate_are_near_each_other_and_move_with_the_rate() {
         let distance = |sign: f64| (0..4).map(|i| (a[i] - sign * b[i]).powi(2)).sum::<f64>().sqrt();
         4.0 * (0.5 * distance(1.0).min(distance(-1.0))).asin()
     };
-    let estimate = stepped.reported(json!({ "request": "estimate" }));
-    let now = stepped.reported(json!({ "request": "truth", "at_s": estimate["at_s"] }));
+    let estimate = stepped.answered(json!({ "request": "estimate" }));
+    let now = stepped.answered(json!({ "request": "truth", "at_s": estimate["at_s"] }));
     let error_arcsec = angle_rad(quaternion(&now), quaternion(&estimate["estimate"])).to_degrees() * 3600.0;
     assert!(error_arcsec < 30.0, "a tracker knows better than {error_arcsec} arcsec: {estimate}");
-    let before = stepped.reported(json!({ "request": "truth", "at_s": now["at_s"].as_f64().unwrap() - 0.1 }));
+    let before = stepped.answered(json!({ "request": "truth", "at_s": now["at_s"].as_f64().unwrap() - 0.1 }));
     let rate = |i: usize| now["body_rate_rad_s"][i].as_f64().unwrap();
     let turned = 0.1 * (rate(0).powi(2) + rate(1).powi(2) + rate(2).powi(2)).sqrt();
     let moved = angle_rad(quaternion(&now), quaternion(&before));
@@ -405,18 +406,18 @@ fn wrong_lines_are_refused_in_words_and_the_session_goes_on() {
         let error = stepped.refused(line);
         assert!(error.contains(part), "no \"{part}\" in: {error}");
     }
-    stepped.reported(json!({ "request": "step", "until_s": 4.0 }));
+    stepped.answered(json!({ "request": "step", "until_s": 4.0 }));
     assert!(stepped.refused(br#"{"request": "step", "s": 0.1}"#).contains("reached its end"));
     let (last, _) = stepped.finish();
     assert_eq!(bits(&last["report"]), bits(&through), "what was refused has changed nothing");
 }
 
 #[test]
-fn a_client_that_goes_away_ends_the_run_with_what_is_finished() {
+fn disconnected_client_ends_the_run_with_finished_output() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("run");
     let mut stepped = Stepped::start(&["--sink", "recorder", "--out", out.to_str().unwrap()]);
-    stepped.reported(json!({ "request": "step", "frames": 5 }));
+    stepped.answered(json!({ "request": "step", "frames": 5 }));
     let Stepped { child, stream, replies, .. } = stepped;
     drop((stream, replies));
     let output = child.wait_with_output().unwrap();
@@ -446,20 +447,20 @@ fn a_bench_is_stepped_as_a_scenario_is() {
     let fixed = ["run", "--clock", "virtual", "--duration", "1", "--sink", "null", "--quiet", "--json"];
     bench.args(fixed).args(["--backend", "cpu", "--control", "127.0.0.1:0"]);
     let mut stepped = Waiting::spawn(bench).admitted();
-    stepped.reported(json!({ "request": "step", "frames": 2 }));
+    stepped.answered(json!({ "request": "step", "frames": 2 }));
     assert!(stepped.refused(br#"{"request": "truth"}"#).contains("nothing is flown inside"));
     let aboard = br#"{"request": "inject", "event": {"do": "gyro_dropout", "for_s": 1.0}}"#;
     assert!(stepped.refused(aboard).contains("nothing is flown"), "no gyro could fail");
-    stepped.reported(json!({ "request": "inject", "event": { "do": "frame_blank", "for_s": 0.3 } }));
-    stepped.reported(json!({ "request": "step", "until_s": 0.75 }));
-    assert_eq!(stepped.reported(json!({ "request": "state" }))["frames"]["delivered"], 6);
+    stepped.answered(json!({ "request": "inject", "event": { "do": "frame_blank", "for_s": 0.3 } }));
+    stepped.answered(json!({ "request": "step", "until_s": 0.75 }));
+    assert_eq!(stepped.answered(json!({ "request": "state" }))["frames"]["delivered"], 6);
     let (last, output) = stepped.finish();
     assert_eq!(last["report"]["faults"][0]["name"], "frame_blank");
     assert!(last["report"]["faults"][0]["hits"].as_u64().unwrap() >= 2, "{last}");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
-/// On the real clock nothing can be stepped; everything else works while the run goes on.
+/// Tests that on the real clock everything works during the run except stepping.
 #[test]
 fn a_run_on_the_real_clock_is_watched_and_steered() {
     let folder = tempfile::tempdir().unwrap();
@@ -468,12 +469,12 @@ fn a_run_on_the_real_clock_is_watched_and_steered() {
     assert!(steered.refused(br#"{"request": "step", "s": 0.5}"#).contains("--clock virtual"));
     assert!(steered.refused(br#"{"request": "summary"}"#).contains("when the run ends"));
     let delivered =
-        |steered: &mut Stepped| steered.reported(json!({ "request": "state" }))["frames"]["rendered"].as_u64().unwrap();
+        |steered: &mut Stepped| steered.answered(json!({ "request": "state" }))["frames"]["rendered"].as_u64().unwrap();
     while delivered(&mut steered) < 3 {
         std::thread::sleep(std::time::Duration::from_millis(20));
     }
     let event = json!({ "do": "stray_light", "for_s": 30.0, "e_per_s": 300_000.0 });
-    let placed = steered.reported(json!({ "request": "inject", "event": event }));
+    let placed = steered.answered(json!({ "request": "inject", "event": event }));
     assert_eq!(placed["event"], "stray_light");
     assert!(
         steered
@@ -481,15 +482,15 @@ fn a_run_on_the_real_clock_is_watched_and_steered() {
             .contains("head 3")
     );
     let before = delivered(&mut steered);
-    // Two frames may be under way when the event is placed.
+    // Two frames may be in flight when the event is placed.
     while delivered(&mut steered) < before + 4 {
         std::thread::sleep(std::time::Duration::from_millis(20));
     }
-    let frame = steered.reported(json!({ "request": "frame" }));
+    let frame = steered.answered(json!({ "request": "frame" }));
     assert!(frame["faults"].to_string().contains("stray_light"), "{}", frame["faults"]);
-    assert!(steered.reported(json!({ "request": "truth" }))["at_s"].as_f64().unwrap() > 0.0);
-    assert!(steered.reported(json!({ "request": "estimate" }))["heads"].is_array());
-    steered.reported(json!({ "request": "trigger", "number": 9 }));
+    assert!(steered.answered(json!({ "request": "truth" }))["at_s"].as_f64().unwrap() > 0.0);
+    assert!(steered.answered(json!({ "request": "estimate" }))["heads"].is_array());
+    steered.answered(json!({ "request": "trigger", "number": 9 }));
     let (last, output) = steered.finish();
     let report = report(&output);
     assert_eq!(report["faults"][0]["name"], "stray_light");

@@ -1,6 +1,6 @@
-//! Deadlines on the bench clock: frames that cannot be in time are treated as the policy says, and all are counted.
+//! Tests deadlines on the bench clock: late frames are treated according to the policy, and all are counted.
 //!
-//! No wall time is asserted: the readout time leaves 1 ms for a frame that the reference backend needs far more for.
+//! No wall time is asserted: the readout time leaves 1 ms for a frame for which the reference backend needs far more.
 
 use crate::bench::{built_in, start};
 use base::clock::{Clock, Monotonic};
@@ -16,7 +16,7 @@ use std::sync::atomic::AtomicBool;
 
 const FRAMES: u64 = 4;
 
-/// Runs frames that are all late, with nobody at the other end of the bus.
+/// Runs frames that are all late, without another end of the bus.
 fn run_late(policy: DeadlinePolicy) -> RunOutcome {
     let mut bench = built_in(0.1 * FRAMES as f64);
     bench.render.backend = Backend::Reference;
@@ -25,7 +25,7 @@ fn run_late(policy: DeadlinePolicy) -> RunOutcome {
     run(&bench, &mut |_, _| {})
 }
 
-/// Runs a bench on the bench clock with nobody at the other end of the bus.
+/// Runs a bench on the bench clock without another end of the bus.
 fn run(bench: &Bench, progress: &mut dyn FnMut(&SentFrame, &RunRecord)) -> RunOutcome {
     let start = start(bench);
     let params = bench_parts::run_params(bench, start).unwrap();
@@ -53,21 +53,22 @@ fn late_frames_go_out_late_or_not_at_all_and_are_counted() {
             DeadlinePolicy::Late => {
                 assert_eq!((frames.late, ledger.count(EventKind::Late)), (frames.delivered, frames.delivered))
             }
-            // Nothing was ever in time, so there is nothing to hold.
+            // No frame was in time, so there is none to hold.
             DeadlinePolicy::Drop | DeadlinePolicy::Hold => assert_eq!(frames.delivered, 0, "{policy:?}"),
         }
     }
 }
 
-/// A frame thread that is held up for three frames: the image before goes out again in their place.
+/// Tests a frame thread that is blocked for three frames: the previous image goes out again in their place.
 #[test]
 fn a_good_frame_is_repeated_while_new_ones_are_missing() {
-    // On a machine that stalls for 100 ms at the first frame there is nothing good to repeat: then the run is flown again.
+    // On a machine that stalls for 100 ms at the first frame a good frame to repeat is missing: then the run is flown
+    // again.
     let is_judged = (0..5).any(|_| holds_the_first_frame());
     assert!(is_judged, "the first frame was late in each of five runs");
 }
 
-/// Flies one run; false when its first frame was late, so that it shows nothing.
+/// Flies one run; returns false when its first frame was late, so that the run shows nothing.
 fn holds_the_first_frame() -> bool {
     let mut bench = built_in(0.6);
     bench.timing.deadline_policy = DeadlinePolicy::Hold;

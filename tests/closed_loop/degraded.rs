@@ -1,4 +1,4 @@
-//! The degradation ladder: a frame that would not be drawn in time gives something up, and everything says so.
+//! Tests degradation: a frame that would not be drawn in time is degraded, and all reports state this.
 
 use crate::bench::{Kept, built_in, over, run, start};
 use base::time::Span;
@@ -13,16 +13,16 @@ use run::wiring::bench_parts;
 use std::collections::BTreeMap;
 use std::fs::File;
 
-/// Readout time: drawing must be done in what the detector leaves of it, less than the stars of a frame take inside the
-/// accuracy budget.
+/// Readout time: minus the detector's time it is shorter than the drawing time of a frame's stars inside the accuracy
+/// budget.
 const SHORT_S: f64 = 4.1e-3;
-/// The detector alone takes longer.
+/// Readout time shorter than that of the detector alone, s.
 const IMPOSSIBLE_S: f64 = 1e-3;
 const FRAMES: u64 = 10;
-/// Stars that are drawn whatever the time.
+/// Number of stars that are always drawn.
 const LEAST_STARS: usize = 32;
 
-/// Returns all stars of the catalog, and hardly time for any.
+/// Returns a bench with all stars of the catalog, and hardly time for any.
 fn without_time(readout_s: f64, degrade: Degrade) -> Bench {
     let mut bench = over(Wire::CanFd, 1.0);
     bench.camera.radiometry.limiting_mag = 12.0;
@@ -51,7 +51,7 @@ fn a_frame_without_time_is_degraded_counted_and_reported() {
         let events: Vec<_> = record.ledger.last().filter(|event| event.kind == EventKind::Degraded).collect();
         for frame in &run.frames {
             let event = events.iter().find(|event| event.frame == Some(frame.meta.number)).unwrap();
-            assert_eq!(event.degradation.name(), frame.meta.degradation, "the event names the frame's rung");
+            assert_eq!(event.degradation.name(), frame.meta.degradation, "the event names the frame's degradation");
             assert!(event.degradation > Degradation::Full && event.span > Span::ZERO, "{event:?}");
         }
         let params = bench_parts::run_params(&bench, start(&bench)).unwrap();
@@ -79,7 +79,7 @@ fn when_even_the_detector_has_no_time_the_brightest_stars_stay_and_the_rest_is_a
     }
 }
 
-/// A frame without motion, or without stars that a sensor would see, is drawn only for those who ask for it by name.
+/// Tests that a frame without motion, or without visible stars, is drawn only if the user selects that level by name.
 #[test]
 fn default_degradation_ends_before_unphysical_frames() {
     let mut bench = without_time(IMPOSSIBLE_S, Degrade::Always);
@@ -97,7 +97,11 @@ fn without_the_key_the_virtual_clock_never_degrades() {
         assert!(by_degradation(&run.frames).is_empty(), "{degrade:?}");
     }
     let roomy = run(&Bench { timing: without_time(IMPOSSIBLE_S, Degrade::Always).timing, ..built_in(1.0) });
-    assert_eq!(roomy.outcome.record.ledger.count(EventKind::Degraded), 0, "time enough is no reason either");
+    assert_eq!(
+        roomy.outcome.record.ledger.count(EventKind::Degraded),
+        0,
+        "sufficient time causes no degradation either"
+    );
 }
 
 #[test]
@@ -109,7 +113,7 @@ fn degraded_runs_repeat_bit_for_bit() {
 }
 
 #[test]
-fn files_say_what_the_frame_says() {
+fn files_contain_the_degradation_of_the_frame() {
     let frames = run(&without_time(IMPOSSIBLE_S, Degrade::Always)).frames;
     let folder = tempfile::tempdir().unwrap();
     let directory = folder.path().join("recording");

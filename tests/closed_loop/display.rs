@@ -1,5 +1,5 @@
-//! A bench that is drawn for a calibrated display: stars stand where the calibration says, as bright as the calibration
-//! says, and what is told of the frames is the tracker's own pointing.
+//! Tests a bench that is drawn for a calibrated display: stars are at the places and have the brightness given by the
+//! calibration, and the frames report the tracker's own pointing.
 
 use base::units::DEG;
 use frames::sink::TruthStar;
@@ -39,7 +39,7 @@ fn bench() -> tempfile::TempDir {
     folder
 }
 
-/// A run, recorded, and what its frames.csv says.
+/// A recorded run, and its frames.csv.
 struct Run {
     folder: PathBuf,
     rows: Vec<FrameRow>,
@@ -65,14 +65,14 @@ impl Run {
         pixels.to_vec()
     }
 
-    /// Returns stars of a frame that stand alone, with what is seen of them.
+    /// Returns isolated stars of a frame, with their measurements.
     fn seen(&self, number: u32) -> Vec<(TruthStar, Seen)> {
         let (stars, pixels) = (self.stars(number), self.pixels(number));
         stars.iter().filter_map(|star| Some((*star, measured(&pixels, [star.x_px, star.y_px], &stars)?))).collect()
     }
 
-    /// Returns the light of a star in the tracker, e-/s, by its pixels and by its magnitude: the calibration's numbers
-    /// alone.
+    /// Returns the light of a star in the tracker, e-/s, by its pixels and by its magnitude: from the calibration's
+    /// values alone.
     fn light_e_per_s(&self, star: &TruthStar, seen: &Seen) -> [f64; 2] {
         let light = self.calibration.light.as_ref().unwrap();
         let by_magnitude = light.zero_point_e_per_s * 10_f64.powf(-0.4 * f64::from(star.mag));
@@ -80,7 +80,8 @@ impl Run {
     }
 }
 
-/// The spacecraft's own tracker sees the sky at its own rate, and the display shows it to a tracker in front of it.
+/// Tests that the spacecraft's own tracker sees the sky at its own rate, and that the display shows it to a tracker in
+/// front.
 #[test]
 fn a_display_is_in_a_closed_loop_in_which_the_tracker_inside_sees_the_sky() {
     let folder = bench();
@@ -117,7 +118,7 @@ fn direction(star: &TruthStar) -> DVec3 {
     DVec3::new(dec.cos() * ra.cos(), dec.cos() * ra.sin(), dec.sin())
 }
 
-/// `v_sensor = q v_icrf q*` for right ascension, declination and roll 0: boresight, image up to the north.
+/// Returns `v_sensor = q v_icrf q*` for right ascension, declination and roll 0: boresight, image up to the north.
 fn tracker_direction(ra_deg: f64, dec_deg: f64, star: DVec3) -> DVec3 {
     let (ra, dec) = (ra_deg * DEG, dec_deg * DEG);
     let z = DVec3::new(dec.cos() * ra.cos(), dec.cos() * ra.sin(), dec.sin());
@@ -131,7 +132,7 @@ fn tracker_direction(ra_deg: f64, dec_deg: f64, star: DVec3) -> DVec3 {
 fn stars_lie_where_the_calibration_says_and_are_as_bright() {
     let folder = bench();
     let checked = succeeds(&["check", "bench.toml"], folder.path());
-    // 0.1 s are six refreshes of 60 Hz: no beat. The same tracker at 0.055 s beats, and is warned of.
+    // 0.1 s are six refreshes of 60 Hz: no beat. The same tracker at 0.055 s beats, and a warning is printed.
     assert!(checked.contains("no beat"), "{checked}");
     assert!(checked.contains("stars on the display: ") && checked.contains("mag fit anywhere"), "{checked}");
     assert!(checked.contains("measured by the calibration") && checked.contains("every 167 s"), "{checked}");
@@ -144,10 +145,10 @@ fn stars_lie_where_the_calibration_says_and_are_as_bright() {
     let refresh_s = 1.0 / 60.0;
     let latency_s = run.calibration.latency.as_ref().unwrap().median_ns as f64 * 1e-9;
     for row in rows {
-        // Begun 1.5 refreshes, 8 ms and the latency before the light; the newest attitude is 0 to 11 ms old by then.
+        // Started 1.5 refreshes, 8 ms and the latency before the light; the newest attitude is then 0 to 11 ms old.
         let waited_s = row.horizon_ns as f64 * 1e-9 - (2.0 * refresh_s + 0.008 + latency_s);
         assert!((0.0..0.011).contains(&waited_s), "frame {}: {waited_s}", row.frame);
-        // Of the tracker, not of the axes that are drawn: the display is rolled by 8 degrees before it.
+        // Of the tracker, not of the drawn axes: the display is rolled by 8 degrees before it.
         let off_deg = [row.ra_deg - 84.05, row.dec_deg + 1.2, row.roll_deg].map(f64::abs);
         assert!(off_deg.iter().all(|off| *off < 2e-5), "frame {}: {off_deg:?}", row.frame);
         assert!((row.exposure_s - refresh_s).abs() < 1e-9);
@@ -182,13 +183,14 @@ fn a_slew_is_integrated_refresh_by_refresh_and_reported_in_the_trackers_axes() {
     assert!(row.rate_y_deg_s.hypot(row.rate_z_deg_s) < 1e-3, "{} {}", row.rate_y_deg_s, row.rate_z_deg_s);
     let sensor_from_icrf = DQuat::from_xyzw(row.qx, row.qy, row.qz, row.qw);
     for star in run.stars(27) {
-        // Passive: v_sensor = q v_icrf q*, with the attitude that frames.csv tells for mid-exposure.
+        // Passive: v_sensor = q v_icrf q*, with the attitude in frames.csv for mid-exposure.
         let wanted = geometry.project(sensor_from_icrf * direction(&star)).unwrap();
         let off_px = (star.x_px - wanted[0]).hypot(star.y_px - wanted[1]);
         // The mean place over the exposure and the place at its middle differ by the acceleration: 12 deg/s^2 at most.
         assert!(off_px < 0.01, "star {}: {off_px} display px", star.id);
     }
-    // From frame to frame a star moves by the rate times a refresh, and each is smeared along that way by as much.
+    // From frame to frame a star moves by the rate times a refresh, and each is smeared along that direction by as
+    // much.
     let step_px = row.rate_x_deg_s.abs() / 60.0 * 3600.0 / geometry.arcsec_per_px();
     let before = run.stars(26);
     let (mut looked_at, mut smear_px2) = (0, 0.0);
@@ -228,7 +230,7 @@ fn a_mirrored_display_is_drawn_for_unmirrored_and_pointing_stays_the_trackers() 
     let geometry = run.calibration.calibrated().unwrap().geometry;
     for star in run.stars(5) {
         let [x, y] = geometry.project(tracker_direction(84.05, -1.2, direction(&star))).unwrap();
-        // The display turns columns over when it shows them.
+        // The display mirrors columns when it shows them.
         let off_px = (star.x_px - (639.0 - x)).hypot(star.y_px - y);
         assert!(off_px < 2e-3, "star {}: {off_px} display px", star.id);
     }
@@ -243,7 +245,7 @@ fn a_mirrored_display_is_drawn_for_unmirrored_and_pointing_stays_the_trackers() 
     }
 }
 
-/// What is seen of a star: centroid, light in steps of luminance, second moments.
+/// Measurement of a star: centroid, light in steps of luminance, second moments.
 #[derive(Debug, Clone, Copy)]
 struct Seen {
     x_px: f64,
@@ -261,7 +263,7 @@ impl Seen {
     }
 }
 
-/// A star that is bright, unsaturated and alone.
+/// Measures a star that is bright, unsaturated and isolated.
 fn measured(pixels: &[u16], [x_px, y_px]: [f64; 2], stars: &[TruthStar]) -> Option<Seen> {
     let near = stars.iter().filter(|star| (star.x_px - x_px).hypot(star.y_px - y_px) < 14.0).count();
     let (column, row) = (x_px.round() as i64, y_px.round() as i64);
@@ -314,7 +316,7 @@ fn a_wrong_calibration_is_refused_before_anything_is_shown() {
     refused("bench.toml", "kind = \"display\"", "kind = \"display\"\nbits = 10", "10 bits");
     refused("tracker.toml", "height_px = 560", "height_px = 561", "561");
     refused("bench.toml", "name = \"simulated display\"", "", "sink.name");
-    // A tracker of the same geometry with another aperture makes other electrons of a magnitude.
+    // A tracker of the same geometry with another aperture has other electrons per magnitude.
     refused("tracker.toml", "aperture_mm = 20.0", "aperture_mm = 20.1", "e-/s of magnitude 0");
     refused("bench.toml", "[sink]", "[[target]]\nposition_px = [9.0, 9.0]\nmag = 3.0\n\n[sink]", "[[target]]");
     refused("bench.toml", "duration_s = 10.0", "duration_s = 10.0\nahead_ms = 50.0", "timing.ahead_ms");

@@ -1,7 +1,7 @@
-//! A full 1 Mbit/s bus and a full 3 Mbaud line at once, on the real clock: nothing is lost.
+//! Tests a full 1 Mbit/s bus and a full 3 Mbaud line at once, on the real clock: nothing is lost.
 //!
-//! `STARLOOP_FULL_LOAD_S=60 cargo test --release --test closed_loop -- full_load --nocapture` is the long run; two seconds
-//! are flown without it. Times are told and not asserted.
+//! `STARLOOP_FULL_LOAD_S=60 cargo test --release --test closed_loop -- full_load --nocapture` is the long run; without
+//! it two seconds are flown. Times are printed and not asserted.
 
 use crate::bench::built_in;
 use base::clock::{Clock, Monotonic};
@@ -20,7 +20,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 
-/// Work that a sender has queued ahead: the wire never runs dry on a machine that sleeps this long at most.
+/// Data that a sender queues ahead: the wire stays full on a machine that sleeps up to this long.
 const AHEAD: Span = Span::from_ms(4);
 
 /// A wire kept full by a thread.
@@ -48,7 +48,7 @@ fn full_wire(
             sent += 1;
             clock.sleep_until(leaves - AHEAD);
         }
-        // The last ones are still on their way.
+        // The last ones are still in flight.
         clock.sleep_until(clock.now() + Span::from_ms(50));
         assert_eq!(far.counters().unsent, 0, "the sender's own queue");
         sent
@@ -99,7 +99,7 @@ fn a_full_bus_and_a_full_line_lose_nothing() {
     };
     let (line, line_port) = full_wire(&clock, BusTiming::Serial { baud: 3_000_000 }, WireFormat::Serial, &over, burst);
     let stop = Arc::new(AtomicBool::new(false));
-    // The senders end before the run does, so that everything sent is taken in.
+    // The senders end before the run does, so that everything sent is received.
     let ender = {
         let (clock, over) = (Arc::clone(&clock), Arc::clone(&over));
         let end = params.exposure_start(params.frames.saturating_sub(5));

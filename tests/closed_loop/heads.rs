@@ -1,4 +1,5 @@
-//! Several camera heads: each shows the sky where it is mounted, on both clocks, and none has to wait for another's sink.
+//! Tests several camera heads: each shows the sky for its mounting, on both clocks, and none has to wait for another's
+//! sink.
 
 use crate::bench::start;
 use crate::pixels::{fly_real, scenario};
@@ -38,7 +39,7 @@ fn apart(a: DQuat, b: DQuat) -> f64 {
     2.0 * (a * b.conjugate()).xyz().length().min(1.0).asin()
 }
 
-/// Returns the attitude of every frame of its own of one head, by number, from the files of a run.
+/// Returns the attitude of every frame of one head, by number, from the files of a run.
 fn attitudes(run: &Path, head: usize) -> BTreeMap<u32, DQuat> {
     let mut reader = csv::Reader::from_path(run.join(format!("head{head}/frames.csv"))).unwrap();
     let names = reader.headers().unwrap().clone();
@@ -92,7 +93,7 @@ fn each_head_shows_the_sky_where_it_is_mounted() {
 fn heads_have_patterns_and_noise_of_their_own() {
     let folder = tempfile::tempdir().unwrap();
     let bench = folder.path().join("bench.toml");
-    // All look the same way.
+    // All have the same mounting.
     std::fs::write(&bench, "[[extra_head]]\nsensor_from_body = [1.0, 0.0, 0.0, 0.0]\n").unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_starloop"));
     let arguments = ["run", "bench.toml", "--clock", "virtual", "--duration", "0.3", "--out", "out", "--quiet"];

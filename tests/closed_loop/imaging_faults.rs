@@ -1,4 +1,4 @@
-//! Faults of optics, light and frames: every frame says what it was made under, and shows it.
+//! Tests faults of optics, light and frames: every frame reports the faults it was made under, and shows them.
 
 use crate::pixels::{fly_real, scenario};
 use base::time::Span;
@@ -12,7 +12,7 @@ use run::wiring::stepped::SteppedRun;
 use std::sync::{Arc, Mutex};
 use testbed::acs::Mode;
 
-/// What is kept of a frame.
+/// Facts about a frame that are stored.
 struct Seen {
     meta: FrameMeta,
     truth: Vec<TruthStar>,
@@ -20,7 +20,7 @@ struct Seen {
     largest_dn: u16,
 }
 
-/// A sink that keeps what is known about its frames.
+/// A sink that stores the facts about its frames.
 #[derive(Clone, Default)]
 struct Keeper(Arc<Mutex<Vec<Seen>>>);
 
@@ -43,7 +43,7 @@ impl Sink for Keeper {
     }
 }
 
-/// Flies a scenario; its frames, the mode at the end and the outcome.
+/// Flies a scenario; returns its frames, the mode at the end and the outcome.
 fn fly(scenario: &Scenario) -> (Vec<Seen>, Mode, RunEnd) {
     let keeper = Keeper::default();
     let mut going = SteppedRun::new(scenario, |_| Box::new(keeper.clone())).unwrap();
@@ -54,7 +54,7 @@ fn fly(scenario: &Scenario) -> (Vec<Seen>, Mode, RunEnd) {
     (seen, mode, outcome)
 }
 
-/// Begin and end in seconds, name and number of every fault of the scenario, written down by hand; frames are 0.5 s apart
+/// Start and end in seconds, name and number of every fault of the scenario, written by hand; frames are 0.5 s apart
 /// and exposed for 0.1 s.
 const FAULTS: [(f64, f64, &str, u16); 11] = [
     (150.0, 170.0, "false_stars", 1),
@@ -98,7 +98,7 @@ fn every_frame_names_its_faults_and_shows_them() {
     assert_eq!((count(EventKind::Fault), count(EventKind::FaultOver)), (11, 11), "begin and end of each");
 }
 
-/// Returns the stray light, dark current, flood and defocus are in the pixels.
+/// Checks that the stray light, dark current, flood and defocus are in the pixels.
 fn check_light<'a>(at: &impl Fn(f64) -> &'a Seen) {
     let quiet = at(205.0).mean_dn;
     let gain = 25.1;
@@ -108,14 +108,14 @@ fn check_light<'a>(at: &impl Fn(f64) -> &'a Seen) {
     let rise_dn = half.mean_dn - quiet;
     let wanted_dn = half.meta.active.named()[0].amount.value * 0.1 / gain;
     assert!((rise_dn / wanted_dn - 1.0).abs() < 0.01, "{rise_dn} DN for {wanted_dn}");
-    // Eight times 190 e-/s: seven of them more. The mean of 65536 pixels is known to 0.01 DN.
+    // Eight times 190 e-/s: seven of them are additional. The mean of 65536 pixels is known to 0.01 DN.
     let warm_dn = at(315.0).mean_dn - at(305.0).mean_dn;
     assert!((warm_dn - 7.0 * 190.0 * 0.1 / gain).abs() < 0.1, "{warm_dn} DN warmer");
     assert!(at(380.0).mean_dn > 4050.0, "flooded: {}", at(380.0).mean_dn);
     let [sharp_dn, wide_dn] = [245.0, 260.0].map(|s| f64::from(at(s).largest_dn) - 100.0);
     // The brightest star fills its pixel when it is sharp.
     assert!(wide_dn < 0.8 * sharp_dn, "wider spots: {wide_dn} DN for {sharp_dn}");
-    // The same light, and what sharp stars lose above the converter's end: of each, at most what one pixel cannot show.
+    // The same light, plus the light that sharp stars lose above the converter's range: of each at most one pixel's.
     let gained_dn = at(260.0).mean_dn - at(245.0).mean_dn;
     let unshown_e: f64 = at(245.0).truth.iter().map(|star| (star.electrons - 3995.0 * gain).max(0.0)).sum();
     let unshown_dn = unshown_e / gain / 65_536.0;
@@ -124,11 +124,11 @@ fn check_light<'a>(at: &impl Fn(f64) -> &'a Seen) {
     let leak_dn = at(410.0).mean_dn - at(403.0).mean_dn;
     assert!((leak_dn - 40.0 * 5e3 / gain / 65_536.0).abs() < 0.05, "{leak_dn} DN of hot pixels");
     assert!((at(416.0).mean_dn - at(403.0).mean_dn).abs() < 0.05, "and none afterwards");
-    // Each of 20 bits is worth 2048 DN, either way.
+    // Each of 20 bits contributes 2048 DN, either way.
     assert!(at(190.0).largest_dn >= 2048 && at(190.0).mean_dn - quiet > 0.2, "{}", at(190.0).mean_dn - quiet);
 }
 
-/// False, missing and dimmed stars are in the truth.
+/// Checks that false, missing and dimmed stars are in the truth.
 fn check_sources<'a>(at: &impl Fn(f64) -> &'a Seen) {
     let kinds = |seen: &Seen, kind| seen.truth.iter().filter(|row| row.kind == kind).count();
     let (before, with) = (at(145.0), at(160.0));
@@ -164,7 +164,7 @@ fn event(at_s: f64, for_s: f64, fault: FrameFault) -> Event {
 }
 
 #[test]
-fn what_waits_for_a_trigger_does_not_come_without_it() {
+fn fault_waiting_for_a_trigger_does_not_start_without_it() {
     let mut scenario = scenario("imaging_faults");
     scenario.bench.timing.duration_s = 20.0;
     scenario.events = vec![Event { on_trigger: Some(4), ..event(1.0, 3.0, FrameFault::Blank) }];
@@ -172,7 +172,7 @@ fn what_waits_for_a_trigger_does_not_come_without_it() {
     assert!(seen.iter().all(|seen| seen.meta.active.count() == 0));
     assert!(outcome.faults[0].from_s.is_infinite() && outcome.faults[0].hits == 0, "{:?}", outcome.faults);
     assert_eq!(outcome.assessment.violations().1, Vec::<String>::new(), "a fault that never came need not hit");
-    // Fired twice while the run goes on: one second after each.
+    // Fired twice during the run: each acts one second later.
     let keeper = Keeper::default();
     let mut going = SteppedRun::new(&scenario, |_| Box::new(keeper.clone())).unwrap();
     let zero = going.zero();
@@ -216,7 +216,7 @@ fn frames_are_spoilt_on_the_real_clock_too() {
     let outcome = fly_real(&scenario, &mut sink, Box::new(|_| {}), &mut |_, _, _| {});
     let seen = core::mem::take(&mut *keeper.0.lock().unwrap());
     let by_number = |number: u32| seen.iter().find(|seen| seen.meta.number == number);
-    // A busy machine may hold or lose frames, and says so: what is looked at is what came in time.
+    // A busy machine may hold or lose frames, and reports it: only frames that came in time are checked.
     let own = |number: u32| by_number(number).filter(|s| !s.meta.faults.contains(FaultFlags::FRAME_DUPLICATE));
     assert!(own(2).is_none(), "withheld: its exposure ends at 1.1 s");
     for number in [3, 4] {

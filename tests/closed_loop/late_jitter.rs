@@ -1,7 +1,7 @@
-//! Jitter samples that arrive late: how wrong the frames are without them, and that every such frame says so.
+//! Tests jitter samples that arrive late: the error of frames without them, and that every such frame reports it.
 //!
-//! The flight computer's own jitter stream is off; a sender of this file sends the same jitter so much later. The truth is a run
-//! in which the stimulator knows the jitter as a line.
+//! The flight computer's own jitter stream is off; a sender of this file sends the same jitter with a delay. The truth
+//! is a run in which the stimulator has the jitter as a line.
 
 use crate::bench::{self, Flight, over, start};
 use base::time::{Span, Tai};
@@ -18,23 +18,23 @@ use testbed::flight_computer::{FlightComputer, FlightComputerParams, JitterLineP
 use firmware_protocol::Message;
 use firmware_protocol::message::{JitterBurst, JitterPair};
 
-/// A slow line of the amplitude that shows a lost sample best.
+/// A slow line with the amplitude at which a lost sample has the largest effect.
 const LINE: JitterLineParams =
     JitterLineParams { frequency_hz: 0.4, amplitude_arcsec: [80.0, 0.0, 0.0], phase_rad: 0.3 };
 /// The small tracker's pixel: 20 degrees over 256 px.
 const ARCSEC_PER_PX: f64 = 281.0;
-/// Frames with all their samples are this close to the truth: counts of the wire (0.02 arcsec) and of place.
+/// Tolerance of frames with all their samples: rounding on the wire (0.02 arcsec) and of places.
 const COMPLETE_ARCSEC: f64 = 0.1;
 /// Frames at the start, before the clock and the stream are known.
 const SETTLING: usize = 3;
 
-/// One frame: its stars' places by number, and what it says of its jitter.
+/// One frame: its stars' places by number, and its report about jitter.
 struct Shot {
     places: BTreeMap<u32, [f64; 2]>,
     missing: Span,
 }
 
-/// Keeps the places of the stars.
+/// Stores the places of the stars.
 struct Album(Arc<Mutex<Vec<Shot>>>);
 
 impl Sink for Album {
@@ -54,7 +54,7 @@ impl Sink for Album {
     }
 }
 
-/// Sends the jitter so long after its samples' epochs.
+/// Sends the jitter with a delay after its samples' epochs.
 struct LateSender {
     wire: Wire,
     delay: Span,
@@ -67,7 +67,7 @@ impl LateSender {
         if self.wire == Wire::CanClassic { 2 } else { 14 }
     }
 
-    /// A message is sent when its last sample is as old as the delay.
+    /// Returns when the next message is sent: when its last sample is as old as the delay.
     fn next_due(&self) -> Tai {
         self.boot + Span::from_ms(self.samples() * (self.sent + 1) - 1) + self.delay
     }
@@ -93,14 +93,14 @@ impl LateSender {
     }
 }
 
-/// What a run leaves behind: its frames, its record, and the samples that came after their frame.
+/// Results of a run: its frames, its record, and the samples that came after their frame.
 struct Flown {
     shots: Vec<Shot>,
     record: RunRecord,
     late_samples: u64,
 }
 
-/// Flies the bench with jitter that is so late; `None`: the stimulator knows it as a line.
+/// Flies the bench with jitter that has this delay; `None`: the stimulator has it as a line.
 fn fly(bench: &Bench, delay: Option<Span>) -> Flown {
     let shots = Arc::new(Mutex::new(Vec::new()));
     let mut sender = delay.map(|delay| LateSender { wire: bench.link.wire, delay, boot: start(bench), sent: 0 });
@@ -119,7 +119,7 @@ fn fly(bench: &Bench, delay: Option<Span>) -> Flown {
 fn bench(wire: Wire, source: JitterSource) -> Bench {
     let mut bench = over(wire, 2.0);
     bench.camera = Camera::load(Path::new("configs/cameras/small_tracker.toml")).unwrap();
-    // Time to spare: a frame waits half of it at most.
+    // Ample time: a frame waits half of it at most.
     bench.camera.exposure.readout_s = 0.1;
     let line = config::JitterLineSettings {
         frequency_hz: LINE.frequency_hz,
@@ -139,7 +139,7 @@ fn error_arcsec(frame: &Shot, truth: &Shot) -> f64 {
     off_px.into_iter().fold(0.0, f64::max) * ARCSEC_PER_PX
 }
 
-/// Checks that frames without all their samples say so, and returns the largest error.
+/// Checks that frames without all their samples report it, and returns the largest error.
 fn checked(wire: Wire, delay_ms: i64, truth: &[Shot]) -> f64 {
     let flown = fly(&bench(wire, JitterSource::Samples), Some(Span::from_ms(delay_ms)));
     assert_eq!(flown.shots.len(), truth.len());
@@ -174,7 +174,7 @@ fn checked(wire: Wire, delay_ms: i64, truth: &[Shot]) -> f64 {
 }
 
 #[test]
-fn frames_that_lack_jitter_samples_say_so_and_others_do_not() {
+fn frames_without_jitter_samples_report_it_and_others_do_not() {
     for wire in [Wire::CanFd, Wire::CanClassic] {
         let truth = fly(&bench(wire, JitterSource::Lines), None);
         assert_eq!(truth.record.ledger.count(EventKind::JitterMissing), 0, "no stream of samples, nothing missing");
@@ -184,7 +184,8 @@ fn frames_that_lack_jitter_samples_say_so_and_others_do_not() {
     }
 }
 
-/// A burst of 14 ms is whole only after the exposure's end: without the wait every frame lacks its last samples.
+/// Tests that frames wait: a burst of 14 ms is complete only after the exposure's end, and every frame would lack
+/// samples.
 #[test]
 fn frames_wait_for_samples_that_are_under_way() {
     let mut impatient = bench(Wire::CanFd, JitterSource::Samples);

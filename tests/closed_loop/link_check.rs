@@ -1,4 +1,4 @@
-//! `starloop link-check` as a program.
+//! Tests `starloop link-check` as a program.
 
 use std::process::{Command, Output};
 
@@ -21,7 +21,7 @@ fn links_of_this_machine_are_held_to_their_promises() {
 }
 
 #[test]
-fn what_cannot_be_opened_is_reported_with_advice() {
+fn failed_opening_is_reported_with_advice() {
     for (arguments, said) in [
         (&["--kind", "socketcan", "--interface", "can_none"][..], "can_none"),
         (&["--kind", "serial", "--port", "/dev/ttyNone9", "--peer", "/dev/ttyNone8"], "ports here"),

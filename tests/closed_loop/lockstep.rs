@@ -1,5 +1,5 @@
-//! A plant outside in lockstep: frames show what was sent, bit for bit the same in batches of any size; what is old or bad is
-//! refused; the built-in tracker sees the frames.
+//! Tests an external plant in lockstep: frames show the samples, bit for bit the same in batches of any size; old or
+//! bad samples are refused; the built-in tracker sees the frames.
 
 use base::axes::{Body, Icrf, Rotation, Sensor};
 use base::time::{Span, Tai};
@@ -17,7 +17,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use testbed::tracker::Outcome;
 
-/// Between samples 10 ms apart a constant rate is interpolated to rounding; frames are not drawn further off than this.
+/// Tolerance: between samples 10 ms apart a constant rate is interpolated to rounding.
 const SHOWN_ARCSEC: f64 = 1e-3;
 /// Rate of the turn, rad/s, body axes.
 const RATE_RAD_S: DVec3 = DVec3::new(0.004, -0.006, 0.002);
@@ -35,14 +35,14 @@ fn scenario(extra: &str) -> Scenario {
     Scenario::from_document(&document(extra)).unwrap()
 }
 
-/// Assembles a run whose plant is whoever calls.
+/// Assembles a run whose plant is the caller.
 fn assembled(scenario: &Scenario) -> SteppedRun {
     let mut sink = |_: usize| Box::new(NullSink::new()) as Box<dyn Sink>;
     let options = RunOptions { is_controlled: true, ..RunOptions::stepped(Outputs::Made(&mut sink)) };
     SteppedRun::of(Run::assemble(scenario, options).unwrap()).unwrap()
 }
 
-/// Returns a turn at a constant rate: the attitude so long after the first exposure.
+/// Returns the attitude of a turn at a constant rate, `t_s` after the first exposure.
 fn turned(t_s: f64) -> Rotation<Body, Icrf> {
     Rotation::from_rotation_vector(DVec3::new(0.3, -1.1, 0.4)).rotated_by(RATE_RAD_S * t_s)
 }
@@ -58,12 +58,12 @@ fn samples(zero: Tai) -> Vec<PlantSample> {
     (-10..140).map(|step| sample(zero, 0.01 * f64::from(step))).collect()
 }
 
-/// What is left of a run.
+/// Results of a run.
 #[derive(Debug, Clone, PartialEq)]
 struct Flight {
     frames: Vec<(u32, FrameMeta)>,
     trackers: Vec<Option<TrackerOutput>>,
-    /// By frame and star.
+    /// Places by frame and star.
     places_px: BTreeMap<(u32, u64), [f64; 2]>,
     refused: u64,
 }
@@ -74,7 +74,7 @@ impl Flight {
     }
 }
 
-/// Feeds a run in batches of this size, a batch as soon as the one before is used up, and steps it in odd lengths.
+/// Feeds a run in batches of this size, a batch as soon as the previous one is used up, and steps it in odd lengths.
 fn fly(scenario: &Scenario, batch: usize, edit: impl Fn(Vec<PlantSample>) -> Vec<PlantSample>) -> Flight {
     let mut run = assembled(scenario);
     let (zero, end) = (run.zero(), run.end_at());
@@ -84,7 +84,7 @@ fn fly(scenario: &Scenario, batch: usize, edit: impl Fn(Vec<PlantSample>) -> Vec
     let mut steps = [0.0137, 0.1, 0.000_3, 0.051].iter().cycle();
     while run.now() < end && !run.is_finished() {
         let mut until = (run.now() + Span::from_s(*steps.next().unwrap())).min(end);
-        // Samples are sent before their instants, and as late as they may be.
+        // Samples are sent before their instants, as late as possible.
         while let Some(next) = batches.next_if(|next| next[0].at <= until) {
             run.take_plant(next).unwrap();
         }
@@ -136,7 +136,7 @@ fn frames_show_what_was_sent_bit_for_bit_in_batches_of_any_size() {
     assert!((1..12).contains(&changed), "control: a sample that is moved changes its frame: {changed}");
 }
 
-/// The conjugate, taken for an attitude by mistake.
+/// The conjugate of an attitude, as a typical user error.
 trait Conjugate {
     fn inverse_as_attitude(&self) -> Self;
 }

@@ -1,5 +1,5 @@
-//! The whole loop over a simulated bus: on the virtual clock through the library, on the bench clock and as a program
-//! through the binary.
+//! Tests of the whole loop over a simulated bus: on the virtual clock through the library, on the bench clock and as a
+//! program through the binary.
 #![allow(clippy::wildcard_enum_match_arm, reason = "a test looks for one kind among all")]
 #![allow(clippy::panic, clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 

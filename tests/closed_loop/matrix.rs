@@ -1,7 +1,8 @@
-//! Every run works with everything: plants, clocks, heads, taps and links, each with each.
+//! Tests that every run works with everything: plants, clocks, heads, taps and links, each with each.
 //!
-//! A combination runs, or is refused in one sentence for a reason of physics: a bus or a flight computer outside this program
-//! has a time of its own, so the virtual clock cannot hold it. The refusals are the list of `src/guide/how_a_run_works.md`.
+//! A combination runs, or is refused in one sentence for a reason of physics: a bus or a flight computer outside this
+//! program has its own time, so the virtual clock cannot control it. The refusals are the list of
+//! `src/guide/how_a_run_works.md`.
 
 use config::{Document, Scenario};
 use frames::sink::{NullSink, Sink};
@@ -20,7 +21,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Who moves the spacecraft.
+/// Plant that moves the spacecraft.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Who {
     Outside,
@@ -29,7 +30,7 @@ enum Who {
     Vehicle,
 }
 
-/// What the bytes travel on.
+/// Medium of the bytes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Bus {
     Simulated,
@@ -44,7 +45,7 @@ const CLOCKS: [RunClockKind; 2] = [RunClockKind::Virtual, RunClockKind::Real];
 /// Length of a run, s: some frames of each head.
 const DURATION_S: f64 = 0.6;
 
-/// Two pseudo terminals whose ends are joined, as a null modem joins two serial ports.
+/// Two pseudo terminals whose ends are connected, as a null modem connects two serial ports.
 struct NullModem {
     paths: [String; 2],
     over: Arc<AtomicBool>,
@@ -66,7 +67,7 @@ impl NullModem {
     }
 }
 
-/// Carries bytes one way until it is over.
+/// Copies bytes one way until `over` is set.
 fn carry(mut from: File, mut to: File, over: Arc<AtomicBool>) -> std::thread::JoinHandle<()> {
     let forward = move || {
         let mut bytes = [0; 4096];
@@ -87,7 +88,7 @@ impl Drop for NullModem {
     }
 }
 
-/// Returns the run file of one combination, beside the shipped benches.
+/// Returns the run file of one combination, in the place of the shipped benches.
 fn document(who: Who, bus: Bus, heads: usize, (modem, folder): (&NullModem, &Path)) -> Document {
     let history = folder.join("attitude.csv");
     std::fs::write(&history, "0.0, 1, 0, 0, 0\n1.0, 0.9999619, 0.0087265, 0, 0\n").unwrap();
@@ -109,7 +110,7 @@ fn document(who: Who, bus: Bus, heads: usize, (modem, folder): (&NullModem, &Pat
              attitude = \"given\"\nra_deg = 84.0\ndec_deg = -1.2\n",
         ),
     };
-    // The trackers of a vehicle date their frames by the first head's EXPOSURE: its heads have one timing.
+    // The trackers of a vehicle date their frames by the first head's EXPOSURE: its heads share one timing.
     let timing = if who == Who::Vehicle { "" } else { "frame_rate_hz = 5.0\nphase_ms = 30.0\n" };
     let head = format!("[[extra_head]]\nsensor_from_body = [0.0, 1.0, 0.0, 0.0]\n{timing}");
     let text = format!(
@@ -154,10 +155,10 @@ fn fly(document: &Document, clock: RunClockKind, folder: &Path) -> Result<RunEnd
     Ok(end)
 }
 
-/// Returns the reason of physics for which a combination cannot run, if there is one.
+/// Returns the physical reason for which a combination cannot run, if there is one.
 fn refusal(who: Who, bus: Bus, clock: RunClockKind) -> Option<&'static str> {
     match (who, bus, clock) {
-        // Whoever is outside must be able to get in.
+        // An external plant needs an entry to the bus.
         (Who::Outside, Bus::Simulated, _) => Some("slcan_tcp, slcan_pty or socketcand"),
         (_, Bus::SerialPty, RunClockKind::Virtual) => Some("a real bus, which has a time of its own"),
         (_, Bus::Gateways, RunClockKind::Virtual) => Some("gateways, which has a time of its own"),

@@ -1,4 +1,4 @@
-//! The loop closed over pixels: from lost in space to fine pointing, against theory and against its own control.
+//! Tests the loop closed over pixels: from lost in space to fine pointing, against theory and against its own control.
 
 use base::clock::Stopwatch;
 use config::{Document, Scenario};
@@ -12,8 +12,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use testbed::acs::Mode;
 
-/// What the closed loop may err over what linear theory makes of the tracker's noise: star places err by more than noise
-/// (pixel phase, neighbours), and the window holds few independent values of a slow loop.
+/// Largest error of the closed loop relative to linear theory for the tracker's noise: star places have more errors
+/// than noise (pixel phase, neighbours), and the window contains few independent values of a slow loop.
 const OVER_PREDICTION: f64 = 1.5;
 
 /// Returns a scenario of `configs/scenarios`.
@@ -71,12 +71,12 @@ fn lost_in_space_becomes_fine_pointing_as_theory_predicts() {
 fn without_the_tracker_the_same_loop_does_not_point() {
     let acquisition = scenario("acquisition");
     let mut blind = scenario("no_tracker");
-    // The same flight, but for the tracker and what is expected of it.
+    // The same flight, except for the tracker and the expectations.
     let (blind_vehicle, seeing) = (blind.vehicle().unwrap(), acquisition.vehicle().unwrap());
     assert_eq!((blind.bench.seed, blind_vehicle.initial), (acquisition.bench.seed, seeing.initial));
     assert_eq!(blind_vehicle.initial_rate_rad_s, seeing.initial_rate_rad_s);
     assert_eq!((blind_vehicle.target, &blind_vehicle.spacecraft), (seeing.target, &seeing.spacecraft));
-    // Nobody looks at its frames: they may be small.
+    // Its frames are not used: they may be small.
     blind.bench = Scenario::from_document(&Document::built_in("scenarios/campaign.toml").unwrap()).unwrap().bench;
     blind.bench.seed = acquisition.bench.seed;
     blind.bench.timing.duration_s = acquisition.bench.timing.duration_s;
@@ -133,7 +133,7 @@ fn wheels_shake_the_line_of_sight_where_the_mode_is() {
     let sweep = scenario("wheel_sweep");
     let (outcome, _) = fly(&sweep);
     let (arcsec, wheel_hz) = outcome.assessment.vibration().unwrap();
-    // Seen with the body free, a mode lies above its cantilever frequency: f / sqrt(1 - d J^-1 d), about 43 Hz here.
+    // With a free body a mode has more than its cantilever frequency: f / sqrt(1 - d J^-1 d), about 43 Hz here.
     let params = &sweep.vehicle().unwrap().spacecraft.params;
     let mode = &params.modes[0];
     let stiffening = 1.0 - mode.coupling.dot(params.inertia_kg_m2.inverse() * mode.coupling);
@@ -144,7 +144,7 @@ fn wheels_shake_the_line_of_sight_where_the_mode_is() {
     assert!(arcsec > 3.0 * rigid_arcsec, "{arcsec} arcsec against {rigid_arcsec} without the mode");
 }
 
-/// CRCs of a short flight, run through or advanced in odd steps.
+/// Returns the CRCs of a short flight, run through or advanced in odd steps.
 fn crcs(seed: u64, step_s: Option<f64>) -> (Vec<u32>, u32) {
     let mut short = scenario("bus_dropouts");
     short.bench.seed = seed;

@@ -1,4 +1,4 @@
-//! The program as a person or a script meets it.
+//! Tests the program as a user or a script runs it.
 
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
@@ -48,7 +48,7 @@ fn the_bench_clock_accounts_for_every_slot() {
     let frames = &summary(&folder.path().join("run"))["frames"];
     let count = |key: &str| frames[key].as_u64().unwrap();
     assert_eq!(count("scheduled"), 10);
-    // A loaded machine may miss slots; it may not lose count of them.
+    // A loaded machine may miss slots; it must not miscount them.
     assert_eq!(count("delivered") + count("dropped"), 10, "{frames}");
 }
 
@@ -58,7 +58,7 @@ fn summary_that_cannot_be_written_is_a_loss_with_its_own_exit_status() {
     let run = |out: &str| {
         starloop(&["run", "--clock", "virtual", "--duration", "0.3", "--out", out, "--quiet"], folder.path())
     };
-    // A directory has the name that the file is to get.
+    // A directory occupies the name of the file.
     std::fs::create_dir_all(folder.path().join("lost/summary.json")).unwrap();
     let lost = run("lost");
     let stderr = text(&lost.stderr);
@@ -112,7 +112,7 @@ fn without_a_vulkan_driver_the_cpu_draws_and_one_line_says_so() {
 }
 
 #[test]
-fn a_machine_without_a_display_session_is_no_error() {
+fn machine_without_a_display_session_is_not_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let output = command(&["check"], folder.path()).env_remove("XDG_RUNTIME_DIR").output().unwrap();
     let stderr = text(&output.stderr);
@@ -120,7 +120,7 @@ fn a_machine_without_a_display_session_is_no_error() {
 }
 
 #[test]
-fn errors_say_what_where_wanted_got() {
+fn errors_state_what_where_wanted_got() {
     let folder = tempfile::tempdir().unwrap();
     let camera = folder.path().join("camera.toml");
     let write = |focal: &str| {
@@ -146,7 +146,7 @@ fn errors_say_what_where_wanted_got() {
     std::fs::write(folder.path().join("bright.csv"), "x_px,y_px,electrons\n1,2,1e39\n").unwrap();
     let cases: [(&[&str], Option<i32>, &str); 11] = [
         (&["--attitude", "1,0,0,NaN"], Some(2), "4 finite numbers"),
-        (&["--attitude", "2,0,0,0"], Some(1), "norm 2"),
+        (&["--attitude", "2,0,0,0"], Some(2), "norm 2"),
         (&["--ra", "10", "--dec", "91"], Some(2), "-90 to 90"),
         (&["--ra", "10", "--dec", "0", "--sources", "none.csv"], Some(1), "none.csv"),
         (&["--ra", "10", "--dec", "0", "--time", "noon"], Some(2), "RFC 3339"),
@@ -154,8 +154,8 @@ fn errors_say_what_where_wanted_got() {
         (&["--ra", "1", "--dec", "0", "--los", "far.csv", "--method", "effective-psf"], Some(1), "use samples or auto"),
         (&["--ra", "1", "--dec", "0", "--los", "farther.csv"], Some(1), "row 2"),
         (&["--sources", "bright.csv"], Some(1), "wanted 0 to 1e12"),
-        (&["--ra", "1", "--dec", "0", "--rate", "1e9,0,0"], Some(1), "wanted at most 1000"),
-        (&[], Some(1), "wanted --ra"),
+        (&["--ra", "1", "--dec", "0", "--rate", "1e9,0,0"], Some(2), "wanted at most 1000"),
+        (&[], Some(2), "wanted --ra"),
     ];
     for (arguments, wanted, part) in cases {
         let (code, error) = render(arguments);

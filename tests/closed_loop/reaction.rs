@@ -1,5 +1,5 @@
-//! A controller and a star tracker outside act on a spacecraft that is flown inside: torques turn it as mechanics says, wheels
-//! give back what they take, and attitudes from outside reach the estimator.
+//! Tests an external controller and star tracker acting on an internal spacecraft: torques turn it according to
+//! mechanics, wheels return the momentum they take, and attitudes from outside reach the estimator.
 
 use base::time::Span;
 use base::units::ARCSEC;
@@ -10,7 +10,7 @@ use run::wiring::stepped::SteppedRun;
 use std::path::Path;
 use testbed::vehicle::Vehicle;
 
-/// Flexible modes and disturbances beside a torque of 10 mN m over seconds.
+/// Effect of flexible modes and disturbances relative to a torque of 10 mN m over seconds.
 const MECHANICS: f64 = 0.05;
 
 /// Returns a spacecraft at rest at its target, without flexible modes.
@@ -50,7 +50,7 @@ fn a_torque_from_outside_turns_the_body_by_its_impulse() {
     let turned = |torque_n_m: DVec3| {
         let mut run = begun();
         let before = rate(&run);
-        // Between two integration steps, for a time that is no multiple of them.
+        // Between two integration steps, for a time that is not a multiple of them.
         let from = run.zero() + Span::from_s(1.0037);
         run.with_vehicle_mut(|vehicle, now| vehicle.push(torque_n_m, from, Span::from_s(2.501), now)).unwrap().unwrap();
         step_to(&mut run, 4.0);
@@ -73,7 +73,7 @@ fn wheels_driven_outside_give_the_body_what_they_take() {
         let at = run.zero() + Span::from_s(s);
         run.with_vehicle_mut(|vehicle, now| vehicle.drive_wheels(torques, at, now)).unwrap()
     };
-    // Announced in the wrong order: each begins at its own time.
+    // Announced in the wrong order: each starts at its own time.
     drive(&mut run, &[0.0; 4], 3.0).unwrap();
     drive(&mut run, &[torque, 0.0, 0.0, 0.0], 1.0).unwrap();
     step_to(&mut run, 5.0);
@@ -99,7 +99,7 @@ fn wheels_driven_outside_give_the_body_what_they_take() {
     assert!(error.contains("wanted a hand-over"), "{error}");
 }
 
-/// Returns a proportional and differential law by the truth, ten times a second, against a constant push.
+/// Flies a proportional and differential law on the true attitude, ten times a second, against a constant torque.
 fn flown_outside(has_control: bool) -> f64 {
     let mut run = begun();
     let target = run.with_vehicle(Vehicle::target).unwrap();
@@ -116,7 +116,7 @@ fn flown_outside(has_control: bool) -> f64 {
         if has_control {
             let (w, damping) = (0.5, 0.8);
             let wanted = inertia * (error * (w * w) - truth.rate_rad_s * (2.0 * damping * w));
-            // Four wheels on a pyramid: the transpose shares a torque out up to this factor.
+            // Four wheels on a pyramid: the transpose distributes a torque with this factor.
             let torques: Vec<f64> = axes.iter().map(|axis| -axis.dot(wanted) * 0.75).collect();
             run.with_vehicle_mut(|vehicle, now| vehicle.drive_wheels(&torques, now, now)).unwrap().unwrap();
         }
@@ -137,7 +137,7 @@ fn control_outside_flies_the_spacecraft_inside() {
     assert!(adrift > 50.0 * flown, "control: without commands it drifts {} arcsec", adrift / ARCSEC);
 }
 
-/// Returns the error of the estimate after 20 s with attitudes of a tracker outside that are off by this, arcsec.
+/// Returns the error of the estimate after 20 s with attitudes of an external tracker that have this error, arcsec.
 fn sighted_outside(offset: DVec3) -> (f64, bool) {
     let mut run = SteppedRun::new(&scenario(), |_| Box::new(NullSink::new())).unwrap();
     step_to(&mut run, 0.0);

@@ -1,4 +1,4 @@
-//! The session over the simulated bus: HELLO and RUN begin it, STOP ends it, STATUS echoes what is rendered.
+//! Tests the session over the simulated bus: HELLO and RUN start it, STOP ends it, STATUS echoes the rendered pointing.
 
 use crate::bench::{built_in, start};
 use base::axes::{Icrf, Rotation, Sensor, ra_dec_roll};
@@ -22,17 +22,17 @@ use run::wiring::bench_parts;
 use std::sync::Arc;
 use testbed::flight_computer::FlightComputer;
 
-/// The echo's own resolution is 0.3 mas; f32 on the wire 0.019 arcsec, time tags of 1 us at 0.5 deg/s 0.002.
+/// Tolerance: the echo's own resolution is 0.3 mas; f32 on the wire 0.019 arcsec, time tags of 1 us at 0.5 deg/s 0.002.
 const ECHO_ARCSEC: f64 = 0.03;
 
-/// A run with somebody else on the bus, who says what a script says and hears everything.
+/// A run with a third party on the bus, which sends the messages of a script and receives everything.
 struct Overheard {
     outcome: RunOutcome,
     computer: FlightComputer,
-    got: Vec<Stamped<Message>>,
+    received: Vec<Stamped<Message>>,
 }
 
-/// What the somebody does: at this time, this message or these raw bytes.
+/// An action of the third party: at this time, this message or these raw bytes.
 enum Says {
     Message(Message),
     Garbage,
@@ -55,7 +55,7 @@ fn overhear(bench: &Bench, script: &[(f64, Says)]) -> Overheard {
     let mut mouth = links.next().unwrap();
     let mut speaker = Speaker { script, next: 0, start };
     let mut computer = FlightComputer::new(bench_parts::flight_computer(bench, start));
-    let mut got = Vec::new();
+    let mut received = Vec::new();
     let outcome = virtual_time::run(
         &mut engine,
         &mut receiver,
@@ -65,7 +65,7 @@ fn overhear(bench: &Bench, script: &[(f64, Says)]) -> Overheard {
         &mut |now| {
             computer.step(now, &mut far)?;
             while let Some(message) = ear.receive(now)? {
-                got.push(message);
+                received.push(message);
             }
             speaker.speak(now, &mut mouth, ids);
             Ok(computer.next_due().min(speaker.next_due()))
@@ -73,7 +73,7 @@ fn overhear(bench: &Bench, script: &[(f64, Says)]) -> Overheard {
         &mut |_, _| true,
     );
     assert!(outcome.error.is_none(), "{:?}", outcome.error.map(|error| error.to_string()));
-    Overheard { outcome, computer, got }
+    Overheard { outcome, computer, received }
 }
 
 struct Speaker<'a> {
@@ -121,7 +121,7 @@ impl Overheard {
             Message::Response(response) => Some(response),
             _ => None,
         };
-        self.got.iter().filter_map(response).collect()
+        self.received.iter().filter_map(response).collect()
     }
 
     fn modes(&self) -> Vec<StimulatorMode> {
@@ -129,7 +129,7 @@ impl Overheard {
             Message::Status(StatusPage::State { mode, .. }) => Some(mode),
             _ => None,
         };
-        self.got.iter().filter_map(mode).collect()
+        self.received.iter().filter_map(mode).collect()
     }
 }
 
@@ -138,7 +138,7 @@ fn hello_and_run_begin_a_session_and_stop_ends_it() {
     let mut bench = built_in(4.0);
     bench.session.start = SessionStart::OnRun;
     let run = overhear(&bench, &[(3.0, command(200, Request::Stop)), (3.1, command(200, Request::Stop))]);
-    assert!(run.computer.is_running(), "the flight computer was told RUN is accepted");
+    assert!(run.computer.is_running(), "the flight computer knows that RUN is accepted");
     assert_eq!((run.count(EventKind::SessionRun), run.count(EventKind::SessionHalt)), (1, 1));
     // Frames are exposed from 1 s on, every 0.1 s; STOP comes at 3 s.
     assert!((19..=21).contains(&run.count(EventKind::NotRunning)), "{}", run.count(EventKind::NotRunning));
@@ -171,7 +171,7 @@ fn status_echoes_the_pointing_of_each_frame_at_the_time_reported_for_it() {
     let run = overhear(&built_in(4.0), &[]);
     let (mut angles, mut compared) = ([f64::NAN; 3], 0);
     let mut reported: Option<(u8, Tai)> = None;
-    for message in &run.got {
+    for message in &run.received {
         match message.value {
             Message::Exposure(exposure) => {
                 // The run is shorter than the wrap of 71.6 min: the tag is the time since boot.
@@ -218,7 +218,7 @@ fn a_table_of_jitter_is_uploaded_and_applied_once() {
 fn a_trigger_is_answered_fired_once_and_refused_by_name() {
     let fire = |token, number, at_us| command(token, Request::Trigger(Trigger { number, at_us }));
     let script = [
-        // Before the flight computer's first word.
+        // Before the flight computer's first message.
         (0.001, fire(50, 1, 0)),
         (1.5, fire(51, 2, 0)),
         (1.6, fire(51, 2, 0)),
@@ -254,11 +254,11 @@ fn a_trigger_is_answered_fired_once_and_refused_by_name() {
 fn rejections_are_reported_once_a_second_at_most() {
     let garbage = (0..200).map(|i| (1.0 + 0.01 * f64::from(i), Says::Garbage)).collect::<Vec<_>>();
     let run = overhear(&built_in(4.0), &garbage);
-    let reported = |is: &dyn Fn(&Message) -> bool| run.got.iter().filter(|message| is(&message.value)).count();
+    let reported = |is: &dyn Fn(&Message) -> bool| run.received.iter().filter(|message| is(&message.value)).count();
     let rejects =
         |message: &Message| matches!(message, Message::Status(StatusPage::Rejects { reason: Reject::BadCrc, .. }));
     assert!((2..=4).contains(&reported(&rejects)), "{} of 200 bad packets in 2 s", reported(&rejects));
-    let last = run.got.iter().rev().find_map(|message| match message.value {
+    let last = run.received.iter().rev().find_map(|message| match message.value {
         Message::Status(StatusPage::Rejects { reason: Reject::BadCrc, count }) => Some(count),
         _ => None,
     });

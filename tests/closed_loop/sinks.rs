@@ -1,4 +1,4 @@
-//! Sinks on the bench clock: a slow one, a failing one and one that breaks down cost the run nothing but their own frames.
+//! Tests sinks on the bench clock: a slow one, a failing one and one that panics cost the run only their own frames.
 //!
 //! A slow sink is one that waits until the last frame has been drawn: no time is measured.
 
@@ -17,10 +17,10 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 pub(crate) const FRAMES: u64 = 14;
-/// Frames that the slow sink may be behind.
+/// Number of frames by which the slow sink may lag.
 const SPACE: usize = 3;
 
-/// What goes wrong with a sink.
+/// Fault of a sink.
 pub(crate) enum Trouble {
     /// It is busy with its first frame until the end of the run.
     Slow(Gate<()>),
@@ -64,7 +64,7 @@ pub(crate) fn bench() -> Bench {
     bench
 }
 
-/// Runs on the bench clock with nobody at the other end of the bus; `at_end` is dropped after the last frame is drawn.
+/// Runs on the bench clock without another end of the bus; `at_end` is dropped after the last frame is drawn.
 fn run(sink: Box<dyn Sink>, at_end: Option<crossbeam_channel::Sender<()>>) -> RunOutcome {
     let bench = bench();
     let start = start(&bench);
@@ -84,7 +84,7 @@ fn run(sink: Box<dyn Sink>, at_end: Option<crossbeam_channel::Sender<()>>) -> Ru
     })
 }
 
-/// Returns the troubled sink beside one that keeps up.
+/// Returns the faulty sink beside one that keeps up.
 fn beside_another(trouble: Trouble) -> Box<dyn Sink> {
     let camera = bench_parts::run_params(&bench(), start(&bench())).unwrap().camera;
     let [width, height] = camera.output().size_px;
@@ -96,7 +96,7 @@ fn beside_another(trouble: Trouble) -> Box<dyn Sink> {
     Box::new(Fan::start(sinks.map(branch), &prototype, OnFull::Drop).unwrap())
 }
 
-/// Every slot is accounted for, whatever the machine did.
+/// Returns the number of frames passed to the sinks: every slot is accounted for on any machine.
 fn handed(outcome: &RunOutcome) -> u64 {
     assert!(outcome.error.is_none(), "{:?}", outcome.error.as_ref().map(ToString::to_string));
     let frames = outcome.record.frames;
@@ -120,7 +120,7 @@ fn a_slow_sink_loses_its_own_frames_and_no_slot() {
     let handed = handed(&outcome);
     assert_eq!(sink_busy(&outcome), 0, "no slot was missed because of a sink");
     let [slow, quick] = outcome.sinks.as_slice() else { panic!("two sinks: {:?}", outcome.sinks) };
-    // It took what it had room for; after the end of the gate it may have had time for the last ones.
+    // It took as many as its queue holds; after the end of the gate there may have been time for the last ones.
     assert!(slow.dropped >= handed.saturating_sub(SPACE as u64 + 2), "{slow:?}");
     assert_eq!((quick.frames, quick.dropped, quick.refused), (handed, 0, 0));
     assert_eq!(outcome.record.ledger.count(EventKind::SinkDropped), slow.dropped);
@@ -130,10 +130,11 @@ fn a_slow_sink_loses_its_own_frames_and_no_slot() {
     assert!(!loss.detail.contains("failure"), "slow is not a failure: {losses}");
 }
 
-/// The same sink without a queue of its own holds up slots: what the test above would show if it could fail.
+/// Tests that the same sink without its own queue delays slots: this shows that the test above can fail.
 #[test]
 fn without_a_queue_of_its_own_a_slow_sink_costs_slots() {
-    // A machine that is too busy to draw any frame in time misses its slots for want of time: then it is tried again.
+    // A machine that is too busy to draw any frame in time misses its slots for lack of time: then the test is
+    // repeated.
     let outcome =
         (0..5).map(|_| slow_alone()).find(|outcome| outcome.record.frames.rendered >= 4).expect("drawn in time");
     handed(&outcome);
@@ -144,7 +145,7 @@ fn without_a_queue_of_its_own_a_slow_sink_costs_slots() {
 fn slow_alone() -> RunOutcome {
     let (at_end, gate) = bounded(0);
     let slow = Troubled { inner: NullSink::new(), trouble: Trouble::Slow(gate.clone()) };
-    // The last slots are never drawn: somebody else opens the gate.
+    // The last slots are never drawn: another thread opens the gate.
     let open = move || {
         std::thread::sleep(std::time::Duration::from_secs(4));
         drop(at_end);
@@ -177,7 +178,7 @@ fn a_full_disk_is_counted_and_the_run_goes_on() {
 }
 
 #[test]
-fn a_sink_that_breaks_down_is_lost_and_the_run_goes_on() {
+fn failed_sink_is_lost_and_the_run_goes_on() {
     let outcome = run(beside_another(Trouble::Breaks), None);
     let handed = handed(&outcome);
     let [broken, whole] = outcome.sinks.as_slice() else { panic!("two sinks: {:?}", outcome.sinks) };

@@ -1,4 +1,4 @@
-//! Latency and jitter injected into the loop over pixels: margins, rejection and errors are those of linear theory.
+//! Tests latency and jitter injected into the loop over pixels: margins, rejection and errors agree with linear theory.
 
 use base::units::DEG;
 use batch::study::frequency::{CROSSOVER_SHARE, PHASE_MARGIN_DEG, REJECTION_SHARE};
@@ -13,7 +13,7 @@ fn scenario() -> Scenario {
     Scenario::from_document(&Document::built_in("scenarios/study.toml").unwrap()).unwrap()
 }
 
-/// Returns the measured values of one kind, over what was varied.
+/// Returns the measured values of one kind, over the varied quantity.
 fn measured(studied: &Studied, kind: &str, varied: &str) -> Vec<[f64; 2]> {
     let points = studied.points.iter().filter(|point| point.kind == kind && point.varied == varied);
     points.map(|point| [point.value, point.measured]).collect()

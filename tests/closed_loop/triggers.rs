@@ -1,4 +1,5 @@
-//! Triggers of the flight computer: each acts once, in the frame that its instant falls into, and again in a replay.
+//! Tests triggers of the flight computer: each acts once, in the frame that contains its instant, and again in a
+//! replay.
 
 use crate::bench::{built_in, start};
 use base::clock::{Clock, Virtual};
@@ -17,14 +18,14 @@ use run::wiring::bench_parts;
 use std::sync::Arc;
 use testbed::flight_computer::{FlightComputer, TriggerAnswers};
 
-/// Two seconds of time marks: how well an instant of the far clock is known here.
+/// Accuracy of an instant of the far clock after two seconds of time marks.
 const CLOCK: Span = Span::from_ns(100_000);
 
-/// When it is sent, its number, when it acts; seconds after the start.
+/// Time of sending, number, time of action; seconds after the start.
 type Sent = (f64, u16, Option<f64>);
 
-/// Sent at once and ahead, in another order than that in which they act; the last but one comes after its instant, the last
-/// acts after the run.
+/// Triggers at once and ahead, in another order than that in which they act; the last but one comes after its instant,
+/// the last acts after the run.
 const SENT: [Sent; 6] = [
     (1.52, 7, None),
     (1.60, 40_000, Some(3.02)),
@@ -115,7 +116,7 @@ fn triggers_act_once_each_in_the_frame_of_their_instant() {
     // Frames are exposed from 1 s on, every 0.1 s.
     for ((at, frame), wanted_s) in reported.iter().zip([1.52, 2.33, 2.33, 2.55, 3.02]) {
         let off = *at - (flown.start + Span::from_s(wanted_s));
-        // At once and late is on arrival: behind the sending step, and the bus.
+        // At once and late act on arrival: after the sending step, and the bus.
         let most = if [1.52, 2.55].contains(&wanted_s) { Span::from_ms(11) } else { CLOCK };
         assert!(off.ns().abs() < most.ns(), "{wanted_s} s: {} us off", off.ns() / 1000);
         let slot = flown.engine.slot(*frame);
@@ -162,8 +163,8 @@ fn a_captured_run_has_the_same_triggers_when_it_is_replayed() {
     assert_eq!(replay(&missing).0, [3, 3, 9, 40_000]);
 }
 
-/// A capture of protocol 1.2, which took every trigger, has the same pixels now that they are refused: on a bench no fault
-/// waits for them.
+/// Tests that a capture of protocol 1.2, which took every trigger, has the same pixels now that they are refused: on a
+/// bench no fault waits for them.
 #[test]
 fn refused_triggers_leave_pixels_as_they_were_when_every_trigger_was_taken() {
     let bench = built_in(4.0);

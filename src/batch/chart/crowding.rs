@@ -1,8 +1,8 @@
 //! Time of a frame against the number of its stars: planning and drawing, with jitter, on every backend.
 //!
-//! In: fields of 1e2 to 1e6 stars of falling brightness, a sinusoid of 0.5 px in every exposure. Out: `crowding.csv`, a chart
-//! and a verdict: between two numbers of stars the time grows as their ratio to some power, which is to be at most 1 (a
-//! frame has a part that all stars share). A frame's own part is measured without stars.
+//! In: fields of 1e2 to 1e6 stars of decreasing brightness, a sinusoid of 0.5 px in every exposure. Out:
+//! `crowding.csv`, a chart and a verdict: between two numbers of stars the time grows as their ratio to some power,
+//! which must be at most 1 (a frame has a part that all stars share). A frame's own part is measured without stars.
 
 use crate::chart::drawer::Drawer;
 use crate::chart::scenes::{Movement, Psf, Scene, Stars};
@@ -16,9 +16,9 @@ use serde::{Deserialize, Serialize};
 
 /// Numbers of stars.
 const STARS: [usize; 9] = [100, 300, 1_000, 3_000, 10_000, 30_000, 100_000, 300_000, 1_000_000];
-/// The last of them on a graphics card without hardware.
+/// Largest number of stars on a software GPU.
 const MOST_ON_SOFTWARE: usize = 30_000;
-/// The last of them in a quick run.
+/// Largest number of stars in a quick run.
 const MOST_QUICK: usize = 30_000;
 
 /// One number of stars on one backend.
@@ -34,12 +34,12 @@ pub struct CrowdingRow {
     pub plan_ms: f64,
     /// Drawing, median ms.
     pub draw_ms: f64,
-    /// Both, as the planner predicted.
+    /// Sum of both as predicted by the planner, ms.
     pub predicted_ms: f64,
 }
 
 impl CrowdingRow {
-    /// Returns the planning and drawing, ms.
+    /// Returns the time of planning and drawing, ms.
     #[must_use]
     pub fn total_ms(&self) -> f64 {
         self.plan_ms + self.draw_ms
@@ -60,7 +60,7 @@ fn scene(stars: usize, quick: bool) -> Scene {
     }
 }
 
-/// Returns all numbers of stars on all backends.
+/// Measures all numbers of stars on all backends.
 ///
 /// # Errors
 /// When a backend fails.
@@ -96,8 +96,8 @@ pub fn measure(settings: &Settings, drawers: &mut [Drawer], effort: Effort) -> R
     Ok(rows)
 }
 
-/// Returns the power with which the time grows with the number of stars between neighbours of one backend, and between
-/// which.
+/// Returns, for neighbouring numbers of stars of one backend, the power with which the time grows, and the number at
+/// which the interval starts.
 #[must_use]
 pub fn growth(rows: &[CrowdingRow]) -> Vec<(&str, usize, f64)> {
     let of_pair = |pair: &[CrowdingRow]| {

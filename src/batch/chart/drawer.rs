@@ -1,4 +1,4 @@
-//! The backends under test, and the reference: plan -> image in f64, waited for.
+//! The backends under test, and the reference: draw a plan and wait for the image in f64.
 
 use crate::chart::{Backends, ChartError};
 use base::image::Image;
@@ -20,7 +20,7 @@ pub struct Picture {
     pub pixels: Vec<f64>,
 }
 
-/// A backend that makes itself as large as the scene.
+/// A backend that is rebuilt for the size of the scene.
 #[derive(Debug)]
 pub enum Drawer {
     /// The CPU.
@@ -42,10 +42,10 @@ pub enum Drawer {
 }
 
 impl Drawer {
-    /// Returns the backends asked for, and a line about one that is missing.
+    /// Returns the requested backends, and a line about one that is missing.
     ///
     /// # Errors
-    /// When a GPU was asked for by name and is not there.
+    /// When a GPU was requested by name and is not available.
     pub fn open(backends: Backends) -> Result<(Vec<Self>, Option<String>), ChartError> {
         let mut drawers = Vec::new();
         if backends != Backends::Gpu {
@@ -62,7 +62,7 @@ impl Drawer {
         Ok((drawers, None))
     }
 
-    /// Returns the name people type.
+    /// Returns the name used in commands.
     #[must_use]
     pub fn name(&self) -> &'static str {
         match self {
@@ -71,13 +71,13 @@ impl Drawer {
         }
     }
 
-    /// Draws on a graphics card that a program pretends to be.
+    /// Returns true for a GPU that is emulated in software.
     #[must_use]
     pub fn is_software_gpu(&self) -> bool {
         matches!(self, Self::Gpu { device, .. } if device.is_software())
     }
 
-    /// Returns the device behind it.
+    /// Returns a description of its device.
     #[must_use]
     pub fn description(&self) -> String {
         match self {
@@ -96,7 +96,7 @@ impl Drawer {
         }
     }
 
-    /// Draws, and waits until the image is there; it stays on its device.
+    /// Draws, and waits until the image is complete; it stays on its device.
     ///
     /// # Errors
     /// When the backend refuses the plan or fails.
@@ -124,7 +124,7 @@ impl Drawer {
         }
     }
 
-    /// Draws and brings the image here.
+    /// Draws, and returns the image in main memory.
     ///
     /// # Errors
     /// When the backend refuses the plan or fails.

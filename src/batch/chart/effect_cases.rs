@@ -1,4 +1,4 @@
-//! The effects whose cost is charted, as data: a name and what switches it on.
+//! The effects whose cost is charted, as data: a name and a change that switches it on.
 
 use base::bayer::BayerPattern;
 use base::time::Tai;
@@ -20,25 +20,25 @@ use plan::optics::psf_field::PsfField;
 use plan::optics::{Illumination, PsfModel};
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 
-/// What switches an effect of the detector on.
+/// Change that switches an effect of the detector on.
 #[derive(Debug, Clone, Copy)]
 pub enum Switch {
     /// Its parameters.
     Params(fn(&mut DetectorParams)),
-    /// Light beside the stars, and whether the image plane is lit unevenly.
+    /// Light besides the stars, and true when the image plane is lit unevenly.
     Background(Background, bool),
 }
 
-/// What switches an effect of drawing on.
+/// Change that switches an effect of drawing on.
 #[derive(Debug, Clone, Copy)]
 pub enum DrawingSwitch {
-    /// Another instrument.
+    /// A change of the instrument.
     Instrument(fn(&mut Instrument)),
-    /// More to plan.
+    /// A change of the planner.
     Planner(fn(&mut Planner)),
 }
 
-/// Everything a detector can do beyond shot noise and conversion.
+/// Detector effects besides shot noise and conversion.
 pub const DETECTOR: [(&str, Switch); 22] = [
     ("background, the same everywhere", Switch::Background(Background::uniform(20.0), false)),
     ("background with a shape", Switch::Background(SHAPED, false)),
@@ -64,7 +64,7 @@ pub const DETECTOR: [(&str, Switch); 22] = [
     ("window, a quarter", Switch::Params(|params| params.spatial.window = Some(QUARTER))),
 ];
 
-/// What drawing can do beyond round Gaussians of stars on an even image plane.
+/// Drawing effects besides round Gaussians of stars on an even image plane.
 pub const DRAWING: [(&str, DrawingSwitch); 8] = [
     ("wide Gaussian", DrawingSwitch::Instrument(|instrument| instrument.psf = PsfModel::gaussian(3.0))),
     ("Airy pattern", DrawingSwitch::Instrument(|instrument| instrument.psf = PsfModel::airy(1.5, 0.3))),
@@ -102,7 +102,7 @@ fn bent() -> Nonlinearity {
     Nonlinearity::through(&[[1e4, 1e4], [2e4, 1.95e4], [4e4, 3.7e4]]).unwrap_or(Nonlinearity::OFF)
 }
 
-/// Returns the nine PSFs, sharper in the middle.
+/// Returns a field of nine PSFs, sharper in the middle.
 fn over_the_field(instrument: &Instrument) -> PsfModel {
     let size_px = [instrument.camera.width_px(), instrument.camera.height_px()];
     let node = |i: u32| PsfModel::moffat(1.2 + 0.1 * f64::from((i % 3).abs_diff(1) + (i / 3).abs_diff(1)), 3.5);

@@ -1,8 +1,8 @@
-//! What each effect costs: a frame with it, less the same frame without it, on every backend.
+//! Cost of each effect: the time of a frame with it minus that of the same frame without it, on every backend.
 //!
-//! In: a list of effects, each a change of a quiet detector or of a plain instrument. Out: `effects.csv`. Frames with and without
-//! take turns, so that what else the machine does falls on both; medians. An effect that is off takes no time, as nothing of
-//! it runs: what is "without" here is a camera that does not name it.
+//! In: a list of effects, each a change of a quiet detector or of a plain instrument. Out: `effects.csv`. Frames with
+//! and without alternate, so that other load on the machine affects both; medians. An effect that is off takes no time,
+//! because none of its code runs: "without" means a camera that does not name it.
 
 use crate::chart::ChartError;
 use crate::chart::drawer::Drawer;
@@ -31,7 +31,7 @@ pub struct EffectRow {
     pub effect: String,
     /// A frame of this part without it, ms.
     pub without_ms: f64,
-    /// With it, ms.
+    /// Time of a frame with it, ms.
     pub with_ms: f64,
     /// The difference, ms.
     pub cost_ms: f64,
@@ -39,7 +39,7 @@ pub struct EffectRow {
 
 /// Light in every pixel, e-.
 const LIGHT_E: f32 = 20.0;
-/// Turns at most.
+/// Largest number of turns.
 const MOST_TURNS: usize = 41;
 
 /// Returns the scene of the drawing cases; the detector's are of the same size.
@@ -57,7 +57,7 @@ fn scene(quick: bool) -> Scene {
     }
 }
 
-/// Returns every effect on every backend.
+/// Measures every effect on every backend.
 ///
 /// # Errors
 /// When a backend fails.
@@ -78,7 +78,7 @@ pub fn measure(quick: bool, drawers: &mut [Drawer]) -> Result<Vec<EffectRow>, Ch
     Ok(rows)
 }
 
-/// Returns the planning and drawing without and with an effect, ms.
+/// Returns the time of planning and drawing without and with an effect, ms.
 fn drawing(stage: &Stage, switch: DrawingSwitch, drawer: &mut Drawer, turns: usize) -> Result<[f64; 2], RenderError> {
     let mut with = stage.clone();
     if let DrawingSwitch::Instrument(switch) = switch {
@@ -91,7 +91,7 @@ fn drawing(stage: &Stage, switch: DrawingSwitch, drawer: &mut Drawer, turns: usi
     by_turns(turns, |i| drawer.draw(planners[i].plan(&stage.sources)))
 }
 
-/// Returns the reading out without and with an effect, ms.
+/// Returns the time of readout without and with an effect, ms.
 fn detector(size_px: usize, switch: Switch, drawer: &Drawer, turns: usize) -> Result<[f64; 2], RenderError> {
     let mut params = DetectorParams::QUIET;
     if let Switch::Params(switch) = switch {
@@ -114,7 +114,7 @@ fn row(drawer: &Drawer, part: &str, effect: &str, [without_ms, with_ms]: [f64; 2
     EffectRow { backend, part: part.into(), effect: effect.into(), without_ms, with_ms, cost_ms }
 }
 
-/// Medians of two that take turns, ms, after one turn that warms up.
+/// Returns the medians of two alternating measurements, ms, after one warm-up turn.
 fn by_turns<E>(turns: usize, mut frame: impl FnMut(usize) -> Result<(), E>) -> Result<[f64; 2], E> {
     let mut taken_ms = [const { Vec::new() }; 2];
     let mut watch = Stopwatch::start();
@@ -166,7 +166,7 @@ impl Readout {
         Ok(made)
     }
 
-    /// Lights the detector; unevenly where a size is given.
+    /// Lights the detector; unevenly if a size is given.
     fn light_up(&mut self, background: Background, uneven_px: Option<usize>) -> Result<(), RenderError> {
         let map = uneven_px.map(|side| vec![0.9_f32; side * side]);
         match &mut self.detector {
@@ -175,7 +175,7 @@ impl Readout {
                 detector.set_illumination_map(map);
             }
             OnBackend::Gpu { detector, .. } => {
-                // Nothing is drawn: the light comes as stray light.
+                // Nothing is drawn: the light is added as stray light.
                 self.conditions.background = background.and_uniform(LIGHT_E);
                 detector.set_illumination_map(map.as_deref())?;
             }

@@ -1,13 +1,13 @@
-//! What can keep a chart from being made.
+//! Errors of making a chart.
 
 use image::gpu::GpuError;
 use image::render::RenderError;
 use sky::astrometry::AstrometryError;
 
-/// Why there is no chart.
+/// Reason why a chart cannot be made.
 #[derive(Debug, thiserror::Error)]
 pub enum ChartError {
-    /// the GPU that was asked for is not there
+    /// the requested GPU is not available
     #[error("--backend gpu: {0}")]
     NoGpu(GpuError),
     /// a backend failed while it drew
@@ -17,7 +17,7 @@ pub enum ChartError {
         scene: String,
         /// The backend.
         backend: &'static str,
-        /// What it said.
+        /// Error of the backend.
         source: RenderError,
     },
     /// a scene's camera was refused
@@ -28,13 +28,13 @@ pub enum ChartError {
     Effect {
         /// The effect.
         effect: &'static str,
-        /// What was said.
+        /// Cause.
         why: String,
     },
     /// rows do not go into CSV
     #[error("rows do not go into CSV: {0}")]
     Csv(#[from] csv::Error),
-    /// no thread to measure on
+    /// no thread for the measurement
     #[error("no thread to measure Poisson methods on: {0}")]
     Thread(String),
 }

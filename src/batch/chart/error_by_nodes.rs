@@ -5,10 +5,10 @@ use crate::chart::scenes::Scene;
 use frames::report::plot::{Axis, Chart, Series, Style};
 use plan::exposure::method::MethodName;
 
-/// Methods with a number worth varying.
+/// Methods with a variable number of nodes.
 const SHOWN: [MethodName; 3] = [MethodName::Samples, MethodName::Segments, MethodName::GaussLegendre];
 
-/// Charts of the charted scenes, with their file names, by the first backend.
+/// Returns charts of the charted scenes, with their file names, by the first backend.
 #[must_use]
 pub fn charts(rows: &[MethodRow], scenes: &[Scene], backends: &[&str]) -> Vec<(String, Chart)> {
     let Some(backend) = backends.first() else { return Vec::new() };

@@ -1,13 +1,13 @@
-//! Light that a square footprint drops, against its half-width: summed pixel by pixel, and the bound.
+//! Light outside a square footprint, against its half-width: summed pixel by pixel, and the bound.
 
 use frames::report::plot::{Axis, Chart, Series, Style};
 use plan::optics::PsfModel;
 use plan::optics::psf::LARGEST_HALF_PX;
 use serde::{Deserialize, Serialize};
 
-/// Where the star stands in its pixel: in the middle, on an edge, on a corner.
+/// Positions of the star in its pixel: in the middle, on an edge, on a corner.
 const PLACES: [[f64; 2]; 3] = [[0.0, 0.0], [0.5, 0.0], [0.5, 0.5]];
-/// Sums of pixels are known to this share of the light.
+/// Rounding error of sums of pixels, as a share of the light.
 const ROUNDING: f64 = 1e-13;
 
 /// One footprint of one PSF.
@@ -23,7 +23,7 @@ pub struct FootprintRow {
     pub bound: f64,
 }
 
-/// Footprints of three PSFs.
+/// Measures footprints of three PSFs.
 #[must_use]
 pub fn measure() -> Vec<FootprintRow> {
     let gaussian = |sigma_px: f64| (format!("Gaussian, sigma {sigma_px} px"), PsfModel::gaussian(sigma_px), 12);
@@ -42,7 +42,7 @@ fn rows_of(name: &str, psf: &PsfModel, most_half_px: usize) -> Vec<FootprintRow>
     (1..=most_half_px).map(row).collect()
 }
 
-/// Light outside footprints of half-widths 0, 1, 2 .. of a star at `place` in its pixel.
+/// Returns the light outside footprints of half-widths 0, 1, 2 .. of a star at `place` in its pixel.
 fn lost_by_half_width(psf: &PsfModel, [fx, fy]: [f64; 2], most_half_px: usize) -> Vec<f64> {
     let mut lost = 1.0;
     let mut out = Vec::with_capacity(most_half_px + 1);
@@ -59,7 +59,7 @@ fn lost_by_half_width(psf: &PsfModel, [fx, fy]: [f64; 2], most_half_px: usize) -
     out
 }
 
-/// Returns the light lost against half-width.
+/// Returns a chart of the lost light against half-width.
 #[must_use]
 pub fn chart(rows: &[FootprintRow]) -> Chart {
     let mut names: Vec<&str> = rows.iter().map(|row| row.psf.as_str()).collect();

@@ -1,8 +1,8 @@
-//! Image, truth -> errors: what a tracker would see of them.
+//! Image, truth -> errors as a tracker would see them.
 //!
 //! Centroid: in the 5 x 5 window about the truth's brightest pixel near a star, worst star. Flux: in the window that
-//! holds the star's footprint and path, worst star. Pixel: worst pixel, in units of its own noise, less what single
-//! precision rounds. L1: sum of absolute differences over the sum of the truth.
+//! contains the star's footprint and path, worst star. Pixel: worst pixel, in units of its own noise, minus the
+//! rounding of single precision. L1: sum of absolute differences over the sum of the truth.
 
 use crate::chart::drawer::Picture;
 use crate::chart::stage::READ_NOISE_E;
@@ -11,9 +11,9 @@ use plan::exposure::ExposurePlan;
 
 /// Half-width of a tracker's window, px.
 const TRACKER_HALF_PX: usize = 2;
-/// Half-width of the largest flux window: stars that stand apart do not reach into one another's.
+/// Half-width of the largest flux window: windows of separate stars do not overlap.
 const MOST_WINDOW_PX: f64 = 17.0;
-/// Pixel errors below this share of the brightest star's peak are single-precision rounding.
+/// Share of the brightest star's peak below which pixel errors are single-precision rounding.
 const F32_PIXEL: f64 = 2e-6;
 
 /// Errors of one image.
@@ -37,7 +37,7 @@ struct Window {
 }
 
 impl Errors {
-    /// Returns errors of `image` over the stars of `plan`.
+    /// Returns the errors of `image` over the stars of `plan`.
     #[must_use]
     pub fn of(image: &Picture, truth: &Picture, plan: &ExposurePlan) -> Self {
         let mut worst = Self { l1_rel: l1_rel(image, truth), ..Self::default() };
@@ -55,7 +55,7 @@ impl Errors {
     }
 }
 
-/// Returns electrons of the brightest star.
+/// Returns the electrons of the brightest star.
 #[must_use]
 pub fn brightest_e(plan: &ExposurePlan) -> f64 {
     plan.stars.iter().map(|star| star.electrons).fold(0.0, f64::max)
@@ -72,7 +72,7 @@ fn pixel_sigma(image: &Picture, truth: &Picture, rounding_e: f64) -> f64 {
 }
 
 impl Window {
-    /// The part of the image within `half_px` of a place; none off the image.
+    /// Returns the part of the image within `half_px` of a place; `None` outside the image.
     fn around(image: &Picture, [x, y]: [f64; 2], half_px: f64) -> Option<Self> {
         let height = image.pixels.len() / image.width.max(1);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the image")]
@@ -84,7 +84,7 @@ impl Window {
         (!window.columns.is_empty() && !window.rows.is_empty()).then_some(window)
     }
 
-    /// 5 x 5 about the brightest pixel.
+    /// Returns the 5 x 5 window about the brightest pixel.
     fn tracker(&self, image: &Picture) -> Self {
         let at = |[x, y]: [usize; 2]| image.pixels[y * image.width + x];
         let places = self.rows.clone().flat_map(|y| self.columns.clone().map(move |x| [x, y]));

@@ -1,17 +1,17 @@
 //! Accuracy against speed, measured: every method, scene and backend -> CSV tables and SVG charts.
 //!
-//! In: [`Settings`]. Out: [`Charted`], texts of files and a table for a terminal; nothing here touches a disk. Each image
-//! is held against the f64 reference drawing the same stars, image with image: an undersampled star's centroid has its
-//! own S-curve. Bounds and predicted times are those the planner knew before anything was drawn.
+//! In: [`Settings`]. Out: [`Charted`], texts of files and a table for a terminal; nothing here accesses a disk. Each
+//! image is compared with the f64 reference of the same stars, image with image: an undersampled star's centroid has
+//! its own S-curve. Bounds and predicted times are those the planner knew before drawing.
 //!
 //! ```text
 //! scenes -> stage (planner, stars) -> sweep (methods x backends: measure, timing) -> rows -> charts, verdicts
 //! sampling, poisson, prediction, footprint, effects, crowding: tables and charts of their own
 //! ```
 //!
-//! *Limits.* Times are medians on the machine at hand, whatever else it does, with the fastest beside them; predicted
-//! times are those of planning and drawing. Errors on fields of many stars are those of a few stars that
-//! stand alone. *Validation.* `tests/physics/chart.rs` runs the quick form.
+//! *Limits.* Times are medians on the present machine, including its other load, with the fastest beside them;
+//! predicted times are those of planning and drawing. Errors on fields of many stars are those of a few isolated stars.
+//! *Validation.* `tests/physics/chart.rs` runs the quick form.
 
 pub mod crowding;
 pub mod drawer;
@@ -40,14 +40,14 @@ use frames::report::{Chart, to_svg};
 use rows::csv_text;
 use timing::Effort;
 
-/// What is measured.
+/// Scope of the measurements.
 #[derive(Debug, Clone)]
 pub struct Settings {
-    /// Fewer parameters, frames and stars.
+    /// True for fewer parameters, frames and stars.
     pub quick: bool,
     /// Which backends.
     pub backends: Backends,
-    /// Random paths, star places and brightnesses follow from it.
+    /// Seed of random paths, star places and brightnesses.
     pub seed: u32,
 }
 
@@ -56,24 +56,24 @@ pub struct Settings {
 pub enum Backends {
     /// The CPU.
     Cpu,
-    /// The GPU; without one there is nothing to chart.
+    /// The GPU, or an error without one.
     Gpu,
-    /// The CPU, and the GPU where there is one.
+    /// The CPU, and the GPU if there is one.
     All,
 }
 
-/// How far a chart has come.
+/// Progress of a chart.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Step {
-    /// Parts done.
+    /// Number of parts done.
     pub done: usize,
-    /// Parts in all.
+    /// Number of all parts.
     pub total: usize,
-    /// What comes next.
+    /// Name of the next part.
     pub next: String,
 }
 
-/// A file to be written.
+/// A file to write.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct File {
     /// Name, without a folder.
@@ -82,7 +82,7 @@ pub struct File {
     pub text: String,
 }
 
-/// Everything that was measured.
+/// All results.
 #[derive(Debug, Clone)]
 pub struct Charted {
     /// CSV tables and SVG charts.
@@ -95,7 +95,7 @@ pub struct Charted {
     pub summary: String,
 }
 
-/// Counts parts and tells of each.
+/// Counts parts and announces each.
 struct Steps<'a> {
     done: usize,
     total: usize,
@@ -109,10 +109,10 @@ impl Steps<'_> {
     }
 }
 
-/// Measures and draws everything; `announce` hears of every part before it begins.
+/// Measures and draws everything; calls `announce` before every part.
 ///
 /// # Errors
-/// When the backend asked for is not there, or fails.
+/// When the requested backend is not available, or fails.
 pub fn run(settings: &Settings, announce: &mut dyn FnMut(&Step)) -> Result<Charted, ChartError> {
     let (mut drawers, missing) = Drawer::open(settings.backends)?;
     let scenes = scenes::scenes(settings.quick);

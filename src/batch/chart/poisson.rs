@@ -16,11 +16,11 @@ pub struct PoissonRow {
     pub method: String,
     /// Mean, electrons.
     pub lambda_e: f64,
-    /// Kolmogorov distance between what is drawn and Poisson's law.
+    /// Kolmogorov distance between the drawn numbers and Poisson's law.
     pub distance: f64,
     /// Its bound.
     pub bound: f64,
-    /// What the method promises over its domain.
+    /// Bound that the method guarantees over its domain.
     pub promise: f64,
     /// Time per pixel on one thread, conversion to DN included, ns.
     pub ns_per_pixel: f64,
@@ -28,7 +28,7 @@ pub struct PoissonRow {
     pub predicted_ns: f64,
 }
 
-/// Means, electrons: some a decade, and the edges of the domains.
+/// Returns means, electrons: some per decade, and the limits of the domains.
 fn lambdas_e(quick: bool) -> Vec<f64> {
     let per_decade = if quick { 1 } else { 4 };
     let spread = (-per_decade..=6 * per_decade).map(|i| 10_f64.powf(f64::from(i) / f64::from(per_decade)).min(1e6));
@@ -37,10 +37,10 @@ fn lambdas_e(quick: bool) -> Vec<f64> {
     lambdas
 }
 
-/// Returns every method at every mean of its domain.
+/// Measures every method at every mean of its domain.
 ///
 /// # Errors
-/// When there is no thread to measure on.
+/// When the measuring thread cannot be started.
 pub fn measure(quick: bool, effort: Effort) -> Result<Vec<PoissonRow>, ChartError> {
     let side_px = if quick { 128 } else { 512 };
     let thread = rayon::ThreadPoolBuilder::new().num_threads(1).build();
@@ -79,7 +79,7 @@ fn ns_per_pixel(detector: &mut Detector, lambda_e: f64, side_px: usize, effort: 
     collected.map_or(f64::NAN, |time| time.median_ms * 1e6 / (side_px * side_px) as f64)
 }
 
-/// Returns the distance against mean, with bounds; `auto` is inversion and Cornish-Fisher.
+/// Returns a chart of the distance against the mean, with bounds; `auto` is inversion and Cornish-Fisher.
 #[must_use]
 pub fn chart(rows: &[PoissonRow]) -> Chart {
     let shown = PoissonMethod::ALL.into_iter().filter(|method| *method != PoissonMethod::Auto);

@@ -23,7 +23,7 @@ pub struct PredictionRow {
     pub bound_arcsec: f64,
 }
 
-/// Names, titles and motions: jitter about a fixed axis, and a slew with acceleration and jerk.
+/// Returns names, titles and motions: jitter about a fixed axis, and a slew with acceleration and jerk.
 fn motions() -> [(&'static str, &'static str, AnalyticMotion); 2] {
     let rest = AnalyticMotion {
         initial: Rotation::from_rotation_vector(DVec3::new(0.4, -1.0, 0.9)),
@@ -45,7 +45,7 @@ fn motions() -> [(&'static str, &'static str, AnalyticMotion); 2] {
     ]
 }
 
-/// Returns every method over a range of horizons on both motions.
+/// Measures every method over a range of horizons on both motions.
 #[must_use]
 pub fn measure(quick: bool) -> Vec<PredictionRow> {
     let per_decade = if quick { 4 } else { 10 };
@@ -64,7 +64,7 @@ pub fn measure(quick: bool) -> Vec<PredictionRow> {
     motions().iter().flat_map(rows).collect()
 }
 
-/// Returns a chart for each motion, with its file name; the first bears none.
+/// Returns a chart for each motion, with its file name.
 #[must_use]
 pub fn charts(rows: &[PredictionRow]) -> Vec<(String, Chart)> {
     let file = |i: usize, name: &str| if i == 0 { "prediction".into() } else { format!("prediction_{name}") };
@@ -75,7 +75,7 @@ fn chart(rows: &[PredictionRow], motion: &str, title: &str) -> Chart {
     let rows: Vec<&PredictionRow> = rows.iter().filter(|row| row.motion == motion).collect();
     let mut names: Vec<&str> = rows.iter().map(|row| row.method.as_str()).collect();
     names.dedup();
-    // Half a turn stands for "no bound", and nothing is said of rounding.
+    // Half a turn means "no bound", and values of rounding size are left out.
     let has_place = |arcsec: f64| arcsec < 0.99 * PI / ARCSEC && arcsec > 1e-8;
     let unseen = rows.iter().filter(|row| !has_place(row.error_arcsec)).count();
     let unbound = rows.iter().filter(|row| !has_place(row.bound_arcsec)).count();

@@ -1,4 +1,4 @@
-//! Rows of the tables, their text, and whether a row's bounds hold.
+//! Rows of the tables, their text, and the check of a row's bounds.
 
 use plan::exposure::plan::{Assessment, Verdict};
 use serde::{Deserialize, Serialize};
@@ -10,7 +10,7 @@ pub const FITS: &str = "fits";
 /// The verdict of a method that a backend refused to draw; the note says why.
 pub const NOT_DRAWN: &str = "not-drawn";
 
-/// One method on one scene by one backend: what was predicted, and what was found.
+/// One method on one scene by one backend: predicted and measured values.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MethodRow {
     /// `cpu` or `gpu`.
@@ -19,9 +19,9 @@ pub struct MethodRow {
     pub scene: String,
     /// Method, or PSF sampling, by name; `auto`: the planner's choice.
     pub method: String,
-    /// Its parameter, where one was asked for.
+    /// Its parameter, if one was requested.
     pub parameter: Option<usize>,
-    /// What was drawn, with all its numbers.
+    /// Method that was drawn, with all its parameters.
     pub drawn: String,
     /// Nodes per star or kernel.
     pub nodes: usize,
@@ -43,11 +43,11 @@ pub struct MethodRow {
     pub pixel_sigma: f64,
     /// Sum of absolute differences over the sum of the truth.
     pub l1_rel: f64,
-    /// Planning a frame, ms.
+    /// Time to plan a frame, ms.
     pub plan_ms: f64,
-    /// Drawing it (electrons), ms.
+    /// Time to draw it (electrons), ms.
     pub draw_ms: f64,
-    /// The fastest drawing: what it takes when nothing else runs, ms.
+    /// Time of the fastest drawing, without other load, ms.
     pub fastest_ms: f64,
     /// Stars in the frame.
     pub stars: usize,
@@ -55,13 +55,13 @@ pub struct MethodRow {
     pub brightest_e: f64,
     /// Read noise, e-.
     pub read_noise_e: f64,
-    /// What else there is to know.
+    /// Additional note.
     pub note: String,
 }
 
 impl MethodRow {
-    /// Returns whether the planner promised bounds and all of them hold; light beyond the footprint is in the flux
-    /// bound, and shows in pixels too.
+    /// Returns true when the planner gave bounds and all of them are kept; light beyond the footprint is in the flux
+    /// bound, and affects pixels too.
     #[must_use]
     pub fn holds(&self) -> bool {
         let pixel_sigma = self.bound_pixel_sigma + self.brightest_e * self.bound_flux_rel / self.read_noise_e;
@@ -70,13 +70,13 @@ impl MethodRow {
             && self.pixel_sigma <= pixel_sigma
     }
 
-    /// Returns whether the planner would draw with it.
+    /// Returns true when the planner would draw with it.
     #[must_use]
     pub fn fits(&self) -> bool {
         self.verdict == FITS
     }
 
-    /// Returns whether an image came of it.
+    /// Returns true when it produced an image.
     #[must_use]
     pub fn is_drawn(&self) -> bool {
         self.verdict != NOT_DRAWN
@@ -88,7 +88,7 @@ impl MethodRow {
         self.method == "auto"
     }
 
-    /// Fills in what the planner promised.
+    /// Fills in the bounds given by the planner.
     pub fn promise(&mut self, chosen: &Assessment) {
         self.drawn = chosen.method.to_string();
         self.nodes = chosen.method.nodes();
@@ -100,7 +100,7 @@ impl MethodRow {
     }
 }
 
-/// Returns rows that the planner accepted and whose bounds do not hold.
+/// Returns the rows that the planner accepted and whose bounds are exceeded.
 #[must_use]
 pub fn broken(rows: &[MethodRow]) -> Vec<&MethodRow> {
     rows.iter().filter(|row| row.fits() && !row.holds()).collect()
@@ -124,7 +124,7 @@ pub fn verdict_name(verdict: Verdict) -> &'static str {
 /// Returns rows as CSV with a line of names.
 ///
 /// # Errors
-/// When a row does not go into CSV.
+/// When a row cannot be written as CSV.
 pub fn csv_text<R: Serialize>(rows: &[R]) -> Result<String, csv::Error> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     for row in rows {

@@ -11,7 +11,7 @@ use frames::report::plot::{Axis, Chart, Series, Style};
 use plan::exposure::method::MethodName;
 use plan::exposure::{MethodChoice, PsfSampling};
 
-/// What the chart shows; the table has all.
+/// Samplings shown in the chart; the table has all.
 const SHOWN: [&str; 7] = ["auto", "table:8", "table:2", "supersampled:5", "supersampled:3", "point", "bicubic"];
 
 /// Returns the standard deviations of the PSFs, px.

@@ -1,11 +1,11 @@
-//! The scenes, as data: what moves, through which PSF, in front of how many stars.
+//! The scenes, as data: motion, PSF, number of stars.
 
 /// A scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scene {
     /// Name in files.
     pub name: &'static str,
-    /// What it shows.
+    /// Title.
     pub title: &'static str,
     /// Side of the detector, px.
     pub size_px: usize,
@@ -13,13 +13,13 @@ pub struct Scene {
     pub psf: Psf,
     /// Time from row to row, s (0: global shutter).
     pub line_s: f64,
-    /// What moves.
+    /// Motion.
     pub motion: Movement,
     /// Stars.
     pub stars: Stars,
-    /// Methods against each other in charts of their own.
+    /// True when its methods are compared in separate charts.
     pub is_charted: bool,
-    /// What a quick run leaves out of it.
+    /// Note about parts that a quick run leaves out.
     pub note: &'static str,
 }
 
@@ -39,9 +39,9 @@ pub enum Movement {
     Still,
     /// Constant rate: px along x and y, and roll.
     Drift {
-        /// Px along x and y.
+        /// Displacement along x and y, px.
         px: [f64; 2],
-        /// Rad about the line of sight.
+        /// Roll about the line of sight, rad.
         roll_rad: f64,
     },
     /// One sinusoid of the line of sight.
@@ -62,7 +62,7 @@ pub enum Movement {
     Positions {
         /// Rms along each axis, px.
         rms_px: f64,
-        /// How many.
+        /// Number of positions.
         count: u32,
     },
 }
@@ -70,9 +70,9 @@ pub enum Movement {
 /// Stars of a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stars {
-    /// This many alike, apart, corners of the detector included: for errors.
+    /// This many equal stars, well separated, corners of the detector included: for errors.
     Apart(usize),
-    /// This many at random: for times; errors from a few that stand alone.
+    /// This many at random places: for times; errors from a few isolated ones.
     Field(usize),
 }
 
@@ -177,7 +177,7 @@ pub fn scenes(quick: bool) -> Vec<Scene> {
 }
 
 impl Scene {
-    /// Returns whether what counts is the time.
+    /// Returns true when only the time is of interest.
     #[must_use]
     pub fn is_for_speed(&self) -> bool {
         matches!(self.stars, Stars::Field(_))

@@ -1,4 +1,4 @@
-//! Centroid error against time: all methods on one scene by one backend, the front that nothing beats, the choice.
+//! Centroid error against time: all methods on one scene by one backend, the Pareto front, the planner's choice.
 
 use crate::chart::rows::MethodRow;
 use crate::chart::scenes::Scene;
@@ -7,7 +7,7 @@ use frames::report::pareto_front;
 use frames::report::plot::{Axis, Chart, Series, Style};
 use plan::exposure::method::MethodName;
 
-/// Charts of the charted scenes with their file names; the first backend's bear the scene's name alone.
+/// Returns charts of the charted scenes with their file names; those of the first backend have the scene's name alone.
 #[must_use]
 pub fn charts(rows: &[MethodRow], scenes: &[Scene], backends: &[&str]) -> Vec<(String, Chart)> {
     let charted = || scenes.iter().filter(|scene| scene.is_charted);
@@ -18,7 +18,7 @@ pub fn charts(rows: &[MethodRow], scenes: &[Scene], backends: &[&str]) -> Vec<(S
     backends.iter().enumerate().flat_map(|at| charted().map(move |scene| named(at, scene))).collect()
 }
 
-/// Returns rows of one scene by one backend that were drawn.
+/// Returns the rows of one scene by one backend that were drawn.
 fn rows_of<'a>(rows: &'a [MethodRow], scene: &Scene, backend: &str) -> Vec<&'a MethodRow> {
     rows.iter().filter(|row| row.scene == scene.name && row.backend == backend && row.is_drawn()).collect()
 }
@@ -28,7 +28,7 @@ fn point(row: &MethodRow) -> [f64; 2] {
     [row.draw_ms, row.centroid_px]
 }
 
-/// Returns the method that was drawn, without its numbers.
+/// Returns the method that was drawn, without its parameters.
 fn family(row: &MethodRow) -> &str {
     row.drawn.split(' ').next().unwrap_or_default()
 }

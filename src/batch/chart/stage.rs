@@ -21,18 +21,18 @@ pub const EXPOSURE_S: f64 = 0.1;
 pub const READ_NOISE_E: f64 = 10.0;
 /// Focal length of every scene, px.
 const FOCAL_PX: f64 = 2900.0;
-/// Electrons of a star that stands apart.
+/// Electrons of a separate star.
 const ELECTRONS: f64 = 2e4;
 /// Distance of the outermost stars from the detector's edge, px.
 const MARGIN_PX: f64 = 9.0;
 /// Straight pieces of a random path.
 const PIECES: u32 = 512;
-/// Stars of a field whose errors are measured, at most.
+/// Largest number of stars of a field whose errors are measured.
 const ALONE: usize = 24;
 /// Distance between them, px.
 const ALONE_PX: f64 = 40.0;
 
-/// A scene made real.
+/// A scene with all its objects.
 #[derive(Debug, Clone)]
 pub struct Stage {
     /// The instrument.
@@ -45,7 +45,7 @@ pub struct Stage {
 }
 
 impl Stage {
-    /// Returns the scene with the numbers of `seed`.
+    /// Returns the scene with the random numbers of `seed`.
     ///
     /// # Errors
     /// When the camera is refused.
@@ -81,7 +81,8 @@ impl Stage {
         planner
     }
 
-    /// `plan` with only those stars whose errors are measured: all that stand apart; of a field, bright ones alone.
+    /// Returns `plan` with only those stars whose errors are measured: all separate ones; of a field, isolated bright
+    /// ones.
     #[must_use]
     pub fn measured_part(&self, plan: &ExposurePlan) -> ExposurePlan {
         let mut part = plan.clone();
@@ -95,7 +96,7 @@ impl Stage {
 /// Returns the brightest stars of the first class that keep their distance from one another.
 fn alone(plan: &ExposurePlan) -> Vec<plan::exposure::PlannedStar> {
     let faintest_e = plan.classes.first().map_or(0.0, |class| class.faintest_e);
-    // With one class for all, errors in units of noise still want bright stars.
+    // Even with one class for all, errors in units of noise need bright stars.
     let mut stars: Vec<_> = plan.stars.iter().filter(|star| star.electrons >= faintest_e).copied().collect();
     stars.sort_by(|a, b| b.electrons.total_cmp(&a.electrons));
     let mut chosen: Vec<plan::exposure::PlannedStar> = Vec::with_capacity(ALONE);
@@ -126,7 +127,7 @@ fn camera(size_px: usize) -> Result<CameraGeometry, AstrometryError> {
     })
 }
 
-/// Rate that moves the image by `px` and turns it by `roll_rad` during the exposure.
+/// Returns the rate that moves the image by `px` and rolls it by `roll_rad` during the exposure.
 fn rate_rad_s([x, y]: [f64; 2], roll_rad: f64) -> DVec3 {
     DVec3::new(y / FOCAL_PX, -x / FOCAL_PX, roll_rad) / EXPOSURE_S
 }
@@ -179,7 +180,7 @@ fn star(id: u32, electrons: f64, px: [f64; 2]) -> Source {
     Source { id, electrons, mag: f32::NAN, place: SourcePlace::Pixel(px) }
 }
 
-/// Returns a grid from corner to corner, each star a random part of a pixel off.
+/// Returns a grid of stars from corner to corner, each displaced by a random part of a pixel.
 fn apart(count: usize, size_px: usize, seed: u32) -> Vec<Source> {
     let columns = (1..=count).find(|n| n * n >= count).unwrap_or(1);
     let rows = count.div_ceil(columns);
@@ -193,7 +194,7 @@ fn apart(count: usize, size_px: usize, seed: u32) -> Vec<Source> {
     (0..).take(count).map(|i| star(i, ELECTRONS, place(i))).collect()
 }
 
-/// Returns the uniform over the detector, few bright and many faint.
+/// Returns stars at uniform random places over the detector, few bright and many faint.
 fn field(count: usize, size_px: usize, seed: u32) -> Vec<Source> {
     let place = |i: u32| [unit(seed, 3, i), unit(seed, 4, i)].map(|v| v * size_px as f64 - 0.5);
     (0..).take(count).map(|i| star(i, 200.0 + 5000.0 * unit(seed, 5, i).powi(4), place(i))).collect()

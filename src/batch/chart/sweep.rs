@@ -12,7 +12,7 @@ use plan::exposure::MethodChoice;
 use plan::exposure::method::MethodName;
 use plan::exposure::{ExposurePlan, Planner};
 
-/// Times whose prediction counts are measured with this much more effort.
+/// Factor of the effort for times whose prediction is checked.
 const SPEED_EFFORT: usize = 4;
 
 /// A method with its parameters.
@@ -39,11 +39,11 @@ const QUICK: [Trial; 7] = [
     (MethodName::EffectivePsf, &[None, Some(64)]),
     (MethodName::ZonalPsf, &[None]),
 ];
-/// Without motion, nodes all lie in one place.
+/// Methods for scenes without motion, whose nodes are all in one place.
 const STILL: [Trial; 3] =
     [(MethodName::Static, &[None]), (MethodName::Samples, &[Some(4)]), (MethodName::EffectivePsf, &[Some(4)])];
 
-/// Returns the planner's choice, then every method that is tried on `scene`.
+/// Returns the planner's choice and every method that is tried on `scene`.
 fn trials(scene: &Scene, quick: bool) -> Vec<MethodChoice> {
     let list: &[Trial] = match (scene.motion, quick) {
         (Movement::Still, _) => &STILL,
@@ -88,7 +88,7 @@ pub fn measure_scene(
     Ok(())
 }
 
-/// Marks a row that a backend would not draw.
+/// Marks a row that a backend refused to draw.
 pub fn refuse(row: &mut MethodRow, error: &RenderError) {
     row.verdict = NOT_DRAWN.into();
     row.note = error.to_string();
@@ -126,7 +126,7 @@ pub fn measure(
     Ok(())
 }
 
-/// The reference's image, and the stars it shows.
+/// The reference's image, and its stars.
 #[derive(Debug)]
 pub struct Truth {
     ids: Vec<u32>,
@@ -134,7 +134,7 @@ pub struct Truth {
 }
 
 impl Truth {
-    /// Returns the one that is known, or a new one where the stars are others.
+    /// Returns the known image, or a new one if the stars differ.
     fn of<'a>(known: &'a mut Option<Self>, plan: &ExposurePlan) -> Result<&'a Picture, RenderError> {
         let ids: Vec<u32> = plan.stars.iter().map(|star| star.id).collect();
         let truth = match known.take() {
@@ -145,7 +145,7 @@ impl Truth {
     }
 }
 
-/// Returns a row without numbers.
+/// Returns a row without values.
 #[must_use]
 pub fn blank_row(scene: &str, backend: &str, choice: MethodChoice) -> MethodRow {
     let (method, parameter) = match choice {

@@ -1,9 +1,9 @@
-//! The table for a terminal: the planner's choice on every scene, and what became of its promises.
+//! The table for a terminal: the planner's choice on every scene, with its predictions and the measured values.
 
 use crate::chart::rows::{MethodRow, broken};
 use crate::chart::scenes::Scene;
 
-/// Predicted and measured times may differ by this factor.
+/// Largest factor between predicted and measured times.
 const COST_FACTOR: f64 = 1.5;
 
 /// Returns lines of text; `notes` name the backends.
@@ -56,12 +56,12 @@ fn line(row: &MethodRow, scene: &Scene) -> String {
     line.trim_end().to_owned() + &note
 }
 
-/// Returns the predicted time over the medians of planning and drawing.
+/// Returns the ratio of the predicted time to the medians of planning and drawing.
 fn to_median(row: &MethodRow) -> f64 {
     row.predicted_ms / (row.plan_ms + row.draw_ms)
 }
 
-/// Returns the predicted time over planning and the fastest drawing.
+/// Returns the ratio of the predicted time to planning and the fastest drawing.
 fn to_fastest(row: &MethodRow) -> f64 {
     row.predicted_ms / (row.plan_ms + row.fastest_ms)
 }

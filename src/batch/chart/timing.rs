@@ -1,39 +1,39 @@
-//! Medians of frames, after two that warm up, within a limit.
+//! Medians of frame times, after two warm-up frames, within a time limit.
 
 use base::clock::Stopwatch;
 
-/// What one frame takes.
+/// Time of one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrameTime {
-    /// Half of the frames are faster, ms.
+    /// Median, ms.
     pub median_ms: f64,
-    /// The fastest: what it takes when nothing else runs, ms.
+    /// The fastest, without other load, ms.
     pub least_ms: f64,
 }
 
-/// How much time goes into one number.
+/// Effort for one value.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Effort {
-    /// No further repetition begins after this, ms.
+    /// Time after which no further repetition starts, ms.
     pub most_ms: f64,
-    /// Repetitions at most.
+    /// Largest number of repetitions.
     pub most: usize,
 }
 
 impl Effort {
-    /// For a quick run, or a whole one.
+    /// Returns the effort of a quick run, or a full one.
     #[must_use]
     pub fn new(quick: bool) -> Self {
         if quick { Self { most_ms: 12.0, most: 40 } } else { Self { most_ms: 60.0, most: 200 } }
     }
 
-    /// As many times as much.
+    /// Returns an effort multiplied by `factor`.
     #[must_use]
     pub fn times(self, factor: usize) -> Self {
         Self { most_ms: self.most_ms * factor as f64, most: self.most * factor }
     }
 
-    /// What `frame` takes.
+    /// Measures the time of `frame`.
     ///
     /// # Errors
     /// Those of `frame`.
@@ -53,7 +53,7 @@ impl Effort {
     }
 }
 
-/// Returns the middle value; NaN of nothing.
+/// Returns the median; NaN for an empty list.
 #[must_use]
 pub fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);

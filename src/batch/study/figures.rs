@@ -8,7 +8,7 @@ use base::units::DEG;
 use core::f64::consts::TAU;
 use frames::report::plot::{Axis, Chart, Series, Style, to_svg};
 
-/// Points of a curve on paper.
+/// Number of points of a theoretical curve.
 const CURVE_POINTS: u32 = 200;
 
 /// A file of a study.
@@ -16,7 +16,7 @@ const CURVE_POINTS: u32 = 200;
 pub struct File {
     /// Its name.
     pub name: String,
-    /// What is in it.
+    /// Its content.
     pub text: String,
 }
 

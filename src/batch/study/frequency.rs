@@ -1,4 +1,5 @@
-//! Phase margin against latency, jitter rejection against frequency: sines about two axes, measured on the true attitude.
+//! Phase margin against latency, jitter rejection against frequency: sines about two axes, measured on the true
+//! attitude.
 
 use super::point::{
     ACTUATION_DELAY, CROSSOVER, DELAY_MARGIN, JITTER, PHASE_MARGIN, REJECTION, StudyPoint, TRACKER_DELAY,
@@ -13,27 +14,27 @@ use core::f64::consts::TAU;
 use run::wiring::error::LoopError;
 use testbed::acs::complex::Complex;
 
-/// A phase margin may be off by this, deg. Pointing noise of 0.55 arcsec rms about an axis, within about 0.1 Hz, is 0.3
+/// Tolerance of a phase margin, deg. Pointing noise of 0.55 arcsec rms about an axis, within about 0.1 Hz, is 0.3
 /// arcsec in the amplitude of a tone over a record of 120 s: 0.5 % of `TONE_RAD`, or 0.3 deg; three sigmas.
 pub const PHASE_MARGIN_DEG: f64 = 1.0;
-/// The crossover may be off by this share: the same noise is 0.4 % of frequency where the gain falls as `w^-1.2`; three
-/// sigmas, and 0.1 % for what flexible modes and free rotors take from the inertia.
+/// Tolerance of the crossover, as a share: the same noise is 0.4 % of frequency where the gain falls as `w^-1.2`; three
+/// sigmas, and 0.1 % for the reduction of the inertia by flexible modes and free rotors.
 pub const CROSSOVER_SHARE: f64 = 0.015;
-/// What is left of jitter may be off by this share below the bandwidth: 0.75 % of noise in tones of `JITTER_RAD` over a
-/// record of 120 s; four sigmas, as there are dozens of points.
+/// Tolerance of jitter rejection below the bandwidth, as a share: 0.75 % of noise in tones of `JITTER_RAD` over a
+/// record of 120 s; four sigmas, because there are dozens of points.
 pub const REJECTION_SHARE: f64 = 0.03;
 
-/// Amplitude of a tone in the true attitude, as theory has it: small against the 600 arcsec that end fine pointing, large
-/// against the noise.
+/// Amplitude of a tone in the true attitude according to theory: small relative to the 600 arcsec that end fine
+/// pointing, large relative to the noise.
 const TONE_RAD: f64 = 60.0 * ARCSEC;
 /// The same for jitter.
 const JITTER_RAD: f64 = 40.0 * ARCSEC;
-/// Largest amplitude of a tone's rate, rad/s: above it the wheels' torque limit would be met.
+/// Largest amplitude of a tone's rate, rad/s: above it the wheels reach their torque limit.
 const RATE_RAD_S: f64 = 60.0 * ARCSEC;
-/// Multiples of the record's frequency at which the margin's tones stand, and their axes; the middle one is the crossover.
+/// Tones for the margin: multiples of the record's frequency, and their axes; the middle one is the crossover.
 const MARGIN_TONES: [(u32, usize); 3] = [(8, 0), (10, 1), (12, 0)];
 
-/// A latency and how the loop is told of it.
+/// A latency, and whether the loop knows it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Latency {
     /// From control step to torque.
@@ -50,7 +51,7 @@ impl Latency {
         }
     }
 
-    /// What theory makes of it: a tracker whose time tags are true costs no phase.
+    /// Returns the theory's loop with this latency: a tracker with true time tags costs no phase.
     pub(super) fn on_paper(self, paper: &LoopOnPaper) -> LoopOnPaper {
         match self {
             Self::Actuation(s) => paper.with_delay(s),
@@ -70,7 +71,7 @@ impl Latency {
     }
 }
 
-/// Returns the phase margin and crossover with this latency.
+/// Measures the phase margin and crossover with this latency.
 pub(super) fn margin(study: &Study, latency: Latency) -> Result<Vec<StudyPoint>, LoopError> {
     let paper = latency.on_paper(&study.paper);
     let (Some(crossover), Some(wanted)) = (paper.crossover_rad_s(), paper.phase_margin_rad()) else {
@@ -92,8 +93,8 @@ pub(super) fn margin(study: &Study, latency: Latency) -> Result<Vec<StudyPoint>,
     ])
 }
 
-/// Crossover, rad/s, and phase margin, rad, from `S` at tones by ascending frequency: gain and phase are straight lines
-/// over the logarithm of the frequency.
+/// Returns crossover, rad/s, and phase margin, rad, from `S` at tones by ascending frequency: gain and phase are
+/// straight lines over the logarithm of the frequency.
 #[must_use]
 pub fn margin_of(tones: &[Tone], sensitivity: &[Complex]) -> Option<(f64, f64)> {
     let open = |s: &Complex| Complex::ONE / *s - Complex::ONE;
@@ -101,14 +102,15 @@ pub fn margin_of(tones: &[Tone], sensitivity: &[Complex]) -> Option<(f64, f64)> 
         let point = |(tone, s): (&Tone, &Complex)| [of(open(s)), (TAU * tone.frequency_hz).ln()];
         tones.iter().zip(sensitivity).map(point).collect()
     };
-    // By ascending -ln|L|, which is by ascending frequency.
+    // Ascending -ln|L| is ascending frequency.
     let by_gain = line(|open| -open.modulus().ln());
     let ln_w = read_at(&by_gain, 0.0)?;
     let by_frequency: Vec<[f64; 2]> = line(phase_margin_rad).iter().map(|[margin, ln_w]| [*ln_w, *margin]).collect();
     Some((ln_w.exp(), read_at(&by_frequency, ln_w)?))
 }
 
-/// Delay margin, s, by a straight line through phase margins, rad, over delays, s: the slope is the crossover.
+/// Returns the delay margin, s, by a straight line through phase margins, rad, over delays, s: the slope is the
+/// crossover.
 #[must_use]
 pub fn delay_margin_s(points: &[[f64; 2]]) -> Option<f64> {
     let count = points.len() as f64;
@@ -120,19 +122,20 @@ pub fn delay_margin_s(points: &[[f64; 2]]) -> Option<f64> {
     zero_s.is_finite().then_some(zero_s)
 }
 
-/// Returns the delay margin that measured phase margins point to.
+/// Returns the delay margin extrapolated from the measured phase margins.
 pub(super) fn delay_margin(study: &Study, points: &[StudyPoint]) -> Option<StudyPoint> {
     let of_actuation = |point: &&StudyPoint| point.kind == PHASE_MARGIN && point.varied == ACTUATION_DELAY;
     let line: Vec<[f64; 2]> =
         points.iter().filter(of_actuation).map(|point| [point.value * 1e-3, point.measured * DEG]).collect();
     let wanted_ms = study.paper.delay_margin_s()? * 1e3;
     let found_ms = delay_margin_s(&line)? * 1e3;
-    // The phase margin's tolerance and the crossover's.
+    // Sum of the tolerances of the phase margin and the crossover.
     let share = PHASE_MARGIN_DEG * DEG / study.paper.phase_margin_rad()? + CROSSOVER_SHARE;
     Some(StudyPoint::judged(DELAY_MARGIN, (ACTUATION_DELAY, 0.0), [found_ms, wanted_ms], share * wanted_ms))
 }
 
-/// What is left of jitter at some frequencies (Hz, ascending), measured in one run; those above the bandwidth are told.
+/// Measures jitter rejection at some frequencies (Hz, ascending) in one run; those above the bandwidth are only
+/// reported.
 pub(super) fn rejection(study: &Study, frequencies_hz: &[f64]) -> Result<Vec<StudyPoint>, LoopError> {
     let Some(lowest) = frequencies_hz.first() else { return Ok(Vec::new()) };
     let base_s = rounded_to(study.control_period_s, 1.0 / lowest);
@@ -155,7 +158,7 @@ pub(super) fn rejection(study: &Study, frequencies_hz: &[f64]) -> Result<Vec<Stu
     Ok(injection.tones.iter().enumerate().map(point).collect())
 }
 
-/// Returns a tone that should show with this amplitude, or less where its rate would be too large.
+/// Returns a tone that would appear with this amplitude, or less if its rate would be too large.
 fn tone(paper: &LoopOnPaper, frequency_hz: f64, axis: usize, shown_rad: f64) -> Tone {
     let w = TAU * frequency_hz;
     let left = paper.sensitivity(w).modulus();

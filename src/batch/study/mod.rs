@@ -1,12 +1,12 @@
-//! How sensitive the loop over pixels is to latency and jitter, held against linear theory.
+//! Sensitivity of the loop over pixels to latency and jitter, compared with linear theory.
 //!
 //! In: a scenario (its camera, bus, spacecraft and control; durations and injections are the study's). Out: points with
-//! what was measured on the true attitude, what theory says and whether they agree ([`StudyPoint`]), a table, CSV and
-//! charts. Every point is a run of its own of [`run::wiring::stepped::SteppedRun`] on the CPU, so points run side
-//! by side and the result does not depend on how many do.
+//! values measured on the true attitude, theoretical values and whether they agree ([`StudyPoint`]), a table, CSV and
+//! charts. Every point is a separate run of [`run::wiring::stepped::SteppedRun`] on the CPU, so points run in parallel
+//! and the result does not depend on their number.
 //!
 //! Assumptions: theory is one rigid axis with small angles ([`theory`]); flexible modes lie well above the bandwidth.
-//! Tour: [`theory`] (what should be), [`trial`] (one run), [`tone`] (sines in a record), `frequency` (margins and
+//! Tour: [`theory`] (expected values), [`trial`] (one run), [`tone`] (sines in a record), `frequency` (margins and
 //! rejection), `noise` (pointing error, time tags, beyond the margin), `figures` (charts, table). Tests: `tests`,
 //! `tests/closed_loop/study.rs`.
 
@@ -35,18 +35,18 @@ use testbed::vehicle::VehicleParams;
 use theory::LoopOnPaper;
 use trial::{Injection, at_rest};
 
-/// A delay this many times the margin must lose the target.
+/// Factor on the delay margin at which the loop must lose the target.
 const BEYOND: f64 = 1.25;
 
-/// Why a study cannot be done.
+/// Reason why a study cannot be done.
 #[derive(Debug, thiserror::Error)]
 pub enum StudyError {
     /// a run failed
     #[error("{point}: {why}")]
     Run {
-        /// Which point.
+        /// Name of the point.
         point: String,
-        /// Why.
+        /// Cause.
         why: Box<LoopError>,
     },
     /// a spacecraft is needed
@@ -60,29 +60,29 @@ pub enum StudyError {
     Table(#[from] csv::Error),
 }
 
-/// How much is done.
+/// Scope of a study.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Effort {
-    /// Actuation delays for phase margin and error, shares of the delay margin.
+    /// Actuation delays for phase margin and error, as shares of the delay margin.
     pub shares: Vec<f64>,
     /// Tracker delays for the error, s.
     pub tracker_delays_s: Vec<f64>,
-    /// Tracker delay at which the phase margin is measured too, s.
+    /// Tracker delay at which the phase margin is also measured, s.
     pub margin_tracker_delay_s: f64,
-    /// Jitter frequencies over the crossover, one run each group.
+    /// Jitter frequencies as multiples of the crossover, one run per group.
     pub jitter: Vec<Vec<f64>>,
     /// Time tag errors, s.
     pub tag_errors_s: Vec<f64>,
-    /// Records of a margin are this many times ten periods of the crossover.
+    /// Length of the records of a margin, in units of ten periods of the crossover.
     pub repeats: u32,
-    /// Record of a pointing error, s, and how many of them.
+    /// Length of the record of a pointing error, s.
     pub noise_s: f64,
     /// Seeds per pointing error.
     pub seeds: u64,
 }
 
 impl Effort {
-    /// Everything, for charts.
+    /// Returns the full scope, for charts.
     #[must_use]
     pub fn full() -> Self {
         Self {
@@ -105,7 +105,7 @@ impl Effort {
         }
     }
 
-    /// Under half a minute on two cores.
+    /// Returns a scope of less than half a minute on two cores.
     #[must_use]
     pub fn quick() -> Self {
         Self {
@@ -121,7 +121,7 @@ impl Effort {
     }
 }
 
-/// A study: a scenario and what theory knows of it.
+/// A study: a scenario and its theoretical loop.
 #[derive(Debug, Clone)]
 pub struct Study {
     scenario: Scenario,
@@ -135,7 +135,7 @@ pub struct Study {
     frame_latency_s: f64,
 }
 
-/// What a study gave.
+/// Results of a study.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Studied {
     /// Every point.
@@ -147,7 +147,7 @@ pub struct Studied {
 }
 
 impl Studied {
-    /// Returns whether no point was outside its tolerance.
+    /// Returns true when no point was outside its tolerance.
     #[must_use]
     pub fn is_met(&self) -> bool {
         self.points.iter().all(|point| point.verdict != Agreement::NotMet)
@@ -191,19 +191,19 @@ impl Study {
         })
     }
 
-    /// Returns the loop on paper.
+    /// Returns the theoretical loop.
     #[must_use]
     pub fn paper(&self) -> &LoopOnPaper {
         &self.paper
     }
 
-    /// Up to here theory is held to its word: the crossover, Hz.
+    /// Returns the highest frequency at which theory is checked, the crossover, Hz.
     #[must_use]
     pub fn bandwidth_hz(&self) -> f64 {
         self.crossover_rad_s / TAU
     }
 
-    /// Measures everything; `announce` hears of every part that is done: how many are, of how many, and which it was.
+    /// Measures everything; calls `announce` after every part with the number done, the number of all, and its name.
     ///
     /// # Errors
     /// When a run fails.
@@ -223,7 +223,7 @@ impl Study {
         Ok(Studied { files: figures::files(self, &points)?, summary: figures::table(&points), points })
     }
 
-    /// Returns the work, longest parts first.
+    /// Returns the parts of the work, longest first.
     fn parts(&self) -> Vec<Part> {
         let effort = &self.effort;
         let margin_s = self.paper.delay_margin_s().unwrap_or(0.0);
@@ -250,7 +250,7 @@ impl Study {
         }
     }
 
-    /// Returns the sensor from body of the first head.
+    /// Returns the mounting of the first head.
     fn head(&self) -> glam::DQuat {
         self.scenario.bench.sensor_from_body.quat()
     }

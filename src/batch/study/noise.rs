@@ -1,4 +1,4 @@
-//! Pointing error at rest against latency, and what wrong time tags do in a turn.
+//! Pointing error at rest against latency, and the effect of wrong time tags in a turn.
 
 use super::frequency::Latency;
 use super::point::{LARGEST_ERROR, POINTING_ERROR, StudyPoint, TAG, TAG_ERROR};
@@ -11,27 +11,27 @@ use config::{Action, Event, Pointing};
 use glam::DVec3;
 use run::wiring::error::LoopError;
 
-/// A pointing error may be off by this share: two axes of noise within about 0.05 Hz over one record of 600 s are 120
+/// Tolerance of a pointing error, as a share: two axes of noise within about 0.05 Hz over one record of 600 s are 120
 /// independent values, whose rms scatters by 6.5 %; three sigmas. Points share their seeds, and so their scatter.
 pub const POINTING_SHARE: f64 = 0.2;
-/// The estimate's lag in a turn may be off by this share: noise of the tracker (1 arcsec over a window of 20 s) against
-/// 14 arcsec for 20 ms.
+/// Tolerance of the estimate's lag in a turn, as a share: noise of the tracker (1 arcsec over a window of 20 s)
+/// relative to 14 arcsec for 20 ms.
 pub const TAG_SHARE: f64 = 0.05;
 
-/// Until the gyro's bias is known to the steady state, s.
+/// Time until the gyro's bias is known to the steady state, s.
 const BIAS_SETTLING_S: f64 = 170.0;
 /// Rate of the turn, rad/s: 0.25 pixels of 283 arcsec in an exposure of 0.1 s.
 const TURN_RAD_S: f64 = 0.2 * DEG;
 /// The turn, deg.
 const TURN_DEG: f64 = 25.0;
-/// When it begins, s after the first exposure.
+/// Start of the turn, s after the first exposure.
 const TURN_AT_S: f64 = 60.0;
-/// The end of the constant rate is judged: so many seconds.
+/// Window at the end of the constant rate that is evaluated, s.
 const TURN_WINDOW_S: f64 = 20.0;
 /// Time in which a loop beyond its margin must have lost its target, s.
 const LOSING_S: f64 = 400.0;
 
-/// Rms of the boresight's direction with this latency, all seeds together.
+/// Measures the rms of the boresight's direction with this latency, all seeds together.
 pub(super) fn pointing_error(study: &Study, latency: Latency) -> Result<Vec<StudyPoint>, LoopError> {
     let window_s = rounded_to(study.control_period_s, study.effort.noise_s);
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some thousands")]
@@ -64,8 +64,8 @@ fn variance_across(samples: &[Sample], head: glam::DQuat) -> f64 {
     seen().map(|error| (error - mean).length_squared()).sum::<f64>() / count
 }
 
-/// Returns how far wrong time tags leave the estimate behind in a steady turn. The same turn with true tags is taken
-/// off, which takes the gyro's errors with it.
+/// Measures the lag of the estimate in a steady turn caused by wrong time tags. The same turn with true tags is
+/// subtracted, which removes the gyro's errors.
 pub(super) fn tag_error(study: &Study, tag_s: f64) -> Result<Vec<StudyPoint>, LoopError> {
     let wrong = turning(study, tag_s)?;
     let right = turning(study, 0.0)?;
@@ -105,14 +105,14 @@ fn turning(study: &Study, tag_s: f64) -> Result<Trace, LoopError> {
     fly(&scenario)
 }
 
-/// Returns a delay beyond the margin: the loop must leave fine pointing, which it does above a stated error.
+/// Flies with a delay beyond the margin: the loop must leave fine pointing, which it does above a stated error.
 pub(super) fn beyond(study: &Study, times_margin: f64) -> Result<Vec<StudyPoint>, LoopError> {
     let Some(margin_s) = study.paper.delay_margin_s() else { return Ok(Vec::new()) };
     let latency = Latency::Actuation(rounded_to(study.step_s, times_margin * margin_s));
     let trace = fly(&at_rest(&study.scenario, LOSING_S, LOSING_S, &latency.injected()))?;
     let largest = trace.samples.iter().map(|sample| (study.head() * sample.error_rad).truncate().length());
     let got = [largest.fold(0.0, f64::max), study.vehicle.acs.thresholds.fine_leave_rad].map(|rad| rad / ARCSEC);
-    // Not a value to be met but a limit to be passed.
+    // The value is a limit that must be exceeded.
     let allowed = if got[0] > got[1] { f64::INFINITY } else { 0.0 };
     Ok(vec![StudyPoint::judged(LARGEST_ERROR, latency.varied(), got, allowed)])
 }

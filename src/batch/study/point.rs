@@ -1,8 +1,8 @@
-//! One point of a study: what was measured, what theory says, and whether they agree.
+//! One point of a study: measured value, theoretical value, and whether they agree.
 
 use serde::Serialize;
 
-/// What became of a point.
+/// Verdict on a point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Agreement {
@@ -10,28 +10,28 @@ pub enum Agreement {
     Met,
     /// Outside it.
     NotMet,
-    /// Beyond what theory is held to: shown only.
+    /// Beyond the range in which theory is checked: shown only.
     Reported,
 }
 
 /// One row of `study.csv`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct StudyPoint {
-    /// What was measured, with its unit.
+    /// Measured quantity, with its unit.
     pub kind: &'static str,
-    /// What was varied, with its unit.
+    /// Varied quantity, with its unit.
     pub varied: &'static str,
-    /// To which value.
+    /// Value of the varied quantity.
     pub value: f64,
-    /// Measured on the true attitude; not a number when the loop did not stay in fine pointing.
+    /// Value measured on the true attitude; NaN when the loop did not stay in fine pointing.
     pub measured: f64,
-    /// As theory has it.
+    /// Theoretical value.
     pub predicted: f64,
     /// Measured over predicted.
     pub ratio: f64,
-    /// Largest difference that passes.
+    /// Largest difference that is accepted.
     pub allowed: f64,
-    /// What became of it.
+    /// Verdict.
     pub verdict: Agreement,
 }
 
@@ -41,7 +41,7 @@ pub const PHASE_MARGIN: &str = "phase_margin_deg";
 pub const CROSSOVER: &str = "crossover_hz";
 /// Delay at which the phase margin is used up, ms.
 pub const DELAY_MARGIN: &str = "delay_margin_ms";
-/// What the loop leaves of base jitter, over what a free body would do.
+/// Jitter that the loop leaves, relative to the motion of a free body.
 pub const REJECTION: &str = "jitter_left";
 /// Rms of the boresight's direction about its mean, arcsec.
 pub const POINTING_ERROR: &str = "pointing_error_arcsec";
@@ -60,7 +60,7 @@ pub const TAG: &str = "tag_error_ms";
 pub const JITTER: &str = "jitter_hz";
 
 impl StudyPoint {
-    /// A point that passes when it is `allowed` or less from the prediction.
+    /// Returns a point that passes when it is within `allowed` of the prediction.
     #[must_use]
     pub fn judged(kind: &'static str, (varied, value): (&'static str, f64), got: [f64; 2], allowed: f64) -> Self {
         let [measured, predicted] = got;
@@ -69,7 +69,7 @@ impl StudyPoint {
         Self { kind, varied, value, measured, predicted, ratio: measured / predicted, allowed, verdict }
     }
 
-    /// Returns the same, shown but not judged.
+    /// Returns the point as shown but not judged.
     #[must_use]
     pub fn reported(self) -> Self {
         Self { verdict: Agreement::Reported, ..self }

@@ -1,4 +1,4 @@
-//! Tones, margins and the loop on paper against formulae and simulations written afresh.
+//! Tests tones, margins and the theoretical loop against independent formulae and simulations.
 
 use super::frequency::{delay_margin_s, margin_of};
 use super::theory::{LoopOnPaper, noise_of, taken_over};
@@ -50,8 +50,8 @@ fn values_between_points_are_on_straight_lines() {
     assert_eq!(read_at(&points[..1], 0.0), None);
 }
 
-/// `S` of a simulated loop: a double integrator (exact between control steps), the rate as the mean of the last period,
-/// torque held and late, a sine of acceleration from outside in ten steps per period.
+/// Returns `S` of a simulated loop: a double integrator (exact between control steps), the rate as the mean of the last
+/// period, torque held and late, a sine of acceleration from outside in ten steps per period.
 fn simulated(model: &LoopOnPaper, late_steps: usize, w: f64) -> Complex {
     let gains = model.textbook.gains;
     let wn = TAU * gains.bandwidth_hz;
@@ -84,7 +84,8 @@ fn simulated(model: &LoopOnPaper, late_steps: usize, w: f64) -> Complex {
     seen / Complex::imaginary(1.0 / (w * w))
 }
 
-/// Share by which paper and simulation may differ: the hold's images and ten steps per period, both `(w Tc)^2 / 12`.
+/// Largest relative difference between theory and simulation: the hold's images and ten steps per period, both `(w
+/// Tc)^2 / 12`.
 const SIMULATED: f64 = 0.01;
 
 #[test]
@@ -98,7 +99,7 @@ fn the_loop_on_paper_is_the_sampled_loop_with_a_mean_rate() {
             assert!(off < SIMULATED, "{late_steps} late, {w} rad/s: off by {off}");
         }
     }
-    // Near the margin the gyro's half period shows: without it paper is wrong.
+    // Near the margin the gyro's half period matters: theory without it is wrong.
     let (model, w) = (paper(1.5), TAU / 12.0);
     let found = simulated(&model, 15, w);
     let off = (found / model.textbook.sensitivity(w) - Complex::ONE).modulus();
@@ -120,7 +121,7 @@ fn a_margin_is_read_from_tones_about_the_crossover() {
         let left = tones.map(|tone| model.sensitivity(TAU * tone.frequency_hz));
         let (w, read) = margin_of(&tones, &left).expect("three tones");
         assert!((w / crossover - 1.0).abs() < 0.002, "crossover {w} for {crossover}");
-        // Straight lines between tones 20 % apart; the study's middle tone stands at the crossover itself.
+        // Straight lines between tones 20 % apart; the study's middle tone is at the crossover itself.
         assert!((read - margin).abs() < 0.3 * DEG, "margin {} for {}", read / DEG, margin / DEG);
     }
     let wrong = tones(1.0).map(|tone| paper(0.9).sensitivity(TAU * tone.frequency_hz));
@@ -154,7 +155,7 @@ fn a_constant_tracker_error_is_taken_over_as_a_simulated_observer_does() {
         let innovation = 1.0 - error;
         error += steady.attitude_gain * innovation;
         bias += steady.bias_gain_per_s * innovation;
-        // One measurement's share of the way is what steps and the continuous observer differ by.
+        // Steps and the continuous observer differ by one measurement's contribution.
         assert!((taken_over(&noise, t) - error).abs() < steady.attitude_gain, "after {t} s: {error}");
     }
     assert!((error - 1.0).abs() < 0.05, "in the end all of it: {error}");

@@ -1,12 +1,12 @@
-//! The pointing loop as it is built, on paper: [`PointingLoop`] with what the gyro adds.
+//! Theory of the pointing loop as implemented: [`PointingLoop`] with the effect of the gyro.
 //!
-//! The attitude estimate follows the true motion without lag (the gyro's angles are added up), but the rate is the mean
+//! The attitude estimate follows the true motion without lag (the gyro's angles are summed), but the rate is the mean
 //! over the last control period: `G(s) = (1 - exp(-s Tc)) / (s Tc)`, half a period late. With angle gain `A`, rate gain
-//! `B` and plant `P` (filter, delay, hold, body): `L = (A + s B G) P`. At rest the tracker adds nothing to this: what it
-//! measures late but with its true time is worked in where it held.
+//! `B` and plant `P` (filter, delay, hold, body): `L = (A + s B G) P`. At rest the tracker has no effect on this: late
+//! measurements with true time tags are applied at their own time.
 //!
-//! In: vehicle parameters, an added delay. Out: `L`, `S`, margins, and the error that noise leaves. Test: `tests`, with
-//! a simulation of the sampled loop written afresh; `tests/closed_loop/study.rs`, over pixels.
+//! In: vehicle parameters, an added delay. Out: `L`, `S`, margins, and the error caused by noise. Test: `tests`, with
+//! an independent simulation of the sampled loop; `tests/closed_loop/study.rs`, over pixels.
 
 use testbed::acs::complex::Complex;
 use testbed::acs::linear::PointingLoop;
@@ -14,9 +14,9 @@ use testbed::acs::pointing_error::PointingNoise;
 use testbed::estimator::{Farrenkopf, GyroNoise};
 use testbed::vehicle::VehicleParams;
 
-/// The gyro moves the crossover by less than this factor.
+/// Largest factor by which the gyro moves the crossover.
 const CROSSOVER_FACTOR: f64 = 1.5;
-/// Halvings of the bracket of the crossover: to f64's end.
+/// Number of halvings of the bracket of the crossover: to f64 resolution.
 const HALVINGS: u32 = 60;
 
 /// One axis of the loop in fine pointing.
@@ -24,12 +24,12 @@ const HALVINGS: u32 = 60;
 pub struct LoopOnPaper {
     /// The textbook's loop.
     pub textbook: PointingLoop,
-    /// Time over which the gyro takes its mean, s; zero for a gyro that gives the rate itself.
+    /// Averaging time of the gyro, s; zero for a gyro that measures the rate itself.
     pub gyro_period_s: f64,
 }
 
 impl LoopOnPaper {
-    /// Of a vehicle with its own delay.
+    /// Returns the loop of a vehicle with its own delay.
     #[must_use]
     pub fn of(vehicle: &VehicleParams) -> Self {
         let period_s = vehicle.acs.control_period.s();
@@ -43,7 +43,7 @@ impl LoopOnPaper {
         Self { textbook, gyro_period_s: period_s }
     }
 
-    /// Returns the same with another delay from control step to torque.
+    /// Returns the same loop with another delay from control step to torque.
     #[must_use]
     pub fn with_delay(&self, delay_s: f64) -> Self {
         Self { textbook: PointingLoop { delay_s, ..self.textbook }, ..*self }
@@ -58,13 +58,13 @@ impl LoopOnPaper {
         (self.textbook.angle_gain(w_rad_s) + rate) * self.textbook.plant(w_rad_s)
     }
 
-    /// `S = 1 / (1 + L)`: what is left of a disturbing angle.
+    /// Returns `S = 1 / (1 + L)`: the factor on a disturbing angle.
     #[must_use]
     pub fn sensitivity(&self, w_rad_s: f64) -> Complex {
         Complex::ONE / (Complex::ONE + self.open_loop(w_rad_s))
     }
 
-    /// Returns the frequency at which `|L| = 1`, rad/s; `None` where the textbook's loop has none.
+    /// Returns the frequency at which `|L| = 1`, rad/s; `None` if the textbook's loop has none.
     #[must_use]
     pub fn crossover_rad_s(&self) -> Option<f64> {
         let near = self.textbook.gain_crossover_rad_s()?;
@@ -92,8 +92,8 @@ impl LoopOnPaper {
         Some(self.phase_margin_rad()? / self.crossover_rad_s()?)
     }
 
-    /// Returns the sigma of the pointing error about one axis, rad. The gyro's lateness counts as the delay that costs
-    /// as much of the delay margin.
+    /// Returns the sigma of the pointing error about one axis, rad. The gyro's lateness counts as the delay with the
+    /// same cost in delay margin.
     #[must_use]
     pub fn pointing_sigma_rad(&self, noise: &PointingNoise) -> f64 {
         let lag_s = self.textbook.delay_margin_s().zip(self.delay_margin_s()).map_or(0.0, |(all, left)| all - left);
@@ -108,7 +108,8 @@ pub fn phase_margin_rad(open_loop: Complex) -> f64 {
     (-open_loop).argument_rad()
 }
 
-/// What disturbs a vehicle whose tracker has this noise, period and latency (middle of the exposure to end of readout).
+/// Returns the noise of a vehicle whose tracker has this noise, period and latency (middle of the exposure to end of
+/// readout).
 #[must_use]
 pub fn noise_of(vehicle: &VehicleParams, nea_rad: f64, tracker_period_s: f64, latency_s: f64) -> PointingNoise {
     let gyro = GyroNoise {
@@ -120,8 +121,8 @@ pub fn noise_of(vehicle: &VehicleParams, nea_rad: f64, tracker_period_s: f64, la
     PointingNoise { nea_rad: nea_rad / heads.sqrt(), tracker_period_s, latency_s: latency_s + delay_s, gyro }
 }
 
-/// Returns the share of a constant error of the tracker that the steady estimator has taken over `after_s` after it
-/// began: step response of `(k1 s + k2) / (s^2 + k1 s + k2)` with Farrenkopf's gains.
+/// Returns the share of a constant error of the tracker that the steady estimator has adopted `after_s` after its
+/// start: step response of `(k1 s + k2) / (s^2 + k1 s + k2)` with Farrenkopf's gains.
 #[must_use]
 pub fn taken_over(noise: &PointingNoise, after_s: f64) -> f64 {
     let steady = Farrenkopf::new(noise.nea_rad, noise.tracker_period_s, &noise.gyro);

@@ -1,9 +1,9 @@
 //! Amplitude and phase of sine waves in a record, by correlation under a Hann window.
 //!
-//! In: equally spaced samples that cover the record once. Out: a phasor `X` with `x(t) = Re(X exp(i w t))`. Tones that
-//! stand on multiples of one over the record's length, two or more multiples apart and above zero, do not disturb each
-//! other, nor does a constant; slow drift falls off with the cube of the distance (Harris, "On the use of windows for
-//! harmonic analysis with the discrete Fourier transform", Proc. IEEE 66 (1978)). Test: `tests`.
+//! In: equally spaced samples that cover the record once. Out: a phasor `X` with `x(t) = Re(X exp(i w t))`. Tones at
+//! multiples of one over the record's length, two or more multiples apart and above zero, do not disturb each other,
+//! nor does a constant; slow drift falls off with the cube of the distance (Harris, "On the use of windows for harmonic
+//! analysis with the discrete Fourier transform", Proc. IEEE 66 (1978)). Test: `tests`.
 
 use core::f64::consts::TAU;
 use testbed::acs::complex::Complex;
@@ -22,7 +22,8 @@ pub fn phasor(samples: impl ExactSizeIterator<Item = f64>, first_s: f64, period_
     sum * (4.0 / count)
 }
 
-/// A value read at `x` from points by ascending `x`, straight in between and beyond the ends. `None` for fewer than two.
+/// Returns the value at `x` of points by ascending `x`, with straight lines between and beyond them; `None` for fewer
+/// than two.
 #[must_use]
 pub fn read_at(points: &[[f64; 2]], x: f64) -> Option<f64> {
     let last = points.len().checked_sub(2)?;

@@ -1,8 +1,8 @@
-//! One closed loop over pixels, at rest on its target: what is injected -> telemetry.
+//! One closed loop over pixels, at rest on its target: injection -> telemetry.
 //!
-//! The spacecraft starts where it is to point, at rest. Test torques begin after [`QUIET_S`]; what is before a trial's
-//! window is transient. The wheels run without friction: a wheel that passes zero speed gives a pulse (60 arcsec for the
-//! small satellite) that is in no linear theory and would come at a time that has nothing to do with what is studied.
+//! The spacecraft starts at its target attitude, at rest. Test torques start after [`QUIET_S`]; samples before a
+//! trial's window are transient. The wheels run without friction: a wheel that passes zero speed gives a pulse (60
+//! arcsec for the small satellite) that no linear theory contains and that would come at an unrelated time.
 //! Deterministic: the scenario and the injection decide every bit.
 
 use super::theory::LoopOnPaper;
@@ -28,20 +28,20 @@ const RAMP_S: f64 = 30.0;
 /// A sine injected about one body axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tone {
-    /// 0, 1, 2: x, y, z.
+    /// Body axis: 0, 1, 2 for x, y, z.
     pub axis: usize,
     /// Frequency, Hz; a multiple of one over the record.
     pub frequency_hz: f64,
-    /// Amplitude by which a free body would turn, rad.
+    /// Amplitude of a free body's turn, rad.
     pub amplitude_rad: f64,
 }
 
-/// What is injected.
+/// Injected delays, errors and tones.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Injection {
-    /// From a control step to its torque.
+    /// Delay from a control step to its torque.
     pub actuation_delay: Span,
-    /// From the last pixel to the tracker's attitude; `None`: the scenario's.
+    /// Delay from the last pixel to the tracker's attitude; `None`: the scenario's.
     pub tracker_delay: Option<Span>,
     /// Error of the time tags.
     pub tag_error: Span,
@@ -52,7 +52,7 @@ pub struct Injection {
 }
 
 impl Injection {
-    /// Nothing.
+    /// No injection.
     pub const NONE: Self =
         Self { actuation_delay: Span::ZERO, tracker_delay: None, tag_error: Span::ZERO, tones: Vec::new(), seed: 0 };
 }
@@ -60,19 +60,19 @@ impl Injection {
 /// One row of a trial, in body axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample {
-    /// Since the spacecraft's start.
+    /// Time since the spacecraft's start, s.
     pub t_s: f64,
-    /// From the target to the true attitude, rad.
+    /// Rotation from the target to the true attitude, rad.
     pub error_rad: DVec3,
-    /// From the true to the estimated attitude, rad; zero without an estimate.
+    /// Rotation from the true to the estimated attitude, rad; zero without an estimate.
     pub knowledge_rad: DVec3,
     /// True rate, rad/s.
     pub rate_rad_s: DVec3,
-    /// Whether the control was in fine pointing.
+    /// True when the control was in fine pointing.
     pub is_fine: bool,
 }
 
-/// What a trial gave.
+/// Results of a trial.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trace {
     /// Every control step from the start.
@@ -81,7 +81,7 @@ pub struct Trace {
     pub nea_rad: Option<f64>,
 }
 
-/// Returns a scenario at rest on its target for `duration_s`, judged in its last `window_s`.
+/// Returns a scenario at rest on its target for `duration_s`, evaluated in its last `window_s`.
 #[must_use]
 pub fn at_rest(scenario: &Scenario, duration_s: f64, window_s: f64, injection: &Injection) -> Scenario {
     let mut scenario = scenario.clone();
@@ -145,7 +145,7 @@ pub fn fly(scenario: &Scenario) -> Result<Trace, LoopError> {
 }
 
 impl Trace {
-    /// Returns the last samples, `count` of them, when there are so many and all were in fine pointing.
+    /// Returns the last `count` samples, if there are as many and all were in fine pointing.
     #[must_use]
     pub fn last(&self, count: usize) -> Option<&[Sample]> {
         let first = self.samples.len().checked_sub(count)?;
@@ -154,11 +154,11 @@ impl Trace {
     }
 }
 
-/// What a loop made of sines: `S` at each tone, measured on the true attitude. `None` for all when the loop left fine
-/// pointing.
+/// Returns the response of a loop to sines: `S` at each tone, measured on the true attitude; `None` when the loop left
+/// fine pointing.
 ///
-/// The torque `J a sin(w t)` would turn a free body by `-a sin(w t) / w^2`; the turn found over that is `S`, with every
-/// delay, hold, estimator and actuator in the loop, and then `L = 1 / S - 1`.
+/// The torque `J a sin(w t)` would turn a free body by `-a sin(w t) / w^2`; the measured turn divided by that is `S`,
+/// with every delay, hold, estimator and actuator in the loop, and then `L = 1 / S - 1`.
 ///
 /// # Errors
 /// When the loop cannot be made or fails.
@@ -184,8 +184,8 @@ pub fn measured_sensitivity(
     Ok(Some(injection.tones.iter().map(sensitivity).collect()))
 }
 
-/// Returns the time that the loop needs to forget a beginning, s: its resonance decays by 5 nepers. Damping ratio about
-/// half the phase margin, at the crossover.
+/// Returns the settling time of the loop, s: its resonance decays by 5 nepers. Damping ratio about half the phase
+/// margin, at the crossover.
 #[must_use]
 pub fn settling_s(paper: &LoopOnPaper) -> f64 {
     const NEPERS: f64 = 5.0;

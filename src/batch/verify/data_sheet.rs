@@ -1,18 +1,18 @@
-//! What a laboratory would write down of a detector, and how it compares with what was asked for.
+//! Data sheet of a detector as a laboratory measures it, and its comparison with the camera file.
 
 use frames::report::plot::{Axis, Chart, Series, Style};
 use image::detector::{DetectorParams, LinePattern};
 
-/// One level of light, less the dark level.
+/// One level of light, minus the dark level.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LightPoint {
-    /// Electrons that light makes in every pixel.
+    /// Electrons per pixel from light.
     pub light_e: f64,
     /// Mean signal, DN.
     pub signal_dn: f64,
-    /// Temporal variance more than in the dark, DN^2.
+    /// Temporal variance minus that of the dark, DN^2.
     pub variance_dn2: f64,
-    /// Temporal variance with that of the dark, DN^2.
+    /// Temporal variance including that of the dark, DN^2.
     pub total_variance_dn2: f64,
 }
 
@@ -21,7 +21,7 @@ pub struct LightPoint {
 pub struct DataSheet {
     /// Electrons per digital number (EMVA: 1/K).
     pub gain_e_per_dn: f64,
-    /// Mean of a dark image of no exposure, DN.
+    /// Mean of a dark image with zero exposure, DN.
     pub black_level_dn: f64,
     /// Noise of a read, e- rms.
     pub read_noise_e_rms: f64,
@@ -33,9 +33,9 @@ pub struct DataSheet {
     pub dsnu2_se: f64,
     /// Spread of the pixels' responses at half saturation (EMVA: PRNU), rms share.
     pub prnu: f64,
-    /// Plateau over the dark level, e-.
+    /// Signal at the plateau above the dark level, e-.
     pub saturation_e: f64,
-    /// Electrons counted per electron that light made: 1 when gain and signal agree.
+    /// Counted electrons per electron from light: 1 when gain and signal agree.
     pub responsivity: f64,
     /// Largest deviation from a straight line between 5 and 95 % of saturation, relative.
     pub linearity_error: f64,
@@ -43,42 +43,42 @@ pub struct DataSheet {
     pub points: Vec<LightPoint>,
 }
 
-/// A property that a file states and a sheet has measured.
+/// A property stated by a file and measured by a sheet.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Comparison {
     /// Its name.
     pub name: &'static str,
     /// Its unit.
     pub unit: &'static str,
-    /// What the file says.
+    /// Value in the file.
     pub file: f64,
-    /// What was measured.
+    /// Measured value.
     pub measured: f64,
-    /// How far they may differ, as a share of the file's value.
+    /// Largest difference, as a share of the file's value.
     pub most: f64,
-    /// What the procedure resolves: one standard error, as a share of the file's value, where it is not small.
+    /// Resolution of the procedure: one standard error, as a share of the file's value, unless negligible.
     pub se: f64,
 }
 
-/// What statistics alone may add to a difference, standard errors.
+/// Largest statistical difference, standard errors.
 const STANDARD_ERRORS: f64 = 4.0;
 
 impl Comparison {
-    /// Returns the measured over stated, less 1; the difference itself where the file says none.
+    /// Returns the ratio of measured to stated value minus 1; the difference itself if the file states zero.
     #[must_use]
     pub fn error(&self) -> f64 {
         if self.file == 0.0 { self.measured } else { self.measured / self.file - 1.0 }
     }
 
-    /// Returns whether the two agree.
+    /// Returns true when the two agree.
     #[must_use]
     pub fn holds(&self) -> bool {
         self.error().abs() <= self.most.max(STANDARD_ERRORS * self.se)
     }
 }
 
-/// Returns the largest relative difference between the response that points show and the one that a file states, from 5
-/// to 95 % of saturation. Both are taken against their own slope at the first point of that range.
+/// Returns the largest relative difference between the measured response and the one stated by a file, from 5 to 95 %
+/// of saturation. Both are relative to their own slope at the first point of that range.
 #[must_use]
 pub fn response_error(points: &[LightPoint], saturation_e: f64, seen_e: impl Fn(f64) -> f64) -> f64 {
     let judged = points.iter().filter(|p| (0.05..=0.95).contains(&(p.light_e / saturation_e)));
@@ -87,27 +87,28 @@ pub fn response_error(points: &[LightPoint], saturation_e: f64, seen_e: impl Fn(
     judged.map(|p| (ratio(p) / first - 1.0).abs()).fold(0.0, f64::max)
 }
 
-/// What a file states, in the sheet's terms.
+/// Values of a file in the terms of the sheet.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stated {
-    /// As in [`DataSheet`].
+    /// See [`DataSheet`].
     pub gain_e_per_dn: f64,
-    /// As in [`DataSheet`].
+    /// See [`DataSheet`].
     pub black_level_dn: f64,
-    /// As in [`DataSheet`].
+    /// See [`DataSheet`].
     pub read_noise_e_rms: f64,
-    /// As in [`DataSheet`].
+    /// See [`DataSheet`].
     pub dark_e_per_s: f64,
-    /// As in [`DataSheet`].
+    /// See [`DataSheet`].
     pub dsnu_e_rms: f64,
-    /// As in [`DataSheet`].
+    /// See [`DataSheet`].
     pub prnu: f64,
-    /// Full well, or what the converter holds of it, e-.
+    /// Full well, or its part within the converter's range, e-.
     pub saturation_e: f64,
 }
 
 impl Stated {
-    /// What detector parameters amount to in an exposure: noise and patterns of every kind together, as a laboratory finds them.
+    /// Returns the values for detector parameters in an exposure: noise and patterns of every kind together, as a
+    /// laboratory measures them.
     #[must_use]
     pub fn of(params: &DetectorParams, exposure_s: f64) -> Self {
         let dark_e_per_s = params.operating_dark_e_per_s();
@@ -125,7 +126,7 @@ impl Stated {
     }
 }
 
-/// How far a sheet may be off its file; of the dark current [`DARK_REL`].
+/// Largest relative difference between sheet and file; [`DARK_REL`] for the dark current.
 pub const SHEET_REL: f64 = 0.01;
 /// The same for the dark current.
 pub const DARK_REL: f64 = 0.02;
@@ -140,7 +141,7 @@ impl DataSheet {
             line("black level", "DN", file.black_level_dn, self.black_level_dn),
             line("read noise", "e- rms", file.read_noise_e_rms, self.read_noise_e_rms),
             Comparison { most: DARK_REL, ..line("dark current", "e-/s", file.dark_e_per_s, self.dark_e_per_s) },
-            // Half of the square's own error; a file that says none may show as little as the square resolves.
+            // Half of the square's own error; for a file that states zero, the resolution of the square is the limit.
             Comparison {
                 se: if file.dsnu_e_rms > 0.0 {
                     0.5 * self.dsnu2_se / file.dsnu_e_rms.powi(2)
@@ -155,7 +156,7 @@ impl DataSheet {
         ]
     }
 
-    /// Returns the variance over signal, with the line of the gain.
+    /// Returns a chart of variance over signal, with the line of the gain.
     #[must_use]
     pub fn chart(&self, camera: &str) -> Chart {
         let measured = self.points.iter().map(|p| [p.signal_dn, p.variance_dn2]).collect();
@@ -186,10 +187,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_off_does_not_hold() {
+    fn deviating_sheet_does_not_pass() {
         let line = |file, measured| Comparison { name: "x", unit: "", file, measured, most: 0.01, se: 0.0 };
         assert!(line(2.0, 2.019).holds() && !line(2.0, 2.021).holds() && !line(2.0, f64::NAN).holds());
         assert!(line(0.0, 0.005).holds() && !line(0.0, 0.5).holds(), "a file that says none");
-        assert!(Comparison { se: 0.1, ..line(2.0, 2.7) }.holds(), "what cannot be resolved is no difference");
+        assert!(Comparison { se: 0.1, ..line(2.0, 2.7) }.holds(), "a difference below the resolution does not count");
     }
 }

@@ -1,15 +1,18 @@
-//! Fidelity by brightness: signal-to-noise ratio, centroid, energy and background of many noisy frames against analytic truth.
+//! Fidelity by brightness: signal-to-noise ratio, centroid, energy and background of many noisy frames compared with
+//! analytic truth.
 //!
-//! In: an instrument and something that draws and reads out plans. Out: [`Fidelity`], the table by which dense-star-field
-//! simulators have been judged (errors of SNR, centroid, background mean and sigma, energy concentration; stars by brightness,
-//! background in places of 20 x 20 px), here against truth instead of a telescope.
+//! In: an instrument, and a function that draws and reads out plans. Out: [`Fidelity`], the table by which
+//! dense-star-field simulators have been judged (errors of SNR, centroid, background mean and sigma, energy
+//! concentration; stars by brightness, background in places of 20 x 20 px), here compared with truth instead of a
+//! telescope.
 //!
-//! Truth, written afresh here: electrons of a pixel = star x PSF integral over it (f64) x its own response + dark + its own
-//! offset; variance = light + dark + read noise^2 + gain^2 / 12; SNR of a window = signal over the root of the sum of variances;
-//! centroid error of a window = root of `sum (x - c)^2 variance / signal^2`. The pixels' own responses and offsets are known to
-//! it, as they are to a telescope whose images are flat-fielded.
+//! Truth, independent code here: electrons of a pixel = star x PSF integral over it (f64) x its own response + dark +
+//! its own offset; variance = light + dark + read noise^2 + gain^2 / 12; SNR of a window = signal over the root of the
+//! sum of variances; centroid error of a window = root of `sum (x - c)^2 variance / signal^2`. It knows the pixels' own
+//! responses and offsets, as for a telescope with flat-fielded images.
 //!
-//! *Limits.* Stars stand still and apart; pixels stay below saturation. What statistics leave is told: `*_se` is one standard error. *Validation.* `tests/physics/fidelity.rs`.
+//! *Limits.* Stars are static and well separated; pixels stay below saturation. The statistical error is reported:
+//! `*_se` is one standard error. *Validation.* `tests/physics/fidelity.rs`.
 
 use crate::verify::data_sheet::Stated;
 use crate::verify::star_field::{FieldStar, HALF_PX, REGION_PX, StarField};
@@ -19,7 +22,7 @@ use image::detector::{Detector, Patterns};
 use plan::optics::PsfModel;
 use std::sync::Arc;
 
-/// What the frames are made with, as far as truth needs it.
+/// Parameters of the frames that truth needs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Truth {
     /// PSF.
@@ -28,7 +31,7 @@ pub struct Truth {
     pub dark_e: f64,
     /// White noise of a pixel's readout, e- rms.
     pub read_noise_e_rms: f64,
-    /// Noise that a row shares, e- rms; taken as independent from row to row, which 1/f is not.
+    /// Noise shared by a row, e- rms; taken as independent from row to row, which does not apply to 1/f noise.
     pub row_noise_e_rms: f64,
     /// Spread of the pixels' dark means, e- rms.
     pub dsnu_e_rms: f64,
@@ -36,15 +39,15 @@ pub struct Truth {
     pub gain_e_per_dn: f64,
     /// Digital number of no electrons.
     pub black_level_dn: f64,
-    /// What every pixel has of its own: response, dark current, offset.
+    /// Response, dark current and offset of every pixel.
     pub patterns: Patterns,
-    /// What every column and row has of its own.
+    /// Gain and offset of every column and row.
     pub lines: Lines,
     /// Columns.
     pub width_px: usize,
 }
 
-/// What a pixel has of its own.
+/// Response, dark current and offset of one pixel.
 struct Own {
     response: f64,
     dark_e: f64,
@@ -53,8 +56,8 @@ struct Own {
 }
 
 impl Truth {
-    /// Returns the truth about the frames of `detector`, exposed for so long, whose stars have this PSF. Its response
-    /// is straight, and no effect of neighbours is on.
+    /// Returns the truth about frames of `detector` with this exposure, whose stars have this PSF. Its response must be
+    /// linear, and all effects of neighbours off.
     #[must_use]
     pub fn of(detector: &Detector, psf: PsfModel, exposure_s: f64) -> Self {
         let (params, stated) = (detector.params(), Stated::of(detector.params(), exposure_s));
@@ -72,8 +75,8 @@ impl Truth {
         }
     }
 
-    /// Returns electrons of a star whose window has this signal-to-noise ratio: the larger root of `S^2 = snr^2 (S + n
-    /// v)`.
+    /// Returns the electrons of a star whose window has this signal-to-noise ratio: the larger root of `S^2 = snr^2 (S
+    /// + n v)`.
     #[must_use]
     pub fn electrons_for_snr(&self, snr: f64) -> f64 {
         let pixels = (2 * HALF_PX + 1).pow(2) as f64;
@@ -81,7 +84,7 @@ impl Truth {
         0.5 * (snr * snr + (snr.powi(4) + 4.0 * snr * snr * noise).sqrt())
     }
 
-    /// Returns the variance of a pixel that does not come of its charge, e-^2.
+    /// Returns the variance of a pixel that does not depend on its charge, e-^2.
     fn white_noise_e2(&self) -> f64 {
         self.read_noise_e_rms.powi(2) + self.gain_e_per_dn.powi(2) / 12.0
     }
@@ -107,7 +110,7 @@ impl Truth {
 pub struct FidelityRow {
     /// Electrons of each star.
     pub electrons: f64,
-    /// How many stars.
+    /// Number of stars.
     pub stars: usize,
     /// True signal-to-noise ratio in the window, mean of the stars.
     pub snr: f64,
@@ -121,7 +124,7 @@ pub struct FidelityRow {
     pub centroid_bias_se_px: f64,
     /// True scatter of a centroid along one axis, px rms.
     pub scatter_px: f64,
-    /// Relative error of the measured one (NaN where noise bends the centroid: SNR below [`LEAST_CENTROID_SNR`]).
+    /// Relative error of the measured one (NaN if noise biases the centroid: SNR below [`LEAST_CENTROID_SNR`]).
     pub scatter_error: f64,
     /// True share of the light in the window.
     pub energy: f64,
@@ -129,12 +132,12 @@ pub struct FidelityRow {
     pub energy_error: f64,
 }
 
-/// Background in the empty places.
+/// Background in empty places.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BackgroundRow {
-    /// Places.
+    /// Number of places.
     pub places: usize,
-    /// True mean over the black level, e-.
+    /// True mean above the black level, e-.
     pub mean_e: f64,
     /// Relative error of the measured mean (black level included, as in an image).
     pub mean_error: f64,
@@ -149,7 +152,7 @@ pub struct BackgroundRow {
 /// The whole table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fidelity {
-    /// By brightness, in the order of the field's.
+    /// Rows by brightness, in the order of the field's.
     pub rows: Vec<FidelityRow>,
     /// Empty places.
     pub background: BackgroundRow,
@@ -157,13 +160,13 @@ pub struct Fidelity {
     pub frames: u32,
 }
 
-/// A ratio of first moment and signal is a centroid only where the signal is well above its noise.
+/// Smallest SNR at which the ratio of first moment and signal is a centroid.
 pub const LEAST_CENTROID_SNR: f64 = 10.0;
 
 /// Sums over frames of one star's window.
 #[derive(Debug, Clone)]
 struct StarSums {
-    /// The pixels, their true light and what they hold without it, e-.
+    /// The pixels, with their true light and their electrons without it.
     truth: Vec<([usize; 2], [f64; 2])>,
     signal_e: f64,
     centroid_px: [f64; 2],
@@ -204,11 +207,11 @@ impl StarSums {
     /// Returns true variance of the window's signal, and of its centroid along both axes.
     fn variances(&self, truth: &Truth) -> (f64, [f64; 2]) {
         let mut variances = (0.0, [0.0; 2]);
-        // What a pixel's noise does to the centroid, along both axes.
+        // Effect of a pixel's noise on the centroid, along both axes.
         let lever = |at: &[usize; 2], i: usize| (at[i] as f64 - self.centroid_px[i]) / self.signal_e;
         for (at, [light, _]) in &self.truth {
             let own = truth.own(*at);
-            // The column's gain multiplies the noise of what it has counted.
+            // The column's gain multiplies the noise of its counts.
             let variance = own.gain * (light + own.gain * own.dark_e) + truth.white_noise_e2();
             variances.0 += variance;
             (0..2).for_each(|i| variances.1[i] += lever(at, i).powi(2) * variance);
@@ -223,7 +226,7 @@ impl StarSums {
         variances
     }
 
-    /// Returns the centroid of the mean of all frames, from the true one, px.
+    /// Returns the difference of the mean centroid of all frames from the true one, px.
     fn bias_px(&self, frames: f64) -> [f64; 2] {
         let pixels = self.truth.iter().zip(&self.pixels_e);
         let mean = pixels.map(|((at, [_, without]), sum)| (*at, sum / frames - without));
@@ -237,14 +240,14 @@ fn electrons_at(image: &DnImage, [x, y]: [usize; 2], truth: &Truth) -> f64 {
     (dn - truth.black_level_dn) * truth.gain_e_per_dn
 }
 
-/// Sum and centroid.
+/// Returns sum and centroid.
 fn moments(pixels: impl Iterator<Item = ([usize; 2], f64)>) -> (f64, [f64; 2]) {
     let [sum, x, y] =
         pixels.fold([0.0; 3], |[sum, x, y], (at, e)| [sum + e, x + e * at[0] as f64, y + e * at[1] as f64]);
     (sum, [x / sum, y / sum])
 }
 
-/// Takes `frames` frames of `field` through `read_out` and holds them against truth.
+/// Draws `frames` frames of `field` with `read_out` and compares them with truth.
 ///
 /// # Errors
 /// Those of `read_out`.
@@ -275,7 +278,7 @@ pub fn measure<E>(
     Ok(Fidelity { rows, background: background_row(background, field.regions.len(), frames, truth), frames })
 }
 
-/// Mean and variance over one empty place, e-.
+/// Returns mean and variance over one empty place, e-.
 fn spread(image: &DnImage, [left, top]: [usize; 2], truth: &Truth) -> [f64; 2] {
     let pixels = (0..REGION_PX * REGION_PX).map(|i| [left + i % REGION_PX, top + i / REGION_PX]);
     let count = (REGION_PX * REGION_PX) as f64;
@@ -294,7 +297,7 @@ fn background_row(sums: [f64; 2], places: usize, frames: u32, truth: &Truth) -> 
     let fixed = truth.dsnu_e_rms.powi(2);
     let sigma_e = (temporal + fixed).sqrt();
     let pixels = (REGION_PX * REGION_PX) as f64 * places as f64;
-    // Of the variance, the fixed part is the same in every frame.
+    // The fixed part of the variance is the same in every frame.
     let variance_se =
         ((2.0 / pixels) * (fixed * fixed + temporal * (temporal + 2.0 * fixed) / f64::from(frames))).sqrt();
     BackgroundRow {
@@ -324,7 +327,7 @@ fn row(electrons: f64, stars: &[&StarSums], frames: u32, truth: &Truth) -> Fidel
         stars: stars.len(),
         snr,
         snr_error: (1.0 + signal_error) / noise.sqrt() - 1.0,
-        // Of the noise: 1 / sqrt(2 n); of the signal: 1 / (SNR sqrt(n)).
+        // Noise contributes 1 / sqrt(2 n); the signal 1 / (SNR sqrt(n)).
         snr_se: ((0.5 + snr.powi(-2)) / (count * taken)).sqrt(),
         centroid_bias_px: bias(0).abs().max(bias(1).abs()),
         centroid_bias_se_px: (scatter2 / (count * taken)).sqrt(),

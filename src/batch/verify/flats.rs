@@ -1,8 +1,8 @@
-//! Moments of flat images: the mean, the noise in time, the pattern in space.
+//! Moments of flat images: the mean, the temporal noise, the spatial pattern.
 //!
-//! Two images of the same light differ by their temporal noise only, whatever the fixed pattern: `sigma^2 = 1/2 <(a -
-//! b)^2> - 1/2 (<a> - <b>)^2`. The pattern is what is left in the mean of many images: `s^2 = var(mean) - sigma^2 / L`.
-//! Source: EMVA 1288 Release 4.0 Linear, sections 6.5 and 8.2. Units: DN, DN^2. Tests below.
+//! Two images of the same light differ only by their temporal noise, for any fixed pattern: `sigma^2 = 1/2 <(a - b)^2>
+//! - 1/2 (<a> - <b>)^2`. The pattern is the remaining variance of the mean of many images: `s^2 = var(mean) - sigma^2 /
+//! L`. Source: EMVA 1288 Release 4.0 Linear, sections 6.5 and 8.2. Units: DN, DN^2. Tests below.
 
 use base::image::DnImage;
 
@@ -16,7 +16,7 @@ pub struct Pair {
 }
 
 impl Pair {
-    /// Of two images of the same light.
+    /// Returns the moments of two images of the same light.
     #[must_use]
     pub fn of(a: &DnImage, b: &DnImage) -> Self {
         let count = a.pixels().len() as f64;
@@ -41,12 +41,12 @@ pub struct Stack {
     images: u32,
 }
 
-/// What a stack shows.
+/// Moments of a stack.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pattern {
     /// Mean of all pixels, DN.
     pub mean_dn: f64,
-    /// Variance of the pixels' own means, their temporal noise taken off, DN^2.
+    /// Variance of the pixels' own means without their temporal noise, DN^2.
     pub spatial_variance_dn2: f64,
     /// Mean temporal variance of a pixel, DN^2.
     pub temporal_variance_dn2: f64,
@@ -55,7 +55,7 @@ pub struct Pattern {
 }
 
 impl Stack {
-    /// Returns the room for images of so many pixels.
+    /// Returns an empty stack for images of this many pixels.
     #[must_use]
     pub fn new(pixels: usize) -> Self {
         Self { sums: vec![0; pixels], squares: vec![0; pixels], images: 0 }
@@ -78,7 +78,7 @@ impl Stack {
         [mean, (self.squares[at] as f64 / images - mean * mean) * images / (images - 1.0)]
     }
 
-    /// What all of it shows; two images at least.
+    /// Returns the moments of the stack, which needs at least two images.
     #[must_use]
     pub fn pattern(&self) -> Pattern {
         let count = self.sums.len() as f64;
@@ -86,7 +86,7 @@ impl Stack {
         let (mean_dn, temporal_variance_dn2) = (sum / count, temporal / count);
         let spread: f64 = (0..self.sums.len()).map(|at| (self.pixel(at)[0] - mean_dn).powi(2)).sum();
         let spatial_variance_dn2 = spread / (count - 1.0) - temporal_variance_dn2 / f64::from(self.images);
-        // A variance of `count` normal deviates errs by the root of 2 / count of itself.
+        // The standard error of a variance of `count` normal deviates is the root of 2 / count of itself.
         let spatial_variance_se_dn2 = (2.0 / count).sqrt() * spread / (count - 1.0);
         Pattern { mean_dn, spatial_variance_dn2, temporal_variance_dn2, spatial_variance_se_dn2 }
     }
@@ -112,7 +112,7 @@ mod tests {
         let pair = Pair::of(&image(&[10, 22, 30, 44]), &image(&[12, 20, 30, 40]));
         assert_eq!(pair, Pair { mean_dn: 26.0, variance_dn2: 2.5 });
         let still = Pair::of(&image(&[1, 500, 9000]), &image(&[1, 500, 9000]));
-        assert_eq!(still.variance_dn2, 0.0, "a pattern is no noise");
+        assert_eq!(still.variance_dn2, 0.0, "a pattern does not count as noise");
     }
 
     #[test]
@@ -121,7 +121,8 @@ mod tests {
         for offset in [0, 2, 4, 2] {
             stack.add(&image(&[10 + offset, 20 + offset, 30 + offset]));
         }
-        // In time: 0, 2, 4, 2 has a variance of 8 / 3. In space: 10, 20, 30 has 100, and of the noise 8 / 3 / 4 is taken off.
+        // In time: 0, 2, 4, 2 has a variance of 8 / 3. In space: 10, 20, 30 has 100, and of the noise 8 / 3 / 4 is
+        // taken off.
         let pattern = stack.pattern();
         assert_eq!(stack.pixel(1)[0], 22.0);
         assert!((pattern.temporal_variance_dn2 - 8.0 / 3.0).abs() < 1e-12, "{pattern:?}");

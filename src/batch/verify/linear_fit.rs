@@ -11,7 +11,7 @@ pub struct Line {
 }
 
 impl Line {
-    /// The line nearest to `[x, y, weight]`; no slope when all x are the same.
+    /// Returns the line nearest to `[x, y, weight]`; its slope is 0 when all x are equal.
     #[must_use]
     pub fn through(points: impl Iterator<Item = [f64; 3]> + Clone) -> Self {
         let sums = points

@@ -1,8 +1,8 @@
-//! A camera held against what its file says, from its own frames: flats, darks and stars.
+//! Compares a camera with its file, from its own frames: flats, darks and stars.
 //!
-//! In: something that exposes (a detector, or a whole imager); out: what a laboratory would measure of it. Nothing here
-//! reads a detector's parameters: gain, noise and the rest come out of digital numbers alone, so that what the file says
-//! and what the frames show are two things that can differ.
+//! In: a function that exposes (a detector, or a whole imager); out: the measurements of a laboratory. Nothing here
+//! reads a detector's parameters: gain, noise and the rest are computed from digital numbers alone, so that the file
+//! and the frames are compared independently.
 //!
 //! * `flats`: moments of one image and of pairs, in time and in space.
 //! * `photon_transfer`: the procedure of EMVA 1288 -> [`DataSheet`].

@@ -1,7 +1,7 @@
 //! Photon transfer: flats and darks -> gain, noise, dark current, patterns, linearity, saturation.
 //!
-//! The procedure of EMVA 1288 Release 4.0 Linear, with names of our own for what it calls K (here `1 / gain_e_per_dn`),
-//! `mu_p` (here electrons of light: the quantum efficiency is not asked for) and so on:
+//! The procedure of EMVA 1288 Release 4.0 Linear, with our own names for its K (here `1 / gain_e_per_dn`), `mu_p` (here
+//! electrons of light: the quantum efficiency is not needed) and so on:
 //!
 //! 1. *Saturation*: light is doubled until the mean no longer rises; the plateau over the dark level is the capacity.
 //! 2. *Photon transfer* (section 6.6): pairs at [`Procedure::levels`] levels; slope of variance over mean, both less their
@@ -12,9 +12,9 @@
 //! 5. *Patterns* (section 8.2): stacks of darks and of flats at half saturation; `prnu = sqrt(s50^2 - sdark^2) / (mean50 -
 //!    meandark)`.
 //!
-//! *Limits.* A dark noise below 0.4 DN is not seen through the quantisation; the gain is that of a linear detector: with a bent
-//! response it is the mean slope. Errors for 512 x 512 pixels and the default procedure: gain 0.2 %, read noise 0.2 %, patterns
-//! 0.5 % where they stand above the noise of the stack. Held by `tests/physics/photon_transfer.rs`.
+//! *Limits.* A dark noise below 0.4 DN is not visible through the quantisation; the gain is that of a linear detector:
+//! for a curved response it is the mean slope. Errors for 512 x 512 pixels and the default procedure: gain 0.2 %, read
+//! noise 0.2 %, patterns 0.5 % if they exceed the noise of the stack. Checked by `tests/physics/photon_transfer.rs`.
 
 use crate::verify::DataSheet;
 use crate::verify::data_sheet::LightPoint;
@@ -24,25 +24,25 @@ use base::image::DnImage;
 
 /// Variance of rounding to whole DN.
 pub const QUANTISATION_DN2: f64 = 1.0 / 12.0;
-/// Shares of saturation between which linearity is judged (EMVA 1288, section 6.7).
+/// Shares of saturation between which linearity is evaluated (EMVA 1288, section 6.7).
 const JUDGED: [f64; 2] = [0.05, 0.95];
-/// A doubling of light that raises the mean by less than this share of it: saturated.
+/// Relative rise of the mean for a doubling of light below which the detector is saturated.
 const PLATEAU: f64 = 1e-3;
-/// Doublings from one electron on: no well is deeper.
+/// Largest number of doublings from one electron on: no well is deeper.
 const MOST_DOUBLINGS: u32 = 34;
 
 /// One flat exposure.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Flat {
-    /// Mean electrons that light makes in every pixel.
+    /// Mean electrons per pixel from light.
     pub light_e: f64,
     /// Exposure, s.
     pub exposure_s: f64,
-    /// Number of the frame: none is taken twice.
+    /// Number of the frame: every frame is used once.
     pub frame: u32,
 }
 
-/// How much is measured.
+/// Scope of the measurement.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Procedure {
     /// Exposure of everything but the dark series, s.
@@ -51,30 +51,31 @@ pub struct Procedure {
     pub longest_dark_s: f64,
     /// Levels of light.
     pub levels: u32,
-    /// Exposures of the dark series, besides none.
+    /// Number of exposures of the dark series, besides zero.
     pub darks: u32,
-    /// Images of a stack.
+    /// Number of images of a stack.
     pub stacked: u32,
-    /// Share of saturation up to which the photon transfer is fitted (EMVA 1288, section 6.6: 0.7); less for a bent response.
+    /// Share of saturation up to which the photon transfer is fitted (EMVA 1288, section 6.6: 0.7); less for a bent
+    /// response.
     pub fitted: f64,
 }
 
 impl Procedure {
-    /// EMVA's 50 levels and its least of 16 stacked images.
+    /// Returns EMVA's 50 levels and its minimum of 16 stacked images.
     #[must_use]
     pub fn new(exposure_s: f64, longest_dark_s: f64) -> Self {
         Self { exposure_s, longest_dark_s, levels: 50, darks: 8, stacked: 32, fitted: 0.7 }
     }
 }
 
-/// Takes flats from a camera.
+/// Source of flats: a camera.
 struct Laboratory<'a> {
     expose: &'a mut dyn FnMut(Flat, &mut DnImage),
     images: [DnImage; 2],
     frame: u32,
 }
 
-/// Measures what `expose` shows in images of `size_px`.
+/// Measures a detector with `expose`, which returns images of `size_px`.
 #[must_use]
 pub fn characterise(
     size_px: [usize; 2],
@@ -122,7 +123,7 @@ impl Laboratory<'_> {
         for _ in 0..MOST_DOUBLINGS {
             let mean = self.pair(light_e, exposure_s).mean_dn;
             let rises = mean - before > PLATEAU * (mean - dark).max(1.0);
-            // The first doublings drown in the noise.
+            // The first doublings are below the noise.
             if !rises && mean - dark > 10.0 {
                 return (mean, 0.5 * light_e);
             }
@@ -131,7 +132,7 @@ impl Laboratory<'_> {
         (before, light_e)
     }
 
-    /// Pairs at even steps of light up to the first that saturates, less the dark pair.
+    /// Returns pairs at even steps of light up to the first saturated one, minus the dark pair.
     fn levels(&mut self, procedure: &Procedure, saturating_e: f64, dark: Pair) -> Vec<LightPoint> {
         let point = |i: u32| {
             let light_e = saturating_e * f64::from(i) / f64::from(procedure.levels);
@@ -142,14 +143,14 @@ impl Laboratory<'_> {
         (1..=procedure.levels).map(point).collect()
     }
 
-    /// Returns lines of mean and variance over the exposure, in the dark.
+    /// Returns lines of mean and variance over the exposure, without light.
     fn dark_series(&mut self, procedure: &Procedure) -> [Line; 2] {
         let pair = |i: u32| {
             let exposure_s = procedure.longest_dark_s * f64::from(i) / f64::from(procedure.darks);
             (exposure_s, self.pair(0.0, exposure_s))
         };
         let pairs: Vec<(f64, Pair)> = (0..=procedure.darks).map(pair).collect();
-        // A variance errs by a share of itself, a mean by its noise.
+        // The error of a variance is a share of itself, that of a mean its noise.
         let means = pairs.iter().map(|(s, pair)| [*s, pair.mean_dn, 1.0 / pair.variance_dn2.max(1e-3)]);
         let variances = pairs.iter().map(|(s, pair)| [*s, pair.variance_dn2, pair.variance_dn2.max(1e-3).powi(-2)]);
         [Line::through(means), Line::through(variances)]
@@ -167,7 +168,7 @@ impl Laboratory<'_> {
     }
 }
 
-/// Points between two shares of the saturation signal.
+/// Returns the points between two shares of the saturation signal.
 fn between(
     points: &[LightPoint],
     saturation_dn: f64,
@@ -176,13 +177,13 @@ fn between(
     points.iter().filter(move |p| (low * saturation_dn..=high * saturation_dn).contains(&p.signal_dn))
 }
 
-/// Returns the variance over mean.
+/// Returns the line of variance over mean.
 fn transfer(points: &[LightPoint], most_dn: f64) -> Line {
     let fitted = between(points, most_dn, [0.0, 1.0]);
     Line::through(fitted.map(|p| [p.signal_dn, p.variance_dn2, p.total_variance_dn2.powi(-2)]))
 }
 
-/// Returns the mean over light.
+/// Returns the line of mean over light.
 fn responsivity(points: &[LightPoint], saturation_dn: f64) -> Line {
     let judged = between(points, saturation_dn, JUDGED);
     Line::through(judged.map(|p| [p.light_e, p.signal_dn, p.signal_dn.powi(-2)]))

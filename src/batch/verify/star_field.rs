@@ -1,8 +1,8 @@
-//! A field to be measured: stars of a few brightnesses at random parts of a pixel, far enough apart, and empty places.
+//! A field for measurements: stars of a few brightnesses at random pixel phases, well separated, and empty places.
 //!
-//! In: the detector's size, electrons of each brightness, a seed. Out: sources for a planner, with the cell that each stands
-//! in. The detector is cut into cells of [`CELL_PX`]; brightnesses and empty cells are dealt out at random, so that each is
-//! spread over all quadrants.
+//! In: the detector's size, electrons of each brightness, a seed. Out: sources for a planner, with the cell of each
+//! star. The detector is divided into cells of [`CELL_PX`]; brightnesses and empty cells are assigned at random, so
+//! that each is spread over all quadrants.
 
 use base::random::philox;
 use plan::exposure::{Source, SourcePlace};
@@ -17,9 +17,9 @@ pub const HALF_PX: i64 = 3;
 /// One star.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FieldStar {
-    /// Which brightness it has.
+    /// Index of its brightness.
     pub bin: usize,
-    /// Where it stands.
+    /// Its position.
     pub px: [f64; 2],
 }
 
@@ -35,7 +35,7 @@ pub struct StarField {
 }
 
 impl StarField {
-    /// As many cells as fit a detector of `size_px`, dealt out to the brightnesses and to empty places.
+    /// Returns as many cells as fit a detector of `size_px`, assigned to the brightnesses and to empty places.
     #[must_use]
     pub fn new(size_px: [usize; 2], electrons: Vec<f64>, seed: u32) -> Self {
         let [columns, rows] = size_px.map(|side| side / CELL_PX);

@@ -3,7 +3,7 @@
 use crate::verify::data_sheet::Comparison;
 use crate::verify::fidelity::Fidelity;
 
-/// Returns the sheet beside its file.
+/// Returns the sheet beside the values of its file.
 #[must_use]
 pub fn data_sheet(lines: &[Comparison]) -> String {
     let mut text = format!("  {:<18} {:>12} {:>12}  {:<7} {:>10}\n", "", "file", "measured", "", "difference");
@@ -19,12 +19,12 @@ pub fn data_sheet(lines: &[Comparison]) -> String {
     text
 }
 
-/// Returns the five digits.
+/// Returns a value with five digits.
 fn short(value: f64) -> String {
     if value.abs() >= 1e4 { format!("{value:.0}") } else { format!("{value:.4}") }
 }
 
-/// Returns errors by brightness; `mag_of` turns electrons into a magnitude.
+/// Returns errors by brightness; `mag_of` converts electrons to a magnitude.
 #[must_use]
 pub fn fidelity(table: &Fidelity, mag_of: impl Fn(f64) -> f64) -> String {
     let mut text = format!(

@@ -171,7 +171,7 @@ fn exposure_is_partly_extrapolated_when_two_samples_are_missing_at_an_end() {
 }
 
 #[test]
-fn times_that_are_no_times_and_empty_histories_are_errors() {
+fn invalid_times_and_empty_histories_are_errors() {
     let limits = EstimateLimits::default();
     let filled = history(accelerating, 100);
     for exposure_s in [f64::NAN, f64::INFINITY, -0.1] {

@@ -52,7 +52,7 @@ fn the_cheapest_that_fits_is_chosen_and_nothing_when_none_does() {
 }
 
 #[test]
-fn verdicts_say_why_a_method_is_refused() {
+fn verdicts_state_why_a_method_is_refused() {
     let verdict = |motion: &MotionScale, spacing_s| {
         assess_methods(0.1 * ARCSEC, motion, Reach { horizon_s: 0.1, spacing_s })[3].verdict
     };
@@ -91,7 +91,7 @@ fn states_come_from_the_sample_before_and_the_one_after() {
 }
 
 #[test]
-fn what_is_not_there_is_reported() {
+fn missing_samples_are_reported() {
     let history = history(DVec3::ZERO);
     let by = |method, at| state_by(method, &history, at).map(|state| state.at);
     let after = Err(AttitudeError::AfterHistory { at: ms(11), newest: ms(10) });

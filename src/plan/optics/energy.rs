@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_seen_is_the_light_averaged_over_a_pixel() {
+    fn seen_light_is_the_light_averaged_over_a_pixel() {
         let psf = PsfModel::gaussian(0.7);
         let brute = |radius: f64| -> f64 {
             // Sum of the star's light as pixels see it over fine cells within the circle.

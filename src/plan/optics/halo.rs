@@ -51,7 +51,7 @@ impl RoundPsf for Halo {
         2.0 * half_width(0.05 * self.core_sigma_px(), |r| self.irradiance(r))
     }
 
-    /// Returns that of the Gaussian that is curved alike at the peak.
+    /// Returns the standard deviation of the Gaussian with the same curvature at the peak, px.
     fn core_sigma_px(&self) -> f64 {
         (self.sum(|sigma| sigma.powi(-2)) / self.sum(|sigma| sigma.powi(-4))).sqrt()
     }

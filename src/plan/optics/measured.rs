@@ -294,7 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_image_of_a_star_is_refused() {
+    fn invalid_star_image_is_refused() {
         let good = cells(5, [75, 75], [37.0, 37.0], 0.0);
         let refused = |samples: &[f64], how: Measurement| how.psf(samples, 75).expect_err("refused");
         assert_eq!(refused(&good, Measurement { samples_per_px: 1, ..PLAIN }), MeasuredError::SamplesPerPx { got: 1 });

@@ -81,7 +81,7 @@ impl RoundPsf for Moffat {
         2.0 * self.alpha_px * (2.0_f64.powf(1.0 / self.beta) - 1.0).sqrt()
     }
 
-    /// Returns that of the Gaussian that is curved alike at the peak: `alpha / sqrt(2 beta)`.
+    /// Returns the standard deviation of the Gaussian with the same curvature at the peak, px: `alpha / sqrt(2 beta)`.
     fn core_sigma_px(&self) -> f64 {
         self.alpha_px / (2.0 * self.beta).sqrt()
     }

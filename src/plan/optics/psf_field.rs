@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_field_is_refused() {
+    fn invalid_field_is_refused() {
         let psf = || PsfModel::gaussian(0.8);
         let made = |nodes: [usize; 2], count: usize| PsfField::new(nodes, [64; 2], vec![psf(); count]);
         assert_eq!(made([1, 3], 3), Err(PsfFieldError::Nodes { columns: 1, rows: 3 }));

@@ -430,7 +430,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_psf_is_refused() {
+    fn invalid_psf_samples_are_refused() {
         let good = |x: f64, y: f64| gaussian::cell(x, 0.8) * gaussian::cell(y, 0.8);
         let refused = |oversampling, half_px, f: &dyn Fn(f64, f64) -> f64| {
             PsfGrid::sampled(oversampling, half_px, f).expect_err("refused")

@@ -1,7 +1,7 @@
 //! Calibration of costs: small scenes through the real planner, backend and detector -> [`CostModel`] of this machine.
 //!
-//! Empty frames of two sizes, static stars, stars by samples, an effective PSF with few and many nodes and stars, and an
-//! Airy PSF; the median time of each, then `plan::exposure::cost_fit`. Limits: an idle machine is assumed; on a GPU
+//! Empty frames of two sizes, static stars, stars by samples, an effective PSF with few and many nodes and stars, and
+//! an Airy PSF; the median time of each, then `plan::exposure::cost_fit`. Limits: an idle machine is assumed; on a GPU
 //! drawing and readout are timed together and the time per pixel is shared out between the two as in the built-in
 //! constants.
 //!
@@ -52,8 +52,7 @@ pub struct Effort {
 
 impl Effort {
     /// Returns the effort of a full calibration (a few seconds) or, when `quick`, of one that takes about one second.
-    /// The
-    /// reference backend gets scenes it can draw in that time.
+    /// The reference backend gets scenes it can draw in that time.
     #[must_use]
     pub fn of(choice: BackendChoice, quick: bool) -> Self {
         match (choice, quick) {

@@ -1,10 +1,10 @@
-//! Camera commands of the flight computer: judged by what the heads can do, answered, and kept until the loop gives them to
-//! the heads.
+//! Camera commands of the flight computer: judged by what the heads can do, answered, and kept until the loop gives
+//! them to the heads.
 //!
-//! In: CAMERA and CAMERA_TRIGGER with their arrivals, what each head can do ([`CameraView`]). Out: commands by head, a refusal
-//! with its reason, whether CAMERA_STATUS is wanted. A command for all heads is taken by all or by none. The loop shows the
-//! heads (`show`) before a command is taken in, and gives them what was taken right after (`give`). Allocates nothing after
-//! the start. Tests: below, and `tests/closed_loop/camera_bus.rs`.
+//! In: CAMERA and CAMERA_TRIGGER with their arrivals, what each head can do ([`CameraView`]). Out: commands by head, a
+//! refusal with its reason, whether CAMERA_STATUS is wanted. A command for all heads is taken by all or by none. The
+//! loop shows the heads (`show`) before a command is taken in, and gives them what was taken right after (`give`).
+//! Allocates nothing after the start. Tests: below, and `tests/closed_loop/camera_bus.rs`.
 
 use crate::runtime::exposing::Exposing;
 use crate::runtime::ledger::Ledger;
@@ -49,8 +49,7 @@ impl Default for CameraIntake {
 
 impl CameraIntake {
     /// Stores what a head can do. Heads come in the order of their numbers; heads beyond the last number a command can
-    /// name are
-    /// ignored.
+    /// name are ignored.
     pub fn see(&mut self, head: usize, view: CameraView) {
         match self.views.get_mut(head) {
             Some(known) => *known = view,
@@ -258,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_camera_cannot_do_is_refused_with_its_reason_and_not_kept() {
+    fn impossible_command_is_refused_with_its_reason_and_not_stored() {
         let mut intake = intake();
         for (kind, head, value, wanted) in [
             (CameraKind::Exposure, 0, 19, Refusal::CameraRange),

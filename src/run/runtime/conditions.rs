@@ -227,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_wrong_changes_nothing_and_copies_nothing() {
+    fn conditions_without_faults_change_and_copy_nothing() {
         let sources = [star(1, 10.0, 5.0), star(2, 20.0, 6.0)];
         let mut conditions = Conditions::new();
         let untouched = conditions.seen(&sources, &camera(), &Rotation::IDENTITY, 7);

@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn constants_read_back_exactly_and_absence_is_no_error() {
+    fn constants_read_back_exactly_and_absence_is_accepted() {
         let folder = tempfile::tempdir().unwrap();
         let cached = sample();
         let path = cached.owner.file_in(&folder.path().join("deep/down"));

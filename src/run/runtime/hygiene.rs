@@ -231,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_unavailable_says_why() {
+    fn unavailable_setting_is_reported_with_its_reason() {
         for affinity in [vec![usize::MAX], vec![1023]] {
             let lines = reported(HygieneParams { realtime: false, affinity, ..HygieneParams::default() }, Role::Frame);
             assert!(!lines[0].got && !lines[0].detail.is_empty(), "{lines:?}");

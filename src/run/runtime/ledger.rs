@@ -52,8 +52,7 @@ events! {
     /// No frame: the stream has stopped and the policy is `drop`; the span is the newest sample's age.
     AttitudeMissing = "attitude_missing",
     /// Two or more attitudes were missing at an end of the exposure, whose middle was interpolated; the span is the
-    /// uncovered
-    /// time.
+    /// uncovered time.
     PartlyExtrapolated = "partly_extrapolated",
     /// Jitter samples were missing when the frame was drawn; the span is the uncovered time.
     JitterMissing = "jitter_missing",
@@ -107,7 +106,8 @@ events! {
     LinkErrors = "link_errors",
     /// Packets were lost in a full queue of the link, or could not be sent.
     LinkOverflow = "link_overflow",
-    /// A plain link refused messages: of another layout, of another sender, or too long. The summary counts them by reason.
+    /// A plain link refused messages: of another layout, of another sender, or too long. The summary counts them by
+    /// reason.
     InputRefused = "input_refused",
     /// Frames show stars from here on: a RUN was accepted.
     SessionRun = "session_run",

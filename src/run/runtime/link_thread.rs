@@ -1,8 +1,8 @@
-//! The receiving threads of the bench clock: one per port with a bounded queue each way, one for pulses, one per GPIO chip.
+//! The receiving threads of the bench clock: one per port with a bounded queue each way, one for pulses, one per GPIO
+//! chip.
 //!
 //! In: ports. Out: messages stamped where they arrived, with the port they came by. When a queue is full, messages are
-//! lost
-//! and counted: the threads never block on a full queue. Counters of a port are published after each packet.
+//! lost and counted: the threads never block on a full queue. Counters of a port are published after each packet.
 
 use crate::runtime::edge_thread::{EdgeThread, TriggerChip};
 use crate::runtime::error::RunError;
@@ -56,7 +56,7 @@ pub(super) enum Received {
 }
 
 /// Threads that receive, and their queues.
-pub(super) struct LinkThread {
+pub(super) struct LinkThreads {
     received: Queue<Received>,
     /// Samples of an external plant; `None` when no socket delivers any.
     samples: Option<Queue<Stamped<PlantSample>>>,
@@ -74,7 +74,7 @@ struct Station {
     thread: Option<JoinHandle<Result<PortReading, RunError>>>,
 }
 
-impl LinkThread {
+impl LinkThreads {
     /// Starts one thread per port, one per chip with trigger lines, and one for pulses where there is a source.
     ///
     /// # Errors
@@ -291,11 +291,11 @@ impl Drop for PulseThread {
 mod tests {
     use super::*;
 
-    fn link_thread_with(look: impl FnOnce() + Send + 'static) -> LinkThread {
+    fn link_thread_with(look: impl FnOnce() + Send + 'static) -> LinkThreads {
         let (_arrived, received) = bounded(1);
         let thread = std::thread::Builder::new().name("pps".into()).spawn(look).unwrap();
         let pulses = PulseThread { stop: Arc::default(), thread: Some(thread) };
-        LinkThread { received, samples: None, stations: Vec::new(), pulses: Some(pulses), chips: Vec::new() }
+        LinkThreads { received, samples: None, stations: Vec::new(), pulses: Some(pulses), chips: Vec::new() }
     }
 
     #[test]

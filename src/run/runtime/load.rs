@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn small_frames_and_nonsense_are_no_load() {
+    fn small_frames_and_invalid_times_do_not_count_as_load() {
         let mut load = LoadEstimate::default();
         load.observe(0.0, 0.2);
         assert!(load.ratio() < 1.5, "0.2 ms of fixed costs: {}", load.ratio());

@@ -1,7 +1,7 @@
 //! Wiring: receiver, frame engine, deadlines, ledger, delivery; one loop per clock.
 //!
-//! In: a port and parameters. Out: frames in sinks and a run's record. On the monotonic clock: one receiving thread, one
-//! frame thread, one sink thread, bounded queues between them. On the virtual clock: one thread, bit-identical.
+//! In: a port and parameters. Out: frames in sinks and a run's record. On the monotonic clock: one receiving thread,
+//! one frame thread, one sink thread, bounded queues between them. On the virtual clock: one thread, bit-identical.
 //! Nothing here parses, formats or draws.
 
 pub mod calibrate;

@@ -88,7 +88,7 @@ fn jump_of_the_tags_is_an_event_and_no_old_attitude_is_shown_as_new() {
 }
 
 #[test]
-fn overtaken_message_is_taken_and_its_tag_is_no_mark() {
+fn overtaken_message_is_taken_and_its_tag_is_not_used_as_a_mark() {
     let mut bench = bench();
     let tag = |late_ms: i64| move |at: Tai| PlainTime::Tag((at - START).ns() + 5 - late_ms * 1_000_000);
     for i in 0..50 {

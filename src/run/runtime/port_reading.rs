@@ -1,8 +1,8 @@
 //! Counters of a port, across threads: the link's thread publishes them, the frame thread reads them and adds ledger
 //! events.
 //!
-//! In: a port. Out: a [`PortReading`], and events where a count has risen. Each value is exact; values of one reading may
-//! be a packet apart. No lock, no allocation. Tests: below.
+//! In: a port. Out: a [`PortReading`], and events where a count has risen. Each value is exact; values of one reading
+//! may be a packet apart. No lock, no allocation. Tests: below.
 
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use base::time::{Span, Tai};

@@ -1,14 +1,11 @@
-//! The loop on the bench clock: receiving threads, this (frame) thread and a sink thread per camera head, bounded queues
-//! between them.
+//! The loop on the bench clock: receiving threads, this (frame) thread and a sink thread per camera head, bounded
+//! queues between them.
 //!
 //! In: heads (an engine and a sink each), ports. Out: a run's record. In every slot the heads are drawn in turn, each
-//! with
-//! all cores and its share of the readout time. Every slot leaves a [`FrameRecord`], also those for which nothing is
-//! drawn: pushed when its result is decided, completed when its buffer comes back from the sink thread. Limits: work
-//! starts
-//! at the release and not before; late frames are judged when finished, not when delivered (`[budget]` total is
-//! compared
-//! with delivery). Tests: `tests/closed_loop/{deadline,budget}.rs`, which assert no wall time.
+//! with all cores and its share of the readout time. Every slot leaves a [`FrameRecord`], also those for which nothing
+//! is drawn: pushed when its result is decided, completed when its buffer comes back from the sink thread. Limits: work
+//! starts at the release and not before; late frames are judged when finished, not when delivered (`[budget]` total is
+//! compared with delivery). Tests: `tests/closed_loop/{deadline,budget}.rs`, which assert no wall time.
 
 use crate::runtime::camera_intake;
 use crate::runtime::delivery::FramePacket;
@@ -18,7 +15,7 @@ use crate::runtime::error::RunError;
 use crate::runtime::frame_faults::FrameFaults;
 use crate::runtime::hygiene::{Hygiene, Role};
 use crate::runtime::ledger::{Event, EventKind, Ledger};
-use crate::runtime::link_thread::{LinkThread, Received};
+use crate::runtime::link_thread::{LinkThreads, Received};
 use crate::runtime::outcome::{RunOutcome, lines_of_head};
 use crate::runtime::plant_sample::PlantSample;
 use crate::runtime::port_reading::PortReading;
@@ -65,8 +62,7 @@ pub struct Setting<'a> {
 }
 
 /// An order that the frame thread executes before the slot that is released at the given instant, with all heads. It
-/// may take
-/// long and allocate: frames that it delays are counted as late.
+/// may take long and allocate: frames that it delays are counted as late.
 pub type FrameOrder = Box<dyn FnOnce(&mut [HeadParts<'_>], &mut RunRecord, Tai) + Send>;
 
 /// The parts of a head that an order may change.
@@ -126,10 +122,8 @@ pub fn run(
 }
 
 /// Runs several heads in a given environment. The calling thread becomes the frame thread and keeps its settings. Each
-/// head
-/// has its own slots; heads that are released at the same instant are drawn one after another. `progress` gets the
-/// number
-/// of the head, and frames before they are damaged.
+/// head has its own slots; heads that are released at the same instant are drawn one after another. `progress` gets the
+/// number of the head, and frames before they are damaged.
 pub fn run_in(
     setting: &Setting<'_>,
     heads: Vec<Head<'_>>,
@@ -186,7 +180,7 @@ fn start<'a>(
     setting: &Setting<'_>,
     heads: Vec<Head<'a>>,
     sources: Sources,
-) -> Result<(Vec<RealHead<'a>>, LinkThread), RunError> {
+) -> Result<(Vec<RealHead<'a>>, LinkThreads), RunError> {
     let mut warm = Vec::with_capacity(heads.len());
     for head in heads {
         let camera = &head.engine.params().camera;
@@ -198,7 +192,7 @@ fn start<'a>(
         warm.push((head, prototype));
     }
     let Sources { ports, pulses, samples, chips } = sources;
-    let link_thread = LinkThread::start(ports, pulses, samples, chips, setting.clock, setting.hygiene)?;
+    let link_thread = LinkThreads::start(ports, pulses, samples, chips, setting.clock, setting.hygiene)?;
     let started = warm
         .into_iter()
         .enumerate()
@@ -214,7 +208,7 @@ fn start<'a>(
 /// State shared by all heads.
 pub(super) struct Shared<'a> {
     pub(super) clock: &'a dyn Clock,
-    pub(super) link_thread: &'a LinkThread,
+    pub(super) link_thread: &'a LinkThreads,
     /// Readings of each port at the previous frame.
     readings: Vec<PortReading>,
     /// Number of lost edges of trigger lines at the previous frame.
@@ -332,8 +326,7 @@ impl Bench<'_> {
     }
 
     /// Accepts messages and commands as they come, and sleeps in between, until `at`, or until a command has moved the
-    /// next
-    /// release, or an order waits; returns false when the run is to stop.
+    /// next release, or an order waits; returns false when the run is to stop.
     fn listen_until(
         &mut self,
         at: Tai,
@@ -357,8 +350,7 @@ impl Bench<'_> {
     }
 
     /// Waits for jitter samples of the exposures released at `release` that are under way, while every such head has
-    /// time for
-    /// it; returns false when the run is to stop.
+    /// time for it; returns false when the run is to stop.
     fn await_jitter(&mut self, release: Tai, stop: &AtomicBool, record: &mut RunRecord) -> bool {
         let limit = |bench: &Self| {
             let waits = bench.released(release).map(|(head, slot)| head.engine.jitter_wait(slot, head.receiver));

@@ -1,10 +1,10 @@
-//! The conversation with the flight computer: HELLO, RUN, STOP, tables of parameters, triggers, camera commands, heartbeats.
+//! The conversation with the flight computer: HELLO, RUN, STOP, tables of parameters, triggers, camera commands,
+//! heartbeats.
 //!
 //! In: commands and heartbeats, stamped. Out: answers, whether frames show stars, events when a peer is refused, falls
 //! silent or returns. One answer per command; a retry gets the same answer and changes nothing (the protocol's
 //! `handshake`). Limits: on one bus every sender of commands for this node is the same flight computer. Tests: below,
-//! and
-//! `tests/closed_loop/session.rs`.
+//! and `tests/closed_loop/session.rs`.
 
 use crate::runtime::camera_intake::CameraIntake;
 use crate::runtime::ledger::{Event, EventKind, Ledger};

@@ -298,7 +298,7 @@ mod tests {
     #[test]
     fn instants_are_ahead_late_or_refused() {
         let now = 4_000_000_000_i64;
-        let reported = |ahead_us: i64| wrapped(now + ahead_us);
+        let tag = |ahead_us: i64| wrapped(now + ahead_us);
         for (ahead_us, wanted) in [
             (0, Ok(false)),
             (-1, Ok(true)),
@@ -308,7 +308,7 @@ mod tests {
             (-300_000_001, Err(Refusal::TriggerTime)),
         ] {
             let mut triggers = expecting_all();
-            let got = take(&mut triggers, 5, reported(ahead_us));
+            let got = take(&mut triggers, 5, tag(ahead_us));
             assert_eq!(got.map(|taken| taken.triggered.is_late), wanted, "{ahead_us} us ahead");
             assert_eq!(got.is_ok_and(|taken| taken.ahead.ns() == 1000 * ahead_us), got.is_ok(), "{got:?}");
             let acts = at_s(10_000) + Span::from_ns(1000 * ahead_us.max(0));
@@ -343,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn those_that_wait_follow_the_clock_and_keep_their_order() {
+    fn waiting_triggers_follow_the_clock_and_keep_their_order() {
         let mut triggers = expecting_all();
         for (number, at_us) in [(1, 4_010_000_000), (2, 4_010_000_000), (3, 0), (4, 4_020_000_000)] {
             take(&mut triggers, number, at_us).unwrap();

@@ -1,4 +1,5 @@
-//! The cable of a run: the stimulator's ports, the simulated far end's, pulses and gateways, with faults and capture between.
+//! The cable of a run: the stimulator's ports, the simulated far end's, pulses and gateways, with faults and capture
+//! between.
 //!
 //! A capture contains what the stimulator's ports receive: faults act before it.
 

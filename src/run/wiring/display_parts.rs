@@ -1,30 +1,29 @@
 //! A calibrated display -> the camera that the renderer draws with, and the conversion of its frames to greys.
 //!
-//! In: a run's parameters with the tracker's camera, and `[sink] kind = "display"` with a calibration file. Out: the same
-//! run, drawn for the display: directions go to display pixels by the calibrated map, so that stars are placed by moving
-//! their centroids; a frame is one refresh, with the motion in it integrated. Pixel values are codes of luminance
-//! ([`outputs::display::luminance_code`]), with 65535 the largest luminance of the display. Metadata of frames
-//! (attitude, right ascension, rates) refer to the tracker: the rotation into the drawn axes is undone
-//! ([`RunParams::drawn_from_sensor`]). Without a calibration frames go to the display unchanged, and the
-//! program prints this.
+//! In: a run's parameters with the tracker's camera, and `[sink] kind = "display"` with a calibration file. Out: the
+//! same run, drawn for the display: directions go to display pixels by the calibrated map, so that stars are placed by
+//! moving their centroids; a frame is one refresh, with the motion in it integrated. Pixel values are codes of
+//! luminance ([`outputs::display::luminance_code`]), with 65535 the largest luminance of the display. Metadata of
+//! frames (attitude, right ascension, rates) refer to the tracker: the rotation into the drawn axes is undone
+//! ([`RunParams::drawn_from_sensor`]). Without a calibration frames go to the display unchanged, and the program prints
+//! this.
 //!
-//! **When.** P is the time of a refresh, L the latency from submit to light in the middle of the display (the bench's own,
-//! else the calibration's, scanned on from the marker's row). A display that holds its light emits a frame submitted at s
-//! over [s + L, s + L + P], one that flashes over [s + L, s + L + `duty` P]: that interval is the exposure that is drawn,
-//! so its start needs s = start - L. Submits come once a refresh, at an unknown phase, because the bench clock and the
-//! monitor's are independent: of all refreshes a frame gets the nearest one, s = start - L + u with u uniform in
-//! [-P/2, P/2], 0 on average (`outputs::display::screen::presenter` holds it back until then, so that u does not depend
-//! on how fast it was drawn;
-//! P/sqrt(12) rms). It must be there at the earliest of these, start - L - P/2, and C (`COMPOSING`) before it for
-//! copies and greys, and is given P to be drawn in: it is begun 3/2 P + C + L before the start, so `ahead` = exposure +
-//! 3/2 P + C + L. Shown as soon as drawn, light would come P/2 less the drawing time too soon; begun a refresh later,
-//! by the drawing time too late.
+//! **When.** P is the time of a refresh, L the latency from submit to light in the middle of the display (the bench's
+//! own, else the calibration's, scanned on from the marker's row). A display that holds its light emits a frame
+//! submitted at s over [s + L, s + L + P], one that flashes over [s + L, s + L + `duty` P]: that interval is the
+//! exposure that is drawn, so its start needs s = start - L. Submits come once a refresh, at an unknown phase, because
+//! the bench clock and the monitor's are independent: of all refreshes a frame gets the nearest one, s = start - L + u
+//! with u uniform in [-P/2, P/2], 0 on average (`outputs::display::screen::presenter` holds it back until then, so that
+//! u does not depend on how fast it was drawn; P/sqrt(12) rms). It must be there at the earliest of these, start - L -
+//! P/2, and C (`COMPOSING`) before it for copies and greys, and is given P to be drawn in: it is begun 3/2 P + C + L
+//! before the start, so `ahead` = exposure + 3/2 P + C + L. Shown as soon as drawn, light would come P/2 less the
+//! drawing time too soon; begun a refresh later, by the drawing time too late.
 //!
-//! Limits: stars are Gaussians of [`SPOT_SIGMA_PX`] on the display, whatever the tracker's own PSF is, which comes on top;
-//! the sky's background is not shown, as a display's black is brighter; light by `[band]` or a grey mapping is refused, and
-//! so are scripted targets, whose places are pixels of the tracker (targets on the sky are shown). Rows above and below the middle light up to half the scan sooner
-//! and later than drawn. Shot noise of what is drawn stays below 2.5e-5 of the full luminance. Tests:
-//! `tests/closed_loop/display.rs` over a simulated flight computer.
+//! Limits: stars are Gaussians of [`SPOT_SIGMA_PX`] on the display, whatever the tracker's own PSF is, which comes on
+//! top; the sky's background is not shown, as a display's black is brighter; light by `[band]` or a grey mapping is
+//! refused, and so are scripted targets, whose places are pixels of the tracker (targets on the sky are shown). Rows
+//! above and below the middle light up to half the scan sooner and later than drawn. Shot noise of what is drawn stays
+//! below 2.5e-5 of the full luminance. Tests: `tests/closed_loop/display.rs` over a simulated flight computer.
 
 use crate::runtime::params::RunParams;
 use crate::wiring::sinks::SinkSetting;

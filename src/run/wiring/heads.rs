@@ -1,8 +1,8 @@
 //! The camera heads of a run: each with its engine, its receiver, its sink and its faults.
 //!
-//! In: a scenario and the options of a run. Out: heads, and the trackers' ends of their taps where a spacecraft is flown.
-//! Heads share the stars and the almanac. With a calibrated display and a spacecraft inside, each frame is drawn twice:
-//! for the display, and as the spacecraft's own tracker sees it.
+//! In: a scenario and the options of a run. Out: heads, and the trackers' ends of their taps where a spacecraft is
+//! flown. Heads share the stars and the almanac. With a calibrated display and a spacecraft inside, each frame is drawn
+//! twice: for the display, and as the spacecraft's own tracker sees it.
 
 use crate::runtime::frame_faults::FrameFaults;
 use crate::runtime::receiver::Receiver;

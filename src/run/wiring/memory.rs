@@ -1,13 +1,14 @@
 //! The memory of a run, a single image or several closed loops, added up before any of it is taken.
 //!
-//! Input: a checked bench, its sinks and how it runs, or a camera. Output: a list of parts in bytes ([`RunMemory`]), and a refusal with
-//! the sum and the biggest parts when it does not fit ([`RunMemory::check`]). A program that runs out of memory is ended by
-//! an abort in mid-allocation or by the kernel in mid-run; a sum that does not fit is an error in words at once.
+//! Input: a checked bench, its sinks and how it runs, or a camera. Output: a list of parts in bytes ([`RunMemory`]),
+//! and a refusal with the sum and the biggest parts when it does not fit ([`RunMemory::check`]). A program that runs
+//! out of memory is ended by an abort in mid-allocation or by the kernel in mid-run; a sum that does not fit is an
+//! error in words at once.
 //!
 //! Counted: images and maps of the detector, frames on their way, queues and kept frames of every sink, the ring in
-//! shared memory, pictures of the live view, stars of layers, a fixed share for everything whose size does not depend on
-//! the camera. Estimates err upwards. Limits: memory of a graphics card and its driver is not counted.
-//! Tests: below, `hil_scripts/test_files.py` (limits set from outside).
+//! shared memory, pictures of the live view, stars of layers, a fixed share for everything whose size does not depend
+//! on the camera. Estimates err upwards. Limits: memory of a graphics card and its driver is not counted. Tests: below,
+//! `hil_scripts/test_files.py` (limits set from outside).
 
 use crate::runtime::delivery;
 use crate::runtime::real_time::STARS_AT_FIRST;

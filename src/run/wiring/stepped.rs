@@ -1,7 +1,8 @@
-//! A run on the virtual clock, step by step: both ends of the cable, the frames between them, the faults, and the witness.
+//! A run on the virtual clock, step by step: both ends of the cable, the frames between them, the faults, and the
+//! witness.
 //!
-//! In: an assembled run. Out: frames in the sinks, telemetry, verdicts. [`SteppedRun::advance_to`] moves simulated time;
-//! nothing else does. The same scenario and seed give the same bits, however it is advanced.
+//! In: an assembled run. Out: frames in the sinks, telemetry, verdicts. [`SteppedRun::advance_to`] moves simulated
+//! time; nothing else does. The same scenario and seed give the same bits, however it is advanced.
 //! Tests: `tests/closed_loop/pixels.rs`, `campaign.rs`, `control.rs`.
 
 use crate::runtime::exposing::Exposing;

@@ -1,7 +1,7 @@
 //! A checked scenario -> the vehicle that flies it.
 //!
-//! Everything a flight computer and a tracker would be told by their data sheets comes from the scenario's files; the
-//! limits of the mode logic are set here, from the camera and the control's bandwidths.
+//! Data that a flight computer and a tracker would find in data sheets come from the scenario's files; the limits of
+//! the mode logic are set here, from the camera and the control's bandwidths.
 
 use base::axes::{Body, Icrf, Rotation, sensor_from_ra_dec_roll};
 use base::time::{Span, Tai};
@@ -19,14 +19,14 @@ use testbed::vehicle::{HeadParams, VehicleParams};
 
 /// Above this sigma an attitude counts as unknown.
 const KNOWN_SIGMA_RAD: f64 = 0.5 * DEG;
-/// Ground control leaves safe mode when the attitude has been known for so long.
+/// Ground control leaves safe mode when the attitude has been known for this long.
 const RESUME_AFTER: Span = Span::from_ms(20_000);
-/// Time constant of the integral part over the loop's own.
+/// Ratio of the integral part's time constant to the loop's own.
 const INTEGRAL_RATIO: f64 = 5.0;
 /// Frequency of an Airy pattern's Gaussian core, sigma over wavelength times f-number.
 const AIRY_SIGMA: f64 = 0.42;
 
-/// Longest exposure that a tracker commands, as a share of the time from frame to frame, where the camera's own is no longer.
+/// Longest exposure that a tracker commands, as a share of the frame period, unless the camera's own is longer.
 const LONGEST_SHARE: f64 = 0.9;
 
 /// Returns the vehicle that flies a scenario whose first exposure is at `first_exposure`.
@@ -59,7 +59,7 @@ pub fn vehicle_params(scenario: &Scenario, flown: &Vehicle, first_exposure: Tai)
     }
 }
 
-/// Returns the attitude of a head that points there.
+/// Returns the attitude of a head with this pointing.
 #[must_use]
 pub fn attitude(pointing: &Pointing) -> Rotation<base::axes::Sensor, Icrf> {
     sensor_from_ra_dec_roll(pointing.ra_deg * DEG, pointing.dec_deg * DEG, pointing.roll_deg * DEG)
@@ -81,7 +81,8 @@ fn spacecraft_params(scenario: &Scenario, craft: &config::Spacecraft, epoch: Tai
     params
 }
 
-/// Returns the uniform over all attitudes (Shoemake, "Uniform random rotations", Graphics Gems III, 1992).
+/// Returns a random attitude, uniform over all attitudes (Shoemake, "Uniform random rotations", Graphics Gems III,
+/// 1992).
 fn random_attitude(seed: u64) -> Rotation<Body, Icrf> {
     use core::f64::consts::TAU;
     let [u1, u2, u3] = crate::wiring::seeded::uniforms(seed);
@@ -94,7 +95,7 @@ fn estimator_params(scenario: &Scenario, flown: &Vehicle) -> MekfParams {
     let (craft, bench) = (&flown.spacecraft, &scenario.bench);
     let cameras = core::iter::once(&bench.camera).chain(bench.extra_heads.iter().map(|head| &head.camera));
     let exposed_s = cameras.map(|camera| camera.exposure.exposure_s + camera.exposure.readout_s).fold(0.0, f64::max);
-    // The oldest attitude that can come: an exposure, its readout, the tracker's thinking, and what a bus may add.
+    // The oldest possible attitude: an exposure, its readout, the tracker's processing, and a margin for the bus.
     let history_s = exposed_s + flown.tracker_delay.s() + 2.0;
     let extra_hz: f64 = bench.extra_heads.iter().map(|head| head.frame_rate_hz).sum();
     let steps = history_s * (1.0 / craft.control.period.s() + (bench.timing.frame_rate_hz + extra_hz));
@@ -191,7 +192,7 @@ fn head_params(scenario: &Scenario, flown: &Vehicle) -> Vec<HeadParams> {
     (0..scenario.bench.head_count()).map(head).collect()
 }
 
-/// What a tracker may command the camera of a bench; `None`: nothing. Its exposures keep the frame rate.
+/// Returns the limits of a tracker's camera commands; `None` without commands. Its exposures keep the frame rate.
 pub(super) fn camera_orders(commands: TrackerCommands, bench: &Bench) -> Option<CameraOrders> {
     let own_s = bench.camera.exposure.exposure_s;
     let period = Span::from_s(1.0 / bench.timing.frame_rate_hz);
@@ -200,7 +201,9 @@ pub(super) fn camera_orders(commands: TrackerCommands, bench: &Bench) -> Option<
     commands.any().then_some(CameraOrders { windows: commands.windows, exposure_s, period })
 }
 
-pub(super) fn tracker_params(camera: &Camera, most_stars: usize) -> TrackerParams {
+/// Returns the parameters of a tracker behind this camera, as in its data sheet and calibration.
+#[must_use]
+pub fn tracker_params(camera: &Camera, most_stars: usize) -> TrackerParams {
     let (detector, optics, d) = (&camera.detector, &camera.optics, &camera.distortion);
     let focal_px = optics.focal_length_mm * 1e3 / detector.pixel_pitch_um;
     let output = detector.params.spatial.output([detector.width_px, detector.height_px].map(|side| side as usize));
@@ -215,7 +218,7 @@ pub(super) fn tracker_params(camera: &Camera, most_stars: usize) -> TrackerParam
     let levels = Levels {
         gain_e_per_dn: detector.params.gain_e_per_dn,
         black_level_dn: detector.params.black_level_dn,
-        // What a calibration would find: read noise and the fixed pattern that is not corrected aboard.
+        // Noise as a calibration measures it: read noise and the fixed pattern that is not corrected aboard.
         read_noise_e_rms: detector
             .params
             .read_noise_e_rms
@@ -241,7 +244,7 @@ pub(super) fn tracker_params(camera: &Camera, most_stars: usize) -> TrackerParam
         config::Psf::Airy { f_number, wavelength_nm, .. } => {
             AIRY_SIGMA * wavelength_nm * 1e-3 * f_number / detector.pixel_pitch_um
         }
-        // A chain that cannot be has been refused with its camera.
+        // An impossible chain was refused with its camera.
         config::Psf::Chain(chain) => {
             MtfChain::new(chain.params.clone()).map_or(AIRY_SIGMA, |chain| chain.core_sigma_px())
         }

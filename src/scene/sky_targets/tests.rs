@@ -8,7 +8,7 @@ use sky::earth;
 use sky::observer::Observer;
 use sky::orbit::{CircularOrbit, TleOrbit};
 
-/// SGP4's time is a number of seconds since 1970 in f64: 2.4e-7 s, at 10 km/s, twice.
+/// Resolution of SGP4's time, seconds since 1970 in f64: 2.4e-7 s, at 10 km/s, twice.
 const TIME_STEP_KM: f64 = 5e-6;
 
 /// The elements of the crossing bench.
@@ -77,7 +77,7 @@ fn path_of(target: &Target) -> &SkyPath {
     }
 }
 
-/// Returns the apparent direction by the definition: light time by iteration between barycentric places, each from the
+/// Returns the apparent direction by definition: light time by iteration between barycentric places, each from the
 /// Earth's own series; then aberration by components.
 fn apparent(orbit: &Orbit, observer: &Observer, at: Tai) -> DVec3 {
     let observer = earth::barycentric_state(at) + observer.relative_state(at).expect("an orbit about the Earth");
@@ -91,7 +91,7 @@ fn apparent(orbit: &Orbit, observer: &Observer, at: Tai) -> DVec3 {
         from = earth_km + orbit.geocentric_state(then).expect("an orbit").position_km - observer.position_km;
         light_time_s = from.length() / SPEED_OF_LIGHT_KM_S;
     }
-    // Along the velocity and across it, as velocities add.
+    // Along the velocity and across it, by addition of velocities.
     let (u, b) = (from.normalize(), observer.velocity_km_s / SPEED_OF_LIGHT_KM_S);
     let forward = b.normalize();
     let along = forward * u.dot(forward);
@@ -118,14 +118,14 @@ fn ways_follow_the_apparent_places_within_their_bound() {
             worst = worst.max(path_of(target).apparent_icrf(t_s).distance(wanted));
         }
         println!("{exposure_s} s: {:.4} mas of {:.4}", worst / ARCSEC * 1e3, bound_rad / ARCSEC * 1e3);
-        // The Earth's velocity by days and by itself: 0.02 mas.
+        // The Earth's velocity by days and directly: 0.02 mas.
         assert!(worst < bound_rad + 0.1e-3 * ARCSEC, "{exposure_s} s: {worst:e} {bound_rad:e}");
         assert!(!targets.is_coarse(), "{exposure_s} s");
     }
 }
 
 #[test]
-fn a_way_that_is_too_long_for_a_cubic_is_reported() {
+fn trajectory_too_long_for_a_cubic_is_reported() {
     let mut targets = targets_of(observer(), vec![crossing()]);
     targets.find_in_view(&at_the_crossing(20.0)).expect("a sky");
     assert!(!targets.in_view().is_empty() && !targets.is_coarse(), "20 s: within a hundredth of a pixel");
@@ -141,7 +141,7 @@ fn only_what_comes_near_the_field_is_taken() {
     let away = looking(sensor_from_ra_dec_roll(135.4 * DEG, 30.6 * DEG, 0.0), start() + Span::from_s(5.0), 0.2);
     targets.find_in_view(&away).expect("a sky");
     assert!(targets.in_view().is_empty(), "17 deg away");
-    // An exposure in which it gets there takes it in.
+    // An exposure in which it arrives includes it.
     let los = looking(sensor_from_ra_dec_roll(135.4 * DEG, 30.6 * DEG, 0.0), start() + Span::from_s(5.0), 60.0);
     targets.find_in_view(&los).expect("a sky");
     assert!(!targets.in_view().is_empty(), "half a minute at a degree per second");
@@ -153,7 +153,7 @@ fn only_what_comes_near_the_field_is_taken() {
 }
 
 #[test]
-fn what_is_hidden_is_left_out_and_the_others_stay() {
+fn hidden_targets_are_left_out_and_the_others_stay() {
     let twin = SkyTarget { id: 77, ..crossing() };
     let mut targets = targets_of(observer(), vec![crossing(), twin]);
     targets.find_in_view(&at_the_crossing(0.2)).expect("a sky");
@@ -186,7 +186,7 @@ fn brightness_is_that_of_range_and_phase() {
     assert!(light.shares[0] >= 1.0 && light.shares[16] < 1.0 && light.shares[16] > 0.99, "{light:?}");
 }
 
-/// Returns a target that stands behind the Earth as the observer flies, and the instant when it sets.
+/// Returns a target behind the Earth for the moving observer, and the instant when it sets.
 fn setting() -> (SkyTarget, Tai) {
     let high = target(Orbit::Circular(CircularOrbit::new(35_786.0, 0.0, 0.0, 100.0, start()).expect("a valid orbit")));
     let targets = targets_of(observer(), vec![high.clone()]);
@@ -224,7 +224,7 @@ fn light_ends_where_a_target_sets_behind_the_limb() {
 
 #[test]
 fn a_target_that_enters_the_shadow_fades() {
-    // From the geocentre, which sees through the Earth: a low orbit in the equator's plane, near an equinox.
+    // From the geocentre, which sees through the Earth: a low orbit in the equatorial plane, near an equinox.
     let low = target(Orbit::Circular(CircularOrbit::new(700.0, 0.0, 0.0, 0.0, start()).expect("a valid orbit")));
     let mut targets = targets_of(Observer::Geocentre, vec![low]);
     let lit = |s: f64| targets.facts_at(0, start() + Span::from_s(s)).expect("a sky").sunlight;
@@ -255,7 +255,7 @@ fn a_target_that_enters_the_shadow_fades() {
 
 #[test]
 fn a_decayed_target_is_lost_once_and_the_others_stay() {
-    // The set's own case of a decay, three days after its epoch in 2006 (AIAA 2006-6753, object 28350).
+    // The decay case of the published set, three days after its epoch in 2006 (AIAA 2006-6753, object 28350).
     let decays = "1 28350U 04020A   06167.21788666  .16154492  76267-5  18678-3 0  8894\n\
                   2 28350  64.9977 345.6130 0024870 260.7578  99.9590 16.47856722116490";
     let decaying = target(Orbit::Sgp4(Box::new(TleOrbit::parse(decays).expect("sound elements"))));
@@ -263,7 +263,7 @@ fn a_decayed_target_is_lost_once_and_the_others_stay() {
     let los = at_the_crossing(0.2);
     assert_eq!(targets.find_in_view(&los).expect("a sky"), 1);
     assert_eq!(targets.in_view().iter().map(|target| target.id).collect::<Vec<_>>(), [9]);
-    assert_eq!(targets.find_in_view(&los).expect("a sky"), 0, "told once");
+    assert_eq!(targets.find_in_view(&los).expect("a sky"), 0, "reported once");
 }
 
 #[test]

@@ -1,9 +1,9 @@
-//! A lens's distortion -> the polynomials that a FITS header can hold.
+//! A lens's distortion -> the polynomials of a FITS header.
 //!
-//! In: the camera and the part of the sensor that is put out. Out: for image pixels (u, v) from the principal point, the
-//! undistorted place `L (u + f)` with a linear part `L` and [SIP](frames::sink::Sip) polynomials `f`, and the way back. Least
-//! squares over a grid that is denser towards the edges (Chebyshev's), of the lowest order whose error is below
-//! [`GOOD_PX`], or of the best one. Made once per camera. Test: `crate::wcs`.
+//! In: the camera and the part of the sensor that is read out. Out: for image pixels (u, v) from the principal point,
+//! the undistorted place `L (u + f)` with a linear part `L` and [SIP](frames::sink::Sip) polynomials `f`, and the
+//! inverse. Least squares over a grid that is denser towards the edges (Chebyshev's), of the lowest order with an error
+//! below [`GOOD_PX`], or of the best one. Computed once per camera. Test: `crate::wcs`.
 
 use base::least_squares::Basis;
 use frames::sink::{MOST_SIP_ORDER, Sip, SipTerm};
@@ -11,11 +11,11 @@ use image::detector::window::OutputGeometry;
 use sky::astrometry::CameraGeometry;
 use std::sync::Arc;
 
-/// Places along each side from which polynomials are fitted.
+/// Number of places along each side from which polynomials are fitted.
 const FIT_SIDE: usize = 20;
-/// Error with which a higher order is not looked for, image px: a tenth of what is promised.
+/// Error below which no higher order is tried, image px: a tenth of the guaranteed limit.
 const GOOD_PX: f64 = 0.002;
-/// Least order.
+/// Smallest order.
 const LEAST_ORDER: u8 = 2;
 
 /// Two numbers along columns and rows.
@@ -28,11 +28,11 @@ pub(super) type Matrix = [[f64; 2]; 2];
 pub(super) struct Lens {
     /// Undistorted image px per image px at the principal point, as fitted.
     pub(super) linear: Matrix,
-    /// The polynomials; `None`: it does not distort.
+    /// The polynomials; `None` without distortion.
     pub(super) sip: Option<Arc<Sip>>,
 }
 
-/// What turns image pixels into places of a lens and back.
+/// Conversion between image pixels and places of a lens.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ImagePlane<'a> {
     pub(super) camera: &'a CameraGeometry,
@@ -50,7 +50,7 @@ impl ImagePlane<'_> {
         self.camera.parameters().focal_px.map(|focal_px| focal_px / f64::from(self.output.binning))
     }
 
-    /// Tangents of a place `u` from the principal point, image px; `None` where nothing is imaged.
+    /// Returns the tangents of a place `u` from the principal point, image px; `None` where nothing is imaged.
     pub(super) fn tangent(&self, u: Pair) -> Option<Pair> {
         let [cx, cy] = self.principal_px();
         let sensor_px = self.output.sensor_from_output([u[0] + cx, u[1] + cy]);
@@ -99,7 +99,7 @@ impl Lens {
     }
 }
 
-/// Polynomials without a constant through `values` at `places`: the lowest order that is good, or the best one.
+/// Returns polynomials without a constant through `values` at `places`: the lowest order that is good, or the best one.
 fn best(places: &[Pair], values: &[Pair]) -> Option<(u8, Vec<SipTerm>)> {
     let mut found: Option<(f64, u8, Vec<SipTerm>)> = None;
     for order in LEAST_ORDER..=MOST_SIP_ORDER {

@@ -1,13 +1,15 @@
 //! Attitude, observer and camera of a frame -> its [`Wcs`]: image pixels to catalog places.
 //!
-//! Pixel, distorted -> tangents in sensor axes -> apparent direction -> direction without aberration and deflection: that
-//! chain is what frames are drawn by, the other way round. Of it, the lens is fitted once per camera (`lens`); per frame,
-//! least squares over a grid of the image find the linear part (rotation, scale) and the quadratic part of what is left,
-//! which aberration bends (0.009 px over 20 degrees at 1024 px; left out where it is small and the lens needs no polynomials). The reference point is the principal point: there the
-//! plane of the camera is that of the projection. Every frame's error is measured on the grid ([`Wcs::error_px`]).
+//! Pixel, distorted -> tangents in sensor axes -> apparent direction -> direction without aberration and deflection:
+//! this chain is the inverse of the drawing. The lens is fitted once per camera (`lens`); per frame, least squares over
+//! a grid of the image find the linear part (rotation, scale) and the quadratic part of the remaining error, caused by
+//! aberration (0.009 px over 20 degrees at 1024 px; left out where it is small and the lens needs no polynomials). The
+//! reference point is the principal point: there the plane of the camera is that of the projection. Every frame's error
+//! is measured on the grid ([`Wcs::error_px`]).
 //!
 //! Time: mid-exposure, without jitter. Limits: motion within the exposure moves a star's mean away from that; within a
-//! degree of the Sun, deflection is not quadratic, and beyond fields of 60 degrees neither is aberration. Allocates nothing after [`WcsMaker::new`].
+//! degree of the Sun, deflection is not quadratic, and beyond fields of 60 degrees neither is aberration. Allocates
+//! nothing after [`WcsMaker::new`].
 //! Tests: below, and with astropy `hil_scripts/test_wcs.py`.
 
 mod lens;
@@ -21,12 +23,12 @@ use image::detector::window::OutputGeometry;
 use lens::{ImagePlane, Lens, Matrix, Pair, inverse, product, times};
 use sky::astrometry::{CameraGeometry, Sight};
 
-/// Places along each side of the image at which a frame's map is looked at, edges included.
+/// Number of places along each side of the image at which a frame's map is evaluated, edges included.
 const SIDE: usize = 9;
-/// Error below which an undistorted camera's frames have no polynomials, px: three quarters of what is promised. A field of
-/// 20 degrees at 1024 px has 0.012 at most.
+/// Error below which an undistorted camera's frames have no polynomials, px: three quarters of the guaranteed limit. A
+/// field of 20 degrees at 1024 px has 0.012 at most.
 const PLAIN_PX: f64 = 0.015;
-/// Error beyond which a person is warned, px.
+/// Error above which the user is warned, px.
 pub const PROMISED_PX: f64 = 0.02;
 
 /// Columns of the fit of a frame: x, y, x^2, x y, y^2 of tangents.
@@ -35,7 +37,7 @@ const COLUMNS: usize = 5;
 /// One place of the grid.
 #[derive(Debug, Clone, Copy)]
 struct Place {
-    /// From the principal point, image px.
+    /// Position from the principal point, image px.
     u: Pair,
     /// Direction in sensor axes.
     sensor: DVec3,
@@ -43,12 +45,12 @@ struct Place {
     fitted: Pair,
     /// Image px by tangents.
     px_per_tangent: Matrix,
-    /// How much its value counts in each coefficient, with quadratic terms and without.
+    /// Weight of its value in each coefficient, with quadratic terms and without.
     shares: [f64; COLUMNS],
     linear_shares: Pair,
 }
 
-/// Makes the WCS of one camera's frames.
+/// Computes the WCS of one camera's frames.
 #[derive(Debug)]
 pub struct WcsMaker {
     lens: Lens,
@@ -56,12 +58,12 @@ pub struct WcsMaker {
     /// Tangents by undistorted image px.
     tangent_per_px: Matrix,
     places: Vec<Place>,
-    /// Plane coordinates of the places in the latest frame, rad.
+    /// Plane coordinates of the grid in the latest frame, rad.
     seen: Vec<Pair>,
 }
 
 impl WcsMaker {
-    /// Fits the lens; `None` when it has a place where nothing is imaged, or no polynomial comes near it.
+    /// Fits the lens; returns `None` when a place is not imaged, or no polynomial is close enough.
     #[must_use]
     pub fn new(camera: &CameraGeometry, output: &OutputGeometry) -> Option<Self> {
         let plane = ImagePlane { camera, output };
@@ -106,7 +108,7 @@ impl WcsMaker {
         self.places.iter().map(off).fold(0.0, f64::max)
     }
 
-    /// Returns the map of a frame with this attitude, seen by this observer. `None` for an attitude that is not finite.
+    /// Returns the map of a frame with this attitude and observer; `None` for an attitude that is not finite.
     pub fn at(&mut self, sensor_from_icrf: &Rotation<Sensor, Icrf>, sight: &Sight) -> Option<Wcs> {
         let icrf_from_sensor = sensor_from_icrf.inverse();
         let natural = |sensor: DVec3| sight.natural(icrf_from_sensor.apply(sensor));
@@ -149,7 +151,7 @@ impl WcsMaker {
         Fitted { linear, quadratic: [[0.0; 3]; 2] }
     }
 
-    /// Returns the linear and quadratic parts together.
+    /// Returns the linear and quadratic parts.
     fn bent(&self) -> Fitted {
         let mut sums = [[0.0; COLUMNS]; 2];
         for (place, seen) in self.places.iter().zip(&self.seen) {
@@ -162,7 +164,7 @@ impl WcsMaker {
         Fitted { linear: sums.map(|[x, y, ..]| [x, y]), quadratic: sums.map(|[_, _, xx, xy, yy]| [xx, xy, yy]) }
     }
 
-    /// Returns the quadratic terms in image px, before the linear part: what SIP adds to a pixel.
+    /// Returns the quadratic terms in image px, before the linear part: the terms that SIP adds to a pixel.
     fn quadratic_px(&self, fitted: &Fitted, per_px: &Matrix) -> Option<[[f64; 3]; 2]> {
         let [[a, b], [c, d]] = product(&self.tangent_per_px, &self.lens.linear);
         // x = a u + b v, y = c u + d v.
@@ -178,7 +180,7 @@ impl WcsMaker {
         Some(back.map(|[p, q]| core::array::from_fn(|i| p * x[i] + q * y[i])))
     }
 
-    /// Returns the largest error over the grid, px, of the map as the header has it.
+    /// Returns the largest error over the grid, px, of the map in the header.
     fn error_px(&self, fitted: &Fitted) -> Option<f64> {
         let back = inverse(&fitted.linear)?;
         let lens = product(&self.tangent_per_px, &self.lens.linear);
@@ -215,7 +217,7 @@ mod tests {
     use sky::observer::BarycentricState;
 
     const STRONG: BrownConrady = BrownConrady { k1: -0.12, k2: 0.03, k3: 0.0, p1: 2e-3, p2: -1e-3 };
-    /// Largest error with polynomials, px; 0.02 is promised.
+    /// Largest error with polynomials, px; the guaranteed limit is 0.02.
     const WCS_PX: f64 = 0.003;
 
     fn camera(distortion: BrownConrady, focal_px: f64) -> CameraGeometry {
@@ -233,14 +235,14 @@ mod tests {
         if wcs.has_sip() { WCS_PX } else { PLAIN_PX }
     }
 
-    /// Returns the seen from the Earth's orbit, with the Sun aside.
+    /// Returns the observer seen from the Earth's orbit, with the Sun aside.
     fn sight() -> Sight {
         let observer = BarycentricState { position_km: DVec3::X * AU_KM, velocity_km_s: DVec3::new(3.0, 27.0, 11.7) };
         Vantage { observer, heliocentric_km: Some(observer.position_km) }.sight()
     }
 
     /// Returns where a reader of the header puts an image pixel (the first one's centre at 0): SIP, CD, gnomonic, all
-    /// written anew from the papers.
+    /// implemented independently from the papers.
     fn read(wcs: &Wcs, px: Pair) -> DVec3 {
         let (u, v) = (px[0] + 1.0 - wcs.crpix[0], px[1] + 1.0 - wcs.crpix[1]);
         let mut bent = [u, v];

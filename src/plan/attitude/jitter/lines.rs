@@ -51,7 +51,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_that_turns_backwards_is_a_line() {
+    fn backward_line_equals_a_forward_line() {
         let (amplitude, phase, t_s) = (DVec3::new(1.0, -2.0, 0.5), 0.7, 0.013);
         let line = forward(-40.0, amplitude, phase);
         assert!(line.frequency_hz > 0.0);

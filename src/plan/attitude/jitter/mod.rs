@@ -358,7 +358,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stream_that_stopped_is_neither_held_for_ever_nor_silent() {
+    fn stopped_jitter_stream_is_not_held_and_is_reported() {
         let history = history();
         let mut track = history.new_track();
         let soon = history.fill(us(15_000), us(22_000), &mut track);

@@ -249,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_density_is_refused() {
+    fn invalid_density_is_refused() {
         assert_eq!(check(&[point(1.0, 1.0), point(1.0, 1.0)]), Err(JitterReject::NotRising { row: 1 }));
         assert_eq!(check(&[point(0.0, 1.0)]), Err(JitterReject::Illegal { row: 0 }));
         assert_eq!(check(&[point(1.0, 1.0), point(2.0, -1.0)]), Err(JitterReject::Illegal { row: 1 }));

@@ -102,7 +102,7 @@ fn largest_of_lines_arcsec(tones: Tones<'_>, step_s: f64) -> f64 {
 }
 
 #[test]
-fn what_is_slow_is_followed_point_by_point() {
+fn slow_record_is_followed_point_by_point() {
     let slow: Tones<'_> = &[([1.0, 0.5], 13.0, 0.2), ([0.2, 0.3], 31.0, 1.0)];
     let exposure_s = 0.2;
     for rate_hz in [200.0, 10_000.0] {
@@ -176,7 +176,7 @@ fn filling_allocates_nothing() {
 }
 
 #[test]
-fn what_is_no_record_is_refused() {
+fn invalid_record_is_refused() {
     let new = |period_s, samples| JitterRecord::new(period_s, samples, RecordEnd::Still).unwrap_err();
     assert_eq!(new(1e-3, vec![DVec3::ZERO]), RecordError::Count { got: 1 });
     assert_eq!(new(0.0, vec![DVec3::ZERO; 2]), RecordError::Period { period_s: 0.0 });

@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_density_is_refused() {
+    fn invalid_density_is_refused() {
         let refused = |points: &[PsdPoint]| JitterRecord::of_density(points, 1, 1.0).unwrap_err();
         assert_eq!(refused(&density()[..1]), DensityError::Count { got: 1 });
         let mut falling = density();

@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_expected_before_the_first_sample_nor_after_the_end_of_the_stream() {
+    fn no_samples_are_expected_before_the_first_or_after_the_end() {
         assert_eq!(Stream::default().missing(&[], ms(10), ms(110)), Span::ZERO, "no stream");
         assert_eq!(stream().missing(&points(0..=50), ms(-50), ms(50)), Span::ZERO, "it begins in the exposure");
         assert_eq!(stream().missing(&[], ms(1020), ms(1120)), Span::from_ms(100), "it may go on");

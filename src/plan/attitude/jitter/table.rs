@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_series_is_refused_by_line() {
+    fn invalid_series_is_refused_with_its_line() {
         for (text, line, part) in [
             ("", 1, "names of columns"),
             ("t_s,x\n0,1\n1,2\n", 1, "arcsec, mas"),
@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_density_is_refused_by_line() {
+    fn invalid_density_is_refused_with_its_line() {
         for (text, line, part) in [
             ("t_s,x_arcsec\n0,1\n", 1, "frequency_hz"),
             ("f_hz,x_arcsec\n0,1\n", 1, "arcsec2_hz"),

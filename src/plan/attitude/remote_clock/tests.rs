@@ -28,7 +28,7 @@ fn offset_ns(clock: &RemoteClock) -> i64 {
 }
 
 #[test]
-fn the_first_mark_is_of_use_and_says_how_little_it_knows() {
+fn first_mark_gives_an_estimate_with_a_large_sigma() {
     let limits = RemoteClockLimits { constant_delay: Span::from_ns(30_000), ..Default::default() };
     let estimate = clock_after([(5 * NS_PER_S, 40_000)], limits).estimate().expect("a mark");
     assert_eq!(estimate.offset.ns(), LOCAL_AT_BOOT_NS + 40_000 - 30_000);
@@ -73,7 +73,7 @@ fn ticks_unwrap_across_71_minutes() {
 }
 
 #[test]
-fn nothing_is_claimed_before_the_first_mark() {
+fn no_estimate_exists_before_the_first_mark() {
     let clock = RemoteClock::new(RemoteClockLimits::default());
     assert_eq!(clock.to_tai(5, Tai::from_ns(0)), None);
     assert_eq!(clock.estimate(), None);

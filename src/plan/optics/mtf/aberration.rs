@@ -52,7 +52,7 @@ mod tests {
     }
 
     #[test]
-    fn it_loses_what_marechal_says_of_small_errors() {
+    fn loss_agrees_with_marechal_for_small_errors() {
         // Marechal (1947): Strehl = 1 - (2 pi W)^2. The fit was made for the curve, not its volume: 0.57 of that loss.
         for waves in [0.01, 0.03, 0.05] {
             let (fit, marechal) = (1.0 - strehl(waves), (TAU * waves).powi(2));

@@ -371,28 +371,31 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_hold_is_refused_at_the_wavelength_where_it_does_not() {
-        let reported = |params: ChainParams| MtfChain::new(params).unwrap_err().to_string();
+    fn term_outside_its_domain_is_refused_with_the_wavelength() {
+        let error_text = |params: ChainParams| MtfChain::new(params).unwrap_err().to_string();
         let wavefront = Some(Wavefront { rms_waves: 0.15, at_nm: 800.0 });
-        let text = reported(ChainParams { wavefront, band: two_colors(), ..plain() });
+        let text = error_text(ChainParams { wavefront, band: two_colors(), ..plain() });
         assert!(text.contains("0.240 waves rms at 500 nm"), "{text}");
         let defocus = Some(Defocus { defocus_um: 12.0, form: DefocusForm::Geometric });
-        let text = reported(ChainParams { defocus, ..plain() });
+        let text = error_text(ChainParams { defocus, ..plain() });
         assert!(text.contains("0.156 waves") && text.contains("exact one"), "{text}");
         let defocus = Some(Defocus { defocus_um: 1300.0, form: DefocusForm::Exact });
-        assert!(reported(ChainParams { defocus, ..plain() }).contains("16.927 waves"), "too far");
-        assert!(reported(ChainParams { obscuration: 1.0, ..plain() }).contains("obscuration is 1"), "no aperture left");
+        assert!(error_text(ChainParams { defocus, ..plain() }).contains("16.927 waves"), "too far");
         assert!(
-            reported(ChainParams { aperture_px: 1.1, ..plain() }).contains("sensitive width"),
+            error_text(ChainParams { obscuration: 1.0, ..plain() }).contains("obscuration is 1"),
+            "no aperture left"
+        );
+        assert!(
+            error_text(ChainParams { aperture_px: 1.1, ..plain() }).contains("sensitive width"),
             "wider than a pixel"
         );
-        assert!(reported(ChainParams { assembly_um: -1.0, ..plain() }).contains("assembly"), "negative");
-        assert!(reported(ChainParams { assembly_um: f64::NAN, ..plain() }).contains("assembly"), "no number");
+        assert!(error_text(ChainParams { assembly_um: -1.0, ..plain() }).contains("assembly"), "negative");
+        assert!(error_text(ChainParams { assembly_um: f64::NAN, ..plain() }).contains("assembly"), "no number");
         let circuit = Some(Circuit { cutoff: 0.09, order: 1 });
-        assert!(reported(ChainParams { circuit, ..plain() }).contains("cutoff"), "too slow");
-        assert!(reported(ChainParams { band: vec![], ..plain() }).contains("weights are missing"), "no light");
+        assert!(error_text(ChainParams { circuit, ..plain() }).contains("cutoff"), "too slow");
+        assert!(error_text(ChainParams { band: vec![], ..plain() }).contains("weights are missing"), "no light");
         let mut band = two_colors();
         band[0].weight = -0.25;
-        assert!(reported(ChainParams { band, ..plain() }).contains("-0.25 at 500 nm"), "negative light");
+        assert!(error_text(ChainParams { band, ..plain() }).contains("-0.25 at 500 nm"), "negative light");
     }
 }

@@ -1,9 +1,9 @@
 //! When the exposures of a head start, how long they last, and with which settings.
 //!
-//! In: commands with their instants ([`Commanded`]). Out: the next slot, and the settings of its exposure. A command acts
-//! from the first exposure that starts at or after its instant; an exposure that has started is not changed. The next slot
-//! is a forecast until its frame is drawn: each command that comes before may move it. Without commands the slots are those
-//! of the frame rate, to the nanosecond.
+//! In: commands with their instants ([`Commanded`]). Out: the next slot, and the settings of its exposure. A command
+//! acts from the first exposure that starts at or after its instant; an exposure that has started is not changed. The
+//! next slot is a forecast until its frame is drawn: each command that comes before may move it. Without commands the
+//! slots are those of the frame rate, to the nanosecond.
 //!
 //! Rules, after GenICam SFNC 2.7.1 and the manuals of global-shutter cameras:
 //! * an exposure starts when the one before has ended, and so late that its readout does not meet the readout before;
@@ -49,7 +49,8 @@ pub struct ShutterParams {
 }
 
 impl ShutterParams {
-    /// Returns the time from the end of an exposure to its frame: the sensor reads out the rows that have a pixel in a region.
+    /// Returns the time from the end of an exposure to its frame: the sensor reads out the rows that have a pixel in a
+    /// region.
     fn readout_of(&self, regions: &Regions) -> Span {
         let rows = self.size_px[1];
         if regions.is_whole() || rows == 0 {

@@ -222,7 +222,7 @@ fn the_width_of_a_trigger_is_the_exposure() {
 }
 
 #[test]
-fn what_a_camera_cannot_do_is_refused() {
+fn impossible_command_is_refused() {
     let mut shutter = shutter();
     let take = |shutter: &mut Shutter, command| {
         shutter.take(&Commanded { command, at: at_ms(0.0), from: CommandSource::Control })

@@ -7,7 +7,8 @@
 //! {"request": "camera_trigger", "head": 0}         now, or at "at_s"
 //! ```
 //!
-//! The answer has the settings of the next exposure. All settings of a request act at one instant, or none when one is bad.
+//! The answer has the settings of the next exposure. All settings of a request act at one instant, or none when one is
+//! bad.
 
 use crate::runtime::exposing::Exposing;
 use crate::runtime::ledger::Ledger;

@@ -74,7 +74,7 @@ mod tests {
     }
 
     #[test]
-    fn a_path_that_leads_elsewhere_is_refused() {
+    fn path_outside_the_folder_is_refused() {
         let base = tempfile::tempdir().unwrap();
         let (out, elsewhere) = (base.path().join("out"), base.path().join("elsewhere"));
         fs::create_dir(&out).unwrap();

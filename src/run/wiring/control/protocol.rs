@@ -1,4 +1,5 @@
-//! Lines of JSON -> requests, and replies -> JSON. Version 2: the first request of a connection is a hello with the token.
+//! Lines of JSON -> requests, and replies -> JSON. Version 2: the first request of a connection is a hello with the
+//! token.
 //!
 //! ```text
 //! {"id": 1, "request": "hello", "token": "..."}      the token that the program has printed; first
@@ -27,8 +28,8 @@
 //!
 //! Requests are added within a version: the answer to hello lists them.
 //!
-//! Times are seconds after the first exposure. An event has the keys of `[[event]]` in a scenario file; without `at_s` it
-//! begins now.
+//! Times are seconds after the first exposure. An event has the keys of `[[event]]` in a scenario file; without `at_s`
+//! it begins now.
 
 use crate::wiring::control::camera::{self, CameraRequest};
 use crate::wiring::control::reaction::Reaction;

@@ -44,7 +44,7 @@ fn requests_are_read() {
 }
 
 #[test]
-fn what_is_wrong_with_a_request_is_said() {
+fn invalid_request_is_refused_with_its_error() {
     let cases = [
         ("hello", "not JSON"),
         ("[1]", "the line is a list"),

@@ -1,9 +1,9 @@
 //! The token of a control socket: only a program that may read the user's files may control the run.
 //!
-//! Any program and any web page on this machine can connect to a loopback port. So the first request of a connection must
-//! carry 128 random bits of the operating system, which are printed, and written to a file that only the user may read:
-//! `$XDG_RUNTIME_DIR/starloop/control-ADDRESS_PORT.token`, or `starloop-UID` in the folder for temporary files instead of
-//! `$XDG_RUNTIME_DIR/starloop`. The file is removed at the end of the run. Tests: below.
+//! Any program and any web page on this machine can connect to a loopback port. So the first request of a connection
+//! must carry 128 random bits of the operating system, which are printed, and written to a file that only the user may
+//! read: `$XDG_RUNTIME_DIR/starloop/control-ADDRESS_PORT.token`, or `starloop-UID` in the folder for temporary files
+//! instead of `$XDG_RUNTIME_DIR/starloop`. The file is removed at the end of the run. Tests: below.
 
 use crate::wiring::control::error::ControlError;
 use crate::wiring::control::lines::ControlAddress;

@@ -54,7 +54,7 @@ fn fates(rows: &[FrameRow]) -> Vec<(u32, CapturedFate)> {
 }
 
 #[test]
-fn every_frame_has_a_row_that_says_what_became_of_it() {
+fn every_frame_has_a_row_with_its_result() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("frames.csv");
     let (marks, end) = frame_marks();
