@@ -78,7 +78,7 @@ put_shared_files() {
     put 644 hil_scripts/requirements.txt "$share/starloop/python/requirements.txt"
     put 755 hil_scripts/host_setup.sh "$share/starloop/host_setup.sh"
     for file in INTERFACE.md FRAMES.md vectors.json dbc/starloop.dbc c/starloop_protocol.c c/starloop_protocol.h c/example.c; do
-        put 644 "firmware_protocol/$file" "$share/starloop/protocol/$file"
+        put 644 "firmware_protocol/$file" "$share/starloop/firmware_protocol/$file"
     done
 }
 

@@ -27,7 +27,8 @@ LICENCE_NAMES = ("licen", "copying", "notice", "unlicense", "copyright")
 def metadata(features):
     """Returns what Cargo knows of the workspace, for this machine's target."""
     host = next(line.split()[1] for line in run("rustc", "-vV").splitlines() if line.startswith("host:"))
-    chosen = ["--all-features"] if features is None else ["--features", features] if features else []
+    named = ",".join(f"{PROGRAM}/{feature}" for feature in (features or "").split(",") if feature)
+    chosen = ["--all-features"] if features is None else ["--features", named] if named else []
     words = ["cargo", "metadata", "--locked", "--format-version", "1", "--filter-platform", host, *chosen]
     return json.loads(run(*words))
 

@@ -1,6 +1,6 @@
 //! Gives the program the commit that it was built from, for `starloop --version`.
 //!
-//! `STARLOOP_COMMIT` names it where there is no repository, such as in a package's own build; without either the commit is
+//! `STARLOOP_COMMIT` names it without a repository, such as in a package's own build; without either the commit is
 //! "unknown". A commit with changes ends in `-dirty`.
 
 use std::path::Path;

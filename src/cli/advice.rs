@@ -5,6 +5,7 @@ use crate::cli::degrees::degrees_of_hours;
 use base::streams;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{ArgAction, Command, FromArgMatches};
+use std::io::{IsTerminal, Write};
 
 /// Reads the command line.
 ///
@@ -13,13 +14,50 @@ use clap::{ArgAction, Command, FromArgMatches};
 pub(super) fn parsed<P: FromArgMatches>(command: Command) -> Result<P, u8> {
     read(command, std::env::args_os()).map_err(|error| {
         let status = u8::try_from(error.exit_code()).unwrap_or(EXIT_USAGE);
-        if let Err(failure) = error.print() {
+        if let Err(failure) = print(&error) {
             streams::note_failure(error.use_stderr(), failure);
         } else if let (true, Some(advice)) = (error.use_stderr(), advice(&error)) {
             eprintln!("\n{advice}");
         }
         streams::status_of_streams(status)
     })
+}
+
+/// Prints a message of the parser; what its number readers say is put in plain words.
+fn print(error: &clap::Error) -> std::io::Result<()> {
+    if !error.use_stderr() {
+        return error.print();
+    }
+    let is_plain = !std::io::stderr().is_terminal() || std::env::var_os("NO_COLOR").is_some_and(|set| !set.is_empty());
+    let text = error.render();
+    let text = if is_plain { text.to_string() } else { text.ansi().to_string() };
+    std::io::stderr().write_all(in_plain_words(&text).as_bytes())
+}
+
+/// Messages of the library that reads numbers, and ours for them.
+const WORDS: [(&str, &str); 7] = [
+    ("invalid float literal", "wanted a number, such as 2.5"),
+    ("cannot parse float from empty string", "wanted a number, such as 2.5"),
+    ("invalid digit found in string", "wanted a whole number, 0 or more"),
+    ("cannot parse integer from empty string", "wanted a whole number, 0 or more"),
+    ("number too large to fit in target type", "wanted a smaller whole number"),
+    ("number too small to fit in target type", "wanted a larger whole number"),
+    ("provided string was not `true` or `false`", "wanted true or false"),
+];
+
+fn in_plain_words(text: &str) -> String {
+    let plain = WORDS.iter().fold(text.to_owned(), |text, (from, to)| text.replace(from, to));
+    match plain.split_once(" is not in ") {
+        Some((start, rest)) => {
+            let (range, rest) = rest.split_once('\n').unwrap_or((rest, ""));
+            let start = start.rsplit_once(": ").map_or(start, |(start, _)| start);
+            format!(
+                "{start}: wanted a whole number from {}\n{rest}",
+                range.replace("..=", " to ").replace("..", " to below ")
+            )
+        }
+        None => plain,
+    }
 }
 
 fn read<P: FromArgMatches>(
@@ -51,7 +89,9 @@ fn advice(error: &clap::Error) -> Option<String> {
     };
     if error.kind() == ErrorKind::UnknownArgument {
         let is_number = text(ContextKind::InvalidArg)?.parse::<f64>().is_ok();
-        is_number.then(|| "Several numbers of one option are separated by commas, without blanks: 0.1,0.2".into())
+        is_number.then(|| "Several numbers of one option are separated by commas, without blanks: --at 0.1,0.2".into())
+    } else if error.kind() == ErrorKind::InvalidSubcommand {
+        (text(ContextKind::InvalidSubcommand)? == "version").then(|| "The version: starloop --version".into())
     } else if matches!(error.kind(), ErrorKind::ValueValidation | ErrorKind::InvalidValue) {
         let (option, given) = (text(ContextKind::InvalidArg)?, text(ContextKind::InvalidValue)?);
         advice_for_number(option, given)
@@ -99,12 +139,26 @@ mod tests {
 
     #[test]
     fn negative_number_reaches_its_option() {
-        let words: Words = read(with_negative_numbers(Words::command()), ["program", "--duration", "-5", "--at", "-1"]).unwrap();
+        let words: Words =
+            read(with_negative_numbers(Words::command()), ["program", "--duration", "-5", "--at", "-1"]).unwrap();
         assert_eq!((words.duration, words.at), (Some(-5.0), vec![-1.0]));
         let (message, _) = refused(&["--seed", "-1"]);
         assert!(message.contains("invalid value '-1' for '--seed"), "{message}");
         let (message, _) = refused(&["-5"]);
         assert!(message.contains("unexpected argument"), "no option takes it: {message}");
+    }
+
+    #[test]
+    fn words_of_number_readers_become_plain() {
+        let (message, _) = refused(&["--duration", "long"]);
+        assert!(in_plain_words(&message).contains("'--duration <S>': wanted a number, such as 2.5"), "{message}");
+        let (message, _) = refused(&["--seed", "-1"]);
+        assert!(in_plain_words(&message).contains("wanted a whole number, 0 or more"), "{message}");
+        let range = "error: invalid value '0' for '--frames <N>': 0 is not in 2..=65536\n\nmore\n";
+        assert_eq!(
+            in_plain_words(range),
+            "error: invalid value '0' for '--frames <N>': wanted a whole number from 2 to 65536\n\nmore\n"
+        );
     }
 
     #[test]

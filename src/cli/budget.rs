@@ -5,6 +5,7 @@
 
 use crate::cli::budget_advice::advice;
 use crate::cli::load_threads::LoadThreads;
+use crate::cli::report_json::print_json;
 use crate::cli::run;
 use crate::cli::run_args::{BackendName, CaptureFormatName, ClockKind, RunArgs, SinkKind};
 use crate::cli::run_end::Finished;
@@ -49,6 +50,9 @@ pub struct BudgetArgs {
     /// Predict with the built-in costs, whatever `starloop calibrate` has measured
     #[arg(long)]
     built_in_costs: bool,
+    /// Print the report as one line of JSON
+    #[arg(long)]
+    json: bool,
 }
 
 /// Most threads that `--load` starts.
@@ -74,8 +78,12 @@ pub fn run(arguments: &BudgetArgs) -> Result<u8> {
     if let Some(directory) = &arguments.report {
         budget_files::write(directory, &report, &finished.end.record.ring)?;
     }
-    print!("{}", budget_table(&report));
-    if let Some(directory) = &arguments.report {
+    if arguments.json {
+        print_json("budget", &report)?;
+    } else {
+        print!("{}", budget_table(&report));
+    }
+    if let Some(directory) = arguments.report.as_ref().filter(|_| !arguments.json) {
         println!("report in {}", directory.display());
     }
     let is_broken = report.culprit().is_some();
@@ -109,7 +117,7 @@ fn run_arguments(arguments: &BudgetArgs) -> RunArgs {
     }
 }
 
-/// Everything a run says about its time; `load_threads` were busy beside it.
+/// Returns the report of a run's time; `load_threads` were busy beside it.
 ///
 /// # Errors
 /// When a frame cannot be planned again for advice.

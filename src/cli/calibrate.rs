@@ -3,6 +3,7 @@
 //! `starloop calibrate` alone means `starloop calibrate costs`; `starloop calibrate display` is a file of its own.
 
 use crate::cli::calibrate_display::{self, DisplayArgs};
+use crate::cli::report_json::print_json;
 use crate::cli::run_args::BackendName;
 use anyhow::{Context, Result};
 use base::clock::{Clock, Monotonic, Stopwatch};
@@ -45,6 +46,9 @@ struct CostArgs {
     /// Smaller scenes, fewer repeats: about a second, less exact
     #[arg(long)]
     quick: bool,
+    /// Print the report as one line of JSON
+    #[arg(long)]
+    json: bool,
 }
 
 /// Runs the command.
@@ -64,7 +68,9 @@ fn costs(arguments: &CostArgs) -> Result<()> {
     let mut watch = Stopwatch::start();
     let found = calibrate(choice, &Effort::of(choice, arguments.quick), &mut print_progress)?;
     let owner = CostOwner::here(found.backend, &found.adapter);
-    print!("{}", table(&found, &owner));
+    if !arguments.json {
+        print!("{}", table(&found, &owner));
+    }
     let path = match (&arguments.out, cost_cache::folder()) {
         (Some(path), _) => path.clone(),
         (None, Some(folder)) => owner.file_in(&folder),
@@ -77,7 +83,17 @@ fn costs(arguments: &CostArgs) -> Result<()> {
     };
     let cached = CachedCost { measured_utc: Monotonic::start().now().to_rfc3339(), owner, cost: found.cost };
     cost_cache::write(&path, &cached)?;
-    println!("measured in {:.1} s, written to {}", watch.lap().s(), path.display());
+    let measured_s = watch.lap().s();
+    if arguments.json {
+        return print_json(
+            "calibrate",
+            serde_json::json!({
+                "backend": found.backend, "adapter": found.adapter, "cpu": cached.owner.cpu, "threads": cached.owner.cores,
+                "cost": cached.cost, "measured_s": measured_s, "file": path,
+            }),
+        );
+    }
+    println!("measured in {measured_s:.1} s, written to {}", path.display());
     Ok(())
 }
 

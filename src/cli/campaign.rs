@@ -1,9 +1,10 @@
 //! `starloop campaign`: many simulated hours of random faults, checked throughout.
 
+use crate::cli::report_json::print_json;
 use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
 use anyhow::{Context, Result, bail};
 use base::clock::Stopwatch;
-use batch::campaign::{Episode, check_space_for_faults, random_faults, run_episode};
+use batch::campaign::{Episode, check_time_for_faults, random_faults, run_episode};
 use clap::Args;
 use config::{Document, Scenario};
 use core::sync::atomic::{AtomicU64, Ordering};
@@ -35,6 +36,9 @@ pub struct CampaignArgs {
     /// Write one line of JSON per episode here (a new file); of one that failed: seed and error
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    /// Print the report as one line of JSON
+    #[arg(long)]
+    json: bool,
 }
 
 /// A part of a campaign.
@@ -66,7 +70,11 @@ pub fn run(arguments: &CampaignArgs) -> Result<u8> {
     if !(arguments.hours.is_finite() && arguments.hours > 0.0 && arguments.hours <= 1e6) {
         bail!("--hours: got {}, wanted hours above 0, up to a million", arguments.hours);
     }
-    check_space_for_faults(&scenario).with_context(|| format!("scenario \"{}\"", scenario.name))?;
+    let file = arguments.scenario.as_ref().map_or_else(|| BUILT_IN_SCENARIO.into(), |path| path.display().to_string());
+    if scenario.vehicle().is_none() {
+        bail!("{file}: has no spacecraft; wanted a scenario, whose spacecraft is flown inside: spacecraft = \"FILE\"");
+    }
+    check_time_for_faults(&scenario).with_context(|| file.clone())?;
     let episode_s = scenario.bench.timing.duration_s;
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked: at most 1e10")]
     let episodes = ((arguments.hours * 3600.0 / episode_s).ceil() as u64).max(1);
@@ -88,7 +96,7 @@ pub fn run(arguments: &CampaignArgs) -> Result<u8> {
         seeds.last().copied().unwrap_or(0)
     );
     let results = fly(&scenario, &seeds, arguments)?;
-    Ok(report(&results, episode_s, arguments))
+    report(&results, episode_s, arguments)
 }
 
 /// Seeds of the episodes of one part.
@@ -124,7 +132,7 @@ fn fly(scenario: &Scenario, seeds: &[u64], arguments: &CampaignArgs) -> Result<(
     let out = arguments
         .out
         .as_ref()
-        .map(|path| std::fs::File::create_new(path).with_context(|| format!("cannot make {}", path.display())));
+        .map(|path| std::fs::File::create_new(path).with_context(|| format!("cannot make {}, which must be a new file", path.display())));
     let out = Mutex::new(out.transpose()?);
     let done = AtomicU64::new(0);
     let mut wall = Stopwatch::start();
@@ -148,10 +156,11 @@ fn fly(scenario: &Scenario, seeds: &[u64], arguments: &CampaignArgs) -> Result<(
     Ok((results, wall.lap().s()))
 }
 
-fn report((results, wall_s): &(Vec<Flown>, f64), episode_s: f64, arguments: &CampaignArgs) -> u8 {
+fn report((results, wall_s): &(Vec<Flown>, f64), episode_s: f64, arguments: &CampaignArgs) -> Result<u8> {
     let (mut failed, mut faults, mut hits, mut frames) = (0, 0, 0, 0);
     let built_in = || format!("configs/{BUILT_IN_SCENARIO}");
     let file = arguments.scenario.as_ref().map_or_else(built_in, |path| path.display().to_string());
+    let mut broken = Vec::new();
     for (seed, flown) in results {
         let lines = match flown {
             Ok(episode) => {
@@ -166,17 +175,32 @@ fn report((results, wall_s): &(Vec<Flown>, f64), episode_s: f64, arguments: &Cam
             Err(error) => vec![error.to_string()],
         };
         failed += 1;
+        if arguments.json {
+            broken.push(serde_json::json!({ "seed": seed, "lines": lines }));
+            continue;
+        }
         println!("seed {seed} broke an invariant:");
         lines.iter().for_each(|line| println!("  {line}"));
         println!("  replay: starloop run {file} --clock virtual --random-faults --seed {seed} --out DIR");
     }
     let hours = results.len() as f64 * episode_s / 3600.0;
+    let held = results.len() - failed;
+    if arguments.json {
+        print_json(
+            "campaign",
+            serde_json::json!({
+                "scenario": file, "episodes": results.len(), "held": held, "simulated_hours": hours, "wall_s": wall_s,
+                "frames": frames, "events": faults, "hits": hits, "broken": broken,
+            }),
+        )?;
+        return Ok(if failed == 0 { EXIT_DONE } else { EXIT_NOT_MET });
+    }
     println!(
         "{} of {} episodes held: {hours:.1} simulated hours in {wall_s:.0} s, {frames} frames, {faults} events, {hits} hits",
-        results.len() - failed,
+        held,
         results.len()
     );
-    if failed == 0 { EXIT_DONE } else { EXIT_NOT_MET }
+    Ok(if failed == 0 { EXIT_DONE } else { EXIT_NOT_MET })
 }
 
 #[cfg(test)]
@@ -215,6 +239,7 @@ mod tests {
             seed: 7,
             shard: WHOLE,
             out: Some(folder.path().join("a.jsonl")),
+            json: false,
         };
         // No head 9: known only when the loop is made.
         let event = "event=[{ at_s = 1.0, do = \"tracker_off\", head = 9, for_s = 1.0 }]";

@@ -5,6 +5,7 @@ use crate::cli::catalog_layers::{ImportArgs, VerifyArgs, import, layer_info, ver
 use crate::cli::catalog_map::{MapArgs, map};
 use crate::cli::catalog_synthetic::{SynthesizeArgs, synthesize};
 use crate::cli::degrees::{declination_deg, right_ascension_deg};
+use crate::cli::report_json::json_line;
 use anyhow::{Context, ensure};
 use base::source::{CatalogSource, direction_from_ra_dec, ra_dec_rad};
 use base::streams::Output;
@@ -73,6 +74,9 @@ struct PackArgs {
 struct InfoArgs {
     /// Packed catalog or layer; the built-in catalog when left out
     file: Option<PathBuf>,
+    /// Print the report as one line of JSON
+    #[arg(long)]
+    json: bool,
 }
 
 #[derive(Debug, Args)]
@@ -109,8 +113,8 @@ pub fn run(args: CatalogArgs) -> anyhow::Result<()> {
         Action::Synthesize(args) => synthesize(&args, &mut stdout),
         Action::Export(args) => export(&args, &mut stdout),
         Action::Verify(args) => verify(&args, &mut stdout),
-        Action::Info(InfoArgs { file: Some(path) }) if is_layer(&path) => layer_info(&path, &mut stdout),
-        Action::Info(args) => info(&open(args.file.as_deref())?, &mut stdout),
+        Action::Info(InfoArgs { file: Some(path), json }) if is_layer(&path) => layer_info(&path, json, &mut stdout),
+        Action::Info(args) => info(&open(args.file.as_deref())?, args.json, &mut stdout),
         Action::Map(args) => map(&args, &mut stdout),
         Action::Query(args) => query(&args, &mut stdout),
     }
@@ -131,7 +135,9 @@ fn pack_file(args: &PackArgs, out: &mut impl Write) -> anyhow::Result<()> {
         let file = std::fs::File::open(&args.input);
         Box::new(file.with_context(|| format!("cannot read {}", args.input.display()))?)
     };
-    let (bytes, report) = pack(input, args.epoch, args.credits.as_deref())?;
+    let packed = pack(input, args.epoch, args.credits.as_deref());
+    let (bytes, report) = packed.with_context(|| args.input.display().to_string())?;
+    ensure!(report.stars > 0, "{}: has no star; wanted one row at least below the header", args.input.display());
     write_file_atomically(&args.out, |file| file.write_all(&bytes))?;
     writeln!(out, "{}: {} stars, {} bytes", args.out.display(), report.stars, bytes.len())?;
     writeln!(out, "  without proper motion  {}", report.without_proper_motion)?;
@@ -141,8 +147,20 @@ fn pack_file(args: &PackArgs, out: &mut impl Write) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn info(catalog: &Catalog, out: &mut impl Write) -> anyhow::Result<()> {
+fn info(catalog: &Catalog, is_json: bool, out: &mut impl Write) -> anyhow::Result<()> {
     let (stars, facts) = (catalog.sources(), catalog.index());
+    if is_json {
+        let report = serde_json::json!({
+            "kind": "packed catalog", "stars": stars.len(), "epoch_yr": facts.epoch_yr, "bands": BANDS,
+            "without_proper_motion": count(stars, |s| s.proper_motion.is_none()),
+            "without_parallax": count(stars, |s| s.parallax_mas.is_none()),
+            "fastest_arcsec_yr": facts.fastest_mas_yr / 1000.0,
+            "faintest_mag_g": stars.iter().map(|s| s.mag_g).fold(f32::NEG_INFINITY, f32::max),
+            "crc32": format!("{:08x}", facts.crc32), "credits": credits::shown(&facts.credits),
+        });
+        writeln!(out, "{}", json_line("catalog-info", report)?)?;
+        return Ok(());
+    }
     writeln!(out, "stars    {}", stars.len())?;
     writeln!(out, "epoch    J{:.1}, ICRS", facts.epoch_yr)?;
     writeln!(out, "bands    {BANDS}")?;
@@ -255,7 +273,7 @@ mod tests {
         run(parse(&["pack", csv, "--out", packed, "--epoch", "2000", "--credits", "me"])).expect("packs");
 
         let mut text = Vec::new();
-        info(&open(Some(Path::new(packed))).expect("opens"), &mut text).expect("writes");
+        info(&open(Some(Path::new(packed))).expect("opens"), false, &mut text).expect("writes");
         let text = String::from_utf8(text).expect("UTF-8");
         assert!(text.contains("stars    3") && text.contains("J2000.0") && text.contains("credits  me"), "{text}");
         assert!(text.contains("blank    2 proper motions, 2 parallaxes"), "{text}");

@@ -2,6 +2,8 @@
 
 use crate::cli::catalog_bright::{self, BrightInput};
 use crate::cli::catalog_hats::{Input, inputs};
+use crate::cli::folder;
+use crate::cli::report_json::json_line;
 use anyhow::{Context, bail, ensure};
 use clap::Args;
 use imports::published::gaia::{EPOCH_YR, Names};
@@ -74,6 +76,9 @@ pub(super) struct VerifyArgs {
     /// Packed catalogs and layers
     #[arg(required = true)]
     files: Vec<PathBuf>,
+    /// Print the report as one line of JSON
+    #[arg(long)]
+    json: bool,
 }
 
 /// Imports files into layers and prints what became of their rows.
@@ -90,7 +95,7 @@ pub(super) fn import(args: &ImportArgs, out: &mut impl Write) -> anyhow::Result<
     }
     let replace = args.replace || Sorting::is_finishing(&work, &args.out);
     refuse_layers_that_are_there(&args.out, &args.layers, replace)?;
-    std::fs::create_dir_all(&args.out).with_context(|| format!("cannot make {}", args.out.display()))?;
+    folder::make("--out", &args.out)?;
     let mut sorting = Sorting::start(&work, &args.layers)?.with_memory(args.memory_mb as usize * MIB);
     if args.no_source_ids {
         sorting.leave_numbers_out();
@@ -183,7 +188,7 @@ fn options(args: &ImportArgs) -> String {
     format!("epoch J{} and {columns}", args.epoch)
 }
 
-/// `phot_g_mean_mag=G`, ...
+/// Reads column names such as `phot_g_mean_mag=G`.
 fn names(columns: &[String]) -> anyhow::Result<Names> {
     let mut names = Names::default();
     for column in columns {
@@ -226,6 +231,7 @@ pub(super) fn mark(path: &Path) -> anyhow::Result<String> {
 /// Reads catalogs and layers to their end.
 pub(super) fn verify(args: &VerifyArgs, out: &mut impl Write) -> anyhow::Result<()> {
     let line = ProgressLine::new();
+    let mut whole = Vec::new();
     for path in &args.files {
         let stars = if is_layer(path) {
             let layer = Layer::open(path)?;
@@ -236,13 +242,20 @@ pub(super) fn verify(args: &VerifyArgs, out: &mut impl Write) -> anyhow::Result<
             let catalog = Catalog::open(path).with_context(|| path.display().to_string())?;
             catalog.sources().len() as u64
         };
-        writeln!(out, "{}: whole, {stars} stars", path.display())?;
+        if args.json {
+            whole.push(serde_json::json!({ "file": path, "stars": stars }));
+        } else {
+            writeln!(out, "{}: whole, {stars} stars", path.display())?;
+        }
+    }
+    if args.json {
+        writeln!(out, "{}", json_line("catalog-verify", serde_json::json!({ "whole": whole }))?)?;
     }
     Ok(())
 }
 
 /// Prints the contents of a layer.
-pub(super) fn layer_info(path: &Path, out: &mut impl Write) -> anyhow::Result<()> {
+pub(super) fn layer_info(path: &Path, is_json: bool, out: &mut impl Write) -> anyhow::Result<()> {
     let layer = Layer::open(path)?;
     let facts = layer.index();
     let [from, below] = facts.magnitudes;
@@ -250,6 +263,16 @@ pub(super) fn layer_info(path: &Path, out: &mut impl Write) -> anyhow::Result<()
     for stars in facts.stars_of_tiles() {
         most = most.max(stars);
         filled += u64::from(stars > 0);
+    }
+    if is_json {
+        let report = serde_json::json!({
+            "kind": "layer", "stars": facts.stars(), "epoch_yr": facts.epoch_yr,
+            "brightest_mag_g": Some(from).filter(|mag| mag.is_finite()), "faintest_mag_g": below,
+            "order": facts.order, "tiles_with_stars": filled, "most_stars_in_a_tile": most,
+            "crc32": format!("{:08x}", facts.crc32), "credits": credits::shown(&facts.credits),
+        });
+        writeln!(out, "{}", json_line("catalog-info", report)?)?;
+        return Ok(());
     }
     writeln!(out, "stars    {}", facts.stars())?;
     writeln!(out, "epoch    J{:.1}, ICRS", facts.epoch_yr)?;
@@ -334,17 +357,17 @@ mod tests {
         }
         let layer = out.join("g10.starlayer");
         let mut text = Vec::new();
-        layer_info(&layer, &mut text).unwrap();
+        layer_info(&layer, false, &mut text).unwrap();
         let text = String::from_utf8(text).unwrap();
         assert!(text.contains("stars    1\n") && text.contains("J2016.0") && text.contains("credits  me"), "{text}");
         let mut whole = Vec::new();
-        verify(&VerifyArgs { files: vec![layer.clone()] }, &mut whole).unwrap();
+        verify(&VerifyArgs { files: vec![layer.clone()], json: false }, &mut whole).unwrap();
         assert!(String::from_utf8(whole).unwrap().contains("whole, 1 stars"));
         let mut bytes = std::fs::read(&layer).unwrap();
         let last = bytes.len() - 1;
         bytes[last] ^= 1;
         std::fs::write(&layer, bytes).unwrap();
-        let error = verify(&VerifyArgs { files: vec![layer] }, &mut Vec::new()).unwrap_err().to_string();
+        let error = verify(&VerifyArgs { files: vec![layer], json: false }, &mut Vec::new()).unwrap_err().to_string();
         assert!(error.contains("damaged: numbers of the stars"), "control: {error}");
     }
 
@@ -361,7 +384,7 @@ mod tests {
             let line: Vec<&str> = line.iter().map(String::as_str).chain(none.as_flattened().iter().copied()).collect();
             imported(&[&line[..], more].concat()).unwrap();
             let (layer, mut text) = (folder.path().join(name).join("g10.starlayer"), Vec::new());
-            layer_info(&layer, &mut text).unwrap();
+            layer_info(&layer, false, &mut text).unwrap();
             let layer = Layer::open(&layer).unwrap();
             let mut stars = Vec::new();
             layer.cone(glam::DVec3::Z, 4.0, 99.0, &mut stars).unwrap();

@@ -2,6 +2,7 @@
 
 use crate::cli::catalog_layers::{ProgressLine, print_layer, refuse_layers_that_are_there};
 use crate::cli::degrees::{declination_deg, right_ascension_deg};
+use crate::cli::folder;
 use anyhow::ensure;
 use base::source::direction_from_ra_dec;
 use base::units::DEG;
@@ -57,6 +58,7 @@ pub(super) fn synthesize(args: &SynthesizeArgs, out: &mut impl Write) -> anyhow:
     if let Some(Region { axis, radius_rad }) = args.around {
         population = population.around(axis, radius_rad);
     }
+    folder::make("--out", &args.out)?;
     refuse_layers_that_are_there(&args.out, &limits, args.replace)?;
     let line = ProgressLine::new();
     let reports = population.write(&args.out, &mut |share| line.show(&format!("drawing: {:.0} %", 100.0 * share)))?;
@@ -121,7 +123,7 @@ mod tests {
         assert!(reported.contains("seed 5: not real stars") && reported.contains("g9.starlayer"), "{reported}");
         assert!(reported.contains(" stars, 20000 expected") && !reported.contains("g10"), "{reported}");
         let mut info = Vec::new();
-        layer_info(&out.join("g9.starlayer"), &mut info).unwrap();
+        layer_info(&out.join("g9.starlayer"), false, &mut info).unwrap();
         assert!(String::from_utf8(info).unwrap().contains("credits  synthetic population, seed 5: not real stars"));
         let again = synthesized(&line).unwrap_err().to_string();
         assert!(again.contains("g6.starlayer already"), "{again}");

@@ -1,6 +1,8 @@
 //! `starloop chart`: accuracy against speed, measured on this machine -> CSV tables and SVG charts in a folder.
 
-use anyhow::{Context, Result};
+use crate::cli::folder;
+use crate::cli::report_json::print_json;
+use anyhow::Result;
 use base::clock::Stopwatch;
 use batch::chart::{self, Backends, Settings, Step};
 use clap::{Args, ValueEnum};
@@ -37,6 +39,9 @@ pub struct ChartArgs {
     /// Random paths and star fields follow from it
     #[arg(long, default_value_t = 1)]
     seed: u32,
+    /// Print the names of the files as one line of JSON instead of the table
+    #[arg(long)]
+    json: bool,
 }
 
 /// Backends by name.
@@ -58,13 +63,20 @@ pub fn run(arguments: &ChartArgs) -> Result<()> {
         BackendName::All => Backends::All,
     };
     // A folder that cannot be made is reported before minutes of measuring.
-    std::fs::create_dir_all(&arguments.out).with_context(|| format!("--out {}", arguments.out.display()))?;
+    folder::make("--out", &arguments.out)?;
     let settings = Settings { quick: arguments.quick, backends, seed: arguments.seed };
     let mut teller = Teller::new();
     let charted = chart::run(&settings, &mut |step| teller.announce(step))?;
     teller.end();
     for file in &charted.files {
         write_file_atomically(&arguments.out.join(&file.name), |out| out.write_all(file.text.as_bytes()))?;
+    }
+    if arguments.json {
+        let files: Vec<&str> = charted.files.iter().map(|file| file.name.as_str()).collect();
+        return print_json(
+            "chart",
+            serde_json::json!({ "seed": settings.seed, "folder": arguments.out, "files": files }),
+        );
     }
     print!("{}", charted.summary);
     println!("{} files in {}", charted.files.len(), arguments.out.display());

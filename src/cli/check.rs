@@ -5,13 +5,15 @@ use crate::cli::check_bodies;
 use crate::cli::check_display;
 use crate::cli::check_display_stars::{self, DisplayLimits, display_limits};
 use crate::cli::check_files;
+use crate::cli::check_json::CheckFacts;
 use crate::cli::check_light;
 use crate::cli::check_observer;
 use crate::cli::check_plan::{self, Planned};
 use crate::cli::check_scenario;
 use crate::cli::check_targets;
 use crate::cli::frame_plan::FramePlans;
-use crate::cli::radiometry_reported::radiometry_reported;
+use crate::cli::radiometry_reported::radiometry_text;
+use crate::cli::report_json::print_json;
 use anyhow::Result;
 use base::clock::{Clock, Monotonic};
 use base::time::{Span, Tai};
@@ -24,7 +26,7 @@ use run::wiring::bench_parts;
 use run::wiring::display_parts::take_display;
 use run::wiring::memory::{RunForm, RunMemory};
 use run::wiring::motion::motion_scale;
-use run::wiring::sinks::reported_lines;
+use run::wiring::sinks::described_lines;
 use stars::{Sky, StarIndex};
 use std::path::PathBuf;
 use testbed::flight_computer::FlightComputer;
@@ -42,6 +44,9 @@ pub struct CheckArgs {
     /// repeated
     #[arg(long = "set", value_name = "KEY=VALUE")]
     settings: Vec<String>,
+    /// Print the facts as one line of JSON: the bench, its camera, defaults, warnings, the plans of three frames
+    #[arg(long)]
+    json: bool,
 }
 
 /// Returns the keys of `[[event]]`, from the list that files are checked by.
@@ -64,14 +69,19 @@ pub fn run(arguments: &CheckArgs) -> Result<()> {
     };
     let settings = arguments.settings.iter().map(|text| Setting::parse(text)).collect::<Result<_, _>>()?;
     let document = document.with_settings(settings);
-    print!("{}", checked(&document, arguments.built_in_costs)?);
+    let mut facts = CheckFacts::default();
+    let text = checked(&document, arguments.built_in_costs, &mut facts)?;
+    if arguments.json {
+        return print_json("check", facts.with_warnings(&text));
+    }
+    print!("{text}");
     Ok(())
 }
 
 /// Returns everything there is to say about the file.
-fn checked(document: &Document, only_built_in: bool) -> Result<String> {
+fn checked(document: &Document, only_built_in: bool, facts: &mut CheckFacts) -> Result<String> {
     let scenario = Scenario::from_document(document)?;
-    let bench = report(&scenario.bench, &scenario.plant, only_built_in)?;
+    let bench = report(&scenario.bench, &scenario.plant, only_built_in, facts)?;
     let is_plain = scenario.vehicle().is_none() && scenario.events.is_empty();
     Ok(if is_plain { bench } else { check_scenario::report(&scenario)? + "\n" + &bench })
 }
@@ -89,7 +99,7 @@ conventions
 ";
 
 /// Returns the whole report.
-fn report(bench: &Bench, plant: &Plant, only_built_in: bool) -> Result<String> {
+fn report(bench: &Bench, plant: &Plant, only_built_in: bool, facts: &mut CheckFacts) -> Result<String> {
     // The check itself makes one detector.
     RunMemory::of_image(&bench.camera, bench.render.backend == Backend::Reference, None).check()?;
     let start = match bench.timing.start {
@@ -105,6 +115,7 @@ fn report(bench: &Bench, plant: &Plant, only_built_in: bool) -> Result<String> {
     let mut text = String::new();
     let sky = params.open_sky()?;
     describe(&mut text, bench, &params, (&imager, &sky), &costs)?;
+    facts.describe(bench, &params, &imager, &costs.origin);
     write_memory(&mut text, bench)?;
     check_display::write_display(&mut text, bench, &params, calibration.as_ref())?;
     write_defaults(&mut text, bench)?;
@@ -116,7 +127,7 @@ fn report(bench: &Bench, plant: &Plant, only_built_in: bool) -> Result<String> {
     crate::cli::check_jitter::write_jitter(&mut text, bench, &params)?;
     let computer = || FlightComputer::new(bench_parts::flight_computer_of(plant, bench, start, params.first_exposure));
     check_targets::write_targets(&mut text, &params, &computer())?;
-    plans(&mut text, bench, computer(), (&params, limits.as_ref()), (&imager, &sky))?;
+    plans(&mut text, bench, computer(), (&params, limits.as_ref()), (&imager, &sky), facts)?;
     Ok(text)
 }
 
@@ -138,7 +149,7 @@ fn describe(
         camera.detector.height_px,
         camera.ifov_arcsec()
     )?;
-    writeln!(text, "  radiometry   {}", radiometry_reported(camera))?;
+    writeln!(text, "  radiometry   {}", radiometry_text(camera))?;
     let zero_point = camera.star_light().zero_point_e_per_s();
     let light =
         zero_point.map_or_else(|| "no zero point".into(), |e_per_s| format!("{e_per_s:.3e} e-/s at magnitude 0"));
@@ -168,7 +179,7 @@ fn describe(
         let mountings: Vec<String> = bench.mountings().iter().map(|head| format!("{:.4?}", head.wxyz())).collect();
         writeln!(text, "  heads        {}, drawn in turn, sensor_from_body {}", mountings.len(), mountings.join(" "))?;
     }
-    for (place, words) in reported_lines(&bench.sinks) {
+    for (place, words) in described_lines(&bench.sinks) {
         writeln!(text, "  {place:<12} {words}")?;
     }
     writeln!(text, "  costs        {}", costs.origin)?;
@@ -244,6 +255,7 @@ fn plans(
     computer: FlightComputer,
     (params, limits): (&RunParams, Option<&DisplayLimits>),
     (imager, sky): (&Imager, &Sky),
+    facts: &mut CheckFacts,
 ) -> Result<()> {
     let planned = Planned::new(bench, params, imager);
     check_plan::write_sampling(text, params)?;
@@ -263,6 +275,7 @@ fn plans(
         }
         let plan = frames.plan(number, &mut planner)?;
         check_plan::write_plan(text, number, plan, &planned)?;
+        facts.plan(number, plan);
         check_light::write_frame(text, &frames.scene().light, &params.camera, plan)?;
         if let Some(bodies) = &frames.scene().bodies {
             check_bodies::write_frame(text, bodies, &params.camera, plan)?;
@@ -279,7 +292,7 @@ mod tests {
     use super::*;
 
     fn report(bench: &Bench, only_built_in: bool) -> Result<String> {
-        super::report(bench, &Plant::FlightComputer, only_built_in)
+        super::report(bench, &Plant::FlightComputer, only_built_in, &mut CheckFacts::default())
     }
 
     #[test]
@@ -303,7 +316,7 @@ mod tests {
 
     #[test]
     fn a_scenario_is_explained_with_its_bench() {
-        let of = |name: &str| checked(&Document::built_in(name).unwrap(), true).unwrap();
+        let of = |name: &str| checked(&Document::built_in(name).unwrap(), true, &mut CheckFacts::default()).unwrap();
         let text = of("scenarios/three_heads.toml");
         for word in [
             "scenario \"three heads\" is sound",
@@ -326,7 +339,7 @@ mod tests {
         let event = "event=[{ at_s = 1.0, do = \"wheel_failure\", wheel = 9 }]";
         let settings = vec![Setting::parse(event).unwrap()];
         let document = Document::built_in("scenarios/acquisition.toml").unwrap().with_settings(settings);
-        let error = format!("{:#}", checked(&document, true).unwrap_err());
+        let error = format!("{:#}", checked(&document, true, &mut CheckFacts::default()).unwrap_err());
         assert!(error.contains("wheel_failure") && error.contains("wheel 9"), "{error}");
     }
 

@@ -67,7 +67,10 @@ impl CheckFacts {
 
     /// Returns everything, with the warnings of the text.
     pub(super) fn with_warnings(self, text: &str) -> Value {
-        let warnings = text.lines().filter_map(|line| line.split_once("WARNING")).map(|(_, words)| words.trim_start_matches([':', ' ']).trim_end());
+        let warnings = text
+            .lines()
+            .filter_map(|line| line.split_once("WARNING"))
+            .map(|(_, words)| words.trim_start_matches([':', ' ']).trim_end());
         let mut all = self.bench;
         if let Some(fields) = all.as_object_mut() {
             fields.insert("plans".into(), self.plans.into());
@@ -85,7 +88,8 @@ mod tests {
     fn warnings_of_the_text_are_listed_and_nothing_else() {
         let mut facts = CheckFacts { bench: json!({ "bench": "a" }), plans: Vec::new() };
         facts.plans.push(json!({ "frame": 0 }));
-        let all = facts.with_warnings("  camera       \"b\"\n  WARNING      too dark\n  level        full; WARNING: late\n");
+        let all =
+            facts.with_warnings("  camera       \"b\"\n  WARNING      too dark\n  level        full; WARNING: late\n");
         assert_eq!(all["warnings"], json!(["too dark", "late"]));
         assert_eq!((&all["bench"], &all["plans"][0]["frame"]), (&json!("a"), &json!(0)));
     }

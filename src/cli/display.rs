@@ -2,19 +2,20 @@
 //! What measures the latency is a file of its own.
 
 use crate::cli::display_latency::{CornerWord, FlipArgs, LatencyArgs, flip, latency, monitor_choice};
+use crate::cli::report_json::print_json;
 use anyhow::{Context, Result, bail};
 use base::clock::{Clock, Monotonic};
 use base::image::DnImage;
 use clap::{Args, Subcommand};
 use crossbeam_channel::{Receiver, RecvTimeoutError, bounded};
 use frames::sink::{SentFrame, Sink};
-use outputs::display::{Bits, Display, GreyMaker, GreyTable, Marker, Params, monitors};
+use outputs::display::{Bits, Display, GreyMaker, GreyTable, Marker, MonitorFacts, Params, monitors};
 use std::io::{BufRead, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Between looks at whether somebody closed the window.
+/// Time between checks for a closed window.
 const LOOK: Duration = Duration::from_millis(20);
 /// Longest wait for a frame's submit time, looks: two seconds.
 const LONGEST_LOOKS: u32 = 100;
@@ -29,13 +30,21 @@ pub struct DisplayArgs {
 #[derive(Debug, Subcommand)]
 enum DisplayCommand {
     /// List the monitors by the names that benches use
-    Monitors,
+    Monitors(MonitorsArgs),
     /// Show images, one after the other; Enter shows the next, Esc in the window ends it
     Show(ShowArgs),
     /// Turn the marker patch over, slowly, and keep the submit times, while a photodiode on it is logged
     Flip(FlipArgs),
     /// Compute the latency from submit to light, by submit times and the photodiode's
     Latency(LatencyArgs),
+}
+
+/// Command line of `display monitors`.
+#[derive(Debug, Args)]
+struct MonitorsArgs {
+    /// Print the list as one line of JSON
+    #[arg(long)]
+    json: bool,
 }
 
 /// Command line of `display show`.
@@ -75,7 +84,17 @@ struct ShowArgs {
 /// When the X server cannot be reached, an image cannot be shown, or the window is closed.
 pub fn run(arguments: &DisplayArgs) -> Result<()> {
     match &arguments.command {
-        DisplayCommand::Monitors => {
+        DisplayCommand::Monitors(MonitorsArgs { json: true }) => {
+            let monitor = |monitor: &MonitorFacts| {
+                serde_json::json!({
+                    "name": monitor.name, "size_px": monitor.size_px, "origin_px": monitor.origin_px,
+                    "refresh_mhz": monitor.refresh_mhz, "is_primary": monitor.is_primary,
+                })
+            };
+            let found = monitors()?.iter().map(monitor).collect::<Vec<_>>();
+            print_json("display-monitors", serde_json::json!({ "monitors": found }))
+        }
+        DisplayCommand::Monitors(_) => {
             monitors()?.iter().enumerate().for_each(|(index, monitor)| println!("{index}: {monitor}"));
             Ok(())
         }

@@ -116,10 +116,8 @@ pub fn run(arguments: &DoctorArgs) -> Result<()> {
 /// Returns the report for people.
 fn text(report: &Report) -> String {
     let features = if report.features.is_empty() { "none".into() } else { report.features.join(", ") };
-    let mut text = format!(
-        "starloop {} ({}), {}, features: {features}\n\n",
-        report.version, report.commit, report.target
-    );
+    let mut text =
+        format!("starloop {} ({}), {}, features: {features}\n\n", report.version, report.commit, report.target);
     for Finding { name, state, found, advice } in &report.findings {
         text += &format!("{:<8} {name:<19} {found}\n", state.word());
         if let Some(advice) = advice {

@@ -3,9 +3,12 @@
 use crate::cli::doctor::Finding;
 use image::gpu::GpuDevice;
 
-const ADVICE_NO_GPU: &str = "install a Vulkan driver of the card (mesa-vulkan-drivers for AMD and Intel); until then the CPU draws";
-const ADVICE_SOFTWARE: &str = "a card with a Vulkan driver; until then the CPU draws, which is faster than Vulkan in software";
-const ADVICE_DISPLAY: &str = "set DISPLAY to an X server, or log in at a desktop; only displays in front of a tracker need it";
+const ADVICE_NO_GPU: &str =
+    "install a Vulkan driver of the card (mesa-vulkan-drivers for AMD and Intel); until then the CPU draws";
+const ADVICE_SOFTWARE: &str =
+    "a card with a Vulkan driver; until then the CPU draws, which is faster than Vulkan in software";
+const ADVICE_DISPLAY: &str =
+    "set DISPLAY to an X server, or log in at a desktop; only displays in front of a tracker need it";
 
 /// Returns adapters and monitors.
 pub(super) fn findings() -> Vec<Finding> {

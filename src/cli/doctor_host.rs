@@ -15,7 +15,8 @@ const ADVICE_CAN_DOWN: &str =
 const ADVICE_NO_SERIAL: &str = "plug in an adapter; without one: a bench with a simulated serial line";
 const ADVICE_SERIAL_RIGHTS: &str = "usermod -aG dialout NAME, then log in again";
 const ADVICE_FTDI: &str = "echo 1 > /sys/bus/usb-serial/devices/NAME/latency_timer (the package's udev rule does it)";
-const ADVICE_NO_PTP: &str = "a network card with a hardware clock, and linuxptp; without one: time correlation over the bus";
+const ADVICE_NO_PTP: &str =
+    "a network card with a hardware clock, and linuxptp; without one: time correlation over the bus";
 const ADVICE_NO_PPS: &str = "modprobe pps-gpio, or pps-ldisc with ldattach pps; without one: time marks on the bus";
 const ADVICE_NO_GPIO: &str = "a board with GPIO lines; without one: triggers as messages on the bus";
 const ADVICE_RIGHTS: &str = "the rules of the package give these to the group dialout; see src/guide/installing.md";
@@ -150,7 +151,8 @@ mod tests {
 
     #[test]
     fn a_bare_machine_lacks_everything_and_is_given_advice() {
-        let (_folder, host) = host(&[("sys/class/net/eth0/type", "1\n"), ("dev/ttyS0", ""), ("sys/class/tty/ttyS0/type", "0\n")]);
+        let (_folder, host) =
+            host(&[("sys/class/net/eth0/type", "1\n"), ("dev/ttyS0", ""), ("sys/class/tty/ttyS0/type", "0\n")]);
         for finding in findings(&host) {
             assert_eq!(finding.state, State::Missing, "{finding:?}");
             assert!(finding.advice.is_some(), "{finding:?}");

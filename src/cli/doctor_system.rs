@@ -20,13 +20,17 @@ const PYTHON_PACKAGES: [&str; 3] = ["can", "cantools", "serial"];
 const ADVICE_PRIORITY: &str =
     "host_setup.sh --apply writes /etc/security/limits.d/60-starloop.conf; then log in again (ulimit -r shows it)";
 const ADVICE_LOCK: &str = "the same file sets memlock unlimited (ulimit -l shows it)";
-const ADVICE_GOVERNOR: &str = "host_setup.sh --apply, or echo performance > /sys/devices/system/cpu/cpu*/cpufreq/scaling_governor";
+const ADVICE_GOVERNOR: &str =
+    "host_setup.sh --apply, or echo performance > /sys/devices/system/cpu/cpu*/cpufreq/scaling_governor";
 const ADVICE_BUFFER: &str = "sysctl net.core.rmem_max=4194304 (host_setup.sh --apply keeps it)";
-const ADVICE_MEMORY: &str = "`starloop check` states the memory of a bench; smaller images and shorter queues take less";
+const ADVICE_MEMORY: &str =
+    "`starloop check` states the memory of a bench; smaller images and shorter queues take less";
 const ADVICE_COSTS: &str = "`starloop calibrate` measures the costs of this machine, for runs on the real clock";
 const ADVICE_PYTHON: &str = "apt-get install python3 python3-venv; only scripts and clients in Python need it";
-const ADVICE_PACKAGES: &str = "pip install python-can cantools pyserial, in a virtual environment; only clients in Python need it";
-const ADVICE_PTP4L: &str = "apt-get install linuxptp; only network cameras with PTP and machines with a common clock need it";
+const ADVICE_PACKAGES: &str =
+    "pip install python-can cantools pyserial, in a virtual environment; only clients in Python need it";
+const ADVICE_PTP4L: &str =
+    "apt-get install linuxptp; only network cameras with PTP and machines with a common clock need it";
 
 /// Returns what the system offers.
 pub(super) fn findings(host: &Host) -> Vec<Finding> {
@@ -87,7 +91,8 @@ fn lock_finding(is_granted: bool, limit: Option<u64>) -> Finding {
 /// Returns the governor of the processors' frequency, and whether the kernel is a real-time one.
 fn governor(host: &Host) -> Finding {
     const NAME: &str = "frequency governor";
-    let kernel = if word(&host.root.join("sys/kernel/realtime")) == "1" { "PREEMPT_RT kernel" } else { "ordinary kernel" };
+    let kernel =
+        if word(&host.root.join("sys/kernel/realtime")) == "1" { "PREEMPT_RT kernel" } else { "ordinary kernel" };
     match &*word(&host.root.join("sys/devices/system/cpu/cpu0/cpufreq/scaling_governor")) {
         "" => Finding::ready(NAME, format!("the system sets no frequencies; {kernel}")),
         "performance" => Finding::ready(NAME, format!("performance; {kernel}")),
@@ -112,7 +117,8 @@ fn ptp_daemon() -> Finding {
     const NAME: &str = "PTP daemon";
     let folders = std::env::var_os("PATH").unwrap_or_default();
     let system = ["/usr/sbin".into(), "/sbin".into()];
-    let found = std::env::split_paths(&folders).chain(system).map(|folder| folder.join("ptp4l")).find(|path| path.exists());
+    let found =
+        std::env::split_paths(&folders).chain(system).map(|folder| folder.join("ptp4l")).find(|path| path.exists());
     found.map_or_else(
         || Finding::missing(NAME, "no ptp4l", ADVICE_PTP4L),
         |path| Finding::ready(NAME, path.display().to_string()),
@@ -143,7 +149,11 @@ fn costs() -> Finding {
     let Some(folder) = cost_cache::folder() else {
         return Finding::missing(NAME, "no home folder to keep them in", ADVICE_COSTS);
     };
-    let files = std::fs::read_dir(&folder).into_iter().flatten().flatten().filter_map(|entry| entry.file_name().into_string().ok());
+    let files = std::fs::read_dir(&folder)
+        .into_iter()
+        .flatten()
+        .flatten()
+        .filter_map(|entry| entry.file_name().into_string().ok());
     let mut files: Vec<String> = files.filter(|name| name.starts_with("costs_")).collect();
     files.sort();
     match files.is_empty() {

@@ -28,12 +28,18 @@ const EXAMPLES: &[(&str, &[&str])] = &[
             "render --camera my_camera.toml --attitudes slew.aem --out slew.fits",
         ],
     ),
-    ("check", &["check my_bench.toml", "check my_bench.toml --set timing.frame_rate_hz=5", "check scenarios.toml --json"]),
+    (
+        "check",
+        &["check my_bench.toml", "check my_bench.toml --set timing.frame_rate_hz=5", "check scenarios.toml --json"],
+    ),
     ("calibrate", &["calibrate", "calibrate --quick --backend cpu --out costs.toml"]),
     ("calibrate costs", &["calibrate costs --quick"]),
     (
         "calibrate display",
-        &["calibrate display simulate --out out/display", "calibrate display plan --name EV27 --width 1920 --height 1200 --out plan"],
+        &[
+            "calibrate display simulate --out out/display",
+            "calibrate display plan --name EV27 --width 1920 --height 1200 --out plan",
+        ],
     ),
     (
         "calibrate display plan",
@@ -47,6 +53,11 @@ const EXAMPLES: &[(&str, &[&str])] = &[
     ("calibrate display check", &["calibrate display check display.toml --plan plan/plan.toml"]),
     ("calibrate display beat", &["calibrate display beat --exposure 0.055 --frame-rate 10 --refresh 59.94"]),
     ("calibrate display simulate", &["calibrate display simulate --out out/display"]),
+    ("fly", &["fly configs/test_plans/ecss_star_tracker_short.toml --out out/flown"]),
+    (
+        "report",
+        &["report out/run --tracker tracker.csv", "report out/run --tracker tracker.aem --requirements requirements.toml --pdf"],
+    ),
     ("display", &["display monitors", "display show plan/pattern_01.png --monitor 1"]),
     ("display monitors", &["display monitors"]),
     ("display show", &["display show plan/pattern_01.png --monitor 1", "display show ramp.png --window --gamma 2.2"]),
@@ -60,7 +71,10 @@ const EXAMPLES: &[(&str, &[&str])] = &[
             "bus --slcan-pty /tmp/slcan --wire can_classic --bit-rate 1000000",
         ],
     ),
-    ("campaign", &["campaign --hours 30 --seed 1000", "campaign my_scenario.toml --hours 100 --shard 2/4 --out part2.jsonl"]),
+    (
+        "campaign",
+        &["campaign --hours 30 --seed 1000", "campaign my_scenario.toml --hours 100 --shard 2/4 --out part2.jsonl"],
+    ),
     ("chart", &["chart --quick", "chart --out out/chart --backend cpu"]),
     ("verify", &["verify my_camera.toml", "verify cameras/small_tracker.toml --frames 20 --plot transfer.svg"]),
     ("study", &["study --quick", "study my_scenario.toml --out out/study"]),
@@ -98,7 +112,18 @@ const EXAMPLES: &[(&str, &[&str])] = &[
     ("catalog map", &["catalog map --out sky.png", "catalog map sky/g10.starlayer --galactic --out sky.png"]),
     (
         "catalog query",
-        &["catalog query --ra 83.8 --dec -1.2 --radius 5 --mag 4", "catalog query --ra 266.4 --dec -29 --radius 1 --at 2026-01-01T00:00:00Z"],
+        &[
+            "catalog query --ra 83.8 --dec -1.2 --radius 5 --mag 4",
+            "catalog query --ra 266.4 --dec -29 --radius 1 --at 2026-01-01T00:00:00Z",
+        ],
+    ),
+    ("fly", &["fly my_plan.toml --out out/plan", "fly my_plan.toml --case rate --out out/rates"]),
+    (
+        "report",
+        &[
+            "report out/acquisition --tracker my_log.csv",
+            "report out/acquisition --tracker my_log.csv --requirements my_requirements.toml",
+        ],
     ),
     ("doctor", &["doctor", "doctor --json"]),
     (

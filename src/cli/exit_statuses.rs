@@ -1,8 +1,6 @@
 //! The exit statuses: what each means, which commands end with it, and the help text made of both.
 
-use crate::cli::{
-    EXIT_DONE, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_LOST, EXIT_NOT_MET, EXIT_OVER_BUDGET, EXIT_USAGE,
-};
+use crate::cli::{EXIT_DONE, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_LOST, EXIT_NOT_MET, EXIT_OVER_BUDGET, EXIT_USAGE};
 use base::streams::EXIT_BROKEN_PIPE;
 
 /// One exit status.
@@ -30,7 +28,7 @@ pub const EXIT_STATUSES: &[ExitStatus] = &[
         numbers: &[EXIT_NOT_MET],
         meaning: "something that was checked does not hold: an expectation or invariant of a run, a prediction, a camera \
                   file, a captured frame, a promise of a link",
-        commands: &["run", "replay", "verify", "link-check", "study", "campaign"],
+        commands: &["run", "replay", "fly", "report", "compare", "verify", "link-check", "study", "campaign"],
     },
     ExitStatus {
         numbers: &[EXIT_LOST],

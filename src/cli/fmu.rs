@@ -14,7 +14,7 @@ const LIBRARY: &str = "libstarloop_fmu_library.so";
 #[command(after_help = "\
 Inputs: attitude, rate, acceleration, jitter, position and velocity, triggers. Outputs: frames, true attitude, star tracker.\n\
 Frames and tables go to the folder that the parameter output_dir names, through the sinks of the run file.\n\n\
-Example:\n  cargo build --release -p starloop_fmu_library\n  starloop fmu configs/benches/loopback.toml --out bench.fmu\n  \
+Examples:\n  cargo build --release -p starloop_fmu_library\n  starloop fmu configs/benches/loopback.toml --out bench.fmu\n  \
 fmpy validate bench.fmu\n  fmpy simulate bench.fmu --interface-type CoSimulation --stop-time 1")]
 pub struct FmuArgs {
     /// Bench file (TOML); without one: the built-in loopback bench

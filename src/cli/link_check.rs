@@ -1,6 +1,7 @@
 //! `starloop link-check`: checks a link of this machine against the promises of links, or sends back at one end of it
 //! what arrives, or shows the pulses of a PPS source.
 
+use crate::cli::report_json::print_json;
 use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
 use anyhow::{Context, Result};
 use base::clock::{Clock, Monotonic, PairedReading};
@@ -57,6 +58,9 @@ pub struct LinkCheckArgs {
     /// With --echo and --pps: seconds until the end
     #[arg(long, value_name = "S", default_value_t = 10.0)]
     duration: f64,
+    /// Print the checks as one line of JSON
+    #[arg(long, conflicts_with_all = ["echo", "pps"])]
+    json: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -67,6 +71,17 @@ enum Kind {
     Socketcan,
     /// A serial port
     Serial,
+}
+
+impl Kind {
+    /// Returns its word on the command line.
+    fn name(self) -> &'static str {
+        match self {
+            Self::Simulated => "simulated",
+            Self::Socketcan => "socketcan",
+            Self::Serial => "serial",
+        }
+    }
 }
 
 /// Runs the command: exit status 4 when a promise is broken.
@@ -83,13 +98,16 @@ pub fn run(arguments: &LinkCheckArgs) -> Result<u8> {
     }
     // A link that cannot be opened is an error, not a broken promise.
     drop(arguments.ends(&clock)?);
-    Ok(match arguments.check(&clock) {
-        Ok(()) => EXIT_DONE,
-        Err(broken) => {
-            println!("BROKEN  {broken}");
-            EXIT_NOT_MET
-        }
-    })
+    let mut checks = Vec::new();
+    let broken = arguments.check(&clock, &mut checks).err();
+    if arguments.json {
+        let kept = checks.iter().map(|check| serde_json::json!({ "promise": check.promise, "seen": check.seen }));
+        let kept = kept.collect::<Vec<_>>();
+        print_json("link-check", serde_json::json!({ "kind": arguments.kind.name(), "kept": kept, "broken": broken }))?;
+    } else if let Some(broken) = &broken {
+        println!("BROKEN  {broken}");
+    }
+    Ok(if broken.is_some() { EXIT_NOT_MET } else { EXIT_DONE })
 }
 
 impl LinkCheckArgs {
@@ -101,11 +119,18 @@ impl LinkCheckArgs {
         }
     }
 
-    fn check(&self, clock: &Arc<dyn Clock>) -> Result<(), String> {
+    /// Runs the checks and keeps those that hold; prints each of them, unless the report is JSON.
+    fn check(&self, clock: &Arc<dyn Clock>, kept: &mut Vec<Check>) -> Result<(), String> {
+        let mut keep = |check: Check| {
+            if !self.json {
+                print_check(&check);
+            }
+            kept.push(check);
+        };
         let report = check_link(&format!("{:?}", self.kind), self.format(), clock, || self.ends(clock))?;
-        report.checks.iter().for_each(print_check);
+        report.checks.into_iter().for_each(&mut keep);
         if self.kind == Kind::Socketcan {
-            print_check(&check_filters(clock, |receives| self.can(self.interface.as_deref(), receives, clock))?);
+            keep(check_filters(clock, |receives| self.can(self.interface.as_deref(), receives, clock))?);
         }
         Ok(())
     }

@@ -2,6 +2,7 @@
 
 use crate::cli::named_camera::named_camera;
 use crate::cli::psf_plot;
+use crate::cli::report_json::print_json;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use config::{Camera, Chain, LightOfChain, Psf};
@@ -62,6 +63,9 @@ pub struct PsfArgs {
     /// Draw the chain into this file, and the star's profile and encircled energy into FILE_energy.svg
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
+    /// Print the report as one line of JSON
+    #[arg(long)]
+    json: bool,
 }
 
 /// A camera's star and all that is known of it.
@@ -88,12 +92,18 @@ pub fn run(arguments: &PsfArgs) -> Result<()> {
     if let Some(place) = &arguments.place {
         star.move_to(place)?;
     }
-    print!("{}", report(&star, &arguments.at)?);
+    if arguments.json {
+        print_json("psf", facts(&star, &arguments.at))?;
+    } else {
+        print!("{}", report(&star, &arguments.at)?);
+    }
     if let Some(path) = &arguments.plot {
         for (path, svg) in psf_plot::files(&star, path) {
             write_file_atomically(&path, |out| std::io::Write::write_all(out, svg.as_bytes()))
                 .with_context(|| format!("--plot {}", path.display()))?;
-            println!("plot in {}", path.display());
+            if !arguments.json {
+                println!("plot in {}", path.display());
+            }
         }
     }
     Ok(())
@@ -166,6 +176,41 @@ fn report(star: &Star, shares: &[f64]) -> Result<String> {
     Ok(text)
 }
 
+/// Returns the report as JSON.
+fn facts(star: &Star, shares: &[f64]) -> serde_json::Value {
+    let (psf, optics) = (&star.psf, &star.camera.optics);
+    let chain = star.chain.as_ref().map(|(chain, drawn)| {
+        let at = |of: &dyn Fn(f64) -> f64| shares.iter().map(|share| of(share * NYQUIST)).collect::<Vec<f64>>();
+        let terms: Vec<_> = (chain.terms().into_iter())
+            .map(|term| {
+                let mtf = at(&|f| chain.term(term, term.axis().map(|axis| axis * f)));
+                serde_json::json!({ "name": term.name(), "mtf": mtf })
+            })
+            .collect();
+        serde_json::json!({
+            "shares_of_nyquist": shares, "terms": terms, "product_along_rows": at(&|f| chain.product([f, 0.0])),
+            "product_along_columns": at(&|f| chain.product([0.0, f])), "cutoff_cycles_per_px": chain.cutoff(),
+            "mean_wavelength_nm": chain.mean_wavelength_nm(), "drawing_error": drawn.between + drawn.folded,
+        })
+    });
+    let encircled = RADII_PX.map(|radius_px| {
+        serde_json::json!({ "radius_px": radius_px, "share": energy::seen_encircled_energy(psf, radius_px) })
+    });
+    let ensquared = [3, 5, 7]
+        .map(|side_px| serde_json::json!({ "side_px": side_px, "share": energy::ensquared_energy(psf, side_px) }));
+    serde_json::json!({
+        "camera": star.camera.name,
+        "f_number": optics.focal_length_mm / optics.aperture_mm,
+        "fwhm_px": energy::seen_fwhm_px(psf),
+        "radius_of_90_percent_px": energy::seen_radius_px(psf, HELD, LARGEST_RADIUS_PX),
+        "encircled_energy": encircled,
+        "ensquared_energy": ensquared,
+        "energy_on_detector_centred": energy::energy_on_detector(psf, Centring::Centre),
+        "energy_on_detector_on_a_corner": energy::energy_on_detector(psf, Centring::Corner),
+        "chain": chain,
+    })
+}
+
 fn head(text: &mut String, star: &Star) -> Result<()> {
     let (camera, optics) = (&star.camera, &star.camera.optics);
     let pitch_um = camera.detector.pixel_pitch_um;
@@ -178,7 +223,7 @@ fn head(text: &mut String, star: &Star) -> Result<()> {
         optics.obscuration
     )?;
     let Some((chain, drawn)) = &star.chain else {
-        writeln!(text, "star         {}", model_reported(&camera.psf))?;
+        writeln!(text, "star         {}", model_text(&camera.psf))?;
         return Ok(());
     };
     let light = if let Psf::Chain(chain) = &camera.psf { Some(chain.light) } else { None };
@@ -203,7 +248,7 @@ fn head(text: &mut String, star: &Star) -> Result<()> {
     Ok(())
 }
 
-fn model_reported(psf: &Psf) -> String {
+fn model_text(psf: &Psf) -> String {
     match psf {
         Psf::Gaussian { sigma_px } => format!("Gaussian, sigma {sigma_px} px"),
         Psf::Airy { f_number, wavelength_nm, obscuration } => {
@@ -376,7 +421,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_refused() {
+    fn impossible_values_are_refused() {
         let camera = named_camera(Some(Path::new("cameras/small_tracker.toml"))).unwrap();
         let error = Star::new(camera, Some(0.5)).unwrap_err().to_string();
         assert!(error.contains("--bp-rp") && error.contains("no chain over a [band]"), "{error}");

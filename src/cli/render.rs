@@ -3,49 +3,46 @@
 use crate::cli::attitude_file::KernelArgs;
 use crate::cli::degrees::{declination_deg, right_ascension_deg};
 use crate::cli::named_camera::named_camera;
-use crate::cli::over_budget::over_budget_reported;
+use crate::cli::over_budget::over_budget_text;
+use crate::cli::render_files::WrittenImage;
 use crate::cli::render_input::{four, read_los, read_los_samples, read_sources, three};
 use crate::cli::render_notes::notes;
 use crate::cli::render_output::{Format, format_of, write_dn, write_electrons, write_truth};
 use crate::cli::render_series::{Series, draw_all};
+use crate::cli::report_json::print_json;
 use crate::cli::run_args::BackendName;
 use crate::cli::wcs_warning::warn_of_wcs;
 use anyhow::{Context, Result, bail};
-use base::accuracy::AccuracyBudget;
 use base::axes::{Icrf, Rotation, Sensor, WRITTEN_NORM_TOLERANCE, sensor_from_ra_dec_roll};
-use base::clock::Stopwatch;
 use base::time::{Span, Tai};
+use batch::still::{Still, StillParams, still_fault};
 use clap::{Args, ValueEnum};
-use config::STAR_MEMORY_MB;
-use frames::sink::SentFrame;
+use config::{Bench, Document, Scenario, StartTime};
+use frames::report::Stage;
+use frames::sink::{FrameFault, SentFrame};
 use glam::DVec3;
-use image::detector::binning::Levels;
-use image::detector::window::OutputGeometry;
-use image::detector::{DetectorConditions, Seeds};
 use plan::attitude::LosPath;
-use plan::exposure::{ExposurePlan, MethodChoice, Motion, Planner, Source};
-use run::runtime::Imager;
-use run::runtime::engine::fill_meta;
-use run::wiring::bench_parts::backend_choice;
-use run::wiring::camera_parts::camera_params;
+use plan::exposure::{MethodChoice, Motion, Source};
+use run::runtime::engine::Light;
 use run::wiring::memory::RunMemory;
-use scene::SceneParams;
-use scene::camera::CameraParams;
-use scene::field_light::illumination_map;
-use scene::truth::fill_truth;
-use scene::wcs::WcsMaker;
-use sky::almanac::Almanac;
-use sky::astrometry::{Sight, Vantage};
-use sky::observer::Observer;
-use stars::Sky;
 use std::path::{Path, PathBuf};
+
+/// Middle of the exposure where neither a time nor a bench is given.
+const DEFAULT_TIME: &str = "2026-01-01T00:00:00Z";
 
 /// Command line of `render`.
 #[derive(Debug, Args)]
 pub struct RenderArgs {
     /// Camera or bench file (TOML), or the name of a built-in one, such as cameras/star_tracker_20deg.toml
+    #[arg(long, value_name = "FILE", required_unless_present = "bench")]
+    camera: Option<PathBuf>,
+    /// Bench file (TOML), or the name of a built-in one, such as benches/moon.toml: its camera unless --camera is given, and its
+    /// observer, bodies, targets, layers of stars, accuracy and seeds
     #[arg(long, value_name = "FILE")]
-    camera: PathBuf,
+    bench: Option<PathBuf>,
+    /// Fault of the image, as the keys of an event: 'do = "stray_light", e_per_s = 200'; may be repeated
+    #[arg(long = "fault", value_name = "KEYS")]
+    faults: Vec<String>,
     /// Right ascension of the boresight, degrees (ICRF)
     #[arg(long, value_name = "DEG", allow_hyphen_values = true, requires = "dec", conflicts_with = "attitude", value_parser = right_ascension_deg)]
     ra: Option<f64>,
@@ -67,9 +64,10 @@ pub struct RenderArgs {
     every: Option<f64>,
     #[command(flatten)]
     kernels: KernelArgs,
-    /// Middle of the exposure, UTC; a time without a zone, or a date alone, is UTC too
-    #[arg(long, value_name = "RFC3339", default_value = "2026-01-01T00:00:00Z", value_parser = Tai::from_rfc3339)]
-    time: Tai,
+    /// Middle of the exposure, UTC; a time without a zone, or a date alone, is UTC too (default: 2026-01-01T00:00:00Z, or the
+    /// start of --bench)
+    #[arg(long, value_name = "RFC3339", value_parser = Tai::from_rfc3339)]
+    time: Option<Tai>,
     /// Angular rate of the sensor with respect to ICRF, sensor axes, deg/s
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = three)]
     rate: Option<[f64; 3]>,
@@ -94,9 +92,9 @@ pub struct RenderArgs {
     /// Method for motion: auto, static, gaussian, gauss-legendre[:N], segments[:N], samples[:N], effective-psf[:N], zonal-psf[:N]
     #[arg(long, value_name = "NAME", default_value = "auto")]
     method: MethodChoice,
-    /// Seed of the sensor: its fixed patterns and the places of its defects
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
+    /// Seed of the sensor: its fixed patterns and the places of its defects (default: 1, or that of --bench)
+    #[arg(long)]
+    seed: Option<u64>,
     /// Seed of the exposure's noise (default: that of the sensor)
     #[arg(long)]
     noise_seed: Option<u64>,
@@ -109,6 +107,9 @@ pub struct RenderArgs {
     /// Print milliseconds per stage (median of several after a warm-up) as one JSON line
     #[arg(long)]
     timing: bool,
+    /// Print what was written as one line of JSON
+    #[arg(long, conflicts_with = "attitudes")]
+    json: bool,
     /// Image to write: .fits (numbers) or .png (for people)
     #[arg(long, value_name = "FILE.fits|FILE.png")]
     out: PathBuf,
@@ -129,17 +130,13 @@ pub(super) enum StageName {
 /// With what could not be done, and why.
 pub fn run(arguments: &RenderArgs) -> Result<()> {
     let format = format_of(&arguments.out)?;
-    let camera = named_camera(Some(&arguments.camera))?;
-    let layers_mb = (!arguments.layers.is_empty()).then_some(STAR_MEMORY_MB);
-    RunMemory::of_image(&camera, arguments.backend == BackendName::Reference, layers_mb).check()?;
-    let camera = camera_params(&camera)?;
-    let read = |path| Series::read(path, &arguments.kernels, arguments.time, arguments.every);
-    let series = arguments.attitudes.as_deref().map(read);
-    let series = series.transpose()?;
-    let mut scene = Scene::new(arguments, camera, series.as_ref())?;
-    if let Some(note) = scene.imager.note() {
-        eprintln!("{note}");
-    }
+    let bench = arguments.bench()?;
+    let layers_mb = (!bench.layers.is_empty()).then_some(bench.star_memory_mb);
+    RunMemory::of_image(&bench.camera, arguments.backend == BackendName::Reference, layers_mb).check()?;
+    let time = arguments.time(&bench)?;
+    let read = |path| Series::read(path, &arguments.kernels, time, arguments.every);
+    let series = arguments.attitudes.as_deref().map(read).transpose()?;
+    let mut scene = Scene::new(arguments, (&bench, time), series.as_ref())?;
     if let Some(series) = &series {
         return draw_all(arguments, &mut scene, series, format);
     }
@@ -150,15 +147,53 @@ pub fn run(arguments: &RenderArgs) -> Result<()> {
     }
     scene.write(&arguments.out, arguments.stage, format)?;
     if let Some(path) = &arguments.truth {
-        write_truth(path, &scene.frame)?;
+        write_truth(path, scene.frame())?;
     }
-    if arguments.timing {
-        println!("{}", scene.time(arguments.stage)?);
+    let written = scene.written(arguments, bench.camera.fov_deg())?;
+    if arguments.json {
+        return print_json("render", &written);
+    }
+    match &written.timing {
+        Some(timing) => {
+            eprintln!("{}", written.line());
+            println!("{timing}");
+        }
+        None => println!("{}", written.line()),
     }
     Ok(())
 }
 
 impl RenderArgs {
+    /// Returns the bench whose sky, observer, bodies and targets are drawn: the one that was named, or the built-in one without
+    /// any of these, with the camera that was named.
+    fn bench(&self) -> Result<Bench> {
+        let mut bench = match &self.bench {
+            Some(path) => Scenario::from_document(&Document::open(path)?)?.bench,
+            None => Bench { bodies: false, targets: Vec::new(), layers: Vec::new(), ..Bench::built_in()? },
+        };
+        if let Some(camera) = &self.camera {
+            bench.camera = named_camera(Some(camera))?;
+        }
+        if !self.layers.is_empty() {
+            bench.layers.clone_from(&self.layers);
+        }
+        (bench.render.backend, bench.render.method) = (self.backend.configured(), self.method);
+        let seed = self.seed.unwrap_or(if self.bench.is_some() { bench.seed } else { 1 });
+        let noise_seed = self.noise_seed.or(bench.noise_seed_given.filter(|_| self.seed.is_none()));
+        (bench.seed, bench.noise_seed_given) = (seed, Some(noise_seed.unwrap_or(seed)));
+        Ok(bench)
+    }
+
+    /// Returns the middle of the exposure: as given, or the start of the bench, or a day without meaning.
+    fn time(&self, bench: &Bench) -> Result<Tai> {
+        match (self.time, &self.bench, &bench.timing.start) {
+            (Some(time), _, _) => Ok(time),
+            (None, Some(_), StartTime::At(start)) => Ok(*start),
+            (None, Some(_), StartTime::Now) => bail!("--time: the bench starts now; give the instant of the image"),
+            (None, None, _) => Tai::from_rfc3339(DEFAULT_TIME).map_err(anyhow::Error::msg),
+        }
+    }
+
     /// Returns what is written.
     pub(super) fn stage(&self) -> StageName {
         self.stage
@@ -178,150 +213,89 @@ fn step_s(text: &str) -> Result<f64, String> {
 
 /// Everything one image needs.
 pub(super) struct Scene {
-    camera: CameraParams,
-    planner: Planner,
-    imager: Imager,
-    scene: scene::Scene,
-    /// Effect of the observer on directions; `None` without an attitude.
-    sight: Option<Sight>,
-    /// Maps the image to the sky.
-    wcs: Option<WcsMaker>,
-    /// In place of those of the scene.
+    still: Still,
+    motion: Motion,
+    /// In place of those of the sky.
     sources: Option<Vec<Source>>,
-    frame: SentFrame,
-    seeds: Seeds,
+    /// False for sources in pixels without an attitude.
+    has_attitude: bool,
     number: u32,
 }
 
 impl Scene {
-    fn new(arguments: &RenderArgs, camera: CameraParams, series: Option<&Series>) -> Result<Self> {
-        let size = camera.output().size_px;
-        let backend = backend_choice(arguments.backend.configured());
-        let sensor = arguments.seed;
-        let seeds = Seeds { sensor, noise: arguments.noise_seed.unwrap_or(sensor) };
-        let mut imager = Imager::of_detector(backend, camera.make_detector(seeds)?)?;
-        if let Some(map) = illumination_map(&camera) {
-            imager.set_illumination_map(map)?;
-        }
-        let [first, last] = series.map_or([arguments.time; 2], Series::span);
-        let sky = Sky::open(&arguments.layers, camera.limiting_mag, STAR_MEMORY_MB)?;
-        let params = SceneParams {
-            camera: &camera,
-            observer: &Observer::Geocentre,
-            almanac: &Almanac::over(first, last),
-            light_deflection: true,
-            bodies: false,
-            targets: &[],
-        };
-        let scene = scene::Scene::new(&params, &sky);
+    fn new(arguments: &RenderArgs, (bench, time): (&Bench, Tai), series: Option<&Series>) -> Result<Self> {
+        let span = series.map_or([time; 2], Series::span);
+        let faults: Vec<FrameFault> =
+            arguments.faults.iter().map(|keys| still_fault(keys)).collect::<Result<_, _>>()?;
+        let still = Still::new(&StillParams { bench, span, faults: &faults })?;
+        let exposure_s = still.params().camera.exposure_s;
         let motion = match series {
-            Some(series) => Motion { los: series.los(0, camera.exposure_s)?.0, image_path: None },
-            None => motion(arguments, camera.exposure_s)?,
+            Some(series) => Motion { los: series.los(0, exposure_s)?.0, image_path: None },
+            None => motion(arguments, time, exposure_s)?,
         };
-        let instrument = camera.instrument();
-        let budget = AccuracyBudget::default();
-        let mut planner = Planner::new(instrument, budget, imager.cost(), arguments.method, motion.los.clone());
-        if imager.is_exact() {
-            planner = planner.exact();
-        }
-        *planner.motion_mut() = motion;
         let sources = arguments.sources.as_deref().map(read_sources).transpose()?;
         if sources.is_none() {
-            notes(first, camera.limiting_mag, sky.layers.magnitudes()[1]).iter().for_each(|note| eprintln!("{note}"));
+            let limiting_mag = still.params().camera.limiting_mag;
+            notes(span[0], limiting_mag, still.faintest_mag()).iter().for_each(|note| eprintln!("{note}"));
         }
-        let vantage = Vantage::of(scene.stars.observer(), first, true)?;
         let has_attitude = arguments.ra.is_some() || arguments.attitude.is_some() || series.is_some();
-        let sight = has_attitude.then(|| vantage.sight());
-        let wcs = WcsMaker::new(&camera.geometry, &output_of(arguments.stage, &camera));
-        let frame =
-            SentFrame::with_capacity(size[0], size[1], sources.as_ref().map_or(0, Vec::len), camera.name.clone());
-        Ok(Self { camera, planner, imager, scene, sight, wcs, sources, frame, seeds, number: arguments.frame })
+        Ok(Self { still, motion, sources, has_attitude, number: arguments.frame })
     }
 
-    /// Returns points the camera as image `number` of a series, whose noise it has.
+    /// Points the camera as image `number` of a series, whose noise it has.
     pub(super) fn aim(&mut self, series: &Series, number: usize) -> Result<()> {
-        let (los, at) = series.los(number, self.camera.exposure_s)?;
-        self.planner.motion_mut().los = los;
-        self.sight = Some(Vantage::of(self.scene.stars.observer(), at, true)?.sight());
+        self.motion.los = series.los(number, self.still.params().camera.exposure_s)?.0;
         self.number = u32::try_from(number)?;
         Ok(())
     }
 
     /// Returns the latest image with its truth.
     pub(super) fn frame(&self) -> &SentFrame {
-        &self.frame
+        self.still.frame()
     }
 
-    /// Finds the sources and plans; the detector's conditions, and the wall time of both.
-    fn plan(&mut self) -> Result<(DetectorConditions, [Span; 2])> {
-        let mut watch = Stopwatch::start();
-        let los = &self.planner.latest().motion.los;
-        let report = self.scene.find(los, self.sources.is_none())?;
-        let conditions = DetectorConditions::lit(los.exposure_s, report.background);
-        let sky = watch.lap();
-        self.planner.plan(self.sources.as_deref().unwrap_or_else(|| self.scene.sources()));
-        Ok((conditions, [sky, watch.lap()]))
-    }
-
-    /// Draws up to `stage`; wall times: sky, plan, render, detector.
+    /// Draws up to `stage`; returns the wall times of sky, plan, render, detector.
     pub(super) fn draw(&mut self, stage: StageName) -> Result<[Span; 4]> {
-        let (conditions, [sky, planning]) = self.plan()?;
-        let plan: &ExposurePlan = self.planner.latest();
-        let mut watch = Stopwatch::start();
-        let times = match stage {
-            StageName::Electrons => {
-                self.imager.render(plan)?;
-                [sky, planning, watch.lap(), Span::ZERO]
-            }
-            StageName::Dn => {
-                let times = self.imager.image(plan, self.number, &conditions, &mut self.frame.image)?;
-                [sky, planning, times.render, times.detector]
-            }
+        let is_on_sky = self.has_attitude;
+        let light = match &self.sources {
+            Some(sources) => Light::Sources { sources, is_on_sky },
+            None => Light::Sky,
         };
-        let output = output_of(stage, &self.camera);
-        fill_truth(plan, &output, self.sight.as_ref(), &mut self.frame.truth);
-        if self.sight.is_none() {
-            // Sources given in pixels, and no attitude: they are nowhere on the sky.
-            self.frame.truth.iter_mut().for_each(|row| row.apparent_deg = [f64::NAN; 2]);
-        }
-        if self.sources.is_none() {
-            self.scene.stars.name_stars(&mut self.frame.truth);
-        }
-        let levels = Levels::of_output(&self.camera.detector);
-        fill_meta(plan, self.number, self.seeds, &levels, self.imager.name(), &mut self.frame.meta);
-        (self.frame.meta.binning, self.frame.meta.window_px) = (output.binning, output.first_px);
-        self.frame.meta.facts = Some(self.camera.facts_of(&levels));
-        let attitude = &plan.motion.los.mid_sensor_from_icrf;
-        let maker = self.wcs.as_mut().zip(self.sight.as_ref());
-        self.frame.meta.wcs = maker.and_then(|(maker, sight)| maker.at(attitude, sight));
-        Ok(times)
+        let times = match stage {
+            StageName::Electrons => self.still.draw_mean(&self.motion, light, self.number)?,
+            StageName::Dn => self.still.draw(&self.motion, light, self.number)?,
+        };
+        let sum = |stages: &[Stage]| stages.iter().filter_map(|stage| times.get(*stage)).fold(Span::ZERO, |a, b| a + b);
+        let render = sum(&[Stage::Upload, Stage::Render]);
+        Ok([sum(&[Stage::Sky]), sum(&[Stage::Plan]), render, sum(&[Stage::Detector, Stage::Readback])])
     }
 
-    /// Says what is over the budget, and by how much.
+    /// Prints what is over the budget, and by how much.
     pub(super) fn warn_of_error(&self) {
-        let plan = self.planner.latest();
-        if let Some(words) = over_budget_reported(plan, &AccuracyBudget::default()) {
-            let who = if self.imager.is_exact() { "the reference".into() } else { plan.chosen.method.to_string() };
+        let plan = self.still.plan();
+        if let Some(words) = over_budget_text(plan, &self.still.params().budget) {
+            let who =
+                if self.still.imager().is_exact() { "the reference".into() } else { plan.chosen.method.to_string() };
             eprintln!("WARNING: {who}: {words}");
         }
     }
 
     /// Warns of a map to the sky that is worse than promised.
     fn warn_of_wcs(&self) {
-        self.frame.meta.wcs.iter().for_each(|wcs| warn_of_wcs(wcs.error_px));
+        self.frame().meta.wcs.iter().for_each(|wcs| warn_of_wcs(wcs.error_px));
     }
 
     /// Writes the latest image.
     pub(super) fn write(&self, path: &Path, stage: StageName, format: Format) -> Result<()> {
         match stage {
-            StageName::Dn => write_dn(path, format, &self.frame)?,
-            StageName::Electrons => write_electrons(path, format, &self.imager.latest_mean(), &self.frame.meta)?,
+            StageName::Dn => write_dn(path, format, self.frame())?,
+            StageName::Electrons => write_electrons(path, format, &self.still.mean(), &self.frame().meta)?,
         };
         Ok(())
     }
 
     /// Returns the median wall times as one JSON line.
-    fn time(&mut self, stage: StageName) -> Result<String> {
+    fn time(&mut self, stage: StageName) -> Result<serde_json::Value> {
         const MOST_REPEATS: usize = 21;
         const LONG_ENOUGH_S: f64 = 5.0;
         let mut repeats: Vec<[f64; 4]> = Vec::new();
@@ -338,33 +312,49 @@ impl Scene {
         let [sky, plan, render, detector] =
             core::array::from_fn(|i| median(repeats.iter().map(|times| times[i]).collect()));
         let total = median(repeats.iter().map(|times| times.iter().sum()).collect());
+        let (imager, latest) = (self.still.imager(), self.still.plan());
         Ok(serde_json::json!({
-            "backend": self.imager.name(),
-            "device": self.imager.description(),
-            "method": self.planner.latest().chosen.method.to_string(),
-            "stars": self.planner.latest().stars.len(),
+            "backend": imager.name(),
+            "device": imager.description(),
+            "method": latest.chosen.method.to_string(),
+            "stars": latest.stars.len(),
             "sky_ms": sky,
             "plan_ms": plan,
             "render_ms": render,
             "detector_ms": detector,
             "total_ms": total,
             "repeats": repeats.len(),
-        })
-        .to_string())
+        }))
     }
-}
 
-/// Returns where the pixels of an image of this stage are on the sensor.
-fn output_of(stage: StageName, camera: &CameraParams) -> OutputGeometry {
-    match stage {
-        StageName::Electrons => OutputGeometry::whole(camera.sensor_px()),
-        StageName::Dn => camera.output(),
+    /// Returns what was written, with times where they were asked for.
+    fn written(&mut self, arguments: &RenderArgs, fov_deg: [f64; 2]) -> Result<WrittenImage> {
+        let timing = arguments.timing.then(|| self.time(arguments.stage)).transpose()?;
+        let camera = &self.still.params().camera;
+        let output = match arguments.stage {
+            StageName::Electrons => camera.whole_sensor(),
+            StageName::Dn => camera.output(),
+        };
+        let plan = self.still.plan();
+        Ok(WrittenImage {
+            image: arguments.out.clone(),
+            truth: arguments.truth.clone(),
+            camera: camera.name.to_string(),
+            width_px: output.size_px[0],
+            height_px: output.size_px[1],
+            fov_deg,
+            exposure_s: camera.exposure_s,
+            stars: plan.stars.len(),
+            method: plan.chosen.method.to_string(),
+            backend: self.still.imager().name(),
+            timing,
+        })
     }
 }
 
 /// Returns the motion of the image during the exposure.
-fn motion(arguments: &RenderArgs, exposure_s: f64) -> Result<Motion> {
-    let start = arguments.time - Span::from_s(0.5 * exposure_s);
+fn motion(arguments: &RenderArgs, time: Tai, exposure_s: f64) -> Result<Motion> {
+    let start = time - Span::from_s(0.5 * exposure_s);
     let mut los = LosPath::commanded(attitude(arguments)?, start, exposure_s);
     let rate_deg_s = DVec3::from_array(arguments.rate.unwrap_or_default());
     if rate_deg_s.length() > MOST_DEG_PER_S {
@@ -399,6 +389,6 @@ fn attitude(arguments: &RenderArgs) -> Result<Rotation<Sensor, Icrf>> {
         }
         // Sources given in pixels need no sky.
         (_, _, Some(_)) => Ok(Rotation::IDENTITY),
-        _ => bail!("wanted --ra and --dec (and --roll), or --attitude, --attitudes or --sources"),
+        _ => bail!("--ra and --dec are missing; wanted --ra and --dec (and --roll), or --attitude, --attitudes or --sources"),
     }
 }

@@ -5,13 +5,14 @@
 //! hold what its end record states.
 
 use crate::cli::plain_text::plain_text;
+use crate::cli::report_json::print_json;
 use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use clap::Args;
 use config::Scenario;
 use core::ops::Range;
 use frames::sink::{Recorder, RecorderOptions, Sink, SinkError};
-use run::wiring::replay::{ReplayOptions, ReplayOutcome, replay_bus, replay_session};
+use run::wiring::replay::{HeadOutcome, ReplayOptions, ReplayOutcome, replay_bus, replay_session};
 use run::wiring::sinks::directory_of_head;
 use std::path::PathBuf;
 
@@ -39,6 +40,9 @@ pub struct ReplayArgs {
     /// Draw and compare this head only, counted from 0
     #[arg(long, value_name = "N")]
     head: Option<usize>,
+    /// Print the report as one line of JSON
+    #[arg(long)]
+    json: bool,
 }
 
 fn range(text: &str) -> Result<Range<u32>, String> {
@@ -55,10 +59,13 @@ pub fn run(arguments: &ReplayArgs) -> Result<u8> {
     let scenario = match (&arguments.bench, is_session) {
         (Some(_), true) => bail!("--bench: got the directory of a captured run, which holds its own bench"),
         (None, false) if !arguments.capture.exists() => {
-            bail!("{}: does not exist; wanted the directory of a captured run", arguments.capture.display())
+            bail!(
+                "{}: No such file or directory; wanted a folder that `starloop run --capture` wrote",
+                arguments.capture.display()
+            )
         }
         (None, false) => bail!(
-            "{}: no directory of a captured run; wanted --bench FILE with a capture of a bus",
+            "{}: is not the folder of a captured run; wanted --bench FILE beside a capture of a bus",
             arguments.capture.display()
         ),
         (path, _) => path.as_ref().map(|path| Scenario::load(path)).transpose()?,
@@ -66,7 +73,10 @@ pub fn run(arguments: &ReplayArgs) -> Result<u8> {
     let options = ReplayOptions { frames: arguments.frames.clone(), head: arguments.head };
     let mut sink = |head: Option<usize>| recorder(arguments, head);
     let outcome = match scenario {
-        None => replay_session(&arguments.capture, &options, &mut sink)?,
+        None => {
+            let replayed = replay_session(&arguments.capture, &options, &mut sink);
+            replayed.context("wanted a folder that `starloop run --capture` wrote")?
+        }
         Some(mut scenario) => {
             let timing = &mut scenario.bench.timing;
             match arguments.duration {
@@ -76,7 +86,19 @@ pub fn run(arguments: &ReplayArgs) -> Result<u8> {
             replay_bus(&arguments.capture, &scenario, &options, &mut sink)?
         }
     };
-    Ok(announce(&outcome, is_session))
+    announce_doubts(&outcome);
+    if let Some(range) = arguments.frames.as_ref().filter(|_| is_session && outcome.compared() == 0) {
+        eprintln!(
+            "starloop: --frames {}..{}: no frame of the capture in this range; wanted numbers of its frames.csv",
+            range.start, range.end
+        );
+    }
+    if arguments.json {
+        print_json("replay", facts(&outcome, is_session))?;
+    } else {
+        announce(&outcome, is_session);
+    }
+    Ok(if is_session && (outcome.compared() == 0 || outcome.differing() > 0) { EXIT_NOT_MET } else { EXIT_DONE })
 }
 
 /// Returns the recorder of a head's frames, when they are to be recorded.
@@ -86,37 +108,60 @@ fn recorder(arguments: &ReplayArgs, head: Option<usize>) -> Result<Option<Box<dy
     Ok(Some(Box::new(Recorder::create(directory_of_head(directory, head), options)?)))
 }
 
-/// Prints the verdict; the exit status.
-fn announce(outcome: &ReplayOutcome, is_session: bool) -> u8 {
+/// Prints what makes the result doubtful.
+fn announce_doubts(outcome: &ReplayOutcome) {
     // Some are words of the capture's own files.
     outcome.doubts.iter().for_each(|doubt| eprintln!("starloop: {}", plain_text(doubt)));
     if outcome.skipped_packets > 0 {
         eprintln!("starloop: {} packets have no form here and were skipped", outcome.skipped_packets);
     }
+}
+
+/// Returns the outcome as JSON.
+fn facts(outcome: &ReplayOutcome, is_session: bool) -> serde_json::Value {
+    let head = |head: &HeadOutcome| {
+        let crc = |value: u32| format!("{value:08x}");
+        let first = head.first.map(|first| {
+            serde_json::json!({ "frame": first.frame, "captured_crc32": crc(first.wanted), "replayed_crc32": crc(first.got) })
+        });
+        serde_json::json!({
+            "head": head.head, "drawn": head.drawn, "compared": head.compared, "differing": head.differing,
+            "first_differing": first,
+        })
+    };
+    serde_json::json!({
+        "is_session": is_session,
+        "drawn": outcome.drawn(),
+        "compared": outcome.compared(),
+        "differing": outcome.differing(),
+        "skipped_packets": outcome.skipped_packets,
+        "doubts": outcome.doubts,
+        "heads": outcome.heads.iter().map(head).collect::<Vec<_>>(),
+    })
+}
+
+/// Prints the verdict.
+fn announce(outcome: &ReplayOutcome, is_session: bool) {
     // One head is not worth a word.
     let several = Some(outcome.heads.len()).filter(|heads| *heads > 1);
     let heads = several.map_or_else(String::new, |heads| format!("{heads} heads, "));
     if !is_session {
         println!("{heads}{} frames drawn; nothing to compare them with", outcome.drawn());
-        return EXIT_DONE;
+        return;
     }
     let (compared, differing) = (outcome.compared(), outcome.differing());
     if compared == 0 {
         println!("no frame could be compared");
-        return EXIT_NOT_MET;
+        return;
     }
     println!("{heads}{} of {compared} frames bit-identical", compared - differing);
-    match outcome.first() {
-        None => EXIT_DONE,
-        Some(first) => {
-            println!(
-                "the first that is not: {}frame {}, CRC-32 {:08x} captured, {:08x} replayed",
-                several.map_or_else(String::new, |_| format!("head {}, ", first.head)),
-                first.frame,
-                first.wanted,
-                first.got
-            );
-            EXIT_NOT_MET
-        }
+    if let Some(first) = outcome.first() {
+        println!(
+            "the first that is not: {}frame {}, CRC-32 {:08x} captured, {:08x} replayed",
+            several.map_or_else(String::new, |_| format!("head {}, ", first.head)),
+            first.frame,
+            first.wanted,
+            first.got
+        );
     }
 }

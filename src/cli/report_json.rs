@@ -22,6 +22,7 @@ pub const SCHEMAS: &[(&str, u32)] = &[
     ("psf", 1),
     ("render", 1),
     ("replay", 1),
+    ("report", 1),
     ("run", 1),
     ("scenario", 1),
     ("snr", 1),

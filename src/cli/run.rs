@@ -3,7 +3,9 @@
 use crate::cli::budget::budget_report;
 use crate::cli::budget_files;
 use crate::cli::calibrate::costs_here;
+use crate::cli::folder;
 use crate::cli::monitor::Monitor;
+use crate::cli::provenance;
 use crate::cli::run_args::{CaptureFormatName, ClockKind, RunArgs};
 use crate::cli::run_control::{Controlled, control_steered, control_stepped, listen, steering};
 use crate::cli::run_end::Finished;
@@ -12,7 +14,7 @@ use crate::cli::run_progress::sender;
 use crate::cli::signals;
 use crate::cli::telemetry_file::{TelemetryFile, telemetry_file};
 use crate::cli::wcs_warning::warn_of_wcs;
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use base::clock::{Clock, Monotonic, Stopwatch};
 use base::time::Tai;
 use config::{Scenario, Wire};
@@ -35,12 +37,14 @@ pub fn run(arguments: &RunArgs) -> Result<u8> {
     if arguments.report.is_some() && arguments.clock == ClockKind::Virtual {
         bail!("--report: got the virtual clock, on which nothing takes time; wanted --clock real");
     }
+    // A report that cannot be written is known before the run, not after it.
+    arguments.report.iter().try_for_each(|directory| folder::make("--report", directory))?;
     let mut finished = perform(arguments)?;
     finished.write_files(arguments)?;
     if let Some(directory) = &arguments.report {
         write_budget(directory, &mut finished);
     }
-    // Losses are reported and whoever controls the run is answered also when the output cannot be written.
+    // Losses are reported and the controlling client gets its answer even when the output cannot be written.
     let reports = finished.reports(arguments.clock);
     let printed = finished.print(&reports, arguments);
     let status = finished.status(&reports, arguments)?;
@@ -68,7 +72,7 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
     let listener = arguments.control.map(listen).transpose()?;
     let say = !arguments.quiet;
     say_left_out(&scenario);
-    // First: whoever draws first starts the drawing threads.
+    // First, because the first drawing starts the drawing threads.
     let is_real = arguments.clock == ClockKind::Real;
     let hygiene = is_real.then(|| prepared_hygiene(&scenario, say));
     let sinks = arguments.sinks(&scenario.bench);
@@ -127,6 +131,9 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
         end.losses.note_file("telemetry.csv", format!("{error:#}"));
         None
     });
+    if let Some(directory) = &directory {
+        provenance::keep(directory, (&document, &arguments.settings), &scenario, &mut end.losses);
+    }
     Ok(Finished { scenario, end, client, wall_s, was_interrupted, directory })
 }
 
@@ -188,14 +195,12 @@ fn directory(scenario: &Scenario, arguments: &RunArgs) -> Result<Option<PathBuf>
     };
     let is_wanted_at_once = arguments.out.is_some() || scenario.vehicle().is_some();
     if let Some(directory) = directory.as_ref().filter(|_| is_wanted_at_once) {
-        let option = if arguments.out.is_some() { "--out: " } else { "" };
-        let refuse = || format!("{option}cannot make {}", directory.display());
-        std::fs::create_dir_all(directory).with_context(refuse)?;
+        folder::make("--out", directory)?;
     }
     Ok(directory)
 }
 
-/// `20261120T123456.789Z`: a directory name that sorts by time.
+/// Returns a directory name that sorts by time, such as `20261120T123456.789Z`.
 fn stamp(at: Tai) -> String {
     let text = at.to_rfc3339();
     let seconds = text.split('.').next().unwrap_or_default();
@@ -206,7 +211,8 @@ fn stamp(at: Tai) -> String {
 /// Prints what is about to run.
 fn announce(run: &Run, arguments: &RunArgs) {
     let (scenario, engine) = (run.scenario(), &run.heads()[0].engine);
-    if let Some(note) = engine.imager().note() {
+    // On the virtual clock the backend changes how long a run takes, and nothing else.
+    if let Some(note) = engine.imager().note().filter(|_| arguments.clock == ClockKind::Real) {
         eprintln!("{note}");
     }
     engine.wcs_error_px().into_iter().for_each(warn_of_wcs);

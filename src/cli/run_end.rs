@@ -1,8 +1,10 @@
 //! How a run ends: verdict, tables, `summary.json` and `scenario.json`, what it lost, its exit status.
 
+use crate::cli::plain_text::plain_text;
+use crate::cli::report_json::print_json;
 use crate::cli::run_args::{ClockKind, RunArgs};
 use crate::cli::run_control::Client;
-use crate::cli::run_verdict::verdict_line;
+use crate::cli::run_verdict::{first_failure, verdict_line};
 use crate::cli::scenario_report::{ScenarioReport, table};
 use crate::cli::{EXIT_DONE, EXIT_FAILED, EXIT_LOST, EXIT_NOT_MET, signals};
 use anyhow::{Context, Result};
@@ -98,8 +100,8 @@ impl Finished {
         let Reports { scenario, summary } = reports;
         if arguments.json {
             match scenario {
-                Some(report) => println!("{}", serde_json::to_string(report)?),
-                None => println!("{}", serde_json::to_string(summary)?),
+                Some(report) => print_json("scenario", report)?,
+                None => print_json("run", summary)?,
             }
             return Ok(());
         }
@@ -156,7 +158,9 @@ impl Finished {
         if self.was_interrupted {
             eprintln!("starloop: stopped by {}; everything finished before is kept", signals::cause());
         } else if !holds {
-            eprintln!("starloop: \"{name}\" did not hold; seed {seed} repeats it");
+            let failure = reports.scenario.as_ref().and_then(first_failure);
+            let failure = failure.unwrap_or_else(|| "an expectation was not met".into());
+            eprintln!("starloop: \"{name}\" failed: {failure}; seed {seed} repeats it");
         }
         Ok(status)
     }
@@ -165,7 +169,7 @@ impl Finished {
 /// Prints what was lost on one line; false when nothing was.
 pub(super) fn say_losses(losses: &Losses) -> bool {
     if !losses.is_empty() {
-        eprintln!("starloop: {losses}");
+        eprintln!("starloop: {}", plain_text(&losses.to_string()));
     }
     !losses.is_empty()
 }

@@ -1,7 +1,8 @@
 //! `starloop snr`: how bright a star must be for a camera to see it, and how bright it may be.
 
 use crate::cli::named_camera::named_camera;
-use crate::cli::radiometry_reported::radiometry_reported;
+use crate::cli::radiometry_reported::radiometry_text;
+use crate::cli::report_json::print_json;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use config::Camera;
@@ -66,6 +67,9 @@ pub struct SnrArgs {
     /// Draw SNR against magnitude into this file
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
+    /// Print the report as one line of JSON
+    #[arg(long)]
+    json: bool,
 }
 
 /// Runs the command.
@@ -76,12 +80,18 @@ pub fn run(arguments: &SnrArgs) -> Result<()> {
     let camera = named_camera(arguments.file.as_deref())?;
     let sensitivity = Sensitivity::new(&camera, &conditions(arguments, &camera)?)?;
     let mags = magnitudes(arguments.mag_range.as_deref(), &sensitivity)?;
-    print!("{}", report(&camera, &sensitivity, &mags)?);
+    if arguments.json {
+        print_json("snr", facts(&camera, &sensitivity, &mags))?;
+    } else {
+        print!("{}", report(&camera, &sensitivity, &mags)?);
+    }
     if let Some(path) = &arguments.plot {
         let svg = to_svg(&chart(&camera, &sensitivity, &mags));
         write_file_atomically(path, |out| std::io::Write::write_all(out, svg.as_bytes()))
             .with_context(|| format!("--plot {}", path.display()))?;
-        println!("\nplot in {}", path.display());
+        if !arguments.json {
+            println!("\nplot in {}", path.display());
+        }
     }
     Ok(())
 }
@@ -188,7 +198,7 @@ fn report(camera: &Camera, sensitivity: &Sensitivity, mags: &[f64]) -> Result<St
 fn head(text: &mut String, camera: &Camera, sensitivity: &Sensitivity) -> Result<()> {
     let Sensitivity { window, pixel, exposure_s, bp_rp, .. } = sensitivity;
     writeln!(text, "camera       \"{}\", exposure {exposure_s} s, {:.2} arcsec/px", camera.name, camera.ifov_arcsec())?;
-    writeln!(text, "radiometry   {}", radiometry_reported(camera))?;
+    writeln!(text, "radiometry   {}", radiometry_text(camera))?;
     if let Some(zero_point) = sensitivity.light.zero_point_e_per_s() {
         let term = sensitivity.light.mag_instrument(0.0, *bp_rp);
         writeln!(text, "zero point   {zero_point:.4e} e-/s at magnitude 0; stars of BP-RP = {bp_rp}: G{term:+.3}")?;
@@ -232,6 +242,37 @@ fn limits(text: &mut String, sensitivity: &Sensitivity) -> Result<()> {
         sensitivity.full_e
     )?;
     Ok(())
+}
+
+/// Returns the report as JSON.
+fn facts(camera: &Camera, sensitivity: &Sensitivity, mags: &[f64]) -> serde_json::Value {
+    let row = |mag: &f64| {
+        let t = sensitivity.terms(*mag);
+        let full = t.peak_e + sensitivity.pixel.dark_e + sensitivity.pixel.background_e > sensitivity.full_e;
+        serde_json::json!({
+            "mag_g": mag, "mag_v": mag_v(*mag, sensitivity.bp_rp), "signal_e": t.signal_e, "peak_e": t.peak_e,
+            "shot_e": t.shot_e, "dark_e": t.dark_e, "background_e": t.background_e, "read_e": t.read_e,
+            "rounding_e": t.rounding_e, "snr": t.snr, "snr_optimal": t.snr_optimal, "prnu_e": t.prnu_e,
+            "dsnu_e": t.dsnu_e, "saturated": full,
+        })
+    };
+    let limit = |snr: &f64| {
+        serde_json::json!({
+            "snr": snr, "mag_g": sensitivity.limiting_mag(*snr), "mag_g_optimal": sensitivity.limiting_mag_optimal(*snr),
+        })
+    };
+    serde_json::json!({
+        "camera": camera.name,
+        "exposure_s": sensitivity.exposure_s,
+        "bp_rp": sensitivity.bp_rp,
+        "zero_point_e_per_s": sensitivity.light.zero_point_e_per_s(),
+        "window_px": sensitivity.window.side_px(),
+        "window_share": sensitivity.window.share(),
+        "limits": LIMITS.iter().map(limit).collect::<Vec<_>>(),
+        "saturation_mag_g": sensitivity.saturation_mag(),
+        "saturation_e": sensitivity.full_e,
+        "rows": mags.iter().map(row).collect::<Vec<_>>(),
+    })
 }
 
 fn chart(camera: &Camera, sensitivity: &Sensitivity, mags: &[f64]) -> Chart {

@@ -1,7 +1,9 @@
 //! `starloop study`: latency and jitter injected into the closed loop, compared with linear theory: a table and charts.
 
+use crate::cli::folder;
+use crate::cli::report_json::print_json;
 use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
-use anyhow::{Context, Result};
+use anyhow::Result;
 use base::clock::Stopwatch;
 use batch::study::{Effort, Study};
 use clap::Args;
@@ -33,6 +35,9 @@ pub struct StudyArgs {
     /// Seed of patterns and noise instead of the scenario's
     #[arg(long)]
     seed: Option<u64>,
+    /// Print the report as one line of JSON
+    #[arg(long)]
+    json: bool,
 }
 
 /// Runs the command; the exit status.
@@ -48,7 +53,7 @@ pub fn run(arguments: &StudyArgs) -> Result<u8> {
     RunMemory::of_loops(&scenario.bench, scenario.bench.head_count(), usize::MAX, rayon::current_num_threads())
         .check()?;
     // A folder that cannot be made is reported before minutes of measuring.
-    std::fs::create_dir_all(&arguments.out).with_context(|| format!("--out {}", arguments.out.display()))?;
+    folder::make("--out", &arguments.out)?;
     let effort = if arguments.quick { Effort::quick() } else { Effort::full() };
     let study = Study::new(&scenario, effort)?;
     let watch = Mutex::new((Stopwatch::start(), 0.0));
@@ -64,7 +69,18 @@ pub fn run(arguments: &StudyArgs) -> Result<u8> {
             std::io::Write::write_all(out, file.text.as_bytes())
         })?;
     }
-    print!("{}", studied.summary);
-    println!("{} files in {}", studied.files.len(), arguments.out.display());
+    if arguments.json {
+        let files: Vec<&str> = studied.files.iter().map(|file| file.name.as_str()).collect();
+        print_json(
+            "study",
+            serde_json::json!({
+                "scenario": scenario.name, "seed": scenario.bench.seed, "met": studied.is_met(),
+                "points": studied.points, "folder": arguments.out, "files": files,
+            }),
+        )?;
+    } else {
+        print!("{}", studied.summary);
+        println!("{} files in {}", studied.files.len(), arguments.out.display());
+    }
     Ok(if studied.is_met() { EXIT_DONE } else { EXIT_NOT_MET })
 }

@@ -1,6 +1,7 @@
 //! `starloop verify`: compares a camera's own frames with its file: photon transfer, and errors by brightness.
 
 use crate::cli::named_camera::named_camera;
+use crate::cli::report_json::print_json;
 use crate::cli::run_args::BackendName;
 use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
 use anyhow::{Result, bail};
@@ -8,8 +9,8 @@ use base::accuracy::AccuracyBudget;
 use base::axes::Rotation;
 use base::image::{DnImage, ElectronImage, Image};
 use base::time::Tai;
-use batch::verify::data_sheet::Stated;
-use batch::verify::fidelity::{self, Truth};
+use batch::verify::data_sheet::{Comparison, Stated};
+use batch::verify::fidelity::{self, Fidelity, FidelityRow, Truth};
 use batch::verify::{DataSheet, Procedure, StarField, characterise, table};
 use clap::Args;
 use frames::report::to_svg;
@@ -64,6 +65,9 @@ pub struct VerifyArgs {
     /// Write the photon transfer curve
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
+    /// Print the report as one line of JSON
+    #[arg(long)]
+    json: bool,
 }
 
 /// Runs the command; the exit status.
@@ -81,8 +85,30 @@ pub fn run(arguments: &VerifyArgs) -> Result<u8> {
     camera.illumination = Illumination::EVEN;
     let sheet = photon_transfer(&camera, arguments.seed);
     let lines = sheet.compare(&Stated::of(&camera.detector, camera.exposure_s));
+    let (measured, backend) = stars(&camera, arguments)?;
+    if arguments.json {
+        print_json("verify", facts(&camera, &sheet, &lines, &off, &measured, backend))?;
+    } else {
+        print_tables(&camera, &sheet, &lines, &off, &measured, backend);
+    }
+    if let Some(path) = &arguments.plot {
+        let text = to_svg(&sheet.chart(&camera.name));
+        write_file_atomically(path, |out| out.write_all(text.as_bytes()))?;
+    }
+    Ok(if lines.iter().all(|line| line.holds()) { EXIT_DONE } else { EXIT_NOT_MET })
+}
+
+/// Prints both tables for people.
+fn print_tables(
+    camera: &CameraParams,
+    sheet: &DataSheet,
+    lines: &[Comparison],
+    off: &[&str],
+    measured: &Fidelity,
+    backend: &str,
+) {
     println!("\"{}\": photon transfer from flats of {FLAT_PX} x {FLAT_PX} px", camera.name);
-    print!("{}", table::data_sheet(&lines));
+    print!("{}", table::data_sheet(lines));
     for what in off {
         println!("  switched off for the measurement: {what}");
     }
@@ -90,12 +116,45 @@ pub fn run(arguments: &VerifyArgs) -> Result<u8> {
         "  largest deviation from a straight line, 5 to 95 % of saturation: {:.3} %\n",
         100.0 * sheet.linearity_error
     );
-    if let Some(path) = &arguments.plot {
-        let text = to_svg(&sheet.chart(&camera.name));
-        write_file_atomically(path, |out| out.write_all(text.as_bytes()))?;
-    }
-    print!("{}", stars(&camera, arguments)?);
-    Ok(if lines.iter().all(|line| line.holds()) { EXIT_DONE } else { EXIT_NOT_MET })
+    let mag_of =
+        |electrons| camera.radiometry.mag_g_of_electrons(electrons, 0.0, camera.exposure_s).unwrap_or(f64::NAN);
+    println!("errors by brightness, {} frames, {backend} backend", measured.frames);
+    print!("{}", table::fidelity(measured, mag_of));
+}
+
+/// Returns both tables as JSON.
+fn facts(
+    camera: &CameraParams,
+    sheet: &DataSheet,
+    lines: &[Comparison],
+    off: &[&str],
+    measured: &Fidelity,
+    backend: &str,
+) -> serde_json::Value {
+    let line = |line: &Comparison| {
+        serde_json::json!({
+            "name": line.name, "unit": line.unit, "file": line.file, "measured": line.measured, "error": line.error(),
+            "most": line.most, "standard_error": line.se, "holds": line.holds(),
+        })
+    };
+    let row = |row: &FidelityRow| {
+        serde_json::json!({
+            "electrons": row.electrons, "stars": row.stars, "snr": row.snr, "snr_error": row.snr_error,
+            "centroid_bias_px": row.centroid_bias_px, "centroid_bias_standard_error_px": row.centroid_bias_se_px,
+            "scatter_px": row.scatter_px, "scatter_error": row.scatter_error, "energy": row.energy,
+            "energy_error": row.energy_error,
+        })
+    };
+    serde_json::json!({
+        "camera": camera.name.to_string(),
+        "holds": lines.iter().all(Comparison::holds),
+        "data_sheet": lines.iter().map(line).collect::<Vec<_>>(),
+        "switched_off": off,
+        "linearity_error": sheet.linearity_error,
+        "frames": measured.frames,
+        "backend": backend,
+        "stars": measured.rows.iter().map(row).collect::<Vec<_>>(),
+    })
 }
 
 /// Returns the detector's data sheet.
@@ -123,8 +182,8 @@ fn plain(params: &DetectorParams) -> (DetectorParams, Vec<&'static str>) {
     (plain, off.into_iter().filter(|(_, is_on)| *is_on).map(|(what, _)| what).collect())
 }
 
-/// Returns errors by brightness, as text.
-fn stars(camera: &CameraParams, arguments: &VerifyArgs) -> Result<String> {
+/// Returns the errors by brightness, and the backend that drew the stars.
+fn stars(camera: &CameraParams, arguments: &VerifyArgs) -> Result<(Fidelity, &'static str)> {
     let size_px = [camera.geometry.width_px(), camera.geometry.height_px()];
     if size_px.iter().any(|side| *side < LEAST_SIDE_PX) {
         bail!(
@@ -146,10 +205,7 @@ fn stars(camera: &CameraParams, arguments: &VerifyArgs) -> Result<String> {
     let measured = fidelity::measure(&field, &truth, size_px, arguments.frames, |frame, image: &mut DnImage| {
         imager.image(plan, frame, &conditions, image).map(|_| ())
     })?;
-    let mag_of =
-        |electrons| camera.radiometry.mag_g_of_electrons(electrons, 0.0, camera.exposure_s).unwrap_or(f64::NAN);
-    let head = format!("errors by brightness, {} frames, {} backend\n", measured.frames, imager.name());
-    Ok(head + &table::fidelity(&measured, mag_of))
+    Ok((measured, imager.name()))
 }
 
 /// Returns the even steps of magnitude, from the least signal-to-noise ratio to well below saturation.

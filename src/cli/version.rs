@@ -35,7 +35,8 @@ mod tests {
     fn every_feature_of_the_manifest_is_listed_when_it_is_built() {
         let manifest = include_str!("../../Cargo.toml");
         let section = manifest.split("[features]").nth(1).unwrap().split("\n[").next().unwrap();
-        let names = section.lines().filter_map(|line| line.split_once(" = ")).filter(|(name, _)| !name.starts_with('#'));
+        let names =
+            section.lines().filter_map(|line| line.split_once(" = ")).filter(|(name, _)| !name.starts_with('#'));
         let names: Vec<_> = names.map(|(name, _)| name.trim()).collect();
         assert!(names.len() >= 6, "{names:?}");
         let source = include_str!("version.rs");

@@ -13,7 +13,7 @@ use wgpu::DeviceType;
 /// A wait longer than this is a hung device (software adapters on a busy machine need seconds at most).
 const LONGEST_WAIT: Duration = Duration::from_secs(60);
 
-/// Which adapter to take.
+/// Choice of the adapter.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub enum AdapterChoice {
     /// Discrete before integrated before virtual before software.
@@ -35,17 +35,19 @@ pub struct GpuDevice {
 }
 
 impl GpuDevice {
+    /// Returns the name of every adapter, and whether it is this machine's processor; opens none of them.
+    #[must_use]
+    pub fn adapters() -> Vec<(String, bool)> {
+        let infos = found_adapters().into_iter().map(|adapter| adapter.get_info());
+        infos.map(|info| (info.name, info.device_type == DeviceType::Cpu)).collect()
+    }
+
     /// Opens an adapter.
     ///
     /// # Errors
     /// When no adapter fits the choice or the adapter gives no device.
     pub fn open(choice: &AdapterChoice) -> Result<Arc<Self>, GpuError> {
-        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
-            backends: wgpu::Backends::VULKAN,
-            flags: wgpu::InstanceFlags::empty(),
-            ..wgpu::InstanceDescriptor::new_without_display_handle()
-        });
-        let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::VULKAN));
+        let adapters = found_adapters();
         let infos: Vec<wgpu::AdapterInfo> = adapters.iter().map(wgpu::Adapter::get_info).collect();
         let chosen = choose(&infos, choice).ok_or_else(|| no_adapter(&infos, choice))?;
         let (Some(adapter), Some(info)) = (adapters.get(chosen), infos.get(chosen)) else {
@@ -77,6 +79,12 @@ impl GpuDevice {
         format!("{}, driver {driver}, {kind}", self.info.name)
     }
 
+    /// Returns the adapter's name.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.info.name
+    }
+
     /// Returns whether the "GPU" is this machine's processor.
     #[must_use]
     pub fn is_software(&self) -> bool {
@@ -95,7 +103,7 @@ impl GpuDevice {
         &self.queue
     }
 
-    /// Returns whether all went well so far.
+    /// Returns an error if the device failed.
     ///
     /// # Errors
     /// The first failure of this device.
@@ -103,7 +111,7 @@ impl GpuDevice {
         self.failure.get().map_or(Ok(()), |message| Err(GpuError::Failed(message.clone())))
     }
 
-    /// Returns when everything submitted is done.
+    /// Waits until all submitted work is done.
     ///
     /// # Errors
     /// When the device has failed, or does not finish within a minute.
@@ -129,6 +137,16 @@ impl GpuDevice {
         self.queue.submit([encoder.finish()]);
         self.check()
     }
+}
+
+/// Returns the adapters that the Vulkan loader finds.
+fn found_adapters() -> Vec<wgpu::Adapter> {
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
+        backends: wgpu::Backends::VULKAN,
+        flags: wgpu::InstanceFlags::empty(),
+        ..wgpu::InstanceDescriptor::new_without_display_handle()
+    });
+    pollster::block_on(instance.enumerate_adapters(wgpu::Backends::VULKAN))
 }
 
 /// Returns the index of the adapter to take.

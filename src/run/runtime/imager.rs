@@ -36,12 +36,12 @@ pub enum BackendChoice {
 /// A backend and the detector behind it.
 pub struct Imager {
     drawing: Drawing,
-    /// Which tables are in use: 0 are the camera's own, others follow in the order in which they were added.
+    /// Index of the tables in use: 0 for the camera's own; others follow in the order in which they were added.
     tables: usize,
     size_px: [usize; 2],
-    /// Stars and targets are drawn apart, and each pixel shows the brighter.
+    /// Draws stars and targets separately, so that each pixel shows the brighter; `None` when their light adds.
     apart: Option<Box<Apart>>,
-    /// The latest image was.
+    /// True when the latest image was drawn that way.
     is_apart: bool,
     cost: CostModel,
     note: Option<String>,
@@ -52,7 +52,7 @@ pub struct Imager {
 enum Drawing {
     /// In memory, by the CPU or reference backend.
     Host { backend: Box<dyn Backend>, others: Vec<Box<dyn Backend>>, detector: Box<Detector> },
-    /// On a GPU; `mean` is for those who ask for the mean image.
+    /// On a GPU; `mean` holds the mean image when it is requested.
     Device {
         backend: Box<Gpu>,
         others: Vec<Box<Gpu>>,
@@ -69,7 +69,7 @@ pub struct ImagingTimes {
     pub render: Span,
     /// Electrons to DN.
     pub detector: Span,
-    /// The same time otherwise divided; `None` where memory is shared.
+    /// The same time divided by device stages; `None` where memory is shared.
     pub device: Option<DeviceTimes>,
 }
 
@@ -85,7 +85,7 @@ pub struct DeviceTimes {
 }
 
 impl ImagingTimes {
-    /// By stage: what did not run is absent.
+    /// Returns the times by stage; stages that did not run are absent.
     #[must_use]
     pub fn by_stage(&self) -> StageTimes {
         let mut times = StageTimes::default();
@@ -105,7 +105,7 @@ impl ImagingTimes {
 }
 
 impl Imager {
-    /// For a detector of this size.
+    /// Returns an imager for a detector of this size.
     ///
     /// # Errors
     /// When the GPU was asked for and there is none, or it cannot draw by the detector's Poisson method.
@@ -119,7 +119,7 @@ impl Imager {
         Self::of_detector(choice, Detector::new(params, width, height, seed))
     }
 
-    /// For a detector with patterns that were measured or drawn.
+    /// Returns an imager for a detector with measured or drawn patterns.
     ///
     /// # Errors
     /// When the GPU was asked for and there is none, or it cannot draw by the detector's Poisson method.
@@ -142,10 +142,7 @@ impl Imager {
             BackendChoice::Auto => {
                 let note = match GpuDevice::open(&AdapterChoice::Best) {
                     Ok(gpu) if !gpu.is_software() => return Self::on_device(gpu, &detector, size_px),
-                    Ok(gpu) => format!(
-                        "only software Vulkan here ({}): using the CPU backend, which is faster",
-                        gpu.description()
-                    ),
+                    Ok(gpu) => format!("only software Vulkan here ({}): using the CPU backend, which is faster", gpu.name()),
                     Err(error) => format!("no Vulkan driver ({error}): using the CPU backend"),
                 };
                 Ok(Self::on_host(Box::new(Cpu::new(width, height)), detector, size_px, CostModel::CPU, Some(note)))
@@ -174,11 +171,11 @@ impl Imager {
         Ok(Self { drawing, tables: 0, size_px, apart: None, is_apart: false, cost, note: None })
     }
 
-    /// Returns a second backend of the same kind with tables of its own, so that another PSF can be drawn without
-    /// building any.
+    /// Adds a second backend of the same kind with its own tables, so that another PSF can be drawn without building
+    /// tables.
     ///
     /// # Errors
-    /// When the device cannot have it.
+    /// When the device cannot build it.
     pub fn add_tables(&mut self) -> Result<(), RenderError> {
         let [width, height] = self.size_px;
         match &mut self.drawing {
@@ -193,7 +190,7 @@ impl Imager {
         Ok(())
     }
 
-    /// Takes the set of tables away that was added last.
+    /// Removes the set of tables that was added last.
     pub fn remove_last_tables(&mut self) {
         match &mut self.drawing {
             Drawing::Host { others, .. } => drop(others.pop()),
@@ -201,7 +198,7 @@ impl Imager {
         }
     }
 
-    /// Draws with these tables from here on, 0 for the camera's own; those before.
+    /// Selects the tables used from here on, 0 for the camera's own; returns the previous index.
     pub fn use_tables(&mut self, number: usize) -> usize {
         let before = self.tables;
         self.exchange(before);
@@ -210,7 +207,7 @@ impl Imager {
         before
     }
 
-    /// Exchanges the camera's own tables, when in use, and others.
+    /// Swaps the camera's own tables, when in use, with others.
     fn exchange(&mut self, number: usize) {
         let Some(place) = number.checked_sub(1) else { return };
         match &mut self.drawing {
@@ -223,10 +220,10 @@ impl Imager {
         }
     }
 
-    /// From here on, where targets cover stars, each pixel shows the brighter of the two only.
+    /// Makes each pixel show only the brighter of stars and targets from here on.
     ///
     /// # Errors
-    /// When the device cannot have what it takes.
+    /// When the device has no memory for it.
     pub fn keep_brighter(&mut self) -> Result<(), RenderError> {
         self.apart = Some(Box::default());
         if let Drawing::Device { backend, brighter, .. } = &mut self.drawing {
@@ -235,7 +232,7 @@ impl Imager {
         Ok(())
     }
 
-    /// Returns electrons that the latest image lacks because only the brighter of stars and targets is kept.
+    /// Returns the electrons that the latest image lacks because only the brighter of stars and targets is kept.
     #[must_use]
     pub fn overlap_lost_e(&self) -> f64 {
         self.apart.as_ref().map_or(0.0, |apart| apart.lost_e())
@@ -254,19 +251,19 @@ impl Imager {
         self.backend().name()
     }
 
-    /// Returns the device behind it.
+    /// Returns a description of the device it runs on.
     #[must_use]
     pub fn description(&self) -> String {
         self.backend().description()
     }
 
-    /// Returns why this backend and not another, in one line, when the choice was left to us.
+    /// Returns in one line why this backend was selected, when the choice was automatic.
     #[must_use]
     pub fn note(&self) -> Option<&str> {
         self.note.as_deref()
     }
 
-    /// Built-in cost constants of the backend.
+    /// Returns the built-in cost constants of the backend.
     #[must_use]
     pub fn cost(&self) -> CostModel {
         self.cost
@@ -290,10 +287,10 @@ impl Imager {
         matches!(self.drawing, Drawing::Device { .. })
     }
 
-    /// Returns the relative illumination of every pixel, row by row, for the sky's part of the background.
+    /// Sets the relative illumination of every pixel, row by row, for the sky's part of the background.
     ///
     /// # Errors
-    /// When the device has no room for it.
+    /// When the device has no memory for it.
     pub fn set_illumination_map(&mut self, map: Vec<f32>) -> Result<(), RenderError> {
         match &mut self.drawing {
             Drawing::Host { detector, .. } => detector.set_illumination_map(Some(map)),
@@ -302,7 +299,7 @@ impl Imager {
         Ok(())
     }
 
-    /// Defects and protons; places are sensor pixels.
+    /// Returns defects and protons; places are sensor pixels.
     #[must_use]
     pub fn disturbances(&self) -> &Disturbances {
         match &self.drawing {
@@ -311,7 +308,7 @@ impl Imager {
         }
     }
 
-    /// Defects and protons, to be changed from the next frame on.
+    /// Returns defects and protons for changes that apply from the next frame on.
     pub fn disturbances_mut(&mut self) -> &mut Disturbances {
         match &mut self.drawing {
             Drawing::Host { detector, .. } => detector.disturbances_mut(),
@@ -319,7 +316,7 @@ impl Imager {
         }
     }
 
-    /// Forgets what the detector keeps from frame to frame: the next frame is as the first.
+    /// Clears what the detector keeps from frame to frame: the next frame is drawn as the first one.
     pub fn reset_detector(&mut self) {
         match &mut self.drawing {
             Drawing::Host { detector, .. } => detector.reset(),
@@ -327,7 +324,7 @@ impl Imager {
         }
     }
 
-    /// Draws the mean image only; it comes back in memory whatever the backend.
+    /// Draws only the mean image, and returns it in main memory on every backend.
     ///
     /// # Errors
     /// When the device failed.
@@ -354,7 +351,7 @@ impl Imager {
         Ok(self.latest_mean())
     }
 
-    /// What the latest [`Self::render`] drew.
+    /// Returns the mean image of the latest [`Self::render`].
     #[must_use]
     pub fn latest_mean(&self) -> Electrons<'_> {
         match (&self.drawing, &self.apart) {
@@ -364,15 +361,15 @@ impl Imager {
         }
     }
 
-    /// Returns where stars and targets are drawn apart: not in plans without targets.
+    /// Returns where stars and targets are drawn separately; `None` for plans without targets.
     fn apart_for<'a>(apart: &'a mut Option<Box<Apart>>, plan: &ExposurePlan) -> Option<&'a mut Apart> {
         let apart = apart.as_deref_mut()?;
         apart.set_lost_e(0.0);
         (!plan.targets.is_empty()).then_some(apart)
     }
 
-    /// The next image is drawn only where these parts of it need light: everywhere, when charge moves from pixel to pixel or
-    /// from frame to frame, or stars and targets are drawn apart. A device draws all of it.
+    /// Limits drawing of the next image to the parts that these regions need. The whole image is drawn when charge
+    /// moves from pixel to pixel or from frame to frame, when stars and targets are drawn separately, and on a GPU.
     fn draw_only(&mut self, regions: &Regions) {
         if let Drawing::Host { backend, detector, .. } = &mut self.drawing {
             let is_local = detector.is_one_pass() && self.apart.is_none();
@@ -381,7 +378,7 @@ impl Imager {
         }
     }
 
-    /// Draws and reads out frame `frame`; of its image the regions of the conditions, and 0 in all other pixels.
+    /// Draws and reads out frame `frame`: the regions of the conditions, and 0 in all other pixels.
     ///
     /// # Errors
     /// When the device failed.
