@@ -19,6 +19,7 @@ use run::runtime::engine::Light;
 use run::runtime::frame_faults::FrameFaults;
 use run::runtime::{FrameEngine, Imager, Ledger, RunParams, Slot, Started};
 use run::wiring::bench_parts::params_from;
+use scene::wcs::WcsMaker;
 use sky::almanac::Almanac;
 
 /// Time before and after all images for which a fault acts: a fault that changes while it lasts is near its middle.
@@ -53,6 +54,8 @@ pub struct Still {
     ledger: Ledger,
     frame: SentFrame,
     faintest_mag: f32,
+    /// Maps images of mean electrons to the sky.
+    mean_wcs: Option<WcsMaker>,
 }
 
 impl Still {
@@ -65,11 +68,12 @@ impl Still {
         let exposure = Span::from_s(bench.camera.exposure.exposure_s);
         let start = first - Span::from_ns(exposure.ns() / 2);
         let run = params_from(bench, start).map_err(|error| StillError::Bench(format!("{error:#}")))?;
-        // There is no deadline: images are drawn as exactly as the budget asks.
+        // Without a deadline images are drawn as exactly as the budget asks.
         let run = RunParams { degrade: false, ..run };
         let detector = run.camera.make_detector(run.seeds()).map_err(run::runtime::RunError::from)?;
         let imager = Imager::of_detector(run.backend, detector).map_err(run::runtime::RunError::from)?;
         let sky = run.open_sky().map_err(run::runtime::RunError::from)?;
+        let mean_wcs = WcsMaker::new(&run.camera.geometry, &run.camera.whole_sensor());
         let faintest_mag = sky.layers.magnitudes()[1];
         let [width, height] = run.camera.output().size_px;
         let frame = SentFrame::with_capacity(width, height, 0, run.camera.name.clone());
@@ -80,7 +84,7 @@ impl Still {
             timed.add(first - FAULT_SPAN, last + FAULT_SPAN, *fault);
         }
         timed.prepare(&mut engine)?;
-        Ok(Self { engine, faults: timed, ledger: Ledger::default(), frame, faintest_mag })
+        Ok(Self { engine, faults: timed, ledger: Ledger::default(), frame, faintest_mag, mean_wcs })
     }
 
     /// Draws and reads out one image; `number` fixes its noise together with the noise seed. It is in [`Self::frame`] then.
@@ -104,7 +108,11 @@ impl Still {
     pub fn draw_mean(&mut self, motion: &Motion, light: Light<'_>, number: u32) -> Result<StageTimes, StillError> {
         let slot = slot_of(motion, number);
         self.faults.begin(slot, &mut self.engine, &mut self.ledger);
-        Ok(self.engine.mean_along(slot, motion, light, &mut self.ledger, &mut self.frame)?)
+        let times = self.engine.mean_along(slot, motion, light, &mut self.ledger, &mut self.frame)?;
+        let sight = self.engine.sight().filter(|_| light.is_on_sky());
+        let maker = self.mean_wcs.as_mut().zip(sight);
+        self.frame.meta.wcs = maker.and_then(|(maker, sight)| maker.at(&motion.los.mid_sensor_from_icrf, sight));
+        Ok(times)
     }
 
     /// Returns the latest image with its truth.

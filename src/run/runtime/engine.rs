@@ -39,6 +39,7 @@ use scene::error::SceneError;
 use scene::field_light::illumination_map;
 use scene::wcs::WcsMaker;
 use sky::almanac::Almanac;
+use sky::astrometry::Sight;
 use stars::Sky;
 
 /// Content of the image of a slot.
@@ -245,6 +246,12 @@ impl FrameEngine {
     #[must_use]
     pub fn imager(&self) -> &Imager {
         &self.imager
+    }
+
+    /// Returns what the observer did to directions at the latest image; `None` before the first.
+    #[must_use]
+    pub fn sight(&self) -> Option<&Sight> {
+        self.scene.stars.sight()
     }
 
     /// Returns the plan of the latest frame.

@@ -65,8 +65,8 @@ impl FrameEngine {
         Ok(times)
     }
 
-    /// Finds the sources of a given motion, plans, and draws the mean electrons before the detector; they stay in the imager
-    /// ([`Self::imager`]). Returns the times of the stages.
+    /// Finds the sources of a given motion, plans, and draws the mean electrons before the detector; they stay in the
+    /// imager ([`Self::imager`]). Returns the times of the stages.
     ///
     /// # Errors
     /// When the backend failed, or the sky cannot be computed at that time.
