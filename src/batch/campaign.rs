@@ -1,6 +1,6 @@
 //! A fault campaign: episodes of one scenario, each with random faults from its own seed, each checked throughout.
 //!
-//! In: a scenario, seeds. Out: per episode what held and what did not. An episode is one [`SteppedRun`] whose events are
+//! In: a scenario, seeds. Out: the results of each episode's checks. An episode is one [`SteppedRun`] whose events are
 //! the scenario's own and those of [`fault_schedule`]; its seed alone repeats it.
 
 use config::{Event, Scenario};
@@ -16,7 +16,7 @@ const QUIET_START_S: f64 = 600.0;
 /// Time without faults at the end, s: the loop must recover from the last one.
 const QUIET_END_S: f64 = 600.0;
 
-/// What became of one episode.
+/// Result of one episode.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Episode {
     /// Its seed.
@@ -25,7 +25,7 @@ pub struct Episode {
     pub simulated_s: f64,
     /// Events that were injected.
     pub events: usize,
-    /// Times a fault hit something.
+    /// Number of times that a fault hit something.
     pub hits: u64,
     /// Frames sent.
     pub frames: u64,
@@ -33,7 +33,7 @@ pub struct Episode {
     pub frames_crc32: u32,
     /// CRC-32 over all telemetry.
     pub telemetry_crc32: u32,
-    /// Broken invariants.
+    /// Number of violated invariants.
     pub violations: u64,
     /// The first of them in words.
     pub violation_lines: Vec<String>,
@@ -45,23 +45,23 @@ pub struct Episode {
     "duration_s is {duration_s}; wanted more than {least_s}: random faults come between {QUIET_START_S} s after the \
      first exposure and {QUIET_END_S} s before the end"
 )]
-pub struct NoSpaceForFaults {
-    /// How long the run is, s.
+pub struct TooShortForFaults {
+    /// Duration of the run, s.
     pub duration_s: f64,
-    /// It must be longer than this, s.
+    /// Smallest duration, s (exclusive).
     pub least_s: f64,
 }
 
-/// Refuses a scenario in which no random fault would ever come: flown as an episode, it would hold and say nothing.
+/// Refuses a scenario too short for any random fault: flown as an episode, it would pass without testing anything.
 ///
 /// # Errors
-/// With the least duration.
-pub fn check_space_for_faults(base: &Scenario) -> Result<(), NoSpaceForFaults> {
+/// The smallest duration.
+pub fn check_time_for_faults(base: &Scenario) -> Result<(), TooShortForFaults> {
     let limits = schedule_limits(base);
     if limits.until_s > limits.from_s {
         return Ok(());
     }
-    Err(NoSpaceForFaults { duration_s: base.bench.timing.duration_s, least_s: QUIET_START_S + QUIET_END_S })
+    Err(TooShortForFaults { duration_s: base.bench.timing.duration_s, least_s: QUIET_START_S + QUIET_END_S })
 }
 
 fn schedule_limits(base: &Scenario) -> ScheduleLimits {
@@ -92,7 +92,7 @@ pub fn episode_scenario(base: &Scenario, seed: u64) -> Scenario {
 /// Runs one episode.
 ///
 /// # Errors
-/// When a part of the loop failed: that, too, breaks an invariant, and is told with the seed.
+/// When a part of the loop failed: that also violates an invariant, and is reported with the seed.
 pub fn run_episode(base: &Scenario, seed: u64) -> Result<Episode, LoopError> {
     let scenario = episode_scenario(base, seed);
     let mut going = SteppedRun::new(&scenario, |_| Box::new(NullSink::new()))?;
@@ -131,10 +131,10 @@ mod tests {
     #[test]
     fn a_run_without_time_for_faults_is_refused_with_the_least_duration() {
         let mut base = Scenario::from_document(&Document::built_in("scenarios/campaign.toml").unwrap()).unwrap();
-        assert_eq!(check_space_for_faults(&base), Ok(()));
+        assert_eq!(check_time_for_faults(&base), Ok(()));
         assert!(!random_faults(&base, 1).is_empty());
         base.bench.timing.duration_s = 1200.0;
-        let error = check_space_for_faults(&base).expect_err("600 s and 600 s").to_string();
+        let error = check_time_for_faults(&base).expect_err("600 s and 600 s").to_string();
         assert!(error.contains("duration_s is 1200; wanted more than 1200"), "{error}");
         assert!(random_faults(&base, 1).is_empty(), "what is refused is empty");
     }

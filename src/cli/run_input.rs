@@ -2,7 +2,7 @@
 
 use crate::cli::run_args::RunArgs;
 use anyhow::{Context, Result, bail};
-use batch::campaign::{check_space_for_faults, episode_scenario};
+use batch::campaign::{check_time_for_faults, episode_scenario};
 use config::{Bench, Document, Scenario, Setting};
 
 /// The run and its file.
@@ -29,7 +29,7 @@ pub(super) fn input(arguments: &RunArgs) -> Result<RunInput> {
         if scenario.vehicle().is_none() {
             bail!("--random-faults: got a bench; wanted a run with a spacecraft, which such faults could upset");
         }
-        check_space_for_faults(&scenario).context("--random-faults")?;
+        check_time_for_faults(&scenario).context("--random-faults")?;
         scenario = episode_scenario(&scenario, scenario.bench.seed);
     }
     Ok(RunInput { document, scenario })

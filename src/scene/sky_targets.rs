@@ -307,7 +307,7 @@ fn fall_of(observer: &ObserverTrack, geocentric: &BarycentricState, at: Tai) -> 
     Ok(if radius_km > 1.0 { Fall { gm_km3_s2, radius_km } } else { Fall::NONE })
 }
 
-/// Returns the nearer of two orbits about the same body.
+/// Returns the gravity at the smaller of two distances from the same body.
 fn nearer(a: Fall, b: Fall) -> Fall {
     if a == Fall::NONE || b.radius_km < a.radius_km { b } else { a }
 }

@@ -88,7 +88,7 @@ impl SkyView {
         self.tiles.read_ahead().map_err(|source| SceneError::Thread { name: "tiles", source })
     }
 
-    /// Waits for the tiles that were requested ahead; returns how many are still to come.
+    /// Accepts the tiles that were read ahead; returns how many are still to come.
     ///
     /// # Errors
     /// When a tile cannot be read.

@@ -12,7 +12,7 @@
 //! * Earth: a Lambert sphere of one albedo, sunlit, cut into [`RINGS`] x [`SECTORS`] equal solid angles of its disc, each
 //!   with radiance `albedo cos(i) E_sun / pi` and its own angle off the boresight: good from low orbits, where the disc
 //!   fills half the sky, to the Moon's distance. No clouds, ocean glint, airglow or twilight.
-//! * The Earth hides Sun and Moon; what is left of the Sun's disc is linear in its depth.
+//! * The Earth hides Sun and Moon; the visible part of the Sun's disc is linear in its depth.
 //!
 //! A body inside the field of view is not stray light: only its scatter at the table's first row is computed here; its
 //! image is drawn if a bench includes bodies. Light within a frame is uniform plus the gradient given in the camera

@@ -140,7 +140,7 @@ impl SkyBrightness {
     }
 }
 
-/// Solid angle of a pixel on the axis, arcsec^2, of so many rad on a side.
+/// Returns the solid angle of a pixel on the axis, arcsec^2, from its sides in rad.
 #[must_use]
 pub fn pixel_arcsec2(ifov_rad: [f64; 2]) -> f64 {
     let side = DVec2::from_array(ifov_rad) / (DEG / 3600.0);

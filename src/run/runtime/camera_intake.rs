@@ -3,7 +3,7 @@
 //!
 //! In: CAMERA and CAMERA_TRIGGER with their arrivals, what each head can do ([`CameraView`]). Out: commands by head, a
 //! refusal with its reason, whether CAMERA_STATUS is wanted. A command for all heads is taken by all or by none. The
-//! loop shows the heads (`show`) before a command is taken in, and gives them what was taken right after (`give`).
+//! loop shows the heads (`show`) before a command is taken in, and passes them accepted commands right after (`give`).
 //! Allocates nothing after the start. Tests: below, and `tests/closed_loop/camera_bus.rs`.
 
 use crate::runtime::exposing::Exposing;

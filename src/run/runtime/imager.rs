@@ -19,7 +19,7 @@ use plan::exposure::ExposurePlan;
 use plan::exposure::cost::CostModel;
 use std::sync::Arc;
 
-/// Which backend the user asked for.
+/// Backend requested by the user.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum BackendChoice {
     /// A hardware GPU when there is one, else the CPU.
@@ -108,7 +108,7 @@ impl Imager {
     /// Returns an imager for a detector of this size.
     ///
     /// # Errors
-    /// When the GPU was asked for and there is none, or it cannot draw by the detector's Poisson method.
+    /// When a GPU was requested and is unavailable, or it cannot use the detector's Poisson method.
     pub fn new(
         choice: BackendChoice,
         params: DetectorParams,
@@ -122,7 +122,7 @@ impl Imager {
     /// Returns an imager for a detector with measured or drawn patterns.
     ///
     /// # Errors
-    /// When the GPU was asked for and there is none, or it cannot draw by the detector's Poisson method.
+    /// When a GPU was requested and is unavailable, or it cannot use the detector's Poisson method.
     pub fn of_detector(choice: BackendChoice, detector: Detector) -> Result<Self, RenderError> {
         let (params, size_px) = (*detector.params(), detector.size_px());
         let [width, height] = size_px;

@@ -1,4 +1,4 @@
-//! The record of a run: counts, histograms and events while it goes on; a summary when it has ended.
+//! The record of a run: counts, histograms and events during the run; a summary at its end.
 
 use crate::runtime::engine::FrameEngine;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
@@ -152,7 +152,7 @@ impl RunRecord {
         numbers
     }
 
-    /// 99 % quantile of release to delivery, ms.
+    /// Returns the 99 % quantile of the time from release to delivery, ms.
     #[must_use]
     pub fn p99_ms(&self) -> f64 {
         self.stages.of(Stage::ReleaseToDelivered).p99_ms

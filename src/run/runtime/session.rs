@@ -126,7 +126,7 @@ impl Session {
         self.tables.put(cell);
     }
 
-    /// Returns whether frames show what is received.
+    /// Returns true when frames show the received attitude.
     #[must_use]
     pub fn is_rendering(&self) -> bool {
         match self.params.start {

@@ -14,7 +14,7 @@ use plan::optics::{BackgroundLight, StarSpectra};
 /// BP - RP.
 ///
 /// # Errors
-/// When light is asked for in magnitudes and the camera has no zero point in electrons per second.
+/// When light is given in magnitudes and the camera has no zero point in electrons per second.
 pub fn background_light(
     camera: &config::Camera,
     ifov_rad: [f64; 2],

@@ -203,7 +203,7 @@ fn iceoryx(service: &str, _slots: u32, _setting: &SinkSetting<'_>) -> Result<Box
 
 /// Describes a sink in words.
 #[must_use]
-pub fn reported(settings: &SinkSettings) -> String {
+pub fn described(settings: &SinkSettings) -> String {
     let kind = settings.sink.kind();
     match &settings.sink {
         Kind::Recorder { directory, fits, ser, png_every } => {
@@ -240,8 +240,8 @@ pub fn reported(settings: &SinkSettings) -> String {
 }
 
 /// Returns the position and description of each sink of a bench.
-pub fn reported_lines(sinks: &[SinkSettings]) -> impl Iterator<Item = (String, String)> {
-    sinks.iter().enumerate().map(|(number, settings)| (place(number), reported(settings)))
+pub fn described_lines(sinks: &[SinkSettings]) -> impl Iterator<Item = (String, String)> {
+    sinks.iter().enumerate().map(|(number, settings)| (place(number), described(settings)))
 }
 
 #[cfg(test)]
@@ -352,7 +352,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sink_that_cannot_be_made_says_which() {
+    fn failed_sink_is_named_in_the_error() {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join("extra_sink_0"), "in the way").unwrap();
         let (first, camera, clock) = (frame(0), camera(), clock());
@@ -366,9 +366,9 @@ mod tests {
     }
 
     #[test]
-    fn sinks_are_reported_in_words() {
+    fn sinks_are_described_in_words() {
         let reported: Vec<String> =
-            reported_lines(&sinks(THREE)).map(|(place, words)| format!("{place} {words}")).collect();
+            described_lines(&sinks(THREE)).map(|(place, words)| format!("{place} {words}")).collect();
         assert_eq!(reported[0], "sink null: nothing is kept");
         assert!(
             reported[2].contains("extra_sink[1] recorder: SER, truth tables, below the run's directory; 8"),

@@ -132,6 +132,8 @@ pub fn psd_variance(points: &[PsdPoint]) -> DVec3 {
     DVec3::from_array([0, 1, 2].map(power))
 }
 
+/// Checks a density.
+///
 /// # Errors
 /// The first point that is invalid, or the number of points when there are too many.
 pub(super) fn check(points: &[PsdPoint]) -> Result<(), JitterReject> {
@@ -141,6 +143,8 @@ pub(super) fn check(points: &[PsdPoint]) -> Result<(), JitterReject> {
     check_rows(points)
 }
 
+/// Checks each point of a density.
+///
 /// # Errors
 /// The first point that is invalid.
 pub(super) fn check_rows(points: &[PsdPoint]) -> Result<(), JitterReject> {

@@ -16,7 +16,7 @@
 //! {"request": "attitude", "samples": [[0.01, 1, 0, 0, 0, 0, 0, 0]]}   of a plant outside: see `samples`
 //! {"request": "observer", "samples": [[0, 7000, 0, 0, 0, 7.5, 0]], "unit": "km"}
 //! {"request": "jitter", "samples": [[0.001, 0.2, -0.1, 0]], "unit": "arcsec"}
-//! {"request": "tracker", "head": 0}                what the built-in star tracker says of its newest frame
+//! {"request": "tracker", "head": 0}                output of the built-in star tracker for its newest frame
 //! {"request": "control", "by": "outside"}          who drives the wheels of a spacecraft inside; see `reaction`
 //! {"request": "wheels", "torques_n_m": [0.01, 0, 0, 0]}
 //! {"request": "torque", "torque_n_m": [0.1, 0, 0], "for_s": 2.0}

@@ -6,7 +6,7 @@ use base::time::Span;
 use config::{Action, Bench};
 use testbed::vehicle::VehicleFault;
 
-/// Returns a session of a run file that ran for so many seconds.
+/// Returns a session of a run file with this duration.
 fn session_of(document: &Document, scenario: &Scenario, settings: &[String], cost: Option<CostModel>) -> Session {
     let params = SessionParams {
         document,
