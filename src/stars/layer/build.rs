@@ -58,6 +58,7 @@ struct Progress {
     #[serde(default)]
     is_without_numbers: bool,
     /// Further counts of the importer.
+    #[serde(alias = "told")]
     reported: BTreeMap<String, u64>,
 }
 
