@@ -65,7 +65,7 @@ mod tests {
         std::fs::write(&path, "0 1 0 0 0\n").unwrap();
         assert_eq!(attitudes(&path, &KernelArgs::default()).unwrap().rows(), 1);
         let with = KernelArgs { naif_id: Some(-82000), ..KernelArgs::default() };
-        assert!(attitudes(&path, &with).unwrap_err().to_string().contains("no binary SPICE kernel"));
+        assert!(attitudes(&path, &with).unwrap_err().to_string().contains("not a binary SPICE kernel"));
         let kernel = folder.path().join("x.bc");
         std::fs::write(&kernel, b"DAF/CK  ").unwrap();
         let error = attitudes(&kernel, &KernelArgs::default()).unwrap_err().to_string();
