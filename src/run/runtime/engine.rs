@@ -5,9 +5,7 @@ mod draw;
 
 use crate::runtime::conditions::Conditions;
 
-
 pub use crate::runtime::describe::{fill_meta, origin_name};
-pub use draw::Light;
 use crate::runtime::error::RunError;
 use crate::runtime::exposing::Exposing;
 use crate::runtime::imager::Imager;
@@ -23,6 +21,7 @@ use base::clock::Stopwatch;
 use base::region::Regions;
 use base::time::{Span, Tai};
 use base::units::SPEED_OF_LIGHT_KM_S;
+pub use draw::Light;
 use frames::report::{Stage, StageTimes};
 use frames::sink::SentFrame;
 use glam::DVec3;

@@ -142,7 +142,9 @@ impl Imager {
             BackendChoice::Auto => {
                 let note = match GpuDevice::open(&AdapterChoice::Best) {
                     Ok(gpu) if !gpu.is_software() => return Self::on_device(gpu, &detector, size_px),
-                    Ok(gpu) => format!("only software Vulkan here ({}): using the CPU backend, which is faster", gpu.name()),
+                    Ok(gpu) => {
+                        format!("only software Vulkan here ({}): using the CPU backend, which is faster", gpu.name())
+                    }
                     Err(error) => format!("no Vulkan driver ({error}): using the CPU backend"),
                 };
                 Ok(Self::on_host(Box::new(Cpu::new(width, height)), detector, size_px, CostModel::CPU, Some(note)))

@@ -108,7 +108,9 @@ pub fn take_display(params: &mut RunParams, bench: &Bench, now: Tai) -> Result<O
     let calibration = calibration(settings, &tracker, now)?;
     let calibrated = calibration.calibrated()?;
     let Some(light) = &calibration.light else {
-        bail!("the calibration has no fluxes: fit it with measurements that include fluxes, so that magnitudes can be shown")
+        bail!(
+            "the calibration has no fluxes: fit it with measurements that include fluxes, so that magnitudes can be shown"
+        )
     };
     same_zero_point(light, &params.camera)?;
     let turn = calibrated.geometry.drawn_from_sensor();

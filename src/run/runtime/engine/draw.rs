@@ -205,7 +205,8 @@ impl FrameEngine {
         }
         frame.meta.facts = self.params.drawn_from_sensor.is_none().then(|| self.params.camera.facts_of(&levels));
         let maker = self.wcs.as_mut().filter(|_| light.is_on_sky()).zip(sight);
-        frame.meta.observer_beta = sight.filter(|_| light.is_on_sky()).map_or([0.0; 3], |sight| sight.observer_beta().to_array());
+        frame.meta.observer_beta =
+            sight.filter(|_| light.is_on_sky()).map_or([0.0; 3], |sight| sight.observer_beta().to_array());
         frame.meta.wcs = maker.and_then(|(maker, sight)| maker.at(&plan.motion.los.mid_sensor_from_icrf, sight));
         self.path.describe(&mut frame.meta);
         describe_exposure(&slot, self.exposing.settings(), &mut frame.meta);
