@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A flight computer in Python: slews the stimulator, and holds what it echoes against what was commanded.
+"""A flight computer in Python: slews the stimulator, and compares what it echoes with the commands.
 
   hil_scripts/flight_computer.py --interface slcan --channel socket://127.0.0.1:PORT --fd
   hil_scripts/flight_computer.py --interface socketcand --host 127.0.0.1 --port PORT --channel can0

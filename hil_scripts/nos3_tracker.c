@@ -6,7 +6,7 @@
  *   nos3_tracker DEVICE command CODE PAYLOAD   sends one command; "echo" when it comes back
  *   nos3_tracker DEVICE broken 0 0             sends a command with a wrong end; "echo" must not come
  *
- * A line "timeout" stands for each answer that did not come. Exit status 1 when an answer has other bytes than the interface
+ * A line "timeout" is printed for each answer that did not come. Exit status 1 when an answer has other bytes than the interface
  * says, 2 when the device cannot be opened.
  */
 #include <errno.h>

@@ -45,7 +45,7 @@ pub(super) fn advice(finished: &Finished, lines: &[BudgetLine], render_limit_ms:
         took.ms(),
         slowest.degradation,
         slowest.method,
-        reported(whole),
+        summary(whole),
         times_as_long
     ));
     let mut planner = frames.planner(cost, Some(render_limit_ms / times_as_long));
@@ -56,20 +56,20 @@ pub(super) fn advice(finished: &Finished, lines: &[BudgetLine], render_limit_ms:
 
 fn verdict(plan: &ExposurePlan, limit_ms: f64, times_as_long: f64) -> String {
     let expected_ms = plan.chosen.cost_ms * times_as_long;
-    let reported = reported(plan);
+    let summary = summary(plan);
     if expected_ms > limit_ms {
         format!(
-            "no level fits drawing into {limit_ms:.2} ms at this load; the last: {reported}, {expected_ms:.2} ms here"
+            "no level fits drawing into {limit_ms:.2} ms at this load; the last: {summary}, {expected_ms:.2} ms here"
         )
     } else if plan.degradation == Degradation::Full {
-        format!("drawing fits {limit_ms:.2} ms whole ({reported}, {expected_ms:.2} ms here): the time went elsewhere")
+        format!("drawing fits {limit_ms:.2} ms whole ({summary}, {expected_ms:.2} ms here): the time went elsewhere")
     } else {
         let degradation = plan.degradation;
-        format!("inside {limit_ms:.2} ms: {reported}, {expected_ms:.2} ms here; it gives up {}", degradation.gives_up())
+        format!("inside {limit_ms:.2} ms: {summary}, {expected_ms:.2} ms here; it gives up {}", degradation.gives_up())
     }
 }
 
-fn reported(plan: &ExposurePlan) -> String {
+fn summary(plan: &ExposurePlan) -> String {
     let chosen = &plan.chosen;
     format!(
         "level {}, {}, {} stars, predicted {:.2} ms, at most {:.1e} px and {:.1e} sigma wrong",

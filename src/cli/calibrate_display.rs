@@ -2,7 +2,7 @@
 //!
 //! `plan` writes the images and what to do with each; `show-pattern` draws one of them again; `fit` reads what the tracker
 //! measured (CSV, or a folder with a FITS frame for each image) and writes the calibration; `check` says what a file
-//! says, and whether it may be used; `beat` holds a shutter against a refresh rate; `simulate` does all of it on a simulated bench.
+//! says, and whether it may be used; `beat` compares a shutter with a refresh rate; `simulate` does all of it on a simulated bench.
 
 use crate::cli::calibrate_display_simulate::{SimulateArgs, simulate};
 use crate::cli::display_latency::CornerWord;
@@ -61,7 +61,7 @@ enum DisplayStep {
     Check(CheckArgs),
     /// Check an exposure time against a refresh rate
     Beat(BeatArgs),
-    /// Calibrate a simulated display, collimator and camera, and hold the result against the truth
+    /// Calibrate a simulated display, collimator and camera, and compare the result with the truth
     Simulate(SimulateArgs),
 }
 
@@ -136,7 +136,7 @@ struct FitArgs {
     /// From the first row's light to the last row's, milliseconds, of panels that light row by row: about a refresh
     #[arg(long, value_name = "MS", default_value_t = 0.0, requires = "latency")]
     scan_ms: f64,
-    /// Latency that somebody gives, milliseconds
+    /// Latency measured elsewhere, milliseconds
     #[arg(long, value_name = "MS")]
     given_latency: Option<f64>,
     /// Days for which the calibration is valid, from its measurements on
@@ -305,7 +305,7 @@ fn measurements(arguments: &FitArgs, plan: &Plan, camera: &Camera) -> Result<Mea
     Ok(all)
 }
 
-/// Returns when the measurements were made: as somebody says, or as the first frame says.
+/// Returns when the measurements were made: as given, or as the first frame says.
 fn measured(arguments: &FitArgs, first: Option<Result<Tai>>) -> Result<Tai> {
     match (&arguments.measured, first) {
         (Some(text), _) => date_of(text).context("--measured"),

@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_known_of_a_display_is_said() {
+    fn unknown_facts_of_a_display_are_listed() {
         let all = reported("[sink]\nkind = \"display\"\n");
         assert!(all.contains("no calibration") && all.contains("ahead_ms is 0") && all.contains("latency"), "{all}");
         let one = reported("[timing]\nahead_ms = 150.0\n[sink]\nkind = \"display\"\nlatency_ms = 20.0\n");

@@ -3,7 +3,7 @@
 //! Input: a plan of the frame planner. Output: text. Predictions are for the real clock of this machine; nothing is
 //! drawn here.
 
-use crate::cli::over_budget::over_budget_reported;
+use crate::cli::over_budget::over_budget_text;
 use base::accuracy::AccuracyBudget;
 use config::{Bench, Degrade};
 use core::fmt::{Error, Write};
@@ -187,7 +187,7 @@ fn write_time(text: &mut String, plan: &ExposurePlan, planned: &Planned) -> Resu
     )?;
     let degradation = plan.degradation;
     let late = if draw_ms > budget_ms { "; WARNING: it will be late all the same" } else { "" };
-    let over = over_budget_reported(plan, &planned.budget);
+    let over = over_budget_text(plan, &planned.budget);
     let gives_up = if over.is_some() && degradation == Degradation::Full {
         "nothing that any method would keep"
     } else {

@@ -67,7 +67,7 @@ pub(super) fn earlier(a: Option<Result<Tai>>, b: Option<Result<Tai>>) -> Option<
 struct Frame {
     image: Image<f64>,
     saturated_from: f64,
-    /// Not asked for where somebody says when it was: some programs write dates that are none.
+    /// Not read where the time is given: some programs write invalid dates.
     date: Option<Result<Tai>>,
 }
 

@@ -5,8 +5,8 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
-/// Busy threads, until they are dropped. Start them before the run's threads: they keep the ordinary scheduling of whoever
-/// starts them.
+/// Busy threads, until they are dropped. Start them before the run's threads: they keep the ordinary scheduling of the
+/// thread that starts them.
 pub(super) struct LoadThreads {
     over: Arc<AtomicBool>,
     threads: Vec<JoinHandle<()>>,

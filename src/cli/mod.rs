@@ -137,7 +137,7 @@ struct Arguments {
 enum Command {
     /// Run a bench or a scenario: attitude from its link, frames into its sink, on a deadline
     Run(run_args::RunArgs),
-    /// Run a bench on the real clock and hold the time of every stage against its budget
+    /// Run a bench on the real clock and compare the time of every stage with its budget
     Budget(budget::BudgetArgs),
     /// Draw the frames of a captured run again and compare them bit by bit, or those of a capture of the bus
     Replay(replay::ReplayArgs),
@@ -155,7 +155,7 @@ enum Command {
     Campaign(campaign::CampaignArgs),
     /// Measure error and time of every method: CSV tables and SVG charts
     Chart(chart::ChartArgs),
-    /// Hold a camera's own frames against its file: photon transfer (EMVA 1288) and errors by brightness
+    /// Compare a camera's own frames with its file: photon transfer (EMVA 1288) and errors by brightness
     Verify(verify::VerifyArgs),
     /// Compare real night-sky images with drawn ones: attitude, fitted camera, residuals star by star
     Compare(compare::CompareArgs),

@@ -4,9 +4,9 @@ use base::accuracy::AccuracyBudget;
 use plan::exposure::ExposurePlan;
 use plan::exposure::plan::{MOTION_SHARE, Verdict};
 
-/// Returns every error of `plan` that is over `budget` (or over the share of it that motion may use); `None` when there
-/// is none.
-pub(super) fn over_budget_reported(plan: &ExposurePlan, budget: &AccuracyBudget) -> Option<String> {
+/// Returns every error of `plan` that is over `budget` (or over the share of it that motion may use); `None` without
+/// such errors.
+pub(super) fn over_budget_text(plan: &ExposurePlan, budget: &AccuracyBudget) -> Option<String> {
     let chosen = &plan.chosen;
     if chosen.verdict.is_met() {
         return None;
@@ -60,11 +60,11 @@ mod tests {
         let middle = [instrument.camera.width_px(), instrument.camera.height_px()].map(|side| 0.5 * side as f64);
         let star = Source { id: 1, electrons: 1e4, mag: 3.0, place: SourcePlace::Pixel(middle) };
         let mut planner = Planner::new(instrument, budget, CostModel::CPU, choice, los);
-        over_budget_reported(planner.plan(&[star]), &budget)
+        over_budget_text(planner.plan(&[star]), &budget)
     }
 
     #[test]
-    fn what_is_over_the_budget_is_named_with_its_share_and_nothing_else_is() {
+    fn only_errors_over_the_budget_are_named_with_their_share() {
         assert_eq!(words(0.8, "auto", 0.0), None, "inside the budget there is nothing to say");
         let wings = words(20.0, "auto", 0.0).unwrap();
         assert!(wings.contains("light may be missing (budget 1.0e-3; the PSF's wings are cut 48 px"), "{wings}");

@@ -7,7 +7,7 @@ use plan::optics::{StarLight, StarSpectra};
 const BLUE_AND_RED: [f64; 2] = [0.0, 2.0];
 
 /// Returns one line.
-pub(super) fn radiometry_reported(camera: &Camera) -> String {
+pub(super) fn radiometry_text(camera: &Camera) -> String {
     let light = camera.star_light();
     match (&camera.band, &light, camera.radiometry.model) {
         (Some(band), StarLight::Band(_), _) => {

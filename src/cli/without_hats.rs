@@ -6,7 +6,7 @@ use imports::published::gaia::Names;
 use stars::layer::{Layer, Sorting};
 use std::path::Path;
 
-/// A Parquet file: there is none that this program can read.
+/// A Parquet file, which this program cannot read.
 pub(super) enum Parquet {}
 
 impl Parquet {

@@ -52,11 +52,18 @@ struct Exception {
 
 const MOST_EXCEPTIONS: usize = 8;
 
-const EXCEPTIONS: &[Exception] = &[Exception {
-    word: "rung",
-    after: &["\"", "`", ".", ",", "Chunk"],
-    reason: "column of frames.csv, FITS card, GenICam feature and JSON key: readers of recorded frames use it",
-}];
+const EXCEPTIONS: &[Exception] = &[
+    Exception {
+        word: "rung",
+        after: &["\"", "`", ".", ",", "Chunk"],
+        reason: "column of frames.csv, FITS card, GenICam feature and JSON key: readers of recorded frames use it",
+    },
+    Exception {
+        word: "told",
+        after: &["alias = \""],
+        reason: "key in progress files of imports that an earlier version interrupted",
+    },
+];
 
 /// A word or phrase at a line.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -30,7 +30,7 @@ const ELECTRONS: [f64; 6] = [180.0, 450.0, 1.5e3, 5e3, 1.5e4, 5e4];
 /// Seed of patterns and noise.
 const SEED: u64 = 11;
 
-/// Draws the field with `drawn`, and holds it against a truth with `believed`.
+/// Draws the field with `drawn`, and compares it with a truth with `believed`.
 fn fidelity(drawn: (&PsfModel, DetectorParams), believed: (&PsfModel, DetectorParams), exposure_s: f64) -> Fidelity {
     let camera = CameraGeometry::new(CameraParameters {
         width_px: SIZE,

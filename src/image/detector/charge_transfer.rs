@@ -8,7 +8,7 @@
 //! rest is put into the last of them, so that charge is conserved, except the part that trails out of the image.
 //!
 //! Limits: the same share for every signal and time; no traps with time constants, no charge-injected fat zero.
-//! Tests below hold it against a simulation of all transfers, one by one.
+//! Tests below compare it with a simulation of all transfers, one by one.
 
 use crate::detector::Effect;
 use crate::detector::neighbours::{FrameAt, NeighbourStage};

@@ -4,7 +4,7 @@
 //! of the **ADC's image**, smaller by charge binning; **output** pixels, smaller by digital binning and cut to the
 //! window. A star at `s` on the sensor is in the output at `(s - first - (b - 1) / 2) / b`, where `b` is both binnings'
 //! factor together and `first` the first sensor pixel of the window. The window is given in sensor pixels; it begins
-//! and ends on whole output pixels. `tests/physics/detector_spatial.rs` holds the centroid of a star against this.
+//! and ends on whole output pixels. `tests/physics/detector_spatial.rs` compares the centroid of a star with this.
 
 use base::image::DnImage;
 use base::region::Regions;

@@ -38,7 +38,7 @@ pub struct Partition {
 }
 
 impl HatsCatalog {
-    /// Opens a catalog: holds its list of partitions against its files, and its number of rows against theirs.
+    /// Opens a catalog: compares its list of partitions with its files, and its number of rows with theirs.
     ///
     /// # Errors
     /// When it is of another kind (a margin, an index), a partition is missing, not listed, cannot be opened or overlaps

@@ -82,7 +82,7 @@ impl ParquetFile {
         })
     }
 
-    /// Reads the heads of all pages of a column of a row group and holds them against what there is.
+    /// Reads the heads of all pages of a column of a row group and compares them with the file.
     pub(super) fn check_pages(&self, column: &ColumnChunkMetaData, rows: u64, value_bytes: u64) -> Result<(), String> {
         let begin = column.dictionary_page_offset().unwrap_or(column.data_page_offset());
         let begin = u64::try_from(begin).unwrap_or(u64::MAX);

@@ -44,7 +44,7 @@ fn read(text: &[u8], folder: &Path) -> Result<Found, String> {
     Ok(Found { rows, stars: sorting.counts().stars, reported })
 }
 
-/// Holds what was found against the text's lines; whether it was read.
+/// Compares the findings with the text's lines; returns whether it was read.
 fn is_read(text: &[u8], folder: &Path) -> bool {
     match read(text, folder) {
         Err(reported) => {

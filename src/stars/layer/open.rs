@@ -194,7 +194,7 @@ impl Layer {
         read
     }
 
-    /// Shows the stars of a tile piece by piece, brightest first, and then holds them against their checksums; `bytes` is
+    /// Shows the stars of a tile piece by piece, brightest first, and then verifies their checksums; `bytes` is
     /// scratch. What was shown before an error is not to be used.
     pub(super) fn each_piece(
         &self,
@@ -322,7 +322,7 @@ fn zeros(path: &Path, bytes: usize) -> Result<Vec<u8>, LayerError> {
     Ok(zeros)
 }
 
-/// Holds the length of a file against what the disk has of it.
+/// Compares the length of a file with its bytes on the disk.
 fn refuse_holes(path: &Path, file: &File) -> Result<(), LayerError> {
     use std::os::unix::fs::MetadataExt;
     let about = file.metadata().map_err(LayerError::file("cannot read", path))?;

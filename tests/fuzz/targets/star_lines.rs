@@ -74,7 +74,7 @@ fn read_gaia(text: &[u8], form: u8, length: u8) -> Read {
     counted(text, done.expect("it was read or refused"), &sorting)
 }
 
-/// Holds what was counted against the lines.
+/// Compares the counts with the lines.
 fn counted(text: &[u8], done: Result<u64, ImportError>, sorting: &Sorting) -> Read {
     let rows = done.map_err(|error| shown(&error))?;
     let counts = sorting.counts();

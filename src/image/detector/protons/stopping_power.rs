@@ -2,7 +2,7 @@
 //!
 //! Table: PSTAR, NIST Standard Reference Database 124 (Berger, Coursey, Zucker and Chang), silicon, electronic part;
 //! straight lines between logarithms. Domain 1 MeV to 10 GeV. Interpolation errs by less than 0.6 % at the energies of
-//! PSTAR that are left out here; PSTAR states its own uncertainty as 1 to 2 % (tests below, which also hold it against
+//! PSTAR that are left out here; PSTAR states its own uncertainty as 1 to 2 % (tests below, which also compare it with
 //! Bethe's formula).
 
 /// Density of silicon, g/cm^3 (PSTAR's).
