@@ -11,7 +11,7 @@ use std::process::Command;
 type Graph = BTreeMap<String, BTreeSet<String>>;
 
 /// Crates that a run needs none of: imports, charts, studies, real frames.
-const BATCH_WORK: &[&str] = &["imports", "batch", "night_sky"];
+const BATCH_WORK: &[&str] = &["imports", "batch", "performance", "night_sky"];
 /// Crates that the simulated far end of the cable checks, and so must not share.
 const CHECKED_BY_TESTBED: &[&str] = &["sky", "plan", "image", "frames", "outputs", "run"];
 /// The only crates that speak to the graphics interface.

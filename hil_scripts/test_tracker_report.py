@@ -1,0 +1,367 @@
+"""Reports about star trackers: python3 hil_scripts/test_tracker_report.py
+
+The built-in tracker and cedar-solve, a tracker of other people, fly a short plan. Known errors that are added to a log come
+back within their confidence intervals; a wrong sign and swapped axes are found. cedar-solve has an environment of its own
+below target (STARLOOP_CEDAR_ENVIRONMENT names another one), made from PyPI when it is missing. STARLOOP_BINARY names the
+program (default target/release/starloop). Standard library only.
+"""
+
+import csv
+import json
+import math
+import os
+import random
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+import venv
+import xml.etree.ElementTree
+from pathlib import Path
+
+sys.dont_write_bytecode = True
+ROOT = Path(__file__).resolve().parent.parent
+BINARY = os.environ.get("STARLOOP_BINARY", str(ROOT / "target/release/starloop"))
+PLAN = ROOT / "configs/test_plans/ecss_star_tracker_short.toml"
+CEDAR = ROOT / "hil_scripts/cedar_tracker.py"
+CEDAR_SOLVE = "cedar-solve==0.5.1"
+TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
+ENVIRONMENT = Path(os.environ.get("STARLOOP_CEDAR_ENVIRONMENT", TARGET / "cedar_environment"))
+ARCSEC = math.pi / 180 / 3600
+MOST_BYTES = 2_000_000
+CAMERAS = {
+    "small_tracker": 0.9,
+    "star_tracker_20deg": 0.9,
+    "star_tracker_20deg_20hz": 0.9,
+    "cubesat_tracker": 0.9,
+    "chain_tracker": 0.9,
+    "crowded_field_10deg": 0.9,
+}
+"""Shipped cameras whose field cedar-solve's database has (10 to 30 degrees), and the share of frames that it must solve."""
+TOO_NARROW = ["wide_field_telescope", "detection_limit_15mag", "detection_limit_22mag", "imx265_35mm"]
+"""Those that it has not: below 10 degrees."""
+
+
+def starloop(*arguments, status=(0, 4)):
+    done = subprocess.run([BINARY, *map(str, arguments)], capture_output=True, text=True, timeout=900)
+    if done.returncode not in status:
+        raise AssertionError(f"{arguments}: status {done.returncode}\n{done.stdout}\n{done.stderr}")
+    return done
+
+
+def product(a, b):
+    """Hamilton product of quaternions w, x, y, z."""
+    return (
+        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
+        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
+        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
+        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
+    )
+
+
+def turned(quaternion, turn_rad):
+    """The attitude of a frame that has turned by a small vector in its own axes."""
+    small = (1.0, *(-0.5 * angle for angle in turn_rad))
+    norm = math.sqrt(sum(part * part for part in small))
+    return product(tuple(part / norm for part in small), quaternion)
+
+
+def change_log(case, change):
+    """Rewrites the log of a case: `change` takes the row's quaternion and the frame's row, and returns another one."""
+    frames = {row["frame"]: row for row in csv.DictReader((case / "frames.csv").open())}
+    path = case / "tracker_log.csv"
+    rows = list(csv.DictReader(path.open()))
+    for row in rows:
+        if row["q_w"]:
+            before = tuple(float(row[name]) for name in ("q_w", "q_x", "q_y", "q_z"))
+            after = change(before, row, frames[row["frame"]])
+            row.update(zip(("q_w", "q_x", "q_y", "q_z"), (f"{part:.15f}" for part in after)))
+    with path.open("w", newline="") as out:
+        writer = csv.DictWriter(out, rows[0].keys())
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def cedar_python():
+    """Returns the Python of the environment with cedar-solve, and makes it where there is none."""
+    python = ENVIRONMENT / "bin/python"
+    check = [str(python), "-c", "import tetra3, numpy, scipy"]
+    if not python.exists() or subprocess.run(check, capture_output=True).returncode != 0:
+        shutil.rmtree(ENVIRONMENT, ignore_errors=True)
+        venv.create(ENVIRONMENT, with_pip=True)
+        install = [str(python), "-m", "pip", "install", "-q", "--disable-pip-version-check", CEDAR_SOLVE]
+        subprocess.run(install, check=True, timeout=900)
+    return python
+
+
+class Flown:
+    """A plan that has been flown, and its report."""
+
+    def __init__(self, folder):
+        self.folder = Path(folder)
+
+    @property
+    def report(self):
+        return json.loads((self.folder / "report.json").read_text())
+
+    def copy(self, name):
+        other = self.folder.parent / name
+        shutil.rmtree(other, ignore_errors=True)
+        shutil.copytree(self.folder, other)
+        return Flown(other)
+
+    def cases(self):
+        return [self.folder / name for name in json.loads((self.folder / "plan.json").read_text())["cases"]]
+
+    def changed(self, name, change):
+        """A copy whose logs have been changed, reported again."""
+        other = self.copy(name)
+        for case in other.cases():
+            change_log(case, change)
+        starloop("report", other.folder)
+        return other
+
+    def metric(self, identifier, case=None):
+        found = [m for m in self.report["metrics"] if m["id"] == identifier and m["case"] == case]
+        assert len(found) == 1, (identifier, case, [m["id"] for m in self.report["metrics"]])
+        return found[0]
+
+
+class Reports(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory(prefix="tracker_report")
+        cls.addClassCleanup(cls.folder.cleanup)
+        cls.flown = Flown(Path(cls.folder.name) / "built_in")
+        cls.done = starloop("fly", PLAN, "--out", cls.flown.folder, "--quiet")
+
+    def assert_holds(self, metric, truth, is_held=True):
+        held = metric["low"] <= truth <= metric["high"]
+        self.assertEqual(held, is_held, f"{metric['id']}: {truth} and {metric['low']} .. {metric['high']}")
+
+    def assert_shifted(self, other, identifier, by):
+        """A metric of a changed log is that of the log before, shifted, within its interval."""
+        self.assert_holds(other.metric(identifier), self.flown.metric(identifier)["value"] + by)
+
+    def test_the_built_in_tracker_meets_the_short_plan(self):
+        self.assertEqual(self.done.returncode, 0, self.done.stdout)
+        self.assertTrue(self.done.stdout.startswith("PASSED: built-in tracker"), self.done.stdout)
+        report = self.flown.report
+        self.assertEqual(report["schema"], "starloop.report/1")
+        self.assertTrue(report["is_met"])
+        wanted = """bias.x bias.directional bias.rotational fov_spatial_error.x pixel_spatial_error.x temporal_noise.x
+            noise_equivalent_angle.x absolute_measurement_error.directional measurement_date_error aberration_residual drift.x
+            mean_drift_error.x acquisition_probability acquisition_confidence acquisition_time.median tracking_probability
+            false_solution_probability"""
+        for identifier in wanted.split():
+            self.assertTrue(math.isfinite(self.flown.metric(identifier)["value"]), identifier)
+        for name in ("slew 1", "stray light 2000000", "protons 300", "warmer 40", "acceleration 0.5"):
+            self.flown.metric("tracking_probability", name)
+        flooded = self.flown.metric("recovery_time", "stray light 2000000")
+        self.assertGreater(flooded["value"], 5.0, "no attitude in six seconds of light")
+
+    def test_files_of_the_report(self):
+        html = (self.flown.folder / "report.html").read_text()
+        self.assertLess(len(html.encode()), MOST_BYTES)
+        self.assertIn("PASSED", html.split("<h2>")[0])
+        self.assertFalse(re.search(r"<(script|link|img|iframe)|src=|url\(", html), "it needs no other file")
+        for inside in re.findall(r"<svg.*?</svg>", html, re.DOTALL):
+            xml.etree.ElementTree.fromstring(inside)
+        self.assertGreaterEqual(html.count("<svg"), 10)
+        suite = xml.etree.ElementTree.parse(self.flown.folder / "report.xml").getroot().find("testsuite")
+        self.assertEqual(suite.get("tests"), "9")
+        self.assertEqual(suite.get("failures"), "0")
+        files = {row["path"]: row["sha256"] for row in self.flown.report["provenance"]["files"]}
+        self.assertIn("lost_in_space/tracker_log.csv", files)
+        import hashlib
+
+        log = (self.flown.folder / "lost_in_space/tracker_log.csv").read_bytes()
+        self.assertEqual(files["lost_in_space/tracker_log.csv"], hashlib.sha256(log).hexdigest())
+
+    def test_a_plan_repeats_bit_for_bit(self):
+        other = Path(self.folder.name) / "again"
+        starloop("fly", PLAN, "--out", other, "--quiet", "--case", "slew", "--case", "protons")
+        names = json.loads((other / "plan.json").read_text())["cases"]
+        self.assertEqual(len(names), 8)
+        for name in names:
+            for file in ("frames.csv", "tracker_log.csv"):
+                self.assertEqual((other / name / file).read_bytes(), (self.flown.folder / name / file).read_bytes())
+        self.assertNotEqual((other / names[0] / "frames.csv").read_bytes(), (other / names[1] / "frames.csv").read_bytes())
+
+    def test_an_added_bias_comes_back(self):
+        bias = (25.0, -40.0, 300.0)
+        turn = tuple(angle * ARCSEC for angle in bias)
+        other = self.flown.changed("biased", lambda q, row, frame: turned(q, turn))
+        for identifier, by in zip(("bias.x", "bias.y", "bias.rotational"), bias):
+            self.assert_shifted(other, identifier, by)
+        # The controls: the other sign, and the axes swapped.
+        self.assert_holds(other.metric("bias.x"), -25.0, is_held=False)
+        self.assert_holds(other.metric("bias.x"), -40.0, is_held=False)
+        self.assertFalse(other.report["is_met"], "a limit of 10 arcsec")
+
+    def test_added_noise_comes_back(self):
+        dice = random.Random(5)
+        sigma = (30.0, 45.0, 400.0)
+        noisy = self.flown.changed(
+            "noisy", lambda q, row, frame: turned(q, [dice.gauss(0, s * ARCSEC) for s in sigma])
+        )
+        for axis, added in zip(("x", "y", "rotational"), sigma):
+            before = self.flown.metric(f"temporal_noise.{axis}")["value"]
+            self.assert_holds(noisy.metric(f"temporal_noise.{axis}"), math.hypot(before, added))
+        self.assert_holds(noisy.metric("temporal_noise.x"), 45.0, is_held=False)
+
+    def test_a_late_time_tag_comes_back(self):
+        def late(q, row, frame):
+            row["tai_ns"] = str(int(row["tai_ns"]) + 20_000_000)
+            return q
+
+        other = self.flown.changed("late", late)
+        self.assert_shifted(other, "measurement_date_error", 20.0)
+        self.assert_shifted(other, "time_tag_error", 20.0)
+        self.assert_holds(other.metric("measurement_date_error"), -20.0, is_held=False)
+
+    def test_an_attitude_of_an_earlier_time_is_a_date_error_too(self):
+        def lagging(q, row, frame):
+            rate = [math.radians(float(frame[f"rate_{axis}_deg_s"])) for axis in "xyz"]
+            return turned(q, [-0.02 * part for part in rate])
+
+        other = self.flown.changed("lagging", lagging)
+        self.assert_shifted(other, "measurement_date_error", 20.0)
+        self.assertAlmostEqual(other.metric("time_tag_error")["value"], 0.0, places=6)
+
+    def test_added_drift_comes_back(self):
+        per_hour = (600.0, -300.0, 9000.0)
+        case = self.flown.folder / "drift"
+        zero = int(next(csv.DictReader((case / "frames.csv").open()))["mid_exposure_tai_ns"])
+
+        def drifting(q, row, frame):
+            hours = (int(frame["mid_exposure_tai_ns"]) - zero) * 1e-9 / 3600
+            return turned(q, [rate * hours * ARCSEC for rate in per_hour])
+
+        other = self.flown.changed("drifting", drifting)
+        for axis, rate in zip(("x", "y", "rotational"), per_hour):
+            self.assert_shifted(other, f"drift.{axis}", rate)
+        self.assert_holds(other.metric("drift.x"), -600.0, is_held=False)
+
+    def test_a_wrong_sign_and_swapped_axes_fail(self):
+        conjugate = self.flown.changed("conjugate", lambda q, row, frame: (q[0], -q[1], -q[2], -q[3]))
+        swapped = self.flown.changed("swapped", lambda q, row, frame: (q[0], q[2], q[1], q[3]))
+        for other in (conjugate, swapped):
+            self.assertFalse(other.report["is_met"])
+            self.assertGreater(other.metric("false_solutions")["value"], 1000)
+            self.assertEqual(other.metric("acquisition_probability")["value"], 0.0)
+        # Said in the log, the sense is right again.
+        for case in conjugate.cases():
+            log = case / "tracker_log.csv"
+            log.write_text("# sense: icrf_from_sensor\n" + log.read_text())
+        starloop("report", conjugate.folder, status=(0,))
+        self.assertTrue(conjugate.report["is_met"])
+
+    def test_a_recorded_run_is_judged_by_any_log(self):
+        run = Path(self.folder.name) / "run"
+        bench = ROOT / "configs/benches/closed_loop_small.toml"
+        settings = ["--set", "timing.duration_s=20.0"]
+        starloop("run", bench, "--clock", "virtual", "--sink", "recorder", "--out", run, "--quiet", *settings, status=(0,))
+        # The truth itself as an AEM is a tracker without errors.
+        starloop("export", run, "--attitude", run / "truth.aem")
+        done = starloop("report", run, "--tracker", run / "truth.aem", status=(0,))
+        self.assertTrue(done.stdout.startswith("PASSED: run"), done.stdout)
+        report = json.loads((run / "report.json").read_text())
+        bias = next(m for m in report["metrics"] if m["id"] == "bias.directional")
+        self.assertLess(bias["value"], 1e-3)
+        self.assertIn(["camera", "small tracker for campaigns"], report["conditions"])
+        provenance = json.loads((run / "provenance.json").read_text())
+        self.assertEqual(provenance["schema"], "starloop.provenance/1")
+        self.assertIn("timing.duration_s=20.0", provenance["command_line"])
+        self.assertTrue(any("small_tracker" in file["path"] for file in provenance["files"]))
+        # Controls: a file of something else, a log of another day.
+        starloop("report", run, "--tracker", run / "summary.json", status=(1,))
+        other_day = run / "other.csv"
+        other_day.write_text("utc,q_w,q_x,q_y,q_z\n2020-01-01T00:00:00Z,1,0,0,0\n")
+        starloop("report", run, "--tracker", other_day, status=(4,))
+
+
+class CedarSolve(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory(prefix="cedar")
+        cls.addClassCleanup(cls.folder.cleanup)
+        cls.python = cedar_python()
+
+    def fly(self, name, camera, *arguments):
+        """Flies the cases lost in space of the short plan with cedar-solve behind a camera."""
+        out = Path(self.folder.name) / name
+        plan = Path(self.folder.name) / f"{name}.toml"
+        text = PLAN.read_text().replace("../cameras/small_tracker.toml", str(ROOT / f"configs/cameras/{camera}.toml"))
+        text = text.replace('requirements = "requirements_small_tracker.toml"\n', "")
+        text = text.replace('kind = "uniform", count = 120', 'kind = "uniform", count = 10')
+        text = text.replace("frame_rate_hz = 2.0", "frame_rate_hz = 1.0").replace("frames = 2\n", "frames = 1\n")
+        plan.write_text(text)
+        command = ["--tracker-command", self.python, CEDAR, "{frames}", "{camera}", "{log}", *arguments]
+        starloop("fly", plan, "--out", out, "--quiet", "--case", "lost in space", "--tracker-name", "cedar-solve", *command)
+        return Flown(out)
+
+    def test_it_solves_frames_of_every_shipped_camera_that_its_field_allows(self):
+        shipped = {path.stem for path in (ROOT / "configs/cameras").glob("*.toml")}
+        self.assertEqual(shipped, set(CAMERAS) | set(TOO_NARROW), "a camera of neither list")
+        for camera, share in CAMERAS.items():
+            with self.subTest(camera=camera):
+                flown = self.fly(camera, camera, "--aberration")
+                self.assertGreaterEqual(flown.metric("acquisition_probability")["value"], share)
+                self.assertEqual(flown.metric("false_solutions")["value"], 0)
+
+    def test_errors_added_to_its_log_come_back(self):
+        out = Path(self.folder.name) / "plan"
+        command = ["--tracker-command", self.python, CEDAR, "{frames}", "{camera}", "{log}", "--aberration"]
+        cases = [word for name in ("inertial", "slew", "drift") for word in ("--case", name)]
+        plan = Path(self.folder.name) / "plan.toml"
+        text = PLAN.read_text().replace("../cameras/", f"{ROOT}/configs/cameras/").replace("count = 40 }\nframes = 15", "count = 12 }\nframes = 6")
+        plan.write_text(text.replace('requirements = "requirements_small_tracker.toml"\n', "").replace("frames = 600", "frames = 120").replace("frames = 40", "frames = 15"))
+        starloop("fly", plan, "--out", out, "--quiet", *cases, "--tracker-name", "cedar-solve", *command)
+        flown = Flown(out)
+        dice = random.Random(6)
+        sigma = 400.0
+
+        def worse(q, row, frame):
+            return turned(q, [dice.gauss(a, s) * ARCSEC for a, s in ((90.0, sigma), (-60.0, sigma), (900.0, sigma))])
+
+        limits = ["--confidence", "0.99"]
+        other = flown.copy("worse")
+        plan_file = json.loads((other.folder / "plan.json").read_text())
+        plan_file.update(false_directional_arcsec=3000.0, false_rotational_arcsec=30000.0)
+        (other.folder / "plan.json").write_text(json.dumps(plan_file))
+        for case in other.cases():
+            change_log(case, worse)
+        starloop("report", other.folder, *limits)
+        starloop("report", flown.folder, *limits)
+        for identifier, by in (("bias.x", 90.0), ("bias.y", -60.0), ("bias.rotational", 900.0)):
+            metric, before = other.metric(identifier), flown.metric(identifier)["value"]
+            self.assertTrue(metric["low"] <= before + by <= metric["high"], f"{metric} {before} {by}")
+        noise, before = other.metric("temporal_noise.x"), flown.metric("temporal_noise.x")["value"]
+        self.assertTrue(noise["low"] <= math.hypot(before, sigma) <= noise["high"], f"{noise} {before}")
+
+    def test_aberration_that_it_does_not_know_is_found(self):
+        out = Path(self.folder.name) / "aberration"
+        plan = Path(self.folder.name) / "aberration.toml"
+        text = PLAN.read_text().replace("../cameras/small_tracker", f"{ROOT}/configs/cameras/star_tracker_20deg")
+        text = text.replace('requirements = "requirements_small_tracker.toml"\n', "").replace("count = 120 }\nframes = 2", "count = 60 }\nframes = 1")
+        plan.write_text(text.replace("frame_rate_hz = 2.0", "frame_rate_hz = 1.0"))
+        command = ["--tracker-command", self.python, CEDAR, "{frames}", "{camera}", "{log}"]
+        starloop("fly", plan, "--out", out, "--quiet", "--case", "lost in space", "--keep-images", *command)
+        flown = Flown(out)
+        residual = flown.metric("aberration_residual")
+        self.assertTrue(residual["low"] <= 20.5 <= residual["high"], f"{residual}")
+        self.assertGreater(residual["low"], 5.0)
+        # The same images with the Earth's velocity taken into account.
+        case = out / "lost_in_space"
+        camera = ROOT / "configs/cameras/star_tracker_20deg.toml"
+        subprocess.run([self.python, CEDAR, case, camera, case / "tracker_log.csv", "--aberration"], check=True)
+        starloop("report", out)
+        residual = flown.metric("aberration_residual")
+        self.assertTrue(residual["low"] <= 0.0 <= residual["high"], f"{residual}")
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,243 @@
+//! `starloop report`: a tracker's log compared with the truth of a run, or of a flown plan.
+
+use crate::cli::provenance;
+use crate::cli::report_json::json_line;
+use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
+use anyhow::{Context, Result, bail};
+use clap::Args;
+use frames::sink::write_file_atomically;
+use performance::assess::{Assessment, Settings, assess};
+use performance::case_folder::{CASE, LOG, PLAN, PlanFile, read_case};
+use performance::provenance::{FileHash, Provenance};
+use performance::record::Case;
+use performance::report::{MOST_HTML_BYTES, Report, to_html, to_junit};
+use performance::requirements::Requirements;
+use run::wiring::sinks::directory_of_head;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Names of browsers that print to PDF.
+const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
+
+/// Command line of `report`.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Writes report.html, report.json and report.xml (JUnit) into RUN, or beside --out. Exit status 4 where a \
+                        requirement is not met. Columns of logs and keys of requirements: src/guide/reports.md."
+)]
+pub struct ReportArgs {
+    /// Folder of a recorded run (with frames.csv), or of a plan that `starloop fly` has flown
+    run: PathBuf,
+    /// Log of the tracker: a table with a header, lines of JSON, CCSDS AEM, STK .a [default: tracker_log.csv in the folder]
+    #[arg(long, value_name = "LOG")]
+    tracker: Option<PathBuf>,
+    /// Requirements (TOML); without them: no false solution, and half of the attitudes acquired
+    #[arg(long, value_name = "FILE")]
+    requirements: Option<PathBuf>,
+    /// Camera head of a run that has several, counted from 0
+    #[arg(long, value_name = "N")]
+    head: Option<usize>,
+    /// Confidence of intervals [default: 0.95, of a plan its own]
+    #[arg(long, value_name = "L", value_parser = share)]
+    confidence: Option<f64>,
+    /// Probability at which performances are stated [default: 0.997, of a plan its own]
+    #[arg(long, value_name = "P", value_parser = share)]
+    probability: Option<f64>,
+    /// Report to write; the others have its name with .json, .xml and .pdf [default: report.html in RUN]
+    #[arg(long, value_name = "FILE.html")]
+    out: Option<PathBuf>,
+    /// Write the report as PDF too, through Chromium
+    #[arg(long)]
+    pdf: bool,
+    /// Print the report as one line of JSON instead of the verdict
+    #[arg(long)]
+    json: bool,
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    let share = text.parse::<f64>().ok().filter(|share| (0.5..1.0).contains(share));
+    share.ok_or_else(|| format!("got \"{text}\", wanted a number from 0.5 to below 1"))
+}
+
+/// Where and how a report is written.
+pub(super) struct Writing<'a> {
+    /// The HTML file.
+    pub(super) out: &'a Path,
+    /// Print JSON instead of the verdict.
+    pub(super) json: bool,
+    /// Make a PDF too.
+    pub(super) pdf: bool,
+}
+
+/// Everything that a report is made from.
+pub(super) struct Parts {
+    pub(super) title: String,
+    pub(super) cases: Vec<Case>,
+    pub(super) settings: Settings,
+    pub(super) requirements: Requirements,
+    pub(super) conditions: Vec<(String, String)>,
+    pub(super) provenance: Provenance,
+}
+
+/// Runs the command; the exit status.
+///
+/// # Errors
+/// With what could not be done, and why.
+pub fn run(arguments: &ReportArgs) -> Result<u8> {
+    let plan = PlanFile::read(&arguments.run)?;
+    let mut parts = match &plan {
+        Some(plan) => of_plan(&arguments.run, plan, arguments)?,
+        None => of_run(arguments)?,
+    };
+    let settings = &mut parts.settings;
+    settings.confidence = arguments.confidence.unwrap_or(settings.confidence);
+    settings.probability = arguments.probability.unwrap_or(settings.probability);
+    if let Some(path) = &arguments.requirements {
+        parts.requirements = read_requirements(path)?;
+        parts.provenance.files.push(provenance::file(path)?);
+    }
+    let out = arguments.out.clone().unwrap_or_else(|| arguments.run.join("report.html"));
+    write(&parts, &Writing { out: &out, json: arguments.json, pdf: arguments.pdf })
+}
+
+/// Reads a file of requirements.
+pub(super) fn read_requirements(path: &Path) -> Result<Requirements> {
+    let name = path.display().to_string();
+    let text = std::fs::read_to_string(path).with_context(|| name.clone())?;
+    Requirements::parse(&text, &name)
+}
+
+/// Reads a flown plan.
+pub(super) fn of_plan(folder: &Path, plan: &PlanFile, arguments: &ReportArgs) -> Result<Parts> {
+    if arguments.tracker.is_some() {
+        bail!("--tracker: got the folder of a flown plan, in which each case has its log, {LOG}; leave it out");
+    }
+    parts_of_plan(folder, plan)
+}
+
+/// Reads the cases of a flown plan.
+pub(super) fn parts_of_plan(folder: &Path, plan: &PlanFile) -> Result<Parts> {
+    let mut provenance = provenance::provenance();
+    let mut files = vec![folder.join(PLAN)];
+    let mut cases = Vec::new();
+    for name in &plan.cases {
+        let case = folder.join(name);
+        cases.push(read_case(&case, None)?);
+        files.extend(["run.toml", CASE, "frames.csv", LOG].map(|file| case.join(file)));
+    }
+    provenance.files = hashes(&files, folder)?;
+    let kept = folder.join("requirements.toml");
+    let requirements = if kept.exists() { read_requirements(&kept)? } else { Requirements::usual() };
+    let conditions = vec![
+        ("plan".to_owned(), plan.name.clone()),
+        ("tracker under test".into(), plan.tracker.clone()),
+        ("camera".into(), plan.camera.clone()),
+        ("cases".into(), plan.cases.len().to_string()),
+    ];
+    provenance.seeds = earlier(folder).map(|earlier| earlier.seeds).unwrap_or_default();
+    let title = format!("{}, {}", plan.tracker, plan.name);
+    Ok(Parts { title, cases, settings: plan.settings(), requirements, conditions, provenance })
+}
+
+/// The hashes of files, by their names below the folder.
+fn hashes(files: &[PathBuf], folder: &Path) -> Result<Vec<FileHash>> {
+    let hash =
+        |path: &PathBuf| FileHash::of_file(path, &path.strip_prefix(folder).unwrap_or(path).display().to_string());
+    files.iter().filter(|path| path.exists()).map(hash).collect()
+}
+
+/// Where the folder's own results come from.
+fn earlier(folder: &Path) -> Option<Provenance> {
+    serde_json::from_str(&std::fs::read_to_string(folder.join(provenance::FILE)).ok()?).ok()
+}
+
+/// Reads one recorded run.
+fn of_run(arguments: &ReportArgs) -> Result<Parts> {
+    let folder = directory_of_head(&arguments.run, arguments.head);
+    let mut case = read_case(&folder, arguments.tracker.as_deref())?;
+    if case.name.starts_with("head") || case.name == "run" {
+        case.name = arguments.run.file_name().map_or(case.name, |name| name.to_string_lossy().into_owned());
+    }
+    let mut provenance = provenance::provenance();
+    let log = arguments.tracker.clone().unwrap_or_else(|| folder.join(LOG));
+    let own = [folder.join("frames.csv"), arguments.run.join("summary.json"), arguments.run.join(provenance::FILE)];
+    provenance.files = hashes(&own, &arguments.run)?;
+    provenance.files.push(provenance::file(&log)?);
+    let mut conditions = conditions_of_run(&arguments.run);
+    conditions.push(("tracker's log".into(), log.display().to_string()));
+    if let Some(earlier) = earlier(&arguments.run) {
+        conditions.push(("run made by".into(), earlier.command_line.join(" ")));
+        provenance.seeds = earlier.seeds;
+        provenance.files.extend(earlier.files);
+    }
+    let (title, requirements) = (case.name.clone(), Requirements::usual());
+    Ok(Parts { title, cases: vec![case], settings: Settings::default(), requirements, conditions, provenance })
+}
+
+/// The conditions of a run, from its summary.
+fn conditions_of_run(folder: &Path) -> Vec<(String, String)> {
+    let text = std::fs::read_to_string(folder.join("summary.json")).unwrap_or_default();
+    let summary: serde_json::Value = serde_json::from_str(&text).unwrap_or_default();
+    let wanted =
+        ["bench", "camera", "backend", "clock", "start_utc", "duration_s", "frame_period_s", "seed", "noise_seed"];
+    let value = |key: &str| {
+        let value = summary.get(key)?;
+        Some((key.replace('_', " "), value.as_str().map_or_else(|| value.to_string(), str::to_owned)))
+    };
+    let mut found: Vec<(String, String)> = wanted.iter().filter_map(|key| value(key)).collect();
+    let faults = summary.get("faults").and_then(serde_json::Value::as_object);
+    let faults = faults.into_iter().flatten().map(|(name, count)| (format!("frames with {name}"), count.to_string()));
+    found.extend(faults);
+    found
+}
+
+/// Assesses, writes all files and prints the verdict; the exit status.
+pub(super) fn write(parts: &Parts, writing: &Writing<'_>) -> Result<u8> {
+    let assessment: Assessment = assess(&parts.cases, &parts.settings);
+    let judged = parts.requirements.judge(&assessment.metrics);
+    let report =
+        Report::new(parts.title.clone(), &assessment, judged, parts.conditions.clone(), parts.provenance.clone());
+    let html = to_html(&report, &assessment);
+    if html.len() > MOST_HTML_BYTES {
+        bail!("the report has {} bytes; wanted at most {MOST_HTML_BYTES}: report on fewer cases", html.len());
+    }
+    let json = report.to_json()?;
+    save(writing.out, &html)?;
+    save(&writing.out.with_extension("json"), &json)?;
+    save(&writing.out.with_extension("xml"), &to_junit(&report))?;
+    if writing.pdf {
+        print_pdf(writing.out)?;
+    }
+    if writing.json {
+        println!("{}", json_line("report", &report)?);
+    } else {
+        println!("{}", report.verdict);
+        println!("{}", writing.out.display());
+    }
+    Ok(if report.is_met { EXIT_DONE } else { EXIT_NOT_MET })
+}
+
+fn save(path: &Path, text: &str) -> Result<()> {
+    write_file_atomically(path, |out| out.write_all(text.as_bytes())).with_context(|| path.display().to_string())?;
+    Ok(())
+}
+
+/// Prints the HTML file into a PDF beside it.
+fn print_pdf(html: &Path) -> Result<()> {
+    let pdf = html.with_extension("pdf");
+    let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.into()).display().to_string();
+    let profile = tempfile::tempdir().context("--pdf")?;
+    for browser in BROWSERS {
+        let mut command = Command::new(browser);
+        command.args(["--headless", "--no-sandbox", "--disable-gpu", "--no-pdf-header-footer"]);
+        command.arg(format!("--user-data-dir={}", profile.path().display()));
+        command.arg(format!("--print-to-pdf={}", absolute(&pdf))).arg(format!("file://{}", absolute(html)));
+        match command.output() {
+            Ok(output) if output.status.success() && pdf.exists() => return Ok(()),
+            Ok(output) => bail!("--pdf: {browser} ended with {} and made no {}", output.status, pdf.display()),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
+            Err(error) => return Err(error).with_context(|| format!("--pdf: {browser}")),
+        }
+    }
+    bail!("--pdf: found none of {}; wanted one of them on the PATH", BROWSERS.join(", "))
+}

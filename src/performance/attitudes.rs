@@ -1,0 +1,193 @@
+//! Attitudes of a test plan: one, a grid over the field, shifts by parts of a pixel, uniform over all, away from the Sun.
+
+use crate::attitude_error::turned;
+use anyhow::{Result, bail};
+use base::axes::sensor_from_ra_dec_roll;
+use base::time::Tai;
+use glam::{DQuat, DVec3};
+use run::wiring::seeded::uniforms;
+use serde::Deserialize;
+use testbed::spacecraft::sun_direction_icrf;
+
+/// Most attitudes of a case.
+const MOST: u32 = 100_000;
+
+/// How a case's attitudes are chosen.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+pub enum Attitudes {
+    /// One.
+    Fixed {
+        /// Right ascension of the boresight, deg.
+        ra_deg: f64,
+        /// Its declination, deg.
+        dec_deg: f64,
+        /// Position angle of image up, deg.
+        #[serde(default)]
+        roll_deg: f64,
+    },
+    /// Directions on a square grid about one, so that the stars move over the field.
+    Grid {
+        /// Right ascension of the middle, deg.
+        ra_deg: f64,
+        /// Its declination, deg.
+        dec_deg: f64,
+        /// Position angle of image up, deg.
+        #[serde(default)]
+        roll_deg: f64,
+        /// Directions along each side.
+        steps: u32,
+        /// Length of a side, deg.
+        span_deg: f64,
+    },
+    /// Shifts on a square grid about one direction, in pixels.
+    Shifts {
+        /// Right ascension of the first, deg.
+        ra_deg: f64,
+        /// Its declination, deg.
+        dec_deg: f64,
+        /// Position angle of image up, deg.
+        #[serde(default)]
+        roll_deg: f64,
+        /// Shifts along each side.
+        steps: u32,
+        /// From one to the next, px.
+        step_px: f64,
+    },
+    /// Uniform over all attitudes, from the plan's seed.
+    Uniform {
+        /// How many.
+        count: u32,
+    },
+    /// At an angle from the Sun: the sweep's value.
+    FromSun {
+        /// Directions about the Sun.
+        count: u32,
+    },
+}
+
+impl Attitudes {
+    /// Returns the attitudes, `sensor_from_icrf`. `pixel_rad` is the angle of a pixel, `value` that of the sweep.
+    ///
+    /// # Errors
+    /// With what is out of range.
+    pub fn list(&self, seed: u64, pixel_rad: f64, at: Tai, value: Option<f64>) -> Result<Vec<DQuat>> {
+        match *self {
+            Self::Fixed { ra_deg, dec_deg, roll_deg } => Ok(vec![pointing(ra_deg, dec_deg, roll_deg)?]),
+            Self::Grid { ra_deg, dec_deg, roll_deg, steps, span_deg } => {
+                let step = span_deg.to_radians() / f64::from(steps.saturating_sub(1).max(1));
+                grid(pointing(ra_deg, dec_deg, roll_deg)?, steps, step)
+            }
+            Self::Shifts { ra_deg, dec_deg, roll_deg, steps, step_px } => {
+                grid(pointing(ra_deg, dec_deg, roll_deg)?, steps, step_px * pixel_rad)
+            }
+            Self::Uniform { count } => {
+                check(count)?;
+                Ok((0..count).map(|number| uniform(seed, number)).collect())
+            }
+            Self::FromSun { count } => {
+                check(count)?;
+                let Some(angle_deg) = value.filter(|angle| (0.0..=180.0).contains(angle)) else {
+                    bail!("attitudes of kind \"from_sun\": wanted a sweep of angles from 0 to 180 deg");
+                };
+                Ok((0..count).map(|number| from_sun(angle_deg.to_radians(), number, count, at)).collect())
+            }
+        }
+    }
+}
+
+fn check(count: u32) -> Result<()> {
+    if count == 0 || count > MOST {
+        bail!("attitudes: got {count}, wanted 1 to {MOST}");
+    }
+    Ok(())
+}
+
+fn pointing(ra_deg: f64, dec_deg: f64, roll_deg: f64) -> Result<DQuat> {
+    let is_good = ra_deg.is_finite() && roll_deg.is_finite() && (-90.0..=90.0).contains(&dec_deg);
+    if !is_good {
+        bail!(
+            "attitudes: got ra_deg {ra_deg}, dec_deg {dec_deg}, roll_deg {roll_deg}; wanted degrees, a declination from -90 to 90"
+        );
+    }
+    Ok(sensor_from_ra_dec_roll(ra_deg.to_radians(), dec_deg.to_radians(), roll_deg.to_radians()).quat())
+}
+
+/// A square grid about an attitude, by small turns about x and y.
+fn grid(middle: DQuat, steps: u32, step_rad: f64) -> Result<Vec<DQuat>> {
+    check(steps.saturating_mul(steps))?;
+    if !step_rad.is_finite() {
+        bail!("attitudes: got a step of {step_rad} rad, wanted a finite one");
+    }
+    let offset = |number: u32| (f64::from(number) - 0.5 * f64::from(steps - 1)) * step_rad;
+    let places = (0..steps * steps).map(|number| (offset(number % steps), offset(number / steps)));
+    Ok(places.map(|(x, y)| turned(middle, DVec3::new(x, y, 0.0))).collect())
+}
+
+/// Uniform over all attitudes (Shoemake 1992).
+fn uniform(seed: u64, number: u32) -> DQuat {
+    use core::f64::consts::TAU;
+    let mixed = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(u64::from(number));
+    let [u1, u2, u3] = uniforms(mixed);
+    let (a, b) = ((1.0 - u1).sqrt(), u1.sqrt());
+    let ((s2, c2), (s3, c3)) = ((TAU * u2).sin_cos(), (TAU * u3).sin_cos());
+    DQuat::from_xyzw(a * s2, a * c2, b * s3, b * c3)
+}
+
+/// A boresight at an angle from the Sun, one of `count` directions about it.
+fn from_sun(angle_rad: f64, number: u32, count: u32, at: Tai) -> DQuat {
+    let sun = sun_direction_icrf(at).normalize();
+    let side = sun.any_orthonormal_vector();
+    let about = core::f64::consts::TAU * f64::from(number) / f64::from(count);
+    let axis = DQuat::from_axis_angle(sun, about) * side;
+    let boresight = DQuat::from_axis_angle(axis, angle_rad) * sun;
+    // v_sensor = q v_icrf q*: the rotation that takes the boresight to +z.
+    DQuat::from_rotation_arc(boresight, DVec3::Z)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at() -> Tai {
+        Tai::from_rfc3339("2026-03-01T00:00:00Z").unwrap()
+    }
+
+    #[test]
+    fn uniform_attitudes_are_uniform() {
+        let all = Attitudes::Uniform { count: 4000 }.list(1, 0.0, at(), None).unwrap();
+        // Of a uniform attitude every coordinate of a turned axis has the mean 0 and the variance 1/3.
+        for axis in [DVec3::X, DVec3::Z] {
+            let seen: Vec<DVec3> = all.iter().map(|q| *q * axis).collect();
+            let mean = seen.iter().sum::<DVec3>() / 4000.0;
+            let square = seen.iter().map(|v| v.powf(2.0)).sum::<DVec3>() / 4000.0;
+            assert!(mean.length() < 0.05, "{mean}");
+            assert!((square - DVec3::splat(1.0 / 3.0)).length() < 0.03, "{square}");
+        }
+        let other = Attitudes::Uniform { count: 1 }.list(2, 0.0, at(), None).unwrap();
+        assert_ne!(all[0], other[0], "the seed counts");
+    }
+
+    #[test]
+    fn shifts_are_parts_of_a_pixel() {
+        let shifts = Attitudes::Shifts { ra_deg: 10.0, dec_deg: 20.0, roll_deg: 30.0, steps: 4, step_px: 0.25 };
+        let all = shifts.list(1, 1e-3, at(), None).unwrap();
+        assert_eq!(all.len(), 16);
+        let turn = crate::attitude_error::attitude_error(all[1], all[0]);
+        // Small turns do not commute: the rest is of second order.
+        assert!((turn - DVec3::X * 0.25e-3).length() < 1e-7, "{turn}");
+    }
+
+    #[test]
+    fn boresights_are_at_the_angle_from_the_sun() {
+        let all = Attitudes::FromSun { count: 3 }.list(1, 0.0, at(), Some(40.0)).unwrap();
+        for q in &all {
+            let boresight = q.conjugate() * DVec3::Z;
+            let angle = boresight.angle_between(sun_direction_icrf(at())).to_degrees();
+            assert!((angle - 40.0).abs() < 1e-9, "{angle}");
+        }
+        assert!((all[0] * all[1].conjugate()).w.abs() < 0.999, "they differ");
+        assert!(Attitudes::FromSun { count: 3 }.list(1, 0.0, at(), None).is_err());
+        assert!(Attitudes::Uniform { count: 0 }.list(1, 0.0, at(), None).is_err());
+    }
+}

@@ -1,0 +1,235 @@
+//! Whether there is an attitude: acquisition, tracking, false solutions, loss and recovery.
+
+use crate::metric::{Kind, Metric, Reading};
+use crate::record::{Fate, Judged, JudgedCase, Use};
+use crate::statistics::{Estimate, confidence_of, quantile, share};
+
+const ACQUISITION: Kind = Kind {
+    id: "acquisition_probability",
+    unit: "share",
+    reading: Reading::Ensemble,
+    how: "attitudes that were found, and rightly at first, over attitudes; Clopper and Pearson",
+};
+const ACQUISITION_CONFIDENCE: Kind = Kind {
+    id: "acquisition_confidence",
+    unit: "share",
+    reading: Reading::Ensemble,
+    how: "confidence that the probability of acquisition is at least the report's: L = I_(1-P)(n_fail + 1, n_sim - n_fail + 1)",
+};
+const ACQUISITION_TIME: Kind = Kind {
+    id: "acquisition_time",
+    unit: "s",
+    reading: Reading::Ensemble,
+    how: "start of the first exposure to the first right attitude, where it was found; order statistics",
+};
+const TRACKING: Kind = Kind {
+    id: "tracking_probability",
+    unit: "share",
+    reading: Reading::Mixed,
+    how: "right attitudes over frames from the first right one on; Clopper and Pearson",
+};
+const FALSE: Kind = Kind {
+    id: "false_solution_probability",
+    unit: "share",
+    reading: Reading::Mixed,
+    how: "attitudes beyond the limits of a false one, over frames; Clopper and Pearson",
+};
+const FALSE_COUNT: Kind = Kind {
+    id: "false_solutions",
+    unit: "count",
+    reading: Reading::Mixed,
+    how: "attitudes beyond the limits of a false one",
+};
+const LOSSES: Kind = Kind {
+    id: "losses",
+    unit: "count",
+    reading: Reading::Temporal,
+    how: "times that attitudes ceased after the first right one",
+};
+const RECOVERY: Kind = Kind {
+    id: "recovery_time",
+    unit: "s",
+    reading: Reading::Temporal,
+    how: "longest time without a right attitude that ended",
+};
+
+/// Returns acquisition of attitudes lost in space, else of the beginning of a run.
+#[must_use]
+pub fn acquisition(cases: &[JudgedCase], confidence: f64, probability: f64) -> Vec<Metric> {
+    let has_lost = cases.iter().any(|case| case.purpose == Use::LostInSpace);
+    let wanted = if has_lost { Use::LostInSpace } else { Use::Run };
+    let mut times_s = Vec::new();
+    let (mut found, mut all) = (0, 0);
+    for group in cases.iter().filter(|case| case.purpose == wanted).flat_map(attitudes) {
+        all += 1;
+        let first = group.iter().find(|frame| !matches!(frame.fate, Fate::Nothing));
+        if let Some(first) = first.filter(|frame| frame.is_right()) {
+            found += 1;
+            times_s.push(since_start_s(&group[0], first));
+        }
+    }
+    let mut metrics = Vec::new();
+    metrics.extend(share(found, all, confidence).map(|share| ACQUISITION.of("", None, share)));
+    if all > 0 {
+        let value = confidence_of(probability, all - found, all);
+        let exact = Estimate { value, low: value, high: value, count: all as f64 };
+        metrics.push(ACQUISITION_CONFIDENCE.of("", None, exact));
+    }
+    for (name, p) in [("median", 0.5), ("at_probability", probability)] {
+        metrics.extend(quantile(&times_s, p, confidence).map(|time| ACQUISITION_TIME.of(name, None, time)));
+    }
+    metrics
+}
+
+/// Frames of each attitude.
+fn attitudes(case: &JudgedCase) -> impl Iterator<Item = &[Judged]> {
+    case.frames.chunk_by(|a, b| a.truth.group == b.truth.group)
+}
+
+fn since_start_s(first: &Judged, solved: &Judged) -> f64 {
+    let between_s = (solved.truth.mid_ns - first.truth.mid_ns) as f64 * 1e-9;
+    between_s
+        + 0.5 * (first.truth.exposure_s - solved.truth.exposure_s)
+        + solved.latency_s.unwrap_or(0.5 * solved.truth.exposure_s + 0.5 * solved.truth.exposure_s)
+}
+
+/// Returns tracking of all undisturbed cases together, and false solutions of all cases.
+#[must_use]
+pub fn tracking(cases: &[JudgedCase], confidence: f64) -> Vec<Metric> {
+    let calm = |case: &&JudgedCase| match case.purpose {
+        Use::Run | Use::Inertial | Use::Drift | Use::FovGrid | Use::PixelGrid => true,
+        Use::Slew | Use::LostInSpace | Use::Stress => false,
+    };
+    let counts = cases.iter().filter(calm).map(tracked);
+    let (right, all) = counts.fold((0, 0), |sum, part| (sum.0 + part.0, sum.1 + part.1));
+    let mut found: Vec<Metric> =
+        share(right, all, confidence).map(|share| TRACKING.of("", None, share)).into_iter().collect();
+    let frames = cases.iter().flat_map(|case| &case.frames);
+    let false_ones = frames.clone().filter(|frame| matches!(frame.fate, Fate::False(_))).count() as u64;
+    found.push(FALSE_COUNT.of("", None, exactly(false_ones)));
+    found.extend(share(false_ones, frames.count() as u64, confidence).map(|share| FALSE.of("", None, share)));
+    found
+}
+
+/// Returns tracking, losses and recovery of one case.
+#[must_use]
+pub fn tracking_of_case(case: &JudgedCase, confidence: f64) -> Vec<Metric> {
+    let name = Some(case.name.as_str());
+    let (right, all) = tracked(case);
+    let mut found: Vec<Metric> =
+        share(right, all, confidence).map(|share| TRACKING.of("", name, share)).into_iter().collect();
+    let gaps = gaps_s(case);
+    found.push(LOSSES.of("", name, exactly(gaps.len() as u64)));
+    let longest = gaps.iter().flatten().copied().reduce(f64::max);
+    found.extend(longest.map(|value| RECOVERY.of("", name, Estimate { value, low: value, high: value, count: 1.0 })));
+    let false_ones = case.frames.iter().filter(|frame| matches!(frame.fate, Fate::False(_))).count() as u64;
+    found.push(FALSE_COUNT.of("", name, exactly(false_ones)));
+    found
+}
+
+fn exactly(count: u64) -> Estimate {
+    let value = count as f64;
+    Estimate { value, low: value, high: value, count: value }
+}
+
+/// Right attitudes and frames from the first right one of each attitude on; all frames where there is none.
+fn tracked(case: &JudgedCase) -> (u64, u64) {
+    let mut sum = (0, 0);
+    for group in attitudes(case) {
+        let first = group.iter().position(Judged::is_right);
+        let from = &group[first.unwrap_or(0)..];
+        sum.0 += from.iter().filter(|frame| frame.is_right()).count() as u64;
+        sum.1 += from.len() as u64;
+    }
+    sum
+}
+
+/// Lengths of the times without a right attitude after the first one; `None`: it did not end.
+fn gaps_s(case: &JudgedCase) -> Vec<Option<f64>> {
+    let mut gaps = Vec::new();
+    for group in attitudes(case) {
+        let mut last: Option<&Judged> = None;
+        let mut is_lost = false;
+        for frame in group {
+            match (frame.is_right(), last) {
+                (true, Some(before)) if is_lost => {
+                    gaps.push(Some((frame.truth.mid_ns - before.truth.mid_ns) as f64 * 1e-9));
+                    is_lost = false;
+                    last = Some(frame);
+                }
+                (true, _) => last = Some(frame),
+                (false, Some(_)) => is_lost = true,
+                (false, None) => {}
+            }
+        }
+        if is_lost {
+            gaps.push(None);
+        }
+    }
+    gaps
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::synthetic::{Frame, judged};
+    use glam::DVec3;
+
+    /// A letter for each frame: r right, f false, - nothing; a blank begins another attitude.
+    fn frames(letters: &str) -> Vec<Frame> {
+        let mut group = 0;
+        let mut frames = Vec::new();
+        for (i, letter) in letters.chars().enumerate() {
+            let error = match letter {
+                'r' => Some(DVec3::ONE),
+                'f' => Some(DVec3::X * 5000.0),
+                '-' => None,
+                _ => {
+                    group += 1;
+                    continue;
+                }
+            };
+            let rate_rad_s = DVec3::ZERO;
+            frames.push(Frame { t_s: 0.5 * i as f64, group, rate_rad_s, error_arcsec: error, tag_s: 0.0 });
+        }
+        frames
+    }
+
+    fn value(metrics: &[Metric], id: &str) -> f64 {
+        metrics.iter().find(|metric| metric.id == id).unwrap().value
+    }
+
+    #[test]
+    fn an_attitude_is_acquired_when_its_first_answer_is_right() {
+        let case = judged(Use::LostInSpace, &frames("r -r --r fr --- rr"));
+        let found = acquisition(&[case], 0.95, 0.9);
+        assert!((value(&found, "acquisition_probability") - 4.0 / 6.0).abs() < 1e-12);
+        // By hand: more than two failures in seven trials at 10 %.
+        let few: f64 = (0..=2).map(|k| [1.0, 7.0, 21.0][k] * 0.1_f64.powi(k as i32) * 0.9_f64.powi(7 - k as i32)).sum();
+        assert!((value(&found, "acquisition_confidence") - (1.0 - few)).abs() < 1e-9);
+        // 0.3 s after the start of its exposure, and 0, 0, 1 or 2 frames of 0.5 s later.
+        assert!((value(&found, "acquisition_time.median") - 0.3).abs() < 1e-9);
+        assert!((value(&found, "acquisition_time.at_probability") - 1.3).abs() < 1e-9);
+    }
+
+    #[test]
+    fn tracking_counts_from_the_first_right_attitude() {
+        let cases = [judged(Use::Inertial, &frames("--rr-r r--- ---"))];
+        let found = tracking(&cases, 0.95);
+        assert!((value(&found, "tracking_probability") - 4.0 / 11.0).abs() < 1e-12, "{found:?}");
+        assert_eq!(value(&found, "false_solutions"), 0.0);
+        let with_false = tracking(&[judged(Use::Stress, &frames("rrfrf"))], 0.95);
+        assert_eq!(value(&with_false, "false_solutions"), 2.0);
+        assert!((value(&with_false, "false_solution_probability") - 0.4).abs() < 1e-12);
+    }
+
+    #[test]
+    fn losses_and_the_longest_recovery_are_found() {
+        let found = tracking_of_case(&judged(Use::Stress, &frames("-rr-rr----rr--")), 0.95);
+        assert_eq!(value(&found, "losses"), 3.0, "the last one does not end");
+        assert!((value(&found, "recovery_time") - 2.5).abs() < 1e-9);
+        let calm = tracking_of_case(&judged(Use::Stress, &frames("rrrr")), 0.95);
+        assert_eq!(value(&calm, "losses"), 0.0);
+        assert!(calm.iter().all(|metric| metric.id != "recovery_time"));
+    }
+}

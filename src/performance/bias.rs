@@ -1,0 +1,153 @@
+//! Bias: the part of the error that is the same wherever the sensor looks and whenever (ECSS: alignment measurement error and
+//! its stability). The mean over attitudes, or, of one run, over stretches of time.
+
+use crate::attitude_error::directional;
+use crate::metric::{AXES, Kind, Metric, Reading};
+use crate::record::{JudgedCase, Use};
+use crate::statistics::{Estimate, mean};
+use base::units::ARCSEC;
+use glam::DVec3;
+
+const OF_ATTITUDES: Kind = Kind {
+    id: "bias",
+    unit: "arcsec",
+    reading: Reading::Ensemble,
+    how: "mean of the means of attitudes; Student's t over attitudes",
+};
+const OF_TIME: Kind = Kind {
+    id: "bias",
+    unit: "arcsec",
+    reading: Reading::Temporal,
+    how: "mean of the means of stretches of time; Student's t over stretches",
+};
+
+/// Stretches into which one run is cut.
+const STRETCHES: usize = 20;
+/// Fewest attitudes or stretches.
+const FEWEST: usize = 5;
+
+/// Returns the bias per axis and across the boresight, of attitudes where cases are flown for it, else of a run.
+#[must_use]
+pub fn bias(cases: &[JudgedCase], confidence: f64) -> Vec<Metric> {
+    let of = |wanted: &[Use]| cases.iter().filter(|case| wanted.contains(&case.purpose)).collect::<Vec<_>>();
+    let groups: Vec<DVec3> = of(&[Use::Inertial, Use::FovGrid]).into_iter().flat_map(group_means).collect();
+    if groups.len() >= FEWEST {
+        return of_means(&groups, &OF_ATTITUDES, confidence);
+    }
+    let stretches: Vec<DVec3> = of(&[Use::Run]).into_iter().flat_map(|case| stretch_means(case, STRETCHES)).collect();
+    if stretches.len() >= FEWEST { of_means(&stretches, &OF_TIME, confidence) } else { Vec::new() }
+}
+
+fn of_means(means: &[DVec3], kind: &Kind, confidence: f64) -> Vec<Metric> {
+    let axis = |axis: usize| mean(&means.iter().map(|mean| mean[axis]).collect::<Vec<_>>(), confidence);
+    let [Some(x), Some(y), Some(z)] = [axis(0), axis(1), axis(2)] else { return Vec::new() };
+    let mut found: Vec<Metric> = AXES.iter().zip([x, y, z]).map(|(name, axis)| of_axis(kind, name, axis)).collect();
+    found.push(of_axis(kind, "directional", across(x, y)));
+    found
+}
+
+fn of_axis(kind: &Kind, name: &str, axis: Estimate) -> Metric {
+    kind.of(name, None, axis.scaled(1.0 / ARCSEC))
+}
+
+/// The length of a vector of two estimates, with the interval along it.
+fn across(x: Estimate, y: Estimate) -> Estimate {
+    let value = directional(DVec3::new(x.value, y.value, 0.0));
+    let half = |axis: Estimate| 0.5 * (axis.high - axis.low);
+    let [hx, hy] = [half(x), half(y)];
+    let along = if value > 0.0 { (x.value * hx / value).hypot(y.value * hy / value) } else { hx.max(hy) };
+    Estimate { value, low: (value - along).max(0.0), high: value + along, count: x.count }
+}
+
+/// Returns the mean error of each attitude of a case.
+#[must_use]
+pub fn group_means(case: &JudgedCase) -> Vec<DVec3> {
+    groups(case).into_iter().map(|errors| errors.iter().sum::<DVec3>() / errors.len() as f64).collect()
+}
+
+/// Returns the errors of each attitude of a case; attitudes without a solution are left out.
+#[must_use]
+pub fn groups(case: &JudgedCase) -> Vec<Vec<DVec3>> {
+    let mut found: Vec<(u32, Vec<DVec3>)> = Vec::new();
+    for frame in &case.frames {
+        let Some(error) = frame.error_rad() else { continue };
+        match found.last_mut().filter(|(group, _)| *group == frame.truth.group) {
+            Some((_, errors)) => errors.push(error),
+            None => found.push((frame.truth.group, vec![error])),
+        }
+    }
+    found.into_iter().map(|(_, errors)| errors).collect()
+}
+
+/// Returns the mean error of each of so many stretches of time of equal numbers of solutions.
+#[must_use]
+pub fn stretch_means(case: &JudgedCase, stretches: usize) -> Vec<DVec3> {
+    stretches_of(case, stretches).into_iter().map(|(_, error)| error).collect()
+}
+
+/// Returns the mean time, s from the first frame, and mean error of each stretch.
+#[must_use]
+pub fn stretches_of(case: &JudgedCase, stretches: usize) -> Vec<(f64, DVec3)> {
+    let zero_ns = case.frames.first().map_or(0, |frame| frame.truth.mid_ns);
+    let t_s = |at_ns: i64| (at_ns - zero_ns) as f64 * 1e-9;
+    let right = case.frames.iter().filter_map(|frame| Some((t_s(frame.truth.mid_ns), frame.error_rad()?)));
+    let right: Vec<(f64, DVec3)> = right.collect();
+    let each = (right.len() / stretches.max(1)).max(1);
+    let mean = |part: &[(f64, DVec3)]| {
+        let n = part.len() as f64;
+        (part.iter().map(|(t_s, _)| t_s).sum::<f64>() / n, part.iter().map(|(_, error)| *error).sum::<DVec3>() / n)
+    };
+    right.chunks_exact(each).map(mean).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::synthetic::{Dice, Frame, judged};
+
+    fn metric<'a>(metrics: &'a [Metric], id: &str) -> &'a Metric {
+        metrics.iter().find(|metric| metric.id == id).unwrap()
+    }
+
+    fn holds(metric: &Metric, truth: f64) -> bool {
+        (metric.low..=metric.high.unwrap()).contains(&truth)
+    }
+
+    #[test]
+    fn a_bias_comes_back_and_another_does_not() {
+        let mut dice = Dice::new(3);
+        let injected = DVec3::new(7.0, -4.0, 30.0);
+        let frames: Vec<Frame> = (0..60)
+            .flat_map(|group| {
+                let spatial = 2.0 * dice.normals();
+                let noise: Vec<DVec3> = (0..6).map(|_| dice.normals()).collect();
+                noise.into_iter().enumerate().map(move |(i, noise)| {
+                    let t_s = f64::from(group) * 10.0 + i as f64;
+                    Frame::still(t_s, group, injected + spatial + noise)
+                })
+            })
+            .collect();
+        let found = bias(&[judged(Use::Inertial, &frames)], 0.99);
+        for (id, truth) in
+            [("bias.x", 7.0), ("bias.y", -4.0), ("bias.rotational", 30.0), ("bias.directional", 65_f64.sqrt())]
+        {
+            assert!(holds(metric(&found, id), truth), "{:?}", metric(&found, id));
+        }
+        // Controls: a wrong sign, swapped axes.
+        assert!(!holds(metric(&found, "bias.x"), -7.0) && !holds(metric(&found, "bias.y"), 7.0));
+        // The interval is that of 60 attitudes, not of 360 frames.
+        let width = metric(&found, "bias.x").high.unwrap() - metric(&found, "bias.x").low;
+        let wanted = 2.0 * 2.66 * (4.0_f64 + 1.0 / 6.0).sqrt() / 60_f64.sqrt();
+        assert!((width / wanted - 1.0).abs() < 0.35, "{width} {wanted}");
+    }
+
+    #[test]
+    fn a_run_is_cut_into_stretches_and_four_attitudes_are_too_few() {
+        let frames: Vec<Frame> = (0..200).map(|i| Frame::still(f64::from(i), 0, DVec3::new(1.0, 2.0, 3.0))).collect();
+        let found = bias(&[judged(Use::Run, &frames)], 0.95);
+        assert!((metric(&found, "bias.y").value - 2.0).abs() < 1e-6);
+        assert_eq!(metric(&found, "bias.y").reading, Reading::Temporal);
+        let few: Vec<Frame> = (0..4).map(|i| Frame::still(f64::from(i), i, DVec3::ONE)).collect();
+        assert!(bias(&[judged(Use::Inertial, &few)], 0.95).is_empty());
+    }
+}

@@ -1,0 +1,126 @@
+//! The folder of one case: `frames.csv` with the truth, `tracker_log.csv`, `case.json`; and that of a plan, with `plan.json`.
+
+use crate::assess::Settings;
+use crate::log::read_log;
+use crate::record::{Case, FalseLimit, TruthRow, Use};
+use anyhow::{Context, Result, bail};
+use frames::sink::frame_log::{FrameRow, path_in, read_frame_log};
+use glam::{DQuat, DVec3};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+/// Name of a tracker's log in the folder of a case.
+pub const LOG: &str = "tracker_log.csv";
+/// Name of a case's description in its folder.
+pub const CASE: &str = "case.json";
+/// Name of a plan's description in its folder.
+pub const PLAN: &str = "plan.json";
+
+/// Description of a case, beside its frames.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CaseFile {
+    /// Its name.
+    pub name: String,
+    /// Purpose, which decides its metrics.
+    pub purpose: Use,
+    /// Numbers that describe it.
+    pub conditions: BTreeMap<String, f64>,
+    /// Frames that show one attitude.
+    pub frames_per_attitude: u32,
+}
+
+/// Description of a flown plan.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PlanFile {
+    /// Its name.
+    pub name: String,
+    /// The tracker under test, in words.
+    pub tracker: String,
+    /// The camera.
+    pub camera: String,
+    /// Of intervals.
+    pub confidence: f64,
+    /// Of performances.
+    pub probability: f64,
+    /// Beyond it a solution is false, across the boresight, arcsec.
+    pub false_directional_arcsec: f64,
+    /// The same about the boresight.
+    pub false_rotational_arcsec: f64,
+    /// Folders of the cases.
+    pub cases: Vec<String>,
+}
+
+impl PlanFile {
+    /// Reads the description of a flown plan; `None` where the folder is not that of one.
+    ///
+    /// # Errors
+    /// When it is there and cannot be read.
+    pub fn read(folder: &Path) -> Result<Option<Self>> {
+        let path = folder.join(PLAN);
+        if !path.exists() {
+            return Ok(None);
+        }
+        let text = std::fs::read_to_string(&path).with_context(|| path.display().to_string())?;
+        serde_json::from_str(&text).with_context(|| path.display().to_string()).map(Some)
+    }
+
+    /// Returns what numbers are said with.
+    #[must_use]
+    pub fn settings(&self) -> Settings {
+        let false_limit = FalseLimit {
+            directional_arcsec: self.false_directional_arcsec,
+            rotational_arcsec: self.false_rotational_arcsec,
+        };
+        Settings { confidence: self.confidence, probability: self.probability, false_limit }
+    }
+}
+
+/// Reads the case in a folder, with the log in it or another one.
+///
+/// # Errors
+/// With what is missing or cannot be read.
+pub fn read_case(folder: &Path, log: Option<&Path>) -> Result<Case> {
+    let path = folder.join(CASE);
+    let described = if path.exists() {
+        let text = std::fs::read_to_string(&path).with_context(|| path.display().to_string())?;
+        serde_json::from_str::<CaseFile>(&text).with_context(|| path.display().to_string())?
+    } else {
+        let name = folder.file_name().map_or_else(|| "run".to_owned(), |name| name.to_string_lossy().into_owned());
+        CaseFile { name, purpose: Use::Run, conditions: BTreeMap::new(), frames_per_attitude: u32::MAX }
+    };
+    let truth = read_truth(folder, described.frames_per_attitude)?;
+    let log = log.map_or_else(|| folder.join(LOG), PathBuf::from);
+    let rows = read_log(&log)?;
+    if rows.is_empty() {
+        bail!("{}: got no row, wanted one for each solution at least", log.display());
+    }
+    let CaseFile { name, purpose, conditions, .. } = described;
+    Ok(Case { name, purpose, conditions, truth, log: rows })
+}
+
+fn read_truth(folder: &Path, frames_per_attitude: u32) -> Result<Vec<TruthRow>> {
+    let path = path_in(folder);
+    let file = File::open(&path).with_context(|| {
+        format!("{}: wanted the folder of a recorded run, with frames.csv (--sink recorder)", folder.display())
+    })?;
+    let rows = read_frame_log(file).with_context(|| path.display().to_string())?;
+    let mut truth: Vec<TruthRow> = rows.iter().map(|row| truth_of(row, frames_per_attitude.max(1))).collect();
+    truth.sort_by_key(|row| row.frame);
+    if truth.is_empty() {
+        bail!("{}: got no frame, wanted some", path.display());
+    }
+    Ok(truth)
+}
+
+fn truth_of(row: &FrameRow, frames_per_attitude: u32) -> TruthRow {
+    TruthRow {
+        frame: row.frame,
+        mid_ns: row.mid_exposure_tai_ns,
+        exposure_s: row.exposure_s,
+        attitude: DQuat::from_xyzw(row.qx, row.qy, row.qz, row.qw).normalize(),
+        rate_rad_s: DVec3::new(row.rate_x_deg_s, row.rate_y_deg_s, row.rate_z_deg_s).map(f64::to_radians),
+        group: row.frame / frames_per_attitude,
+    }
+}

@@ -1,0 +1,36 @@
+//! A star tracker under test, compared with the truth of runs: the metrics of ECSS-E-ST-60-20C, test plans, reports.
+//!
+//! In: frames with their true attitudes, the tracker's log. Out: metrics with confidence intervals, verdicts of requirements,
+//! a report as HTML, JSON and JUnit. No run needs this crate.
+//!
+//! ```text
+//! plan -> fly (frames, tracker) -> frames.csv + tracker_log.csv -> record -> metrics -> requirements -> report
+//! ```
+//!
+//! Tour: `attitude_error` (one solution) -> `record` (truth and log, matched) -> `statistics` (intervals) -> `metric` ->
+//! `bias`, `noise`, `spatial`, `slopes`, `availability` (the metrics) -> `assess` (all of them) -> `requirements` ->
+//! `report`; `plan`, `attitudes`, `fly` (test plans).
+//!
+//! Conventions: sensor axes; the error is the small turn of the measured frame from the true one, rad, about x, y (across
+//! the boresight: directional) and z (about it: rotational).
+
+pub mod assess;
+pub mod attitude_error;
+pub mod attitudes;
+pub mod availability;
+pub mod bias;
+pub mod case_folder;
+pub mod fly;
+pub mod log;
+pub mod metric;
+pub mod noise;
+pub mod plan;
+pub mod provenance;
+pub mod record;
+pub mod report;
+pub mod requirements;
+pub mod slopes;
+pub mod spatial;
+pub mod statistics;
+#[cfg(test)]
+mod synthetic;

@@ -1,0 +1,213 @@
+//! A tracker's log -> rows: a table with named columns, lines of JSON with the same names, or an attitude file (AEM, STK).
+//!
+//! | column | meaning |
+//! |---|---|
+//! | `frame` | number of the frame, where the tracker knows it |
+//! | `tai_ns`, `utc`, `unix_s` | the time at which the attitude holds |
+//! | `q_w q_x q_y q_z` (or `qw`...; `q0 q1 q2 q3`; `q1 q2 q3 q4`) | the attitude; empty: no solution |
+//! | `valid` | 0 or false: no solution |
+//! | `latency_ms`, or `available_tai_ns`, `available_utc` | when the attitude was there: after the time at which it holds, or absolute |
+//! | `stars` | stars that were used |
+//!
+//! A remark `# sense: icrf_from_body` before the rows says that quaternions are the conjugate of this program's.
+
+use crate::record::LogRow;
+use anyhow::{Context, Result, bail};
+use base::axes::WRITTEN_NORM_TOLERANCE;
+use base::time::Tai;
+use glam::DQuat;
+use histories::read;
+use std::collections::HashMap;
+use std::path::Path;
+
+/// Names of quaternions: w, x, y, z.
+const QUATERNIONS: [[&str; 4]; 4] =
+    [["q_w", "q_x", "q_y", "q_z"], ["qw", "qx", "qy", "qz"], ["q0", "q1", "q2", "q3"], ["q4", "q1", "q2", "q3"]];
+
+/// Reads a log.
+///
+/// # Errors
+/// With the file, the line, what was got and what was wanted.
+pub fn read_log(path: &Path) -> Result<Vec<LogRow>> {
+    let name = path.display().to_string();
+    let text = read::text_of(path)?;
+    let begin = text.trim_start_matches('\u{feff}').trim_start();
+    if begin.starts_with('{') {
+        return json_lines(&name, begin);
+    }
+    let is_attitude_file = begin.starts_with('<') || begin.starts_with("CCSDS_") || begin.starts_with("stk.");
+    if is_attitude_file || begin.starts_with("COMMENT") {
+        return attitude_file(&name, &text);
+    }
+    table(&name, begin)
+}
+
+fn attitude_file(name: &str, text: &str) -> Result<Vec<LogRow>> {
+    let history = read::attitudes(name, text, None)?;
+    let states = history.segments().iter().flat_map(|segment| segment.states().iter());
+    let row = |state: &histories::AttitudeState| LogRow {
+        at_ns: Some(state.t_ns),
+        attitude: Some(state.body_from_icrf.quat()),
+        ..LogRow::default()
+    };
+    Ok(states.map(row).collect())
+}
+
+fn table(name: &str, text: &str) -> Result<Vec<LogRow>> {
+    let remarks = text.lines().take_while(|line| line.trim_start().starts_with('#'));
+    let sense = remarks.filter_map(|line| line.trim_start_matches(['#', ' ']).strip_prefix("sense:")).last();
+    let is_conjugate = match sense.map(str::trim) {
+        None | Some("body_from_icrf" | "sensor_from_icrf") => false,
+        Some("icrf_from_body" | "icrf_from_sensor") => true,
+        Some(other) => bail!("{name}: got the sense \"{other}\", wanted body_from_icrf or icrf_from_body"),
+    };
+    let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).trim(csv::Trim::All).from_reader(text.as_bytes());
+    let header: Vec<String> =
+        reader.headers().with_context(|| name.to_owned())?.iter().map(str::to_ascii_lowercase).collect();
+    let quaternion = QUATERNIONS.iter().find(|names| names.iter().all(|name| header.iter().any(|known| known == name)));
+    let Some(quaternion) = quaternion else {
+        bail!("{name}: got the columns {}; wanted a quaternion: q_w,q_x,q_y,q_z", header.join(","));
+    };
+    if !["frame", "tai_ns", "utc", "unix_s"].iter().any(|wanted| header.iter().any(|known| known == wanted)) {
+        bail!("{name}: got the columns {}; wanted frame, tai_ns, utc or unix_s", header.join(","));
+    }
+    let mut rows = Vec::new();
+    for record in reader.records() {
+        let record = record.with_context(|| name.to_owned())?;
+        let line = record.position().map_or(0, csv::Position::line);
+        let cells: HashMap<&str, &str> = header.iter().map(String::as_str).zip(record.iter()).collect();
+        let mut row = row(&cells, quaternion).with_context(|| format!("{name}, line {line}"))?;
+        row.attitude = row.attitude.map(|q| if is_conjugate { q.conjugate() } else { q });
+        rows.push(row);
+    }
+    Ok(rows)
+}
+
+fn json_lines(name: &str, text: &str) -> Result<Vec<LogRow>> {
+    let mut rows = Vec::new();
+    for (number, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
+        let place = || format!("{name}, line {}", number + 1);
+        let object: serde_json::Map<String, serde_json::Value> = serde_json::from_str(line).with_context(place)?;
+        let text_of = |value: &serde_json::Value| match value {
+            serde_json::Value::String(text) => text.clone(),
+            serde_json::Value::Null => String::new(),
+            serde_json::Value::Bool(_)
+            | serde_json::Value::Number(_)
+            | serde_json::Value::Array(_)
+            | serde_json::Value::Object(_) => value.to_string(),
+        };
+        let mut texts: HashMap<String, String> = HashMap::new();
+        for (key, value) in &object {
+            let list = value.as_array().filter(|_| key == "q" || key == "quaternion");
+            match list {
+                Some(list) => {
+                    let names = QUATERNIONS[0].iter().zip(list);
+                    texts.extend(names.map(|(name, value)| ((*name).to_owned(), text_of(value))));
+                }
+                None => drop(texts.insert(key.to_ascii_lowercase(), text_of(value))),
+            }
+        }
+        let cells: HashMap<&str, &str> = texts.iter().map(|(key, value)| (key.as_str(), value.as_str())).collect();
+        let known = QUATERNIONS.iter().find(|names| names.iter().all(|name| cells.contains_key(name)));
+        rows.push(row(&cells, known.unwrap_or(&QUATERNIONS[0])).with_context(place)?);
+    }
+    Ok(rows)
+}
+
+/// One row of cells by their names.
+fn row(cells: &HashMap<&str, &str>, quaternion: &[&str; 4]) -> Result<LogRow> {
+    let cell = |name: &str| cells.get(name).copied().filter(|text| !text.is_empty());
+    let time = |absolute: &str, utc: &str| -> Result<Option<i64>> {
+        if let Some(ns) = whole(cell(absolute), absolute)? {
+            return Ok(Some(ns));
+        }
+        cell(utc).map(|text| Ok(Tai::from_rfc3339(text).with_context(|| utc.to_owned())?.ns())).transpose()
+    };
+    let mut at_ns = time("tai_ns", "utc")?;
+    if let (None, Some(unix_s)) = (at_ns, number(cell("unix_s"), "unix_s")?) {
+        #[allow(clippy::cast_possible_truncation, reason = "times of this century")]
+        let unix_ns = (unix_s * 1e9).round() as i64;
+        at_ns = Some(Tai::from_unix_ns(unix_ns).ns());
+    }
+    let mut available_ns = time("available_tai_ns", "available_utc")?;
+    if let (None, Some(at_ns), Some(ms)) = (available_ns, at_ns, number(cell("latency_ms"), "latency_ms")?) {
+        #[allow(clippy::cast_possible_truncation, reason = "a latency is far below 292 years")]
+        let latency_ns = (ms * 1e6).round() as i64;
+        available_ns = Some(at_ns.saturating_add(latency_ns));
+    }
+    let is_valid = !matches!(cell("valid"), Some("0" | "false" | "False" | "no"));
+    let mut attitude = [f64::NAN; 4];
+    for (value, name) in attitude.iter_mut().zip(quaternion) {
+        *value = number(cell(name), name)?.unwrap_or(f64::NAN);
+    }
+    let is_given = attitude.iter().all(|value| value.is_finite());
+    if is_valid && is_given {
+        let norm = attitude.iter().map(|value| value * value).sum::<f64>().sqrt();
+        if (norm - 1.0).abs() > WRITTEN_NORM_TOLERANCE {
+            bail!("got a quaternion of norm {norm}, wanted 1 within {WRITTEN_NORM_TOLERANCE}");
+        }
+    }
+    let [w, x, y, z] = attitude;
+    Ok(LogRow {
+        frame: whole(cell("frame"), "frame")?.map(u32::try_from).transpose().context("frame")?,
+        at_ns,
+        attitude: (is_valid && is_given).then(|| DQuat::from_xyzw(x, y, z, w).normalize()),
+        available_ns,
+        stars: whole(cell("stars"), "stars")?.map(u32::try_from).transpose().context("stars")?,
+    })
+}
+
+fn number(cell: Option<&str>, name: &str) -> Result<Option<f64>> {
+    cell.map(|text| text.parse().with_context(|| format!("{name}: got \"{text}\", wanted a number"))).transpose()
+}
+
+fn whole(cell: Option<&str>, name: &str) -> Result<Option<i64>> {
+    cell.map(|text| text.parse().with_context(|| format!("{name}: got \"{text}\", wanted a whole number"))).transpose()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read_text(text: &str) -> Result<Vec<LogRow>> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("log.csv");
+        std::fs::write(&path, text).unwrap();
+        read_log(&path)
+    }
+
+    #[test]
+    fn a_table_and_lines_of_json_say_the_same() {
+        let rows = read_text(
+            "frame,utc,q_w,q_x,q_y,q_z,latency_ms,stars\n3,2026-03-01T00:00:01Z,0.8,0.6,0,0,150,12\n4,,,,,,,\n",
+        )
+        .unwrap();
+        assert_eq!(rows[0].frame, Some(3));
+        assert_eq!(rows[0].attitude, Some(DQuat::from_xyzw(0.6, 0.0, 0.0, 0.8)));
+        assert_eq!(rows[0].available_ns.unwrap() - rows[0].at_ns.unwrap(), 150_000_000);
+        assert_eq!((rows[1].frame, rows[1].attitude, rows[1].at_ns), (Some(4), None, None));
+        let json = "{\"frame\": 3, \"utc\": \"2026-03-01T00:00:01Z\", \"q\": [0.8, 0.6, 0, 0], \"latency_ms\": 150, \"stars\": 12}\n{\"frame\": 4, \"q\": null}\n";
+        assert_eq!(read_text(json).unwrap(), rows);
+    }
+
+    #[test]
+    fn senses_and_orders_of_quaternions_are_as_named() {
+        let of = |text: &str| read_text(text).unwrap()[0].attitude.unwrap();
+        let wanted = DQuat::from_xyzw(0.6, 0.0, 0.0, 0.8);
+        assert_eq!(of("tai_ns,q1,q2,q3,q4\n5,0.6,0,0,0.8\n"), wanted, "scalar last");
+        assert_eq!(of("tai_ns,q0,q1,q2,q3\n5,0.8,0.6,0,0\n"), wanted, "scalar first");
+        assert_eq!(of("# sense: icrf_from_body\ntai_ns,qw,qx,qy,qz\n5,0.8,0.6,0,0\n"), wanted.conjugate());
+        assert_eq!(read_text("frame,valid,qw,qx,qy,qz\n5,0,0.8,0.6,0,0\n").unwrap()[0].attitude, None);
+    }
+
+    #[test]
+    fn what_cannot_be_meant_is_refused_with_its_line() {
+        let refused = |text: &str| format!("{:#}", read_text(text).unwrap_err());
+        assert!(refused("frame,a,b\n1,2,3\n").contains("wanted a quaternion"));
+        assert!(refused("qw,qx,qy,qz\n1,0,0,0\n").contains("wanted frame, tai_ns"));
+        let far = refused("frame,qw,qx,qy,qz\n1,1,0,0,0\n2,1,1,0,0\n");
+        assert!(far.contains("line 3") && far.contains("norm"), "{far}");
+        assert!(refused("frame,qw,qx,qy,qz\nx,1,0,0,0\n").contains("wanted a whole number"));
+        assert!(refused("# sense: other\nframe,qw,qx,qy,qz\n1,1,0,0,0\n").contains("sense \"other\""));
+    }
+}

@@ -1,0 +1,86 @@
+//! A number about a tracker, with its interval and its method.
+
+use crate::statistics::Estimate;
+use serde::Serialize;
+
+/// How the statistics of a number are to be read (ECSS-E-ST-60-20C, annex E).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Reading {
+    /// Over attitudes or skies.
+    Ensemble,
+    /// Over time.
+    Temporal,
+    /// Over both.
+    Mixed,
+}
+
+impl Reading {
+    /// Returns its word.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Ensemble => "ensemble",
+            Self::Temporal => "temporal",
+            Self::Mixed => "mixed",
+        }
+    }
+}
+
+/// One number.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Metric {
+    /// Its identifier: `bias.x`, `temporal_noise.directional`, ...
+    pub id: String,
+    /// The case that it is of; `None`: of all that are flown for it.
+    pub case: Option<String>,
+    /// The value.
+    pub value: f64,
+    /// Lower end of its interval.
+    pub low: f64,
+    /// Upper end of its interval; `None`: not bounded by so few values.
+    pub high: Option<f64>,
+    /// Unit of these.
+    pub unit: &'static str,
+    /// Degrees of freedom, or trials.
+    pub count: f64,
+    /// How its statistics are to be read.
+    pub reading: Reading,
+    /// How it was computed.
+    pub how: &'static str,
+}
+
+/// Common part of all metrics of one kind.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Kind {
+    /// First part of the identifier.
+    pub id: &'static str,
+    /// Unit.
+    pub unit: &'static str,
+    /// How its statistics are to be read.
+    pub reading: Reading,
+    /// How it was computed.
+    pub how: &'static str,
+}
+
+impl Kind {
+    /// Returns a metric of this kind.
+    #[must_use]
+    pub fn of(&self, part: &str, case: Option<&str>, estimate: Estimate) -> Metric {
+        let id = if part.is_empty() { self.id.to_owned() } else { format!("{}.{part}", self.id) };
+        Metric {
+            id,
+            case: case.map(Into::into),
+            value: estimate.value,
+            low: estimate.low,
+            high: estimate.high.is_finite().then_some(estimate.high),
+            unit: self.unit,
+            count: estimate.count,
+            reading: self.reading,
+            how: self.how,
+        }
+    }
+}
+
+/// Names of the axes in identifiers.
+pub const AXES: [&str; 3] = ["x", "y", "rotational"];

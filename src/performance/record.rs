@@ -1,0 +1,222 @@
+//! The truth of frames and the log of a tracker -> errors, frame by frame.
+//!
+//! A row of the log belongs to the frame that it names, else to the frame whose mid-exposure is nearest to its time tag,
+//! within half of the time between frames. Its error is that against the true attitude at the time that it states: a wrong
+//! time tag shows as an error along the motion.
+
+use crate::attitude_error::{attitude_error, directional, turned};
+use base::units::ARCSEC;
+use glam::{DQuat, DVec3};
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, HashMap};
+
+/// Purpose of a case, which decides its metrics.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Use {
+    /// Any run: everything that it allows.
+    Run,
+    /// Inertial attitudes, several frames each: temporal noise, bias.
+    Inertial,
+    /// The sky over the whole field, several frames each: spatial errors of long and short period together.
+    FovGrid,
+    /// Shifts by parts of a pixel, several frames each: spatial errors of the period of a pixel.
+    PixelGrid,
+    /// Constant rates: date error, noise, tracking.
+    Slew,
+    /// Attitudes without knowledge: acquisition.
+    LostInSpace,
+    /// A long time: drift.
+    Drift,
+    /// Something that disturbs: noise, tracking, loss and recovery against its size.
+    Stress,
+}
+
+/// The truth of one frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TruthRow {
+    /// Number of the frame.
+    pub frame: u32,
+    /// Middle of its exposure, TAI, ns.
+    pub mid_ns: i64,
+    /// Length of its exposure, s.
+    pub exposure_s: f64,
+    /// True attitude then, `sensor_from_icrf`.
+    pub attitude: DQuat,
+    /// True rate then, sensor axes, rad/s.
+    pub rate_rad_s: DVec3,
+    /// Frames of one number show one attitude.
+    pub group: u32,
+}
+
+/// Answer of a tracker to one frame.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct LogRow {
+    /// Number of the frame, where it is known.
+    pub frame: Option<u32>,
+    /// The time at which the attitude is said to hold, TAI, ns.
+    pub at_ns: Option<i64>,
+    /// The attitude, `sensor_from_icrf`; `None`: no solution.
+    pub attitude: Option<DQuat>,
+    /// When the attitude was there, TAI, ns.
+    pub available_ns: Option<i64>,
+    /// Stars that were used.
+    pub stars: Option<u32>,
+}
+
+/// A case: truth, log, and under which conditions.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Case {
+    /// Its name.
+    pub name: String,
+    /// Purpose, which decides its metrics.
+    pub purpose: Use,
+    /// Numbers that describe it, such as `rate_deg_s`.
+    pub conditions: BTreeMap<String, f64>,
+    /// Frames, by number.
+    pub truth: Vec<TruthRow>,
+    /// The tracker's log.
+    pub log: Vec<LogRow>,
+}
+
+/// From which errors on a solution is a false one.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct FalseLimit {
+    /// Across the boresight, arcsec.
+    pub directional_arcsec: f64,
+    /// About it, arcsec.
+    pub rotational_arcsec: f64,
+}
+
+/// Result for one frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Fate {
+    /// A right attitude with this error, rad.
+    Right(DVec3),
+    /// An attitude that is far from the truth.
+    False(DVec3),
+    /// None.
+    Nothing,
+}
+
+/// One frame with what the tracker made of it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Judged {
+    /// The frame.
+    pub truth: TruthRow,
+    /// Result for it.
+    pub fate: Fate,
+    /// Time tag less mid-exposure, s; `None` without a tag.
+    pub tag_error_s: Option<f64>,
+    /// Attitude there less the start of the exposure, s; `None` where the log does not say when.
+    pub latency_s: Option<f64>,
+}
+
+impl Judged {
+    /// Returns the error of a right attitude, rad.
+    #[must_use]
+    pub fn error_rad(&self) -> Option<DVec3> {
+        match self.fate {
+            Fate::Right(error) => Some(error),
+            Fate::False(_) | Fate::Nothing => None,
+        }
+    }
+
+    /// Returns true for a right attitude.
+    #[must_use]
+    pub fn is_right(&self) -> bool {
+        self.error_rad().is_some()
+    }
+}
+
+/// A case after the comparison.
+#[derive(Debug, Clone, PartialEq)]
+pub struct JudgedCase {
+    /// Its name.
+    pub name: String,
+    /// Purpose, which decides its metrics.
+    pub purpose: Use,
+    /// Numbers that describe it.
+    pub conditions: BTreeMap<String, f64>,
+    /// Frames in order of time.
+    pub frames: Vec<Judged>,
+    /// Rows of the log that belong to no frame.
+    pub stray_rows: usize,
+}
+
+impl Case {
+    /// Returns the comparison of every frame.
+    #[must_use]
+    pub fn judged(&self, limit: &FalseLimit) -> JudgedCase {
+        let places: HashMap<u32, usize> = self.truth.iter().enumerate().map(|(i, row)| (row.frame, i)).collect();
+        let half_ns = half_period_ns(&self.truth);
+        let mut found: Vec<Option<&LogRow>> = vec![None; self.truth.len()];
+        let mut stray_rows = 0;
+        for row in &self.log {
+            let place = match (row.frame, row.at_ns) {
+                (Some(frame), _) => places.get(&frame).copied(),
+                (None, Some(at_ns)) => nearest(&self.truth, at_ns, half_ns),
+                (None, None) => None,
+            };
+            match place {
+                Some(place) => {
+                    // The first attitude of a frame counts: a tracker cannot take back what it has said.
+                    let slot = &mut found[place];
+                    if slot.is_none_or(|known| known.attitude.is_none()) {
+                        *slot = Some(row);
+                    }
+                }
+                None => stray_rows += 1,
+            }
+        }
+        let frames = self.truth.iter().zip(found).map(|(truth, row)| judged(truth, row, limit)).collect();
+        JudgedCase {
+            name: self.name.clone(),
+            purpose: self.purpose,
+            conditions: self.conditions.clone(),
+            frames,
+            stray_rows,
+        }
+    }
+}
+
+fn judged(truth: &TruthRow, row: Option<&LogRow>, limit: &FalseLimit) -> Judged {
+    let tag_error_s = row.and_then(|row| row.at_ns).map(|at_ns| seconds(at_ns - truth.mid_ns));
+    let exposure_start_ns = truth.mid_ns - nanoseconds(0.5 * truth.exposure_s);
+    let latency_s = row.and_then(|row| row.available_ns).map(|at_ns| seconds(at_ns - exposure_start_ns));
+    let fate = row.and_then(|row| row.attitude).map_or(Fate::Nothing, |measured| {
+        let stated = turned(truth.attitude, truth.rate_rad_s * tag_error_s.unwrap_or(0.0));
+        let error = attitude_error(measured, stated);
+        let is_false = directional(error) > limit.directional_arcsec * ARCSEC
+            || error.z.abs() > limit.rotational_arcsec * ARCSEC
+            || !error.is_finite();
+        if is_false { Fate::False(error) } else { Fate::Right(error) }
+    });
+    Judged { truth: *truth, fate, tag_error_s, latency_s }
+}
+
+/// Half of the least time between frames.
+fn half_period_ns(truth: &[TruthRow]) -> i64 {
+    let least = truth.windows(2).map(|pair| pair[1].mid_ns - pair[0].mid_ns).filter(|gap| *gap > 0).min();
+    least.map_or(i64::MAX, |gap| gap / 2)
+}
+
+fn nearest(truth: &[TruthRow], at_ns: i64, within_ns: i64) -> Option<usize> {
+    let after = truth.partition_point(|row| row.mid_ns < at_ns);
+    let sides = [after.checked_sub(1), (after < truth.len()).then_some(after)];
+    let place = sides.into_iter().flatten().min_by_key(|place| (truth[*place].mid_ns - at_ns).abs())?;
+    ((truth[place].mid_ns - at_ns).abs() <= within_ns).then_some(place)
+}
+
+fn seconds(ns: i64) -> f64 {
+    ns as f64 * 1e-9
+}
+
+#[allow(clippy::cast_possible_truncation, reason = "an exposure is far below 292 years")]
+fn nanoseconds(s: f64) -> i64 {
+    (s * 1e9) as i64
+}
+
+#[cfg(test)]
+#[path = "record_tests.rs"]
+mod tests;

@@ -1,0 +1,150 @@
+//! The report's plots: errors in time, across the boresight, their spread, acquisition, and what sweeps did.
+
+use super::Report;
+use crate::assess::Assessment;
+use crate::metric::Metric;
+use crate::record::{JudgedCase, Use};
+use base::units::ARCSEC;
+use frames::report::plot::{Axis, Scale, Series, Style};
+use frames::report::{Chart, to_svg};
+
+/// Most points of one series: a report stays small.
+const MOST_POINTS: usize = 1500;
+/// Most plots of errors in time.
+const MOST_IN_TIME: usize = 4;
+
+/// Returns the plots as SVG.
+pub(super) fn plots(report: &Report, assessment: &Assessment) -> Vec<String> {
+    let cases = &assessment.cases;
+    let mut charts: Vec<Chart> = vec![across(cases), cumulative(cases)];
+    charts.extend(acquisition(cases));
+    let in_time = cases.iter().filter(|case| matches!(case.purpose, Use::Run | Use::Drift));
+    charts.extend(in_time.take(MOST_IN_TIME).map(errors_in_time));
+    charts.extend(sweeps(report));
+    charts.iter().filter(|chart| chart.series.iter().any(|series| !series.points.is_empty())).map(to_svg).collect()
+}
+
+fn series(name: impl Into<String>, style: Style, group: usize, points: Vec<[f64; 2]>) -> Series {
+    Series { name: name.into(), style, group, points, marked: Vec::new() }
+}
+
+fn chart(title: impl Into<String>, x: Axis, y: Axis, series: Vec<Series>) -> Chart {
+    Chart { title: title.into(), x, y, series, ring: String::new(), notes: Vec::new() }
+}
+
+/// Every n-th point, so that at most [`MOST_POINTS`] are left.
+fn thinned(points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
+    let step = points.len().div_ceil(MOST_POINTS).max(1);
+    points.into_iter().step_by(step).collect()
+}
+
+fn errors_in_time(case: &JudgedCase) -> Chart {
+    let zero_ns = case.frames.first().map_or(0, |frame| frame.truth.mid_ns);
+    let of = |axis: usize| {
+        let point = |frame: &crate::record::Judged| {
+            Some([(frame.truth.mid_ns - zero_ns) as f64 * 1e-9, frame.error_rad()?[axis] / ARCSEC])
+        };
+        thinned(case.frames.iter().filter_map(point).collect())
+    };
+    let names = ["about x", "about y", "about the boresight"].into_iter().enumerate();
+    // The boresight's error is the largest: behind the others.
+    let all = names.rev().map(|(axis, name)| series(name, Style::Line, axis, of(axis))).collect();
+    chart(format!("Error in time: {}", case.name), Axis::linear("time, s"), Axis::linear("error, arcsec"), all)
+}
+
+fn across(cases: &[JudgedCase]) -> Chart {
+    let of = |wanted: &[Use]| {
+        let frames = cases.iter().filter(|case| wanted.contains(&case.purpose)).flat_map(|case| &case.frames);
+        thinned(
+            frames.filter_map(|frame| frame.error_rad()).map(|error| [error.x / ARCSEC, error.y / ARCSEC]).collect(),
+        )
+    };
+    let all = vec![
+        series("lost in space", Style::Points, 1, of(&[Use::LostInSpace])),
+        series(
+            "inertial and grids",
+            Style::Points,
+            0,
+            of(&[Use::Inertial, Use::FovGrid, Use::PixelGrid, Use::Run, Use::Drift]),
+        ),
+    ];
+    let shown = all.into_iter().filter(|series| !series.points.is_empty()).collect();
+    let axis = |name: &str| Axis::linear(format!("error about {name}, arcsec"));
+    chart("Errors across the boresight", axis("x"), axis("y"), shown)
+}
+
+fn cumulative(cases: &[JudgedCase]) -> Chart {
+    let frames =
+        cases.iter().filter(|case| !matches!(case.purpose, Use::Slew | Use::Stress)).flat_map(|case| &case.frames);
+    let errors: Vec<_> = frames.filter_map(|frame| frame.error_rad()).collect();
+    let of = |measure: fn(&glam::DVec3) -> f64| {
+        let mut values: Vec<f64> = errors.iter().map(|error| measure(error) / ARCSEC).collect();
+        values.sort_by(f64::total_cmp);
+        let n = values.len() as f64;
+        thinned(values.into_iter().enumerate().map(|(i, value)| [value, (i + 1) as f64 / n]).collect())
+    };
+    let all = vec![
+        series("directional", Style::Line, 0, of(|error| error.x.hypot(error.y))),
+        series("rotational", Style::Line, 1, of(|error| error.z.abs())),
+    ];
+    chart("Share of attitudes with a smaller error", Axis::log("error, arcsec"), Axis::linear("share"), all)
+}
+
+fn acquisition(cases: &[JudgedCase]) -> Option<Chart> {
+    let lost: Vec<&JudgedCase> = cases.iter().filter(|case| case.purpose == Use::LostInSpace).collect();
+    let groups = lost.iter().flat_map(|case| case.frames.chunk_by(|a, b| a.truth.group == b.truth.group));
+    let groups: Vec<_> = groups.collect();
+    let mut found: Vec<usize> =
+        groups.iter().filter_map(|group| group.iter().position(|frame| frame.is_right())).collect();
+    found.sort_unstable();
+    let longest = groups.iter().map(|group| group.len()).max()?;
+    let share = |frames: usize| found.partition_point(|at| *at < frames) as f64 / groups.len() as f64;
+    let points = (0..=longest).map(|frames| [frames as f64, share(frames)]).collect();
+    let all = vec![series("found", Style::Line, 2, points)];
+    let (x, y) = (Axis::linear("frames"), Axis::linear("share of attitudes"));
+    Some(chart("Acquisition from lost in space", x, y, all))
+}
+
+/// A sweep: cases that share what their names begin with and the key of a value.
+fn sweeps(report: &Report) -> Vec<Chart> {
+    let mut stems: Vec<(&str, String)> = Vec::new();
+    for case in &report.cases {
+        if let Some((stem, key, _)) = swept(case) {
+            let known = (stem, key.to_owned());
+            if !stems.contains(&known) {
+                stems.push(known);
+            }
+        }
+    }
+    let mut charts = Vec::new();
+    for (stem, key) in &stems {
+        let of = |id: &str| -> Vec<[f64; 2]> {
+            let cases = report.cases.iter().filter(|case| swept(case).is_some_and(|(s, k, _)| s == *stem && k == key));
+            let value = |case: &super::CaseRow| Some([swept(case)?.2, metric(report, id, &case.name)?.value]);
+            cases.filter_map(value).collect()
+        };
+        let tracking = vec![series("tracking probability", Style::Line, 0, of("tracking_probability"))];
+        charts.push(chart(format!("{stem}: tracking"), Axis::linear(key), Axis::linear("share of frames"), tracking));
+        let noise = [
+            ("across, per axis", "temporal_noise.directional_per_axis"),
+            ("about the boresight", "temporal_noise.rotational"),
+        ];
+        let noise = noise.into_iter().enumerate().map(|(group, (name, id))| series(name, Style::Line, group, of(id)));
+        let y = Axis { label: "1 sigma, arcsec".into(), scale: Scale::Log };
+        charts.push(chart(format!("{stem}: temporal noise"), Axis::linear(key), y, noise.collect()));
+    }
+    charts
+}
+
+/// Begin of a swept case's name, the key of its value, and the value.
+fn swept(case: &super::CaseRow) -> Option<(&str, &str, f64)> {
+    let (stem, last) = case.name.rsplit_once(' ')?;
+    let value: f64 = last.parse().ok()?;
+    let (key, value) =
+        case.conditions.iter().filter(|(key, _)| !key.starts_with("total_")).find(|(_, v)| **v == value)?;
+    Some((stem, key, *value))
+}
+
+fn metric<'a>(report: &'a Report, id: &str, case: &str) -> Option<&'a Metric> {
+    report.metrics.iter().find(|metric| metric.id == id && metric.case.as_deref() == Some(case))
+}
