@@ -5,6 +5,7 @@
 mod architecture;
 mod commands;
 mod crates;
+mod english;
 mod excerpts;
 mod file_length;
 mod frames_document;
