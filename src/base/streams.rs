@@ -113,7 +113,9 @@ pub fn status_of_streams(status: u8) -> u8 {
         let is_closed = failure.kind() == io::ErrorKind::BrokenPipe;
         if !is_closed {
             // A failure of both streams cannot be reported.
-            let _ = other.write(format_args!("starloop: cannot write to {}: {failure}\n", stream.name()));
+            let failure = failure.to_string();
+            let words = failure.split(" (os error ").next().unwrap_or_default();
+            let _ = other.write(format_args!("starloop: cannot write to {}: {words}\n", stream.name()));
         }
         if worst == 0 {
             worst = if is_closed { EXIT_BROKEN_PIPE } else { EXIT_UNWRITTEN };

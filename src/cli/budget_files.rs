@@ -1,6 +1,7 @@
 //! Files of `--report DIR`: budget.json, frames_timing.csv, junit.xml, worst.svg. Each is complete or absent.
 
-use anyhow::{Context, Result};
+use crate::cli::folder;
+use anyhow::Result;
 use frames::report::{BudgetReport, FrameRing, frames_csv, timeline_svg, to_junit};
 use frames::sink::replace_own_file;
 use std::path::Path;
@@ -13,7 +14,7 @@ const WORST: usize = 16;
 /// # Errors
 /// When the directory or a file cannot be written.
 pub(super) fn write(directory: &Path, report: &BudgetReport, ring: &FrameRing) -> Result<()> {
-    std::fs::create_dir_all(directory).with_context(|| format!("--report: {}", directory.display()))?;
+    folder::make("--report", directory)?;
     let worst = ring.worst(WORST);
     let title = format!("{}: the {} worst of {} frames", report.bench, worst.len(), ring.total());
     let files = [

@@ -33,6 +33,8 @@ pub(super) struct MapArgs {
 /// Counts stars, draws the map and prints the numbers.
 pub(super) fn map(args: &MapArgs, out: &mut impl Write) -> anyhow::Result<()> {
     ensure!(args.mag.is_none_or(f32::is_finite), "--mag: wanted a magnitude, got {:?}", args.mag);
+    let is_png = args.out.extension().is_some_and(|end| end.eq_ignore_ascii_case("png"));
+    ensure!(is_png, "--out {}: wanted a name that ends in .png: maps are PNG files", args.out.display());
     let map = counted(&args.files, args.mag.unwrap_or(f32::INFINITY))?.coarsened();
     let what = match args.mag {
         Some(mag) => format!("stars per square degree, G < {mag}"),

@@ -12,7 +12,8 @@ pub(super) fn named_camera(path: Option<&Path>) -> Result<Camera> {
     let Some(path) = path else { return Ok(Bench::built_in()?.camera) };
 
     let document = Document::open(path)?;
-    if is_camera(&document) {
+    // A file without any key is a bench with the camera of the binary: that is not meant here.
+    if is_camera(&document) || document.is_blank() {
         return Ok(Camera::from_document(&document)?);
     }
     Ok(Bench::from_document(&document)?.camera)

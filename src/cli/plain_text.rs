@@ -1,7 +1,8 @@
 //! Messages as a terminal may show them: values of files may hold any character, and be of any length.
 //!
 //! Control characters are escaped, since they can move the cursor, ring the bell or change what is on the screen; lines
-//! are shortened in the middle, since a value may be a file of its own. Every error passes here before it is printed.
+//! are shortened in the middle, since a value may be a file of its own. The operating system's numbers of errors and the
+//! temporary names of files are left out: they help no reader. Every error passes here before it is printed.
 
 /// Characters of a line at its beginning that are kept.
 const KEPT_FIRST: usize = 2000;
@@ -10,7 +11,36 @@ const KEPT_LAST: usize = 300;
 
 /// Returns the text with control characters escaped (line breaks and tabs stay) and long lines shortened.
 pub(super) fn plain_text(text: &str) -> String {
+    let text = without_error_numbers(&without_temporary_names(text));
     text.split('\n').map(|line| shortened(&escaped(line))).collect::<Vec<_>>().join("\n")
+}
+
+/// Returns the text without ` (os error 2)` and the like.
+fn without_error_numbers(text: &str) -> String {
+    const START: &str = " (os error ";
+    let mut pieces = text.split(START);
+    let mut kept = pieces.next().unwrap_or_default().to_owned();
+    for piece in pieces {
+        match piece.split_once(')') {
+            Some((number, rest)) if number.bytes().all(|byte| byte.is_ascii_digit()) => kept.push_str(rest),
+            _ => kept.extend([START, piece]),
+        }
+    }
+    kept
+}
+
+/// Returns the text without ` at path ".../.frame.png.A1b2C3.part"`.
+fn without_temporary_names(text: &str) -> String {
+    const START: &str = " at path \"";
+    let mut pieces = text.split(START);
+    let mut kept = pieces.next().unwrap_or_default().to_owned();
+    for piece in pieces {
+        match piece.split_once('"') {
+            Some((path, rest)) if path.ends_with(".part") => kept.push_str(rest),
+            _ => kept.extend([START, piece]),
+        }
+    }
+    kept
 }
 
 fn escaped(line: &str) -> String {
@@ -47,6 +77,16 @@ mod tests {
             "name \\u{1b}[2J\\u{7}\\u{9b}1m\\r is\n\tnone"
         );
         assert_eq!(plain_text("Größe 3 µm: ✓"), "Größe 3 µm: ✓", "other characters stay");
+    }
+
+    #[test]
+    fn numbers_of_errors_and_temporary_names_are_left_out() {
+        assert_eq!(
+            plain_text("a.png: No such file (os error 2) at path \"/x/.a.png.q1.part\"; try b (os error 17)"),
+            "a.png: No such file; try b"
+        );
+        let kept = "an (os error x) at path \"/x/a.png\"";
+        assert_eq!(plain_text(kept), kept, "only what the system writes");
     }
 
     #[test]

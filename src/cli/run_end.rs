@@ -124,12 +124,24 @@ impl Finished {
         Ok(())
     }
 
+    /// Says that a flight computer outside sent no attitude in the whole run.
+    fn warn_of_silence(&self, summary: &RunSummary) {
+        let is_outside = self.scenario.bench.flight_computer.is_external && self.client.is_none();
+        if is_outside && summary.link.counters.get("attitudes_accepted") == Some(&0) {
+            eprintln!(
+                "starloop: no attitude arrived over the link: check that the other end sends, and node, id_base, wire and bit rate \
+                 of both ends"
+            );
+        }
+    }
+
     /// Returns the exit status, and prints what was lost, also when the run is quiet. A client that waits for the end gets it.
     ///
     /// # Errors
     /// With why the run ended early, if it did.
     pub(super) fn status(self, reports: &Reports, arguments: &RunArgs) -> Result<u8> {
         let was_lost = say_losses(&self.end.losses);
+        self.warn_of_silence(&reports.summary);
         let holds = self.end.holds();
         let (name, seed) = (&self.scenario.name, self.scenario.bench.seed);
         let report = match &reports.scenario {

@@ -58,7 +58,7 @@ fn release_limit_ms(finished: &Finished) -> Option<f64> {
 }
 
 /// Returns the first expectation or invariant that does not hold, in words.
-fn first_failure(report: &ScenarioReport) -> Option<String> {
+pub(super) fn first_failure(report: &ScenarioReport) -> Option<String> {
     let failed = report.verdicts.iter().find(|verdict| !verdict.passed);
     let failed = failed.map(|verdict| format!("{}: wanted {}, got {}", verdict.name, verdict.wanted, verdict.got));
     failed.or_else(|| report.violation_lines.first().cloned())

@@ -6,6 +6,7 @@ use crate::band::{BandKeys, check_band};
 use crate::check::{Checker, Defaulted};
 use crate::detector::{Detector, DetectorKeys};
 use crate::detector_effects::tdi_exposure;
+use crate::distortion::check_distortion;
 use crate::document::Document;
 use crate::error::ConfigError;
 use crate::file_kind::{FileKind, must_be};
@@ -108,6 +109,7 @@ impl Camera {
         let detector = Detector::check(&keys.detector, &mut check)?;
         let optics = Optics::check(&keys.optics, &detector, &mut check)?;
         let distortion = Distortion::check(&keys.distortion, &mut check)?;
+        check_distortion(&detector, &optics, &distortion, &check)?;
         let mut psf = Psf::check(&keys.psf, keys.mtf.as_ref(), &detector, &optics, &mut check)?;
         belongs_to_chain(keys.mtf.as_ref(), &psf, &check)?;
         let sampling = Psf::check_sampling(&keys.psf, &mut check)?;

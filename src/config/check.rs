@@ -57,11 +57,11 @@ impl Rule {
 impl fmt::Display for Rule {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Positive => write!(f, "a finite number above 0"),
+            Self::Positive => write!(f, "a number above 0"),
             Self::PositiveUpTo(most) => write!(f, "a number above 0, up to {most}"),
-            Self::NotNegative => write!(f, "a finite number, 0 or more"),
+            Self::NotNegative => write!(f, "a number, 0 or more"),
             Self::Within(least, most) => write!(f, "a number from {least} to {most}"),
-            Self::Finite => write!(f, "a finite number"),
+            Self::Finite => write!(f, "a number"),
         }
     }
 }

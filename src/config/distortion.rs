@@ -1,10 +1,14 @@
-//! The polynomial of `[distortion]`.
+//! The polynomial of `[distortion]`, and the refusal of a distortion that folds the image.
 
 use crate::check::{Checker, Rule};
+use crate::detector::Detector;
 use crate::error::ConfigError;
 use crate::key::Given;
 use crate::key_type::Raw;
-use sky::astrometry::{DISTORTION_DEGREE, PolynomialDistortion};
+use crate::optics::{Distortion, Optics};
+use sky::astrometry::{
+    AstrometryError, BrownConrady, CameraGeometry, CameraParameters, DISTORTION_DEGREE, PolynomialDistortion,
+};
 
 /// Rows of exponents of x and y, and the coefficient of that term.
 pub(super) type Terms = Vec<(usize, usize, f64)>;
@@ -33,4 +37,34 @@ pub(super) fn check_polynomial(
         }
     }
     Ok(model)
+}
+
+/// Refuses a distortion that folds the image, so that a pixel has two directions or none.
+pub(super) fn check_distortion(
+    detector: &Detector,
+    optics: &Optics,
+    distortion: &Distortion,
+    check: &Checker<'_>,
+) -> Result<(), ConfigError> {
+    let d = distortion;
+    let parameters = CameraParameters {
+        width_px: detector.width_px as usize,
+        height_px: detector.height_px as usize,
+        focal_px: [optics.focal_length_mm * 1e3 / detector.pixel_pitch_um; 2],
+        principal_point_px: optics.principal_point_px,
+        distortion: BrownConrady { k1: d.k1, k2: d.k2, k3: d.k3, p1: d.p1, p2: d.p2 },
+    };
+    let geometry = match d.polynomial {
+        None => CameraGeometry::new(parameters),
+        Some(polynomial) => CameraGeometry::with_polynomial(parameters, polynomial),
+    };
+    match geometry {
+        Err(AstrometryError::DistortionFolds { limit_deg, x_px, y_px }) => {
+            let got = format!("one-to-one only to {limit_deg:.2} deg off axis");
+            let wanted = format!("a direction for every pixel, also for the corner at ({x_px}, {y_px}) px");
+            let advice = "check signs and units of the coefficients: all are for lengths in focal lengths";
+            Err(check.invalid("distortion", got, wanted, advice))
+        }
+        Ok(_) | Err(AstrometryError::Parameter { .. } | AstrometryError::TwoDistortions) => Ok(()),
+    }
 }

@@ -4,7 +4,7 @@ use crate::blame::without_the_blamed;
 use crate::error::ConfigError;
 use crate::packed::{PackedDocuments, joined};
 use crate::setting::Setting;
-use crate::wrong_type::{wrong_type, wrong_type_set};
+use crate::wrong_type::{wrong_type, wrong_type_of};
 use serde::de::DeserializeOwned;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
@@ -70,6 +70,10 @@ const BUILT_IN: &[(&str, &str)] = &[
 /// Names nearer than this (Jaro-Winkler, 0 to 1) are offered as what was meant.
 const NEAR_ENOUGH: f64 = 0.75;
 
+/// Keys that other programs have, the one here, and how its value follows.
+const SYNONYMS: [(&str, &str, &str); 1] =
+    [("f_number", "aperture_mm", "the aperture is focal length / f-number, in millimetres")];
+
 /// A configuration text.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Document {
@@ -101,7 +105,8 @@ impl Document {
         if is_built_in && !path.exists() {
             return Self::find_built_in(below_configs, String::new());
         }
-        let known: Vec<_> = Self::built_in_paths().filter(|known| Path::new(known).parent() == below_configs.parent()).collect();
+        let known: Vec<_> =
+            Self::built_in_paths().filter(|known| Path::new(known).parent() == below_configs.parent()).collect();
         let others = if known.is_empty() { String::new() } else { format!("; built in are {}", known.join(", ")) };
         Self::read(path, others)
     }
@@ -264,7 +269,7 @@ impl Document {
                 let reported = setting.reported();
                 let place = format!("{reported} ({})", self.name());
                 let refuse = |error: toml::de::Error| {
-                    wrong_type_set(&error, place.clone(), &setting.key(), setting.value_text())
+                    wrong_type_of(self, &error, place.clone(), &setting.key(), setting.value_text())
                         .unwrap_or_else(|| refusal(&error, place, setting.value_text()))
                 };
                 read = table.clone().try_into().map_err(refuse)?;
@@ -291,6 +296,10 @@ impl Document {
             Some((format!("{name}.{key}"), format!("{key} = {value}"), alone.try_into::<S>().err()?))
         });
         let (key, text, error) = bad.unwrap_or_else(|| (name.to_owned(), name.to_owned(), whole));
+        let value = text.split_once(" = ").map_or("", |(_, value)| value);
+        if let Some(refused) = wrong_type_of(self, &error, self.place(&key), &key, value) {
+            return Err(refused);
+        }
         Err(match refusal(&error, self.place(&key), &text) {
             ConfigError::UnknownKey { place, nearest, known, .. } => {
                 ConfigError::UnknownKey { place, key, nearest, known: format!("{known}{which}") }
@@ -359,7 +368,7 @@ impl Document {
         offset.map_or_else(|| self.name(), |offset| self.place_of_offset(offset))
     }
 
-    fn place_of_offset(&self, offset: usize) -> String {
+    pub(super) fn place_of_offset(&self, offset: usize) -> String {
         format!("{}:{}", self.name(), self.line_of_offset(offset))
     }
 
@@ -374,9 +383,12 @@ fn refusal(error: &toml::de::Error, place: String, text: &str) -> ConfigError {
         Some((key, known)) => ConfigError::UnknownKey {
             place,
             key: key.into(),
-            nearest: nearest(key, known.iter().copied())
-                .map(|name| format!(", did you mean `{name}`?"))
-                .unwrap_or_default(),
+            nearest: match SYNONYMS.iter().find(|(other, name, _)| *other == key && known.contains(name)) {
+                Some((_, name, meaning)) => format!(", did you mean `{name}`? ({meaning})"),
+                None => nearest(key, known.iter().copied())
+                    .map(|name| format!(", did you mean `{name}`?"))
+                    .unwrap_or_default(),
+            },
             known: if known.is_empty() { "nothing".into() } else { known.join(", ") },
         },
         None => ConfigError::Syntax { place, why: error.message().trim().replace('\n', ", "), text: text.into() },

@@ -6,8 +6,9 @@ use crate::key::{Section, listed, section, taken};
 use crate::key_type::Word;
 use crate::motion::{Motion, MotionKeys};
 use base::units::{ARCSEC, DEG};
+use core::f64::consts::PI;
 use glam::DVec3;
-use plan::attitude::JitterLine;
+use plan::attitude::{JitterLine, MOST_ACCELERATION_RAD_S2, MOST_RATE_RAD_S};
 
 /// Least and largest right ascension that is taken, degrees: one turn to either side.
 pub const RIGHT_ASCENSION_DEG: [f64; 2] = [-360.0, 360.0];
@@ -233,6 +234,16 @@ impl Slew {
             return Err(keys.axis().invalid(format!("{given:?}"), wanted, check));
         }
         taken!(check, keys => start_s, angle_deg, duration_s);
+        // From rest to rest by 1 - cos: the fastest rate is twice the mean one.
+        let (rate_deg_s, acceleration_deg_s2) =
+            (2.0 * angle_deg.abs() / duration_s, 2.0 * PI * angle_deg.abs() / duration_s.powi(2));
+        if rate_deg_s * DEG > MOST_RATE_RAD_S || acceleration_deg_s2 * DEG > MOST_ACCELERATION_RAD_S2 {
+            let wanted = format!(
+                "a turn of at most 1000 deg/s and 10000 deg/s^2; this one has {rate_deg_s:.0} deg/s, {acceleration_deg_s2:.0} deg/s^2"
+            );
+            let advice = "faster attitudes are refused as errors of the bus: take a longer time";
+            return Err(keys.duration_s().advised(advice).invalid(duration_s, wanted, check));
+        }
         Ok(Self { axis: given.map(|component| component / norm), angle_deg, start_s, duration_s })
     }
 }

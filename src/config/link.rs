@@ -2,6 +2,7 @@
 
 use crate::check::{Checker, Defaulted, Rule};
 use crate::error::ConfigError;
+use crate::file_kind::{FileKind, must_be};
 use crate::key::{Given, Section, taken};
 use crate::key_type::Raw;
 use crate::link_keys::{Address, Kind, LinkKeys, LinkTable, WIRES};
@@ -149,6 +150,7 @@ impl Link {
             LinkKeys::Table(table) => Self::check_table(&table.at(name), check),
             LinkKeys::File(path) => {
                 let document = check.document.named(name, path)?;
+                must_be(FileKind::Link, &document)?;
                 let mut own_check = Checker::new(&document);
                 let link = Self::check_table(&document.read_as::<LinkTable>()?.at(""), &mut own_check)?;
                 let prefixed =

@@ -145,11 +145,18 @@ impl Motion {
         let at_waypoints = keys.at_waypoints().check(check)?;
         let listed = listed(&keys.waypoint, "flight_computer.motion.waypoint");
         let points = listed.iter().map(|keys| waypoint(keys, check)).collect::<Result<Vec<_>, _>>()?;
+        let listed_times: Vec<f64> = points.iter().map(|(t_s, _)| *t_s).collect();
         let motion = Self::Waypoints { at_waypoints, points };
         let refused = |error: WaypointError| match error {
             WaypointError::NotRising { place } | WaypointError::TooFar { place } => {
                 let key = format!("flight_computer.motion.waypoint[{place}].t_s");
-                check.invalid(&key, error, "rising times, and less than half a turn from one to the next", "sort them")
+                let t_s = listed_times.get(place).copied().unwrap_or_default();
+                check.invalid(
+                    &key,
+                    t_s,
+                    "rising times, and less than half a turn from one to the next",
+                    &error.to_string(),
+                )
             }
             WaypointError::TooFew { .. } => check.invalid("flight_computer.motion.waypoint", error, "two", "add one"),
         };
@@ -234,7 +241,9 @@ impl Motion {
             let wanted = format!("frequencies below half of flight_computer.attitude_hz ({} Hz)", 0.5 * attitude_hz);
             let advice =
                 "attitudes between messages would be made up; faster motion is jitter: [[flight_computer.jitter_line]]";
-            return Err(check.invalid(key, format!("{highest_hz} Hz"), wanted, advice));
+            let place = scale.sinusoids.iter().position(|sinusoid| sinusoid.frequency_hz >= highest_hz).unwrap_or(0);
+            let key = format!("flight_computer.motion.sinusoid[{place}].frequency_hz");
+            return Err(check.invalid(&key, highest_hz, wanted, advice));
         }
         Ok(())
     }

@@ -9,7 +9,7 @@ use crate::plant_file::{refused, text_of};
 use base::time::Tai;
 use base::units::DEG;
 use histories::{OrbitHistory, read};
-use sky::orbit::{CentralBody, KeplerElements};
+use sky::orbit::{CentralBody, KeplerElements, TleOrbit};
 use std::sync::Arc;
 
 /// Place and motion of the sensor, checked.
@@ -181,6 +181,10 @@ fn file(keys: &ObserverKeys, check: &Checker<'_>) -> Result<Observer, ConfigErro
     }
     let (text, path) = text_of(&given, check)?;
     if is_elements(&text) {
+        let is_json = text.trim_start().starts_with(['[', '{']);
+        let read = if is_json { TleOrbit::parse_omm(&text, None) } else { TleOrbit::parse_one_of(&text, None) };
+        let wanted = "JSON of one object, or two element lines";
+        read.map_err(|error| given.invalid(format!("{path}: {error}"), wanted, check))?;
         return Ok(Observer::Elements { text });
     }
     let history = read::orbit(&path, &text).map_err(|error| refused(&given, &error, check))?;
@@ -248,7 +252,7 @@ fn circular_orbit(keys: &ObserverKeys, check: &mut Checker<'_>) -> Result<Observ
 fn tle(keys: &ObserverKeys, check: &Checker<'_>) -> Result<Observer, ConfigError> {
     let line = |given: Given<'_, String>, number: char| {
         let wanted = format!("69 characters that begin with \"{number} \" and end with their checksum");
-        let text = given.raw().map_or("missing", |line| line.trim_end());
+        let text = given.raw().ok_or_else(|| given.missing(&wanted, check))?.trim_end();
         let is_line = is_tle_line(text, number);
         if is_line { Ok(text.to_owned()) } else { Err(given.invalid(format!("\"{text}\""), wanted, check)) }
     };

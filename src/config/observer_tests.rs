@@ -108,11 +108,17 @@ const TABLE: &str =
 const LINES: &str = "ISS\n1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927\n\
                      2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537\n";
 
+const OBJECT: &str = r#"{"OBJECT_NAME": "ISS", "OBJECT_ID": "1998-067A", "EPOCH": "2008-09-20T12:25:40.104192",
+ "MEAN_MOTION": 15.72125391, "ECCENTRICITY": 0.0006703, "INCLINATION": "51.6416", "RA_OF_ASC_NODE": 247.4627,
+ "ARG_OF_PERICENTER": 130.5360, "MEAN_ANOMALY": 325.0288, "EPHEMERIS_TYPE": 0, "CLASSIFICATION_TYPE": "U",
+ "NORAD_CAT_ID": 25544, "ELEMENT_SET_NO": 292, "REV_AT_EPOCH": 56353, "BSTAR": -0.000011606,
+ "MEAN_MOTION_DOT": -0.00002182, "MEAN_MOTION_DDOT": 0}"#;
+
 #[test]
 fn a_file_is_states_or_elements_by_what_is_in_it() {
     let Ok(Observer::Table(history)) = of_file(TABLE, "") else { unreachable!("a table of states") };
     assert_eq!((history.rows(), history.centre), (2, histories::Centre::Earth));
-    for text in [LINES, "[{\"OBJECT_NAME\": \"ISS\"}]"] {
+    for text in [LINES, OBJECT] {
         let Ok(Observer::Elements { text: kept }) = of_file(text, "") else { unreachable!("elements: {text}") };
         assert_eq!(kept, text);
     }

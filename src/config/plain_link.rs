@@ -3,6 +3,7 @@
 //! `kind = "udp"` and `"tcp"`, and `wire = "plain"` on a simulated bus. Tests: `plain_link_tests`.
 
 use crate::check::Checker;
+use crate::document::nearest;
 use crate::error::ConfigError;
 use crate::flight_computer::{FlightComputer, JitterSource};
 use crate::key::Section;
@@ -92,11 +93,18 @@ fn layout(keys: &LinkTable, form: Form, check: &mut Checker<'_>) -> Result<Plain
 
 fn refused(keys: &LinkTable, place: Option<usize>, error: &LayoutError, check: &Checker<'_>) -> ConfigError {
     let name = place.and_then(|place| keys.layout().raw()?.get(place).cloned());
-    let got = name.map_or_else(|| error.to_string(), |name| format!("\"{name}\": {error}"));
+    let name_meant = name.clone();
+    let got = name.map_or_else(
+        || format!("{:?}", keys.layout().raw().map_or(&[][..], Vec::as_slice)),
+        |name| format!("\"{name}\""),
+    );
     let names = FIELD_NAMES.map(|(name, _)| name).join(", ");
+    let meant = name_meant.and_then(|name| nearest(&name, FIELD_NAMES.iter().map(|(known, _)| *known)));
+    let meant = meant.filter(|_| *error == LayoutError::Unknown).map(|name| format!("; did you mean \"{name}\"?"));
+    let meant = meant.unwrap_or_default();
     let wanted = format!("some of {names}; vectors whole, and \"t\" unless time = \"arrival\"");
     keys.layout()
-        .advised("name the numbers in their order in the message; skip leaves one unread")
+        .advised(format!("{error}{meant}; name the numbers in their order in the message; skip leaves one unread"))
         .invalid(got, wanted, check)
 }
 

@@ -49,7 +49,7 @@ fn unused_and_missing_keys_are_refused_by_name() {
         ("kind = \"udp\"\nlisten = 1\nwire = \"can_fd\"", "\"plain\""),
         ("kind = \"udp\"\nlisten = 1\nbit_rate = 9600.0", "link.bit_rate"),
         ("kind = \"udp\"\nlisten = 1\nencoding = \"42\"", "TCP"),
-        ("kind = \"udp\"\nlisten = 1\nlayout = [\"t\", \"q\"]", "\"q\": no field"),
+        ("kind = \"udp\"\nlisten = 1\nlayout = [\"t\", \"q\"]", "is \"q\"; wanted some of t, q_w"),
         (
             "kind = \"udp\"\nlisten = 1\nlayout = [\"q_w\", \"q_x\", \"q_y\", \"q_z\", \"w_x\", \"w_y\", \"w_z\"]",
             "no \"t\"",

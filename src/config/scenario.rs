@@ -1,4 +1,4 @@
-//! A run file, checked: a bench, who moves its spacecraft, events and expectations.
+//! A run file, checked: a bench, the source of its spacecraft's motion, events and expectations.
 //!
 //! A bench file holds all of it, and a bench is a scenario without a vehicle. A scenario file names a bench and a
 //! spacecraft, and takes everything else from the bench.
@@ -8,6 +8,7 @@ use crate::check::{Checker, Defaulted};
 use crate::document::Document;
 use crate::error::ConfigError;
 use crate::event::{Action, Event};
+use crate::event_places::check_event_places;
 use crate::event_word::EventKeys;
 use crate::expect::{Expect, ExpectKeys};
 use crate::file_kind::{FileKind, must_be_one_of};
@@ -172,7 +173,12 @@ impl Scenario {
                 Plant::Vehicle(Box::new(vehicle))
             }
         };
-        let events = events(&event, &bench, is_flown, &mut check)?;
+        let wheels = match &plant {
+            Plant::Vehicle(vehicle) => Some(vehicle.spacecraft.params.wheels.len()),
+            Plant::Outside | Plant::FlightComputer | Plant::File(_) => None,
+        };
+        let events = events(&event, &bench, wheels, &mut check)?;
+        check_trigger_heads(&bench, &check)?;
         let expect = Expect::check(&expect, bench.timing.duration_s, is_flown, &mut check)?;
         Ok(Self {
             name: bench.name.clone(),
@@ -206,7 +212,8 @@ impl Scenario {
             telemetry: keys.telemetry.clone(),
         };
         let vehicle = Vehicle::check(&flight, IN_SCENARIO, spacecraft, &mut check)?;
-        let events = events(&keys.event, &bench, true, &mut check)?;
+        let wheels = Some(vehicle.spacecraft.params.wheels.len());
+        let events = events(&keys.event, &bench, wheels, &mut check)?;
         let expect = Expect::check(&keys.expect, bench.timing.duration_s, true, &mut check)?;
         Ok(Self {
             name,
@@ -223,7 +230,8 @@ impl Scenario {
 
 /// Refuses a bench in which a spacecraft cannot be flown.
 fn check_can_fly(bench: &Bench, check: &Checker<'_>) -> Result<(), ConfigError> {
-    let refuse = |wanted: &str, advice: &str| Err(check.invalid("bench", &bench.name, wanted, advice));
+    let got = format!("\"{}\"", bench.name);
+    let refuse = |wanted: &str, advice: &str| Err(check.invalid("bench", &got, wanted, advice));
     if !matches!(bench.observer, Observer::CircularOrbit { .. }) {
         let advice = "the flown orbit is circular: gravity gradient and aberration follow it";
         return refuse("a bench whose observer.kind is \"circular_orbit\"", advice);
@@ -258,10 +266,11 @@ fn named_bench(given: &Given<'_, String>, check: &Checker<'_>) -> Result<Bench, 
 
 /// Events in order of time. One that comes after the end is refused, unless the file's own run lasts long enough for it:
 /// then a setting cut the run short, and the event is left out.
+/// `wheels`: of the spacecraft that is flown inside, if one is.
 fn events(
     keys: &[EventKeys],
     bench: &Bench,
-    is_flown: bool,
+    wheels: Option<usize>,
     check: &mut Checker<'_>,
 ) -> Result<Vec<Event>, ConfigError> {
     let duration_s = bench.timing.duration_s;
@@ -269,11 +278,18 @@ fn events(
     let mut events: Vec<Event> = Vec::with_capacity(keys.len());
     for (place, keys) in keys.iter().enumerate() {
         let event = Event::check(keys, place, frame_period, check)?;
-        if event.action.is_aboard() && !is_flown {
+        if event.action.is_aboard() && wheels.is_none() {
             let advice = "a simulated spacecraft is needed for it: name one with spacecraft = \"FILE\"";
             let got = format!("\"{}\"", event.action.word());
             let wanted = "a fault of bus, frames or imaging, or a trigger";
             return Err(check.invalid(&format!("event[{place}].do"), got, wanted, advice));
+        }
+        check_event_places(&event, &format!("event[{place}]"), bench, wheels, check)?;
+        if bench.is_lockstep() && matches!(event.action, Action::Bus(_) | Action::BusBackLoss { .. }) {
+            let got = format!("\"{}\"", event.action.word());
+            let advice =
+                "no bus leads out of the program in this bench: give its link a gateway, or leave the fault out";
+            return Err(check.invalid(&format!("event[{place}].do"), got, "a fault that does not need a bus", advice));
         }
         let at_s = event.at.s();
         if at_s < duration_s {
@@ -287,6 +303,18 @@ fn events(
     check_triggers_fire_once(&events, check)?;
     events.sort_by_key(|event| event.at);
     Ok(events)
+}
+
+/// Refuses a trigger line of a head that the bench does not have.
+fn check_trigger_heads(bench: &Bench, check: &Checker<'_>) -> Result<(), ConfigError> {
+    let heads = bench.head_count();
+    let beyond = bench.trigger_lines.iter().zip(0..).find_map(|(line, place)| {
+        let head = line.head.filter(|head| *head >= heads)?;
+        Some((place, head))
+    });
+    let Some((place, head)) = beyond else { return Ok(()) };
+    let wanted = format!("less than {heads}, the number of camera heads");
+    Err(check.invalid(&format!("trigger_line[{place}].head"), head, wanted, "they are counted from 0"))
 }
 
 fn check_triggers_fire_once(events: &[Event], check: &Checker<'_>) -> Result<(), ConfigError> {

@@ -51,6 +51,11 @@ impl Setting {
         self.reported.split_once('=').map_or("", |(_, value)| value)
     }
 
+    /// Returns its key.
+    pub(super) fn key(&self) -> String {
+        self.steps.iter().map(Step::to_string).collect::<Vec<_>>().join(".")
+    }
+
     /// Returns how messages call it: as it was given.
     pub(super) fn reported(&self) -> &str {
         &self.reported
@@ -58,8 +63,7 @@ impl Setting {
 
     /// Returns whether it gives the value of `key` (as [`super::Document::place`] takes it) or of a table around it.
     pub(super) fn gives(&self, key: &str) -> bool {
-        let steps: Vec<String> = self.steps.iter().map(Step::to_string).collect();
-        key.strip_prefix(&steps.join(".")).is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
+        key.strip_prefix(&self.key()).is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
     }
 
     /// Returns whether it gives this top-level key as a whole.

@@ -48,14 +48,14 @@ fn later_settings_win_and_items_of_lists_can_be_changed() {
 }
 
 #[test]
-fn what_is_wrong_is_said_with_the_setting_and_the_nearest_name() {
+fn errors_name_the_setting_and_the_nearest_key() {
     let cases: [(&str, &[&str]); 12] = [
         ("control.delay_ns=300", &["unknown key `delay_ns`", "did you mean `delay_ms`"]),
         ("contrl.delay_ms=300", &["unknown key `contrl`", "did you mean `control`"]),
         ("bench.timing.frame_rate=5", &["unknown key `frame_rate`", "frame_rate_hz"]),
         ("bench.camera.detector.bit=5", &["unknown key `bit`", "did you mean `bits`"]),
         ("spacecraft.control.damping=9", &["control.damping is 9", "0.1 to 5"]),
-        ("control.delay_ms=soon", &["expected a number", "soon"]),
+        ("control.delay_ms=soon", &["wanted a number", "soon"]),
         ("control.delay_ms=-1", &["control.delay_ms is -1", "0 to 10000"]),
         ("name.first=x", &["name is a value", "wanted a table"]),
         ("event[3].for_s=1", &["event[3]"]),

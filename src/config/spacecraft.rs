@@ -3,12 +3,14 @@
 use crate::check::{Checker, Defaulted, Rule};
 use crate::document::Document;
 use crate::error::ConfigError;
+use crate::file_kind::{FileKind, must_be};
 use crate::key::{Given, listed, section, taken};
 use crate::key_type::{Any, Numbers, Raw, Shape};
 use base::time::{Span, Tai};
 use base::units::{ARCSEC, DEG, RPM};
 use glam::{DMat3, DVec3};
 use std::path::Path;
+use testbed::spacecraft::is_inertia;
 use testbed::spacecraft::{
     CircularOrbitParams, DisturbanceParams, FlexibleMode, GyroParams, Harmonic, SpacecraftParams, UnloadingParams,
     WheelParams,
@@ -208,12 +210,19 @@ impl Spacecraft {
     /// # Errors
     /// The first thing that is wrong with it.
     pub fn from_document(document: &Document) -> Result<Self, ConfigError> {
+        must_be(FileKind::Spacecraft, document)?;
         let keys: SpacecraftKeys = document.read_as()?;
         let mut check = Checker::new(document);
         let name = check.label(keys.name().raw().cloned())?;
         let inertia = keys.body.inertia_kg_m2();
         let wanted = "three rows of three numbers, symmetric, about the centre of mass";
         let rows = inertia.raw().ok_or_else(|| inertia.missing(wanted, &check))?;
+        let inertia_kg_m2 = DMat3::from_cols_array_2d(rows).transpose();
+        if !is_inertia(inertia_kg_m2) {
+            let wanted = "a symmetric, positive definite matrix, no principal moment above the sum of the other two";
+            let advice = "such as [[12.0, 0.0, 0.0], [0.0, 9.0, 0.0], [0.0, 0.0, 10.0]], about the centre of mass";
+            return Err(inertia.advised(advice).invalid(format!("{rows:?}"), wanted, &check));
+        }
         let step = keys.body.step_ms().ms(&mut check)?;
         let noise_deg = keys.sun_sensor.noise_deg().check(&mut check)?;
         let wheel = |keys: &WheelKeys| keys.params(&mut check);
@@ -221,7 +230,7 @@ impl Spacecraft {
         let mode = |keys: &ModeKeys| keys.params(&mut check);
         let modes = listed(&keys.mode, "mode").iter().map(mode).collect::<Result<_, _>>()?;
         let params = SpacecraftParams {
-            inertia_kg_m2: DMat3::from_cols_array_2d(rows).transpose(),
+            inertia_kg_m2,
             wheels,
             modes,
             disturbance: disturbance(&keys.disturbance, &mut check)?,

@@ -151,6 +151,13 @@ pub(super) fn check_targets(keys: &[TargetKeys], check: &mut Checker<'_>) -> Res
     keys.iter().enumerate().map(|(place, keys)| TargetSettings::check(keys, place, check)).collect()
 }
 
+/// Refuses a target that is first seen when the run is over.
+pub(super) fn check_seen(targets: &[TargetSettings], duration_s: f64, check: &Checker<'_>) -> Result<(), ConfigError> {
+    let Some(place) = targets.iter().position(|target| target.start_s >= duration_s) else { return Ok(()) };
+    let wanted = format!("a time before the run ends, at {duration_s} s");
+    Err(check.invalid(&format!("target[{place}].start_s"), targets[place].start_s, wanted, "it would never be seen"))
+}
+
 impl TargetSettings {
     fn check(keys: &TargetKeys, place: usize, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
         let keys = &keys.at(&format!("target[{place}]"));
@@ -190,7 +197,8 @@ impl TargetSettings {
         if given != 1 {
             let advice = "how bright it is: such as mag = 6.0, or electrons = 5000.0, or snr = 8.0";
             let wanted = "one of mag, electrons and snr";
-            return Err(keys.mag().advised(advice).invalid(format!("{given} of them"), wanted, check));
+            let got = if given == 0 { "missing" } else { "given beside another one" };
+            return Err(keys.mag().advised(advice).invalid(got, wanted, check));
         }
         if let Some(snr) = keys.snr().optional(check)? {
             return Ok(TargetLight::Snr(snr));
@@ -236,11 +244,11 @@ mod tests {
     }
 
     #[test]
-    fn what_contradicts_itself_is_refused_with_advice() {
+    fn contradictions_are_refused_with_advice() {
         for (lines, wanted) in [
             ("mag = 6.0\n", "target[0].position_px is missing"),
             ("position_px = [1.0, 2.0]\n", "one of mag, electrons and snr"),
-            ("position_px = [1.0, 2.0]\nmag = 6.0\nelectrons = 5.0\n", "2 of them"),
+            ("position_px = [1.0, 2.0]\nmag = 6.0\nelectrons = 5.0\n", "given beside another one"),
             ("position_px = [1.0, 2.0]\nsnr = 0.0\n", "target[0].snr"),
             ("position_px = [1.0, 2.0]\nelectrons = 5.0\nbp_rp = 1.0\n", "target[0].bp_rp is given"),
             ("position_px = [1.0, 2.0]\nmag = 6.0\nturn_deg_s = 1.0\nacceleration_px_s2 = [1.0, 0.0]\n", "turn_deg_s"),
@@ -278,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn what_no_orbit_is_is_refused_with_advice() {
+    fn impossible_orbits_are_refused_with_advice() {
         for (lines, wanted) in [
             ("orbit = \"tel\"\n".to_owned(), "wanted one of \"tle\", \"omm\""),
             ("orbit = \"tle\"\nmag = 1.0\n".to_owned(), "line1 and line2, or file"),

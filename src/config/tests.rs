@@ -123,7 +123,7 @@ fn a_minimal_camera_is_completed_and_says_so() {
 
 #[test]
 fn a_camera_that_clips_says_where() {
-    let camera = camera_with("detector", "gain_e_per_dn = 1.0").expect("allowed, and told");
+    let camera = camera_with("detector", "gain_e_per_dn = 1.0").expect("allowed, and reported");
     assert_eq!(camera.detector.params.converter_clips_at_e(), Some(4095.0 - 64.0));
 }
 
@@ -151,10 +151,10 @@ fn an_unknown_key_has_file_line_and_the_nearest_known_one() {
 #[test]
 fn wrong_types_and_broken_toml_show_the_line() {
     let quoted = MINIMAL_CAMERA.replace("= 25", "= \"25\"");
-    assert_refused(camera(&quoted), "focal_length_mm", &["cam.toml:5", "expected a number"]);
+    assert_refused(camera(&quoted), "focal_length_mm", &["cam.toml:5", "is \"25\"; wanted a number"]);
     assert_refused(camera("[detector\nwidth_px = 3"), "[detector", &["cam.toml:1"]);
     assert_refused(bench("[mounting]\nsensor_from_body = [1, 0, 0]"), "sensor_from_body", &["bench.toml:2", "4"]);
-    assert_refused(bench("timing = 3"), "timing", &["bench.toml:1", "expected a table"]);
+    assert_refused(bench("timing = 3"), "timing", &["bench.toml:1", "wanted a table"]);
     assert_refused(bench("link = 7"), "link", &["[link] table or the path"]);
 }
 
@@ -181,7 +181,7 @@ fn each_camera_rule_has_a_failing_example() {
     assert_refused(camera(&zero_width), "detector.width_px", &["cam.toml:2", "is 0", "1 to 16384"]);
     for (section, line, parts) in [
         ("detector", "bits = 17", ["1 to 16", "converter"]),
-        ("detector", "black_level_dn = 4095", ["0 to 4094", "room for signal"]),
+        ("detector", "black_level_dn = 4095", ["0 to 4094", "range for signal"]),
         ("detector", "full_well_e = 0", ["above 0", "data sheet"]),
         ("detector", "gain_e_per_dn = -1", ["above 0", "2^bits"]),
         ("detector", "pixel_pitch_um = nan", ["above 0", "micrometres"]),
@@ -252,7 +252,7 @@ fn each_bench_rule_has_a_failing_example() {
             "flight_computer.jitter_sample_hz",
             ["1000 on classic CAN", "CAN FD"],
         ),
-        ("[flight_computer]\nattitude_hz = 400", "flight_computer.attitude_hz", ["up to 100", "room"]),
+        ("[flight_computer]\nattitude_hz = 400", "flight_computer.attitude_hz", ["up to 100", "protocol carries"]),
         ("[flight_computer]\ndec_deg = 91", "flight_computer.dec_deg", ["-90 to 90", "degrees"]),
         ("[flight_computer]\nra_deg = nan", "flight_computer.ra_deg", ["-360", "not hours"]),
         ("[flight_computer.slew]\nangle_deg = 1", "flight_computer.slew.axis", ["missing", "body axes"]),
@@ -279,7 +279,7 @@ fn each_rule_of_sinks_has_a_failing_example() {
     for (text, key, parts) in [
         ("[sink]\nkind = \"null\"\nfits = true", "sink.fits", ["unknown key", "kind = \"null\""]),
         ("[sink]\nfit = true", "sink.fit", ["did you mean `fits`", "png_every"]),
-        ("[sink]\nfits = 3", "fits = 3", ["bench.toml:2", "boolean"]),
+        ("[sink]\nfits = 3", "sink.fits is 3", ["bench.toml:2", "true or false"]),
         ("[sink]\nqueue = 0", "sink.queue", ["whole number from 1", "memory"]),
         ("[sink]\nqueue = \"two\"", "queue = \"two\"", ["bench.toml:2", "whole number"]),
         ("[sink]\nkind = \"recordr\"", "sink.kind", ["did you mean \"recorder\"", "null"]),
@@ -356,10 +356,10 @@ fn a_bench_of_nothing_runs_on_the_built_in_camera() {
     assert_eq!(bench.camera.name, "20 degree star tracker");
     assert_eq!(bench.attitude.estimate.policy, StalePolicy::Hold, "simulated runs go on");
     assert!(bench.attitude.history.capacity >= 210, "1 s of age, 1 s of margin, 0.1 s of exposure at 100 Hz");
-    assert!(bench.defaulted.iter().any(|d| d.key == "camera" && d.value.contains("built-in")), "and it is told");
+    assert!(bench.defaulted.iter().any(|d| d.key == "camera" && d.value.contains("built-in")), "and it is listed");
 }
 
-/// With hardware a frame is right or missing, never a sky that stands still or one without motion; who wants those says so.
+/// With hardware a frame is right or missing, never a frozen sky or one without motion, unless a key says otherwise.
 #[test]
 fn frames_with_hardware_are_right_or_missing_unless_a_key_says_otherwise() {
     let usual = bench("").expect("all has a default");
@@ -395,7 +395,7 @@ fn paths_are_relative_to_the_file_that_names_them() {
     let path = write("benches/b.toml", "camera = \"../cams/one.toml\"\nlink = \"../links/slow.toml\"\n");
     let bench = Bench::load(&path).expect("both are found");
     assert_eq!((bench.camera.name.as_str(), bench.link.latency_us), ("one", 7.0));
-    assert!(bench.defaulted.iter().any(|d| d.key == "link.wire"), "the link's defaults are told");
+    assert!(bench.defaulted.iter().any(|d| d.key == "link.wire"), "the link's defaults are listed");
     let lost = write("benches/c.toml", "camera = \"two.toml\"\n");
     let error = Bench::load(&lost).expect_err("no such camera").to_string();
     assert!(error.contains("two.toml") && error.contains("c.toml") && error.contains("camera"), "{error}");
@@ -498,7 +498,7 @@ fn a_date_error_of_the_trackers_is_read_and_held_to_its_range() {
     assert!(refused.contains("tracker.tag_error_ms"), "{refused}");
 }
 
-/// A shipped scenario after some of its text was replaced, with settings.
+/// Reads a shipped scenario after some of its text was replaced, with settings.
 fn scenario(name: &str, replaced: [&str; 2], settings: &[&str]) -> Result<Scenario, ConfigError> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/scenarios");
     let text = std::fs::read_to_string(folder.join(name)).expect("shipped");

@@ -3,12 +3,15 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test stops at the first surprise: unreadable sources are one")]
 
 mod architecture;
+mod command_table;
 mod commands;
 mod crates;
 mod english;
+mod events_document;
 mod excerpts;
 mod file_length;
 mod frames_document;
 mod pages;
+mod quoted_messages;
 mod source;
 mod words;

@@ -5,9 +5,9 @@
 //!                                                                                       -> SteppedRun    virtual clock
 //! ```
 //!
-//! Order: memory is added up; heads (engine, receiver, faults) are made; then their sinks, on the run's clock; around the
-//! sinks the trackers' taps, the capture and the live view; the cable and the far end when the run connects; the events of
-//! the file last. Tests: `tests/closed_loop`, above all `matrix`.
+//! Order: memory is added up; heads (engine, receiver, faults) are made; then their sinks, on the run's clock; around
+//! the sinks the trackers' taps, the capture and the live view; the cable and the far end when the run connects; the
+//! events of the file last. Tests: `tests/closed_loop`, above all `matrix`.
 
 use crate::runtime::{Hygiene, Imager};
 use crate::wiring::cable::{Cable, CableSetting};
@@ -207,7 +207,7 @@ impl Run {
         let live = live.map(|live| LiveTap::beside(&live, &scenario.bench.name, &mut heads)).transpose()?;
         // Last: a run that cannot be assembled leaves no capture behind.
         let recording = capture.map(|capture| capture.start(&scenario, start, &clock, &mut heads)).transpose();
-        let recording = recording.context("--capture")?;
+        let recording = recording.context("the capture")?;
         if let Some(steering) = &steering {
             steering.watch_frames(&mut heads);
         }
@@ -263,8 +263,7 @@ impl Run {
     }
 
     /// Flies the run to its end, or until `stop` is set. `progress` is called after each frame with the number of its
-    /// head,
-    /// and must not block.
+    /// head, and must not block.
     ///
     /// # Errors
     /// When the run cannot start; the result states why a started run ended early.

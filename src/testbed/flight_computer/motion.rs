@@ -99,13 +99,13 @@ pub enum WaypointError {
         got: usize,
     },
     /// A time is not after that of the waypoint before.
-    #[error("waypoint {place} is not later than the one before it; wanted rising times")]
+    #[error("waypoint {place} is not later than the one before it: sort them")]
     NotRising {
         /// Which one, from 0.
         place: usize,
     },
     /// The shortest turn from the waypoint before is not known.
-    #[error("waypoint {place} is half a turn from the one before it; wanted less: put one between them")]
+    #[error("waypoint {place} is half a turn from the one before it: put one between them")]
     TooFar {
         /// Which one, from 0.
         place: usize,

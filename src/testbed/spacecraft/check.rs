@@ -27,7 +27,9 @@ const STEP_LARGEST: Span = Span::from_ms(100);
 /// # Errors
 /// See [`SpacecraftError`].
 pub(super) fn check(params: &SpacecraftParams) -> Result<(), SpacecraftError> {
-    check_inertia(params.inertia_kg_m2)?;
+    if !is_inertia(params.inertia_kg_m2) {
+        return Err(SpacecraftError::Inertia { got: params.inertia_kg_m2 });
+    }
     if params.wheels.len() > WHEELS_MAX {
         return Err(SpacecraftError::TooManyWheels { got: params.wheels.len() });
     }
@@ -48,17 +50,15 @@ pub(super) fn check(params: &SpacecraftParams) -> Result<(), SpacecraftError> {
     check_step(params)
 }
 
-fn check_inertia(inertia: DMat3) -> Result<(), SpacecraftError> {
+/// Returns whether a body can have this inertia.
+#[must_use]
+pub fn is_inertia(inertia: DMat3) -> bool {
     let trace = inertia.x_axis.x + inertia.y_axis.y + inertia.z_axis.z;
     let skew = inertia - inertia.transpose();
     let is_symmetric = skew.to_cols_array().iter().all(|part| part.abs() <= ASYMMETRY * trace.abs());
     // Second moments of mass: not negative for any body. A flat plate's smallest is zero, so rounding is let pass.
     let second_moments = DMat3::IDENTITY * (0.5 + ASYMMETRY) * trace - inertia;
-    if inertia.is_finite() && is_symmetric && is_positive_definite(inertia) && is_positive_definite(second_moments) {
-        Ok(())
-    } else {
-        Err(SpacecraftError::Inertia { got: inertia })
-    }
+    inertia.is_finite() && is_symmetric && is_positive_definite(inertia) && is_positive_definite(second_moments)
 }
 
 /// Returns whether a matrix is positive definite (Sylvester's criterion).

@@ -26,6 +26,7 @@ mod vibration_lines;
 mod tests;
 
 pub use crate::attitude_truth::AttitudeTruth;
+pub use check::is_inertia;
 pub use error::SpacecraftError;
 pub use gyro::{Gyro, GyroFault, GyroParams, GyroReading};
 pub use micro_vibration::MicroVibration;

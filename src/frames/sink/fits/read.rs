@@ -1,6 +1,6 @@
 //! Reads the files of the writer: a primary image of two axes, 16-bit unsigned or IEEE floats.
 
-use super::card::{CARD_BYTES, Card, Header, end_card};
+use super::card::{CARD_BYTES, Card, Header, Value, end_card};
 use super::image::BZERO_U16;
 use super::{BLOCK_BYTES, Pixels};
 use crate::sink::SinkError;
@@ -93,11 +93,31 @@ pub fn read_image(mut input: impl Read) -> Result<FitsImage, SinkError> {
 }
 
 fn bad(keyword: &'static str, wanted: &'static str, header: &Header) -> SinkError {
-    SinkError::BadFits { what: keyword, wanted, got: format!("{:?}", header.get(keyword)) }
+    SinkError::BadFits {
+        what: keyword,
+        wanted,
+        got: header.get(keyword).map_or_else(|| "no such card".into(), value_text),
+    }
 }
 
 fn ended(what: &'static str, source: &std::io::Error) -> SinkError {
-    SinkError::BadFits { what, wanted: "more bytes", got: source.to_string() }
+    SinkError::BadFits { what, wanted: "more bytes", got: end_or(source) }
+}
+
+/// Returns a card's value as the file has it.
+fn value_text(value: Value<'_>) -> String {
+    match value {
+        Value::Undefined => "no value".into(),
+        Value::Logical(flag) => if flag { "T" } else { "F" }.into(),
+        Value::Integer(number) => number.to_string(),
+        Value::Real(number) => number.to_string(),
+        Value::Text(text) => format!("'{text}'"),
+    }
+}
+
+/// Returns what was found where bytes were wanted.
+fn end_or(source: &std::io::Error) -> String {
+    if source.kind() == std::io::ErrorKind::UnexpectedEof { "the end of the file".into() } else { source.to_string() }
 }
 
 fn axis(header: &Header, keyword: &'static str) -> Result<usize, SinkError> {

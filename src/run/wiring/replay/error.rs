@@ -19,8 +19,14 @@ pub enum ReplayError {
         /// Error of the operating system.
         source: std::io::Error,
     },
+    /// A file has the name of the directory.
+    #[error("{}: is a file; wanted a new or empty folder", path.display())]
+    NotAFolder {
+        /// The file.
+        path: PathBuf,
+    },
     /// The directory is in use.
-    #[error("{}: holds a captured run already; wanted another directory", path.display())]
+    #[error("{}: holds a captured run already; wanted a new or empty folder", path.display())]
     Occupied {
         /// The directory.
         path: PathBuf,

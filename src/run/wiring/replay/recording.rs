@@ -68,6 +68,9 @@ impl Recording {
             let path = path.to_path_buf();
             move |source| ReplayError::File { path, doing, source }
         };
+        if directory.exists() && !directory.is_dir() {
+            return Err(ReplayError::NotAFolder { path: directory.into() });
+        }
         std::fs::create_dir_all(directory).map_err(refuse(directory, "make the directory"))?;
         if directory.join(SESSION_FILE).exists() {
             return Err(ReplayError::Occupied { path: directory.into() });

@@ -1,0 +1,99 @@
+//! `src/guide/events.md` has every event of the ledger, as the program describes it, and every column of the tables that
+//! a run writes.
+//!
+//! The table of events is written from the program: when they differ, the new page is left in `target/guide`. Columns are
+//! described by hand, and each must have a row.
+
+use crate::source::root;
+use run::runtime::EventKind;
+use std::path::Path;
+use std::process::Command;
+
+const PAGE: &str = "src/guide/events.md";
+const START: &str = "<!-- events: written from the program -->\n";
+const END: &str = "<!-- end of events -->\n";
+
+fn table() -> String {
+    let row = |kind: &EventKind| format!("| `{}` | {} |\n", kind.name(), kind.meaning());
+    let rows: String = EventKind::ALL.iter().map(row).collect();
+    format!("\n| event | what happened |\n|---|---|\n{rows}\n")
+}
+
+/// Returns the page with the table of events as the program has it.
+fn written(page: &str, table: &str) -> Option<String> {
+    let (head, rest) = page.split_once(START)?;
+    let (_, tail) = rest.split_once(END)?;
+    Some(format!("{head}{START}{table}{END}{tail}"))
+}
+
+/// Returns the columns of a file that have no row in the page, under the heading of the file.
+fn undescribed(page: &str, file: &str, header: &str) -> Vec<String> {
+    let heading = format!("### {file}\n");
+    let section = page.split_once(&heading).map_or("", |(_, rest)| rest);
+    let section = section.split("\n#").next().unwrap_or_default();
+    let described: Vec<&str> = section
+        .lines()
+        .filter(|line| line.starts_with("| `"))
+        .filter_map(|line| line.split('|').nth(1))
+        .flat_map(|cell| cell.split('`').skip(1).step_by(2))
+        .collect();
+    let missing = header.trim().split(',').filter(|column| !described.contains(column));
+    missing.map(|column| format!("{file}: {column}")).collect()
+}
+
+fn first_line(path: &Path) -> String {
+    let text = std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    text.lines().next().unwrap_or_default().to_owned()
+}
+
+/// Runs the program in a folder.
+fn starloop(arguments: &[&str], folder: &Path) {
+    let output = Command::new(env!("CARGO_BIN_EXE_starloop")).args(arguments).current_dir(folder).output().unwrap();
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert!(matches!(output.status.code(), Some(0 | 4)), "starloop {}: {error}", arguments.join(" "));
+}
+
+#[test]
+fn every_event_is_in_the_guide() {
+    let page = std::fs::read_to_string(root().join(PAGE)).unwrap();
+    let wanted = written(&page, &table()).expect("the marks of the table");
+    if page != wanted {
+        let folder = root().join("target/guide");
+        std::fs::create_dir_all(&folder).unwrap();
+        std::fs::write(folder.join("events.md"), wanted).unwrap();
+        panic!("{PAGE} differs from the program's events: copy target/guide/events.md there");
+    }
+}
+
+#[test]
+fn changed_event_is_noticed() {
+    let page = format!("head\n{START}{}{END}tail\n", table());
+    assert_eq!(written(&page, &table()).unwrap(), page, "control");
+    let other = table().replace("| `late` |", "| `too_late` |");
+    assert_ne!(written(&page, &other).unwrap(), page);
+    assert!(written("no marks", &table()).is_none());
+}
+
+#[test]
+fn every_column_of_a_run_is_in_the_guide() {
+    let folder = tempfile::tempdir().unwrap();
+    let flown = ["run", "scenarios/campaign.toml", "--clock", "virtual", "--duration", "2", "--sink", "null"];
+    starloop(&[&flown[..], &["--out", "flown"]].concat(), folder.path());
+    let timed = ["run", "benches/loopback.toml", "--duration", "0.5", "--sink", "null", "--out", "timed"];
+    starloop(&[&timed[..], &["--report", "report"]].concat(), folder.path());
+    let page = std::fs::read_to_string(root().join(PAGE)).unwrap();
+    let files = ["flown/telemetry.csv", "report/frames_timing.csv"].map(|path| folder.path().join(path));
+    let found: Vec<_> = files
+        .iter()
+        .flat_map(|path| undescribed(&page, path.file_name().unwrap().to_str().unwrap(), &first_line(path)))
+        .collect();
+    assert!(found.is_empty(), "{PAGE} does not describe these columns:\n{}", found.join("\n"));
+}
+
+#[test]
+fn undescribed_columns_are_noticed() {
+    let page = "### a.csv\n\n| column |\n|---|\n| `x`, `y` | - |\n\n### b.csv\n| `z` | - |\n";
+    assert_eq!(undescribed(page, "a.csv", "x,y"), Vec::<String>::new());
+    assert_eq!(undescribed(page, "a.csv", "x,y,z"), ["a.csv: z"]);
+    assert_eq!(undescribed(page, "c.csv", "x"), ["c.csv: x"]);
+}
