@@ -292,8 +292,42 @@ def spice():
     yield "text", b"\2KPL/LSK\n\\begindata\nDELTET/K = 1.657D-3\nA += ( 'x' @2026-JAN-1\n 5 )\n\\begintext\n"
 
 
+def tracker_commands():
+    def crc16(data):
+        crc = 0xFFFF
+        for byte in data:
+            crc ^= byte << 8
+            for _ in range(8):
+                crc = (crc << 1 ^ 0x1021 if crc & 0x8000 else crc << 1) & 0xFFFF
+        return data + struct.pack(">H", crc)
+
+    def telecommand(service, subtype, data=b""):
+        return crc16(struct.pack(">HHHBBBH", 0x1864, 0xC001, 6 + len(data), 0x29, service, subtype, 5) + data)
+
+    head = bytes([2, 0, 7, 30])
+    lines = [b'{"command": "%s"}\n' % name for name in (b"ping", b"operate", b"standby", b"reset", b"dance")]
+    yield "json", b"\0" + head + b"".join(lines) + b'{"command": "exposure", "exposure_ms": 40}\nhello\n'
+    nos3 = [b"\xde\xad" + struct.pack(">BI", code, payload) + b"\xbe\xef" for code, payload in
+            ((0, 0), (1, 0), (2, 0), (3, 0), (3, 1), (3, 20000), (9, 9))]
+    yield "nos3", b"\1" + head + b"".join(nos3)
+    # The published frame to boot, and frames with hashes by PyPI xxhash: solution, camera, subscription.
+    frames = ["c0210301019c349a61c0",
+              "c0210218ac15e176c0",
+              "c02101095b0dc8dbddc0",
+              "c02100121b000000000000000000000000000000579bd4c4c0"]
+    yield "sagitta", b"\2" + head + b"".join(map(bytes.fromhex, frames))
+    packets = [telecommand(17, 1), telecommand(3, 27, b"\0\1\0\1"), telecommand(8, 1, b"\1\0"), telecommand(8, 1, b"\3"),
+               telecommand(8, 1, b"\2" + struct.pack(">I", 20000)), telecommand(99, 1)]
+    yield "ccsds", b"\3" + head + b"\xff".join(packets)
+    sdo = [struct.pack("<H", 8 << 12) + bytes(data) for data in
+           ((0x40, 0x17, 0x10, 0, 0, 0, 0, 0), (0x2B, 0x17, 0x10, 0, 100, 0, 0, 0), (0x2F, 0, 0x40, 0, 2, 0, 0, 0),
+            (0x23, 5, 0x40, 0, 0x20, 0x4E, 0, 0), (0x2F, 7, 0x40, 0, 1, 0, 0, 0), (0x2F, 0, 0x18, 2, 1, 0, 0, 0))]
+    nmt = [struct.pack("<H", 2 << 12 | 1) + bytes([command, 0]) for command in (1, 2, 128, 129, 130)]
+    yield "canopen", b"\4" + head + b"".join(sdo) + struct.pack("<H", 2) + b"".join(nmt)
+
+
 for target in (can_decode, serial_resync, slcan, socketcand, captures, plain, network_camera, session, layer, star_lines,
-               elements, jitter_table, histories, spice):
+               elements, jitter_table, histories, spice, tracker_commands):
     folder = HERE / "corpus" / target.__name__
     folder.mkdir(parents=True, exist_ok=True)
     for name, seed in target():

@@ -61,6 +61,8 @@ pub struct CcsdsDevice {
     continuity: Continuity,
     newest: Option<Report>,
     stream: Vec<u8>,
+    /// Octets that begin no packet have come since the last one.
+    is_out_of_step: bool,
     answered: Answered,
 }
 
@@ -70,7 +72,7 @@ impl CcsdsDevice {
     pub fn new(apid: u16, sense: Sense, limits: Limits) -> Self {
         let (count, type_counts, stream) = (0, BTreeMap::new(), Vec::new());
         let (continuity, newest, answered) = (Continuity::default(), None, Answered::default());
-        Self { apid, sense, limits, count, type_counts, continuity, newest, stream, answered }
+        Self { apid, sense, limits, count, type_counts, continuity, newest, stream, is_out_of_step: false, answered }
     }
 
     fn send(&mut self, service: [u8; 2], destination: u16, data: &[u8], now: Tai, out: &mut Vec<Wire>) {
@@ -175,7 +177,6 @@ impl Device for CcsdsDevice {
         let Wire::Bytes(bytes) = wire else { return };
         self.stream.extend(bytes);
         let mut at = 0;
-        let mut is_out_of_step = false;
         while let Some(length) = length_of(&self.stream[at..]) {
             let read = match length {
                 Ok(length) => match self.stream.get(at..at + length) {
@@ -186,14 +187,14 @@ impl Device for CcsdsDevice {
             };
             match read {
                 Ok((command, length)) => {
-                    (at, is_out_of_step) = (at + length, false);
+                    (at, self.is_out_of_step) = (at + length, false);
                     self.obey(&command, now, out, orders);
                 }
                 // The next octet may begin a packet.
                 Err(
                     PacketError::NoTelecommand | PacketError::BadLength | PacketError::BadCrc | PacketError::NotPusC,
                 ) => {
-                    self.answered.refused += u64::from(!core::mem::replace(&mut is_out_of_step, true));
+                    self.answered.refused += u64::from(!core::mem::replace(&mut self.is_out_of_step, true));
                     at += 1;
                 }
             }

@@ -13,6 +13,7 @@
 //! | `star_lines` | CSV, Hipparcos, Tycho-2 | bounded memory; every line is a star, or counted, or the whole is an error |
 //! | `elements` | two-line elements, OMM | the object asked for, and no other passed over; states are finite and above ground |
 //! | `histories` | AEM, OEM, STK files, tables | bounded memory; times rise, attitudes are rotations; what was written is read |
+//! | `tracker_commands` | requests of star trackers' clients | the same for any chunks, orders within limits, answers that can be read |
 //! | `session` | commands, table cells | the answers and tables of a model |
 
 #![forbid(unsafe_code)]
