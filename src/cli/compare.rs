@@ -3,6 +3,7 @@
 use crate::cli::degrees::{declination_deg, right_ascension_deg};
 use crate::cli::folder;
 use crate::cli::render_input::three;
+use crate::cli::report_json::print_json;
 use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
 use anyhow::{Context, Result, bail};
 use base::axes::sensor_from_ra_dec_roll;
@@ -64,7 +65,8 @@ pub fn run(arguments: &CompareArgs) -> Result<u8> {
         compared.push(comparer.compare(image)?);
     }
     if arguments.json {
-        println!("{}", report::json(&compared)?);
+        let report: serde_json::Value = serde_json::from_str(&report::json(&compared)?)?;
+        print_json("compare", report)?;
     } else {
         print!("{}", report::text(&compared));
     }
