@@ -1,8 +1,8 @@
 //! Moffat profile, integrated over square pixels: a core with the wings of a real telescope.
 //!
 //! `I(r) = (beta - 1) / (pi alpha^2) [1 + (r / alpha)^2]^-beta`, alpha px, beta > 1; unit flux over the infinite plane.
-//! Source: Moffat, Astronomy and Astrophysics 3 (1969), 455; the light outside a circle of r is `[1 + (r / alpha)^2]^(1
-//! - beta)`. The pixel integral is a tensor Gauss-Legendre rule: the profile is analytic but for `r = +- i alpha`, so n
+//! Source: Moffat, Astronomy and Astrophysics 3 (1969), 455; the light outside a circle of r is
+//! `[1 + (r / alpha)^2]^(1 - beta)`. The pixel integral is a tensor Gauss-Legendre rule: the profile is analytic but for `r = +- i alpha`, so n
 //! nodes err by some times `(2 alpha + sqrt(4 alpha^2 + 1))^-2n`, and n is taken for 1e-15 of that: the error is below
 //! 1e-12 of the flux (`alpha >= 0.25` px, `beta <= 5`). Tests below hold it to sums over finer cells and to the closed
 //! form.
