@@ -157,3 +157,65 @@ fn background(fit: &Fit<'_>, gain: f64, exposure_s: f64, zero_e: f64, arcsec2: f
     }
     table
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use base::axes::Rotation;
+    use config::Document;
+    use glam::DVec3;
+    use run::wiring::camera_parts::camera_params;
+    use std::path::Path;
+
+    const START: &str = "cameras/imx265_35mm.toml";
+
+    fn geometry(stretch: [f64; 2]) -> Geometry {
+        let distortion = BrownConrady { k1: 0.11, k2: -0.2, k3: 0.0, p1: 3e-4, p2: -2e-4 };
+        Geometry { attitude: Rotation::IDENTITY, focal_px: 5114.0, centre_px: [510.0, 385.0], distortion, stretch }
+    }
+
+    fn written(geometry: &Geometry) -> Camera {
+        let document = Document::built_in(START).unwrap();
+        let camera = Camera::from_document(&document).unwrap();
+        let background =
+            FittedBackground { sky_dn: 150.0, uniform_dn: 60.0, gradient: [0.1, 0.4], quadratic: -0.3, rms_dn: 1.0 };
+        let light = FittedLight { zero_e: 9e5, colour: [0.02, 0.05], errors: [0.01; 2], stars: 30, edge_mag: [0.0; 2] };
+        let noise = PixelNoise { gain_e_per_dn: 2.75, read_dn: 1.6, black_dn: 0.0, most_dn: 4095.0 };
+        let vignetting = Vignetting { window_radius_mm: 12.0, pupil_radius_mm: 9.2, distance_mm: 80.0 };
+        let shape = Some(Shape::Moffat { fwhm_px: 1.1, beta: 2.3 });
+        let fit =
+            Fit { geometry, shape, light: Some(&light), vignetting: Some(vignetting), background: &background, noise };
+        let text = fitted(document.text(), &camera, "fitted", &fit).unwrap();
+        Camera::from_document(&Document::from_text(&text, Path::new("fitted.toml"))).unwrap()
+    }
+
+    #[test]
+    fn the_written_camera_puts_stars_where_the_fitted_geometry_does() {
+        for stretch in [[0.0; 2], [2e-4, -3e-4]] {
+            let geometry = geometry(stretch);
+            let params = camera_params(&written(&geometry)).unwrap();
+            for (x, y) in [(0.0, 0.0), (0.09, 0.06), (-0.08, 0.07), (0.03, -0.07)] {
+                let direction = DVec3::new(x, y, 1.0).normalize();
+                let (wanted, got) = (geometry.place(direction).unwrap(), params.geometry.project(direction).unwrap());
+                let off = (wanted[0] - got[0]).hypot(wanted[1] - got[1]);
+                assert!(off < 1e-5, "{stretch:?}: {off} px");
+            }
+        }
+        let plain = camera_params(&written(&geometry([0.0; 2]))).unwrap();
+        let moved = plain.geometry.project(DVec3::new(0.09, 0.06, 1.0)).unwrap();
+        let stretched = geometry([2e-4, -3e-4]).place(DVec3::new(0.09, 0.06, 1.0)).unwrap();
+        assert!((moved[0] - stretched[0]).hypot(moved[1] - stretched[1]) > 0.01, "control: the stretch moves stars");
+    }
+
+    #[test]
+    fn the_written_camera_has_the_fitted_light_and_background() {
+        let camera = written(&geometry([0.0; 2]));
+        let exposure_s = camera.exposure.exposure_s;
+        let zero_e = camera.star_light().electrons(0.0, 0.0, exposure_s);
+        assert!((zero_e / 9e5 - 1.0).abs() < 1e-6, "{zero_e}");
+        let params = camera_params(&camera).unwrap();
+        let dn = |e_per_s: f64| e_per_s * exposure_s / 2.75;
+        assert!((dn(params.background.sky_e_per_s) - 150.0).abs() < 0.1, "{}", dn(params.background.sky_e_per_s));
+        assert!((dn(params.background.uniform_e_per_s) - 60.0).abs() < 1e-6);
+    }
+}

@@ -5,8 +5,8 @@ use crate::measure::{Plate, Spot};
 use crate::picture::{Picture, mean, rms, robust, window};
 use serde::Serialize;
 
-/// Half-widths of the squares whose light is compared: 3 x 3, 5 x 5, and the whole, 9 x 9.
-const ENERGY_HALF_PX: [i64; 3] = [1, 2, 4];
+/// Half-widths of the squares whose light is compared: 3 x 3, 5 x 5, and the whole, 7 x 7.
+const ENERGY_HALF_PX: [i64; 3] = [1, 2, 3];
 /// Half-width of the square of a signal-to-noise ratio: 5 x 5.
 const SNR_HALF_PX: i64 = 2;
 /// Side of the places in which the background is compared, px (that of the published comparison).
@@ -78,7 +78,7 @@ pub struct BackgroundFigures {
 pub struct EnergyFigures {
     /// Stars.
     pub stars: usize,
-    /// Share of the light of 9 x 9 px within 3 x 3 and 5 x 5 px, real.
+    /// Share of the light of 7 x 7 px within 3 x 3 and 5 x 5 px, real.
     pub real: [f64; 2],
     /// The same, drawn.
     pub drawn: [f64; 2],
@@ -177,6 +177,16 @@ fn place_of(picture: &Picture, [left, top]: [usize; 2]) -> (f64, f64) {
     (level, (kept().map(|value| value * value).sum::<f64>() / freedom).sqrt())
 }
 
+/// Most weight of a star's energy, in units of that of the median star: the brightest does not decide alone.
+const MOST_WEIGHT: f64 = 4.0;
+
+/// Returns the weight of a star's energy: by its light, as the noise is alike for all.
+pub(crate) fn energy_weight(fluxes: impl Iterator<Item = f64>) -> impl Fn(f64) -> f64 {
+    let mut all: Vec<f64> = fluxes.collect();
+    let middle = crate::picture::median(&mut all).max(f64::MIN_POSITIVE);
+    move |flux| (flux / middle).min(MOST_WEIGHT)
+}
+
 /// Returns the shares of light near the stars' middles, and mean profiles.
 #[must_use]
 pub fn energy(real: &Plate<'_>, drawn: &Plate<'_>, pairs: &[Pair]) -> EnergyFigures {
@@ -193,11 +203,15 @@ pub fn energy(real: &Plate<'_>, drawn: &Plate<'_>, pairs: &[Pair]) -> EnergyFigu
     stars.truncate(MOST_STARS);
     let lights: Vec<[[f64; 3]; 2]> =
         stars.iter().map(|pair| [squares(real, &pair.real), squares(drawn, &pair.drawn)]).collect();
-    // Shares of the light of all stars together: faint ones count by their light.
-    let sum = |frame: usize, square: usize| lights.iter().map(|star| star[frame][square]).sum::<f64>();
+    // Shares of the light of all stars together, weighted.
+    let weight = energy_weight(stars.iter().map(|pair| pair.real.flux_dn));
+    let weights: Vec<f64> = stars.iter().map(|pair| weight(pair.real.flux_dn)).collect();
+    let weighted =
+        |frame: usize, square: usize| lights.iter().zip(&weights).map(move |(star, w)| w * star[frame][square]);
+    let sum = |frame: usize, square: usize| weighted(frame, square).sum::<f64>();
     let of = |frame: usize, square: usize| sum(frame, square) / sum(frame, 2);
     let error = |square: usize| {
-        let rest = lights.iter().map(|star| star[0][square] - of(0, square) * star[0][2]);
+        let rest = weighted(0, square).zip(weighted(0, 2)).map(|(part, whole)| part - of(0, square) * whole);
         (lights.len() as f64).sqrt() * rms(rest) / sum(0, 2)
     };
     EnergyFigures {

@@ -131,3 +131,56 @@ pub fn stretch_axis(stretch: [f64; 2]) -> (f64, f64) {
     let axis = 0.5 * (-stretch[1]).atan2(-stretch[0]);
     (axis.to_degrees().rem_euclid(180.0), stretch[0].hypot(stretch[1]))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use base::axes::sensor_from_ra_dec_roll;
+
+    fn truth() -> Geometry {
+        Geometry {
+            attitude: sensor_from_ra_dec_roll(1.0, 0.5, 2.0),
+            focal_px: 5114.0,
+            centre_px: [511.5, 383.5],
+            distortion: BrownConrady { k1: 0.11, k2: 0.0, k3: 0.0, p1: 2e-4, p2: 1e-4 },
+            stretch: [-2e-4, 1e-4],
+        }
+    }
+
+    fn ties(count: u32) -> Vec<Tie> {
+        let sensor =
+            |i: u32| DVec3::new(f64::from(i * 37 % 100) * 0.002 - 0.1, f64::from(i * 61 % 100) * 0.0015 - 0.075, 1.0);
+        let direction = |i: u32| truth().attitude.inverse().apply(sensor(i).normalize());
+        (0..count)
+            .map(direction)
+            .map(|direction| Tie { direction, px: truth().place(direction).unwrap(), error_px: 0.05 })
+            .collect()
+    }
+
+    #[test]
+    fn a_known_geometry_is_found_from_its_stars() {
+        let start = Geometry {
+            attitude: truth().attitude.rotated_by(DVec3::new(1e-4, -2e-4, 1e-3)),
+            focal_px: 5072.0,
+            distortion: BrownConrady::default(),
+            stretch: [0.0; 2],
+            ..truth()
+        };
+        let found = start.fitted(&ties(60), Freedom::Air).unwrap();
+        assert!((found.geometry.focal_px - 5114.0).abs() < 0.01, "{found:?}");
+        assert!((found.geometry.distortion.k1 - 0.11).abs() < 1e-4 && (found.geometry.stretch[0] + 2e-4).abs() < 1e-7);
+        let without = start.fitted(&ties(60), Freedom::Distortion).unwrap().geometry;
+        let worst =
+            ties(60).iter().map(|tie| (without.place(tie.direction).unwrap()[0] - tie.px[0]).abs()).fold(0.0, f64::max);
+        assert!(worst > 0.03, "control: without the stretch {worst} px remain");
+        assert_eq!(start.fitted(&ties(4), Freedom::Air), None, "too few");
+    }
+
+    #[test]
+    fn the_vertical_is_where_lengths_shrink() {
+        // Lengths along y are smaller: the vertical is down, 90 degrees from right.
+        let (axis_deg, size) = stretch_axis([2e-4, 0.0]);
+        assert!((axis_deg - 90.0).abs() < 1e-9 && (size - 2e-4).abs() < 1e-12, "{axis_deg}");
+        assert!(stretch_axis([-1e-4, 0.0]).0.abs() < 1e-9, "along x");
+    }
+}

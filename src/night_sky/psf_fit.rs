@@ -3,6 +3,7 @@
 //! Each candidate's parameters are searched by steps that get smaller; each star has its own light, place and background
 //! beside. Where two are nearly as good, the one with fewer parameters is taken.
 
+use crate::figures::energy_weight;
 use crate::measure::{Plate, Spot};
 use crate::picture::window;
 use crate::stamp::Stamp;
@@ -18,7 +19,7 @@ const MOST_STARS: usize = 60;
 const LEAST_STARS: usize = 4;
 /// Part of a pixel's light that a round PSF cannot give, so that the brightest stars do not decide alone.
 const FORM_ERROR: f64 = 0.03;
-/// Difference of the light within 3 x 3 or 5 x 5 px of 9 x 9, all stars together, that costs [`SHARE_COST`] of chi^2.
+/// Difference of the light within 3 x 3 or 5 x 5 px of 7 x 7, all stars together, that costs [`SHARE_COST`] of chi^2.
 const SHARE_ERROR: f64 = 0.01;
 const SHARE_COST: f64 = 0.05;
 /// Gain of chi^2 per pixel that is worth more parameters.
@@ -170,17 +171,18 @@ fn search(plate: &Plate<'_>, spots: &[Spot], kind: usize, start: Vec<f64>, mut s
 fn chi2(plate: &Plate<'_>, spots: &[Spot], stamp: &Stamp) -> f64 {
     let mut light = [[0.0; 3]; 2];
     let mut sum = 0.0;
+    let weight = energy_weight(spots.iter().map(|spot| spot.flux_dn));
     for spot in spots {
         let (own, shares) = star_chi2(plate, spot, stamp);
         sum += own;
-        (0..2).for_each(|of| (0..3).for_each(|square| light[of][square] += shares[of][square]));
+        (0..2).for_each(|of| (0..3).for_each(|square| light[of][square] += weight(spot.flux_dn) * shares[of][square]));
     }
     let share = |of: usize, square: usize| light[of][square] / light[of][2];
     let cost = |square: usize| SHARE_COST * ((share(0, square) - share(1, square)) / SHARE_ERROR).powi(2);
     sum / spots.len() as f64 + cost(0) + cost(1)
 }
 
-/// Returns a star's mean squared residual, and its light within 3 x 3, 5 x 5 and 9 x 9 px, real and by the PSF.
+/// Returns a star's mean squared residual, and its light within 3 x 3, 5 x 5 and 7 x 7 px, real and by the PSF.
 fn star_chi2(plate: &Plate<'_>, spot: &Spot, stamp: &Stamp) -> (f64, [[f64; 3]; 2]) {
     const STEP_PX: f64 = 0.02;
     let width = plate.picture.size_px[0];
@@ -202,7 +204,7 @@ fn star_chi2(plate: &Plate<'_>, spot: &Spot, stamp: &Stamp) -> (f64, [[f64; 3]; 
             let weight = 1.0 / (plate.noise.variance(mean) + (FORM_ERROR * flux * share).powi(2));
             chi2 += weight * rest * rest;
             let off = (x as f64 - spot.px[0].round()).abs().max((y as f64 - spot.px[1].round()).abs());
-            for square in (0..3).filter(|square| off < [1.5, 2.5, 9.0][*square]) {
+            for square in (0..3).filter(|square| off < [1.5, 2.5, 3.5][*square]) {
                 light[0][square] += rest + level - spot.beside_dn + flux * share;
                 light[1][square] += flux * share;
             }

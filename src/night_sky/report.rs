@@ -57,8 +57,8 @@ fn lines(text: &mut String, one: &Comparison) -> core::fmt::Result {
     writeln!(text, "  attitude     RA {:.4}, Dec {:.4}, roll {:.4} deg", one.ra_deg, one.dec_deg, one.roll_deg)?;
     writeln!(
         text,
-        "  stars        {} above SNR 20 ({} saturated, {} with a neighbour left out); {} found in the image",
-        one.stars, one.left_out[0], one.left_out[1], one.detections
+        "  stars        {} above SNR 20 ({} saturated, {} with a neighbour left out), {} missing; {} found in the image",
+        one.stars, one.left_out[0], one.left_out[1], one.missing, one.detections
     )?;
     writeln!(
         text,

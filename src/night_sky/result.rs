@@ -21,6 +21,10 @@ pub const MOST_CENTROID_PX: f64 = 0.15;
 pub const MOST_MAG: f64 = 0.15;
 /// How far the ratio of the noises may be from 1.
 pub const MOST_NOISE: f64 = 0.10;
+/// A real star below this share of the drawn one's light is missing.
+const MISSING_SHARE: f64 = 0.4;
+/// Most missing stars, a share of those that are drawn above SNR 20, and one.
+const MOST_MISSING: f64 = 0.05;
 /// Most difference of the energy in 3 x 3 px, a share.
 pub const MOST_ENERGY: f64 = 0.03;
 
@@ -89,7 +93,7 @@ pub struct Comparison {
     pub mag_rms: f64,
     /// Noise of the drawn background over that of the real one.
     pub background_noise_ratio: f64,
-    /// Share of the light within 3 x 3 px of 9 x 9 px, drawn less real.
+    /// Share of the light within 3 x 3 px of 7 x 7 px, drawn less real.
     pub ensquared_energy_difference: f64,
     /// Rms distance of stars measured on the drawn frame from where they were drawn, px: noise and method.
     pub drawn_centroid_rms_px: f64,
@@ -99,6 +103,8 @@ pub struct Comparison {
     pub detections: usize,
     /// Stars above SNR 20 that are left out: saturated, with a neighbour in their pixels.
     pub left_out: [usize; 2],
+    /// Stars that are drawn above SNR 20 and have less than 0.4 of that light in the real frame.
+    pub missing: usize,
     /// Whether the attitude was given, not found.
     pub attitude_given: bool,
     /// Focal length, mm, and its standard error.
@@ -169,6 +175,12 @@ fn row(pair: &Pair) -> StarRow {
     }
 }
 
+/// Returns true for a star that should be there and is not.
+fn is_missing(pair: &Pair) -> bool {
+    let expected = pair.drawn.snr() > COUNTED_SNR && !pair.drawn.is_saturated && !pair.is_blended;
+    expected && pair.real.flux_dn < MISSING_SHARE * pair.drawn.flux_dn
+}
+
 /// Returns the figures with their verdict.
 pub(crate) fn conclude(parts: &Parts<'_>) -> Comparison {
     let fitted = parts.fitted;
@@ -209,6 +221,7 @@ pub(crate) fn conclude(parts: &Parts<'_>) -> Comparison {
         drawn_mag_rms: axis(|star| star.drawn_dmag),
         detections: parts.detections,
         left_out,
+        missing: parts.pairs.iter().filter(|pair| is_missing(pair)).count(),
         attitude_given: parts.is_given,
         focal_length_mm: [fitted.geometry.focal_px * pitch_mm, fitted.focal_error_px * pitch_mm],
         k1: fitted.geometry.distortion.k1,
@@ -250,6 +263,9 @@ fn failures(of: &Comparison) -> Vec<String> {
         of.stars >= LEAST_STARS,
         format!("{} stars above SNR {COUNTED_SNR}, wanted at least {LEAST_STARS}", of.stars),
     );
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a number of stars")]
+    let most_missing = 1 + (MOST_MISSING * of.stars as f64) as usize;
+    check(of.missing <= most_missing, format!("{} stars are missing, wanted at most {most_missing}", of.missing));
     check(
         of.centroid_rms_px <= MOST_CENTROID_PX,
         format!("centroids {:.3} px rms, wanted at most {MOST_CENTROID_PX}", of.centroid_rms_px),
