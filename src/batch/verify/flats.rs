@@ -1,8 +1,8 @@
 //! Moments of flat images: the mean, the temporal noise, the spatial pattern.
 //!
-//! Two images of the same light differ only by their temporal noise, for any fixed pattern: `sigma^2 = 1/2 <(a - b)^2>
-//! - 1/2 (<a> - <b>)^2`. The pattern is the remaining variance of the mean of many images: `s^2 = var(mean) - sigma^2 /
-//! L`. Source: EMVA 1288 Release 4.0 Linear, sections 6.5 and 8.2. Units: DN, DN^2. Tests below.
+//! Two images of the same light differ only by their temporal noise, for any fixed pattern:
+//! `sigma^2 = 1/2 <(a - b)^2> - 1/2 (<a> - <b>)^2`. The pattern is the remaining variance of the mean of many images:
+//! `s^2 = var(mean) - sigma^2 / L`. Source: EMVA 1288 Release 4.0 Linear, sections 6.5 and 8.2. Units: DN, DN^2. Tests below.
 
 use base::image::DnImage;
 

@@ -1,9 +1,9 @@
 //! Characteristic functions of displacements, and the effect of a difference between two on an image.
 //!
 //! Moments are sufficient to compare short paths. A path longer than the PSF can be sampled with every low moment right
-//! and still be a row of dots (sixteen midpoints of ten cycles of a sinusoid): its characteristic function `phi(k) =
-//! E[exp(i k . d)]` shows this. Two images of one star differ by the inverse transform of `exp(-sigma^2 k^2 / 2) (phi_a
-//! - phi_b)`; a linear functional with weights `W(x)` on pixels (first moment in a 5 x 5 window, one pixel) therefore
+//! and still be a row of dots (sixteen midpoints of ten cycles of a sinusoid): its characteristic function
+//! `phi(k) = E[exp(i k . d)]` shows this. Two images of one star differ by the inverse transform of
+//! `exp(-sigma^2 k^2 / 2) (phi_a - phi_b)`; a linear functional with weights `W(x)` on pixels (first moment in a 5 x 5 window, one pixel) therefore
 //! differs by at most the integral of `|W(k)| exp(-sigma^2 k^2 / 2) |phi_a - phi_b| d^2k / (2 pi)^2`, for any position
 //! of the star in its pixel. The integral is a polar sum, `DIRECTIONS` by `RADII` cells, `|W|` averaged over each cell,
 //! the difference taken at its centre and the sum doubled (`CELL_SAFETY`).

@@ -4,9 +4,9 @@
 //!    (Rousseeuw 1984, J. Am. Stat. Assoc. 79, 871), then least squares over all that agree with it. Its determinant's sign
 //!    shows a mirror.
 //! 2. In its axes, a polynomial of degree 1 to 5 (and the principal point) by linear least squares; dots further off
-//! than five standard deviations are left out, and all dots are tested again, until the choice does not change. The
-//! degree is the lowest whose residual, each dot left out of its own fit, is within 2 % of the least, and whose camera
-//! does not fold.
+//!    than five standard deviations are left out, and all dots are tested again, until the choice does not change. The
+//!    degree is the lowest whose residual, each dot left out of its own fit, is within 2 % of the least, and whose camera
+//!    does not fold.
 //!
 //! In narrow fields the keystone drowns in noise and distortion: where it would put the principal point or the axes far
 //! off, the homography is an affine map, and the polynomial takes the rest. Limits: a camera accepts coefficients up to

@@ -2,14 +2,14 @@
 //!
 //! Use it in this order for any run file and clock:
 //!
-//! 1. [`Recording::start`] when the run file is checked and an engine is made (it names the backend); 2.
-//!   [`Recording::tap`] around each link of the stimulator, outside of its faults, with the number of the link: 0 for
-//! `[link]`, then those of `[[extra_link]]`; a receiver takes the messages of that link by `accept_from` that number;
-//! 3. [`Recording::tap_frames`] around the sink of each head, before its first frame; a tracker's tap may be inside; 4.
-//! [`Recording::note_injected`] for each event that was placed during the run, with its time:
-//! slots released until then were drawn before it, later ones after it; 5. [`SampleTap::note`] for each list of samples
-//! that a plant in lockstep sent and the run took; 6. [`Recording::finish`] when all sinks are finished and links are
-//! closed.
+//! 1. [`Recording::start`] when the run file is checked and an engine is made (it names the backend);
+//! 2. [`Recording::tap`] around each link of the stimulator, outside of its faults, with the number of the link: 0 for
+//!    `[link]`, then those of `[[extra_link]]`; a receiver takes the messages of that link by `accept_from` that number;
+//! 3. [`Recording::tap_frames`] around the sink of each head, before its first frame; a tracker's tap may be inside;
+//! 4. [`Recording::note_injected`] for each event that was placed during the run, with its time: slots released until
+//!    then were drawn before it, later ones after it;
+//! 5. [`SampleTap::note`] for each list of samples that a plant in lockstep sent and the run took;
+//! 6. [`Recording::finish`] when all sinks are finished and links are closed.
 //!
 //! Only on the virtual clock it waits for the disk; on the real clock, data that the disk does not take is lost and
 //! counted.
