@@ -31,6 +31,7 @@ from spacepackets.ecss import PusTc, PusTm
 
 sys.dont_write_bytecode = True
 from bench_text import PATIENCE_S, ROOT, bench_text, until  # noqa: E402
+from starloop_client import Starloop, attitude_sample  # noqa: E402
 
 BINARY = os.environ.get("STARLOOP_BINARY", str(ROOT / "target/release/starloop"))
 EDS = ROOT / "src/telemetry/canopen/starloop_tracker.eds"
@@ -316,6 +317,30 @@ def multiplied(a, b):
     bw, bx, by, bz = b
     return (aw * bw - ax * bx - ay * by - az * bz, aw * bx + ax * bw + ay * bz - az * by,
             aw * by - ax * bz + ay * bw + az * bx, aw * bz + ax * by - ay * bx + az * bw)
+
+
+class PlantOutside(unittest.TestCase):
+    def test_a_plant_that_is_stepped_from_outside_has_a_tracker_too(self):
+        """Attitudes of a client, which the bench does not know, come back out of the telemetry."""
+        rate = 0.01
+        def turned(t_s):
+            return [math.cos(rate * t_s / 2), 0.0, -math.sin(rate * t_s / 2), 0.0]
+        with tempfile.TemporaryDirectory() as folder:
+            bench, path = Path(folder) / "bench.toml", Path(folder) / "t.txt"
+            shipped = (ROOT / "configs/benches/lockstep.toml").read_text().replace("../cameras", str(ROOT / "configs/cameras"))
+            bench.write_text(f'{shipped}[[tracker_out]]\nlink = "file"\npath = "{path}"\n{PERFECT}')
+            with Starloop.start(BINARY, bench, settings={"timing.duration_s": 1.0}) as loop:
+                times = [round(0.01 * k - 0.1, 9) for k in range(130)]
+                loop.attitude([attitude_sample(t_s, turned(t_s), [0.0, rate, 0.0]) for t_s in times])
+                loop.step(until_s=1.0)
+                loop.finish()
+            reports = [json.loads(data) for _, _, data in VirtualClock.lines(path)]
+            self.assertEqual(len(reports), 10)
+            first = reports[0]["tai_ns"]
+            for number, got in enumerate(reports):
+                t_s = (got["tai_ns"] - first) * 1e-9 + EXPOSURE_MS / 2 * 1e-3
+                self.assertLessEqual(off_by(got["q_wxyz"], turned(t_s)), 1e-10, number)
+                self.assertGreater(off_by(got["q_wxyz"], turned(t_s + 0.01)), 1e-10, "control: 10 ms later")
 
 
 class Clients(unittest.TestCase):
