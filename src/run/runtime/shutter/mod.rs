@@ -10,8 +10,7 @@
 //! * free running: one period after the start before, or as soon as the rules allow it;
 //! * a readout lasts as long as its rows: of regions those that have a pixel in any of them;
 //! * by trigger: `delay` after the trigger. A trigger that comes too early for its overlap mode, or while another one
-//!   waits,
-//! is missed: it is counted and reported, with no other effect.
+//!   waits, is missed: it is counted and reported, with no other effect.
 //!
 //! Allocates nothing after construction. Tests: `tests`, and `tests/closed_loop/camera_commands.rs`.
 
