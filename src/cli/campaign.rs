@@ -129,10 +129,10 @@ fn line((seed, flown): &Flown) -> Result<String> {
 type Flown = (u64, Result<Episode, LoopError>);
 
 fn fly(scenario: &Scenario, seeds: &[u64], arguments: &CampaignArgs) -> Result<(Vec<Flown>, f64)> {
-    let out = arguments
-        .out
-        .as_ref()
-        .map(|path| std::fs::File::create_new(path).with_context(|| format!("cannot make {}, which must be a new file", path.display())));
+    let out = arguments.out.as_ref().map(|path| {
+        std::fs::File::create_new(path)
+            .with_context(|| format!("cannot make {}, which must be a new file", path.display()))
+    });
     let out = Mutex::new(out.transpose()?);
     let done = AtomicU64::new(0);
     let mut wall = Stopwatch::start();
@@ -241,19 +241,20 @@ mod tests {
             out: Some(folder.path().join("a.jsonl")),
             json: false,
         };
-        // No head 9: known only when the loop is made.
-        let event = "event=[{ at_s = 1.0, do = \"tracker_off\", head = 9, for_s = 1.0 }]";
-        let settings = vec![Setting::parse(event).unwrap()];
+        // A pixel of the detector that binned images do not have: known only when the loop is made.
+        let event = "event=[{ at_s = 1.0, do = \"frame_bit_flip\", bit = 1, px = [200, 10], for_s = 1.0 }]";
+        let binning = "bench.camera.detector.binning.factor=2";
+        let settings = [event, binning].map(|text| Setting::parse(text).unwrap()).to_vec();
         let document = Document::built_in(BUILT_IN_SCENARIO).unwrap().with_settings(settings);
         let (flown, _) = fly(&Scenario::from_document(&document).unwrap(), &[7], &arguments).unwrap();
         assert!(flown[0].1.is_err());
         let lines = std::fs::read_to_string(folder.path().join("a.jsonl")).unwrap();
         let line: serde_json::Value = serde_json::from_str(lines.trim()).unwrap();
         assert_eq!(line["seed"], 7);
-        assert!(line["error"].as_str().unwrap().contains("head 9"), "{line}");
+        assert!(line["error"].as_str().unwrap().contains("images have 128 x 128 pixels"), "{line}");
         let short = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/scenarios/bus_dropouts.toml");
         arguments.scenario = Some(short.into());
         let error = format!("{:#}", run(&arguments).unwrap_err());
-        assert!(error.contains("bus dropouts") && error.contains("wanted more than 1200"), "{error}");
+        assert!(error.contains("bus_dropouts.toml") && error.contains("wanted more than 1200"), "{error}");
     }
 }

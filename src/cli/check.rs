@@ -336,11 +336,12 @@ mod tests {
 
     #[test]
     fn a_scenario_that_cannot_be_flown_is_refused() {
-        let event = "event=[{ at_s = 1.0, do = \"wheel_failure\", wheel = 9 }]";
-        let settings = vec![Setting::parse(event).unwrap()];
-        let document = Document::built_in("scenarios/acquisition.toml").unwrap().with_settings(settings);
+        let event = "event=[{ at_s = 1.0, do = \"frame_bit_flip\", bit = 1, px = [200, 10], for_s = 1.0 }]";
+        let binning = "bench.camera.detector.binning.factor=2";
+        let settings = [event, binning].map(|text| Setting::parse(text).unwrap()).to_vec();
+        let document = Document::built_in("scenarios/campaign.toml").unwrap().with_settings(settings);
         let error = format!("{:#}", checked(&document, true, &mut CheckFacts::default()).unwrap_err());
-        assert!(error.contains("wheel_failure") && error.contains("wheel 9"), "{error}");
+        assert!(error.contains("frame_bit_flip") && error.contains("px = [200, 10]"), "{error}");
     }
 
     #[test]

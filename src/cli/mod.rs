@@ -105,7 +105,7 @@ use std::process::ExitCode;
 pub const EXIT_DONE: u8 = 0;
 /// Exit status: could not do what was asked (a file, a device, a link).
 pub const EXIT_FAILED: u8 = 1;
-/// Exit status: wrong command line (given by the argument parser).
+/// Exit status: wrong command line.
 pub const EXIT_USAGE: u8 = 2;
 /// Exit status: a run was over its timing budget.
 pub const EXIT_OVER_BUDGET: u8 = 3;

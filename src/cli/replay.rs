@@ -7,7 +7,7 @@
 use crate::cli::plain_text::plain_text;
 use crate::cli::report_json::print_json;
 use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use clap::Args;
 use config::Scenario;
 use core::ops::Range;
@@ -73,10 +73,11 @@ pub fn run(arguments: &ReplayArgs) -> Result<u8> {
     let options = ReplayOptions { frames: arguments.frames.clone(), head: arguments.head };
     let mut sink = |head: Option<usize>| recorder(arguments, head);
     let outcome = match scenario {
-        None => {
-            let replayed = replay_session(&arguments.capture, &options, &mut sink);
-            replayed.context("wanted a folder that `starloop run --capture` wrote")?
-        }
+        None if !arguments.capture.join("session.json").exists() => bail!(
+            "{}: has no session.json; wanted a folder that `starloop run --capture` wrote",
+            arguments.capture.display()
+        ),
+        None => replay_session(&arguments.capture, &options, &mut sink)?,
         Some(mut scenario) => {
             let timing = &mut scenario.bench.timing;
             match arguments.duration {

@@ -41,6 +41,26 @@ fn undescribed(page: &str, file: &str, header: &str) -> Vec<String> {
     missing.map(|column| format!("{file}: {column}")).collect()
 }
 
+/// Tables whose columns are the fields of a structure.
+const ROWS: [(&str, &str, &str); 7] = [
+    ("study.csv", "src/batch/study/point.rs", "StudyPoint"),
+    ("methods.csv", "src/batch/chart/rows.rs", "MethodRow"),
+    ("crowding.csv", "src/batch/chart/crowding.rs", "CrowdingRow"),
+    ("effects.csv", "src/batch/chart/effects.rs", "EffectRow"),
+    ("poisson.csv", "src/batch/chart/poisson.rs", "PoissonRow"),
+    ("prediction.csv", "src/batch/chart/prediction.rs", "PredictionRow"),
+    ("footprint.csv", "src/batch/chart/footprint.rs", "FootprintRow"),
+];
+
+/// Returns the fields of a structure, separated by commas.
+fn fields(path: &str, name: &str) -> String {
+    let text = std::fs::read_to_string(root().join(path)).unwrap_or_else(|error| panic!("{path}: {error}"));
+    let (_, body) = text.split_once(&format!("pub struct {name} {{")).unwrap_or_else(|| panic!("{path} has no {name}"));
+    let body = body.split("\n}").next().unwrap_or_default();
+    let names = body.lines().filter_map(|line| line.trim().strip_prefix("pub ")?.split(':').next());
+    names.collect::<Vec<_>>().join(",")
+}
+
 fn first_line(path: &Path) -> String {
     let text = std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     text.lines().next().unwrap_or_default().to_owned()
@@ -83,9 +103,20 @@ fn every_column_of_a_run_is_in_the_guide() {
     starloop(&[&timed[..], &["--report", "report"]].concat(), folder.path());
     let page = std::fs::read_to_string(root().join(PAGE)).unwrap();
     let files = ["flown/telemetry.csv", "report/frames_timing.csv"].map(|path| folder.path().join(path));
+    let printed = |arguments: &[&str]| {
+        let output = Command::new(env!("CARGO_BIN_EXE_starloop")).args(arguments).output().unwrap();
+        String::from_utf8(output.stdout).unwrap().lines().next().unwrap_or_default().to_owned()
+    };
+    let query = printed(&["catalog", "query", "--ra", "1", "--dec", "2", "--radius", "1"]);
+    starloop(&["catalog", "map", "--out", "map.png", "--csv", "map.csv"], folder.path());
+    let map = first_line(&folder.path().join("map.csv"));
+    let of_structs = ROWS.map(|(file, path, name)| (file, fields(path, name)));
+    let others = [("catalog query", query), ("catalog map --csv", map)].into_iter().chain(of_structs);
+    let in_others = others.flat_map(|(file, header)| undescribed(&page, file, &header));
     let found: Vec<_> = files
         .iter()
         .flat_map(|path| undescribed(&page, path.file_name().unwrap().to_str().unwrap(), &first_line(path)))
+        .chain(in_others)
         .collect();
     assert!(found.is_empty(), "{PAGE} does not describe these columns:\n{}", found.join("\n"));
 }
