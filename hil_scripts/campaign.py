@@ -27,6 +27,7 @@ import json
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 import time
@@ -467,7 +468,9 @@ def parse_arguments() -> argparse.Namespace:
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--scheduler", help="address of a Dask scheduler, such as tcp://host:8786")
     where.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes here (default: all cores)")
-    parser.add_argument("--binary", type=Path, default=Path("target/release/starloop"), help="the program")
+    built = Path("target/release/starloop")
+    found = built if built.is_file() else Path(shutil.which("starloop") or built)
+    parser.add_argument("--binary", type=Path, default=found, help=f"the program (default {found})")
     parser.add_argument("--timeout", type=float, default=3600.0, help="seconds one task may take (default 3600)")
     parser.add_argument("--retry", action="store_true", help="run tasks again that gave no report")
     given = parser.parse_args()

@@ -168,8 +168,11 @@ fn unix_ns(word: &str) -> Option<i64> {
     is_number.then(|| nine.parse::<i64>().ok())?.map(|ns| s * NS_PER_S + ns)
 }
 
+/// Returns a line up to its remark: a `#` at its start, or behind a blank or a separator. Within a word it is text.
 fn without_remark(line: &str) -> &str {
-    line.split('#').next().unwrap_or_default().trim()
+    let begins = |at: usize| line[..at].ends_with([' ', '\t', ',', ';']) || at == 0;
+    let end = line.match_indices('#').map(|(at, _)| at).find(|at| begins(*at));
+    line[..end.unwrap_or(line.len())].trim()
 }
 
 /// Splits at commas, or at semicolons, tabs or blanks where there is none of those before.

@@ -183,3 +183,10 @@ fn stk_attitudes_are_read_in_three_forms() {
         assert_eq!(first(&history).t_ns, utc("2026-03-01T00:00:00Z").ns());
     }
 }
+
+#[test]
+fn a_hash_within_a_word_is_no_remark() {
+    let read = |fault: &str| attitudes(&format!("t_s,w,x,y,z,fault\n0,1,0,0,0,{fault}\n1,1,0,0,0,none # the end\n"));
+    assert_eq!(read("stray_light_ramp#1=47.6 e-/s").segments()[0].states().len(), 2);
+    assert_eq!(read("none # remark").segments()[0].states().len(), 2, "control: a remark behind a blank");
+}
