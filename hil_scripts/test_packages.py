@@ -51,7 +51,7 @@ def packages():
 
 
 def make_packages(folder):
-    environment = {**os.environ, "STARLOOP_BINARY": str(BINARY), "SOURCE_DATE_EPOCH": "1800000000"}
+    environment = {**os.environ, "STARLOOP_BINARY": str(BINARY), "SOURCE_DATE_EPOCH": "1767225600"}
     output(str(ROOT / "hil_scripts/package.sh"), "--out", str(folder), env=environment)
 
 

@@ -24,7 +24,6 @@ pub const SCHEMAS: &[(&str, u32)] = &[
     ("render", 1),
     ("replay", 1),
     ("report", 1),
-    ("report", 1),
     ("run", 1),
     ("scenario", 1),
     ("snr", 1),
