@@ -121,6 +121,18 @@ fn filters_let_through_one_side_of_one_node() {
 }
 
 #[test]
+fn a_canopen_node_receives_its_master_and_its_own_requests() {
+    let passes = |id: u32| {
+        filters(&ids(0), Receives::CanOpenNode(0x60)).iter().any(|filter| {
+            let filter = filter.as_ref();
+            id & filter.can_mask == filter.can_id & filter.can_mask
+        })
+    };
+    assert!([0x000, 0x080, 0x660].into_iter().all(passes));
+    assert!(![0x661, 0x5E0, 0x1E0, 0x760, 0x8000_0000, 0x4000_0660].into_iter().any(passes), "control");
+}
+
+#[test]
 fn an_absent_interface_is_a_clear_error() {
     let clock: Arc<dyn Clock> = Arc::new(Monotonic::start());
     let params = SocketCanParams {

@@ -12,8 +12,9 @@
 
 use crate::runtime::delivery;
 use crate::runtime::real_time::STARS_AT_FIRST;
+use crate::runtime::tracker_out::FRAMES_WAITING;
 use base::memory::{Available, available, available_in_process};
-use config::{Backend, Bench, Camera, Sink, SinkSettings};
+use config::{Backend, Bench, Camera, Sink, SinkSettings, TrackerSource};
 use core::fmt;
 use frames::sink::shared_memory::ring_bytes;
 use frames::sink::{TargetRow, TruthStar};
@@ -90,7 +91,13 @@ impl RunMemory {
         let pixels =
             |head: &Bench| u64::from(head.camera.detector.width_px) * u64::from(head.camera.detector.height_px);
         let largest = (0..bench.head_count()).map(|number| bench.of_head(number)).max_by_key(pixels);
-        Self::of_heads(largest.as_ref().unwrap_or(bench), bench.head_count(), sinks, form)
+        let mut memory = Self::of_heads(largest.as_ref().unwrap_or(bench), bench.head_count(), sinks, form);
+        let on_pixels = bench.tracker_outs.iter().filter(|out| matches!(out.source, TrackerSource::Pixels { .. }));
+        let frames: u64 = on_pixels.map(|out| FRAMES_WAITING as u64 * frame_bytes(&bench.of_head(out.head))).sum();
+        if frames > 0 {
+            memory.add("frames for star trackers (tracker_out)", frames);
+        }
+        memory
     }
 
     /// Adds up a bench with this many camera heads, as scenarios have.
@@ -356,6 +363,9 @@ mod tests {
         let ring = Sink::SharedMemory { path: "/dev/shm/x".into(), slots: 64 };
         let ring = SinkSettings { sink: ring, queue_frames: 1 };
         assert!(grown(&|bench| bench.sinks.push(ring.clone())) >= plain + 65 * frame);
+        let out = "[[tracker_out]]\nlink = \"udp\"\nsend_to = 1\n";
+        let outs = [out.to_owned(), format!("{out}source = \"model\"\n")].map(|keys| memory(1024, &keys, REAL).total());
+        assert!(outs[0] >= outs[1] + 4 * frame, "a tracker on pixels has frames that wait");
         let layers = |bench: &mut Bench| (bench.layers, bench.star_memory_mb) = (vec!["a".into()], 3000);
         assert!(grown(&layers) >= plain + (3000 << 20));
         let bench = bench(1024, "");

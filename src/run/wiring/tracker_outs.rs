@@ -22,6 +22,7 @@ use link::simulated::SimulatedBus;
 use stars::catalog::Catalog;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use telemetry::canopen::eds::SHIPPED;
 use telemetry::canopen::{CanOpenDevice, NodeParams};
 use telemetry::ccsds::CcsdsDevice;
 use telemetry::json::JsonDevice;
@@ -34,6 +35,9 @@ use testbed::vehicle::VehicleError;
 
 /// Streams of the seed: one for each tracker of a bench.
 const TRACKER_SEED: u64 = 0x7374_0000;
+
+/// Name of the EDS file in a run's folder.
+const EDS_FILE: &str = "starloop_tracker.eds";
 
 /// A tracker that has its frames and no line yet.
 pub(super) struct WaitingOut {
@@ -153,6 +157,7 @@ impl TrackerOuts {
             let place = out.shared.place.clone();
             let shared = Arc::clone(&out.shared);
             let outlet = outlet(&out, bus, clock).map_err(|error| anyhow::anyhow!("{place}: {error}"))?;
+            write_eds(&out).map_err(|error| anyhow::anyhow!("{place}: {error}"))?;
             outs.notes.push(format!("{place}: {} on {}", shared.protocol, outlet.name()));
             shared.set_output(outlet.name().into());
             let telemeter = out.telemeter(outlet, &clock.shared(), times);
@@ -207,6 +212,13 @@ impl WaitingOut {
         let parts = ((self.eyes, self.device), (self.parts, outlet));
         Telemeter::new(params, parts.0, parts.1, self.desk, (Arc::clone(clock), self.shared))
     }
+}
+
+/// Writes the EDS file of a CANopen node into the run's folder, where it has one, for its clients.
+fn write_eds(out: &WaitingOut) -> std::io::Result<()> {
+    let (TrackerProtocol::CanOpen { .. }, Some(folder)) = (out.settings.protocol, &out.folder) else { return Ok(()) };
+    std::fs::create_dir_all(folder)?;
+    std::fs::write(folder.join(EDS_FILE), SHIPPED)
 }
 
 fn outlet(out: &WaitingOut, bus: Option<&SimulatedBus>, clock: &RunClock) -> Result<Outlet, OutletError> {

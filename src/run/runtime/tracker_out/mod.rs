@@ -20,6 +20,6 @@ mod thread;
 pub use damage::{Damage, DamageKind};
 pub use outlet::{Outlet, OutletError, UdpParams};
 pub use source::TrackerEyes;
-pub use tap::{Seen, TapParts, TrackerTap, tracker_tap};
+pub use tap::{FRAMES_WAITING, Seen, TapParts, TrackerTap, tracker_tap};
 pub use telemeter::{Telemeter, TelemeterParams};
 pub use thread::{OutCounts, OutShared, OutThread};

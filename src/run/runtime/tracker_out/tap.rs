@@ -10,7 +10,7 @@ use glam::DVec3;
 use std::sync::Arc;
 
 /// Frames that may wait for a tracker.
-const QUEUE: usize = 4;
+pub const FRAMES_WAITING: usize = 4;
 
 /// A frame as a tracker gets it.
 #[derive(Debug, Clone)]
@@ -110,9 +110,9 @@ pub fn tracker_tap(
     size_px: Option<[usize; 2]>,
     shared: Arc<OutShared>,
 ) -> (TrackerTap, TapParts) {
-    let (full, to_take) = bounded(QUEUE);
-    let (given_back, empty) = bounded(QUEUE);
-    for _ in 0..QUEUE {
+    let (full, to_take) = bounded(FRAMES_WAITING);
+    let (given_back, empty) = bounded(FRAMES_WAITING);
+    for _ in 0..FRAMES_WAITING {
         let _there_is_space_for_all = given_back.try_send(Seen::new(size_px.unwrap_or([0, 0])));
     }
     let mouth = Mouth { full: Some(full), empty, has_pixels: size_px.is_some(), shared, taken: 0, lost: 0 };
@@ -145,6 +145,7 @@ impl Mouth {
                 ("attitudes", counts.attitudes),
                 ("packets", counts.packets),
                 ("packets_lost", counts.lost),
+                ("packets_unread", counts.unread),
                 ("commands", counts.commands),
                 ("commands_refused", counts.refused),
                 ("faults", counts.faults),

@@ -4,7 +4,7 @@
 //! rate of its own, which sends the newest attitude again until a newer one comes.
 
 use crate::runtime::tracker_out::damage::{Damage, Damages, Fate};
-use crate::runtime::tracker_out::outlet::Outlet;
+use crate::runtime::tracker_out::outlet::{Outlet, OutletError};
 use crate::runtime::tracker_out::source::{Source, TrackerEyes, unknown};
 use crate::runtime::tracker_out::tap::{Seen, TapParts};
 use crate::runtime::tracker_out::thread::{OutCounts, OutShared};
@@ -219,7 +219,10 @@ impl Telemeter {
                 self.crc.update(&at.ns().to_le_bytes());
                 self.crc.update(wire.data());
             }
-            Err(error) => self.lose(&error.to_string()),
+            Err(OutletError::Unread { .. }) => {
+                self.counts.unread += 1;
+            }
+            Err(error @ (OutletError::System { .. } | OutletError::Link(_))) => self.lose(&error.to_string()),
         }
     }
 

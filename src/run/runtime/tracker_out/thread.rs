@@ -27,6 +27,8 @@ pub struct OutCounts {
     pub bytes: u64,
     /// Reports and packets that were lost, and commands that the camera's queue could not take.
     pub lost: u64,
+    /// Packets without a client, or for one that did not read.
+    pub unread: u64,
     /// Commands and requests that were obeyed.
     pub commands: u64,
     /// Commands that were refused.
@@ -102,7 +104,7 @@ impl OutShared {
     /// Returns the number of losses not yet reported.
     pub(super) fn take_new_losses(&self) -> u64 {
         let mut state = self.state();
-        let new = state.counts.lost.saturating_sub(state.announced);
+        let new = (state.counts.lost + state.counts.unread).saturating_sub(state.announced);
         state.announced += new;
         new
     }
