@@ -137,12 +137,13 @@ def quaternion(rows):
 
 
 def corrected(rows, beta):
-    """The attitude whose boresight is seen, by a moving observer, where the given one was found."""
-    seen = rows[2]
-    true = seen - (beta - seen * (seen @ beta))
+    """The attitude of a moving observer, where the given one was found from stars at their catalog places."""
+    catalog = rows[2]
+    # The star of this catalog place is seen on the boresight, and so is the boresight's own direction.
+    true = catalog + (beta - catalog * (catalog @ beta))
     true /= numpy.linalg.norm(true)
-    turn = numpy.cross(true, seen)
-    # v_sensor = rows v_true: a small turn that takes the true direction to the seen one comes first.
+    turn = numpy.cross(true, catalog)
+    # A small turn that takes the true direction to the catalog's comes first.
     cross = numpy.array([[0, -turn[2], turn[1]], [turn[2], 0, -turn[0]], [-turn[1], turn[0], 0]])
     u, _, v = numpy.linalg.svd(rows @ (numpy.eye(3) + cross))
     return u @ v

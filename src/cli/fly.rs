@@ -52,6 +52,7 @@ pub fn run(arguments: &FlyArgs) -> Result<u8> {
     if !arguments.tracker_command.is_empty() {
         plan.tracker.source = Source::Program;
         plan.tracker.command.clone_from(&arguments.tracker_command);
+        plan.tracker.model = None;
     }
     plan.tracker.name = arguments.tracker_name.clone().or(plan.tracker.name);
     if arguments.out.join(PLAN).exists() {
@@ -104,6 +105,7 @@ fn plan_file(plan: &Plan, flown: &[Flown]) -> PlanFile {
     let usual = match plan.tracker.source {
         Source::BuiltIn => "built-in tracker".to_owned(),
         Source::Program => plan.tracker.command.join(" "),
+        Source::Model => "statistical tracker".to_owned(),
     };
     let settings = plan.settings();
     PlanFile {

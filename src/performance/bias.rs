@@ -30,9 +30,12 @@ const FEWEST: usize = 5;
 #[must_use]
 pub fn bias(cases: &[JudgedCase], confidence: f64) -> Vec<Metric> {
     let of = |wanted: &[Use]| cases.iter().filter(|case| wanted.contains(&case.purpose)).collect::<Vec<_>>();
-    let groups: Vec<DVec3> = of(&[Use::Inertial, Use::FovGrid]).into_iter().flat_map(group_means).collect();
-    if groups.len() >= FEWEST {
-        return of_means(&groups, &OF_ATTITUDES, confidence);
+    // Directions of a grid share the field's error: they count where there are no attitudes over the sky.
+    for purpose in [Use::Inertial, Use::FovGrid] {
+        let groups: Vec<DVec3> = of(&[purpose]).into_iter().flat_map(group_means).collect();
+        if groups.len() >= FEWEST {
+            return of_means(&groups, &OF_ATTITUDES, confidence);
+        }
     }
     let stretches: Vec<DVec3> = of(&[Use::Run]).into_iter().flat_map(|case| stretch_means(case, STRETCHES)).collect();
     if stretches.len() >= FEWEST { of_means(&stretches, &OF_TIME, confidence) } else { Vec::new() }
@@ -50,13 +53,12 @@ fn of_axis(kind: &Kind, name: &str, axis: Estimate) -> Metric {
     kind.of(name, None, axis.scaled(1.0 / ARCSEC))
 }
 
-/// The length of a vector of two estimates, with the interval along it.
+/// The length of a vector of two estimates; no length inside the box of both intervals is farther from it than its diagonal.
 fn across(x: Estimate, y: Estimate) -> Estimate {
     let value = directional(DVec3::new(x.value, y.value, 0.0));
     let half = |axis: Estimate| 0.5 * (axis.high - axis.low);
-    let [hx, hy] = [half(x), half(y)];
-    let along = if value > 0.0 { (x.value * hx / value).hypot(y.value * hy / value) } else { hx.max(hy) };
-    Estimate { value, low: (value - along).max(0.0), high: value + along, count: x.count }
+    let diagonal = half(x).hypot(half(y));
+    Estimate { value, low: (value - diagonal).max(0.0), high: value + diagonal, count: x.count }
 }
 
 /// Returns the mean error of each attitude of a case.

@@ -25,6 +25,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
 use testbed::tracker::{Exposed, GuideStars, Outcome, Tracker, TrackerParams, earth_beta};
+use testbed::tracker_model::{ModelParams, TrackerModel};
 
 /// From the edges of an exposure to the samples of attitude around it, at most, s.
 const MARGIN_S: f64 = 0.02;
@@ -46,11 +47,18 @@ pub struct Flown {
     pub frames: u64,
 }
 
-/// The built-in tracker with its guide stars, made once for a plan.
-struct BuiltIn {
-    params: TrackerParams,
-    guide: Arc<GuideStars>,
+/// A tracker inside, made once for a plan.
+struct Inside {
+    eyes: InsideEyes,
     delay: Span,
+    tag_error: Span,
+}
+
+enum InsideEyes {
+    /// The built-in one, with its guide stars.
+    Pixels(Box<TrackerParams>, Arc<GuideStars>),
+    /// A statistical one.
+    Model(Box<ModelParams>),
 }
 
 /// Flies the cases of a plan.
@@ -60,7 +68,7 @@ pub struct Flight<'a> {
     plan_folder: PathBuf,
     out: PathBuf,
     pixel_rad: f64,
-    built_in: Option<BuiltIn>,
+    inside: Option<Inside>,
     /// Images are kept after the program outside has seen them.
     pub keeps_images: bool,
 }
@@ -74,19 +82,25 @@ impl<'a> Flight<'a> {
         let camera_path = plan_folder.join(&plan.camera);
         let camera = Camera::from_document(&Document::open(&camera_path)?)?;
         let pixel_rad = camera.detector.pixel_pitch_um * 1e-3 / camera.optics.focal_length_mm;
-        let built_in = match plan.tracker.source {
-            Source::BuiltIn => {
+        // Its attitude comes after the readout and its own time.
+        let delay = Span::from_s(camera.exposure.readout_s + plan.tracker.delay_ms * 1e-3);
+        let tag_error = Span::from_s(plan.tracker.tag_error_ms * 1e-3);
+        let eyes = match (plan.tracker.source, &plan.tracker.model) {
+            (Source::BuiltIn, _) => {
                 let params = tracker_params(&camera, plan.tracker.stars);
                 let guide = Arc::new(GuideStars::new(&Catalog::built_in()?, &params, plan.start()?)?);
-                // Its attitude comes after the readout and its own time.
-                let delay = Span::from_s(camera.exposure.readout_s + plan.tracker.delay_ms * 1e-3);
-                Some(BuiltIn { params, guide, delay })
+                Some(InsideEyes::Pixels(Box::new(params), guide))
             }
-            Source::Program => None,
+            (Source::Model, Some(figures)) => {
+                let field_rad = pixel_rad * f64::from(camera.detector.width_px);
+                Some(InsideEyes::Model(Box::new(figures.params(field_rad, pixel_rad))))
+            }
+            (Source::Model, None) | (Source::Program, _) => None,
         };
+        let inside = eyes.map(|eyes| Inside { eyes, delay, tag_error });
         let [camera_path, plan_folder] =
             [camera_path.as_path(), plan_folder].map(|path| std::path::absolute(path).unwrap_or_else(|_| path.into()));
-        Ok(Self { plan, camera_path, plan_folder, out: out.into(), pixel_rad, built_in, keeps_images: false })
+        Ok(Self { plan, camera_path, plan_folder, out: out.into(), pixel_rad, inside, keeps_images: false })
     }
 
     /// Flies one case.
@@ -127,7 +141,7 @@ impl<'a> Flight<'a> {
         let duration_s = f64::from(frames) / rate_hz;
         let quoted = |text: &str| toml::Value::String(text.into()).to_string();
         let camera = quoted(&self.camera_path.display().to_string());
-        let noise_seed = self.plan.seed.wrapping_mul(1_000_003).wrapping_add(number) >> 1;
+        let noise_seed = self.plan.seed.wrapping_mul(1_000_003).wrapping_add(number) & i64::MAX.cast_unsigned();
         format!(
             "name = {}\ncamera = {camera}\nseed = {}\nnoise_seed = {noise_seed}\n\n[plant]\nkind = \"outside\"\n\n[timing]\n\
              frame_rate_hz = {rate_hz:?}\nduration_s = {duration_s:?}\nstart_utc = {}\n\n[attitude]\nstale_policy = \"blank\"\n\n\
@@ -179,7 +193,8 @@ impl<'a> Flight<'a> {
         };
         let options = RunOptions::stepped(Outputs::Made(&mut sink));
         let mut run = SteppedRun::of(Run::assemble(scenario, RunOptions { is_controlled: true, ..options })?)?;
-        let mut log = self.built_in.as_ref().map(|built_in| TrackerLog::new(built_in, case.frames));
+        let noise_seed = scenario.bench.noise_seed();
+        let mut log = self.inside.as_ref().map(|inside| TrackerLog::new(inside, case.frames, (noise_seed, run.zero())));
         let (zero, period, motion) = (run.zero(), run.frame_period(), case.motion(value));
         let exposure_s = scenario.bench.camera.exposure.exposure_s;
         let poses: Vec<Pose> = poses(attitudes, case.frames, period, motion);
@@ -331,36 +346,59 @@ impl Pose {
     }
 }
 
-/// The built-in tracker and what it says.
+/// A tracker inside and its log.
 struct TrackerLog {
-    tracker: Tracker,
+    eyes: Eyes,
     delay: Span,
+    tag_error: Span,
     frames_per_attitude: u32,
     last_group: Option<u32>,
     text: String,
 }
 
+enum Eyes {
+    Pixels(Box<Tracker>),
+    Model(Box<TrackerModel>),
+}
+
 impl TrackerLog {
-    fn new(built_in: &BuiltIn, frames_per_attitude: u32) -> Self {
-        let tracker = Tracker::new(built_in.params, Arc::clone(&built_in.guide));
+    fn new(inside: &Inside, frames_per_attitude: u32, (seed, start): (u64, Tai)) -> Self {
+        let eyes = match &inside.eyes {
+            InsideEyes::Pixels(params, guide) => Eyes::Pixels(Box::new(Tracker::new(**params, Arc::clone(guide)))),
+            InsideEyes::Model(params) => Eyes::Model(Box::new(TrackerModel::new(**params, seed, start))),
+        };
         let text = "frame,tai_ns,q_w,q_x,q_y,q_z,latency_ms,stars,why\n".to_owned();
-        Self { tracker, delay: built_in.delay, frames_per_attitude, last_group: None, text }
+        Self { eyes, delay: inside.delay, tag_error: inside.tag_error, frames_per_attitude, last_group: None, text }
     }
 
     fn take(&mut self, frame: &SentFrame) -> Result<()> {
         let meta = &frame.meta;
         let group = meta.number / self.frames_per_attitude;
-        if self.last_group != Some(group) {
-            self.tracker.forget();
-            self.last_group = Some(group);
-        }
-        self.tracker.expose(&Exposed { exposure_s: meta.exposure_s, regions: meta.regions });
-        let outcome = self.tracker.measure(&frame.image, meta.mid_exposure, earth_beta(meta.mid_exposure), None);
+        let begins = self.last_group != Some(group);
+        self.last_group = Some(group);
+        let outcome = match &mut self.eyes {
+            Eyes::Pixels(tracker) => {
+                if begins {
+                    tracker.forget();
+                }
+                tracker.expose(&Exposed { exposure_s: meta.exposure_s, regions: meta.regions });
+                tracker.measure(&frame.image, meta.mid_exposure, earth_beta(meta.mid_exposure), None)
+            }
+            Eyes::Model(model) => {
+                if begins {
+                    model.forget();
+                }
+                let [w, x, y, z] = meta.attitude_wxyz;
+                let rate_rad_s = DVec3::from_array(meta.rate_deg_s.map(f64::to_radians));
+                let truth = Rotation::from_quat(DQuat::from_xyzw(x, y, z, w));
+                model.measure(meta.number, meta.mid_exposure, &truth, rate_rad_s)
+            }
+        };
         match outcome {
             Outcome::Solved(solution) => {
                 let [w, x, y, z] = solution.sensor_from_icrf.wxyz();
-                let latency_ms = (0.5 * meta.exposure_s) * 1e3 + self.delay.ms();
-                let (number, at_ns, stars) = (meta.number, solution.at.ns(), solution.stars);
+                let latency_ms = (0.5 * meta.exposure_s) * 1e3 + self.delay.ms() - self.tag_error.ms();
+                let (number, at_ns, stars) = (meta.number, (solution.at + self.tag_error).ns(), solution.stars);
                 writeln!(self.text, "{number},{at_ns},{w:.15},{x:.15},{y:.15},{z:.15},{latency_ms},{stars},")?;
             }
             Outcome::NoSolution(reason) => {

@@ -23,6 +23,7 @@ pub mod case_folder;
 pub mod fly;
 pub mod log;
 pub mod metric;
+pub mod model_figures;
 pub mod noise;
 pub mod plan;
 pub mod provenance;

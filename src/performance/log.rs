@@ -9,6 +9,9 @@
 //! | `latency_ms`, or `available_tai_ns`, `available_utc` | when the attitude was there: after the time at which it holds, or absolute |
 //! | `stars` | stars that were used |
 //!
+//! Lines of JSON may have the attitude as a list, `q` or `q_wxyz`, and `sent_tai_ns` or `sent_utc` for when it was there: those
+//! that `[[tracker_out]]` sends are such lines, also as packets of a capture (`link = "file"`).
+//!
 //! A remark `# sense: icrf_from_body` before the rows says that quaternions are the conjugate of this program's.
 
 use crate::record::LogRow;
@@ -98,7 +101,7 @@ fn json_lines(name: &str, text: &str) -> Result<Vec<LogRow>> {
         };
         let mut texts: HashMap<String, String> = HashMap::new();
         for (key, value) in &object {
-            let list = value.as_array().filter(|_| key == "q" || key == "quaternion");
+            let list = value.as_array().filter(|_| key == "q" || key == "q_wxyz");
             match list {
                 Some(list) => {
                     let names = QUATERNIONS[0].iter().zip(list);
@@ -129,7 +132,7 @@ fn row(cells: &HashMap<&str, &str>, quaternion: &[&str; 4]) -> Result<LogRow> {
         let unix_ns = (unix_s * 1e9).round() as i64;
         at_ns = Some(Tai::from_unix_ns(unix_ns).ns());
     }
-    let mut available_ns = time("available_tai_ns", "available_utc")?;
+    let mut available_ns = time("available_tai_ns", "available_utc")?.or(time("sent_tai_ns", "sent_utc")?);
     if let (None, Some(at_ns), Some(ms)) = (available_ns, at_ns, number(cell("latency_ms"), "latency_ms")?) {
         #[allow(clippy::cast_possible_truncation, reason = "a latency is far below 292 years")]
         let latency_ns = (ms * 1e6).round() as i64;
@@ -188,6 +191,22 @@ mod tests {
         assert_eq!((rows[1].frame, rows[1].attitude, rows[1].at_ns), (Some(4), None, None));
         let json = "{\"frame\": 3, \"utc\": \"2026-03-01T00:00:01Z\", \"q\": [0.8, 0.6, 0, 0], \"latency_ms\": 150, \"stars\": 12}\n{\"frame\": 4, \"q\": null}\n";
         assert_eq!(read_text(json).unwrap(), rows);
+    }
+
+    #[test]
+    fn captured_packets_of_json_are_its_lines() {
+        let report = |frame: u32| {
+            format!("{{\"frame\":{frame},\"tai_ns\":5,\"sent_tai_ns\":9,\"q_wxyz\":[0.8,0.6,0,0],\"stars\":3}}\n")
+        };
+        let packet = |text: &str| {
+            let bytes: String = text.bytes().map(|byte| format!("{byte:02x}")).collect();
+            format!("2026-03-01T00:00:01.000000Z 1772323238000000000 - {bytes}\n")
+        };
+        let rows = read_text(&format!("{}{}", packet(&report(7)), packet(&report(8)))).unwrap();
+        assert_eq!((rows[1].frame, rows[1].available_ns, rows.len()), (Some(8), Some(9), 2));
+        assert_eq!(rows, read_text(&format!("{}{}", report(7), report(8))).unwrap());
+        let other = format!("{:#}", read_text(&packet("\u{1}x")).unwrap_err());
+        assert!(other.contains("not JSON"), "{other}");
     }
 
     #[test]

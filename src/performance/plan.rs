@@ -2,6 +2,7 @@
 
 use crate::assess::Settings;
 use crate::attitudes::Attitudes;
+use crate::model_figures::ModelFigures;
 use crate::record::{FalseLimit, Use};
 use anyhow::{Context, Result, bail};
 use base::time::Tai;
@@ -65,15 +66,20 @@ pub struct TrackerUnderTest {
     /// Milliseconds that the built-in tracker thinks.
     #[serde(default = "usual_delay")]
     pub delay_ms: f64,
+    /// Milliseconds by which time tags of a tracker inside are late: a date error to be studied.
+    #[serde(default)]
+    pub tag_error_ms: f64,
     /// A program and its arguments: `{frames}` is the folder of images, `{log}` the log to write, `{camera}` the camera file.
     #[serde(default)]
     pub command: Vec<String>,
+    /// Figures of the statistical tracker.
+    pub model: Option<ModelFigures>,
 }
 
 impl Default for TrackerUnderTest {
     fn default() -> Self {
         let (stars, delay_ms) = (usual_stars(), usual_delay());
-        Self { source: Source::BuiltIn, name: None, stars, delay_ms, command: Vec::new() }
+        Self { source: Source::BuiltIn, name: None, stars, delay_ms, tag_error_ms: 0.0, command: Vec::new(), model: None }
     }
 }
 
@@ -86,6 +92,8 @@ pub enum Source {
     BuiltIn,
     /// A program outside, which is given the folder of images.
     Program,
+    /// A statistical one of given errors, which sees the truth.
+    Model,
 }
 
 /// One entry of a plan: a case, or one for each value of a sweep.
@@ -212,10 +220,17 @@ impl Plan {
         range("frame_rate_hz", self.frame_rate_hz, 0.001, 1000.0)?;
         range("false_directional_arcsec", self.false_directional_arcsec, 1e-3, 648_000.0)?;
         range("false_rotational_arcsec", self.false_rotational_arcsec, 1e-3, 648_000.0)?;
+        range("tracker.tag_error_ms", self.tracker.tag_error_ms, -1000.0, 1000.0)?;
         range("tracker.delay_ms", self.tracker.delay_ms, 0.0, 10_000.0)?;
         let has_program = !self.tracker.command.is_empty();
         if (self.tracker.source == Source::Program) != has_program {
             bail!("tracker: wanted command with source = \"program\", and only with it");
+        }
+        if (self.tracker.source == Source::Model) != self.tracker.model.is_some() {
+            bail!("tracker: wanted [tracker.model] with source = \"model\", and only with it");
+        }
+        if let Some(model) = &self.tracker.model {
+            model.check()?;
         }
         if self.cases.is_empty() {
             bail!("got no [[case]], wanted one at least");

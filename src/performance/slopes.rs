@@ -15,8 +15,12 @@ const DATE: Kind = Kind {
     reading: Reading::Mixed,
     how: "stated time less the time at which the attitude was true: slope of the error across the boresight over the rate",
 };
-const TAG: Kind =
-    Kind { id: "time_tag_error", unit: "ms", reading: Reading::Temporal, how: "mean of stated time less mid-exposure" };
+const TAG: Kind = Kind {
+    id: "time_tag_error",
+    unit: "ms",
+    reading: Reading::Temporal,
+    how: "mean of stated time less mid-exposure, of right attitudes",
+};
 const ABERRATION: Kind = Kind {
     id: "aberration_residual",
     unit: "arcsec",
@@ -38,6 +42,8 @@ const MDE: Kind = Kind {
 
 /// Stretches of time for slopes over time.
 const STRETCHES: usize = 40;
+/// Frames of a motion that give one point.
+const STRETCH_FRAMES: usize = 10;
 /// Least spread of rates, rad/s rms, that a date error needs: 0.01 deg/s.
 const LEAST_RATE_RAD_S: f64 = 1.7e-4;
 /// Least spread of displacements by aberration, rad rms.
@@ -56,7 +62,8 @@ pub fn date_error(cases: &[JudgedCase], confidence: f64) -> Vec<Metric> {
         let date = Estimate { value: -slope.value, low: -slope.high, high: -slope.low, count: slope.count };
         found.push(DATE.of("", None, date.scaled(1e3)));
     }
-    let tags: Vec<f64> = of.iter().flat_map(|case| case.frames.iter().filter_map(|frame| frame.tag_error_s)).collect();
+    let right = of.iter().flat_map(|case| case.frames.iter().filter(|frame| frame.is_right()));
+    let tags: Vec<f64> = right.filter_map(|frame| frame.tag_error_s).collect();
     found.extend(mean(&tags, confidence).map(|tag| TAG.of("", None, tag.scaled(1e3))));
     found
 }
@@ -83,17 +90,32 @@ fn uncorrected(frame: &Judged) -> DVec3 {
     DVec3::new(beta.y, -beta.x, 0.0)
 }
 
-/// Points of both axes across the boresight, without the mean of each axis.
+/// Points of both axes across the boresight, without the mean of each axis. Errors of one attitude, or of a short stretch of a
+/// motion, are not independent: each gives one point.
 fn demeaned(cases: &[&JudgedCase], point: impl Fn(&Judged, usize) -> Option<[f64; 2]>) -> Vec<[f64; 2]> {
     let mut all = Vec::new();
     for axis in 0..2 {
-        let frames = cases.iter().flat_map(|case| &case.frames);
-        let points: Vec<[f64; 2]> = frames.filter_map(|frame| point(frame, axis)).collect();
-        let n = points.len().max(1) as f64;
-        let mean = [0, 1].map(|i: usize| points.iter().map(|point| point[i]).sum::<f64>() / n);
+        let parts = cases.iter().flat_map(|case| case.frames.chunk_by(|a, b| a.truth.group == b.truth.group));
+        let parts = parts.flat_map(|group| group.chunks(if is_still(group) { group.len() } else { STRETCH_FRAMES }));
+        let points: Vec<[f64; 2]> = parts
+            .filter_map(|part| {
+                let some: Vec<[f64; 2]> = part.iter().filter_map(|frame| point(frame, axis)).collect();
+                (!some.is_empty()).then(|| mean_of(&some))
+            })
+            .collect();
+        let mean = mean_of(&points);
         all.extend(points.iter().map(|point| [point[0] - mean[0], point[1] - mean[1]]));
     }
     all
+}
+
+fn is_still(group: &[Judged]) -> bool {
+    group.iter().all(|frame| frame.truth.rate_rad_s.length() < LEAST_RATE_RAD_S)
+}
+
+fn mean_of(points: &[[f64; 2]]) -> [f64; 2] {
+    let n = points.len().max(1) as f64;
+    [0, 1].map(|axis: usize| points.iter().map(|point| point[axis]).sum::<f64>() / n)
 }
 
 fn spread(points: &[[f64; 2]]) -> f64 {
