@@ -15,6 +15,7 @@ pub mod compare;
 pub mod detect;
 pub mod draw;
 mod error;
+mod field;
 pub mod figures;
 pub mod geometry;
 pub mod html;

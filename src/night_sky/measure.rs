@@ -200,7 +200,7 @@ fn beside(plate: &Plate<'_>, left: &[f32], px: [f64; 2]) -> f64 {
     let half = RING_PX[1] as i64;
     let in_ring = |[x, y]: &[usize; 2]| {
         let r = (*x as f64 - px[0]).hypot(*y as f64 - px[1]);
-        r >= RING_PX[0] && r <= RING_PX[1]
+        (RING_PX[0]..=RING_PX[1]).contains(&r)
     };
     if !plate.picture.holds(px, half) {
         return 0.0;

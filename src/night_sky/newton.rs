@@ -153,7 +153,7 @@ mod tests {
         let x = |i: usize| i as f64 * 0.05;
         let curve = |p: &[f64], x: f64| p[0] * (-p[1] * x).exp() + p[2];
         let sigma = 0.01;
-        let noise = |i: usize| if i % 2 == 0 { sigma } else { -sigma };
+        let noise = |i: usize| if i.is_multiple_of(2) { sigma } else { -sigma };
         let data: Vec<f64> = (0..200).map(|i| curve(&truth, x(i)) + noise(i)).collect();
         let residuals = |p: &[f64]| (0..200).map(|i| (curve(p, x(i)) - data[i]) / sigma).collect();
         let fitted = fit(&[1.0, 1.0, 0.0], &[1e-5; 3], residuals).unwrap();
