@@ -262,6 +262,31 @@ class VirtualClock(unittest.TestCase):
             other = self.run_to(three, [out_keys], "--noise-seed", "9")
             self.assertNotEqual((first / "t.txt").read_bytes(), (other / "t.txt").read_bytes(), "control: other noise")
 
+    def test_rates_of_the_head_of_the_packets_and_late_time_tags(self):
+        outs = [f'link = "file"\npath = "frames.txt"\n{PERFECT}', f'link = "file"\npath = "beats.txt"\nrate_hz = 8.0\n{PERFECT}',
+                f'link = "file"\npath = "late.txt"\ntag_error_ms = 7.0\n{PERFECT}']
+        with tempfile.TemporaryDirectory() as folder:
+            out = self.run_to(folder, outs)
+            frames, beats, late = ([(at, json.loads(data)) for at, _, data in self.lines(out / f"{name}.txt")]
+                                   for name in ("frames", "beats", "late"))
+            with open(out / "frames.csv", newline="") as file:
+                true = [[float(row[f"rate_{axis}_deg_s"]) for axis in "xyz"] for row in csv.DictReader(file)]
+            self.assertIsNone(frames[0][1]["rate_deg_s"], "one attitude has no rate")
+            for number in range(1, 50):
+                rate = frames[number][1]["rate_deg_s"]
+                between = [(a + b) / 2 for a, b in zip(true[number - 1], true[number])]
+                self.assertLess(max(abs(a - b) for a, b in zip(rate, between)), 5e-3, number)
+            fastest = max(range(50), key=lambda number: abs(true[number][1]))
+            self.assertGreater(abs(frames[fastest][1]["rate_deg_s"][1] + true[fastest][1]), 0.5, "control: the other sign")
+            # The beats begin with the first exposure; those before the first report send nothing.
+            zero = frames[0][1]["tai_ns"] - round(EXPOSURE_MS / 2 * 1e6)
+            self.assertTrue(all((at - zero) % 125_000_000 == 0 for at, _ in beats))
+            ready = [(tag + LATENCY_NS, number) for number, (_, tag, _) in enumerate(truths(out))]
+            for at, report in beats:
+                self.assertEqual(report["frame"], max(number for due, number in ready if due <= at))
+            tags = [(report["tai_ns"], report["q_wxyz"]) for _, report in late]
+            self.assertEqual(tags, [(report["tai_ns"] + 7_000_000, report["q_wxyz"]) for _, report in frames])
+
     def test_three_heads_have_a_tracker_each(self):
         heads = "".join(f"[[head]]\nsensor_from_body = {q}\n" for q in
                         ([1.0, 0.0, 0.0, 0.0], [0.9238795325112867, 0.0, 0.3826834323650898, 0.0], [0.7071067811865476, 0.7071067811865476, 0.0, 0.0]))
