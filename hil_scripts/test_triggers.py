@@ -133,7 +133,7 @@ class Lines(unittest.TestCase):
         self.assertIn("/dev/gpiochip_none", said)
         self.assertIn("gpiodetect", said)
         line[1] = 'trigger_line=[{chip="gpiochip_none",line=1,head=2}]'
-        self.assertIn("trigger_line[0].head: got 2", self.refusal("--clock", "real", text=[bench, *line]))
+        self.assertIn("trigger_line[0].head is 2", self.refusal("--clock", "real", text=[bench, *line]))
 
 
 class SimulatedChip:
