@@ -4,7 +4,8 @@
 //! is tested when it calls `starloop` or `cargo run --release --`. The marker is on the line above the
 //! fence and applies to the whole block. Marked commands of a page run in order, in one empty folder, with `configs/` taken from
 //! the repository; so a later command may read what an earlier one wrote. Blocks marked
-//! `<!-- test with --features display -->` run in a build with that feature.
+//! `<!-- test with --features display -->` run in a build with that feature. Blocks marked `<!-- test in a shell -->` need more
+//! than the program: `hil_scripts/test_recipes.py` runs them, and says how files and checks beside them are marked.
 
 use crate::pages::pages;
 use crate::source::root;
@@ -15,6 +16,8 @@ use std::time::Duration;
 const MARK: &str = "<!-- test -->";
 /// Marks a block for a program with displays.
 const MARK_DISPLAY: &str = "<!-- test with --features display -->";
+/// Marks a block that hil_scripts/test_recipes.py runs.
+const MARK_SHELL: &str = "<!-- test in a shell -->";
 const CALLS: &[&str] = &["cargo run --release -- ", "starloop "];
 /// Fewest pages with commands that run.
 const PAGES_MARKED_MIN: usize = 4;
@@ -40,7 +43,7 @@ fn calls(document: &str) -> Vec<Call> {
     while let Some(line) = lines.next() {
         if let Some(language) = line.trim().strip_prefix("```") {
             let block: Vec<_> = lines.by_ref().take_while(|line| line.trim() != "```").collect();
-            if language == "console" {
+            if language == "console" && last_text != MARK_SHELL {
                 calls.extend(commands(&block).into_iter().filter_map(|command| call(command, is_mark(last_text))));
             }
             last_text = "";
@@ -191,6 +194,10 @@ $ starloop doctor
 ```
 ```sh
 $ starloop hidden
+```
+<!-- test in a shell -->
+```console
+$ starloop bus &
 ```
 ";
 
