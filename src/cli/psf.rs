@@ -181,7 +181,8 @@ fn facts(star: &Star, shares: &[f64]) -> serde_json::Value {
     let (psf, optics) = (&star.psf, &star.camera.optics);
     let chain = star.chain.as_ref().map(|(chain, drawn)| {
         let at = |of: &dyn Fn(f64) -> f64| shares.iter().map(|share| of(share * NYQUIST)).collect::<Vec<f64>>();
-        let terms: Vec<_> = (chain.terms().into_iter())
+        let terms: Vec<_> = chain
+            .terms()
             .map(|term| {
                 let mtf = at(&|f| chain.term(term, term.axis().map(|axis| axis * f)));
                 serde_json::json!({ "name": term.name(), "mtf": mtf })
