@@ -346,6 +346,11 @@ impl Document {
         first.map(|(_, number)| format!(": `{key}` is already in line {number}")).unwrap_or_default()
     }
 
+    /// Returns whether a setting changes a value.
+    pub(super) fn has_settings(&self) -> bool {
+        !self.settings.is_empty()
+    }
+
     /// Returns whether the text has no key at all, and no setting gives one.
     #[must_use]
     pub fn is_blank(&self) -> bool {

@@ -140,15 +140,15 @@ impl Expect {
         let judged = format!("seconds at the end of the run that are judged, and the run lasts {duration_s} s");
         let window = keys.window_s().or(0.25 * duration_s).within(Rule::PositiveUpTo(duration_s)).advised(judged);
         let window_s = window.check(check)?;
-        let reached = format!("seconds after the first exposure, and the run lasts {duration_s} s");
-        let within_run = Rule::PositiveUpTo(duration_s);
+        let mut within = keys.fine_pointing_within_s();
+        if !check.document.has_settings() {
+            // A setting may cut a run short.
+            let reached = format!("seconds after the first exposure, and the run lasts {duration_s} s");
+            within = within.within(Rule::PositiveUpTo(duration_s)).advised(reached);
+        }
         taken!(check, keys => recovery_s, recovered_arcsec, diverges);
         Ok(Self {
-            fine_pointing_within_s: keys
-                .fine_pointing_within_s()
-                .within(within_run)
-                .advised(reached)
-                .optional(check)?,
+            fine_pointing_within_s: within.optional(check)?,
             window_s,
             pointing_arcsec: keys.pointing_arcsec().optional(check)?,
             knowledge_arcsec: keys.knowledge_arcsec().optional(check)?,
