@@ -169,7 +169,8 @@ impl RenderArgs {
     fn bench(&self) -> Result<Bench> {
         let mut bench = match &self.bench {
             Some(path) => Scenario::from_document(&Document::open(path)?)?.bench,
-            None => Bench { bodies: false, targets: Vec::new(), layers: Vec::new(), ..Bench::built_in()? },
+            // Nothing but the stars, from the centre of the Earth: the defaults of an empty file.
+            None => Bench::from_document(&Document::from_text("", Path::new("a bench without keys")))?,
         };
         if let Some(camera) = &self.camera {
             bench.camera = named_camera(Some(camera))?;

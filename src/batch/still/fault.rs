@@ -33,7 +33,14 @@ pub fn still_fault(keys: &str) -> Result<FrameFault, StillFaultError> {
     }
     let line: Line = toml::from_str(&format!("fault = {{ {keys} }}"))
         .map_err(|error| StillFaultError::Form(error.message().into()))?;
-    let mut keys = line.fault;
+    still_fault_of(line.fault)
+}
+
+/// Returns the fault that the keys of an event describe.
+///
+/// # Errors
+/// As [`still_fault`].
+pub fn still_fault_of(mut keys: Map<String, Value>) -> Result<FrameFault, StillFaultError> {
     // It lasts as long as the image does.
     keys.entry("for_s").or_insert_with(|| Value::from(1.0));
     let event = Event::from_json(&keys, 0.0, Span::from_s(1.0))?;

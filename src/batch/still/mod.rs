@@ -7,7 +7,7 @@
 
 mod fault;
 
-pub use fault::{StillFaultError, still_fault};
+pub use fault::{StillFaultError, still_fault, still_fault_of};
 
 use base::time::{Span, Tai};
 use config::Bench;

@@ -13,6 +13,7 @@ pub mod base64;
 mod camera;
 mod error;
 mod lines;
+pub mod local;
 mod newest;
 mod output;
 pub mod protocol;
@@ -219,62 +220,79 @@ impl ControlSession {
     }
 
     fn answer(&mut self, request: &Request, stage: &mut Stage<'_>) -> Result<Value, Refusal> {
-        let going = &mut *stage.going;
         match request {
             Request::Hello { token: Some(text) } if !self.token.is(text) => {
                 Err(Refusal::Request("the token is not that of this run".into()))
             }
-            Request::Hello { .. } => Ok(hello(stage)),
-            Request::State => Ok(state(going)),
-            Request::Step(by) => self.step(*by, stage),
-            Request::Inject(keys) => Ok(answers::inject(keys, going)?),
-            Request::Trigger { number, at_s } => Ok(answers::trigger(*number, *at_s, going)?),
-            Request::Truth { at_s } => Ok(truth(*at_s, going)?),
-            Request::Estimate => Ok(estimate(going)),
-            Request::Frame { head, path, pixels } => {
-                Ok(self.newest.answer(*head, path.as_deref(), *pixels, going.zero())?)
-            }
-            Request::React(reaction) => {
-                let zero = going.zero();
-                let done = going.with_vehicle_mut(|vehicle, now| reaction.act(vehicle, zero, now));
-                Ok(done.map_err(|error| error.to_string())??)
-            }
-            Request::Tracker { head } => Ok(answers::tracker(*head, going)?),
-            Request::Camera(camera) => {
-                let zero = going.zero();
-                let act = |exposing: &mut Exposing, ledger: &mut Ledger, now| camera.act(exposing, ledger, zero, now);
-                Ok(going.with_exposing(camera.head, act).map_err(|error| error.to_string())??)
-            }
-            Request::BadSamples(why) => {
-                going.note_bad_samples();
-                Err(Refusal::Request(why.clone()))
-            }
-            Request::Plant(samples) => Ok(answers::plant(samples, going)?),
-            Request::Summary => {
-                let report = going.look(self.newest.frames_crc32(), &mut *stage.report);
-                Ok(json!({ "finished": going.is_finished(), "report": report }))
-            }
-            Request::Finish => Ok(Value::Null),
+            Request::Hello { .. }
+            | Request::State
+            | Request::Step(_)
+            | Request::Inject(_)
+            | Request::Trigger { .. }
+            | Request::Truth { .. }
+            | Request::Estimate
+            | Request::Frame { .. }
+            | Request::React(_)
+            | Request::Tracker { .. }
+            | Request::Camera(_)
+            | Request::BadSamples(_)
+            | Request::Plant(_)
+            | Request::Summary
+            | Request::Finish => answer(&mut self.newest, request, stage),
         }
     }
+}
 
-    fn step(&mut self, by: StepBy, stage: &mut Stage<'_>) -> Result<Value, Refusal> {
-        let going = &mut *stage.going;
-        let goal = answers::step_goal(by, going, self.newest.out_of_first_head())?;
-        let before = self.newest.out();
-        let newest = &mut self.newest;
-        let (progress, stop) = (&mut *stage.progress, stage.stop);
-        let mut on_frame = |head: usize, frame: &mut SentFrame, record: &RunRecord| {
+/// Answers one request about a run on the virtual clock.
+fn answer(newest: &mut NewestFrames, request: &Request, stage: &mut Stage<'_>) -> Result<Value, Refusal> {
+    let going = &mut *stage.going;
+    match request {
+        Request::Hello { .. } => Ok(hello(stage)),
+        Request::State => Ok(state(going)),
+        Request::Step(by) => step(newest, *by, stage),
+        Request::Inject(keys) => Ok(answers::inject(keys, going)?),
+        Request::Trigger { number, at_s } => Ok(answers::trigger(*number, *at_s, going)?),
+        Request::Truth { at_s } => Ok(truth(*at_s, going)?),
+        Request::Estimate => Ok(estimate(going)),
+        Request::Frame { head, path, pixels } => Ok(newest.answer(*head, path.as_deref(), *pixels, going.zero())?),
+        Request::React(reaction) => {
+            let zero = going.zero();
+            let done = going.with_vehicle_mut(|vehicle, now| reaction.act(vehicle, zero, now));
+            Ok(done.map_err(|error| error.to_string())??)
+        }
+        Request::Tracker { head } => Ok(answers::tracker(*head, going)?),
+        Request::Camera(camera) => {
+            let zero = going.zero();
+            let act = |exposing: &mut Exposing, ledger: &mut Ledger, now| camera.act(exposing, ledger, zero, now);
+            Ok(going.with_exposing(camera.head, act).map_err(|error| error.to_string())??)
+        }
+        Request::BadSamples(why) => {
+            going.note_bad_samples();
+            Err(Refusal::Request(why.clone()))
+        }
+        Request::Plant(samples) => Ok(answers::plant(samples, going)?),
+        Request::Summary => {
+            let report = going.look(newest.frames_crc32(), &mut *stage.report);
+            Ok(json!({ "finished": going.is_finished(), "report": report }))
+        }
+        Request::Finish => Ok(Value::Null),
+    }
+}
+
+fn step(newest: &mut NewestFrames, by: StepBy, stage: &mut Stage<'_>) -> Result<Value, Refusal> {
+    let going = &mut *stage.going;
+    let goal = answers::step_goal(by, going, newest.out_of_first_head())?;
+    let before = newest.out();
+    let (progress, stop) = (&mut *stage.progress, stage.stop);
+    match goal {
+        answers::Goal::Time(at) => going.advance_to(at, &mut |head, frame, record| {
             progress(head, frame, record);
             newest.keep_exchanged(head, frame);
             !stop.load(Ordering::Relaxed)
-        };
-        match goal {
-            answers::Goal::Time(at) => going.advance_to(at, &mut on_frame)?,
-            answers::Goal::Frames(out) => step_frames(going, out, newest, &mut *stage.progress, stage.stop)?,
-        }
-        Ok(answers::stepped(going, self.newest.out() - before))
+        })?,
+        answers::Goal::Frames(out) => step_frames(going, out, newest, progress, stop)?,
     }
+    Ok(answers::stepped(going, newest.out() - before))
 }
 
 fn hello(stage: &Stage<'_>) -> Value {

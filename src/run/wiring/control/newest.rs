@@ -59,6 +59,11 @@ impl NewestFrames {
         }
     }
 
+    /// Returns the newest frame of a head.
+    pub(super) fn newest(&self, head: usize) -> Option<&SentFrame> {
+        self.heads.get(head).and_then(|kept| kept.newest.as_ref())
+    }
+
     /// Returns the CRC-32 over each head's frames so far, as its sink computes it.
     pub(super) fn frames_crc32(&self) -> Vec<u32> {
         self.heads.iter().map(|head| head.crc32.value()).collect()

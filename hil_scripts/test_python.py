@@ -1,0 +1,149 @@
+#!/usr/bin/env python3
+"""The Python package, installed from its wheel into an environment of its own: images, runs, types, examples of the guide."""
+
+import json
+import os
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+import unittest
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+BINARY = pathlib.Path(os.environ.get("STARLOOP_BINARY", ROOT / "target" / "release" / "starloop")).resolve()
+TARGET = BINARY.parent.parent
+
+
+def run(*command, **options):
+    done = subprocess.run([str(part) for part in command], capture_output=True, text=True, **options)
+    if done.returncode:
+        raise AssertionError(f"{command}: exit {done.returncode}\n{done.stdout}\n{done.stderr}")
+    return done.stdout
+
+
+class Package(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        folder = pathlib.Path(cls.folder.name)
+        run(sys.executable, ROOT / "hil_scripts" / "make_wheel.py", "--target", TARGET, "--out", folder / "wheels")
+        (cls.wheel,) = (folder / "wheels").glob("*.whl")
+        run(sys.executable, "-m", "venv", "--system-site-packages", folder / "environment")
+        cls.python = folder / "environment" / "bin" / "python"
+        # numpy comes from the environment of the tests.
+        site = run(sys.executable, "-c", "import numpy, pathlib; print(pathlib.Path(numpy.__file__).parent.parent)").strip()
+        (there,) = (folder / "environment" / "lib").glob("python3*/site-packages")
+        (there / "tests_environment.pth").write_text(site + "\n")
+        run(cls.python, "-m", "pip", "install", "-q", "--no-deps", "--no-index", cls.wheel)
+        cls.work = folder / "work"
+        cls.work.mkdir()
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.folder.cleanup()
+
+    def ask(self, code):
+        """Runs code in the environment, away from the repository, and returns the JSON that it prints last."""
+        return json.loads(run(self.python, "-c", code, cwd=self.work).strip().splitlines()[-1])
+
+    def test_images_are_those_of_the_command(self):
+        for extra, keywords in (
+            ([], ""),
+            (["--rate", "0.1,0.4,-0.2", "--seed", "5", "--noise-seed", "9", "--frame", "3"], "rate=(0.1, 0.4, -0.2), seed=5, noise_seed=9, frame=3"),
+            (["--stage", "electrons"], "stage='electrons'"),
+        ):
+            path = self.work / "command.fits"
+            run(BINARY, "render", "--camera", "cameras/small_tracker.toml", "--ra", "83.8", "--dec", "-5.4", "--roll", "12",
+                "--time", "2026-05-01T00:00:00Z", *extra, "--out", path)  # fmt: skip
+            equal, other = self.ask(
+                "import json, starloop, numpy; from astropy.io import fits; "
+                "camera = starloop.Camera('cameras/small_tracker.toml'); "
+                f"frame = camera.render(ra=83.8, dec=-5.4, roll=12, time='2026-05-01T00:00:00Z', {keywords}); "
+                f"other = camera.render(ra=83.9, dec=-5.4, roll=12, time='2026-05-01T00:00:00Z', {keywords}); "
+                f"data = fits.getdata('{path}'); "
+                "print(json.dumps([bool((data == frame.image).all()), bool((data == other.image).all())]))"
+            )
+            self.assertTrue(equal, f"{extra}")
+            self.assertFalse(other, "control: another attitude is another image")
+
+    def test_truth_facts_and_map_agree(self):
+        worst, rows, kinds = self.ask(
+            "import json, starloop, numpy; camera = starloop.Camera('cameras/star_tracker_20deg.toml'); "
+            "frame = camera.render((1, 0, 0, 0)); t = frame.truth[frame.truth['mag_g'] < 6]; "
+            "x, y = frame.wcs.all_world2pix(t['catalog_ra_deg'], t['catalog_dec_deg'], 0); "
+            "print(json.dumps([float(numpy.hypot(x - t['x_px'], y - t['y_px']).max()), len(t), sorted(set(t['kind'].tolist()))]))"
+        )
+        self.assertGreater(rows, 10)
+        self.assertLess(worst, 0.05, "the map of the header leads from catalog places to the places of the truth")
+        self.assertEqual(kinds, ["star"])
+
+    def test_observer_bodies_and_faults_work(self):
+        earth, stray = self.ask(
+            "import json, starloop; camera = starloop.Camera('cameras/small_tracker.toml'); "
+            "orbit = {'kind': 'circular_orbit', 'altitude_km': 550.0, 'inclination_deg': 97.6}; "
+            "views = [camera.render(ra=ra, dec=0, observer=orbit, bodies=True) for ra in range(0, 360, 30)]; "
+            "hidden = sum(not view.truth['is_star'].any() for view in views); "
+            "plain = camera.render(ra=10, dec=20); "
+            "lit = camera.render(ra=10, dec=20, faults=[{'do': 'stray_light', 'e_per_s': 50000}]); "
+            "print(json.dumps([hidden, float(lit.image.mean() - plain.image.mean())]))"
+        )
+        self.assertGreater(earth, 0, "the Earth hides the stars of some directions")
+        self.assertGreater(stray, 10.0, "stray light is in every pixel")
+
+    def test_runs_step_and_repeat(self):
+        code = (
+            "import json, zlib, starloop\n"
+            "def fly(seed):\n"
+            "    with starloop.Run('benches/closed_loop_small.toml', seed=seed, settings={'timing.duration_s': 3}) as run:\n"
+            "        frames = [zlib.crc32(frame.image.tobytes()) for frame in run.frames()]\n"
+            "        return frames, run.finish()['frames']['delivered'], run.exit_status\n"
+            "print(json.dumps([fly(1), fly(1), fly(2)]))"
+        )
+        first, again, other = self.ask(code)
+        self.assertEqual(first, again)
+        self.assertEqual(first[1:], [6, 0])
+        self.assertEqual(len(first[0]), 6)
+        self.assertNotEqual(first[0], other[0], "control: another seed")
+
+    def test_mistakes_are_errors_with_reasons(self):
+        code = (
+            "import json, starloop\n"
+            "def why(act):\n"
+            "    try: act()\n"
+            "    except (ValueError, starloop.StarloopError) as error: return str(error)\n"
+            "    return ''\n"
+            "camera = starloop.Camera('cameras/small_tracker.toml')\n"
+            "print(json.dumps([why(lambda: starloop.Camera('nowhere.toml')), why(lambda: camera.render((2, 0, 0, 0))),\n"
+            "    why(lambda: camera.render(ra=3)), why(lambda: camera.render(ra=3, dec=100)), why(camera.render),\n"
+            "    why(lambda: camera.render(ra=3, dec=3, faults=[{'do': 'frame_torn'}])),\n"
+            "    why(lambda: starloop.Run('benches/closed_loop_small.toml').step(s=-1))]))"
+        )
+        wanted = ["nowhere.toml", "norm 1", "wanted both", "-90 to 90", "wanted attitude", "need a run", "step"]
+        for message, part in zip(self.ask(code), wanted):
+            self.assertIn(part, message)
+
+    def test_examples_of_the_guide_run(self):
+        text = (ROOT / "src" / "guide" / "python.md").read_text()
+        examples = re.findall(r"```python\n(.*?)```", text, re.S)
+        self.assertGreaterEqual(len(examples), 2)
+        for example in examples:
+            self.assertTrue(run(self.python, "-c", example, cwd=self.work))
+
+    def test_the_command_is_installed_and_importing_is_quick(self):
+        self.assertIn("starloop", run(self.python.parent / "starloop", "--version"))
+        seconds = self.ask("import time; t = time.perf_counter(); import starloop; print(time.perf_counter() - t)")
+        print(f"import starloop: {seconds:.3f} s")
+
+    def test_types_are_complete(self):
+        examples = "\n".join(re.findall(r"```python\n(.*?)```", (ROOT / "src" / "guide" / "python.md").read_text(), re.S))
+        (self.work / "typed.py").write_text(examples)
+        (self.work / "wrong.py").write_text('import starloop\nstarloop.Camera("a").render(ra="x")\n')
+        mypy = [sys.executable, "-m", "mypy", "--strict", "--python-executable", str(self.python)]
+        run(*mypy, "typed.py", cwd=self.work)
+        with self.assertRaises(AssertionError, msg="control: a wrong type is found"):
+            run(*mypy, "wrong.py", cwd=self.work)
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,38 @@
+//! The module `starloop._native` of the Python package: thin classes over the crates; the package beside it (`package/`) gives
+//! them their Python form.
+//!
+//! Requests and facts go as JSON text, pixels as numpy arrays. The interpreter lock is released while frames are drawn.
+//! Tests: `hil_scripts/test_python.py`.
+
+mod camera;
+mod columns;
+mod frame;
+mod request;
+mod session;
+
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+/// Returns an error of this package as the `ValueError` of Python, with all its causes.
+fn refused(error: impl core::fmt::Display) -> PyErr {
+    PyValueError::new_err(format!("{error:#}"))
+}
+
+/// Cameras and runs of starloop in process.
+#[pymodule]
+mod _native {
+    #[pymodule_export]
+    use super::camera::Camera;
+    #[pymodule_export]
+    use super::frame::Frame;
+    #[pymodule_export]
+    use super::session::Session;
+
+    use pyo3::prelude::*;
+
+    /// Returns the version of the package.
+    #[pyfunction]
+    fn version() -> &'static str {
+        env!("CARGO_PKG_VERSION")
+    }
+}

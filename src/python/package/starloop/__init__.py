@@ -1,0 +1,22 @@
+"""starloop: what a star sensor sees, in Python.
+
+    import starloop
+
+    camera = starloop.Camera("cameras/star_tracker_20deg.toml")
+    frame = camera.render(ra=83.8, dec=-5.4, time="2026-05-01T00:00:00Z")
+    print(frame.image.shape, len(frame.truth), frame.meta["ra_deg"])
+
+    with starloop.Run("benches/closed_loop_small.toml", settings={"timing.duration_s": 5}) as run:
+        for frame in run.frames():
+            print(frame.meta["number"], frame.image.max())
+
+Files are paths, or names of built-in ones. Angles are in degrees, attitudes are quaternions w, x, y, z with
+v_sensor = q v_icrf q* (Hamilton, scalar first). Images are arrays of rows and columns, the first row at the top.
+"""
+
+from ._native import version as _version
+from .camera import Camera, Frame
+from .run import Run, StarloopError
+
+__version__ = _version()
+__all__ = ["Camera", "Frame", "Run", "StarloopError", "__version__"]
