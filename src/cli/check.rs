@@ -27,6 +27,7 @@ use run::wiring::display_parts::take_display;
 use run::wiring::memory::{RunForm, RunMemory};
 use run::wiring::motion::motion_scale;
 use run::wiring::sinks::described_lines;
+use run::wiring::tracker_outs;
 use stars::{Sky, StarIndex};
 use std::path::PathBuf;
 use testbed::flight_computer::FlightComputer;
@@ -180,6 +181,9 @@ fn describe(
         writeln!(text, "  heads        {}, drawn in turn, sensor_from_body {}", mountings.len(), mountings.join(" "))?;
     }
     for (place, words) in described_lines(&bench.sinks) {
+        writeln!(text, "  {place:<12} {words}")?;
+    }
+    for (place, words) in tracker_outs::described_lines(&bench.tracker_outs) {
         writeln!(text, "  {place:<12} {words}")?;
     }
     writeln!(text, "  costs        {}", costs.origin)?;

@@ -35,7 +35,7 @@ mod start;
 pub mod steering;
 pub mod stepped;
 mod taps;
-mod tracker_outs;
+pub mod tracker_outs;
 mod trigger_lines;
 pub mod vehicle_parts;
 pub mod witness;

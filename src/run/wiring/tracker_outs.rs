@@ -67,6 +67,34 @@ pub(super) fn needs_real_clock(outs: &[TrackerOut]) -> Option<&'static str> {
         .then_some("a [[tracker_out]] at a line whose client waits for no simulated time (udp, bus and file have none)")
 }
 
+/// Returns the position and description of each tracker of a bench whose telemetry is published.
+pub fn described_lines(outs: &[TrackerOut]) -> impl Iterator<Item = (String, String)> {
+    outs.iter().enumerate().map(|(number, out)| {
+        let source = match out.source {
+            TrackerSource::Pixels { most_stars } => format!("the tracker on pixels ({most_stars} stars)"),
+            TrackerSource::Model(_) => "the tracker of given errors".to_owned(),
+        };
+        let rate = out.rate_hz.map_or_else(|| "with each frame".to_owned(), |hz| format!("at {hz} Hz"));
+        let (protocol, line, delay_ms) = (out.protocol.name(), line_name(&out.line), out.delay.ms());
+        let words = format!("{protocol} on {line}, {rate}, {delay_ms} ms after readout: {source} of head {}", out.head);
+        (format!("tracker_out[{number}]"), words)
+    })
+}
+
+fn line_name(line: &TrackerLine) -> String {
+    match line {
+        TrackerLine::Udp { to, .. } => format!("udp to {to}"),
+        TrackerLine::Tcp { listen } => format!("tcp at {listen}"),
+        TrackerLine::Serial { path, baud } => format!("serial {} at {baud} bit/s", path.display()),
+        TrackerLine::Pty { path } => format!("pty {}", path.display()),
+        TrackerLine::SocketCan { interface } => format!("socketcan {interface}"),
+        TrackerLine::SlcanPty { path, .. } => format!("slcan on pty {}", path.display()),
+        TrackerLine::SlcanTcp { listen, .. } => format!("slcan at {listen}"),
+        TrackerLine::Bus => "the run's bus".to_owned(),
+        TrackerLine::File { path } => format!("file {}", path.display()),
+    }
+}
+
 /// Puts the trackers of a scenario beside the sinks of their heads; `folder` is the run's.
 pub(super) fn tap_heads(
     scenario: &Scenario,
