@@ -668,5 +668,47 @@ class Clients(unittest.TestCase):
             self.assertEqual(events["telemetry_lost"], 20)
 
 
+class KernelCan(unittest.TestCase):
+    def test_canopen_over_an_interface_of_the_kernel(self):
+        """On a machine without CAN in its kernel, in user-mode Linux, as test_vcan.py does; STARLOOP_NO_VCAN=1 skips it."""
+        if not Path("/sys/class/net/vcan1").exists():
+            if os.environ.get("STARLOOP_NO_VCAN") == "1":
+                self.skipTest("STARLOOP_NO_VCAN=1")
+            command = [ROOT / "hil_scripts/uml_vcan.sh", sys.executable, __file__, "KernelCan"]
+            done = subprocess.run(command, capture_output=True, text=True, timeout=3 * PATIENCE_S)
+            self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+            return
+        with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as stack:
+            out = f'protocol = "canopen"\nlink = "socketcan"\ninterface = "vcan1"\nnode_id = 100\n{PERFECT}'
+            run = stack.enter_context(Run(folder, [out], duration_s=20))
+            run.line("tracker_out[0]: canopen on socketcan vcan1")
+            network = canopen.Network()
+            network.connect(interface="socketcan", channel="vcan1")
+            stack.callback(network.disconnect)
+            node = network.add_node(100, str(EDS))
+            node.sdo.RESPONSE_TIMEOUT = 5.0
+            # Another node's start, and a request of another node, reach the filters only.
+            network.send_message(0x000, [1, 99])
+            network.send_message(0x663, [0x40, 0x00, 0x40, 0, 0, 0, 0, 0])
+            self.assertEqual(node.sdo["State"].raw, 4)
+            got, parts, whole = [], {}, threading.Event()
+            def take(message_id, data, _stamp):
+                parts[message_id] = bytes(data)
+                if message_id == 0x4E4 and 0x1E4 in parts:
+                    q = struct.unpack("<ff", parts[0x2E4]) + struct.unpack("<ff", parts[0x3E4])
+                    got.append((struct.unpack("<6xH", parts[0x4E4])[0], q))
+                    if len(got) >= 45:
+                        whole.set()
+            for identifier in 0x1E4, 0x2E4, 0x3E4, 0x4E4:
+                network.subscribe(identifier, take)
+            node.nmt.state = "OPERATIONAL"
+            self.assertTrue(whole.wait(PATIENCE_S), f"{len(got)} attitudes")
+            run.stop()
+            truth = {frame: q for frame, _, q in truths(run.out)}
+            for frame, q in got[:45]:
+                self.assertLessEqual(off_by(q, truth[frame]), SINGLE)
+            self.assertGreater(off_by(got[0][1], truth[got[44][0]]), SINGLE, "control: another frame's truth")
+
+
 if __name__ == "__main__":
     unittest.main(verbosity=2)
