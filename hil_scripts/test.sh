@@ -31,7 +31,7 @@ packages=(mesa-vulkan-drivers libvulkan1)             # software Vulkan, for the
 command -v cc >/dev/null || packages+=(gcc libc6-dev) # the linker that Rust calls, and the C kit's compiler
 command -v c++ >/dev/null || packages+=(g++)          # the fuzzer's runtime
 packages+=(clang gcc-arm-none-eabi libnewlib-arm-none-eabi) # the C kit under other compilers
-packages+=(can-utils tshark)                          # other people's readers of captures
+packages+=(can-utils tshark curl)                     # other people's readers of captures; a client of the live view
 packages+=(aravis-tools-cli gir1.2-aravis-0.8 python3-gi python3-numpy gstreamer1.0-tools) # clients of network cameras
 packages+=(netcat-openbsd)                            # a client of star trackers
 packages+=(linuxptp)                                  # the PTP clock whose state the network camera reports
@@ -100,7 +100,12 @@ lint() {
     CARGO_TARGET_DIR="$checks" cargo clippy --locked --workspace --release --lib --bins -- -D warnings
 }
 
-build() { cargo test --locked --workspace --all-features --release --no-run; }
+# The tests, and then what no test is linked with: the module of the Python package. With the tests named again, the features of
+# dependencies stay the same, and nothing is built twice.
+build() {
+    cargo test --locked --workspace --all-features --release --no-run
+    cargo build --locked --workspace --all-features --release --lib --bins --tests
+}
 
 # The whole output goes to the log; the terminal gets its course and what went wrong.
 run_tests() {
