@@ -171,6 +171,18 @@ class Contents(unittest.TestCase):
         self.assertEqual(done.returncode, 1)
         self.assertIn("cargo build --release", done.stderr)
 
+    def test_the_first_page_works_with_the_package(self):
+        with tempfile.TemporaryDirectory() as scratch:
+            output("dpkg-deb", "-x", str(only("*.deb")), scratch)
+            unpacked = {"STARLOOP_BINARY": f"{scratch}/usr/bin/starloop", "STARLOOP_SHARE": f"{scratch}/usr/share/starloop"}
+            follow = [sys.executable, str(ROOT / "hil_scripts/test_recipes.py"), "-k", "readme_md"]
+            done = subprocess.run(follow, env={**os.environ, **unpacked}, capture_output=True, text=True)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            self.assertIn("Ran 1 test", done.stderr)
+            (Path(scratch) / "usr/share/starloop/python/starloop_client.py").unlink()
+            done = subprocess.run(follow, env={**os.environ, **unpacked}, capture_output=True, text=True)
+            self.assertNotEqual(done.returncode, 0, "control: a package without the client")
+
     def test_the_container_file_installs_the_package(self):
         text = (packages() / "Containerfile").read_text()
         self.assertIn("COPY starloop_*.deb", text)

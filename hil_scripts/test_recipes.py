@@ -10,7 +10,8 @@ A recipe is a section (`## `) of a page with such marks. It runs in an empty fol
 `hil_scripts`, with the program as `starloop` on the PATH, and PYTHONPATH as the page sets it. Controls: each check fails
 in a folder where nothing was run, and a recipe with a wrong command is refused.
 
-STARLOOP_BINARY names the program (default target/release/starloop). Needs requirements.txt, and curl.
+STARLOOP_BINARY names the program (default target/release/starloop); STARLOOP_SHARE the folder of an installed package
+(/usr/share/starloop), whose `configs` and `python` are used in place of the repository's. Needs requirements.txt, and curl.
 """
 
 import os
@@ -26,6 +27,8 @@ sys.dont_write_bytecode = True
 
 ROOT = Path(__file__).resolve().parent.parent
 BINARY = Path(os.environ.get("STARLOOP_BINARY", ROOT / "target/release/starloop")).resolve()
+SHARE = os.environ.get("STARLOOP_SHARE")
+FOLDERS = {"configs": f"{SHARE}/configs", "hil_scripts": f"{SHARE}/python"} if SHARE else {}
 PAGES = ["README.md"] + sorted(str(path.relative_to(ROOT)) for path in (ROOT / "src/guide").glob("*.md"))
 RECIPES_MIN = 14
 """The first page, the twelve commonest tasks, and other pages."""
@@ -89,7 +92,7 @@ def prepared(folder):
     """Makes what a reader has before the first command; returns the environment of the commands."""
     folder = Path(folder)
     for name in ("configs", "hil_scripts"):
-        (folder / name).symlink_to(ROOT / name)
+        (folder / name).symlink_to(FOLDERS.get(name, ROOT / name))
     tools = folder / ".tools"
     tools.mkdir()
     (tools / "starloop").symlink_to(BINARY)
