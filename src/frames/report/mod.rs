@@ -4,7 +4,7 @@
 //! (`summary::RunSummary`). Output: text. Nothing here reads a clock or uses the other modules.
 //!
 //! Tour: `stages` (where the time of a frame goes) -> `histogram` (quantiles, without allocation while running)
-//! -> `summary`, `losses` and `machine` (JSON) -> `table` (the same for people), `progress` and `progress_numbers` (while it runs). Apart from a run:
+//! -> `summary`, `losses` and `machine` (JSON) -> `table` (the same for people), `progress`, `progress_numbers` and `newest_events` (while it runs). Apart from a run:
 //! `plot` (charts as SVG).
 //!
 //! Frame by frame: `frame_record` (one frame's times, fate and cause) -> `frame_ring` (the last frames, counts of all)
@@ -20,6 +20,7 @@ pub mod histogram;
 pub mod junit;
 pub mod losses;
 pub mod machine;
+pub mod newest_events;
 pub mod plot;
 pub mod progress;
 pub mod progress_numbers;
@@ -41,6 +42,7 @@ pub use histogram::{CountHistogram, CountSpread, Quantiles, StageHistogram};
 pub use junit::to_junit;
 pub use losses::{LossLine, Losses, LostPart};
 pub use machine::Machine;
+pub use newest_events::{NEWEST_MAX, NewestEvent, NewestEvents};
 pub use plot::{Chart, pareto_front, to_svg};
 pub use progress::{Progress, progress_line, step_line};
 pub use progress_numbers::{EVENTS_MAX, NAMES_MAX, NamedCounts, PortCounts, RunNumbers};

@@ -1,10 +1,11 @@
 //! The numbers of a run under way, as one plain value, which a live view shows beside the frame.
 //!
 //! In: counts and tallies of the run's record, copied by the frame thread after a frame: no allocation, no text. All
-//! are counts since the start, so a value that is lost on the way costs nothing but its age. Size: about 15 KiB.
+//! are counts since the start, so a value that is lost on the way costs nothing but its age. Size: about 16 KiB.
 //! Limits: [`PORTS_MAX`] ports and [`NAMES_MAX`] names each, [`EVENTS_MAX`] kinds of events; what does not fit is
 //! counted. Tests: below.
 
+use crate::report::newest_events::NewestEvents;
 use crate::report::stages::Stage;
 use crate::report::summary::FrameCounts;
 use crate::report::time_tally::TimeTally;
@@ -84,6 +85,8 @@ pub struct RunNumbers {
     pub stages: [TimeTally; Stage::COUNT],
     /// Events of the ledger by kind, zeros included.
     pub events: NamedCounts<EVENTS_MAX>,
+    /// The newest events, with their times.
+    pub newest: NewestEvents,
     /// Counts per port; those beyond `port_count` are empty.
     pub ports: [PortCounts; PORTS_MAX],
     /// Ports there are.
@@ -108,6 +111,7 @@ impl RunNumbers {
         },
         stages: [TimeTally::EMPTY; Stage::COUNT],
         events: NamedCounts::NONE,
+        newest: NewestEvents::NONE,
         ports: [PortCounts::NONE; PORTS_MAX],
         port_count: 0,
     };
@@ -152,6 +156,6 @@ mod tests {
         assert_eq!((numbers.ports().len(), numbers.ports_left_out()), (PORTS_MAX, 0));
         (0..2).for_each(|_| numbers.push_port(PortCounts::NONE));
         assert_eq!((numbers.ports().len(), numbers.ports_left_out()), (PORTS_MAX, 2));
-        assert!(size_of::<RunNumbers>() < 16 * 1024, "{} bytes", size_of::<RunNumbers>());
+        assert!(size_of::<RunNumbers>() < 18 * 1024, "{} bytes", size_of::<RunNumbers>());
     }
 }

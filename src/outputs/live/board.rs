@@ -23,6 +23,8 @@ pub(super) enum NoPicture {
     NoHead,
     /// No frame has come yet.
     NoFrame,
+    /// The frame asked for is not kept.
+    NotKept(u32),
     /// The encoder rests; to be asked again after this.
     NotYet(Span),
     /// The picture cannot be encoded.
@@ -80,17 +82,26 @@ impl Board {
         self.heads.iter().all(Head::is_over) && (self.has_totals || !self.has_numbers)
     }
 
-    /// Returns the newest picture of a head as a PNG.
-    pub(super) fn encode(&mut self, head: usize, scale: Scale) -> Result<Encoded, NoPicture> {
+    /// Returns a picture of a head as a PNG: of a kept frame, or of the newest one where none is named.
+    pub(super) fn encode(&mut self, head: usize, frame: Option<u32>, scale: Scale) -> Result<Encoded, NoPicture> {
         let head = self.heads.get_mut(head).ok_or(NoPicture::NoHead)?;
-        if let Some(known) = head.known(scale) {
+        let known = match frame {
+            Some(number) => head.known_kept(number, scale),
+            None => head.known(scale),
+        };
+        if let Some(known) = known {
             return Ok(known);
         }
         let began = self.clock.now();
         if head.newest().is_some() && began < self.rested {
             return Err(NoPicture::NotYet(self.rested - began));
         }
-        let encoded = head.encode(scale).map_err(NoPicture::Broken)?.ok_or(NoPicture::NoFrame)?;
+        let encoded = match frame {
+            Some(number) => {
+                head.encode_kept(number, scale).map_err(NoPicture::Broken)?.ok_or(NoPicture::NotKept(number))?
+            }
+            None => head.encode(scale).map_err(NoPicture::Broken)?.ok_or(NoPicture::NoFrame)?,
+        };
         let now = self.clock.now();
         self.rested = now + Span::from_ns((now - began).ns().saturating_mul(REST));
         Ok(encoded)

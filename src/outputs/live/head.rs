@@ -1,18 +1,13 @@
-//! One camera head on the board: its newest picture, its newest encoding, and the stars of frames that were encoded
-//! last.
+//! One camera head on the board: its newest picture, its newest encodings, and the frames that were encoded last.
 //!
-//! One owner, the view's thread. What a browser draws over a picture belongs to that picture, so the stars of the last
-//! `TRUTHS_KEPT` encoded frames are kept. Tests: `http_tests`, with three heads.
+//! One owner, the view's thread. What a browser draws over a picture belongs to that picture, so the last
+//! encoded frames are kept with their stars. Tests: `http_tests`, with three heads.
 
 use crate::live::HeadParams;
+use crate::live::kept::Kept;
 use crate::live::latest::{Picture, Reader};
 use crate::live::picture::{Scale, png_of};
-use crate::live::truth::truth_of;
 use hyper::body::Bytes;
-use std::collections::VecDeque;
-
-/// Frames whose stars are kept.
-const TRUTHS_KEPT: usize = 16;
 
 /// A picture as it goes out.
 #[derive(Debug, Clone)]
@@ -30,12 +25,16 @@ pub(super) struct Head {
     pub(super) params: HeadParams,
     reader: Reader,
     encoded: Option<Encoded>,
-    truths: VecDeque<(u32, Bytes)>,
+    /// The encoding of a frame that is not the newest.
+    looked_back: Option<Encoded>,
+    pub(super) kept: Kept,
 }
 
 impl Head {
-    pub(super) fn new(params: HeadParams, reader: Reader) -> Self {
-        Self { params, reader, encoded: None, truths: VecDeque::with_capacity(TRUTHS_KEPT) }
+    /// Returns a head without a picture, one of `heads`.
+    pub(super) fn new(params: HeadParams, reader: Reader, heads: usize) -> Self {
+        let kept = Kept::of(params.size_px, heads);
+        Self { params, reader, encoded: None, looked_back: None, kept }
     }
 
     /// Returns the newest picture; `None` before the first frame.
@@ -62,19 +61,30 @@ impl Head {
         let Some(picture) = Some(self.reader.newest()).filter(|picture| picture.count > 0) else { return Ok(None) };
         let png = png_of(&picture.frame.image, scale)?.into();
         let number = picture.frame.meta.number;
-        if self.truths.back().is_none_or(|(newest, _)| *newest != number) {
-            if self.truths.len() == TRUTHS_KEPT {
-                self.truths.pop_front();
-            }
-            self.truths.push_back((number, truth_of(&picture.frame).to_string().into()));
-        }
+        self.kept.keep(picture);
         let encoded = Encoded { number, png, count: picture.count, scale };
         self.encoded = Some(encoded.clone());
         Ok(Some(encoded))
     }
 
-    /// Returns the stars of a frame that was encoded not long ago, as JSON.
+    /// Returns the encoding of a kept frame if it is known already.
+    pub(super) fn known_kept(&self, number: u32, scale: Scale) -> Option<Encoded> {
+        self.looked_back.as_ref().filter(|encoded| encoded.number == number && encoded.scale == scale).cloned()
+    }
+
+    /// Encodes a kept frame as a PNG; `None` when it is not kept.
+    ///
+    /// # Errors
+    /// When the image has no pixels.
+    pub(super) fn encode_kept(&mut self, number: u32, scale: Scale) -> std::io::Result<Option<Encoded>> {
+        let Some(kept) = self.kept.get(number) else { return Ok(None) };
+        let encoded = Encoded { number, png: png_of(&kept.image, scale)?.into(), count: 0, scale };
+        self.looked_back = Some(encoded.clone());
+        Ok(Some(encoded))
+    }
+
+    /// Returns stars and facts of a frame that was encoded not long ago, as JSON.
     pub(super) fn truth(&self, number: u32) -> Option<Bytes> {
-        self.truths.iter().rev().find(|(kept, _)| *kept == number).map(|(_, json)| json.clone())
+        self.kept.get(number).map(|kept| kept.truth.clone())
     }
 }

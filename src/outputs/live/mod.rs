@@ -5,19 +5,19 @@
 //! frame thread: RunNumbers -> Numbers -> queue of one, dropped when full          -> "live" thread (tokio): requests
 //! ```
 //!
-//! Input: frames of every camera head (a copy of each, the newest is kept) and
+//! Input: frames of every camera head (a copy of each; the newest, and the last that a page asked for, are kept) and
 //! [`RunNumbers`](frames::report::RunNumbers), all counts since the start. Output: `/` (the page, which loads nothing
-//! from elsewhere), `/frame.png`, `/truth.json`, `/state.json` and `/metrics` (Prometheus text 0.0.4). Units are in the
+//! from elsewhere), `/frame.png`, `/truth.json`, `/pixel.json`, `/state.json` and `/metrics` (Prometheus text 0.0.4). Units are in the
 //! names. Heads are counted from 0; a request that names none is about head 0.
 //!
 //! Read-only: GET and HEAD, everything else is 405. No password: the view listens on loopback unless configured
 //! otherwise, and answers only requests for an address of this machine, `localhost` or a configured name. Nothing here
-//! runs on the frame thread but a copy of 15 KiB; a sink thread waits for no client, as the buffers change places under
+//! runs on the frame thread but a copy of 16 KiB; a sink thread waits for no client, as the buffers change places under
 //! a lock that is held for two moves. Bounded: clients ([`CLIENTS_MAX`]), time of a connection, size of a request, one
 //! encoding at a time for a quarter of a core at most.
 //!
-//! Tour: `latest` and `sink` (frames in), `numbers` (counts in) -> `head` (state of one head) and `board` (state of the run)
-//! -> `picture`, `truth`, `state`, `metrics` (its forms) -> `route` (request to answer) -> `server` (clients) and `page/`.
+//! Tour: `latest` and `sink` (frames in), `numbers` (counts in) -> `head` and `kept` (state of one head) and `board` (state of the run)
+//! -> `picture`, `truth`, `pixel`, `state`, `metrics` (its forms) -> `route` (request to answer) -> `server` (clients) and `page/`.
 //!
 //! Tests: beside the code; `http_tests` with raw requests; `hil_scripts/test_live.py` with a browser and Prometheus's
 //! parser.
@@ -27,11 +27,13 @@ mod error;
 mod head;
 #[cfg(test)]
 mod http_tests;
+mod kept;
 mod lateness;
 mod latest;
 mod metrics;
 mod numbers;
 mod picture;
+mod pixel;
 mod query;
 mod route;
 mod server;
@@ -46,6 +48,7 @@ pub use server::CLIENTS_MAX;
 pub use sink::LiveSink;
 pub use view::{LINGER, LiveView};
 
+use frames::report::Stage;
 use std::net::SocketAddr;
 use std::sync::Arc;
 
@@ -58,6 +61,8 @@ pub struct Params {
     pub names: Vec<String>,
     /// Name of the bench.
     pub bench: String,
+    /// Limits of the 99 % quantile of each stage, ms; `None`: any.
+    pub stage_limit_ms: [Option<f64>; Stage::COUNT],
     /// The camera heads, at least one; they are numbered in this order from 0.
     pub heads: Vec<HeadParams>,
 }

@@ -25,16 +25,38 @@ pub(super) fn head(query: &str) -> Result<usize, BadQuery> {
     head_number(head)
 }
 
-/// Reads `head`, and `stretch` with `black` and `white` for `dn`.
-pub(super) fn head_and_scale(query: &str) -> Result<(usize, Scale), BadQuery> {
-    let [head, stretch, black, white] = values(query, ["head", "stretch", "black", "white"])?;
-    Ok((head_number(head)?, scale([stretch, black, white])?))
+/// Form of a frame's number.
+const FRAME: &str = "a frame's number, as in the answer to /frame.png";
+
+/// A picture, as requested.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct PictureQuery {
+    /// Number of the head.
+    pub(super) head: usize,
+    /// Number of a kept frame; `None`: the newest.
+    pub(super) frame: Option<u32>,
+    /// Grey scale.
+    pub(super) scale: Scale,
+}
+
+/// Reads `head`, `frame`, and `stretch` with `black` and `white` for `dn`.
+pub(super) fn picture(query: &str) -> Result<PictureQuery, BadQuery> {
+    let [head, frame, stretch, black, white] = values(query, ["head", "frame", "stretch", "black", "white"])?;
+    let frame = frame.map(|text| number("frame", Some(text), FRAME)).transpose()?;
+    Ok(PictureQuery { head: head_number(head)?, frame, scale: scale([stretch, black, white])? })
+}
+
+/// Reads `head`, `frame`, and `x` and `y`, a pixel's column and row.
+pub(super) fn pixel(query: &str) -> Result<(usize, u32, [usize; 2]), BadQuery> {
+    let [head, frame, x, y] = values(query, ["head", "frame", "x", "y"])?;
+    let place = |key, value| number(key, value, "a column or row of the frame, from 0");
+    Ok((head_number(head)?, number("frame", frame, FRAME)?, [place("x", x)?, place("y", y)?]))
 }
 
 /// Reads `head`, and `frame`, a frame's number.
 pub(super) fn head_and_frame(query: &str) -> Result<(usize, u32), BadQuery> {
     let [head, frame] = values(query, ["head", "frame"])?;
-    Ok((head_number(head)?, number("frame", frame, "a frame's number, as in the answer to /frame.png")?))
+    Ok((head_number(head)?, number("frame", frame, FRAME)?))
 }
 
 fn head_number(head: Option<&str>) -> Result<usize, BadQuery> {
@@ -93,7 +115,7 @@ mod tests {
             ("stretch=log&", Scale::Log),
             ("white=65535&stretch=dn&black=0", Scale::Dn { black: 0, white: 65_535 }),
         ] {
-            assert_eq!(head_and_scale(query), Ok((0, wanted)), "{query}");
+            assert_eq!(picture(query), Ok(PictureQuery { head: 0, frame: None, scale: wanted }), "{query}");
         }
     }
 
@@ -108,22 +130,28 @@ mod tests {
             ("stretch=dn&black=3&white=65536", "65535"),
             ("stretch=dn&black=3&white=3", "greater than black"),
             ("colour=1", "key: got \"colour\""),
+            ("frame=", "wanted a frame's number"),
         ] {
-            let error = head_and_scale(query).unwrap_err().to_string();
+            let error = picture(query).unwrap_err().to_string();
             assert!(error.contains(part), "{query}: {error}");
         }
         assert_eq!(head_and_frame("frame=7"), Ok((0, 7)));
         for query in ["", "frame=-1", "frame=4294967296", "frame=7&frame=7", "head=1"] {
             head_and_frame(query).unwrap_err();
         }
-        let long = head_and_scale(&format!("stretch={}", "x".repeat(9_000))).unwrap_err();
+        let long = picture(&format!("stretch={}", "x".repeat(9_000))).unwrap_err();
         assert!(long.to_string().len() < 200, "what comes back is short: {long}");
     }
 
     #[test]
     fn head_is_read_wherever_it_is_asked_for() {
         assert_eq!((head(""), head("head=2")), (Ok(0), Ok(2)));
-        assert_eq!(head_and_scale("stretch=log&head=1"), Ok((1, Scale::Log)));
+        let wanted = PictureQuery { head: 1, frame: Some(7), scale: Scale::Log };
+        assert_eq!(picture("stretch=log&head=1&frame=7"), Ok(wanted));
+        assert_eq!(pixel("y=3&x=2&head=1&frame=7"), Ok((1, 7, [2, 3])));
+        for query in ["frame=7&x=2", "frame=7&x=-1&y=0", "x=1&y=1", "frame=7&x=1.5&y=0"] {
+            pixel(query).unwrap_err();
+        }
         assert_eq!(head_and_frame("head=1&frame=7"), Ok((1, 7)));
         for (query, part) in [
             ("head=", "head: got \"\""),

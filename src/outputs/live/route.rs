@@ -4,7 +4,9 @@
 //! |---|---|
 //! | `/` | the page |
 //! | `/frame.png?head=H&stretch=..` | a head's newest frame, 8-bit grey; its number in the header `starloop-frame` |
-//! | `/truth.json?head=H&frame=N` | the stars of a frame that was asked for as a picture not long ago |
+//! | `/frame.png?head=H&frame=N&stretch=..` | a frame that was asked for not long ago (`kept_frames` of the state) |
+//! | `/truth.json?head=H&frame=N` | stars and facts of such a frame |
+//! | `/pixel.json?head=H&frame=N&x=X&y=Y` | value and direction of one pixel of such a frame |
 //! | `/state.json?head=H` | everything else the page shows: of head H at the top, of each head in the list `heads` |
 //! | `/metrics` | the same for Prometheus, of all heads |
 //!
@@ -14,8 +16,8 @@
 
 use crate::live::board::{Board, NoPicture};
 use crate::live::head::Encoded;
-use crate::live::picture::Scale;
-use crate::live::query::BadQuery;
+use crate::live::pixel::pixel_of;
+use crate::live::query::{BadQuery, PictureQuery};
 use crate::live::{Params, metrics, query, state};
 use http_body_util::Full;
 use hyper::body::Bytes;
@@ -40,11 +42,19 @@ const PAGE: &str = concat!(
     include_str!("page/body.html"),
     "<script>\n\"use strict\";\n",
     include_str!("page/drawing.js"),
+    include_str!("page/theme.js"),
+    include_str!("page/star_names.js"),
+    include_str!("page/zoom.js"),
     include_str!("page/frame.js"),
+    include_str!("page/pixel.js"),
+    include_str!("page/history.js"),
     include_str!("page/sky.js"),
     include_str!("page/timing.js"),
     include_str!("page/counts.js"),
+    include_str!("page/events.js"),
     include_str!("page/heads.js"),
+    include_str!("page/tabs.js"),
+    include_str!("page/keys.js"),
     include_str!("page/page.js"),
     "</script>\n",
 );
@@ -86,14 +96,17 @@ async fn answered(board: &SharedBoard, request: &Parts) -> Answer {
         "/" => page(),
         "/state.json" => answer_or_refusal(query::head(question), |head| state(board, head)),
         "/metrics" => text(StatusCode::OK, metrics::CONTENT_TYPE, metrics::metrics_of(&mut lock(board)).into()),
-        "/frame.png" => match query::head_and_scale(question) {
-            Ok((head, scale)) => picture(board, head, scale).await,
+        "/frame.png" => match query::picture(question) {
+            Ok(asked) => picture(board, asked).await,
             Err(error) => refused(StatusCode::BAD_REQUEST, &error.to_string()),
         },
         "/truth.json" => {
             answer_or_refusal(query::head_and_frame(question), |(head, number)| truth(board, head, number))
         }
-        _ => refused(StatusCode::NOT_FOUND, "wanted /, /frame.png, /truth.json, /state.json or /metrics"),
+        "/pixel.json" => {
+            answer_or_refusal(query::pixel(question), |(head, number, place)| pixel(board, head, number, place))
+        }
+        _ => refused(StatusCode::NOT_FOUND, "wanted /, /frame.png, /truth.json, /pixel.json, /state.json or /metrics"),
     }
 }
 
@@ -118,6 +131,25 @@ fn truth(board: &SharedBoard, head: usize, number: u32) -> Answer {
     let Some(known) = board.heads.get(head) else { return no_such_head(&board, head) };
     let unknown = "the stars of this frame are not kept: ask for /frame.png of this head first";
     known.truth(number).map_or_else(|| refused(StatusCode::NOT_FOUND, unknown), json)
+}
+
+fn pixel(board: &SharedBoard, head: usize, number: u32, place: [usize; 2]) -> Answer {
+    let board = lock(board);
+    let Some(known) = board.heads.get(head) else { return no_such_head(&board, head) };
+    let Some(frame) = known.kept.get(number) else { return not_kept(number) };
+    let [width, height] = [frame.image.width(), frame.image.height()];
+    pixel_of(frame, place).map_or_else(
+        || {
+            let [x, y] = place;
+            refused(StatusCode::NOT_FOUND, &format!("x={x} y={y}: wanted x below {width} and y below {height}"))
+        },
+        |pixel| json(pixel.to_string().into()),
+    )
+}
+
+fn not_kept(number: u32) -> Answer {
+    let why = format!("frame: got {number}, wanted one of kept_frames of /state.json: frames asked for not long ago");
+    refused(StatusCode::NOT_FOUND, &why)
 }
 
 fn no_such_head(board: &Board, head: usize) -> Answer {
@@ -150,16 +182,18 @@ fn may_ask(params: &Params, request: &Parts) -> Result<(), &'static str> {
     })
 }
 
-/// Answers with the newest picture of a head; waits while the encoder rests.
-async fn picture(board: &SharedBoard, head: usize, scale: Scale) -> Answer {
+/// Answers with a picture of a head; waits while the encoder rests.
+async fn picture(board: &SharedBoard, asked: PictureQuery) -> Answer {
+    let PictureQuery { head, frame, scale } = asked;
     let patience = tokio::time::sleep(PATIENCE);
     tokio::pin!(patience);
     loop {
-        let found = lock(board).encode(head, scale);
+        let found = lock(board).encode(head, frame, scale);
         let rest = match found {
             Ok(encoded) => return png(head, encoded),
             Err(NoPicture::NoHead) => return no_such_head(&lock(board), head),
             Err(NoPicture::NoFrame) => return refused(StatusCode::NOT_FOUND, "no frame of this head has come yet"),
+            Err(NoPicture::NotKept(number)) => return not_kept(number),
             Err(NoPicture::Broken(error)) => {
                 return refused(StatusCode::INTERNAL_SERVER_ERROR, &format!("the frame cannot be a PNG: {error}"));
             }

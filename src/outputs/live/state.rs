@@ -8,7 +8,7 @@ use crate::live::board::Board;
 use crate::live::head::Head;
 use crate::live::latest::Picture;
 use base::time::Tai;
-use frames::report::{NamedCounts, RunNumbers, Stage, TimeTally};
+use frames::report::{NamedCounts, NewestEvent, RunNumbers, Stage, TimeTally};
 use frames::sink::facts::{FactSource, json_keys};
 use serde_json::{Map, Value, json};
 
@@ -25,7 +25,7 @@ pub(super) fn state_of(board: &mut Board, chosen: usize) -> Option<Value> {
         ("bench", json!(board.params.bench)),
         ("now_utc", json!(now.to_rfc3339())),
         ("is_over", json!(board.is_over())),
-        ("run", json!(board.has_numbers.then(|| run_of(&board.numbers)))),
+        ("run", json!(board.has_numbers.then(|| run_of(&board.numbers, &board.params.stage_limit_ms)))),
         ("heads", json!(heads)),
     ];
     state.extend(of_run.map(|(key, value)| (key.to_owned(), value)));
@@ -48,11 +48,14 @@ fn head_of(number: usize, head: &mut Head, now: Tai) -> Map<String, Value> {
         ("is_over", json!(head.is_over())),
         ("frame", json!(frame)),
         ("lateness", json!(lateness)),
+        ("kept_frames", json!(head.kept.numbers())),
+        ("kept_at_most", json!(head.kept.most())),
     ];
     facts.map(|(key, value)| (key.to_owned(), value)).into_iter().collect()
 }
 
-fn frame_of(picture: &Picture, age_s: f64) -> Map<String, Value> {
+/// Returns the facts of a frame, and when it came.
+pub(super) fn frame_of(picture: &Picture, age_s: f64) -> Map<String, Value> {
     let of_view =
         [("count", json!(picture.count)), ("taken_utc", json!(picture.taken.to_rfc3339())), ("age_s", json!(age_s))];
     let mut frame = json_keys(&FactSource::of_frame(&picture.frame, None), |row| row.live);
@@ -65,9 +68,13 @@ fn lateness_of(picture: &Picture) -> Value {
     json!({ "reach_ms": bins.reach_s() * 1e3, "counts": bins.counts().to_vec() })
 }
 
-fn run_of(numbers: &RunNumbers) -> Value {
-    let stages: Vec<Value> =
-        Stage::ALL.iter().zip(&numbers.stages).map(|(stage, tally)| stage_of(*stage, tally)).collect();
+fn run_of(numbers: &RunNumbers, limits_ms: &[Option<f64>; Stage::COUNT]) -> Value {
+    let stages: Vec<Value> = Stage::ALL
+        .iter()
+        .zip(&numbers.stages)
+        .zip(limits_ms)
+        .map(|((stage, tally), limit)| stage_of(*stage, tally, *limit))
+        .collect();
     let ports: Vec<Value> = numbers
         .ports()
         .iter()
@@ -78,12 +85,23 @@ fn run_of(numbers: &RunNumbers) -> Value {
         "frames": numbers.frames,
         "stages": stages,
         "events": counts(&numbers.events, 1),
+        "newest_events": numbers.newest.iter().rev().map(event_of).collect::<Vec<_>>(),
         "ports": ports,
         "ports_left_out": numbers.ports_left_out(),
     })
 }
 
-fn stage_of(stage: Stage, tally: &TimeTally) -> Value {
+fn event_of(event: &NewestEvent) -> Value {
+    json!({
+        "kind": event.kind,
+        "what": event.what,
+        "utc": event.at.to_rfc3339(),
+        "frame": event.frame,
+        "span_ms": event.span.s() * 1e3,
+    })
+}
+
+fn stage_of(stage: Stage, tally: &TimeTally, limit_ms: Option<f64>) -> Value {
     json!({
         "name": stage.name(),
         "is_of_a_frame": Stage::OF_A_FRAME.contains(&stage),
@@ -92,6 +110,8 @@ fn stage_of(stage: Stage, tally: &TimeTally) -> Value {
         "p50_ms": tally.quantile_ms(0.5),
         "p99_ms": tally.quantile_ms(0.99),
         "max_ms": tally.max_ms(),
+        "limit_ms": limit_ms,
+        "cumulative": tally.cumulative().map(|(bound_s, count)| json!([bound_s * 1e3, count])).collect::<Vec<_>>(),
     })
 }
 

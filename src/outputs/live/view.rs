@@ -107,18 +107,18 @@ impl Drop for LiveView {
 
 /// Makes the parts of the view except its clients.
 fn parts(params: Params, clock: &Arc<dyn Clock>) -> (Board, Vec<LiveSink>, Numbers) {
-    let (heads, sinks) = params.heads.iter().map(|head| head_and_sink(head, clock)).unzip();
+    let (heads, sinks) = params.heads.iter().map(|head| head_and_sink(head, params.heads.len(), clock)).unzip();
     let (numbers, reported) = Numbers::new();
     (Board::new(params, Arc::clone(clock), heads, reported), sinks, numbers)
 }
 
 /// Makes the two ends of one head.
-fn head_and_sink(params: &HeadParams, clock: &Arc<dyn Clock>) -> (Head, LiveSink) {
+fn head_and_sink(params: &HeadParams, heads: usize, clock: &Arc<dyn Clock>) -> (Head, LiveSink) {
     let [width, height] = params.size_px;
     let frame = SentFrame::with_capacity(width, height, STARS, Arc::clone(&params.camera));
     let lateness = LatenessBins::reaching(params.readout_s);
     let (writer, reader) = latest(Picture { frame, count: 0, taken: clock.now(), lateness });
-    (Head::new(params.clone(), reader), LiveSink::new(writer, Arc::clone(clock)))
+    (Head::new(params.clone(), reader, heads), LiveSink::new(writer, Arc::clone(clock)))
 }
 
 #[cfg(test)]
@@ -133,6 +133,7 @@ pub(super) mod tests {
             address: ([127, 0, 0, 1], 0).into(),
             names: Vec::new(),
             bench: "test bench".into(),
+            stage_limit_ms: [None; frames::report::Stage::COUNT],
             heads: vec![head(0)],
         }
     }

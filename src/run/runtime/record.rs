@@ -7,8 +7,8 @@ use crate::runtime::receiver::Receiver;
 use base::time::{Span, Tai};
 use firmware_protocol::Reject;
 use frames::report::{
-    CountHistogram, EVENTS_MAX, EventLine, FrameCounts, FrameRecord, FrameRing, LinkCounts, Machine, RunNumbers,
-    RunSummary, SinkRow, Stage, StageHistogram, StageHistograms, StageTimes,
+    CountHistogram, EVENTS_MAX, EventLine, FrameCounts, FrameRecord, FrameRing, LinkCounts, Machine, NewestEvent,
+    RunNumbers, RunSummary, SinkRow, Stage, StageHistogram, StageHistograms, StageTimes,
 };
 use frames::sink::{FaultFlags, FrameMeta, Loss, LossKind, SentFrame, SinkLine, SinkSummary};
 use plan::exposure::Degradation;
@@ -143,11 +143,12 @@ impl RunRecord {
     #[must_use]
     pub fn numbers(&self, frames_in_run: Option<u64>) -> RunNumbers {
         let events = EventKind::ALL.iter().map(|kind| (kind.name(), self.ledger.count(*kind))).collect();
+        let newest = self.ledger.last().map(newest_event).collect();
         let stages = self.stages.tallies();
         // On the real clock delivered frames are counted at the end; until then the count of sink times is used.
         let sent = stages[Stage::Sink as usize].count();
         let frames = FrameCounts { delivered: self.frames.delivered.max(sent), ..self.frames };
-        let mut numbers = RunNumbers { frames_in_run, frames, stages, events, ..RunNumbers::NONE };
+        let mut numbers = RunNumbers { frames_in_run, frames, stages, events, newest, ..RunNumbers::NONE };
         self.ports.iter().for_each(|port| numbers.push_port(port.named()));
         numbers
     }
@@ -292,6 +293,10 @@ pub fn sink_rows(sinks: &[SinkLine]) -> Vec<SinkRow> {
         counts: named(line.counts.iter().copied()),
     };
     sinks.iter().map(row).collect()
+}
+
+fn newest_event(event: &Event) -> NewestEvent {
+    NewestEvent { kind: event.kind.name(), what: event.what, at: event.at, frame: event.frame, span: event.span }
 }
 
 fn event_line(event: &Event) -> EventLine {

@@ -204,7 +204,7 @@ impl Run {
         let faults_of_bus = [FaultControl::default(), FaultControl::default()];
         let desk = FaultDesk::new(times.zero, scenario.bench.sensor_from_body, there, faults_of_bus.clone());
         scenario.events.iter().try_for_each(|event| desk.check(event))?;
-        let live = live.map(|live| LiveTap::beside(&live, &scenario.bench.name, &mut heads)).transpose()?;
+        let live = live.map(|live| LiveTap::beside(&live, &scenario.bench, &mut heads)).transpose()?;
         // Last: a run that cannot be assembled leaves no capture behind.
         let recording = capture.map(|capture| capture.start(&scenario, start, &clock, &mut heads)).transpose();
         let recording = recording.context("the capture")?;

@@ -4,6 +4,8 @@ use crate::runtime::FrameEngine;
 use crate::wiring::heads::RunHead;
 use anyhow::{Context, Result};
 use base::clock::{Clock, Monotonic};
+use config::Bench;
+use frames::report::Stage;
 use frames::sink::{NullSink, Tee};
 use outputs::live::{HeadParams, LiveView, Numbers, Params};
 use std::net::SocketAddr;
@@ -29,12 +31,17 @@ impl LiveTap {
     ///
     /// # Errors
     /// When the address cannot be listened on.
-    pub(super) fn beside(options: &LiveOptions, bench: &str, heads: &mut [RunHead]) -> Result<Self> {
+    pub(super) fn beside(options: &LiveOptions, bench: &Bench, heads: &mut [RunHead]) -> Result<Self> {
         // The view shows the time at which a frame came: its clock is the machine's, even for a simulated bench.
         let clock: Arc<dyn Clock> = Arc::new(Monotonic::start());
         let shown = heads.iter().enumerate().map(|(number, head)| head_params(number, &head.engine)).collect();
-        let params =
-            Params { address: options.address, names: options.names.clone(), bench: bench.into(), heads: shown };
+        let params = Params {
+            address: options.address,
+            names: options.names.clone(),
+            bench: bench.name.clone(),
+            stage_limit_ms: stage_limit_ms(bench),
+            heads: shown,
+        };
         let (view, sinks, numbers) = LiveView::start(params, clock).context("--monitor")?;
         for (head, shown) in heads.iter_mut().zip(sinks) {
             let sink = core::mem::replace(&mut head.sink, Box::new(NullSink::new()));
@@ -64,6 +71,17 @@ impl LiveTap {
     pub(super) fn finish(self) -> bool {
         self.view.finish()
     }
+}
+
+/// Returns the bench's limits of its stages.
+fn stage_limit_ms(bench: &Bench) -> [Option<f64>; Stage::COUNT] {
+    let mut limits = [None; Stage::COUNT];
+    for (name, ms) in &bench.budget.stage_p99_ms {
+        if let Some(stage) = Stage::named(name) {
+            limits[stage as usize] = Some(*ms);
+        }
+    }
+    limits
 }
 
 fn head_params(number: usize, engine: &FrameEngine) -> HeadParams {

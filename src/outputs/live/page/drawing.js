@@ -2,10 +2,14 @@
 
 const byId = (name) => document.getElementById(name);
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
+const COLOURS = ["ground", "panel", "line", "text", "dim", "blue", "green", "amber", "red", "violet", "galaxy", "ecliptic"];
+const MARKS = ["mark-star", "mark-target", "mark-false", "mark-proton", "mark-other", "mark-name", "mark-choice"];
 const colours = {};
-for (const name of ["ground", "panel", "line", "text", "dim", "blue", "green", "amber", "red", "violet"]) {
-  colours[name] = colour(name);
+
+function readColours() {
+  for (const name of [...COLOURS, ...MARKS]) colours[name] = colour(name);
 }
+readColours();
 
 // Clears a canvas, as many device pixels as it is shown with, and gives it back with its size in CSS pixels.
 function cleared(canvas) {

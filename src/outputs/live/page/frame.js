@@ -1,6 +1,6 @@
-// The newest frame, and over it its truth. The picture's canvas has one pixel per pixel of the frame.
+// A frame, and over it its truth. The picture's canvas has one pixel per pixel of the frame.
 
-const KIND_COLOUR = { star: "blue", target: "amber", false_star: "red", proton_track: "violet" };
+const KIND_COLOUR = { star: "mark-star", target: "mark-target", false_star: "mark-false", proton_track: "mark-proton" };
 const LABELS_MAX = 40;
 let shownTruth = null;
 
@@ -14,26 +14,19 @@ function stretchQuery() {
   return `stretch=dn&black=${black}&white=${within(byId("white"), black + 1, 65535)}`;
 }
 
-// Makes the box as large as fits, in the frame's proportions.
-function fitFrame([columns, rows]) {
-  const box = byId("frame-box"), stack = byId("frame-stack");
-  const scale = Math.min(box.clientWidth / columns, box.clientHeight / rows);
-  // Enlarged pixels stay squares; a frame that is made smaller must not lose the pixels of a star.
-  byId("frame").style.imageRendering = scale > 1 ? "pixelated" : "auto";
-  stack.style.width = Math.floor(columns * scale) + "px";
-  stack.style.height = Math.floor(rows * scale) + "px";
-}
-
-function drawFrame(picture, truth) {
+function drawFrame(picture, truth, number) {
   const canvas = byId("frame");
   if (canvas.width !== picture.width || canvas.height !== picture.height) {
     canvas.width = picture.width;
     canvas.height = picture.height;
   }
-  fitFrame([picture.width, picture.height]);
   canvas.getContext("2d").drawImage(picture, 0, 0);
+  canvas.dataset.number = number;
+  byId("shown").textContent = number;
   shownTruth = truth;
-  drawOverlay();
+  newFrameSize([picture.width, picture.height]);
+  showFacts();
+  askPixel();
 }
 
 // Shows no picture: the one of another head must not stay under this one's name.
@@ -41,33 +34,75 @@ function clearFrame() {
   const canvas = byId("frame");
   canvas.getContext("2d").clearRect(0, 0, canvas.width, canvas.height);
   delete canvas.dataset.number;
+  byId("shown").textContent = "";
   shownTruth = null;
   drawOverlay();
 }
 
 function drawOverlay() {
   const { pen, width, height } = cleared(byId("overlay"));
-  if (!shownTruth || !byId("overlay-on").checked) return;
-  const [columns, rows] = shownTruth.size_px;
-  // The first pixel's centre is (0, 0), its corner half a pixel before.
-  const x = (px) => ((px + 0.5) * width) / columns, y = (px) => ((px + 0.5) * height) / rows;
+  const [left, top] = toBox([-0.5, -0.5]), [right, bottom] = toBox(view.size.map((v) => v - 0.5));
+  const seen = [Math.max(left, 0), Math.max(top, 0), Math.min(right, width), Math.min(bottom, height)];
+  pen.save();
+  pen.beginPath();
+  pen.rect(seen[0], seen[1], seen[2] - seen[0], seen[3] - seen[1]);
+  pen.clip();
+  if (shownTruth && byId("overlay-on").checked) drawTruth(pen, seen);
+  if (shownTruth && byId("names-on").checked) drawNames(pen, seen);
+  drawChosen(pen);
+  pen.restore();
+}
+
+const isSeen = ([x, y], [left, top, right, bottom]) => x >= left && y >= top && x <= right && y <= bottom;
+
+// Circles and magnitudes where the truth has something.
+function drawTruth(pen, seen) {
   shownTruth.stars.forEach((star, place) => {
-    const [at_x, at_y] = [x(star.x_px), y(star.y_px)];
-    if (at_x < 0 || at_y < 0 || at_x > width || at_y > height) return;
-    const radius = Math.min(Math.max(11 - star.mag, 4), 14);
-    pen.strokeStyle = colours[KIND_COLOUR[star.kind]] || colours.text;
+    const at = toBox([star.x_px, star.y_px]);
+    if (!isSeen(at, seen)) return;
+    const radius = ringOf(star);
+    pen.strokeStyle = colours[KIND_COLOUR[star.kind]] || colours["mark-other"];
     pen.globalAlpha = place < LABELS_MAX ? 0.95 : 0.55;
     pen.beginPath();
-    pen.arc(at_x, at_y, radius, 0, 2 * Math.PI);
+    pen.arc(...at, radius, 0, 2 * Math.PI);
     pen.stroke();
-    drawSmear(pen, star, [at_x, at_y], width / columns);
+    drawSmear(pen, star, at, viewScale());
     if (byId("labels-on").checked && place < LABELS_MAX && star.mag !== null) {
+      const is_at_end = at[0] > seen[2] - 44;
       pen.fillStyle = pen.strokeStyle;
-      pen.textAlign = at_x > width - 44 ? "right" : "left";
-      pen.fillText(star.mag.toFixed(1), at_x + (at_x > width - 44 ? -radius - 3 : radius + 3), at_y);
+      pen.textAlign = is_at_end ? "right" : "left";
+      pen.fillText(star.mag.toFixed(1), at[0] + (is_at_end ? -radius - 3 : radius + 3), at[1]);
     }
   });
   pen.globalAlpha = 1;
+}
+
+// Radius of the circle around a star, CSS px.
+const ringOf = (star) => Math.min(Math.max(11 - star.mag, 4), 14);
+
+// Where the names of stars are, CSS px: the middle of each text's left end or right end.
+function placeNames(seen) {
+  return shownTruth.stars.flatMap((star) => {
+    const name = nameOf(star), [x, y] = toBox([star.x_px, star.y_px]);
+    if (!name || !isSeen([x, y], seen)) return [];
+    const is_left = x < seen[2] - 90, reach = ringOf(star) + 3;
+    return [{ name, star, is_left, x: x + (is_left ? reach : -reach), y: y < seen[1] + 20 ? y + 14 : y - 12 }];
+  });
+}
+
+function drawNames(pen, seen) {
+  pen.save();
+  pen.font = "600 12px system-ui, 'DejaVu Sans', sans-serif";
+  pen.lineJoin = "round";
+  pen.lineWidth = 3;
+  pen.strokeStyle = "#000";
+  pen.fillStyle = colours["mark-name"];
+  for (const { name, is_left, x, y } of placeNames(seen)) {
+    pen.textAlign = is_left ? "left" : "right";
+    pen.strokeText(name, x, y);
+    pen.fillText(name, x, y);
+  }
+  pen.restore();
 }
 
 // The path of objects that move by themselves.
@@ -84,11 +119,13 @@ function showNoFrame() {
   byId("faults").replaceChildren();
 }
 
-function showFrame(state) {
-  const frame = state.frame;
+// The facts of the frame that is shown.
+function showFacts() {
+  const frame = shownTruth && shownTruth.facts;
+  if (!frame) return;
   const left_out = frame.left_out_stars ? `, ${frame.left_out_stars} left out` : "";
   byId("frame-facts").textContent =
     `${frame.stars} stars${left_out} · exposure ${shortMs(frame.exposure_s * 1000)} · ${frame.method} on ${frame.backend}` +
     ` · attitude ${frame.origin}, ${shortMs(Math.max(frame.attitude_age_ms, 0))} old · degradation ${frame.rung}`;
-  byId("frame").setAttribute("aria-label", `Frame ${frame.number} of ${state.name} with ${frame.stars} stars`);
+  byId("frame").setAttribute("aria-label", `Frame ${frame.number} of ${lastState.name} with ${frame.stars} stars`);
 }

@@ -26,8 +26,9 @@ function newTile(number) {
 function chooseHead(number) {
   if (number === chosenHead) return;
   chosenHead = number;
-  pictureOf = null;
   clearFrame();
+  forgetPixel();
+  resume();
   if (lastState && lastState.heads[number]) show({ ...lastState, ...lastState.heads[number], is_over: lastState.is_over });
 }
 

@@ -2,6 +2,7 @@
 
 const STATE_EVERY_MS = 250;
 const PICTURE_EVERY_MS = 200;
+const PICTURE_EVERY_MS_CALM = 1000;
 // Time without an answer after which the signal is lost, ms.
 const LOST_AFTER_MS = 1500;
 let lastState = null;
@@ -9,6 +10,17 @@ let lastAnswer = performance.now();
 let pictureOf = null;
 
 const pause = (ms) => new Promise((done) => setTimeout(done, ms));
+
+// Ends the pause before the next picture.
+let wakePicture = () => {};
+
+function pauseBeforePicture() {
+  const ms = wantsLittleMotion.matches ? PICTURE_EVERY_MS_CALM : PICTURE_EVERY_MS;
+  return new Promise((done) => {
+    wakePicture = done;
+    setTimeout(done, ms);
+  });
+}
 
 async function ask(address) {
   const answer = await fetch(address, { cache: "no-store", signal: AbortSignal.timeout(8000) });
@@ -30,7 +42,6 @@ function show(state) {
   if (state.frame) {
     byId("number").textContent = state.frame.number;
     byId("utc").textContent = state.frame.utc.replace("T", " ").replace(/(\.\d{3})\d*Z$/, "$1 UTC");
-    showFrame(state);
     showPointing(state.frame);
     showFaults(state.frame);
   } else {
@@ -38,11 +49,16 @@ function show(state) {
   }
   state.heads.forEach(rememberPointing);
   showHeads(state.heads);
+  showHeld();
   drawAll();
 }
 
 function drawAll() {
   if (!lastState) return;
+  const page = chosenPage();
+  if (page === "events" && lastState.run) showEvents(lastState.run);
+  if (page === "timing" && lastState.run) showTiming(lastState);
+  if (page !== "view") return;
   drawSky(lastState);
   drawStages(lastState);
   drawLateness(lastState);
@@ -86,20 +102,22 @@ async function followState() {
 }
 
 async function newPicture() {
-  const head = chosenHead;
-  const wanted = `head=${head}&${stretchQuery()}`;
-  const count = lastState && lastState.head === head && lastState.frame ? lastState.frame.count : 0;
+  const head = chosenHead, held = heldFrame;
+  const wanted = `head=${head}&${stretchQuery()}${held === null ? "" : "&frame=" + held}`;
+  const newest = lastState && lastState.head === head && lastState.frame ? lastState.frame.count : 0;
+  const count = held === null ? newest : "held";
   if (!count || pictureOf === `${count} ${wanted}`) return;
+  if (held !== null && !keptFrames().includes(held)) return;
   const answer = await ask("frame.png?" + wanted);
   if (!answer.ok) return;
   const number = answer.headers.get("starloop-frame");
   const picture = await createImageBitmap(await answer.blob());
   const answered = await ask(`truth.json?head=${head}&frame=${number}`);
   const truth = answered.ok ? await answered.json() : null;
-  if (head !== chosenHead) return;
-  drawFrame(picture, truth);
+  // Another head or frame was chosen meanwhile.
+  if (head !== chosenHead || held !== heldFrame) return;
+  drawFrame(picture, truth, number);
   drawTile(head, picture);
-  byId("frame").dataset.number = number;
   pictureOf = `${count} ${wanted}`;
 }
 
@@ -111,18 +129,20 @@ async function followPicture() {
     } catch (_no_one_answers) {
       await pause(1000);
     }
-    await pause(PICTURE_EVERY_MS);
+    await pauseBeforePicture();
   }
 }
 
-for (const control of ["overlay-on", "labels-on"]) byId(control).addEventListener("change", drawOverlay);
+for (const control of ["overlay-on", "labels-on", "names-on"]) byId(control).addEventListener("change", drawOverlay);
 byId("stretch").addEventListener("change", stretchQuery);
 window.addEventListener("resize", () => {
-  const frame = byId("frame");
-  fitFrame([frame.width, frame.height]);
-  drawOverlay();
+  placeFrame();
   drawAll();
 });
+followFingers();
+followHistory();
+followTabs();
+followKeys();
 setInterval(showSignal, 500);
 followState();
 followPicture();

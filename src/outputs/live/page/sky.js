@@ -105,12 +105,12 @@ function drawSky(state) {
 }
 
 function drawNamedCircles(pen, draw) {
-  pen.strokeStyle = "#3d4f6b";
+  pen.strokeStyle = colours.galaxy;
   pen.lineWidth = 3;
   draw(galactic);
   pen.lineWidth = 1;
   pen.setLineDash([3, 4]);
-  pen.strokeStyle = "#7d6a35";
+  pen.strokeStyle = colours.ecliptic;
   draw(ecliptic);
   pen.setLineDash([]);
 }
@@ -128,7 +128,7 @@ function drawGridLabels(pen, place) {
 }
 
 function drawLegend(pen, height) {
-  const entries = [["galactic plane", "#5b77a6"], ["ecliptic", "#b09a50"], ["field, its upper side", colours.amber]];
+  const entries = [["galactic plane", colours.galaxy], ["ecliptic", colours.ecliptic], ["field, its upper side", colours.amber]];
   pen.textAlign = "left";
   entries.forEach(([text, tone], i) => {
     pen.fillStyle = tone;

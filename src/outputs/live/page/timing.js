@@ -1,4 +1,5 @@
-// Where the time goes: stages on a logarithmic scale against the time to the deadline; lateness on a linear one.
+// Where the time goes: stages on a logarithmic scale against the time to the deadline; lateness on a linear one; all
+// numbers as a table.
 
 const SHORTEST_MS = 0.01;
 
@@ -41,6 +42,52 @@ function drawStage(pen, stage, x, [top, step], due_ms) {
   pen.globalAlpha = 1;
   pen.fillStyle = stage.max_ms > due_ms ? colours.red : colours.text;
   pen.fillRect(x(stage.max_ms) - 1, middle - thick / 2, 2, thick);
+}
+
+// Limit of a stage: the bench's own, or for the whole way the time to the deadline.
+function limitOf(stage, due_ms) {
+  if (stage.limit_ms !== null) return stage.limit_ms;
+  return stage.name === "release_to_delivered" ? due_ms : null;
+}
+
+function showTiming(state) {
+  const stages = state.run.stages.filter((stage) => stage.count > 0);
+  fillTable("timing", stages.map((stage) => {
+    const limit = limitOf(stage, state.readout_ms);
+    const share = limit === null ? null : stage.p99_ms / limit;
+    const tone = share === null ? "" : share > 1 ? "bad" : "good";
+    return [
+      [spaced(stage.name), "name"],
+      [String(stage.count), ""],
+      ...[stage.mean_ms, stage.p50_ms, stage.p99_ms, stage.max_ms].map((ms) => [shortMs(ms), ""]),
+      [limit === null ? "–" : shortMs(limit), ""],
+      [share === null ? "–" : `${(100 * share).toPrecision(2)} % ${share > 1 ? "over" : "met"}`, tone],
+      [histogramOf(stage), "spark"],
+    ];
+  }));
+  byId("timing-facts").textContent = `${shortMs(state.readout_ms)} from the end of the exposure to the deadline`;
+}
+
+// Bars of how many times lay between two bounds, on a logarithmic scale.
+function histogramOf(stage) {
+  const canvas = document.createElement("canvas");
+  const sums = [...stage.cumulative.map(([, sum]) => sum), stage.count];
+  const counts = sums.map((sum, i) => sum - (i ? sums[i - 1] : 0)), most = Math.max(...counts, 1);
+  canvas.setAttribute("role", "img");
+  canvas.setAttribute("aria-label", `Histogram of ${spaced(stage.name)}: ${describeBars(stage, counts)}`);
+  [canvas.width, canvas.height] = [counts.length * 7, 20];
+  const pen = canvas.getContext("2d");
+  counts.forEach((count, i) => {
+    const tall = count ? Math.max((19 * Math.log1p(count)) / Math.log1p(most), 2) : 1;
+    pen.fillStyle = count ? colours.blue : colours.line;
+    pen.fillRect(i * 7, 20 - tall, 6, tall);
+  });
+  return canvas;
+}
+
+function describeBars(stage, counts) {
+  const upTo = (i) => (i < stage.cumulative.length ? "up to " + shortMs(stage.cumulative[i][0]) : "longer");
+  return counts.flatMap((count, i) => (count ? [`${count} ${upTo(i)}`] : [])).join(", ");
 }
 
 function drawLateness(state) {
