@@ -336,6 +336,39 @@ noise_arcsec_per_deg_s = {at_rate}
         starloop("report", run, "--tracker", other_day, status=(4,))
 
 
+    def test_telemetry_of_a_bench_is_a_log(self):
+        run = Path(self.folder.name) / "telemetry"
+        bench = Path(self.folder.name) / "telemetry.toml"
+        bench.write_text(
+            f"""name = "telemetry"
+camera = "{ROOT}/configs/cameras/small_tracker.toml"
+
+[timing]
+frame_rate_hz = 5.0
+duration_s = 20.0
+
+[sink]
+kind = "recorder"
+fits = false
+
+[[tracker_out]]
+protocol = "json"
+link = "file"
+path = "tracker.txt"
+tag_error_ms = 30.0
+"""
+        )
+        starloop("run", bench, "--clock", "virtual", "--out", run, "--quiet", status=(0,))
+        (captured,) = run.rglob("tracker.txt")
+        starloop("report", run, "--tracker", captured, status=(0,))
+        report = json.loads((run / "report.json").read_text())
+        found = {m["id"]: m["value"] for m in report["metrics"] if m["case"] is None}
+        self.assertAlmostEqual(found["time_tag_error"], 30.0, places=6)
+        self.assertEqual(found["acquisition_probability"], 1.0)
+        self.assertLess(found["bias.directional"], 1.0)
+        self.assertGreater(found["acquisition_time.median"], 0.1, "exposure, readout and 50 ms")
+
+
 class CedarSolve(unittest.TestCase):
     @classmethod
     def setUpClass(cls):

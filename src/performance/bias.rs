@@ -30,7 +30,7 @@ const FEWEST: usize = 5;
 #[must_use]
 pub fn bias(cases: &[JudgedCase], confidence: f64) -> Vec<Metric> {
     let of = |wanted: &[Use]| cases.iter().filter(|case| wanted.contains(&case.purpose)).collect::<Vec<_>>();
-    // Directions of a grid share the field's error: they count where there are no attitudes over the sky.
+    // Directions of a grid share the field's error: they count without attitudes over the sky.
     for purpose in [Use::Inertial, Use::FovGrid] {
         let groups: Vec<DVec3> = of(&[purpose]).into_iter().flat_map(group_means).collect();
         if groups.len() >= FEWEST {

@@ -42,7 +42,39 @@ pub fn read_log(path: &Path) -> Result<Vec<LogRow>> {
     if is_attitude_file || begin.starts_with("COMMENT") {
         return attitude_file(&name, &text);
     }
+    if captured(begin.lines().next().unwrap_or_default()).is_some() {
+        return captured_json(&name, begin);
+    }
     table(&name, begin)
+}
+
+/// Returns the bytes of a line of captured telemetry: UTC, TAI ns, identifier or `-`, bytes in hexadecimal.
+fn captured(line: &str) -> Option<Vec<u8>> {
+    let words: Vec<&str> = line.split_whitespace().collect();
+    let [utc, tai_ns, _, bytes] = words.as_slice() else { return None };
+    if Tai::from_rfc3339(utc).is_err() || tai_ns.parse::<i64>().is_err() || !bytes.is_ascii() || bytes.len() % 2 != 0 {
+        return None;
+    }
+    (0..bytes.len()).step_by(2).map(|place| u8::from_str_radix(&bytes[place..place + 2], 16).ok()).collect()
+}
+
+/// Reads the reports in a capture of JSON packets.
+fn captured_json(name: &str, text: &str) -> Result<Vec<LogRow>> {
+    let mut bytes = Vec::new();
+    for (number, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
+        let Some(packet) = captured(line) else {
+            bail!("{name}, line {}: wanted UTC, TAI ns, identifier or -, and bytes in hexadecimal", number + 1);
+        };
+        if bytes.is_empty() && packet.first() != Some(&b'{') {
+            bail!("{name}: got packets that are not JSON; wanted those of [[tracker_out]] with protocol = \"json\"");
+        }
+        bytes.extend(packet);
+        if bytes.last() != Some(&b'\n') {
+            bytes.push(b'\n');
+        }
+    }
+    let text = String::from_utf8(bytes).with_context(|| format!("{name}: packets that are not text"))?;
+    json_lines(name, &text)
 }
 
 fn attitude_file(name: &str, text: &str) -> Result<Vec<LogRow>> {
