@@ -35,8 +35,8 @@ HANGS_S = 90
 class Run:
     """The program with its live view; ended when left."""
 
-    def __init__(self, address="0", duration_s=600, *more, bench=BENCH):
-        words = [BINARY, "run", str(bench), "--sink", "null", "--duration", str(duration_s), "--monitor", address, *more]
+    def __init__(self, address="0", duration_s=600, *more, bench=BENCH, sink=("--sink", "null")):
+        words = [BINARY, "run", str(bench), *sink, "--duration", str(duration_s), "--monitor", address, *more]
         self.program = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
         self.said = []
         for line in self.program.stderr:

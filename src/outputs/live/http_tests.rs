@@ -89,7 +89,7 @@ fn every_address_answers_and_what_it_promises_is_in_it() {
     assert!(head.contains("content-security-policy: default-src 'none'"), "{head}");
     let page = String::from_utf8(body).unwrap();
     assert!(page.starts_with("<!DOCTYPE html>") && page.ends_with("</script>\n"));
-    let loads = page.replace("href=\"data:,\"", "");
+    let loads = page.replace("href=\"data:,\"", "").replace("href=\"#main\"", "");
     assert!(!loads.contains("src=") && !loads.contains("href=") && !loads.contains("@import"), "loads nothing");
     let (status, head, png) = get(&view, "/frame.png?stretch=linear");
     assert_eq!((status, &png[1..4]), (200, &b"PNG"[..]));
@@ -106,6 +106,35 @@ fn every_address_answers_and_what_it_promises_is_in_it() {
     numbers.send_last(&RunNumbers::NONE);
     let state: serde_json::Value = serde_json::from_slice(&get(&view, "/state.json").2).unwrap();
     assert_eq!((&state["is_over"], &state["frame"]["number"]), (&true.into(), &7.into()), "the last one stays");
+}
+
+#[test]
+fn frames_that_were_asked_for_are_kept_with_their_pixels() {
+    let (view, mut sink, _numbers) = start();
+    for number in 1..=3 {
+        let mut frame = sample_frame(number);
+        frame.image.pixels_mut()[31 * 4 + 5] = 7_000 + number as u16;
+        sink.send(&frame).unwrap();
+        assert_eq!(get(&view, "/frame.png?stretch=linear").0, 200);
+    }
+    let state: serde_json::Value = serde_json::from_slice(&get(&view, "/state.json").2).unwrap();
+    assert_eq!(state["kept_frames"], serde_json::json!([1, 2, 3]));
+    for number in 1..=3 {
+        let pixel = get(&view, &format!("/pixel.json?frame={number}&x=5&y=4")).2;
+        let pixel: serde_json::Value = serde_json::from_slice(&pixel).unwrap();
+        assert_eq!((&pixel["dn"], &pixel["frame"]), (&(7_000 + number).into(), &number.into()));
+        assert!(pixel["ra_deg"].is_f64() && pixel["dec_deg"].is_f64(), "the sample has a map of the sky: {pixel}");
+        let (status, head, _) = get(&view, &format!("/frame.png?frame={number}&stretch=log"));
+        assert!(status == 200 && head.contains(&format!("starloop-frame: {number}\r\n")), "{head}");
+    }
+    for (path, wanted) in [
+        ("/pixel.json?frame=9&x=5&y=4", "wanted one of kept_frames"),
+        ("/frame.png?frame=9", "wanted one of kept_frames"),
+        ("/pixel.json?frame=1&x=31&y=4", "wanted x below 31 and y below 17"),
+    ] {
+        let (status, _, said) = get(&view, path);
+        assert!(status == 404 && String::from_utf8_lossy(&said).contains(wanted), "{path}: {status}");
+    }
 }
 
 #[test]
