@@ -376,6 +376,8 @@ class InABrowser(unittest.TestCase):
             return c.getContext("2d").getImageData(0, 0, c.width, c.height).data.some((v) => v > 0); })()"""
         with Run() as run:
             self.opened(run)
+            # Names of stars have a switch of their own.
+            self.browser.value('document.getElementById("names-on").click()')
             until("circles", lambda: self.browser.value(painted))
             self.browser.value('document.getElementById("overlay-on").click()')
             self.assertFalse(self.browser.value(painted))
