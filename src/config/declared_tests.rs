@@ -26,14 +26,16 @@ fn read(kind: FileKind, text: &str) -> Result<(), String> {
 }
 
 /// Calls `visit` with the header of each table that has one form, and what is declared there.
-fn each_table(declared: &Declared, path: &str, header: &str, visit: &mut impl FnMut(&str, &Declared)) {
-    visit(header, declared);
+fn each_table(declared: &Declared, path: &str, around: &str, visit: &mut impl FnMut(&str, &Declared)) {
+    visit(around, declared);
     for table in &declared.tables {
         let path = if path.is_empty() { table.name.to_owned() } else { format!("{path}.{}", table.name) };
         let header = match table.presence {
             Presence::List | Presence::ListOrFiles => format!("[[{path}]]\n"),
             Presence::Once | Presence::Optional | Presence::OrFile => format!("[{path}]\n"),
         };
+        // A table within a list is a part of the last table of that list.
+        let header = if around.starts_with("[[") { format!("{around}{header}") } else { header };
         if let [form] = table.forms.as_slice() {
             each_table(form, &path, &header, visit);
         }
