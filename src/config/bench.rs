@@ -371,10 +371,7 @@ impl Bench {
         let budget = Budget::check(&keys.budget, camera.exposure.readout_s, &mut check)?;
         let render = Render::check(&keys.render, &mut check)?;
         let targets = check_targets(&keys.target, &mut check)?;
-        if !document.has_settings() {
-            // A setting may cut a run short.
-            check_seen(&targets, timing.duration_s, &check)?;
-        }
+        check_seen(&targets, timing.duration_s, &check)?;
         let target_overlap = if targets.is_empty() {
             keys.refuse(&["target_overlap"], "a bench with a [[target]]", &check)?;
             Overlap::default()
