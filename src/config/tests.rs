@@ -281,9 +281,9 @@ fn each_rule_of_sinks_has_a_failing_example() {
         ("[sink]\nfit = true", "sink.fit", ["did you mean `fits`", "png_every"]),
         ("[sink]\nfits = 3", "sink.fits is 3", ["bench.toml:2", "true or false"]),
         ("[sink]\nqueue = 0", "sink.queue", ["whole number from 1", "memory"]),
-        ("[sink]\nqueue = \"two\"", "queue = \"two\"", ["bench.toml:2", "whole number"]),
+        ("[sink]\nqueue = \"two\"", "sink.queue", ["bench.toml:2", "whole number"]),
         ("[sink]\nkind = \"recordr\"", "sink.kind", ["did you mean \"recorder\"", "null"]),
-        ("[[extra_sink]]\nfits = true", "extra_sink[0].kind", ["missing", "beside [sink]"]),
+        ("[[extra_sink]]\nfits = true", "extra_sink[0].kind", ["missing", "in addition to [sink]"]),
         (
             "[sink]\ndirectory = \"a/b\"\n[[extra_sink]]\nkind = \"recorder\"\ndirectory = \"./a//b\"",
             "extra_sink[0].directory",
