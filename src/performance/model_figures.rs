@@ -73,7 +73,7 @@ impl ModelFigures {
             ("noise_arcsec", self.noise_arcsec),
         ];
         for (name, vector) in vectors {
-            if vector.iter().any(|value| !(value.abs() <= 1e5)) {
+            if !vector.iter().all(|value| value.abs() <= 1e5) {
                 bail!("tracker.model.{name}: got {vector:?}, wanted numbers up to 1e5");
             }
         }
