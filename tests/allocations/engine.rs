@@ -7,12 +7,12 @@ use base::time::{Span, Tai};
 use config::{Backend, Bench, Setting, StartTime};
 use firmware_protocol::Message;
 use firmware_protocol::message::{Command, Request, Trigger};
-use frames::report::FrameRecord;
+use frames::report::{FrameRecord, NEWEST_MAX};
 use frames::sink::SentFrame;
 use link::simulated::simulated_pair;
 use link::{Port, Stamped};
 use run::runtime::receiver::Receiver;
-use run::runtime::{FrameEngine, Ledger, RunRecord, Slot};
+use run::runtime::{EventKind, FrameEngine, Ledger, RunRecord, Slot};
 use run::wiring::bench_parts;
 use std::sync::Arc;
 use testbed::flight_computer::FlightComputer;
@@ -48,7 +48,7 @@ fn complaints_of(mut bench: Bench) -> Vec<String> {
     let mut record = RunRecord::with_ring(16, 1);
     engine.follow_load();
     let mut cable = Cable::new(&bench, start);
-    let mut wrong = Vec::new();
+    let (mut wrong, mut watched) = (Vec::new(), 0);
     for number in 0..params.frames {
         let slot = engine.slot(number);
         cable.carry_until(slot.release, &mut receiver, &mut ledger);
@@ -64,11 +64,15 @@ fn complaints_of(mut bench: Bench) -> Vec<String> {
             record.ring.push(timed);
             timed.delivered = Some(slot.due);
             record.complete(&timed);
+            record.note(EventKind::Late, slot.due, number, Span::ZERO);
+            // What a live view is given.
+            watched = record.numbers(None).newest.iter().count();
         };
         let found: Vec<Found> = if number < WARM_UP { (expose(), Vec::new()).1 } else { allocations_in(expose) };
         wrong.extend(complaints(&format!("bench, frame {number}"), &found));
         assert!(!frame.truth.is_empty(), "frame {number} has stars");
     }
+    assert_eq!(watched, NEWEST_MAX.min(params.frames as usize), "events are reported");
     let fired = receiver.session().triggers().counts().fired;
     assert!(fired > u64::from(params.frames), "{fired} triggers, at once and ahead");
     wrong
