@@ -65,7 +65,7 @@ fn complaints_of(mut bench: Bench) -> Vec<String> {
             timed.delivered = Some(slot.due);
             record.complete(&timed);
             record.note(EventKind::Late, slot.due, number, Span::ZERO);
-            // What a live view is given.
+            // The live view is given these numbers after every frame.
             watched = record.numbers(None).newest.iter().count();
         };
         let found: Vec<Found> = if number < WARM_UP { (expose(), Vec::new()).1 } else { allocations_in(expose) };
