@@ -1,7 +1,8 @@
-//! starloop: a hardware-in-the-loop star-sensor stimulator. It runs on Linux only: CAN, serial ports, locks and real-time
-//! scheduling are the kernel's.
+//! starloop: a hardware-in-the-loop star-sensor stimulator. It runs on Linux only: CAN, serial ports, locks and
+//! real-time scheduling are the kernel's.
 //!
-//! Data flows one way, in the order of these crates; a crate depends only on crates before it (its `Cargo.toml` says which):
+//! Data flows one way, in the order of these crates; a crate depends only on crates before it (its `Cargo.toml` says
+//! which):
 //!
 //! ```text
 //! bytes -> Stamped<AttitudeSample> -> LosPath -> [Source] -> ExposurePlan -> ElectronImage -> DnImage -> SentFrame -> FrameRecord

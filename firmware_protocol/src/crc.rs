@@ -2,9 +2,10 @@
 //!
 //! CRC-16/IBM-3740: polynomial 0x1021, start 0xFFFF, not reflected, no final inversion; check value 0x29B1.
 //!
-//! Every error of up to 3 bits in up to 4093 bytes is detected, and every burst of up to 16 bits in the order in which the
-//! CRC takes them: the highest bit of a byte first, the CRC last, its high byte first. The wire has its low byte first, and
-//! in ATT_FD before the values: there one in 700 000 of these bursts passes, all of them of 13 bits and more.
+//! Every error of up to 3 bits in up to 4093 bytes is detected, and every burst of up to 16 bits in the order in which
+//! the CRC takes them: the highest bit of a byte first, the CRC last, its high byte first. The wire has its low byte
+//! first, and in ATT_FD before the values: there one in 700 000 of these bursts passes, all of them of 13 bits and
+//! more.
 
 const POLYNOMIAL: u16 = 0x1021;
 const START: u16 = 0xFFFF;
@@ -107,8 +108,8 @@ mod tests {
         assert_eq!(crc16(b""), 0xFFFF);
     }
 
-    /// Returns the change of the remainder by each flipped bit of six bytes and of the CRC after them. More
-    /// bytes add no kind of burst: one further from the end is detected as one of these, shifted.
+    /// Returns the change of the remainder by each flipped bit of six bytes and of the CRC after them. More bytes add
+    /// no kind of burst: one further from the end is detected as one of these, shifted.
     fn syndromes(is_high_byte_first: bool) -> [u16; 64] {
         let (zeros, undamaged) = ([0; 6], crc16(&[0; 6]));
         core::array::from_fn(|bit| {

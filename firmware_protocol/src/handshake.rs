@@ -1,9 +1,9 @@
 //! The receiving side of HELLO, INFO, RUN, STOP, APPLY, TRIGGER, CAMERA and CAMERA_TRIGGER.
 //!
-//! A retry with the token of the last command gets the same answer and changes nothing. RUN, APPLY, TRIGGER and the camera's
-//! commands need a HELLO of the same major version first. Without the capability of parameter tables, APPLY is an unknown
-//! opcode, as in 1.0; without that of triggers, TRIGGER is one, as in 1.1; without that of cameras, theirs are, as in 1.3. A peer gets the refusal codes of its own minor version
-//! ([`crate::message::Refusal::for_minor`]).
+//! A retry with the token of the last command gets the same answer and changes nothing. RUN, APPLY, TRIGGER and the
+//! camera's commands need a HELLO of the same major version first. Without the capability of parameter tables, APPLY is
+//! an unknown opcode, as in 1.0; without that of triggers, TRIGGER is one, as in 1.1; without that of cameras, theirs
+//! are, as in 1.3. A peer gets the refusal codes of its own minor version ([`crate::message::Refusal::for_minor`]).
 
 use crate::message::{
     CameraSet, CameraSetting, CameraTrigger, CameraTriggered, Command, Identity, Info, Rates, Refusal, Reply, Request,

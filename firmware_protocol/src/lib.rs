@@ -14,10 +14,10 @@
 //! * time tags: the sender's spacecraft elapsed time (SCET) in microseconds, modulo 2^32 (wraps every 71.6 min);
 //!   [`message::TimeFollowUp`] carries the whole SCET.
 //!
-//! Bad input never panics: each refusal is one [`Reject`], to be counted in [`RejectCounters`].
-//! For other languages: `INTERFACE.md` (byte tables), `dbc/`, `c/` (C99), `staticlib/` (this crate behind the C header),
-//! `vectors.json` (bytes of every message).
-//! `tests/frozen_*.rs` hold the exact bytes, `tests/properties` the round trips, damage and arbitrary input.
+//! Bad input never panics: each refusal is one [`Reject`], to be counted in [`RejectCounters`]. For other languages:
+//! `INTERFACE.md` (byte tables), `dbc/`, `c/` (C99), `staticlib/` (this crate behind the C header), `vectors.json`
+//! (bytes of every message). `tests/frozen_*.rs` hold the exact bytes, `tests/properties` the round trips, damage and
+//! arbitrary input.
 
 #![no_std]
 #![forbid(unsafe_code)]

@@ -2,8 +2,8 @@
 
 use crate::{EncodeError, Reject};
 
-/// One fixed-point field: signed, symmetric, `bits` wide, `lsb` per count. The lowest count has no positive counterpart: it
-/// is not sent, and refused when it comes.
+/// One fixed-point field: signed, symmetric, `bits` wide, `lsb` per count. The lowest count has no positive
+/// counterpart: it is not sent, and refused when it comes.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Scale {
     pub(crate) field: &'static str,

@@ -1,7 +1,7 @@
 //! Replayed sequence numbers: the only place that refuses them.
 //!
-//! A sender that restarts begins to count again. It is recognised by a number further behind than the window, by a HELLO, and
-//! by a SCET that runs backwards by a second or more: from there on every number is new.
+//! A sender that restarts begins to count again. It is recognised by a number further behind than the window, by a
+//! HELLO, and by a SCET that runs backwards by a second or more: from there on every number is new.
 
 use crate::message::Request;
 use crate::{Message, Reject};

@@ -9,8 +9,8 @@
 //!   [`crate::message::Refusal::for_minor`] puts in its place.
 //!
 //! 1.1 added TABLE, APPLY with its refusals, and the capability bits. 1.2 added TRIGGER with its refusals and its bit. 1.3
-//! added the refusal of a trigger that nothing waits for. 1.4 added CAMERA, CAMERA_TRIGGER, their refusals and their bit, and
-//! CAMERA_STATUS.
+//! added the refusal of a trigger that nothing waits for. 1.4 added CAMERA, CAMERA_TRIGGER, their refusals and their
+//! bit, and CAMERA_STATUS.
 //!
 //! Anything else needs a new major version. Peers of different majors refuse to RUN (see [`crate::handshake`]), serial
 //! packets of another major are rejected. `tests/` keeps the frozen bytes: a file per major version, and one per minor

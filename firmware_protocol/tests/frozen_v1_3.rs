@@ -1,5 +1,5 @@
-//! The exact bytes that protocol version 1.3 added; `frozen_v1.rs` has those of 1.0 to 1.2. If this fails, the code is wrong,
-//! not the test.
+//! The exact bytes that protocol version 1.3 added; `frozen_v1.rs` has those of 1.0 to 1.2. If this fails, the code is
+//! wrong, not the test.
 //!
 //! The bytes were assembled from the layout tables by hand, not by the encoder under test.
 

@@ -1,5 +1,5 @@
-//! The exact bytes that protocol version 1.4 added; `frozen_v1.rs` and `frozen_v1_3.rs` have those before. If this fails, the
-//! code is wrong, not the test.
+//! The exact bytes that protocol version 1.4 added; `frozen_v1.rs` and `frozen_v1_3.rs` have those before. If this
+//! fails, the code is wrong, not the test.
 //!
 //! The bytes were assembled from the layout tables by hand, not by the encoder under test.
 

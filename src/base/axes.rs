@@ -22,8 +22,8 @@ use core::marker::PhantomData;
 use core::ops::Mul;
 use glam::{DMat3, DQuat, DVec3};
 
-/// Largest difference from 1 of the norm of a quaternion that a person, a table or a message in single precision gives: four
-/// decimals of each component.
+/// Largest difference from 1 of the norm of a quaternion that a person, a table or a message in single precision gives:
+/// four decimals of each component.
 pub const WRITTEN_NORM_TOLERANCE: f64 = 1e-3;
 /// The same of a quaternion that a program gives in double precision: nine decimals of each component, with a margin.
 pub const COMPUTED_NORM_TOLERANCE: f64 = 1e-6;
@@ -144,8 +144,8 @@ impl<To, From> Rotation<To, From> {
         -v * scale
     }
 
-    /// Returns the attitude after the `To` axes have turned by the rotation vector (rad, in `To` axes):
-    /// `exp(-v/2) * q`.
+    /// Returns the attitude after the `To` axes have turned by the rotation vector (rad, in `To` axes): `exp(-v/2) *
+    /// q`.
     #[must_use]
     pub fn rotated_by(&self, v_rad: DVec3) -> Self {
         Self::from_quat(DQuat::from_scaled_axis(-v_rad) * self.q)

@@ -1,7 +1,7 @@
 //! Colour filter arrays after Bayer: which colour each pixel of an image sees.
 //!
-//! Two rows of two colours repeat over the image; half of the pixels are green. A pattern is named by its first two rows, from
-//! the first pixel of the image at the top left.
+//! Two rows of two colours repeat over the image; half of the pixels are green. A pattern is named by its first two
+//! rows, from the first pixel of the image at the top left.
 
 /// A colour of a filter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

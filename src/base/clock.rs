@@ -40,8 +40,8 @@ impl Monotonic {
         Self { origin: Instant::now(), tai_ns_at_origin: AtomicI64::new(Tai::from_unix_ns(unix_ns).ns()) }
     }
 
-    /// Reads `at` from now on. For the code that sets a bench up, before any thread waits on it: parts that need the clock may
-    /// start slowly (a window, a socket), and the run begins on time all the same.
+    /// Reads `at` from now on. For the code that sets a bench up, before any thread waits on it: parts that need the
+    /// clock may start slowly (a window, a socket), and the run begins on time all the same.
     pub fn restart_at(&self, at: Tai) {
         let elapsed = self.now() - Tai::from_ns(self.tai_ns_at_origin.load(Ordering::SeqCst));
         self.tai_ns_at_origin.store((at - elapsed).ns(), Ordering::SeqCst);

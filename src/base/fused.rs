@@ -11,8 +11,8 @@ pub fn whole_bits(whole: f32) -> u32 {
     (whole + INTEGER_MAGIC).to_bits()
 }
 
-/// Returns `a * b + c`, rounded once when `FUSED`, else twice. Vector code picks `FUSED` from the processor at run time;
-/// emulated fusing would be fifty times slower.
+/// Returns `a * b + c`, rounded once when `FUSED`, else twice. Vector code picks `FUSED` from the processor at run
+/// time; emulated fusing would be fifty times slower.
 #[inline(always)]
 #[must_use]
 pub fn mul_add<const FUSED: bool>(a: f32, b: f32, c: f32) -> f32 {

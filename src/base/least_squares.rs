@@ -1,8 +1,8 @@
 //! Linear least squares by an orthogonal basis: columns and values -> coefficients, and each row's leverage.
 //!
 //! Gram and Schmidt, each column made orthogonal twice ("twice is enough": Kahan, in Parlett, The Symmetric Eigenvalue
-//! Problem, 1980), after scaling every column to length one. Limits: columns within 1e-10 of each other's span
-//! are refused. Tests below: coefficients against known ones, leverage against leaving rows out.
+//! Problem, 1980), after scaling every column to length one. Limits: columns within 1e-10 of each other's span are
+//! refused. Tests below: coefficients against known ones, leverage against leaving rows out.
 
 /// Largest remainder of a column of length one that counts as a combination of the others.
 const DEPENDENT: f64 = 1e-10;

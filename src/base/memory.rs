@@ -1,9 +1,9 @@
 //! Memory that this process may still take, from the numbers that Linux publishes.
 //!
-//! Input: `/proc/meminfo`, `/proc/self`, the control group (version 2), resource limits. Output: bytes and the limit that
-//! they come from. Two questions have two answers: memory of any kind (the machine's and the control group's, a file in
-//! `/dev/shm` included) and memory in the process's own address space (`ulimit -v`, `ulimit -d`). Without swap: a frame
-//! must not wait for a disk. A limit that cannot be read is ignored. Limits: Linux; elsewhere nothing is known.
+//! Input: `/proc/meminfo`, `/proc/self`, the control group (version 2), resource limits. Output: bytes and the limit
+//! that they come from. Two questions have two answers: memory of any kind (the machine's and the control group's, a
+//! file in `/dev/shm` included) and memory in the process's own address space (`ulimit -v`, `ulimit -d`). Without swap:
+//! a frame must not wait for a disk. A limit that cannot be read is ignored. Limits: Linux; elsewhere nothing is known.
 
 use core::fmt;
 

@@ -84,8 +84,8 @@ pub fn join_or_give_up<T>(thread: JoinHandle<T>, mut progress: impl FnMut() -> u
     Some(thread.join())
 }
 
-/// Puts an item into a queue as soon as there is a place; false when there was none for as long as [`stall`]. An item for a
-/// receiver that has gone is dropped.
+/// Puts an item into a queue as soon as there is a place; false when there was none for as long as [`stall`]. An item
+/// for a receiver that has gone is dropped.
 pub fn put_in_time<T>(queue: &Sender<T>, item: T) -> bool {
     let (mut item, mut patience) = (item, Patience::new(stall()));
     while let Err(SendTimeoutError::Timeout(back)) = queue.send_timeout(item, QUEUE_LOOK) {

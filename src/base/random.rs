@@ -1,8 +1,8 @@
 //! Counter-based random numbers: Philox-4x32-10.
 //!
-//! Input: a 64-bit key (the seed) and a 128-bit counter (frame, pixel block, stage). Output: four 32-bit words.
-//! Any pixel of any frame can be drawn alone and in any order. Source: Salmon, Moraes, Dror and Shaw, "Parallel
-//! random numbers: as easy as 1, 2, 3", SC11 (2011); the test below holds their published vectors.
+//! Input: a 64-bit key (the seed) and a 128-bit counter (frame, pixel block, stage). Output: four 32-bit words. Any
+//! pixel of any frame can be drawn alone and in any order. Source: Salmon, Moraes, Dror and Shaw, "Parallel random
+//! numbers: as easy as 1, 2, 3", SC11 (2011); the test below holds their published vectors.
 
 /// Which draw a word is for: the last word of the counter, so that stages never share numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -34,9 +34,11 @@ pub enum Stage {
     DefectPlaces = 21,
     /// Protons of one frame, two blocks each: "block" is the number, "attempt" which of the two.
     Protons = 22,
-    /// A statistical star tracker: "block" 0 is what becomes of the frame, 1 its noise; places of waves in the last "frame".
+    /// A statistical star tracker: "block" 0 is what becomes of the frame, 1 its noise; places of waves in the last
+    /// "frame".
     TrackerModel = 31,
-    /// Stars of a made-up population: "frame" is the tile, "block" the star, "attempt" the layer and which block of the star.
+    /// Stars of a made-up population: "frame" is the tile, "block" the star, "attempt" the layer and which block of the
+    /// star.
     SyntheticStars = 30,
 }
 

@@ -1,5 +1,5 @@
-//! Parts of an image that are read out: rectangles, as a camera's client gives them, and the runs of pixels that they make of
-//! each row. Regions may overlap: a pixel of two is one pixel.
+//! Parts of an image that are read out: rectangles, as a camera's client gives them, and the runs of pixels that they
+//! make of each row. Regions may overlap: a pixel of two is one pixel.
 
 use crate::image::Image;
 use core::ops::Range;
@@ -77,8 +77,8 @@ impl Regions {
         self.count == 0
     }
 
-    /// Returns the same regions in pixels that are so many times smaller, of an image that begins at `first_px` of the other
-    /// one's pixels.
+    /// Returns the same regions in pixels that are so many times smaller, of an image that begins at `first_px` of the
+    /// other one's pixels.
     #[must_use]
     pub fn enlarged(&self, factor: u32, first_px: [u32; 2]) -> Self {
         let mut made = *self;
@@ -93,8 +93,8 @@ impl Regions {
         made
     }
 
-    /// Returns the pixels of a row that are read out, from left to right, as runs that do not meet; `width` is that of the
-    /// image.
+    /// Returns the pixels of a row that are read out, from left to right, as runs that do not meet; `width` is that of
+    /// the image.
     #[must_use]
     pub fn runs(&self, row: usize, width: usize) -> Runs {
         let mut runs = Runs { list: [[0; 2]; REGIONS_MAX], next: 0, count: 0 };
@@ -111,7 +111,8 @@ impl Regions {
         runs
     }
 
-    /// Returns true when a rectangle of `size_px` columns and rows from column `left` and row `top` has a pixel that is read out.
+    /// Returns true when a rectangle of `size_px` columns and rows from column `left` and row `top` has a pixel that is
+    /// read out.
     #[must_use]
     pub fn show(&self, left: i64, top: i64, size_px: [i64; 2]) -> bool {
         let meets = |first: i64, count: i64, of: Range<usize>| first < of.end as i64 && first + count > of.start as i64;

@@ -12,8 +12,8 @@ pub struct ProperMotion {
     pub pm_ra_cosdec_mas_yr: f32,
     /// Towards north, mas per Julian year.
     pub pm_dec_mas_yr: f32,
-    /// Away from us, as a share of the distance, in the same unit: radial velocity times parallax over 4.74; zero when it
-    /// is unknown.
+    /// Away from us, as a share of the distance, in the same unit: radial velocity times parallax over 4.74; zero when
+    /// it is unknown.
     pub radial_mas_yr: f32,
 }
 

@@ -120,11 +120,7 @@ impl Tai {
             return Ok(tai);
         }
         let leaped = tai + Span::from_ns(NS_PER_S);
-        if leap::is_leap_second(leaped.ns) {
-            Ok(leaped)
-        } else {
-            Err(refuse(" (no leap second was inserted there)"))
-        }
+        if leap::is_leap_second(leaped.ns) { Ok(leaped) } else { Err(refuse(" (no leap second was inserted there)")) }
     }
 
     /// Returns the UTC text, RFC 3339 with microseconds.

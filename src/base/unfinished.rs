@@ -1,7 +1,7 @@
 //! Files that are being written under a temporary name, so that a program that a signal ends leaves none behind.
 //!
-//! A writer registers the name before it makes the file and drops the [`Unfinished`] when the file is renamed or removed.
-//! Limits: what a kill that cannot be caught (SIGKILL) leaves is not removed.
+//! A writer registers the name before it makes the file and drops the [`Unfinished`] when the file is renamed or
+//! removed. Limits: what a kill that cannot be caught (SIGKILL) leaves is not removed.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};

@@ -1,7 +1,7 @@
 //! A queue to a thread that writes: what the writer does not take is lost and counted, and the run goes on.
 //!
-//! In: items of a run. Out: the same in the writer's thread, until the mark of the end. A writer that blocks is given up
-//! ([`crate::patience`]). Test: below, and those of the capture's packets and rows.
+//! In: items of a run. Out: the same in the writer's thread, until the mark of the end. A writer that blocks is given
+//! up ([`crate::patience`]). Test: below, and those of the capture's packets and rows.
 
 use crate::patience::{join_or_give_up, put_in_time};
 use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -62,8 +62,8 @@ impl<T> WriterQueue<T> {
         self.state.offered.load(Ordering::SeqCst)
     }
 
-    /// Ends the queue, and joins its writer: what was put is written, what comes from here on is lost.
-    /// `None` when the writer takes nothing for [`crate::patience::end`]: it is left behind.
+    /// Ends the queue, and joins its writer: what was put is written, what comes from here on is lost. `None` when the
+    /// writer takes nothing for [`crate::patience::end`]: it is left behind.
     pub fn end<R>(&self, writer: JoinHandle<R>) -> Option<std::thread::Result<R>> {
         self.state.is_over.store(true, Ordering::SeqCst);
         let mut is_marked = false;

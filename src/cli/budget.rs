@@ -1,4 +1,5 @@
-//! `starloop budget`: runs a bench on the real clock and compares the time of every stage with the limits in `[budget]`.
+//! `starloop budget`: runs a bench on the real clock and compares the time of every stage with the limits in
+//! `[budget]`.
 //!
 //! Input: a bench. Output: a table, files with `--report`, and an exit status for scripts: 3 when the budget is broken.
 //! What is not given in `[budget]` is derived: the whole from the readout time, drawing from the planner's time.

@@ -1,8 +1,8 @@
-//! Advice after a run over its time: for the frame that took longest to draw, the first degradation level and the method
-//! that would fit the time, with cost and error as predicted.
+//! Advice after a run over its time: for the frame that took longest to draw, the first degradation level and the
+//! method that would fit the time, with cost and error as predicted.
 //!
-//! The planner's costs are scaled by what the frame really took: on a loaded machine they are too low. The planner changes
-//! drawing only; other stages are reported as beyond it.
+//! The planner's costs are scaled by what the frame really took: on a loaded machine they are too low. The planner
+//! changes drawing only; other stages are reported as beyond it.
 
 use crate::cli::frame_plan::FramePlans;
 use crate::cli::run_end::Finished;

@@ -137,7 +137,9 @@ impl BusArgs {
             [self.slcan_tcp, self.socketcand].map(|gateway_port| gateway_port.map(TcpAddress::socket));
         let slcan_pty = self.slcan_pty.clone();
         if slcan_tcp.is_none() && slcan_pty.is_none() && socketcand.is_none() {
-            bail!("--slcan-tcp, --slcan-pty and --socketcand are missing; wanted one of them: no program could join this bus");
+            bail!(
+                "--slcan-tcp, --slcan-pty and --socketcand are missing; wanted one of them: no program could join this bus"
+            );
         }
         Ok(GatewayParams { slcan_tcp, slcan_pty, socketcand, bus_name: self.name.clone(), ..GatewayParams::default() })
     }

@@ -1,8 +1,9 @@
 //! `starloop calibrate display`: a display in front of a tracker, from the plan to the file that benches name.
 //!
-//! `plan` writes the images and what to do with each; `show-pattern` draws one of them again; `fit` reads what the tracker
-//! measured (CSV, or a folder with a FITS frame for each image) and writes the calibration; `check` says what a file
-//! says, and whether it may be used; `beat` compares a shutter with a refresh rate; `simulate` does all of it on a simulated bench.
+//! `plan` writes the images and what to do with each; `show-pattern` draws one of them again; `fit` reads what the
+//! tracker measured (CSV, or a folder with a FITS frame for each image) and writes the calibration; `check` says what a
+//! file says, and whether it may be used; `beat` compares a shutter with a refresh rate; `simulate` does all of it on a
+//! simulated bench.
 
 use crate::cli::calibrate_display_simulate::{SimulateArgs, simulate};
 use crate::cli::display_latency::CornerWord;
@@ -117,8 +118,8 @@ struct ShowArgs {
 struct FitArgs {
     /// The plan
     plan: PathBuf,
-    /// Folders with a FITS frame for each image, named like it (level_0.fits of level_0.png), or tables: CSV with the columns
-    /// pattern, x_px, y_px, flux, luminance, dot, saturated
+    /// Folders with a FITS frame for each image, named like it (level_0.fits of level_0.png), or tables: CSV with the
+    /// columns pattern, x_px, y_px, flux, luminance, dot, saturated
     #[arg(long, value_name = "PATH", required = true, num_args = 1..)]
     measurements: Vec<PathBuf>,
     /// When the measurements were made, UTC, such as 2026-03-01T12:00:00Z; without it: DATE-OBS of the first frame

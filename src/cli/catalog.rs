@@ -64,8 +64,8 @@ struct PackArgs {
     /// Epoch of the positions, Julian year
     #[arg(long, default_value_t = 2016.0)]
     epoch: f64,
-    /// Credits that the data ask for, carried in the file; those of Gaia, Hipparcos and Tycho-2, as far as stars come from
-    /// them, when left out
+    /// Credits that the data ask for, carried in the file; those of Gaia, Hipparcos and Tycho-2, as far as stars come
+    /// from them, when left out
     #[arg(long)]
     credits: Option<String>,
 }

@@ -50,22 +50,23 @@ pub(super) struct ImportArgs {
     /// Epoch of the positions, Julian year
     #[arg(long, default_value_t = EPOCH_YR)]
     epoch: f64,
-    /// Column names of the files where they are not Gaia's, such as phot_g_mean_mag=G; pmra= says that a file has no such
-    /// column; may be repeated
+    /// Column names of the files where they are not Gaia's, such as phot_g_mean_mag=G; pmra= says that a file has no
+    /// such column; may be repeated
     #[arg(long = "column", value_name = "GAIA=HERE")]
     columns: Vec<String>,
-    /// Hipparcos (hip2.dat) or Tycho-2 (tyc2.dat.NN, suppl_1.dat), packed or not: stars that the files lack are added from
-    /// it; may be repeated
+    /// Hipparcos (hip2.dat) or Tycho-2 (tyc2.dat.NN, suppl_1.dat), packed or not: stars that the files lack are added
+    /// from it; may be repeated
     #[arg(long, value_name = "FILE")]
     bright: Vec<PathBuf>,
     /// Memory for the import, MiB: with less it takes longer
     #[arg(long, value_name = "MB", default_value_t = (MEMORY_BYTES / MIB) as u32, value_parser = clap::value_parser!(u32).range((LEAST_MEMORY_BYTES / MIB) as i64..=65_536))]
     memory_mb: u32,
-    /// Leave out the stars' numbers in their source catalogs: 16 bytes a star instead of 24, and truth tables without them
+    /// Leave out the stars' numbers in their source catalogs: 16 bytes a star instead of 24, and truth tables without
+    /// them
     #[arg(long)]
     no_source_ids: bool,
-    /// Credits that the data ask for, carried in the layers; when left out those of Gaia, Hipparcos and Tycho-2, as far as
-    /// stars come from them, and those that a HATS catalog names
+    /// Credits that the data ask for, carried in the layers; when left out those of Gaia, Hipparcos and Tycho-2, as far
+    /// as stars come from them, and those that a HATS catalog names
     #[arg(long)]
     credits: Option<String>,
 }

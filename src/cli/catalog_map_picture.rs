@@ -18,8 +18,8 @@ const PAPER: [u8; 3] = [255, 255, 255];
 const EMPTY: [u8; 3] = [0, 0, 0];
 /// Letters and lines.
 const INK: [u8; 3] = [40, 40, 40];
-/// Colours from sparse to dense, evenly apart: from black over violet and orange to light yellow, brighter all the way, so
-/// that the picture reads in grey too.
+/// Colours from sparse to dense, evenly apart: from black over violet and orange to light yellow, brighter all the way,
+/// so that the picture reads in grey too.
 const COLOURS: [[u8; 3]; 9] = [
     [4, 4, 20],
     [31, 12, 72],
@@ -86,7 +86,8 @@ impl Scale {
         })
     }
 
-    /// Densities to be labelled, with their share of the scale: powers of ten, with 2 and 5 between them on a short scale.
+    /// Densities to be labelled, with their share of the scale: powers of ten, with 2 and 5 between them on a short
+    /// scale.
     #[allow(clippy::cast_possible_truncation, reason = "decades of densities are few")]
     fn marks(&self) -> Vec<(f64, String)> {
         let [low, high] = self.log10;

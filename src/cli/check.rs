@@ -205,7 +205,8 @@ fn describe(
     Ok(())
 }
 
-/// Writes the memory that a run takes, on the real clock where its sinks have queues, and whether there is as much here.
+/// Writes the memory that a run takes, on the real clock where its sinks have queues, and whether there is as much
+/// here.
 fn write_memory(text: &mut String, bench: &Bench) -> Result<()> {
     let memory = RunMemory::of(bench, &bench.sinks, RunForm { is_real: true, has_view: false });
     writeln!(text, "  memory       {}", memory.in_words())?;

@@ -1,8 +1,9 @@
 //! `starloop check`, attitude: how wrong the attitude at mid-exposure may be, by each method that could make it.
 //!
-//! Input: a bench and the run that was made of it, which may be drawn ahead of its light. Output: text. The motion is that of the simulated flight computer: its slew (versine ramps), or that of
-//! its file (by differences of rows), is what the records carry; its jitter is never part of them, and is judged by how it travels. Left out: waiting for other
-//! messages on the bus (a record takes its own time on an idle wire).
+//! Input: a bench and the run that was made of it, which may be drawn ahead of its light. Output: text. The motion is
+//! that of the simulated flight computer: its slew (versine ramps), or that of its file (by differences of rows), is
+//! what the records carry; its jitter is never part of them, and is judged by how it travels. Left out: waiting for
+//! other messages on the bus (a record takes its own time on an idle wire).
 
 use base::time::Span;
 use base::units::{ARCSEC, DEG};

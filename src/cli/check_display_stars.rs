@@ -1,7 +1,8 @@
 //! `starloop check`, a calibrated display: the stars of a frame that it cannot show as they are.
 //!
-//! Input: the run as it is drawn for the display, and its calibration. Output: text. Stars brighter than the display are
-//! counted as if at rest in the middle of a pixel; stars beyond the outermost dots are where the map is extrapolated.
+//! Input: the run as it is drawn for the display, and its calibration. Output: text. Stars brighter than the display
+//! are counted as if at rest in the middle of a pixel; stars beyond the outermost dots are where the map is
+//! extrapolated.
 
 use anyhow::Result;
 use core::fmt::Write;

@@ -1,5 +1,5 @@
-//! `starloop check`, files of attitudes: what a file is, what is between its rows and how wrong that may be, where the run
-//! has no attitude.
+//! `starloop check`, files of attitudes: what a file is, what is between its rows and how wrong that may be, where the
+//! run has no attitude.
 //!
 //! The error is what the file itself shows: every second row, interpolated from the others (`histories::attitude`).
 

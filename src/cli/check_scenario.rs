@@ -1,7 +1,7 @@
 //! `starloop check SCENARIO`: what is flown, what happens when, what is expected.
 //!
-//! Input: a checked scenario. Output: text. All parts of the loop are made once, so that what only a run would refuse (a
-//! wheel that is not there) is refused here.
+//! Input: a checked scenario. Output: text. All parts of the loop are made once, so that what only a run would refuse
+//! (a wheel that is not there) is refused here.
 
 use anyhow::Result;
 use base::units::DEG;

@@ -1,9 +1,9 @@
-//! `starloop check`, targets on the sky: when each crosses the field, how far it is then, how fast it goes and how bright it
-//! is.
+//! `starloop check`, targets on the sky: when each crosses the field, how far it is then, how fast it goes and how
+//! bright it is.
 //!
-//! Input: a bench, whose simulated flight computer points the camera. Output: a table of passes: one line per target and
-//! time it is in the field, at the instant when it is nearest to the boresight; a target that stays outside is listed
-//! with its smallest distance. Steps of a frame, of long runs 4000 in all: a shorter pass may go unseen.
+//! Input: a bench, whose simulated flight computer points the camera. Output: a table of passes: one line per target
+//! and time it is in the field, at the instant when it is nearest to the boresight; a target that stays outside is
+//! listed with its smallest distance. Steps of a frame, of long runs 4000 in all: a shorter pass may go unseen.
 
 use base::time::Tai;
 use core::fmt::{Error, Write};

@@ -36,7 +36,8 @@ pub struct CompareArgs {
     /// The images were taken from the ground: the stretch of the air's refraction is fitted too
     #[arg(long)]
     ground: bool,
-    /// Attitude to draw with, in place of the fitted one: RA,DEC,ROLL in degrees; the images agree only where it is right
+    /// Attitude to draw with, in place of the fitted one: RA,DEC,ROLL in degrees; the images agree only where it is
+    /// right
     #[arg(long, value_name = "RA,DEC,ROLL", allow_hyphen_values = true, value_parser = three)]
     attitude: Option<[f64; 3]>,
     /// Layer of stars in place of the built-in catalog, as `starloop catalog import` writes it; may be repeated

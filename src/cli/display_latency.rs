@@ -99,8 +99,8 @@ pub(super) struct LatencyArgs {
     /// Where the patch was
     #[arg(long, value_enum, default_value_t = CornerWord::TopLeft)]
     marker_corner: CornerWord,
-    /// From the first row's light to the last row's, milliseconds, of panels that light row by row: about a refresh; 0 when
-    /// all rows light at once, or when it is not known
+    /// From the first row's light to the last row's, milliseconds, of panels that light row by row: about a refresh; 0
+    /// when all rows light at once, or when it is not known
     #[arg(long, value_name = "MS", default_value_t = 0.0)]
     scan_ms: f64,
     /// Write submit_s,edge_s of each flip, for `starloop calibrate display fit --latency`

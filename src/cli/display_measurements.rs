@@ -1,7 +1,8 @@
 //! Reads a tracker's measurements of a display's images into sights: tables, or folders of FITS frames.
 //!
-//! A frame is named as its image: `level_114.fits` of `level_114.png`. `EXPTIME` (s) must be in its header, `DATE-OBS` (UTC)
-//! should be. Integers are digital numbers, which the camera's file makes electrons of; floating point is electrons.
+//! A frame is named as its image: `level_114.fits` of `level_114.png`. `EXPTIME` (s) must be in its header, `DATE-OBS`
+//! (UTC) should be. Integers are digital numbers, which the camera's file makes electrons of; floating point is
+//! electrons.
 
 use anyhow::{Context, Result, bail};
 use base::image::{DnImage, Image};

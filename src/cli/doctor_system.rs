@@ -1,4 +1,5 @@
-//! `starloop doctor`, the system: processors, memory, real-time rights, buffers, other programs, this program's own cache.
+//! `starloop doctor`, the system: processors, memory, real-time rights, buffers, other programs, this program's own
+//! cache.
 
 use crate::cli::doctor::{Finding, Host};
 use crate::cli::doctor_host::word;

@@ -56,7 +56,10 @@ const EXAMPLES: &[(&str, &[&str])] = &[
     ("fly", &["fly configs/test_plans/ecss_star_tracker_short.toml --out out/flown"]),
     (
         "report",
-        &["report out/run --tracker tracker.csv", "report out/run --tracker tracker.aem --requirements requirements.toml --pdf"],
+        &[
+            "report out/run --tracker tracker.csv",
+            "report out/run --tracker tracker.aem --requirements requirements.toml --pdf",
+        ],
     ),
     ("display", &["display monitors", "display show plan/pattern_01.png --monitor 1"]),
     ("display monitors", &["display monitors"]),

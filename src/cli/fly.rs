@@ -23,7 +23,8 @@ pub struct FlyArgs {
     /// Folder to write into: a new one
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Program under test in place of the plan's tracker, with its arguments: {frames}, {camera} and {log} are replaced by the paths
+    /// Program under test in place of the plan's tracker, with its arguments: {frames}, {camera} and {log} are replaced
+    /// by the paths
     #[arg(long, value_name = "WORD", num_args = 1.., allow_hyphen_values = true)]
     tracker_command: Vec<String>,
     /// Name of the tracker in the report

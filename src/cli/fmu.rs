@@ -22,7 +22,8 @@ pub struct FmuArgs {
     /// Unit to write; without it: the name of the bench with the ending .fmu, in this folder
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Library that goes into the unit; without it: libstarloop_fmu_library.so beside this program or in ../lib/starloop
+    /// Library that goes into the unit; without it: libstarloop_fmu_library.so beside this program or in
+    /// ../lib/starloop
     #[arg(long, value_name = "FILE")]
     library: Option<PathBuf>,
 }

@@ -14,7 +14,8 @@ const SECTION: &str = "1";
 /// Command line of `man`.
 #[derive(Debug, Args)]
 pub struct ManArgs {
-    /// Folder that gets a page for every command (made where it is missing); without one the program's own page is printed
+    /// Folder that gets a page for every command (made where it is missing); without one the program's own page is
+    /// printed
     folder: Option<PathBuf>,
 }
 

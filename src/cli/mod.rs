@@ -111,11 +111,11 @@ pub const EXIT_USAGE: u8 = 2;
 pub const EXIT_OVER_BUDGET: u8 = 3;
 /// Exit status: it ran, but an expectation or an invariant of the scenario, or a study's prediction, did not hold.
 pub const EXIT_NOT_MET: u8 = 4;
-/// Exit status: it reached its end, but something was lost: frames, a file, a capture, a thread. One line on standard error
-/// says what, also when the command is quiet. It comes before every other status except [`EXIT_FAILED`].
+/// Exit status: it reached its end, but something was lost: frames, a file, a capture, a thread. One line on standard
+/// error says what, also when the command is quiet. It comes before every other status except [`EXIT_FAILED`].
 pub const EXIT_LOST: u8 = 5;
-/// Exit status: stopped by Ctrl-C (SIGINT); everything finished by then is written. SIGTERM gives 143, SIGHUP 129: 128 and
-/// the signal's number.
+/// Exit status: stopped by Ctrl-C (SIGINT); everything finished by then is written. SIGTERM gives 143, SIGHUP 129: 128
+/// and the signal's number.
 pub const EXIT_INTERRUPTED: u8 = 130;
 
 #[derive(Debug, Parser)]
@@ -208,7 +208,8 @@ fn is_wrong_command_line(error: &anyhow::Error) -> bool {
     error.to_string().starts_with("--") && !error.chain().any(|cause| cause.is::<std::io::Error>())
 }
 
-/// Prints without our macros (those of libraries) panic when a standard stream cannot be written: the program ends as by
+/// Prints without our macros (those of libraries) panic when a standard stream cannot be written: the program ends as
+/// by
 /// [`print`](streams::print), without a backtrace.
 fn end_on_a_failed_print() {
     let report = std::panic::take_hook();

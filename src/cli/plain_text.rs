@@ -1,8 +1,8 @@
 //! Messages as a terminal may show them: values of files may hold any character, and be of any length.
 //!
 //! Control characters are escaped, since they can move the cursor, ring the bell or change what is on the screen; lines
-//! are shortened in the middle, since a value may be a file of its own. The operating system's numbers of errors and the
-//! temporary names of files are left out: they help no reader. Every error passes here before it is printed.
+//! are shortened in the middle, since a value may be a file of its own. The operating system's numbers of errors and
+//! the temporary names of files are left out: they help no reader. Every error passes here before it is printed.
 
 /// Characters of a line at its beginning that are kept.
 const KEPT_FIRST: usize = 2000;

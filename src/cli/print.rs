@@ -1,5 +1,5 @@
-//! `print!` and its relatives for commands: the same as those of the standard library, but a standard stream that is full
-//! or closed is an error and not a panic ([`streams`](base::streams)).
+//! `print!` and its relatives for commands: the same as those of the standard library, but a standard stream that is
+//! full or closed is an error and not a panic ([`streams`](base::streams)).
 //!
 //! `print!` and `println!` end the program when standard output cannot be written; `eprint!` and `eprintln!` never do.
 

@@ -36,8 +36,8 @@ pub struct RenderArgs {
     /// Camera or bench file (TOML), or the name of a built-in one, such as cameras/star_tracker_20deg.toml
     #[arg(long, value_name = "FILE", required_unless_present = "bench")]
     camera: Option<PathBuf>,
-    /// Bench file (TOML), or the name of a built-in one, such as benches/moon.toml: its camera unless --camera is given, and its
-    /// observer, bodies, targets, layers of stars, accuracy and seeds
+    /// Bench file (TOML), or the name of a built-in one, such as benches/moon.toml: its camera unless --camera is
+    /// given, and its observer, bodies, targets, layers of stars, accuracy and seeds
     #[arg(long, value_name = "FILE")]
     bench: Option<PathBuf>,
     /// Fault of the image, as the keys of an event: 'do = "stray_light", e_per_s = 200'; may be repeated
@@ -49,14 +49,15 @@ pub struct RenderArgs {
     /// Declination of the boresight, degrees (ICRF)
     #[arg(long, value_name = "DEG", allow_hyphen_values = true, requires = "ra", value_parser = declination_deg)]
     dec: Option<f64>,
-    /// Position angle of the image's up direction (towards row 0), east of north, degrees [default: 0, north up, east left]
+    /// Position angle of the image's up direction (towards row 0), east of north, degrees [default: 0, north up, east
+    /// left]
     #[arg(long, value_name = "DEG", allow_hyphen_values = true, requires = "ra")]
     roll: Option<f64>,
     /// Attitude quaternion `sensor_from_icrf`: Hamilton, scalar first, passive (v_sensor = q v_icrf q*)
     #[arg(long, value_name = "W,X,Y,Z", allow_hyphen_values = true, value_parser = four)]
     attitude: Option<[f64; 4]>,
-    /// File of attitudes of the sensor (CCSDS AEM, STK .a, table with a header, SPICE CK): one image for every row, named by --out with a
-    /// number, its truth table beside it; times from a zero of the file's own count from --time
+    /// File of attitudes of the sensor (CCSDS AEM, STK .a, table with a header, SPICE CK): one image for every row,
+    /// named by --out with a number, its truth table beside it; times from a zero of the file's own count from --time
     #[arg(long, value_name = "FILE", conflicts_with_all = ["attitude", "ra", "rate", "los", "los_samples", "truth", "timing"])]
     attitudes: Option<PathBuf>,
     /// Seconds from image to image of --attitudes, in place of its rows
@@ -64,8 +65,8 @@ pub struct RenderArgs {
     every: Option<f64>,
     #[command(flatten)]
     kernels: KernelArgs,
-    /// Middle of the exposure, UTC; a time without a zone, or a date alone, is UTC too (default: 2026-01-01T00:00:00Z, or the
-    /// start of --bench)
+    /// Middle of the exposure, UTC; a time without a zone, or a date alone, is UTC too (default: 2026-01-01T00:00:00Z,
+    /// or the start of --bench)
     #[arg(long, value_name = "RFC3339", value_parser = Tai::from_rfc3339)]
     time: Option<Tai>,
     /// Angular rate of the sensor with respect to ICRF, sensor axes, deg/s
@@ -89,7 +90,8 @@ pub struct RenderArgs {
     /// Backend
     #[arg(long, value_enum, default_value_t = BackendName::Auto)]
     backend: BackendName,
-    /// Method for motion: auto, static, gaussian, gauss-legendre[:N], segments[:N], samples[:N], effective-psf[:N], zonal-psf[:N]
+    /// Method for motion: auto, static, gaussian, gauss-legendre[:N], segments[:N], samples[:N], effective-psf[:N],
+    /// zonal-psf[:N]
     #[arg(long, value_name = "NAME", default_value = "auto")]
     method: MethodChoice,
     /// Seed of the sensor: its fixed patterns and the places of its defects (default: 1, or that of --bench)
@@ -101,7 +103,8 @@ pub struct RenderArgs {
     /// Number of the exposure: with the noise seed it fixes the noise, so that one sensor can be exposed many times
     #[arg(long, value_name = "N", default_value_t = 0)]
     frame: u32,
-    /// Write the truth table (CSV): where each star is and how much light of it; src/guide/first_frames.md lists its columns
+    /// Write the truth table (CSV): where each star is and how much light of it; src/guide/first_frames.md lists its
+    /// columns
     #[arg(long, value_name = "FILE.csv")]
     truth: Option<PathBuf>,
     /// Print milliseconds per stage (median of several after a warm-up) as one JSON line
@@ -164,8 +167,8 @@ pub fn run(arguments: &RenderArgs) -> Result<()> {
 }
 
 impl RenderArgs {
-    /// Returns the bench whose sky, observer, bodies and targets are drawn: the one that was named, or the built-in one without
-    /// any of these, with the camera that was named.
+    /// Returns the bench whose sky, observer, bodies and targets are drawn: the one that was named, or the built-in one
+    /// without any of these, with the camera that was named.
     fn bench(&self) -> Result<Bench> {
         let mut bench = match &self.bench {
             Some(path) => Scenario::from_document(&Document::open(path)?)?.bench,
@@ -390,6 +393,8 @@ fn attitude(arguments: &RenderArgs) -> Result<Rotation<Sensor, Icrf>> {
         }
         // Sources given in pixels need no sky.
         (_, _, Some(_)) => Ok(Rotation::IDENTITY),
-        _ => bail!("--ra and --dec are missing; wanted --ra and --dec (and --roll), or --attitude, --attitudes or --sources"),
+        _ => bail!(
+            "--ra and --dec are missing; wanted --ra and --dec (and --roll), or --attitude, --attitudes or --sources"
+        ),
     }
 }

@@ -31,7 +31,8 @@ pub struct ReplayArgs {
     /// Draw for this many seconds instead of the run file's duration (with --bench)
     #[arg(long, value_name = "S", requires = "bench")]
     duration: Option<f64>,
-    /// Record the frames into this directory (one without a recording); of several heads into head0, head1, ... below it
+    /// Record the frames into this directory (one without a recording); of several heads into head0, head1, ... below
+    /// it
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Draw and compare these frames only, from A to before B

@@ -1,5 +1,5 @@
-//! `--json` of the commands that report: one line of JSON, whose field `schema` names the command and the version of its
-//! fields.
+//! `--json` of the commands that report: one line of JSON, whose field `schema` names the command and the version of
+//! its fields.
 //!
 //! Fields may be added to a version; a version rises when a field goes, or changes its name, unit or meaning.
 

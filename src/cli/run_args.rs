@@ -49,8 +49,8 @@ pub struct RunArgs {
     /// Print everything that is known of the run after the verdict, not only what matters most
     #[arg(long)]
     pub(super) details: bool,
-    /// Change a value of the file before it is checked, such as control.delay_ms=300, or of a file that it names, such as
-    /// bench.timing.frame_rate_hz=5; may be repeated
+    /// Change a value of the file before it is checked, such as control.delay_ms=300, or of a file that it names, such
+    /// as bench.timing.frame_rate_hz=5; may be repeated
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub(super) settings: Vec<String>,
     /// Let a program outside look at the run, inject events and, on the virtual clock, advance it: JSON lines over TCP;
@@ -67,8 +67,8 @@ pub struct RunArgs {
     /// ADDRESS:PORT; port 0 takes a free one
     #[arg(long, value_name = "ADDRESS")]
     pub(super) monitor: Option<TcpAddress>,
-    /// Name of this machine under which browsers and Prometheus ask for --monitor, such as lab-pc; addresses and localhost
-    /// need none; may be repeated
+    /// Name of this machine under which browsers and Prometheus ask for --monitor, such as lab-pc; addresses and
+    /// localhost need none; may be repeated
     #[arg(long = "monitor-name", value_name = "NAME", requires = "monitor")]
     pub(super) monitor_names: Vec<String>,
     /// Print nothing but errors

@@ -70,7 +70,8 @@ impl Finished {
         })
     }
 
-    /// Writes `summary.json`, and `scenario.json` where there is something to judge; a file that cannot be written is a loss.
+    /// Writes `summary.json`, and `scenario.json` where there is something to judge; a file that cannot be written is a
+    /// loss.
     ///
     /// # Errors
     /// When a report does not go into JSON.
@@ -135,7 +136,8 @@ impl Finished {
         }
     }
 
-    /// Returns the exit status, and prints what was lost, also when the run is quiet. A client that waits for the end gets it.
+    /// Returns the exit status, and prints what was lost, also when the run is quiet. A client that waits for the end
+    /// gets it.
     ///
     /// # Errors
     /// With why the run ended early, if it did.

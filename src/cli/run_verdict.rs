@@ -6,7 +6,8 @@ use crate::cli::scenario_report::ScenarioReport;
 use frames::report::{FrameCounts, Stage};
 use run::runtime::DeadlinePolicy;
 
-/// Returns the verdict: `ok`, `LOST` or `FAILED`, frames on time, frames lost, latency against its limit, and where files are.
+/// Returns the verdict: `ok`, `LOST` or `FAILED`, frames on time, frames lost, latency against its limit, and where
+/// files are.
 pub(super) fn verdict_line(finished: &Finished, report: Option<&ScenarioReport>, clock: ClockKind) -> String {
     let (end, record) = (&finished.end, &finished.end.record);
     let word = match (end.error.is_some() || !end.holds(), end.losses.is_empty()) {

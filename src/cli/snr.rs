@@ -55,7 +55,8 @@ pub struct SnrArgs {
     /// Background (sky and stray light), electrons per second and pixel
     #[arg(long, value_name = "E_PER_S", default_value_t = 0.0)]
     background: f64,
-    /// Sky besides the camera's own, instrument magnitudes per square arcsecond, added to the background; a dark sky has about 22
+    /// Sky besides the camera's own, instrument magnitudes per square arcsecond, added to the background; a dark sky
+    /// has about 22
     #[arg(long, value_name = "MAG")]
     sky: Option<f64>,
     /// Side of the square window whose sum is taken, pixels, odd; without it: the one that finds the faintest star

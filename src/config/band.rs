@@ -3,8 +3,8 @@
 //! `qe` (or `qe_file`) and, optionally, `transmission` (or `transmission_file`): lists of `[nm, share]`, wavelengths
 //! ascending, shares from 0 to 1, straight lines between them. A file is TOML with the list under `points`. Without a
 //! transmission table `optics.transmission` holds at every wavelength. The mean values that the tables replace
-//! (`detector.quantum_efficiency`, the photons and colour law of `[radiometry]`) are refused beside them: two statements
-//! of one thing.
+//! (`detector.quantum_efficiency`, the photons and colour law of `[radiometry]`) are refused beside them: two
+//! statements of one thing.
 
 use crate::check::Checker;
 use crate::document::Document;

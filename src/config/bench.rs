@@ -235,7 +235,8 @@ pub(super) fn check_sinks_of_heads(
     }
 }
 
-/// Refuses frames that are begun so early that every attitude is stale: at best the newest is as old as drawing has begun.
+/// Refuses frames that are begun so early that every attitude is stale: at best the newest is as old as drawing has
+/// begun.
 fn check_not_stale(
     ahead_ms: f64,
     attitude: &AttitudeSettings,
@@ -293,8 +294,8 @@ fn check_both_ends(
 }
 
 impl Bench {
-    /// Returns true when the plant is outside and no bus leads out of the program: its samples can only come from whoever
-    /// steps the run, over the control socket or as a library.
+    /// Returns true when the plant is outside and no bus leads out of the program: its samples can only come from
+    /// whoever steps the run, over the control socket or as a library.
     #[must_use]
     pub fn is_lockstep(&self) -> bool {
         self.flight_computer.is_external && self.link.has_no_gateway()

@@ -4,8 +4,8 @@ use crate::error::ConfigError;
 use core::ops::Range;
 use toml::de::{DeTable, DeValue};
 
-/// Returns the text with what `error` is about blanked out, line numbers kept; `None` when that cannot be found, or when
-/// the rest is not TOML. `name` is how messages call the document.
+/// Returns the text with what `error` is about blanked out, line numbers kept; `None` when that cannot be found, or
+/// when the rest is not TOML. `name` is how messages call the document.
 pub(super) fn without_the_blamed(text: &str, name: &str, error: &ConfigError) -> Option<String> {
     let parsed = DeTable::parse(text).ok()?;
     let root = parsed.get_ref();

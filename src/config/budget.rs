@@ -1,8 +1,8 @@
 //! `[budget]`: how long each stage of a frame may take, and what real-time threads ask of the system.
 //!
-//! Times are 99 % quantiles in ms on the real clock; each key is optional. `total_ms` defaults to the camera's readout time,
-//! `missed_frames` to 0; `starloop budget` adds a limit for drawing from the planner's time. What is measured: see the
-//! stages of a run's summary.
+//! Times are 99 % quantiles in ms on the real clock; each key is optional. `total_ms` defaults to the camera's readout
+//! time, `missed_frames` to 0; `starloop budget` adds a limit for drawing from the planner's time. What is measured:
+//! see the stages of a run's summary.
 
 use crate::check::Checker;
 use crate::error::ConfigError;

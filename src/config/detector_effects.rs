@@ -1,5 +1,5 @@
-//! Keys of `[detector]`, and its effects that are off until their table is given (`[detector.blooming]` and so on): keys and
-//! check of each in one file.
+//! Keys of `[detector]`, and its effects that are off until their table is given (`[detector.blooming]` and so on):
+//! keys and check of each in one file.
 
 use crate::check::{Checker, Rule};
 use crate::detector::LARGEST_SIDE_PX;

@@ -48,7 +48,8 @@ section! {
         ];
         /// Calibration as `starloop calibrate display` writes it, beside this file.
         calibration: String = Optional, "path";
-        /// Name of the display in its calibration, model and serial number: a calibration of another display is refused.
+        /// Name of the display in its calibration, model and serial number: a calibration of another display is
+        /// refused.
         name: String = Optional, "text";
         /// Refreshes, a power of two: over so many the mean light of a pixel is right.
         dither: Whole = 16, 1..=256;

@@ -7,8 +7,8 @@ use crate::event::{Action, Event};
 use frames::sink::{DefectSpots, FrameFault, PixelFault};
 use testbed::vehicle::VehicleFault;
 
-/// Refuses an event that names what the run does not have; `key` is its place, such as `event[2]`, and `wheels` the number
-/// of wheels of the spacecraft that is flown inside.
+/// Refuses an event that names what the run does not have; `key` is its place, such as `event[2]`, and `wheels` the
+/// number of wheels of the spacecraft that is flown inside.
 pub(super) fn check_event_places(
     event: &Event,
     key: &str,

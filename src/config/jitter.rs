@@ -1,7 +1,7 @@
 //! `[jitter]`: a measured series of jitter, or its density, that is added to the line of sight of every head.
 //!
-//! It is added where frames are made, whatever the source of the motion, and never travels over the bus. A density becomes a
-//! series by the bench's seed. `src/guide/motion_and_jitter.md` says how it is resampled. Tests: below.
+//! It is added where frames are made, whatever the source of the motion, and never travels over the bus. A density
+//! becomes a series by the bench's seed. `src/guide/motion_and_jitter.md` says how it is resampled. Tests: below.
 
 use crate::check::Checker;
 use crate::error::ConfigError;
@@ -51,13 +51,15 @@ section! {
     JitterKeys at "jitter" {
         /// CSV file of a measured series: equal steps of t_s and rotations, such as x_arcsec and y_arcsec.
         series: String = Optional, "path";
-        /// CSV file of a one-sided density: frequency_hz and columns such as x_arcsec2_hz; the seed makes a series of it.
+        /// CSV file of a one-sided density: frequency_hz and columns such as x_arcsec2_hz; the seed makes a series of
+        /// it.
         density: String = Optional, "path", "give series or density, not both";
         /// Sensor: axes of each head's image, x right and y down; body: axes of the body.
         axes: Word<JitterAxes> = "sensor", [("sensor", JitterAxes::Sensor), ("body", JitterAxes::Body)];
         /// Seconds from the first exposure to the first sample; below 0 the run begins within the record.
         start_s: f64 = Silent(0.0), Within(-1e6, 1e6);
-        /// After the last sample: refuse a record that is shorter than the run, repeat it, or go on still with an event.
+        /// After the last sample: refuse a record that is shorter than the run, repeat it, or go on still with an
+        /// event.
         at_end: Word<AtEnd> = "refuse", [
             ("refuse", AtEnd::Refuse), ("repeat", AtEnd::Go(RecordEnd::Repeat)), ("still", AtEnd::Go(RecordEnd::Still)),
         ];

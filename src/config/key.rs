@@ -8,9 +8,9 @@
 //! exposure_s: f64 = 0.05, PositiveUpTo(3600.0);
 //! ```
 //!
-//! the sentence, the name, the type ([`KeyType`]), the [`Preset`] and the limit. The sentence is also the advice of an error,
-//! unless a text of its own follows the limit. A key that is declared and not read is dead code, which the compiler reports;
-//! a key that is not declared cannot be read.
+//! the sentence, the name, the type ([`KeyType`]), the [`Preset`] and the limit. The sentence is also the advice of an
+//! error, unless a text of its own follows the limit. A key that is declared and not read is dead code, which the
+//! compiler reports; a key that is not declared cannot be read.
 
 use crate::check::Checker;
 use crate::declared::Declared;

@@ -5,10 +5,10 @@
 //! name ([`Defaulted`]).
 //!
 //! Each section has one file: the declarations of its keys (`key`), the checked struct, and the rules between them.
-//! Reference, JSON Schema and templates come from the declarations (`declared`). Unknown keys are refused with file, line
-//! and the nearest known key; violated rules say file, line, key, wanted, got, and what to try. Input paths are relative
-//! to the file that names them. The output directory of a sink is relative to the working directory: a configuration may
-//! be in a folder without write access.
+//! Reference, JSON Schema and templates come from the declarations (`declared`). Unknown keys are refused with file,
+//! line and the nearest known key; violated rules say file, line, key, wanted, got, and what to try. Input paths are
+//! relative to the file that names them. The output directory of a sink is relative to the working directory: a
+//! configuration may be in a folder without write access.
 //!
 //! The built-in bench and all it names are compiled in, so the binary runs from any directory.
 
@@ -117,9 +117,7 @@ pub use target::{Overlap, TargetCourse, TargetLight, TargetSettings};
 pub use target_orbit::OrbitSettings;
 pub use template::key_template;
 pub use timing::{DeadlinePolicy, Degrade, StartTime, Timing};
-pub use tracker_out::{
-    TrackerLine, TrackerOut, TrackerOutFault, TrackerOutFaultKind, TrackerProtocol, TrackerSource,
-};
+pub use tracker_out::{TrackerLine, TrackerOut, TrackerOutFault, TrackerOutFaultKind, TrackerProtocol, TrackerSource};
 pub use trigger_line::TriggerLine;
 
 #[cfg(test)]

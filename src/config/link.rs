@@ -1,4 +1,5 @@
-//! `[link]` and `[[extra_link]]`: buses to the flight computer; a table, or the path of a file that holds the same keys.
+//! `[link]` and `[[extra_link]]`: buses to the flight computer; a table, or the path of a file that holds the same
+//! keys.
 
 use crate::check::{Checker, Defaulted, Rule};
 use crate::error::ConfigError;
@@ -105,8 +106,8 @@ pub struct Link {
     pub wire: Wire,
     /// Constant delay on top of the time on the wire, us; of a real link: as calibrated.
     pub latency_us: f64,
-    /// Nominal (arbitration) bit rate of CAN, or baud rate, bit/s. An interface of the system has its own: here it is for
-    /// estimates.
+    /// Nominal (arbitration) bit rate of CAN, or baud rate, bit/s. An interface of the system has its own: here it is
+    /// for estimates.
     pub bit_rate: f64,
     /// Bit rate of the data phase, bit/s; equal to `bit_rate` unless the wire is CAN FD.
     pub data_bit_rate: f64,

@@ -14,7 +14,8 @@ use serde::de::{Deserializer, MapAccess, Visitor};
 section! {
     /// A bus to the flight computer.
     LinkTable at "link" {
-        /// The bus inside this program, a CAN interface, a serial port; udp and tcp take plain numbers of any simulator.
+        /// The bus inside this program, a CAN interface, a serial port; udp and tcp take plain numbers of any
+        /// simulator.
         kind: Word<Kind> = "simulated",
             [("simulated", Kind::Simulated), ("socketcan", Kind::SocketCan), ("serial", Kind::Serial),
              ("udp", Kind::Udp), ("tcp", Kind::Tcp)];
@@ -61,18 +62,20 @@ section! {
             ("f64_le", Form::F64Le), ("f64_be", Form::F64Be), ("json", Form::Json), ("text", Form::Text),
             ("42", Form::FortyTwo),
         ];
-        /// The numbers of a plain message in their order: t time, q quaternion, w rate, a acceleration, j jitter (arcsec), r and
-        /// v position and velocity of the observer (km, km/s), seq, skip. Without the key: t q_w q_x q_y q_z w_x w_y w_z.
+        /// The numbers of a plain message in their order: t time, q quaternion, w rate, a acceleration, j jitter
+        /// (arcsec), r and v position and velocity of the observer (km, km/s), seq, skip. Without the key: t q_w q_x
+        /// q_y q_z w_x w_y w_z.
         layout: Raw<Vec<String>> = Optional,
             Shape::list(Shape::Words(FIELD_NAMES.iter().map(|(name, _)| *name).collect()));
-        /// Sense of a plain quaternion; of a body turned by +a about x, x is -sin(a/2) in starloop's, +sin(a/2) in its conjugate.
+        /// Sense of a plain quaternion; of a body turned by +a about x, x is -sin(a/2) in starloop's, +sin(a/2) in its
+        /// conjugate.
         quaternion: Word<QuaternionSense> = "starloop", SENSES;
         /// Unit of plain rates; accelerations have it per second.
         rate_unit: Word<f64> = "rad_s", [("rad_s", 1.0), ("deg_s", core::f64::consts::PI / 180.0)];
         /// Unit of plain times.
         time_unit: Word<f64> = "s", [("s", 1e9), ("ms", 1e6), ("us", 1e3), ("ns", 1.0)];
-        /// Time of a plain message: tag is a clock of any epoch, whose offset and drift are estimated (0: the arrival), arrival
-        /// is when it came.
+        /// Time of a plain message: tag is a clock of any epoch, whose offset and drift are estimated (0: the arrival),
+        /// arrival is when it came.
         time: Word<TimeMeaning> = "tag", TIMES;
         /// Number of the spacecraft in the lines of 42.
         spacecraft_number: Whole<u16> = 0, 0..=9999;

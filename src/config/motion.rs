@@ -1,7 +1,8 @@
 //! `[flight_computer.motion]`: motions of the simulated flight computer that begin in motion.
 //!
-//! In: a constant rate, sinusoids, or waypoints. Out: checked values, and the largest rate, acceleration and jerk, by which
-//! rates that no history takes are refused. `src/guide/motion_and_jitter.md` has the formulas. Tests: `motion_tests`.
+//! In: a constant rate, sinusoids, or waypoints. Out: checked values, and the largest rate, acceleration and jerk, by
+//! which rates that no history takes are refused. `src/guide/motion_and_jitter.md` has the formulas. Tests:
+//! `motion_tests`.
 
 use crate::check::Checker;
 use crate::error::ConfigError;
@@ -15,7 +16,8 @@ use glam::DVec3;
 use plan::attitude::{MOST_ACCELERATION_RAD_S2, MOST_RATE_RAD_S, MotionScale, Sinusoid};
 use testbed::flight_computer::{AtWaypoints, WaypointError, WaypointMotion};
 
-/// Farthest that the body may turn from one attitude message to the next, rad: no method of attitude has a bound beyond.
+/// Farthest that the body may turn from one attitude message to the next, rad: no method of attitude has a bound
+/// beyond.
 const MOST_TURN_RAD: f64 = 1.0;
 /// Most waypoints and sinusoids of a motion.
 const MOST_ROWS: usize = 10_000;
@@ -55,7 +57,8 @@ pub enum Motion {
 section! {
     /// A motion that may begin in motion.
     MotionKeys at "flight_computer.motion" {
-        /// Constant_rate turns for ever, sinusoidal swings about body axes, waypoints is a smooth path through pointings.
+        /// Constant_rate turns for ever, sinusoidal swings about body axes, waypoints is a smooth path through
+        /// pointings.
         kind: Word<Kind> = Needed, [
             ("constant_rate", Kind::ConstantRate), ("sinusoidal", Kind::Sinusoidal), ("waypoints", Kind::Waypoints),
         ], "constant_rate, sinusoidal or waypoints";
@@ -164,7 +167,8 @@ impl Motion {
         Ok(motion)
     }
 
-    /// Returns the path through waypoints in the axes of a body that carries the sensor so; nothing for a steady motion.
+    /// Returns the path through waypoints in the axes of a body that carries the sensor so; nothing for a steady
+    /// motion.
     ///
     /// # Errors
     /// Never for what was checked.

@@ -77,7 +77,8 @@ section! {
         ], "file takes file; tle takes line1 and line2; circular_orbit takes altitude_km, inclination_deg, raan_deg, \
             argument_of_latitude_deg; two_body takes about, epoch, and position_km and velocity_km_s or \
             semi_major_axis_km and further elements";
-        /// File of states or elements, for kind = "file": CCSDS OEM (KVN, XML), STK .e, a table, two-line elements, OMM as JSON.
+        /// File of states or elements, for kind = "file": CCSDS OEM (KVN, XML), STK .e, a table, two-line elements, OMM
+        /// as JSON.
         file: String = Optional, "path";
         /// Text kernels (LSK) of a SPICE SPK file, relative to this file.
         kernels: Raw<Vec<String>> = Optional, Shape::list(Shape::Text("path"));

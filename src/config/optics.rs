@@ -30,7 +30,8 @@ pub struct Optics {
     pub principal_point_px: [f64; 2],
 }
 
-/// Brown-Conrady distortion coefficients of normalised image coordinates (x / z, y / z), or a polynomial of them, checked.
+/// Brown-Conrady distortion coefficients of normalised image coordinates (x / z, y / z), or a polynomial of them,
+/// checked.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Distortion {
     /// Radial, r^2.

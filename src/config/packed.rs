@@ -1,8 +1,9 @@
 //! A configuration with every file that it names: what a capture and a co-simulation unit carry.
 //!
-//! Configurations are kept as text, by the keys that name them. Files of data (attitudes, orbits, elements, jitter, kernels,
-//! maps, images of stars) are kept as files, each with its length and CRC-32; [`PackedDocuments::keep_data`] copies them. Layers of
-//! stars, which may have gigabytes, and what displays are calibrated by are not kept. Tests: below, `tests/closed_loop/replay.rs`.
+//! Configurations are kept as text, by the keys that name them. Files of data (attitudes, orbits, elements, jitter,
+//! kernels, maps, images of stars) are kept as files, each with its length and CRC-32; [`PackedDocuments::keep_data`]
+//! copies them. Layers of stars, which may have gigabytes, and what displays are calibrated by are not kept. Tests:
+//! below, `tests/closed_loop/replay.rs`.
 
 use crate::document::{Document, beside};
 use crate::error::ConfigError;

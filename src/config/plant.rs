@@ -99,13 +99,15 @@ pub struct Vehicle {
 section! {
     /// Source of the spacecraft's motion, and how one simulated here starts, points and is controlled.
     PlantKeys at "plant" {
-        /// The simulated flight computer, one at the other end of the link, a simulated spacecraft, or a file of attitudes.
+        /// The simulated flight computer, one at the other end of the link, a simulated spacecraft, or a file of
+        /// attitudes.
         kind: Word<PlantKind> = Computed("vehicle with spacecraft, else as flight_computer.kind says"), [
             ("flight_computer", PlantKind::FlightComputer), ("outside", PlantKind::Outside),
             ("vehicle", PlantKind::Vehicle), ("file", PlantKind::File),
         ];
-        /// File of an attitude history, for kind = "file": a table with named columns, rows of seconds and the quaternion
-        /// w x y z from ICRF to body axes, CCSDS AEM (KVN, XML), STK .a; the guide files_in_and_out.md has all.
+        /// File of an attitude history, for kind = "file": a table with named columns, rows of seconds and the
+        /// quaternion w x y z from ICRF to body axes, CCSDS AEM (KVN, XML), STK .a; the guide files_in_and_out.md has
+        /// all.
         attitude: String = Optional, "path";
         /// Which rotation the quaternions of a table are, where it does not say so itself.
         sense: Word<Sense> = Optional, SENSES;
@@ -113,7 +115,8 @@ section! {
         kernels: Raw<Vec<String>> = Optional, Shape::list(Shape::Text("path"));
         /// Number of the instrument or spacecraft in a SPICE CK file, where it has several.
         naif_id: Whole<i32> = Optional, -2_000_000_000..=2_000_000_000;
-        /// How the file's times are placed on the clock of the run: at their own UTC, or starting at the first exposure.
+        /// How the file's times are placed on the clock of the run: at their own UTC, or starting at the first
+        /// exposure.
         begins: Word<Begins> = Computed("utc where the file's times are absolute, else first_exposure"),
             [("utc", Begins::Utc), ("first_exposure", Begins::FirstExposure)];
         /// Attitude before the file's first row and after its last: none, or that row's attitude at rest.
@@ -164,8 +167,8 @@ section! {
         tag_error_ms: f64 = 0.0, Within(-1000.0, 1000.0);
         /// Most stars that are measured in a frame, brightest first.
         stars: Whole<usize> = 40, 4..=200;
-        /// The tracker commands its camera's windows: the whole image until it has an attitude, then windows around the brightest
-        /// stars that it expects.
+        /// The tracker commands its camera's windows: the whole image until it has an attitude, then windows around the
+        /// brightest stars that it expects.
         commands_windows: bool = false, Any;
         /// The tracker commands its camera's exposure time by the signal of its stars.
         commands_exposure: bool = false, Any;
@@ -213,8 +216,8 @@ impl PlantKeys {
         self.kind().raw().is_some_and(|kind| kind == "outside")
     }
 
-    /// Reads the source of the spacecraft's motion: without `kind` it is a vehicle where a spacecraft is named, else what
-    /// `flight_computer.kind` says.
+    /// Reads the source of the spacecraft's motion: without `kind` it is a vehicle where a spacecraft is named, else
+    /// what `flight_computer.kind` says.
     pub(super) fn mover(
         &self,
         names_spacecraft: bool,

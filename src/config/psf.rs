@@ -1,5 +1,6 @@
-//! `[psf]`; beyond Gaussian and Airy there are `halo` (`halo_sigma_px`, `halo_share`), `moffat` (`fwhm_px`, `beta`), `measured` (a FITS image and how to take it),
-//! `field` (`nodes = [columns, rows]` and that many `[[psf.node]]`, row by row from the top left, each a PSF of its own).
+//! `[psf]`; beyond Gaussian and Airy there are `halo` (`halo_sigma_px`, `halo_share`), `moffat` (`fwhm_px`, `beta`),
+//! `measured` (a FITS image and how to take it), `field` (`nodes = [columns, rows]` and that many `[[psf.node]]`, row
+//! by row from the top left, each a PSF of its own).
 //!
 //! A measured PSF's file is read with the camera; its path is relative to the camera file. A packed configuration does
 //! not contain it: a replay reads it from its original place.

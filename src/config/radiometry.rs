@@ -9,8 +9,8 @@ use plan::optics::{GreyMap, GreyScale};
 
 /// Photons per second and square metre of a star of G = 0 in the band of Gaia G, above the optics.
 ///
-/// Gaia EDR3 G on the Vega scale: zero point 3228.75 Jy, effective width 405.3 nm, pivot wavelength 621.8 nm (SVO Filter
-/// Profile Service), so `3228.75e-26 / h * 405.3 / 621.8 = 3.18e10`, rounded.
+/// Gaia EDR3 G on the Vega scale: zero point 3228.75 Jy, effective width 405.3 nm, pivot wavelength 621.8 nm (SVO
+/// Filter Profile Service), so `3228.75e-26 / h * 405.3 / 621.8 = 3.18e10`, rounded.
 pub(super) const GAIA_G_ZERO_PHOTONS_PER_S_M2: f64 = 3.2e10;
 
 /// Where electrons come from when there is no `[band]`.

@@ -264,9 +264,9 @@ fn named_bench(given: &Given<'_, String>, check: &Checker<'_>) -> Result<Bench, 
     Ok(bench)
 }
 
-/// Events in order of time. One that comes after the end is refused, unless the file's own run lasts long enough for it:
-/// then a setting cut the run short, and the event is left out.
-/// `wheels`: of the spacecraft that is flown inside, if one is.
+/// Events in order of time. One that comes after the end is refused, unless the file's own run lasts long enough for
+/// it: then a setting cut the run short, and the event is left out. `wheels`: of the spacecraft that is flown inside,
+/// if one is.
 fn events(
     keys: &[EventKeys],
     bench: &Bench,

@@ -30,8 +30,8 @@ pub struct SinkSettings {
 pub enum Sink {
     /// Files.
     Recorder {
-        /// Output directory, relative to the working directory: each run has one of its own in it. `None`: below that of
-        /// the run.
+        /// Output directory, relative to the working directory: each run has one of its own in it. `None`: below that
+        /// of the run.
         directory: Option<PathBuf>,
         /// One FITS file per frame.
         fits: bool,

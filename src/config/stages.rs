@@ -156,7 +156,8 @@ impl AttitudeSettings {
 }
 
 /// Returns the policy for a stream that has stopped, on the virtual clock and on the real one. Without the key a
-/// simulated run goes on from the last attitude; one with hardware sends no frame, so that a tracker never sees a frozen sky.
+/// simulated run goes on from the last attitude; one with hardware sends no frame, so that a tracker never sees a
+/// frozen sky.
 fn stale_policies(keys: &AttitudeKeys, check: &mut Checker<'_>) -> Result<[StalePolicy; 2], ConfigError> {
     let policy = keys.stale_policy().check(check)?;
     Ok(if keys.stale_policy().is_given() { [policy; 2] } else { [StalePolicy::Hold, StalePolicy::Drop] })

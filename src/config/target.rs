@@ -1,5 +1,5 @@
-//! `[[target]]`: point sources that move over the detector by a script, or fly about the Earth, and what becomes of stars
-//! behind them.
+//! `[[target]]`: point sources that move over the detector by a script, or fly about the Earth, and what becomes of
+//! stars behind them.
 
 use crate::check::Checker;
 use crate::error::ConfigError;

@@ -89,7 +89,8 @@ section! {
             [("real_clock", Degrade::OnRealClock), ("always", Degrade::Always), ("never", Degrade::Never)];
         /// The last step that is taken: motion-out and bright-stars-only give frames that no sensor would see.
         degrade_to: Word<Degradation> = DEGRADATIONS[0].name(), DEGRADATIONS.map(|degradation| (degradation.name(), degradation));
-        /// When the clock starts, 1 s before the first exposure: RFC 3339, or "now" (the machine's time), which no run repeats.
+        /// When the clock starts, 1 s before the first exposure: RFC 3339, or "now" (the machine's time), which no run
+        /// repeats.
         start_utc: String = "2026-03-01T00:00:00Z", "time or \"now\"";
         /// Milliseconds after the run's first exposure at which this head begins its own.
         phase_ms: f64 = Silent(0.0), Within(0.0, PHASE_MAX_MS);

@@ -1,4 +1,5 @@
-//! `[[tracker_out]]`: telemetry of star trackers on real protocols: of the tracker on pixels, or of one of given errors.
+//! `[[tracker_out]]`: telemetry of star trackers on real protocols: of the tracker on pixels, or of one of given
+//! errors.
 //!
 //! `protocol` and `link` say which other keys there are. `run::wiring::tracker_out` makes what is described here.
 
@@ -251,7 +252,8 @@ section! {
         ];
         /// Where datagrams go: a port on loopback such as 9001, or "address:port".
         send_to: Raw<Address> = Optional, port_or_address();
-        /// Where a server listens, or commands in datagrams are taken: a port on loopback, or "address:port"; 0 takes a free one.
+        /// Where a server listens, or commands in datagrams are taken: a port on loopback, or "address:port"; 0 takes a
+        /// free one.
         listen: Raw<Address> = Optional, port_or_address();
         /// Serial port, name of the link to a pseudo-terminal, or file (below the run's directory).
         path: String = Optional, "path";
@@ -269,7 +271,8 @@ section! {
         starts_operational: bool = false, Any;
         /// Number of the application process in space packets.
         apid: Whole<u16> = 100, 0..=2046;
-        /// Sense of the quaternion, for json, canopen and ccsds: starloop is v_sensor = q v_icrf q*, conjugate the other one.
+        /// Sense of the quaternion, for json, canopen and ccsds: starloop is v_sensor = q v_icrf q*, conjugate the
+        /// other one.
         quaternion: Word<bool> = "starloop", [("starloop", false), ("conjugate", true)];
         /// Packets per second, of the newest attitude; left out, one with each frame.
         rate_hz: f64 = Optional, PositiveUpTo(1000.0);
@@ -318,8 +321,8 @@ section! {
 
     /// A fault of the telemetry.
     FaultKeys at "tracker_out.fault" {
-        /// Drop loses packets, corrupt turns a bit, freeze repeats the last attitude, invalid knows none, bias turns it, late
-        /// delays packets.
+        /// Drop loses packets, corrupt turns a bit, freeze repeats the last attitude, invalid knows none, bias turns
+        /// it, late delays packets.
         kind: Word<TrackerOutFaultKind> = Needed, [
             ("drop", TrackerOutFaultKind::Drop), ("corrupt", TrackerOutFaultKind::Corrupt),
             ("freeze", TrackerOutFaultKind::Freeze), ("invalid", TrackerOutFaultKind::Invalid),

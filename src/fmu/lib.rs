@@ -10,7 +10,8 @@
 //! * [`archive`] writes the .fmu file;
 //! * [`slave`] is the life of one instance; `inputs`, `outputs` and `access` are its variables.
 //!
-//! Standard: FMI 3.0.2, <https://fmi-standard.org/docs/3.0.2/>. Tests: below, and with FMPy in `hil_scripts/test_fmu.py`.
+//! Standard: FMI 3.0.2, <https://fmi-standard.org/docs/3.0.2/>. Tests: below, and with FMPy in
+//! `hil_scripts/test_fmu.py`.
 
 #![cfg_attr(
     test,

@@ -1,7 +1,7 @@
 //! The life of one instance of a unit: start, steps, end. The C interface calls this; a test can as well.
 //!
-//! The importer sets inputs for the start of a step, and the run goes on to its end: what a frame needs beyond the start
-//! of a step is predicted from attitude, rate and acceleration. Life: new, [`Slave::enter`], [`Slave::exit`],
+//! The importer sets inputs for the start of a step, and the run goes on to its end: what a frame needs beyond the
+//! start of a step is predicted from attitude, rate and acceleration. Life: new, [`Slave::enter`], [`Slave::exit`],
 //! [`Slave::step`] ..., [`Slave::terminate`]; [`Slave::reset`] begins again.
 
 use crate::archive::{RUN_FILE, check_plant, token};
@@ -162,7 +162,8 @@ impl Slave {
         Ok(())
     }
 
-    /// Ends the run: frames on their way go out, sinks are finished. Returns what was lost, in one sentence, if anything was.
+    /// Ends the run: frames on their way go out, sinks are finished. Returns what was lost, in one sentence, if
+    /// anything was.
     ///
     /// # Errors
     /// When it is not the time for it, or a sink failed.

@@ -1,7 +1,8 @@
 //! Every variable of a unit: name, reference, type, unit, meaning. Description and C interface read this table.
 //!
-//! Vectors are arrays. A quaternion is scalar first, Hamilton, passive: `v_body = q v_icrf q*`; another sense or order must be
-//! converted before it is set. Quaternions are discrete: importers interpolate continuous inputs component by component.
+//! Vectors are arrays. A quaternion is scalar first, Hamilton, passive: `v_body = q v_icrf q*`; another sense or order
+//! must be converted before it is set. Quaternions are discrete: importers interpolate continuous inputs component by
+//! component.
 
 /// Type of a variable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

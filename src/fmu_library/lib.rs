@@ -1,8 +1,8 @@
 //! The C interface of FMI 3.0.2 (fmi3FunctionTypes.h) for co-simulation, over [`fmu::Slave`].
 //!
-//! An importer calls these functions with what the standard promises: pointers that it got from here or that point to as many
-//! values as it says. Each function checks for null, calls safe code, and turns errors into a status and a log message. A
-//! panic does not cross the border: the instance is lost and the status is fatal.
+//! An importer calls these functions with what the standard promises: pointers that it got from here or that point to
+//! as many values as it says. Each function checks for null, calls safe code, and turns errors into a status and a log
+//! message. A panic does not cross the border: the instance is lost and the status is fatal.
 //!
 //! What the description denies (states to be kept, derivatives, clocks, model exchange) is refused by an error.
 

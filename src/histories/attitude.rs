@@ -179,8 +179,8 @@ impl AttitudeHistory {
         Ok(Self { format: format.into(), name: None, times, notes: Vec::new(), segments })
     }
 
-    /// Returns a history of one segment of computed states, such as the frames of a run; `None` where their times do not
-    /// rise or there is none.
+    /// Returns a history of one segment of computed states, such as the frames of a run; `None` where their times do
+    /// not rise or there is none.
     #[must_use]
     pub fn of_states(states: Vec<AttitudeState>) -> Option<Self> {
         let has_rates = states.iter().all(|state| state.rate_rad_s.is_some());
@@ -241,10 +241,10 @@ impl AttitudeHistory {
         limits
     }
 
-    /// Returns the largest error of the interpolation, rad, as the file itself shows it: each row is left out in turn with
-    /// every second one, and the others are interpolated to it, over steps twice as long as those of the file. Between
-    /// rows the error is less: a quarter of it with slerp, a sixteenth with cubics, where the motion is smooth. `None`
-    /// with fewer than three rows in each segment.
+    /// Returns the largest error of the interpolation, rad, as the file itself shows it: each row is left out in turn
+    /// with every second one, and the others are interpolated to it, over steps twice as long as those of the file.
+    /// Between rows the error is less: a quarter of it with slerp, a sixteenth with cubics, where the motion is smooth.
+    /// `None` with fewer than three rows in each segment.
     #[must_use]
     pub fn interpolation_error_rad(&self) -> Option<f64> {
         self.segments.iter().filter_map(AttitudeSegment::left_out_error_rad).reduce(f64::max)

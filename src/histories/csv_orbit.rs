@@ -1,5 +1,5 @@
-//! An orbit as a table: a column of absolute time, `x_km,y_km,z_km,vx_km_s,vy_km_s,vz_km_s` (or `_m`, `_m_s`), an optional
-//! `segment`; remarks `# centre: EARTH` and `# axes: ICRF`.
+//! An orbit as a table: a column of absolute time, `x_km,y_km,z_km,vx_km_s,vy_km_s,vz_km_s` (or `_m`, `_m_s`), an
+//! optional `segment`; remarks `# centre: EARTH` and `# axes: ICRF`.
 
 use crate::csv_attitude::axes;
 use crate::csv_table::{Table, TimeColumn};

@@ -1,11 +1,12 @@
 //! Attitude histories and orbits in files: CSV, CCSDS AEM and OEM (KVN and XML), STK `.a` and `.e`.
 //!
 //! A reader turns a text into an [`AttitudeHistory`] or an [`OrbitHistory`]: segments of states by rising time, in ICRF
-//! axes, on the count of TAI or from a zero of their own. Between the states of one segment the file's own interpolation
-//! applies; between segments, and outside them, nothing is available. A writer does the reverse.
+//! axes, on the count of TAI or from a zero of their own. Between the states of one segment the file's own
+//! interpolation applies; between segments, and outside them, nothing is available. A writer does the reverse.
 //!
 //! Own readers, because no library fits: the crate `ccsds-ndm` 0.0.9 is young and pulls in a framework of its own, the
-//! Python package of that name refuses AEM version 2 as KVN, `anise` has no attitude messages, and none reads STK's files.
+//! Python package of that name refuses AEM version 2 as KVN, `anise` has no attitude messages, and none reads STK's
+//! files.
 //!
 //! | module | subject |
 //! |---|---|

@@ -1,6 +1,7 @@
 //! CCSDS navigation messages (AEM, OEM) in one form, whether they came as KVN or XML.
 //!
-//! CCSDS 504.0-B (AEM), 502.0-B (OEM), 505.0-B (XML). A message is a version, and segments of metadata and rows of text.
+//! CCSDS 504.0-B (AEM), 502.0-B (OEM), 505.0-B (XML). A message is a version, and segments of metadata and rows of
+//! text.
 
 use crate::error::{HistoryError, Source};
 use crate::message_kvn;

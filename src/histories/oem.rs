@@ -1,4 +1,5 @@
-//! CCSDS OEM, versions 1 to 3: a message -> an orbit. Kilometres and kilometres per second; covariances are passed over.
+//! CCSDS OEM, versions 1 to 3: a message -> an orbit. Kilometres and kilometres per second; covariances are passed
+//! over.
 
 use crate::epoch::TimeSystem;
 use crate::error::{HistoryError, Source};

@@ -1,8 +1,8 @@
 //! Positions and velocities over time as a file has them, about one body, in ICRF axes.
 //!
 //! Between rows: a Hermite polynomial through positions and velocities (cubic, from two rows, unless the file wants a
-//! higher degree), or Lagrange polynomials. Error of the cubic: `x'''' h^4 / 384` in position. Outside of its segments an
-//! orbit is not available.
+//! higher degree), or Lagrange polynomials. Error of the cubic: `x'''' h^4 / 384` in position. Outside of its segments
+//! an orbit is not available.
 
 use crate::attitude_methods::{around, s_between};
 use crate::newton::Newton;
@@ -244,9 +244,9 @@ impl OrbitHistory {
         segments::containing(&self.segments, t_ns, |segment| segment.usable_ns).map(|segment| segment.at(t_ns))
     }
 
-    /// Returns the largest error of the interpolation, km and km/s, as the file itself shows it: every second row is left
-    /// out and interpolated from the others, over steps twice as long. Between rows it is less: a sixteenth in position
-    /// with cubics where the motion is smooth. `None` with fewer than three rows in each segment.
+    /// Returns the largest error of the interpolation, km and km/s, as the file itself shows it: every second row is
+    /// left out and interpolated from the others, over steps twice as long. Between rows it is less: a sixteenth in
+    /// position with cubics where the motion is smooth. `None` with fewer than three rows in each segment.
     #[must_use]
     pub fn interpolation_error(&self) -> Option<[f64; 2]> {
         self.segments.iter().filter_map(OrbitSegment::left_out_error).reduce(larger)

@@ -1,9 +1,10 @@
-//! Tables in Parquet files -> text as the reader of tables takes it: a line for the names of columns, a line for each row.
+//! Tables in Parquet files -> text as the reader of tables takes it: a line for the names of columns, a line for each
+//! row.
 //!
-//! Columns are named as in a table of text. Time stamps of milliseconds or microseconds are UTC; a time in nanoseconds is a
-//! whole number in `tai_ns`. The file's own metadata `sense` and `axes` become remarks. Line `n` of an error is row
-//! `n - 1`, less the remarks. Cells that are lists or missing are refused where they are used.
-//! Tests: below, and with `pyarrow` in `hil_scripts/test_histories.py`.
+//! Columns are named as in a table of text. Time stamps of milliseconds or microseconds are UTC; a time in nanoseconds
+//! is a whole number in `tai_ns`. The file's own metadata `sense` and `axes` become remarks. Line `n` of an error is
+//! row `n - 1`, less the remarks. Cells that are lists or missing are refused where they are used. Tests: below, and
+//! with `pyarrow` in `hil_scripts/test_histories.py`.
 
 use crate::error::HistoryError;
 use base::time::Tai;

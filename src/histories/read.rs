@@ -78,8 +78,8 @@ pub fn is_kernel(path: &Path) -> bool {
     beginning(path).is_some_and(is_one)
 }
 
-/// Reads a text of attitudes: CSV, AEM (KVN or XML), STK `.a`. `file` is what errors call it; `sense` is that of a table
-/// that does not say it.
+/// Reads a text of attitudes: CSV, AEM (KVN or XML), STK `.a`. `file` is what errors call it; `sense` is that of a
+/// table that does not say it.
 ///
 /// # Errors
 /// With the file, the line, what was got and what was wanted.

@@ -1,7 +1,8 @@
 //! Inertial axes of files: ICRF and GCRF, which are parallel, and EME2000, which is turned by the frame bias.
 //!
-//! EME2000 (STK: J2000) is the mean equator and equinox of J2000.0. Its bias from the axes of ICRF is 17 mas in x, 7 mas
-//! in y and 15 mas in right ascension (IERS Conventions 2010, section 5.4.4), and it is applied. Test: ERFA's matrix.
+//! EME2000 (STK: J2000) is the mean equator and equinox of J2000.0. Its bias from the axes of ICRF is 17 mas in x, 7
+//! mas in y and 15 mas in right ascension (IERS Conventions 2010, section 5.4.4), and it is applied. Test: ERFA's
+//! matrix.
 
 use base::axes::Rotation;
 use base::units::MAS;

@@ -19,7 +19,8 @@ pub(crate) struct Block<'a> {
 }
 
 impl<'a> Block<'a> {
-    /// Takes the file's block of this name (`Attitude`, `Ephemeris`) apart; `count` is the keyword of its number of rows.
+    /// Takes the file's block of this name (`Attitude`, `Ephemeris`) apart; `count` is the keyword of its number of
+    /// rows.
     pub(crate) fn read(source: &Source<'a>, name: &str, count: &str) -> Result<Self, HistoryError> {
         let (mut keys, mut rows): (Vec<Entry<'a>>, Vec<Row<'a>>) = (Vec::new(), Vec::new());
         let (mut rows_are, mut is_inside, mut is_ended, mut offset): (Option<Entry<'a>>, _, _, _) =

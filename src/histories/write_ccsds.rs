@@ -1,4 +1,5 @@
-//! CCSDS AEM and OEM as text. Times are UTC with nanoseconds, axes GCRF (parallel to ICRF), numbers as short as they read back.
+//! CCSDS AEM and OEM as text. Times are UTC with nanoseconds, axes GCRF (parallel to ICRF), numbers as short as they
+//! read back.
 
 use crate::attitude::{AttitudeHistory, AttitudeSegment, AttitudeState};
 use crate::attitude_methods::AttitudeInterpolation;

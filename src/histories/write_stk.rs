@@ -1,4 +1,5 @@
-//! STK's attitude and ephemeris files as text. One block has no gaps: segments follow each other in it, which a remark says.
+//! STK's attitude and ephemeris files as text. One block has no gaps: segments follow each other in it, which a remark
+//! says.
 
 use crate::attitude::AttitudeHistory;
 use crate::epoch::stk_date;

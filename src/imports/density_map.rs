@@ -1,8 +1,9 @@
 //! Catalogs and layers -> stars per square degree over the whole sky -> a picture.
 //!
 //! Stars are counted in HEALPix cells, so fine that a mean cell has some ten of them and no finer than order
-//! `FINEST_ORDER`. The picture is a Mollweide projection (equal areas stay equal; Snyder, Map Projections, USGS Paper 1395,
-//! p. 249), longitude rising to the left as one sees the sky, colours by the logarithm of the density. Tests: `tests`.
+//! `FINEST_ORDER`. The picture is a Mollweide projection (equal areas stay equal; Snyder, Map Projections, USGS Paper
+//! 1395, p. 249), longitude rising to the left as one sees the sky, colours by the logarithm of the density. Tests:
+//! `tests`.
 
 use base::source::{direction_from_ra_dec, ra_dec_rad};
 use base::units::DEG;
@@ -45,8 +46,8 @@ impl DensityMap {
         }
     }
 
-    /// Adds the stars of a layer not fainter than `limiting_mag`: by its table alone where all are, and by reading it where
-    /// only some are.
+    /// Adds the stars of a layer not fainter than `limiting_mag`: by its table alone where all are, and by reading it
+    /// where only some are.
     ///
     /// # Errors
     /// When a tile cannot be read or is damaged.
@@ -206,7 +207,8 @@ mod tests {
         near(0.0, 1.0, galactic(0.0, 90.0));
         near(0.5, 0.0, galactic(-90.0, 0.0));
         near(-0.5, 0.0, galactic(90.0, 0.0));
-        // Snyder, p. 249: at latitude 40.1 the parallel is 0.6... of the height: theta by his eq. (31-4), solved afresh.
+        // Snyder, p. 249: at latitude 40.1 the parallel is 0.6... of the height: theta by his eq. (31-4), solved
+        // afresh.
         let latitude: f64 = 40.0 * DEG;
         let mut theta: f64 = latitude / 2.0;
         for _ in 0..50 {

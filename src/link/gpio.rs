@@ -7,7 +7,8 @@
 //! are reported: the active one starts an exposure, the other one ends those whose length is the pulse's.
 //!
 //! *A named pipe in place of a chip.* Where the chip is a named pipe, it brings events of the kernel's own form
-//! (`struct gpio_v2_line_event`, 48 bytes): a pulse generator that is a program, for benches without lines, and for tests.
+//! (`struct gpio_v2_line_event`, 48 bytes): a pulse generator that is a program, for benches without lines, and for
+//! tests.
 //!
 //! Source: Linux `include/uapi/linux/gpio.h`, `Documentation/userspace-api/gpio/chardev.rst`. Limits: `QUEUE` edges may
 //! wait for all lines of a chip together; waiting reads a file, off the frame path. Tests: `gpio_tests`, on a named

@@ -6,8 +6,8 @@
 //!
 //! A step of CLOCK_REALTIME is seen as a jump of its distance from the bench clock between two readings. Packets
 //! stamped before the step may still lie in the queue, so until it has been empty once every packet gets the instant of
-//! its reading instead. Steps smaller than [`STEP_MIN`] look like slewing and pass into the stamps.
-//! The unit tests give the readings as arguments.
+//! its reading instead. Steps smaller than [`STEP_MIN`] look like slewing and pass into the stamps. The unit tests give
+//! the readings as arguments.
 
 use base::clock::PairedReading;
 use base::time::{Span, Tai};

@@ -14,8 +14,7 @@ pub(super) enum Readiness {
     Write,
 }
 
-/// Returns when it is so, after `span` at the latest, or when a signal came.
-/// Returns true if the event has occurred.
+/// Returns when it is so, after `span` at the latest, or when a signal came. Returns true if the event has occurred.
 pub(super) fn wait_for(fd: BorrowedFd<'_>, wanted: Readiness, span: Span) -> io::Result<bool> {
     let flags = match wanted {
         Readiness::Read => PollFlags::IN,

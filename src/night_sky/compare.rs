@@ -1,7 +1,8 @@
 //! One real frame and a camera file -> attitude, fitted camera, drawn frame, figures.
 //!
-//! The order of the fits: detections -> attitude -> geometry -> PSF -> geometry again -> noise -> background and vignetting ->
-//! zero point and colour. Then the camera file is written, read again, and drawn: the figures are those of the file.
+//! The order of the fits: detections -> attitude -> geometry -> PSF -> geometry again -> noise -> background and
+//! vignetting -> zero point and colour. Then the camera file is written, read again, and drawn: the figures are those
+//! of the file.
 
 use crate::camera_text;
 use crate::detect::{self, Detection};

@@ -1,7 +1,8 @@
 //! Finds background and stars of a picture.
 //!
-//! Background: medians of square cells, smoothed over 3 x 3 cells and interpolated between them. Stars: local maxima of the
-//! image smoothed by a Gaussian of one pixel, above [`LEAST_SIGMA`] times the spread; place by moments under a Gaussian.
+//! Background: medians of square cells, smoothed over 3 x 3 cells and interpolated between them. Stars: local maxima of
+//! the image smoothed by a Gaussian of one pixel, above [`LEAST_SIGMA`] times the spread; place by moments under a
+//! Gaussian.
 
 use crate::picture::{Picture, median, robust};
 
@@ -177,7 +178,8 @@ fn smoothed(flat: &Picture) -> Picture {
     Picture { size_px: flat.size_px, dn: pass(&rows, 1, width, height) }
 }
 
-/// Returns the spread of an image about its background, DN rms: from differences of neighbours, which stars hardly change.
+/// Returns the spread of an image about its background, DN rms: from differences of neighbours, which stars hardly
+/// change.
 #[must_use]
 pub fn noise_dn(picture: &Picture) -> f64 {
     let mut differences: Vec<f64> = picture

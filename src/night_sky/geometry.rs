@@ -1,9 +1,9 @@
 //! Where a camera puts directions: attitude, focal length, distortion and the atmosphere's stretch; fitted to stars.
 //!
-//! `x' = x (1 + k1 r^2 + k2 r^4 + k3 r^6) + tangential terms (p1, p2) + e1 x + e2 y`, `y' = ... + e2 x - e1 y`: Brown and
-//! Conrady's model with a stretch. Refraction of air moves stars by `R tan z` towards the zenith (R = 58 arcsec), so it
-//! shrinks lengths by R along the horizon and by R (1 + tan^2 z) across it: their mean goes into the focal length, half their
-//! difference, `R tan^2 z / 2`, is the stretch. The constant part goes into the attitude.
+//! `x' = x (1 + k1 r^2 + k2 r^4 + k3 r^6) + tangential terms (p1, p2) + e1 x + e2 y`, `y' = ... + e2 x - e1 y`: Brown
+//! and Conrady's model with a stretch. Refraction of air moves stars by `R tan z` towards the zenith (R = 58 arcsec),
+//! so it shrinks lengths by R along the horizon and by R (1 + tan^2 z) across it: their mean goes into the focal
+//! length, half their difference, `R tan^2 z / 2`, is the stretch. The constant part goes into the attitude.
 
 use crate::newton::{Fitted, first_three, fit};
 use base::axes::{Icrf, Rotation, Sensor};
@@ -123,8 +123,8 @@ impl Geometry {
     }
 }
 
-/// Returns the parallel of the zenith's direction on the image that a stretch means, degrees from right towards down, 0 to
-/// 180, and its size.
+/// Returns the parallel of the zenith's direction on the image that a stretch means, degrees from right towards down, 0
+/// to 180, and its size.
 #[must_use]
 pub fn stretch_axis(stretch: [f64; 2]) -> (f64, f64) {
     // Lengths along the vertical shrink: the axis of the negative stretch.

@@ -1,7 +1,7 @@
 //! Real frames of the night sky, compared with drawn ones.
 //!
-//! In: image files and the file of the camera that took them. Out: attitude, the camera as it was fitted, the same field drawn by
-//! starloop, and the differences star by star.
+//! In: image files and the file of the camera that took them. Out: attitude, the camera as it was fitted, the same
+//! field drawn by starloop, and the differences star by star.
 //!
 //! Tour: [`read`] (TIFF, PNG, FITS) -> [`detect`] -> [`solve`] (attitude from nothing) -> [`geometry`], [`psf_fit`], [`light_fit`]
 //! (the camera), with places and light of stars by [`measure`] -> [`camera_text`] (the fitted file) -> [`draw`] -> [`figures`] ->

@@ -1,4 +1,5 @@
-//! Frame -> what lights and disturbs it: background with its shape, vignetting, noise; stars -> zero point and colour term.
+//! Frame -> what lights and disturbs it: background with its shape, vignetting, noise; stars -> zero point and colour
+//! term.
 
 use crate::measure::PixelNoise;
 use crate::newton::{Fitted, linear};
@@ -20,7 +21,8 @@ const MAG_FLOOR: f64 = 0.04;
 /// Distance, in units of the spread, beyond which a star counts less (Huber).
 const HUBER: f64 = 1.5;
 
-/// Background of a frame, DN: `sky I + uniform (1 + gradient . (u, v) + quadratic (u^2 + v^2))`, u and v in half diagonals.
+/// Background of a frame, DN: `sky I + uniform (1 + gradient . (u, v) + quadratic (u^2 + v^2))`, u and v in half
+/// diagonals.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FittedBackground {
     /// Part that the optics' vignetting acts on, DN in the middle.
@@ -46,7 +48,8 @@ pub struct FittedLight {
     pub errors: [f64; 2],
     /// Stars.
     pub stars: usize,
-    /// How much fainter the stars say that the image is at half a diagonal than the illumination has it, mag, and its error.
+    /// How much fainter the stars say that the image is at half a diagonal than the illumination has it, mag, and its
+    /// error.
     pub edge_mag: [f64; 2],
 }
 

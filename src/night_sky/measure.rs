@@ -1,7 +1,9 @@
-//! Picture, background, PSF, places of the catalog's stars -> place and light of each: fits of the PSF, neighbours taken off.
+//! Picture, background, PSF, places of the catalog's stars -> place and light of each: fits of the PSF, neighbours
+//! taken off.
 //!
-//! All stars are fitted one after the other, brightest first, on the image less all the others, several times over. A star
-//! that is too faint for a place of its own keeps the one that was predicted. The same code measures real and drawn frames.
+//! All stars are fitted one after the other, brightest first, on the image less all the others, several times over. A
+//! star that is too faint for a place of its own keeps the one that was predicted. The same code measures real and
+//! drawn frames.
 
 use crate::picture::{Picture, median, window};
 use crate::stamp::Stamp;

@@ -11,8 +11,8 @@ const DIFFERENCE_SPREADS: f64 = 5.0;
 /// Columns between two pictures, px.
 const GAP_PX: usize = 4;
 
-/// Returns real | drawn | difference as a PNG file; `shrink` pixels of each side become one, the brightest of them for the two
-/// images (stars stay visible), their mean for the difference.
+/// Returns real | drawn | difference as a PNG file; `shrink` pixels of each side become one, the brightest of them for
+/// the two images (stars stay visible), their mean for the difference.
 ///
 /// # Errors
 /// When the picture cannot be encoded.

@@ -1,7 +1,7 @@
 //! Bright stars -> the PSF that fits them best: a Gaussian, a Moffat profile, or a Gaussian with a halo.
 //!
-//! Each candidate's parameters are searched by steps that get smaller; each star has its own light, place and background
-//! beside. Where two are nearly as good, the one with fewer parameters is taken.
+//! Each candidate's parameters are searched by steps that get smaller; each star has its own light, place and
+//! background beside. Where two are nearly as good, the one with fewer parameters is taken.
 
 use crate::figures::energy_weight;
 use crate::measure::{Plate, Spot};
@@ -166,8 +166,8 @@ fn search(plate: &Plate<'_>, spots: &[Spot], kind: usize, start: Vec<f64>, mut s
     Some(best)
 }
 
-/// Returns the mean squared residual of the stars' pixels, each star with its best light, place and background; and what it
-/// costs that the light of all stars together is spread otherwise.
+/// Returns the mean squared residual of the stars' pixels, each star with its best light, place and background; and
+/// what it costs that the light of all stars together is spread otherwise.
 fn chi2(plate: &Plate<'_>, spots: &[Spot], stamp: &Stamp) -> f64 {
     let mut light = [[0.0; 3]; 2];
     let mut sum = 0.0;

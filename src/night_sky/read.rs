@@ -1,7 +1,7 @@
 //! Image files -> [`Picture`]: TIFF, PNG and FITS, one grey channel.
 //!
-//! Files of more than [`MOST_BYTES`] and images of more than [`MOST_PIXELS`] are refused before their pixels are read. A
-//! damaged file is a message, never a panic: tests cut files at every place and change each byte of their heads.
+//! Files of more than [`MOST_BYTES`] and images of more than [`MOST_PIXELS`] are refused before their pixels are read.
+//! A damaged file is a message, never a panic: tests cut files at every place and change each byte of their heads.
 
 use crate::error::CompareError;
 use crate::picture::Picture;
@@ -18,7 +18,8 @@ pub const MOST_PIXELS: usize = 1 << 27;
 /// Bits of a pixel of the files.
 const FILE_BITS: u32 = 16;
 
-/// Reads an image of a camera of `size_px` whose converter has `bits` bits; values in the upper bits of 16 are shifted down.
+/// Reads an image of a camera of `size_px` whose converter has `bits` bits; values in the upper bits of 16 are shifted
+/// down.
 ///
 /// # Errors
 /// When the file cannot be read, is damaged, is not a grey image, or is not of such a camera.

@@ -1,9 +1,9 @@
 //! Detections -> attitude, with nothing known but the camera: "lost in space".
 //!
 //! The brightest detections are taken in pairs. Every pair of bright catalog stars of the same separation, within the
-//! tolerance of the scale, gives two attitudes; each is tried on the other detections, and those that three of them agree with
-//! are refined and counted on many. An attitude is accepted when [`LEAST_MATCHES`] and half of the brightest detections have a
-//! catalog star within [`MATCH_PX`]: by chance that happens less than once in 1e9 skies.
+//! tolerance of the scale, gives two attitudes; each is tried on the other detections, and those that three of them
+//! agree with are refined and counted on many. An attitude is accepted when [`LEAST_MATCHES`] and half of the brightest
+//! detections have a catalog star within [`MATCH_PX`]: by chance that happens less than once in 1e9 skies.
 
 use crate::detect::Detection;
 use crate::geometry::{Freedom, Geometry, Tie};
@@ -37,8 +37,8 @@ pub struct BrightSky {
 }
 
 impl BrightSky {
-    /// Takes the brightest of `stars` (brightest first): as many as fields of `solid_angle` (steradian) need; pairs up to
-    /// `widest_rad`.
+    /// Takes the brightest of `stars` (brightest first): as many as fields of `solid_angle` (steradian) need; pairs up
+    /// to `widest_rad`.
     #[must_use]
     pub fn new(stars: &[SkyStar], solid_angle: f64, widest_rad: f64) -> Self {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a number of stars")]
@@ -75,8 +75,8 @@ impl BrightSky {
         (best.0 <= radius_rad * radius_rad).then_some(best.1)
     }
 
-    /// Returns the attitude of a camera whose detections have these directions in its axes, and the number of stars that
-    /// agree; `start` has its geometry.
+    /// Returns the attitude of a camera whose detections have these directions in its axes, and the number of stars
+    /// that agree; `start` has its geometry.
     #[must_use]
     pub fn solve(&self, start: &Geometry, found: &[(Detection, DVec3)], tolerance: f64) -> Option<(Geometry, usize)> {
         let paired = &found[..found.len().min(PAIRED)];

@@ -4,8 +4,8 @@
 
 use glam::{DQuat, DVec3};
 
-/// Returns the turn from the true frame to the measured one, rad, sensor axes: -2 times the vector part of `q_meas q_true*`
-/// where it is small, and the whole rotation vector where it is not.
+/// Returns the turn from the true frame to the measured one, rad, sensor axes: -2 times the vector part of `q_meas
+/// q_true*` where it is small, and the whole rotation vector where it is not.
 #[must_use]
 pub fn attitude_error(measured: DQuat, truth: DQuat) -> DVec3 {
     let difference = measured * truth.conjugate();
@@ -46,7 +46,8 @@ mod tests {
 
     #[test]
     fn it_is_the_sense_of_the_programs_quaternion() {
-        // Written from the convention: a frame turned by +a about x sees the fixed direction y at cos a in y and -sin a in z.
+        // Written from the convention: a frame turned by +a about x sees the fixed direction y at cos a in y and -sin a
+        // in z.
         let a = 0.02_f64;
         let measured = turned(DQuat::IDENTITY, DVec3::X * a);
         let seen = measured * DVec3::Y;

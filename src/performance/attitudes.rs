@@ -1,4 +1,5 @@
-//! Attitudes of a test plan: one, a grid over the field, shifts by parts of a pixel, uniform over all, away from the Sun.
+//! Attitudes of a test plan: one, a grid over the field, shifts by parts of a pixel, uniform over all, away from the
+//! Sun.
 
 use crate::attitude_error::turned;
 use anyhow::{Result, bail};

@@ -1,5 +1,5 @@
-//! Bias: the part of the error that is the same wherever the sensor looks and whenever (ECSS: alignment measurement error and
-//! its stability). The mean over attitudes, or, of one run, over stretches of time.
+//! Bias: the part of the error that is the same wherever the sensor looks and whenever (ECSS: alignment measurement
+//! error and its stability). The mean over attitudes, or, of one run, over stretches of time.
 
 use crate::attitude_error::directional;
 use crate::metric::{AXES, Kind, Metric, Reading};
@@ -53,7 +53,8 @@ fn of_axis(kind: &Kind, name: &str, axis: Estimate) -> Metric {
     kind.of(name, None, axis.scaled(1.0 / ARCSEC))
 }
 
-/// The length of a vector of two estimates; no length inside the box of both intervals is farther from it than its diagonal.
+/// The length of a vector of two estimates; no length inside the box of both intervals is farther from it than its
+/// diagonal.
 fn across(x: Estimate, y: Estimate) -> Estimate {
     let value = directional(DVec3::new(x.value, y.value, 0.0));
     let half = |axis: Estimate| 0.5 * (axis.high - axis.low);

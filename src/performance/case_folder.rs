@@ -1,4 +1,5 @@
-//! The folder of one case: `frames.csv` with the truth, `tracker_log.csv`, `case.json`; and that of a plan, with `plan.json`.
+//! The folder of one case: `frames.csv` with the truth, `tracker_log.csv`, `case.json`; and that of a plan, with
+//! `plan.json`.
 
 use crate::assess::Settings;
 use crate::log::read_log;

@@ -1,8 +1,8 @@
 //! A case of a plan -> frames with their truth, and the log of the tracker under test.
 //!
-//! Every case is a run on the virtual clock whose plant is outside: this file is the plant. The same plan gives the same
-//! frames. The built-in tracker sees pixels and time tags, and is lost in space again at each attitude; a program outside gets
-//! the folder of images.
+//! Every case is a run on the virtual clock whose plant is outside: this file is the plant. The same plan gives the
+//! same frames. The built-in tracker sees pixels and time tags, and is lost in space again at each attitude; a program
+//! outside gets the folder of images.
 
 use crate::attitude_error::{attitude_error, turned};
 use crate::case_folder::{CASE, CaseFile, LOG};

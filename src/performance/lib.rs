@@ -1,7 +1,7 @@
 //! A star tracker under test, compared with the truth of runs: the metrics of ECSS-E-ST-60-20C, test plans, reports.
 //!
-//! In: frames with their true attitudes, the tracker's log. Out: metrics with confidence intervals, verdicts of requirements,
-//! a report as HTML, JSON and JUnit. No run needs this crate.
+//! In: frames with their true attitudes, the tracker's log. Out: metrics with confidence intervals, verdicts of
+//! requirements, a report as HTML, JSON and JUnit. No run needs this crate.
 //!
 //! ```text
 //! plan -> fly (frames, tracker) -> frames.csv + tracker_log.csv -> record -> metrics -> requirements -> report
@@ -11,8 +11,8 @@
 //! `bias`, `noise`, `spatial`, `slopes`, `availability` (the metrics) -> `assess` (all of them) -> `requirements` ->
 //! `report`; `plan`, `attitudes`, `fly` (test plans).
 //!
-//! Conventions: sensor axes; the error is the small turn of the measured frame from the true one, rad, about x, y (across
-//! the boresight: directional) and z (about it: rotational).
+//! Conventions: sensor axes; the error is the small turn of the measured frame from the true one, rad, about x, y
+//! (across the boresight: directional) and z (about it: rotational).
 
 pub mod assess;
 pub mod attitude_error;

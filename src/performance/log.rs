@@ -1,4 +1,5 @@
-//! A tracker's log -> rows: a table with named columns, lines of JSON with the same names, or an attitude file (AEM, STK).
+//! A tracker's log -> rows: a table with named columns, lines of JSON with the same names, or an attitude file (AEM,
+//! STK).
 //!
 //! | column | meaning |
 //! |---|---|
@@ -9,8 +10,8 @@
 //! | `latency_ms`, or `available_tai_ns`, `available_utc` | when the attitude was there: after the time at which it holds, or absolute |
 //! | `stars` | stars that were used |
 //!
-//! Lines of JSON may have the attitude as a list, `q` or `q_wxyz`, and `sent_tai_ns` or `sent_utc` for when it was there: those
-//! that `[[tracker_out]]` sends are such lines, also as packets of a capture (`link = "file"`).
+//! Lines of JSON may have the attitude as a list, `q` or `q_wxyz`, and `sent_tai_ns` or `sent_utc` for when it was
+//! there: those that `[[tracker_out]]` sends are such lines, also as packets of a capture (`link = "file"`).
 //!
 //! A remark `# sense: icrf_from_body` before the rows says that quaternions are the conjugate of this program's.
 

@@ -69,7 +69,8 @@ pub struct TrackerUnderTest {
     /// Milliseconds by which time tags of a tracker inside are late: a date error to be studied.
     #[serde(default)]
     pub tag_error_ms: f64,
-    /// A program and its arguments: `{frames}` is the folder of images, `{log}` the log to write, `{camera}` the camera file.
+    /// A program and its arguments: `{frames}` is the folder of images, `{log}` the log to write, `{camera}` the camera
+    /// file.
     #[serde(default)]
     pub command: Vec<String>,
     /// Figures of the statistical tracker.
@@ -79,7 +80,15 @@ pub struct TrackerUnderTest {
 impl Default for TrackerUnderTest {
     fn default() -> Self {
         let (stars, delay_ms) = (usual_stars(), usual_delay());
-        Self { source: Source::BuiltIn, name: None, stars, delay_ms, tag_error_ms: 0.0, command: Vec::new(), model: None }
+        Self {
+            source: Source::BuiltIn,
+            name: None,
+            stars,
+            delay_ms,
+            tag_error_ms: 0.0,
+            command: Vec::new(),
+            model: None,
+        }
     }
 }
 

@@ -1,8 +1,8 @@
 //! The truth of frames and the log of a tracker -> errors, frame by frame.
 //!
-//! A row of the log belongs to the frame that it names, else to the frame whose mid-exposure is nearest to its time tag,
-//! within half of the time between frames. Its error is that against the true attitude at the time that it states: a wrong
-//! time tag shows as an error along the motion.
+//! A row of the log belongs to the frame that it names, else to the frame whose mid-exposure is nearest to its time
+//! tag, within half of the time between frames. Its error is that against the true attitude at the time that it states:
+//! a wrong time tag shows as an error along the motion.
 
 use crate::attitude_error::{attitude_error, directional, turned};
 use base::units::ARCSEC;

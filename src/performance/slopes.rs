@@ -1,4 +1,5 @@
-//! Errors in proportion to something: to the rate (measurement date error), to the displacement by aberration, to time (drift).
+//! Errors in proportion to something: to the rate (measurement date error), to the displacement by aberration, to time
+//! (drift).
 
 use crate::bias::stretches_of;
 use crate::metric::{AXES, Kind, Metric, Reading};
@@ -90,8 +91,8 @@ fn uncorrected(frame: &Judged) -> DVec3 {
     DVec3::new(beta.y, -beta.x, 0.0)
 }
 
-/// Points of both axes across the boresight, without the mean of each axis. Errors of one attitude, or of a short stretch of a
-/// motion, are not independent: each gives one point.
+/// Points of both axes across the boresight, without the mean of each axis. Errors of one attitude, or of a short
+/// stretch of a motion, are not independent: each gives one point.
 fn demeaned(cases: &[&JudgedCase], point: impl Fn(&Judged, usize) -> Option<[f64; 2]>) -> Vec<[f64; 2]> {
     let mut all = Vec::new();
     for axis in 0..2 {

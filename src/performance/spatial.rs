@@ -1,7 +1,7 @@
 //! Errors that depend on where stars are on the detector: of the period of a pixel, and of the whole field.
 //!
-//! Each attitude of a grid is averaged over its frames. The variance between attitudes, less what noise leaves of it, is
-//! that of the spatial error; its interval is that of Williams (1962) and Tukey (1951) for variance components.
+//! Each attitude of a grid is averaged over its frames. The variance between attitudes, less what noise leaves of it,
+//! is that of the spatial error; its interval is that of Williams (1962) and Tukey (1951) for variance components.
 
 use crate::bias::groups;
 use crate::metric::{AXES, Kind, Metric, Reading};

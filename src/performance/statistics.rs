@@ -1,5 +1,5 @@
-//! Estimates with confidence intervals: means (Student's t), standard deviations (chi-square), shares (Clopper and Pearson),
-//! slopes (Student's t), and the confidence of a probability from trials (incomplete beta function).
+//! Estimates with confidence intervals: means (Student's t), standard deviations (chi-square), shares (Clopper and
+//! Pearson), slopes (Student's t), and the confidence of a probability from trials (incomplete beta function).
 
 use statrs::distribution::{Beta, ChiSquared, ContinuousCDF, FisherSnedecor, Normal, StudentsT};
 use statrs::function::beta::beta_reg;

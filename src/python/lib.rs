@@ -1,5 +1,5 @@
-//! The module `starloop._native` of the Python package: thin classes over the crates; the package beside it (`package/`) gives
-//! them their Python form.
+//! The module `starloop._native` of the Python package: thin classes over the crates; the package beside it
+//! (`package/`) gives them their Python form.
 //!
 //! Requests and facts go as JSON text, pixels as numpy arrays. The interpreter lock is released while frames are drawn.
 //! Tests: `hil_scripts/test_python.py`.

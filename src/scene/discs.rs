@@ -16,8 +16,7 @@
 //! Laws: the Earth and planets are Lambert spheres, `cos i`; Moon and Mercury are Lommel-Seeliger, `cos i / (cos i +
 //! cos e)`, flat at full phase as the Moon is. Neither has clouds, seas or an opposition peak; the sum follows the
 //! magnitude. Limits: the disc does not move among the stars during an exposure (the Earth's limb turns by 0.06 deg/s
-//! in low orbit).
-//! Tests: below; `tests/physics/bodies.rs`.
+//! in low orbit). Tests: below; `tests/physics/bodies.rs`.
 
 use crate::occultation::Occultation;
 use base::axes::{Icrf, Rotation, Sensor};

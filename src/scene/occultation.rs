@@ -4,8 +4,7 @@
 //! distance; the Earth is the WGS 84 ellipsoid, the Moon a sphere. A spherical Earth would be wrong by up to 21 km at
 //! the limb, 0.45 deg from 550 km up: 23 px of 71 arcsec. Limits: no refraction, air or mountains ([`sky::spheroid`]);
 //! a star that sets during the exposure is visible for all of it or not at all, so its setting is right to half an
-//! exposure.
-//! Tests: `tests/physics/bodies.rs`.
+//! exposure. Tests: `tests/physics/bodies.rs`.
 
 use glam::DVec3;
 use sky::bodies::Standpoint;

@@ -3,8 +3,7 @@
 //! In: the sources of one exposure and its attitude. Out: the sources to draw. Apparent places as for stars; light by
 //! the magnitude (planets, Moon) or the albedo (Earth) through the radiometry of stars, with the Sun's colour. A planet
 //! whose radius is below [`POINT_RADIUS_PX`] is a point. The Sun is never drawn: its disc in the field is reported.
-//! Reuses its buffers; more sources than ever before may allocate once.
-//! Tests: `tests/physics/bodies.rs`.
+//! Reuses its buffers; more sources than ever before may allocate once. Tests: `tests/physics/bodies.rs`.
 
 use crate::camera::CameraParams;
 use crate::discs::{Disc, DiscPainter, Law};

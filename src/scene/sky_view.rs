@@ -1,7 +1,7 @@
 //! Stars, observer and radiometry -> the sources of one exposure. Reuses its buffers.
 //!
-//! Uses the tiles of the field, whose light was computed when they were decoded, on all cores.
-//! Tests: `tests/physics/frames.rs`, `tests/physics/deep_sky.rs`.
+//! Uses the tiles of the field, whose light was computed when they were decoded, on all cores. Tests:
+//! `tests/physics/frames.rs`, `tests/physics/deep_sky.rs`.
 
 use crate::camera::CameraParams;
 use crate::error::SceneError;

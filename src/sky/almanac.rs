@@ -1,8 +1,8 @@
 //! Time -> Earth, Sun and planets for every frame, from series that were evaluated before the first one.
 //!
-//! The series of [`crate::earth`] and [`crate::sun`], and those of the planets where [`crate::ephemeris`] has no table, cost
-//! milliseconds a day: too much for the frame thread. An [`Almanac`] has them at the start of each day of
-//! a run (TDB days since J2000.0, which start at noon), and interpolates within a day:
+//! The series of [`crate::earth`] and [`crate::sun`], and those of the planets where [`crate::ephemeris`] has no table,
+//! cost milliseconds a day: too much for the frame thread. An [`Almanac`] has them at the start of each day of a run
+//! (TDB days since J2000.0, which start at noon), and interpolates within a day:
 //!
 //! | body | method | error against its series |
 //! |---|---|---|
@@ -10,10 +10,10 @@
 //! | Sun | straight on from the middle of the day | 0.25 km, 1.1e-5 km/s (8 microarcsec) |
 //! | planets outside the table | cubic as for the Earth | [`PLANET_KM`] |
 //!
-//! The Earth's bound: sqrt(3)/216 x 1 day^3 x the fourth derivative, 13 km/day^4 for the year's motion and 13 to 40 for the
-//! Moon's pull. The Sun's: its acceleration, below 2.5e-10 km/s^2, over half a day. A value depends on the time only,
-//! whether its day was prepared or not. Nothing allocates after construction. The Moon's own series costs microseconds and
-//! is not here. Tests: below; `tests/physics/almanac.rs`.
+//! The Earth's bound: sqrt(3)/216 x 1 day^3 x the fourth derivative, 13 km/day^4 for the year's motion and 13 to 40 for
+//! the Moon's pull. The Sun's: its acceleration, below 2.5e-10 km/s^2, over half a day. A value depends on the time
+//! only, whether its day was prepared or not. Nothing allocates after construction. The Moon's own series costs
+//! microseconds and is not here. Tests: below; `tests/physics/almanac.rs`.
 
 use crate::observer::BarycentricState;
 use crate::planets::{self, Planet};

@@ -4,9 +4,8 @@
 //!   arcsec), no aberration.
 //! * [`Standpoint`], for what is drawn: the states from which apparent places follow, to 0.1 arcsec of DE421.
 //!
-//! Both are of an [`ObserverTrack`]. Limits: an observer at the barycentre has no such sky and is refused; for one at the
-//! geocentre the Earth is left out.
-//! Tests: below; `tests/physics/bodies.rs`; the Moon in [`crate::moon`].
+//! Both are of an [`ObserverTrack`]. Limits: an observer at the barycentre has no such sky and is refused; for one at
+//! the geocentre the Earth is left out. Tests: below; `tests/physics/bodies.rs`; the Moon in [`crate::moon`].
 
 use crate::ObserverError;
 use crate::observer::{BarycentricState, ObserverTrack};
@@ -139,8 +138,8 @@ mod tests {
 
     #[test]
     fn an_eclipse_lines_up_sun_and_moon() {
-        // Greatest eclipse 2026-08-12 17:46 UTC, gamma 0.898 (NASA eclipse catalogue): the axis of the shadow passes the
-        // geocentre at 0.898 Earth radii, so the angle seen from there is near 0.9 x 0.95 deg.
+        // Greatest eclipse 2026-08-12 17:46 UTC, gamma 0.898 (NASA eclipse catalogue): the axis of the shadow passes
+        // the geocentre at 0.898 Earth radii, so the angle seen from there is near 0.9 x 0.95 deg.
         let eclipse = at("2026-08-12T17:46:00Z");
         let bodies = ObserverTrack::new(Observer::Geocentre, eclipse).bodies(eclipse).expect("a sky");
         let moon = bodies.moon_km;

@@ -6,8 +6,9 @@
 //!
 //! Velocity is the central difference over two half-steps of [`HALF_STEP_D`]; its truncation error, h^2/6 of the third
 //! derivative, is below 4e-6 km/s for the year's motion and 3e-7 km/s for the month's: 3 microarcsec of aberration.
-//! Measured against `erfa.epv00` at 2,001 times, 1900-2100: velocity within 1.1e-5 km/s (0.008 mas of aberration), position
-//! within 1420 km (7 microarcsec of parallax at 1 arcsec; the theory's older planet masses place the barycentre so).
+//! Measured against `erfa.epv00` at 2,001 times, 1900-2100: velocity within 1.1e-5 km/s (0.008 mas of aberration),
+//! position within 1420 km (7 microarcsec of parallax at 1 arcsec; the theory's older planet masses place the
+//! barycentre so).
 //!
 //! Test: `agrees_with_a_numerical_ephemeris` against literals from `erfa.epv00`.
 

@@ -5,8 +5,8 @@
 //! | between two states at most [`GAP`] apart | cubic Hermite | position `h^4 / 384` and velocity `h^3 sqrt(3) / 216` times the largest fourth derivative of the position |
 //! | elsewhere | two-body motion from the nearest state (a straight line at the barycentre) | table in [`crate::orbit::TwoBodyOrbit`]: below 1 m/s in 60 s, 500 km above the Earth |
 //!
-//! In a low orbit the fourth derivative is 1e-8 km/s^4: states 60 s apart are 0.4 m and 0.02 m/s off, 0.01 mas of aberration.
-//! Tests: below, on both sides of [`GAP`] and of [`FAR`].
+//! In a low orbit the fourth derivative is 1e-8 km/s^4: states 60 s apart are 0.4 m and 0.02 m/s off, 0.01 mas of
+//! aberration. Tests: below, on both sides of [`GAP`] and of [`FAR`].
 
 use crate::ObserverError;
 use crate::orbit::{CentralBody, TwoBodyOrbit};
@@ -36,7 +36,8 @@ impl FollowedStates {
         Self { about, states: VecDeque::with_capacity(KEPT) }
     }
 
-    /// Takes in the state at an instant; one of the same instant is replaced, and the oldest leaves when there are too many.
+    /// Takes in the state at an instant; one of the same instant is replaced, and the oldest leaves when there are too
+    /// many.
     ///
     /// # Errors
     /// When a number is not finite, too large, or below the surface of the body.
@@ -111,8 +112,8 @@ impl FollowedStates {
     }
 }
 
-/// Returns the state at an instant on the cubic through two states (Stoer and Bulirsch, Introduction to Numerical Analysis,
-/// section 2.1.5).
+/// Returns the state at an instant on the cubic through two states (Stoer and Bulirsch, Introduction to Numerical
+/// Analysis, section 2.1.5).
 fn hermite(earlier: (Tai, BarycentricState), later: (Tai, BarycentricState), at: Tai) -> BarycentricState {
     let (step_s, since_s) = ((later.0 - earlier.0).s(), (at - earlier.0).s());
     let x = since_s / step_s;

@@ -5,10 +5,10 @@
 //! * Moon: -12.74 at full and mean distance (Allen's Astrophysical Quantities, 4th ed.), fainter by `0.026 |a| + 4e-9 a^4`
 //!   at phase angle `a`, deg (Krisciunas and Schaefer 1991, PASP 103, 1033, eq. 9). No eclipses, no Earthshine.
 //!
-//! Beyond the phase angles that were measured the polynomials are held at their last one ([`most_phase_deg`]).
-//! Colours: all are lit by the Sun and taken to have its colour ([`SUN_BP_RP`]): G is V - 0.15. The red of Mars (B-V 1.43 for
-//! the Sun's 0.65) is worth -0.3 mag in G.
-//! Tests: `tests/physics/bodies.rs`, against skyfield's values and published ones.
+//! Beyond the phase angles that were measured the polynomials are held at their last one ([`most_phase_deg`]). Colours:
+//! all are lit by the Sun and taken to have its colour ([`SUN_BP_RP`]): G is V - 0.15. The red of Mars (B-V 1.43 for
+//! the Sun's 0.65) is worth -0.3 mag in G. Tests: `tests/physics/bodies.rs`, against skyfield's values and published
+//! ones.
 
 use crate::planets::Planet;
 use base::units::{AU_KM, DEG};

@@ -135,7 +135,8 @@ mod tests {
     use crate::ephemeris::{FIRST_DAY, LAST_DAY};
     use base::units::DAY_S;
 
-    /// Sum of squares of what the series leaves out is 0.004 deg; three times that, and precession's neglected nutation.
+    /// Sum of squares of what the series leaves out is 0.004 deg; three times that, and precession's neglected
+    /// nutation.
     const SERIES_DEG: f64 = 0.015;
     const SERIES_KM: f64 = 60.0;
     /// Rounding and truncation of the table's coefficients (measured 0.13 km), and 1 ms of the clock.

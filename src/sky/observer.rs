@@ -1,8 +1,8 @@
 //! Time -> barycentric position and velocity of the star sensor: a body's centre plus the spacecraft's orbit about it.
 //!
 //! About the Moon the Earth's state has the Moon's added, about the Sun it is the Sun's. Errors of those bodies, as
-//! aberration: the Earth 0.005 mas, the Sun 0.01 mas, the Moon 0.01 mas
-//! from 1990 to 2052 and 1 mas outside (its table and its series, [`crate::moon`]).
+//! aberration: the Earth 0.005 mas, the Sun 0.01 mas, the Moon 0.01 mas from 1990 to 2052 and 1 mas outside (its table
+//! and its series, [`crate::moon`]).
 //!
 //! Proven by the tests of [`crate::earth`] and [`crate::orbit`] and by `tests/physics/apparent_places`.
 
@@ -107,8 +107,8 @@ impl ObserverTrack {
         Self { observer, followed: None, almanac }
     }
 
-    /// Takes in the observer's state at an instant, from outside, relative to the body it is about: km and km/s, ICRF axes.
-    /// From the first one on the orbit is not used any more. The first call allocates.
+    /// Takes in the observer's state at an instant, from outside, relative to the body it is about: km and km/s, ICRF
+    /// axes. From the first one on the orbit is not used any more. The first call allocates.
     ///
     /// # Errors
     /// When a number is not finite, too large, or below the surface of the body.
@@ -117,7 +117,8 @@ impl ObserverTrack {
         self.followed.get_or_insert_with(|| Box::new(FollowedStates::new(about))).take(at, state)
     }
 
-    /// Returns true when states come from outside, and the nearest is so far from an instant that its state is predicted.
+    /// Returns true when states come from outside, and the nearest is so far from an instant that its state is
+    /// predicted.
     #[must_use]
     pub fn is_far(&self, at: Tai) -> bool {
         self.followed.as_ref().is_some_and(|states| states.is_far(at))

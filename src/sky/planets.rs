@@ -1,14 +1,14 @@
 //! Time and the observer's place -> where a planet's light comes from, km, ICRF axes.
 //!
 //! Heliocentric positions by the table of [`crate::ephemeris`], outside its span by VSOP87E (Bretagnon and Francou
-//! 1988, A&A 202, 309), both through [`crate::almanac`]. Light time: the planet is taken where it was when the light left
-//! ([`crate::planet_light`]). What
-//! is given is then geometric in the observer's axes of rest with the barycentre, so that the aberration of stars applies.
-//! The Sun's own motion meanwhile (0.013 km/s) is left out: 200 km, or 0.01 arcsec, at Neptune. Mars to Neptune are the
-//! centres of mass of their systems (Jupiter's is 200 km from the planet's middle: 0.1 arcsec).
+//! 1988, A&A 202, 309), both through [`crate::almanac`]. Light time: the planet is taken where it was when the light
+//! left ([`crate::planet_light`]). What is given is then geometric in the observer's axes of rest with the barycentre,
+//! so that the aberration of stars applies. The Sun's own motion meanwhile (0.013 km/s) is left out: 200 km, or 0.01
+//! arcsec, at Neptune. Mars to Neptune are the centres of mass of their systems (Jupiter's is 200 km from the planet's
+//! middle: 0.1 arcsec).
 //!
-//! Against DE421 1990-2051: 0.05 arcsec by the table; by VSOP87E 0.4 arcsec for Mercury to Saturn, 1.7 for Uranus, 2.4 for
-//! Neptune. Tests: below; `tests/physics/bodies.rs` for apparent places.
+//! Against DE421 1990-2051: 0.05 arcsec by the table; by VSOP87E 0.4 arcsec for Mercury to Saturn, 1.7 for Uranus, 2.4
+//! for Neptune. Tests: below; `tests/physics/bodies.rs` for apparent places.
 
 use crate::earth::{self, HALF_STEP_D, state_by_difference};
 use crate::ephemeris::Method;

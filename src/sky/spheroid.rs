@@ -3,11 +3,10 @@
 //! A body is a spheroid about its axis. Stretched along the axis until it is a sphere, straight lines stay straight, so
 //! limb and surface are those of a sphere: a line meets it when it passes nearer than the radius.
 //!
-//! Light is taken in the body's own axes of rest, where it needs no light time: a direction seen, `u`, comes from `u - b`
-//! there, `b` the observer's velocity with respect to the body over that of light (aberration to first order; what is left
-//! out, b^2 / 2, is 1 mas at 30 km/s). Limits: no atmosphere, so no refraction (at the Earth's limb up to 70 arcmin, a
-//! few seconds of an orbit) and no dimming; no mountains.
-//! Tests: below.
+//! Light is taken in the body's own axes of rest, where it needs no light time: a direction seen, `u`, comes from `u -
+//! b` there, `b` the observer's velocity with respect to the body over that of light (aberration to first order; what
+//! is left out, b^2 / 2, is 1 mas at 30 km/s). Limits: no atmosphere, so no refraction (at the Earth's limb up to 70
+//! arcmin, a few seconds of an orbit) and no dimming; no mountains. Tests: below.
 
 use crate::observer::BarycentricState;
 use base::units::SPEED_OF_LIGHT_KM_S;
@@ -40,7 +39,8 @@ pub struct SurfacePoint {
 }
 
 impl Spheroid {
-    /// Returns a body with this state for the observer: position from the body's centre and velocity with respect to it.
+    /// Returns a body with this state for the observer: position from the body's centre and velocity with respect to
+    /// it.
     #[must_use]
     pub fn seen_from(state: &BarycentricState, axis: DVec3, radius_km: f64, flattening: f64) -> Self {
         let beta = state.velocity_km_s / SPEED_OF_LIGHT_KM_S;

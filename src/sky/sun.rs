@@ -1,8 +1,8 @@
 //! Time -> barycentric position and velocity of the Sun's centre.
 //!
 //! Source and axes as for [`crate::earth`] (VSOP87E). The Sun moves by up to 16 m/s about the barycentre: 11 mas of
-//! aberration for an observer in orbit about it. Velocity is the central difference over a day: truncation below 1e-10 km/s.
-//! Test: `agrees_with_a_numerical_ephemeris`.
+//! aberration for an observer in orbit about it. Velocity is the central difference over a day: truncation below 1e-10
+//! km/s. Test: `agrees_with_a_numerical_ephemeris`.
 
 use crate::earth::{state_by_difference, sun_position_km};
 use crate::observer::BarycentricState;

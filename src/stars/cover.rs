@@ -1,9 +1,9 @@
 //! A cone on the sky -> the HEALPix cells that may reach into it, without allocating; distances as squared chords.
 //!
 //! From the twelve base cells down: a cell whose bounding circle misses the cone is left with all it holds, one whose
-//! circle lies inside is taken with all it holds, any other is looked at by its quarters. What is taken is a superset of
-//! the cells that touch the cone, by at most the width of a cell; it holds for any radius. Order: ascending.
-//! Tests: `no_cell_is_missed_and_few_are_taken_in_vain`, `every_cell_lies_within_its_circle`.
+//! circle lies inside is taken with all it holds, any other is looked at by its quarters. What is taken is a superset
+//! of the cells that touch the cone, by at most the width of a cell; it holds for any radius. Order: ascending. Tests:
+//! `no_cell_is_missed_and_few_are_taken_in_vain`, `every_cell_lies_within_its_circle`.
 
 use base::source::direction_from_ra_dec;
 use core::f64::consts::PI;
@@ -22,8 +22,8 @@ pub const CIRCLE: f64 = 1.08;
 /// Cells that may wait: three quarters at each order, and the base cells.
 const WAITING: usize = 12 + 3 * 30;
 
-/// Calls `take` with every cell of `order` that may have a point within `radius_rad` of `axis` (a unit vector). A radius
-/// that is not a number or negative gives none.
+/// Calls `take` with every cell of `order` that may have a point within `radius_rad` of `axis` (a unit vector). A
+/// radius that is not a number or negative gives none.
 pub(crate) fn cells_of_cone(order: u8, axis: DVec3, radius_rad: f64, mut take: impl FnMut(u64)) {
     if radius_rad.is_nan() || radius_rad < 0.0 {
         return;

@@ -1,7 +1,7 @@
 //! Direction in ICRF axes <-> galactic longitude and latitude.
 //!
-//! Source of the rotation: ESA, The Hipparcos and Tycho Catalogues, vol. 1 (1997), sec. 1.5.3, eq. 1.5.11, which defines
-//! the galactic axes in ICRS. Test: `pole_centre_and_a_published_place`.
+//! Source of the rotation: ESA, The Hipparcos and Tycho Catalogues, vol. 1 (1997), sec. 1.5.3, eq. 1.5.11, which
+//! defines the galactic axes in ICRS. Test: `pole_centre_and_a_published_place`.
 
 use base::source::direction_from_ra_dec;
 use glam::{DMat3, DVec3};

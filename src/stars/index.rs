@@ -63,8 +63,8 @@ impl StarIndex {
         (place < self.stars()).then(|| self.firsts.partition_point(|first| *first <= place) as u64 - 1)
     }
 
-    /// Calls `take` with every tile that may have stars within `radius_rad` of `axis` (a unit vector), ascending. A radius that
-    /// is not a number or negative gives none.
+    /// Calls `take` with every tile that may have stars within `radius_rad` of `axis` (a unit vector), ascending. A
+    /// radius that is not a number or negative gives none.
     pub fn tiles_of_cone(&self, axis: DVec3, radius_rad: f64, mut take: impl FnMut(u64)) {
         if radius_rad < 0.0 {
             return;

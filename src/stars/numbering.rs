@@ -1,8 +1,9 @@
 //! Numbers of stars as catalogs store them -> names in their source catalogs.
 //!
-//! A stored number is Gaia's `source_id`, or the user's own, or below zero one of a bright star: minus the Hipparcos number,
-//! or -(10^12 + 10^6 TYC1 + 10 TYC2 + TYC3). Whether numbers are Gaia's is found from the stars themselves: `source_id`
-//! divided by 2^35 is the nested HEALPix cell at order 12 in which the star was first seen (Gaia DR3 documentation, section
+//! A stored number is Gaia's `source_id`, or the user's own, or below zero one of a bright star: minus the Hipparcos
+//! number, or -(10^12 + 10^6 TYC1 + 10 TYC2 + TYC3). Whether numbers are Gaia's is found from the stars themselves:
+//! `source_id` divided by 2^35 is the nested HEALPix cell at order 12 in which the star was first seen (Gaia DR3
+//! documentation, section
 //! 20.1.1), 52 arcsec wide, so numbers of other origin do not lie where they say. Tests: below, and
 //! `catalog::tests::built_in_stars_have_the_names_of_their_sources`.
 
@@ -18,8 +19,8 @@ pub const NO_NUMBER: i64 = i64::MIN;
 const GAIA_CELL_BITS: u32 = 35;
 /// Order of that cell.
 const GAIA_CELL_ORDER: u8 = 12;
-/// A star may be this far from its cell's centre: half the cell's diagonal, and what it has moved since it was first seen. Of
-/// the built-in catalog 99.9 % are within 46 arcsec; Barnard's star is at 157.
+/// A star may be this far from its cell's centre: half the cell's diagonal, and what it has moved since it was first
+/// seen. Of the built-in catalog 99.9 % are within 46 arcsec; Barnard's star is at 157.
 const GAIA_REACH_RAD: f64 = 180.0 * ARCSEC;
 /// Numbers are Gaia's when at least this share of them lie where they say.
 const GAIA_SHARE: f64 = 0.9;
@@ -81,7 +82,8 @@ impl Origins {
         }
     }
 
-    /// Counts the catalogs that a packed CSV's column `origin` names, such as `gaia+hip_lb`: proper motions may be theirs.
+    /// Counts the catalogs that a packed CSV's column `origin` names, such as `gaia+hip_lb`: proper motions may be
+    /// theirs.
     pub fn see_words(&mut self, origin: &str) {
         let names = |catalog| origin.split(|c: char| !c.is_alphanumeric()).any(|word| word == catalog);
         self.named_hipparcos += u64::from(names("hip"));

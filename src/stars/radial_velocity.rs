@@ -1,11 +1,11 @@
 //! Name of a star -> its velocity along the line of sight, for the stars whose places it changes most.
 //!
-//! A star that comes nearer moves faster across the sky: neglect of its radial velocity v_r errs by
-//! v_r parallax pm t^2 / 4.74 (perspective acceleration; Schlesinger 1917, AJ 30, 137). Catalogs of places seldom list v_r;
-//! `FASTEST` has it for the fast and near stars where neglect would come to 10 mas and more in 34 years. Values: Nidever
-//! et al. 2002, ApJS 141, 503, and Gaia DR3, good to 0.5 km/s: 3 mas for Barnard's star by 2050, 1 mas or less for the
-//! others. Left out: alpha Centauri and Sirius, whose orbital motion, which no catalog here has, is larger by far.
-//! Tests: below, and `tests/physics/space_motion.rs`.
+//! A star that comes nearer moves faster across the sky: neglect of its radial velocity v_r errs by v_r parallax pm t^2
+//! / 4.74 (perspective acceleration; Schlesinger 1917, AJ 30, 137). Catalogs of places seldom list v_r; `FASTEST` has
+//! it for the fast and near stars where neglect would come to 10 mas and more in 34 years. Values: Nidever et al. 2002,
+//! ApJS 141, 503, and Gaia DR3, good to 0.5 km/s: 3 mas for Barnard's star by 2050, 1 mas or less for the others. Left
+//! out: alpha Centauri and Sirius, whose orbital motion, which no catalog here has, is larger by far. Tests: below, and
+//! `tests/physics/space_motion.rs`.
 
 use base::source_id::SourceId;
 

@@ -1,4 +1,5 @@
-//! Steps in which packed catalogs and layers store magnitudes, colours and parallaxes, and the star that a record makes.
+//! Steps in which packed catalogs and layers store magnitudes, colours and parallaxes, and the star that a record
+//! makes.
 
 use crate::radial_velocity::radial_mas_yr;
 use base::source::{CatalogSource, ProperMotion};

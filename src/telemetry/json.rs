@@ -1,9 +1,9 @@
 //! Plain JSON: one object per datagram or line, for whoever wants to read a tracker with a few lines of a script.
 //!
 //! A report has `utc` (middle of the exposure), `sent_utc`, `q_wxyz` in the sense that was chosen, `rate_deg_s`,
-//! `sigma_arcsec`, `stars`, `mode`, `valid`. A client may send objects, one to a line or datagram: `{"command": "ping"}`,
-//! `"operate"`, `"standby"`, `"reset"`, and `{"command": "exposure", "exposure_ms": 40}`; each is answered by an object with
-//! `reply`, `ok` and, where it is refused, `error`.
+//! `sigma_arcsec`, `stars`, `mode`, `valid`. A client may send objects, one to a line or datagram: `{"command":
+//! "ping"}`, `"operate"`, `"standby"`, `"reset"`, and `{"command": "exposure", "exposure_ms": 40}`; each is answered by
+//! an object with `reply`, `ok` and, where it is refused, `error`.
 
 use crate::quaternion::Continuity;
 use crate::{Answered, Device, Limits, Mode, Order, Report, Sense, Wire};

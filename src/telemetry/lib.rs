@@ -1,15 +1,15 @@
 //! Wire formats of star trackers: what a tracker reports -> packets; bytes of a client -> orders and answers.
 //!
-//! Pure: no socket, no clock, no file. Each protocol is a [`Device`] in a module of its own, and keeps the state that its real
-//! counterpart keeps: counters, subscriptions, an object dictionary. Whoever has a clock and a line calls it.
+//! Pure: no socket, no clock, no file. Each protocol is a [`Device`] in a module of its own, and keeps the state that
+//! its real counterpart keeps: counters, subscriptions, an object dictionary. Whoever has a clock and a line calls it.
 //!
 //! ```text
 //! Report -> Device -> Wire (bytes, or CAN frames) -> line      line -> Wire -> Device -> Order, and answers
 //! ```
 //!
-//! Quaternions come in as everywhere in starloop (Hamilton, passive, `v_sensor = q v_icrf q*`, scalar first); each module says
-//! what it makes of them. Tests: beside the code, with packets from the protocols' own documents and programs;
-//! `hil_scripts/test_tracker_out.py` with other people's clients; `tests/fuzz/targets/tracker_commands.rs`.
+//! Quaternions come in as everywhere in starloop (Hamilton, passive, `v_sensor = q v_icrf q*`, scalar first); each
+//! module says what it makes of them. Tests: beside the code, with packets from the protocols' own documents and
+//! programs; `hil_scripts/test_tracker_out.py` with other people's clients; `tests/fuzz/targets/tracker_commands.rs`.
 
 pub mod canopen;
 pub mod ccsds;

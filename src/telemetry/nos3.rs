@@ -1,9 +1,10 @@
 //! The generic star tracker of NASA's NOS3: request and answer over a UART, 115200 8N1.
 //!
-//! Source: `fsw/shared/generic_star_tracker_device.c` and `sim/src/*hardware_model.cpp` of nasa-itc/generic_star_tracker
-//! (144a4e0), which differ from its README. Big-endian. A command has 9 bytes: `DE AD`, code, u32, `BE EF`. The device sends
-//! it back first, then the answer: to code 1 eight bytes with a counter that goes up by two, to code 2 thirteen bytes with
-//! the quaternion as four u16 and a byte that says whether it is valid. `q = (u16 - 32768) / 32767`, truncated: steps of 3.05e-5,
+//! Source: `fsw/shared/generic_star_tracker_device.c` and `sim/src/*hardware_model.cpp` of
+//! nasa-itc/generic_star_tracker (144a4e0), which differ from its README. Big-endian. A command has 9 bytes: `DE AD`,
+//! code, u32, `BE EF`. The device sends it back first, then the answer: to code 1 eight bytes with a counter that goes
+//! up by two, to code 2 thirteen bytes with the quaternion as four u16 and a byte that says whether it is valid. `q =
+//! (u16 - 32768) / 32767`, truncated: steps of 3.05e-5,
 //! 12.6 arcsec. The scalar is last, and the vector the conjugate of starloop's, as in 42.
 //!
 //! `Differs:` code 3, "configure", which the simulator there refuses, takes orders here: 0 begins again, 1 pauses, 2

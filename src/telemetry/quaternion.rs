@@ -21,7 +21,8 @@ impl Sense {
     }
 }
 
-/// Chooses between `q` and `-q`, which are the same attitude: the one nearer to the last, at first the one with `w >= 0`.
+/// Chooses between `q` and `-q`, which are the same attitude: the one nearer to the last, at first the one with `w >=
+/// 0`.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Continuity {
     last: Option<[f64; 4]>,

@@ -1,11 +1,11 @@
 //! A display, a collimator and a star tracker's camera: greys in, frames out. Shares no code with what calibrates them.
 //!
-//! Light of a grey: an offset power law above a black level, times a vignetting that falls with the square of the distance from
-//! a place. Display px -> a plane tilted about two axes -> the collimator's own distortion (radial and decentring) -> a
-//! roll and an offset -> directions in the tracker's sensor axes -> the tracker's pinhole with radial distortion.
-//! Each lit pixel is a Gaussian integrated over the tracker's pixels; what all pixels share (the black level, a flat) is
-//! a smooth level, by the display's pixels per tracker pixel. Then shot noise, dark current, read noise, rounding.
-//! The map is given from display to tracker; the way back is found by Newton steps on differences.
+//! Light of a grey: an offset power law above a black level, times a vignetting that falls with the square of the
+//! distance from a place. Display px -> a plane tilted about two axes -> the collimator's own distortion (radial and
+//! decentring) -> a roll and an offset -> directions in the tracker's sensor axes -> the tracker's pinhole with radial
+//! distortion. Each lit pixel is a Gaussian integrated over the tracker's pixels; what all pixels share (the black
+//! level, a flat) is a smooth level, by the display's pixels per tracker pixel. Then shot noise, dark current, read
+//! noise, rounding. The map is given from display to tracker; the way back is found by Newton steps on differences.
 //! Limits: no diffraction rings, no moire of pixel grids. Tests below; used by `tests/physics/display_calibration` and
 //! `starloop calibrate display simulate`.
 

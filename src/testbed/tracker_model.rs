@@ -10,13 +10,13 @@
 //! * time-tag error: the attitude is of the true instant and says another.
 //!
 //! Life: an attitude is found when the rate has been below its limit and no bright body near the boresight for
-//! `acquisition`, in each frame with `acquisition_probability`; it is kept with `tracking_probability` in each frame until the
-//! rate is above `lost_above` or a body comes near. Numbers are those of Philox, keyed by the seed and counted by frame: the
-//! same frames give the same bits, in whatever order.
+//! `acquisition`, in each frame with `acquisition_probability`; it is kept with `tracking_probability` in each frame
+//! until the rate is above `lost_above` or a body comes near. Numbers are those of Philox, keyed by the seed and
+//! counted by frame: the same frames give the same bits, in whatever order.
 //!
-//! Limits: the covers of Sun and Moon are cones about directions from the Earth's centre, good to 0.02 deg and 0.6 deg; an
-//! observer in a low orbit sees the Moon up to 1 deg from there. False attitudes, a background that grows near a body, and
-//! faults of stars (protons, bad pixels) are left out: the tracker on pixels has them. Tests: below.
+//! Limits: the covers of Sun and Moon are cones about directions from the Earth's centre, good to 0.02 deg and 0.6 deg;
+//! an observer in a low orbit sees the Moon up to 1 deg from there. False attitudes, a background that grows near a
+//! body, and faults of stars (protons, bad pixels) are left out: the tracker on pixels has them. Tests: below.
 
 use crate::spacecraft::sun_direction_icrf;
 use crate::tracker::{Mode, Outcome, Reason, Solution};

@@ -1,4 +1,5 @@
-//! Plain modern English: words of an old dialect, which readers had to look up, are not used in comments, names and texts.
+//! Plain modern English: words of an old dialect, which readers had to look up, are not used in comments, names and
+//! texts.
 //!
 //! A line is in breach with a word of [`WORDS`] (identifiers are split at `_` and at capitals), with a phrase that
 //! [`phrases`] finds, or as the start of a comment that begins like a question and asks nothing ("What is in the file.").

@@ -1,8 +1,8 @@
-//! `src/guide/events.md` has every event of the ledger, as the program describes it, and every column of the tables that
-//! a run writes.
+//! `src/guide/events.md` has every event of the ledger, as the program describes it, and every column of the tables
+//! that a run writes.
 //!
-//! The table of events is written from the program: when they differ, the new page is left in `target/guide`. Columns are
-//! described by hand, and each must have a row.
+//! The table of events is written from the program: when they differ, the new page is left in `target/guide`. Columns
+//! are described by hand, and each must have a row.
 
 use crate::source::root;
 use run::runtime::EventKind;

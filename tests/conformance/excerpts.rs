@@ -1,10 +1,10 @@
 //! The output that documents quote is the output that the program prints.
 //!
-//! A ```` ```text ```` block under a line `<!-- output: COMMAND -->` is an excerpt: each of its lines is a line of what the
-//! command prints, in the same order. The command runs in an empty folder with `configs/` taken from the repository.
-//! Words are compared one by one. A number with one or two decimals in a block marked `<!-- output, times vary:
-//! COMMAND -->` may be any number: it is a time of the machine. In excerpts without a marker the text says by hand where
-//! and when the run was.
+//! A ```` ```text ```` block under a line `<!-- output: COMMAND -->` is an excerpt: each of its lines is a line of what
+//! the command prints, in the same order. The command runs in an empty folder with `configs/` taken from the
+//! repository. Words are compared one by one. A number with one or two decimals in a block marked `<!-- output, times
+//! vary: COMMAND -->` may be any number: it is a time of the machine. In excerpts without a marker the text says by
+//! hand where and when the run was.
 
 use crate::commands::{from_root, output_within};
 use crate::pages::pages;

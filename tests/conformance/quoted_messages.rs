@@ -1,7 +1,7 @@
 //! The messages that `src/guide/troubleshooting.md` quotes are messages of the program.
 //!
-//! The first cell of a row has the symptom; each text in backticks there, up to `...`, must occur in a source file, where
-//! strings that go on in the next line are joined. Other words of the cell are free.
+//! The first cell of a row has the symptom; each text in backticks there, up to `...`, must occur in a source file,
+//! where strings that go on in the next line are joined. Other words of the cell are free.
 
 use crate::source::{files, root};
 

@@ -196,7 +196,8 @@ fn bases_beside_canopen_are_clear_of_the_nodes_that_the_document_names() {
     let documented: Vec<_> = rows(&text, "## 2. Messages").into_iter().filter(|row| row.len() == 2).collect();
     let wanted = (1..8).map(|i| vec![format!("0x{:03X}", 16 * i), clear_of_canopen(16 * i)]);
     assert_eq!(documented[1..], wanted.collect::<Vec<_>>());
-    // The default shares the SYNC of CANopen; so do 0x080 (its TIME) and 0x0E0 (its LSS), which the document leaves out.
+    // The default shares the SYNC of CANopen; so do 0x080 (its TIME) and 0x0E0 (its LSS), which the document leaves
+    // out.
     assert_eq!([0x000, 0x080, 0x0E0].map(clear_of_canopen), ["none", "none", "none"]);
 }
 

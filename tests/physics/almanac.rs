@@ -48,7 +48,8 @@ fn follow(params: &RunParams, almanac: &Almanac) -> [usize; 2] {
 #[test]
 fn run_with_an_almanac_evaluates_no_series_at_any_change_of_day() {
     for middle in [
-        // Noon of TDB, where its days since J2000.0 change, midnight, a leap second, and the table's first and last day.
+        // Noon of TDB, where its days since J2000.0 change, midnight, a leap second, and the table's first and last
+        // day.
         "2026-03-01T11:58:50.816Z",
         "2026-03-01T00:00:00Z",
         "2016-12-31T23:59:60Z",

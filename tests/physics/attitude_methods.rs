@@ -1,5 +1,6 @@
-//! The methods for the attitude at one instant: inside their domain the error is under the bound and the budget, outside
-//! it the error is over the budget and the method refused. The truth is in `analytic_motion.rs`, in closed form.
+//! The methods for the attitude at one instant: inside their domain the error is under the bound and the budget,
+//! outside it the error is over the budget and the method refused. The truth is in `analytic_motion.rs`, in closed
+//! form.
 
 use crate::analytic_motion::{Motion, Turn, epoch};
 use crate::scene::Dice;

@@ -1,5 +1,5 @@
-//! Pixels behind colour filters: each colour counts its share of the light and none of the dark signal; and what it is worth
-//! that all light is taken to be of one colour. Colours are found here from the names of the patterns.
+//! Pixels behind colour filters: each colour counts its share of the light and none of the dark signal; and what it is
+//! worth that all light is taken to be of one colour. Colours are found here from the names of the patterns.
 
 use base::bayer::BayerPattern;
 use base::image::{DnImage, Image};

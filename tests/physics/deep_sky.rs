@@ -1,5 +1,6 @@
 //! Fields from layers on disk: the same sky as the catalog they were made of, tiles that are there when a slew comes to
-//! them, and the two cases of dense-field simulation, magnitude 15 and 22 at a signal-to-noise ratio of 3, drawn and counted.
+//! them, and the two cases of dense-field simulation, magnitude 15 and 22 at a signal-to-noise ratio of 3, drawn and
+//! counted.
 
 use crate::noise::STANDARD_ERRORS;
 use base::accuracy::AccuracyBudget;

@@ -1,5 +1,5 @@
-//! The detector's defects, protons and effects of neighbours in whole frames, on the CPU: what a frame shows is what the
-//! parameters say. Formulae are written afresh here.
+//! The detector's defects, protons and effects of neighbours in whole frames, on the CPU: what a frame shows is what
+//! the parameters say. Formulae are written afresh here.
 
 use base::image::{DnImage, Image};
 use image::detector::binning::{Binning, BinningKind, Levels};

@@ -1,5 +1,5 @@
-//! The fidelity table of the published comparison, against analytic truth: errors of SNR, centroid, background and energy by
-//! brightness, and the scatter of centroids against theory.
+//! The fidelity table of the published comparison, against analytic truth: errors of SNR, centroid, background and
+//! energy by brightness, and the scatter of centroids against theory.
 
 use crate::photon_transfer::built_in;
 use base::accuracy::AccuracyBudget;

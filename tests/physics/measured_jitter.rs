@@ -1,4 +1,5 @@
-//! A measured record of jitter at 10 kHz, from its text to drawn frames: the image smears as the record's band powers say.
+//! A measured record of jitter at 10 kHz, from its text to drawn frames: the image smears as the record's band powers
+//! say.
 
 use crate::scene::{
     EXPOSURE_S, FOCAL_PX, Picture, camera, draw_cpu, draw_reference, instrument, los, planner_of, star,

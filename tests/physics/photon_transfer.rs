@@ -1,7 +1,7 @@
 //! A laboratory that sees digital numbers only finds what the camera file says, in the manner of EMVA 1288.
 //!
-//! The laboratory (`batch::verify`) knows the light and the exposure time, nothing else. Promised: gain, read noise, DSNU, PRNU
-//! and full well within [`SHEET_REL`] of the file, dark current within [`DARK_REL`].
+//! The laboratory (`batch::verify`) knows the light and the exposure time, nothing else. Promised: gain, read noise,
+//! DSNU, PRNU and full well within [`SHEET_REL`] of the file, dark current within [`DARK_REL`].
 
 use base::image::{DnImage, ElectronImage, Image};
 use batch::verify::data_sheet::{Stated, response_error};

@@ -1,8 +1,8 @@
 //! The Poisson methods against Poisson's law: what they draw is within their bound, and the bound within the promise,
 //! over the whole domain; outside it the promise is broken, and the domain says so.
 //!
-//! Distances are computed from the drawn distributions, not sampled; chi-square in frames checks that the detector draws
-//! what was computed, at the false-alarm rates of [`crate::noise`].
+//! Distances are computed from the drawn distributions, not sampled; chi-square in frames checks that the detector
+//! draws what was computed, at the false-alarm rates of [`crate::noise`].
 
 use crate::noise::{STANDARD_ERRORS, chi_square, counts_by, moment_errors, shot_only};
 use image::detector::DetectorParams;

@@ -1,5 +1,5 @@
-//! PSFs drawn from chains of transfer functions against Airy stamps computed elsewhere, against the chain by transforming
-//! the drawn star back, and against the bounds they state.
+//! PSFs drawn from chains of transfer functions against Airy stamps computed elsewhere, against the chain by
+//! transforming the drawn star back, and against the bounds they state.
 
 use plan::optics::PsfModel;
 use plan::optics::airy::Airy;
@@ -214,7 +214,8 @@ fn the_transform_of_the_drawn_star_is_the_chains_product() {
     assert!((back - smoothed_chain(&other, [0.5, 0.0], WINDOW_PX)).abs() > 100.0 * TRANSFORM, "another blur must show");
 }
 
-/// Returns the star by another method: `P(x, y)` as an integral over polar frequencies, one point, no grid and no period.
+/// Returns the star by another method: `P(x, y)` as an integral over polar frequencies, one point, no grid and no
+/// period.
 fn polar(chain: &MtfChain, x: f64, y: f64) -> f64 {
     let end = chain.cutoff();
     let panels = 24 + (8.0 * end * x.hypot(y)) as u32;
@@ -283,7 +284,8 @@ fn repetitions_of_the_star_stay_within_their_bound() {
 
 #[test]
 fn light_outside_a_stamp_is_that_of_the_wings() {
-    // Circles of an Airy pattern are known; the square of half-width a loses 2 sqrt(2) / pi of what its inner circle does.
+    // Circles of an Airy pattern are known; the square of half-width a loses 2 sqrt(2) / pi of what its inner circle
+    // does.
     let drawn = draw(plain(1.0, 0.0), &Drawing { oversampling: Some(8), half_px: Some(40), ..Drawing::default() });
     let circle = 1.0 - energy::encircled_energy(&PsfModel::airy(1.0, 0.0), 40.5);
     let square = 2.0 * 2.0_f64.sqrt() / PI * circle;

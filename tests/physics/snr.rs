@@ -1,5 +1,5 @@
-//! Signal-to-noise ratios and limiting magnitudes: by formulae written afresh, and by frames that are drawn, read out and
-//! measured.
+//! Signal-to-noise ratios and limiting magnitudes: by formulae written afresh, and by frames that are drawn, read out
+//! and measured.
 
 use crate::noise::STANDARD_ERRORS;
 use crate::scene::{EXPOSURE_S, draw_cpu, planner, star};
@@ -50,7 +50,8 @@ fn the_case_of_magnitude_15_at_snr_3() {
 fn the_case_of_magnitude_22_at_snr_3() {
     let camera = camera("detection_limit_22mag");
     let limit = sensitivity(&camera, 0.82).limiting_mag(3.0).unwrap();
-    // Electrons per second at G = 0, BP-RP = 0.82, computed by another program from Gaia's passbands at every nanometre.
+    // Electrons per second at G = 0, BP-RP = 0.82, computed by another program from Gaia's passbands at every
+    // nanometre.
     let by_hand = limit_by_hand(&camera, 0.75, 3.8402e9, 3.0);
     println!("22 mag at SNR 3: {limit:.4}, by hand {by_hand:.4}");
     assert!((limit - 22.0).abs() < CASE_MAG && (limit - by_hand).abs() < SAME_MAG, "{limit} {by_hand}");

@@ -70,8 +70,9 @@ fn neglect_mas(km_s: f64, parallax_mas: f64, speed_mas_yr: f64, years: f64) -> f
     km_s.abs() * parallax_mas * speed_mas_yr * MAS * years * years / 4.740_47
 }
 
-/// Published by Hipparcos and Gaia: name, Gaia DR3 number, radial velocity (km/s), parallax (mas), proper motion (mas/yr), and
-/// what an independent library (astropy's `apply_space_motion`) finds that neglect comes to from J2016 to 2050, arcsec.
+/// Published by Hipparcos and Gaia: name, Gaia DR3 number, radial velocity (km/s), parallax (mas), proper motion
+/// (mas/yr), and what an independent library (astropy's `apply_space_motion`) finds that neglect comes to from J2016 to
+/// 2050, arcsec.
 const PUBLISHED: [(&str, u64, f64, f64, f64, f64); 4] = [
     ("Barnard's star", 4_472_832_130_942_575_872, -110.5, 546.98, 10_393.3, 0.744),
     ("Kapteyn's star", 4_810_594_479_418_041_856, 245.0, 254.2, 8_644.0, 0.635),

@@ -308,8 +308,8 @@ fn targets_are_in_the_predicted_cost_and_cost_nothing_when_there_are_none() {
     assert!(without.targets.is_empty());
 }
 
-/// A target 500 km away that passes at 11 km/s, as a camera sees it that looks at where it is at mid-exposure: km, x right
-/// and y down, at mid-exposure and per second.
+/// A target 500 km away that passes at 11 km/s, as a camera sees it that looks at where it is at mid-exposure: km, x
+/// right and y down, at mid-exposure and per second.
 const PASS_KM: [[f64; 3]; 2] = [[0.4, -0.7, 500.0], [9.0, 3.0, 5.5]];
 /// The observer's barycentric velocity, km/s, and its change, km/s^2: sensor axes.
 const FLIGHT_KM_S: [[f64; 3]; 2] = [[21.0, -18.0, 9.0], [-0.006, 0.004, 0.003]];

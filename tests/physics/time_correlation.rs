@@ -94,8 +94,8 @@ fn errors_stay_as_stated_at_every_rate() {
             assert!(found.p99_ns[0] <= bound_ns, "{rate_hz} Hz: {ours} us, stated {bound_ns} ns");
             assert!(last > 3000.0, "the link is as bad as said: {last}");
             assert!(ours < 0.5 * least, "{rate_hz} Hz");
-            // The filter pays where marks are rare. Where they are many and the oscillator is quiet, a plain hull is better:
-            // twice at 100 Hz, where both are below 0.3 us.
+            // The filter pays where marks are rare. Where they are many and the oscillator is quiet, a plain hull is
+            // better: twice at 100 Hz, where both are below 0.3 us.
             let share = if allan_1s == QUIET && rate_hz <= 5.0 { 0.9 } else { 2.5 };
             assert!(ours < share * hull, "{rate_hz} Hz: {ours} against {hull} us");
         }

@@ -96,8 +96,8 @@ pub fn measure(settings: &Settings, drawers: &mut [Drawer], effort: Effort) -> R
     Ok(rows)
 }
 
-/// Returns, for neighbouring numbers of stars of one backend, the power with which the time grows, and the
-/// larger number of the two.
+/// Returns, for neighbouring numbers of stars of one backend, the power with which the time grows, and the larger
+/// number of the two.
 #[must_use]
 pub fn growth(rows: &[CrowdingRow]) -> Vec<(&str, usize, f64)> {
     let of_pair = |pair: &[CrowdingRow]| {

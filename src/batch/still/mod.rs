@@ -1,9 +1,10 @@
-//! Single images of any attitude and instant, with all that a run knows: observer, bodies, targets, layers of stars, faults.
+//! Single images of any attitude and instant, with all that a run knows: observer, bodies, targets, layers of stars,
+//! faults.
 //!
-//! In: a checked bench, the instants between which images are drawn, faults. Out: images with truth and metadata, the bits of
-//! which depend on the attitude, the instant, the seeds and the number of the image alone, not on the images before (a camera
-//! with image lag excepted, which keeps charge from image to image).
-//! Tests: below, `hil_scripts/test_files.py` (the command `render`).
+//! In: a checked bench, the instants between which images are drawn, faults. Out: images with truth and metadata, the
+//! bits of which depend on the attitude, the instant, the seeds and the number of the image alone, not on the images
+//! before (a camera with image lag excepted, which keeps charge from image to image). Tests: below,
+//! `hil_scripts/test_files.py` (the command `render`).
 
 mod fault;
 
@@ -87,8 +88,8 @@ impl Still {
         Ok(Self { engine, faults: timed, ledger: Ledger::default(), frame, faintest_mag, mean_wcs })
     }
 
-    /// Draws and reads out one image; `number` fixes its noise together with the noise seed. It is in [`Self::frame`] then.
-    /// Returns the wall time of the stages.
+    /// Draws and reads out one image; `number` fixes its noise together with the noise seed. It is in [`Self::frame`]
+    /// then. Returns the wall time of the stages.
     ///
     /// # Errors
     /// When the backend failed, or the sky cannot be computed at that time.

@@ -2,8 +2,8 @@
 //!
 //! Input: frame records. Output: one SVG text on white, the same for the same input; colours of the other charts, the
 //! second round of them lighter. *Limits.* Bars follow one after another as the stages followed each other; the queue
-//! begins where the frame was handed over. Text widths are estimated. *Validation.* the tests parse it as XML
-//! and measure the bars.
+//! begins where the frame was handed over. Text widths are estimated. *Validation.* the tests parse it as XML and
+//! measure the bars.
 
 use crate::report::frame_record::{FrameRecord, MissCause};
 use crate::report::plot::colour;

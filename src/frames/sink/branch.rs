@@ -211,8 +211,8 @@ impl Branch {
         self.full = None;
     }
 
-    /// Ends the thread of a sink that has finished its frames, for which [`wait_for`] waits; a sink that has
-    /// not is given up. Once.
+    /// Ends the thread of a sink that has finished its frames, for which [`wait_for`] waits; a sink that has not is
+    /// given up. Once.
     pub(super) fn finish(&mut self) -> Result<Option<SinkSummary>, SinkError> {
         self.hang_up();
         let Some(thread) = self.thread.take() else { return Ok(None) };

@@ -13,8 +13,8 @@
 //! the format allows); `frames.csv` beside it has the times. On a full disk the file is cut back to its last whole
 //! frame, and the next frame is tried again.
 //!
-//! Limits: 2^31 - 1 frames and pixels a side; 8 bytes of memory a frame, for the trailer.
-//! Tests: below, and `hil_scripts/test_recorders.py` with a reader of its own and with Siril.
+//! Limits: 2^31 - 1 frames and pixels a side; 8 bytes of memory a frame, for the trailer. Tests: below, and
+//! `hil_scripts/test_recorders.py` with a reader of its own and with Siril.
 
 use crate::sink::{SentFrame, SinkError};
 use base::bayer::BayerPattern;

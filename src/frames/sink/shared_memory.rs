@@ -14,8 +14,8 @@
 //! | 64 + slot (256 + 2 width height, rounded up to 64) | [`SlotHead`], 256 bytes; then the pixels, `u16`, row by row |
 //!
 //! *Reading.* `published` says how many frames there have been; frame `n`, from 1, is in slot `(n - 1) % slots`. A slot's
-//! `serial` is 0 while the slot is written, then `n`. Read `serial`, copy the slot, read `serial` again: when both are `n`
-//! the copy is frame `n`. The CRC-32 of the pixels is in the slot as well, for readers that want to be sure.
+//! `serial` is 0 while the slot is written, then `n`. Read `serial`, copy the slot, read `serial` again: when both are
+//! `n` the copy is frame `n`. The CRC-32 of the pixels is in the slot as well, for readers that want to be sure.
 //! `hil_scripts/shared_frames.py` is such a reader.
 //!
 //! *The name.* The file gets its name when it is complete. A run holds a lock on its file for as long as it lives. Only

@@ -1,8 +1,9 @@
 //! Segments of a CK file -> an attitude history.
 //!
-//! Quaternions are scalar first and turn vectors of the reference axes into those of the instrument, as ours do; angular
-//! velocities are in the reference axes. Type 3: rows, and intervals within which they are interpolated, about a fixed axis
-//! at a constant rate. Type 2: intervals of constant rate. Type 1 has no attitude between its rows, and is refused.
+//! Quaternions are scalar first and turn vectors of the reference axes into those of the instrument, as ours do;
+//! angular velocities are in the reference axes. Type 3: rows, and intervals within which they are interpolated, about
+//! a fixed axis at a constant rate. Type 2: intervals of constant rate. Type 1 has no attitude between its rows, and is
+//! refused.
 
 use super::clock::SpacecraftClock;
 use super::daf::{Daf, Summary, whole};

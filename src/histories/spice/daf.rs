@@ -1,7 +1,7 @@
 //! Bytes of a double precision array file -> its segments: summaries of numbers, and arrays of words.
 //!
-//! Records of 1024 bytes. The first has the sizes of a summary and the first summary record; summary records are a list. All
-//! addresses and counts are checked against the file's length before use.
+//! Records of 1024 bytes. The first has the sizes of a summary and the first summary record; summary records are a
+//! list. All addresses and counts are checked against the file's length before use.
 
 use crate::error::{HistoryError, Source};
 

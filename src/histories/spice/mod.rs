@@ -7,10 +7,10 @@
 //! | SCLK | type 1, its parallel time TDB or TT |
 //! | LSK | the constants of TDB - TT; without one those of every kernel since 1984 |
 //!
-//! J2000 of SPICE is ICRF (NAIF, "Frames required reading"). Own readers, because `anise` has no CK and its licence is not
-//! one of ours, and the bindings of CSPICE need its C library. Formats: NAIF's required reading "DAF", "CK", "SPK", "SCLK",
-//! "Time", toolkit N0067. Kernels of either byte order; transfer files (`.xc`, `.xsp`) are refused. Tests: below, and
-//! `hil_scripts/test_spice.py` with CSPICE. Fuzzed: `tests/fuzz/targets/spice.rs`.
+//! J2000 of SPICE is ICRF (NAIF, "Frames required reading"). Own readers, because `anise` has no CK and its licence is
+//! not one of ours, and the bindings of CSPICE need its C library. Formats: NAIF's required reading "DAF", "CK", "SPK",
+//! "SCLK", "Time", toolkit N0067. Kernels of either byte order; transfer files (`.xc`, `.xsp`) are refused. Tests:
+//! below, and `hil_scripts/test_spice.py` with CSPICE. Fuzzed: `tests/fuzz/targets/spice.rs`.
 
 mod ck;
 mod clock;
@@ -42,8 +42,8 @@ impl<'a> KernelFile<'a> {
     }
 }
 
-/// Reads the attitudes of a CK file. `text_kernels` are its clock (SCLK) and leap seconds (LSK); `instrument` is its number,
-/// which may be left out where the file has one.
+/// Reads the attitudes of a CK file. `text_kernels` are its clock (SCLK) and leap seconds (LSK); `instrument` is its
+/// number, which may be left out where the file has one.
 ///
 /// # Errors
 /// With the file, what was got and what was wanted.
@@ -59,8 +59,8 @@ pub fn attitudes(
     ck::read(&daf, &source, instrument, |instrument| SpacecraftClock::of(&texts, instrument, earth, &source))
 }
 
-/// Reads the orbit of an SPK file. `text_kernels` may hold leap seconds (LSK); `target` is its number, which may be left out
-/// where the file has one.
+/// Reads the orbit of an SPK file. `text_kernels` may hold leap seconds (LSK); `target` is its number, which may be
+/// left out where the file has one.
 ///
 /// # Errors
 /// With the file, what was got and what was wanted.

@@ -1,7 +1,7 @@
 //! Segments of an SPK file -> an orbit.
 //!
-//! Types 9 (Lagrange) and 13 (Hermite) have rows, and are interpolated as they say. Types 2 and 3 (Chebyshev) are evaluated
-//! at [`STEPS`] instants of each record, and interpolated by Hermite polynomials of degree 7 through them.
+//! Types 9 (Lagrange) and 13 (Hermite) have rows, and are interpolated as they say. Types 2 and 3 (Chebyshev) are
+//! evaluated at [`STEPS`] instants of each record, and interpolated by Hermite polynomials of degree 7 through them.
 
 use super::clock::EarthTime;
 use super::daf::{Daf, Summary, whole};

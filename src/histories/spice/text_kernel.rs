@@ -1,7 +1,7 @@
 //! Text of a kernel -> its numbers by name.
 //!
-//! Data are between `\begindata` and `\begintext`: `NAME = value`, `NAME = ( values )` and `NAME += ( values )`; exponents
-//! may be `D`. Texts in quotes and dates (`@`) are kept as no numbers.
+//! Data are between `\begindata` and `\begintext`: `NAME = value`, `NAME = ( values )` and `NAME += ( values )`;
+//! exponents may be `D`. Texts in quotes and dates (`@`) are kept as no numbers.
 
 use crate::error::{HistoryError, Source};
 use std::collections::HashMap;

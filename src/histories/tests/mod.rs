@@ -44,7 +44,8 @@ fn sampled(count: u32, step_s: f64, motion: impl Fn(f64) -> (Rotation<Body, Icrf
     (0..count).map(state).collect()
 }
 
-/// One attitude, the body turned by +0.2 rad about its x axis, at 2026-03-01T00:00:00 UTC, and 0.3 rad ten seconds later.
+/// One attitude, the body turned by +0.2 rad about its x axis, at 2026-03-01T00:00:00 UTC, and 0.3 rad ten seconds
+/// later.
 const AEM_2: &str = "CCSDS_AEM_VERS = 2.0
 CREATION_DATE = 2026-01-01T00:00:00
 ORIGINATOR = TEST

@@ -8,10 +8,11 @@
 //! filters has not a bit or a step more.
 //!
 //! *Named approximation: one colour of light.* All light has the reference spectrum. A star of another colour gets too much or
-//! too little in each colour of pixel, by `response(reference) / response(its spectrum)`; places are not changed. With filters of
-//! a usual sensor behind an infrared cut at 700 nm and a reference of BP-RP 0.8 (the Sun) that is at most 25 % for BP-RP from 0.3
-//! to 1.3, and 80 % from -0.3 to 2.0. Rounding of the share to f32 adds 6e-6 at most. *Not modelled:* light that crosses
-//! to the next pixel's filter. *Validation:* `tests/physics/colour_filter.rs` (both), `tests/gpu/effects.rs`.
+//! too little in each colour of pixel, by `response(reference) / response(its spectrum)`; places are not changed. With
+//! filters of a usual sensor behind an infrared cut at 700 nm and a reference of BP-RP 0.8 (the Sun) that is at most 25
+//! % for BP-RP from 0.3 to 1.3, and 80 % from -0.3 to 2.0. Rounding of the share to f32 adds 6e-6 at most. *Not
+//! modelled:* light that crosses to the next pixel's filter. *Validation:* `tests/physics/colour_filter.rs` (both),
+//! `tests/gpu/effects.rs`.
 
 use base::bayer::{BayerPattern, Colour};
 use std::sync::Arc;

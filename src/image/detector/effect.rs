@@ -1,9 +1,9 @@
 //! The effects, named, in the order in which light becomes numbers, the step of each that works pixel by pixel, and
 //! which of them need more than one pixel.
 //!
-//! The effects before the neighbour stages make charge, those after them read it out. When no neighbour stage
-//! is on, all runs in one pass, block by block. Random words are counted by (frame, pixel, stage), not by pass: both
-//! forms draw the same numbers (`image::detector::cpu`'s tests, `tests/gpu/passes.rs`).
+//! The effects before the neighbour stages make charge, those after them read it out. When no neighbour stage is on,
+//! all runs in one pass, block by block. Random words are counted by (frame, pixel, stage), not by pass: both forms
+//! draw the same numbers (`image::detector::cpu`'s tests, `tests/gpu/passes.rs`).
 
 use crate::detector::block::{BLOCK, Words};
 use crate::detector::outliers::Outlier;

@@ -3,8 +3,8 @@
 //!
 //! The list is made once per frame on the host and read by the pixel-local stages of both backends, at the places the
 //! order of light gives: `response` with the photo response, `dark_e` with the dark signal (so it has shot noise),
-//! `charge_e` after the shot noise. An empty list costs one comparison per block of pixels.
-//! Limits: as many pixels as the list was made for; outliers that do not fit are counted by the caller.
+//! `charge_e` after the shot noise. An empty list costs one comparison per block of pixels. Limits: as many pixels as
+//! the list was made for; outliers that do not fit are counted by the caller.
 
 use bytemuck::{Pod, Zeroable};
 

@@ -1,4 +1,5 @@
-//! Read noise, and in quadrature with it amplifier noise: a normal deviate per pixel, by Box and Muller (1958), one pair of words for two pixels.
+//! Read noise, and in quadrature with it amplifier noise: a normal deviate per pixel, by Box and Muller (1958), one
+//! pair of words for two pixels.
 //! |z| <= 5.6 (23-bit uniforms).
 
 use crate::detector::block::{BLOCK, PAIRS, Words};

@@ -4,8 +4,9 @@
 //! to it. One-sided density over rows, `f` in cycles per row: `S(f) = 2 sigma^2 (1 + corner / f)`, `0 < f <= 1/2`:
 //! `sigma` is the rms of the white part alone, `corner` where 1/f equals it.
 //!
-//! Source of 1/f: a sum of relaxations with rates a factor 4 apart (van der Ziel 1950; Milotti, "1/f noise: a pedagogical
-//! review", 2002), each an exact autoregression `x' = a x + sqrt(v (1 - a^2)) z`. Nine of them follow `corner / f` within
+//! Source of 1/f: a sum of relaxations with rates a factor 4 apart (van der Ziel 1950; Milotti, "1/f noise: a
+//! pedagogical review", 2002), each an exact autoregression `x' = a x + sqrt(v (1 - a^2)) z`. Nine of them follow
+//! `corner / f` within
 //! 1.5 % from 5e-5 to 0.1 cycles per row and 10 % up to 1/2 (a sampled spectrum is flat there); below 3e-6 they are flat.
 //! Noise slower than a frame shows as an offset of the frame. Every frame starts again: nothing is carried from one to
 //! another, so any frame can be replayed alone. Noise within a row is not modelled.

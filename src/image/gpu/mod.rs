@@ -1,9 +1,9 @@
 //! wgpu machinery: device, buffers, passes, readback, timing. No physics.
 //!
 //! One [`crate::gpu::GpuDevice`] is shared by everything that draws on it. After warm-up a frame allocates no device
-//! memory and makes no bind group; wgpu itself allocates a small amount per submission. Everything fits
-//! wgpu's default limits. A failure of the device, at whatever call, is an error of the next call into this module,
-//! never a panic. Tests: `tests/gpu`.
+//! memory and makes no bind group; wgpu itself allocates a small amount per submission. Everything fits wgpu's default
+//! limits. A failure of the device, at whatever call, is an error of the next call into this module, never a panic.
+//! Tests: `tests/gpu`.
 
 pub mod buffers;
 pub mod device;

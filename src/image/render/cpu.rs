@@ -1,9 +1,9 @@
 //! CPU backend: all cores, vectorised by the compiler for the processor it finds (AVX-512, AVX2 + FMA, NEON, SSE2).
 //!
 //! The image is cut into bands of rows; a band is cleared and drawn by one thread, its stars in source order, so a
-//! repeated plan gives the same bits whatever the number of threads, and parts of an image have the bits of the whole. A Gaussian is drawn analytically for every node
-//! (two vectors of erf, then one multiply-add per row); other PSFs and effective PSFs come from tables. Error: f32,
-//! < 2e-7 of the peak (Gaussian), `TABLE_ERROR` (tables); `tests/physics`.
+//! repeated plan gives the same bits whatever the number of threads, and parts of an image have the bits of the whole.
+//! A Gaussian is drawn analytically for every node (two vectors of erf, then one multiply-add per row); other PSFs and
+//! effective PSFs come from tables. Error: f32, < 2e-7 of the peak (Gaussian), `TABLE_ERROR` (tables); `tests/physics`.
 
 use crate::gpu::Electrons;
 use crate::render::bands::{BAND_ROWS, BLOCK, Bands, NO_KERNEL, NodeColumns, Spot, Trail};

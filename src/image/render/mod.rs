@@ -51,8 +51,8 @@ pub trait Backend: Send {
 /// Refuses a plan whose tables would be beyond all bounds.
 ///
 /// # Errors
-/// When the tables of a field of PSFs are too large, the path leads further than [`LONGEST_KERNEL_PX`] from its mean, or
-/// there are too many kernels.
+/// When the tables of a field of PSFs are too large, the path leads further than [`LONGEST_KERNEL_PX`] from its mean,
+/// or there are too many kernels.
 pub fn check_kernel(plan: &ExposurePlan) -> Result<(), RenderError> {
     let long = plan.extent_px.is_nan() || plan.extent_px > LONGEST_KERNEL_PX;
     if plan.has_kernel() && long {

@@ -1,8 +1,8 @@
 //! Lists the partitions of a HATS catalog on disk, and checks that each is there and listed.
 //!
-//! Source: IVOA Note "HATS: Hierarchical Adaptive Tiling Scheme". A catalog is a folder of `hats.properties` (older ones:
-//! `properties`), `partition_info.csv` and `dataset/Norder=k/Dir=d/Npix=n.parquet`, or `Npix=n/` with files in it; a
-//! collection is a folder of catalogs, whose main one is taken. Tests: `super::tests`.
+//! Source: IVOA Note "HATS: Hierarchical Adaptive Tiling Scheme". A catalog is a folder of `hats.properties` (older
+//! ones: `properties`), `partition_info.csv` and `dataset/Norder=k/Dir=d/Npix=n.parquet`, or `Npix=n/` with files in
+//! it; a collection is a folder of catalogs, whose main one is taken. Tests: `super::tests`.
 
 use super::error::HatsError;
 use super::file::ParquetFile;
@@ -41,8 +41,8 @@ impl HatsCatalog {
     /// Opens a catalog: compares its list of partitions with its files, and its number of rows with theirs.
     ///
     /// # Errors
-    /// When it is of another kind (a margin, an index), a partition is missing, not listed, cannot be opened or overlaps
-    /// another, or the rows are not as many as it says.
+    /// When it is of another kind (a margin, an index), a partition is missing, not listed, cannot be opened or
+    /// overlaps another, or the rows are not as many as it says.
     pub fn open(folder: &Path) -> Result<Self, HatsError> {
         let properties = Properties::read(folder)?;
         let kind = properties.wanted("dataproduct_type", OBJECTS)?;
@@ -82,7 +82,8 @@ impl HatsCatalog {
         &self.partitions
     }
 
-    /// Gives `names` the columns of right ascension and declination that the catalog names, unless the user renamed them.
+    /// Gives `names` the columns of right ascension and declination that the catalog names, unless the user renamed
+    /// them.
     ///
     /// # Errors
     /// When it does not say.

@@ -1,9 +1,9 @@
 //! Layers -> a HATS catalog.
 //!
 //! The sky is parted as finely as it must be for no partition to have more than so many rows. Memory: the stars of one
-//! part, which is a partition, or a cell of order 6 to 8 (as the layers' tiles are) where that has more; in the densest part
-//! of the whole of Gaia DR3 some 100,000 stars, 100 bytes each. The catalog gets its name when it is whole. An import of it
-//! with the limits of the layers makes the same layers, byte for byte (`super::tests`).
+//! part, which is a partition, or a cell of order 6 to 8 (as the layers' tiles are) where that has more; in the densest
+//! part of the whole of Gaia DR3 some 100,000 stars, 100 bytes each. The catalog gets its name when it is whole. An
+//! import of it with the limits of the layers makes the same layers, byte for byte (`super::tests`).
 
 use super::catalog::{ACKNOWLEDGEMENT, EPOCH};
 use super::error::HatsError;
@@ -45,8 +45,8 @@ pub struct ExportReport {
 /// Writes layers of one epoch as the catalog `folder`. `progress` gets the share done, 0..1.
 ///
 /// # Errors
-/// When the layers do not fit together or are damaged, the folder is there already, or the disk failed; nothing is left of
-/// it then.
+/// When the layers do not fit together or are damaged, the folder is there already, or the disk failed; nothing is left
+/// of it then.
 pub fn export(
     layers: &[Layer],
     folder: &Path,

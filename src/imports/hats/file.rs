@@ -1,8 +1,8 @@
 //! A Parquet file -> its footer, checked so far that nothing is allocated for what is not there.
 //!
-//! The crate that decodes Parquet trusts some sizes of a file: of its tree of columns, of a page when it is unpacked, of
-//! a dictionary. These are read first here ([`super::thrift`]) and compared with the file. Limits: a footer of
-//! 64 MiB, pages of 64 MiB unpacked (writers make pages of about 1 MiB). Tests: `super::tests::damage`.
+//! The crate that decodes Parquet trusts some sizes of a file: of its tree of columns, of a page when it is unpacked,
+//! of a dictionary. These are read first here ([`super::thrift`]) and compared with the file. Limits: a footer of 64
+//! MiB, pages of 64 MiB unpacked (writers make pages of about 1 MiB). Tests: `super::tests::damage`.
 
 use super::caught::caught;
 use super::error::HatsError;

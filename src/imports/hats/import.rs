@@ -1,8 +1,8 @@
 //! Parquet files -> stars for layers.
 //!
-//! Rows become stars as those of Gaia's CSV do ([`crate::published::gaia`]): by the same columns, of the same units, with
-//! the same counts of what is blank. A row of a partition must lie in the pixel of the partition, within 0.02 mas (0.06
-//! arcsec where places are of single precision).
+//! Rows become stars as those of Gaia's CSV do ([`crate::published::gaia`]): by the same columns, of the same units,
+//! with the same counts of what is blank. A row of a partition must lie in the pixel of the partition, within 0.02 mas
+//! (0.06 arcsec where places are of single precision).
 
 use super::error::HatsError;
 use super::file::ParquetFile;

@@ -1,9 +1,9 @@
 //! A Parquet file -> the cells of Gaia's columns, some thousand rows at a time.
 //!
-//! Columns are found by name; numbers are INT32, INT64, FLOAT or DOUBLE, optional or not, and blank where they are null or
-//! not a number. Pages may be plain or dictionaries, of either version, unpacked, Snappy or Zstandard. Memory: of each
-//! column one page, its dictionary, and [`BATCH_ROWS`] cells. The CRC-32 of a page is checked where it has one; most
-//! writers (pyarrow among them, by default) write none, and a changed value in such a file goes unnoticed.
+//! Columns are found by name; numbers are INT32, INT64, FLOAT or DOUBLE, optional or not, and blank where they are null
+//! or not a number. Pages may be plain or dictionaries, of either version, unpacked, Snappy or Zstandard. Memory: of
+//! each column one page, its dictionary, and [`BATCH_ROWS`] cells. The CRC-32 of a page is checked where it has one;
+//! most writers (pyarrow among them, by default) write none, and a changed value in such a file goes unnoticed.
 
 use super::caught::caught;
 use super::error::HatsError;

@@ -240,7 +240,8 @@ fn write_file(path: &Path, columns: &[Column], form: &Form) {
     writer.close().unwrap();
 }
 
-/// Returns Gaia's columns with `count` rows: every fifth without a motion, one without a place, one without a magnitude.
+/// Returns Gaia's columns with `count` rows: every fifth without a motion, one without a place, one without a
+/// magnitude.
 fn columns(count: usize) -> Vec<Column> {
     let floats = |value: &dyn Fn(usize) -> Option<f64>| Cells::F64((0..count).map(value).collect());
     let some = |value: &dyn Fn(usize) -> f64| floats(&|i| Some(value(i)));

@@ -1,5 +1,6 @@
 //! The part of Thrift's compact protocol that gives the sizes announced by a Parquet file, before anything is allocated
-//! for them. Source: Apache Thrift, "Thrift Compact protocol encoding"; Apache Parquet, `parquet.thrift` (field numbers).
+//! for them. Source: Apache Thrift, "Thrift Compact protocol encoding"; Apache Parquet, `parquet.thrift` (field
+//! numbers).
 //!
 //! Every step gives `None` when the bytes end too early or make no sense.
 

@@ -1,8 +1,9 @@
 //! Stars -> the Parquet files of a catalog: its partitions, and the footers of all of them in one file.
 //!
-//! Columns: `_healpix_29` (nested HEALPix at order 29, by which rows are sorted), `starloop_id` (the star's place in the
-//! layers, in the order they were named), `source_id` (its number in its source catalog, when all layers have numbers), `ra`, `dec` (deg, ICRS), `pmra` (with cos dec),
-//! `pmdec` (mas/yr), `parallax` (mas), `phot_g_mean_mag`, `bp_rp` (mag); null where it is unknown. Pages are Zstandard.
+//! Columns: `_healpix_29` (nested HEALPix at order 29, by which rows are sorted), `starloop_id` (the star's place in
+//! the layers, in the order they were named), `source_id` (its number in its source catalog, when all layers have
+//! numbers), `ra`, `dec` (deg, ICRS), `pmra` (with cos dec), `pmdec` (mas/yr), `parallax` (mas), `phot_g_mean_mag`,
+//! `bp_rp` (mag); null where it is unknown. Pages are Zstandard.
 
 use super::error::HatsError;
 use super::file::MAGIC;

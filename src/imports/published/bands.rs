@@ -7,10 +7,10 @@
 //! | G - VT by BT - VT | -0.3 to 2.2 | 0.04 |
 //! | BP - RP by BT - VT | -0.3 to 2.2 | 0.05 |
 //!
-//! All but the second were fitted to single stars of both catalogs; that of VT to 290,000 to VT = 10, within 0.01 mag of their
-//! medians up to BT - VT = 1.8 and 0.06 beyond. Beyond its domain a colour is taken as the domain's end:
-//! polynomials run away there. Without a colour a star is taken to have that of a middling one, and its own stays unknown.
-//! Tests: `tests` (ends of the domains, known stars), and on real rows `hil_scripts/test_catalog.py`.
+//! All but the second were fitted to single stars of both catalogs; that of VT to 290,000 to VT = 10, within 0.01 mag
+//! of their medians up to BT - VT = 1.8 and 0.06 beyond. Beyond its domain a colour is taken as the domain's end:
+//! polynomials run away there. Without a colour a star is taken to have that of a middling one, and its own stays
+//! unknown. Tests: `tests` (ends of the domains, known stars), and on real rows `hil_scripts/test_catalog.py`.
 
 /// G - Hp by V - I.
 const G_HP_BY_VI: [f64; 4] = [-0.019_64, -0.278_74, -0.180_7, 0.045_9];

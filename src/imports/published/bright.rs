@@ -1,7 +1,7 @@
 //! Stars of catalogs brighter and older than Gaia's, at the epoch of each.
 //!
-//! A file is known by its lines: `hip2.dat` has fixed columns, `tyc2.dat` 32 parts between bars, `suppl_1.dat` 18; any may
-//! be packed with gzip. All stars are held in memory, at most [`MOST_BRIGHT`].
+//! A file is known by its lines: `hip2.dat` has fixed columns, `tyc2.dat` 32 parts between bars, `suppl_1.dat` 18; any
+//! may be packed with gzip. All stars are held in memory, at most [`MOST_BRIGHT`].
 
 use super::error::ImportError;
 use super::lines::Lines;
@@ -102,8 +102,8 @@ impl BrightStars {
     /// Reads a file, and adds its stars.
     ///
     /// # Errors
-    /// When the file cannot be read to its end, is in none of the three formats, a field is malformed, or there are more
-    /// stars than memory is meant to hold.
+    /// When the file cannot be read to its end, is in none of the three formats, a field is malformed, or there are
+    /// more stars than memory is meant to hold.
     pub fn read(&mut self, path: &Path) -> Result<(), ImportError> {
         let failed = |source| ImportError::File { path: path.into(), source };
         let file = File::open(path).map_err(failed)?;

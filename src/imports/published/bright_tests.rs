@@ -1,5 +1,5 @@
-//! Lines of the real catalogs; damaged lines; a made sky of stars whose identity is known, whose merged layers must have
-//! each of them once; rules that lack a part, which must lose or double stars.
+//! Lines of the real catalogs; damaged lines; a made sky of stars whose identity is known, whose merged layers must
+//! have each of them once; rules that lack a part, which must lose or double stars.
 
 use super::add_bright::add_by;
 use super::bright::{BrightStar, BrightStars, LONGEST_LINE, moved};

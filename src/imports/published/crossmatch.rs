@@ -1,22 +1,24 @@
 //! Two lists of stars -> which of the one are in the other.
 //!
 //! **Where.** A pair is compared at the bright star's own epoch, to which the reference star (Gaia, or Hipparcos for Tycho-2)
-//! is moved by its own proper motion, the better one: what is left is the bright star's error of place (Hipparcos 1 mas,
-//! Tycho-2 60 to 100) and what orbital motion adds in 25 years. A reference star without a motion is compared at its own
-//! epoch, to which the bright star is moved by its own. They are one when they are within [`RADIUS_ARCSEC`]. That is wide
-//! for single stars, for pairs: where one catalog sees two stars and the other their common light, the places differ by up
-//! to half their distance. It may be wide, as stars as bright are rare: 200 of G 10 to 12 in a square degree of the plane
-//! make 2 false pairs in 10,000.
+//! is moved by its own proper motion, the better one: what is left is the bright star's error of place (Hipparcos 1
+//! mas, Tycho-2 60 to 100) and what orbital motion adds in 25 years. A reference star without a motion is compared at
+//! its own epoch, to which the bright star is moved by its own. They are one when they are within [`RADIUS_ARCSEC`].
+//! That is wide for single stars, for pairs: where one catalog sees two stars and the other their common light, the
+//! places differ by up to half their distance. It may be wide, as stars as bright are rare: 200 of G 10 to 12 in a
+//! square degree of the plane make 2 false pairs in 10,000.
 //!
 //! **How bright.** Gaia often has a faint companion of a bright star that it lacks itself, so that a star close by is not
-//! enough: magnitudes must agree within [`tolerance_mag`]. Two equal stars seen as one are 0.75 mag brighter than each, and
-//! the relations between bands are good to 0.1, hence 1 mag; more for a star that varies, whose colour is unknown, or that
-//! is saturated in Gaia. Within [`UNRESOLVED_ARCSEC`] Gaia has no two stars: there it is one star at up to 1.5 mag more.
+//! enough: magnitudes must agree within [`tolerance_mag`]. Two equal stars seen as one are 0.75 mag brighter than each,
+//! and the relations between bands are good to 0.1, hence 1 mag; more for a star that varies, whose colour is unknown,
+//! or that is saturated in Gaia. Within [`UNRESOLVED_ARCSEC`] Gaia has no two stars: there it is one star at up to 1.5
+//! mag more.
 //!
 //! **One for one.** A reference star matches one bright star, the one that fits best: where Tycho-2 sees two stars and
 //! Gaia one, the second is added.
 //!
-//! What it gets wrong, and how often, is in `bright_tests` (a made sky) and `hil_scripts/test_catalog.py` (the real one).
+//! What it gets wrong, and how often, is in `bright_tests` (a made sky) and `hil_scripts/test_catalog.py` (the real
+//! one).
 
 use super::bright::{BrightStar, moved};
 use base::source::{direction_from_ra_dec, ra_dec_rad};
@@ -26,14 +28,15 @@ use std::collections::HashSet;
 
 /// Furthest apart that a star is from itself in another catalog, arcsec.
 pub(super) const RADIUS_ARCSEC: f64 = 2.0;
-/// Closer than this, Gaia has one star of two (Gaia DR3: pairs are complete from 0.7 arcsec on, and begin at 0.2), arcsec.
+/// Closer than this, Gaia has one star of two (Gaia DR3: pairs are complete from 0.7 arcsec on, and begin at 0.2),
+/// arcsec.
 const UNRESOLVED_ARCSEC: f64 = 0.5;
 /// Added to the tolerance there, mag.
 const UNRESOLVED_MAG: f64 = 1.5;
 /// Order of the cells among which bright stars are looked up: 51 arcsec wide.
 const CELL_ORDER: u8 = 12;
-/// How far a pair may be apart before motions are taken into account, arcsec; within a cell's neighbours. A star without a
-/// motion in Tycho-2 whose Gaia star moves by more than 0.5 arcsec/yr is beyond it.
+/// How far a pair may be apart before motions are taken into account, arcsec; within a cell's neighbours. A star
+/// without a motion in Tycho-2 whose Gaia star moves by more than 0.5 arcsec/yr is beyond it.
 #[cfg(test)]
 pub(super) const REACH_ARCSEC: f64 = 15.0;
 /// Pairs kept for a star.

@@ -1,5 +1,5 @@
-//! Gaia's CSV, every bit of it flipped and cut at every length: stars, counts or an error, and never more stars than rows;
-//! lines of the longest length, and beyond it.
+//! Gaia's CSV, every bit of it flipped and cut at every length: stars, counts or an error, and never more stars than
+//! rows; lines of the longest length, and beyond it.
 
 use super::gaia::{self, COMMENTS, LONGEST_LINE, Names, WITHOUT_END, WITHOUT_MAGNITUDE, WITHOUT_PLACE};
 use flate2::Compression;
@@ -9,7 +9,8 @@ use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::Path;
 
-/// As the archive writes it, less its other columns; a row of every kind. Identifiers that begin with 3 are one bit from `#`.
+/// As the archive writes it, less its other columns; a row of every kind. Identifiers that begin with 3 are one bit
+/// from `#`.
 const TEXT: &str = "# %ECSV 1.0\n# ---\n# delimiter: ','\n# - {name: source_id, datatype: int64}\n\
     source_id,ra,dec,parallax,pmra,pmdec,phot_g_mean_mag,phot_bp_mean_mag,phot_rp_mean_mag,bp_rp\n\
     3295806720,44.996,0.0056,0.354,11.93,-3.4,17.641426,18.1,16.9,1.2\n\

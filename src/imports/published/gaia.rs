@@ -1,11 +1,12 @@
 //! Gaia's bulk CSV (`GaiaSource_AAAAAA-BBBBBB.csv.gz`: an ECSV header of `#` lines, `null` for what is blank) -> stars.
 //!
-//! Columns, found by name, others ignored: `source_id`, `ra`, `dec` (deg, ICRS), `pmra` (with cos dec), `pmdec` (mas/yr),
-//! `parallax` (mas), `phot_g_mean_mag`, and `bp_rp` or else `phot_bp_mean_mag` and `phot_rp_mean_mag` (mag). Where a file
-//! has other names, [`Names`] says so. A cell may be in quotes; a row is one line all the same, so that a stray
-//! quote cannot swallow the lines after it, and at most [`LONGEST_LINE`]. Blank is an empty cell, `null`, `nan` or `NaN`. A row
-//! without place or magnitude is left out and counted: nothing can be drawn of it; so is a line of `#` after the header: it may
-//! be a row whose first bytes are damaged. Positions are of epoch J2016.0 (Gaia DR3). Tests: `tests` below, `damage_tests`.
+//! Columns, found by name, others ignored: `source_id`, `ra`, `dec` (deg, ICRS), `pmra` (with cos dec), `pmdec`
+//! (mas/yr), `parallax` (mas), `phot_g_mean_mag`, and `bp_rp` or else `phot_bp_mean_mag` and `phot_rp_mean_mag` (mag).
+//! Where a file has other names, [`Names`] says so. A cell may be in quotes; a row is one line all the same, so that a
+//! stray quote cannot swallow the lines after it, and at most [`LONGEST_LINE`]. Blank is an empty cell, `null`, `nan`
+//! or `NaN`. A row without place or magnitude is left out and counted: nothing can be drawn of it; so is a line of `#`
+//! after the header: it may be a row whose first bytes are damaged. Positions are of epoch J2016.0 (Gaia DR3). Tests:
+//! `tests` below, `damage_tests`.
 
 use super::error::ImportError;
 use super::lines::{Lines, TextLine};
@@ -121,8 +122,8 @@ impl Names {
 /// Takes a file in, `.csv` or `.csv.gz`; returns the number of rows. `progress` gets the rows now and then.
 ///
 /// # Errors
-/// When the file cannot be read to its end, lacks a column, or a cell is not a number; stars taken in before are then to
-/// be forgotten (no checkpoint was written).
+/// When the file cannot be read to its end, lacks a column, or a cell is not a number; stars taken in before are then
+/// to be forgotten (no checkpoint was written).
 pub fn import(
     path: &Path,
     names: &Names,

@@ -1,10 +1,10 @@
 //! A line of `hip2.dat` -> a star.
 //!
 //! Hipparcos, the new reduction (van Leeuwen 2007, A&A 474, 653; CDS catalog I/311): fixed columns, right ascension and
-//! declination in radians (ICRS, epoch J1991.25), parallax (mas), proper motion (mas/yr, with cos dec), Hp, its scatter,
-//! B - V and V - I (mag). The magnitude is a median over 3.3 years; a variable star's may differ from Gaia's mean by as
-//! much as it varies, so that its tolerance grows with the scatter. Sirius was too bright for the instrument: its Hp is 0.37
-//! mag too faint, and [`SIRIUS`] has its magnitude. Tests: `super::bright_tests`.
+//! declination in radians (ICRS, epoch J1991.25), parallax (mas), proper motion (mas/yr, with cos dec), Hp, its
+//! scatter, B - V and V - I (mag). The magnitude is a median over 3.3 years; a variable star's may differ from Gaia's
+//! mean by as much as it varies, so that its tolerance grows with the scatter. Sirius was too bright for the
+//! instrument: its Hp is 0.37 mag too faint, and [`SIRIUS`] has its magnitude. Tests: `super::bright_tests`.
 
 use super::bands::of_hipparcos;
 use super::bright::{BrightStar, Line};

@@ -1,7 +1,7 @@
 //! Text -> its lines, numbered, each of bounded length.
 //!
-//! A line ends with a line feed, or with a carriage return and a line feed; the last one may end with the text. Empty lines are
-//! left out. Memory: one line, whatever the text is. Tests: below, and `starloop_fuzz`'s `star_lines`.
+//! A line ends with a line feed, or with a carriage return and a line feed; the last one may end with the text. Empty
+//! lines are left out. Memory: one line, whatever the text is. Tests: below, and `starloop_fuzz`'s `star_lines`.
 
 use super::error::ImportError;
 use std::io::{BufRead, Read};

@@ -1,10 +1,10 @@
 //! A line of Tycho-2 -> a star.
 //!
-//! Tycho-2 (Hog et al. 2000, A&A 355, L27; CDS catalog I/259): `tyc2.dat` has parts between bars, angles in degrees (ICRS),
-//! motions in mas/yr (with cos dec), BT and VT in mag. The mean position is of J2000 and holds where the flag is blank; with
-//! `P` it is that of two stars together, with `X` there is none and no motion: then the position as observed about 1991.5
-//! is taken. `suppl_1.dat` has stars of Hipparcos and Tycho-1 that Tycho-2 lacks, observed in J1991.25; where it has Hp
-//! (flag `H`), it replaces VT. Its second supplement, of doubtful stars, is not read. Tests:
+//! Tycho-2 (Hog et al. 2000, A&A 355, L27; CDS catalog I/259): `tyc2.dat` has parts between bars, angles in degrees
+//! (ICRS), motions in mas/yr (with cos dec), BT and VT in mag. The mean position is of J2000 and holds where the flag
+//! is blank; with `P` it is that of two stars together, with `X` there is none and no motion: then the position as
+//! observed about 1991.5 is taken. `suppl_1.dat` has stars of Hipparcos and Tycho-1 that Tycho-2 lacks, observed in
+//! J1991.25; where it has Hp (flag `H`), it replaces VT. Its second supplement, of doubtful stars, is not read. Tests:
 //! `super::bright_tests`.
 
 use super::bands::of_tycho;

@@ -1,7 +1,7 @@
 //! Direction and G magnitude -> stars per square degree.
 //!
-//! Source: counts in Gaia DR3 (G < 10 and all sources by region, G < 15 and G < 18 interpolated between them), stars per
-//! square degree brighter than 10, 15, 18 and 20.7 mag:
+//! Source: counts in Gaia DR3 (G < 10 and all sources by region, G < 15 and G < 18 interpolated between them), stars
+//! per square degree brighter than 10, 15, 18 and 20.7 mag:
 //!
 //! | region | G < 10 | G < 15 | G < 18 | all |
 //! |---|---|---|---|---|
@@ -14,13 +14,13 @@
 //! | whole sky | 11.7 | 908 | 7,340 | 43,917 |
 //!
 //! Between regions the logarithm of the density is linear in latitude and longitude, through values at the regions'
-//! middles ([`LOG10_AT_NODES`]) that were fitted to give the table's means; 5..20 deg of latitude, which the table lacks,
-//! are what the mean of the whole sky leaves. Over longitude it varies at 11 deg half as much as in the plane, and not at
-//! all from 29.5 deg on. North and south, and both sides of the centre, are alike: the real sky is not.
+//! middles ([`LOG10_AT_NODES`]) that were fitted to give the table's means; 5..20 deg of latitude, which the table
+//! lacks, are what the mean of the whole sky leaves. Over longitude it varies at 11 deg half as much as in the plane,
+//! and not at all from 29.5 deg on. North and south, and both sides of the centre, are alike: the real sky is not.
 //!
-//! In magnitude it is a monotone cubic (Fritsch and Carlson 1980) through the four counts. **Extrapolated**, as straight
-//! lines: brighter than G = 10 with a factor of 10^0.45 a magnitude (the default catalog: 106,462 stars to 8.5 and 9,000
-//! to 6.5), and fainter than 20.7 with the slope there, to [`FAINTEST_MAG`]. Tests: `tests`.
+//! In magnitude it is a monotone cubic (Fritsch and Carlson 1980) through the four counts. **Extrapolated**, as
+//! straight lines: brighter than G = 10 with a factor of 10^0.45 a magnitude (the default catalog: 106,462 stars to 8.5
+//! and 9,000 to 6.5), and fainter than 20.7 with the slope there, to [`FAINTEST_MAG`]. Tests: `tests`.
 
 use base::units::DEG;
 use glam::DVec3;
@@ -42,7 +42,8 @@ const LONGITUDES_DEG: [f64; 3] = [15.0, 60.0, 135.0];
 const LONGITUDE_SHARES: [f64; 3] = [1.0 / 6.0, 1.0 / 3.0, 0.5];
 /// How much of the plane's variation over longitude there is at the second latitude.
 const VARIATION_ABOVE_PLANE: f64 = 0.5;
-/// For each magnitude log10 of stars per square degree: in the plane at the three longitudes, then at the other latitudes.
+/// For each magnitude log10 of stars per square degree: in the plane at the three longitudes, then at the other
+/// latitudes.
 const LOG10_AT_NODES: [[f64; 7]; 4] = [
     [1.3588, 1.4999, 1.3229, 1.2535, 0.9830, 0.8026, 0.7039],
     [3.5758, 3.5720, 3.2315, 3.2253, 2.7186, 2.4417, 2.2660],

@@ -1,7 +1,7 @@
 //! A seed, numbers and layers -> files.
 //!
-//! Tiles are drawn in parallel, some thousands at a time, and written in order: the bytes depend on the arguments alone. The
-//! epoch is J2016.0, as Gaia's.
+//! Tiles are drawn in parallel, some thousands at a time, and written in order: the bytes depend on the arguments
+//! alone. The epoch is J2016.0, as Gaia's.
 
 use super::density::{BRIGHTEST_MAG, Density, FAINTEST_MAG};
 use super::star::{LayerDraw, SPHERE_DEG2};

@@ -1,8 +1,8 @@
 //! Tile, range of magnitude and seed -> its made-up stars, brightest first.
 //!
 //! The cumulative count runs with magnitude as time does for a Poisson process: stars are its arrivals. Their number is
-//! Poisson, their magnitudes follow the counts, and they come in order; nothing is sorted. Places are even over the tile
-//! (HEALPix cells are maps of equal area). Each star is drawn from numbers of its own ([`Stage::SyntheticStars`]).
+//! Poisson, their magnitudes follow the counts, and they come in order; nothing is sorted. Places are even over the
+//! tile (HEALPix cells are maps of equal area). Each star is drawn from numbers of its own ([`Stage::SyntheticStars`]).
 //!
 //! **Plausible, not measured**: the colour is normal about a median that reddens with magnitude. A star is a giant or a
 //! dwarf by chance, which with its colour gives its absolute magnitude, and so (without extinction) its parallax; its
@@ -14,7 +14,8 @@ use base::units::DEG;
 use core::f64::consts::{PI, TAU};
 use stars::layer::NewStar;
 
-/// Step of the table of counts, mag; within a step magnitudes are even, which is off by 1 % of the step's stars at most.
+/// Step of the table of counts, mag; within a step magnitudes are even, which is off by 1 % of the step's stars at
+/// most.
 const COUNT_STEP_MAG: f64 = 0.1;
 /// Area of the sphere, square degrees.
 pub(super) const SPHERE_DEG2: f64 = 4.0 * PI / (DEG * DEG);

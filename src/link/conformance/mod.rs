@@ -3,8 +3,7 @@
 //! Input: a maker of fresh, connected pairs of ends. Output: a `Report`, or the first promise that was broken. The
 //! suite does not depend on how a link works; on serial links the borders of chunks mean nothing, and bytes are
 //! compared. `tests/links` runs it on simulated buses and pseudo terminals, and on links broken on purpose, each of
-//! which it must
-//! refuse; `starloop link-check` runs it on real interfaces and ports.
+//! which it must refuse; `starloop link-check` runs it on real interfaces and ports.
 
 mod exchange;
 mod filters;

@@ -35,8 +35,8 @@ pub struct LinkedTerminal {
 }
 
 impl LinkedTerminal {
-    /// Opens a PTY and links `path` to it. Returns the link, the master, which does not block, and the other end, to be kept
-    /// open.
+    /// Opens a PTY and links `path` to it. Returns the link, the master, which does not block, and the other end, to be
+    /// kept open.
     ///
     /// # Errors
     /// When the system has none left, another run serves the link, or something else is there.

@@ -4,12 +4,14 @@
 //! Datagram -> PlainCodec (PlainLayout) -> PlainRecord: time, attitude, jitter, observer in starloop's units and conventions
 //! ```
 //!
-//! A simulator sends numbers and nothing else: no header, no checksum, no handshake. [`PlainLayout`] says which numbers come in
-//! which order, in which form ([`Encoding`]), units and sense of the quaternion. With `f64` in bytes the order of the layout is
-//! the order in the message; JSON is an object with the fields' names, or an array in their order; text has them in their order
-//! between blanks or commas. A wrong byte order or type shows in the quaternion's norm, which must be 1 within
+//! A simulator sends numbers and nothing else: no header, no checksum, no handshake. [`PlainLayout`] says which numbers
+//! come in which order, in which form ([`Encoding`]), units and sense of the quaternion. With `f64` in bytes the order
+//! of the layout is the order in the message; JSON is an object with the fields' names, or an array in their order;
+//! text has them in their order between blanks or commas. A wrong byte order or type shows in the quaternion's norm,
+//! which must be 1 within
 //! [`WRITTEN_NORM_TOLERANCE`](base::axes::WRITTEN_NORM_TOLERANCE). Each refusal has a [`PlainReject`], which is counted. Messages of the simulator 42 are lines that end
-//! with `[ENDMSG]` (`forty_two`). Limits: 512 bytes per message, 64 fields; times are `f64`, which resolves Unix seconds to
+//! with `[ENDMSG]` (`forty_two`). Limits: 512 bytes per message, 64 fields; times are `f64`, which resolves Unix
+//! seconds to
 //! 0.24 us; numbers in JSON are read to the last bit but one. Tests: `tests`, and the fuzz target `plain`.
 
 mod codec;

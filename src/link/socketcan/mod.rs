@@ -1,8 +1,8 @@
 //! CAN and CAN FD through the kernel's raw sockets: frames of one interface, stamped by the kernel <-> `Link`.
 //!
 //! Stamps: the adapter's own where it gives any, the kernel's at the end of the receive interrupt otherwise
-//! (`kernel_stamp`); both are placed on the bench clock when the frame is fetched. A virtual interface (`vcan`)
-//! has neither bit times nor an adapter: its stamp is the instant of sending.
+//! (`kernel_stamp`); both are placed on the bench clock when the frame is fetched. A virtual interface (`vcan`) has
+//! neither bit times nor an adapter: its stamp is the instant of sending.
 //!
 //! * The kernel forwards only the identifiers that this side receives (`Receives`), standard data frames, and error
 //!   frames. Error frames are counted and not delivered.

@@ -4,10 +4,9 @@
 //! came; the delay from submit to light is known from many measured flips of the marker, or from the maker. Prediction:
 //! photon time = submit time + median delay + the place of the row in the scan. Known: the median and the spread of the
 //! measured runs. Not known: the delay of one frame; a queue that is one refresh longer today (a compositor, a driver's
-//! setting) shows as a whole refresh, and only the patch can show that.
-//! A flip has one row: [`flips_of`] finds the edge of each submit time that a run or `starloop display flip` kept.
-//! Input: CSV with `submit_s,edge_s`, one row a flip, seconds of one clock; no edge: leave `edge_s` empty.
-//! Tests below.
+//! setting) shows as a whole refresh, and only the patch can show that. A flip has one row: [`flips_of`] finds the edge
+//! of each submit time that a run or `starloop display flip` kept. Input: CSV with `submit_s,edge_s`, one row a flip,
+//! seconds of one clock; no edge: leave `edge_s` empty. Tests below.
 
 use base::least_squares::median;
 use base::time::Span;

@@ -1,13 +1,13 @@
 //! Measured luminance of some greys -> luminance of every grey, and back.
 //!
 //! Luminance is relative and counted above black: grey 0 has 0, the highest grey 1. What grey 0 shows is the *black
-//! share*, in units of the full luminance: a pedestal under every pixel that no grey takes away.
-//! Noise: repeats are averaged with their weights; where noise makes a step go down, neighbours are pooled (isotonic
-//! regression by pooling adjacent violators: Barlow et al., Statistical Inference under Order Restrictions, 1972).
-//! Between nodes: a monotone cubic (Fritsch and Carlson 1980, SIAM J. Numer. Anal. 17, 238) through luminance^(1/gamma)
-//! over grey, gamma the display's own slope of logarithms: that curve is nearly straight, so few nodes suffice.
-//! Limits: one response for all places and all times; no cross-talk between neighbouring pixels.
-//! Tests below; end to end in `tests/physics/display_calibration`.
+//! share*, in units of the full luminance: a pedestal under every pixel that no grey takes away. Noise: repeats are
+//! averaged with their weights; where noise makes a step go down, neighbours are pooled (isotonic regression by pooling
+//! adjacent violators: Barlow et al., Statistical Inference under Order Restrictions, 1972). Between nodes: a monotone
+//! cubic (Fritsch and Carlson 1980, SIAM J. Numer. Anal. 17, 238) through luminance^(1/gamma) over grey, gamma the
+//! display's own slope of logarithms: that curve is nearly straight, so few nodes suffice. Limits: one response for all
+//! places and all times; no cross-talk between neighbouring pixels. Tests below; end to end in
+//! `tests/physics/display_calibration`.
 
 use base::least_squares::median;
 use serde::{Deserialize, Serialize};

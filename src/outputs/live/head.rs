@@ -1,7 +1,7 @@
 //! One camera head on the board: its newest picture, its newest encodings, and the frames that were encoded last.
 //!
-//! One owner, the view's thread. What a browser draws over a picture belongs to that picture, so the last
-//! encoded frames are kept with their stars. Tests: `http_tests`, with three heads.
+//! One owner, the view's thread. What a browser draws over a picture belongs to that picture, so the last encoded
+//! frames are kept with their stars. Tests: `http_tests`, with three heads.
 
 use crate::live::HeadParams;
 use crate::live::kept::Kept;

@@ -7,8 +7,8 @@
 //!
 //! Input: frames of every camera head (a copy of each; the newest, and the last that a page asked for, are kept) and
 //! [`RunNumbers`](frames::report::RunNumbers), all counts since the start. Output: `/` (the page, which loads nothing
-//! from elsewhere), `/frame.png`, `/truth.json`, `/pixel.json`, `/state.json` and `/metrics` (Prometheus text 0.0.4). Units are in the
-//! names. Heads are counted from 0; a request that names none is about head 0.
+//! from elsewhere), `/frame.png`, `/truth.json`, `/pixel.json`, `/state.json` and `/metrics` (Prometheus text 0.0.4).
+//! Units are in the names. Heads are counted from 0; a request that names none is about head 0.
 //!
 //! Read-only: GET and HEAD, everything else is 405. No password: the view listens on loopback unless configured
 //! otherwise, and answers only requests for an address of this machine, `localhost` or a configured name. Nothing here
@@ -16,7 +16,8 @@
 //! a lock that is held for two moves. Bounded: clients ([`CLIENTS_MAX`]), time of a connection, size of a request, one
 //! encoding at a time for a quarter of a core at most.
 //!
-//! Tour: `latest` and `sink` (frames in), `numbers` (counts in) -> `head` and `kept` (state of one head) and `board` (state of the run)
+//! Tour: `latest` and `sink` (frames in), `numbers` (counts in) -> `head` and `kept` (state of one head) and `board`
+//! (state of the run)
 //! -> `picture`, `truth`, `pixel`, `state`, `metrics` (its forms) -> `route` (request to answer) -> `server` (clients) and `page/`.
 //!
 //! Tests: beside the code; `http_tests` with raw requests; `hil_scripts/test_live.py` with a browser and Prometheus's

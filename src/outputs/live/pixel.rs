@@ -16,7 +16,8 @@ pub(super) fn pixel_of(frame: &KeptFrame, [x, y]: [usize; 2]) -> Option<Value> {
     Some(json!({ "frame": frame.number, "x_px": x, "y_px": y, "dn": dn, "ra_deg": ra_deg, "dec_deg": dec_deg }))
 }
 
-/// Returns right ascension (0 to 360) and declination of a place in the frame whose first pixel's centre is (0, 0), deg.
+/// Returns right ascension (0 to 360) and declination of a place in the frame whose first pixel's centre is (0, 0),
+/// deg.
 fn direction_deg(wcs: &Wcs, place_px: [f64; 2]) -> [f64; 2] {
     // FITS counts pixels from 1.
     let [u, v] = [0, 1].map(|axis| place_px[axis] + 1.0 - wcs.crpix[axis]);

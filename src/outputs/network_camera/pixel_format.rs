@@ -1,8 +1,8 @@
 //! DN images -> bytes of a pixel format.
 //!
 //! Values are shifted from the detector's depth to the format's: a detector of `b` bits in a format of `f` bits gives
-//! `dn << (f - b)` or `dn >> (b - f)`, so that full scale stays full scale and nothing is lost when `f >= b`.
-//! DN beyond the detector's depth are cut to its full scale. Codes: the pixel format naming convention (PFNC).
+//! `dn << (f - b)` or `dn >> (b - f)`, so that full scale stays full scale and nothing is lost when `f >= b`. DN beyond
+//! the detector's depth are cut to its full scale. Codes: the pixel format naming convention (PFNC).
 //!
 //! * Unpacked samples are right-aligned, little-endian.
 //! * `...Packed` (GigE Vision) puts two pixels into three bytes: high bits of the first, the low bits of both (the first in

@@ -1,7 +1,7 @@
 //! The device's memory: bootstrap registers, its own features from A000, the XML twice. Big-endian words.
 //!
-//! Reading goes through whole words inside one block of memory; addresses between the blocks are invalid.
-//! Reserved words inside a block read as zero. The device writes: it knows the effect of a value.
+//! Reading goes through whole words inside one block of memory; addresses between the blocks are invalid. Reserved
+//! words inside a block read as zero. The device writes: it knows the effect of a value.
 
 use crate::network_camera::gvcp::Status;
 

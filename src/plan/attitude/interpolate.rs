@@ -2,9 +2,9 @@
 //!
 //! *Algorithm.* Let `phi(t)` be the rotation vector from the earlier attitude, so `q(t) = q0.rotated_by(phi(t))`.
 //! `phi` is the cubic with `phi(0) = 0`, `phi(H) = Phi` and the end slopes that the two rates give through the
-//! kinematics of the rotation vector (Bortz 1971):
-//! `phi' = w + phi x w / 2 + k(|phi|) phi x (phi x w)`, `w` in body axes; the rate of the curve comes back by the
-//! inverse relation. Near 180 degrees the rates decide between the two directions of rotation.
+//! kinematics of the rotation vector (Bortz 1971): `phi' = w + phi x w / 2 + k(|phi|) phi x (phi x w)`, `w` in body
+//! axes; the rate of the curve comes back by the inverse relation. Near 180 degrees the rates decide between the two
+//! directions of rotation.
 //!
 //! *Error.* [`hermite_error_bound_rad`]: `H^4 / 384` times the largest fourth derivative of `phi`.
 //! *Limits.* Less than 270 degrees between samples; the acceleration neglects terms of relative size `|phi|^2 / 12`.

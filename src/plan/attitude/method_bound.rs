@@ -2,9 +2,9 @@
 //!
 //! *Prediction.* The angle between two attitudes grows no faster than their body rates differ, and the angle between
 //! products is at most the sum of the angles. So each part of a motion is bounded by itself: the smooth part by the
-//! first derivative that the method leaves out; a sinusoid by its worst phase, in closed form
-//! ([`worst_phase`]: it grows as `x^n / n!` first and much less once a period has passed, `x = w T`); what couples the
-//! parts by Leibniz' rule (`motion_scale.rs`), and the commutation of the prediction by
+//! first derivative that the method leaves out; a sinusoid by its worst phase, in closed form ([`worst_phase`]: it
+//! grows as `x^n / n!` first and much less once a period has passed, `x = w T`); what couples the parts by Leibniz'
+//! rule (`motion_scale.rs`), and the commutation of the prediction by
 //! [`PredictionErrors`].
 //!
 //! *Interpolation.* The cubic is that of the rotation vector `phi`. Hermite's remainder is `H^4 / 384` times the fourth

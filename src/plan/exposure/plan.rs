@@ -145,8 +145,8 @@ pub enum Verdict {
     CentroidOverBudget,
     /// Its pixel error is over the budget.
     PixelOverBudget,
-    /// Its flux error is over the budget (the footprint cap of a PSF with wide wings, or a
-    /// rolling shutter that stretches a fast star).
+    /// Its flux error is over the budget (the footprint cap of a PSF with wide wings, or a rolling shutter that
+    /// stretches a fast star).
     FluxOverBudget,
 }
 

@@ -6,8 +6,7 @@
 //! of stars. Error of the cubic: h^4 / 24 times the fourth derivative, h being the step; for an orbit about a body at
 //! distance r that derivative is at most `14 GM^2 / r^5` (two-body motion up to parabolic speed, differentiated twice
 //! more): [`SkyPath::bound_km`]. 10 s of two low orbits: 0.1 mm or less; a minute: 0.2 m. Beyond the four instants the
-//! error grows.
-//! Tests: below; against the orbits themselves `scene::sky_targets`.
+//! error grows. Tests: below; against the orbits themselves `scene::sky_targets`.
 
 use glam::DVec3;
 use sky::astrometry::aberrated;

@@ -6,8 +6,7 @@
 //! velocity turns at a constant rate): kinematics of a point, any textbook. Smear of a script as in the paper that the
 //! chain follows: length `sqrt(vx^2 + vy^2) T`, angle `atan2(vy, vx)`, of the velocity at the middle of the light; of a
 //! trajectory on the sky: the chord from its first place to its last. Brightness may change within an exposure
-//! ([`LightCurve`]).
-//! Tests: below, and `tests/physics/targets.rs`.
+//! ([`LightCurve`]). Tests: below, and `tests/physics/targets.rs`.
 
 use crate::attitude::LosPath;
 use crate::exposure::sky_path::SkyPath;

@@ -7,8 +7,7 @@
 //! draws targets as it draws stars; the reference integrates the trajectory itself instead. Limits: under a rolling
 //! shutter a node's instant is that of the row of its position; a target has at most [`MOST_NODES`] nodes: if its
 //! trajectory or the corners of the camera's path need more, corners are left out evenly, and the target is marked as
-//! coarse.
-//! Tests: `tests/physics/targets.rs` against an independent integral.
+//! coarse. Tests: `tests/physics/targets.rs` against an independent integral.
 
 use crate::exposure::correction::Correction;
 use crate::exposure::cost::{CostModel, Load};

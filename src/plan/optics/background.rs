@@ -5,8 +5,8 @@
 //! Galaxy) on the axis, to be multiplied by the relative illumination I. Stray light of bodies: `E_sun PST A_pixel`,
 //! with `E_sun` in electrons s^-1 m^-2 on the detector: the photons of a star of the Sun's G and colour above the
 //! optics, times quantum efficiency (the transmittance contains the optics' transmission). Non-uniform stray light is
-//! brighter on the side of the image on which its source would lie in a wider field.
-//! Tests: below; `tests/physics/field_light.rs`.
+//! brighter on the side of the image on which its source would lie in a wider field. Tests: below;
+//! `tests/physics/field_light.rs`.
 
 use crate::optics::baffle::{Baffle, BrightBodies, Glare};
 use crate::optics::sky_brightness::{S10_MAG_PER_ARCSEC2, SUN_V_LESS_G, SkyBrightness, pixel_arcsec2};

@@ -19,8 +19,7 @@
 //! the reference and the fast backends draw the same electrons by definition.
 //!
 //! The slope is continuous except for R1 = R2, on the axis. Limits: circles, no pupil aberration; the beam is not
-//! traced.
-//! Tests below: area by counting, slope compared with differences, both sides of every limit.
+//! traced. Tests below: area by counting, slope compared with differences, both sides of every limit.
 
 use core::f64::consts::PI;
 use glam::DVec2;

@@ -1,9 +1,8 @@
 //! Conditions of one exposure under commanded faults: light, optics, temperature, sources.
 //!
 //! In: the amounts of a frame's faults. Out: changed sources, and numbers for the planner and the detector. Without
-//! faults
-//! the sources pass unchanged and nothing is computed. Nothing here allocates after construction.
-//! Dark current follows temperature by the camera's own law (`image::detector::dark_current`).
+//! faults the sources pass unchanged and nothing is computed. Nothing here allocates after construction. Dark current
+//! follows temperature by the camera's own law (`image::detector::dark_current`).
 
 use base::axes::{Icrf, Rotation, Sensor};
 use base::random::{key, philox};

@@ -2,8 +2,7 @@
 //!
 //! In: a file below `$XDG_CACHE_HOME/starloop` or `~/.cache/starloop`. Out: constants, or why they are not used: a file
 //! that is damaged, or was made on another machine, adapter or version of starloop, is refused with an error that
-//! states
-//! what, where, wanted and got. Tests below.
+//! states what, where, wanted and got. Tests below.
 
 use crate::runtime::error::CostCacheError;
 use frames::report::Machine;

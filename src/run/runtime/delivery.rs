@@ -2,8 +2,8 @@
 //!
 //! A frame that the sink fails on is counted, and the next one is sent: a run on the real clock never ends because of
 //! its sinks. Losses of the sinks come back with the buffers, for the ledger. A sink that is busy for longer than all
-//! buffers last costs slots; a [`frames::sink::Fan`] is only busy for as long as it takes to copy a frame.
-//! Tests: `tests/closed_loop/sinks.rs`.
+//! buffers last costs slots; a [`frames::sink::Fan`] is only busy for as long as it takes to copy a frame. Tests:
+//! `tests/closed_loop/sinks.rs`.
 
 use crate::runtime::error::RunError;
 use crate::runtime::hygiene::{Hygiene, Role};
@@ -106,8 +106,7 @@ impl Delivery {
     }
 
     /// Returns a free buffer, if one is available now. `visit` is called once for each buffer that has come back from
-    /// the
-    /// sink thread.
+    /// the sink thread.
     pub fn take(&mut self, mut visit: impl FnMut(&FramePacket)) -> Option<FramePacket> {
         for frame_packet in self.empty.try_iter() {
             visit(&frame_packet);

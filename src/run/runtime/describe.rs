@@ -24,8 +24,7 @@ pub fn origin_name(origin: PathOrigin) -> &'static str {
 }
 
 /// Corrects attitude and rate to the sensor's own axes for a frame that is drawn in other axes, for a display. Its
-/// pixel
-/// values are luminance codes, so no gain is reported.
+/// pixel values are luminance codes, so no gain is reported.
 pub(super) fn describe_pointing(los: &LosPath, sensor_from_drawn: &Rotation<Sensor, Sensor>, meta: &mut FrameMeta) {
     let sensor_from_icrf = *sensor_from_drawn * los.mid_sensor_from_icrf;
     let [ra, dec, roll] = ra_dec_roll(&sensor_from_icrf).map(f64::to_degrees);

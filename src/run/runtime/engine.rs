@@ -227,8 +227,7 @@ impl FrameEngine {
     }
 
     /// Returns the bound of the latest frame's pointing error, rad, by the attitude method that made it; `None` when
-    /// the motion is unknown or the method has no bound (held, or predicted beyond the acceleration's
-    /// horizon).
+    /// the motion is unknown or the method has no bound (held, or predicted beyond the acceleration's horizon).
     #[must_use]
     pub fn pointing_bound_rad(&self) -> Option<f64> {
         self.pointing_bound_rad

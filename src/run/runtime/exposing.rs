@@ -1,8 +1,7 @@
 //! One head's exposures as commands shape them: the shutter, the command queues of its clients, and automatic exposure.
 //!
 //! In: commands of queues ([`DeskEnd`]) and of the bus, images. Out: slots, the settings of the exposure that is drawn,
-//! and
-//! events for clients. A refused or missed command is an event of the ledger.
+//! and events for clients. A refused or missed command is an event of the ledger.
 
 use crate::runtime::camera_intake::CameraView;
 use crate::runtime::ledger::{Event, EventKind, Ledger};

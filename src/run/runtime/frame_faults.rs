@@ -142,8 +142,7 @@ impl FrameFaults {
     }
 
     /// Fires a trigger at `at`, now or later: the faults that wait for it start then (again, if they have started
-    /// before).
-    /// Returns how many there are. Allocates nothing.
+    /// before). Returns how many there are. Allocates nothing.
     pub fn fire_trigger(&mut self, number: u16, at: Tai) -> usize {
         let mut fired = 0;
         for timed in &mut self.timed {

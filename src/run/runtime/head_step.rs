@@ -2,8 +2,7 @@
 //!
 //! In: a slot whose release has come, and all messages that arrived before. Out: the frame as it was exposed, and the
 //! effects that its faults will have when it is finished ([`FrameFaults::spoil`]): the stimulator describes a frame
-//! before
-//! it is damaged. Tests: `tests/closed_loop/imaging_faults.rs`, `triggers.rs` and `replay.rs`.
+//! before it is damaged. Tests: `tests/closed_loop/imaging_faults.rs`, `triggers.rs` and `replay.rs`.
 
 use crate::runtime::engine::FrameEngine;
 use crate::runtime::error::RunError;
@@ -28,8 +27,7 @@ pub struct HeadStep<'a> {
 
 impl HeadStep<'_> {
     /// Draws a slot under the faults of its time. Returns the effects on the frame and the times of the stages, or
-    /// `None`
-    /// when no attitude is available and the policy is to send no frame.
+    /// `None` when no attitude is available and the policy is to send no frame.
     ///
     /// # Errors
     /// When the backend failed or the policy for a stopped stream is to stop.

@@ -1,9 +1,8 @@
 //! Parameter tables of the protocol -> the jitter history: units, and from body axes to sensor axes.
 //!
 //! In: rows in effect after an APPLY, arcsec about body axes. Out: lines, noise and harmonics, rad about sensor axes.
-//! The
-//! history accepts every table that the protocol accepts (test below). Do not call for every frame: noise takes about a
-//! millisecond to be made.
+//! The history accepts every table that the protocol accepts (test below). Do not call for every frame: noise takes
+//! about a millisecond to be made.
 
 use base::axes::{Body, Rotation, Sensor};
 use base::units::ARCSEC;

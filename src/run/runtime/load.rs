@@ -1,15 +1,11 @@
 //! Measured over predicted drawing time: how much slower the machine is than the costs say, frame by frame.
 //!
 //! In: predicted and measured time of a frame (drawing and detector). Out: a ratio, 1 without load, by which the
-//! planner's
-//! time is divided, on the real clock only. It rises at once: after one slow frame the next one is planned for a
-//! machine
-//! that slow. It falls exponentially, with a time constant of [`RECOVERY_FRAMES`], so that an intermittent load does
-//! not
-//! make frames late each time it returns. *Limits.* Never below 1: a fast machine does not reduce the margin;
-//! `starloop calibrate` does. Half a millisecond is added to both times, so that fixed costs of small frames do not
-//! count as
-//! load. *Validation.* the tests below, and `tests/closed_loop/budget.rs`.
+//! planner's time is divided, on the real clock only. It rises at once: after one slow frame the next one is planned
+//! for a machine that slow. It falls exponentially, with a time constant of [`RECOVERY_FRAMES`], so that an
+//! intermittent load does not make frames late each time it returns. *Limits.* Never below 1: a fast machine does not
+//! reduce the margin; `starloop calibrate` does. Half a millisecond is added to both times, so that fixed costs of
+//! small frames do not count as load. *Validation.* the tests below, and `tests/closed_loop/budget.rs`.
 
 /// Frames after which the rest of a past load has decayed to 1/e (37 %).
 pub const RECOVERY_FRAMES: f64 = 10.0;

@@ -2,8 +2,7 @@
 //!
 //! In: a frame of one head as it goes out, and the observer's velocity that it was drawn with. Out: an attitude, or the
 //! reason why there is none, after the tracker's processing time. It sees pixels only, and has no gyro: it derives its
-//! rate
-//! from its last two attitudes. Frames come in order; the same frames give the same bits. Tests:
+//! rate from its last two attitudes. Frames come in order; the same frames give the same bits. Tests:
 //! `tests/closed_loop/lockstep.rs`.
 
 use base::time::{Span, Tai};
@@ -55,8 +54,7 @@ impl OutsideTracker {
     }
 
     /// Measures a frame that goes out at `at`. `beta` is the observer's barycentric velocity divided by the speed of
-    /// light, ICRF
-    /// axes. Returns what it requests of its camera.
+    /// light, ICRF axes. Returns what it requests of its camera.
     pub fn take_frame(&mut self, frame: &SentFrame, at: Tai, beta: DVec3) -> Option<CameraWish> {
         self.tracker.expose(&Exposed { exposure_s: frame.meta.exposure_s, regions: frame.meta.regions });
         let mid_exposure = frame.meta.mid_exposure + self.tag_error;

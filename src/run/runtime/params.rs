@@ -95,14 +95,13 @@ pub struct RunParams {
     /// Start of the first exposure.
     pub first_exposure: Tai,
     /// Rotation to the axes in which frames are drawn when these differ from the sensor's own, as for a display in
-    /// front of it.
-    /// `attitude.sensor_from_body` ends with it; frame metadata leaves it out. `None`: frames are drawn in sensor axes.
+    /// front of it. `attitude.sensor_from_body` ends with it; frame metadata leaves it out. `None`: frames are drawn in
+    /// sensor axes.
     pub drawn_from_sensor: Option<Rotation<Sensor, Sensor>>,
     /// Time from one exposure's start to the next.
     pub frame_period: Span,
     /// How long before the end of an exposure work on its frame starts: zero for a sensor that reads out, more for a
-    /// display,
-    /// where a frame must be ready when its light is to leave the display.
+    /// display, where a frame must be ready when its light is to leave the display.
     pub ahead: Span,
     /// Frames to expose.
     pub frames: u32,
@@ -150,8 +149,7 @@ impl RunParams {
     }
 
     /// Returns the time in which a frame must be drawn, ms: its share of the readout time minus the detector's own time
-    /// and a
-    /// margin.
+    /// and a margin.
     #[must_use]
     pub fn drawing_budget_ms(&self, cost: &CostModel) -> f64 {
         self.drawing_budget_under_ms(cost, 1.0)

@@ -1,13 +1,10 @@
 //! Plain messages of an external simulator -> samples by the bench's clock.
 //!
 //! In: a [`PlainRecord`] with its arrival. Out: a [`PlantSample`]. A tag of any clock (Unix time too: the bench's clock
-//! may
-//! play another day) is also a time mark, so the offset and drift of that clock are estimated like those of a flight
-//! computer on the bus, and its steps and restarts are the same events. Without a time, values are valid when they
-//! arrive.
-//! Values that are too old, too new or repeated are refused by the histories: an attitude is never drawn at another
-//! instant
-//! than its own. Tests: `plain_intake_tests`, `hil_scripts/test_plain_links.py`.
+//! may play another day) is also a time mark, so the offset and drift of that clock are estimated like those of a
+//! flight computer on the bus, and its steps and restarts are the same events. Without a time, values are valid when
+//! they arrive. Values that are too old, too new or repeated are refused by the histories: an attitude is never drawn
+//! at another instant than its own. Tests: `plain_intake_tests`, `hil_scripts/test_plain_links.py`.
 
 use super::{PORTS_MAX, Receiver};
 use crate::runtime::ledger::{Event, EventKind, Ledger};
@@ -79,8 +76,7 @@ impl Receiver {
     }
 
     /// Uses a tag as a mark of the sender's clock, which is read when the message is sent. A tag slightly older than
-    /// the newest
-    /// one belongs to a message that was overtaken, and is not used: the clock did not step back.
+    /// the newest one belongs to a message that was overtaken, and is not used: the clock did not step back.
     fn take_tag(&mut self, tag_ns: i64, arrived: Tai, ledger: &mut Ledger) {
         let newest_ns = self.plain_tags.map_or(tag_ns, |(_, newest_ns)| newest_ns);
         let behind = Span::from_ns(newest_ns.saturating_sub(tag_ns));

@@ -1,10 +1,9 @@
 //! Samples of an external plant that wait for their own instant on the virtual clock.
 //!
 //! In: samples in batches of any size, up to any time ahead. Out: single samples in order of time, each when the clock
-//! has
-//! reached its instant. The receiver's input depends on the samples only, never on the batches, so that a run repeats
-//! bit for
-//! bit. A list with one bad sample is refused as a whole. Tests: below, and `tests/closed_loop/lockstep.rs`.
+//! has reached its instant. The receiver's input depends on the samples only, never on the batches, so that a run
+//! repeats bit for bit. A list with one bad sample is refused as a whole. Tests: below, and
+//! `tests/closed_loop/lockstep.rs`.
 
 use crate::runtime::plant_sample::PlantSample;
 use base::time::Tai;

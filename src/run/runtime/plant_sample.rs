@@ -1,7 +1,7 @@
 //! One instant of an external plant, by the bench's clock, in double precision.
 //!
-//! Plain datagrams and the control socket bring them; attitudes go to the same history as those of the bus.
-//! Tests: `receiver_tests`.
+//! Plain datagrams and the control socket bring them; attitudes go to the same history as those of the bus. Tests:
+//! `receiver_tests`.
 
 use base::axes::{Body, Icrf, Rotation};
 use base::time::Tai;

@@ -1,8 +1,7 @@
 //! One camera head on the bench clock: its engine, its buffers, and its output in each slot.
 //!
 //! In: a slot that has been released. Out: a frame on its way to the head's sink, or the reason why there is none, and
-//! the
-//! record of the slot. The frame thread takes the heads in turn; each has its own sink thread. Tests: as for
+//! the record of the slot. The frame thread takes the heads in turn; each has its own sink thread. Tests: as for
 //! `real_time`.
 
 use crate::runtime::camera_intake::CameraHead;

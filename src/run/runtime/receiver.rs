@@ -132,8 +132,7 @@ impl Receiver {
     }
 
     /// Returns the flight computer's triggers that act at or before `up_to`, by rising time, each once. Triggers that
-    /// are
-    /// not taken from the iterator remain. Allocates nothing.
+    /// are not taken from the iterator remain. Allocates nothing.
     pub fn take_triggers(&mut self, up_to: Tai) -> impl Iterator<Item = FiredTrigger> + use<'_> {
         let triggers = self.session.triggers_mut();
         core::iter::from_fn(move || triggers.next(up_to))
@@ -229,8 +228,7 @@ impl Receiver {
     }
 
     /// Accepts one message; returns an answer to send by the same port, if it needs one. Ports beyond the first
-    /// `PORTS_MAX`
-    /// share one place for time marks.
+    /// `PORTS_MAX` share one place for time marks.
     pub fn accept_from(&mut self, port: usize, message: &Stamped<Message>, ledger: &mut Ledger) -> Option<Message> {
         let at = message.at;
         let port = port.min(PORTS_MAX - 1);
@@ -252,8 +250,7 @@ impl Receiver {
     }
 
     /// Returns the answer to a command; `None` for an APPLY that follows another too soon: noise takes a millisecond to
-    /// be made,
-    /// and a client without an answer asks again.
+    /// be made, and a client without an answer asks again.
     fn answer(&mut self, command: &Command, at: Tai, ledger: &mut Ledger) -> Option<Message> {
         let is_apply = matches!(command.request, Request::Apply { .. });
         if is_apply && self.applied.is_some_and(|last| at - last < APPLY_PERIOD) {
@@ -282,8 +279,7 @@ impl Receiver {
     }
 
     /// Returns the flight computer's time of an instant, us modulo 2^32, by the tags of the nearest attitudes: the time
-    /// by
-    /// which they were converted, even if the clock's estimate has moved since. `None` before the first attitude.
+    /// by which they were converted, even if the clock's estimate has moved since. `None` before the first attitude.
     #[must_use]
     pub fn remote_us_at(&self, at: Tai) -> Option<u32> {
         let after = self.tags.partition_point(|(_, epoch)| *epoch <= at);
@@ -334,10 +330,8 @@ impl Receiver {
     }
 
     /// Follows a step of the flight computer's clock, which reads `scet_ns` at `sync_at`. A clock that reads less than
-    /// half of
-    /// the expected value has restarted: attitudes, jitter and dated triggers of the previous session are then
-    /// discarded. After
-    /// any other step the attitudes received so far keep their instants.
+    /// half of the expected value has restarted: attitudes, jitter and dated triggers of the previous session are then
+    /// discarded. After any other step the attitudes received so far keep their instants.
     fn take_step(&mut self, before: &ClockEstimate, scet_ns: i64, sync_at: Tai, now: Tai, ledger: &mut Ledger) {
         let expected_ns = before.to_remote_ns(sync_at);
         let step = Span::from_ns(scet_ns.saturating_sub(expected_ns));
@@ -390,10 +384,8 @@ impl Receiver {
     }
 
     /// Accepts the state of an external plant at one instant; `arrived` is its arrival time. Returns false when a part
-    /// of it was
-    /// refused, which the ledger counts. Jitter is taken as single samples: a stream of them has no period, and no
-    /// frame
-    /// waits for it. Does not allocate.
+    /// of it was refused, which the ledger counts. Jitter is taken as single samples: a stream of them has no period,
+    /// and no frame waits for it. Does not allocate.
     pub fn take_plant(&mut self, sample: &PlantSample, arrived: Tai, ledger: &mut Ledger) -> bool {
         let at = sample.at;
         let attitude = sample.attitude.is_none_or(|attitude| self.take_plant_attitude(at, &attitude, arrived));

@@ -108,8 +108,7 @@ impl Cable {
 }
 
 /// Tests every sequence number as the last one before the restart: those within the replay window of 0 need a decoder
-/// that
-/// notices the restart, all others a receiver that accepts everything the decoder passes.
+/// that notices the restart, all others a receiver that accepts everything the decoder passes.
 #[test]
 fn restarted_flight_computer_is_accepted_at_its_first_attitude_whatever_the_last_number() {
     for last in 0..=u8::MAX {

@@ -1,16 +1,11 @@
 //! Numbered triggers of the flight computer: accepted, kept until their instants, and returned in order of time.
 //!
 //! In: TRIGGER commands, stamped, and the estimate of the flight computer's clock. Out: [`FiredTrigger`]s, each once,
-//! or a
-//! refusal with its reason. An instant is sent modulo 71.6 minutes: it is taken as ahead by up to an hour, or as past
-//! by up
-//! to five minutes (then it acts on arrival); otherwise it is refused. A number for which no fault or event of the run
-//! waits
-//! is refused first. Waiting triggers follow the clock's estimate and its steps; when the clock restarts they are
-//! discarded,
-//! because their instants are meaningless on it.
-//! The capacity is fixed; nothing is allocated after the start. Other modules decide what a trigger does. Tests: below,
-//! and
+//! or a refusal with its reason. An instant is sent modulo 71.6 minutes: it is taken as ahead by up to an hour, or as
+//! past by up to five minutes (then it acts on arrival); otherwise it is refused. A number for which no fault or event
+//! of the run waits is refused first. Waiting triggers follow the clock's estimate and its steps; when the clock
+//! restarts they are discarded, because their instants are meaningless on it. The capacity is fixed; nothing is
+//! allocated after the start. Other modules decide what a trigger does. Tests: below, and
 //! `tests/closed_loop/triggers.rs`.
 
 use base::time::{Span, Tai};
@@ -149,8 +144,7 @@ impl Triggers {
     }
 
     /// Moves the triggers that wait for an instant after a step of the clock; those whose instant has passed act at
-    /// once.
-    /// Returns how many are discarded because their instant is now too far ahead.
+    /// once. Returns how many are discarded because their instant is now too far ahead.
     pub fn follow_step(&mut self, clock: &ClockEstimate, now: Tai) -> u64 {
         self.place_by(|remote_ns| clock.to_tai(remote_ns).max(now));
         self.forget_where(|waiting| waiting.fired.at > now + MOST_AHEAD)

@@ -1,11 +1,10 @@
 //! The loop on the virtual clock: one thread, events in order of time, bit-identical on every machine.
 //!
 //! Four kinds of events: a sample of an external plant reaches its instant; the other end of the cable has work; a
-//! slot's
-//! exposure ends and its frame is drawn; a frame has been read out and goes out. At one instant they come in that
-//! order,
-//! except that a frame goes out before the next one is drawn. Drawing takes no simulated time, so nothing is late; wall
-//! times per stage are still measured. [`VirtualLoop`] can be advanced step by step; [`run`] runs it to the end.
+//! slot's exposure ends and its frame is drawn; a frame has been read out and goes out. At one instant they come in
+//! that order, except that a frame goes out before the next one is drawn. Drawing takes no simulated time, so nothing
+//! is late; wall times per stage are still measured. [`VirtualLoop`] can be advanced step by step; [`run`] runs it to
+//! the end.
 
 use crate::runtime::camera_intake::{self, CameraHead};
 use crate::runtime::engine::FrameEngine;
@@ -65,8 +64,7 @@ pub struct World<'a> {
     /// Steps the other end to an instant and returns when it next has work.
     pub far_end: &'a mut dyn FnMut(Tai) -> Result<Tai, FarEndError>,
     /// Called with every frame that has gone out and the number of its head; false ends the run. It may exchange the
-    /// frame for
-    /// another one of that head.
+    /// frame for another one of that head.
     pub progress: &'a mut dyn FnMut(usize, &mut SentFrame, &RunRecord) -> bool,
 }
 
@@ -147,8 +145,7 @@ impl VirtualLoop {
     }
 
     /// Queues samples of an external plant until their instants, all of a list or none. Samples of an instant that has
-    /// passed
-    /// are refused; refusals are counted.
+    /// passed are refused; refusals are counted.
     ///
     /// # Errors
     /// Returns the place in the list of the first bad sample, counted from 0, and what is wrong with it.

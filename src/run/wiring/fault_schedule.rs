@@ -29,16 +29,14 @@ pub struct ScheduleLimits {
 const GAPS_S: (f64, f64) = (5.0, 400.0);
 
 /// Largest share of packets with a wrong bit that passed the bus's own checksum, which is the only one of time marks.
-/// Beyond
-/// it equally damaged marks outnumber the good ones of a window, and no receiver could separate them.
+/// Beyond it equally damaged marks outnumber the good ones of a window, and no receiver could separate them.
 const MOST_WRONG: f64 = 0.2;
 
 /// Largest share of packets without their tail.
 const MOST_CUT: f64 = 0.3;
 
 /// Identifiers of babble: the attitude's own, which has a checksum, and an unused one. Time marks have no checksum:
-/// babble
-/// under their identifiers that is as frequent as they are would be indistinguishable from them.
+/// babble under their identifiers that is as frequent as they are would be indistinguishable from them.
 const BABBLED: [u16; 2] = [0x300, 0x7FF];
 
 /// Returns the events of `seed`.

@@ -10,8 +10,7 @@ use plan::optics::sky_brightness::SkyBrightness;
 use plan::optics::{BackgroundLight, StarSpectra};
 
 /// Returns the background of `camera`. `star_e_per_s` returns the electrons per second of a star from its G magnitude
-/// and
-/// BP - RP.
+/// and BP - RP.
 ///
 /// # Errors
 /// When light is given in magnitudes and the camera has no zero point in electrons per second.

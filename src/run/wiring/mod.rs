@@ -1,7 +1,7 @@
 //! Checked configurations -> the parts of a run.
 //!
-//! In: a [`config::Bench`] or [`config::Scenario`]. Out: parameters of every crate, and the closed loop with
-//! both ends of its cable. Nothing here computes physics or prints.
+//! In: a [`config::Bench`] or [`config::Scenario`]. Out: parameters of every crate, and the closed loop with both ends
+//! of its cable. Nothing here computes physics or prints.
 
 pub mod assemble;
 pub mod assessment;

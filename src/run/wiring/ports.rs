@@ -206,8 +206,7 @@ pub fn needs_real_clock(bench: &Bench) -> Option<&'static str> {
 }
 
 /// Returns the reason why the spacecraft of a bench cannot be moved, if there is one: its plant is external, no bus
-/// leads
-/// there, and the run is not controlled by a client that could send its attitudes.
+/// leads there, and the run is not controlled by a client that could send its attitudes.
 #[must_use]
 pub fn is_unreachable(bench: &Bench, is_controlled: bool) -> Option<&'static str> {
     let why = "link.kind is \"simulated\" without gateways, and the plant is outside: no other program can reach a bus inside this \

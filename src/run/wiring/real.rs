@@ -2,10 +2,8 @@
 //!
 //! In: an assembled run. Out: its results. Faults act as on the virtual clock; frames that a fault delays keep their
 //! buffers. Each head has four buffers: a delay beyond three frames loses some, counted. Frames go to the trackers as
-//! the
-//! sink threads deliver them; a vehicle looks every [`POLL`]. Orders from outside, such as events that are injected,
-//! reach
-//! the frame thread between two slots and the far end's thread between two steps.
+//! the sink threads deliver them; a vehicle looks every [`POLL`]. Orders from outside, such as events that are
+//! injected, reach the frame thread between two slots and the far end's thread between two steps.
 
 use crate::runtime::error::FarEndError;
 use crate::runtime::hygiene::{Hygiene, Role};

@@ -2,8 +2,8 @@
 //! witness.
 //!
 //! In: an assembled run. Out: frames in the sinks, telemetry, verdicts. [`SteppedRun::advance_to`] moves simulated
-//! time; nothing else does. The same scenario and seed give the same bits, however it is advanced.
-//! Tests: `tests/closed_loop/pixels.rs`, `campaign.rs`, `control.rs`.
+//! time; nothing else does. The same scenario and seed give the same bits, however it is advanced. Tests:
+//! `tests/closed_loop/pixels.rs`, `campaign.rs`, `control.rs`.
 
 use crate::runtime::exposing::Exposing;
 use crate::runtime::ledger::{Event as LedgerEvent, EventKind};

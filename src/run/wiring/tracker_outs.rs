@@ -1,7 +1,7 @@
 //! `[[tracker_out]]` of a bench -> trackers beside the sinks of their heads, each with its protocol and its line.
 //!
-//! In two steps, as a run is put together: taps around the sinks first, then, when the run connects and its clock runs, the lines,
-//! the threads of the real clock, or the list that the virtual clock's loop steps.
+//! In two steps, as a run is put together: taps around the sinks first, then, when the run connects and its clock runs,
+//! the lines, the threads of the real clock, or the list that the virtual clock's loop steps.
 
 use crate::runtime::tracker_out::{
     Damage, DamageKind, OutShared, OutThread, Outlet, OutletError, TapParts, Telemeter, TelemeterParams, TrackerEyes,

@@ -1,10 +1,10 @@
 //! Direction from the observer's position -> direction that the moving observer sees.
 //!
-//! Equation: Lorentz transformation of a light direction, with b = v/c and 1/gamma = sqrt(1 - b^2):
-//! u' = (u / gamma + (1 + u.b / (1 + 1/gamma)) b) / (1 + u.b)
-//! (Urban and Seidelmann, Explanatory Supplement, 3rd ed., eq. 7.40; the formula of SOFA's `iauAb` without the term
-//! of the Sun's potential, which is below 0.5 microarcsec). v is barycentric, so annual and orbital aberration come
-//! together. Exact in v. Tests: `annual_constant`, `agrees_with_erfa_ab`.
+//! Equation: Lorentz transformation of a light direction, with b = v/c and 1/gamma = sqrt(1 - b^2): u' = (u / gamma +
+//! (1 + u.b / (1 + 1/gamma)) b) / (1 + u.b) (Urban and Seidelmann, Explanatory Supplement, 3rd ed., eq. 7.40; the
+//! formula of SOFA's `iauAb` without the term of the Sun's potential, which is below 0.5 microarcsec). v is
+//! barycentric, so annual and orbital aberration come together. Exact in v. Tests: `annual_constant`,
+//! `agrees_with_erfa_ab`.
 
 use base::units::SPEED_OF_LIGHT_KM_S;
 use glam::DVec3;
@@ -68,7 +68,8 @@ mod tests {
 
     #[test]
     fn annual_constant() {
-        // Constant of aberration 20.49551 arcsec (IAU 1976 system; Urban and Seidelmann, table 16.1): mean orbital speed
+        // Constant of aberration 20.49551 arcsec (IAU 1976 system; Urban and Seidelmann, table 16.1): mean orbital
+        // speed
         // 29.7847 km/s over c, divided by sqrt(1 - e^2) -> kappa = 20.4955 for 29.7889 km/s.
         let seen = aberrated(DVec3::X, DVec3::Y * 29.788_9);
         assert!((seen.angle_between(DVec3::X) / ARCSEC - 20.495_51).abs() < 2e-4, "{}", seen.angle_between(DVec3::X));

@@ -1,15 +1,15 @@
-//! Catalog sources, time, observer -> apparent sources: space motion, then parallax, then deflection of light by the Sun
-//! (where the [`Vantage`] has one), then aberration.
+//! Catalog sources, time, observer -> apparent sources: space motion, then parallax, then deflection of light by the
+//! Sun (where the [`Vantage`] has one), then aberration.
 //!
-//! Neglected, in mas: radial velocities that are not known ([`super::at_epoch`]), the light's time across the observer's distance from the
-//! barycentre (0.16 per au for Barnard's star, 0.08 for 61 Cygni), the difference
-//! of TDB and the catalog's TCB year (below 0.01), bodies other than the Sun ([`super::deflected`]). Atmosphere: none.
+//! Neglected, in mas: radial velocities that are not known ([`super::at_epoch`]), the light's time across the
+//! observer's distance from the barycentre (0.16 per au for Barnard's star, 0.08 for 61 Cygni), the difference of TDB
+//! and the catalog's TCB year (below 0.01), bodies other than the Sun ([`super::deflected`]). Atmosphere: none.
 //!
-//! Measured against ERFA with JPL's Earth, Sun and Moon, 1991-2050, observers from low orbits to the Moon and about the Sun: 0.21
-//! mas at worst over 199 cases, Barnard's star; 0.03 for stars that are slower. Outside
+//! Measured against ERFA with JPL's Earth, Sun and Moon, 1991-2050, observers from low orbits to the Moon and about the
+//! Sun: 0.21 mas at worst over 199 cases, Barnard's star; 0.03 for stars that are slower. Outside
 //! [`PROVEN_YEARS`] `starloop check` warns.
-//! Tests: `agrees_with_an_independent_library`, `tests/physics/apparent_vectors.rs` and, from other stars' data and by other
-//! formulae, `tests/physics/apparent_places.rs`.
+//! Tests: `agrees_with_an_independent_library`, `tests/physics/apparent_vectors.rs` and, from other stars' data and by
+//! other formulae, `tests/physics/apparent_places.rs`.
 
 use super::space_motion::moved_in_space;
 use super::{Sight, Vantage, parallax_shifted};

@@ -126,7 +126,8 @@ impl CameraGeometry {
         self.ideal(v_sensor).map(|ideal| self.pixel(self.distortion.distort(ideal)))
     }
 
-    /// Returns the unit direction in sensor axes of a pixel position; `None` where no direction of the domain is imaged.
+    /// Returns the unit direction in sensor axes of a pixel position; `None` where no direction of the domain is
+    /// imaged.
     #[must_use]
     pub fn unproject(&self, px: [f64; 2]) -> Option<DVec3> {
         let ideal = self.tangent_of_pixel(px)?;

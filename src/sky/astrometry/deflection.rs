@@ -1,13 +1,13 @@
 //! Direction -> direction after the bending of its light by the Sun.
 //!
-//! Equation: u' = u + (2 GM / c^2 r) / max(1 + u.e, limit) u x (e x u), for a star at infinity; e is the direction from the Sun
-//! to the observer and r their distance (Urban and Seidelmann, Explanatory Supplement, 3rd ed., eq. 7.63; the formula and the
-//! limit of SOFA's `iauLdsun`). Size at 1 au: 4.07 mas x cot(elongation / 2): 0.4 at 170 degrees, 4 at 90, 10 at 45, 23 at
-//! 20, 47 at 10, 93 at 5, 1750 at the limb.
+//! Equation: u' = u + (2 GM / c^2 r) / max(1 + u.e, limit) u x (e x u), for a star at infinity; e is the direction from
+//! the Sun to the observer and r their distance (Urban and Seidelmann, Explanatory Supplement, 3rd ed., eq. 7.63; the
+//! formula and the limit of SOFA's `iauLdsun`). Size at 1 au: 4.07 mas x cot(elongation / 2): 0.4 at 170 degrees, 4 at
+//! 90, 10 at 45, 23 at 20, 47 at 10, 93 at 5, 1750 at the limb.
 //!
-//! Limit: within 0.08 deg of the Sun's centre (at 1 au, a third of its radius) it goes to zero: nothing is seen there. Other
-//! bodies are left out: at its limb Jupiter bends by 16 mas (1 mas at 5 arcmin from it), Saturn by 6 (1 mas at 1 arcmin),
-//! the Earth by 0.6, the Moon by 0.03. Test: `agrees_with_erfa_ldsun`.
+//! Limit: within 0.08 deg of the Sun's centre (at 1 au, a third of its radius) it goes to zero: nothing is seen there.
+//! Other bodies are left out: at its limb Jupiter bends by 16 mas (1 mas at 5 arcmin from it), Saturn by 6 (1 mas at 1
+//! arcmin), the Earth by 0.6, the Moon by 0.03. Test: `agrees_with_erfa_ldsun`.
 
 use base::units::AU_KM;
 use glam::DVec3;

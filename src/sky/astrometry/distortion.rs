@@ -1,15 +1,14 @@
 //! Ideal (pinhole) coordinates <-> distorted coordinates: Brown-Conrady, or a polynomial
 //! ([`crate::astrometry::PolynomialDistortion`]).
 //!
-//! Brown-Conrady: with x = X/Z, y = Y/Z, r^2 = x^2 + y^2 (dimensionless):
-//! x' = x (1 + k1 r^2 + k2 r^4 + k3 r^6) + 2 p1 x y + p2 (r^2 + 2 x^2),
-//! y' = y (1 + k1 r^2 + k2 r^4 + k3 r^6) + p1 (r^2 + 2 y^2) + 2 p2 x y
-//! (Brown 1966, Photogrammetric Engineering 32, 444; signs and order as in OpenCV's calib3d).
+//! Brown-Conrady: with x = X/Z, y = Y/Z, r^2 = x^2 + y^2 (dimensionless): x' = x (1 + k1 r^2 + k2 r^4 + k3 r^6) + 2 p1
+//! x y + p2 (r^2 + 2 x^2), y' = y (1 + k1 r^2 + k2 r^4 + k3 r^6) + p1 (r^2 + 2 y^2) + 2 p2 x y (Brown 1966,
+//! Photogrammetric Engineering 32, 444; signs and order as in OpenCV's calib3d).
 //!
-//! Domain. The Jacobian is symmetric: its radial part has eigenvalues f = 1 + k1 r^2 + k2 r^4 + k3 r^6 and
-//! g = 1 + 3 k1 r^2 + 5 k2 r^4 + 7 k3 r^6, its tangential part has eigenvalues of at most 6 r hypot(p1, p2). Where
-//! min(f, g) exceeds that bound it is positive definite, so on a disc x' is the gradient of a convex function and no
-//! two directions share a pixel. [`Domain`] holds the largest such disc. Test: `domain_ends_where_the_model_folds`.
+//! Domain. The Jacobian is symmetric: its radial part has eigenvalues f = 1 + k1 r^2 + k2 r^4 + k3 r^6 and g = 1 + 3 k1
+//! r^2 + 5 k2 r^4 + 7 k3 r^6, its tangential part has eigenvalues of at most 6 r hypot(p1, p2). Where min(f, g) exceeds
+//! that bound it is positive definite, so on a disc x' is the gradient of a convex function and no two directions share
+//! a pixel. [`Domain`] holds the largest such disc. Test: `domain_ends_where_the_model_folds`.
 
 use super::distortion_polynomial::PolynomialDistortion;
 use glam::{DMat2, DVec2};

@@ -1,8 +1,8 @@
 //! Ideal (pinhole) coordinates -> distorted coordinates: a full polynomial in both, as a fit to stars gives it.
 //!
-//! With x = X/Z, y = Y/Z (dimensionless): x' = x + sum a_ij x^i y^j, y' = y + sum b_ij x^i y^j, 1 <= i + j <= 5. The form
-//! is that of SIP (Shupe et al. 2005, ASP Conf. 347, 491), but from ideal to distorted and in focal lengths, not pixels.
-//! Why not radial terms only: a fit to stars also finds decentring, tilt, anamorphism and shear, and a radial
+//! With x = X/Z, y = Y/Z (dimensionless): x' = x + sum a_ij x^i y^j, y' = y + sum b_ij x^i y^j, 1 <= i + j <= 5. The
+//! form is that of SIP (Shupe et al. 2005, ASP Conf. 347, 491), but from ideal to distorted and in focal lengths, not
+//! pixels. Why not radial terms only: a fit to stars also finds decentring, tilt, anamorphism and shear, and a radial
 //! polynomial of even powers is among these terms (test below). Odd powers of r have no derivative on the axis beyond
 //! the first and are not offered. No constant: that is the principal point.
 //!

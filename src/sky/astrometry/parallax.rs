@@ -2,9 +2,8 @@
 //!
 //! u' = normalise(u - parallax r), r the observer's barycentric position in au, parallax in rad (Urban and Seidelmann,
 //! Explanatory Supplement, 3rd ed., sec. 7.2.3.1; exact for the distance 1 au / parallax up to the third order of the
-//! parallax, 1e-17 rad). A source of unknown parallax is taken as infinitely far, parallax zero: wrong by its true parallax, which for
-//! a blank in the built-in catalog is typically below 10 mas.
-//! Test: `a_year_draws_the_parallax`.
+//! parallax, 1e-17 rad). A source of unknown parallax is taken as infinitely far, parallax zero: wrong by its true
+//! parallax, which for a blank in the built-in catalog is typically below 10 mas. Test: `a_year_draws_the_parallax`.
 
 use base::units::{AU_KM, MAS};
 use glam::DVec3;

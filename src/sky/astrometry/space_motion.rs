@@ -1,15 +1,15 @@
 //! Catalog epoch -> direction at another time: uniform straight motion in space.
 //!
-//! u(t) = normalise(u0 + (t - t0) (pm_ra_cosdec e + pm_dec n + radial u0)), e and n the directions of east and north at u0
-//! (ESA, The Hipparcos and Tycho Catalogues, vol. 1, sec. 1.5.5; Urban and Seidelmann, Explanatory Supplement, 3rd ed., sec.
+//! u(t) = normalise(u0 + (t - t0) (pm_ra_cosdec e + pm_dec n + radial u0)), e and n the directions of east and north at
+//! u0 (ESA, The Hipparcos and Tycho Catalogues, vol. 1, sec. 1.5.5; Urban and Seidelmann, Explanatory Supplement, 3rd
+//! ed., sec.
 //! 7.2.3). The radial rate is v_r parallax / 4.74.
 //!
 //! Limit: catalogs here list no radial velocities; those of seventeen near and fast stars are known
 //! (`stars::radial_velocity`). Neglect would displace Barnard's star by 740 mas in 2050, Kapteyn's by 640, 61 Cygni by
-//! 118 (10 in 2026), Groombridge 1830 by 90. Of the other stars of the built-in catalog 281 come to more than 1 mas by 2050,
-//! and 17 to 10, at 30 km/s; nearly all stay below 0.1. A source without proper motion stays.
-//! Tests: `follows_a_published_position`, `tests/physics/space_motion.rs` (these numbers) and
-//! `tests/physics/apparent_places`.
+//! 118 (10 in 2026), Groombridge 1830 by 90. Of the other stars of the built-in catalog 281 come to more than 1 mas by
+//! 2050, and 17 to 10, at 30 km/s; nearly all stay below 0.1. A source without proper motion stays. Tests:
+//! `follows_a_published_position`, `tests/physics/space_motion.rs` (these numbers) and `tests/physics/apparent_places`.
 
 use base::source::ProperMotion;
 use base::units::MAS;

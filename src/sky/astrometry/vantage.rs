@@ -47,8 +47,8 @@ impl Sight {
         self.aberration.aberrated(arriving)
     }
 
-    /// Returns the direction from the observer's place of what it sees in the direction `apparent_icrf`: without aberration
-    /// and deflection. The inverse of [`Self::apparent`], to rounding, but behind the Sun's disc.
+    /// Returns the direction from the observer's place of what it sees in the direction `apparent_icrf`: without
+    /// aberration and deflection. The inverse of [`Self::apparent`], to rounding, but behind the Sun's disc.
     #[must_use]
     pub fn natural(&self, apparent_icrf: DVec3) -> DVec3 {
         let arriving = self.aberration.undone(apparent_icrf);

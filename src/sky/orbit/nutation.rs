@@ -1,9 +1,9 @@
 //! Time -> nutation in longitude and in obliquity, rad.
 //!
-//! Source: the 21 largest luni-solar terms of IAU 2000B (McCarthy and Luzum 2003, Celest. Mech. 85, 37, table 1), their sine
-//! in longitude and cosine in obliquity at J2000; arguments of Delaunay, linear (Simon et al. 1994, A&A 282, 663).
-//! Limit: against IAU 2006/2000A, 1991-2050, the pole is within 11 mas (28 in longitude, 10 in obliquity).
-//! Test: `agrees_with_the_whole_series`.
+//! Source: the 21 largest luni-solar terms of IAU 2000B (McCarthy and Luzum 2003, Celest. Mech. 85, 37, table 1), their
+//! sine in longitude and cosine in obliquity at J2000; arguments of Delaunay, linear (Simon et al. 1994, A&A 282, 663).
+//! Limit: against IAU 2006/2000A, 1991-2050, the pole is within 11 mas (28 in longitude, 10 in obliquity). Test:
+//! `agrees_with_the_whole_series`.
 
 use base::units::{ARCSEC, MAS};
 

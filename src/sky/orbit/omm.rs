@@ -1,10 +1,9 @@
 //! Orbit mean-elements messages (CCSDS 502.0-B) in JSON -> an orbit that SGP4 follows.
 //!
 //! In: an object or a list of objects with the keys of the standard (`EPOCH`, `MEAN_MOTION`, ..., numbers or numbers in
-//! quotes), as catalogs on the net give them. Out: [`TleOrbit`], of the one object or the one with a catalog number. The
-//! elements are those that two lines carry, with more digits and longer numbers. Limits: JSON alone; the theory must be
-//! SGP4 in TEME, where the message says so.
-//! Tests: below; elements in both forms are one orbit.
+//! quotes), as catalogs on the net give them. Out: [`TleOrbit`], of the one object or the one with a catalog number.
+//! The elements are those that two lines carry, with more digits and longer numbers. Limits: JSON alone; the theory
+//! must be SGP4 in TEME, where the message says so. Tests: below; elements in both forms are one orbit.
 
 use super::TleOrbit;
 use crate::ObserverError;

@@ -3,13 +3,13 @@
 //! Equation and constants: angles of Fukushima and Williams, IAU 2006, frame bias included (Hilton et al. 2006, Celest.
 //! Mech. 94, 351; IERS Conventions 2010, eq. 5.40), with [`super::nutation`].
 //!
-//! TEME has the true equator of date; its x axis is the origin of the sidereal time of 1982, which Earth-fixed positions are
-//! made with (Vallado et al., "Revisiting Spacetrack Report #3", AIAA 2006-6753, appendix C): west of the true equinox by the
-//! equation of the equinoxes, and by what that sidereal time has run away from IAU 2006 since.
+//! TEME has the true equator of date; its x axis is the origin of the sidereal time of 1982, which Earth-fixed
+//! positions are made with (Vallado et al., "Revisiting Spacetrack Report #3", AIAA 2006-6753, appendix C): west of the
+//! true equinox by the equation of the equinoxes, and by what that sidereal time has run away from IAU 2006 since.
 //!
-//! Limit: nutation's 11 mas, and 3 mas of small terms in the equation of the equinoxes: 14 mas, 0.5 m at 7,000 km.
-//! Mean axes of date are not TEME: nutation turns them by up to 9.4e-5 rad.
-//! Tests: `teme_agrees_with_a_published_library`, `published_teme_state`.
+//! Limit: nutation's 11 mas, and 3 mas of small terms in the equation of the equinoxes: 14 mas, 0.5 m at 7,000 km. Mean
+//! axes of date are not TEME: nutation turns them by up to 9.4e-5 rad. Tests: `teme_agrees_with_a_published_library`,
+//! `published_teme_state`.
 
 use super::nutation::nutation_rad;
 use base::time::Tai;
@@ -73,7 +73,8 @@ mod tests {
     /// Largest angle between TEME and mean axes of date, rad (module doc).
     const NUTATION_RAD: f64 = 9.4e-5;
 
-    /// ICRF axes from TEME, row by row: transposed `skyfield.sgp4lib.TEME.rotation_at` (skyfield 1.55, its built-in UT1).
+    /// ICRF axes from TEME, row by row: transposed `skyfield.sgp4lib.TEME.rotation_at` (skyfield 1.55, its built-in
+    /// UT1).
     #[rustfmt::skip]
     const SKYFIELD: [(&str, [f64; 9]); 8] = [
         ("1991-01-02T00:00:00Z", [0.9999976195, -0.0020120113, -0.0008442333, 0.0020120274, 0.9999979757, 0.0000182221, 0.0008441949, -0.0000199207, 0.9999996435]),

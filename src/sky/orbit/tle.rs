@@ -2,8 +2,8 @@
 //!
 //! Input: two lines of 69 ASCII characters with checksums. Output: ICRF axes through
 //! [`super::precession`], whose doc bounds what is neglected. Gravity constants are those of WGS 72, with which public
-//! elements are made (the mode the crate calls AFSPC-compatible). SGP4's own error is km and m/s near the epoch and grows
-//! by km per day in low orbit: 1 m/s is 0.7 mas of aberration.
+//! elements are made (the mode the crate calls AFSPC-compatible). SGP4's own error is km and m/s near the epoch and
+//! grows by km per day in low orbit: 1 m/s is 0.7 mas of aberration.
 
 use super::precession::icrf_from_teme;
 use crate::ObserverError;
@@ -16,7 +16,8 @@ use sgp4::chrono::Datelike;
 
 /// Polar radius of the Earth, km (WGS 84): nothing flies below it.
 const POLAR_RADIUS_KM: f64 = 6_356.752;
-/// Years of epochs: the first of an object in orbit; the last before the sidereal time of SGP4 takes 2100 to be a leap year.
+/// Years of epochs: the first of an object in orbit; the last before the sidereal time of SGP4 takes 2100 to be a leap
+/// year.
 const EPOCH_YEARS: RangeInclusive<i32> = 1957..=2099;
 /// Furthest from the epoch, days: a century. Orbits in resonance take a step of 12 hours after the other.
 const MOST_DAYS: f64 = 36_525.0;
@@ -64,8 +65,8 @@ impl TleOrbit {
         Self::from_checked_lines(first, second)
     }
 
-    /// Reads the object with `norad_id`, or the only one, of a file of many: pairs of lines, with or without a title before
-    /// each pair.
+    /// Reads the object with `norad_id`, or the only one, of a file of many: pairs of lines, with or without a title
+    /// before each pair.
     ///
     /// # Errors
     /// When the pair of lines is missing, several have that number, or several are there without a number to choose by,
@@ -169,8 +170,7 @@ impl TleOrbit {
     }
 }
 
-/// Returns a catalog number of five characters; the first may be a letter without I and O for 10 to 33
-/// (Alpha-5).
+/// Returns a catalog number of five characters; the first may be a letter without I and O for 10 to 33 (Alpha-5).
 fn number_of(text: &str) -> Option<u64> {
     let letter = text.chars().next().filter(char::is_ascii_uppercase);
     let Some(letter) = letter else { return text.trim().parse().ok() };
@@ -253,7 +253,8 @@ mod tests {
         let position = |at| orbit.geocentric_state(at).expect("near epoch").position_km;
         let wanted = position(at + half) - position(at - half);
         let got = orbit.geocentric_state(at).expect("near epoch").velocity_km_s;
-        // SGP4's velocity omits short-periodic terms: the theory's reference code shows the same 0.85 m/s here, which is
+        // SGP4's velocity omits short-periodic terms: the theory's reference code shows the same 0.85 m/s here, which
+        // is
         // 0.6 mas of aberration.
         assert!((got - wanted).length() < 1e-3, "{got} for {wanted}");
         assert!((got - wanted).length() > 1e-5, "control: a comparison at this level sees the omission");

@@ -1,12 +1,12 @@
 //! Time -> position and velocity on a conic about one body: ellipse, parabola or hyperbola.
 //!
-//! Input: a state or Kepler's elements at an epoch, about a centre of gravitational parameter `gm_km3_s2`. Output: km and
-//! km/s from that centre, in the axes of the input (ICRF for an observer).
+//! Input: a state or Kepler's elements at an epoch, about a centre of gravitational parameter `gm_km3_s2`. Output: km
+//! and km/s from that centre, in the axes of the input (ICRF for an observer).
 //!
 //! Equation: Kepler's in the universal variable x, dx/dt = sqrt(gm) / r, with Stumpff's functions (Battin, An
 //! Introduction to the Mathematics and Methods of Astrodynamics, rev. ed., sec. 4.5; Vallado, Fundamentals of
-//! Astrodynamics and Applications, 4th ed., sec. 2.3). One form serves all conics, the parabola included.
-//! Time is strictly increasing in x, so Newton's steps are kept in a bracket and always arrive.
+//! Astrodynamics and Applications, 4th ed., sec. 2.3). One form serves all conics, the parabola included. Time is
+//! strictly increasing in x, so Newton's steps are kept in a bracket and always arrive.
 //!
 //! Error of the arithmetic: below 1e-11 of the largest distance on the way, and of the fastest speed times the phase
 //! reached (rounding of time x mean motion): below 1 mm after 10 revolutions of a low orbit, 1 m after 15,000.

@@ -1,12 +1,12 @@
 //! Range, phase, sunlight -> magnitude of a target (Gaia G).
 //!
-//! A sphere of diameter D and diffuse (Lambert) reflectance a, distance d, lit at phase angle p by a Sun of magnitude M at
-//! 1 au: of the Sun's light at the target `a (D / 2 d)^2 (2 / 3 pi) (sin p + (pi - p) cos p)` arrives (Lambert's sphere;
-//! Seeliger; van de Hulst, Multiple Light Scattering, 1980, sec. 18.1), and of one that mirrors the share s
-//! `s (D / 4 d)^2` at any phase. A magnitude given for 1000 km and half phase goes with the same law; so does a table of
+//! A sphere of diameter D and diffuse (Lambert) reflectance a, distance d, lit at phase angle p by a Sun of magnitude M
+//! at 1 au: of the Sun's light at the target `a (D / 2 d)^2 (2 / 3 pi) (sin p + (pi - p) cos p)` arrives (Lambert's
+//! sphere; Seeliger; van de Hulst, Multiple Light Scattering, 1980, sec. 18.1), and of one that mirrors the share s `s
+//! (D / 4 d)^2` at any phase. A magnitude given for 1000 km and half phase goes with the same law; so does a table of
 //! magnitudes at 1000 km over phase, by its own numbers. The Sun's distance counts, and the share of it that the Earth
-//! leaves. Limits: convex bodies that do not flash; no light from the Earth or the Moon. Test: below, against a numerical
-//! integral over the sphere and the full Moon.
+//! leaves. Limits: convex bodies that do not flash; no light from the Earth or the Moon. Test: below, against a
+//! numerical integral over the sphere and the full Moon.
 
 use base::units::AU_KM;
 use core::f64::consts::PI;

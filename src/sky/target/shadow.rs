@@ -1,11 +1,11 @@
 //! Target, Sun, Earth -> how much of the Sun the target sees, and whether the Earth is between it and the observer.
 //!
-//! The Sun's disc is covered by the Earth's as two circles cover each other (Montenbruck and Gill, Satellite Orbits, 2000,
-//! sec. 3.4.2): umbra and penumbra of a conical shadow. The Earth is the ellipsoid of WGS 84 about the ICRF's pole (0.15
-//! deg from its own in 2026: 50 m of the flattening's 21 km), taken by scaling the polar axis, which keeps lines of sight
-//! straight and makes a sphere of it: exact for the limb, within 0.2 % of the Sun's disc for the shadow. No atmosphere:
-//! real shadows begin some 10 km higher and are red within; the light of the Earth itself on targets is left out.
-//! Limits: a target above the surface. Tests: below, against the times of a flat triangle.
+//! The Sun's disc is covered by the Earth's as two circles cover each other (Montenbruck and Gill, Satellite Orbits,
+//! 2000, sec. 3.4.2): umbra and penumbra of a conical shadow. The Earth is the ellipsoid of WGS 84 about the ICRF's
+//! pole (0.15 deg from its own in 2026: 50 m of the flattening's 21 km), taken by scaling the polar axis, which keeps
+//! lines of sight straight and makes a sphere of it: exact for the limb, within 0.2 % of the Sun's disc for the shadow.
+//! No atmosphere: real shadows begin some 10 km higher and are red within; the light of the Earth itself on targets is
+//! left out. Limits: a target above the surface. Tests: below, against the times of a flat triangle.
 
 use glam::DVec3;
 
@@ -105,10 +105,10 @@ mod tests {
 
     #[test]
     fn entry_and_exit_are_those_of_the_cone() {
-        // A target on a circle of radius r whose plane holds the Sun. The tangents that Sun and Earth have in common make
-        // cones: inside the umbra's at distance x behind the Earth, less than (R - x (S - R) / D) / cos(half angle) from
-        // the axis; written with angles at the geocentre: the edge is where the target is
-        // asin(R / r) - (asin((S -+ R) / D)) from the axis. Equatorial plane: the sphere is exact there.
+        // A target on a circle of radius r whose plane holds the Sun. The tangents that Sun and Earth have in common
+        // make cones: inside the umbra's at distance x behind the Earth, less than (R - x (S - R) / D) / cos(half
+        // angle) from the axis; written with angles at the geocentre: the edge is where the target is asin(R / r) -
+        // (asin((S -+ R) / D)) from the axis. Equatorial plane: the sphere is exact there.
         let (earth, sun_radius, distance) = (EARTH_RADIUS_KM, SUN_RADIUS_KM, AU_KM);
         let sun = DVec3::X * distance;
         for altitude_km in [500.0, 35_786.0] {

@@ -1,13 +1,14 @@
 //! Orbit, observer, time -> a target as its light left it.
 //!
 //! The light that arrives at `at` left the target one light time earlier, and in that time target and Earth moved on:
-//! with geocentric g(t) of the target, o(t) of the observer and the Earth's barycentric velocity V, the light comes from
-//! `g(t - tau) - V tau - o(t)`, whose length is `c tau` (Urban and Seidelmann, Explanatory Supplement, 3rd ed., sec.
+//! with geocentric g(t) of the target, o(t) of the observer and the Earth's barycentric velocity V, the light comes
+//! from `g(t - tau) - V tau - o(t)`, whose length is `c tau` (Urban and Seidelmann, Explanatory Supplement, 3rd ed.,
+//! sec.
 //! 7.2.3, for an object whose motion is known from the geocentre). Solved by two steps from the geometric distance, the
-//! second along the velocity: what is left, tau (v/c)^2, is 1e-8 of the light time. The Earth's own acceleration within it (1 s to the Moon) is 3 m.
-//! Between two low orbits 1000 km apart light time moves a target by 5 arcsec, and V tau, which the aberration by the
-//! Earth's motion undoes nearly whole, by 20. Deflection of light by the Earth: below 1 mas, left out.
-//! Tests: below against a fixed point of its own; `hil_scripts/test_targets.py` against another program.
+//! second along the velocity: what is left, tau (v/c)^2, is 1e-8 of the light time. The Earth's own acceleration within
+//! it (1 s to the Moon) is 3 m. Between two low orbits 1000 km apart light time moves a target by 5 arcsec, and V tau,
+//! which the aberration by the Earth's motion undoes nearly whole, by 20. Deflection of light by the Earth: below 1
+//! mas, left out. Tests: below against a fixed point of its own; `hil_scripts/test_targets.py` against another program.
 
 use crate::ObserverError;
 use crate::observer::BarycentricState;
@@ -160,10 +161,10 @@ mod tests {
         assert!(rate > 0.05 * DEG, "control: a pass, {rate} rad/s");
     }
 
-    /// Two bodies on circles in one plane, `psi` apart as seen from the geocentre: the angular rate seen from one by the
-    /// law of cosines and the law of sines, as in the plane triangle of geocentre, platform and target: distance
-    /// `d^2 = R^2 + r^2 - 2 R r cos(psi)`, and the rate of the line between them
-    /// `(n_t r (r - R cos psi) + n_o R (R - r cos psi)) / d^2`.
+    /// Two bodies on circles in one plane, `psi` apart as seen from the geocentre: the angular rate seen from one by
+    /// the law of cosines and the law of sines, as in the plane triangle of geocentre, platform and target: distance
+    /// `d^2 = R^2 + r^2 - 2 R r cos(psi)`, and the rate of the line between them `(n_t r (r - R cos psi) + n_o R (R - r
+    /// cos psi)) / d^2`.
     #[test]
     fn coplanar_circles_turn_as_the_triangle_says() {
         const GM: f64 = 398_600.441_8;

@@ -118,7 +118,8 @@ pub(super) struct StarRecord {
     pub(super) g: u16,
     /// BP - RP, likewise.
     pub(super) bp_rp: i16,
-    /// Parallax, [`PARALLAX_STEP_MAS`]; [`NO_PARALLAX`](crate::steps::NO_PARALLAX) when unknown. Stored in its own column.
+    /// Parallax, [`PARALLAX_STEP_MAS`]; [`NO_PARALLAX`](crate::steps::NO_PARALLAX) when unknown. Stored in its own
+    /// column.
     pub(super) parallax: u16,
 }
 

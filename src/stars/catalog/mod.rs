@@ -6,8 +6,8 @@
 //!
 //! Positions are ICRS at the catalog's epoch; `sky::astrometry` moves them to the time of observation. Decoded
 //! positions differ from the CSV by at most 0.17 mas, proper motions by 0.5 microarcsec/yr, parallaxes by 0.025 mas,
-//! magnitudes and colours by 0.5 mmag: half a step of each field (`layout`); so a place in 2050 by less than 0.2 mas. Tests:
-//! `packing_keeps_every_field` (round trip within half steps), `cone_agrees_with_brute_force`,
+//! magnitudes and colours by 0.5 mmag: half a step of each field (`layout`); so a place in 2050 by less than 0.2 mas.
+//! Tests: `packing_keeps_every_field` (round trip within half steps), `cone_agrees_with_brute_force`,
 //! `places_in_2050_are_those_of_the_csv`.
 
 mod error;

@@ -5,8 +5,8 @@
 //! (allowed for proper motion and parallax). Some origins write an unknown proper motion as `0.00,0.00`
 //! ([`ORIGINS_WITHOUT_MOTION`]): those become blank too.
 //!
-//! The numbers in `source_id` are kept: Gaia's, those of bright stars below zero, or one's own ([`Origins`]); credits that are
-//! not given are those that the stars' origins ask for.
+//! The numbers in `source_id` are kept: Gaia's, those of bright stars below zero, or one's own ([`Origins`]); credits
+//! that are not given are those that the stars' origins ask for.
 //!
 //! The same CSV gives the same bytes: stars are ordered by tile, stored magnitude, then `source_id`.
 
@@ -50,8 +50,8 @@ struct Star {
     record: StarRecord,
 }
 
-/// Packs the CSV's stars, whose positions are those of Julian year `epoch_yr`, with `credits`, or those that their origins
-/// ask for.
+/// Packs the CSV's stars, whose positions are those of Julian year `epoch_yr`, with `credits`, or those that their
+/// origins ask for.
 ///
 /// # Errors
 /// When the text is not CSV, a column is missing or a cell is out of its field's range (with line and column).

@@ -1,14 +1,15 @@
 //! Stars in any order -> layers, in bounded memory and resumable.
 //!
-//! Stars are dealt to files on disk, one for each layer and each of 3,072 parts of the sky ([`Sorting::add`]); then each
-//! file is sorted by tile and magnitude and appended to its layer ([`Sorting::finish`]). Memory: [`MEMORY_BYTES`] or what
+//! Stars are dealt to files on disk, one for each layer and each of 3,072 parts of the sky ([`Sorting::add`]); then
+//! each file is sorted by tile and magnitude and appended to its layer ([`Sorting::finish`]). Memory: [`MEMORY_BYTES`]
+//! or what
 //! [`Sorting::with_memory`] says, wherever the stars are: while stars come, half of it for rows that wait for the disk;
 //! while files are sorted, as many rows as it holds at a time (`runs`), beside the tables of one layer (`writer`).
-//! After each input, [`Sorting::checkpoint`] writes down how long the files are: an import that is cut short goes on after
-//! its last whole input, as files are cut back to those lengths, when it reads the same inputs in the same way
-//! ([`Sorting::hold_to`]). Layers get their names when all are whole; that they are about to is written down before, so that
-//! an import cut short there goes on too ([`Sorting::is_finishing`]). A star whose row comes twice (the same number, place
-//! and magnitude) is taken once and counted. Tests: `tests`.
+//! After each input, [`Sorting::checkpoint`] writes down how long the files are: an import that is cut short goes on
+//! after its last whole input, as files are cut back to those lengths, when it reads the same inputs in the same way
+//! ([`Sorting::hold_to`]). Layers get their names when all are whole; that they are about to is written down before, so
+//! that an import cut short there goes on too ([`Sorting::is_finishing`]). A star whose row comes twice (the same
+//! number, place and magnitude) is taken once and counted. Tests: `tests`.
 
 use super::error::LayerError;
 use super::layout::{TileFrame, order_for, tiles_of};
@@ -25,12 +26,13 @@ use std::path::{Path, PathBuf};
 
 /// HEALPix order of the parts of the sky that are sorted one at a time.
 const PART_ORDER: u8 = 4;
-/// Memory of an import, as long as no one asks for another amount, bytes: the densest part of the whole of Gaia DR3, some 5
-/// million stars, is sorted at once.
+/// Memory of an import, as long as no one asks for another amount, bytes: the densest part of the whole of Gaia DR3,
+/// some 5 million stars, is sorted at once.
 pub const MEMORY_BYTES: usize = 512 << 20;
 /// Least memory of an import, bytes.
 pub const LEAST_MEMORY_BYTES: usize = 1 << 20;
-/// Rows of one part of the sky are written when this share of the memory waits for it alone: its buffer grows no further.
+/// Rows of one part of the sky are written when this share of the memory waits for it alone: its buffer grows no
+/// further.
 const PART_SHARE: usize = 16;
 /// Where an import keeps what it needs to go on.
 const PROGRESS: &str = "progress.json";
@@ -140,8 +142,8 @@ impl Sorting {
         progress.is_some_and(|progress| progress.finishing.is_some() && progress.finishing == folder_mark(out).ok())
     }
 
-    /// Holds the import to what an earlier try began: `options` says how inputs are read, and all inputs that the earlier
-    /// try took in must be among `inputs`.
+    /// Holds the import to what an earlier try began: `options` says how inputs are read, and all inputs that the
+    /// earlier try took in must be among `inputs`.
     ///
     /// # Errors
     /// When the earlier try read its inputs otherwise, or took in one that is not named now.
@@ -221,7 +223,8 @@ impl Sorting {
         if is_full { self.write_rows() } else { Ok(()) }
     }
 
-    /// Shows every star taken in so far that layers below `faintest_mag` hold, part by part; of a star that came twice both.
+    /// Shows every star taken in so far that layers below `faintest_mag` hold, part by part; of a star that came twice
+    /// both.
     ///
     /// # Errors
     /// When the disk failed.
@@ -313,8 +316,8 @@ impl Sorting {
     }
 
     /// Sorts everything into layers `out/gNN.starlayer` of epoch `epoch_yr`, with the credits the stars ask for, in the
-    /// place of those that are there, and removes the folder of the import. No layer gets its name before all are whole.
-    /// `progress` gets the share done, 0..1.
+    /// place of those that are there, and removes the folder of the import. No layer gets its name before all are
+    /// whole. `progress` gets the share done, 0..1.
     ///
     /// # Errors
     /// When the disk failed.

@@ -1,8 +1,9 @@
 //! A layer file -> [`Layer`]: its head in memory, its stars read tile by tile, each checked when it is read.
 //!
-//! Stars are read with positioned reads and not mapped into memory: a file that is cut short while it is mapped kills the
-//! program (SIGBUS), one that is read gives an error, and both come from the same page cache. Tiles are read in pieces of a
-//! megabyte, so that memory is taken for stars that are there and bright enough, and not for what a head promises.
+//! Stars are read with positioned reads and not mapped into memory: a file that is cut short while it is mapped kills
+//! the program (SIGBUS), one that is read gives an error, and both come from the same page cache. Tiles are read in
+//! pieces of a megabyte, so that memory is taken for stars that are there and bright enough, and not for what a head
+//! promises.
 
 use super::error::LayerError;
 use super::layout::{
@@ -295,7 +296,8 @@ impl Layer {
         Ok(())
     }
 
-    /// Holds a star to the layer's promises: no faster, no brighter than the one before, within the magnitudes, in steps.
+    /// Holds a star to the layer's promises: no faster, no brighter than the one before, within the magnitudes, in
+    /// steps.
     fn check_star(&self, tile: u64, star: &StarRecord, last_g: f64, limits_g: [f64; 2]) -> Result<(), LayerError> {
         let (speed, g) = (star.speed_mas_yr(), f64::from(star.g));
         if speed > self.index.fastest_mas_yr {

@@ -1,8 +1,8 @@
 //! A tile of a layer -> stars that an import stores as the same bytes.
 //!
-//! Rounding may have put a star half a step beyond the edge of its tile, or to the faint end of its layer, where an import
-//! would take it to be its neighbour's. Such a star is given less than half a step inside, so that it rounds to where it
-//! was: layer -> stars -> layer gives the same bytes (`imports::hats::tests::layers_come_back_as_they_were`).
+//! Rounding may have put a star half a step beyond the edge of its tile, or to the faint end of its layer, where an
+//! import would take it to be its neighbour's. Such a star is given less than half a step inside, so that it rounds to
+//! where it was: layer -> stars -> layer gives the same bytes (`imports::hats::tests::layers_come_back_as_they_were`).
 
 use super::error::LayerError;
 use super::layout::{NO_COLOUR, PARALLAX_STEP_MAS, StarRecord, TileFrame};
@@ -17,8 +17,8 @@ const OFFSETS_STEPS: [f64; 8] = [0.0, 0.25, 0.45, 0.49, 0.499, 0.4999, 1.0, 2.0]
 const SIGNS: [f64; 3] = [-1.0, 0.0, 1.0];
 
 impl Layer {
-    /// Appends the stars of a tile to `out`, brightest first; `bytes` is scratch. A star's `source_id` is its number, or its
-    /// place in a layer without numbers.
+    /// Appends the stars of a tile to `out`, brightest first; `bytes` is scratch. A star's `source_id` is its number,
+    /// or its place in a layer without numbers.
     ///
     /// # Errors
     /// When the tile cannot be read or is damaged.

@@ -1,10 +1,10 @@
 //! A file of rows in any order -> its rows in the order of a layer, in bounded memory.
 //!
-//! As many rows as the budget holds are sorted at a time; when there are more, each such run is written beside the file, and
-//! the runs are merged, at most [`FAN_IN`] at once. Memory does not depend on where the stars are: all of them may be in one
-//! place. The order is total, so the bytes of a layer depend neither on the order of the input nor on the budget. A star
-//! whose row comes twice (the same number, place and magnitude) is given once and counted. Tests: below,
-//! `tests/allocations/imports.rs` (bytes held).
+//! As many rows as the budget holds are sorted at a time; when there are more, each such run is written beside the
+//! file, and the runs are merged, at most [`FAN_IN`] at once. Memory does not depend on where the stars are: all of
+//! them may be in one place. The order is total, so the bytes of a layer depend neither on the order of the input nor
+//! on the budget. A star whose row comes twice (the same number, place and magnitude) is given once and counted. Tests:
+//! below, `tests/allocations/imports.rs` (bytes held).
 
 use super::error::LayerError;
 use super::star::{IDENTITY_BYTES, ROW_BYTES, WaitingRow};

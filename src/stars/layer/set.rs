@@ -1,8 +1,8 @@
 //! Layers that join at their magnitudes -> one sky, read tile by tile.
 //!
-//! Each layer must begin at the magnitude at which the one before ends, so that no star comes twice and none is missing;
-//! all are of one epoch. A star's `id` is its place in its layer after the stars of the layers before. Layers that begin
-//! beyond the limiting magnitude are left closed. A catalog in memory is a sky of one layer. Tests: `tests`.
+//! Each layer must begin at the magnitude at which the one before ends, so that no star comes twice and none is
+//! missing; all are of one epoch. A star's `id` is its place in its layer after the stars of the layers before. Layers
+//! that begin beyond the limiting magnitude are left closed. A catalog in memory is a sky of one layer. Tests: `tests`.
 
 use super::error::LayerError;
 use super::layout::tiles_of;
@@ -52,7 +52,8 @@ impl LayerSet {
     /// Opens the layers in any order, for stars not fainter than `limiting_mag` (Gaia G).
     ///
     /// # Errors
-    /// When a layer cannot be read or is damaged at its head, they do not join, their epochs differ, or none is so bright.
+    /// When a layer cannot be read or is damaged at its head, they do not join, their epochs differ, or none is so
+    /// bright.
     pub fn open(paths: &[PathBuf], limiting_mag: f32) -> Result<Self, LayerError> {
         let mut layers = paths.iter().map(|path| Layer::open(path)).collect::<Result<Vec<_>, _>>()?;
         layers.sort_by(|a, b| a.index().magnitudes[0].total_cmp(&b.index().magnitudes[0]));

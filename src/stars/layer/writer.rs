@@ -1,8 +1,8 @@
 //! Stars by tile, brightest first -> a layer file.
 //!
-//! Records are written as they come, numbers into a file of their own that is appended at the end, and the head before the
-//! records last. The file gets its name when it is whole and on the disk; on any failure nothing of it is left. Memory: the
-//! tables of the head, 12 to 16 bytes a tile (200 MB at the finest order), and two buffers.
+//! Records are written as they come, numbers into a file of their own that is appended at the end, and the head before
+//! the records last. The file gets its name when it is whole and on the disk; on any failure nothing of it is left.
+//! Memory: the tables of the head, 12 to 16 bytes a tile (200 MB at the finest order), and two buffers.
 
 use super::error::LayerError;
 use super::layout::{
@@ -24,8 +24,7 @@ const BUFFER_BYTES: usize = 1 << 20;
 pub struct LayerReport {
     /// Its file.
     pub path: PathBuf,
-    /// Magnitudes from, and below.
-    /// Brightest and faintest magnitude, Gaia G.
+    /// Magnitudes from, and below. Brightest and faintest magnitude, Gaia G.
     pub magnitudes: [f32; 2],
     /// Stars in it.
     pub stars: u64,

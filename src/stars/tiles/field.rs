@@ -41,8 +41,8 @@ pub struct TileSky {
     slots: Vec<u32>,
     /// Places of the tiles of a layer.
     places: Vec<Option<Place>>,
-    /// Of each layer, stars of the tiles that were read, and those of them that were not too faint: how many stars a tile will
-    /// have that has not come yet.
+    /// Of each layer, stars of the tiles that were read, and those of them that were not too faint: how many stars a
+    /// tile will have that has not come yet.
     decoded: Vec<[u64; 2]>,
 }
 

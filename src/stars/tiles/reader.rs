@@ -1,9 +1,9 @@
 //! A thread that reads tiles: names in, blocks of stars out, so that the caller touches no file and frees no memory.
 //!
-//! Two queues of names: those that a field lacks go before those that a coming field may want. What was asked for so many
-//! fields ago that it is of no use any more is not read. Blocks that are given up come back here, where they are used
-//! again. All queues are bounded and made at the start; a full one is "not now", never a wait. A thread that breaks down
-//! is known by [`Reader::is_lost`]: nothing is read from then on.
+//! Two queues of names: those that a field lacks go before those that a coming field may want. What was asked for so
+//! many fields ago that it is of no use any more is not read. Blocks that are given up come back here, where they are
+//! used again. All queues are bounded and made at the start; a full one is "not now", never a wait. A thread that
+//! breaks down is known by [`Reader::is_lost`]: nothing is read from then on.
 
 use super::block::{Decoder, TileStar};
 use crate::layer::{LayerError, TileId};

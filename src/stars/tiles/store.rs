@@ -1,8 +1,8 @@
 //! Decoded tiles in memory: found by their name, the least lately used given up first.
 //!
-//! Bounded by stars and by tiles. A hand goes round the slots and gives up the first whose tile no field has wanted since
-//! the hand's last turn (the clock algorithm: nearly least lately used, in constant time, without lists). Everything is
-//! allocated when the store is made, except for the blocks, which come from the reader and go back there.
+//! Bounded by stars and by tiles. A hand goes round the slots and gives up the first whose tile no field has wanted
+//! since the hand's last turn (the clock algorithm: nearly least lately used, in constant time, without lists).
+//! Everything is allocated when the store is made, except for the blocks, which come from the reader and go back there.
 
 use super::block::TileStar;
 use crate::layer::TileId;

@@ -1,5 +1,5 @@
-//! The EDS file of the CANopen star tracker, from its dictionary (CiA 306). `starloop_tracker.eds` beside this file is what comes
-//! out, for clients to load; a test compares them.
+//! The EDS file of the CANopen star tracker, from its dictionary (CiA 306). `starloop_tracker.eds` beside this file is
+//! what comes out, for clients to load; a test compares them.
 
 use super::dictionary::{ENTRIES, Entry, mapping_word, pdo_entries};
 use core::fmt::Write as _;

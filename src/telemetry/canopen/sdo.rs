@@ -1,4 +1,5 @@
-//! Expedited SDO transfers of CiA 301: up to four bytes in one request and one answer. Nothing longer is in the dictionary.
+//! Expedited SDO transfers of CiA 301: up to four bytes in one request and one answer. Nothing longer is in the
+//! dictionary.
 
 use super::dictionary::{Access, Entry, find, has_index};
 

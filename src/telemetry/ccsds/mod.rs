@@ -1,7 +1,8 @@
 //! A star tracker that speaks CCSDS space packets with PUS services, over UDP or TCP.
 //!
-//! Out: housekeeping TM(3,25) with each report, events TM(5,1) "attitude found" and TM(5,2) "attitude lost", and verification
-//! TM(1,1), (1,2), (1,7), (1,8). In: TC(17,1) ping, answered by TM(17,2); TC(3,27) one housekeeping packet; TC(8,1) functions.
+//! Out: housekeeping TM(3,25) with each report, events TM(5,1) "attitude found" and TM(5,2) "attitude lost", and
+//! verification TM(1,1), (1,2), (1,7), (1,8). In: TC(17,1) ping, answered by TM(17,2); TC(3,27) one housekeeping
+//! packet; TC(8,1) functions.
 //!
 //! | source data of TM(3,25) | octets |
 //! |---|---|

@@ -1,13 +1,15 @@
 //! A Sagitta star tracker as the driver of C2A speaks with it: requests and asynchronous telemetry in SLIP frames.
 //!
-//! Source: `Drivers/Aocs/sagitta.c` and `.h` of ut-issl/c2a-aobc and the simulator of ut-issl/s2e-aobc. UART or RS-485, 115200
-//! 8N1, address 0x21, little-endian, frames as in [`slip`]. The scalar is first, and the vector the conjugate of starloop's.
+//! Source: `Drivers/Aocs/sagitta.c` and `.h` of ut-issl/c2a-aobc and the simulator of ut-issl/s2e-aobc. UART or RS-485,
+//! 115200 8N1, address 0x21, little-endian, frames as in [`slip`]. The scalar is first, and the vector the conjugate of
+//! starloop's.
 //!
-//! Requests are set parameter (0), get parameter (1), get telemetry (2) and action (3); answers have 128 more, asynchronous
-//! telemetry is 132. Known here: telemetry 24 (solution), 27 (temperature) and 1 (time); parameter 18 (subscription of up to 16
-//! telemetry numbers) and 9 (camera: its exposure is obeyed); actions 1 (boot: begins again), 14 (set time: accepted, the clock
-//! is the run's). Others are answered with a status that is not 0. `Differs:` the tracker is booted when the line opens and has
-//! subscribed the solution and the temperature; camera mode 0 pauses it; the camera's mode has no other effect.
+//! Requests are set parameter (0), get parameter (1), get telemetry (2) and action (3); answers have 128 more,
+//! asynchronous telemetry is 132. Known here: telemetry 24 (solution), 27 (temperature) and 1 (time); parameter 18
+//! (subscription of up to 16 telemetry numbers) and 9 (camera: its exposure is obeyed); actions 1 (boot: begins again),
+//! 14 (set time: accepted, the clock is the run's). Others are answered with a status that is not 0. `Differs:` the
+//! tracker is booted when the line opens and has subscribed the solution and the temperature; camera mode 0 pauses it;
+//! the camera's mode has no other effect.
 
 pub mod slip;
 

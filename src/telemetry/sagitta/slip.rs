@@ -1,7 +1,7 @@
 //! SLIP frames with XXH32: bytes of a line <-> frames whose hash is right.
 //!
-//! Source: RFC 1055, with a C0 at both ends; the Sagitta driver of C2A for the hash: XXH32, seed 1425, over everything before
-//! it, appended little-endian before the escaping.
+//! Source: RFC 1055, with a C0 at both ends; the Sagitta driver of C2A for the hash: XXH32, seed 1425, over everything
+//! before it, appended little-endian before the escaping.
 
 use xxhash_rust::xxh32::xxh32;
 

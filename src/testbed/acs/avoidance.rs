@@ -8,8 +8,8 @@
 //!
 //! Assumptions: the Sun does not move during a slew (0.04 deg/h); `margin_rad` covers the tracking error and the
 //! estimate's error; a slew that is broken off stops within `rate / (2 zeta wn)` of the coarse loop, wherever that is.
-//! Starting or ending inside the margin is allowed and not made worse. Tests:
-//! `avoidance_tests.rs` (1000 random slews, dense samples).
+//! Starting or ending inside the margin is allowed and not made worse. Tests: `avoidance_tests.rs` (1000 random slews,
+//! dense samples).
 
 use super::slew::{Leg, SlewLimits, SlewPath};
 use base::axes::{Body, Icrf, Rotation};

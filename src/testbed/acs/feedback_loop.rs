@@ -37,8 +37,8 @@ impl FeedbackLoop {
         self.saturated = saturated;
     }
 
-    /// Returns `F (kp e - kd w + ki int e)`. The integral is frozen while the torque is at its limit
-    /// (no wind-up) and where it would pass its own limit.
+    /// Returns `F (kp e - kd w + ki int e)`. The integral is frozen while the torque is at its limit (no wind-up) and
+    /// where it would pass its own limit.
     pub(super) fn torque(
         &mut self,
         error_rad: DVec3,

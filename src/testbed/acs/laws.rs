@@ -39,8 +39,8 @@ impl Gains {
         TAU * self.bandwidth_hz
     }
 
-    /// Returns `J wn^2`, `2 zeta wn J`, `J wn^2 / Ti`: with the full inertia all axes have the same loop, and a turn from
-    /// rest stays on its eigen-axis.
+    /// Returns `J wn^2`, `2 zeta wn J`, `J wn^2 / Ti`: with the full inertia all axes have the same loop, and a turn
+    /// from rest stays on its eigen-axis.
     #[must_use]
     pub fn of(&self, inertia_kg_m2: &DMat3) -> LoopGains {
         let wn = self.natural_rad_s();

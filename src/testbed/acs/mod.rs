@@ -8,8 +8,8 @@
 //! an estimator. Pure functions of inputs and time: no clock, no random numbers; nothing allocates at a step.
 //!
 //! Tests: `tests.rs` (loop against theory, limits, walk through the modes), `mode_tests.rs`, `slew_tests.rs`,
-//! `avoidance_tests.rs`, `linear_tests.rs`, `closed_tests.rs` (with the estimator, gyro and
-//! late tracker, against the paper), with a body of their own in `test_body.rs`.
+//! `avoidance_tests.rs`, `linear_tests.rs`, `closed_tests.rs` (with the estimator, gyro and late tracker, against the
+//! paper), with a body of their own in `test_body.rs`.
 
 pub mod avoidance;
 #[cfg(test)]

@@ -1,8 +1,8 @@
 //! Steady state of a one-axis attitude-and-bias filter in closed form.
 //!
 //! Input: gyro noise, tracker noise, tracker period. Output: variances before and after an update and the gains.
-//! Source: Farrenkopf, "Analytic steady-state accuracy solutions for two common spacecraft attitude estimators",
-//! J. Guidance and Control 1 (1978); Markley and Crassidis (2014), section 6.3, without readout noise. Tests: the
+//! Source: Farrenkopf, "Analytic steady-state accuracy solutions for two common spacecraft attitude estimators", J.
+//! Guidance and Control 1 (1978); Markley and Crassidis (2014), section 6.3, without readout noise. Tests: the
 //! equations of covariance hold at the solution (below); the filter of this module ends there (`tests.rs`).
 
 /// Noise of one gyro axis.
@@ -32,9 +32,8 @@ pub struct Farrenkopf {
 }
 
 impl Farrenkopf {
-    /// Returns the steady state for a tracker with noise `nea_rad` (one sigma) every `period_s`. With
-    /// `Su = sigma_u T^1.5 / sigma_n` and `Sv = sigma_v T^0.5 / sigma_n`:
-    /// `xi + 1 / xi = Su / 2 + 2 sqrt(1 + Sv^2 / 4 + Su^2 / 48)`.
+    /// Returns the steady state for a tracker with noise `nea_rad` (one sigma) every `period_s`. With `Su = sigma_u
+    /// T^1.5 / sigma_n` and `Sv = sigma_v T^0.5 / sigma_n`: `xi + 1 / xi = Su / 2 + 2 sqrt(1 + Sv^2 / 4 + Su^2 / 48)`.
     #[must_use]
     pub fn new(nea_rad: f64, period_s: f64, gyro: &GyroNoise) -> Self {
         let walk = gyro.rrw_rad_s_sqrt_s;

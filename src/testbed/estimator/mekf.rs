@@ -1,9 +1,9 @@
 //! The filter: one gyro sample at a time forward, one attitude at a time back into the past.
 //!
-//! Error state: rotation vector from the estimate to the truth (body axes) and bias error, with
-//! `a' = -w x a - b - noise`. An attitude measures `a` directly, so its matrix is (1 0) and the innovation is the exact
-//! rotation vector. The attitude is corrected by multiplication and the error is zero again; the turning of the
-//! covariance by half of that correction (second order) is left out, as is usual.
+//! Error state: rotation vector from the estimate to the truth (body axes) and bias error, with `a' = -w x a - b -
+//! noise`. An attitude measures `a` directly, so its matrix is (1 0) and the innovation is the exact rotation vector.
+//! The attitude is corrected by multiplication and the error is zero again; the turning of the covariance by half of
+//! that correction (second order) is left out, as is usual.
 
 use super::covariance6::Covariance6;
 use super::history::{Estimate, Fix, History, Step, propagated};

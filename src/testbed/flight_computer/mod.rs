@@ -195,8 +195,8 @@ impl FlightComputer {
         self.talk.is_running()
     }
 
-    /// Fires a trigger of the stimulator: sends it from `now` on, after RUN, until it is answered; it acts at `at`, or on
-    /// arrival.
+    /// Fires a trigger of the stimulator: sends it from `now` on, after RUN, until it is answered; it acts at `at`, or
+    /// on arrival.
     ///
     /// # Errors
     /// When too many are waiting to be sent, or the instant is too far away: time tags wrap.
@@ -280,7 +280,8 @@ impl FlightComputer {
         }
     }
 
-    /// Reads what has come in by `now`. Whoever hands frames to the vehicle does this first: their time tags are messages.
+    /// Reads what has come in by `now`. Whoever hands frames to the vehicle does this first: their time tags are
+    /// messages.
     ///
     /// # Errors
     /// When the port failed.
@@ -341,8 +342,8 @@ impl FlightComputer {
         Ok(())
     }
 
-    /// Sends when the last SYNC actually left, which is after it was due when the bus was busy. For one that has not left
-    /// by now nothing is sent: a wrong time would be worse than none.
+    /// Sends when the last SYNC actually left, which is after it was due when the bus was busy. For one that has not
+    /// left by now nothing is sent: a wrong time would be worse than none.
     fn send_follow_up(&mut self, port: &mut Port) -> Result<(), LinkError> {
         let Some(SentSync { counter, left_at, packet }) = self.sent_sync.take() else { return Ok(()) };
         let left_at = match port.departure(packet) {

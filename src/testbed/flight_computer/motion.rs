@@ -1,4 +1,5 @@
-//! Scripted motions that begin in motion: a constant rate with sinusoids on top of it, and a smooth path through waypoints.
+//! Scripted motions that begin in motion: a constant rate with sinusoids on top of it, and a smooth path through
+//! waypoints.
 //!
 //! *Steady motion.* The body turns at a constant rate about an axis fixed in it, and then by `A sin(2 pi f t + phase)` about
 //! further axes, each fixed in the body that the turns before it have moved. All of it is closed form.
@@ -6,7 +7,8 @@
 //! *Waypoints.* Between two neighbours `q(t) = q0.rotated_by(phi(t))`, where `phi` is the quintic that has the attitude and
 //! the rate of both waypoints and no acceleration there: attitude, rate and acceleration are continuous. Rate and
 //! acceleration follow from `phi` by the kinematics of the rotation vector (Bortz 1971). Where the body stops at the
-//! waypoints, each turn is about a fixed axis with the least jerk. Before the first waypoint and after the last it rests.
+//! waypoints, each turn is about a fixed axis with the least jerk. Before the first waypoint and after the last it
+//! rests.
 //!
 //! *Limits.* Less than 180 degrees between neighbours. Tests: finite differences, and formulas written by hand.
 
@@ -183,8 +185,9 @@ impl WaypointMotion {
     /// Returns bounds of rate, acceleration and jerk anywhere on the path, rad/s, rad/s^2, rad/s^3.
     ///
     /// Between scanned points a derivative of `phi` changes by no more than the next one allows. With `p1`, `p2`, `p3`
-    /// bounds of the derivatives of `phi`, the body's rate is below `p1`, its acceleration below `p2 + p1^2 / 2`, its jerk
-    /// below `p3 + 3 p1 p2 / 2 + p1^3 / 2`: the map from `phi'` to the rate is a mean of rotations by shares of `phi`.
+    /// bounds of the derivatives of `phi`, the body's rate is below `p1`, its acceleration below `p2 + p1^2 / 2`, its
+    /// jerk below `p3 + 3 p1 p2 / 2 + p1^3 / 2`: the map from `phi'` to the rate is a mean of rotations by shares of
+    /// `phi`.
     #[must_use]
     pub fn extremes(&self) -> [f64; 3] {
         self.pieces
@@ -201,7 +204,8 @@ fn rates_at(turns: &[(DVec3, f64)], at_waypoints: AtWaypoints) -> Vec<DVec3> {
         for (rate, pair) in rates[1..].iter_mut().zip(turns.windows(2)) {
             let [(before_rad, before_s), (after_rad, after_s)] = [pair[0], pair[1]];
             if before_rad.length() > 0.0 && after_rad.length() > 0.0 {
-                // The slope of the parabola through three points. A turn's axis is the same in the axes of both its ends.
+                // The slope of the parabola through three points. A turn's axis is the same in the axes of both its
+                // ends.
                 *rate = (before_rad / before_s * after_s + after_rad / after_s * before_s) / (before_s + after_s);
             }
         }

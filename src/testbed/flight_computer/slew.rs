@@ -1,8 +1,8 @@
 //! Scripted attitude: a turn about one body axis, with its rate and acceleration in closed form.
 //!
-//! Rate: up a ramp, constant, down the same ramp. With `theta(t)` the angle turned about the unit axis `a`:
-//! `q(t) = exp(-a theta / 2) q(0)`, rate `a theta'`, acceleration `a theta''`. Exact, because the axis is fixed in the
-//! body. `tests` below: finite differences.
+//! Rate: up a ramp, constant, down the same ramp. With `theta(t)` the angle turned about the unit axis `a`: `q(t) =
+//! exp(-a theta / 2) q(0)`, rate `a theta'`, acceleration `a theta''`. Exact, because the axis is fixed in the body.
+//! `tests` below: finite differences.
 
 use crate::attitude_truth::AttitudeTruth;
 use base::axes::{Body, Icrf, Rotation, sensor_from_ra_dec_roll};
@@ -143,7 +143,8 @@ mod tests {
     const START: Tai = Tai::from_ns(5_000_000_000);
     /// Step of the central differences.
     const STEP_S: f64 = 1e-4;
-    /// Third derivative (below 0.1 rad/s^4 here) times `STEP_S^2 / 6`, and f64 rounding `1e-16 / STEP_S`, with a margin.
+    /// Third derivative (below 0.1 rad/s^4 here) times `STEP_S^2 / 6`, and f64 rounding `1e-16 / STEP_S`, with a
+    /// margin.
     const DIFFERENCE: f64 = 2e-9;
 
     fn profile(shape: RampShape) -> SlewProfile {

@@ -1,9 +1,9 @@
-//! The flight computer's side of the session: HELLO, INFO, RUN, then triggers and camera commands; each said again until it is
-//! answered.
+//! The flight computer's side of the session: HELLO, INFO, RUN, then triggers and camera commands; each said again
+//! until it is answered.
 //!
-//! In: time, commands to say, responses. Out: commands when due, one at a time. A refusal of HELLO, INFO or RUN ends the
-//! talk: nothing is said any more; that of a later command is counted. Limits: one talk per boot, begun with the stream. Tests:
-//! below, `tests/closed_loop/session.rs` and `triggers.rs`.
+//! In: time, commands to say, responses. Out: commands when due, one at a time. A refusal of HELLO, INFO or RUN ends
+//! the talk: nothing is said any more; that of a later command is counted. Limits: one talk per boot, begun with the
+//! stream. Tests: below, `tests/closed_loop/session.rs` and `triggers.rs`.
 
 use firmware_protocol::message::{Command, Refusal, Reply, Request, Response};
 use firmware_protocol::version;

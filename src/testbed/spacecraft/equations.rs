@@ -9,8 +9,8 @@
 //! (J - sum J_w a a' - sum delta delta') w' = T_ext - w x H - sum a u - sum delta f
 //! q' = -w q / 2
 //! ```
-//! `W` is a rotor's speed relative to the body. The last matrix is constant and inverted once.
-//! Limits: `J` does not change with `eta` (small deflections); wheels are balanced here, `micro_vibration` has the rest.
+//! `W` is a rotor's speed relative to the body. The last matrix is constant and inverted once. Limits: `J` does not
+//! change with `eta` (small deflections); wheels are balanced here, `micro_vibration` has the rest.
 //! `tests/conservation.rs`, `tests/closed_forms.rs` and `tests/flexible.rs` hold this file to theory.
 
 use super::orbit::CircularOrbit;

@@ -7,8 +7,8 @@
 //! b' = b + s_u sqrt(dt) n1      rate = M w + (b + b') / 2 + sqrt(s_v^2 / dt + s_u^2 dt / 12) n2
 //! ```
 //! `M` holds scale factors and misalignment; `w` is the rotation vector of the turn over `dt` (coning inside `dt`, of
-//! second order in the change of axis, is not seen). Angles are quantised with the remainder carried over.
-//! The same number of draws is taken at every measurement, so a fault does not change the noise that follows it.
+//! second order in the change of axis, is not seen). Angles are quantised with the remainder carried over. The same
+//! number of draws is taken at every measurement, so a fault does not change the noise that follows it.
 //!
 //! `tests/gyro.rs`: Allan variance slopes with bounds, scale, quantisation, limits, faults.
 

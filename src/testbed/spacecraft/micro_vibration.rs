@@ -1,10 +1,10 @@
 //! Wheel speeds -> the small rotation of the body that the smooth motion leaves out, sampled every millisecond.
 //!
-//! Each harmonic `h` of a wheel at speed `W` is a torque `U W^2` turning at `n = h W` in the plane across the spin axis.
-//! The response is linear: the rigid part `-J^-1 T / n^2` (its amplitude `U / h^2` does not depend on the speed), and
-//! free modes as damped oscillators (`free_modes.rs`). While speeds are constant an oscillator is its steady response to
-//! every harmonic plus a free decay, both exact; when speeds change, the decay takes up the difference. So a wheel that
-//! runs through a resonance shows the true transient, and no sampling period is too long for a frequency.
+//! Each harmonic `h` of a wheel at speed `W` is a torque `U W^2` turning at `n = h W` in the plane across the spin
+//! axis. The response is linear: the rigid part `-J^-1 T / n^2` (its amplitude `U / h^2` does not depend on the speed),
+//! and free modes as damped oscillators (`free_modes.rs`). While speeds are constant an oscillator is its steady
+//! response to every harmonic plus a free decay, both exact; when speeds change, the decay takes up the difference. So
+//! a wheel that runs through a resonance shows the true transient, and no sampling period is too long for a frequency.
 //!
 //! Output: rotation vector, rad, body axes, to be added with `Rotation::rotated_by`. Limits: small angles; the torque's
 //! own derivative by the spin-up is left out (slow against `n`); speeds between calls enter as their mean.

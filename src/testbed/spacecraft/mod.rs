@@ -164,14 +164,14 @@ impl Spacecraft {
         self.equations.rotors.iter().zip(motor).map(|(rotor, torque)| rotor.axis * -torque).sum()
     }
 
-    /// Commands a torque on each rotor about its axis (N m), held from [`Self::time`] until the next command of either kind.
-    /// Limits apply wheel by wheel; a dead motor gives nothing.
+    /// Commands a torque on each rotor about its axis (N m), held from [`Self::time`] until the next command of either
+    /// kind. Limits apply wheel by wheel; a dead motor gives nothing.
     pub fn command_wheels(&mut self, torques_n_m: &[f64; WHEELS_MAX]) {
         self.motors.demand_of_each(torques_n_m);
     }
 
-    /// Turns the body by a torque (body axes, N m) between two instants, on top of all others; over an integration step that it
-    /// covers in part it acts with that share. Returns false when `most` wait or act already.
+    /// Turns the body by a torque (body axes, N m) between two instants, on top of all others; over an integration step
+    /// that it covers in part it acts with that share. Returns false when `most` wait or act already.
     pub fn push(&mut self, torque_n_m: DVec3, from: Tai, until: Tai, most: usize) -> bool {
         let has_place = self.pushes.len() < most;
         if has_place {

@@ -5,7 +5,8 @@
 //! of the exposure (equal-weight points on a straight line). The fit is unbiased over the pixel phase, when the spot's
 //! width is right, and its covariance is the inverse of its normal matrix; it is the tracker's method. The weights
 //! follow the model, not the data: pixels that happen to be bright must not count less. Saturated pixels are left out.
-//! Tests: `fit_has_no_pixel_phase_error`, `centre_of_gravity_has_its_known_pixel_phase_error`, `fit_covariance_is_true`.
+//! Tests: `fit_has_no_pixel_phase_error`, `centre_of_gravity_has_its_known_pixel_phase_error`,
+//! `fit_covariance_is_true`.
 
 use base::image::DnImage;
 use core::f64::consts::{FRAC_1_SQRT_2, PI};

@@ -1,11 +1,12 @@
-//! Commands of a tracker to its camera for the next exposures: windows around the stars that it follows, and an exposure
-//! time from their signal.
+//! Commands of a tracker to its camera for the next exposures: windows around the stars that it follows, and an
+//! exposure time from their signal.
 //!
-//! Acquisition needs the whole image. From the first attitude on the stars are predicted to the middle of the exposure that a
-//! command can still reach, and each of the brightest gets a window that has all that tracking looks at: its search radius, its
-//! spot and the ring of its background. After a frame without an attitude the whole image is asked for again. The exposure
-//! time brings the third-brightest star's highest pixel to half of the range, by a factor of two at most from frame to frame;
-//! one or two stars may saturate, as they do in trackers. Tests: `tests::commanded`, `tests/closed_loop/commanding_tracker.rs`.
+//! Acquisition needs the whole image. From the first attitude on the stars are predicted to the middle of the exposure
+//! that a command can still reach, and each of the brightest gets a window that has all that tracking looks at: its
+//! search radius, its spot and the ring of its background. After a frame without an attitude the whole image is asked
+//! for again. The exposure time brings the third-brightest star's highest pixel to half of the range, by a factor of
+//! two at most from frame to frame; one or two stars may saturate, as they do in trackers. Tests: `tests::commanded`,
+//! `tests/closed_loop/commanding_tracker.rs`.
 
 use super::adjust::MatchedStar;
 use super::params::TrackerParams;
@@ -20,7 +21,8 @@ const SLACK_PX: f64 = 3.0;
 const SIGNAL_RANK: usize = 2;
 /// Where its highest pixel is to be, as a share of the range between background and saturation.
 const SIGNAL_TARGET: f64 = 0.5;
-/// Nearer than this share of the target nothing is changed: the place of a star on its pixel changes its highest pixel by more.
+/// Nearer than this share of the target nothing is changed: the place of a star on its pixel changes its highest pixel
+/// by more.
 const SIGNAL_NEAR: f64 = 0.25;
 /// The exposure time changes by this factor at most from frame to frame, both ways.
 const EXPOSURE_STEP: f64 = 2.0;
@@ -56,8 +58,8 @@ pub struct Exposed {
     pub regions: Regions,
 }
 
-/// Returns the middle of the first exposure that a command at `from` still reaches, of a camera that has exposed one so long
-/// around `mid` and exposes the next for `next_s`.
+/// Returns the middle of the first exposure that a command at `from` still reaches, of a camera that has exposed one so
+/// long around `mid` and exposes the next for `next_s`.
 pub(super) fn reached_mid(orders: &CameraOrders, mid: Tai, exposed_s: f64, from: Tai, next_s: f64) -> Tai {
     let start = mid - Span::from_s(0.5 * exposed_s);
     let period_ns = orders.period.ns().max(1);
@@ -90,8 +92,8 @@ pub(super) fn is_read(params: &TrackerParams, regions: &Regions, place_px: DVec2
     regions.is_whole() || regions.as_slice().iter().any(inside)
 }
 
-/// Returns the exposure time that brings the stars' signal to its target; `None` when it is near enough, or there are too few
-/// stars.
+/// Returns the exposure time that brings the stars' signal to its target; `None` when it is near enough, or there are
+/// too few stars.
 pub(super) fn better_exposure(
     params: &TrackerParams,
     image: &DnImage,
@@ -111,11 +113,7 @@ pub(super) fn better_exposure(
 }
 
 /// The highest of the nine pixels around a place, DN.
-#[allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "places are on the image"
-)]
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "places are on the image")]
 fn highest_dn(image: &DnImage, place_px: DVec2) -> Option<f64> {
     let [x, y] = [place_px.x.round(), place_px.y.round()].map(|place| place.max(0.0) as usize);
     let columns = |row: usize| (x.saturating_sub(1)..=x + 1).filter_map(move |column| image.get(column, row));

@@ -12,8 +12,8 @@
 //!   and the noise of a mean of `m` samples.
 //!
 //! Assumptions: neighbouring stations are some pixels apart, by no whole number of pixels, and close against the field.
-//! Without repeats at stations, noise and pixel spatial error cannot be separated: the first then contains both, and the
-//! second is `None`. Variances that come out negative are zero. Tests: `terms_are_distinguished`,
+//! Without repeats at stations, noise and pixel spatial error cannot be separated: the first then contains both, and
+//! the second is `None`. Variances that come out negative are zero. Tests: `terms_are_distinguished`,
 //! `noise_agrees_with_prediction`.
 
 use super::geometry::Geometry;

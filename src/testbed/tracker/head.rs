@@ -1,7 +1,8 @@
 //! One tracker head: image after image -> attitude or the reason why there is none.
 //!
 //! Lost in space until a frame is identified, then tracking; after too many frames without an attitude lost in space
-//! again. Its buffers are reused; richer fields than ever before may grow one once. Tests: `tests::lost`, `tests::series`.
+//! again. Its buffers are reused; richer fields than ever before may grow one once. Tests: `tests::lost`,
+//! `tests::series`.
 
 use super::adjust::{Adjusted, MatchedStar};
 use super::background::BackgroundGrid;
@@ -151,14 +152,15 @@ impl Tracker {
         self.count(outcome)
     }
 
-    /// Takes how the image was exposed that is measured next, and those after it, where it is not as the camera's file says.
+    /// Takes how the image was exposed that is measured next, and those after it, where it is not as the camera's file
+    /// says.
     pub fn expose(&mut self, exposed: &Exposed) {
         self.params.exposure_s = exposed.exposure_s;
         self.regions = exposed.regions;
     }
 
-    /// Returns what it asks of the camera after [`Self::measure`] of an image, from an instant on; the other arguments are
-    /// those of that image.
+    /// Returns what it asks of the camera after [`Self::measure`] of an image, from an instant on; the other arguments
+    /// are those of that image.
     pub fn wish(
         &mut self,
         orders: &CameraOrders,

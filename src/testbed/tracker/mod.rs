@@ -8,7 +8,8 @@
 //! image, last attitude, rate -> guide -> track (windows, centroid) -> adjust -> Solution      tracking
 //! ```
 //!
-//! It may command its camera: windows around the stars that it follows, an exposure time by their signal (`CameraWish`).
+//! It may command its camera: windows around the stars that it follows, an exposure time by their signal
+//! (`CameraWish`).
 //!
 //! Units: px with the first pixel's centre at (0, 0), DN and electrons, rad in sensor axes (+Z boresight, +X image
 //! right, +Y image down). Limits: round Gaussian spots drawn out along straight trails; parallax, light deflection and

@@ -2,7 +2,8 @@
 //!
 //! Two passes that touch only windows. First, peaks near the brightest stars vote for the common shift (the
 //! prediction's error); hot pixels and neighbours do not agree on one. The attitude of the stars that do puts every
-//! other star within a fraction of a pixel, where it is measured at once. Tests: `tracking_follows_a_slew`, `a_wrong_prediction_is_reported`.
+//! other star within a fraction of a pixel, where it is measured at once. Tests: `tracking_follows_a_slew`,
+//! `a_wrong_prediction_is_reported`.
 
 use super::adjust::{Adjusted, MatchedStar, adjust};
 use super::background::{Background, RING_PX, ring};
@@ -137,7 +138,8 @@ impl Follower {
         guide.in_field(usize::MAX, most, attitude, prediction.beta, &params.geometry, &mut self.expected);
     }
 
-    /// Leaves only the stars around which all was read out that is looked at when they are searched so far about their places.
+    /// Leaves only the stars around which all was read out that is looked at when they are searched so far about their
+    /// places.
     fn keep_read(&mut self, params: &TrackerParams, regions: &Regions, prediction: &Prediction, search_px: f64) {
         if !regions.is_whole() {
             let reach_px = |expected: &Expected| reach_px(params, prediction, expected, search_px);

@@ -1,9 +1,9 @@
 //! Weighted pairs of directions -> attitude: Davenport's q-method for Wahba's problem.
 //!
 //! Source: Wahba, SIAM Review 7 (1965), 409; Davenport's method in Shuster & Oh, "Three-axis attitude determination
-//! from vector observations", J. Guidance and Control 4 (1981), 70, eqs. 18..25: the attitude is the eigenvector of
-//! the largest eigenvalue of K. Differs: Shuster's quaternion is the conjugate of ours (Hamilton, passive), so the
-//! vector part changes sign. The eigenvector is found by Jacobi rotations: no case of slow or failed convergence, unlike
+//! from vector observations", J. Guidance and Control 4 (1981), 70, eqs. 18..25: the attitude is the eigenvector of the
+//! largest eigenvalue of K. Differs: Shuster's quaternion is the conjugate of ours (Hamilton, passive), so the vector
+//! part changes sign. The eigenvector is found by Jacobi rotations: no case of slow or failed convergence, unlike
 //! Newton on the characteristic polynomial. Tests: `davenport_recovers_the_attitude`, `triad_agrees`.
 
 use base::axes::{Icrf, Rotation, Sensor};

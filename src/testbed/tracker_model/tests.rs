@@ -8,7 +8,8 @@ use base::units::ARCSEC;
 
 const STATIONS: u32 = 600;
 const REPEATS: u32 = 20;
-/// Standard errors that a figure may be off; chance of a false alarm over all checks below 1e-3, once for the fixed seed.
+/// Standard errors that a figure may be off; chance of a false alarm over all checks below 1e-3, once for the fixed
+/// seed.
 const SIGMAS: f64 = 4.0;
 
 fn figures() -> ModelParams {

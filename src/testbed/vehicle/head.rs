@@ -1,7 +1,7 @@
 //! One tracker head aboard: frames and their time tags -> attitudes, each when the tracker is done with it.
 //!
-//! A frame is matched to the EXPOSURE message of its number (modulo 256); one without is not used, and counted. Attitudes
-//! come out in the order of their readiness. Tests: `tests` of the vehicle.
+//! A frame is matched to the EXPOSURE message of its number (modulo 256); one without is not used, and counted.
+//! Attitudes come out in the order of their readiness. Tests: `tests` of the vehicle.
 
 use super::params::HeadParams;
 use crate::tracker::{CameraWish, Exposed, GuideStars, Outcome, Solution, Tracker};

@@ -6,9 +6,9 @@
 //! ```
 //!
 //! In: frames (pixels only), EXPOSURE messages, commands, faults. Out: the true attitude for the bus, telemetry.
-//! Deterministic: parameters, seed and inputs decide every bit. Time only moves forward: `Vehicle::act` does one control
-//! step, `Vehicle::truth` carries the smooth motion to an instant before the next one. Micro-vibration is on top of the
-//! smooth motion and not seen by gyro or control. Tests: `tests`, and the closed loop over pixels in
+//! Deterministic: parameters, seed and inputs decide every bit. Time only moves forward: `Vehicle::act` does one
+//! control step, `Vehicle::truth` carries the smooth motion to an instant before the next one. Micro-vibration is on
+//! top of the smooth motion and not seen by gyro or control. Tests: `tests`, and the closed loop over pixels in
 //! `tests/closed_loop/pixels.rs`.
 
 mod fault;

@@ -1,8 +1,9 @@
 //! Commands of an external controller and star tracker to a vehicle simulated inside.
 //!
-//! Inputs: the side that drives the wheels, motor torques, torques on the body, attitudes with time tags. Commands act at
-//! their instants, so that a run repeats in whatever order they were announced; those in the past are refused. The vehicle's
-//! own control keeps running beside an external one, and drives nothing. Tests: `tests/closed_loop/reaction.rs`.
+//! Inputs: the side that drives the wheels, motor torques, torques on the body, attitudes with time tags. Commands act
+//! at their instants, so that a run repeats in whatever order they were announced; those in the past are refused. The
+//! vehicle's own control keeps running beside an external one, and drives nothing. Tests:
+//! `tests/closed_loop/reaction.rs`.
 
 use super::Vehicle;
 use super::head::BodyAttitude;
@@ -101,8 +102,8 @@ impl Vehicle {
         }
     }
 
-    /// Drives each wheel's motor with a torque on its rotor, N m, from `at` until the next such command. The body feels the
-    /// opposite; limits of motors and speeds hold as they do for the control inside.
+    /// Drives each wheel's motor with a torque on its rotor, N m, from `at` until the next such command. The body feels
+    /// the opposite; limits of motors and speeds hold as they do for the control inside.
     ///
     /// # Errors
     /// When the wheels are driven inside, a number is bad, or `at` has passed.
@@ -126,8 +127,8 @@ impl Vehicle {
         Ok(())
     }
 
-    /// Turns the body by a torque from outside, body axes, N m, from `from` on for so long, on top of all others: thrusters,
-    /// magnetic rods, a tug.
+    /// Turns the body by a torque from outside, body axes, N m, from `from` on for so long, on top of all others:
+    /// thrusters, magnetic rods, a tug.
     ///
     /// # Errors
     /// When a number is bad or `from` has passed.
@@ -141,8 +142,8 @@ impl Vehicle {
         if is_taken { Ok(()) } else { Err(OutsideError::Full) }
     }
 
-    /// Takes an attitude of a tracker outside into the estimator at the next control step. `at` is its time tag, and `sigma_rad`
-    /// its error about each body axis.
+    /// Takes an attitude of a tracker outside into the estimator at the next control step. `at` is its time tag, and
+    /// `sigma_rad` its error about each body axis.
     ///
     /// # Errors
     /// When the time tag is ahead or too old, or a number is bad.

@@ -1,7 +1,7 @@
 //! Telemetry: what the vehicle knows and what is true, row by row.
 //!
-//! Plain numbers; angles are rotation vectors in body axes. A row has one binary form ([`TelemetryRow::bytes`]) by which
-//! runs are compared bit for bit.
+//! Plain numbers; angles are rotation vectors in body axes. A row has one binary form ([`TelemetryRow::bytes`]) by
+//! which runs are compared bit for bit.
 
 use crate::acs::{Mode, ModeEvent};
 use crate::tracker::Reason;

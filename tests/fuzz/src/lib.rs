@@ -1,6 +1,8 @@
-//! Common parts of the fuzz targets: means to try the readers of `base`, `link`, `sky`, `stars`, `imports` and `outputs`.
+//! Common parts of the fuzz targets: means to try the readers of `base`, `link`, `sky`, `stars`, `imports` and
+//! `outputs`.
 //!
-//! These crates are dependencies as they are, in a workspace of their own: its compiler flags count what every branch does.
+//! These crates are dependencies as they are, in a workspace of their own: its compiler flags count what every branch
+//! does.
 //!
 //! | target | reads | asserts |
 //! |---|---|---|

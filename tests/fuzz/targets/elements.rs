@@ -1,5 +1,5 @@
-//! Two-line elements and orbit mean-elements messages: an orbit whose states can be trusted, or an error; no object is passed
-//! over.
+//! Two-line elements and orbit mean-elements messages: an orbit whose states can be trusted, or an error; no object is
+//! passed over.
 
 #![no_main]
 

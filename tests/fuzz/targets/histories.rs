@@ -1,6 +1,6 @@
-//! Files of attitudes and orbits: a history whose times rise and whose attitudes can be trusted, or an error that names the
-//! file; what is accepted is written and read again in every format. Rows that this target makes are accepted if and only if
-//! their times rise and their quaternions are of unit length.
+//! Files of attitudes and orbits: a history whose times rise and whose attitudes can be trusted, or an error that names
+//! the file; what is accepted is written and read again in every format. Rows that this target makes are accepted if
+//! and only if their times rise and their quaternions are of unit length.
 
 #![no_main]
 

@@ -1,5 +1,5 @@
-//! Layers: any bytes, and layers that are damaged in head, table or records, with checksums as they were or made to fit; what
-//! was written is read again.
+//! Layers: any bytes, and layers that are damaged in head, table or records, with checksums as they were or made to
+//! fit; what was written is read again.
 
 #![no_main]
 

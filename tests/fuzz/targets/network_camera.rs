@@ -1,5 +1,5 @@
-//! GVCP: any datagrams of three senders -> at most one answer each, of bounded length, with the command's number; a stream
-//! that the sensor has, sent to neighbours, and changed by its controller only.
+//! GVCP: any datagrams of three senders -> at most one answer each, of bounded length, with the command's number; a
+//! stream that the sensor has, sent to neighbours, and changed by its controller only.
 
 #![no_main]
 

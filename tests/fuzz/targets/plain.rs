@@ -1,4 +1,5 @@
-//! Plain messages: any bytes are read or refused by a reason, in any form and any pieces of a stream; good ones are read.
+//! Plain messages: any bytes are read or refused by a reason, in any form and any pieces of a stream; good ones are
+//! read.
 
 #![no_main]
 

@@ -38,7 +38,8 @@ fn assert_takes_no_memory(stream: &[u8]) {
 
 type Wanted = Result<String, Option<SlcanReject>>;
 
-/// Returns the expected result of each line: a command's plain text, or a refusal, by its reason where only one is right.
+/// Returns the expected result of each line: a command's plain text, or a refusal, by its reason where only one is
+/// right.
 fn expected(stream: &[u8]) -> Vec<Wanted> {
     let mut lines: Vec<&[u8]> = stream.split(|byte| *byte == b'\r').collect();
     let unfinished = lines.pop().unwrap_or(&[]);

@@ -37,8 +37,8 @@ fn assert_takes_no_memory(stream: &[u8]) {
 
 type Wanted<'a> = Result<Vec<&'a [u8]>, Option<SocketcandReject>>;
 
-/// Returns the expected results of the stream, by splitting it at the brackets: words of commands, or refusals, by their
-/// reason where only one is right.
+/// Returns the expected results of the stream, by splitting it at the brackets: words of commands, or refusals, by
+/// their reason where only one is right.
 fn expected(stream: &[u8]) -> Vec<Wanted<'_>> {
     let mut all = Vec::new();
     let mut pieces = stream.split(|byte| *byte == b'<');

@@ -1,5 +1,5 @@
-//! Commands of a tracker's clients: any bytes in any chunks -> the same answers and orders; orders within the tracker's limits;
-//! answers that their own protocol can read; and for NOS3 and Sagitta as many as an independent reading finds.
+//! Commands of a tracker's clients: any bytes in any chunks -> the same answers and orders; orders within the tracker's
+//! limits; answers that their own protocol can read; and for NOS3 and Sagitta as many as an independent reading finds.
 
 #![no_main]
 

@@ -1,9 +1,9 @@
 //! Random telegraph signal: rates up and down and a frame number -> which of two levels a pixel is at.
 //!
-//! A Markov chain of two states in continuous time, looked at once per frame: over a time `T`,
-//! `P(low -> high) = p (1 - exp(-(u + d) T))` and `P(high -> low) = (1 - p) (1 - exp(-(u + d) T))`, with rates `u` and
-//! `d` and `p = u / (u + d)` the share of time spent high (Cox and Miller, "The theory of stochastic processes", 1965,
-//! section 4.3). Levels are constant within an exposure.
+//! A Markov chain of two states in continuous time, looked at once per frame: over a time `T`, `P(low -> high) = p (1 -
+//! exp(-(u + d) T))` and `P(high -> low) = (1 - p) (1 - exp(-(u + d) T))`, with rates `u` and `d` and `p = u / (u + d)`
+//! the share of time spent high (Cox and Miller, "The theory of stochastic processes", 1965, section 4.3). Levels are
+//! constant within an exposure.
 //!
 //! The level of any frame follows from seed, place and frame number alone: one uniform per frame either sets the level,
 //! clears it or leaves it, so the level is that of the latest frame whose uniform decided (coupling from the past:

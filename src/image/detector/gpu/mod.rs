@@ -1,5 +1,5 @@
-//! The detector on a GPU: electrons in fixed point on the device -> digital numbers on the host, in one pass;
-//! or in a pass that makes charge, the neighbour stages, and a pass that reads out.
+//! The detector on a GPU: electrons in fixed point on the device -> digital numbers on the host, in one pass; or in a
+//! pass that makes charge, the neighbour stages, and a pass that reads out.
 //!
 //! The same stages in the same order as [`crate::detector::Detector`], the same Philox words and the same steps of
 //! every elementary function, so both draw the same noise. Differences are rounding: where the mean differs by 1e-5 e-

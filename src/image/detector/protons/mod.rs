@@ -12,8 +12,7 @@
 //! already.
 //!
 //! Not modelled: delta electrons that leave the layer, nuclear reactions, protons through the edges of the detector
-//! (the layer is thin), slowing down within the layer (below 3 MeV it is no longer small).
-//! Tests: below and in `track`.
+//! (the layer is thin), slowing down within the layer (below 3 MeV it is no longer small). Tests: below and in `track`.
 
 pub mod stopping_power;
 pub mod track;

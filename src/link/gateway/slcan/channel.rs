@@ -1,8 +1,8 @@
 //! One slcan client's channel: commands -> answers and frames; frames -> lines.
 //!
 //! Answers as a Lawicel adapter: a carriage return for done, BELL for refused. Differs: `C` and `O` may be repeated;
-//! `S` and `Y` do not set the rate of the bus, which is fixed: another rate is refused, and `O` works all the
-//! same; acceptance filters are refused unless they let everything pass.
+//! `S` and `Y` do not set the rate of the bus, which is fixed: another rate is refused, and `O` works all the same;
+//! acceptance filters are refused unless they let everything pass.
 
 use super::super::client::{Client, Dialogue, Sending};
 use super::super::hex::{put_bytes, put_digits};

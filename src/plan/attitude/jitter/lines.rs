@@ -1,9 +1,8 @@
 //! Lines whose phases refer to one instant -> the same lines with phases at another.
 //!
 //! Phases are kept in turns of f64. A line of 100 Hz has turned 1e11 times since 1970; f64 would resolve 1e-5 turns of
-//! these.
-//! Whole hertz times whole seconds are whole turns and are removed first, so the resolution is 1e-7 turns after 30
-//! years.
+//! these. Whole hertz times whole seconds are whole turns and are removed first, so the resolution is 1e-7 turns after
+//! 30 years.
 
 use crate::attitude::los::JitterLine;
 use base::time::Span;

@@ -3,8 +3,7 @@
 //! In: arrivals of messages with samples, and the epochs of the samples that an exposure has. Out: the time that lacks
 //! samples. A stream is expected from its first sample until nothing has arrived for [`ENDS_AFTER`]. No sample is
 //! missing where neighbours are up to one and a half periods apart, or the outermost one is less than a period from the
-//! exposure's end.
-//! Tests: below, and `tests/closed_loop/late_jitter.rs`.
+//! exposure's end. Tests: below, and `tests/closed_loop/late_jitter.rs`.
 
 use crate::attitude::los::JitterPoint;
 use base::time::{Span, Tai};

@@ -5,8 +5,7 @@
 //! Allan variance `q tau / 3`, so `q = 3 a^2` with `a` the Allan deviation at 1 s. Measurements come one by one (their
 //! errors are independent). One that deviates by more than [`BELIEVED_SIGMAS`] is either a bad measurement or the sign
 //! of a shock; [`Trust`] selects which: the measurement's variance or the prior's is widened until the deviation equals
-//! that limit.
-//! Tests: against textbook least squares, and consistency in `tests/physics/time_correlation.rs`.
+//! that limit. Tests: against textbook least squares, and consistency in `tests/physics/time_correlation.rs`.
 
 /// Largest deviation at which a measurement is used unchanged, sigma.
 const BELIEVED_SIGMAS: f64 = 4.0;

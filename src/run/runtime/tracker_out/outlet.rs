@@ -1,8 +1,8 @@
-//! The lines that telemetry goes out on, and commands come in on: datagrams, a TCP server, serial ports, pseudo-terminals, CAN,
-//! and a file.
+//! The lines that telemetry goes out on, and commands come in on: datagrams, a TCP server, serial ports,
+//! pseudo-terminals, CAN, and a file.
 //!
-//! Nothing waits: what a line does not take at once is lost, and the caller counts it. A file is made when it is opened and
-//! has a line for each packet: UTC, TAI nanoseconds, identifier of a CAN frame or `-`, bytes in hexadecimal.
+//! Nothing waits: what a line does not take at once is lost, and the caller counts it. A file is made when it is opened
+//! and has a line for each packet: UTC, TAI nanoseconds, identifier of a CAN frame or `-`, bytes in hexadecimal.
 
 use base::clock::Clock;
 use base::time::Tai;
@@ -73,7 +73,8 @@ pub struct UdpParams {
 pub struct Outlet {
     lines: Lines,
     name: String,
-    /// Parts that last as long as the line: gateways of a bus of its own, the link and the other end of a pseudo-terminal.
+    /// Parts that last as long as the line: gateways of a bus of its own, the link and the other end of a
+    /// pseudo-terminal.
     #[allow(dead_code, reason = "kept for its drop")]
     kept: Option<Box<dyn core::any::Any + Send>>,
     /// Packets that were read and not taken yet.

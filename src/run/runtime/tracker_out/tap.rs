@@ -1,4 +1,5 @@
-//! The end of a tracker at the sinks of its head: takes a copy of each frame and what a camera and its maker know of it.
+//! The end of a tracker at the sinks of its head: takes a copy of each frame and what a camera and its maker know of
+//! it.
 
 use crate::runtime::tracker_out::thread::OutShared;
 use base::image::DnImage;

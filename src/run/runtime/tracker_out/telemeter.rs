@@ -1,7 +1,7 @@
 //! One tracker with its protocol and its line, stepped by whoever has a clock.
 //!
-//! A report is ready so long after the end of readout as the tracker thinks. It goes out then, or with the next beat of a
-//! rate of its own, which sends the newest attitude again until a newer one comes.
+//! A report is ready so long after the end of readout as the tracker thinks. It goes out then, or with the next beat of
+//! a rate of its own, which sends the newest attitude again until a newer one comes.
 
 use crate::runtime::tracker_out::damage::{Damage, Damages, Fate};
 use crate::runtime::tracker_out::outlet::{Outlet, OutletError};

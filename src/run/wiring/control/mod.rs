@@ -3,9 +3,9 @@
 //! In: requests, one line of JSON each ([`protocol`]). Out: one line of JSON per request, `"ok"` true or false, the
 //! request's `"id"` echoed. An invalid request is explained in its reply and changes nothing; only the end of the
 //! connection, `finish`, Ctrl-C, another protocol or a failed loop end a session. One client, loopback only, no
-//! encryption: only a program that can read the token (`token`) may control the run. Frames are written below the
-//! run's output folder only (`output`). Stepping in any lengths gives the same bits as the run in one piece.
-//! Tests: `tests` of the parts, and `tests/closed_loop/control.rs` through the binary.
+//! encryption: only a program that can read the token (`token`) may control the run. Frames are written below the run's
+//! output folder only (`output`). Stepping in any lengths gives the same bits as the run in one piece. Tests: `tests`
+//! of the parts, and `tests/closed_loop/control.rs` through the binary.
 
 mod admission;
 mod answers;

@@ -48,8 +48,7 @@ impl NewestFrames {
     }
 
     /// Keeps a frame that has gone out and is not needed any more: its buffer is exchanged for that of the previous
-    /// one, so that
-    /// no pixel is copied.
+    /// one, so that no pixel is copied.
     pub(crate) fn keep_exchanged(&mut self, head: usize, frame: &mut SentFrame) {
         let Some(kept) = self.heads.get_mut(head) else { return };
         kept.count(frame);

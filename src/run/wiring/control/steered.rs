@@ -1,8 +1,7 @@
 //! Answers about a run on the real clock, which goes on while they are made.
 //!
 //! Not available: `step`, because the real clock cannot be paused, and `summary`, because the report is made when the
-//! run ends:
-//! it comes with the answer to `finish`.
+//! run ends: it comes with the answer to `finish`.
 
 use crate::runtime::RunRecord;
 use crate::runtime::real_time::HeadParts;

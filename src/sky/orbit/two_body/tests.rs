@@ -2,8 +2,8 @@ use super::*;
 use crate::orbit::{EARTH_GM_KM3_S2, MOON_GM_KM3_S2, SUN_GM_KM3_S2};
 use base::time::Span;
 
-/// Gravitational parameter; elements as in [`KeplerElements`]; seconds after the epoch; position, km, and velocity, km/s, by
-/// Kepler's equation solved and rotated in 40-digit arithmetic (mpmath 1.3; no universal variable there).
+/// Gravitational parameter; elements as in [`KeplerElements`]; seconds after the epoch; position, km, and velocity,
+/// km/s, by Kepler's equation solved and rotated in 40-digit arithmetic (mpmath 1.3; no universal variable there).
 type Case = (f64, [f64; 6], f64, [f64; 3], [f64; 3]);
 
 #[allow(clippy::approx_constant, reason = "an anomaly of 3.14 is not pi")]
@@ -75,8 +75,8 @@ fn a_state_on_the_way_gives_the_same_orbit() {
         for share in [0.01, -0.3, 1.0] {
             let [a, b] = [by_elements, by_state].map(|orbit| orbit.state(after(share * seconds)));
             let apart = a.position_km.distance(b.position_km) / a.position_km.length();
-            // The state's 16 digits fix the axis to 1e-15 of r / a of it, the phase to that times the phase, and near the
-            // focus of a thin orbit both are seen enlarged.
+            // The state's 16 digits fix the axis to 1e-15 of r / a of it, the phase to that times the phase, and near
+            // the focus of a thin orbit both are seen enlarged.
             assert!(apart < 1e4 * bound(gm, elements, seconds), "{elements:?}: {apart:e} at {share}");
         }
     }

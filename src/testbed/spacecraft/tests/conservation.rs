@@ -2,8 +2,8 @@
 
 use super::*;
 
-/// Relative, over 1000 s: rounding of 1e5 steps adds as a random walk to some 1e-13; the method's own drift,
-/// `(rate step)^5 / 120` per step with nutation rates below 0.1 rad/s, is less.
+/// Relative, over 1000 s: rounding of 1e5 steps adds as a random walk to some 1e-13; the method's own drift, `(rate
+/// step)^5 / 120` per step with nutation rates below 0.1 rad/s, is less.
 const CONSERVED: f64 = 1e-10;
 
 fn momentum_drift(craft: &mut Spacecraft, until_s: f64) -> f64 {

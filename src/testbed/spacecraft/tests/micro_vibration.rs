@@ -159,8 +159,8 @@ fn a_sweep_through_the_mode_amplifies_by_the_quality_factor() {
     let steady = transfer(n, 0.2) * n * n * INERTIA;
     let quality = 0.8f64.sqrt() / (2.0 * 0.005);
     assert!((steady / (0.25 * quality) - 1.0).abs() < 0.1, "{steady} for {}", 0.25 * quality);
-    // Lewis, Trans. ASME 54 (1932): slow against the square of the half-width (0.118 rad/s)^2 = 0.0139, a sweep reaches the
-    // steady peak; at a hundred times that it does not.
+    // Lewis, Trans. ASME 54 (1932): slow against the square of the half-width (0.118 rad/s)^2 = 0.0139, a sweep reaches
+    // the steady peak; at a hundred times that it does not.
     let (slow, fast) = (amplification(0.004), amplification(1.4));
     assert!((slow / steady - 1.0).abs() < 0.1, "slow: {slow} for {steady}");
     assert!(fast < 0.5 * steady && fast > 2.0, "fast: {fast} for {steady}");

@@ -27,8 +27,8 @@ struct Tally {
     chi: f64,
 }
 
-/// Gives `frames` frames of random attitudes to a tracker; `shot` has their parameters, `reported` is whether the tracker
-/// gets the rate.
+/// Gives `frames` frames of random attitudes to a tracker; `shot` has their parameters, `reported` is whether the
+/// tracker gets the rate.
 fn survey(camera: Camera, guide: Arc<GuideStars>, frames: u32, seed: u64, shot: &Shot, reported: bool) -> Tally {
     let mut painter = Painter::new(camera, catalog(), noon(), seed);
     let mut random = StdRng::seed_from_u64(seed);
