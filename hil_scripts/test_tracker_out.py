@@ -635,7 +635,7 @@ class Clients(unittest.TestCase):
                     wrong = bytearray(PusTc(service=17, message_subtype=1, apid=100).pack())
                     wrong[-1] ^= 1
                     client.sendto(bytes(wrong), address)
-                    # What comes after it is answered: it has been read.
+                    # The next request is answered, so the bad one was read.
                     client.sendto(PusTc(service=17, message_subtype=1, apid=100).pack(), address)
                     until("the answer after it", lambda: client.recv(4096)[7:9] == b"\x11\x02")
                     reader = stream.makefile("rb")

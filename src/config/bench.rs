@@ -371,14 +371,7 @@ impl Bench {
         let accuracy = check_accuracy(&keys.accuracy, &mut check)?;
         let budget = Budget::check(&keys.budget, camera.exposure.readout_s, &mut check)?;
         let render = Render::check(&keys.render, &mut check)?;
-        let targets = check_targets(&keys.target, &mut check)?;
-        check_seen(&targets, timing.duration_s, &check)?;
-        let target_overlap = if targets.is_empty() {
-            keys.refuse(&["target_overlap"], "a bench with a [[target]]", &check)?;
-            Overlap::default()
-        } else {
-            keys.target_overlap().check(&mut check)?
-        };
+        let (targets, target_overlap) = targets_of(&keys, timing.duration_s, &mut check)?;
         let jitter = JitterInput::check(&keys.jitter, timing.duration_s, &mut check)?;
         let bench = Self {
             targets,
@@ -540,4 +533,21 @@ pub(super) fn quaternion(
         let advice = "scalar first; [1.0, 0.0, 0.0, 0.0] when sensor and body axes are the same";
         check.invalid(key, format!("{wxyz:?}"), wanted, advice)
     })
+}
+
+/// Returns the targets of a bench, and the rule for pixels where they cover stars.
+fn targets_of(
+    keys: &BenchKeys,
+    duration_s: f64,
+    check: &mut Checker<'_>,
+) -> Result<(Vec<TargetSettings>, Overlap), ConfigError> {
+    let targets = check_targets(&keys.target, check)?;
+    check_seen(&targets, duration_s, check)?;
+    let overlap = if targets.is_empty() {
+        keys.refuse(&["target_overlap"], "a bench with a [[target]]", check)?;
+        Overlap::default()
+    } else {
+        keys.target_overlap().check(check)?
+    };
+    Ok((targets, overlap))
 }

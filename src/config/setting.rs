@@ -1,8 +1,8 @@
 //! `KEY=VALUE` from the command line -> one value of a configuration, changed before it is checked.
 //!
 //! KEY is dotted as in the messages about a file: `control.delay_ms`, `event[1].for_s`. A key that goes on where the
-//! file names another file, such as `bench.timing.frame_rate_hz`, changes that file's value. VALUE is TOML; a word that
-//! is no TOML is taken as a string, so that a shell needs no second quotes. Tests: `setting_tests`.
+//! file names another file, such as `bench.timing.frame_rate_hz`, changes that file's value. VALUE is TOML; any other
+//! word is taken as a string, so that a shell needs no second quotes. Tests: `setting_tests`.
 
 use crate::error::ConfigError;
 

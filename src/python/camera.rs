@@ -67,7 +67,7 @@ impl Camera {
     /// Returns the plan of an image as JSON: method, stars, errors that are bounded, predicted cost; draws it first.
     fn plan(&self, py: Python<'_>, keywords: &str) -> PyResult<String> {
         let request = Request::parse(keywords).map_err(refused)?;
-        py.detach(|| self.with(&request, |still| Ok(planned(still, &request)?))).map_err(refused)
+        py.detach(|| self.with(&request, |still| planned(still, &request))).map_err(refused)
     }
 }
 

@@ -5,10 +5,13 @@ use numpy::IntoPyArray;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
+/// Returns one number of a row.
+type Of = fn(&TruthStar) -> f64;
+
 /// Returns the columns of a truth table as arrays of one length.
 pub(crate) fn columns<'py>(py: Python<'py>, rows: &[TruthStar]) -> PyResult<Bound<'py, PyDict>> {
     let table = PyDict::new(py);
-    let reals: [(&str, fn(&TruthStar) -> f64); 9] = [
+    let reals: [(&str, Of); 9] = [
         ("apparent_ra_deg", |row| row.apparent_deg[0]),
         ("apparent_dec_deg", |row| row.apparent_deg[1]),
         ("catalog_ra_deg", |row| row.catalog_deg[0]),

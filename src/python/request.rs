@@ -93,7 +93,7 @@ impl Request {
         let start = self.at()? - Span::from_s(0.5 * exposure_s);
         let mut los = LosPath::commanded(self.sensor_from_icrf()?, start, exposure_s);
         let rate_deg_s = DVec3::from_array(self.rate_deg_s.unwrap_or_default());
-        if !(rate_deg_s.length() <= MOST_DEG_PER_S) {
+        if !rate_deg_s.is_finite() || rate_deg_s.length() > MOST_DEG_PER_S {
             return Err(format!("rate: got {} deg/s, wanted at most {MOST_DEG_PER_S}", rate_deg_s.length()));
         }
         los.rate_rad_s = rate_deg_s * 1_f64.to_radians();

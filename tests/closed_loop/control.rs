@@ -41,7 +41,8 @@ fn report(output: &Output) -> Value {
 /// Returns the parts of a report that depend on the bits of a run.
 fn bits(report: &Value) -> Value {
     let mut bits = report.clone();
-    for of_the_machine in ["wall_s", "speed", "machine"] {
+    // The schema is that of a file or a line for programs, which the socket is not.
+    for of_the_machine in ["wall_s", "speed", "machine", "schema"] {
         bits.as_object_mut().unwrap().remove(of_the_machine);
     }
     bits

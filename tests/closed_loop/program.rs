@@ -99,16 +99,19 @@ fn ctrl_c_ends_cleanly_with_everything_written() {
 
 #[test]
 fn without_a_vulkan_driver_the_cpu_draws_and_one_line_says_so() {
-    let folder = tempfile::tempdir().unwrap();
-    let output = command(&["run", "--clock", "virtual", "--duration", "0.2", "--out", "run"], folder.path())
-        .env("VK_DRIVER_FILES", "/nonexistent")
-        .env("VK_ICD_FILENAMES", "/nonexistent")
-        .output()
-        .unwrap();
-    let stderr = text(&output.stderr);
-    assert!(output.status.success(), "{stderr}");
-    let lines = stderr.lines().filter(|line| line.contains("CPU backend")).count();
-    assert_eq!(lines, 1, "{stderr}");
+    for (clock, notes) in [("virtual", 0), ("real", 1)] {
+        let folder = tempfile::tempdir().unwrap();
+        let output = command(&["run", "--clock", clock, "--duration", "0.2", "--out", "run"], folder.path())
+            .env("VK_DRIVER_FILES", "/nonexistent")
+            .env("VK_ICD_FILENAMES", "/nonexistent")
+            .output()
+            .unwrap();
+        let stderr = text(&output.stderr);
+        assert!(output.status.success(), "{stderr}");
+        let lines = |part: &str| stderr.lines().filter(|line| line.contains(part)).count();
+        assert_eq!(lines("cpu backend"), 1, "the bench's line has its backend: {stderr}");
+        assert_eq!(lines("using the CPU backend"), notes, "the reason, where time counts: {stderr}");
+    }
 }
 
 #[test]

@@ -1,10 +1,10 @@
 //! Single images of any attitude and instant, with all that a run knows: observer, bodies, targets, layers of stars,
 //! faults.
 //!
-//! In: a checked bench, the instants between which images are drawn, faults. Out: images with truth and metadata, the
-//! bits of which depend on the attitude, the instant, the seeds and the number of the image alone, not on the images
-//! before (a camera with image lag excepted, which keeps charge from image to image). Tests: below,
-//! `hil_scripts/test_files.py` (the command `render`).
+//! In: a checked bench, the instants between which images are drawn, faults. Out: images with truth and metadata. The
+//! bits of an image depend on its attitude, instant, seeds and number alone, not on the images before it; a camera with
+//! image lag is the exception, because it keeps charge from image to image. Tests: below, `hil_scripts/test_files.py`
+//! (the command `render`).
 
 mod fault;
 

@@ -75,8 +75,8 @@ impl Truth {
         }
     }
 
-    /// Returns the electrons of a star whose window has this signal-to-noise ratio: the larger root of `S^2 = snr^2 (S
-    /// + n v)`.
+    /// Returns the electrons of a star whose window has this signal-to-noise ratio: the larger root of `S^2 = snr^2
+    /// (S + n v)`.
     #[must_use]
     pub fn electrons_for_snr(&self, snr: f64) -> f64 {
         let pixels = (2 * HALF_PX + 1).pow(2) as f64;

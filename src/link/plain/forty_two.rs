@@ -3,8 +3,8 @@
 //! In: the lines that 42 sends over a socket, one at a time: `TIME`, then `SC[n].qn = [...]` and others, then
 //! `[ENDMSG]`. Out: a record per message, in starloop's conventions. The attitude is of B in N, scalar last, with the
 //! other sense of the quaternion; the rate is of B with respect to N, in B, rad/s. N is the inertial frame of the
-//! world: of the Earth the J2000 equator, which is taken as ICRF (they differ by 0.02 arcsec). The observer is `Orb[0]`
-//! + `SC[n].PosR`, metres. Times are UTC with 86,400 seconds in each day. Other lines are left unread. Source: 42,
+//! world: of the Earth the J2000 equator, which is taken as ICRF (they differ by 0.02 arcsec). The observer is
+//! `Orb[0]` + `SC[n].PosR`, metres. Times are UTC with 86,400 seconds in each day. Other lines are left unread. Source: 42,
 //! commit 11e3cc3, `Source/AutoCode/TxRxIPC.c`, `Kit/Source/mathkit.c`. Tests: `tests`,
 //! `hil_scripts/test_plain_links.py`.
 

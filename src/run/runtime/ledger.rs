@@ -1,4 +1,4 @@
-//! The ledger: counts every late, held, dropped, predicted or refused item, and keeps the last few events.
+//! The ledger: counts every late, held, dropped, predicted or refused item, and keeps the first and the last events.
 //!
 //! Counts survive when entries are overwritten. No allocation after construction, no text.
 
@@ -197,17 +197,26 @@ impl Event {
 /// Events kept in full.
 pub const KEPT: usize = 64;
 
-/// Event counts and the last [`KEPT`] events.
+/// First events of a run that are kept beside the last ones.
+pub const EARLY: usize = 4096;
+
+/// Event counts, the first [`EARLY`] events and the last [`KEPT`].
 #[derive(Debug, Clone)]
 pub struct Ledger {
     counts: [u64; EventKind::ALL.len()],
+    early: Vec<Event>,
     last: Vec<Event>,
     next: usize,
 }
 
 impl Default for Ledger {
     fn default() -> Self {
-        Self { counts: [0; EventKind::ALL.len()], last: Vec::with_capacity(KEPT), next: 0 }
+        Self {
+            counts: [0; EventKind::ALL.len()],
+            early: Vec::with_capacity(EARLY),
+            last: Vec::with_capacity(KEPT),
+            next: 0,
+        }
     }
 }
 
@@ -215,6 +224,9 @@ impl Ledger {
     /// Adds an event.
     pub fn note(&mut self, event: Event) {
         self.counts[event.kind as usize] += 1;
+        if self.early.len() < EARLY {
+            self.early.push(event);
+        }
         if self.last.len() < KEPT {
             self.last.push(event);
         } else {
@@ -235,6 +247,19 @@ impl Ledger {
         let (newer, older) = self.last.split_at(split);
         older.iter().chain(newer)
     }
+
+    /// Returns the number of all events, kept or not.
+    #[must_use]
+    pub fn total(&self) -> u64 {
+        self.counts.iter().sum()
+    }
+
+    /// Returns every event that is kept, in order: the first [`EARLY`], then the last ones that are not among them.
+    pub fn kept(&self) -> impl Iterator<Item = &Event> {
+        let after = self.total().saturating_sub(EARLY as u64);
+        let among_first = self.last.len() - usize::try_from(after).unwrap_or(usize::MAX).min(self.last.len());
+        self.early.iter().chain(self.last().skip(among_first))
+    }
 }
 
 #[cfg(test)]
@@ -252,5 +277,22 @@ mod tests {
         assert_eq!((ledger.count(EventKind::Late), ledger.count(EventKind::Predicted)), (50, 100));
         let frames: Vec<u32> = ledger.last().filter_map(|event| event.frame).collect();
         assert_eq!(frames, (150 - KEPT as u32..150).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn first_and_last_events_are_kept_once_each_and_all_are_counted() {
+        let of = |events: u32| {
+            let mut ledger = Ledger::default();
+            let note = |i| Event::new(EventKind::Late, Tai::from_ns(i64::from(i)), Some(i), Span::ZERO);
+            (0..events).for_each(|i| ledger.note(note(i)));
+            assert_eq!(ledger.total(), u64::from(events));
+            ledger.kept().filter_map(|event| event.frame).collect::<Vec<u32>>()
+        };
+        let (early, kept) = (EARLY as u32, KEPT as u32);
+        for events in [0, 1, kept, kept + 1, early, early + 1, early + kept] {
+            assert_eq!(of(events), (0..events).collect::<Vec<_>>(), "{events}: nothing is left out");
+        }
+        let wanted: Vec<u32> = (0..early).chain(early + 500 - kept..early + 500).collect();
+        assert_eq!(of(early + 500), wanted, "control: those between are left out");
     }
 }

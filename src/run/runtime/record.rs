@@ -159,6 +159,12 @@ impl RunRecord {
         self.stages.of(Stage::ReleaseToDelivered).p99_ms
     }
 
+    /// Returns every event that is kept, in words, in order.
+    #[must_use]
+    pub fn kept_events(&self) -> Vec<EventLine> {
+        self.ledger.kept().map(event_line).collect()
+    }
+
     /// Returns the summary of the run (names of bench, clock and times are filled in by the caller).
     #[must_use]
     pub fn summary(

@@ -4,8 +4,8 @@
 //! Source: Hörmann, "The transformed rejection method for generating Poisson random variables", Insurance: Mathematics
 //! and Economics 12 (1993), algorithm PTRS, for means from 10. The acceptance test is in saddle-point form (Loader,
 //! "Fast and accurate computation of binomial probabilities", 2000): `ln p(k) = -ln(2 pi k)/2 - stirling_error(k) -
-//! deviance(k, m)`, whose terms are of order 1 wherever `k` is likely. `Differs:` the textbook's `k ln m - m - lgamma(k
-//! + 1)` is a difference of numbers near 1.4e7 at mean 1e6, where a unit of f32 is 1: its error of half a unit in the
+//! deviance(k, m)`, whose terms are of order 1 wherever `k` is likely. `Differs:` the textbook's `k ln m - m -
+//! lgamma(k + 1)` is a difference of numbers near 1.4e7 at mean 1e6, where a unit of f32 is 1: its error of half a unit in the
 //! logarithm is a factor of 1.6 in probability, as a test below shows.
 //!
 //! Candidates are floored before the whole part of the mean is added, so that no digit of them is lost. Every pixel has
