@@ -3,7 +3,7 @@
 //! The brightest detections are taken in pairs. Every pair of bright catalog stars of the same separation, within the
 //! tolerance of the scale, gives two attitudes; each is tried on the other detections, and those that three of them
 //! agree with are refined and counted on many. An attitude is accepted when [`LEAST_MATCHES`] and half of the brightest
-//! detections have a catalog star within [`MATCH_PX`]: by chance that happens less than once in 1e9 skies.
+//! detections have a catalog star within `MATCH_PX`: by chance that happens less than once in 1e9 skies.
 
 use crate::detect::Detection;
 use crate::geometry::{Freedom, Geometry, Tie};

@@ -78,7 +78,8 @@ fn read_gaia(text: &[u8], form: u8, length: u8) -> Read {
 fn counted(text: &[u8], done: Result<u64, ImportError>, sorting: &Sorting) -> Read {
     let rows = done.map_err(|error| shown(&error))?;
     let counts = sorting.counts();
-    let left_out = counts.too_faint + reported(sorting, gaia::WITHOUT_PLACE) + reported(sorting, gaia::WITHOUT_MAGNITUDE);
+    let left_out =
+        counts.too_faint + reported(sorting, gaia::WITHOUT_PLACE) + reported(sorting, gaia::WITHOUT_MAGNITUDE);
     assert_eq!(counts.stars + left_out, rows, "every row is a star or counted");
     let mut lines = lines(text).skip_while(|line| line.starts_with(b"#"));
     assert!(lines.next().is_some(), "a header");
