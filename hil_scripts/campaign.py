@@ -15,7 +15,7 @@ Tasks whose row is there are not run again, so a campaign that was stopped goes 
 can be added. Runs that do not hold, and runs that give no report, are listed with the command that repeats them; the
 others go on. Exit status: 0 all held, 4 some did not, 1 some gave no report, 130 stopped by Ctrl-C.
 
-Needs hil_scripts/requirements.txt. On a cluster (--scheduler) program and scenario have the same paths everywhere.
+Needs hil_scripts/requirements_campaign.txt. On a cluster (--scheduler) program and scenario have the same paths everywhere.
 """
 
 from __future__ import annotations

@@ -120,7 +120,7 @@ run_tests() {
 
 # Python packages of the scripts, from PyPI, in an environment of its own; created again when the list has changed.
 python_environment() {
-    local lists=(hil_scripts/requirements.txt hil_scripts/requirements_interop.txt)
+    local lists=(hil_scripts/requirements*.txt)
     if cat "${lists[@]}" | cmp -s - "$python/requirements.txt" && "$python/bin/python" -c ''; then
         echo "$python has it all"
         return

@@ -2,7 +2,8 @@
 
 flight_computer.py flies a bench through the slcan gateway and over a serial line, sets exposure and gain on the way, and reads
 CAMERA_STATUS; the recorded frames must have those settings in their headers and that light in their pixels. STARLOOP_BINARY
-names the program (default target/release/starloop). Needs python-can, cantools and pyserial (requirements.txt).
+names the program (default target/release/starloop). Needs python-can, cantools and pyserial
+(requirements_flight_computer.txt), and astropy (requirements.txt).
 """
 
 import re

@@ -1,7 +1,7 @@
 """Tests of campaign.py with the program on a cluster of two workers: python3 hil_scripts/test_campaign.py
 
 A campaign is killed halfway and goes on; its rows are whole, and one seed has the same bits twice. STARLOOP_BINARY names
-the program (default target/release/starloop); the Python that runs this needs hil_scripts/requirements.txt.
+the program (default target/release/starloop); the Python that runs this needs hil_scripts/requirements_campaign.txt.
 """
 
 import argparse

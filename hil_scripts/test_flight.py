@@ -1,7 +1,8 @@
 """flight_computer.py against `starloop run`, over gateways and a serial line: python3 hil_scripts/test_flight.py
 
 STARLOOP_BINARY names the program (default target/release/starloop). Needs python-can, cantools and pyserial
-(requirements.txt). test_vcan.py flies over a kernel's CAN interface by the same functions.
+(requirements_flight_computer.txt), and astropy (requirements.txt). test_vcan.py flies over a kernel's CAN interface by the same
+functions.
 """
 
 import math
@@ -77,6 +78,41 @@ def fly(*arguments):
     """One flight: exit status and what it said."""
     script = str(Path(__file__).resolve().parent / "flight_computer.py")
     done = subprocess.run([sys.executable, script, *TURN, *arguments], capture_output=True, text=True, timeout=120)
+    return done.returncode, done.stdout + done.stderr
+
+
+ONLY_ITS_LIST = """
+import importlib.metadata, re, runpy, sys
+
+wanted, kept = [re.split("[=;]", line)[0].strip() for line in open(sys.argv[1]) if line[0] not in "#\\n"], set()
+while wanted:
+    name = re.sub("[-_.]+", "-", wanted.pop()).lower()
+    if name not in kept:
+        kept.add(name)
+        needs = [need for need in importlib.metadata.requires(name) or () if "extra ==" not in need]
+        wanted += [re.match("[A-Za-z0-9._-]+", need)[0] for need in needs]
+        wanted = [other for other in wanted if any(True for _ in importlib.metadata.distributions(name=other))]
+owners = importlib.metadata.packages_distributions()
+foreign = {top for top, names in owners.items() if not kept & {re.sub("[-_.]+", "-", name).lower() for name in names}}
+
+class Guard:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] in foreign:
+            raise ModuleNotFoundError(f"{name} is of none of {sorted(kept)}")
+
+sys.meta_path.insert(0, Guard())
+del sys.argv[:2]
+runpy.run_path(sys.argv[0], run_name="__main__") if sys.argv[0].endswith(".py") else __import__(sys.argv[0])
+"""
+"""Runs a script, or imports a module, where only the packages of a list of requirements and what these need can be imported."""
+
+
+def with_its_list(*words):
+    """Runs a script in Python with the packages of requirements_flight_computer.txt only: exit status and output."""
+    folder = Path(__file__).resolve().parent
+    command = [sys.executable, "-c", ONLY_ITS_LIST, str(folder / "requirements_flight_computer.txt"), *words]
+    environment = {**os.environ, "PYTHONPATH": str(folder)}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
     return done.returncode, done.stdout + done.stderr
 
 
@@ -179,6 +215,20 @@ class Flights(unittest.TestCase):
             summary = starloop.stop()
             self.assertRegex(summary, r"bus to history +\d{2,}", "latency from the bus into the history")
             self.assertIn("session_run 1", summary)
+
+    def test_three_packages_are_enough(self):
+        folder = Path(__file__).resolve().parent
+        with Stimulator("gateways.toml", "link.slcan_tcp=0", "link.socketcand=0") as starloop:
+            starloop.wait_for("socketcand at")
+            channel = f"socket://{starloop.gateways['slcan (TCP)']}"
+            way = ["--interface", "slcan", "--channel", channel, "--fd"]
+            self.check(*with_its_list(str(folder / "flight_computer.py"), *TURN, *way))
+            status, said = with_its_list(str(folder / "bus_report.py"), *way, "--seconds", "0.5")
+            self.assertEqual(status, 0, said)
+        for other in ("astropy", "numpy"):
+            status, said = with_its_list(other)
+            self.assertNotEqual(status, 0, "control: other packages cannot be imported")
+            self.assertIn(f"{other} is of none of", said)
 
     def test_trigger_that_nothing_waits_for_is_refused_with_its_reason(self):
         with Stimulator("gateways.toml", "link.slcan_tcp=0", "link.socketcand=0") as starloop:

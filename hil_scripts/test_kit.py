@@ -1,6 +1,6 @@
 """The firmware kit in Python: cantools with the DBC against the byte-exact vectors: python3 hil_scripts/test_kit.py
 
-Needs cantools (hil_scripts/requirements.txt). Both directions, CAN FD and classic CAN, every page, opcode and table.
+Needs cantools (hil_scripts/requirements_flight_computer.txt). Both directions, CAN FD and classic CAN, every page, opcode and table.
 """
 
 import json

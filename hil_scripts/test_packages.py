@@ -121,6 +121,7 @@ class Contents(unittest.TestCase):
             "usr/share/starloop/configs/benches/loopback.toml",
             "usr/share/starloop/firmware_protocol/dbc/starloop.dbc",
             "usr/share/starloop/host_setup.sh",
+            "usr/share/starloop/python/requirements_flight_computer.txt",
             "usr/share/starloop/python/starloop_client.py",
             "usr/share/zsh/vendor-completions/_starloop",
         }

@@ -11,7 +11,7 @@ A recipe is a section (`## `) of a page with such marks. It runs in an empty fol
 in a folder where nothing was run, and a recipe with a wrong command is refused.
 
 STARLOOP_BINARY names the program (default target/release/starloop); STARLOOP_SHARE the folder of an installed package
-(/usr/share/starloop), whose `configs` and `python` are used in place of the repository's. Needs requirements.txt, and curl.
+(/usr/share/starloop), whose `configs` and `python` are used in place of the repository's. Needs requirements*.txt, and curl.
 """
 
 import os
