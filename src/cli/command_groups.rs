@@ -36,11 +36,11 @@ fn listing(program: &Command) -> String {
     let mut text = String::new();
     for (title, names) in groups(&commands) {
         let separator = if text.is_empty() { "" } else { "\n" };
-        let _text_only_grows = writeln!(text, "{separator}{heading}{title}:{heading:#}");
+        let _ = writeln!(text, "{separator}{heading}{title}:{heading:#}"); // writing to a string does not fail
         for name in names {
             let about = commands.iter().find(|command| command.get_name() == name).and_then(|found| found.get_about());
             let about = about.map(ToString::to_string).unwrap_or_default();
-            let _text_only_grows = writeln!(text, "  {name_style}{name:<width$}{name_style:#}  {about}");
+            let _ = writeln!(text, "  {name_style}{name:<width$}{name_style:#}  {about}"); // writing to a string does not fail
         }
     }
     text.trim_end().to_owned()

@@ -99,12 +99,12 @@ fn write_variable(out: &mut String, variable: &Variable) {
         escaped(&variable.description)
     );
     if let Some(unit) = variable.unit {
-        let _a_string_takes_all = write!(head, " unit=\"{unit}\"");
+        let _ = write!(head, " unit=\"{unit}\""); // writing to a string does not fail
     }
     let is_text = variable.kind == Kind::String;
     let start = variable.start.as_deref().map(escaped);
     if let Some(start) = start.as_ref().filter(|_| !is_text) {
-        let _a_string_takes_all = write!(head, " start=\"{start}\"");
+        let _ = write!(head, " start=\"{start}\""); // writing to a string does not fail
     }
     let inner = [
         variable.elements.map(|count| format!("<Dimension start=\"{count}\"/>")),

@@ -157,7 +157,7 @@ impl<'a> Flight<'a> {
         let changed = self.plan.set.iter().cloned().chain(case.settings(value));
         let settings = changed.map(|text| Setting::parse(&text)).collect::<Result<Vec<_>, _>>()?;
         let remarks = self.plan.set.iter().cloned().chain(case.settings(value)).fold(String::new(), |mut all, set| {
-            let _text_only_grows = writeln!(all, "# --set '{set}'");
+            let _ = writeln!(all, "# --set '{set}'"); // writing to a string does not fail
             all
         });
         std::fs::write(&path, format!("{remarks}{text}")).with_context(|| path.display().to_string())?;

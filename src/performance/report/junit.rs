@@ -10,7 +10,7 @@ use frames::report::xml::escaped;
 pub fn to_junit(report: &Report) -> String {
     let count = |wanted: &[Verdict]| report.requirements.iter().filter(|one| wanted.contains(&one.verdict)).count();
     let mut text = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n");
-    let _text_only_grows = writeln!(
+    let _ = writeln!(
         text,
         "<testsuites>\n<testsuite name=\"{}\" tests=\"{}\" failures=\"{}\" errors=\"0\" skipped=\"0\">",
         escaped(&report.title),

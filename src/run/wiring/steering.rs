@@ -21,7 +21,7 @@ use base::clock::Clock;
 use base::time::{Span, Tai};
 use config::{Action, Event};
 use core::time::Duration;
-use crossbeam_channel::{Receiver as Queue, Sender, bounded};
+use crossbeam_channel::{Receiver as Queue, RecvTimeoutError, Sender, TrySendError, bounded};
 use frames::report::RunNumbers;
 use frames::sink::{NullSink, SentFrame, Sink, SinkError, SinkSummary, Tee};
 use link::Stamped;
@@ -66,11 +66,26 @@ fn lock<T>(shared: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
     shared.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-fn busy(what: &str) -> LoopError {
-    LoopError::Parts(anyhow::anyhow!(
-        "{what} did not answer within {} s: the run is over or stuck",
-        DONE_WITHIN.as_secs()
-    ))
+/// Returns why a request did not reach a thread of the run.
+fn unsent<T>(what: &str, error: &TrySendError<T>) -> LoopError {
+    match error {
+        TrySendError::Disconnected(_) => over(what),
+        TrySendError::Full(_) => LoopError::Parts(anyhow::anyhow!("{what} has a full queue of requests: ask again")),
+    }
+}
+
+/// Returns why a thread of the run did not answer a request.
+fn unanswered(what: &str, error: RecvTimeoutError) -> LoopError {
+    match error {
+        RecvTimeoutError::Disconnected => over(what),
+        RecvTimeoutError::Timeout => {
+            LoopError::Parts(anyhow::anyhow!("{what} did not answer within {} s", DONE_WITHIN.as_secs()))
+        }
+    }
+}
+
+fn over(what: &str) -> LoopError {
+    LoopError::Parts(anyhow::anyhow!("the run is over: {what} has ended"))
 }
 
 impl Steering {
@@ -159,10 +174,10 @@ impl Steering {
     ) -> Result<T, LoopError> {
         let (done, answer) = bounded(1);
         let order: FrameOrder = Box::new(move |heads, record, release| {
-            let _whoever_asked_may_be_gone = done.try_send(order(heads, record, release));
+            let _ = done.try_send(order(heads, record, release)); // the client may be gone
         });
-        self.attached()?.frames.try_send(order).map_err(|_| busy("the frame thread"))?;
-        answer.recv_timeout(DONE_WITHIN).map_err(|_| busy("the frame thread"))
+        self.attached()?.frames.try_send(order).map_err(|error| unsent("the frame thread", &error))?;
+        answer.recv_timeout(DONE_WITHIN).map_err(|error| unanswered("the frame thread", error))
     }
 
     /// Runs a function on the far end, between two of its steps, and waits for its result.
@@ -172,10 +187,10 @@ impl Steering {
     ) -> Result<T, LoopError> {
         let (done, answer) = bounded(1);
         let order: FarOrder = Box::new(move |far| {
-            let _whoever_asked_may_be_gone = done.try_send(order(far));
+            let _ = done.try_send(order(far)); // the client may be gone
         });
-        self.attached()?.far.try_send(order).map_err(|_| busy("the far end"))?;
-        answer.recv_timeout(DONE_WITHIN).map_err(|_| busy("the far end"))
+        self.attached()?.far.try_send(order).map_err(|error| unsent("the far end", &error))?;
+        answer.recv_timeout(DONE_WITHIN).map_err(|error| unanswered("the far end", error))
     }
 
     /// Passes samples of an external plant to the frame thread, all or none; each is used by its own instant when it
@@ -197,7 +212,7 @@ impl Steering {
         attached.recorded.iter().for_each(|tap| tap.note(samples, at));
         for value in samples {
             let stamped = Stamped { at, value: *value };
-            attached.samples.try_send(stamped).map_err(|_| busy("the frame thread"))?;
+            attached.samples.try_send(stamped).map_err(|error| unsent("the frame thread", &error))?;
         }
         Ok(attached.samples.len())
     }

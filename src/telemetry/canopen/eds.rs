@@ -31,9 +31,9 @@ pub fn text() -> String {
         ("ManufacturerObjects", objects.keys().copied().filter(|index| *index >= 0x2000).collect()),
     ];
     for (name, indices) in lists {
-        let _into_text = write!(text, "\n[{name}]\nSupportedObjects={}\n", indices.len());
+        let _ = write!(text, "\n[{name}]\nSupportedObjects={}\n", indices.len()); // writing to a string does not fail
         for (number, index) in indices.iter().enumerate() {
-            let _into_text = writeln!(text, "{}=0x{index:04X}", number + 1);
+            let _ = writeln!(text, "{}=0x{index:04X}", number + 1); // writing to a string does not fail
         }
     }
     for entries in objects.values() {
@@ -45,15 +45,15 @@ pub fn text() -> String {
 fn write_object(text: &mut String, entries: &[Entry]) {
     let Some(first) = entries.first() else { return };
     if entries.len() == 1 {
-        let _into_text = write!(text, "\n[{:04X}]\nParameterName={}\n", first.index, first.names[0]);
+        let _ = write!(text, "\n[{:04X}]\nParameterName={}\n", first.index, first.names[0]); // writing to a string does not fail
         write_entry(text, first);
         return;
     }
     let object = if first.index >= 0x1800 && first.index < 0x1A00 || first.index == 0x1018 { 9 } else { 8 };
     let (index, name, count) = (first.index, first.names[0], entries.len());
-    let _into_text = write!(text, "\n[{index:04X}]\nParameterName={name}\nObjectType=0x{object}\nSubNumber={count}\n");
+    let _ = write!(text, "\n[{index:04X}]\nParameterName={name}\nObjectType=0x{object}\nSubNumber={count}\n"); // writing to a string does not fail
     for entry in entries {
-        let _into_text = write!(text, "\n[{index:04X}sub{:X}]\nParameterName={}\n", entry.sub, entry.names[1]);
+        let _ = write!(text, "\n[{index:04X}sub{:X}]\nParameterName={}\n", entry.sub, entry.names[1]); // writing to a string does not fail
         write_entry(text, entry);
     }
 }
@@ -66,7 +66,7 @@ fn write_entry(text: &mut String, entry: &Entry) {
         }
         Some(_) | None => entry.at_start.to_owned(),
     };
-    let _into_text = write!(
+    let _ = write!(
         text,
         "ObjectType=0x7\nDataType=0x{:04X}\nAccessType={}\nDefaultValue={at_start}\nPDOMapping={}\n",
         entry.kind as u16,

@@ -374,7 +374,7 @@ fn file_line(wire: &Wire, at: Tai) -> String {
     }
     line.push(' ');
     for byte in wire.data() {
-        let _into_text = write!(line, "{byte:02x}");
+        let _ = write!(line, "{byte:02x}"); // writing to a string does not fail
     }
     line.push('\n');
     line
