@@ -44,7 +44,7 @@ from typing import Any, Dict, Iterable, List, NamedTuple, Optional, Sequence, Un
 try:
     import numpy
 except ImportError:  # pixels come as array('H') then
-    numpy = None
+    numpy = None  # type: ignore[assignment, unused-ignore]
 
 PROTOCOL = 2
 """Version of the protocol that this client speaks."""
@@ -138,8 +138,8 @@ class Starloop:
     @classmethod
     def start(
         cls,
-        binary: Union[str, os.PathLike],
-        scenario: Union[str, os.PathLike],
+        binary: Union[str, os.PathLike[str]],
+        scenario: Union[str, os.PathLike[str]],
         *,
         seed: Optional[int] = None,
         clock: str = "virtual",
@@ -160,6 +160,7 @@ class Starloop:
             command += ["--set", f"{key}={toml_value(value)}"]
         program = _Program(command + list(arguments), timeout_s)
         try:
+            assert program.address is not None, "it listens"
             connection = socket.create_connection(program.address, timeout=timeout_s)
         except BaseException:
             program.end()
@@ -194,7 +195,7 @@ class Starloop:
             raise self._lost(f"{name}: {error}") from error
         if not answer.endswith(b"\n"):
             raise self._lost(f"{name}: the connection ended")
-        reply = json.loads(answer)
+        reply: Dict[str, Any] = json.loads(answer)
         if reply.pop("id", None) != self._id:
             raise StarloopError(f"{name}: a reply to something else: {answer[:200]!r}")
         if not reply.pop("ok"):
@@ -276,7 +277,8 @@ class Starloop:
 
     def _send_samples(self, name: str, samples: Iterable[Row], **keys: Any) -> Dict[str, Any]:
         rows = [json.dumps([float(number) for number in row], allow_nan=False) for row in samples]
-        total, taken, first = 0, {}, 0
+        total, first = 0, 0
+        taken: Dict[str, Any] = {}
         while first < len(rows) or not taken:
             size, last = 0, first
             while last < len(rows) and (size + len(rows[last]) < LINE_BYTES or last == first):
@@ -411,13 +413,14 @@ class Starloop:
         """
         return self.request("frame", head=head, pixels=False)
 
-    def write_frame(self, path: Union[str, os.PathLike], head: int = 0) -> Dict[str, Any]:
+    def write_frame(self, path: Union[str, os.PathLike[str]], head: int = 0) -> Dict[str, Any]:
         """Lets the program write the newest frame of a head as a new FITS file; `path` is relative to its output folder (`--out`)."""
         return self.request("frame", head=head, path=os.fspath(path))
 
     def summary(self) -> Dict[str, Any]:
         """The report so far."""
-        return self.request("summary")["report"]
+        report: Dict[str, Any] = self.request("summary")["report"]
+        return report
 
     def finish(self) -> Dict[str, Any]:
         """Ends the run at its present time and returns the final report; `exit_status` is known then."""
@@ -425,7 +428,8 @@ class Starloop:
         self._is_over = True
         self.exit_status = reply["exit_status"]
         self._close()
-        return reply["report"]
+        report: Dict[str, Any] = reply["report"]
+        return report
 
     def close(self) -> None:
         """Goes away. A run that was not finished ends with what was finished by then."""
@@ -455,13 +459,13 @@ class Starloop:
 class _Program:
     """The program, its output drained so that it never waits for a reader."""
 
-    def __init__(self, command: list, timeout_s: float):
+    def __init__(self, command: List[str], timeout_s: float):
         self._process = subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
         )
-        self._tail: collections.deque = collections.deque(maxlen=20)
+        self._tail: collections.deque[str] = collections.deque(maxlen=20)
         self._listening = threading.Event()
-        self.address: Optional[tuple] = None
+        self.address: Optional[tuple[str, int]] = None
         self.token: Optional[str] = None
         self._reader = threading.Thread(target=self._drain, name="starloop stderr", daemon=True)
         self._reader.start()
@@ -470,6 +474,7 @@ class _Program:
             raise ConnectionLost(f"{' '.join(command)} does not listen; it said: {self.said()}")
 
     def _drain(self) -> None:
+        assert self._process.stderr is not None, "it is a pipe"
         for line in self._process.stderr:
             if self.address is None and (found := LISTENING.match(line)):
                 self.address = (found["host"].strip("[]"), int(found["port"]))
@@ -493,7 +498,8 @@ class _Program:
             self._process.kill()
             self._process.wait()
         self._reader.join(10.0)
-        self._process.stderr.close()
+        if self._process.stderr is not None:
+            self._process.stderr.close()
         return self._process.returncode
 
 

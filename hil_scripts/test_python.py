@@ -5,6 +5,7 @@ import json
 import os
 import pathlib
 import re
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -130,6 +131,44 @@ class Package(unittest.TestCase):
         for example in examples:
             self.assertTrue(run(self.python, "-c", example, cwd=self.work))
 
+    def test_the_notebook_of_the_guide_runs(self):
+        notebook = json.loads((ROOT / "src" / "guide" / "accuracy_and_speed.ipynb").read_text())
+        self.assertEqual(notebook["nbformat"], 4)
+        cells = ["".join(cell["source"]) for cell in notebook["cells"] if cell["cell_type"] == "code"]
+        facts = "import json; print(json.dumps([errors, len(at_s), pointing, pyplot.get_fignums()]))"
+        (self.work / "notebook.py").write_text("\n\n".join([*cells, facts]))
+        environment = {**os.environ, "MPLBACKEND": "Agg"}
+        said = run(self.python, "notebook.py", cwd=self.work, env=environment)
+        errors, frames, pointing, charts = json.loads(said.strip().splitlines()[-1])
+        self.assertLess(errors["auto"], 1e-4, "the planner keeps its budget")
+        self.assertGreater(errors["gaussian"], 0.1, "control: a method that is wrong for a streak is seen to be")
+        self.assertLess(errors["samples:32"], errors["samples:4"])
+        self.assertEqual(charts, [1, 2], "two charts")
+        self.assertGreater(frames, 100)
+        self.assertGreater(max(pointing), 5000, "control: the turn is in the chart")
+        self.assertLess(sorted(pointing[-20:])[10], 10, "the loop settles on the new target")
+
+    def test_what_an_image_costs_beside_the_command(self):
+        scene = ["--camera", "cameras/star_tracker_20deg.toml", "--ra", "83.8", "--dec", "-5.4", "--backend", "cpu"]
+        command, render, facts = [], [], []
+        for _ in range(9):
+            said = run(BINARY, "render", *scene, "--timing", "--out", self.work / "timed.fits")
+            command.append(next(json.loads(line)["total_ms"] for line in said.splitlines() if line.startswith("{")))
+            ours, beside, shape = self.ask(
+                "import json, starloop, statistics, time; camera = starloop.Camera('cameras/star_tracker_20deg.toml'); a, b = [], []\n"
+                "for _ in range(25):\n"
+                "    t = time.perf_counter(); frame = camera.render(ra=83.8, dec=-5.4, backend='cpu')\n"
+                "    a.append(time.perf_counter() - t)\n"
+                "    t = time.perf_counter(); frame.truth, frame.meta; b.append(time.perf_counter() - t)\n"
+                "print(json.dumps([1e3 * statistics.median(a[4:]), 1e3 * statistics.median(b[4:]), frame.image.shape]))"
+            )
+            self.assertEqual(shape, [1024, 1024])
+            render.append(ours)
+            facts.append(beside)
+        theirs, ours, beside = (statistics.median(times) for times in (command, render, facts))
+        print(f"1024 x 1024 with full noise: command {theirs:.2f} ms, camera.render {ours:.2f} ms ({100 * (ours / theirs - 1):+.1f} %), "
+              f"its truth and meta {beside:.2f} ms more ({100 * beside / theirs:.1f} %)")  # fmt: skip
+
     def test_the_command_is_installed_and_importing_is_quick(self):
         self.assertIn("starloop", run(self.python.parent / "starloop", "--version"))
         seconds = self.ask("import time; t = time.perf_counter(); import starloop; print(time.perf_counter() - t)")
@@ -143,6 +182,9 @@ class Package(unittest.TestCase):
         run(*mypy, "typed.py", cwd=self.work)
         with self.assertRaises(AssertionError, msg="control: a wrong type is found"):
             run(*mypy, "wrong.py", cwd=self.work)
+
+    def test_the_sources_of_the_package_are_typed(self):
+        run(sys.executable, "-m", "mypy", "--strict", "--python-executable", self.python, "-p", "starloop", cwd=self.work)
 
 
 if __name__ == "__main__":

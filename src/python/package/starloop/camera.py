@@ -52,8 +52,8 @@ class Frame:
     @property
     def wcs(self) -> Any:
         """The map from pixels to the sky as an `astropy.wcs.WCS`; needs astropy."""
-        from astropy.io import fits
-        from astropy.wcs import WCS
+        from astropy.io import fits  # type: ignore[import-untyped, import-not-found, unused-ignore]
+        from astropy.wcs import WCS  # type: ignore[import-untyped, import-not-found, unused-ignore]
 
         return WCS(fits.Header.fromstring(self.header))
 
@@ -122,7 +122,7 @@ class Camera:
 
         Takes the keywords of `render`.
         """
-        given = {"ra": None, "dec": None, "roll": 0.0, "rate": None, "los": None, "sources": None, "observer": None}
+        given: Dict[str, Any] = {"ra": None, "dec": None, "roll": 0.0, "rate": None, "los": None, "sources": None, "observer": None}
         given |= {"bodies": False, "targets": (), "faults": (), "bench": None, "seed": 1, "noise_seed": None, "frame": 0}
         given |= {"stage": "dn", "backend": "auto", "method": "auto", "attitude": attitude, "time": time, **keywords}
         chosen: Dict[str, Any] = json.loads(self._native.plan(self._keywords(**given)))
