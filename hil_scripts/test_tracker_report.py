@@ -321,7 +321,7 @@ noise_arcsec_per_deg_s = {at_rate}
         starloop("export", run, "--attitude", run / "truth.aem")
         done = starloop("report", run, "--tracker", run / "truth.aem", status=(0,))
         self.assertTrue(done.stdout.startswith("PASSED: run"), done.stdout)
-        report = json.loads((run / "report.json").read_text())
+        report = json.loads((run / "tracker_report.json").read_text())
         bias = next(m for m in report["metrics"] if m["id"] == "bias.directional")
         self.assertLess(bias["value"], 1e-3)
         self.assertIn(["camera", "small tracker for campaigns"], report["conditions"])
@@ -361,7 +361,7 @@ tag_error_ms = 30.0
         starloop("run", bench, "--clock", "virtual", "--out", run, "--quiet", status=(0,))
         (captured,) = run.rglob("tracker.txt")
         starloop("report", run, "--tracker", captured, status=(0,))
-        report = json.loads((run / "report.json").read_text())
+        report = json.loads((run / "tracker_report.json").read_text())
         found = {m["id"]: m["value"] for m in report["metrics"] if m["case"] is None}
         self.assertAlmostEqual(found["time_tag_error"], 30.0, places=6)
         self.assertEqual(found["acquisition_probability"], 1.0)

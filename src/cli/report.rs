@@ -22,8 +22,9 @@ const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "g
 /// Command line of `report`.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Writes report.html, report.json and report.xml (JUnit) into RUN, or beside --out. Exit status 4 where a \
-                        requirement is not met. Columns of logs and keys of requirements: src/guide/reports.md."
+    after_help = "Writes tracker_report.html, .json and .xml (JUnit) into the folder of a run, report.html and so on into that of \
+                  a flown plan, or beside --out. Exit status 4 where a requirement is not met. Columns of logs and keys of \
+                  requirements: src/guide/reports.md."
 )]
 pub struct ReportArgs {
     /// Folder of a recorded run (with frames.csv), or of a plan that `starloop fly` has flown
@@ -44,7 +45,7 @@ pub struct ReportArgs {
     /// Probability at which performances are stated [default: 0.997, of a plan its own]
     #[arg(long, value_name = "P", value_parser = share)]
     probability: Option<f64>,
-    /// Report to write; the others have its name with .json, .xml and .pdf [default: report.html in RUN]
+    /// Report to write; the others have its name with .json, .xml and .pdf [default: tracker_report.html in RUN, report.html in the folder of a flown plan]
     #[arg(long, value_name = "FILE.html")]
     out: Option<PathBuf>,
     /// Write the report as PDF too, through Chromium
@@ -97,7 +98,9 @@ pub fn run(arguments: &ReportArgs) -> Result<u8> {
         parts.requirements = read_requirements(path)?;
         parts.provenance.files.push(provenance::file(path)?);
     }
-    let out = arguments.out.clone().unwrap_or_else(|| arguments.run.join("report.html"));
+    // A run has a page of its own, report.html.
+    let name = if plan.is_some() { "report.html" } else { "tracker_report.html" };
+    let out = arguments.out.clone().unwrap_or_else(|| arguments.run.join(name));
     write(&parts, &Writing { out: &out, json: arguments.json, pdf: arguments.pdf })
 }
 

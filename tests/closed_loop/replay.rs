@@ -443,7 +443,7 @@ fn tool(program: &str, arguments: &[&str]) -> Option<String> {
     }
 }
 
-/// Returns the Python that has the packages of `hil_scripts/requirements.txt`, if it was installed beside the build;
+/// Returns the Python that has the packages of `hil_scripts/requirements*.txt`, if it was installed beside the build;
 /// else the system's.
 fn python() -> String {
     let beside = std::env::current_exe().unwrap().ancestors().nth(3).unwrap().join("python/bin/python3");
