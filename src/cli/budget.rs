@@ -149,7 +149,7 @@ pub(super) fn budget_report(finished: &Finished, load_threads: usize) -> Result<
 }
 
 /// Returns the limits of the bench, with those derived from them.
-fn limits(bench: &Bench, engine: &FrameEngine) -> BudgetLimits {
+pub(super) fn limits(bench: &Bench, engine: &FrameEngine) -> BudgetLimits {
     let mut limits = BudgetLimits {
         latency_p99_ms: bench.budget.latency_p99_ms,
         missed_frames: u64::from(bench.budget.missed_frames),

@@ -44,6 +44,7 @@ pub fn run(arguments: &RunArgs) -> Result<u8> {
     if let Some(directory) = &arguments.report {
         write_budget(directory, &mut finished);
     }
+    finished.write_page(arguments.clock);
     // Losses are reported and the controlling client gets its answer even when the output cannot be written.
     let reports = finished.reports(arguments.clock);
     let printed = finished.print(&reports, arguments);

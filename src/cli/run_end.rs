@@ -1,9 +1,11 @@
-//! How a run ends: verdict, tables, `summary.json` and `scenario.json`, what it lost, its exit status.
+//! How a run ends: verdict, tables, its files of results, what it lost, its exit status.
 
 use crate::cli::plain_text::plain_text;
 use crate::cli::report_json::print_json;
 use crate::cli::run_args::{ClockKind, RunArgs};
 use crate::cli::run_control::Client;
+use crate::cli::run_events;
+use crate::cli::run_page;
 use crate::cli::run_verdict::{first_failure, verdict_line};
 use crate::cli::scenario_report::{ScenarioReport, table};
 use crate::cli::{EXIT_DONE, EXIT_FAILED, EXIT_LOST, EXIT_NOT_MET, signals};
@@ -70,13 +72,15 @@ impl Finished {
         })
     }
 
-    /// Writes `summary.json`, and `scenario.json` where there is something to judge; a file that cannot be written is a
+    /// Writes `events.jsonl` and `summary.json`, and `scenario.json` where there is something to judge; a file that cannot be written is a
     /// loss.
     ///
     /// # Errors
     /// When a report does not go into JSON.
     pub(super) fn write_files(&mut self, arguments: &RunArgs) -> Result<()> {
         let Some(directory) = self.directory.clone() else { return Ok(()) };
+        let events = run_events::to_json_lines(&self.end.record)?;
+        self.write(&directory.join(run_events::FILE), &events);
         if let Some(report) = self.report() {
             let json = serde_json::to_string_pretty(&report)?;
             self.write(&directory.join("scenario.json"), &json);
@@ -86,8 +90,15 @@ impl Finished {
         Ok(())
     }
 
-    fn write(&mut self, path: &std::path::Path, json: &str) {
-        if let Err(error) = replace_own_file(path, |out| out.write_all(json.as_bytes())) {
+    /// Writes `report.html`, the last file of a run; one that cannot be written is a loss.
+    pub(super) fn write_page(&mut self, clock: ClockKind) {
+        let Some(directory) = self.directory.clone() else { return };
+        let page = run_page::page(self, self.report().as_ref(), clock);
+        self.write(&directory.join(run_page::FILE), &page);
+    }
+
+    fn write(&mut self, path: &std::path::Path, text: &str) {
+        if let Err(error) = replace_own_file(path, |out| out.write_all(text.as_bytes())) {
             let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
             self.end.losses.note_file(&name, error);
         }
