@@ -15,7 +15,7 @@ use crate::cli::wcs_warning::warn_of_wcs;
 use anyhow::{Context, Result, bail};
 use base::axes::{Icrf, Rotation, Sensor, WRITTEN_NORM_TOLERANCE, sensor_from_ra_dec_roll};
 use base::time::{Span, Tai};
-use batch::still::{Still, StillParams, still_fault};
+use batch::still::{DEFAULT_TIME, MOST_DEG_PER_S, Still, StillParams, still_fault};
 use clap::{Args, ValueEnum};
 use config::{Bench, Document, Scenario, StartTime};
 use frames::report::Stage;
@@ -26,9 +26,6 @@ use plan::exposure::{MethodChoice, Motion, Source};
 use run::runtime::engine::Light;
 use run::wiring::memory::RunMemory;
 use std::path::{Path, PathBuf};
-
-/// Middle of the exposure where neither a time nor a bench is given.
-const DEFAULT_TIME: &str = "2026-01-01T00:00:00Z";
 
 /// Command line of `render`.
 #[derive(Debug, Args)]
@@ -372,9 +369,6 @@ fn motion(arguments: &RenderArgs, time: Tai, exposure_s: f64) -> Result<Motion> 
     };
     Ok(Motion { los, image_path })
 }
-
-/// Fastest turn that is drawn, deg/s.
-const MOST_DEG_PER_S: f64 = 1000.0;
 
 fn attitude(arguments: &RenderArgs) -> Result<Rotation<Sensor, Icrf>> {
     if let Some(wxyz) = arguments.attitude {

@@ -2,6 +2,7 @@
 
 use anyhow::{Context, Result, bail};
 use base::units::ARCSEC;
+use batch::still::MOST_ELECTRONS;
 use plan::exposure::{PixelPath, PixelPoint, Source, SourcePlace};
 use std::path::Path;
 
@@ -60,8 +61,6 @@ fn read_columns<const N: usize>(path: &Path, columns: [&str; N]) -> Result<Vec<[
     Ok(rows)
 }
 
-/// Most electrons of a source: single precision still counts them.
-const MOST_ELECTRONS: f64 = 1e12;
 /// Furthest place of a source from the first pixel, px.
 const FURTHEST_PX: f64 = 1e6;
 

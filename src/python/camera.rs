@@ -3,13 +3,11 @@
 use crate::frame::{Drawn, Frame, Pixels};
 use crate::refused;
 use crate::request::{Request, SceneKeys, Stage};
-use base::image::DnImage;
 use base::time::Tai;
 use batch::still::{Still, StillParams, still_fault_of};
 use config::{Bench, Document};
 use core::time::Duration;
 use frames::report::Stage as TimeStage;
-use frames::sink::SentFrame;
 use image::gpu::Electrons;
 use pyo3::prelude::*;
 use run::runtime::engine::Light;
@@ -133,18 +131,18 @@ fn draw(still: &mut Still, request: &Request) -> Result<Duration, String> {
 
 fn drawn(still: &Still, stage: Stage) -> Result<Drawn, String> {
     let frame = still.frame();
-    let (pixels, width, height) = match (stage, still.mean()) {
-        (Stage::Dn, _) => (Pixels::Dn(frame.image.pixels().to_vec()), frame.image.width(), frame.image.height()),
+    match (stage, still.mean()) {
+        (Stage::Dn, _) => Ok(Drawn::of(frame)),
         (Stage::Electrons, Electrons::Host(image)) => {
-            (Pixels::Electrons(image.pixels().to_vec()), image.width(), image.height())
+            let pixels = Pixels::Electrons(image.pixels().to_vec());
+            Ok(Drawn::new(pixels, [image.height(), image.width()], frame))
         }
         (Stage::Electrons, Electrons::Precise(image)) => {
-            (Pixels::Precise(image.pixels().to_vec()), image.width(), image.height())
+            let pixels = Pixels::Precise(image.pixels().to_vec());
+            Ok(Drawn::new(pixels, [image.height(), image.width()], frame))
         }
-        (Stage::Electrons, Electrons::Device(_)) => return Err("the image is still on its device".into()),
-    };
-    let facts = SentFrame { image: DnImage::new(0, 0), ..frame.clone() };
-    Ok(Drawn { pixels, shape: [height, width], frame: facts })
+        (Stage::Electrons, Electrons::Device(_)) => Err("the image is still on its device".into()),
+    }
 }
 
 fn planned(still: &mut Still, request: &Request) -> Result<String, String> {

@@ -3,6 +3,7 @@
 use base::axes::{Icrf, Rotation, Sensor, WRITTEN_NORM_TOLERANCE, sensor_from_ra_dec_roll};
 use base::time::{Span, Tai};
 use base::units::ARCSEC;
+use batch::still::{DEFAULT_TIME, MOST_DEG_PER_S, MOST_ELECTRONS};
 use glam::DVec3;
 use plan::attitude::LosPath;
 use plan::exposure::{Motion, PixelPath, PixelPoint, Source, SourcePlace};
@@ -52,9 +53,6 @@ pub(crate) enum Stage {
     /// Mean electrons before the detector.
     Electrons,
 }
-
-/// The middle of an exposure where none is given.
-const DEFAULT_TIME: &str = "2026-01-01T00:00:00Z";
 
 impl Request {
     /// Reads the keywords.
@@ -123,8 +121,3 @@ impl Request {
         self.sources.as_ref().map(|rows| rows.iter().enumerate().map(source).collect()).transpose()
     }
 }
-
-/// Fastest turn that is drawn, deg/s.
-const MOST_DEG_PER_S: f64 = 1000.0;
-/// Most electrons of a source: single precision still counts them.
-const MOST_ELECTRONS: f64 = 1e12;

@@ -1,10 +1,9 @@
 //! `Session`: a run in process, under the requests of the control socket.
 
-use crate::frame::{Drawn, Frame, Pixels};
+use crate::frame::{Drawn, Frame};
 use crate::refused;
-use base::image::DnImage;
 use config::{Document, Scenario, Setting};
-use frames::sink::{NullSink, SentFrame, Sink};
+use frames::sink::{NullSink, Sink};
 use pyo3::prelude::*;
 use run::wiring::assemble::{Outputs, Run, RunOptions};
 use run::wiring::control::local::LocalSession;
@@ -44,7 +43,7 @@ impl Session {
     fn frame(&self, py: Python<'_>, head: usize) -> PyResult<Option<Frame>> {
         let newest = || {
             let going = self.going.lock().unwrap_or_else(PoisonError::into_inner);
-            going.as_ref().and_then(|session| session.newest(head)).map(drawn)
+            going.as_ref().and_then(|session| session.newest(head)).map(Drawn::of)
         };
         py.detach(newest).map(|drawn| Frame::new(py, drawn)).transpose()
     }
@@ -77,10 +76,4 @@ fn assembled(path: &str, settings: &[String], seed: Option<u64>) -> Result<Local
 /// Returns the report of a run under way.
 fn reported(scenario: &Scenario, view: &LoopView<'_>) -> Value {
     json!(ScenarioReport::of(scenario, view, 0.0))
-}
-
-fn drawn(frame: &SentFrame) -> Drawn {
-    let shape = [frame.image.height(), frame.image.width()];
-    let facts = SentFrame { image: DnImage::new(0, 0), ..frame.clone() };
-    Drawn { pixels: Pixels::Dn(frame.image.pixels().to_vec()), shape, frame: facts }
 }

@@ -23,6 +23,13 @@ use run::wiring::bench_parts::params_from;
 use scene::wcs::WcsMaker;
 use sky::almanac::Almanac;
 
+/// Middle of an exposure where none is given.
+pub const DEFAULT_TIME: &str = "2026-01-01T00:00:00Z";
+/// Fastest turn that is drawn, deg/s.
+pub const MOST_DEG_PER_S: f64 = 1000.0;
+/// Most electrons of a given source: single precision still counts them.
+pub const MOST_ELECTRONS: f64 = 1e12;
+
 /// Time before and after all images for which a fault acts: a fault that changes while it lasts is near its middle.
 const FAULT_SPAN: Span = Span::from_ns(1_000_000_000_000_000_000);
 

@@ -12,6 +12,7 @@ import numpy
 import numpy.typing
 
 from . import _native
+from .client import toml_value
 
 Rows = Union[Sequence[Sequence[float]], "numpy.typing.NDArray[Any]"]
 Instant = Union[str, datetime.datetime]
@@ -171,23 +172,5 @@ def _numbers(row: Any) -> List[float]:
 
 def _toml(tables: Mapping[str, Any]) -> str:
     """Returns the text of a file with these keys and tables."""
-    lines: List[str] = []
-    for key, value in tables.items():
-        if not isinstance(value, Mapping):
-            lines.append(f"{key} = {_value(value)}")
-    for key, value in tables.items():
-        if isinstance(value, Mapping):
-            lines.append(f"{key} = {_value(value)}")
-    return "\n".join(lines) + "\n"
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{key} = {_value(item)}" for key, item in value.items()) + " }"
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(_value(item) for item in value) + "]"
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, (int, float)):
-        return repr(value)
-    return json.dumps(str(value))
+    plain = json.loads(json.dumps(tables, default=dict))
+    return "".join(f"{key} = {toml_value(value)}\n" for key, value in plain.items())
