@@ -124,6 +124,49 @@ class Package(unittest.TestCase):
         for message, part in zip(self.ask(code), wanted):
             self.assertIn(part, message)
 
+    def test_items_are_those_of_the_folder_and_workers_of_ray_draw_the_same(self):
+        folder = self.work / "set"
+        code = f"""
+import json, zlib, pickle, numpy, starloop
+spec = {{"name": "x", "camera": "cameras/small_tracker.toml", "seed": 4, "output": {{"shard_items": 3, "images": "png"}}}}
+stars = starloop.DataSet(spec)
+made = stars.make(7, {str(folder)!r}, workers=2)
+crc = lambda image: zlib.crc32(image.astype("<u2").tobytes())
+items = [stars[number] for number in (6, 0, 5)]
+again = pickle.loads(pickle.dumps(stars))[5]
+import ray
+ray.init(num_cpus=2, include_dashboard=False, logging_level="ERROR", log_to_driver=False)
+rows = ray.data.read_datasource(starloop.ray_source(spec, 7)).take_all()
+print(json.dumps([made, [item.labels for item in items], [crc(item.image) for item in items], crc(again.image),
+                  [[int(row["item"]), crc(numpy.asarray(row["image"]))] for row in rows]]))
+"""
+        made, labels, sums, again, rows = self.ask(code)
+        self.assertTrue(made["is_whole"] and made["drawn"] == 7)
+        import pyarrow.dataset
+
+        table = pyarrow.dataset.dataset(f"{folder}/labels/items").to_table().to_pylist()
+        wanted = {row["item"]: row for row in table}
+        self.assertEqual(sums, [wanted[item]["crc32"] for item in (6, 0, 5)])
+        self.assertNotEqual(sums[0], sums[1], "control: items differ")
+        self.assertEqual(again, sums[2])
+        for label in labels:
+            row = wanted[label["item"]]
+            self.assertEqual({name: label[name] for name in row}, row)
+        self.assertEqual(sorted(map(tuple, rows)), [(item, wanted[item]["crc32"]) for item in range(7)])
+
+    def test_reports_on_a_camera_are_those_of_the_commands(self):
+        snr, psf, verify, refused = self.ask(
+            "import json, starloop; camera = starloop.Camera('cameras/small_tracker.toml')\n"
+            "try: camera.snr('--window', '4'); refused = ''\n"
+            "except ValueError as error: refused = str(error)\n"
+            "print(json.dumps([camera.snr('--bp-rp', '1.5'), camera.psf(), camera.verify('--frames', '20'), refused]))"
+        )
+        direct = json.loads(run(BINARY, "snr", "cameras/small_tracker.toml", "--bp-rp", "1.5", "--json"))
+        self.assertEqual(snr, direct)
+        self.assertGreater(psf["fwhm_px"], 0.5)
+        self.assertTrue(verify["holds"] in (True, False) and verify["data_sheet"])
+        self.assertIn("--window is 4", refused)
+
     def test_examples_of_the_guide_run(self):
         text = (ROOT / "src" / "guide" / "python.md").read_text()
         examples = re.findall(r"```python\n(.*?)```", text, re.S)

@@ -40,6 +40,8 @@ pub enum Stage {
     /// Stars of a made-up population: "frame" is the tile, "block" the star, "attempt" the layer and which block of the
     /// star.
     SyntheticStars = 30,
+    /// Items and shards of a data set: "frame" is the item or shard, "attempt" the purpose.
+    DataSet = 40,
 }
 
 const MULTIPLIER_0: u32 = 0xD251_1F53;

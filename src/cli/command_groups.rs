@@ -6,7 +6,7 @@ use core::fmt::Write;
 
 /// Headings and their commands, in the order of the help. A command in none of them is listed under [`OTHERS`].
 const GROUPS: &[(&str, &[&str])] = &[
-    ("Frames", &["run", "render", "fly", "replay", "budget"]),
+    ("Frames", &["run", "render", "dataset", "fly", "replay", "budget"]),
     ("Configuration files", &["init", "check", "keys", "schema"]),
     ("Cameras, stars, catalogs", &["snr", "psf", "verify", "catalog"]),
     ("Connections and displays", &["bus", "link-check", "display", "export", "fmu"]),

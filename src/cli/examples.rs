@@ -29,6 +29,14 @@ const EXAMPLES: &[(&str, &[&str])] = &[
         ],
     ),
     (
+        "dataset",
+        &[
+            "dataset data_sets/lost_in_space.toml --count 1000 --out out/stars",
+            "dataset my_set.toml --count 100000 --out out/set --images webdataset --shards 0..40",
+            "dataset --verify out/stars",
+        ],
+    ),
+    (
         "check",
         &["check my_bench.toml", "check my_bench.toml --set timing.frame_rate_hz=5", "check scenarios.toml --json"],
     ),

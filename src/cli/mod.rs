@@ -36,6 +36,8 @@ mod check_scenario;
 mod check_targets;
 pub mod completions;
 mod command_groups;
+#[cfg(feature = "data_sets")]
+pub mod data_set;
 pub mod display;
 mod display_latency;
 mod display_measurements;
@@ -95,12 +97,15 @@ pub mod snr;
 pub mod study;
 mod telemetry_file;
 pub mod verify;
-mod version;
+pub mod version;
 mod wcs_warning;
 #[cfg(feature = "hats")]
 mod with_hats;
 #[cfg(not(feature = "hats"))]
 mod without_hats;
+#[cfg(not(feature = "data_sets"))]
+#[path = "without_data_sets.rs"]
+pub mod data_set;
 
 use base::streams;
 use clap::{CommandFactory, Parser, Subcommand};
@@ -148,6 +153,8 @@ enum Command {
     Replay(replay::ReplayArgs),
     /// Render one image for a given attitude and time
     Render(Box<render::RenderArgs>),
+    /// Draw a data set: many images with labels, from distributions
+    Dataset(data_set::DataSetArgs),
     /// Check a bench or a scenario: conventions, defaults, events, the plan with its predicted error and cost
     Check(check::CheckArgs),
     /// Measure what frames cost on this machine, for runs on the real clock and `check`; calibrate a display
@@ -262,6 +269,7 @@ fn run_command(command: Command) -> anyhow::Result<u8> {
         Command::Budget(arguments) => budget::run(&arguments),
         Command::Replay(arguments) => replay::run(&arguments),
         Command::Render(arguments) => render::run(&arguments).map(|()| EXIT_DONE),
+        Command::Dataset(arguments) => data_set::run(&arguments),
         Command::Check(arguments) => check::run(&arguments).map(|()| EXIT_DONE),
         Command::Calibrate(arguments) => calibrate::run(&arguments).map(|()| EXIT_DONE),
         Command::Display(arguments) => display::run(&arguments).map(|()| EXIT_DONE),

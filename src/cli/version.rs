@@ -1,7 +1,7 @@
 //! `starloop --version`: version, commit, features, target.
 
 /// Version and commit, on one line.
-pub(crate) const SHORT: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("STARLOOP_COMMIT"), ")");
+pub const SHORT: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("STARLOOP_COMMIT"), ")");
 /// Commit that the program was built from; "unknown" when built outside a repository.
 pub(crate) const COMMIT: &str = env!("STARLOOP_COMMIT");
 /// Processor and system that the program was built for.
@@ -10,6 +10,7 @@ pub(crate) const TARGET: &str = env!("STARLOOP_TARGET");
 /// Returns the optional features that the program was built with.
 pub(crate) fn features() -> Vec<&'static str> {
     let all = [
+        ("data_sets", cfg!(feature = "data_sets")),
         ("direct_scanout", cfg!(feature = "direct_scanout")),
         ("display", cfg!(feature = "display")),
         ("hats", cfg!(feature = "hats")),

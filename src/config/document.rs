@@ -127,6 +127,19 @@ impl Document {
         Ok(Self { origin: Origin::File(path.into()), text, settings: Vec::new() })
     }
 
+    /// Returns the document of keys that come from outside a file, with the name that messages give it.
+    ///
+    /// # Errors
+    /// When a value has no form in TOML, such as null.
+    pub(super) fn of_json(keys: &serde_json::Map<String, serde_json::Value>, name: &Path) -> Result<Self, ConfigError> {
+        let text = toml::to_string(keys).map_err(|error| ConfigError::Syntax {
+            place: name.display().to_string(),
+            why: format!("{error}; leave out what has no value"),
+            text: serde_json::to_string(keys).unwrap_or_default(),
+        })?;
+        Ok(Self::from_text(&text, name))
+    }
+
     /// Returns the document of a text as if it were in the file `path` (which need not exist).
     #[must_use]
     pub fn from_text(text: &str, path: &Path) -> Self {

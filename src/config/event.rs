@@ -94,13 +94,7 @@ impl Event {
         now_s: f64,
         frame_period: Span,
     ) -> Result<Self, ConfigError> {
-        let place = Path::new("injected event");
-        let text = toml::to_string(event).map_err(|error| ConfigError::Syntax {
-            place: place.display().to_string(),
-            why: format!("{error}; leave out what has no value"),
-            text: serde_json::to_string(event).unwrap_or_default(),
-        })?;
-        let document = Document::from_text(&text, place);
+        let document = Document::of_json(event, Path::new("injected event"))?;
         let keys = document.read_as::<EventKeys>()?.begun_by(now_s.max(0.0));
         Self::check(&keys, 0, frame_period, &mut Checker::new(&document))
     }

@@ -2,12 +2,14 @@
 //! stars behind them.
 
 use crate::check::Checker;
+use crate::document::Document;
 use crate::error::ConfigError;
 use crate::key::{Section, section, taken};
 use crate::key_type::{Numbers, Raw, Shape, Whole, Word};
 use crate::target_orbit::{KINDS, Kind, OrbitSettings, USUAL_ALBEDO, check_brightness};
 use plan::exposure::{TargetCurve, TargetPath};
 use sky::target::Brightness;
+use std::path::Path;
 
 /// Most targets of a bench.
 const TARGETS_MAX: usize = 256;
@@ -163,6 +165,15 @@ pub(super) fn check_seen(targets: &[TargetSettings], duration_s: f64, check: &Ch
 }
 
 impl TargetSettings {
+    /// Checks one target that comes from outside a file, with the keys of `[[target]]`.
+    ///
+    /// # Errors
+    /// The first thing that is wrong.
+    pub fn from_json(keys: &serde_json::Map<String, serde_json::Value>) -> Result<Self, ConfigError> {
+        let document = Document::of_json(keys, Path::new("target"))?;
+        Self::check(&document.read_as::<TargetKeys>()?, 0, &mut Checker::new(&document))
+    }
+
     fn check(keys: &TargetKeys, place: usize, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
         let keys = &keys.at(&format!("target[{place}]"));
         let start_s = keys.start_s().check(check)?;
@@ -219,8 +230,6 @@ impl TargetSettings {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::document::Document;
-    use std::path::Path;
 
     fn checked(lines: &str) -> Result<TargetSettings, String> {
         let document = Document::from_text(lines, Path::new("lab/target.toml"));

@@ -6,6 +6,7 @@
 
 mod camera;
 mod columns;
+mod data_set;
 mod frame;
 mod request;
 mod session;
@@ -24,15 +25,24 @@ mod _native {
     #[pymodule_export]
     use super::camera::Camera;
     #[pymodule_export]
+    use super::data_set::DataSet;
+    #[pymodule_export]
     use super::frame::Frame;
     #[pymodule_export]
     use super::session::Session;
 
     use pyo3::prelude::*;
+    use std::path::PathBuf;
 
     /// Returns the version of the package.
     #[pyfunction]
     fn version() -> &'static str {
         env!("CARGO_PKG_VERSION")
+    }
+
+    /// Returns the files of a data set whose bytes are not those that were written.
+    #[pyfunction]
+    fn damaged_files(py: Python<'_>, folder: PathBuf) -> PyResult<Vec<String>> {
+        py.detach(|| data_sets::folder::damaged(&folder)).map_err(super::refused)
     }
 }

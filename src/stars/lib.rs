@@ -8,12 +8,14 @@
 //! * [`tiles`]: the tiles of a field, decoded, in bounded memory, read ahead; [`Sky`]: the stars of a run;
 //! * [`galactic`]: galactic longitude and latitude;
 //! * [`credits`]: acknowledgements that the sources of stars ask for;
-//! * [`numbering`]: stored numbers -> names in source catalogs; [`radial_velocity`]: of the fastest stars.
+//! * [`numbering`]: stored numbers -> names in source catalogs; [`hipparcos`]: of Gaia stars in Hipparcos;
+//! * [`radial_velocity`]: of the fastest stars.
 
 pub mod catalog;
 pub mod cover;
 pub mod credits;
 pub mod galactic;
+pub mod hipparcos;
 mod index;
 pub mod layer;
 pub mod numbering;

@@ -77,6 +77,29 @@ fn needs_a_run(fault: &FrameFault) -> bool {
     }
 }
 
+/// Returns whether a fault changes the detector or the optics for all images after it, until it is taken back.
+#[must_use]
+pub fn stays(fault: &FrameFault) -> bool {
+    match fault {
+        FrameFault::Defocus { .. } | FrameFault::Pixels { .. } => true,
+        FrameFault::Drop
+        | FrameFault::Duplicate
+        | FrameFault::Late(_)
+        | FrameFault::Torn
+        | FrameFault::Blank
+        | FrameFault::BitFlip { .. }
+        | FrameFault::StrayLight { .. }
+        | FrameFault::StrayLightRamp { .. }
+        | FrameFault::Contamination { .. }
+        | FrameFault::TemperatureStep { .. }
+        | FrameFault::Saturation { .. }
+        | FrameFault::FalseStars { .. }
+        | FrameFault::MissingStars { .. }
+        | FrameFault::MissingBrightStars { .. }
+        | FrameFault::Protons(_) => false,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -8,16 +8,17 @@
 
 mod fault;
 
-pub use fault::{StillFaultError, still_fault, still_fault_of};
+pub use fault::{StillFaultError, stays, still_fault, still_fault_of};
 
 use base::time::{Span, Tai};
 use config::Bench;
 use frames::report::StageTimes;
 use frames::sink::{FrameFault, SentFrame};
 use image::gpu::Electrons;
+use plan::exposure::target::Target;
 use plan::exposure::{ExposurePlan, Motion};
 use run::runtime::engine::Light;
-use run::runtime::frame_faults::FrameFaults;
+use run::runtime::frame_faults::{Begin, FrameFaults};
 use run::runtime::{FrameEngine, Imager, Ledger, RunParams, Slot, Started};
 use run::wiring::bench_parts::params_from;
 use scene::wcs::WcsMaker;
@@ -64,6 +65,8 @@ pub struct Still {
     faintest_mag: f32,
     /// Maps images of mean electrons to the sky.
     mean_wcs: Option<WcsMaker>,
+    /// Time in which faults act.
+    span: [Tai; 2],
 }
 
 impl Still {
@@ -86,13 +89,43 @@ impl Still {
         let [width, height] = run.camera.output().size_px;
         let frame = SentFrame::with_capacity(width, height, 0, run.camera.name.clone());
         let almanac = Almanac::over(first, last);
-        let mut engine = FrameEngine::with_sky(run, imager, &sky, &almanac)?;
-        let mut timed = FrameFaults::default();
-        for fault in faults {
-            timed.add(first - FAULT_SPAN, last + FAULT_SPAN, *fault);
+        let engine = FrameEngine::with_sky(run, imager, &sky, &almanac)?;
+        let ledger = Ledger::default();
+        let span = [first - FAULT_SPAN, last + FAULT_SPAN];
+        let mut still = Self { engine, faults: FrameFaults::default(), ledger, frame, faintest_mag, mean_wcs, span };
+        still.set_faults(faults, 1)?;
+        Ok(still)
+    }
+
+    /// Sets the faults of the images to come in place of those before; the random places of a fault follow from the
+    /// sensor's seed and its number, which is `first_number` for the first one.
+    ///
+    /// Faults of single pixels and of the optics stay in the detector and its tables: give them to a new [`Still`]
+    /// ([`stays`]).
+    ///
+    /// # Errors
+    /// When a fault cannot be prepared.
+    pub fn set_faults(&mut self, faults: &[FrameFault], first_number: u16) -> Result<(), StillError> {
+        self.faults = FrameFaults::default();
+        let [from, until] = self.span;
+        for (fault, number) in faults.iter().zip(first_number..) {
+            self.faults.arm(Begin::At(from), until - from, *fault, number);
         }
-        timed.prepare(&mut engine)?;
-        Ok(Self { engine, faults: timed, ledger: Ledger::default(), frame, faintest_mag, mean_wcs })
+        Ok(self.faults.prepare(&mut self.engine)?)
+    }
+
+    /// Sets the scripted targets of the images to come in place of those before.
+    pub fn set_targets(&mut self, targets: &[Target]) {
+        self.engine.set_targets(targets);
+    }
+
+    /// Draws the mean electrons of one target of the latest image alone; they are in [`Self::mean`] then. The scripted
+    /// targets are gone then: set them before the next image.
+    ///
+    /// # Errors
+    /// When the backend failed.
+    pub fn draw_target_alone(&mut self, target: &Target) -> Result<(), StillError> {
+        Ok(self.engine.draw_target_alone(target)?)
     }
 
     /// Draws and reads out one image; `number` fixes its noise together with the noise seed. It is in [`Self::frame`]

@@ -31,6 +31,7 @@ use plan::attitude::{
     AttitudeMethod, EstimateLimits, JitterTrack, LosPath, MotionScale, PathOrigin, PathOutcome, PathReport, compose,
 };
 use plan::exposure::cost::CostModel;
+use plan::exposure::target::Target;
 use plan::exposure::{ExposurePlan, Instrument, Planner, Source, SourcePlace};
 use plan::optics::PsfModel;
 use scene::Scene;
@@ -159,6 +160,26 @@ impl FrameEngine {
     /// Returns the defects of the detector; changes apply from the next frame on.
     pub fn defects_mut(&mut self) -> &mut Defects {
         self.imager.disturbances_mut().defects_mut()
+    }
+
+    /// Sets the scripted targets in place of those of the bench; allocates, so it is for single images.
+    pub fn set_targets(&mut self, targets: &[Target]) {
+        let others = self.optics.iter_mut().flatten();
+        others.chain([&mut self.planner]).for_each(|planner| planner.set_targets(targets.to_vec()));
+    }
+
+    /// Draws the mean electrons of one target alone, along the motion of the latest image; they stay in the imager. The
+    /// targets are gone then: set them before the next image. For single images.
+    ///
+    /// # Errors
+    /// When the backend failed.
+    pub fn draw_target_alone(&mut self, target: &Target) -> Result<(), RunError> {
+        self.set_targets(&[]);
+        // A planned target has the light that reaches the detector.
+        self.planner.set_target_light(1.0);
+        self.planner.set_targets_on_sky(&[*target]);
+        self.imager.render(self.planner.plan(&[]))?;
+        Ok(())
     }
 
     /// Passes the conditions to the planner.

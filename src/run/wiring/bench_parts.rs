@@ -173,8 +173,11 @@ fn bodies(bench: &Bench, camera: &CameraParams) -> Result<bool> {
     Ok(bench.bodies)
 }
 
-/// Returns the scripted targets with their light in electrons and their times in TAI.
-fn scripted(bench: &Bench, camera: &CameraParams, first_exposure: Tai) -> Result<Vec<Target>> {
+/// Returns the scripted targets of a bench with their light in electrons and their times in TAI.
+///
+/// # Errors
+/// When the camera cannot draw targets.
+pub fn scripted(bench: &Bench, camera: &CameraParams, first_exposure: Tai) -> Result<Vec<Target>> {
     if !bench.targets.is_empty() && camera.psf.as_field().is_some() {
         bail!(
             "bench \"{}\" has [[target]], and camera \"{}\" a PSF that changes over the field: targets are drawn with one PSF; \

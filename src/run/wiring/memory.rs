@@ -145,6 +145,17 @@ impl RunMemory {
         memory
     }
 
+    /// Adds up cameras that draw single images side by side, `cameras` of them.
+    #[must_use]
+    pub fn of_images(camera: &Camera, cameras: usize) -> Self {
+        let mut memory = Self { parts: Vec::new() };
+        memory.add("program, tables and threads", FIXED_BYTES);
+        for part in Self::of_image(camera, false, None).parts.into_iter().skip(1) {
+            memory.add(&format!("{}, for {cameras} workers", part.name), part.bytes.saturating_mul(cameras as u64));
+        }
+        memory
+    }
+
     /// Adds up closed loops that are flown side by side on `threads` threads, at most `loops` of them, with no sinks.
     #[must_use]
     pub fn of_loops(bench: &Bench, heads: usize, loops: usize, threads: usize) -> Self {
@@ -388,6 +399,9 @@ mod tests {
         memory.check_against(here(24 * GIB), None).expect("control: it fits here");
         assert!(RunMemory::of_image(&camera, true, None).total() >= memory.total() + 4 * GIB, "f64 of the reference");
         assert_eq!(RunMemory::of_image(&camera, false, Some(512)).total(), memory.total() + GIB / 2);
+        let three = RunMemory::of_images(&camera, 3);
+        assert_eq!(three.total() - FIXED_BYTES, 3 * (memory.total() - FIXED_BYTES));
+        assert!(three.in_words().contains("for 3 workers"));
     }
 
     #[test]

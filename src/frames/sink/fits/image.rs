@@ -97,7 +97,7 @@ fn header_bytes(width: usize, height: usize, pixels: Pixels<'_>, header: &Header
     bytes
 }
 
-fn checksum_card(text: &str) -> Card {
+pub(super) fn checksum_card(text: &str) -> Card {
     format_card("CHECKSUM", &text.into(), "of header and data")
 }
 

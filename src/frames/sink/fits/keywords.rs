@@ -19,11 +19,17 @@ use std::io::{self, Write};
 /// # Errors
 /// When the output fails.
 pub fn write_frame(out: impl Write, frame: &SentFrame) -> io::Result<()> {
+    let pixels = Pixels::U16(frame.image.pixels());
+    write_image(out, frame.image.width(), frame.image.height(), pixels, &frame_header(frame))
+}
+
+/// Returns the cards of a frame of DN, with the checksum of its pixels.
+pub(super) fn frame_header(frame: &SentFrame) -> Header {
     let mut header = Header::default();
     header.push("BUNIT", "adu", "digital numbers (DN)");
     push_meta(&mut header, &frame.meta);
     push_part(&mut header, &FactSource::of_frame(frame, Some(pixel_crc32(&frame.image))), Part::Detector);
-    write_image(out, frame.image.width(), frame.image.height(), Pixels::U16(frame.image.pixels()), &header)
+    header
 }
 
 /// Writes mean electrons before the detector, with the keywords of the frame they belong to.

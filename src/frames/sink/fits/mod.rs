@@ -9,7 +9,9 @@
 //! The WCS maps pixels to ICRS catalog places at the epoch of the frame (`wcs_cards`); `DATASUM` and `CHECKSUM` as in
 //! the standard (`checksum`).
 //!
-//! Limits: no extensions, tables, compression or `CONTINUE`; long text is cut.
+//! Frames of data sets are compressed without loss (`compressed`).
+//!
+//! Limits: no other extensions, no tables, no `CONTINUE`; long text is cut; compressed files are not read.
 //!
 //! Checked outside the tests with astropy 8.0.2 on files of this writer (u16, f32, f64, odd sizes):
 //! `verify('exception')` is silent with every warning turned into an error, every card's own verification passes, the
@@ -19,12 +21,15 @@
 
 pub mod card;
 mod checksum;
+mod compressed;
 pub mod image;
 pub mod keywords;
 pub mod read;
+mod rice;
 mod wcs_cards;
 
 pub use card::{Header, Value};
+pub use compressed::write_compressed_frame;
 pub use image::{Pixels, write_image};
 pub use keywords::{write_electrons, write_frame};
 pub use read::{FitsImage, read_image};

@@ -16,7 +16,8 @@ v_sensor = q v_icrf q* (Hamilton, scalar first). Images are arrays of rows and c
 
 from ._native import version as _version
 from .camera import Camera, Frame
+from .data_set import DataSet, Item, dataset, ray_source
 from .run import Run, StarloopError
 
 __version__ = _version()
-__all__ = ["Camera", "Frame", "Run", "StarloopError", "__version__"]
+__all__ = ["Camera", "DataSet", "Frame", "Item", "Run", "StarloopError", "__version__", "dataset", "ray_source"]

@@ -6,6 +6,7 @@ import datetime
 import functools
 import json
 import os
+import tempfile
 from typing import Any, Dict, List, Mapping, Optional, Sequence, Union
 
 import numpy
@@ -13,6 +14,7 @@ import numpy.typing
 
 from . import _native
 from .client import toml_value
+from .program import report
 
 Rows = Union[Sequence[Sequence[float]], "numpy.typing.NDArray[Any]"]
 Instant = Union[str, datetime.datetime]
@@ -71,10 +73,13 @@ class Camera:
     """
 
     def __init__(self, source: Union[str, "os.PathLike[str]", Mapping[str, Any]], *, folder: str = "."):
+        self._file: Optional[str] = None
         if isinstance(source, Mapping):
-            self._native = _native.Camera.parse(_toml(source), folder)
+            self._text, self._folder = toml_text(source), folder
+            self._native = _native.Camera.parse(self._text, folder)
         else:
-            self._native = _native.Camera.open(os.fspath(source))
+            self._file = os.fspath(source)
+            self._native = _native.Camera.open(self._file)
         facts = json.loads(self._native.facts())
         self.name: str = facts["name"]
         """Its name."""
@@ -129,6 +134,32 @@ class Camera:
         chosen: Dict[str, Any] = json.loads(self._native.plan(self._keywords(**given)))
         return chosen
 
+    def snr(self, *options: str) -> Dict[str, Any]:
+        """Returns the report of `starloop snr` on this camera: signal-to-noise ratio by magnitude, limits, saturation.
+
+        `options` are those of the command, such as "--bp-rp", "1.5".
+        """
+        return self._report("snr", options)
+
+    def psf(self, *options: str) -> Dict[str, Any]:
+        """Returns the report of `starloop psf` on this camera: width, encircled energy, MTF; `options` as for the command."""
+        return self._report("psf", options)
+
+    def verify(self, *options: str) -> Dict[str, Any]:
+        """Returns the report of `starloop verify`: the camera's own frames compared with its file (EMVA 1288).
+
+        `options` are those of the command, such as "--frames", "100". `holds` of a line is false where the frames differ.
+        """
+        return self._report("verify", options)
+
+    def _report(self, command: str, options: Sequence[str]) -> Dict[str, Any]:
+        if self._file is not None:
+            return report(command, self._file, options)
+        with tempfile.NamedTemporaryFile("w", suffix=".toml", dir=self._folder) as file:
+            file.write(self._text)
+            file.flush()
+            return report(command, file.name, options)
+
     @staticmethod
     def _keywords(
         attitude: Any, time: Any, ra: Any, dec: Any, roll: Any, rate: Any, los: Any, sources: Any, observer: Any, bodies: Any,
@@ -170,7 +201,7 @@ def _numbers(row: Any) -> List[float]:
     return [float(number) for number in row]
 
 
-def _toml(tables: Mapping[str, Any]) -> str:
+def toml_text(tables: Mapping[str, Any]) -> str:
     """Returns the text of a file with these keys and tables."""
     plain = json.loads(json.dumps(tables, default=dict))
     return "".join(f"{key} = {toml_value(value)}\n" for key, value in plain.items())

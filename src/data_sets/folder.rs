@@ -1,0 +1,253 @@
+//! The folder of a data set: what it is about, and what is written when all shards are there.
+//!
+//! In: a description, the number of items, the records of all shards. Out: `data_set.json` and `spec.toml` before the first
+//! shard; `README.md` (the data card), `coco.json`, the description of a Zarr array and `checksums.sha256` after the last.
+//! Nothing in these files depends on when, where or by how many workers they were made. Tests: below and `make`.
+
+use crate::coco;
+use crate::image_files::{ARRAY, array_description, sha256_of, write_below};
+use crate::labels::{ITEM_COLUMNS, STAR_COLUMNS};
+use crate::shard::{Record, read_record};
+use crate::spec::{ImageForm, Spec};
+use anyhow::{Context, Result, bail};
+use core::fmt::Write;
+use serde::{Deserialize, Serialize};
+use stars::credits;
+use std::path::Path;
+
+/// Name of the file that says what the folder is about.
+const ABOUT: &str = "data_set.json";
+/// Name of the list of all files with their SHA-256, as `sha256sum -c` reads it.
+pub const CHECKSUMS: &str = "checksums.sha256";
+
+/// What a folder is about.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct About {
+    /// Name of the data set.
+    pub name: String,
+    /// What it is for.
+    pub description: String,
+    /// Licence of its images.
+    pub licence: String,
+    /// Number of items.
+    pub items: u32,
+    /// Items of a shard.
+    pub shard_items: u32,
+    /// Form of the images.
+    pub images: String,
+    /// Seed of everything that is drawn.
+    pub seed: u64,
+    /// Camera, as the description names it.
+    pub camera: String,
+    /// SHA-256 of the description.
+    pub spec_sha256: String,
+    /// Version of the program, with its commit.
+    pub program: String,
+}
+
+impl About {
+    /// Returns what a folder is about.
+    #[must_use]
+    pub fn new(spec: &Spec, count: u32, program: &str) -> Self {
+        let camera = spec.camera.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+        Self {
+            name: spec.name.clone(),
+            description: spec.description.clone(),
+            licence: spec.licence.clone(),
+            items: count,
+            shard_items: spec.output.shard_items,
+            images: spec.output.images.name().into(),
+            seed: spec.seed,
+            camera,
+            spec_sha256: sha256_of(spec.text.as_bytes()),
+            program: program.into(),
+        }
+    }
+}
+
+/// Begins a folder, or goes on with one that is about the same; more items may be asked for than before.
+///
+/// # Errors
+/// When the folder is about something else, has more items, or cannot be written.
+pub fn begin(folder: &Path, spec: &Spec, about: &About) -> Result<()> {
+    let path = folder.join(ABOUT);
+    match std::fs::read_to_string(&path) {
+        Ok(text) => {
+            let there: About = serde_json::from_str(&text).with_context(|| path.display().to_string())?;
+            check_same(&there, about).with_context(|| folder.display().to_string())?;
+        }
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+            let is_empty = std::fs::read_dir(folder).map_or(true, |mut entries| entries.next().is_none());
+            if !is_empty {
+                bail!("{}: a folder with other files; wanted a new one, or one of a data set", folder.display());
+            }
+        }
+        Err(error) => return Err(error).with_context(|| path.display().to_string()),
+    }
+    write_below(folder, ABOUT, format!("{:#}\n", serde_json::to_value(about)?).as_bytes())?;
+    write_below(folder, "spec.toml", spec.text.as_bytes())
+}
+
+fn check_same(there: &About, wanted: &About) -> Result<()> {
+    if there.items > wanted.items {
+        bail!("a data set of {} items; wanted at least as many, got --count {}", there.items, wanted.items);
+    }
+    let wanted = About { items: there.items, ..wanted.clone() };
+    if *there == wanted {
+        return Ok(());
+    }
+    let what = if there.program != wanted.program {
+        format!("written by {}, this is {}", there.program, wanted.program)
+    } else {
+        "of another description".into()
+    };
+    bail!("a data set {what}: its items would not fit together; give another folder")
+}
+
+/// Returns the records of all shards; `None` while one is missing.
+///
+/// # Errors
+/// When a record cannot be read.
+pub fn all_records(folder: &Path, spec: &Spec, count: u32) -> Result<Option<Vec<Record>>> {
+    (0..spec.shards(count)).map(|shard| read_record(folder, shard, &spec.items_of(shard, count))).collect()
+}
+
+/// Writes what belongs to the whole data set, and removes what a killed program left unfinished.
+///
+/// # Errors
+/// When a file cannot be written.
+pub fn finish(folder: &Path, spec: &Spec, about: &About, records: &[Record]) -> Result<()> {
+    remove_unfinished(folder)?;
+    let mut more = vec![("README.md".to_owned(), card(spec, about, records).into_bytes())];
+    let size_px = records.first().map_or([0; 2], |record| record.size_px);
+    if spec.output.images == ImageForm::Zarr {
+        if records.iter().any(|record| record.size_px != size_px) {
+            bail!("images differ in size, which an array cannot hold; choose fits, png or webdataset");
+        }
+        more.push((format!("{ARRAY}/zarr.json"), array_description(about.items, size_px).into_bytes()));
+    }
+    if records.iter().any(|record| record.coco.is_some()) {
+        let entries = records.iter().filter_map(|record| record.coco.clone());
+        more.push(("coco.json".into(), coco::whole(&spec.name, &spec.licence, entries).to_string().into_bytes()));
+    }
+    let mut sums = String::new();
+    for (path, bytes) in &more {
+        write_below(folder, path, bytes)?;
+        writeln!(sums, "{}  {path}", sha256_of(bytes))?;
+    }
+    for path in [ABOUT, "spec.toml"] {
+        writeln!(sums, "{}  {path}", sha256_of(&std::fs::read(folder.join(path))?))?;
+    }
+    for row in records.iter().flat_map(|record| &record.files) {
+        writeln!(sums, "{}  {}", row.sha256, row.path)?;
+    }
+    write_below(folder, CHECKSUMS, sums.as_bytes())
+}
+
+/// Removes temporary files below a folder.
+fn remove_unfinished(folder: &Path) -> Result<()> {
+    for entry in std::fs::read_dir(folder).with_context(|| folder.display().to_string())? {
+        let entry = entry?;
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        if entry.file_type()?.is_dir() {
+            remove_unfinished(&entry.path())?;
+        } else if name.starts_with('.') && name.ends_with(".part") {
+            std::fs::remove_file(entry.path())?;
+        }
+    }
+    Ok(())
+}
+
+/// Returns the files whose bytes are not those that were written, with the reason.
+///
+/// # Errors
+/// When the list of checksums cannot be read.
+pub fn damaged(folder: &Path) -> Result<Vec<String>> {
+    let path = folder.join(CHECKSUMS);
+    let text =
+        std::fs::read_to_string(&path).with_context(|| format!("{}: not a finished data set", path.display()))?;
+    let mut wrong = Vec::new();
+    for line in text.lines() {
+        let Some((sum, name)) = line.split_once("  ") else { bail!("{}: got \"{line}\"", path.display()) };
+        match std::fs::read(folder.join(name)) {
+            Ok(bytes) if sha256_of(&bytes) == sum => {}
+            Ok(_) => wrong.push(format!("{name}: other bytes than were written")),
+            Err(error) => wrong.push(format!("{name}: {error}")),
+        }
+    }
+    Ok(wrong)
+}
+
+/// Returns the data card.
+fn card(spec: &Spec, about: &About, records: &[Record]) -> String {
+    let [width, height] = records.first().map_or([0; 2], |record| record.size_px);
+    let mut text = format!(
+        "# {}\n\n{}\n\n{} images of {width} x {height} pixels (16 bits, {}), drawn by {} from `spec.toml` with seed {}.\n\n",
+        about.name, about.description, about.items, about.images, about.program, about.seed
+    );
+    text += &format!(
+        "Licence of the images: {}.\n\nStars: {} {} {}\n\n",
+        about.licence,
+        credits::GAIA,
+        credits::HIPPARCOS,
+        credits::TYCHO
+    );
+    text += "Nothing in it was observed: every image is computed, and every label is what it was computed from. \
+             `starloop dataset --verify FOLDER`, or `sha256sum -c checksums.sha256`, checks every file.\n\n";
+    text += &format!("| part | where |\n|---|---|\n| images | {} |\n", place_of_images(spec.output.images));
+    text += "| labels of items | `labels/items/*.parquet` |\n| stars, targets and bodies of all items | `labels/stars/*.parquet` |\n";
+    if records.iter().any(|record| record.coco.is_some()) {
+        text += "| boxes of targets | `coco.json` |\n";
+    }
+    text += "\n## Items\n\n| column | meaning |\n|---|---|\n";
+    ITEM_COLUMNS.iter().for_each(|column| text += &format!("| `{}` | {} |\n", column.name, column.meaning));
+    text += "\n## Stars\n\n| column | meaning |\n|---|---|\n";
+    STAR_COLUMNS.iter().for_each(|column| text += &format!("| `{}` | {} |\n", column.name, column.meaning));
+    text
+}
+
+fn place_of_images(form: ImageForm) -> &'static str {
+    match form {
+        ImageForm::Fits => "`images/SHARD/ITEM.fits.fz`, Rice-compressed FITS",
+        ImageForm::Png => "`images/SHARD/ITEM.png`, grey of 16 bits",
+        ImageForm::Webdataset => "`shards/SHARD.tar`: `ITEM.png`, `ITEM.json`",
+        ImageForm::Zarr => "`images.zarr`, an array of items, rows, columns",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn spec(seed: u64) -> Spec {
+        let text = format!("name = \"x\"\nseed = {seed}\ncamera = \"cameras/small_tracker.toml\"\n");
+        Spec::parse(&text, Path::new(".")).unwrap()
+    }
+
+    #[test]
+    fn folders_of_something_else_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let open = |seed: u64, count: u32, program: &str| {
+            let spec = spec(seed);
+            begin(folder.path(), &spec, &About::new(&spec, count, program)).map_err(|error| format!("{error:#}"))
+        };
+        open(1, 10, "p").unwrap();
+        open(1, 10, "p").unwrap();
+        open(1, 12, "p").unwrap();
+        assert!(open(1, 10, "p").unwrap_err().contains("a data set of 12 items"));
+        assert!(open(2, 12, "p").unwrap_err().contains("another description"));
+        assert!(open(1, 12, "q").unwrap_err().contains("written by p, this is q"));
+        let other = tempfile::tempdir().unwrap();
+        std::fs::write(other.path().join("thesis.txt"), "x").unwrap();
+        let spec = spec(1);
+        let error = begin(other.path(), &spec, &About::new(&spec, 1, "p")).unwrap_err().to_string();
+        assert!(error.contains("other files"), "{error}");
+    }
+
+    #[test]
+    fn folder_without_checksums_cannot_be_verified() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(format!("{:#}", damaged(folder.path()).unwrap_err()).contains("not a finished data set"));
+    }
+}
