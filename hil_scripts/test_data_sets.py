@@ -14,6 +14,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import tomllib
 import unittest
 import warnings
 import zlib
@@ -240,6 +241,9 @@ class Stars(unittest.TestCase):
     def setUpClass(cls):
         cls.temporary = tempfile.TemporaryDirectory(prefix="stars")
         cls.folder = pathlib.Path(cls.temporary.name)
+        with HIP2.open() as file:
+            columns = ((15, 28), (29, 42), (51, 59), (60, 68))
+            cls.hipparcos = {int(line[:6]): tuple(float(line[a:b]) for a, b in columns) for line in file}
 
     @classmethod
     def tearDownClass(cls):
@@ -253,19 +257,11 @@ class Stars(unittest.TestCase):
     def test_hipparcos_numbers_are_at_their_places(self):
         out = self.folder / "places"
         dataset(self.spec("star_tracker_20deg"), 20, out)
-        with HIP2.open() as file:
-            hipparcos = {int(line[:6]): tuple(map(float, (line[15:28], line[29:42], line[51:59], line[60:68]))) for line in file}
         compared, worst = 0, 0.0
         for row in table(out, "stars"):
             if row["hip"] is None:
                 continue
-            ra, dec, pm_ra, pm_dec = hipparcos[row["hip"]]
-            years = 2026.0 - 1991.25
-            mas = math.radians(1 / 3.6e6)
-            dec_then = dec + pm_dec * mas * years
-            ra_then = ra + pm_ra * mas * years / math.cos(dec)
-            apart = math.hypot((math.radians(row["catalog_ra_deg"]) - ra_then + math.pi) % (2 * math.pi) - math.pi, 0) * math.cos(dec)
-            apart = math.degrees(math.hypot(apart, math.radians(row["catalog_dec_deg"]) - dec_then)) * 3600
+            apart = self.apart_arcsec(row, row["hip"])
             worst = max(worst, apart)
             compared += apart < 2.5
         wrong = sum(row["hip"] is not None for row in table(out, "stars")) - compared
@@ -289,27 +285,64 @@ class Stars(unittest.TestCase):
                     stars.setdefault(row["item"], []).append(row)
                 # Four stars that stand out are the least that a tracker needs.
                 able = [one for one in entries if sum(star["snr"] > 7 for star in stars.get(one["item"], []) if star["snr"]) >= 6]
-                solved = [one for one in able if one["attitude"] and self.angle_arcsec(one["attitude"], items[one["item"]]) < 180]
-                same = other = 0
+                px_arcsec = self.pixel_arcsec(camera)
+                # Half a pixel, and the aberration of light, which cedar-solve does not know.
+                limit_arcsec = 0.5 * px_arcsec + 30
+                is_right = lambda one, attitude: self.boresight_arcsec(attitude, items[one["item"]]) < limit_arcsec
+                solved = [one for one in able if one["attitude"] and is_right(one, one["attitude"])]
+                same = companions = other = 0
                 for one in solved:
                     for x, y, number in one["matched"]:
-                        near = [star for star in stars[one["item"]] if math.hypot(star["x_px"] - x, star["y_px"] - y) < 1.5 and star["hip"]]
-                        if near:
-                            is_same = number in [star["hip"] for star in near]
-                            same, other = same + is_same, other + (not is_same)
-                print(f"{camera}: {len(solved)} of {len(able)} solved ({count} drawn), {same} stars agree, {other} differ", file=sys.stderr)
+                        near = [star for star in stars[one["item"]] if math.hypot(star["x_px"] - x, star["y_px"] - y) < 1.5]
+                        named = [star["hip"] for star in near if star["hip"]]
+                        if number in named:
+                            same += 1
+                        elif any(self.apart_arcsec(star, number) < 2 * px_arcsec for star in near):
+                            # Another component of a close pair, or a star that Hipparcos resolves differently.
+                            companions += 1
+                        elif named:
+                            other += 1
+                print(
+                    f"{camera}: {len(solved)} of {len(able)} solved ({count} drawn); {same} stars agree, {companions} are companions, "
+                    f"{other} differ",
+                    file=sys.stderr,
+                )
                 self.assertGreater(len(able), 0.5 * count)
-                self.assertGreaterEqual(len(solved), 0.99 * len(able) - 1)
+                self.assertGreaterEqual(len(solved), 0.99 * len(able))
                 self.assertGreater(same, 4 * len(solved))
-                self.assertLess(other, 0.002 * same + 1)
-                mirrored = [one for one in solved if self.angle_arcsec([one["attitude"][0], *(-part for part in one["attitude"][1:])], items[one["item"]]) < 180]
+                self.assertLess(companions, 0.05 * same)
+                # cedar-solve takes any star within a hundredth of the field for a match: where its star is more than two
+                # pixels from the label's, the Hipparcos catalog itself says that the match is wrong.
+                self.assertLessEqual(other, 0.005 * same + 1)
+                mirrored = [one for one in solved if is_right(one, [one["attitude"][0], *(-part for part in one["attitude"][1:])])]
                 self.assertLess(len(mirrored), 0.1 * len(solved) + 1, "control: the inverse attitude is wrong")
 
     @staticmethod
-    def angle_arcsec(attitude, row):
-        truth = [row["q_w"], row["q_x"], row["q_y"], row["q_z"]]
-        dot = abs(sum(a * b for a, b in zip(attitude, truth)))
-        return math.degrees(2 * math.acos(min(dot, 1.0))) * 3600
+    def pixel_arcsec(camera):
+        file = tomllib.loads((ROOT / f"configs/cameras/{camera}.toml").read_text())
+        binning = file["detector"].get("binning", {}).get("factor", 1)
+        return math.degrees(file["detector"]["pixel_pitch_um"] * 1e-3 * binning / file["optics"]["focal_length_mm"]) * 3600
+
+    @classmethod
+    def apart_arcsec(cls, star, hipparcos):
+        """Distance of a star of the labels from a star of the Hipparcos catalog, moved to 2026."""
+        ra, dec, pm_ra, pm_dec = cls.hipparcos[hipparcos]
+        years, mas = 2026.0 - 1991.25, math.radians(1 / 3.6e6)
+        dec += pm_dec * mas * years
+        ra += pm_ra * mas * years / math.cos(dec)
+        east = ((math.radians(star["catalog_ra_deg"]) - ra + math.pi) % (2 * math.pi) - math.pi) * math.cos(dec)
+        return math.degrees(math.hypot(east, math.radians(star["catalog_dec_deg"]) - dec)) * 3600
+
+    @staticmethod
+    def boresight_arcsec(attitude, row):
+        """Angle between the boresights of two attitudes."""
+
+        def boresight(w, x, y, z):
+            return (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y))
+
+        truth = boresight(*(row[f"q_{part}"] for part in "wxyz"))
+        norm = math.dist((0, 0, 0), tuple(a - b for a, b in zip(truth, boresight(*attitude))))
+        return math.degrees(2 * math.asin(min(norm / 2, 1.0))) * 3600
 
 
 class Refusals(unittest.TestCase):

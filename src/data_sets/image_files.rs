@@ -205,7 +205,10 @@ impl ImageFiles {
                 append(tar, &format!("{item:08}.json"), labels().as_bytes())
             }
             ImageForm::Zarr => {
-                let words: Vec<u8> = frame.image.pixels().iter().flat_map(|dn| dn.to_le_bytes()).collect();
+                let mut words = vec![0; 2 * frame.image.pixels().len()];
+                for (bytes, dn) in words.as_chunks_mut().0.iter_mut().zip(frame.image.pixels()) {
+                    *bytes = dn.to_le_bytes();
+                }
                 let chunk = zstd::bulk::compress(&words, ZSTD_LEVEL)?;
                 files.write(&format!("{ARRAY}/c/{item}/0/0"), &chunk)
             }

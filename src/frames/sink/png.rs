@@ -31,7 +31,10 @@ pub fn write_electrons_for_people(out: impl Write, image: &ElectronImage) -> io:
 /// # Errors
 /// When the output fails, or the image has no pixels.
 pub fn write_dn_raw(out: impl Write, image: &DnImage) -> io::Result<()> {
-    let bytes: Vec<u8> = image.pixels().iter().flat_map(|dn| dn.to_be_bytes()).collect();
+    let mut bytes = vec![0; 2 * image.pixels().len()];
+    for (bytes, dn) in bytes.as_chunks_mut().0.iter_mut().zip(image.pixels()) {
+        *bytes = dn.to_be_bytes();
+    }
     write_grey(out, image.width(), image.height(), png::BitDepth::Sixteen, &bytes)
 }
 

@@ -13,11 +13,11 @@ pub(super) struct Sum32(u64);
 impl Sum32 {
     /// Adds bytes; missing bytes of the last word count as zero.
     pub(super) fn add(&mut self, bytes: &[u8]) {
-        for word in bytes.chunks(4) {
-            let mut whole = [0; 4];
-            whole[..word.len()].copy_from_slice(word);
-            self.0 += u64::from(u32::from_be_bytes(whole));
-        }
+        let (words, rest) = bytes.as_chunks::<4>();
+        self.0 += words.iter().map(|word| u64::from(u32::from_be_bytes(*word))).sum::<u64>();
+        let mut last = [0; 4];
+        last[..rest.len()].copy_from_slice(rest);
+        self.0 += u64::from(u32::from_be_bytes(last));
         self.0 = u64::from(self.value());
     }
 

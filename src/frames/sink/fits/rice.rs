@@ -54,9 +54,15 @@ fn encode_block(differences: &[u32], bits: &mut Bits<'_>) {
         bits.push(u64::from(low_bits + 1), CHOICE_BITS);
         let mask = (1 << low_bits) - 1;
         for difference in differences {
-            bits.push_zeros(difference >> low_bits);
+            let zeros = difference >> low_bits;
             // The one that ends the zeros, and the low bits after it.
-            bits.push(u64::from((1 << low_bits) | (difference & mask)), low_bits + 1);
+            let (tail, length) = (u64::from((1 << low_bits) | (difference & mask)), low_bits + 1);
+            if zeros + length <= u32::BITS {
+                bits.push(tail, zeros + length);
+            } else {
+                bits.push_zeros(zeros);
+                bits.push(tail, length);
+            }
         }
     }
 }
@@ -91,6 +97,7 @@ struct Bits<'o> {
 
 impl Bits<'_> {
     /// Adds the low `count` bits of a number; at most 32.
+    #[inline(always)]
     fn push(&mut self, number: u64, count: u32) {
         self.waiting = (self.waiting << count) | number;
         self.count += count;
