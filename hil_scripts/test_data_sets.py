@@ -292,10 +292,12 @@ class Stars(unittest.TestCase):
                 solved = [one for one in able if one["attitude"] and is_right(one, one["attitude"])]
                 same = companions = other = exchanged = 0
                 for one in solved:
+                    rows = stars[one["item"]]
+                    next_number = {star["id"]: after["hip"] for star, after in zip(rows, rows[1:] + rows[:1])}
                     for x, y, number in one["matched"]:
-                        near = [star for star in stars[one["item"]] if math.hypot(star["x_px"] - x, star["y_px"] - y) < 1.5]
+                        near = [star for star in rows if math.hypot(star["x_px"] - x, star["y_px"] - y) < 1.5]
                         named = [star["hip"] for star in near if star["hip"]]
-                        exchanged += number in [star["hip"] for star in stars[one["item"]][:5]] and number not in named
+                        exchanged += number in [next_number[star["id"]] for star in near]
                         if number in named:
                             same += 1
                         elif any(self.apart_arcsec(star, number) < 2 * px_arcsec for star in near):
