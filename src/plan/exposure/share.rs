@@ -36,6 +36,7 @@ impl Share {
     }
 
     /// Returns the share of `star`'s electrons on the detector.
+    #[inline]
     #[must_use]
     pub fn on_detector(&self, star: &PlannedStar, camera: &CameraGeometry, nodes: &[PathNode], extent_px: f64) -> f64 {
         let on = |node: usize| self.nodes[node].on_detector(star, camera, nodes, extent_px);
@@ -85,6 +86,7 @@ impl NodeShare {
         }
     }
 
+    #[inline]
     fn on_detector(&self, star: &PlannedStar, camera: &CameraGeometry, nodes: &[PathNode], extent_px: f64) -> f64 {
         let margin = self.half_px as f64 + 1.0 + extent_px;
         let well_inside = |v: f64, size: usize| v >= margin && v <= size as f64 - 1.0 - margin;
