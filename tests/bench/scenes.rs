@@ -52,8 +52,7 @@ struct Scene {
     moves: Moves,
 }
 
-const S2: Scene =
-    Scene { name: "S2", size: 1024, focal_px: 2900.0, stars: 5_000, is_wide: false, moves: Moves::Still };
+const S2: Scene = Scene { name: "S2", size: 1024, focal_px: 2900.0, stars: 5_000, is_wide: false, moves: Moves::Still };
 
 const SCENES: [Scene; 8] = [
     Scene { name: "S1", stars: 100, ..S2 },

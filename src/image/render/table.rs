@@ -353,9 +353,17 @@ mod tests {
             for form in [Form::Images, Form::Products] {
                 let bases = [PsfTable::of_psf(&psf, 6, s, Form::Images)];
                 let mut table = PsfTable::empty(form);
-                table.rebuild_kernel(&psf, [18, 14], s, (0..32).map(path), [(0, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)], &bases);
+                table.rebuild_kernel(
+                    &psf,
+                    [18, 14],
+                    s,
+                    (0..32).map(path),
+                    [(0, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)],
+                    &bases,
+                );
                 for table in [&table, &bases[0]] {
-                    let denormals = table.data.iter().chain(&table.grid.values).filter(|value| is_denormal(value)).count();
+                    let denormals =
+                        table.data.iter().chain(&table.grid.values).filter(|value| is_denormal(value)).count();
                     assert_eq!(denormals + table.products.denormals(), 0, "sigma {}, {form:?}", psf.core_sigma_px());
                 }
                 assert!(table.grid.values.contains(&0.0), "control: the path leaves corners empty");

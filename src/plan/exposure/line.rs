@@ -107,14 +107,7 @@ impl Piece {
     }
 
     /// Appends the piece's nodes.
-    fn append(
-        &self,
-        motion: &Motion,
-        step_px: f64,
-        first: usize,
-        merged: &mut Merged,
-        out: &mut Vec<PathNode>,
-    ) {
+    fn append(&self, motion: &Motion, step_px: f64, first: usize, merged: &mut Merged, out: &mut Vec<PathNode>) {
         let (exposure_s, time_s) = (motion.los.exposure_s, self.last.t_s - self.first.t_s);
         let step = [self.last.dx_px - self.first.dx_px, self.last.dy_px - self.first.dy_px];
         merged.length_px[0] += self.shift_px;
@@ -171,8 +164,7 @@ pub fn for_each_segment(
             if a == from.t_s && b == to.t_s {
                 visit(&from, to);
             } else {
-                let at =
-                    |t_s: f64| PixelPoint { t_s, ..from.towards(to, (t_s - from.t_s) / (to.t_s - from.t_s)) };
+                let at = |t_s: f64| PixelPoint { t_s, ..from.towards(to, (t_s - from.t_s) / (to.t_s - from.t_s)) };
                 visit(&at(a), &at(b));
             }
         }

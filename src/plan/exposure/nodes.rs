@@ -2,8 +2,8 @@
 //! covariance, and the dense list that serves as truth. Every function appends to `out`; `delay_s` is the delay of the
 //! rows after the frame's exposure.
 
-use crate::exposure::motion::Motion;
 use crate::exposure::line::{self, Merged};
+use crate::exposure::motion::Motion;
 use crate::exposure::pixel_path::PixelPath;
 use crate::exposure::pose::{PathNode, Pose, SHIFT, recentre};
 use crate::optics::quadrature::{Node, gauss_legendre_node};
@@ -164,7 +164,9 @@ pub fn dense(
                 PathNode { weight, pose: motion.pose_on_path(t_s, point) }
             }));
         }
-        Some(PixelPath::Line(points)) => return line::along(motion, points, [step_px, radius_px], delay_s, ends_s, out),
+        Some(PixelPath::Line(points)) => {
+            return line::along(motion, points, [step_px, radius_px], delay_s, ends_s, out);
+        }
     }
     Merged::default()
 }

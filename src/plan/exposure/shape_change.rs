@@ -239,14 +239,16 @@ mod tests {
 
     /// Returns a line of `length_px`, in 40 nodes.
     fn line(length_px: [f64; 2]) -> Vec<TracePoint> {
-        (0..40).map(|i| (f64::from(i) + 0.5) / 40.0 - 0.5).map(|s| [1.0 / 40.0, s * length_px[0], s * length_px[1]]).collect()
+        (0..40)
+            .map(|i| (f64::from(i) + 0.5) / 40.0 - 0.5)
+            .map(|s| [1.0 / 40.0, s * length_px[0], s * length_px[1]])
+            .collect()
     }
 
     /// Returns the light of a trace in the pixel at (x, y) from a star at (u, v).
     fn pixel(trace: &[TracePoint], sigma_px: f64, [x, y]: [f64; 2], [u, v]: [f64; 2]) -> f64 {
-        let light = |[w, dx, dy]: &TracePoint| {
-            w * gaussian::cell(x - u - dx, sigma_px) * gaussian::cell(y - v - dy, sigma_px)
-        };
+        let light =
+            |[w, dx, dy]: &TracePoint| w * gaussian::cell(x - u - dx, sigma_px) * gaussian::cell(y - v - dy, sigma_px);
         trace.iter().map(light).sum()
     }
 
@@ -259,8 +261,8 @@ mod tests {
         for phase in 0..81 {
             let star = [phase % 9, phase / 9].map(|k| f64::from(k) / 9.0 - 0.45);
             let at = |i: usize| [i % SIDE, i / SIDE].map(|k| k as f64 - HALF as f64);
-            let [a, b]: [Vec<f64>; 2] = [drawn, truth]
-                .map(|trace| (0..SIDE * SIDE).map(|i| pixel(trace, sigma_px, at(i), star)).collect());
+            let [a, b]: [Vec<f64>; 2] =
+                [drawn, truth].map(|trace| (0..SIDE * SIDE).map(|i| pixel(trace, sigma_px, at(i), star)).collect());
             let apart = a.iter().zip(&b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             worst.peak = worst.peak.max(apart / gaussian::cell(0.0, sigma_px).powi(2));
             let brightest = (0..SIDE * SIDE).max_by(|i, j| b[*i].total_cmp(&b[*j])).unwrap();
