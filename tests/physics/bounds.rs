@@ -114,7 +114,8 @@ fn bounds_of_one_kernel_are_near_their_errors() {
     const MEDIAN: f64 = 10.0;
     const LEAST: usize = 300;
     let by_kernel = |tally: &mut Tally, number| {
-        let scene = Scene { method: "effective-psf", ..scene(number) };
+        let mut scene = scene(number);
+        scene.method = "effective-psf";
         tally.take_scene(number, scene);
     };
     let Tally { accepted, centroid, pixel, broken, .. } = tally_of(SCENES, by_kernel, Tally::add);
