@@ -406,7 +406,8 @@ fn whole_i32(whole: f32) -> i32 {
     (whole_bits(whole.clamp(-FAR, FAR)).wrapping_sub(0x4b40_0000)).cast_signed()
 }
 
-/// Adds `gain * values[i]` to `line[first + i]` for the used lanes that lie on the line.
+/// Adds `gain * values[i]` to `line[first + i]` for the used lanes that lie on the line, through a whole vector: code
+/// that reads `values` lane by lane makes the compiler take the loops that sum them up apart into single lanes.
 #[inline(always)]
 pub(super) fn add_clipped<const FUSED: bool>(
     line: &mut [f32],
@@ -415,11 +416,18 @@ pub(super) fn add_clipped<const FUSED: bool>(
     values: &[f32; LANES],
     gain: f32,
 ) {
-    for (i, value) in values.iter().take(used).enumerate() {
-        if let Some(pixel) = usize::try_from(first + i as i32).ok().and_then(|x| line.get_mut(x)) {
-            *pixel = mul_add::<FUSED>(gain, *value, *pixel);
-        }
+    let (skipped, start) = ((-first).max(0) as usize, first.max(0) as usize);
+    let used = used.min(LANES);
+    if skipped >= used || start >= line.len() {
+        return;
     }
+    let pixels = &mut line[start..];
+    let count = (used - skipped).min(pixels.len());
+    let (pixels, lanes) = (&mut pixels[..count], skipped..skipped + count);
+    let mut target = [0.0_f32; LANES];
+    target[lanes.clone()].copy_from_slice(pixels);
+    add_lanes::<FUSED>(&mut target, values, gain);
+    pixels.copy_from_slice(&target[lanes]);
 }
 
 #[cfg(test)]

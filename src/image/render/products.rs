@@ -8,7 +8,7 @@
 //! term, one that moves along a line three to eight. Where the terms would cost more than the images, the images are
 //! drawn. Tests in `stamp`, and the agreement tests of the backend.
 
-use crate::render::table::{Grid, LANES};
+use crate::render::table::{Grid, LANES, flush};
 use base::fused::mul_add;
 use plan::exposure::sampling::PRODUCTS_ERROR;
 use pulp::{Arch, NullaryFnOnce};
@@ -116,6 +116,13 @@ impl Products {
         taken::<TERMS, FUSED>(&self.down, py, [c, self.per_column], weights)
     }
 
+    /// Returns the number of denormal numbers among the terms.
+    #[cfg(test)]
+    pub(super) fn denormals(&self) -> usize {
+        let (across, down) = (self.across.as_flattened(), self.down.as_flattened());
+        across.iter().chain(down).chain(&self.rest).filter(|value| value.is_subnormal()).count()
+    }
+
     /// Sorts rows and columns of the elimination into vectors by phase.
     fn arrange(&mut self, grid: &Grid, phases: Phases) {
         let Self { terms, rows, columns, across, down, per_row, per_column, .. } = self;
@@ -126,13 +133,14 @@ impl Products {
 
 /// Lines of the grid, `stride` apart -> `[phase][term][vector]` of their pixels; beyond the image's `size` zeros.
 fn by_phase(
-    lines: &[f32],
+    lines: &mut [f32],
     stride: usize,
     terms: usize,
     [size, vectors]: [usize; 2],
     phases: Phases,
     out: &mut Vec<[f32; LANES]>,
 ) {
+    flush(lines);
     out.clear();
     out.resize(phases.count * terms * vectors, [0.0; LANES]);
     for (phase, out) in out.chunks_exact_mut(terms * vectors).enumerate() {
@@ -238,6 +246,7 @@ impl Eliminate<'_> {
                 for (value, taken) in line.iter_mut().zip(taken) {
                     *value = mul_add::<FUSED>(-gain, *taken, *value);
                 }
+                flush(line);
                 pivot.see(at, line);
             }
         }

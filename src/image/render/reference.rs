@@ -11,7 +11,7 @@
 use crate::gpu::Electrons;
 use crate::render::{Backend, RenderError};
 use base::image::Image;
-use plan::exposure::nodes::for_each_segment;
+use plan::exposure::line::for_each_segment;
 use plan::exposure::target_plan::seen_after_mid_s;
 use plan::exposure::track::{StarPlace, turned};
 use plan::exposure::{ExposurePlan, Motion, PixelPath, PixelPoint, PlannedStar, PlannedTarget, Shutter};

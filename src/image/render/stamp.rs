@@ -115,9 +115,7 @@ fn add_images<const FUSED: bool>(band: &mut Band<'_>, table: &PsfTable, star: &S
             for (m, weights) in weights.iter().enumerate() {
                 let Some(four) = table.four(py + m, r, c, px) else { continue };
                 for (values, weight) in four.iter().zip(weights) {
-                    for (sum, value) in sum.iter_mut().zip(values) {
-                        *sum = mul_add::<FUSED>(*weight, *value, *sum);
-                    }
+                    add_lanes::<FUSED>(&mut sum, values, *weight);
                 }
             }
             let from = left + (c * LANES) as i32;

@@ -14,15 +14,13 @@ use crate::exposure::pixel_path::PixelPath;
 use crate::exposure::plan::{Assessment, ExposurePlan, MOTION_SHARE, PlannedStar, StarClass, Verdict};
 use crate::exposure::pose::PathNode;
 use crate::exposure::probes::{Probes, SIDE};
-use crate::exposure::sampling::{ANALYTIC_HALF_PX, SamplingError, TABLE_ERROR, sampling_error};
+use crate::exposure::sampling::{ANALYTIC_HALF_PX, SamplingError, drawn_table_error, sampling_error};
 use crate::exposure::trial::{Noise, Trial, TriedError};
 use crate::exposure::weigh::{NodeError, Scales, ShapeOf, WINDOW_PX, light_share, shear_error, stretch_error};
 use crate::optics::PsfModel;
 use base::accuracy::AccuracyBudget;
 use rayon::prelude::*;
 
-/// Centroid error of a table of [`TABLE_ERROR`], px (measured at most 3e-5 for sigma 0.3 to 1.2).
-const TABLE_CENTROID_PX: f64 = 1e-4;
 /// Rounding of single-precision drawing, px.
 const F32_CENTROID_PX: f64 = 5e-6;
 /// Flux bias of the single-precision error function.
@@ -82,6 +80,8 @@ pub(super) struct Chooser {
     choice: MethodChoice,
     half_px: usize,
     sampling: SamplingError,
+    /// Error of tables, where stars are drawn from them.
+    table: SamplingError,
     scales: Scales,
     lists: Vec<Vec<PathNode>>,
     /// Buffer for the dense nodes of one row.
@@ -127,6 +127,7 @@ impl Chooser {
     ) -> Self {
         Self {
             sampling: sampling_error(&instrument.psf, instrument.sampling),
+            table: drawn_table_error(&instrument.psf),
             scales: Scales::new(instrument.psf.core_sigma_px()),
             instrument: instrument.clone(),
             budget,
@@ -457,7 +458,8 @@ impl Chooser {
         let Weighed { method, error, verdict, tried } = *weighed;
         let psf = &self.instrument.psf;
         let tabulated = method.kernels() > 0 || !psf.is_gaussian() || self.half_px > ANALYTIC_HALF_PX;
-        let (drawn_px, drawn_peak) = if tabulated { (TABLE_CENTROID_PX, TABLE_ERROR) } else { (F32_CENTROID_PX, 0.0) };
+        let (drawn_px, drawn_peak) =
+            if tabulated { (self.table.centroid_px, self.table.peak) } else { (F32_CENTROID_PX, 0.0) };
         // Without probes the motion is unknown, so no bound can be given.
         let unknown_px = if probes.probes.len() < SIDE * SIDE { f64::INFINITY } else { 0.0 };
         let rim_px = self.rim_error_px(extent_px);
@@ -547,11 +549,12 @@ fn count_classes(stars: &[PlannedStar], faintest_e: [f64; CLASSES]) -> [(usize, 
 }
 
 /// Returns the error of the planner's own list of nodes, relative to its PSF: pairs `h` apart on average and up to `pi
-/// / 2` times further where a sinusoid is fast have an error of `(h / sigma)^4 / 270`.
+/// / 2` times further where a sinusoid is fast have an error of `(h / sigma)^4 / 270`. Merged rows of a path add what
+/// their covariance lacks.
 fn dense_error(motion: &Motion, probes: &Probes, sigma_px: f64) -> f64 {
     if motion.is_smooth() || matches!(motion.image_path, Some(PixelPath::Samples(_))) {
         return 0.0;
     }
     let step_px = core::f64::consts::FRAC_PI_2 * probes.reach_px / probes.dense().len() as f64;
-    (step_px / sigma_px).powi(4) / 270.0
+    (step_px / sigma_px).powi(4) / 270.0 + probes.merged_px2() / (sigma_px * sigma_px)
 }

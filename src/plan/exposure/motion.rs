@@ -105,11 +105,45 @@ pub fn point_at(path: &PixelPath, tau: f64, exposure_s: f64) -> PixelPoint {
         }
         PixelPath::Line(_) => {
             let t_s = (tau + 0.5) * exposure_s;
-            let after = points.partition_point(|point| point.t_s <= t_s);
+            let after = first_after(points, t_s);
             match (after.checked_sub(1).and_then(|i| points.get(i)), points.get(after)) {
                 (Some(a), Some(b)) => a.towards(b, (t_s - a.t_s) / (b.t_s - a.t_s)),
                 (Some(only), None) | (None, Some(only)) => *only,
                 (None, None) => still,
+            }
+        }
+    }
+}
+
+/// Returns the index of the first row after `t_s`: tried where it is when rows are evenly spaced, then searched for.
+fn first_after(points: &[PixelPoint], t_s: f64) -> usize {
+    if let [first, .., last] = points {
+        let steps = (t_s - first.t_s) / (last.t_s - first.t_s) * (points.len() - 1) as f64;
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the list")]
+        let guess = steps.clamp(0.0, points.len() as f64 - 2.0) as usize;
+        let found = points[guess..].iter().take(3).position(|point| point.t_s > t_s);
+        if let Some(found) = found.filter(|found| *found > 0) {
+            return guess + found;
+        }
+    }
+    points.partition_point(|point| point.t_s <= t_s)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_row_after_an_instant_is_the_one_that_a_search_finds() {
+        let at = |t_s: f64| PixelPoint { t_s, dx_px: 0.0, dy_px: 0.0, roll_rad: 0.0 };
+        let even: Vec<_> = (0..101).map(|i| at(f64::from(i) * 1e-3)).collect();
+        let uneven: Vec<_> = (0..101).map(|i| at(1e-5 * f64::from(i * i))).collect();
+        let twice = vec![at(0.0), at(0.0), at(0.05), at(0.05), at(0.05), at(0.1), at(0.1)];
+        for points in [even, uneven, twice, vec![at(0.02)], vec![at(0.01), at(0.01)], vec![]] {
+            for i in -20..=1200 {
+                let t_s = f64::from(i) * 1e-4;
+                let wanted = points.partition_point(|point| point.t_s <= t_s);
+                assert_eq!(first_after(&points, t_s), wanted, "{} rows, {t_s} s", points.len());
             }
         }
     }

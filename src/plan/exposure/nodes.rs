@@ -2,8 +2,9 @@
 //! covariance, and the dense list that serves as truth. Every function appends to `out`; `delay_s` is the delay of the
 //! rows after the frame's exposure.
 
+use crate::exposure::line::{self, Merged};
 use crate::exposure::motion::Motion;
-use crate::exposure::pixel_path::{PixelPath, PixelPoint};
+use crate::exposure::pixel_path::PixelPath;
 use crate::exposure::pose::{PathNode, Pose, SHIFT, recentre};
 use crate::optics::quadrature::{Node, gauss_legendre_node};
 use base::time::Tai;
@@ -121,9 +122,17 @@ pub fn single(mean: &Pose, out: &mut Vec<PathNode>) {
     out.push(PathNode { weight: 1.0, pose: *mean });
 }
 
-/// Appends the list with which the planner compares other lists. `reach_px`: length of the jittered path on the
-/// detector, `radius_px`: furthest star from the principal point.
-pub fn dense(motion: &Motion, sigma_px: f64, reach_px: f64, radius_px: f64, delay_s: f64, out: &mut Vec<PathNode>) {
+/// Appends the list with which the planner compares other lists; returns the rows that it merged. `reach_px`: length of
+/// the jittered path on the detector, `radius_px`: furthest star from the principal point. `ends_s` gets the ends of a
+/// path's stretches, in seconds since the exposure started.
+pub fn dense(
+    motion: &Motion,
+    sigma_px: f64,
+    [reach_px, radius_px]: [f64; 2],
+    delay_s: f64,
+    ends_s: &mut Vec<f64>,
+    out: &mut Vec<PathNode>,
+) -> Merged {
     let step_px = DENSE_STEP_SIGMA * sigma_px;
     let exposure_s = motion.los.exposure_s;
     match &motion.image_path {
@@ -155,61 +164,20 @@ pub fn dense(motion: &Motion, sigma_px: f64, reach_px: f64, radius_px: f64, dela
                 PathNode { weight, pose: motion.pose_on_path(t_s, point) }
             }));
         }
-        Some(PixelPath::Line(points)) => along_line(motion, points, step_px, radius_px, delay_s, out),
+        Some(PixelPath::Line(points)) => {
+            return line::along(motion, points, [step_px, radius_px], delay_s, ends_s, out);
+        }
     }
+    Merged::default()
 }
 
 /// Returns the two Gauss-Legendre nodes of a piece, as shares of it.
-fn pair() -> [f64; 2] {
+pub(super) fn pair() -> [f64; 2] {
     const OFF: f64 = 0.288_675_134_594_812_9; // 1 / (2 sqrt 3)
     [0.5 - OFF, 0.5 + OFF]
 }
 
-/// Appends node pairs of short pieces of every segment, weighted by their time.
-fn along_line(
-    motion: &Motion,
-    points: &[PixelPoint],
-    step_px: f64,
-    radius_px: f64,
-    delay_s: f64,
-    out: &mut Vec<PathNode>,
-) {
-    let exposure_s = motion.los.exposure_s;
-    let first = out.len();
-    for_each_segment(points, exposure_s, delay_s, |a, b| {
-        let left = (MOST_PATH_NODES.saturating_sub(out.len() - first) / 2).max(1);
-        let pieces = clamped(0.5 * a.distance_px(b, radius_px) / step_px, 1, left);
-        let weight = 0.5 * (b.t_s - a.t_s) / exposure_s / pieces as f64;
-        for share in (0..pieces).flat_map(|piece| pair().map(|at| (piece as f64 + at) / pieces as f64)) {
-            let point = a.towards(b, share);
-            out.push(PathNode { weight, pose: motion.pose_on_path(point.t_s - 0.5 * exposure_s, &point) });
-        }
-    });
-}
-
-/// Calls `visit(from, to)` for every stretch with positive duration of an exposure that is `delay_s` late, including
-/// the constant ends; times count from the start of the frame's own exposure.
-pub fn for_each_segment(
-    points: &[PixelPoint],
-    exposure_s: f64,
-    delay_s: f64,
-    mut visit: impl FnMut(&PixelPoint, &PixelPoint),
-) {
-    let (Some(first), Some(last)) = (points.first(), points.last()) else { return };
-    let (begin_s, end_s) = (delay_s, delay_s + exposure_s);
-    let ends = [PixelPoint { t_s: begin_s.min(first.t_s), ..*first }, PixelPoint { t_s: end_s.max(last.t_s), ..*last }];
-    let mut from = ends[0];
-    for to in points.iter().chain([&ends[1]]) {
-        let (a, b) = (from.t_s.max(begin_s), to.t_s.min(end_s));
-        if b > a {
-            let at = |t_s: f64| PixelPoint { t_s, ..from.towards(to, (t_s - from.t_s) / (to.t_s - from.t_s)) };
-            visit(&at(a), &at(b));
-        }
-        from = *to;
-    }
-}
-
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to usize bounds first")]
-fn clamped(wanted: f64, least: usize, most: usize) -> usize {
+pub(super) fn clamped(wanted: f64, least: usize, most: usize) -> usize {
     wanted.ceil().clamp(least as f64, most.max(least) as f64) as usize
 }

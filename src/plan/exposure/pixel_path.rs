@@ -87,6 +87,12 @@ impl PixelPath {
         Ok(Self::Samples(points))
     }
 
+    /// Returns an upper bound of the length of the path of any star within `radius_px` of the principal point, px.
+    #[must_use]
+    pub fn length_px(&self, radius_px: f64) -> f64 {
+        self.points().windows(2).map(|pair| pair[0].distance_px(&pair[1], radius_px)).sum()
+    }
+
     /// Returns the rows of the path.
     #[must_use]
     pub fn points(&self) -> &[PixelPoint] {
@@ -113,7 +119,8 @@ impl PixelPoint {
     /// px.
     #[must_use]
     pub fn distance_px(&self, next: &Self, radius_px: f64) -> f64 {
-        (next.dx_px - self.dx_px).hypot(next.dy_px - self.dy_px) + (next.roll_rad - self.roll_rad).abs() * radius_px
+        let (x, y) = (next.dx_px - self.dx_px, next.dy_px - self.dy_px);
+        (x * x + y * y).sqrt() + (next.roll_rad - self.roll_rad).abs() * radius_px
     }
 }
 

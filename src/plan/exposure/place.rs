@@ -171,6 +171,7 @@ const EMPTY: PlannedStar = PlannedStar {
     list: 0,
 };
 
+#[inline(always)]
 fn place(source: &Source, lit: Lit<'_>, los: &LosPath, means: &MeanField, margin_px: f64) -> PlannedStar {
     let camera = lit.camera;
     let place = match source.place {
@@ -178,18 +179,19 @@ fn place(source: &Source, lit: Lit<'_>, los: &LosPath, means: &MeanField, margin
         SourcePlace::Pixel(px) => StarPlace::of_pixel(camera, px),
     };
     let Some(place) = place else { return EMPTY };
-    let mean_px = if means.is_still() {
-        place.mid_px
-    } else {
-        let [dx, dy] = means.displacement_px(&StarTrack::new(camera, place));
-        [place.mid_px[0] + dx, place.mid_px[1] + dy]
-    };
     let inside = |v: f64, size: usize| v > -margin_px && v < size as f64 - 1.0 + margin_px;
-    if !inside(mean_px[0], camera.width_px()) || !inside(mean_px[1], camera.height_px()) {
+    let is_seen = |[x, y]: [f64; 2]| inside(x, camera.width_px()) && inside(y, camera.height_px());
+    if means.is_still() {
+        return if is_seen(place.mid_px) { star_at(source, place, place.mid_px, lit) } else { EMPTY };
+    }
+    let track = StarTrack::new(camera, place);
+    let [dx, dy] = means.displacement_px(&track);
+    let mean_px = [place.mid_px[0] + dx, place.mid_px[1] + dy];
+    if !is_seen(mean_px) {
         return EMPTY;
     }
     let mut star = star_at(source, place, mean_px, lit);
-    star.drawn_e *= means.rolling_gain(&StarTrack::new(camera, place));
+    star.drawn_e *= means.rolling_gain(&track);
     star
 }
 

@@ -4,6 +4,7 @@
 //! dense list of poses; for four more, between them, the mean. The nodes of a method are compared with these before any
 //! pixel is drawn. Limits: the motion between probes must be smooth in the field (perspective, a lens).
 
+use crate::exposure::line::Merged;
 use crate::exposure::moments::{Moments, TracePoint, trace};
 use crate::exposure::motion::{Motion, Shutter};
 use crate::exposure::nodes;
@@ -47,6 +48,8 @@ pub struct Probes {
     pub probes: Vec<Probe>,
     checks: Vec<Probe>,
     dense: Vec<PathNode>,
+    /// Ends of the stretches of a commanded path in time, s since the exposure started.
+    ends_s: Vec<f64>,
     rows: [Row; SIDE],
     /// Upper bound of the path's length on the detector, px.
     pub reach_px: f64,
@@ -58,7 +61,9 @@ pub struct Probes {
 #[derive(Debug, Clone, Default)]
 struct Row {
     nodes: Range<usize>,
+    ends: Range<usize>,
     mean: Pose,
+    merged: Merged,
 }
 
 impl Probes {
@@ -76,6 +81,7 @@ impl Probes {
             probes,
             checks,
             dense: Vec::with_capacity(nodes::MOST_DENSE_NODES),
+            ends_s: Vec::with_capacity(nodes::MOST_DENSE_NODES),
             rows: Default::default(),
             reach_px: 0.0,
             extent_px: 0.0,
@@ -116,18 +122,22 @@ impl Probes {
     /// Computes the true paths of all probes.
     pub fn measure(&mut self, motion: &Motion, sigma_px: f64) {
         let radius_px = furthest_corner_px(&self.camera);
-        self.reach_px = self.probes.iter().map(|probe| probe.path_length_px(motion, radius_px)).fold(0.0, f64::max);
+        let shared_px = motion.image_path.as_ref().map(|path| path.length_px(radius_px));
+        self.reach_px = self.probes.iter().map(|probe| probe.path_length_px(motion, shared_px)).fold(0.0, f64::max);
         self.dense.clear();
+        self.ends_s.clear();
         for row in 0..SIDE {
             if row > 0 && self.shutter == Shutter::Global {
                 self.rows[row] = self.rows[0].clone();
                 continue;
             }
             let delay_s = self.delay_s(row);
-            let first = self.dense.len();
-            dense_nodes(motion, sigma_px, self.reach_px, radius_px, delay_s, &mut self.dense);
+            let (first, first_end) = (self.dense.len(), self.ends_s.len());
+            let lengths_px = [self.reach_px, radius_px];
+            let merged = dense_nodes(motion, sigma_px, lengths_px, delay_s, &mut self.ends_s, &mut self.dense);
             let nodes = first..self.dense.len();
-            self.rows[row] = Row { mean: mean_pose(&self.dense[nodes.clone()]), nodes };
+            let mean = mean_pose(&self.dense[nodes.clone()]);
+            self.rows[row] = Row { mean, nodes, ends: first_end..self.ends_s.len(), merged };
         }
         let Self { camera, probes, dense, rows, extent_px, .. } = self;
         *extent_px = 0.0;
@@ -135,6 +145,20 @@ impl Probes {
             probe.follow(camera, &dense[rows[(i / SIDE).min(SIDE - 1)].nodes.clone()]);
             *extent_px = probe.trace.iter().fold(*extent_px, |far, [_, x, y]| far.max(x.abs()).max(y.abs()));
         }
+    }
+
+    /// Returns a bound of the covariance that the dense nodes lack because rows of a path were merged, px^2.
+    #[must_use]
+    pub fn merged_px2(&self) -> f64 {
+        self.rows.iter().map(|row| row.merged.covariance_px2).fold(0.0, f64::max)
+    }
+
+    /// Returns the ends of the stretches of a commanded path in time for a row of probes, s since the exposure started,
+    /// and the factor by which merged rows make the path through them too short.
+    #[must_use]
+    pub(super) fn path_ends(&self, row: usize) -> (&[f64], f64) {
+        let Row { ends, merged: Merged { length_px: [whole, short], .. }, .. } = &self.rows[row];
+        (&self.ends_s[ends.clone()], if *short > 0.0 { whole / short } else { 1.0 })
     }
 
     /// Returns the delay of a row of probes, s.
@@ -146,7 +170,8 @@ impl Probes {
 
     /// Appends dense nodes of the exposure of rows that are `delay_s` late.
     pub fn true_nodes(&self, motion: &Motion, sigma_px: f64, delay_s: f64, out: &mut Vec<PathNode>) {
-        dense_nodes(motion, sigma_px, self.reach_px, furthest_corner_px(&self.camera), delay_s, out);
+        let lengths_px = [self.reach_px, furthest_corner_px(&self.camera)];
+        dense_nodes(motion, sigma_px, lengths_px, delay_s, &mut Vec::new(), out);
     }
 
     /// Returns the largest distance of a mean position computed by `mean_px` from the true one, between the probes, px.
@@ -169,7 +194,8 @@ impl Probes {
             } else {
                 own.clear();
                 let row_px = mean_px(track)[1] + track.place.mid_px[1];
-                dense_nodes(motion, sigma_px, self.reach_px, radius_px, self.shutter.delay_s(row_px, height), own);
+                let (lengths_px, delay_s) = ([self.reach_px, radius_px], self.shutter.delay_s(row_px, height));
+                dense_nodes(motion, sigma_px, lengths_px, delay_s, &mut Vec::new(), own);
                 &*own
             };
             let truth = nodes.iter().fold([0.0; 2], |[x, y], node| {
@@ -205,14 +231,14 @@ impl Probe {
         self.moments = Moments::of(&self.trace);
     }
 
-    /// Returns an upper bound of the length of the star's path on the detector, px.
-    fn path_length_px(&self, motion: &Motion, radius_px: f64) -> f64 {
+    /// Returns an upper bound of the length of the star's path on the detector, px; `shared_px`: that of a commanded path.
+    fn path_length_px(&self, motion: &Motion, shared_px: Option<f64>) -> f64 {
         let moved = |v: DVec3| v.abs().dot(self.px_per_rad.into());
         let half_s = 0.5 * motion.los.exposure_s;
         let (start, end) = (motion.smooth_rotation_rad(-half_s), motion.smooth_rotation_rad(half_s));
         let smooth = ARC * (self.chord_px(start) + self.chord_px(end));
-        let shared = match &motion.image_path {
-            Some(path) => path.points().windows(2).map(|pair| pair[0].distance_px(&pair[1], radius_px)).sum(),
+        let shared = match shared_px {
+            Some(shared_px) => shared_px,
             None => {
                 let jitter = &motion.los.jitter;
                 let cycles = |hz: f64| hz * motion.los.exposure_s;
@@ -232,15 +258,23 @@ impl Probe {
     }
 }
 
-/// Appends the dense list of one row's exposure.
-fn dense_nodes(motion: &Motion, sigma_px: f64, reach_px: f64, radius_px: f64, delay_s: f64, out: &mut Vec<PathNode>) {
+/// Appends the dense list of one row's exposure; see [`nodes::dense`].
+fn dense_nodes(
+    motion: &Motion,
+    sigma_px: f64,
+    [reach_px, radius_px]: [f64; 2],
+    delay_s: f64,
+    ends_s: &mut Vec<f64>,
+    out: &mut Vec<PathNode>,
+) -> Merged {
     if motion.is_still() {
         nodes::single(&Pose::STILL, out);
     } else if motion.is_smooth() {
         nodes::gauss_legendre_in_time(motion, gauss_legendre_count(reach_px, sigma_px) + DENSER, delay_s, out);
     } else {
-        nodes::dense(motion, sigma_px, reach_px, radius_px, delay_s, out);
+        return nodes::dense(motion, sigma_px, [reach_px, radius_px], delay_s, ends_s, out);
     }
+    Merged::default()
 }
 
 /// Returns the distance of the furthest pixel from the principal point, px.

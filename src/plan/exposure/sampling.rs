@@ -16,6 +16,8 @@ pub const TABLE_ERROR: f64 = 3e-5;
 /// Largest part of a table's coefficients that a sum of products may omit, relative to the largest: part of
 /// [`TABLE_ERROR`].
 pub const PRODUCTS_ERROR: f64 = 1e-6;
+/// Single-precision rounding of a table and of a star drawn from it.
+const TABLE_ROUNDING: SamplingError = SamplingError { centroid_px: 1e-5, peak: 3e-6 };
 /// Widest footprint of a Gaussian drawn from error functions instead of a table, px (the CPU backend's vectors).
 pub const ANALYTIC_HALF_PX: usize = 7;
 /// Largest oversampling of a table.
@@ -172,6 +174,19 @@ pub fn sampling_error(psf: &PsfModel, sampling: PsfSampling) -> SamplingError {
     // A table's error moves the centroid like any other change of shape.
     let peak = table_error(psf, s);
     SamplingError { centroid_px: peak * TABLE_CENTROID_SAFETY * window_sensitivity(sigma_px), peak }
+}
+
+/// Returns error bounds of a star drawn from the table of a PSF, or of a kernel made of it: between the grid points,
+/// what a sum of products omits, and single precision.
+#[must_use]
+pub fn drawn_table_error(psf: &PsfModel) -> SamplingError {
+    let s = oversampling(psf);
+    let peak = table_error(psf, s);
+    let centroid_px = peak * TABLE_CENTROID_SAFETY * window_sensitivity(psf.core_sigma_px());
+    SamplingError {
+        centroid_px: centroid_px + TABLE_ROUNDING.centroid_px,
+        peak: peak + PRODUCTS_ERROR + TABLE_ROUNDING.peak,
+    }
 }
 
 /// Returns the light in the pixel whose centre lies `x` px from a star along one axis, by a method that uses points of

@@ -36,6 +36,7 @@ impl Share {
     }
 
     /// Returns the share of `star`'s electrons on the detector.
+    #[inline]
     #[must_use]
     pub fn on_detector(&self, star: &PlannedStar, camera: &CameraGeometry, nodes: &[PathNode], extent_px: f64) -> f64 {
         let on = |node: usize| self.nodes[node].on_detector(star, camera, nodes, extent_px);
@@ -85,6 +86,7 @@ impl NodeShare {
         }
     }
 
+    #[inline]
     fn on_detector(&self, star: &PlannedStar, camera: &CameraGeometry, nodes: &[PathNode], extent_px: f64) -> f64 {
         let margin = self.half_px as f64 + 1.0 + extent_px;
         let well_inside = |v: f64, size: usize| v >= margin && v <= size as f64 - 1.0 - margin;
@@ -109,6 +111,7 @@ impl NodeShare {
     }
 
     /// Returns the share of the light of a star at `v` px that lies on the pixels of one axis.
+    #[inline]
     fn along(&self, axis: usize, v: f64) -> f64 {
         let size = self.size_px[axis];
         let clear_px = self.half_px as f64 + 1.0;
@@ -123,8 +126,14 @@ impl NodeShare {
     }
 
     /// Returns the signed share of the footprint's light between the star and a line `px` away.
+    #[inline]
     fn within(&self, axis: usize, px: f64) -> f64 {
         let line = &self.lines[axis][usize::from(px > 0.0)];
+        let last = line.len() - 1;
+        if px.abs() >= self.step_px * (last + 1) as f64 {
+            // Beyond the table, without a division: of two edges, one is far away.
+            return (line[last - 1] + (line[last] - line[last - 1])).copysign(px);
+        }
         let at = px.abs() / self.step_px;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the table")]
         let i = (at as usize).min(line.len() - 2);

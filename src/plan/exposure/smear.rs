@@ -48,7 +48,9 @@ impl SmearField {
                 [x - probe.mean_px[0], y - probe.mean_px[1]]
             };
             let [begin, end] = [at(-0.5), at(0.5)];
-            let length_px = path_px(probe, [begin, end], |corner| corner_tau(motion, corner, delay_s), at);
+            let (ends_s, longer) = probes.path_ends(i / SIDE);
+            let corner = |corner| corner_tau(motion, ends_s, corner, delay_s);
+            let length_px = longer * path_px(probe, [begin, end], corner, at);
             squared[i] = [length_px * length_px, 0.0];
             net[i] = [end[0] - begin[0], end[1] - begin[1]];
         }
@@ -102,12 +104,12 @@ fn path_px(
 }
 
 /// Returns the time of the path's corner number `corner` in an exposure that is `delay_s` late: share of the exposure
-/// from its middle.
-fn corner_tau(motion: &Motion, corner: usize, delay_s: f64) -> Option<f64> {
+/// from its middle. Those of a commanded path in time are the ends of its stretches.
+fn corner_tau(motion: &Motion, ends_s: &[f64], corner: usize, delay_s: f64) -> Option<f64> {
     let exposure_s = motion.los.exposure_s;
     let after_mid_s = match &motion.image_path {
         None => (motion.los.jitter.points.get(corner)?.at - motion.los.mid_exposure()).s(),
-        Some(PixelPath::Line(points)) => points.get(corner)?.t_s - 0.5 * exposure_s,
+        Some(PixelPath::Line(_)) => ends_s.get(corner)? - 0.5 * exposure_s,
         Some(PixelPath::Samples(_)) => return None,
     };
     Some((after_mid_s - delay_s) / exposure_s)

@@ -8,12 +8,18 @@ use crate::exposure::moments::{Moments, TracePoint, trace};
 use crate::exposure::nodes::MOST_DENSE_NODES;
 use crate::exposure::pose::PathNode;
 use crate::exposure::probes::{Probe, Probes, SIDE};
+use crate::exposure::shape_change::ShapeChange;
 use crate::exposure::spectrum::{NOTHING, Sensitivity, Spectrum};
 use crate::exposure::track::{StarPlace, StarTrack};
 use sky::astrometry::CameraGeometry;
 
 /// Side of the window in which a tracker measures, px.
 pub const WINDOW_PX: f64 = 5.0;
+
+/// Traces that differ by less are the same, px.
+const SAME_PX: f64 = 1e-9;
+/// Nodes may lie this far outside the path that the probes follow, px.
+const EXTENT_MARGIN_PX: f64 = 0.25;
 
 /// Errors of a node list.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -31,6 +37,12 @@ impl NodeError {
         Self { centroid_px: self.centroid_px.max(other.centroid_px), peak: self.peak.max(other.peak) }
     }
 
+    /// Returns the smaller of each error: of two bounds of the same error, each is one.
+    #[must_use]
+    pub fn least(self, other: Self) -> Self {
+        Self { centroid_px: self.centroid_px.min(other.centroid_px), peak: self.peak.min(other.peak) }
+    }
+
     /// Returns the sum of each error.
     #[must_use]
     pub fn plus(self, other: Self) -> Self {
@@ -43,6 +55,8 @@ impl NodeError {
 pub enum ShapeOf {
     /// The shape of each star's own path.
     EachStar,
+    /// The shape of each star's own path, with the whole of a lens's distortion.
+    EachStarExactly,
     /// The shape for a star at the detector's centre.
     Centre,
 }
@@ -51,6 +65,7 @@ pub enum ShapeOf {
 #[derive(Debug)]
 pub struct Scales {
     sensitivity: Sensitivity,
+    change: ShapeChange,
     sigma_px: f64,
     scratch: [Vec<TracePoint>; 2],
     watched: [(usize, Spectrum); 2],
@@ -62,6 +77,7 @@ impl Scales {
     pub fn new(sigma_px: f64) -> Self {
         Self {
             sensitivity: Sensitivity::new(sigma_px),
+            change: ShapeChange::new(sigma_px),
             sigma_px,
             scratch: [(); 2].map(|()| Vec::with_capacity(MOST_DENSE_NODES)),
             watched: [(0, NOTHING); 2],
@@ -86,7 +102,8 @@ impl Scales {
             let drawn = &mut self.scratch[0];
             match (shape, &centre_track) {
                 (ShapeOf::Centre, Some(centre)) => exact_trace(&probes.camera, centre, nodes, drawn),
-                _ => {
+                (ShapeOf::EachStarExactly, _) => exact_trace(&probes.camera, &probe.track, nodes, drawn),
+                (ShapeOf::Centre | ShapeOf::EachStar, _) => {
                     let points = nodes.iter().map(|node| point(node, probe.track.displacement_px(&node.pose)));
                     trace(points, drawn);
                 }
@@ -98,6 +115,44 @@ impl Scales {
             }
         }
         worst
+    }
+
+    /// Returns the error of one kernel for all stars, drawn at the nodes of `lists`: that of the nodes themselves, and that
+    /// of the centre's path in place of each star's own.
+    pub fn kernel_error(&mut self, lists: &[Vec<PathNode>], probes: &Probes) -> NodeError {
+        let Some(change) = self.change_error(lists, probes) else { return UNKNOWN };
+        self.error(lists, ShapeOf::EachStarExactly, probes).plus(change)
+    }
+
+    /// Returns the largest error of drawing the path of a star at the detector's centre in place of each probe's own, at
+    /// the same nodes (`lists`: one per row of probes, or one for all); `None` if that is too much work.
+    fn change_error(&mut self, lists: &[Vec<PathNode>], probes: &Probes) -> Option<NodeError> {
+        let centre = probes.centre()?.track;
+        let most = lists.iter().map(Vec::len).max()?;
+        let mut worst = NodeError::default();
+        let mut kept = None;
+        for (i, probe) in probes.probes.iter().enumerate() {
+            let row = (i / SIDE).min(lists.len() - 1);
+            let nodes = lists.get(row)?;
+            let [drawn, own] = &mut self.scratch;
+            if kept != Some(row) {
+                exact_trace(&probes.camera, &centre, nodes, drawn);
+            }
+            exact_trace(&probes.camera, &probe.track, nodes, own);
+            let apart = |([_, ax, ay], [_, bx, by]): (&TracePoint, &TracePoint)| (ax - bx).abs().max((ay - by).abs());
+            if drawn.iter().zip(&*own).map(apart).fold(0.0, f64::max) < SAME_PX {
+                continue;
+            }
+            if kept != Some(row) {
+                if !self.change.size(most, probes.extent_px + EXTENT_MARGIN_PX) {
+                    return None;
+                }
+                self.change.keep(drawn);
+                kept = Some(row);
+            }
+            worst = worst.worst(self.change.error(own));
+        }
+        Some(worst)
     }
 
     /// Returns the largest error of drawing stars in a cell of `size_px` about `probe` (moved inside the detector) with

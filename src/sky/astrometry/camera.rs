@@ -164,6 +164,7 @@ impl CameraGeometry {
     }
 
     /// Tangents of a pixel position; `None` where no direction of the domain is imaged.
+    #[inline]
     #[must_use]
     pub fn tangent_of_pixel(&self, px: [f64; 2]) -> Option<DVec2> {
         let p = &self.parameters;

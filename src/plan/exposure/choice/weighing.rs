@@ -29,6 +29,8 @@ const PER_SEGMENT: usize = 2;
 const ZONES: [u16; 4] = [1, 2, 4, 8];
 /// Share of the budget's centroid error allowed for a finite number of nodes.
 const NODE_SHARE: f64 = 0.4;
+/// Factor by which a kernel of twice the nodes may cost more.
+const DEARER: f64 = 1.1;
 /// Share of the budget's pixel error allowed for a finite number of nodes.
 const NODE_PIXEL_SHARE: f64 = 0.8;
 
@@ -179,7 +181,14 @@ impl Chooser {
         }
         let samples = self.weighed.iter().rev().find(|weighed| weighed.method.name() == MethodName::Samples);
         match samples {
-            Some(samples) if self.is_enough(samples.error, brightest_e, probes) => samples.method.nodes(),
+            Some(samples) if self.is_enough(samples.error, brightest_e, probes) => {
+                // Twice the nodes have a sixteenth of the error, and cost little beside many stars.
+                let listed = matches!(motion.image_path, Some(PixelPath::Samples(_)));
+                let nodes = samples.method.nodes();
+                let more = (2 * nodes).min(MOST_JITTER_NODES).max(nodes);
+                let ms = |nodes| self.stars_ms(Method::EffectivePsf { nodes }, probes);
+                if !listed && ms(more) < DEARER * ms(nodes) { more } else { nodes }
+            }
             Some(samples) => USUAL.max(2 * samples.method.nodes()),
             None => USUAL,
         }
@@ -192,6 +201,9 @@ impl Chooser {
             self.fill_lists(method, motion, probes);
             let lists = if self.instrument.shutter == Shutter::Global { &self.lists[..1] } else { &self.lists[..] };
             let mut error = self.scales.error(lists, shape, probes);
+            if self.is_drawn_to_weigh(method, probes) {
+                error = error.least(self.scales.kernel_error(lists, probes));
+            }
             if shape == ShapeOf::Centre && self.bands > 1 {
                 // One kernel for all rows has the error of rows that differ by more than a band.
                 error = error.plus(self.one_band);
@@ -201,6 +213,17 @@ impl Chooser {
         let is_too_rough = matches!(method, Method::GaussLegendre { .. }) && !motion.is_smooth();
         let verdict = if is_too_rough { Some(Verdict::NeedsSmoothMotion) } else { self.kernel_verdict(method, probes) };
         self.weighed.push(Weighed { method, error, verdict, tried: None });
+    }
+
+    /// Returns true when the error of a kernel is worth drawing it: it can be chosen, or is reported.
+    fn is_drawn_to_weigh(&self, method: Method, probes: &Probes) -> bool {
+        if !matches!(method, Method::EffectivePsf { .. }) || self.kernel_verdict(method, probes).is_some() {
+            return false;
+        }
+        let star_by_star = self.weighed.iter().filter(|weighed| weighed.method.kernels() == 0);
+        let nodes = star_by_star.map(|weighed| weighed.method.nodes()).max().unwrap_or(1);
+        let most_ms = self.stars_ms(Method::Samples { nodes }, probes);
+        self.is_thorough || self.is_fixed() || self.stars_ms(method, probes) < most_ms
     }
 
     /// Fills the nodes of `method` for every row of probes.
