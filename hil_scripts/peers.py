@@ -9,6 +9,7 @@ blank cell with this reason. Peers that sample a PSF in the middle of a pixel ge
 import importlib
 import importlib.metadata
 import math
+import os
 
 import numpy as np
 
@@ -340,6 +341,7 @@ class SatSim:
     FINER, MARGIN_PX = 3, 32
 
     def __init__(self):
+        os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
         self.tf = need("tensorflow")
         self.fpa, self.psf, self.math = need("satsim.image.fpa"), need("satsim.image.psf"), need("satsim.math")
 
@@ -351,7 +353,8 @@ class SatSim:
 
         def draw():
             x, y, e = expanded(scene)
-            columns, rows = (((v + self.MARGIN_PX + 0.5) * finer - 0.5).astype(np.float32) for v in (x, y))
+            # Its PSF has its centre between the middle pixels: half a fine pixel less, as in its own `render_full`.
+            columns, rows = (((v + self.MARGIN_PX + 0.5) * finer - 1.0).astype(np.float32) for v in (x, y))
             grid = tf.Variable(tf.zeros([side, side]))
             fine = self.fpa.add_counts(grid, rows, columns, e.astype(np.float32), interpolation="bilinear")
             fine = self.math.fftconv2p(fine, psf, pad=1, dtype=tf.float32)
