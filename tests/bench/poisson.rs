@@ -20,6 +20,9 @@ fn methods(c: &mut Criterion) {
     group.sample_size(10).throughput(Throughput::Elements((SIZE * SIZE) as u64));
     for (method, lambda) in [
         (PoissonMethod::Auto, 0.0_f32),
+        // Denormal numbers, and means whose powers would be: as fast as no light.
+        (PoissonMethod::Auto, 1e-40),
+        (PoissonMethod::Auto, 1e-9),
         (PoissonMethod::Inversion, 1.0),
         (PoissonMethod::Inversion, 10.0),
         (PoissonMethod::Inversion, 19.0),

@@ -92,7 +92,7 @@ fn add_row(background: &Background, offset: [f32; 2], scale: f32, [x, y]: [usize
     let v = (y as f32 + offset[1]) * scale;
     let of_row = (q * v + gy) * v;
     for (i, e) in row.iter_mut().enumerate() {
-        let u = ((x + i) as f32 + offset[0]) * scale;
+        let u = ((x as u32).wrapping_add(i as u32).cast_signed() as f32 + offset[0]) * scale;
         *e += (q * u + gx) * u + of_row;
     }
 }

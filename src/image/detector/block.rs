@@ -1,6 +1,6 @@
 //! A block of consecutive pixels and its random words, on which one pass of every stage works.
 
-use base::random::{Stage, counter, philox};
+use base::random::{Stage, counter, philox_wide};
 
 /// Pixels of a block: small enough for the first-level cache, long enough for any vector.
 pub const BLOCK: usize = 256;
@@ -14,34 +14,39 @@ pub struct Words {
     pub read_a: [u32; PAIRS],
     /// Second word of the pair's read noise.
     pub read_b: [u32; PAIRS],
-    /// Shot noise word of every pixel.
-    pub shot: [u32; BLOCK],
+    /// Shot noise words, of both pixels in one number: the first in the low half.
+    shot: [u64; PAIRS],
 }
 
 impl Words {
     /// Returns a block without random words.
     #[must_use]
     pub fn new() -> Self {
-        Self { read_a: [0; PAIRS], read_b: [0; PAIRS], shot: [0; BLOCK] }
+        Self { read_a: [0; PAIRS], read_b: [0; PAIRS], shot: [0; PAIRS] }
     }
 
     /// Words of the pixels from `first_pixel` (even) of `frame`.
     #[inline(always)]
     pub fn draw(&mut self, first_pixel: u32, frame: u32, key: [u32; 2]) {
         let first_pair = first_pixel / 2;
-        let mut even = [0_u32; PAIRS];
-        let mut odd = [0_u32; PAIRS];
         for i in 0..PAIRS {
-            let [a, b, c, d] = philox(counter(frame, first_pair + i as u32, Stage::Temporal), key);
-            self.read_a[i] = a;
-            self.read_b[i] = b;
-            even[i] = c;
-            odd[i] = d;
+            // Wrapping: a check for overflow would keep the loop from being compiled to vectors.
+            let pair = first_pair.wrapping_add(i as u32);
+            let [a, b, c, d] = philox_wide(counter(frame, pair, Stage::Temporal), key);
+            self.read_a[i] = a as u32;
+            self.read_b[i] = b as u32;
+            self.shot[i] = (c & 0xffff_ffff) | (d << 32);
         }
-        for (pair, (c, d)) in self.shot.chunks_exact_mut(2).zip(even.iter().zip(&odd)) {
-            pair[0] = *c;
-            pair[1] = *d;
+        if cfg!(target_endian = "big") {
+            self.shot.iter_mut().for_each(|both| *both = both.rotate_left(32));
         }
+    }
+
+    /// Returns the shot noise word of every pixel.
+    #[inline(always)]
+    #[must_use]
+    pub fn shot(&self) -> &[u32; BLOCK] {
+        bytemuck::cast_ref(&self.shot)
     }
 }
 

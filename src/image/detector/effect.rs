@@ -140,7 +140,7 @@ impl Stages<'_> {
             }
             Effect::Shot => {
                 let place = BlockPlace { first_pixel: first as u32, frame: self.frame, key: self.key };
-                draw_by::<FUSED>(self.poisson, electrons, &words.shot, place);
+                draw_by::<FUSED>(self.poisson, electrons, words.shot(), place);
             }
             Effect::Defects => outliers.iter().for_each(|o| electrons[o.pixel as usize - first] += o.dark_e),
             Effect::ProtonTracks => outliers.iter().for_each(|o| electrons[o.pixel as usize - first] += o.charge_e),

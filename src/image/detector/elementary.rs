@@ -61,7 +61,7 @@ pub fn sin_cos_turns<const FUSED: bool>(u: f32) -> (f32, f32) {
     let swap = q & 1 != 0;
     let (a, b) = if swap { (c, s) } else { (s, c) };
     let sin = if q & 2 != 0 { -a } else { a };
-    let cos = if (q + 1) & 2 != 0 { -b } else { b };
+    let cos = if (q.wrapping_add(1)) & 2 != 0 { -b } else { b };
     (sin, cos)
 }
 
