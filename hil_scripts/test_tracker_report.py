@@ -30,6 +30,7 @@ CEDAR = ROOT / "hil_scripts/cedar_tracker.py"
 CEDAR_SOLVE = "cedar-solve==0.5.1"
 TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
 ENVIRONMENT = Path(os.environ.get("STARLOOP_CEDAR_ENVIRONMENT", TARGET / "cedar_environment"))
+AXES = ("x", "y", "rotational")
 ARCSEC = math.pi / 180 / 3600
 MOST_BYTES = 2_000_000
 CAMERAS = {
@@ -67,6 +68,12 @@ def turned(quaternion, turn_rad):
     small = (1.0, *(-0.5 * angle for angle in turn_rad))
     norm = math.sqrt(sum(part * part for part in small))
     return product(tuple(part / norm for part in small), quaternion)
+
+
+def plan_text():
+    """The short plan with paths that hold from any folder."""
+    text = PLAN.read_text().replace("../cameras", str(ROOT / "configs/cameras"))
+    return text.replace('requirements = "', f'requirements = "{PLAN.parent}/')
 
 
 def table(path):
@@ -262,55 +269,77 @@ class Reports(unittest.TestCase):
         starloop("report", conjugate.folder, status=(0,))
         self.assertTrue(conjugate.report["is_met"])
 
-    def fly_model(self, name, noise_factor=1.0, more_bias=0.0):
-        """Flies the short plan with the statistical tracker, by the figures of the built-in tracker's report."""
+    def fly_model(self, name, noise, method="stars", more_bias=0.0, plan=None):
+        """Flies a plan with the statistical tracker, by the figures of the built-in tracker's report."""
 
         def figures(identifier):
-            return [self.flown.metric(f"{identifier}.{axis}")["value"] for axis in ("x", "y", "rotational")]
+            return [self.flown.metric(f"{identifier}.{axis}")["value"] for axis in AXES]
 
-        noise = figures("temporal_noise")
         fast = self.flown.metric("temporal_noise.rotational", "slew 1")["value"]
-        rate_deg_s = math.hypot(0.3, 1.0)
-        at_rate = math.sqrt(max(fast**2 - noise[2] ** 2, 0.0)) / rate_deg_s
+        at_rate = math.sqrt(max(fast**2 - figures("temporal_noise")[2] ** 2, 0.0)) / math.hypot(0.3, 1.0)
         model = f"""source = "model"
-tag_error_ms = {self.flown.metric("measurement_date_error")["value"]}
 
 [tracker.model]
 bias_arcsec = {[value + more_bias for value in figures("bias")]}
 fov_spatial_arcsec = {figures("fov_spatial_error")}
 pixel_spatial_arcsec = {figures("pixel_spatial_error")}
-noise_arcsec = {[value * noise_factor for value in noise]}
+noise_arcsec = {noise}
+noise_over_sky = "{method}"
+stars = 40
 noise_arcsec_per_deg_s = {at_rate}
+date_error_ms = {self.flown.metric("measurement_date_error")["value"]}
 """
-        text = PLAN.read_text().replace("../cameras", str(ROOT / "configs/cameras"))
-        text = text.replace('requirements = "', f'requirements = "{PLAN.parent}/')
-        plan = Path(self.folder.name) / f"{name}.toml"
-        plan.write_text(text.replace('source = "built_in"\n', model))
+        text = plan or plan_text()
+        path = Path(self.folder.name) / f"{name}.toml"
+        path.write_text(text.replace('source = "built_in"\n', model))
         out = Path(self.folder.name) / name
-        starloop("fly", plan, "--out", out, "--quiet")
+        starloop("fly", path, "--out", out, "--quiet")
         return Flown(out)
 
-    def differing(self, other):
-        """Metrics of the whole plan that differ by more than both intervals allow."""
-        before = {m["id"]: m for m in self.flown.report["metrics"] if m["case"] is None}
+    def calibrated_noise(self, method):
+        """Figures with which the model has the built-in tracker's noise over the attitudes of the plan."""
+        wanted = [self.flown.metric(f"temporal_noise.{axis}")["value"] for axis in AXES]
+        first = self.fly_model(f"first_{method}", wanted, method)
+        got = [first.metric(f"temporal_noise.{axis}")["value"] for axis in AXES]
+        return [w * w / g for w, g in zip(wanted, got)]
+
+    def differing(self, other, one=None):
+        """Metrics of the whole plan that differ by more than both intervals allow; prints all of them, one by one."""
+        before = {m["id"]: m for m in (one or self.flown).report["metrics"] if m["case"] is None}
         after = {m["id"]: m for m in other.report["metrics"] if m["case"] is None}
         self.assertEqual(set(before), set(after))
-        # The date error of the model is in its tags.
-        del before["time_tag_error"]
 
         def half(m):
             return max((m["value"] if m["high"] is None else m["high"]) - m["value"], m["value"] - m["low"])
 
-        apart = {i: abs(after[i]["value"] - m["value"]) - math.hypot(half(m), half(after[i])) for i, m in before.items()}
-        return {identifier for identifier, beyond in apart.items() if beyond > 1e-9}
+        def said(m):
+            return f"{m['value']:.4f} ({m['low']:.4f} .. {'unbounded' if m['high'] is None else format(m['high'], '.4f')})"
 
-    def test_the_statistical_tracker_agrees_with_the_one_on_pixels(self):
-        # The model's noise is the same all over the sky: the tail of the absolute error is shorter.
-        known = {"absolute_measurement_error.directional", "absolute_measurement_error.rotational"}
-        self.assertEqual(self.differing(self.fly_model("model")) - known, set())
-        # Controls: a noise that is 20 % too high, a bias of 1 arcsec.
-        self.assertIn("temporal_noise.x", self.differing(self.fly_model("noisier", noise_factor=1.2)))
-        self.assertIn("bias.x", self.differing(self.fly_model("off", more_bias=1.0)))
+        apart = {i: abs(after[i]["value"] - m["value"]) - math.hypot(half(m), half(after[i])) for i, m in before.items()}
+        found = {identifier for identifier, beyond in apart.items() if beyond > 1e-9}
+        print(f"\n{other.folder.name}: metric | pixels | model | agrees")
+        for identifier, m in before.items():
+            agrees = "no" if identifier in found else "yes"
+            print(f"{identifier} | {said(m)} | {said(after[identifier])} | {agrees}")
+        return found
+
+    def test_the_statistical_tracker_agrees_with_the_one_on_pixels_in_every_metric(self):
+        noise = self.calibrated_noise("stars")
+        self.assertEqual(self.differing(self.fly_model("model", noise)), set())
+        # Other attitudes, with the figures of the first plan.
+        other_plan = plan_text().replace("seed = 1\n", "seed = 2\n")
+        path = Path(self.folder.name) / "pixels_2.toml"
+        path.write_text(other_plan)
+        starloop("fly", path, "--out", path.with_suffix(""), "--quiet")
+        other = Flown(path.with_suffix(""))
+        self.assertEqual(self.differing(self.fly_model("model_2", noise, plan=other_plan), other), set())
+        # Controls: a noise that is the same all over the sky lacks the tail of the absolute error; one that is 20 % too
+        # high; a bias of 1 arcsec.
+        even = self.differing(self.fly_model("even", self.calibrated_noise("even"), "even"))
+        self.assertEqual(even & {"absolute_measurement_error.directional"}, even)
+        self.assertTrue(even)
+        self.assertIn("temporal_noise.x", self.differing(self.fly_model("noisier", [1.2 * value for value in noise])))
+        self.assertIn("bias.x", self.differing(self.fly_model("off", noise, more_bias=1.0)))
 
     def test_a_recorded_run_is_judged_by_any_log(self):
         run = Path(self.folder.name) / "run"

@@ -1,4 +1,5 @@
-//! Wire formats of star trackers: what a tracker reports -> packets; bytes of a client -> orders and answers.
+//! Wire formats of star trackers: what a tracker reports -> packets; bytes of a client -> orders and answers; and packets
+//! -> what was measured ([`reading`]).
 //!
 //! Pure: no socket, no clock, no file. Each protocol is a [`Device`] in a module of its own, and keeps the state that
 //! its real counterpart keeps: counters, subscriptions, an object dictionary. Whoever has a clock and a line calls it.
@@ -17,6 +18,7 @@ mod device;
 pub mod json;
 pub mod nos3;
 mod quaternion;
+pub mod reading;
 pub mod sagitta;
 
 pub use device::{Answered, Device, Limits, Mode, Order, Report, Wire};
