@@ -10,7 +10,8 @@
 //!
 //! Quaternions come in as everywhere in starloop (Hamilton, passive, `v_sensor = q v_icrf q*`, scalar first); each
 //! module says what it makes of them. Tests: beside the code, with packets from the protocols' own documents and
-//! programs; `hil_scripts/test_tracker_out.py` with other people's clients; `tests/fuzz/targets/tracker_commands.rs`.
+//! programs; `hil_scripts/test_tracker_out.py` with other people's clients; `tracker_commands` and `tracker_telemetry` in
+//! `tests/fuzz/targets`.
 
 pub mod canopen;
 pub mod ccsds;
