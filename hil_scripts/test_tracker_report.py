@@ -31,6 +31,7 @@ CEDAR_SOLVE = "cedar-solve==0.5.1"
 TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
 ENVIRONMENT = Path(os.environ.get("STARLOOP_CEDAR_ENVIRONMENT", TARGET / "cedar_environment"))
 AXES = ("x", "y", "rotational")
+QUATERNION_OF_FRAMES = ("qw", "qx", "qy", "qz")
 ARCSEC = math.pi / 180 / 3600
 MOST_BYTES = 2_000_000
 CAMERAS = {
@@ -371,9 +372,20 @@ date_error_ms = {self.flown.metric("measurement_date_error")["value"]}
         starloop("report", run, "--tracker", other_day, status=(4,))
 
 
-    def test_telemetry_of_a_bench_is_a_log(self):
-        run = Path(self.folder.name) / "telemetry"
-        bench = Path(self.folder.name) / "telemetry.toml"
+    def fly_with_telemetry(self, name, outs):
+        """A run of 20 s whose telemetry goes into files; returns its folder and the files by protocol."""
+        run = Path(self.folder.name) / name
+        bench = Path(self.folder.name) / f"{name}.toml"
+        tables = "".join(
+            f"""
+[[tracker_out]]
+protocol = "{protocol}"
+link = "file"
+path = "{protocol}.txt"
+{keys}
+"""
+            for protocol, keys in outs.items()
+        )
         bench.write_text(
             f"""name = "telemetry"
 camera = "{ROOT}/configs/cameras/small_tracker.toml"
@@ -385,23 +397,78 @@ duration_s = 20.0
 [sink]
 kind = "recorder"
 fits = false
-
-[[tracker_out]]
-protocol = "json"
-link = "file"
-path = "tracker.txt"
-tag_error_ms = 30.0
-"""
+{tables}"""
         )
         starloop("run", bench, "--clock", "virtual", "--out", run, "--quiet", status=(0,))
-        (captured,) = run.rglob("tracker.txt")
-        starloop("report", run, "--tracker", captured, status=(0,))
+        return run, {protocol: next(run.rglob(f"{protocol}.txt")) for protocol in outs}
+
+    def judge(self, run, log, status=(0,)):
+        """The metrics of a run's log."""
+        starloop("report", run, "--tracker", log, status=status)
         report = json.loads((run / "tracker_report.json").read_text())
-        found = {m["id"]: m["value"] for m in report["metrics"] if m["case"] is None}
+        return {m["id"]: m["value"] for m in report["metrics"] if m["case"] is None}
+
+    def test_telemetry_of_a_bench_is_a_log(self):
+        run, files = self.fly_with_telemetry("telemetry", {"json": "tag_error_ms = 30.0"})
+        found = self.judge(run, files["json"])
         self.assertAlmostEqual(found["time_tag_error"], 30.0, places=6)
         self.assertEqual(found["acquisition_probability"], 1.0)
         self.assertLess(found["bias.directional"], 1.0)
         self.assertGreater(found["acquisition_time.median"], 0.1, "exposure, readout and 50 ms")
+
+    def test_captures_of_every_protocol_are_judged_alike(self):
+        outs = {"json": "", "sagitta": "", "canopen": "starts_operational = true", "ccsds": 'quaternion = "conjugate"'}
+        run, files = self.fly_with_telemetry("captures", outs)
+        wanted = self.judge(run, files["json"])
+        self.assertEqual(wanted["acquisition_probability"], 1.0)
+        ccsds = files["ccsds"].read_text()
+        files["ccsds"].write_text("# sense: icrf_from_sensor\n" + ccsds)
+        # Single precision of the line; milliseconds of the day, at a rate of nothing.
+        for protocol in ("sagitta", "canopen", "ccsds"):
+            found = self.judge(run, files[protocol])
+            for identifier in ("bias.x", "bias.y", "bias.rotational", "temporal_noise.x", "acquisition_time.median"):
+                self.assertAlmostEqual(found[identifier], wanted[identifier], delta=0.05, msg=f"{protocol} {identifier}")
+            self.assertEqual(found["tracking_probability"], 1.0)
+        # The same as candump writes it down.
+        lines = [line.split() for line in files["canopen"].read_text().splitlines()]
+        from_tai = 37
+        candump = run / "candump.log"
+        seconds = [(int(tai_ns) - from_tai * 10**9) for _, tai_ns, _, _ in lines]
+        candump.write_text(
+            "".join(f"({ns // 10**9}.{ns % 10**9:09d}) can0 {line[2]}#{line[3]}\n" for ns, line in zip(seconds, lines))
+        )
+        self.assertAlmostEqual(self.judge(run, candump)["bias.x"], wanted["bias.x"], delta=0.05)
+        # Controls: the other sense; j and k swapped in PDO3 of node 96; a node that does not speak.
+        files["ccsds"].write_text(ccsds)
+        self.judge(run, files["ccsds"], status=(4,))
+        swapped = run / "swapped.txt"
+        rows = [(*line[:3], line[3][8:] + line[3][:8] if int(line[2], 16) == 0x3E0 else line[3]) for line in lines]
+        swapped.write_text("".join(" ".join(row) + "\n" for row in rows))
+        self.assertNotEqual(swapped.read_text(), files["canopen"].read_text())
+        self.judge(run, swapped, status=(4,))
+        swapped.write_text("# node: 97\n" + files["canopen"].read_text())
+        starloop("report", run, "--tracker", swapped, status=(1,))
+
+    def test_a_capture_of_nos3_written_here_is_judged(self):
+        run, _ = self.fly_with_telemetry("nos3", {"json": ""})
+
+        def capture(order):
+            """Answers of the tracker, 120 ms after mid-exposure: the conjugate, scalar last, 16 bits each."""
+            lines = ["# latency_ms: 120"]
+            for row in table(next(run.rglob("frames.csv"))):
+                w, *vector = (float(row[name]) for name in QUATERNION_OF_FRAMES)
+                parts = [-vector[axis] for axis in order] + [w]
+                wire = b"".join(int(part * 32767 + 32768).to_bytes(2, "big") for part in parts)
+                tai_ns = int(row["mid_exposure_tai_ns"]) + 120_000_000
+                lines.append(f"2026-03-01T00:00:00Z {tai_ns} - {'DEAD' + wire.hex().upper() + '01BEEF'}")
+            path = run / "nos3.txt"
+            path.write_text("\n".join(lines) + "\n")
+            return path
+
+        found = self.judge(run, capture((0, 1, 2)))
+        self.assertEqual((found["acquisition_probability"], found["tracking_probability"]), (1.0, 1.0))
+        self.assertLess(found["bias.directional"], 12.6, "one step of 16 bits")
+        self.judge(run, capture((1, 0, 2)), status=(4,))
 
 
 class CedarSolve(unittest.TestCase):
