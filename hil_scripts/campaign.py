@@ -514,7 +514,7 @@ def report(rows: list[dict], planned: int, grid: dict[str, list[str]], given: ar
 
 
 def exit_status(rows: list[dict], found: dict | None, has_requirements: bool) -> int:
-    """What the campaign came to; requirements that were given decide instead of the runs' own verdicts."""
+    """The exit status; requirements that were given decide instead of the runs' own verdicts."""
     if any(not row["has_report"] for row in rows):
         return 1
     is_met = found is None or found["is_met"]

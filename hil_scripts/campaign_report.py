@@ -341,7 +341,7 @@ def junit_of(report: dict) -> str:
 
 
 def complaint(judgement: dict) -> str:
-    """What was wanted and what was got."""
+    """Compares the wanted share with that of the runs, in words."""
     share, runs = judgement["share"], judgement["runs"]
     wanted = f"{judgement['metric']} {judgement['limit']} in {100 * judgement['share_wanted']:g} % of the runs"
     if share["value"] is None:

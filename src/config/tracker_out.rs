@@ -48,6 +48,7 @@ pub struct TrackerOut {
 
 /// Where attitudes come from.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(clippy::large_enum_variant, reason = "one for each [[tracker_out]]")]
 pub enum TrackerSource {
     /// The built-in tracker, on drawn pixels.
     Pixels {

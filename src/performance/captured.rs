@@ -41,7 +41,7 @@ enum Protocol {
     Ccsds,
 }
 
-/// What remarks say.
+/// Contents of the remarks before the lines.
 #[derive(Debug, Default)]
 struct Remarks<'a> {
     protocol: Option<&'a str>,
@@ -50,7 +50,7 @@ struct Remarks<'a> {
     latency_ms: Option<&'a str>,
 }
 
-/// Returns whether a text is a capture: its first line that is no remark is one of a capture.
+/// Returns whether a text is a capture: its first line besides remarks has the form of one.
 pub(crate) fn is_capture(text: &str) -> bool {
     lines(text).next().is_some_and(|(_, line)| packet(line).is_some())
 }
@@ -72,7 +72,7 @@ fn packet(line: &str) -> Option<Packet> {
         [stamp, _interface, frame] => {
             let (id, bytes) = frame.split_once('#')?;
             let at = unix(stamp.strip_prefix('(')?.strip_suffix(')')?)?;
-            // CAN FD and remote frames have another mark there: they are no telemetry of these protocols.
+            // CAN FD and remote frames, which these protocols do not use, have another mark there.
             let bytes = hexadecimal(bytes).unwrap_or_default();
             Some(Packet { at, id: Some(u32::from_str_radix(id, 16).ok()?), bytes })
         }
@@ -97,7 +97,7 @@ fn unix(text: &str) -> Option<Tai> {
     Some(Tai::from_unix_ns(seconds.parse::<i64>().ok()?.checked_mul(1_000_000_000)?.checked_add(nanoseconds)?))
 }
 
-/// What a capture holds.
+/// Contents of a capture.
 pub(crate) enum Captured {
     /// Rows of a log.
     Rows(Vec<LogRow>),

@@ -117,7 +117,7 @@ fn damaged_packets_are_rows_of_their_own() {
 }
 
 #[test]
-fn what_is_no_telemetry_is_refused_in_words() {
+fn anything_else_is_refused_in_words() {
     let refused = |text: &str| format!("{:#}", rows(text).unwrap_err());
     assert!(refused(&capture("nos3", false)).contains("# latency_ms: 120"));
     assert!(refused(&format!("# latency_ms: x\n{}", capture("nos3", false))).contains("wanted 0 to 60000"));

@@ -1,7 +1,7 @@
 //! The other direction: packets of a tracker's telemetry -> what it measured. For captures of a bus, whoever was on it.
 //!
 //! Each reader is the counterpart of a device, and takes what is on the line as it comes: bytes in runs of any length,
-//! or CAN frames, with the instant of each. Packets that are no telemetry of attitudes, and those of others on the same
+//! or CAN frames, with the instant of each. Packets without attitudes, and those of others on the same
 //! line, are passed over; what is damaged is counted. A reader keeps a bounded number of bytes.
 //!
 //! Quaternions come out as everywhere in starloop, whatever sense the protocol has them in. Tests: beside the code,
@@ -21,7 +21,7 @@ pub use sagitta::SagittaReader;
 use crate::Wire;
 use base::time::Tai;
 
-/// What a tracker says of one frame.
+/// A tracker's answer to one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measured {
     /// When its last byte was on the line.
@@ -45,7 +45,7 @@ pub trait Reader {
     fn damaged(&self) -> u64;
 }
 
-/// Returns an attitude of norm 1; `None` of what is none, such as four zeros.
+/// Returns an attitude of norm 1; `None` of anything else, such as four zeros.
 fn unit(q: [f64; 4]) -> Option<[f64; 4]> {
     /// A tracker's own rounding: 16 bits of NOS3 leave 6e-5.
     const NORM_TOLERANCE: f64 = 1e-3;

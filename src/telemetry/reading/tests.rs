@@ -1,4 +1,4 @@
-//! Round trips: what a device says is what its reader hears, in runs of any length; damage is counted.
+//! Round trips: what a device says is what its reader gives, in runs of any length; damage is counted.
 
 use super::*;
 use crate::canopen::{CanOpenDevice, NodeParams};
@@ -44,7 +44,7 @@ fn all_ends(sense: Sense) -> [Ends; 4] {
     ]
 }
 
-/// What is on the line for one report: of a polled device, the answer to a request of data.
+/// Returns the packets of one report: of a polled device, the answer to a request of data.
 fn said(device: &mut dyn Device, report: &Report) -> Vec<Wire> {
     let (mut out, now) = (Vec::new(), report.time_tag + LATER);
     device.start(now, &mut out);
@@ -63,7 +63,7 @@ fn angle(a: [f64; 4], b: [f64; 4]) -> f64 {
     2.0 * across.sqrt()
 }
 
-fn heard(reader: &mut dyn Reader, wires: &[Wire], at: Tai) -> Vec<Measured> {
+fn received(reader: &mut dyn Reader, wires: &[Wire], at: Tai) -> Vec<Measured> {
     let mut out = Vec::new();
     wires.iter().for_each(|wire| reader.take(wire, at, &mut out));
     out
@@ -74,7 +74,7 @@ fn round_trip(q: [f64; 4], sense: Sense) {
     let at = report.time_tag + LATER;
     for mut ends in all_ends(sense) {
         let wires = said(ends.device.as_mut(), &report);
-        let [measured] = heard(ends.reader.as_mut(), &wires, at)[..] else { panic!("one report") };
+        let [measured] = received(ends.reader.as_mut(), &wires, at)[..] else { panic!("one report") };
         let got = measured.attitude_wxyz.unwrap();
         assert!(angle(got, q) < ends.resolution_rad, "{got:?} {q:?}");
         // Control: two axes swapped are another attitude.
@@ -102,13 +102,13 @@ proptest! {
     fn runs_of_any_length_say_the_same(cut in 1..40_usize) {
         for mut ends in all_ends(Sense::Starloop) {
             let wires = said(ends.device.as_mut(), &report());
-            let whole = heard(ends.reader.as_mut(), &wires, report().time_tag);
+            let whole = received(ends.reader.as_mut(), &wires, report().time_tag);
             let bytes: Vec<u8> = wires.iter().flat_map(|wire| wire.data().to_vec()).collect();
             if wires.iter().any(|wire| matches!(wire, Wire::Can(_))) {
                 continue;
             }
             let pieces: Vec<Wire> = bytes.chunks(cut).map(|piece| Wire::Bytes(piece.to_vec())).collect();
-            let again = heard(all_ends(Sense::Starloop).into_iter().find(|other| other.resolution_rad == ends.resolution_rad)
+            let again = received(all_ends(Sense::Starloop).into_iter().find(|other| other.resolution_rad == ends.resolution_rad)
                 .unwrap().reader.as_mut(), &pieces, report().time_tag);
             prop_assert_eq!(again, whole);
         }
@@ -116,11 +116,11 @@ proptest! {
 }
 
 #[test]
-fn a_lost_attitude_is_heard_as_such() {
+fn a_lost_attitude_is_read_as_such() {
     for mut ends in all_ends(Sense::Starloop) {
         let mut wires = said(ends.device.as_mut(), &report());
         wires.extend(said(ends.device.as_mut(), &lost()));
-        let measured = heard(ends.reader.as_mut(), &wires, report().time_tag);
+        let measured = received(ends.reader.as_mut(), &wires, report().time_tag);
         let known: Vec<bool> = measured.iter().map(|measured| measured.attitude_wxyz.is_some()).collect();
         assert_eq!((known, ends.reader.damaged()), (vec![true, false], 0));
     }
@@ -148,7 +148,7 @@ fn damage_is_counted_and_the_next_packet_is_read() {
             }
         }
         damaged.extend(whole);
-        let measured = heard(ends.reader.as_mut(), &damaged, report().time_tag);
+        let measured = received(ends.reader.as_mut(), &damaged, report().time_tag);
         assert_eq!(measured.len(), 1);
         assert!(ends.reader.damaged() >= 1);
     }
@@ -158,13 +158,13 @@ fn damage_is_counted_and_the_next_packet_is_read() {
 fn others_on_the_line_are_passed_over_and_midnight_is_crossed() {
     let mut reader = CanOpenReader::new(NODE, Sense::Starloop);
     let other = CanFrame::classic(0x180 + u16::from(NODE) + 1, &[1; 8]).unwrap();
-    assert!(heard(&mut reader, &[Wire::Can(other)], report().time_tag).is_empty());
-    // 23:59:59.900 is heard at 00:00:00.050 of the next day.
+    assert!(received(&mut reader, &[Wire::Can(other)], report().time_tag).is_empty());
+    // 23:59:59.900 is received at 00:00:00.050 of the next day.
     let midnight = Tai::from_rfc3339("2026-03-02T00:00:00Z").unwrap();
     let tag = midnight - Span::from_ms(100);
     let node = NodeParams { node: NODE, heartbeat_ms: 0, starts_operational: true };
     let mut device = CanOpenDevice::new(node, Sense::Starloop, Limits::default(), 0.05);
     let wires = said(&mut device, &Report { time_tag: tag, ..report() });
-    let measured = heard(&mut reader, &wires, midnight + Span::from_ms(50));
+    let measured = received(&mut reader, &wires, midnight + Span::from_ms(50));
     assert_eq!((measured[0].time_tag, reader.damaged()), (Some(tag), 0));
 }

@@ -175,7 +175,7 @@ fn radical_inverse(mut number: u32, base: u32) -> f64 {
     value
 }
 
-/// What the noise of a place follows from, besides the star's flux.
+/// Spot, background and detector, which decide the noise of a place besides the star's flux.
 struct SpotLight {
     variance_px2: f64,
     background_e2: f64,

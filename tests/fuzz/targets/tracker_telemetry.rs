@@ -1,5 +1,5 @@
 //! Telemetry of trackers: any bytes in any chunks -> the same measurements, each with an attitude of norm 1; what a
-//! device says after the noise is heard, with its own attitude, once the noise is over.
+//! device says after the noise is read, with its own attitude.
 
 #![no_main]
 
@@ -117,7 +117,7 @@ fn after_noise(kind: u8, stream: &[u8]) {
     }
     out.clear();
     said.iter().for_each(|wire| reader.take(wire, NOW, &mut out));
-    let got = out.last().and_then(|measured| measured.attitude_wxyz).expect("the device is heard");
+    let got = out.last().and_then(|measured| measured.attitude_wxyz).expect("the device is read");
     let dot: f64 = got.iter().zip(q).map(|(a, b)| a * b).sum();
     assert!(dot.abs() > 1.0 - 1e-8, "{got:?}");
 }

@@ -47,8 +47,8 @@ fn camera(psf_sigma_px: f64, saturation_dn: u16) -> Camera {
 #[test]
 fn a_place_is_as_sure_as_the_fit_says() {
     let off = |camera: &Camera, flux_e: f64| {
-        let foretold = StarNoise::place_sigma_px(&camera.params, &light(), flux_e);
-        (foretold / fitted_sigma_px(camera, flux_e) - 1.0).abs()
+        let predicted = StarNoise::place_sigma_px(&camera.params, &light(), flux_e);
+        (predicted / fitted_sigma_px(camera, flux_e) - 1.0).abs()
     };
     for psf_sigma_px in [0.6, 0.8, 1.5] {
         for flux_e in [2e3, 2e4, 2e5] {
@@ -124,7 +124,7 @@ fn noise_over_the_sky_has_the_root_mean_square_of_its_figures() {
     }
     let rms = (sum / count).map(f64::sqrt);
     assert!((rms - DVec3::ONE).abs().max_element() < 0.1, "{rms} of {count} attitudes");
-    // A tracker of three stars at most is none.
+    // Fields without as many stars as it needs.
     let few = TrackerParams { limiting_mag: 7.0, fewest_stars: 200, most_stars: 300, ..camera.params };
     assert_eq!(StarNoise::new(&few, coarse_guide(), &light()).at(&random_attitude(&mut random)), None);
 }
