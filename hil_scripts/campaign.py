@@ -10,10 +10,13 @@ One `starloop` process per task, one core each. In the folder given by --out:
     summary.json       counts, and pass share and pointing errors by grid value
     campaign.svg       the same to look at
     campaign.json      what the folder is about: a campaign of another scenario or program is refused
+    report.html        with --report: every metric over all runs, requirements, the worst runs; also report.json and
+                       report.xml (JUnit)
 
 Tasks whose row is there are not run again, so a campaign that was stopped goes on where it was, and more seeds or values
 can be added. Runs that do not hold, and runs that give no report, are listed with the command that repeats them; the
-others go on. Exit status: 0 all held, 4 some did not, 1 some gave no report, 130 stopped by Ctrl-C.
+others go on. Exit status: 0 all held, 4 some did not or a requirement is not met, 1 some gave no report, 130 stopped by
+Ctrl-C. With --requirements it is 4 only where a requirement is not met, or not shown.
 
 Needs hil_scripts/requirements_campaign.txt. On a cluster (--scheduler) program and scenario have the same paths everywhere.
 """
@@ -35,6 +38,8 @@ from pathlib import Path
 
 import pyarrow
 import pyarrow.parquet
+
+import campaign_report
 
 STDERR_TAIL = 2000
 """Characters of standard error that are kept."""
@@ -473,8 +478,16 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--binary", type=Path, default=found, help=f"the program (default {found})")
     parser.add_argument("--timeout", type=float, default=3600.0, help="seconds one task may take (default 3600)")
     parser.add_argument("--retry", action="store_true", help="run tasks again that gave no report")
+    parser.add_argument("--report", action="store_true", help="write report.html, report.json and report.xml")
+    parser.add_argument("--requirements", type=Path, help="limits for every run (TOML); with --report")
+    parser.add_argument("--confidence", type=float, default=0.95, help="of the report's intervals (default 0.95)")
     given = parser.parse_args()
-    for path, what in ((given.scenario, "scenario"), (given.binary, "program")):
+    if given.requirements and not given.report:
+        parser.error("--requirements: wanted --report with it")
+    if not 0.5 <= given.confidence < 1.0:
+        parser.error(f"--confidence: got {given.confidence}, wanted 0.5 up to below 1")
+    files = [(given.scenario, "scenario"), (given.binary, "program")]
+    for path, what in files + ([(given.requirements, "file of requirements")] if given.requirements else []):
         if not path.is_file():
             parser.error(f"no {what} at {path}")
     if given.workers < 1:
@@ -487,8 +500,33 @@ def parse_arguments() -> argparse.Namespace:
     return given
 
 
+def report(rows: list[dict], planned: int, grid: dict[str, list[str]], given: argparse.Namespace, requirements) -> dict:
+    """Writes the report about all rows, and says where it is."""
+    about = {
+        "title": f"{given.scenario.stem}, {planned} runs",
+        "planned": planned,
+        "provenance": campaign_report.provenance_of(given.out, given.binary, given.requirements, rows),
+    }
+    found = campaign_report.report_of(rows, grid, requirements, about, number, given.confidence)
+    campaign_report.write_report(found, given.out, write_whole)
+    print(f"{found['verdict']}; {given.out / 'report.html'}")
+    return found
+
+
+def exit_status(rows: list[dict], found: dict | None, has_requirements: bool) -> int:
+    """The exit status; requirements that were given decide instead of the runs' own verdicts."""
+    if any(not row["has_report"] for row in rows):
+        return 1
+    is_met = found is None or found["is_met"]
+    return 0 if is_met and (has_requirements or all(row["passed"] for row in rows)) else 4
+
+
 def main() -> int:
     given = parse_arguments()
+    try:
+        requirements = campaign_report.read_requirements(given.requirements)
+    except campaign_report.RequirementError as wrong:
+        raise SystemExit(f"campaign: {wrong}") from wrong
     grid, fixed = dict(given.grid), dict(given.set)
     tasks = tasks_of(given.seeds, grid, fixed, given.random_faults)
     hold_to_folder(given.out, given.scenario, given.binary)
@@ -511,6 +549,7 @@ def main() -> int:
     else:
         print(f"campaign: all {len(tasks)} tasks were there", file=sys.stderr)
     ordered = [rows[task["id"]] for task in tasks if task["id"] in rows]
+    found = None
     if ordered:
         write_whole(
             given.out / "results.parquet",
@@ -524,11 +563,9 @@ def main() -> int:
             f"{summary['passed']} of {len(ordered)} held, {summary['without_report']} without report, "
             f"{summary['simulated_h']:.2f} simulated hours; {given.out}"
         )
-    if stopped:
-        return 130
-    if any(not row["has_report"] for row in ordered):
-        return 1
-    return 0 if all(row["passed"] for row in ordered) else 4
+        if given.report:
+            found = report(ordered, len(tasks), grid, given, requirements)
+    return 130 if stopped else exit_status(ordered, found, given.requirements is not None)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Fuzzes everything that reads bytes: CAN, serial, slcan, socketcand, capture files, plain messages, a camera's control port,
 # the session, star layers, star catalogs, elements of orbits, tables of jitter, files of attitudes and orbits, commands of
-# trackers' clients.
+# trackers' clients, telemetry of trackers.
 #
 #   hil_scripts/fuzz.sh [SECONDS]                 each target for so long (5), from the committed corpus
 #   hil_scripts/fuzz.sh --runs N                  N inputs for each target: the long run is --runs 2000000 (minutes)
@@ -20,7 +20,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 
 readonly targets=(can_decode serial_resync slcan socketcand captures plain network_camera session layer star_lines elements
-    jitter_table histories spice tracker_commands)
+    jitter_table histories spice tracker_commands tracker_telemetry)
 readonly memory_mb=512
 readonly growth_mb=32
 readonly control_seconds=300

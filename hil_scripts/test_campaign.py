@@ -1,19 +1,25 @@
 """Tests of campaign.py with the program on a cluster of two workers: python3 hil_scripts/test_campaign.py
 
-A campaign is killed halfway and goes on; its rows are whole, and one seed has the same bits twice. STARLOOP_BINARY names
+A campaign is killed halfway and goes on; its rows are whole, and one seed has the same bits twice; the report about all runs
+says what their rows say, and requirements that are broken are found. STARLOOP_BINARY names
 the program (default target/release/starloop); the Python that runs this needs hil_scripts/requirements_campaign.txt.
 """
 
 import argparse
+import hashlib
 import json
 import os
+import random
+import re
 import shlex
 import signal
+import statistics
 import subprocess
 import sys
 import tempfile
 import time
 import unittest
+import xml.etree.ElementTree
 from pathlib import Path
 
 import pyarrow.parquet
@@ -22,6 +28,8 @@ sys.dont_write_bytecode = True
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 import campaign
+import campaign_page
+import campaign_report
 
 ROOT = Path(__file__).resolve().parent.parent
 BINARY = os.environ.get("STARLOOP_BINARY", str(ROOT / "target/release/starloop"))
@@ -142,6 +150,188 @@ class Campaign(unittest.TestCase):
             command(self.out, "--seeds", "3")[:-6] + ["--binary", sys.executable], capture_output=True, text=True
         )
         self.assertIn("results of another program", refused.stderr, "programs are not mixed")
+
+
+REQUIREMENTS = """
+[[requirement]]
+id = "C-1"
+text = "Frames are delivered"
+metric = "frames.delivered"
+least = 30.0
+
+[[requirement]]
+id = "C-2"
+text = "The attitude stays near its target"
+metric = "pointing.largest_boresight_arcsec"
+most = {most}
+share = 0.5
+where = {{ "control.delay_ms" = 100 }}
+"""
+
+
+class Report(unittest.TestCase):
+    """The report about a campaign on two workers."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory(prefix="campaign_report")
+        cls.addClassCleanup(cls.folder.cleanup)
+        cls.out = Path(cls.folder.name) / "a"
+        cls.requirements = Path(cls.folder.name) / "requirements.toml"
+        cls.requirements.write_text(REQUIREMENTS.format(most=1e9))
+        cls.arguments = ["--seeds", "1..6", "--grid", "control.delay_ms=0,100", "--report"]
+        cls.ended = run(cls.out, *cls.arguments, "--requirements", str(cls.requirements))
+        cls.report = json.loads((cls.out / "report.json").read_text())
+        cls.page = (cls.out / "report.html").read_text()
+        cls.rows = pyarrow.parquet.read_table(cls.out / "results.parquet").to_pylist()
+
+    def again(self, text):
+        """The same rows under other requirements: no run is flown again."""
+        other = Path(self.folder.name) / "other.toml"
+        other.write_text(text)
+        ended = run(self.out, *self.arguments, "--requirements", str(other))
+        self.assertIn("all 12 tasks were there", ended.stderr)
+        return ended, json.loads((self.out / "report.json").read_text())
+
+    def test_numbers_are_those_of_the_rows(self):
+        self.assertEqual(self.ended.returncode, 0, self.ended.stderr)
+        self.assertEqual((self.report["schema"], self.report["runs"]), (campaign_report.SCHEMA, 12))
+        self.assertTrue(self.report["verdict"].startswith("PASSED: acquisition, 12 runs, 2 of 2"), self.report["verdict"])
+        metrics = {metric["id"]: metric for metric in self.report["metrics"]}
+        name = "pointing.largest_boresight_arcsec"
+        values = [row[name] for row in self.rows]
+        self.assertAlmostEqual(metrics[name]["mean"]["value"], statistics.mean(values))
+        self.assertAlmostEqual(metrics[name]["median"]["value"], statistics.median(values))
+        self.assertEqual((metrics[name]["least"], metrics[name]["most"]), (min(values), max(values)))
+        late = [row[name] for row in self.rows if row["param.control.delay_ms"] == 100.0]
+        of_late = metrics[name]["by_value"]["control.delay_ms"]["100"]
+        self.assertEqual(of_late["count"], 6)
+        self.assertAlmostEqual(of_late["mean"]["value"], statistics.mean(late))
+        self.assertLess(of_late["mean"]["low"], of_late["mean"]["value"])
+        for wanted in ("tracker_availability", "frames.delivered", "attitudes_used", "knowledge.boresight_arcsec"):
+            self.assertIn(wanted, metrics)
+
+    def test_the_worst_run_is_repeated_by_its_command(self):
+        (metric,) = [m for m in self.report["metrics"] if m["id"] == "pointing.largest_boresight_arcsec"]
+        self.assertEqual(metric["worst"]["value"], metric["most"])
+        by_hand = subprocess.run(shlex.split(metric["worst"]["command"]) + ["--json", "--quiet"], capture_output=True, text=True)
+        found = json.loads(by_hand.stdout)["pointing"]["largest_boresight_arcsec"]
+        self.assertEqual(found, metric["worst"]["value"])
+
+    def test_files(self):
+        page = self.page
+        self.assertLess(len(page.encode()), campaign_report.MOST_HTML_BYTES)
+        self.assertIn("PASSED", page.split("<h2>")[0])
+        self.assertFalse(re.search(r"<(script|link|img|iframe)|src=|url\(", page), "it needs no other file")
+        charts = re.findall(r"<svg.*?</svg>", page, re.DOTALL)
+        self.assertGreater(len(charts), 5)
+        for chart in charts:
+            xml.etree.ElementTree.fromstring(chart)
+        files = {row["path"]: row["sha256"] for row in self.report["provenance"]["files"]}
+        digest = hashlib.sha256((self.out / "results.parquet").read_bytes()).hexdigest()
+        self.assertIn(digest, files.values())
+        self.assertIn(hashlib.sha256(Path(SCENARIO).read_bytes()).hexdigest(), files.values())
+        self.assertRegex(self.report["provenance"]["program"]["version"], "starloop")
+
+    def test_a_requirement_that_is_broken_or_not_shown_is_found(self):
+        ended, report = self.again(REQUIREMENTS.format(most=1e-3))
+        self.assertEqual(ended.returncode, 4, ended.stderr)
+        self.assertEqual([judgement["verdict"] for judgement in report["requirements"]], ["met", "NOT MET"])
+        suite = xml.etree.ElementTree.parse(self.out / "report.xml").getroot().find("testsuite")
+        self.assertEqual((suite.get("tests"), suite.get("failures")), ("2", "1"))
+        self.assertEqual(report["requirements"][1]["runs"], 6, "of one value of the grid")
+        # Six of six runs show 50 % with a confidence of 95 %, and not 99 %.
+        ended, report = self.again(REQUIREMENTS.format(most=1e9).replace("share = 0.5", "share = 0.99"))
+        self.assertEqual((ended.returncode, report["requirements"][1]["verdict"]), (4, "not shown"))
+        ended, report = self.again(REQUIREMENTS.format(most=1e9).replace("frames.delivered", "no_such_number"))
+        self.assertEqual((ended.returncode, report["requirements"][0]["verdict"]), (4, "not measured"))
+
+    def test_without_requirements_every_run_must_hold(self):
+        ended = run(self.out, *self.arguments)
+        report = json.loads((self.out / "report.json").read_text())
+        self.assertEqual((ended.returncode, report["not_held_count"]), (4, 12), "at three seconds none is at its target")
+        self.assertTrue(report["verdict"].startswith("FAILED"))
+
+
+class Distributions(unittest.TestCase):
+    """Reports about made-up rows, whose truth is known."""
+
+    def rows(self, count, seed, mean_of_late=12.0):
+        dice = random.Random(seed)
+        rows = []
+        for number in range(count):
+            delay = 100.0 * (number % 2)
+            value = dice.gauss(mean_of_late if delay else 10.0, 2.0)
+            rows.append(
+                {
+                    "task": f"t{number}", "seed": number, "random_faults": False, "param.control.delay_ms": delay,
+                    "has_report": True, "passed": True, "error": None, "exit_status": 0, "error_arcsec": value,
+                    "command": f"starloop run x --seed {number}",
+                }
+            )  # fmt: skip
+        return rows
+
+    def report(self, rows, requirements=(campaign_report.HOLDS,), planned=None):
+        program = {"path": "p", "version": "v", "sha256": "s"}
+        provenance = {"command_line": ["c"], "program": program, "host": "h", "machine": "m", "python": "3", "seeds": [0, 1]}
+        about = {"title": "made up", "planned": planned or len(rows), "provenance": {**provenance, "files": []}}
+        grid = {"control.delay_ms": ["0", "100"]}
+        return campaign_report.report_of(rows, grid, list(requirements), about, campaign.number)
+
+    def test_thousands_of_runs_are_one_page_and_their_truth_is_within_the_intervals(self):
+        report = self.report(self.rows(6000, 7))
+        (metric,) = [m for m in report["metrics"] if m["id"] == "error_arcsec"]
+        for value, truth in (("0", 10.0), ("100", 12.0)):
+            of = metric["by_value"]["control.delay_ms"][value]
+            tail = statistics.NormalDist(truth, 2.0).inv_cdf(0.95)
+            for part, wanted in (("mean", truth), ("median", truth), ("p95", tail)):
+                self.assertTrue(of[part]["low"] <= wanted <= of[part]["high"], (value, part, of[part], wanted))
+                self.assertFalse(of[part]["low"] <= wanted + 0.3 <= of[part]["high"], "control: 0.3 arcsec off")
+        page = campaign_page.html_of(report)
+        self.assertLess(len(page.encode()), 100_000)
+
+    def test_intervals_hold_the_truth_as_often_as_they_say(self):
+        dice, trials, held = random.Random(8), 1500, {"mean": 0, "median": 0, "p95": 0}
+        wanted = {"mean": 0.0, "median": 0.0, "p95": statistics.NormalDist().inv_cdf(0.95)}
+        for _ in range(trials):
+            found = campaign_report.distribution([dice.gauss(0.0, 1.0) for _ in range(80)], 0.9)
+            for part, truth in wanted.items():
+                low, high = found[part]["low"], found[part]["high"]
+                held[part] += (low is None or low <= truth) and (high is None or truth <= high)
+        # Order statistics hold it at least as often; four standard errors of a share of 0.9 are 0.031.
+        self.assertLess(abs(held["mean"] / trials - 0.9), 0.031, held)
+        self.assertTrue(0.869 < held["median"] / trials < 0.98 and 0.869 < held["p95"] / trials < 0.98, held)
+
+    def test_runs_without_the_number_do_not_meet_it_and_are_the_worst(self):
+        rows = self.rows(40, 9)
+        rows[5].update(error_arcsec=None, has_report=False, passed=False, error="took longer than 3 s")
+        wanted = campaign_report.Requirement("A", "error_arcsec", most=100.0, share=0.98, by="value")
+        report = self.report(rows, [wanted])
+        (judgement,) = report["requirements"]
+        self.assertEqual((judgement["verdict"], judgement["without_number"]), ("NOT MET", 1))
+        self.assertEqual(judgement["worst"][0]["seed"], 5)
+        self.assertEqual((report["not_held_count"], report["not_held"][0]["error"]), (1, "took longer than 3 s"))
+        part = self.report(rows[:5] + rows[6:], [wanted], planned=40)
+        self.assertEqual(part["requirements"][0]["verdict"], "met")
+        self.assertFalse(part["is_met"], "a campaign that was stopped")
+
+    def test_requirements_that_cannot_be_meant_are_refused(self):
+        with tempfile.TemporaryDirectory(prefix="campaign") as folder:
+            path = Path(folder) / "requirements.toml"
+            head = '[[requirement]]\nid = "A"\n'
+            for text, part in (
+                ("", "no requirement"),
+                (head + "most = 1.0", "wanted id, metric"),
+                (head + 'metric = "m"', "most or least"),
+                (head + 'metric = "m"\nmost = 1.0\nleast = 0.0', "most or least"),
+                (head + 'metric = "m"\nmost = 1.0\nshare = 1.5', "share 1.5"),
+                (head + 'metric = "m"\nmost = nan', "finite"),
+                (head + 'metric = "m"\nmost = 1.0\nother = 1', "other"),
+                (2 * (head + 'metric = "m"\nmost = 1.0\n'), "twice"),
+            ):
+                path.write_text(text)
+                with self.assertRaisesRegex(campaign_report.RequirementError, part):
+                    campaign_report.read_requirements(path)
 
 
 class Arguments(unittest.TestCase):

@@ -29,8 +29,8 @@ const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "g
 pub struct ReportArgs {
     /// Folder of a recorded run (with frames.csv), or of a plan that `starloop fly` has flown
     run: PathBuf,
-    /// Log of the tracker: a table with a header, lines of JSON, CCSDS AEM, STK .a [default: tracker_log.csv in the
-    /// folder]
+    /// Log of the tracker: a table with a header, lines of JSON, CCSDS AEM, STK .a, a capture of its bus [default:
+    /// tracker_log.csv in the folder]
     #[arg(long, value_name = "LOG")]
     tracker: Option<PathBuf>,
     /// Requirements (TOML); without them: no false solution, and half of the attitudes acquired

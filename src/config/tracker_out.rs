@@ -16,7 +16,7 @@ use base::units::{ARCSEC, DEG};
 use glam::DVec3;
 use std::net::SocketAddr;
 use std::path::PathBuf;
-use testbed::tracker_model::ModelParams;
+use testbed::tracker_model::{ModelParams, NoiseMethod};
 
 /// Most of them in one bench.
 const OUTS_MAX: usize = 16;
@@ -48,6 +48,7 @@ pub struct TrackerOut {
 
 /// Where attitudes come from.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(clippy::large_enum_variant, reason = "one for each [[tracker_out]]")]
 pub enum TrackerSource {
     /// The built-in tracker, on drawn pixels.
     Pixels {
@@ -301,8 +302,16 @@ section! {
         pixel_spatial_arcsec: [f64; 3] = Numbers([1.0, 1.0, 8.0]), Within(0.0, 36_000.0);
         /// Temporal noise at rest, arcsec.
         noise_arcsec: [f64; 3] = Numbers([2.0, 2.0, 16.0]), Within(0.0, 36_000.0);
+        /// Temporal noise over the sky: even, the same everywhere; stars, by those that the field offers, with the root
+        /// mean square over the sky as given.
+        noise_over_sky: Word<NoiseMethod> = "even", [("even", NoiseMethod::Even), ("stars", NoiseMethod::Stars)];
+        /// Stars that it says it used; of noise_over_sky = "stars" the most that it uses, brightest first.
+        stars: Whole<u32> = 20, 4..=200;
         /// Temporal noise that is added, in squares, for each degree per second across the boresight, arcsec.
         noise_arcsec_per_deg_s: f64 = 0.0, Within(0.0, 36_000.0);
+        /// Milliseconds by which the instant of an attitude is before the time that it states: a measurement date error
+        /// whose time tags are right.
+        date_error_ms: f64 = 0.0, Within(-1000.0, 1000.0);
         /// Seconds of good conditions before an attitude is found.
         acquisition_s: f64 = 0.0, Within(0.0, 3600.0);
         /// Chance that a frame gives an attitude after that.
@@ -476,8 +485,8 @@ impl TrackerOutKeys {
     fn figures(&self, head: usize, bench: &Bench, check: &mut Checker<'_>) -> Result<ModelParams, ConfigError> {
         let keys = self.model.clone().unwrap_or_default().at(&format!("{}.model", self.table()));
         taken!(check, keys => bias_arcsec, drift_arcsec_per_h, fov_spatial_arcsec, pixel_spatial_arcsec, noise_arcsec);
-        taken!(check, keys => noise_arcsec_per_deg_s, acquisition_s, acquisition_probability, tracking_probability);
-        taken!(check, keys => acquires_below_deg_s, lost_above_deg_s, sun_exclusion_deg, moon_exclusion_deg);
+        taken!(check, keys => noise_over_sky, stars, noise_arcsec_per_deg_s, date_error_ms, acquisition_s);
+        taken!(check, keys => acquisition_probability, tracking_probability, acquires_below_deg_s, lost_above_deg_s, sun_exclusion_deg, moon_exclusion_deg);
         if lost_above_deg_s < acquires_below_deg_s {
             let wanted = format!("at least acquires_below_deg_s, {acquires_below_deg_s}");
             return Err(keys.lost_above_deg_s().invalid(lost_above_deg_s, wanted, check));
@@ -494,7 +503,9 @@ impl TrackerOutKeys {
             pixel_spatial_rad: arcsec(pixel_spatial_arcsec),
             pixel_rad,
             noise_rad: arcsec(noise_arcsec),
+            noise_method: noise_over_sky,
             noise_rate_s: noise_arcsec_per_deg_s * ARCSEC / DEG,
+            date_error: Span::from_s(date_error_ms * 1e-3),
             acquisition: Span::from_s(acquisition_s),
             acquisition_probability,
             tracking_probability,
@@ -502,7 +513,7 @@ impl TrackerOutKeys {
             lost_above_rad_s: lost_above_deg_s * DEG,
             sun_exclusion_rad: sun_exclusion_deg * DEG,
             moon_exclusion_rad: moon_exclusion_deg * DEG,
-            stars: 20,
+            stars,
         })
     }
 

@@ -17,15 +17,15 @@ use glam::{DQuat, DVec3};
 use run::runtime::{PlantAttitude, PlantSample, RunRecord};
 use run::wiring::assemble::{Outputs, Run, RunOptions};
 use run::wiring::stepped::SteppedRun;
-use run::wiring::vehicle_parts::tracker_params;
+use run::wiring::vehicle_parts::{exposed_light, tracker_params};
 use stars::catalog::Catalog;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
-use testbed::tracker::{Exposed, GuideStars, Outcome, Tracker, TrackerParams, earth_beta};
-use testbed::tracker_model::{ModelParams, TrackerModel};
+use testbed::tracker::{Exposed, GuideStars, Outcome, StarNoise, Tracker, TrackerParams, earth_beta};
+use testbed::tracker_model::{ModelParams, NoiseMethod, TrackerModel};
 
 /// From the edges of an exposure to the samples of attitude around it, at most, s.
 const MARGIN_S: f64 = 0.02;
@@ -57,8 +57,8 @@ struct Inside {
 enum InsideEyes {
     /// The built-in one, with its guide stars.
     Pixels(Box<TrackerParams>, Arc<GuideStars>),
-    /// A statistical one.
-    Model(Box<ModelParams>),
+    /// A statistical one, with the stars that its noise follows.
+    Model(Box<ModelParams>, Option<StarNoise>),
 }
 
 /// Flies the cases of a plan.
@@ -93,7 +93,16 @@ impl<'a> Flight<'a> {
             }
             (Source::Model, Some(figures)) => {
                 let field_rad = pixel_rad * f64::from(camera.detector.width_px);
-                Some(InsideEyes::Model(Box::new(figures.params(field_rad, pixel_rad))))
+                let params = figures.params(field_rad, pixel_rad);
+                let stars = match params.noise_method {
+                    NoiseMethod::Even => None,
+                    NoiseMethod::Stars => {
+                        let tracker = tracker_params(&camera, params.stars as usize);
+                        let guide = Arc::new(GuideStars::new(&Catalog::built_in()?, &tracker, plan.start()?)?);
+                        Some(StarNoise::new(&tracker, guide, &exposed_light(&camera, &tracker)))
+                    }
+                };
+                Some(InsideEyes::Model(Box::new(params), stars))
             }
             (Source::Model, None) | (Source::Program, _) => None,
         };
@@ -365,7 +374,9 @@ impl TrackerLog {
     fn new(inside: &Inside, frames_per_attitude: u32, (seed, start): (u64, Tai)) -> Self {
         let eyes = match &inside.eyes {
             InsideEyes::Pixels(params, guide) => Eyes::Pixels(Box::new(Tracker::new(**params, Arc::clone(guide)))),
-            InsideEyes::Model(params) => Eyes::Model(Box::new(TrackerModel::new(**params, seed, start))),
+            InsideEyes::Model(params, stars) => {
+                Eyes::Model(Box::new(TrackerModel::new(**params, stars.clone(), seed, start)))
+            }
         };
         let text = "frame,tai_ns,q_w,q_x,q_y,q_z,latency_ms,stars,why\n".to_owned();
         Self { eyes, delay: inside.delay, tag_error: inside.tag_error, frames_per_attitude, last_group: None, text }

@@ -7,7 +7,7 @@
 //! plan -> fly (frames, tracker) -> frames.csv + tracker_log.csv -> record -> metrics -> requirements -> report
 //! ```
 //!
-//! Tour: `attitude_error` (one solution) -> `record` (truth and log, matched) -> `statistics` (intervals) -> `metric` ->
+//! Tour: `attitude_error` (one solution) -> `log`, `captured` (a tracker's answers) -> `record` (truth and log, matched) -> `statistics` (intervals) -> `metric` ->
 //! `bias`, `noise`, `spatial`, `slopes`, `availability` (the metrics) -> `assess` (all of them) -> `requirements` ->
 //! `report`; `plan`, `attitudes`, `fly` (test plans).
 //!
@@ -19,6 +19,7 @@ pub mod attitude_error;
 pub mod attitudes;
 pub mod availability;
 pub mod bias;
+mod captured;
 pub mod case_folder;
 pub mod fly;
 pub mod log;

@@ -1,5 +1,5 @@
-//! A tracker's log -> rows: a table with named columns, lines of JSON with the same names, or an attitude file (AEM,
-//! STK).
+//! A tracker's log -> rows: a table with named columns, lines of JSON with the same names, an attitude file (AEM, STK),
+//! or a capture of a bus.
 //!
 //! | column | meaning |
 //! |---|---|
@@ -11,10 +11,11 @@
 //! | `stars` | stars that were used |
 //!
 //! Lines of JSON may have the attitude as a list, `q` or `q_wxyz`, and `sent_tai_ns` or `sent_utc` for when it was
-//! there: those that `[[tracker_out]]` sends are such lines, also as packets of a capture (`link = "file"`).
+//! there: those that `[[tracker_out]]` sends are such lines. Captures of a bus are read by [`crate::captured`].
 //!
 //! A remark `# sense: icrf_from_body` before the rows says that quaternions are the conjugate of this program's.
 
+use crate::captured::{self, Captured};
 use crate::record::LogRow;
 use anyhow::{Context, Result, bail};
 use base::axes::WRITTEN_NORM_TOLERANCE;
@@ -43,39 +44,13 @@ pub fn read_log(path: &Path) -> Result<Vec<LogRow>> {
     if is_attitude_file || begin.starts_with("COMMENT") {
         return attitude_file(&name, &text);
     }
-    if captured(begin.lines().next().unwrap_or_default()).is_some() {
-        return captured_json(&name, begin);
+    if captured::is_capture(begin) {
+        return match captured::read(&name, begin)? {
+            Captured::Rows(rows) => Ok(rows),
+            Captured::Json(lines) => json_lines(&name, &lines),
+        };
     }
     table(&name, begin)
-}
-
-/// Returns the bytes of a line of captured telemetry: UTC, TAI ns, identifier or `-`, bytes in hexadecimal.
-fn captured(line: &str) -> Option<Vec<u8>> {
-    let words: Vec<&str> = line.split_whitespace().collect();
-    let [utc, tai_ns, _, bytes] = words.as_slice() else { return None };
-    if Tai::from_rfc3339(utc).is_err() || tai_ns.parse::<i64>().is_err() || !bytes.is_ascii() || bytes.len() % 2 != 0 {
-        return None;
-    }
-    (0..bytes.len()).step_by(2).map(|place| u8::from_str_radix(&bytes[place..place + 2], 16).ok()).collect()
-}
-
-/// Reads the reports in a capture of JSON packets.
-fn captured_json(name: &str, text: &str) -> Result<Vec<LogRow>> {
-    let mut bytes = Vec::new();
-    for (number, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
-        let Some(packet) = captured(line) else {
-            bail!("{name}, line {}: wanted UTC, TAI ns, identifier or -, and bytes in hexadecimal", number + 1);
-        };
-        if bytes.is_empty() && packet.first() != Some(&b'{') {
-            bail!("{name}: got packets that are not JSON; wanted those of [[tracker_out]] with protocol = \"json\"");
-        }
-        bytes.extend(packet);
-        if bytes.last() != Some(&b'\n') {
-            bytes.push(b'\n');
-        }
-    }
-    let text = String::from_utf8(bytes).with_context(|| format!("{name}: packets that are not text"))?;
-    json_lines(name, &text)
 }
 
 fn attitude_file(name: &str, text: &str) -> Result<Vec<LogRow>> {
@@ -239,7 +214,7 @@ mod tests {
         assert_eq!((rows[1].frame, rows[1].available_ns, rows.len()), (Some(8), Some(9), 2));
         assert_eq!(rows, read_text(&format!("{}{}", report(7), report(8))).unwrap());
         let other = format!("{:#}", read_text(&packet("\u{1}x")).unwrap_err());
-        assert!(other.contains("not JSON"), "{other}");
+        assert!(other.contains("begin with 01"), "{other}");
     }
 
     #[test]

@@ -5,7 +5,17 @@ use base::time::Span;
 use base::units::{ARCSEC, DEG};
 use glam::DVec3;
 use serde::Deserialize;
-use testbed::tracker_model::ModelParams;
+use testbed::tracker_model::{ModelParams, NoiseMethod};
+
+/// Temporal noise over the sky.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum NoiseOverSky {
+    /// The same everywhere.
+    Even,
+    /// By the stars that the field offers.
+    Stars,
+}
 
 /// `[tracker.model]` of a plan; about x, y and z (boresight), 1 sigma.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -21,8 +31,14 @@ pub struct ModelFigures {
     pub pixel_spatial_arcsec: [f64; 3],
     /// Temporal noise at rest.
     pub noise_arcsec: [f64; 3],
+    /// How it depends on where the tracker looks.
+    pub noise_over_sky: NoiseOverSky,
+    /// Stars that it says it used; by the stars of the field the most that it uses.
+    pub stars: u32,
     /// Temporal noise that a rate adds, in squares.
     pub noise_arcsec_per_deg_s: f64,
+    /// By how much the instant of an attitude is before the time that it states.
+    pub date_error_ms: f64,
     /// How long conditions must hold before an attitude is found.
     pub acquisition_s: f64,
     /// Chance of a frame after that.
@@ -47,7 +63,10 @@ impl Default for ModelFigures {
             fov_spatial_arcsec: [0.0; 3],
             pixel_spatial_arcsec: [0.0; 3],
             noise_arcsec: [1.0, 1.0, 8.0],
+            noise_over_sky: NoiseOverSky::Even,
+            stars: 20,
             noise_arcsec_per_deg_s: 0.0,
+            date_error_ms: 0.0,
             acquisition_s: 0.0,
             acquisition_probability: 1.0,
             tracking_probability: 1.0,
@@ -77,6 +96,9 @@ impl ModelFigures {
                 bail!("tracker.model.{name}: got {vector:?}, wanted numbers up to 1e5");
             }
         }
+        if self.date_error_ms.is_nan() || self.date_error_ms.abs() > 1e3 {
+            bail!("tracker.model.date_error_ms: got {}, wanted -1000 to 1000", self.date_error_ms);
+        }
         let ranges = [
             ("noise_arcsec_per_deg_s", self.noise_arcsec_per_deg_s, 1e5),
             ("acquisition_s", self.acquisition_s, 1e5),
@@ -87,6 +109,9 @@ impl ModelFigures {
             ("sun_exclusion_deg", self.sun_exclusion_deg, 180.0),
             ("moon_exclusion_deg", self.moon_exclusion_deg, 180.0),
         ];
+        if !(4..=200).contains(&self.stars) {
+            bail!("tracker.model.stars: got {}, wanted 4 to 200", self.stars);
+        }
         match ranges.iter().find(|(_, got, most)| !(0.0..=*most).contains(got)) {
             Some((name, got, most)) => bail!("tracker.model.{name}: got {got}, wanted 0 to {most}"),
             None => Ok(()),
@@ -105,7 +130,12 @@ impl ModelFigures {
             pixel_spatial_rad: radians(self.pixel_spatial_arcsec),
             pixel_rad,
             noise_rad: radians(self.noise_arcsec),
+            noise_method: match self.noise_over_sky {
+                NoiseOverSky::Even => NoiseMethod::Even,
+                NoiseOverSky::Stars => NoiseMethod::Stars,
+            },
             noise_rate_s: self.noise_arcsec_per_deg_s * ARCSEC / DEG,
+            date_error: Span::from_s(self.date_error_ms * 1e-3),
             acquisition: Span::from_s(self.acquisition_s),
             acquisition_probability: self.acquisition_probability,
             tracking_probability: self.tracking_probability,
@@ -113,7 +143,7 @@ impl ModelFigures {
             lost_above_rad_s: self.lost_above_deg_s * DEG,
             sun_exclusion_rad: self.sun_exclusion_deg * DEG,
             moon_exclusion_rad: self.moon_exclusion_deg * DEG,
-            stars: 20,
+            stars: self.stars,
         }
     }
 }
@@ -128,6 +158,8 @@ mod tests {
         let refused = |figures: ModelFigures| figures.check().unwrap_err().to_string();
         let share = ModelFigures { tracking_probability: 1.5, ..ModelFigures::default() };
         assert!(refused(share).contains("tracking_probability: got 1.5"));
+        let few = ModelFigures { stars: 3, ..ModelFigures::default() };
+        assert!(refused(few).contains("stars: got 3"));
         let none = ModelFigures { noise_arcsec: [f64::NAN, 1.0, 1.0], ..ModelFigures::default() };
         assert!(refused(none).contains("noise_arcsec"));
     }

@@ -62,6 +62,12 @@ pub enum Wire {
 }
 
 impl Wire {
+    /// Returns a classic CAN frame; `None` of an identifier above 11 bits or more than 8 bytes.
+    #[must_use]
+    pub fn can(id: u16, data: &[u8]) -> Option<Self> {
+        CanFrame::classic(id, data).map(Self::Can)
+    }
+
     /// Its bytes, without those of a CAN frame's header.
     #[must_use]
     pub fn data(&self) -> &[u8] {

@@ -37,6 +37,12 @@ pub fn to_wire(component: f64) -> u16 {
     raw
 }
 
+/// Returns the component that the wire has as this number.
+#[must_use]
+pub fn from_wire(raw: u16) -> f64 {
+    (f64::from(raw) - HALF) / SCALE
+}
+
 /// The NOS3 star tracker.
 #[derive(Debug)]
 pub struct Nos3Device {
@@ -150,10 +156,7 @@ mod tests {
         let (bytes, orders) = exchange(&mut device, &GET_DATA);
         assert_eq!((bytes.len(), orders.len()), (22, 0));
         assert_eq!(bytes[..9], GET_DATA);
-        let q: Vec<f64> = bytes[11..19]
-            .chunks(2)
-            .map(|two| (f64::from(u16::from_be_bytes([two[0], two[1]])) - HALF) / SCALE)
-            .collect();
+        let q: Vec<f64> = bytes[11..19].chunks(2).map(|two| from_wire(u16::from_be_bytes([two[0], two[1]]))).collect();
         let wanted = [0.1_f64.sin(), 0.0, 0.0, 0.1_f64.cos()];
         assert!(q.iter().zip(wanted).all(|(q, wanted)| (q - wanted).abs() <= 1.0 / SCALE), "{q:?}");
         assert_eq!((bytes[19], &bytes[20..]), (1, &TAIL[..]));

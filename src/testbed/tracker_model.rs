@@ -6,8 +6,9 @@
 //! * FOV spatial error: a sum of six waves over the attitude with the period of the field, so that it is constant while
 //!   the tracker is inertial and slow while it turns;
 //! * pixel spatial error: the same with the period of a pixel;
-//! * temporal noise: Gaussian, new in each frame, with a part that grows with the rate;
-//! * time-tag error: the attitude is of the true instant and says another.
+//! * temporal noise: Gaussian, new in each frame, with a part that grows with the rate; the same all over the sky
+//!   ([`NoiseMethod::Even`]), or by the stars that the field offers ([`NoiseMethod::Stars`], `tracker::star_noise`);
+//! * measurement date error: the attitude is of an earlier instant than it says. (A wrong time tag is the caller's.)
 //!
 //! Life: an attitude is found when the rate has been below its limit and no bright body near the boresight for
 //! `acquisition`, in each frame with `acquisition_probability`; it is kept with `tracking_probability` in each frame
@@ -19,7 +20,7 @@
 //! body, and faults of stars (protons, bad pixels) are left out: the tracker on pixels has them. Tests: below.
 
 use crate::spacecraft::sun_direction_icrf;
-use crate::tracker::{Mode, Outcome, Reason, Solution};
+use crate::tracker::{FieldNoise, Mode, Outcome, Reason, Solution, StarNoise};
 use base::axes::{Icrf, Rotation, Sensor};
 use base::random::{Stage, counter, key, philox};
 use base::time::{Span, Tai};
@@ -33,6 +34,15 @@ const WAVES: usize = 6;
 const OF_THE_SENSOR: u32 = u32::MAX;
 /// Seconds of an hour, by which drift is given.
 const HOUR_S: f64 = 3600.0;
+
+/// How the temporal noise depends on where the tracker looks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NoiseMethod {
+    /// Not at all: the figures hold everywhere.
+    Even,
+    /// By number, brightness and places of the stars in the field; the figures are the root mean square over the sky.
+    Stars,
+}
 
 /// Figures of a tracker.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -51,8 +61,12 @@ pub struct ModelParams {
     pub pixel_rad: f64,
     /// Temporal noise at rest.
     pub noise_rad: DVec3,
+    /// How it depends on where the tracker looks.
+    pub noise_method: NoiseMethod,
     /// Temporal noise that a rate adds, in squares: seconds, to be multiplied by the rate across the boresight.
     pub noise_rate_s: f64,
+    /// By how much the instant of the attitude is before the middle of the exposure.
+    pub date_error: Span,
     /// How long conditions must hold before an attitude is found.
     pub acquisition: Span,
     /// Chance that a frame gives an attitude then.
@@ -67,7 +81,7 @@ pub struct ModelParams {
     pub sun_exclusion_rad: f64,
     /// The same of the Moon.
     pub moon_exclusion_rad: f64,
-    /// Stars that it says it used.
+    /// Stars that it says it used; by [`NoiseMethod::Stars`] the most that it uses.
     pub stars: u32,
 }
 
@@ -80,9 +94,10 @@ struct Wave {
 }
 
 /// A statistical tracker.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct TrackerModel {
     params: ModelParams,
+    stars: Option<Box<StarNoise>>,
     seed: [u32; 2],
     start: Tai,
     fov: [[Wave; WAVES]; 3],
@@ -93,12 +108,13 @@ pub struct TrackerModel {
 }
 
 impl TrackerModel {
-    /// Returns a tracker that is lost in space; its drift begins at `start`.
+    /// Returns a tracker that is lost in space; its drift begins at `start`, and its noise is even unless there are
+    /// `stars`, as [`NoiseMethod::Stars`] wants them.
     #[must_use]
-    pub fn new(params: ModelParams, seed: u64, start: Tai) -> Self {
+    pub fn new(params: ModelParams, stars: Option<StarNoise>, seed: u64, start: Tai) -> Self {
         let seed = key(seed);
         let (fov, pixel) = (waves(seed, 0, params.field_rad), waves(seed, 1000, params.pixel_rad));
-        Self { params, seed, start, fov, pixel, is_tracking: false, good_since: None }
+        Self { params, stars: stars.map(Box::new), seed, start, fov, pixel, is_tracking: false, good_since: None }
     }
 
     /// Forgets the attitude: the next frame is lost in space.
@@ -118,6 +134,10 @@ impl TrackerModel {
             self.forget();
             return Outcome::NoSolution(Reason::TooFewStars);
         }
+        let Some(field) = self.field_noise(truth) else {
+            self.forget();
+            return Outcome::NoSolution(Reason::TooFewStars);
+        };
         let since = *self.good_since.get_or_insert(at);
         let mode = if self.is_tracking { Mode::Tracking } else { Mode::LostInSpace };
         let chance = match mode {
@@ -130,16 +150,25 @@ impl TrackerModel {
             return Outcome::NoSolution(Reason::NoMatch);
         }
         let sigma_rad = self.noise_rad(rate_rad_s);
+        let lag_rad = rate_rad_s * -self.params.date_error.s();
         Outcome::Solved(Solution {
             at,
-            sensor_from_icrf: truth.rotated_by(self.error_rad(frame, at, truth, sigma_rad)),
-            covariance_rad2: DMat3::from_diagonal(sigma_rad * sigma_rad),
+            sensor_from_icrf: truth.rotated_by(self.error_rad(frame, at, truth, (sigma_rad, &field.factor)) + lag_rad),
+            covariance_rad2: covariance(sigma_rad, &field.factor),
             mode,
-            stars: self.params.stars,
+            stars: u32::try_from(field.stars).unwrap_or(u32::MAX),
             residual_rms_px: 0.0,
             chi_square_per_dof: 1.0,
             background_dn: f64::NAN,
         })
+    }
+
+    /// Returns the noise of the field about an attitude; `None` where too few stars are.
+    fn field_noise(&mut self, truth: &Rotation<Sensor, Icrf>) -> Option<FieldNoise> {
+        match &mut self.stars {
+            Some(stars) => stars.at(truth),
+            None => Some(FieldNoise { factor: DMat3::IDENTITY, stars: self.params.stars as usize }),
+        }
     }
 
     /// Returns the temporal noise at a rate. A turn about the boresight moves stars by the field's radius at most.
@@ -151,13 +180,19 @@ impl TrackerModel {
         DVec3::new(noise.x.hypot(added * ratio.x), noise.y.hypot(added * ratio.y), noise.z.hypot(added * ratio.z))
     }
 
-    fn error_rad(&self, frame: u32, at: Tai, truth: &Rotation<Sensor, Icrf>, sigma_rad: DVec3) -> DVec3 {
+    fn error_rad(
+        &self,
+        frame: u32,
+        at: Tai,
+        truth: &Rotation<Sensor, Icrf>,
+        (sigma_rad, factor): (DVec3, &DMat3),
+    ) -> DVec3 {
         let [a, b, c, _] = self.gaussians(frame);
         let params = &self.params;
         let drift = params.drift_rad_h * ((at - self.start).s() / HOUR_S);
         let fov = params.fov_spatial_rad * spatial(&self.fov, truth);
         let pixel = params.pixel_spatial_rad * spatial(&self.pixel, truth);
-        params.bias_rad + drift + fov + pixel + sigma_rad * DVec3::new(a, b, c)
+        params.bias_rad + drift + fov + pixel + sigma_rad * (*factor * DVec3::new(a, b, c))
     }
 
     fn is_blinded(&self, at: Tai, truth: &Rotation<Sensor, Icrf>) -> bool {
@@ -183,6 +218,12 @@ impl TrackerModel {
         let ([x, y], [z, w]) = (pair(a, b), pair(c, d));
         [x, y, z, w]
     }
+}
+
+/// Returns the covariance of noise of these figures, turned by a field's factor.
+fn covariance(sigma_rad: DVec3, factor: &DMat3) -> DMat3 {
+    let root = DMat3::from_diagonal(sigma_rad) * *factor;
+    root * root.transpose()
 }
 
 /// Numbers above 0 and below 1.

@@ -326,8 +326,41 @@ def tracker_commands():
     yield "canopen", b"\4" + head + b"".join(sdo) + struct.pack("<H", 2) + b"".join(nmt)
 
 
+def tracker_telemetry():
+    def crc16(data):
+        crc = 0xFFFF
+        for byte in data:
+            crc ^= byte << 8
+            for _ in range(8):
+                crc = (crc << 1 ^ 0x1021 if crc & 0x8000 else crc << 1) & 0xFFFF
+        return data + struct.pack(">H", crc)
+
+    head = bytes([2, 0, 7, 30])
+    halves = struct.pack(">4H", 16385, 49151, 49151, 49151)
+    nos3 = b"\xde\xad\x02\0\0\0\0\xbe\xef\xde\xad" + halves
+    yield "nos3", b"\0" + head + nos3 + b"\1\xbe\xef" + b"\x55" + nos3 + b"\0\xbe\xef"
+    # Frames of the tracker's own, with their hashes: a solution with an attitude, one without.
+    solutions = [
+        "c0218418000000000090e3f9c0f54b06000a4f7e3f5d89cb3d00000000000000000000803f0a4f7e3f5d89cb3d0000000000000000001515c0",
+        "c021841b00c0",
+    ]
+    yield "sagitta", b"\1" + head + b"".join(map(bytes.fromhex, solutions))
+    time = b"\x1f" + struct.pack(">I", 2_150_000_000) + b"\x40\0\0"
+    for valid in (0, 1):
+        data = struct.pack(">H", 1) + time + bytes([2, valid]) + struct.pack(">IH4d8f", 7, 21, 0.5, -0.5, 0.5, 0.5, *[0.0] * 8)
+        packet = struct.pack(">HHHBBBHH", 0x0864, 0xC000, 7 + 8 + len(data) + 2 - 1, 0x20, 3, 25, 0, 0) + time + data
+        yield f"ccsds_{valid}", b"\2" + head + b"\xff" + crc16(packet)
+
+    def pdo(number, data):
+        return struct.pack("<H", 8 << 12 | number) + data
+
+    halves = struct.pack("<2f", 0.5, 0.5)
+    first = [struct.pack("<BBHI", 4, known, 21, 43_200_250) for known in (1, 0)]
+    yield "canopen", b"\3" + head + pdo(0, first[0]) + pdo(1, halves) + pdo(2, halves) + pdo(0, first[1]) + pdo(2, halves)
+
+
 for target in (can_decode, serial_resync, slcan, socketcand, captures, plain, network_camera, session, layer, star_lines,
-               elements, jitter_table, histories, spice, tracker_commands):
+               elements, jitter_table, histories, spice, tracker_commands, tracker_telemetry):
     folder = HERE / "corpus" / target.__name__
     folder.mkdir(parents=True, exist_ok=True)
     for name, seed in target():

@@ -11,7 +11,7 @@ use crate::wiring::assemble::RunClock;
 use crate::wiring::error::LoopError;
 use crate::wiring::heads::RunHead;
 use crate::wiring::run_times::RunTimes;
-use crate::wiring::vehicle_parts::tracker_params;
+use crate::wiring::vehicle_parts::{exposed_light, tracker_params};
 use base::clock::Clock;
 use base::time::{Span, Tai};
 use config::{Scenario, TrackerLine, TrackerOut, TrackerOutFault, TrackerOutFaultKind, TrackerProtocol, TrackerSource};
@@ -29,8 +29,8 @@ use telemetry::json::JsonDevice;
 use telemetry::nos3::Nos3Device;
 use telemetry::sagitta::SagittaDevice;
 use telemetry::{Device, Limits, Sense};
-use testbed::tracker::{GuideStars, Tracker, TrackerParams};
-use testbed::tracker_model::TrackerModel;
+use testbed::tracker::{GuideStars, StarNoise, Tracker, TrackerParams};
+use testbed::tracker_model::{NoiseMethod, TrackerModel};
 use testbed::vehicle::VehicleError;
 
 /// Streams of the seed: one for each tracker of a bench.
@@ -121,7 +121,17 @@ pub(super) fn tap_heads(
                 let guide = guides.of(&params, start)?;
                 (TrackerEyes::Pixels(Tracker::new(params, guide)), Some(size_px))
             }
-            TrackerSource::Model(params) => (TrackerEyes::Model(TrackerModel::new(params, seed, start)), None),
+            TrackerSource::Model(params) => {
+                let stars = match params.noise_method {
+                    NoiseMethod::Even => None,
+                    NoiseMethod::Stars => {
+                        let tracker = tracker_params(&own.camera, params.stars as usize);
+                        let light = exposed_light(&own.camera, &tracker);
+                        Some(StarNoise::new(&tracker, guides.of(&tracker, start)?, &light))
+                    }
+                };
+                (TrackerEyes::Model(TrackerModel::new(params, stars, seed, start)), None)
+            }
         };
         let exposure_s = head.engine.exposing().range().map(|range| range.exposure.map(Span::s));
         let desk = exposure_s.map(|_| {

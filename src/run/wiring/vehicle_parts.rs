@@ -14,7 +14,7 @@ use plan::optics::mtf::MtfChain;
 use testbed::acs::{AcsParams, Gains, KeepOut, SafeParams, SlewLimits, StructuralFilter, Thresholds, UnloadParams};
 use testbed::estimator::MekfParams;
 use testbed::spacecraft::{CircularOrbitParams, SpacecraftParams};
-use testbed::tracker::{CameraOrders, DetectorFigures, Geometry, TrackerParams};
+use testbed::tracker::{CameraOrders, DetectorFigures, ExposedLight, Geometry, TrackerParams};
 use testbed::vehicle::{HeadParams, VehicleParams};
 
 /// Above this sigma an attitude counts as unknown.
@@ -199,6 +199,19 @@ pub(super) fn camera_orders(commands: TrackerCommands, bench: &Bench) -> Option<
     let longest_s = own_s.max((LONGEST_SHARE * period.s()).min(longest_exposure_s(own_s)));
     let exposure_s = commands.exposure.then_some([EXPOSURE_LEAST.s().min(own_s), longest_s]);
     commands.any().then_some(CameraOrders { windows: commands.windows, exposure_s, period })
+}
+
+/// Returns the light of stars, and the noise of pixels without any, of one exposure of this camera; its sky is left out.
+#[must_use]
+pub fn exposed_light(camera: &Camera, params: &TrackerParams) -> ExposedLight {
+    let exposure_s = camera.exposure.exposure_s;
+    let pixels = camera.detector.params.spatial.binning.map_or(1.0, |binning| f64::from(binning.factor).powi(2));
+    let dark_e = camera.detector.params.dark_e_per_s * exposure_s * pixels;
+    let rounding_e2 = params.detector.gain_e_per_dn.powi(2) / 12.0;
+    ExposedLight {
+        zero_magnitude_e: camera.zero_point_e_per_s() * exposure_s,
+        background_sigma_e: (params.detector.read_noise_e_rms.powi(2) + dark_e + rounding_e2).sqrt(),
+    }
 }
 
 /// Returns the parameters of a tracker behind this camera, as in its data sheet and calibration.

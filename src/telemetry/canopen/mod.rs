@@ -32,7 +32,7 @@ pub const FIRST_FREE_NODE: u8 = 96;
 const NMT: u16 = 0x000;
 const SYNC: u16 = 0x080;
 const EMCY: u16 = 0x080;
-const TPDO_IDS: [u16; 4] = [0x180, 0x280, 0x380, 0x480];
+pub(crate) const TPDO_IDS: [u16; 4] = [0x180, 0x280, 0x380, 0x480];
 const SDO_ANSWER: u16 = 0x580;
 const SDO_REQUEST: u16 = 0x600;
 const ERROR_CONTROL: u16 = 0x700;
@@ -41,7 +41,7 @@ const STAR_TRACK: u8 = 4;
 const ATTITUDE_LOST: u16 = 0xFF01;
 /// Generic and manufacturer-specific error.
 const ERROR_BITS: u8 = 0x81;
-const MS_PER_DAY: i64 = 86_400_000;
+pub(crate) const MS_PER_DAY: i64 = 86_400_000;
 
 /// States of a node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

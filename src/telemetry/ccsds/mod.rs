@@ -27,7 +27,7 @@ use packet::{COUNT_MASK, PacketError, Telecommand, Telemetry, cuc, length_of};
 use std::collections::BTreeMap;
 
 const VERIFICATION: u8 = 1;
-const HOUSEKEEPING: [u8; 2] = [3, 25];
+pub(crate) const HOUSEKEEPING: [u8; 2] = [3, 25];
 const ONE_HOUSEKEEPING: [u8; 2] = [3, 27];
 const FOUND: [u8; 2] = [5, 1];
 const LOST: [u8; 2] = [5, 2];
@@ -35,7 +35,7 @@ const FUNCTION: [u8; 2] = [8, 1];
 const PING: [u8; 2] = [17, 1];
 const PONG: [u8; 2] = [17, 2];
 /// Number of the only housekeeping structure, and of the events.
-const STRUCTURE: u16 = 1;
+pub(crate) const STRUCTURE: u16 = 1;
 const EVENT_FOUND: u16 = 1;
 const EVENT_LOST: u16 = 2;
 const ACCEPTANCE: u8 = 0b0001;
@@ -193,7 +193,11 @@ impl Device for CcsdsDevice {
                 }
                 // The next octet may begin a packet.
                 Err(
-                    PacketError::NoTelecommand | PacketError::BadLength | PacketError::BadCrc | PacketError::NotPusC,
+                    PacketError::NoTelecommand
+                    | PacketError::NoTelemetry
+                    | PacketError::BadLength
+                    | PacketError::BadCrc
+                    | PacketError::NotPusC,
                 ) => {
                     self.answered.refused += u64::from(!core::mem::replace(&mut self.is_out_of_step, true));
                     at += 1;

@@ -13,6 +13,12 @@ const TC_SECONDARY: usize = 5;
 const CRC: usize = 2;
 /// Longest telecommand, octets.
 pub const TC_MAX: usize = 256;
+/// Octets of the secondary header of telemetry before its time code.
+const TM_SECONDARY: usize = 7;
+/// Octets of the time code with its P-field.
+const TIME: usize = 8;
+/// Longest telemetry packet that is read, octets.
+pub const TELEMETRY_MAX: usize = 4096;
 /// Version, type and secondary header flag of telemetry.
 const TM_FIRST: u16 = 0x0800;
 /// The same of a telecommand.
@@ -71,7 +77,7 @@ impl Telemetry<'_> {
     /// Returns the packet's octets.
     #[must_use]
     pub fn encode(&self) -> Vec<u8> {
-        let field = 7 + self.time.len() + self.data.len() + CRC;
+        let field = TM_SECONDARY + self.time.len() + self.data.len() + CRC;
         let mut packet = Vec::with_capacity(PRIMARY + field);
         packet.extend((TM_FIRST | (self.apid & APID_MASK)).to_be_bytes());
         packet.extend((UNSEGMENTED | (self.count & COUNT_MASK)).to_be_bytes());
@@ -85,6 +91,55 @@ impl Telemetry<'_> {
         packet.extend(crc16(&packet).to_be_bytes());
         packet
     }
+}
+
+/// A telemetry packet that has been read; its time code has eight octets.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TelemetryView<'a> {
+    /// Application process.
+    pub apid: u16,
+    /// Service and subtype.
+    pub service: [u8; 2],
+    /// Time code with its P-field.
+    pub time: [u8; TIME],
+    /// Source data.
+    pub data: &'a [u8],
+}
+
+impl<'a> TelemetryView<'a> {
+    /// Reads a whole packet.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub fn read(packet: &'a [u8]) -> Result<Self, PacketError> {
+        let length = telemetry_length(packet).unwrap_or(Err(PacketError::BadLength))?;
+        let (Some((content, crc)), true) = (packet.split_last_chunk::<CRC>(), packet.len() == length) else {
+            return Err(PacketError::BadLength);
+        };
+        if crc16(content) != u16::from_be_bytes(*crc) {
+            return Err(PacketError::BadCrc);
+        }
+        let [a, b, _, _, _, _, version, service, subtype, _, _, _, _, rest @ ..] = content else {
+            return Err(PacketError::BadLength);
+        };
+        let Some((time, data)) = rest.split_first_chunk::<TIME>() else { return Err(PacketError::BadLength) };
+        if version & 0xF0 != PUS_C {
+            return Err(PacketError::NotPusC);
+        }
+        let apid = u16::from_be_bytes([*a, *b]) & APID_MASK;
+        Ok(Self { apid, service: [*service, *subtype], time: *time, data })
+    }
+}
+
+/// Octets of the telemetry packet that begins here; `None` when its header is not whole yet.
+pub(crate) fn telemetry_length(bytes: &[u8]) -> Option<Result<usize, PacketError>> {
+    let [a, b, _, _, c, d] = *bytes.first_chunk::<PRIMARY>()?;
+    if u16::from_be_bytes([a, b]) & !APID_MASK != TM_FIRST {
+        return Some(Err(PacketError::NoTelemetry));
+    }
+    let length = PRIMARY + usize::from(u16::from_be_bytes([c, d])) + 1;
+    let is_possible = (PRIMARY + TM_SECONDARY + TIME + CRC..=TELEMETRY_MAX).contains(&length);
+    Some(if is_possible { Ok(length) } else { Err(PacketError::BadLength) })
 }
 
 /// A telecommand.
@@ -110,8 +165,11 @@ pub enum PacketError {
     /// They have another type or version.
     #[error("the packet is of another type: wanted a telecommand with a secondary header, version 0")]
     NoTelecommand,
-    /// Its length is not that of a telecommand.
-    #[error("the packet has a length that no telecommand has: at most {TC_MAX} octets")]
+    /// They have another type or version than telemetry.
+    #[error("the packet is of another type: wanted telemetry with a secondary header, version 0")]
+    NoTelemetry,
+    /// Its length is not that of such a packet.
+    #[error("the packet has a length that none has: a telecommand at most {TC_MAX} octets, telemetry {TELEMETRY_MAX}")]
     BadLength,
     /// Its CRC is that of other octets.
     #[error("the CRC differs: wanted CRC-16/IBM-3740 over all octets before it")]

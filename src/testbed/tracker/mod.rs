@@ -30,6 +30,7 @@ mod head;
 mod identify;
 mod pairs;
 mod params;
+mod star_noise;
 mod track;
 mod wahba;
 
@@ -43,6 +44,7 @@ pub use geometry::Geometry;
 pub use guide::{GuideStar, GuideStars};
 pub use head::{Mode, Outcome, Solution, Tracker, TrackerCounts};
 pub use params::{DetectorFigures, TrackerParams};
+pub use star_noise::{ExposedLight, FieldNoise, StarNoise};
 
 #[cfg(test)]
 mod tests;

@@ -2,9 +2,13 @@
 //! the tracker on pixels (`error_terms`), within four standard errors of that estimate.
 
 use super::*;
-use crate::tracker::{AttitudePair, ErrorTerms, Geometry, error_terms};
+use crate::tracker::{
+    AttitudePair, DetectorFigures, ErrorTerms, ExposedLight, Geometry, GuideStars, TrackerParams, error_terms,
+};
 use base::axes::sensor_from_ra_dec_roll;
 use base::units::ARCSEC;
+use stars::catalog::Catalog;
+use std::sync::Arc;
 
 const STATIONS: u32 = 600;
 const REPEATS: u32 = 20;
@@ -21,7 +25,9 @@ fn figures() -> ModelParams {
         pixel_spatial_rad: DVec3::new(1.0, 1.0, 5.0) * ARCSEC,
         pixel_rad: 70.0 * ARCSEC,
         noise_rad: DVec3::new(1.5, 1.5, 12.0) * ARCSEC,
+        noise_method: NoiseMethod::Even,
         noise_rate_s: 0.0,
+        date_error: Span::ZERO,
         acquisition: Span::ZERO,
         acquisition_probability: 1.0,
         tracking_probability: 1.0,
@@ -55,7 +61,7 @@ fn station(number: u32) -> Rotation<Sensor, Icrf> {
 }
 
 fn terms(params: ModelParams, seed: u64) -> ErrorTerms {
-    let mut model = TrackerModel::new(params, seed, at(0));
+    let mut model = TrackerModel::new(params, None, seed, at(0));
     let mut series = Vec::new();
     for number in 0..STATIONS * REPEATS {
         let truth = station(number / REPEATS);
@@ -114,16 +120,75 @@ fn drift_grows_and_noise_follows_the_rate() {
         drift_rad_h: DVec3::new(3.0, 0.0, -6.0) * ARCSEC,
         ..figures()
     };
-    let mut model = TrackerModel::new(quiet, 3, at(0));
+    let mut model = TrackerModel::new(quiet, None, 3, at(0));
     let truth = station(5);
     let Outcome::Solved(late) = model.measure(9, at(1_800_000), &truth, DVec3::ZERO) else { unreachable!() };
     let error = truth.rotation_vector_to(&late.sensor_from_icrf) / ARCSEC;
     assert!((error - DVec3::new(1.5, 0.0, -3.0)).length() < 1e-4, "half an hour: {error:?}");
     let blurred = ModelParams { noise_rate_s: 1e-3, ..figures() };
-    let model = TrackerModel::new(blurred, 3, at(0));
+    let model = TrackerModel::new(blurred, None, 3, at(0));
     let at_rate = model.noise_rad(DVec3::new(1.0 * DEG, 0.0, 0.0));
     let wanted = (1.5_f64).hypot(1e-3 * DEG / ARCSEC * 1.5 / 12.0);
     assert!((at_rate.x / ARCSEC - wanted).abs() < 1e-9, "{}", at_rate.x / ARCSEC);
+}
+
+#[test]
+fn a_late_date_is_an_error_against_the_motion() {
+    let params = ModelParams {
+        bias_rad: DVec3::ZERO,
+        fov_spatial_rad: DVec3::ZERO,
+        pixel_spatial_rad: DVec3::ZERO,
+        noise_rad: DVec3::splat(1e-12),
+        date_error: Span::from_ms(20),
+        ..figures()
+    };
+    let truth = station(5);
+    let rate = DVec3::new(0.3, -0.2, 0.1) * DEG;
+    let mut model = TrackerModel::new(params, None, 3, at(0));
+    let Outcome::Solved(solution) = model.measure(1, at(0), &truth, rate) else { unreachable!() };
+    let error = truth.rotation_vector_to(&solution.sensor_from_icrf);
+    assert!((error + rate * 0.02).length() < 1e-9, "where it was 20 ms ago: {error:?}");
+}
+
+/// Noise by stars: of the size of the figures over the sky, and of a field's own in it, with its correlations.
+#[test]
+fn noise_by_stars_is_that_of_the_field() {
+    let detector =
+        DetectorFigures { gain_e_per_dn: 25.1, black_level_dn: 100.0, read_noise_e_rms: 61.5, saturation_dn: 4095 };
+    let tracker = TrackerParams { most_stars: 40, ..TrackerParams::new(geometry(), detector, 0.65) };
+    let guide = Arc::new(GuideStars::new(&Catalog::built_in().unwrap(), &tracker, at(0)).unwrap());
+    let light = ExposedLight { zero_magnitude_e: 1.12e6, background_sigma_e: 62.5 };
+    let mut stars = StarNoise::new(&tracker, guide, &light);
+    let params = ModelParams {
+        bias_rad: DVec3::ZERO,
+        fov_spatial_rad: DVec3::ZERO,
+        pixel_spatial_rad: DVec3::ZERO,
+        noise_method: NoiseMethod::Stars,
+        stars: 40,
+        ..figures()
+    };
+    let mut model = TrackerModel::new(params, Some(stars.clone()), 11, at(0));
+    let frames = 4000_u32;
+    let mut ratios = Vec::new();
+    for number in [3, 150, 300, 450] {
+        let (truth, mut sum) = (station(number), DMat3::ZERO);
+        for frame in 0..frames {
+            let Outcome::Solved(solution) = model.measure(frame, at(i64::from(frame)), &truth, DVec3::ZERO) else {
+                unreachable!("it always tracks")
+            };
+            let e = truth.rotation_vector_to(&solution.sensor_from_icrf);
+            sum += DMat3::from_cols(e * e.x, e * e.y, e * e.z) * (1.0 / f64::from(frames));
+        }
+        let wanted = covariance(params.noise_rad, &stars.at(&truth).unwrap().factor);
+        let error = (2.0 / f64::from(frames)).sqrt();
+        for axis in 0..3 {
+            let ratio = sum.col(axis)[axis] / wanted.col(axis)[axis];
+            assert!((ratio - 1.0).abs() < SIGMAS * error, "station {number}, axis {axis}: {ratio}");
+        }
+        ratios.push(wanted.z_axis.z.sqrt() / params.noise_rad.z);
+    }
+    let [least, most] = [f64::min, f64::max].map(|of| ratios.iter().copied().reduce(of).unwrap());
+    assert!(most > 1.5 * least, "control: it is not even, {ratios:.3?}");
 }
 
 #[test]
@@ -132,7 +197,7 @@ fn attitude_is_found_after_its_time_and_lost_above_the_rate() {
     let truth = station(0);
     let (mut waited, trials) = (0.0, 400_u32);
     for trial in 0..trials {
-        let mut model = TrackerModel::new(params, u64::from(trial), at(0));
+        let mut model = TrackerModel::new(params, None, u64::from(trial), at(0));
         let found = (0..200_u32).find(|frame| {
             matches!(model.measure(*frame, at(100 * i64::from(*frame)), &truth, DVec3::ZERO), Outcome::Solved(_))
         });
@@ -143,8 +208,12 @@ fn attitude_is_found_after_its_time_and_lost_above_the_rate() {
     // Geometric law: mean (1 - p) / p = 1, standard deviation sqrt(1 - p) / p.
     let (mean, error) = (waited / f64::from(trials), (0.5_f64).sqrt() / 0.5 / f64::from(trials).sqrt());
     assert!((mean - 1.0).abs() < SIGMAS * error, "{mean}");
-    let mut model =
-        TrackerModel::new(ModelParams { acquisition: Span::ZERO, acquisition_probability: 1.0, ..params }, 1, at(0));
+    let mut model = TrackerModel::new(
+        ModelParams { acquisition: Span::ZERO, acquisition_probability: 1.0, ..params },
+        None,
+        1,
+        at(0),
+    );
     let mut solved_at = |frame: u32, rate_deg_s: f64| {
         let rate = DVec3::X * (rate_deg_s * DEG);
         matches!(model.measure(frame, at(100 * i64::from(frame)), &truth, rate), Outcome::Solved(_))
@@ -157,7 +226,7 @@ fn attitude_is_found_after_its_time_and_lost_above_the_rate() {
 #[test]
 fn tracking_probability_is_that_of_frames() {
     let params = ModelParams { tracking_probability: 0.9, ..figures() };
-    let mut model = TrackerModel::new(params, 5, at(0));
+    let mut model = TrackerModel::new(params, None, 5, at(0));
     let truth = station(0);
     let frames = 20_000_u32;
     let lost = (0..frames).filter(|frame| {
@@ -177,7 +246,7 @@ fn sun_and_moon_blind_it_inside_their_cones_only() {
         let outcome = |off_deg: f64| {
             let away = if dec > 0.0 { dec - off_deg * DEG } else { dec + off_deg * DEG };
             let truth = sensor_from_ra_dec_roll(ra, away, 0.0);
-            TrackerModel::new(params, 1, at(0)).measure(0, at(0), &truth, DVec3::ZERO)
+            TrackerModel::new(params, None, 1, at(0)).measure(0, at(0), &truth, DVec3::ZERO)
         };
         assert_eq!(outcome(half_angle_deg - 0.1), Outcome::NoSolution(Reason::StrayLight));
         assert!(matches!(outcome(half_angle_deg + 0.1), Outcome::Solved(_)));
@@ -187,8 +256,8 @@ fn sun_and_moon_blind_it_inside_their_cones_only() {
 #[test]
 fn the_same_frames_give_the_same_bits_in_any_order() {
     let params = figures();
-    let mut forward = TrackerModel::new(params, 7, at(0));
-    let mut backward = TrackerModel::new(params, 7, at(0));
+    let mut forward = TrackerModel::new(params, None, 7, at(0));
+    let mut backward = TrackerModel::new(params, None, 7, at(0));
     let measure = |model: &mut TrackerModel, frame: u32| match model.measure(frame, at(0), &station(frame), DVec3::ZERO)
     {
         Outcome::Solved(solution) => solution.sensor_from_icrf,
@@ -198,7 +267,7 @@ fn the_same_frames_give_the_same_bits_in_any_order() {
     let mut back: Vec<_> = (0..50).rev().map(|frame| measure(&mut backward, frame)).collect();
     back.reverse();
     assert_eq!(there, back);
-    let mut other = TrackerModel::new(params, 8, at(0));
+    let mut other = TrackerModel::new(params, None, 8, at(0));
     assert_ne!(there[0], measure(&mut other, 0), "control: another seed");
 }
 

@@ -16,6 +16,7 @@
 //! | `elements` | two-line elements, OMM | the object asked for, and no other passed over; states are finite and above ground |
 //! | `histories` | AEM, OEM, STK files, tables | bounded memory; times rise, attitudes are rotations; what was written is read |
 //! | `tracker_commands` | requests of star trackers' clients | the same for any chunks, orders within limits, answers that can be read |
+//! | `tracker_telemetry` | packets of star trackers | the same for any chunks, attitudes of norm 1, a device is read after noise |
 //! | `session` | commands, table cells | the answers and tables of a model |
 
 #![forbid(unsafe_code)]

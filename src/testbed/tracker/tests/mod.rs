@@ -6,6 +6,7 @@ mod lost;
 mod parts;
 mod series;
 mod spots;
+mod star_noise;
 
 use super::{GuideStars, earth_beta};
 use base::time::Tai;
