@@ -283,7 +283,7 @@ class Stars(unittest.TestCase):
                 stars = {}
                 for row in table(out, "stars"):
                     stars.setdefault(row["item"], []).append(row)
-                # Four stars that stand out are the least that a tracker needs.
+                # Four clear stars are the least that a tracker needs.
                 able = [one for one in entries if sum(star["snr"] > 7 for star in stars.get(one["item"], []) if star["snr"]) >= 6]
                 px_arcsec = self.pixel_arcsec(camera)
                 # Half a pixel, and the aberration of light, which cedar-solve does not know.

@@ -14,7 +14,7 @@ use serde::Serialize;
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
-/// Time between two lines of progress where standard error is no terminal, s.
+/// Time between two lines of progress where standard error is not a terminal, s.
 const LINE_EVERY_S: f64 = 10.0;
 
 /// Command line of `dataset`.
@@ -29,7 +29,7 @@ pub struct DataSetArgs {
     /// Folder of the data set: a new one, or one to go on with
     #[arg(long, value_name = "FOLDER", required_unless_present = "verify")]
     out: Option<PathBuf>,
-    /// Threads, each of which draws on one core [default: as many as the machine has]
+    /// Threads; each draws on one core [default: as many as the machine has]
     #[arg(long, value_name = "N")]
     workers: Option<usize>,
     /// Only these shards, the second excluded, such as 0..4: other programs may draw the others into the same folder
@@ -56,7 +56,7 @@ fn shards(text: &str) -> Result<Range<u32>> {
     Ok(first.parse().with_context(wanted)?..end.parse().with_context(wanted)?)
 }
 
-/// What was made, for programs.
+/// Report of a command, for programs.
 #[derive(Debug, Serialize)]
 struct Made {
     folder: PathBuf,

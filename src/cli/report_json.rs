@@ -17,6 +17,7 @@ pub const SCHEMAS: &[(&str, u32)] = &[
     ("chart", 1),
     ("check", 1),
     ("compare", 1),
+    ("dataset", 1),
     ("display-monitors", 1),
     ("doctor", 1),
     ("link-check", 1),

@@ -20,12 +20,12 @@ const ABOUT: &str = "data_set.json";
 /// Name of the list of all files with their SHA-256, as `sha256sum -c` reads it.
 pub const CHECKSUMS: &str = "checksums.sha256";
 
-/// What a folder is about.
+/// Subject of a folder.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct About {
     /// Name of the data set.
     pub name: String,
-    /// What it is for.
+    /// Its purpose.
     pub description: String,
     /// Licence of its images.
     pub licence: String,

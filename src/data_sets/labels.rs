@@ -1,7 +1,7 @@
 //! Labels of items: a table with a row for each item, and one with a row for each star and target.
 //!
 //! In: items, one after the other. Out: both tables as Parquet, and the labels of one item as JSON for WebDataset. Every
-//! column stands once, in [`ITEM_COLUMNS`] or [`STAR_COLUMNS`]; the guide's `data_sets.md` lists them, which a test below
+//! column is defined once, in [`ITEM_COLUMNS`] or [`STAR_COLUMNS`]; the guide's `data_sets.md` lists them, which a test below
 //! checks.
 
 use crate::studio::Item;

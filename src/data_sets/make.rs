@@ -22,7 +22,7 @@ pub const MOST_WORKERS: usize = 1024;
 /// Time between two reports of progress.
 const REPORT_EVERY: Duration = Duration::from_millis(200);
 
-/// What is to be made.
+/// Request for a data set, or for a part of one.
 #[derive(Debug, Clone)]
 pub struct Order<'a> {
     /// The description.
@@ -48,7 +48,7 @@ pub struct Progress {
     pub wanted: u32,
 }
 
-/// What came of it.
+/// Result of a request.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Summary {
     /// Items that were drawn.

@@ -1,4 +1,4 @@
-//! Boxes and masks of targets: the pixels in which a target's own light stands out.
+//! Boxes and masks of targets: the pixels in which a target's own light is above the noise.
 //!
 //! In: the mean electrons of one target drawn alone, sensor pixel by sensor pixel, and the noise of a pixel without it. Out:
 //! the output pixels in which its light is at least `mask_snr` times that noise, their bounding box and their run lengths in

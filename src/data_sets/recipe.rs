@@ -1,4 +1,4 @@
-//! What one item shows: attitude, instant, motion, faults and targets, from its number alone.
+//! The content of one item: attitude, instant, motion, faults and targets, from its number alone.
 //!
 //! In: a description, the number of an item, the camera of its shard. Out: a [`Recipe`] with everything that is drawn,
 //! checked as the files of a run are. Tests: below, and `studio`.

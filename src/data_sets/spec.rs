@@ -160,7 +160,7 @@ pub struct TargetDraw {
 pub struct Spec {
     /// Its name.
     pub name: String,
-    /// What it is for.
+    /// Its purpose.
     pub description: String,
     /// Licence of the images.
     pub licence: String,
@@ -174,7 +174,7 @@ pub struct Spec {
     pub attitudes: Attitudes,
     /// First and last middle of an exposure.
     pub span: [Tai; 2],
-    /// What moves within the exposure.
+    /// Motion within the exposure.
     pub motion: MotionKeys,
     /// Faults that some items have.
     pub faults: Vec<FaultDraw>,
@@ -197,7 +197,7 @@ fn first_seed() -> u64 {
 }
 
 impl Spec {
-    /// Reads a description; where there is no such file, the one of the program with this path below `configs/`. Files
+    /// Reads a description; where the file is missing, the one of the program with this path below `configs/`. Files
     /// that it names are relative to its folder.
     ///
     /// # Errors

@@ -25,7 +25,7 @@ use toml::Table;
 /// One image with its labels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Item {
-    /// What was drawn for it.
+    /// Everything that was drawn for it.
     pub recipe: Recipe,
     /// Shard whose camera drew it.
     pub shard: u32,
@@ -125,7 +125,7 @@ impl Studio {
         let targets = self.targets_of(&recipe)?;
         let (snr_of, threshold_e) = (self.sensitivity.window.noise(&self.sensitivity.pixel), self.threshold_e());
         let frame = if recipe.faults.iter().any(|(_, fault)| stays(fault)) {
-            // What stays in a detector must not reach the next item.
+            // A change that stays in a detector must not reach the next item.
             let mut own = still_of(&self.spec, &self.bench)?;
             drawn(&mut own, &recipe, &targets, threshold_e)?
         } else {

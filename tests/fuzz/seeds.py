@@ -339,7 +339,7 @@ def tracker_telemetry():
     halves = struct.pack(">4H", 16385, 49151, 49151, 49151)
     nos3 = b"\xde\xad\x02\0\0\0\0\xbe\xef\xde\xad" + halves
     yield "nos3", b"\0" + head + nos3 + b"\1\xbe\xef" + b"\x55" + nos3 + b"\0\xbe\xef"
-    # Frames of the tracker's own, with their hashes: a solution with an attitude, one without.
+    # Two frames of the right form with wrong hashes: damage.
     solutions = [
         "c0218418000000000090e3f9c0f54b06000a4f7e3f5d89cb3d00000000000000000000803f0a4f7e3f5d89cb3d0000000000000000001515c0",
         "c021841b00c0",

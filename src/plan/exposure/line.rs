@@ -13,7 +13,7 @@ use crate::exposure::pose::PathNode;
 /// Rows of a path that were merged.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Merged {
-    /// What the covariance of the path lacks or has too much, px^2: a bound.
+    /// Bound of the error of the covariance of the path, px^2.
     pub covariance_px2: f64,
     /// Length of the path through all rows, and through the ends of what was merged, px.
     pub length_px: [f64; 2],

@@ -71,7 +71,7 @@ fn a_place_has_the_bounds_of_bright_and_of_faint_stars() {
     let params = TrackerParams { prnu: 0.0, ..camera(1.0, u16::MAX).params };
     let variance_px2 = params.pixel_psf_sigma_px().powi(2);
     let bright = StarNoise::place_sigma_px(&params, &ExposedLight { background_sigma_e: 0.01, ..light() }, 1e5);
-    // What lies beyond the window is left out: exp(-u) (1 + u) at its edge, 0.7 %.
+    // Light beyond the window is left out: exp(-u) (1 + u) at its edge, 0.7 %.
     assert!((bright.powi(2) * 1e5 / variance_px2 - 1.0).abs() < 0.02, "{bright}");
     let faint = StarNoise::place_sigma_px(&params, &ExposedLight { background_sigma_e: 1e4, ..light() }, 1e3);
     let wanted = 8.0 * PI * variance_px2 * variance_px2 * 1e8 / 1e6;
@@ -91,7 +91,7 @@ fn attitudes_are_as_sure_as_the_tracker_says() {
         let attitude = random_attitude(&mut random);
         tracker.forget();
         let mut look = |at| tracker.measure(&painter.shoot(&Shot::still(attitude, beta())), at, beta(), None);
-        // The second frame is of all stars that it expects, not only of those that stand out.
+        // The second frame is of all stars that it expects, not only of the clear ones.
         look(noon());
         let Outcome::Solved(solution) = look(noon() + Span::from_ms(100)) else { continue };
         let (covariance, stars) = noise.covariance_rad2(&attitude).expect("enough stars");
