@@ -317,7 +317,7 @@ class Stars(unittest.TestCase):
                 # cedar-solve takes any star within a hundredth of the field for a match: where its star is more than two
                 # pixels from the label's, the Hipparcos catalog itself says that the match is wrong.
                 self.assertLessEqual(other, 0.01 * same + 1)
-                self.assertLess(exchanged, 0.01 * same + 1, "control: numbers of other stars do not agree")
+                self.assertLess(exchanged, 0.05 * same + 1, "control: numbers of other stars do not agree")
                 mirrored = [one for one in solved if is_right(one, [one["attitude"][0], *(-part for part in one["attitude"][1:])])]
                 self.assertLess(len(mirrored), 0.1 * len(solved) + 1, "control: the inverse attitude is wrong")
 

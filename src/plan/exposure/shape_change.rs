@@ -81,8 +81,9 @@ impl ShapeChange {
         let half_px = extent_px + (REACH_SIGMA * self.sigma_px + 0.5).max(WINDOW_HALF as f64 + 1.5);
         let half = (half_px * self.per_px as f64).ceil();
         let points = 2.0 * half + 1.0;
-        // Not a number for an unknown motion.
-        if !(points * points * nodes as f64 <= MOST_WORK as f64) {
+        // False for an unknown motion, whose extent is not a number.
+        let is_little_work = points * points * nodes as f64 <= MOST_WORK as f64;
+        if !is_little_work {
             return false;
         }
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "limited above")]

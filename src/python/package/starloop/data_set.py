@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import os
 from typing import Any, Dict, Iterator, List, Mapping, Optional, Tuple, Union
@@ -125,7 +126,8 @@ def ray_source(spec: Spec, count: int) -> Any:
             for first in range(0, count, described.shard_items):
                 end = min(first + described.shard_items, count)
                 metadata = BlockMetadata(num_rows=end - first, size_bytes=None, input_files=None, exec_stats=None)
-                tasks.append(ReadTask(lambda first=first, end=end: rows(first, end), metadata))
+                tasks.append(ReadTask(functools.partial(rows, first, end), metadata))
             return tasks
 
-    return StarloopSource()
+    source: Any = StarloopSource
+    return source()
