@@ -195,7 +195,7 @@ mod tests {
         let row = |i: u32| {
             let share = f64::from(i) / f64::from(rows - 1);
             let [x, y] = [7.3, 4.1].map(|turns| (core::f64::consts::TAU * turns * share).sin());
-            let off = if i % 2 == 0 { rough_px } else { -rough_px };
+            let off = if i.is_multiple_of(2) { rough_px } else { -rough_px };
             PixelPoint { t_s: share * EXPOSURE_S, dx_px: x + off, dy_px: 0.7 * y - off, roll_rad: 0.0 }
         };
         (0..rows).map(row).collect()
