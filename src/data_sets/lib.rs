@@ -7,7 +7,7 @@
 //! * [`studio`]: the camera of one shard, and its images; [`outline`]: boxes and masks of targets;
 //! * [`labels`]: tables of items and stars; [`image_files`]: FITS, PNG, WebDataset, Zarr; [`coco`]: boxes for detectors;
 //! * [`shard`]: one shard on disk; [`folder`]: the whole folder, its card and its checksums;
-//! * [`make`]: workers, resumption and progress.
+//! * [`mod@make`]: workers, resumption and progress.
 //!
 //! Item `i` of a data set has the same bits whoever draws it: on one worker or many, alone or after others, in one go or
 //! after a kill. Tests: beside the code, and `hil_scripts/test_data_sets.py` with the readers of other people.

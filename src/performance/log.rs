@@ -11,7 +11,7 @@
 //! | `stars` | stars that were used |
 //!
 //! Lines of JSON may have the attitude as a list, `q` or `q_wxyz`, and `sent_tai_ns` or `sent_utc` for when it was
-//! there: those that `[[tracker_out]]` sends are such lines. Captures of a bus are read by [`crate::captured`].
+//! there: those that `[[tracker_out]]` sends are such lines. Captures of a bus are read by `captured`.
 //!
 //! A remark `# sense: icrf_from_body` before the rows says that quaternions are the conjugate of this program's.
 

@@ -7,7 +7,7 @@
 //!   the tracker is inertial and slow while it turns;
 //! * pixel spatial error: the same with the period of a pixel;
 //! * temporal noise: Gaussian, new in each frame, with a part that grows with the rate; the same all over the sky
-//!   ([`NoiseMethod::Even`]), or by the stars that the field offers ([`NoiseMethod::Stars`], `tracker::star_noise`);
+//!   (`NoiseMethod::Even`), or by the stars that the field offers (`NoiseMethod::Stars`, `tracker::star_noise`);
 //! * measurement date error: the attitude is of an earlier instant than it says. (A wrong time tag is the caller's.)
 //!
 //! Life: an attitude is found when the rate has been below its limit and no bright body near the boresight for

@@ -5,7 +5,7 @@
 //! pixels for every phase of a star on its pixel, and compared: the largest difference of a pixel, and of the centroids
 //! of the 5 x 5 windows about the brightest pixels. Moments and characteristic functions bound the same differences by
 //! sums of absolute values, which is safe but 10 to 1,000 times too much where parts cancel; this is within a factor of
-//! three. Limits: phases and places between those compared differ by less than [`SAFETY`]; a PSF that is not a Gaussian
+//! three. Limits: phases and places between those compared differ by less than a safety factor; a PSF that is not a Gaussian
 //! is replaced by one of its core, as in the other bounds; long lists on wide grids are not drawn ([`MOST_WORK`]).
 //! Multiplications and additions are not fused, so all vector levels find the same numbers. Tests: below,
 //! `tests/physics/bounds.rs`.
