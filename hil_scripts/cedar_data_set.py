@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import numpy
-from cedar_tracker import Camera, matrix, quaternion, solver, spots
+from cedar_tracker import Camera, matched, matrix, quaternion, solver, spots
 from PIL import Image
 
 TIMEOUT_MS = 4000.0
@@ -25,15 +25,7 @@ def solve(tetra, path, camera_file):
     if len(places) < 4:
         return entry
     ideal = camera.undistorted(places)
-    found = tetra.solve_from_centroids(
-        ideal[:, ::-1] + 0.5,
-        (camera.height, camera.width),
-        fov_estimate=camera.fov_deg,
-        fov_max_error=0.05 * camera.fov_deg,
-        solve_timeout=TIMEOUT_MS,
-        distortion=None,
-        return_matches=True,
-    )
+    found = matched(tetra, camera, ideal, TIMEOUT_MS, return_matches=True)
     if found["RA"] is None:
         return entry
     entry["attitude"] = quaternion(matrix(found["RA"], found["Dec"], -found["Roll"]))

@@ -168,6 +168,20 @@ def solver():
         return Tetra3()
 
 
+def matched(tetra, camera, ideal, timeout_ms, **more):
+    """Returns what cedar-solve finds for places (x, y; first centre 0) of an ideal camera."""
+    # Its rows come first, and its first pixel's centre is at 0.5.
+    return tetra.solve_from_centroids(
+        ideal[:, ::-1] + 0.5,
+        (camera.height, camera.width),
+        fov_estimate=camera.fov_deg,
+        fov_max_error=0.05 * camera.fov_deg,
+        solve_timeout=timeout_ms,
+        distortion=None,
+        **more,
+    )
+
+
 def solve(tetra, path, given):
     """Returns the row of one image: number, time, attitude or nothing, stars."""
     header, image = read_fits(path)
@@ -177,16 +191,7 @@ def solve(tetra, path, given):
     nothing = [number, utc, "", "", "", "", ""]
     if len(places) < 4:
         return nothing
-    ideal = camera.undistorted(places)
-    # Its rows come first, and its first pixel's centre is at 0.5.
-    found = tetra.solve_from_centroids(
-        ideal[:, ::-1] + 0.5,
-        (camera.height, camera.width),
-        fov_estimate=camera.fov_deg,
-        fov_max_error=0.05 * camera.fov_deg,
-        solve_timeout=given.timeout_ms,
-        distortion=None,
-    )
+    found = matched(tetra, camera, camera.undistorted(places), given.timeout_ms)
     if found["RA"] is None:
         return nothing
     rows = matrix(found["RA"], found["Dec"], -found["Roll"])

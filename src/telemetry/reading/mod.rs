@@ -2,7 +2,7 @@
 //!
 //! Each reader is the counterpart of a device, and takes what is on the line as it comes: bytes in runs of any length,
 //! or CAN frames, with the instant of each. Packets without attitudes, and those of others on the same
-//! line, are passed over; what is damaged is counted. A reader keeps a bounded number of bytes.
+//! line, are passed over; damaged packets are counted. A reader keeps a bounded number of bytes.
 //!
 //! Quaternions come out as everywhere in starloop, whatever sense the protocol has them in. Tests: beside the code,
 //! round trips through the devices; `tests/fuzz/targets/tracker_telemetry.rs`; `hil_scripts/test_tracker_report.py` with
