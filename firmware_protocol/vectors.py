@@ -3,8 +3,9 @@
 
 Written from the byte tables of INTERFACE.md with struct alone, so that it shares nothing with the codecs that are held
 to its output. Each vector gives a message by its physical values, and its bytes on CAN FD, on classic CAN (null where
-classic CAN does not carry it) and on a serial line with the packet's sequence number. The vectors under "rejected" give
-the input, in order, and the reason for which its last piece is refused; what comes before is accepted.
+classic CAN does not carry it) and on a serial line with the packet's sequence number. An identifier of 11 bits has 3
+digits, one of 29 bits 8. The vectors under "rejected" give the input, in order, and the reason for which its last piece
+is refused; what comes before is accepted.
 """
 
 import json
@@ -147,8 +148,9 @@ def identifier(name, base, node):
     return base + (NUMBERS[name] << 4 | (0 if name == "SYNC" else node))
 
 
-def frame(name, data, base=0, node=0):
-    return {"id": f"{identifier(name, base, node):03X}", "data": data.hex()}
+def frame(name, data, base=0, node=0, id_bits=11):
+    digits = {11: 3, 29: 8}[id_bits]
+    return {"id": f"{identifier(name, base, node):0{digits}X}", "data": data.hex()}
 
 
 def line(number, seq, payload, major=MAJOR):
@@ -156,14 +158,14 @@ def line(number, seq, payload, major=MAJOR):
     return cobs(packet + struct.pack("<H", crc16(packet))) + b"\0"
 
 
-def vector(name, message, seq, fields, base=0, node=0):
-    data = PAYLOADS[message](fields)
+def vector(name, message, seq, fields, base=0, node=0, id_bits=11):
+    data, place = PAYLOADS[message](fields), (base, node, id_bits)
     if message == "ATT_FD":
-        classic = [frame(part, bytes_, base, node) for part, bytes_ in attitude_group(fields)]
+        classic = [frame(part, bytes_, *place) for part, bytes_ in attitude_group(fields)]
     else:
-        classic = [frame(message, data, base, node)] if len(data) <= 8 else None
-    return {"name": name, "message": message, "fields": fields, "base": base, "node": node,
-            "fd": frame(message, data, base, node), "classic": classic,
+        classic = [frame(message, data, *place)] if len(data) <= 8 else None
+    return {"name": name, "message": message, "fields": fields, "id_bits": id_bits, "base": base, "node": node,
+            "fd": frame(message, data, *place), "classic": classic,
             "serial": {"seq": seq, "data": line(NUMBERS[message], seq, data).hex()}}
 
 
@@ -280,6 +282,12 @@ def messages():
     add("camera status: largest levels", "CAMERA_STATUS", page=1, head=15, frame=255, gain_cdb=65535,
         black_level_dn_16=16777215)
     add("camera status: trigger", "CAMERA_STATUS", page=2, head=0, frame=202, delay_us=0x12345678)
+    # Identifiers of 29 bits; the payloads are the same.
+    for name, message, fields, base, node in (
+            ("sync", "SYNC", {"counter": 254}, 0x18FF0000, 5), ("attitude", "ATT_FD", attitude_fields(), 0x18FF0000, 5),
+            ("heartbeat", "HEARTBEAT", {"state": 2, "major": 1}, 0, 0),
+            ("heartbeat, highest identifier", "HEARTBEAT", {"state": 2, "major": 1}, 0x1FFFF8F0, 15)):
+        out.append(vector(f"29 bits: {name}", message, len(out), fields, base, node, 29))
     return out
 
 
@@ -387,9 +395,10 @@ def rejected():
     out = []
     for name, frames, reason in can_rejected():
         out.append({"name": name, "frames": [frame(message, data) for message, data in frames], "reason": reason})
-    for name, id_, reason in (("an unknown identifier", 0x7FF, "UnknownId"), ("another node", 0x201, "UnknownId"),
-                              ("sync of another node", 0x081, "UnknownId")):
-        out.append({"name": name, "frames": [{"id": f"{id_:03X}", "data": bytes(8).hex()}], "reason": reason})
+    for name, id_, reason in (("an unknown identifier", "7FF", "UnknownId"), ("another node", "201", "UnknownId"),
+                              ("sync of another node", "081", "UnknownId"),
+                              ("the number of a heartbeat, with 29 bits", "00000700", "UnknownId")):
+        out.append({"name": name, "frames": [{"id": id_, "data": bytes(8).hex()}], "reason": reason})
     for name, data, reason in serial_rejected():
         out.append({"name": name, "serial": data.hex(), "reason": reason})
     return out

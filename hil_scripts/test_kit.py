@@ -143,7 +143,8 @@ def signals_of(vector, name, data):
 def frames(vectors=VECTORS["messages"]):
     """(vector, frame) of everything at base 0, node 0, whose opcode the DBC names."""
     for vector in vectors:
-        if vector["base"] == vector["node"] == 0 and vector["fields"].get("opcode", 0) <= 8:
+        is_described = vector["id_bits"] == 11 and vector["base"] == vector["node"] == 0
+        if is_described and vector["fields"].get("opcode", 0) <= 8:
             for frame in [vector["fd"]] + (vector["classic"] or []):
                 yield vector, frame
 

@@ -620,12 +620,15 @@ static int admit(uint8_t sequences[6], uint32_t *scet_s, const sl_message *messa
 
 /* --- CAN --------------------------------------------------------------------------------------------------------- */
 
-static int is_address(uint16_t base, uint8_t node) { return base % 16 == 0 && base <= 0x0F0 && node <= 15; }
+static int is_address(uint32_t base, uint8_t node) {
+    uint32_t most = base & SL_EXTENDED ? 0x1FFFF8F0u : 0x0F0u;
+    return base % 16 == 0 && (base & ~SL_EXTENDED) <= most && node <= 15;
+}
 
-static sl_frame frame_of(uint8_t number, uint16_t base, uint8_t node, const uint8_t *data, int len) {
+static sl_frame frame_of(uint8_t number, uint32_t base, uint8_t node, const uint8_t *data, int len) {
     sl_frame frame;
     memset(&frame, 0, sizeof frame);
-    frame.id = (uint16_t)(base + (number << 4 | (number == SL_SYNC ? 0 : node)));
+    frame.id = base + (uint32_t)(number << 4 | (number == SL_SYNC ? 0 : node));
     frame.fd = len > 8;
     frame.len = (uint8_t)len;
     memcpy(frame.data, data, (size_t)len);
@@ -641,7 +644,7 @@ static uint16_t group_crc(uint8_t parts[4][8], unsigned present, const uint8_t h
     return sl_crc16(crc, head, 6);
 }
 
-static int encode_group(const sl_attitude *attitude, uint16_t base, uint8_t node, sl_frame *frames) {
+static int encode_group(const sl_attitude *attitude, uint32_t base, uint8_t node, sl_frame *frames) {
     uint8_t parts[4][8], commit[8];
     unsigned present = 3u | ((unsigned)attitude->flags & (SL_FLAG_RATE | SL_FLAG_ACCELERATION)) << 2;
     uint64_t rate = 0, acceleration = 0;
@@ -661,7 +664,7 @@ static int encode_group(const sl_attitude *attitude, uint16_t base, uint8_t node
     return count;
 }
 
-int sl_can_encode(const sl_message *message, int fd, uint16_t base, uint8_t node, sl_frame frames[SL_FRAMES_MAX]) {
+int sl_can_encode(const sl_message *message, int fd, uint32_t base, uint8_t node, sl_frame frames[SL_FRAMES_MAX]) {
     uint8_t payload[64];
     int len;
     if (!is_address(base, node)) return SL_ERROR_RANGE;
@@ -673,7 +676,7 @@ int sl_can_encode(const sl_message *message, int fd, uint16_t base, uint8_t node
     return 1;
 }
 
-int sl_can_decoder_init(sl_can_decoder *decoder, uint16_t base, uint8_t node) {
+int sl_can_decoder_init(sl_can_decoder *decoder, uint32_t base, uint8_t node) {
     memset(decoder, 0, sizeof *decoder);
     decoder->c.base = base;
     decoder->c.node = node;
@@ -709,7 +712,7 @@ static int close_group(sl_can_decoder *decoder, const sl_frame *frame, sl_attitu
 }
 
 int sl_can_read(sl_can_decoder *decoder, const sl_frame *frame, sl_message *message) {
-    unsigned offset = (unsigned)frame->id - decoder->c.base, number = offset >> 4;
+    uint32_t offset = frame->id - decoder->c.base, number = offset >> 4; /* of the other length: far off */
     int result;
     if (frame->id < decoder->c.base || number > SL_HEARTBEAT ||
         (offset & 15) != (number == SL_SYNC ? 0u : decoder->c.node))

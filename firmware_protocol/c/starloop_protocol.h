@@ -22,7 +22,8 @@ extern "C" {
 #define SL_MAJOR 1
 #define SL_MINOR 4
 
-/* Message numbers: CAN identifier = base + (number << 4 | node), SYNC without node; the type of a serial packet. */
+/* Message numbers: CAN identifier = base + (number << 4 | node), SYNC without node; the type of a serial packet. The base
+ * has SL_EXTENDED for identifiers of 29 bits. */
 enum {
     SL_SYNC = 0x08,
     SL_EXPOSURE = 0x18,
@@ -288,9 +289,12 @@ typedef struct {
     } as;
 } sl_message;
 
-/* A data frame with an 11-bit identifier. */
+/* In a base, and in the identifier of a frame: 29 bits. Without it, 11 bits. As CAN_EFF_FLAG of Linux. */
+#define SL_EXTENDED 0x80000000u
+
+/* A data frame. */
 typedef struct {
-    uint16_t id;
+    uint32_t id; /* 11 bits, or SL_EXTENDED and 29 bits */
     uint8_t fd; /* 0 classic, 1 CAN FD */
     uint8_t len;
     uint8_t data[64];
@@ -313,13 +317,14 @@ int sl_payload_encode(const sl_message *message, uint8_t payload[64]);
 int sl_payload_decode(uint8_t number, const uint8_t *payload, size_t len, sl_message *message);
 
 /* The frames of a message in the order to send them; how many, or SL_ERROR_... `fd` 0 makes classic frames only.
- * `base` is a multiple of 16 up to 0x0F0, `node` 0 to 15; otherwise SL_ERROR_RANGE. */
-int sl_can_encode(const sl_message *message, int fd, uint16_t base, uint8_t node, sl_frame frames[SL_FRAMES_MAX]);
+ * `base` is a multiple of 16 up to 0x0F0, or SL_EXTENDED and a multiple of 16 up to 0x1FFFF8F0, `node` 0 to 15; otherwise
+ * SL_ERROR_RANGE. */
+int sl_can_encode(const sl_message *message, int fd, uint32_t base, uint8_t node, sl_frame frames[SL_FRAMES_MAX]);
 
 /* Reads frames of one node: parts of the attitude group not yet committed, newest sequence numbers. */
 typedef union {
     struct {
-        uint16_t base;
+        uint32_t base;
         uint8_t node;
         uint8_t present; /* bit per part */
         uint8_t parts[4][8];
@@ -330,7 +335,7 @@ typedef union {
 } sl_can_decoder;
 
 /* 0, or SL_ERROR_RANGE for a base or node that does not exist. */
-int sl_can_decoder_init(sl_can_decoder *decoder, uint16_t base, uint8_t node);
+int sl_can_decoder_init(sl_can_decoder *decoder, uint32_t base, uint8_t node);
 
 /* Reads one frame: SL_MESSAGE, SL_NOTHING (a part of a group was kept) or SL_REJECTED. */
 int sl_can_read(sl_can_decoder *decoder, const sl_frame *frame, sl_message *message);

@@ -6,7 +6,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use firmware_protocol::Message;
-use firmware_protocol::can::{self, CanFrame, Decoder, Format, IdMap};
+use firmware_protocol::can::{self, CanFrame, CanId, Decoder, Format, IdMap};
 use firmware_protocol::message::{Command, PointingAngle, Refusal, Reply, Request, Response, StatusPage, frame_flag};
 use firmware_protocol::version::Version;
 
@@ -23,7 +23,7 @@ fn frozen(message: Message, id: u16, bytes: [u8; 8]) {
     for format in [Format::Classic, Format::Fd] {
         let frames = can::encode(&message, format, &ids()).unwrap();
         let sent: Vec<_> = frames.iter().map(|frame| (frame.id(), frame.data())).collect();
-        assert_eq!(sent, [(id, &bytes[..])], "{message:?}");
+        assert_eq!(sent, [(CanId::standard(id).unwrap(), &bytes[..])], "{message:?}");
     }
     let frame = CanFrame::classic(id, &bytes).unwrap();
     assert_eq!(Decoder::new(ids()).read(&frame), Ok(Some(message)));

@@ -10,6 +10,7 @@ use base::units::{ARCSEC, DEG};
 use config::{Bench, JitterSource, Wire};
 use core::f64::consts::TAU;
 use core::fmt::{Error, Write};
+use firmware_protocol::MessageId;
 use firmware_protocol::can::CanFrame;
 use glam::DVec3;
 use link::{CHUNK_MAX, Datagram, Packet, SerialChunk};
@@ -112,9 +113,10 @@ impl Situation {
 fn record_on_wire(bench: &Bench) -> Span {
     let (timing, frames) =
         (bench_parts::bus(bench).0.timing, if bench.link.wire == Wire::CanClassic { CLASSIC_GROUP } else { 1 });
+    let id = bench.link.ids.id(MessageId::Attitude);
     let packet = match bench.link.wire {
-        Wire::CanClassic => CanFrame::classic(0, &[0; 8]).map(Packet::Can),
-        Wire::CanFd => CanFrame::fd(0, &[0; 64]).map(Packet::Can),
+        Wire::CanClassic => CanFrame::classic(id, &[0; 8]).map(Packet::Can),
+        Wire::CanFd => CanFrame::fd(id, &[0; 64]).map(Packet::Can),
         Wire::Serial => SerialChunk::new(&[0; CHUNK_MAX]).map(Packet::Serial),
         Wire::Plain => Datagram::new(&[0; 64]).map(Packet::Datagram),
     };

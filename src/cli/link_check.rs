@@ -17,8 +17,6 @@ use link::{Link, LinkCounters, LinkError, WireFormat};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// The suite's node.
-const NODE: u8 = 5;
 /// While echoing, counters are printed this often at most, with the age of the last packet when it was read.
 const LOOK: Span = Span::from_ms(20);
 
@@ -130,7 +128,7 @@ impl LinkCheckArgs {
         let report = check_link(&format!("{:?}", self.kind), self.format(), clock, || self.ends(clock))?;
         report.checks.into_iter().for_each(&mut keep);
         if self.kind == Kind::Socketcan {
-            keep(check_filters(clock, |receives| self.can(self.interface.as_deref(), receives, clock))?);
+            keep(check_filters(clock, |ids, receives| self.can(self.interface.as_deref(), ids, receives, clock))?);
         }
         Ok(())
     }
@@ -139,9 +137,10 @@ impl LinkCheckArgs {
         match self.kind {
             Kind::Simulated => Ok(self.simulated(clock)),
             Kind::Socketcan => {
-                let near = self.can(self.interface.as_deref(), Receives::Everything, clock)?;
+                let ids = IdMap::default();
+                let near = self.can(self.interface.as_deref(), ids, Receives::Everything, clock)?;
                 let peer = self.peer.as_deref().or(self.interface.as_deref());
-                Ok((near, self.can(peer, Receives::Everything, clock)?))
+                Ok((near, self.can(peer, ids, Receives::Everything, clock)?))
             }
             Kind::Serial => self.serial(clock),
         }
@@ -162,10 +161,10 @@ impl LinkCheckArgs {
     fn can(
         &self,
         interface: Option<&str>,
+        ids: IdMap,
         receives: Receives,
         clock: &Arc<dyn Clock>,
     ) -> Result<Box<dyn Link>, LinkError> {
-        let ids = IdMap::new(0, NODE).unwrap_or_default();
         let interface = interface.unwrap_or_default().to_owned();
         let params = SocketCanParams { interface, ids, receives, fd: self.fd, bit_rate_switch: true };
         Ok(Box::new(SocketCanLink::open(params, clock)?))
@@ -198,7 +197,10 @@ impl LinkCheckArgs {
             }
             _ => {
                 let name = self.interface.as_deref();
-                Ok((self.can(name, Receives::Everything, clock)?, name.unwrap_or_default().to_owned()))
+                Ok((
+                    self.can(name, IdMap::default(), Receives::Everything, clock)?,
+                    name.unwrap_or_default().to_owned(),
+                ))
             }
         }
     }

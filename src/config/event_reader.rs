@@ -5,11 +5,14 @@ use crate::error::ConfigError;
 use crate::event_row::{Row, Timing};
 use crate::event_word::EventKeys;
 use crate::key::{Given, Section, taken};
-use crate::key_type::{KeyType, Whole};
+use crate::key_type::{KeyType, Raw, Shape, Whole};
 use base::time::Span;
 use base::units::DEG;
+use core::fmt;
+use firmware_protocol::can::CanId;
 use frames::sink::{DefectSpots, FaultPixels};
 use glam::DVec3;
+use serde::Deserialize;
 
 /// Reads the keys of one event.
 pub(super) struct Reader<'a, 'd> {
@@ -45,6 +48,48 @@ impl Taken<Whole<usize>> for Option<usize> {
 impl Taken<f64> for Span {
     fn taken(given: Given<'_, f64>, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
         given.ms(check)
+    }
+}
+
+/// A CAN identifier as a file gives it: a number is one of 11 bits, a text of 8 hexadecimal digits one of 29, as log files
+/// have them.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(untagged)]
+pub(super) enum Identifier {
+    Number(i64),
+    Digits(String),
+}
+
+impl Identifier {
+    pub(super) fn shape() -> Shape {
+        Shape::either(Shape::Whole(0..=0x7FF), Shape::Text("8 hexadecimal digits"))
+    }
+
+    fn id(&self) -> Option<CanId> {
+        match self {
+            Self::Number(number) => u16::try_from(*number).ok().and_then(CanId::standard),
+            Self::Digits(digits) => {
+                let is_long = digits.len() == 8 && digits.bytes().all(|digit| digit.is_ascii_hexdigit());
+                u32::from_str_radix(digits, 16).ok().filter(|_| is_long).and_then(CanId::extended)
+            }
+        }
+    }
+}
+
+impl fmt::Display for Identifier {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Number(number) => number.fmt(f),
+            Self::Digits(digits) => write!(f, "\"{digits}\""),
+        }
+    }
+}
+
+impl Taken<Raw<Identifier>> for CanId {
+    fn taken(given: Given<'_, Raw<Identifier>>, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+        let wanted = "a whole number from 0 to 2047, or 8 hexadecimal digits in quotes up to \"1FFFFFFF\"";
+        let Some(raw) = given.raw() else { return Err(given.missing(wanted, check)) };
+        raw.id().ok_or_else(|| given.invalid(raw, wanted, check))
     }
 }
 

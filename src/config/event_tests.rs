@@ -3,6 +3,7 @@
 use super::*;
 use crate::event_row::Row;
 use crate::event_word::link_flag;
+use firmware_protocol::can::CanId;
 use frames::sink::FaultFlags;
 use link::tap::LinkFault;
 
@@ -141,11 +142,20 @@ fn babble_and_clocks_have_edges() {
         event(&format!("do = \"bus_babble\"\ncan_id = {id}\nperiod_ms = {period_ms}\nbytes = {bytes}\n"))
     };
     let period = Span::from_ns(50_000);
-    let wanted = Action::Bus(LinkFault::Babble { id: 0x7FF, period, bytes: 64 });
-    assert_eq!(babble("0x7FF", "0.05", "64").unwrap().action, wanted);
+    let wanted = |id: Option<CanId>| Action::Bus(LinkFault::Babble { id: id.unwrap(), period, bytes: 64 });
+    assert_eq!(babble("0x7FF", "0.05", "64").unwrap().action, wanted(CanId::standard(0x7FF)));
+    for (text, number) in [("000007FF", 0x7FF), ("18ff0123", 0x18FF_0123), ("1FFFFFFF", 0x1FFF_FFFF)] {
+        let action = babble(&format!("\"{text}\""), "0.05", "64").unwrap().action;
+        assert_eq!(action, wanted(CanId::extended(number)), "{text}");
+    }
     for (id, period_ms, bytes, key) in [
         ("0x800", "1.0", "8", "can_id"),
         ("-1", "1.0", "8", "can_id"),
+        ("0x18FF0123", "1.0", "8", "can_id"),
+        ("\"7FF\"", "1.0", "8", "can_id"),
+        ("\"0x000123\"", "1.0", "8", "can_id"),
+        ("\"+0000123\"", "1.0", "8", "can_id"),
+        ("\"20000000\"", "1.0", "8", "can_id"),
         ("1", "0.049", "8", "period_ms"),
         ("1", "1.0", "65", "bytes"),
     ] {

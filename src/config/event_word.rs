@@ -4,6 +4,7 @@
 
 use crate::check::Rule::PositiveUpTo;
 use crate::event::{Action, Pointing};
+use crate::event_reader::Identifier;
 use crate::event_row::{Row, rows};
 use crate::key::section;
 use crate::key_type::{Raw, Shape, Whole, Word};
@@ -39,8 +40,8 @@ section! {
         delay_ms: f64 = Optional, Within(0.0, MOST_MS);
         /// Random part of the delay, milliseconds.
         jitter_ms: f64 = Silent(0.0), Within(0.0, MOST_MS);
-        /// An identifier of 11 bits, such as 0x123; no use on serial.
-        can_id: Whole<u16> = Optional, 0..=0x7FF, "an identifier of 11 bits, such as 0x123; no use on serial";
+        /// An identifier of 11 bits, such as 0x123, or of 29, as a text of 8 digits such as "18FF0123"; no use on serial.
+        can_id: Raw<Identifier> = Optional, Identifier::shape();
         /// Milliseconds from one packet to the next, such as 0.5.
         period_ms: f64 = Optional, Within(0.05, MOST_MS);
         /// Bytes of content, 8 if left out.

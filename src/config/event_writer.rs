@@ -5,6 +5,7 @@
 use crate::event::Event;
 use base::time::Span;
 use base::units::DEG;
+use firmware_protocol::can::CanId;
 use frames::sink::{DefectSpots, FaultPixels};
 use glam::DVec3;
 use serde_json::{Map, Value};
@@ -55,6 +56,13 @@ impl Written for Span {
     }
 }
 
+impl Written for CanId {
+    fn write(self, name: &'static str, keys: &mut Keys) {
+        let value = if self.is_extended() { format!("{self:X}").into() } else { self.number().into() };
+        keys.push((name, value));
+    }
+}
+
 impl Written for DVec3 {
     fn write(self, name: &'static str, keys: &mut Keys) {
         let rate_deg_h = self.to_array().map(|rate| Value::from(rate / (DEG / 3600.0)));
@@ -92,6 +100,7 @@ mod tests {
     use crate::event::tests::given_in_full;
     use crate::event_word::ACTIONS;
     use frames::sink::{FrameFault, PixelFault};
+    use link::tap::LinkFault;
     use testbed::vehicle::VehicleFault;
 
     fn again(event: &Event) -> Event {
@@ -139,5 +148,9 @@ mod tests {
             assert_eq!(again(&event), event);
             assert_ne!(again(&Event { at: at + lasts, ..event }), event, "control");
         }
+        let ids = [CanId::standard(0x123), CanId::extended(0x123), CanId::extended(0x1FFF_FFFF)].map(Option::unwrap);
+        let babble = |id| Action::Bus(LinkFault::Babble { id, period: Span::from_ms(1), bytes: 8 });
+        let events = ids.map(|id| Event { at, on_trigger: None, lasts, action: babble(id) });
+        assert_eq!(events.map(|event| again(&event)), events, "11 and 29 bits of one number");
     }
 }

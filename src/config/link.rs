@@ -9,6 +9,7 @@ use crate::key_type::Raw;
 use crate::link_keys::{Address, Kind, LinkKeys, LinkTable, WIRES};
 use crate::plain_link::{self, Plain};
 use core::net::SocketAddr;
+use firmware_protocol::can::{CanId, IdMap};
 use link::gateway::TcpAddress;
 use std::path::PathBuf;
 
@@ -113,10 +114,8 @@ pub struct Link {
     pub data_bit_rate: f64,
     /// Messages that may wait in each direction.
     pub queue: u32,
-    /// Node of flight computer and star sensor, 0 to 15.
-    pub node: u8,
-    /// Added to every CAN identifier, a multiple of 16 up to 0x0F0.
-    pub id_base: u16,
+    /// CAN identifiers of the node of flight computer and star sensor.
+    pub ids: IdMap,
     /// Folder of a pulse-per-second source in sysfs; its pulses mark the flight computer's whole seconds.
     pub pps: Option<PathBuf>,
     /// Content of plain messages; `None`: the wire carries the protocol.
@@ -197,12 +196,12 @@ impl Link {
         let queue = keys.queue().check(check)?;
         let carrier = carrier(keys, kind, check)?;
         let plain = plain_link::plain(keys, kind, wire, check)?;
-        let (node, id_base) = identifiers(keys, wire, check)?;
+        let ids = identifiers(keys, wire, check)?;
         if !matches!(kind, Kind::SocketCan | Kind::Serial) {
             keys.refuse(&["pps"], "kind = \"socketcan\" or \"serial\"", check)?;
         }
         let pps = keys.pps().raw().map(PathBuf::from);
-        Ok(Self { carrier, wire, latency_us, bit_rate, data_bit_rate, queue, node, id_base, pps, plain })
+        Ok(Self { carrier, wire, latency_us, bit_rate, data_bit_rate, queue, ids, pps, plain })
     }
 }
 
@@ -259,17 +258,23 @@ pub(super) fn address(given: &Given<'_, Raw<Address>>, check: &Checker<'_>) -> R
     address.map(|address| Some(address.socket())).map_err(|_| given.invalid(format!("\"{text}\""), wanted, check))
 }
 
-fn identifiers(keys: &LinkTable, wire: Wire, check: &mut Checker<'_>) -> Result<(u8, u16), ConfigError> {
+fn identifiers(keys: &LinkTable, wire: Wire, check: &mut Checker<'_>) -> Result<IdMap, ConfigError> {
     if matches!(wire, Wire::Serial | Wire::Plain) {
-        keys.refuse(&["node", "id_base"], "a CAN wire", check)?;
-        return Ok((0, 0));
+        keys.refuse(&["node", "id_bits", "id_base"], "a CAN wire", check)?;
+        return Ok(IdMap::default());
     }
-    taken!(check, keys => node, id_base);
-    if id_base % 16 != 0 {
-        let base = keys.id_base().advised("such as 0 or 128 (0x80)");
-        return Err(base.invalid(id_base, "a multiple of 16", check));
-    }
-    Ok((node, id_base))
+    taken!(check, keys => node, id_bits);
+    let (most, advice) = match id_bits {
+        11 => (IdMap::BASE_MAX, "identifiers have 11 bits; id_bits = 29 takes up to 0x1FFFF8F0"),
+        29 => (IdMap::EXTENDED_BASE_MAX, "such as 0x18FF0000"),
+        _ => return Err(keys.id_bits().invalid(id_bits, "11 or 29", check)),
+    };
+    let id_base = keys.id_base().within(0..=i64::from(most)).advised(advice).check(check)?;
+    let base = if id_bits == 29 { CanId::extended(id_base) } else { CanId::from_flagged(id_base) };
+    base.and_then(|base| IdMap::of(base, node)).ok_or_else(|| {
+        let given = keys.id_base().advised("such as 0 or 128 (0x80)");
+        given.invalid(id_base, "a multiple of 16", check)
+    })
 }
 
 #[cfg(test)]

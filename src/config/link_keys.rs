@@ -6,6 +6,7 @@ use crate::key_type::{Raw, Shape, Whole, Word};
 use crate::link::{FlowControl, Parity, Wire};
 use crate::plain_link::{Form, SENSES, TIMES};
 use core::fmt;
+use firmware_protocol::can::IdMap;
 use link::plain::{FIELD_NAMES, QuaternionSense, TimeMeaning};
 use serde::Deserialize;
 use serde::de::value::MapAccessDeserializer;
@@ -31,8 +32,10 @@ section! {
         queue: Whole = 256, 1..=1_000_000;
         /// Node of flight computer and star sensor, the same number at both ends.
         node: Whole<u8> = 0, 0..=15;
-        /// Added to every CAN identifier, a multiple of 16.
-        id_base: Whole<u16> = 0, 0..=0xF0;
+        /// Bits of CAN identifiers: 11, or 29 of extended frames, the same at both ends.
+        id_bits: Whole<u8> = 11, 11..=29;
+        /// Added to every CAN identifier, a multiple of 16; at most 240 (0xF0) with 11 bits.
+        id_base: Whole<u32> = 0, 0..=i64::from(IdMap::EXTENDED_BASE_MAX);
         /// Folder of a pulse-per-second source in sysfs, whose pulses mark the flight computer's whole seconds.
         pps: String = Optional, "path";
         /// The name of a CAN interface: `ip -br link` lists them.

@@ -15,7 +15,7 @@ fn each_kind_is_read_with_its_own_keys() {
     let can =
         link("kind = \"socketcan\"\ninterface = \"can1\"\nwire = \"can_classic\"\nnode = 3\nid_base = 128").unwrap();
     assert_eq!(can.carrier, Carrier::SocketCan { interface: "can1".into() });
-    assert_eq!((can.wire, can.node, can.id_base), (Wire::CanClassic, 3, 128));
+    assert_eq!((can.wire, Some(can.ids)), (Wire::CanClassic, IdMap::new(128, 3)));
     let serial = link("kind = \"serial\"\nport = \"/dev/ttyS0\"\nparity = \"even\"\nbit_rate = 115200.0").unwrap();
     let Carrier::SerialPort(port) = &serial.carrier else { panic!("{serial:?}") };
     assert_eq!((port.parity, port.stop_bits, serial.wire), (Parity::Even, 1, Wire::Serial));
@@ -23,6 +23,29 @@ fn each_kind_is_read_with_its_own_keys() {
     let Carrier::Simulated(gateway_ports) = &simulated.carrier else { panic!("{simulated:?}") };
     assert_eq!(gateway_ports.slcan_tcp, Some("127.0.0.1:0".parse().unwrap()), "a bare port is on loopback");
     assert_eq!(gateway_ports.socketcand, Some("10.0.0.1:29536".parse().unwrap()));
+}
+
+#[test]
+fn identifiers_have_11_or_29_bits() {
+    let ids = |text: &str| link(text).map(|link| link.ids);
+    assert_eq!(ids(""), Ok(IdMap::default()));
+    assert_eq!(ids("id_bits = 29").ok(), IdMap::extended(0, 0));
+    assert_ne!(ids("id_bits = 29"), ids("id_bits = 11"));
+    assert_eq!(ids("id_base = 0xF0").ok(), IdMap::new(0xF0, 0));
+    assert_eq!(ids("id_bits = 29\nnode = 5\nid_base = 0x18FF0000").ok(), IdMap::extended(0x18FF_0000, 5));
+    assert_eq!(ids("id_bits = 29\nid_base = 0x1FFFF8F0").ok(), IdMap::extended(0x1FFF_F8F0, 0));
+    for (text, words) in [
+        ("id_base = 0x100", "0 to 240"),
+        ("id_base = 0x100", "id_bits = 29"),
+        ("id_bits = 29\nid_base = 0x1FFFF900", "0 to 536869104"),
+        ("id_bits = 29\nid_base = 0x18FF0008", "multiple of 16"),
+        ("id_bits = 16", "11 or 29"),
+        ("id_bits = 30", "link.id_bits"),
+        ("wire = \"serial\"\nid_bits = 29", "a CAN wire"),
+    ] {
+        let error = link(text).unwrap_err();
+        assert!(error.contains(words), "{text}: {error}");
+    }
 }
 
 #[test]

@@ -66,7 +66,7 @@ fn packet(line: &str) -> Option<Packet> {
     match words.as_slice() {
         [utc, tai_ns, id, bytes] => {
             Tai::from_rfc3339(utc).ok()?;
-            let id = if *id == "-" { None } else { Some(u32::from_str_radix(id, 16).ok()?) };
+            let id = if *id == "-" { None } else { Some(identifier(id)?) };
             Some(Packet { at: Tai::from_ns(tai_ns.parse().ok()?), id, bytes: hexadecimal(bytes)? })
         }
         [stamp, _interface, frame] => {
@@ -74,10 +74,16 @@ fn packet(line: &str) -> Option<Packet> {
             let at = unix(stamp.strip_prefix('(')?.strip_suffix(')')?)?;
             // CAN FD and remote frames, which these protocols do not use, have another mark there.
             let bytes = hexadecimal(bytes).unwrap_or_default();
-            Some(Packet { at, id: Some(u32::from_str_radix(id, 16).ok()?), bytes })
+            Some(Packet { at, id: Some(identifier(id)?), bytes })
         }
         _another => None,
     }
+}
+
+/// Reads an identifier; one of 8 digits has 29 bits, which bit 31 says: none of these protocols has such.
+fn identifier(text: &str) -> Option<u32> {
+    let number = u32::from_str_radix(text, 16).ok()?;
+    Some(if text.len() == 8 { number | 1 << 31 } else { number })
 }
 
 fn hexadecimal(text: &str) -> Option<Vec<u8>> {

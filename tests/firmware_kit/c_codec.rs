@@ -5,7 +5,7 @@ use crate::flat::Flat;
 use crate::rust_codec::agrees;
 use crate::samples::Samples;
 use crate::vectors::{Input, Vector, messages, rejected};
-use firmware_protocol::can::{self, CanFrame, Format, IdMap};
+use firmware_protocol::can::{self, CanFrame, CanId, Format, IdMap};
 use firmware_protocol::{EncodeError, Message, Reject, serial};
 
 /// Random inputs of each kind.
@@ -14,13 +14,13 @@ const FUZZ_INPUTS: usize = 120_000;
 fn frames_text<'a>(frames: impl IntoIterator<Item = &'a CanFrame>) -> String {
     let text = |frame: &CanFrame| {
         let data = if frame.data().is_empty() { String::new() } else { hex(frame.data()) };
-        format!("{:03X}:{data}", frame.id())
+        format!("{:X}:{data}", frame.id())
     };
     frames.into_iter().map(text).collect::<Vec<_>>().join(" ")
 }
 
 fn frame_question(frame: &CanFrame) -> String {
-    format!("frame {:X} {} {}", frame.id(), u8::from(frame.is_fd()), hex(frame.data()))
+    format!("frame {:X} {} {}", frame.id().flagged(), u8::from(frame.is_fd()), hex(frame.data()))
 }
 
 fn outcome_text(outcome: &Result<Option<Message>, Reject>) -> String {
@@ -70,7 +70,7 @@ impl Exam {
 
 /// Asks for one vector, both ways, on all three carriers.
 fn examine(exam: &mut Exam, vector: &Vector) {
-    let (name, flat, place) = (&vector.name, Flat::of(&vector.message).line(), (vector.base, vector.node));
+    let (name, flat, place) = (&vector.name, Flat::of(&vector.message).line(), (vector.base.flagged(), vector.node));
     exam.put(name, format!("encode 1 {} {} {flat}", place.0, place.1), frames_text([&vector.fd]));
     let classic = vector.classic.as_ref().map_or("error -2".to_owned(), frames_text);
     exam.put(name, format!("encode 0 {} {} {flat}", place.0, place.1), classic);
@@ -84,7 +84,7 @@ fn examine(exam: &mut Exam, vector: &Vector) {
     listen(exam);
     if let Some((last, parts)) = vector.classic.as_deref().and_then(<[_]>::split_last) {
         parts.iter().for_each(|part| exam.put(name, frame_question(part), "nothing".into()));
-        let mut decoder = can::Decoder::new(IdMap::new(place.0, place.1).unwrap());
+        let mut decoder = can::Decoder::new(vector.ids());
         let got = parts.iter().chain([last]).map(|frame| decoder.read(frame).unwrap()).last().flatten().unwrap();
         assert!(agrees(&vector.message, &got), "{name}: what the Rust crate reads, to half a count");
         exam.put(name, frame_question(last), format!("message {}", Flat::of(&got).line()));
@@ -126,9 +126,18 @@ fn outcomes_of_line(decoder: &mut serial::Decoder, line: &[u8]) -> String {
 /// Returns the random messages as the Rust crate sends them, damaged, and what it makes of them.
 pub(crate) fn exam_of_frames(seed: u64, inputs: usize) -> Exam {
     let (mut exam, mut samples) = (Exam::default(), Samples::new(seed));
-    let ids = IdMap::new(0x20, 6).unwrap();
+    for base in [CanId::standard(0x20), CanId::extended(0x18FF_0020)].into_iter().flatten() {
+        put_frames(&mut exam, &mut samples, base, inputs / 2);
+    }
+    exam
+}
+
+/// Asks about frames of node 6 at this base.
+fn put_frames(exam: &mut Exam, samples: &mut Samples, base: CanId, inputs: usize) {
+    let ids = IdMap::of(base, 6).unwrap();
     let mut decoder = can::Decoder::new(ids);
-    exam.put("frames", "listen 32 6".into(), "ok".into());
+    exam.put("frames", format!("listen {} 6", base.flagged()), "ok".into());
+    let inputs = exam.len() + inputs;
     while exam.len() < inputs {
         let format = if samples.below(2) == 0 { Format::Classic } else { Format::Fd };
         let Ok(frames) = can::encode(&samples.strange_message(), format, &ids) else {
@@ -141,7 +150,6 @@ pub(crate) fn exam_of_frames(seed: u64, inputs: usize) -> Exam {
             }
         }
     }
-    exam
 }
 
 /// Returns bytes on a line: packets, damaged ones, noise with many zeros.
@@ -249,7 +257,8 @@ fn exam_of_edges() -> Exam {
             }
         }
     }
-    for (base, node) in [(8, 0), (256, 0), (0, 16)] {
+    let [extended, beyond] = [0x8000_0000_u32, 0x9FFF_F900];
+    for (base, node) in [(8, 0), (256, 0), (0, 16), (extended + 8, 0), (extended, 16), (beyond, 0), (0x2000_0000, 0)] {
         exam.put("address", format!("listen {base} {node}"), "error -1".into());
         exam.put("address", format!("encode 1 {base} {node} 8 1"), "error -1".into());
     }

@@ -321,10 +321,10 @@ static void encode(const char *from) {
     sl_message message;
     sscanf(from, "%d %u %u %n", &fd, &base, &node, &used);
     message = read_message(from + used);
-    count = sl_can_encode(&message, fd, (uint16_t)base, (uint8_t)node, frames);
+    count = sl_can_encode(&message, fd, (uint32_t)base, (uint8_t)node, frames);
     if (count < 0) printf("error %d", count);
     for (i = 0; i < count; i++) {
-        printf("%s%03X:", i ? " " : "", frames[i].id);
+        printf("%s%0*lX:", i ? " " : "", frames[i].id & SL_EXTENDED ? 8 : 3, (unsigned long)(frames[i].id & ~SL_EXTENDED));
         print_hex(frames[i].data, frames[i].len);
     }
 }
@@ -349,7 +349,7 @@ static void read_frame(const char *from) {
     sl_message message;
     memset(&frame, 0, sizeof frame);
     sscanf(from, "%x %u %n", &id, &fd, &used);
-    frame.id = (uint16_t)id;
+    frame.id = (uint32_t)id;
     frame.fd = (uint8_t)fd;
     frame.len = (uint8_t)from_hex(from + used, frame.data);
     print_outcome(sl_can_read(&can, &frame, &message), &message);
@@ -374,7 +374,7 @@ static void listen(const char *from) {
     int error;
     sscanf(from, "%u %u", &base, &node);
     sl_serial_decoder_init(&serial);
-    error = sl_can_decoder_init(&can, (uint16_t)base, (uint8_t)node);
+    error = sl_can_decoder_init(&can, (uint32_t)base, (uint8_t)node);
     if (error) printf("error %d", error);
     else fputs("ok", stdout);
 }

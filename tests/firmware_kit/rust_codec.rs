@@ -1,7 +1,7 @@
 //! The Rust crate against vectors.json, both directions.
 
 use crate::vectors::{Input, Rejected, Vector, messages, rejected};
-use firmware_protocol::can::{self, CanFrame, Format, IdMap};
+use firmware_protocol::can::{self, CanFrame, Format};
 use firmware_protocol::message::{AttitudeRecord, MessageId, Table};
 use firmware_protocol::{Message, Reject, serial};
 
@@ -9,12 +9,11 @@ use firmware_protocol::{Message, Reject, serial};
 pub(crate) const CLASSIC_RATE_RAD_S: f32 = 0.5e-6 + 6e-8;
 
 fn encoded(vector: &Vector, format: Format) -> Option<Vec<CanFrame>> {
-    let ids = IdMap::new(vector.base, vector.node).unwrap();
-    can::encode(&vector.message, format, &ids).ok().map(|frames| frames.iter().copied().collect())
+    can::encode(&vector.message, format, &vector.ids()).ok().map(|frames| frames.iter().copied().collect())
 }
 
 fn decoded(vector: &Vector, frames: &[CanFrame]) -> Option<Message> {
-    let mut decoder = can::Decoder::new(IdMap::new(vector.base, vector.node).unwrap());
+    let mut decoder = can::Decoder::new(vector.ids());
     frames.iter().map(|frame| decoder.read(frame).unwrap()).last().flatten()
 }
 

@@ -1,6 +1,6 @@
 //! Random messages and random damage, the same for the same seed.
 
-use firmware_protocol::can::CanFrame;
+use firmware_protocol::can::{CanFrame, CanId};
 use firmware_protocol::message::{
     AttitudeFlags, AttitudeRecord, CameraPage, CameraSet, CameraSetting, CameraStatus, CameraTrigger, CameraTriggered,
     Command, Exposure, Heartbeat, Identity, Info, JitterBurst, JitterPair, NodeState, PointingAngle, Rates, Refusal,
@@ -208,10 +208,10 @@ impl Samples {
     /// Returns the frame with some of its bits, its length or its identifier changed; half of the time as it was.
     pub(crate) fn spoiled(&mut self, frame: &CanFrame) -> CanFrame {
         let (mut id, mut data) = (frame.id(), frame.data().to_vec());
-        match self.below(8) {
-            0 => id ^= 1 << self.below(11),
-            1 => data.truncate(usize::try_from(self.below(9)).unwrap()),
-            2 | 3 => {
+        match self.below(16) {
+            0 => id = self.spoiled_id(id),
+            1 | 2 => data.truncate(usize::try_from(self.below(9)).unwrap()),
+            3..=6 => {
                 for _ in 0..=self.below(3) {
                     let bit = usize::try_from(self.below(8 * data.len() as u64)).unwrap();
                     data[bit / 8] ^= 1 << (bit % 8);
@@ -220,5 +220,12 @@ impl Samples {
             _ => {}
         }
         CanFrame::classic(id, &data).or_else(|| CanFrame::fd(id, &data)).unwrap()
+    }
+
+    /// Returns the identifier with one of its bits changed, or the same number with the other length where it exists.
+    fn spoiled_id(&mut self, id: CanId) -> CanId {
+        let (bits, number) = if id.is_extended() { (29, id.flagged()) } else { (11, id.number()) };
+        let other = CanId::from_flagged(id.flagged() ^ 1 << 31).filter(|_| self.below(4) == 0);
+        other.or_else(|| CanId::from_flagged(number ^ 1 << self.below(bits))).unwrap()
     }
 }

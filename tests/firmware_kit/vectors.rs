@@ -1,6 +1,6 @@
 //! vectors.json -> messages and bytes.
 
-use firmware_protocol::can::CanFrame;
+use firmware_protocol::can::{CanFrame, CanId, IdMap};
 use firmware_protocol::message::{
     AttitudeFlags, AttitudeRecord, CameraPage, CameraSet, CameraSetting, CameraStatus, CameraTrigger, CameraTriggered,
     Command, Exposure, Heartbeat, Identity, Info, JitterBurst, JitterPair, NodeState, PointingAngle, Rates, Refusal,
@@ -17,12 +17,19 @@ use serde_json::Value;
 pub(crate) struct Vector {
     pub(crate) name: String,
     pub(crate) message: Message,
-    pub(crate) base: u16,
+    /// The base, which says the length of identifiers too.
+    pub(crate) base: CanId,
     pub(crate) node: u8,
     pub(crate) fd: CanFrame,
     pub(crate) classic: Option<Vec<CanFrame>>,
     pub(crate) serial_seq: u8,
     pub(crate) serial: Vec<u8>,
+}
+
+impl Vector {
+    pub(crate) fn ids(&self) -> IdMap {
+        IdMap::of(self.base, self.node).unwrap()
+    }
 }
 
 /// Input whose last piece is refused.
@@ -43,13 +50,25 @@ pub(crate) fn bytes(hex: &str) -> Vec<u8> {
 }
 
 fn frame(value: &Value) -> CanFrame {
-    let id = u16::from_str_radix(value["id"].as_str().unwrap(), 16).unwrap();
+    let digits = value["id"].as_str().unwrap();
+    let id = u32::from_str_radix(digits, 16).unwrap();
+    // 3 digits say 11 bits, 8 digits 29.
+    let id = if digits.len() == 8 { CanId::extended(id) } else { CanId::from_flagged(id) }.unwrap();
     let data = bytes(value["data"].as_str().unwrap());
     CanFrame::classic(id, &data).or_else(|| CanFrame::fd(id, &data)).unwrap()
 }
 
 fn frames(value: &Value) -> Vec<CanFrame> {
     value.as_array().unwrap().iter().map(frame).collect()
+}
+
+fn base(value: &Value) -> CanId {
+    let base = u32::try_from(value["base"].as_u64().unwrap()).unwrap();
+    match value["id_bits"].as_u64() {
+        Some(11) => CanId::from_flagged(base).unwrap(),
+        Some(29) => CanId::extended(base).unwrap(),
+        other => panic!("identifiers of {other:?} bits"),
+    }
 }
 
 fn document() -> Value {
@@ -61,7 +80,7 @@ pub(crate) fn messages() -> Vec<Vector> {
     let vector = |value: &Value| Vector {
         name: value["name"].as_str().unwrap().to_owned(),
         message: Fields(&value["fields"]).message(value["message"].as_str().unwrap()),
-        base: u16::try_from(value["base"].as_u64().unwrap()).unwrap(),
+        base: base(value),
         node: u8::try_from(value["node"].as_u64().unwrap()).unwrap(),
         fd: frame(&value["fd"]),
         classic: (!value["classic"].is_null()).then(|| frames(&value["classic"])),

@@ -1,7 +1,7 @@
 //! CAN and CAN FD: identifiers, frames, and the classic attitude group.
 //!
 //! CAN FD carries every message in one frame. Classic CAN carries the attitude as a group, lowest identifier first,
-//! so that the commit, which has the highest, leaves last:
+//! so that the commit, which has the highest, leaves last (identifiers of 11 bits at base 0 and node n):
 //!
 //! | id | bytes |
 //! |---|---|
@@ -17,9 +17,11 @@ mod decode;
 mod encode;
 mod frame;
 mod group;
+mod id;
 mod ids;
 
 pub use decode::Decoder;
 pub use encode::{FRAMES_MAX, Format, Frames, encode};
 pub use frame::{CLASSIC_MAX, CanFrame, FD_MAX};
+pub use id::{CanId, ToCanId};
 pub use ids::IdMap;

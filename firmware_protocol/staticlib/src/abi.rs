@@ -14,7 +14,7 @@ use core::ffi::c_int;
 use core::mem::{MaybeUninit, align_of, size_of};
 use core::ptr::NonNull;
 use core::slice;
-use firmware_protocol::can::{self, CanFrame, FRAMES_MAX, Format, IdMap};
+use firmware_protocol::can::{self, CanFrame, CanId, FRAMES_MAX, Format, IdMap};
 use firmware_protocol::crc::Crc16;
 use firmware_protocol::{EncodeError, Message, MessageId, PAYLOAD_MAX, Reject, serial};
 
@@ -51,7 +51,7 @@ pub(crate) struct RawMessage {
 /// `sl_frame`
 #[repr(C)]
 pub(crate) struct RawFrame {
-    id: u16,
+    id: u32,
     fd: u8,
     len: u8,
     data: [MaybeUninit<u8>; 64],
@@ -212,6 +212,11 @@ unsafe extern "C" fn sl_payload_decode(
     outcome(read.map(Some), raw)
 }
 
+/// Returns the identifiers of a base, which has `SL_EXTENDED` for 29 bits; `None` when there are none.
+fn ids(base: u32, node: u8) -> Option<IdMap> {
+    CanId::from_flagged(base).and_then(|base| IdMap::of(base, node))
+}
+
 fn encode_frames(
     raw: &RawMessage,
     fd: bool,
@@ -228,7 +233,7 @@ fn encode_frames(
             to.write(*from);
         }
         let len = u8::try_from(frame.data().len()).map_err(|_| ERROR_RANGE)?;
-        to.write(RawFrame { id: frame.id(), fd: u8::from(frame.is_fd()), len, data });
+        to.write(RawFrame { id: frame.id().flagged(), fd: u8::from(frame.is_fd()), len, data });
         count += 1;
     }
     Ok(count)
@@ -238,16 +243,16 @@ fn encode_frames(
 unsafe extern "C" fn sl_can_encode(
     message: &RawMessage,
     fd: c_int,
-    base: u16,
+    base: u32,
     node: u8,
     frames: &mut [MaybeUninit<RawFrame>; FRAMES_MAX],
 ) -> c_int {
-    encode_frames(message, fd != 0, IdMap::new(base, node), frames).unwrap_or_else(|error| error)
+    encode_frames(message, fd != 0, ids(base, node), frames).unwrap_or_else(|error| error)
 }
 
 #[unsafe(no_mangle)]
-unsafe extern "C" fn sl_can_decoder_init(decoder: NonNull<CanSpace>, base: u16, node: u8) -> c_int {
-    let ids = IdMap::new(base, node);
+unsafe extern "C" fn sl_can_decoder_init(decoder: NonNull<CanSpace>, base: u32, node: u8) -> c_int {
+    let ids = ids(base, node);
     // SAFETY: the space is writable, large and aligned enough (asserted above); what was there is overwritten.
     unsafe { decoder.cast::<can::Decoder>().write(can::Decoder::new(ids.unwrap_or_default())) };
     if ids.is_some() { 0 } else { ERROR_RANGE }
@@ -264,9 +269,10 @@ unsafe extern "C" fn sl_can_read(
     let len = usize::from(frame.len).min(frame.data.len());
     // SAFETY: the header asks for `len` bytes of data that were written, and no frame has more than 64.
     let data = unsafe { bytes_at(frame.data.as_ptr().cast(), len) };
-    let legal = CanFrame::classic(frame.id, data).or_else(|| CanFrame::fd(frame.id, data));
+    let of = |id: CanId| CanFrame::classic(id, data).or_else(|| CanFrame::fd(id, data));
     // A frame of another length carries no legal message; 12 bytes, an illegal length of a message, replace it.
-    let read = match legal.or_else(|| CanFrame::fd(frame.id, &[0; 12])) {
+    let legal = CanId::from_flagged(frame.id).and_then(|id| of(id).or_else(|| CanFrame::fd(id, &[0; 12])));
+    let read = match legal {
         Some(frame) => decoder.read(&frame),
         None => Err(Reject::UnknownId),
     };

@@ -1,13 +1,16 @@
 //! No input panics, and whatever comes out is legal.
 
 use crate::samples::message;
-use firmware_protocol::can::{self, CanFrame, IdMap};
+use firmware_protocol::can::{self, CanFrame, CanId, IdMap};
 use firmware_protocol::{Message, MessageId, RejectCounters, serial};
 use proptest::prelude::*;
 
-fn frame() -> impl Strategy<Value = CanFrame> {
-    let known = prop::sample::select(&MessageId::ALL[..]).prop_map(|id| IdMap::default().id(id));
-    let id = prop_oneof![4 => known, 1 => 0_u16..0x800];
+/// Returns frames that mostly have identifiers of these messages, and sometimes any of either length.
+fn frame(ids: IdMap) -> impl Strategy<Value = CanFrame> {
+    let known = prop::sample::select(&MessageId::ALL[..]).prop_map(move |id| ids.id(id));
+    let standard = (0_u16..0x800).prop_map(|number| CanId::standard(number).unwrap());
+    let extended = (0_u32..0x2000_0000).prop_map(|number| CanId::extended(number).unwrap());
+    let id = prop_oneof![8 => known, 1 => standard, 1 => extended];
     let classic = prop::collection::vec(any::<u8>(), 0..=8);
     let fd = prop::sample::select(vec![12_usize, 48, 64]).prop_flat_map(|len| prop::collection::vec(any::<u8>(), len));
     (id, prop_oneof![classic, fd])
@@ -24,18 +27,32 @@ fn assert_legal(message: &Message) {
     }
 }
 
+fn extended() -> IdMap {
+    IdMap::extended(0x18FF_0000, 0).unwrap()
+}
+
+/// Reads the frames; returns how many were refused.
+fn rejected(ids: IdMap, frames: &[CanFrame]) -> usize {
+    let mut decoder = can::Decoder::new(ids);
+    let mut rejects = RejectCounters::default();
+    for frame in frames {
+        match decoder.read(frame) {
+            Ok(message) => message.iter().for_each(assert_legal),
+            Err(reject) => rejects.count(reject),
+        }
+    }
+    rejects.total() as usize
+}
+
 proptest! {
     #[test]
-    fn frames(frames in prop::collection::vec(frame(), 0..64)) {
-        let mut decoder = can::Decoder::new(IdMap::default());
-        let mut rejects = RejectCounters::default();
-        for frame in &frames {
-            match decoder.read(frame) {
-                Ok(message) => message.iter().for_each(assert_legal),
-                Err(reject) => rejects.count(reject),
-            }
-        }
-        prop_assert!(rejects.total() as usize <= frames.len());
+    fn frames(frames in prop::collection::vec(frame(IdMap::default()), 0..64)) {
+        prop_assert!(rejected(IdMap::default(), &frames) <= frames.len());
+    }
+
+    #[test]
+    fn extended_frames(frames in prop::collection::vec(frame(extended()), 0..64)) {
+        prop_assert!(rejected(extended(), &frames) <= frames.len());
     }
 
     #[test]

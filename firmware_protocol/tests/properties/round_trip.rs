@@ -3,18 +3,24 @@
 use crate::samples::{attitude, classic_message, message};
 use firmware_protocol::can::{self, Format, IdMap};
 use firmware_protocol::message::{AttitudeRecord, Wheels};
-use firmware_protocol::{EncodeError, Message, serial};
+use firmware_protocol::{EncodeError, Message, Reject, serial};
 use proptest::prelude::*;
 
 /// Half of 1 urad/s, and the rounding of the decoded value to f32 (2^-24 below 1).
 const CLASSIC_RATE_RAD_S: f32 = 0.5e-6 + 6e-8;
 
+/// Returns the message as it is read, the same with identifiers of 11 and of 29 bits; neither reader takes frames of the
+/// other.
 fn over_can(message: &Message, format: Format) -> Message {
-    let ids = IdMap::new(0x40, 5).unwrap();
-    let mut decoder = can::Decoder::new(ids);
-    let frames = can::encode(message, format, &ids).unwrap();
-    let mut read = frames.iter().map(|frame| decoder.read(frame).unwrap());
-    read.by_ref().flatten().last().unwrap()
+    let [standard, extended] = [IdMap::new(0x40, 5).unwrap(), IdMap::extended(0x40, 5).unwrap()];
+    let read = [(standard, extended), (extended, standard)].map(|(ids, other)| {
+        let (mut decoder, mut stranger) = (can::Decoder::new(ids), can::Decoder::new(other));
+        let frames = can::encode(message, format, &ids).unwrap();
+        assert!(frames.iter().all(|frame| stranger.read(frame) == Err(Reject::UnknownId)));
+        frames.iter().filter_map(|frame| decoder.read(frame).unwrap()).last().unwrap()
+    });
+    assert_eq!(read[0], read[1]);
+    read[0]
 }
 
 fn over_serial(message: &Message) -> Message {

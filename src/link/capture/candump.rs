@@ -1,14 +1,14 @@
 //! One line of a candump log: `(sec.fraction) interface id#data`, FD `id##flags data`, with an optional ` R` or ` T`.
 //!
 //! Written: nine digits of fraction, interface `can0`, `can1`, ..., direction always. Read: one to nine digits of
-//! fraction, any interface (its number is that at the end of its name, 0 without one), 3 or 8 hexadecimal digits of
-//! identifier. Input: bytes without the line's end. Tests: `tests`.
+//! fraction, any interface (its number is that at the end of its name, 0 without one). The identifier has 3 hexadecimal
+//! digits for 11 bits, 8 for 29. Input: bytes without the line's end. Tests: `tests`.
 
 use super::{CapturedPacket, Direction};
 use crate::Packet;
 use base::time::Tai;
 use base::units::NS_PER_S;
-use firmware_protocol::can::CanFrame;
+use firmware_protocol::can::{CanFrame, CanId};
 use std::io::Write;
 
 /// Longest FD payload.
@@ -20,7 +20,7 @@ const DATA_MAX: usize = 64;
 pub enum Line {
     /// A frame.
     Packet(CapturedPacket),
-    /// A frame that has no form here: 29-bit identifier, remote frame, error frame.
+    /// A frame that has no form here: remote frame, error frame.
     Skipped,
     /// An empty line.
     Blank,
@@ -33,7 +33,7 @@ pub(super) fn write_line(
     frame: &CanFrame,
 ) -> Result<(), std::io::Error> {
     let (unix_ns, interface) = (captured.at.to_unix_ns().max(0), captured.interface);
-    write!(out, "({}.{:09}) can{interface} {:03X}#", unix_ns / NS_PER_S, unix_ns % NS_PER_S, frame.id())?;
+    write!(out, "({}.{:09}) can{interface} {:X}#", unix_ns / NS_PER_S, unix_ns % NS_PER_S, frame.id())?;
     if frame.is_fd() {
         // Flags: bit rate switching, as the data phase of the simulated bus has it.
         out.write_all(b"#1")?;
@@ -98,9 +98,9 @@ fn decimal(digits: &[u8]) -> Option<i64> {
 fn frame(word: &[u8]) -> Result<Option<CanFrame>, &'static str> {
     let hash = word.iter().position(|byte| *byte == b'#').ok_or("no # between identifier and data")?;
     let (id, rest) = (&word[..hash], &word[hash + 1..]);
-    let is_standard = match id.len() {
-        3 => true,
-        8 => false,
+    let is_extended = match id.len() {
+        3 => false,
+        8 => true,
         _ => return Err("the identifier has neither 3 nor 8 digits"),
     };
     let id = id.iter().try_fold(0_u32, |id, digit| Some((id << 4) | u32::from(hex(*digit)?)));
@@ -120,12 +120,16 @@ fn frame(word: &[u8]) -> Result<Option<CanFrame>, &'static str> {
     let data = data.iter().position(|byte| *byte == b'_').map_or(data, |end| &data[..end]);
     let mut bytes = [0; DATA_MAX];
     let length = hex_bytes(data, &mut bytes)?;
-    if !is_standard {
-        return Ok(None);
-    }
-    let id = u16::try_from(id).map_err(|_| "the identifier has more than 11 bits")?;
-    let make = if is_fd { CanFrame::fd } else { CanFrame::classic };
-    make(id, &bytes[..length]).map(Some).ok_or("no CAN frame has this identifier and length")
+    let id = if is_extended {
+        // More than 29 bits are the flags of an error frame.
+        let Some(id) = CanId::extended(id) else { return Ok(None) };
+        id
+    } else {
+        CanId::from_flagged(id).ok_or("the identifier has more than 11 bits")?
+    };
+    let data = &bytes[..length];
+    let frame = if is_fd { CanFrame::fd(id, data) } else { CanFrame::classic(id, data) };
+    frame.map(Some).ok_or("no CAN frame has this length")
 }
 
 fn hex_bytes(digits: &[u8], bytes: &mut [u8; DATA_MAX]) -> Result<usize, &'static str> {

@@ -11,8 +11,8 @@
 //! log does not distinguish a leap second from the second after it. A candump log holds CAN only; pcapng holds CAN
 //! (link type 227, SocketCAN), serial bytes (link type 147, USER0) and plain datagrams (link type 148, USER1). Readers
 //! accept any bytes: errors are reported with line or offset, a file that was cut off is read up to the cut, and memory
-//! is bounded by `BLOCK_MAX` and `LINE_MAX` whatever lengths a file states. Frames that have no [`Packet`] (29-bit
-//! identifiers, remote and error frames) are skipped and counted. Sources: candump's log format as written by
+//! is bounded by `BLOCK_MAX` and `LINE_MAX` whatever lengths a file states. Frames that have no [`Packet`] (remote and
+//! error frames) are skipped and counted. Sources: candump's log format as written by
 //! can-utils; pcapng, IETF draft-ietf-opsawg-pcapng; LINKTYPE_CAN_SOCKETCAN as registered by tcpdump.org. Tests:
 //! `tests`, and `hil_scripts` against can-utils, python-can and tshark.
 

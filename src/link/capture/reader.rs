@@ -55,7 +55,7 @@ impl<R: Read> CaptureReader<R> {
         }
     }
 
-    /// Returns frames so far that have no form here: 29-bit identifiers, remote and error frames, other link types.
+    /// Returns frames so far that have no form here: remote and error frames, other link types.
     #[must_use]
     pub fn skipped(&self) -> u64 {
         match &self.form {

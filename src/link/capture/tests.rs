@@ -4,7 +4,7 @@
 use super::*;
 use crate::{CHUNK_MAX, DATAGRAM_MAX, Datagram, SerialChunk};
 use base::time::Span;
-use firmware_protocol::can::CanFrame;
+use firmware_protocol::can::{CanFrame, CanId};
 use proptest::prelude::*;
 
 const FORMATS: [CaptureFormat; 2] = [CaptureFormat::Candump, CaptureFormat::Pcapng];
@@ -27,6 +27,22 @@ fn frames() -> Vec<CapturedPacket> {
         can(999_999_999, Direction::Sent, CanFrame::fd(0x300, &data[..48])),
         can(1_000_000_001, Direction::Received, CanFrame::fd(0x310, &data)),
         can(1_000_000_002, Direction::Received, CanFrame::fd(0x310, &[])),
+    ]
+}
+
+fn extended(number: u32) -> CanId {
+    CanId::extended(number).unwrap()
+}
+
+/// Returns frames of one number, of 11 and of 29 bits, and of the longest number.
+fn frames_of_either_length() -> Vec<CapturedPacket> {
+    let data = [1; 8];
+    vec![
+        can(0, Direction::Received, CanFrame::classic(0x123, &data)),
+        can(1, Direction::Received, CanFrame::classic(extended(0x123), &data)),
+        can(2, Direction::Sent, CanFrame::fd(extended(0x123), &data)),
+        can(3, Direction::Sent, CanFrame::fd(0x123, &data)),
+        can(4, Direction::Received, CanFrame::classic(extended(0x1FFF_FFFF), &[])),
     ]
 }
 
@@ -74,6 +90,9 @@ fn written_captures_read_back_exact() {
         let (packets, error, skipped) = read(&written(format, &frames()));
         assert!(error.is_none() && skipped == 0, "{error:?}");
         assert_eq!(packets, frames(), "{format:?}");
+        let (packets, error, skipped) = read(&written(format, &frames_of_either_length()));
+        assert!(error.is_none() && skipped == 0, "{error:?}");
+        assert_eq!(packets, frames_of_either_length(), "{format:?}");
     }
     let mixed = [frames()[0], serial(5, &[0; CHUNK_MAX]), serial(6, &[1]), frames()[3]];
     assert_eq!(read(&written(CaptureFormat::Pcapng, &mixed)).0, mixed);
@@ -147,6 +166,8 @@ fn a_candump_log_has_the_lines_that_candump_writes() {
     assert_eq!(lines[0], "(1790000000.000000042) can0 123#00254A6F R");
     assert!(lines[1].ends_with(" can0 000# T"), "{text}");
     assert!(lines[2].ends_with(" can0 310##1 R"), "{text}");
+    let text = String::from_utf8(written(CaptureFormat::Candump, &frames_of_either_length())).unwrap();
+    assert!(text.contains(" can0 00000123#0101") && text.contains(" can0 1FFFFFFF# R"), "{text}");
 }
 
 #[test]
@@ -168,11 +189,11 @@ fn stamps_keep_a_leap_second_in_pcapng_and_not_in_a_candump_log() {
 #[test]
 fn logs_of_others_are_read() {
     let log = "(1436509052.249713) vcan0 044#2A366C2BBA\n\n  (1436509052.25) can1 0F6#7ADFE07BD2 \n\
-               (0000000001.1) x 00000123#11 R\n(1.1) x 123#R\n(1.1) x 123#R8\n(1.1) x 123#1122334455667788_B\n\
+               (0000000001.1) x 20000004#0000000000000000 R\n(1.1) x 80000123#11\n(1.1) x 123#R\n(1.1) x 123#R8\n(1.1) x 123#1122334455667788_B\n\
                (1.000000001) x 7FF##311223344\r\n";
     let (packets, error, skipped) = read(log.as_bytes());
     assert!(error.is_none(), "{error:?}");
-    assert_eq!(skipped, 3, "a long identifier and two remote frames");
+    assert_eq!(skipped, 4, "more than 29 bits, as error frames have, and two remote frames");
     assert_eq!(packets.len(), 4);
     assert_eq!(packets[0].at.to_unix_ns(), 1_436_509_052_249_713_000);
     assert_eq!(packets[1].at.to_unix_ns(), 1_436_509_052_250_000_000);
@@ -196,7 +217,7 @@ fn a_line_that_is_none_is_refused_with_its_number() {
         ("(1.5) can0 123", "no #"),
         ("(1.5) can0 1234#11", "neither 3 nor 8"),
         ("(1.5) can0 1G3#11", "the identifier is not hexadecimal"),
-        ("(1.5) can0 800#11", "no CAN frame has this"),
+        ("(1.5) can0 800#11", "more than 11 bits"),
         ("(1.5) can0 123#1", "whole bytes"),
         ("(1.5) can0 123#1G", "not hexadecimal"),
         ("(1.5) can0 123#112233445566778899", "no CAN frame has this"),
@@ -276,10 +297,21 @@ fn blocks_of_others_are_read_in_both_orders_and_all_units() {
 
 #[test]
 fn frames_without_a_form_are_counted() {
-    let extended = [&[0x80, 0, 0x01, 0x23][..], &WHOLE_HEADER[4..]].concat();
+    let headed = |id: u32| [&id.to_be_bytes()[..], &WHOLE_HEADER[4..]].concat();
+    let data = &[0xDE, 0xAD, 0xBE, 0xEF];
+    for (id, frame) in [
+        (0x123, CanFrame::classic(0x123, data)),
+        (0x8000_0123, CanFrame::classic(extended(0x123), data)),
+        (0x9FFF_FFFF, CanFrame::classic(extended(0x1FFF_FFFF), data)),
+    ] {
+        let (packets, _, skipped) = read(&foreign(false, 227, 9, 1, &headed(id)));
+        assert_eq!((packets[0].packet, skipped), (Packet::Can(frame.unwrap()), 0), "{id:x}");
+    }
+    let [remote, error, long] = [0xC000_0123, 0x2000_0004, 0x800].map(headed);
     let too_short = &WHOLE_HEADER[..6];
     let cut = &WHOLE_HEADER[..10];
-    for (link_type, data) in [(227, &extended[..]), (227, too_short), (227, cut), (1, &WHOLE_HEADER[..])] {
+    let of_can = [&remote[..], &error, &long, too_short, cut].map(|data| (227, data));
+    for (link_type, data) in of_can.into_iter().chain([(1, &WHOLE_HEADER[..])]) {
         let (packets, error, skipped) = read(&foreign(false, link_type, 9, 1, data));
         assert!(packets.is_empty() && error.is_none() && skipped == 1, "{link_type}: {error:?}");
     }

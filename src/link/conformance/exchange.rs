@@ -3,7 +3,7 @@
 use super::{PATIENCE, Suite};
 use crate::{CHUNK_MAX, DATAGRAM_MAX, Datagram, Link, Packet, SerialChunk, Stamped, WireFormat};
 use base::time::Tai;
-use firmware_protocol::can::CanFrame;
+use firmware_protocol::can::{CanFrame, CanId};
 
 /// Lengths of FD data (ISO 11898-1).
 const FD_LENGTHS: [usize; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
@@ -25,8 +25,7 @@ pub(super) fn all_lengths(format: WireFormat) -> Vec<usize> {
 /// Returns the packet number `number`: its own identifier and bytes, different from those of its neighbours.
 pub(super) fn packet(format: WireFormat, number: usize, len: usize) -> Result<Packet, String> {
     let bytes: Vec<u8> = (0..len).map(|at| scrambled(number, at)).collect();
-    // 1999 is prime to the steps of the loops: identifiers go up and down.
-    let id = u16::try_from(number * 1999 % 0x800).unwrap_or(0);
+    let id = identifier(number).ok_or("the suite made an impossible identifier")?;
     let made = match format {
         WireFormat::CanClassic => CanFrame::classic(id, &bytes).map(Packet::Can),
         WireFormat::CanFd => CanFrame::fd(id, &bytes).map(Packet::Can),
@@ -34,6 +33,18 @@ pub(super) fn packet(format: WireFormat, number: usize, len: usize) -> Result<Pa
         WireFormat::Plain => Datagram::new(&bytes).map(Packet::Datagram),
     };
     made.ok_or_else(|| format!("the suite made an impossible packet of {len} bytes"))
+}
+
+/// Returns the identifier of packet `number`: every second one has 29 bits, every fourth one the very number of the packet
+/// before it.
+fn identifier(number: usize) -> Option<CanId> {
+    // 1999 is prime to the steps of the loops: identifiers go up and down.
+    let standard = u16::try_from(number / 2 * 1999 % 0x800).ok()?;
+    match number % 4 {
+        1 => CanId::extended(standard.into()),
+        3 => CanId::extended(u32::from(standard) << 18 | u32::from(standard)),
+        _ => CanId::standard(standard),
+    }
 }
 
 /// Returns one byte of packet `number`, from scrambled Weyl steps: every value occurs, and no packet is a shift of

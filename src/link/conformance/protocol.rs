@@ -2,7 +2,7 @@
 
 use super::{PATIENCE, Suite, plain};
 use crate::{Packet, Port, SerialChunk, WireFormat};
-use firmware_protocol::can::{CanFrame, Format, IdMap, encode};
+use firmware_protocol::can::{CanFrame, CanId, Format, IdMap, encode};
 use firmware_protocol::message::{
     AttitudeFlags, AttitudeRecord, Command, Exposure, Heartbeat, JitterBurst, JitterPair, NodeState, Reply, Request,
     Response, Scet, Sync, TimeFollowUp, Wheels,
@@ -139,7 +139,7 @@ fn can_damage(format: Format) -> Result<Vec<Damage>, String> {
                 *byte ^= 0x10;
             }
             let mut group = good.clone();
-            group.splice(place..=place, remade(frame, &bytes));
+            group.splice(place..=place, frame.with_data(&bytes));
             pieces.push(Damage { packets: packets(group), reason: None });
         }
     }
@@ -154,8 +154,10 @@ fn can_damage(format: Format) -> Result<Vec<Damage>, String> {
         reason: Some(reason),
     };
     pieces.push(one(Reject::WrongLength, sync, &[1, 2]));
-    pieces.push(one(Reject::UnknownId, 0x7F0, &[1]));
-    pieces.push(one(Reject::UnknownId, ids.id(firmware_protocol::MessageId::Heartbeat) + 1, &[1, 1]));
+    // Unknown, of another node, and of the other length.
+    let heartbeat = ids.id(firmware_protocol::MessageId::Heartbeat).number();
+    let unknown = [CanId::from_flagged(0x7F0), CanId::from_flagged(heartbeat + 1), CanId::extended(heartbeat)];
+    pieces.extend(unknown.into_iter().flatten().map(|id| one(Reject::UnknownId, id, &[1, 1])));
     if format == Format::Classic {
         for missing in 0..good.len() - 1 {
             let mut group = good.clone();
@@ -187,10 +189,6 @@ fn serial_damage() -> Result<Vec<Damage>, String> {
     pieces.push(Damage { packets: vec![chunk(&[9, 9, 0])?], reason: Some(Reject::BadFraming) });
     pieces.push(Damage { packets: vec![chunk(&[1; 80])?, chunk(&[1; 80])?], reason: Some(Reject::Oversize) });
     Ok(pieces)
-}
-
-fn remade(frame: &CanFrame, bytes: &[u8]) -> Option<CanFrame> {
-    if frame.is_fd() { CanFrame::fd(frame.id(), bytes) } else { CanFrame::classic(frame.id(), bytes) }
 }
 
 fn frames(message: &Message, format: Format) -> Result<Vec<CanFrame>, String> {

@@ -1,5 +1,7 @@
 //! Hexadecimal digits, without allocation.
 
+use firmware_protocol::can::CanId;
+
 /// Returns the value of one digit, in either case.
 pub(super) fn digit(character: u8) -> Option<u8> {
     char::from(character).to_digit(16).and_then(|value| u8::try_from(value).ok())
@@ -19,6 +21,11 @@ pub(super) fn put_digits(out: &mut Vec<u8>, value: u32, count: u32) {
         let digit = char::from_digit(value >> (4 * place) & 0xF, 16).unwrap_or('0');
         out.push(digit.to_ascii_uppercase() as u8);
     }
+}
+
+/// Adds 3 digits of an identifier of 11 bits, 8 of one with 29.
+pub(super) fn put_id(out: &mut Vec<u8>, id: CanId) {
+    put_digits(out, id.number(), if id.is_extended() { 8 } else { 3 });
 }
 
 /// Adds two digits per byte.

@@ -5,7 +5,7 @@ use crate::simulated::{BusParams, BusTiming};
 use crate::{Link, Packet};
 use base::clock::{Monotonic, Virtual};
 use base::time::Tai;
-use firmware_protocol::can::CanFrame;
+use firmware_protocol::can::{CanFrame, CanId};
 use std::io::{Read, Write};
 use std::net::{Ipv4Addr, TcpStream};
 use std::time::Duration;
@@ -67,13 +67,21 @@ fn frames_pass_both_ways_and_are_counted() {
     end.send(&frame).unwrap();
     expect(&mut slcan, "t1231AB\r");
     expect(&mut daemon, "< frame 123 ");
-    slcan.write_all(b"t1231AB\r").unwrap();
-    let got = end.receive(clock.now() + Span::from_s(60.0)).unwrap().map(|packet| packet.value);
-    assert_eq!(got, Some(frame));
+    // The element's time and end.
+    daemon.read_exact(&mut [0; "1577836800.000042 AB >".len()]).unwrap();
+    let extended = Packet::Can(CanFrame::classic(CanId::extended(0x123).unwrap(), &[0xAB]).unwrap());
+    end.send(&extended).unwrap();
+    expect(&mut slcan, "T000001231AB\r");
+    expect(&mut daemon, "< frame 00000123 ");
+    slcan.write_all(b"t1231AB\rT000001231AB\r").unwrap();
+    for sent in [frame, extended] {
+        let got = end.receive(clock.now() + Span::from_s(60.0)).unwrap().map(|packet| packet.value);
+        assert_eq!(got, Some(sent));
+    }
     let counters = gateways.counters();
     let of = |wanted| counters.iter().find(|(kind, _)| *kind == wanted).unwrap().1.clone();
     let slcan_counters = of(GatewayKind::SlcanTcp);
-    assert_eq!((slcan_counters.clients, slcan_counters.from_clients, slcan_counters.to_clients), (1, 1, 1));
+    assert_eq!((slcan_counters.clients, slcan_counters.from_clients, slcan_counters.to_clients), (1, 2, 2));
     drop(gateways);
     assert_eq!(bus.statistics().ends, 1, "they have left the bus");
     slcan.read_to_end(&mut Vec::new()).unwrap();

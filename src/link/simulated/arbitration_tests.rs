@@ -4,7 +4,7 @@ use super::*;
 use crate::{Departure, Link, Packet};
 use base::clock::{Clock, Virtual};
 use base::time::{Span, Tai};
-use firmware_protocol::can::CanFrame;
+use firmware_protocol::can::{CanFrame, CanId};
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use std::sync::Arc;
@@ -82,6 +82,20 @@ fn of_one_identifier_a_classic_frame_goes_before_an_fd_frame() {
     assert_eq!(order, [frame(5), fd]);
 }
 
+#[test]
+fn of_the_same_first_11_bits_the_shorter_identifier_goes_first() {
+    let bench = Bench::new(CAN, BusModel::default());
+    let [mut a, mut b, mut c, mut d, listener] = bench.ends();
+    let long = |number| Packet::Can(CanFrame::classic(CanId::extended(number).unwrap(), &[]).unwrap());
+    // 0x123 begins both; 0x124 is behind all that begin with 0x123, and 0x123 with 29 bits begins with eleven zeros.
+    let order = [long(0x123), frame(0x123), long(0x123 << 18), frame(0x124)];
+    for (end, packet) in [&mut d, &mut b, &mut c, &mut a].into_iter().zip([order[3], order[1], order[2], order[0]]) {
+        end.send(&packet).unwrap();
+    }
+    bench.advance(Span::from_ms(5));
+    assert!(got(&listener).into_iter().map(|(_, packet)| packet).eq(order));
+}
+
 /// A send: bit time, end, identifier.
 type Sent = (i64, usize, u16);
 
@@ -132,7 +146,7 @@ fn simulated(sends: &[Sent], looks: usize) -> Vec<(i64, u16)> {
     }
     bench.advance(FRAME_SPAN_OF_ALL);
     all.extend(got(&listener));
-    let id = |packet: &Packet| if let Packet::Can(frame) = packet { frame.id() } else { 0 };
+    let id = |packet: &Packet| if let Packet::Can(frame) = packet { frame.id().parts().0 } else { 0 };
     all.iter().map(|(at, packet)| ((*at - START).ns() / BIT_NS, id(packet))).collect()
 }
 

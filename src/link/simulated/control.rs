@@ -2,6 +2,7 @@
 
 use super::bus::Bus;
 use base::time::Tai;
+use firmware_protocol::can::CanId;
 use std::sync::Arc;
 
 /// A fault on the wire. CAN only: a serial line has no such faults.
@@ -14,8 +15,8 @@ pub enum BusFault {
     },
     /// A foreign node sends 8 zero bytes under one identifier, over and over.
     Babble {
-        /// 11-bit identifier; more bits are cut off.
-        id: u16,
+        /// Identifier of its frames.
+        id: CanId,
         /// Share of the time that its frames would take on a wire of their own: 1 is back to back.
         share_of_bandwidth: f64,
     },

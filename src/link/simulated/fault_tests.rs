@@ -5,6 +5,7 @@ use super::*;
 use crate::{Departure, Link, Packet, SerialChunk};
 use base::clock::Clock;
 use base::time::{Span, Tai};
+use firmware_protocol::can::CanId;
 
 const START: Tai = Tai::from_ns(1_000_000_000);
 const END: Tai = Tai::from_ns(i64::MAX);
@@ -16,6 +17,10 @@ const RECOVERY: Span = bits(1408);
 
 const fn bits(count: i64) -> Span {
     Span::from_ns(count * BIT.ns())
+}
+
+fn standard(number: u16) -> CanId {
+    CanId::standard(number).unwrap()
 }
 
 fn bench(seed: u64) -> Bench {
@@ -154,7 +159,7 @@ fn a_babbling_node_with_a_low_identifier_keeps_everyone_else_waiting() {
     let bench = bench(0);
     let [mut a, b] = bench.ends();
     let until = START + Span::from_ms(10);
-    bench.bus.control().add(START, until, BusFault::Babble { id: 0, share_of_bandwidth: 1.0 });
+    bench.bus.control().add(START, until, BusFault::Babble { id: standard(0), share_of_bandwidth: 1.0 });
     a.send(&frame(1)).unwrap();
     bench.clock.advance_to(until);
     assert_eq!(a.departure(0), Departure::Waiting);
@@ -171,7 +176,7 @@ fn a_babbling_node_with_a_low_identifier_keeps_everyone_else_waiting() {
 fn a_babbling_node_with_a_high_identifier_costs_one_frame_at_most() {
     let bench = bench(0);
     let [mut a, _b] = bench.ends();
-    bench.bus.control().add(START, END, BusFault::Babble { id: 0x7FF, share_of_bandwidth: 1.0 });
+    bench.bus.control().add(START, END, BusFault::Babble { id: standard(0x7FF), share_of_bandwidth: 1.0 });
     for number in 0..100 {
         bench.advance(Span::from_ns(1_234_567));
         a.send(&frame(1)).unwrap();
@@ -186,7 +191,7 @@ fn a_babbling_node_with_a_high_identifier_costs_one_frame_at_most() {
 fn half_the_bandwidth_is_half_the_load() {
     let bench = bench(0);
     let _ends: [SimulatedLink; 2] = bench.ends();
-    bench.bus.control().add(START, END, BusFault::Babble { id: 9, share_of_bandwidth: 0.5 });
+    bench.bus.control().add(START, END, BusFault::Babble { id: standard(9), share_of_bandwidth: 0.5 });
     bench.advance(bits(270 * 100));
     assert_eq!(bench.bus.statistics().frames, 100);
     let load = bench.bus.statistics().load();
@@ -203,7 +208,7 @@ fn the_seed_decides_and_looking_does_not() {
         control.add(
             START + Span::from_ms(3),
             START + Span::from_ms(4),
-            BusFault::Babble { id: 2, share_of_bandwidth: 0.7 },
+            BusFault::Babble { id: standard(2), share_of_bandwidth: 0.7 },
         );
         // Mostly in the middle of a frame.
         let off = START + Span::from_ns(5_000_000 + 41_000 * i64::try_from(seed).unwrap());
@@ -243,7 +248,7 @@ fn serial_line_ignores_can_faults() {
     let [mut a, b] = bench.ends();
     let control = bench.bus.control();
     control.add(START, END, BusFault::BitErrors { share: 1.0 });
-    control.add(START, END, BusFault::Babble { id: 1, share_of_bandwidth: 1.0 });
+    control.add(START, END, BusFault::Babble { id: standard(1), share_of_bandwidth: 1.0 });
     control.add(START, END, BusFault::BusOff { end: 0 });
     a.send(&Packet::Serial(SerialChunk::new(&[7; 10]).unwrap())).unwrap();
     bench.advance(Span::from_ms(1));

@@ -10,7 +10,7 @@ use super::end::{End, Queued};
 use super::statistics::BusStatistics;
 use crate::{Packet, Stamped};
 use base::time::{Span, Tai};
-use firmware_protocol::can::CanFrame;
+use firmware_protocol::can::{CanFrame, CanId};
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 
@@ -62,10 +62,13 @@ enum Sender {
     Babbler(usize),
 }
 
-/// Priority in the arbitration: the lower value wins, bit by bit on the wire. Of one identifier a classic frame is
-/// dominant where an FD frame is recessive. Two ends with one identifier, which no real bus allows: the one with the
-/// lower number.
-type Priority = (u16, bool);
+/// Priority in the arbitration: the lower value wins, bit by bit on the wire; the order of identifiers is that of the
+/// bus. Of one identifier a classic frame is dominant where an FD frame is recessive (FDF). Two ends with one identifier,
+/// which no real bus allows: the one with the lower number.
+type Priority = (CanId, bool);
+
+/// Priority of a sender without a frame.
+const NONE: Priority = (CanId::LAST, true);
 
 impl Wire {
     fn idle() -> Self {
@@ -76,7 +79,7 @@ impl Wire {
 fn priority(packet: &Packet) -> Priority {
     match packet {
         Packet::Can(frame) => (frame.id(), frame.is_fd()),
-        Packet::Serial(_) | Packet::Datagram(_) => (0, false),
+        Packet::Serial(_) | Packet::Datagram(_) => (CanId::default(), false),
     }
 }
 
@@ -164,10 +167,10 @@ impl Medium {
 
     fn priority_of(&self, sender: Sender) -> Priority {
         match sender {
-            Sender::End(end) => self.ends[end].outbox.front().map_or((u16::MAX, true), |first| priority(&first.packet)),
+            Sender::End(end) => self.ends[end].outbox.front().map_or(NONE, |first| priority(&first.packet)),
             Sender::Babbler(fault) => match self.faults[fault].fault {
-                BusFault::Babble { id, .. } => (id & 0x7FF, false),
-                BusFault::BitErrors { .. } | BusFault::BusOff { .. } => (u16::MAX, true),
+                BusFault::Babble { id, .. } => (id, false),
+                BusFault::BitErrors { .. } | BusFault::BusOff { .. } => NONE,
             },
         }
     }
@@ -194,7 +197,7 @@ impl Medium {
 
     fn babbled_frame(&mut self, fault: usize, start: Tai) -> Option<Queued> {
         let BusFault::Babble { id, share_of_bandwidth } = self.faults[fault].fault else { return None };
-        let packet = Packet::Can(CanFrame::classic(id & 0x7FF, &[0; 8])?);
+        let packet = Packet::Can(CanFrame::classic(id, &[0; 8])?);
         let duration = self.duration(&packet)?;
         let timed = &mut self.faults[fault];
         timed.next_at = start + Span::from_s(duration.s() / share_of_bandwidth.min(1.0));

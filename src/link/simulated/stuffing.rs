@@ -4,7 +4,7 @@
 //! frames, the CRC field has stuff bits in fixed places, which `timing` adds. The tests below build the same frames as
 //! text, bit by bit.
 
-use firmware_protocol::can::CanFrame;
+use firmware_protocol::can::{CanFrame, CanId};
 
 /// Stuff bits of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -51,26 +51,36 @@ impl Stuffer {
     }
 
     /// Adds the low `count` bits of `value`, the highest first.
-    fn bits(&mut self, value: u16, count: u32) {
+    fn bits(&mut self, value: u32, count: u32) {
         (0..count).rev().for_each(|place| self.bit(value >> place & 1 != 0));
     }
 
+    /// Adds an identifier: 11 bits; of one with 29 then SRR and IDE, both recessive, and the other 18.
+    fn identifier(&mut self, id: CanId) {
+        let (first, rest) = id.parts();
+        self.bits(first.into(), 11);
+        if id.is_extended() {
+            self.bits(0b11, 2);
+            self.bits(rest, 18);
+        }
+    }
+
     fn bytes(&mut self, bytes: &[u8]) {
-        bytes.iter().for_each(|byte| self.bits(u16::from(*byte), 8));
+        bytes.iter().for_each(|byte| self.bits(u32::from(*byte), 8));
     }
 }
 
 /// Returns the stuff bits of a classic frame.
 pub(super) fn classic(frame: &CanFrame) -> u64 {
     let mut wire = Stuffer::new();
-    // Start of frame, identifier, RTR, IDE and r0, length, data.
+    // Start of frame, identifier; RTR, IDE and r0, or RTR, r1 and r0 after 29 bits; length, data.
     wire.bits(0, 1);
-    wire.bits(frame.id(), 11);
+    wire.identifier(frame.id());
     wire.bits(0, 3);
     wire.bits(length_code(frame.data().len()), 4);
     wire.bytes(frame.data());
     let crc = wire.crc;
-    wire.bits(crc, 15);
+    wire.bits(crc.into(), 15);
     // Five equal bits at the very end are followed by a stuff bit too.
     wire.stuffed + u64::from(wire.run == RUN)
 }
@@ -80,10 +90,11 @@ pub(super) fn classic(frame: &CanFrame) -> u64 {
 /// Five equal bits at the end of the data have no stuff bit of their own: the CRC field begins with a fixed one.
 pub(super) fn fd(frame: &CanFrame) -> (u64, u64) {
     let mut wire = Stuffer::new();
-    // Start of frame, identifier, then RRS and IDE dominant, FDF recessive, a reserved bit, BRS recessive.
+    // Start of frame, identifier; RRS and IDE dominant, or RRS alone after 29 bits; FDF recessive, a reserved bit, BRS
+    // recessive.
     wire.bits(0, 1);
-    wire.bits(frame.id(), 11);
-    wire.bits(0b00101, 5);
+    wire.identifier(frame.id());
+    wire.bits(0b00101, if frame.id().is_extended() { 4 } else { 5 });
     let head = wire.stuffed;
     // ESI dominant: error active.
     wire.bits(0, 1);
@@ -93,9 +104,9 @@ pub(super) fn fd(frame: &CanFrame) -> (u64, u64) {
 }
 
 /// Returns the 4 bits that say a length.
-fn length_code(len: usize) -> u16 {
+fn length_code(len: usize) -> u32 {
     match len {
-        0..=8 => u16::try_from(len).unwrap_or(0),
+        0..=8 => u32::try_from(len).unwrap_or(0),
         9..=12 => 9,
         13..=16 => 10,
         17..=20 => 11,

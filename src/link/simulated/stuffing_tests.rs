@@ -41,14 +41,19 @@ fn data_bits(frame: &CanFrame) -> String {
 }
 
 fn classic_by_text(frame: &CanFrame) -> u64 {
-    let head = format!("0{}000{}", digits(usize::from(frame.id()), 11), digits(frame.data().len(), 4));
-    let message = head + &data_bits(frame);
+    let message = text_of(frame);
     let bits = message.clone() + &remainder(&message);
     (stuffed(&bits, true).len() - bits.len()) as u64
 }
 
 fn fd_by_text(frame: &CanFrame) -> (u64, u64) {
-    let head = format!("0{}00101", digits(usize::from(frame.id()), 11));
+    let number = frame.id().number() as usize;
+    // SOF, identifier, RRS, IDE; or SOF, 11 bits, SRR, IDE, 18 bits, RRS. Then FDF, reserved, BRS.
+    let head = if frame.id().is_extended() {
+        format!("0{}11{}0101", digits(number >> 18, 11), digits(number % (1 << 18), 18))
+    } else {
+        format!("0{}00101", digits(number, 11))
+    };
     let code =
         [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64].iter().position(|len| *len == frame.data().len());
     let bits = format!("{head}0{}{}", digits(code.unwrap(), 4), data_bits(frame));
@@ -78,18 +83,42 @@ fn classic_frames_have_the_stuff_bits_of_their_text() {
     let mut at_the_end = 0;
     for _ in 0..3000 {
         let len = dice.random_range(0..=8);
-        let frame = CanFrame::classic(dice.random_range(0..0x800), &random_data(&mut dice, len)).unwrap();
+        let frame = CanFrame::classic(random_id(&mut dice), &random_data(&mut dice, len)).unwrap();
         let stuff = classic(&frame);
         assert_eq!(stuff, classic_by_text(&frame), "{frame:?}");
-        assert!(stuff <= (34 + 8 * len as u64 - 1) / 4, "{frame:?}: more than the worst case");
+        assert!(stuff <= (34 + more_bits(&frame) + 8 * len as u64 - 1) / 4, "{frame:?}: more than the worst case");
         at_the_end += u32::from(remainder(&text_of(&frame)).ends_with("00000"));
     }
     assert!(at_the_end > 20, "CRCs that end in a run: {at_the_end}");
 }
 
+/// Returns the bits of a classic frame from its start to the end of its data.
 fn text_of(frame: &CanFrame) -> String {
-    let head = format!("0{}000{}", digits(usize::from(frame.id()), 11), digits(frame.data().len(), 4));
+    let (number, length) = (frame.id().number() as usize, digits(frame.data().len(), 4));
+    // SOF, identifier, RTR, IDE, r0; or SOF, 11 bits, SRR, IDE, 18 bits, RTR, r1, r0.
+    let head = if frame.id().is_extended() {
+        format!("0{}11{}000{length}", digits(number >> 18, 11), digits(number % (1 << 18), 18))
+    } else {
+        format!("0{}000{length}", digits(number, 11))
+    };
     head + &data_bits(frame)
+}
+
+/// Returns an identifier of either length; runs of equal bits are likely.
+fn random_id(dice: &mut StdRng) -> CanId {
+    let ones = dice.random_range(0..=29);
+    let number: u32 = if dice.random::<bool>() { (1 << ones) - 1 } else { dice.random_range(0..1 << 29) };
+    let standard = u16::try_from(number % 0x800).ok().and_then(CanId::standard);
+    if dice.random::<bool>() { CanId::extended(number) } else { standard }.unwrap()
+}
+
+/// Returns bits of an identifier that has more than 11: SRR, 18 bits, and the second reserved bit of classic frames.
+fn more_bits(frame: &CanFrame) -> u64 {
+    match (frame.id().is_extended(), frame.is_fd()) {
+        (false, _) => 0,
+        (true, false) => 20,
+        (true, true) => 19,
+    }
 }
 
 #[test]
@@ -97,10 +126,11 @@ fn fd_frames_have_the_stuff_bits_of_their_text() {
     let mut dice = StdRng::seed_from_u64(2);
     for _ in 0..3000 {
         let len = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64][dice.random_range(0..16)];
-        let frame = CanFrame::fd(dice.random_range(0..0x800), &random_data(&mut dice, len)).unwrap();
+        let frame = CanFrame::fd(random_id(&mut dice), &random_data(&mut dice, len)).unwrap();
         let (head, rest) = fd(&frame);
         assert_eq!((head, rest), fd_by_text(&frame), "{frame:?}");
-        assert!(head + rest <= (17 + 5 + 8 * len as u64 - 1) / 4, "{frame:?}: more than the worst case");
+        let most = (17 + more_bits(&frame) + 5 + 8 * len as u64 - 1) / 4;
+        assert!(head + rest <= most, "{frame:?}: more than the worst case");
     }
 }
 
@@ -114,6 +144,11 @@ fn counts_made_by_hand() {
     assert_eq!(fd(&CanFrame::fd(0, &[0]).unwrap()), (2, 1));
     // 0 then 11 recessive: 2, and 3 dominant; the alternating data have none.
     assert_eq!(fd(&CanFrame::fd(0x7FF, &[0x55]).unwrap()), (2, 0));
+    // 29 bits: 12 dominant bits, 2 recessive, 22 or 19 dominant; a stuff bit after each whole 5.
+    let zero = CanId::extended(0).unwrap();
+    assert_eq!(fd(&CanFrame::fd(zero, &[]).unwrap()), (2 + 3, 0));
+    // All recessive: 1 dominant, 31 recessive (6 stuff bits, the first run has 5), 1 dominant before FDF.
+    assert_eq!(fd(&CanFrame::fd(CanId::LAST, &[0x55]).unwrap()).0, 6);
 }
 
 #[test]
@@ -126,6 +161,10 @@ fn exact_frames_are_shorter_on_the_wire() {
     // 44 bits, 6 stuff bits and 3 of interframe space, of 2 us each.
     assert_eq!(bus.duration_with(&frame, Stuffing::Exact), Some(Span::from_ns(53 * 2000)));
     assert_eq!(bus.duration_with(&frame, Stuffing::Worst), bus.duration(&frame));
+    // An identifier of 29 bits has 20 more, of which SRR and IDE change the CRC: counted as text.
+    let long = CanFrame::classic(CanId::extended(0).unwrap(), &[]).unwrap();
+    let bits = 64 + i64::try_from(classic_by_text(&long)).unwrap() + 3;
+    assert_eq!(bus.duration_with(&Packet::Can(long), Stuffing::Exact), Some(Span::from_ns(bits * 2000)));
     let bus = BusTiming::CanFd { arbitration_bps: 500_000, data_bps: 5_000_000 };
     let frame = Packet::Can(CanFrame::fd(0, &[0]).unwrap());
     // 17 + 2 + 13 slow bits; 5 + 8 + 1 stuff + 4 count + 17 CRC + 6 fixed fast ones.

@@ -109,12 +109,15 @@ fn span(bits: u64, bit_rate_bps: u32) -> Span {
     Span::from_ns(i64::try_from(ns).unwrap_or(i64::MAX))
 }
 
-/// Returns bits of a standard frame with its stuff bits and the 3 bits of interframe space: at most 135 for 8 bytes.
+/// Returns bits of a classic frame with its stuff bits and the 3 bits of interframe space: at most 135 for 8 bytes, 160
+/// with an identifier of 29 bits.
 ///
-/// 34 bits of header and CRC are subject to stuffing, 10 are not.
+/// 34 bits of header and CRC are subject to stuffing, 10 are not. An identifier of 29 bits adds 20: SRR, 18 bits and one
+/// more reserved bit.
 fn classic_bits(frame: &CanFrame, stuffing: Stuffing) -> u64 {
     let data = 8 * frame.data().len() as u64;
-    let (stuffed, plain, interframe) = (34 + data, 10, 3);
+    let header = if frame.id().is_extended() { 54 } else { 34 };
+    let (stuffed, plain, interframe) = (header + data, 10, 3);
     let stuff = match stuffing {
         Stuffing::Worst => (stuffed - 1) / 4,
         Stuffing::Exact => stuffing::classic(frame),
@@ -122,12 +125,12 @@ fn classic_bits(frame: &CanFrame, stuffing: Stuffing) -> u64 {
     stuffed + stuff + plain + interframe
 }
 
-/// Returns bits of a standard FD frame with its stuff bits: at the arbitration rate, at the data rate.
+/// Returns bits of an FD frame with its stuff bits: at the arbitration rate, at the data rate.
 fn fd_bits(frame: &CanFrame, stuffing: Stuffing) -> (u64, u64) {
     let data = 8 * frame.data().len() as u64;
-    // Start, 11 identifier bits, RRS, IDE, FDF, reserved, BRS; then, after the CRC: delimiter, acknowledge slot and
-    // delimiter, 7 end-of-frame and 3 interframe bits.
-    let (head, tail) = (17, 13);
+    // Start, 11 identifier bits, RRS, IDE, FDF, reserved, BRS; of 29 identifier bits also SRR. Then, after the CRC:
+    // delimiter, acknowledge slot and delimiter, 7 end-of-frame and 3 interframe bits.
+    let (head, tail) = (if frame.id().is_extended() { 36 } else { 17 }, 13);
     // ESI, 4 length bits and the data are stuffed where needed; the CRC field has a fixed stuff bit per 4.
     let stuffed = 5 + data;
     let (head_stuff, stuff) = match stuffing {
@@ -142,6 +145,7 @@ fn fd_bits(frame: &CanFrame, stuffing: Stuffing) -> (u64, u64) {
 mod tests {
     use super::*;
     use crate::SerialChunk;
+    use firmware_protocol::can::CanId;
 
     fn classic(len: usize) -> Packet {
         Packet::Can(CanFrame::classic(1, &[0; 8][..len]).unwrap())
@@ -154,6 +158,10 @@ mod tests {
         for len in 0..=8 {
             let wanted = Span::from_ns((55 + 10 * len as i64) * 2000);
             assert_eq!(bus.duration(&classic(len)), Some(wanted), "{len} bytes");
+            // The same, with identifiers of 29 bits: 80 + 10 n.
+            let frame = CanFrame::classic(CanId::extended(1).unwrap(), &[0; 8][..len]).unwrap();
+            let wanted = Span::from_ns((80 + 10 * len as i64) * 2000);
+            assert_eq!(bus.duration(&Packet::Can(frame)), Some(wanted), "{len} bytes, 29 bits");
         }
     }
 
@@ -164,6 +172,10 @@ mod tests {
         // 34 bits of 2 us and 518 bits of 200 ns.
         assert_eq!(bus.duration(&frame), Some(Span::from_ns(34 * 2000 + 518 * 200)));
         assert_eq!(bus.duration(&classic(8)), Some(Span::from_ns(135 * 2000)));
+        // 36 bits, 8 stuff bits and 13 bits of 2 us; then 389 bits with the stuff bits that are left of 36 + 389.
+        let frame = Packet::Can(CanFrame::fd(CanId::extended(1).unwrap(), &[0; 48]).unwrap());
+        let fast = 5 + 8 * 48 + ((36 + 389 - 1) / 4 - 8) + 4 + 21 + 7;
+        assert_eq!(bus.duration(&frame), Some(Span::from_ns(57 * 2000 + fast * 200)));
     }
 
     #[test]

@@ -1,9 +1,9 @@
 //! Identifiers of a node -> the kernel's receive filters.
 
 use firmware_protocol::MessageId;
-use firmware_protocol::can::IdMap;
+use firmware_protocol::can::{CanId, IdMap};
 use socketcan::CanFilter;
-use socketcan::id::{CAN_EFF_FLAG, CAN_RTR_FLAG, CAN_SFF_MASK};
+use socketcan::id::{CAN_EFF_FLAG, CAN_EFF_MASK, CAN_RTR_FLAG, CAN_SFF_MASK};
 
 /// Side of a node whose messages an end receives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -14,7 +14,7 @@ pub enum Receives {
     Stimulator,
     /// Frames for a CANopen node of this number: NMT, SYNC and requests of SDO clients.
     CanOpenNode(u8),
-    /// Every standard data frame: monitors and tests.
+    /// Every data frame: monitors and tests.
     Everything,
 }
 
@@ -38,18 +38,22 @@ const FROM_FLIGHT_COMPUTER: [MessageId; 14] = [
 const FROM_STIMULATOR: [MessageId; 5] =
     [MessageId::Exposure, MessageId::Status, MessageId::CameraStatus, MessageId::Response, MessageId::Heartbeat];
 
-/// Returns one filter per identifier: the kernel finds single standard identifiers in a table, whatever their number.
-/// Extended and remote frames never match.
+/// Returns one filter per identifier: the kernel finds single identifiers in tables, whatever their number. Frames of
+/// the other length of identifiers, and remote frames, never match.
 pub(super) fn filters(ids: &IdMap, receives: Receives) -> Vec<CanFilter> {
-    let data_frames = CAN_EFF_FLAG | CAN_RTR_FLAG;
-    let one = |message: &MessageId| CanFilter::new(u32::from(ids.id(*message)), CAN_SFF_MASK | data_frames);
+    let one = |message: &MessageId| only(ids.id(*message));
     match receives {
         Receives::FlightComputer => FROM_FLIGHT_COMPUTER.iter().map(one).collect(),
         Receives::Stimulator => FROM_STIMULATOR.iter().map(one).collect(),
         Receives::CanOpenNode(node) => {
-            let own = |id: u32| CanFilter::new(id, CAN_SFF_MASK | data_frames);
-            [0x000, 0x080, 0x600 + u32::from(node)].map(own).to_vec()
+            [0x000, 0x080, 0x600 + u16::from(node)].into_iter().filter_map(CanId::standard).map(only).collect()
         }
-        Receives::Everything => vec![CanFilter::new(0, data_frames)],
+        Receives::Everything => vec![CanFilter::new(0, CAN_RTR_FLAG)],
     }
+}
+
+/// Returns the filter of data frames with this identifier.
+fn only(id: CanId) -> CanFilter {
+    let number = if id.is_extended() { CAN_EFF_MASK } else { CAN_SFF_MASK };
+    CanFilter::new(id.flagged(), number | CAN_EFF_FLAG | CAN_RTR_FLAG)
 }

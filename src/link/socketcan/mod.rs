@@ -4,7 +4,7 @@
 //! (`kernel_stamp`); both are placed on the bench clock when the frame is fetched. A virtual interface (`vcan`) has
 //! neither bit times nor an adapter: its stamp is the instant of sending.
 //!
-//! * The kernel forwards only the identifiers that this side receives (`Receives`), standard data frames, and error
+//! * The kernel forwards only data frames with the identifiers that this side receives (`Receives`), and error
 //!   frames. Error frames are counted and not delivered.
 //! * The receive buffer is enlarged; frames that the kernel drops all the same are counted as overflow.
 //! * A frame that finds the interface's queue full is given up and counted; nothing waits behind it.

@@ -3,8 +3,8 @@
 //! data.
 
 use super::errors::ErrorReport;
-use firmware_protocol::can::{CLASSIC_MAX, CanFrame, FD_MAX};
-use socketcan::id::{CAN_EFF_FLAG, CAN_ERR_FLAG, CAN_ERR_MASK, CAN_RTR_FLAG};
+use firmware_protocol::can::{CLASSIC_MAX, CanFrame, CanId, FD_MAX};
+use socketcan::id::{CAN_ERR_FLAG, CAN_ERR_MASK, CAN_RTR_FLAG};
 
 const HEADER: usize = 8;
 /// `CAN_MTU`: a classic frame.
@@ -17,11 +17,11 @@ const BIT_RATE_SWITCH: u8 = 0x01;
 /// A frame from the kernel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum RawFrame {
-    /// A standard data frame.
+    /// A data frame.
     Data(CanFrame),
     /// An error frame.
     Report(ErrorReport),
-    /// A frame that no filter of ours lets through: extended, remote, or of an impossible length.
+    /// A frame that no filter of ours lets through: remote, or of an impossible identifier or length.
     Foreign,
 }
 
@@ -34,10 +34,11 @@ pub(super) fn read(bytes: &[u8]) -> RawFrame {
     if id & CAN_ERR_FLAG != 0 {
         return RawFrame::Report(ErrorReport::of(id & CAN_ERR_MASK, data));
     }
-    if id & (CAN_EFF_FLAG | CAN_RTR_FLAG) != 0 {
+    if id & CAN_RTR_FLAG != 0 {
         return RawFrame::Foreign;
     }
-    let frame = u16::try_from(id).ok().and_then(|id| match bytes.len() {
+    // CAN_EFF_FLAG is bit 31.
+    let frame = CanId::from_flagged(id).and_then(|id| match bytes.len() {
         CLASSIC_BYTES => CanFrame::classic(id, data),
         FD_BYTES => CanFrame::fd(id, data),
         _ => None,
@@ -49,7 +50,7 @@ pub(super) fn read(bytes: &[u8]) -> RawFrame {
 pub(super) fn write<'a>(frame: &CanFrame, bit_rate_switch: bool, to: &'a mut [u8; FD_BYTES]) -> &'a [u8] {
     to.fill(0);
     let data = frame.data();
-    to[..4].copy_from_slice(&u32::from(frame.id()).to_ne_bytes());
+    to[..4].copy_from_slice(&frame.id().flagged().to_ne_bytes());
     #[allow(clippy::cast_possible_truncation, reason = "a frame has at most 64 bytes")]
     {
         to[4] = data.len() as u8;

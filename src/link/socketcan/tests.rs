@@ -7,7 +7,7 @@ use super::*;
 use crate::LinkError;
 use base::clock::{Clock, Monotonic};
 use firmware_protocol::MessageId;
-use firmware_protocol::can::CanFrame;
+use firmware_protocol::can::{CanFrame, CanId};
 use std::sync::Arc;
 
 fn ids(node: u8) -> IdMap {
@@ -34,6 +34,8 @@ fn frames_have_the_kernels_layout() {
     assert_eq!(write(&fd, false, &mut buffer), wanted);
     wanted[5] = 1; // CANFD_BRS
     assert_eq!(write(&fd, true, &mut buffer), wanted);
+    let extended = CanFrame::classic(CanId::extended(0x123).unwrap(), &[1, 2, 3]).unwrap();
+    assert_eq!(write(&extended, true, &mut buffer), raw(0x8000_0123, 3, &[1, 2, 3], 16), "CAN_EFF_FLAG");
     assert_eq!((CLASSIC_BYTES, FD_BYTES), (socketcan::socket::CAN_MTU, socketcan::socket::CANFD_MTU));
 }
 
@@ -41,8 +43,10 @@ fn frames_have_the_kernels_layout() {
 fn every_frame_comes_back() {
     let data: Vec<u8> = (1..=64).collect();
     for len in 0..=64 {
-        let frames = [CanFrame::classic(0x30F, &data[..len]), CanFrame::fd(0x30F, &data[..len])];
-        for frame in frames.into_iter().flatten() {
+        // One number, and a long one.
+        let ids = [CanId::standard(0x30F), CanId::extended(0x30F), CanId::extended(0x1FFF_FFFF)].map(Option::unwrap);
+        let frames = ids.map(|id| [CanFrame::classic(id, &data[..len]), CanFrame::fd(id, &data[..len])]);
+        for frame in frames.into_iter().flatten().flatten() {
             let mut buffer = [0; FD_BYTES];
             assert_eq!(read(write(&frame, true, &mut buffer)), RawFrame::Data(frame));
         }
@@ -50,9 +54,9 @@ fn every_frame_comes_back() {
 }
 
 #[test]
-fn frames_other_than_standard_data_frames_are_foreign() {
+fn frames_other_than_data_frames_are_foreign() {
     let foreign = [
-        raw(0x123 | 0x8000_0000, 1, &[1], 16), // extended
+        raw(0x123 | 0xC000_0000, 1, &[1], 16), // extended, remote
         raw(0x123 | 0x4000_0000, 1, &[1], 16), // remote
         raw(0x800, 1, &[1], 16),               // 12 bits
         raw(0x123, 9, &[], 16),                // longer than its data
@@ -93,6 +97,11 @@ fn error_frames_are_counted_by_what_they_say() {
 
 #[test]
 fn filters_let_through_one_side_of_one_node() {
+    check_filters(ids);
+    check_filters(|node| IdMap::extended(0x18FF_0000, node).unwrap());
+}
+
+fn check_filters(ids: impl Fn(u8) -> IdMap) {
     let passes = |receives, node, id: u32| {
         filters(&ids(node), receives).iter().any(|filter| {
             let filter = filter.as_ref();
@@ -101,7 +110,7 @@ fn filters_let_through_one_side_of_one_node() {
     };
     let either = [Receives::FlightComputer, Receives::Stimulator];
     for message in MessageId::ALL {
-        let id = u32::from(ids(3).id(message));
+        let id = ids(3).id(message).flagged();
         let got = either.map(|receives| passes(receives, 3, id));
         assert!(got.contains(&true), "{message:?} has no sender");
         assert_eq!(got == [true, true], message == MessageId::Heartbeat, "{message:?}: one sender");
@@ -112,11 +121,11 @@ fn filters_let_through_one_side_of_one_node() {
                 message == MessageId::Sync && receives == Receives::FlightComputer,
                 "{message:?}: node 4"
             );
-            assert!(!passes(receives, 3, id | 0x8000_0000), "{message:?}: extended");
+            assert!(!passes(receives, 3, id ^ 0x8000_0000), "{message:?}: the other length");
         }
         assert!(passes(Receives::Everything, 3, id), "{message:?}");
     }
-    assert!(!passes(Receives::Everything, 3, 0x8000_0123), "extended");
+    assert!(passes(Receives::Everything, 3, 0x123) && passes(Receives::Everything, 3, 0x8000_0123), "either length");
     assert!(!passes(Receives::Everything, 3, 0x4000_0123), "remote");
 }
 

@@ -7,6 +7,7 @@
 use base::time::Span;
 use base::units::DEG;
 use config::{Action, Event, Pointing};
+use firmware_protocol::can::CanId;
 use frames::sink::FrameFault;
 use glam::DVec3;
 use link::tap::LinkFault;
@@ -37,7 +38,14 @@ const MOST_CUT: f64 = 0.3;
 
 /// Identifiers of babble: the attitude's own, which has a checksum, and an unused one. Time marks have no checksum:
 /// babble under their identifiers that is as frequent as they are would be indistinguishable from them.
-const BABBLED: [u16; 2] = [0x300, 0x7FF];
+const BABBLED: [CanId; 2] = [standard(0x300), standard(0x7FF)];
+
+const fn standard(number: u16) -> CanId {
+    match CanId::standard(number) {
+        Some(id) => id,
+        None => CanId::LAST,
+    }
+}
 
 /// Returns the events of `seed`.
 #[must_use]

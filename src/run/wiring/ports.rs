@@ -81,27 +81,24 @@ struct Opened {
 }
 
 /// Returns a port over an end of a link, with the link's identifiers and layout.
-///
-/// # Errors
-/// Never for a checked link.
-pub(super) fn port_over(end: Box<dyn LinkEnd>, link: &Link) -> Result<Port> {
+pub(super) fn port_over(end: Box<dyn LinkEnd>, link: &Link) -> Port {
     let (_, format) = bench_parts::bus_of(link);
-    let port = Port::new(end, format, identifiers(link)?);
-    Ok(match &link.plain {
+    let port = Port::new(end, format, link.ids);
+    match &link.plain {
         Some(plain) => port.with_layout(plain.layout.clone()),
         None => port,
-    })
+    }
 }
 
 fn open(link: &Link, number: usize, wants_far: bool, clock: &Arc<dyn Clock>, tap: Tap<'_>) -> Result<Opened> {
-    let ids = identifiers(link)?;
+    let ids = link.ids;
     let (params, _) = bench_parts::bus_of(link);
     let near_end = End::Near(number);
     match &link.carrier {
         Carrier::Simulated(gateway_ports) => {
             let bus = SimulatedBus::new(params, clock);
-            let near = port_over(tap(near_end, Box::new(bus.attach())), link)?;
-            let far = wants_far.then(|| port_over(tap(End::Far, Box::new(bus.attach())), link)).transpose()?;
+            let near = port_over(tap(near_end, Box::new(bus.attach())), link);
+            let far = wants_far.then(|| port_over(tap(End::Far, Box::new(bus.attach())), link));
             let gateways = gateways(gateway_ports, &bus, clock)?;
             Ok(Opened { near, far, bus: Some(bus), gateways, notes: Vec::new() })
         }
@@ -109,30 +106,30 @@ fn open(link: &Link, number: usize, wants_far: bool, clock: &Arc<dyn Clock>, tap
             let end = |receives| can_link(interface, ids, receives, link.wire, clock);
             let near = tap(near_end, Box::new(end(Receives::FlightComputer)?));
             let far = wants_far.then(|| end(Receives::Stimulator)).transpose()?;
-            let far = far.map(|far| port_over(tap(End::Far, Box::new(far)), link)).transpose()?;
-            Ok(Opened { near: port_over(near, link)?, far, bus: None, gateways: None, notes: Vec::new() })
+            let far = far.map(|far| port_over(tap(End::Far, Box::new(far)), link));
+            Ok(Opened { near: port_over(near, link), far, bus: None, gateways: None, notes: Vec::new() })
         }
         Carrier::SerialPort(settings) => {
             let end = |path: &Path| SerialLink::open(serial_params(settings, path, link.bit_rate), clock);
-            let near = port_over(tap(near_end, Box::new(end(&settings.port)?)), link)?;
+            let near = port_over(tap(near_end, Box::new(end(&settings.port)?)), link);
             let far_port = settings.far_port.as_deref().filter(|_| wants_far);
             let far = far_port.map(end).transpose()?;
-            let far = far.map(|far| port_over(tap(End::Far, Box::new(far)), link)).transpose()?;
+            let far = far.map(|far| port_over(tap(End::Far, Box::new(far)), link));
             Ok(Opened { near, far, bus: None, gateways: None, notes: Vec::new() })
         }
         Carrier::Udp { listen } => {
             let end = UdpLink::open(plain_ends::udp(*listen, link), clock)?;
             let far = wants_far.then(|| plain_ends::far_udp(end.address(), clock)).transpose()?;
             let notes = plain_ends::notes("udp", end.address());
-            let far = far.map(|far| port_over(tap(End::Far, Box::new(far)), link)).transpose()?;
-            Ok(Opened { near: port_over(tap(near_end, Box::new(end)), link)?, far, bus: None, gateways: None, notes })
+            let far = far.map(|far| port_over(tap(End::Far, Box::new(far)), link));
+            Ok(Opened { near: port_over(tap(near_end, Box::new(end)), link), far, bus: None, gateways: None, notes })
         }
         Carrier::Tcp { address, connects } => {
             let near = plain_ends::tcp(*address, *connects, link);
             let (end, far) = plain_ends::open_tcp(near, wants_far, clock)?;
             let notes = if *connects { Vec::new() } else { plain_ends::notes("tcp", end.address()) };
-            let far = far.map(|far| port_over(tap(End::Far, Box::new(far)), link)).transpose()?;
-            Ok(Opened { near: port_over(tap(near_end, Box::new(end)), link)?, far, bus: None, gateways: None, notes })
+            let far = far.map(|far| port_over(tap(End::Far, Box::new(far)), link));
+            Ok(Opened { near: port_over(tap(near_end, Box::new(end)), link), far, bus: None, gateways: None, notes })
         }
     }
 }
@@ -178,14 +175,6 @@ fn serial_params(settings: &config::SerialPort, path: &Path, bit_rate: f64) -> S
             config::FlowControl::Hardware => FlowControl::Hardware,
         },
     }
-}
-
-/// Returns the identifiers of a link's node.
-///
-/// # Errors
-/// Never for a checked link.
-pub fn identifiers(link: &Link) -> Result<IdMap> {
-    IdMap::new(link.id_base, link.node).context("CAN identifiers: node or base out of range")
 }
 
 /// Returns the reason why a bench cannot be run on the virtual clock, if there is one.

@@ -67,7 +67,7 @@ impl CanOpenReader {
 impl Reader for CanOpenReader {
     fn take(&mut self, wire: &Wire, at: Tai, out: &mut Vec<Measured>) {
         let Wire::Can(frame) = wire else { return };
-        let pdo = TPDO_IDS.iter().position(|id| id + u16::from(self.node) == frame.id());
+        let pdo = TPDO_IDS.iter().position(|id| frame.id() == id + u16::from(self.node));
         let Some(pdo) = pdo.filter(|pdo| *pdo < 3) else { return };
         let Ok(data) = <[u8; 8]>::try_from(frame.data()) else {
             self.damaged += 1;

@@ -6,7 +6,7 @@ use base::clock::{Clock, Monotonic, Virtual};
 use base::units::DEG;
 use core::sync::atomic::{AtomicBool, Ordering};
 use firmware_protocol::Reject;
-use firmware_protocol::can::IdMap;
+use firmware_protocol::can::{CanId, IdMap};
 use firmware_protocol::message::{Exposure, StatusPage};
 use link::simulated::{BusFault, BusParams, BusTiming, SimulatedBus, simulated_pair};
 use link::{Stamped, WireFormat};
@@ -194,7 +194,7 @@ fn a_sync_waits_for_the_frame_on_the_wire_and_is_reported_as_it_left() {
 fn a_sync_that_lost_the_arbitration_is_reported_as_it_left_or_not_at_all() {
     let reported = |babble: Span| {
         let mut bench = fd_bench(params());
-        let fault = BusFault::Babble { id: 0, share_of_bandwidth: 1.0 };
+        let fault = BusFault::Babble { id: CanId::default(), share_of_bandwidth: 1.0 };
         bench.bus.control().add(BOOT, BOOT + babble, fault);
         first_follow_up(&mut bench)
     };

@@ -38,8 +38,8 @@ const LINK_SERIAL: u16 = 147;
 /// LINKTYPE_USER1: here, a plain datagram, or a record or line of a plain stream.
 const LINK_DATAGRAM: u16 = 148;
 
-/// Flags in the identifier of a SocketCAN header: extended, remote, error.
-const CAN_NOT_PLAIN: u32 = 0xE000_0000;
+/// Flags in the identifier of a SocketCAN header: remote, error. Bit 31 says 29 bits.
+const CAN_NOT_DATA: u32 = 0x6000_0000;
 /// FD flag of a SocketCAN header: the frame is an FD frame.
 const CAN_FDF: u8 = 0x04;
 /// FD flag: bit rate switched.

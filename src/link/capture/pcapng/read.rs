@@ -1,14 +1,14 @@
 //! pcapng -> packets: either byte order, any number of sections and interfaces, any units of stamps.
 
 use super::{
-    CAN_FD_STRUCTURE, CAN_FDF, CAN_HEADER, CAN_NOT_PLAIN, ENHANCED_PACKET, INTERFACE, LINK_CAN, LINK_DATAGRAM,
+    CAN_FD_STRUCTURE, CAN_FDF, CAN_HEADER, CAN_NOT_DATA, ENHANCED_PACKET, INTERFACE, LINK_CAN, LINK_DATAGRAM,
     LINK_SERIAL, NAME_BEFORE, OBSOLETE_PACKET, OPTION_COMMENT, OPTION_END, OPTION_FLAGS, OPTION_NAME, OPTION_OFFSET,
     OPTION_RESOLUTION, ORDER_MAGIC, OUTBOUND, SECTION, SIMPLE_PACKET, TAI_AFTER, TAI_BEFORE,
 };
 use crate::capture::{BLOCK_MAX, CaptureError, CapturedPacket, Direction};
 use crate::{CHUNK_MAX, Datagram, Packet, SerialChunk};
 use base::time::Tai;
-use firmware_protocol::can::CanFrame;
+use firmware_protocol::can::{CanFrame, CanId};
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read};
 
@@ -322,9 +322,9 @@ fn can_frame(data: &[u8]) -> Option<CanFrame> {
     let id = u32::from_be_bytes(header[..4].try_into().ok()?);
     let length = usize::from(header[4]);
     let is_fd = header[5] & CAN_FDF != 0 || length > 8 || data.len() == CAN_FD_STRUCTURE;
-    let make = if is_fd { CanFrame::fd } else { CanFrame::classic };
-    if id & CAN_NOT_PLAIN != 0 {
+    if id & CAN_NOT_DATA != 0 {
         return None;
     }
-    make(u16::try_from(id).ok()?, rest.get(..length)?)
+    let (id, data) = (CanId::from_flagged(id)?, rest.get(..length)?);
+    if is_fd { CanFrame::fd(id, data) } else { CanFrame::classic(id, data) }
 }

@@ -123,7 +123,7 @@ fn pad(body: &mut Vec<u8>) {
 
 /// Appends the SocketCAN header, big-endian, and the data.
 fn put_can(data: &mut Vec<u8>, frame: &CanFrame) {
-    data.extend(u32::from(frame.id()).to_be_bytes());
+    data.extend(frame.id().flagged().to_be_bytes());
     #[allow(clippy::cast_possible_truncation, reason = "a frame has at most 64 bytes")]
     data.push(frame.data().len() as u8);
     data.push(if frame.is_fd() { CAN_FDF | CAN_BRS } else { 0 });

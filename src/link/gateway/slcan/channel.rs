@@ -5,7 +5,7 @@
 //! acceptance filters are refused unless they let everything pass.
 
 use super::super::client::{Client, Dialogue, Sending};
-use super::super::hex::{put_bytes, put_digits};
+use super::super::hex::{put_bytes, put_digits, put_id};
 use super::parser::{Command, LENGTHS, Parser};
 use crate::simulated::{BusTiming, ErrorState};
 use crate::{Packet, Stamped};
@@ -159,8 +159,13 @@ pub(in super::super) fn line(packet: &Stamped<Packet>, stamps: bool, out: &mut V
     let Packet::Can(frame) = &packet.value else { return false };
     let code = LENGTHS.iter().position(|length| *length == frame.data().len()).unwrap_or(0);
     // FD frames of this bus switch their bit rate.
-    out.push(if frame.is_fd() { b'b' } else { b't' });
-    put_digits(out, u32::from(frame.id()), 3);
+    out.push(match (frame.is_fd(), frame.id().is_extended()) {
+        (false, false) => b't',
+        (false, true) => b'T',
+        (true, false) => b'b',
+        (true, true) => b'B',
+    });
+    put_id(out, frame.id());
     put_digits(out, u32::try_from(code).unwrap_or(0), 1);
     put_bytes(out, frame.data());
     if stamps {
@@ -178,6 +183,7 @@ fn milliseconds_of_minute(at: Tai) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use firmware_protocol::can::CanId;
 
     fn shown(frame: Option<CanFrame>, stamps: bool) -> String {
         let mut out = Vec::new();
@@ -192,5 +198,8 @@ mod tests {
         assert_eq!(shown(CanFrame::classic(0x001, &[]), true), "t001004E2\r", "61.25 s is 1250 ms into a minute");
         assert_eq!(shown(CanFrame::fd(0x7FF, &[0; 12]), false), format!("b7FF9{}\r", "00".repeat(12)));
         assert_eq!(shown(CanFrame::fd(0x301, &[1; 64]), false), format!("b301F{}\r", "01".repeat(64)));
+        let [low, high] = [0x123, 0x1ABC_DEF0].map(|number| CanId::extended(number).unwrap());
+        assert_eq!(shown(CanFrame::classic(low, &[0x11, 0xAB]), false), "T00000123211AB\r");
+        assert_eq!(shown(CanFrame::fd(high, &[0; 12]), true), format!("B1ABCDEF09{}04E2\r", "00".repeat(12)));
     }
 }

@@ -5,7 +5,7 @@
 //! skipped to its end. The tests beside the code hold every letter, both sides of every length, and split input.
 
 use super::super::hex::{digit, digits};
-use firmware_protocol::can::CanFrame;
+use firmware_protocol::can::{CanFrame, CanId};
 
 /// Longest line: an extended FD frame of 64 bytes.
 pub const LINE_MAX: usize = 1 + 8 + 1 + 128;
@@ -41,7 +41,7 @@ pub enum Command {
     Silent(bool),
     /// `Z0`, `Z1`: time stamps on received frames.
     TimeStamps(bool),
-    /// `t`, `d`, `b`: a frame to send.
+    /// `t`, `d`, `b`: a frame to send; `T`, `D`, `B`: the same with an identifier of 29 bits.
     Send(CanFrame),
 }
 
@@ -56,10 +56,8 @@ pub enum SlcanReject {
     BadLength,
     /// A digit that is none.
     BadDigit,
-    /// A value that does not exist: an identifier above 11 bits, a length code above 8 of a classic frame.
+    /// A value that does not exist: an identifier of too many bits, a length code above 8 of a classic frame.
     BadValue,
-    /// A 29-bit identifier; this bus has 11 bits.
-    ExtendedId,
     /// A remote request; this bus has none.
     RemoteRequest,
 }
@@ -74,7 +72,6 @@ impl SlcanReject {
             Self::BadLength => "bad_length",
             Self::BadDigit => "bad_digit",
             Self::BadValue => "bad_value",
-            Self::ExtendedId => "extended_id",
             Self::RemoteRequest => "remote_request",
         }
     }
@@ -146,9 +143,10 @@ fn command(letter: u8, rest: &[u8]) -> Result<Command, SlcanReject> {
         b'M' if rest.len() == 1 => switch(rest).map(Command::Silent),
         b'M' => word(rest).map(Command::AcceptanceCode),
         b'm' => word(rest).map(Command::AcceptanceMask),
-        b't' => frame(rest, false).map(Command::Send),
-        b'd' | b'b' => frame(rest, true).map(Command::Send),
-        b'T' | b'D' | b'B' => Err(SlcanReject::ExtendedId),
+        b't' => frame(rest, standard_id, 3, false).map(Command::Send),
+        b'T' => frame(rest, CanId::extended, 8, false).map(Command::Send),
+        b'd' | b'b' => frame(rest, standard_id, 3, true).map(Command::Send),
+        b'D' | b'B' => frame(rest, CanId::extended, 8, true).map(Command::Send),
         b'r' | b'R' => Err(SlcanReject::RemoteRequest),
         _ => Err(SlcanReject::UnknownCommand),
     }
@@ -180,10 +178,19 @@ fn word(rest: &[u8]) -> Result<u32, SlcanReject> {
     digits(rest).ok_or(SlcanReject::BadDigit)
 }
 
-/// Returns three digits of identifier, one of length, two per byte.
-fn frame(rest: &[u8], is_fd: bool) -> Result<CanFrame, SlcanReject> {
-    let (head, data) = rest.split_at_checked(4).ok_or(SlcanReject::BadLength)?;
-    let (id, length) = head.split_at(3);
+fn standard_id(number: u32) -> Option<CanId> {
+    u16::try_from(number).ok().and_then(CanId::standard)
+}
+
+/// Reads the digits of an identifier, one of length, two per byte.
+fn frame(
+    rest: &[u8],
+    id_of: impl Fn(u32) -> Option<CanId>,
+    id_digits: usize,
+    is_fd: bool,
+) -> Result<CanFrame, SlcanReject> {
+    let (head, data) = rest.split_at_checked(id_digits + 1).ok_or(SlcanReject::BadLength)?;
+    let (id, length) = head.split_at(id_digits);
     let id = digits(id).ok_or(SlcanReject::BadDigit)?;
     let length = digits(length).ok_or(SlcanReject::BadDigit)?;
     let length = LENGTHS.get(length as usize).copied().unwrap_or(0);
@@ -197,9 +204,10 @@ fn frame(rest: &[u8], is_fd: bool) -> Result<CanFrame, SlcanReject> {
     for (byte, pair) in bytes.iter_mut().zip(data.chunks_exact(2)) {
         *byte = digits(pair).and_then(|value| u8::try_from(value).ok()).ok_or(SlcanReject::BadDigit)?;
     }
-    let make = if is_fd { CanFrame::fd } else { CanFrame::classic };
-    let id = u16::try_from(id).map_err(|_| SlcanReject::BadValue)?;
-    make(id, bytes.get(..length).unwrap_or(&[])).ok_or(SlcanReject::BadValue)
+    let id = id_of(id).ok_or(SlcanReject::BadValue)?;
+    let data = bytes.get(..length).unwrap_or(&[]);
+    let frame = if is_fd { CanFrame::fd(id, data) } else { CanFrame::classic(id, data) };
+    frame.ok_or(SlcanReject::BadValue)
 }
 
 #[cfg(test)]

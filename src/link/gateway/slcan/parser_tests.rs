@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::gateway::parser_checks::{read_in_pieces, survives_random_words};
+use firmware_protocol::can::ToCanId;
 
 type Outcome = Result<Command, SlcanReject>;
 
@@ -17,11 +18,11 @@ fn one(line: &str) -> Outcome {
     all[0]
 }
 
-fn classic(id: u16, data: &[u8]) -> Outcome {
+fn classic(id: impl ToCanId, data: &[u8]) -> Outcome {
     Ok(Command::Send(CanFrame::classic(id, data).unwrap()))
 }
 
-fn fd(id: u16, data: &[u8]) -> Outcome {
+fn fd(id: impl ToCanId, data: &[u8]) -> Outcome {
     Ok(Command::Send(CanFrame::fd(id, data).unwrap()))
 }
 
@@ -64,6 +65,18 @@ fn frames_have_their_identifier_length_and_bytes() {
 }
 
 #[test]
+fn capital_letters_have_identifiers_of_29_bits() {
+    let id = |number| CanId::extended(number).unwrap();
+    assert_eq!(one("T000001232AABB"), classic(id(0x123), &[0xAA, 0xBB]));
+    assert_ne!(one("T000001232AABB"), one("t1232AABB"), "another identifier");
+    assert_eq!(one("T1fFFffFF0"), classic(id(0x1FFF_FFFF), &[]));
+    for letter in ["D", "B"] {
+        assert_eq!(one(&format!("{letter}18FF12349{}", "5A".repeat(12))), fd(id(0x18FF_1234), &[0x5A; 12]));
+        assert_eq!(one(&format!("{letter}00000123F{}", "01".repeat(64))), fd(id(0x123), &[1; 64]), "the longest line");
+    }
+}
+
+#[test]
 fn malformed_lines_are_refused_by_reason() {
     use SlcanReject::*;
     for (line, reason) in [
@@ -88,9 +101,16 @@ fn malformed_lines_are_refused_by_reason() {
         ("t12311", BadLength),
         ("t12311g", BadDigit),
         ("t1231111", BadLength),
-        ("T000001230", ExtendedId),
-        ("D000001230", ExtendedId),
-        ("B000001230", ExtendedId),
+        ("T1230", BadLength),
+        ("T0000012", BadLength),
+        ("T00000123", BadLength),
+        ("T000001231", BadLength),
+        ("T200000000", BadValue),
+        ("TFFFFFFFF0", BadValue),
+        ("T000001239", BadValue),
+        ("T0000x1230", BadDigit),
+        ("D000001231", BadLength),
+        ("B200001230", BadValue),
         ("r1230", RemoteRequest),
         ("R000001230", RemoteRequest),
     ] {
@@ -106,7 +126,7 @@ fn lines_may_come_in_pieces_and_empty_ones_say_nothing() {
 
 #[test]
 fn a_line_too_long_is_refused_once_and_the_next_is_whole() {
-    for (excess, refused) in [(0, SlcanReject::ExtendedId), (1, SlcanReject::TooLong), (5000, SlcanReject::TooLong)] {
+    for (excess, refused) in [(0, SlcanReject::BadLength), (1, SlcanReject::TooLong), (5000, SlcanReject::TooLong)] {
         let mut stream = vec![b'D'; LINE_MAX + excess];
         stream.extend_from_slice(b"\rO\r");
         assert_eq!(parsed(&mut Parser::default(), &stream), [Err(refused), Ok(Command::Open)], "{excess}");

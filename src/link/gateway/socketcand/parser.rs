@@ -5,7 +5,7 @@
 //! every command, both sides of every length, and split input.
 
 use super::super::hex::digits;
-use firmware_protocol::can::CanFrame;
+use firmware_protocol::can::{CanFrame, CanId};
 
 /// Longest element, without its brackets: twice the longest command.
 pub const ELEMENT_MAX: usize = 128;
@@ -58,7 +58,7 @@ pub enum Command {
     RawMode,
     /// `< echo >`: answer the same.
     Echo,
-    /// `< send 123 2 11 22 >`
+    /// `< send 123 2 11 22 >`, `< send 00000123 2 11 22 >`
     Send(CanFrame),
 }
 
@@ -77,10 +77,8 @@ pub enum SocketcandReject {
     BadLength,
     /// A digit that is none.
     BadDigit,
-    /// A value that does not exist: an identifier above 11 bits, more than 8 bytes, a name too long.
+    /// A value that does not exist: an identifier of too many bits, more than 8 bytes, a name too long.
     BadValue,
-    /// A 29-bit identifier (8 digits); this bus has 11 bits.
-    ExtendedId,
 }
 
 impl SocketcandReject {
@@ -95,7 +93,6 @@ impl SocketcandReject {
             Self::BadLength => "bad_length",
             Self::BadDigit => "bad_digit",
             Self::BadValue => "bad_value",
-            Self::ExtendedId => "extended_id",
         }
     }
 }
@@ -185,16 +182,15 @@ fn command(element: &[u8]) -> Result<Command, SocketcandReject> {
     if words.next().is_none() { Ok(command) } else { Err(SocketcandReject::BadLength) }
 }
 
-/// Reads identifier, length and one word per byte.
+/// Reads identifier, length and one word per byte. An identifier of 8 digits has 29 bits, as the daemon judges it.
 fn frame<'a>(words: &mut impl Iterator<Item = &'a [u8]>) -> Result<CanFrame, SocketcandReject> {
     let mut number = || {
         let word = words.next().ok_or(SocketcandReject::BadLength)?;
         digits(word).map(|value| (word.len(), value)).ok_or(SocketcandReject::BadDigit)
     };
     let (id_digits, id) = number()?;
-    if id_digits == 8 {
-        return Err(SocketcandReject::ExtendedId);
-    }
+    let id = if id_digits == 8 { CanId::extended(id) } else { u16::try_from(id).ok().and_then(CanId::standard) };
+    let id = id.ok_or(SocketcandReject::BadValue)?;
     let (_, length) = number()?;
     let mut data = [0; 8];
     let data = usize::try_from(length).ok().and_then(|length| data.get_mut(..length));
@@ -202,7 +198,6 @@ fn frame<'a>(words: &mut impl Iterator<Item = &'a [u8]>) -> Result<CanFrame, Soc
     for byte in data.iter_mut() {
         *byte = u8::try_from(number()?.1).map_err(|_| SocketcandReject::BadValue)?;
     }
-    let id = u16::try_from(id).map_err(|_| SocketcandReject::BadValue)?;
     CanFrame::classic(id, data).ok_or(SocketcandReject::BadValue)
 }
 

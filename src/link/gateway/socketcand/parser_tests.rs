@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::gateway::parser_checks::{read_in_pieces, survives_random_words};
+use firmware_protocol::can::ToCanId;
 
 type Outcome = Result<Command, SocketcandReject>;
 
@@ -17,7 +18,7 @@ fn one(element: &str) -> Outcome {
     all[0]
 }
 
-fn classic(id: u16, data: &[u8]) -> Outcome {
+fn classic(id: impl ToCanId, data: &[u8]) -> Outcome {
     Ok(Command::Send(CanFrame::classic(id, data).unwrap()))
 }
 
@@ -34,6 +35,15 @@ fn every_command_is_understood() {
     assert_eq!(one("< send 7ff 3 0 a FF >"), classic(0x7FF, &[0, 10, 255]));
     assert_eq!(one("< send 001 0  >"), classic(1, &[]), "as python-can sends it");
     assert_eq!(one("< send 1 8 1 2 3 4 5 6 7 8 >"), classic(1, &[1, 2, 3, 4, 5, 6, 7, 8]));
+}
+
+#[test]
+fn eight_digits_are_an_identifier_of_29_bits() {
+    let id = |number| CanId::extended(number).unwrap();
+    assert_eq!(one("< send 00000123 1 AB >"), classic(id(0x123), &[0xAB]));
+    assert_ne!(one("< send 00000123 1 AB >"), one("< send 123 1 AB >"), "another identifier");
+    assert_eq!(one("< send 1fffffff 0 >"), classic(id(0x1FFF_FFFF), &[]));
+    assert_eq!(one("< send 0000123 0 >"), classic(0x123, &[]), "seven digits");
 }
 
 #[test]
@@ -59,7 +69,8 @@ fn malformed_commands_are_refused_by_reason() {
         ("< send 12x 0 >", BadDigit),
         ("< send 123 1 x >", BadDigit),
         ("< send 123456789 0 >", BadDigit),
-        ("< send 00000123 0 >", ExtendedId),
+        ("< send 20000000 0 >", BadValue),
+        ("< send 0000800 0 >", BadValue),
     ] {
         assert_eq!(one(element), Err(reason), "{element}");
     }

@@ -4,7 +4,7 @@
 //! protocol has no others.
 
 use super::super::client::{Client, Dialogue, Sending};
-use super::super::hex::{put_bytes, put_digits};
+use super::super::hex::{put_bytes, put_id};
 use super::parser::{Command, Parser};
 use crate::{Packet, Stamped};
 use base::time::{Span, Tai};
@@ -102,7 +102,7 @@ pub(in super::super) fn element(packet: &Stamped<Packet>, tai_minus_utc_s: i64, 
     let unix_us = (packet.at.ns() - tai_minus_utc_s * NS_PER_S).div_euclid(1000);
     let (seconds, micros) = (unix_us.div_euclid(1_000_000), unix_us.rem_euclid(1_000_000));
     out.extend_from_slice(b"< frame ");
-    put_digits(out, u32::from(frame.id()), 3);
+    put_id(out, frame.id());
     let _ = write!(out, " {seconds}.{micros:06} "); // writing to memory cannot fail
     put_bytes(out, frame.data());
     out.extend_from_slice(b" >");
@@ -118,7 +118,7 @@ pub(in super::super) fn tai_minus_utc_s(at: Tai) -> i64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use firmware_protocol::can::CanFrame;
+    use firmware_protocol::can::{CanFrame, CanId};
 
     #[test]
     fn frames_are_shown_with_unix_time() {
@@ -132,6 +132,8 @@ mod tests {
         };
         let classic = CanFrame::classic(0x12, &[1, 0xAB]).unwrap();
         assert_eq!(shown(classic).as_deref(), Some("< frame 012 1577836800.000042 01AB >"));
+        let extended = CanFrame::classic(CanId::extended(0x12).unwrap(), &[1]).unwrap();
+        assert_eq!(shown(extended).as_deref(), Some("< frame 00000012 1577836800.000042 01 >"));
         let empty = CanFrame::classic(0x7FF, &[]).unwrap();
         assert_eq!(shown(empty).as_deref(), Some("< frame 7FF 1577836800.000042  >"));
         assert_eq!(shown(CanFrame::fd(1, &[0; 12]).unwrap()), None, "the protocol has no FD");

@@ -1,7 +1,7 @@
 //! Packets with a wrong bit, packets without their tail, packets of nonsense.
 
 use crate::{CHUNK_MAX, Datagram, Packet, SerialChunk, WireFormat};
-use firmware_protocol::can::CanFrame;
+use firmware_protocol::can::{CanFrame, CanId};
 use rand::RngExt;
 use rand::rngs::StdRng;
 
@@ -21,8 +21,7 @@ pub(super) fn flip_a_bit(packet: &mut Packet, dice: &mut StdRng) {
         Packet::Can(frame) => {
             let mut bytes = frame.data().to_vec();
             flip(&mut bytes, dice);
-            let make = if frame.is_fd() { CanFrame::fd } else { CanFrame::classic };
-            *frame = make(frame.id(), &bytes).unwrap_or(*frame);
+            *frame = frame.with_data(&bytes).unwrap_or(*frame);
         }
         Packet::Serial(chunk) => {
             let mut bytes = chunk.as_slice().to_vec();
@@ -45,15 +44,18 @@ pub(super) fn cut_the_tail(packet: &mut Packet, dice: &mut StdRng) -> bool {
     }
     let kept = dice.random_range(0..length);
     match packet {
-        Packet::Can(frame) => *frame = can(frame.id(), frame.is_fd(), &frame.data()[..kept]).unwrap_or(*frame),
+        Packet::Can(frame) => {
+            let longest = (0..=kept).rev().find_map(|length| frame.with_data(&frame.data()[..length]));
+            *frame = longest.unwrap_or(*frame);
+        }
         Packet::Serial(chunk) => *chunk = SerialChunk::new(&chunk.as_slice()[..kept]).unwrap_or(*chunk),
         Packet::Datagram(datagram) => *datagram = Datagram::new(&datagram.as_slice()[..kept]).unwrap_or(*datagram),
     }
     true
 }
 
-/// Returns a packet of random content; `None` when there is none of such an identifier.
-pub(super) fn babble(format: WireFormat, id: u16, bytes: u8, dice: &mut StdRng) -> Option<Packet> {
+/// Returns a packet of random content.
+pub(super) fn babble(format: WireFormat, id: CanId, bytes: u8, dice: &mut StdRng) -> Option<Packet> {
     let mut content = [0; CHUNK_MAX];
     dice.fill(&mut content[..]);
     let content = |most: usize| &content[..usize::from(bytes).min(most)];
@@ -66,7 +68,7 @@ pub(super) fn babble(format: WireFormat, id: u16, bytes: u8, dice: &mut StdRng) 
 }
 
 /// Returns the frame with the longest legal length that the data fill.
-fn can(id: u16, is_fd: bool, data: &[u8]) -> Option<CanFrame> {
-    let make = if is_fd { CanFrame::fd } else { CanFrame::classic };
-    (0..=data.len()).rev().find_map(|length| make(id, &data[..length]))
+fn can(id: CanId, is_fd: bool, data: &[u8]) -> Option<CanFrame> {
+    let empty = if is_fd { CanFrame::fd(id, &[]) } else { CanFrame::classic(id, &[]) }?;
+    (0..=data.len()).rev().find_map(|length| empty.with_data(&data[..length]))
 }

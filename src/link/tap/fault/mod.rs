@@ -19,6 +19,7 @@ pub use link::FaultyLink;
 
 use base::time::{Span, Tai};
 use core::fmt;
+use firmware_protocol::can::CanId;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A fault of a link.
@@ -62,8 +63,8 @@ pub enum LinkFault {
     },
     /// A foreign sender transmits a packet of random content every period.
     Babble {
-        /// CAN identifier, 11 bits; of no use on serial.
-        id: u16,
+        /// CAN identifier; of no use on serial.
+        id: CanId,
         /// Time from one packet to the next, above zero.
         period: Span,
         /// Bytes of content, cut to the most that the wire carries in one packet.
@@ -127,7 +128,7 @@ impl fmt::Display for LinkFault {
                 write!(f, "{} % of the packets, held back {} ms", share * 100.0, ms(by))
             }
             Self::Babble { id, period, bytes } => {
-                write!(f, "identifier 0x{id:03X}, {bytes} bytes, each {} ms", ms(period))
+                write!(f, "identifier 0x{id:X}, {bytes} bytes, each {} ms", ms(period))
             }
             Self::ClockStep { by } => write!(f, "{} ms", ms(by)),
             Self::ClockDrift { ppm } => write!(f, "{ppm} ppm"),

@@ -5,7 +5,7 @@ use crate::simulated::{BusParams, BusTiming, SimulatedLink, simulated_pair};
 use crate::{Link, Packet, Stamped};
 use base::clock::{Clock, Virtual};
 use base::time::{Span, Tai};
-use firmware_protocol::can::CanFrame;
+use firmware_protocol::can::{CanFrame, CanId};
 use std::sync::Arc;
 
 const START: Tai = Tai::from_ns(1_000_000_000);
@@ -28,6 +28,10 @@ fn bench(seed: u64) -> Bench {
     let (near, far) = simulated_pair(bus, &shared);
     let control = FaultControl::default();
     Bench { near: FaultyLink::new(Box::new(near), shared, control.clone(), seed), clock, far, control }
+}
+
+fn standard(number: u16) -> CanId {
+    CanId::standard(number).unwrap()
 }
 
 fn packet(n: u16) -> Packet {
@@ -191,7 +195,7 @@ fn babble_comes_each_period_in_its_time_between_the_others() {
     let mut bench = bench(10);
     let (from, until) = (START + Span::from_ms(100), START + Span::from_ms(200));
     let period = Span::from_ns(300_000);
-    bench.control.add(from, until, LinkFault::Babble { id: 0x7FF, period, bytes: 8 });
+    bench.control.add(from, until, LinkFault::Babble { id: standard(0x7FF), period, bytes: 8 });
     let arrived = bench.run(1000);
     let is_babble = |packet: &&Stamped<Packet>| matches!(packet.value, Packet::Can(frame) if frame.id() == 0x7FF);
     let babble: Vec<_> = arrived.iter().filter(is_babble).collect();
@@ -209,7 +213,7 @@ fn how_often_the_receiver_looks_changes_nothing() {
     let run = |looks_per_ms: i64| {
         let mut bench = bench(11);
         bench.always(LinkFault::Loss { share: 0.2 });
-        bench.always(LinkFault::Babble { id: 1, period: Span::from_ns(700_000), bytes: 5 });
+        bench.always(LinkFault::Babble { id: standard(1), period: Span::from_ns(700_000), bytes: 5 });
         bench.always(LinkFault::Reorder { share: 0.3, by: Span::from_ns(1_700_000) });
         bench.always(LinkFault::WrongBits { share: 0.3 });
         let mut arrived = Vec::new();
@@ -280,7 +284,7 @@ fn off_the_bus_nothing_comes_and_nothing_goes() {
 fn waiting_packets_are_bounded_and_counted() {
     let mut bench = bench(15);
     let period = Span::from_ns(50_000);
-    bench.control.add(START, START + Span::from_s(10.0), LinkFault::Babble { id: 1, period, bytes: 8 });
+    bench.control.add(START, START + Span::from_s(10.0), LinkFault::Babble { id: standard(1), period, bytes: 8 });
     bench.clock.advance_to(START + Span::from_s(20.0));
     let arrived = core::iter::from_fn(|| bench.near.receive(START).unwrap()).count() as u64;
     assert_eq!(arrived, 65_536);
@@ -291,7 +295,7 @@ fn waiting_packets_are_bounded_and_counted() {
 fn a_fault_says_how_much_of_it_there_is_and_when_packets_come() {
     let ms = Span::from_ms;
     let delay = LinkFault::Delay { by: ms(20), jitter: ms(5) };
-    let babble = LinkFault::Babble { id: 0x12, period: ms(2), bytes: 8 };
+    let babble = LinkFault::Babble { id: standard(0x12), period: ms(2), bytes: 8 };
     for (fault, text, arrival) in [
         (LinkFault::Loss { share: 0.25 }, "25 % of the packets", Arrival::AsSent),
         (delay, "20 ms, jitter 5 ms", Arrival::Late(ms(25))),
@@ -302,6 +306,29 @@ fn a_fault_says_how_much_of_it_there_is_and_when_packets_come() {
     ] {
         assert_eq!((fault.to_string().as_str(), fault.arrival(ms(20_000))), (text, arrival));
     }
+}
+
+#[test]
+fn damage_keeps_the_length_of_the_identifier() {
+    use super::damage::{babble, cut_the_tail, flip_a_bit};
+    use crate::WireFormat;
+    let mut dice = rand::SeedableRng::seed_from_u64(2);
+    for id in [standard(0x123), CanId::extended(0x123).unwrap()] {
+        for frame in [CanFrame::classic(id, &[7; 8]), CanFrame::fd(id, &[7; 48])] {
+            let (mut flipped, mut cut) = (Packet::Can(frame.unwrap()), Packet::Can(frame.unwrap()));
+            flip_a_bit(&mut flipped, &mut dice);
+            assert!(cut_the_tail(&mut cut, &mut dice));
+            let kind = if frame.unwrap().is_fd() { WireFormat::CanFd } else { WireFormat::CanClassic };
+            let noise = babble(kind, id, 8, &mut dice).unwrap();
+            for packet in [flipped, cut, noise] {
+                let Packet::Can(spoilt) = packet else { panic!("CAN") };
+                assert_eq!((spoilt.id(), spoilt.is_fd()), (id, frame.unwrap().is_fd()));
+            }
+        }
+    }
+    let [short, long] = [standard(0x123), CanId::extended(0x123).unwrap()]
+        .map(|id| LinkFault::Babble { id, period: Span::from_ms(1), bytes: 8 }.to_string());
+    assert!(short.contains("identifier 0x123,") && long.contains("identifier 0x00000123,"), "{short}; {long}");
 }
 
 #[test]
@@ -318,6 +345,6 @@ fn datagrams_are_damaged_as_other_packets_are() {
     assert_eq!((flipped.data().len(), ones), (64, 1));
     let mut cut = whole;
     assert!(cut_the_tail(&mut cut, &mut dice) && cut.data().len() < 64);
-    let noise = babble(WireFormat::Plain, 0, 20, &mut dice).unwrap();
+    let noise = babble(WireFormat::Plain, standard(0), 20, &mut dice).unwrap();
     assert!(matches!(noise, Packet::Datagram(_)) && noise.data().len() == 20);
 }

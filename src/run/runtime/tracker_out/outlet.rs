@@ -381,7 +381,7 @@ fn file_line(wire: &Wire, at: Tai) -> String {
 }
 
 fn identifier(frame: &CanFrame) -> String {
-    format!("{:03x}", frame.id())
+    format!("{:x}", frame.id())
 }
 
 #[cfg(test)]

@@ -125,7 +125,7 @@ impl CapturedLink {
             played: Arc::clone(&played),
         };
         let delay = Span::from_s((settings.latency_us - bench.link.latency_us) * 1e-6);
-        let port = port_over(Box::new(link), settings).map_err(|error| ReplayError::Parts(format!("{error:#}")))?;
+        let port = port_over(Box::new(link), settings);
         let port = port.less_delay(delay);
         Ok(Self { port, played, delay, next: None, is_over: false })
     }
