@@ -15,14 +15,14 @@ from collections import Counter
 from wire import CanTransport
 
 
-def classic_s(length, bit_rate):
-    """A standard frame with the most stuff bits and the interframe space (Davis et al. 2007)."""
-    return (55 + 10 * length) / bit_rate
+def classic_s(length, is_extended, bit_rate):
+    """A frame with the most stuff bits and the interframe space (Davis et al. 2007)."""
+    return ((80 if is_extended else 55) + 10 * length) / bit_rate
 
 
-def fd_s(length, bit_rate, data_bit_rate):
-    """A standard FD frame with bit rate switching, most stuff bits."""
-    head, tail = 17, 13
+def fd_s(length, is_extended, bit_rate, data_bit_rate):
+    """An FD frame with bit rate switching, most stuff bits."""
+    head, tail = 36 if is_extended else 17, 13
     head_stuff = (head - 1) // 4
     stuffed = 5 + 8 * length
     stuff = (head + stuffed - 1) // 4 - head_stuff
@@ -41,7 +41,8 @@ def main():
     parser.add_argument("--host")
     parser.add_argument("--port", type=int)
     parser.add_argument("--node", type=int, default=0)
-    parser.add_argument("--id-base", type=int, default=0)
+    parser.add_argument("--id-bits", type=int, choices=(11, 29), default=11)
+    parser.add_argument("--id-base", type=lambda text: int(text, 0), default=0)
     parser.add_argument("--fd", action="store_true")
     parser.add_argument("--bit-rate", type=float, default=500e3)
     parser.add_argument("--data-bit-rate", type=float, default=5e6)
@@ -49,7 +50,7 @@ def main():
     parser.add_argument("--ask", action="store_true", help="measure the round trip of INFO commands")
     given = parser.parse_args()
     options = {key: value for key, value in (("host", given.host), ("port", given.port)) if value is not None}
-    transport = CanTransport(given.interface, given.channel, given.fd, given.node, given.id_base, **options)
+    transport = CanTransport(given.interface, given.channel, given.fd, given.node, given.id_base, given.id_bits, **options)
     counts, busy_s, trips_ms = Counter(), Counter(), []
     token, asked_at, next_ask = 0, None, time.monotonic()
     begin = time.monotonic()
@@ -62,10 +63,11 @@ def main():
         if message is None or message.is_error_frame:
             continue
         found = transport.message(message)
-        name = found[0] if found else f"0x{message.arbitration_id:03x}"
+        digits = 8 if message.is_extended_id else 3
+        name = found[0] if found else f"0x{message.arbitration_id:0{digits}x}"
         counts[name] += 1
-        length = len(message.data)
-        busy_s[name] += fd_s(length, given.bit_rate, given.data_bit_rate) if message.is_fd else classic_s(length, given.bit_rate)
+        size = len(message.data), message.is_extended_id, given.bit_rate
+        busy_s[name] += fd_s(*size, given.data_bit_rate) if message.is_fd else classic_s(*size)
         if found and name == "RSP" and found[1]["Token"] == token and asked_at is not None:
             trips_ms.append((time.monotonic() - asked_at) * 1e3)
             asked_at = None

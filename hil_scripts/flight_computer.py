@@ -330,7 +330,9 @@ def arguments():
     parser.add_argument("--host", help="host of socketcand")
     parser.add_argument("--port", type=int, help="port of socketcand")
     parser.add_argument("--node", type=int, default=0, help="node of flight computer and star sensor, 0 to 15")
-    parser.add_argument("--id-base", type=int, default=0, help="added to every identifier, a multiple of 16")
+    parser.add_argument("--id-bits", type=int, choices=(11, 29), default=11, help="bits of every identifier")
+    parser.add_argument("--id-base", type=lambda text: int(text, 0), default=0,
+                        help="added to every identifier, a multiple of 16, such as 0x18FF0000 with 29 bits")
     parser.add_argument("--fd", action="store_true", help="CAN FD instead of classic CAN")
     parser.add_argument("--serial", metavar="PORT", help="a serial port instead of CAN")
     parser.add_argument("--baud", type=int, default=921600)
@@ -359,7 +361,7 @@ def connect(given):
     if given.serial:
         return SerialTransport(given.serial, given.baud)
     options = {key: value for key, value in (("host", given.host), ("port", given.port)) if value is not None}
-    return CanTransport(given.interface, given.channel, given.fd, given.node, given.id_base, **options)
+    return CanTransport(given.interface, given.channel, given.fd, given.node, given.id_base, given.id_bits, **options)
 
 
 def main():

@@ -77,7 +77,7 @@ put_shared_files() {
     done
     put 644 hil_scripts/requirements_flight_computer.txt "$share/starloop/python/requirements_flight_computer.txt"
     put 755 hil_scripts/host_setup.sh "$share/starloop/host_setup.sh"
-    for file in INTERFACE.md FRAMES.md vectors.json dbc/starloop.dbc c/starloop_protocol.c c/starloop_protocol.h c/example.c; do
+    for file in INTERFACE.md FRAMES.md vectors.json dbc/starloop.dbc dbc/readdress.py c/starloop_protocol.c c/starloop_protocol.h c/example.c; do
         put 644 "firmware_protocol/$file" "$share/starloop/firmware_protocol/$file"
     done
 }

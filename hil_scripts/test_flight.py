@@ -260,6 +260,18 @@ class Flights(unittest.TestCase):
             channel = ["--interface", "socketcand", "--host", host, "--port", port, "--channel", "can0"]
             self.check(*fly(*channel, "--node", "5", "--id-base", "128"))
 
+    def test_slcan_with_identifiers_of_29_bits(self):
+        ids = ["link.id_bits=29", "link.id_base=0x18FF0000", "link.node=5"]
+        with Stimulator("gateways.toml", "link.slcan_tcp=0", "link.socketcand=0", *ids) as starloop:
+            starloop.wait_for("socketcand at")
+            channel = f"socket://{starloop.gateways['slcan (TCP)']}"
+            place = ["--interface", "slcan", "--channel", channel, "--fd", "--node", "5", "--id-base", "0x18FF0000"]
+            self.check(*fly(*place, "--id-bits", "29"))
+            # Identifiers of another length are not this node's.
+            status, said = fly("--interface", "slcan", "--channel", channel, "--fd", "--node", "5")
+            self.assertEqual(status, 1, said)
+            self.assertIn("no answer to HELLO", said)
+
     def test_serial_line(self):
         relay = Relay()
         try:

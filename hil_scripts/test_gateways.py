@@ -92,12 +92,20 @@ def content(messages):
     return [(m.arbitration_id, bytes(m.data), m.is_fd) for m in messages]
 
 
+def lengths(messages):
+    return [m.is_extended_id for m in messages]
+
+
 def classic(identifier, data=b""):
     return can.Message(arbitration_id=identifier, data=data, is_extended_id=False)
 
 
 def fd(identifier, data):
     return can.Message(arbitration_id=identifier, data=data, is_extended_id=False, is_fd=True, bitrate_switch=True)
+
+
+def extended(identifier, data=b"", **options):
+    return can.Message(arbitration_id=identifier, data=data, is_extended_id=True, **options)
 
 
 def settle(bus, *others):
@@ -157,6 +165,43 @@ class FramesGoEverywhere(unittest.TestCase):
                 self.assertEqual((line["dropped"], line["stalled"], line["refused"]), (0, 0, 0), name)
                 self.assertGreaterEqual(line["from_clients"], 9, name)
             self.assertFalse(os.path.lexists(program.pty), "the link is gone")
+
+    def test_identifiers_of_11_and_29_bits_are_not_confused(self):
+        with Program() as program:
+            with program.slcan_tcp() as tcp, program.slcan_pty() as pty, program.socketcand() as daemon:
+                buses = {"slcan_tcp": tcp, "slcan_pty": pty, "socketcand": daemon}
+                sent = [classic(0x123, b"11"), extended(0x123, b"29"), extended(0x18FF1234, b"j"), extended(0x1FFFFFFF)]
+                for sender in buses.values():
+                    settle(sender, *(bus for bus in buses.values() if bus is not sender))
+                for name, sender in buses.items():
+                    for message in sent:
+                        sender.send(message)
+                    for other, bus in buses.items():
+                        if bus is not sender:
+                            with self.subTest(sender=name, receiver=other):
+                                got = receive(bus, len(sent))
+                                self.assertEqual(content(got), content(sent))
+                                self.assertEqual(lengths(got), [False, True, True, True])
+                long = extended(0x18FF0301, bytes(48), is_fd=True, bitrate_switch=True)
+                tcp.send(long)
+                got = receive(pty)
+                self.assertEqual((content(got), lengths(got)), (content([long]), [True]))
+            for line in program.stop()["gateways"].values():
+                self.assertEqual(line["rejects"], {})
+
+    def test_of_the_same_first_11_bits_the_shorter_identifier_goes_first(self):
+        # As in the test below: what is queued behind the first is queued in time.
+        with Program("--wire", "can_classic", "--bit-rate", "10000") as program:
+            with program.socketcand() as short, program.slcan_pty() as long, program.slcan_tcp() as listener:
+                settle(long, listener, short)
+                settle(short, listener, long)
+                for _ in range(10):
+                    long.send(extended(0x123 << 18, b"12345678"))
+                time.sleep(0.02)
+                short.send(classic(0x123))
+                order = lengths(receive(listener, 11))
+                self.assertEqual(order.count(False), 1)
+                self.assertLess(order.index(False), 10, "not the last, although sent last")
 
     def test_fd_of_every_length_passes_slcan_and_is_withheld_from_socketcand(self):
         with Program() as program:
@@ -232,7 +277,8 @@ class Answers(unittest.TestCase):
                 (b"F\r", b"F00\r"),
                 (b"t1230\r", b"\r"),
                 (b"b1239" + b"00" * 12 + b"\r", b"\r"),
-                (b"T123456780\r", b"\x07"),
+                (b"T123456780\r", b"\r"),
+                (b"T200000000\r", b"\x07"),  # more than 29 bits
                 (b"r1230\r", b"\x07"),
                 (b"Q\r", b"\x07"),
             ):
@@ -240,7 +286,7 @@ class Answers(unittest.TestCase):
                 self.assertEqual(line.recv(64), answer, said)
             rejects = program.stop()["gateways"]["slcan_tcp"]["rejects"]
             wanted = {"not_open": 2, "other_bit_rate": 2, "filter": 1, "listen_only": 1, "open": 1}
-            self.assertEqual(rejects, {**wanted, "extended_id": 1, "remote_request": 1, "unknown_command": 1})
+            self.assertEqual(rejects, {**wanted, "bad_value": 1, "remote_request": 1, "unknown_command": 1})
 
     def test_python_can_reads_version_and_serial_number(self):
         with Program() as program, program.slcan_tcp(bitrate=500000) as tcp:
@@ -269,7 +315,8 @@ class Answers(unittest.TestCase):
                 (b"< bcmmode >", b"< error other_mode >"),
                 (b"< statistics 100 >", b"< error other_mode >"),
                 (b"< rawmode >", b"< ok >"),
-                (b"< send 12345678 0 >", b"< error extended_id >"),
+                (b"< send 12345678 0 >< echo >", b"< echo >"),
+                (b"< send 20000000 0 >", b"< error bad_value >"),
                 (b"< send 123 9 1 2 3 4 5 6 7 8 9 >", b"< error bad_value >"),
                 (b"< send 123 2 1 >", b"< error bad_length >"),
                 (b"< send 123 0 >< echo >", b"< echo >"),
@@ -277,7 +324,7 @@ class Answers(unittest.TestCase):
                 line.sendall(said)
                 self.assertEqual(read_until(line, b">"), answer, said)
             wanted = {"not_open": 1, "unknown_bus": 1, "not_in_raw_mode": 1, "other_mode": 2}
-            wanted |= {"extended_id": 1, "bad_value": 1, "bad_length": 1}
+            wanted |= {"bad_value": 2, "bad_length": 1}
             self.assertEqual(program.stop()["gateways"]["socketcand"]["rejects"], wanted)
 
 

@@ -129,13 +129,13 @@ class Codec:
 
 
 class CanTransport:
-    """A node on a CAN bus, through python-can. The DBC is of node 0 and base 0; others are counted from there."""
+    """A node on a CAN bus, through python-can. The DBC is of node 0, base 0 and 11 bits; others are counted from there."""
 
-    def __init__(self, interface, channel, fd, node=0, base=0, **options):
+    def __init__(self, interface, channel, fd, node=0, base=0, id_bits=11, **options):
         import can
 
         self.can, self.fd, self.codec = can, fd, Codec()
-        self.node, self.base = node, base
+        self.node, self.base, self.is_extended = node, base, id_bits == 29
         # python-can's slcan takes no `fd`: it takes FD from the message.
         if fd and interface != "slcan":
             options["fd"] = True
@@ -155,7 +155,7 @@ class CanTransport:
             message = self.can.Message(
                 arbitration_id=self.identifier(part),
                 data=data,
-                is_extended_id=False,
+                is_extended_id=self.is_extended,
                 is_fd=fd,
                 bitrate_switch=fd,
             )
@@ -168,6 +168,8 @@ class CanTransport:
 
     def message(self, message):
         """Name and fields of a frame; None when it is not of this node."""
+        if message.is_extended_id != self.is_extended:
+            return None
         found = self.codec.fields(message.arbitration_id - self.base & ~0xF, message.data)
         return found if found and self.identifier(found[0]) == message.arbitration_id else None
 
@@ -178,7 +180,7 @@ class CanTransport:
             message = self.bus.recv(max(0.0, until - time.monotonic()))
             if message is None:
                 return None
-            if message.is_error_frame or message.is_remote_frame or message.is_extended_id:
+            if message.is_error_frame or message.is_remote_frame:
                 continue
             found = self.message(message)
             if found:

@@ -141,7 +141,7 @@ impl Finished {
         let is_outside = self.scenario.bench.flight_computer.is_external && self.client.is_none();
         if is_outside && summary.link.counters.get("attitudes_accepted") == Some(&0) {
             eprintln!(
-                "starloop: no attitude arrived over the link: check that the other end sends, and node, id_base, wire and bit rate \
+                "starloop: no attitude arrived over the link: check that the other end sends, and node, id_bits, id_base, wire and bit rate \
                  of both ends"
             );
         }

@@ -4,7 +4,7 @@ use crate::c_program::hex;
 use crate::dbc_signals::{decode, expected, is_active};
 use crate::samples::{KINDS, Samples};
 use can_dbc::{AttributeValue, Dbc, MessageId as DbcId, NumericValue};
-use firmware_protocol::can::{self, CanFrame, Format, IdMap};
+use firmware_protocol::can::{self, CanFrame, CanId, Format, IdMap};
 use firmware_protocol::message::{CameraKind, MessageId, Refusal, StartedBy, Table};
 use firmware_protocol::{Message, Reject, version};
 use std::collections::BTreeSet;
@@ -18,11 +18,12 @@ pub(crate) fn dbc() -> Dbc {
     Dbc::try_from(crate::text("dbc/starloop.dbc").as_str()).unwrap()
 }
 
-pub(crate) fn raw(id: &DbcId) -> u16 {
+pub(crate) fn raw(id: &DbcId) -> CanId {
     match id {
-        DbcId::Standard(id) => *id,
-        DbcId::Extended(id) => panic!("extended identifier {id:#x}"),
+        DbcId::Standard(id) => CanId::standard(*id),
+        DbcId::Extended(id) => CanId::extended(*id),
     }
+    .unwrap()
 }
 
 /// Returns the value of a message's attribute, or the default 0.
@@ -40,9 +41,9 @@ pub(crate) fn attribute(dbc: &Dbc, name: &str, id: &DbcId) -> f64 {
 /// Differences between what the frame should say and what the DBC reads from it.
 fn differences(dbc: &Dbc, message: &Message, frame: &CanFrame) -> Vec<String> {
     let Some(described) = dbc.messages.iter().find(|described| raw(&described.id) == frame.id()) else {
-        return vec![format!("{:#x} is not in the DBC", frame.id())];
+        return vec![format!("{:X} is not in the DBC", frame.id())];
     };
-    let number = u8::try_from(frame.id() >> 4).unwrap();
+    let number = u8::try_from(frame.id().number() >> 4).unwrap();
     let wanted = expected(message, MessageId::from_number(number).unwrap(), frame.data());
     let read = decode(dbc, described, frame.data());
     let mut found = Vec::new();

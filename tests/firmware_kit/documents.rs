@@ -181,7 +181,8 @@ fn canopen_node(id: u16) -> Option<u16> {
 /// document.
 fn clear_of_canopen(base: u16) -> String {
     let ids = (0..16).map(|node| IdMap::new(base, node).unwrap());
-    let used: Vec<_> = ids.flat_map(|map| MessageId::ALL.map(|id| map.id(id))).filter_map(canopen_node).collect();
+    let used: Vec<_> =
+        ids.flat_map(|map| MessageId::ALL.map(|id| map.id(id).parts().0)).filter_map(canopen_node).collect();
     if used.contains(&0) {
         return "none".into();
     }

@@ -1,7 +1,7 @@
 //! The Rust crate against vectors.json, both directions.
 
 use crate::vectors::{Input, Rejected, Vector, messages, rejected};
-use firmware_protocol::can::{self, CanFrame, Format};
+use firmware_protocol::can::{self, CanFrame, Format, IdMap};
 use firmware_protocol::message::{AttitudeRecord, MessageId, Table};
 use firmware_protocol::{Message, Reject, serial};
 

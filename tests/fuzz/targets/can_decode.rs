@@ -2,7 +2,7 @@
 
 #![no_main]
 
-use firmware_protocol::can::{CanFrame, Decoder, Format, IdMap, encode};
+use firmware_protocol::can::{CanFrame, CanId, Decoder, Format, IdMap, encode};
 use firmware_protocol::message::AttitudeRecord;
 use firmware_protocol::{Message, MessageId, Reject, RejectCounters};
 use libfuzzer_sys::fuzz_target;
@@ -17,7 +17,11 @@ const VALUES: usize = 8;
 fuzz_target!(|bytes: &[u8]| {
     let mut input = Input::new(bytes);
     let kind = input.u8();
-    let ids = IdMap::new(u16::from(input.u8() & 0xF) << 4, kind >> 4).expect("legal base and node");
+    let form = input.u8();
+    let (base, node) = (u16::from(form & 0xF) << 4, kind >> 4);
+    // The upper half of the bases has 29 bits.
+    let extended = |base: u16| IdMap::extended(0x18FF_0000 + u32::from(base), node);
+    let ids = if form & 0x80 == 0 { IdMap::new(base, node) } else { extended(base) }.expect("legal base and node");
     match kind % 4 {
         0 => damage_a_record(ids, &mut input),
         1 => damage_a_group(ids, &mut input),
@@ -53,7 +57,7 @@ fn read_stream(ids: IdMap, input: &mut Input<'_>) {
 fn frame(ids: IdMap, parts: &Parts, input: &mut Input<'_>) -> Option<CanFrame> {
     let (choice, form) = (input.u8(), input.u8());
     let message = MessageId::ALL.get(usize::from(choice >> 3)).copied();
-    let id = message.map_or_else(|| u16::from(choice & 7) << 8 | u16::from(input.u8()), |message| ids.id(message));
+    let id = message.map_or_else(|| any_id(ids, choice & 7, input.u8()), |message| ids.id(message));
     let length = message.filter(|_| form & 1 == 0).map_or(usize::from(form >> 2), MessageId::len_bytes);
     let mut data = [0; 64];
     let taken = input.take(length);
@@ -80,6 +84,15 @@ fn frame(ids: IdMap, parts: &Parts, input: &mut Input<'_>) -> Option<CanFrame> {
     } else {
         CanFrame::fd(id, data)
     }
+}
+
+/// Returns an identifier of the length of these, or of the other length.
+fn any_id(ids: IdMap, high: u8, low: u8) -> CanId {
+    let of_ours = ids.id(MessageId::Sync);
+    let number = u16::from(high) << 8 | u16::from(low);
+    let is_extended = of_ours.is_extended() != (low & 0xF0 == 0xF0);
+    let id = if is_extended { CanId::extended(0x18FF_0000 + u32::from(number)) } else { CanId::standard(number) };
+    id.expect("at most 11 bits of number")
 }
 
 fn seal(record: &mut [u8]) {

@@ -3,7 +3,7 @@
 #![no_main]
 
 use base::time::Tai;
-use firmware_protocol::can::CanFrame;
+use firmware_protocol::can::{CanFrame, CanId};
 use libfuzzer_sys::fuzz_target;
 use link::capture::{
     BLOCK_MAX, CaptureError, CaptureFormat, CaptureReader, CaptureWriter, CapturedPacket, Direction, LINE_MAX, Line,
@@ -189,7 +189,10 @@ fn packet(may_be_serial: bool, input: &mut Input<'_>) -> CapturedPacket {
         1 => i64::from(input.u32().cast_signed()),
         _ => 1_483_228_836_000_000_000 + i64::from(input.u32().cast_signed()),
     };
-    let (length, id) = (usize::from(input.u8()), input.u16() & 0x7FF);
+    let (length, number) = (usize::from(input.u8()), input.u16());
+    let long = u32::from(number) << 13 | u32::from(number >> 11);
+    let id = if form & 64 == 0 { CanId::standard(number & 0x7FF) } else { CanId::extended(long & 0x1FFF_FFFF) };
+    let id = id.expect("of its length");
     let is_serial = may_be_serial && form & 8 != 0;
     let longest = if is_serial { CHUNK_MAX } else { 64 };
     let data = input.take(length % (longest + 1));
@@ -199,5 +202,5 @@ fn packet(may_be_serial: bool, input: &mut Input<'_>) -> CapturedPacket {
     let packet = chunk.map(Packet::Serial).or(frame.map(Packet::Can));
     let packet = packet.or(CanFrame::classic(id, &data[..data.len().min(8)]).map(Packet::Can));
     let interface = if form & 32 == 0 { 0 } else { form };
-    CapturedPacket { at: Tai::from_ns(at), direction, interface, packet: packet.expect("an 11-bit identifier") }
+    CapturedPacket { at: Tai::from_ns(at), direction, interface, packet: packet.expect("8 bytes at most") }
 }

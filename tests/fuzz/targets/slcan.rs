@@ -54,7 +54,7 @@ fn expected(stream: &[u8]) -> Vec<Wanted> {
     .collect()
 }
 
-/// Returns the command's text with upper-case digits, `b` for `d`.
+/// Returns the command's text with upper-case digits, `b` for `d` and `B` for `D`.
 fn understood(letter: u8, rest: &[u8]) -> Wanted {
     let digits = rest.iter().all(u8::is_ascii_hexdigit).then(|| String::from_utf8_lossy(rest).to_uppercase());
     let is_one_of = |choice: &[u8]| matches!(rest, [one] if choice.contains(one));
@@ -64,19 +64,23 @@ fn understood(letter: u8, rest: &[u8]) -> Wanted {
         b'Z' => is_one_of(b"01"),
         b'M' => is_one_of(b"01") || (digits.is_some() && rest.len() == 8),
         b'm' => digits.is_some() && rest.len() == 8,
-        b't' | b'd' | b'b' => digits.as_deref().is_some_and(|digits| is_frame(digits, letter == b't')),
-        b'T' | b'D' | b'B' => return Err(Some(SlcanReject::ExtendedId)),
+        b't' | b'd' | b'b' => digits.as_deref().is_some_and(|digits| is_frame(digits, "7FF", letter == b't')),
+        b'T' | b'D' | b'B' => digits.as_deref().is_some_and(|digits| is_frame(digits, "1FFFFFFF", letter == b'T')),
         b'r' | b'R' => return Err(Some(SlcanReject::RemoteRequest)),
         _ => return Err(Some(SlcanReject::UnknownCommand)),
     };
-    let letter = if letter == b'd' { 'b' } else { char::from(letter) };
+    let letter = match letter {
+        b'd' => 'b',
+        b'D' => 'B',
+        other => char::from(other),
+    };
     digits.filter(|_| is_right).map(|digits| format!("{letter}{digits}")).ok_or(None)
 }
 
-fn is_frame(digits: &str, is_classic: bool) -> bool {
-    let Some((id, rest)) = digits.split_at_checked(3) else { return false };
+fn is_frame(digits: &str, highest_id: &str, is_classic: bool) -> bool {
+    let Some((id, rest)) = digits.split_at_checked(highest_id.len()) else { return false };
     let Some(code) = rest.chars().next().and_then(|code| code.to_digit(16)) else { return false };
-    id <= "7FF" && (code <= 8 || !is_classic) && rest.len() == 1 + 2 * DATA_LENGTHS[code as usize]
+    id <= highest_id && (code <= 8 || !is_classic) && rest.len() == 1 + 2 * DATA_LENGTHS[code as usize]
 }
 
 /// Returns a command as text.
@@ -98,8 +102,13 @@ fn shown(command: &Command) -> String {
         Command::Send(frame) => {
             let code = DATA_LENGTHS.iter().position(|length| *length == frame.data().len());
             let data: String = frame.data().iter().map(|byte| format!("{byte:02X}")).collect();
-            let letter = if frame.is_fd() { 'b' } else { 't' };
-            format!("{letter}{:03X}{:X}{data}", frame.id(), code.expect("frames have such lengths only"))
+            let letter = match (frame.is_fd(), frame.id().is_extended()) {
+                (false, false) => 't',
+                (false, true) => 'T',
+                (true, false) => 'b',
+                (true, true) => 'B',
+            };
+            format!("{letter}{:X}{:X}{data}", frame.id(), code.expect("frames have such lengths only"))
         }
     }
 }

@@ -2,7 +2,7 @@
 
 #![no_main]
 
-use firmware_protocol::can::CanFrame;
+use firmware_protocol::can::{CanFrame, CanId};
 use libfuzzer_sys::fuzz_target;
 use link::gateway::socketcand::{Command, ELEMENT_MAX, NAME_MAX, Parser, SocketcandReject};
 use starloop_fuzz::{Input, input};
@@ -83,7 +83,8 @@ fn number(word: &[u8]) -> Option<u32> {
 }
 
 fn is_frame(id: &[u8], length: &[u8], data: &[&[u8]]) -> bool {
-    let is_id = id.len() < 8 && number(id).is_some_and(|id| id < 0x800);
+    let most = if id.len() == 8 { 0x1FFF_FFFF } else { 0x7FF };
+    let is_id = number(id).is_some_and(|id| id <= most);
     let is_length = number(length).is_some_and(|length| length as usize == data.len() && length <= 8);
     is_id && is_length && data.iter().all(|byte| number(byte).is_some_and(|byte| byte < 0x100))
 }
@@ -94,8 +95,8 @@ fn is_said(command: &Command, words: &[&[u8]]) -> bool {
         (Command::RawMode, [b"rawmode"]) | (Command::Echo, [b"echo"]) => true,
         (Command::Send(frame), [b"send", id, _, data @ ..]) => {
             let data: Vec<u8> = data.iter().filter_map(|byte| number(byte)?.try_into().ok()).collect();
-            let id = number(id).and_then(|id| id.try_into().ok());
-            id.and_then(|id| CanFrame::classic(id, &data)) == Some(*frame)
+            let of = |number: u32| if id.len() == 8 { CanId::extended(number) } else { CanId::from_flagged(number) };
+            number(id).and_then(of).and_then(|id| CanFrame::classic(id, &data)) == Some(*frame)
         }
         _ => false,
     }
