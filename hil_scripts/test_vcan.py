@@ -172,6 +172,8 @@ class Refusals(OnVcan):
 class AgainstCanUtils(OnVcan):
     def test_frames_go_both_ways_as_they_are(self):
         sent = ["123#", "7FF#1122334455667788", "001##0AA", "123##1" + "5A" * 64]
+        # Identifiers of 29 bits, one of a number that is there with 11.
+        sent += ["00000123#", "1FFFFFFF#1122334455667788", "18FF0305##1" + "5A" * 48]
         # The dump first: its probing frames are not to be sent back.
         with Dump("vcan0") as dump, Echo("vcan0", "--fd") as echo:
             for number, frame in enumerate(sent, 1):
@@ -183,9 +185,9 @@ class AgainstCanUtils(OnVcan):
             wanted = [frame for pair in zip(sent, returned) for frame in pair]
             self.assertEqual(dump.wait_frames(wanted), wanted)
 
-    def test_the_kernel_keeps_out_what_is_no_standard_data_frame(self):
+    def test_the_kernel_keeps_out_what_is_no_data_frame(self):
         with Echo("vcan0", "--fd") as echo:
-            for frame in ["00000123#11", "123#R", "1F334455#1122334455667788", "123#01"]:
+            for frame in ["00000123#R", "123#R", "123#01"]:
                 run("cansend", "vcan0", frame)
             counters = echo.wait_counters(received=1)
             self.assertEqual((counters["sent"], counters["errors"]), (1, 0))
@@ -327,11 +329,11 @@ class Pulses(OnVcan):
 class Flights(OnVcan):
     """The Python flight computer slews the stimulator over the kernel's CAN."""
 
-    def fly(self, *arguments, wire):
+    def fly(self, *arguments, wire, settings=()):
         # Imported here: python-can is needed for flights only.
         from test_flight import Stimulator, fly
 
-        with Stimulator("socketcan.toml", "link.interface=vcan0", f"link.wire={wire}") as starloop:
+        with Stimulator("socketcan.toml", "link.interface=vcan0", f"link.wire={wire}", *settings) as starloop:
             starloop.wait_for('bench "')
             status, said = fly("--interface", "socketcan", "--channel", "vcan0", *arguments)
             print(said, end="")
@@ -345,6 +347,16 @@ class Flights(OnVcan):
     def test_a_slew_over_classic_can(self):
         status, said, _ = self.fly(wire="can_classic")
         self.assertEqual(status, 0, said)
+
+    def test_a_slew_with_identifiers_of_29_bits(self):
+        long = ["link.id_bits=29", "link.id_base=0x18FF0000", "link.node=5"]
+        place = ["--id-bits", "29", "--id-base", "0x18FF0000", "--node", "5"]
+        for wire, fd in (("can_fd", ["--fd"]), ("can_classic", [])):
+            status, said, _ = self.fly(*fd, *place, wire=wire, settings=long)
+            self.assertEqual(status, 0, said)
+        status, said, _ = self.fly("--fd", "--node", "5", wire="can_fd", settings=long)
+        self.assertEqual(status, 1, "control: 11 bits")
+        self.assertIn("no answer to HELLO", said)
 
     def test_a_flight_that_is_not_as_reported_is_seen(self):
         status, said, _ = self.fly("--fd", "--biased-deg", "0.0006", wire="can_fd")

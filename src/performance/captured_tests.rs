@@ -100,6 +100,21 @@ fn captures_of_every_protocol_are_logs() {
 }
 
 #[test]
+fn frames_with_29_bits_are_passed_over() {
+    let text = format!("# node: 100\n# sense: icrf_from_sensor\n{}", capture("canopen", true));
+    // Each frame twice: the second has the same number with 29 bits, and no data.
+    let longer = |line: &str| line.split_once('#').map(|(head, _)| head.replace(" can0 ", " can0 00000") + "#\n");
+    let lines = text
+        .lines()
+        .map(|line| format!("{line}\n{}", longer(line).filter(|_| line.starts_with('(')).unwrap_or_default()));
+    let both: String = lines.collect();
+    assert!(both.contains(" can0 000001E4#\n"), "{both}");
+    check("canopen", &both);
+    // Control: with 11 bits the frames without data are damage.
+    assert_ne!(rows(&both.replace(" can0 00000", " can0 ")).unwrap().len(), 3);
+}
+
+#[test]
 fn the_other_sense_is_another_attitude() {
     let rows = rows(&capture("ccsds", false)).unwrap();
     let got = rows[1].attitude.unwrap();

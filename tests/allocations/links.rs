@@ -4,8 +4,9 @@ use crate::complaints;
 use crate::counting::allocations_in;
 use base::clock::{Clock, Monotonic};
 use base::time::Span;
-use firmware_protocol::can::{CanFrame, IdMap};
+use firmware_protocol::can::{CanFrame, CanId, IdMap};
 use link::serial::{PseudoTerminal, SerialLink, SerialParams};
+use link::simulated::{BusParams, BusTiming, simulated_pair};
 use link::socketcan::{Receives, SocketCanLink, SocketCanParams};
 use link::{Link, Packet, SerialChunk};
 use std::path::Path;
@@ -25,8 +26,20 @@ pub(crate) fn complaints_of_links() -> Vec<String> {
         let open = || SocketCanLink::open(vcan0(), &clock).unwrap();
         let frame = Packet::Can(CanFrame::fd(0x305, &[5; 48]).unwrap());
         wrong.extend(exchange("SocketCAN", [Box::new(open()), Box::new(open())], &frame, &*clock));
+        wrong.extend(exchange("SocketCAN, 29 bits", [Box::new(open()), Box::new(open())], &extended(), &*clock));
     }
+    let (near, far) = simulated_pair(bus(), &clock);
+    wrong.extend(exchange("simulated bus, 29 bits", [Box::new(near), Box::new(far)], &extended(), &*clock));
     wrong
+}
+
+fn extended() -> Packet {
+    Packet::Can(CanFrame::fd(CanId::extended(0x18FF_0305).unwrap(), &[5; 48]).unwrap())
+}
+
+fn bus() -> BusParams {
+    let timing = BusTiming::CanFd { arbitration_bps: 1_000_000, data_bps: 8_000_000 };
+    BusParams { name: "simulated".into(), timing, latency: Span::ZERO, queue_packets: 64 }
 }
 
 fn vcan0() -> SocketCanParams {

@@ -5,6 +5,7 @@ use base::axes::{Icrf, Rotation, Sensor};
 use base::time::Span;
 use base::units::ARCSEC;
 use config::{JitterSource, Wire};
+use firmware_protocol::can::IdMap;
 use run::runtime::EventKind;
 
 /// Tolerance: f32 quaternion on the wire 0.019 arcsec, interpolation of a 2 degree slew at 100 Hz < 0.001, time tag
@@ -13,8 +14,14 @@ const WIRE_ARCSEC: f64 = 0.03;
 
 #[test]
 fn the_attitude_rendered_is_the_attitude_sent() {
-    for wire in [Wire::CanFd, Wire::CanClassic, Wire::Serial] {
-        let run = run(&over(wire, 4.0));
+    let long = |wire| {
+        let mut bench = over(wire, 4.0);
+        bench.link.ids = IdMap::extended(0x18FF_0000, 5).unwrap();
+        bench
+    };
+    let benches = [Wire::CanFd, Wire::CanClassic, Wire::Serial].map(|wire| over(wire, 4.0));
+    for bench in benches.into_iter().chain([Wire::CanFd, Wire::CanClassic].map(long)) {
+        let (wire, run) = (bench.link.wire, run(&bench));
         assert!(run.outcome.error.is_none(), "{wire:?}: {:?}", run.outcome.error.map(|e| e.to_string()));
         assert_eq!(run.frames.len(), 40, "{wire:?}");
         for frame in &run.frames {

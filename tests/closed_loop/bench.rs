@@ -109,7 +109,7 @@ pub(crate) fn fly(
     let shared: Arc<dyn Clock> = clock.clone();
     let (bus, format) = bench_parts::bus(bench);
     let (near, far) = simulated_pair(bus, &shared);
-    let ids = firmware_protocol::can::IdMap::new(0, 0).unwrap();
+    let ids = bench.link.ids;
     let (mut near, mut far) = (Port::new(Box::new(near), format, ids), Port::new(Box::new(far), format, ids));
     let mut far_end = |now: Tai| {
         computer.step(now, &mut far)?;

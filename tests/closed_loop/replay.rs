@@ -76,11 +76,15 @@ fn a_run_on_the_virtual_clock_replays_bit_by_bit_in_both_formats_over_serial_and
     let link = format!("link={}/configs/links/simulated_serial.toml", env!("CARGO_MANIFEST_DIR"));
     let serial = ["--set", &link];
     let node = ["--set", "link.node=5", "--set", "link.id_base=128", "--set", "session.start=on_run"];
+    let long = ["--set", "link.id_bits=29", "--set", "link.id_base=0x18FF0000", "--set", "link.node=5"];
+    let long_candump = [&long[..], &["--capture-format", "candump"]].concat();
     for (name, extra) in [
         ("pcapng", &["--capture-format", "pcapng"][..]),
         ("candump", &["--capture-format", "candump"]),
         ("serial", &serial),
         ("node", &node),
+        ("29 bits", &long),
+        ("29 bits, candump", &long_candump),
     ] {
         let directory = capture(folder.path(), name, &[&["--clock", "virtual"], extra].concat());
         let (status, text) = replay(&directory, &[]);
@@ -469,7 +473,8 @@ fn others_read_what_is_captured() {
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(lines.len(), wanted.len());
         let direction = if wanted[0].direction == Direction::Received { 1 } else { 2 };
-        let line = format!("{}\t{}\t{}\t0x{direction:08x}", seconds(&wanted[0]), first.id(), first.data().len());
+        let line =
+            format!("{}\t{}\t{}\t0x{direction:08x}", seconds(&wanted[0]), first.id().number(), first.data().len());
         assert_eq!(lines[0], line);
     }
     if let Some(text) = tool("capinfos", &["-M", "-c", "-E", file]) {

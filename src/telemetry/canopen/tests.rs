@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::sample::{lost, report};
+use firmware_protocol::can::CanId;
 
 const NODE: u8 = 0x60;
 
@@ -13,7 +14,7 @@ fn device(starts_operational: bool) -> CanOpenDevice {
 fn frames(out: &[Wire]) -> Vec<(u16, Vec<u8>)> {
     out.iter()
         .map(|wire| match wire {
-            Wire::Can(frame) => (frame.id(), frame.data().to_vec()),
+            Wire::Can(frame) => (frame.id().parts().0, frame.data().to_vec()),
             Wire::Bytes(bytes) => unreachable!("{bytes:?}"),
         })
         .collect()
@@ -44,6 +45,9 @@ fn node_boots_beats_and_speaks_when_it_is_started() {
     assert_eq!(frames(&out), [(0x760, vec![0x7F]), (0x760, vec![0x7F])]);
     exchange(&mut device, 0, &[1, 0x61]);
     assert!(reported(&mut device, &report()).is_empty(), "control: another node was started");
+    let long = CanFrame::classic(CanId::extended(0).unwrap(), &[1, NODE]).unwrap();
+    device.take(&Wire::Can(long), start, &mut Vec::new(), &mut Vec::new());
+    assert!(reported(&mut device, &report()).is_empty(), "control: an identifier of 29 bits");
     exchange(&mut device, 0, &[1, NODE]);
     assert_eq!(reported(&mut device, &report()).len(), 4);
     assert_eq!(exchange(&mut device, 0, &[129, 0]), (vec![(0x760, vec![0])], vec![Order::Reset]));

@@ -8,7 +8,7 @@ use crate::sagitta::SagittaDevice;
 use crate::sample::{lost, report};
 use crate::{Device, Limits, Report, Sense};
 use base::time::Span;
-use firmware_protocol::can::CanFrame;
+use firmware_protocol::can::{CanFrame, CanId};
 use proptest::prelude::*;
 
 const NODE: u8 = 100;
@@ -158,7 +158,12 @@ fn damage_is_counted_and_the_next_packet_is_read() {
 fn others_on_the_line_are_passed_over_and_midnight_is_crossed() {
     let mut reader = CanOpenReader::new(NODE, Sense::Starloop);
     let other = CanFrame::classic(0x180 + u16::from(NODE) + 1, &[1; 8]).unwrap();
-    assert!(received(&mut reader, &[Wire::Can(other)], report().time_tag).is_empty());
+    let long = CanId::extended(0x180 + u32::from(NODE)).unwrap();
+    for id in [other.id(), long] {
+        let frame = Wire::Can(CanFrame::classic(id, &[1; 8]).unwrap());
+        assert!(received(&mut reader, &[frame], report().time_tag).is_empty());
+    }
+    assert_eq!(reader.damaged(), 0, "passed over");
     // 23:59:59.900 is received at 00:00:00.050 of the next day.
     let midnight = Tai::from_rfc3339("2026-03-02T00:00:00Z").unwrap();
     let tag = midnight - Span::from_ms(100);
