@@ -151,7 +151,9 @@ def frames(vectors=VECTORS["messages"]):
 
 
 def differences(db, vector, frame):
-    message, data = db.get_message_by_frame_id(int(frame["id"], 16)), bytes.fromhex(frame["data"])
+    # cantools marks identifiers of 29 bits, which have 8 digits, as DBC files do.
+    identifier = int(frame["id"], 16) | (1 << 31 if len(frame["id"]) == 8 else 0)
+    message, data = db.get_message_by_frame_id(identifier), bytes.fromhex(frame["data"])
     wanted = signals_of(vector, message.name, data)
     found = [] if len(data) == message.length else [f"{message.name}: {message.length} bytes"]
     if message.is_fd != (len(data) > 8):
