@@ -2,13 +2,16 @@
 
 use crate::attitude_error::directional;
 use crate::availability::{acquisition, tracking, tracking_of_case};
+use crate::bandwidth::{bandwidth, ratio_of_case};
 use crate::bias::bias;
+use crate::exclusion::exclusion_angles;
 use crate::metric::{Kind, Metric, Reading};
 use crate::noise::{noise_of_case, temporal_noise};
 use crate::record::{Case, FalseLimit, JudgedCase, Use};
 use crate::slopes::{aberration_residual, date_error, drift};
 use crate::spatial::spatial_errors;
 use crate::statistics::quantile;
+use crate::thermo_elastic::thermo_elastic;
 use base::units::ARCSEC;
 use serde::Serialize;
 
@@ -61,12 +64,16 @@ pub fn assess(cases: &[Case], settings: &Settings) -> Assessment {
     metrics.extend(date_error(&judged, confidence));
     metrics.extend(aberration_residual(&judged, confidence));
     metrics.extend(drift(&judged, confidence));
+    metrics.extend(thermo_elastic(&judged, confidence));
+    metrics.extend(bandwidth(&judged, confidence));
+    metrics.extend(exclusion_angles(&judged, settings));
     metrics.extend(acquisition(&judged, confidence, probability));
     metrics.extend(tracking(&judged, confidence));
     for case in judged.iter().filter(|case| matches!(case.purpose, Use::Run | Use::Slew | Use::Stress)) {
         metrics.extend(tracking_of_case(case, confidence));
         metrics.extend(noise_of_case(case, confidence));
     }
+    metrics.extend(judged.iter().filter_map(|case| ratio_of_case(case, confidence)));
     Assessment { settings: *settings, cases: judged, metrics }
 }
 
