@@ -404,7 +404,7 @@ date_error_ms = {flown.metric("measurement_date_error")["value"]}
         self.assertLess(smoothed("smoothed").metric("output_bandwidth")["value"], 2.0)
 
     def test_exclusion_angles_are_between_two_swept_ones(self):
-        for body, swept in (("sun", (12, 25, 60)), ("moon", (6, 25, 60)), ("earth", (2, 20, 50))):
+        for body, swept in (("sun", (12, 25, 60)), ("moon", (6, 25, 60)), ("earth", (2, 25, 50))):
             found = self.flown.metric(f"{body}_exclusion_angle")
             self.assertEqual((found["low"], found["value"], found["high"]), (swept[0], swept[1], swept[1]), body)
         # Control: no attitude at 25 degrees from the Sun.

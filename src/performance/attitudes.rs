@@ -139,9 +139,10 @@ impl Attitudes {
         match *self {
             Self::Fixed { .. } => 1,
             Self::Grid { steps, .. } | Self::Shifts { steps, .. } => steps.saturating_mul(steps),
-            Self::Uniform { count } | Self::FromSun { count } | Self::FromMoon { count } | Self::FromEarth { count } => {
-                count
-            }
+            Self::Uniform { count }
+            | Self::FromSun { count }
+            | Self::FromMoon { count }
+            | Self::FromEarth { count } => count,
         }
     }
 

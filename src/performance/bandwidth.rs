@@ -41,9 +41,8 @@ pub fn bandwidth(cases: &[JudgedCase], confidence: f64) -> Vec<Metric> {
     let of = cases.iter().filter_map(|case| Some((frequency_hz(case)?, ratio(case, confidence)?)));
     let mut ratios: Vec<(f64, Estimate)> = of.collect();
     ratios.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let curve = |take: fn(&Estimate) -> f64| -> Vec<[f64; 2]> {
-        ratios.iter().map(|(hz, ratio)| [*hz, take(ratio)]).collect()
-    };
+    let curve =
+        |take: fn(&Estimate) -> f64| -> Vec<[f64; 2]> { ratios.iter().map(|(hz, ratio)| [*hz, take(ratio)]).collect() };
     let Some([_, _]) = ratios.first().zip(ratios.get(1)).map(|(a, b)| [a, b]) else { return Vec::new() };
     let [value, low, high] = [curve(|r| r.value), curve(|r| r.low), curve(|r| r.high)].map(|curve| crossing(&curve));
     let (first, last) = (ratios[0].0, ratios[ratios.len() - 1].0);
@@ -74,9 +73,8 @@ fn ratio(case: &JudgedCase, confidence: f64) -> Option<Estimate> {
     let true_turns: Vec<(f64, DVec3)> =
         case.frames.iter().map(|frame| (t_s(frame.truth.mid_ns), moved(frame))).collect();
     let axis = axis_of(&true_turns, hz)?;
-    let along = |turns: &[(f64, DVec3)]| -> Vec<[f64; 2]> {
-        turns.iter().map(|(t_s, turn)| [*t_s, turn.dot(axis)]).collect()
-    };
+    let along =
+        |turns: &[(f64, DVec3)]| -> Vec<[f64; 2]> { turns.iter().map(|(t_s, turn)| [*t_s, turn.dot(axis)]).collect() };
     let measured: Vec<(f64, DVec3)> = case
         .frames
         .iter()
@@ -87,7 +85,8 @@ fn ratio(case: &JudgedCase, confidence: f64) -> Option<Estimate> {
             Some((t_s(frame.truth.mid_ns) + tag_s, stated + frame.error_rad()?))
         })
         .collect();
-    let [whole, output] = [amplitude(&along(&true_turns), hz, confidence)?, amplitude(&along(&measured), hz, confidence)?];
+    let [whole, output] =
+        [amplitude(&along(&true_turns), hz, confidence)?, amplitude(&along(&measured), hz, confidence)?];
     (whole.value > 0.0).then(|| Estimate { low: output.low.max(0.0), ..output }.scaled(1.0 / whole.value))
 }
 

@@ -93,7 +93,13 @@ pub fn read_case(folder: &Path, log: Option<&Path>) -> Result<Case> {
         serde_json::from_str::<CaseFile>(&text).with_context(|| path.display().to_string())?
     } else {
         let name = folder.file_name().map_or_else(|| "run".to_owned(), |name| name.to_string_lossy().into_owned());
-        CaseFile { name, purpose: Use::Run, conditions: BTreeMap::new(), frames_per_attitude: u32::MAX, mounting_drift: None }
+        CaseFile {
+            name,
+            purpose: Use::Run,
+            conditions: BTreeMap::new(),
+            frames_per_attitude: u32::MAX,
+            mounting_drift: None,
+        }
     };
     let mut truth = read_truth(folder, described.frames_per_attitude)?;
     if let Some(drift) = described.mounting_drift {

@@ -203,8 +203,8 @@ impl<'a> Flight<'a> {
             let until = if first + some.len() == poses.len() { run.end_at() } else { start(some.len()) };
             let mut on_frame = |_: usize, frame: &mut SentFrame, _: &RunRecord| {
                 let pose = poses.get(frame.meta.number as usize);
-                let taken = check_attitude(frame, pose)
-                    .and_then(|()| log.as_mut().map_or(Ok(()), |log| log.take(frame, pose)));
+                let taken =
+                    check_attitude(frame, pose).and_then(|()| log.as_mut().map_or(Ok(()), |log| log.take(frame, pose)));
                 failure = failure.take().or(taken.err());
                 failure.is_none()
             };

@@ -352,8 +352,8 @@ impl PlanCase {
 
     fn check_drift(&self) -> Result<()> {
         let Some(drift) = &self.mounting_drift else { return Ok(()) };
-        let is_good = drift.arcsec.iter().all(|angle| angle.abs() <= MOST_DRIFT_ARCSEC)
-            && (1.0..=1e9).contains(&drift.period_s);
+        let is_good =
+            drift.arcsec.iter().all(|angle| angle.abs() <= MOST_DRIFT_ARCSEC) && (1.0..=1e9).contains(&drift.period_s);
         if is_good {
             return Ok(());
         }

@@ -112,8 +112,9 @@ impl Pose {
         } else {
             vec![-margin_s, 0.5 * exposure_s, exposure_s + margin_s]
         };
-        times.into_iter().map(move |t_s| {
-            PlantSample { attitude: Some(pose.attitude_at(t_s)), ..PlantSample::at(start + Span::from_s(t_s)) }
+        times.into_iter().map(move |t_s| PlantSample {
+            attitude: Some(pose.attitude_at(t_s)),
+            ..PlantSample::at(start + Span::from_s(t_s))
         })
     }
 }

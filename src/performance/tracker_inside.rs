@@ -14,9 +14,7 @@ use run::wiring::vehicle_parts::{exposed_light, tracker_params};
 use stars::catalog::Catalog;
 use std::fmt::Write as _;
 use std::sync::Arc;
-use testbed::tracker::{
-    ExposedLight, Exposed, GuideStars, Outcome, StarNoise, Tracker, TrackerParams, earth_beta,
-};
+use testbed::tracker::{Exposed, ExposedLight, GuideStars, Outcome, StarNoise, Tracker, TrackerParams, earth_beta};
 use testbed::tracker_model::{ModelParams, NoiseMethod, TrackerModel};
 
 /// Every n-th pixel shows the light of the background.
@@ -77,7 +75,9 @@ impl Inside {
                         let tracker = tracker_params(camera, params.stars as usize);
                         let usual = exposed_light(camera, &tracker);
                         let stars = StarNoise::new(&tracker, guide(&tracker)?, &usual);
-                        let dark_e = camera.detector.params.dark_e_per_s * camera.exposure.exposure_s;
+                        let binned = camera.detector.params.spatial.binning.map_or(1, |binning| binning.factor);
+                        let pixels = f64::from(binned).powi(2);
+                        let dark_e = camera.detector.params.dark_e_per_s * camera.exposure.exposure_s * pixels;
                         Some(Box::new(SkyNoise { stars, usual, dark_e }))
                     }
                 };

@@ -78,8 +78,10 @@ fn across(cases: &[JudgedCase]) -> Chart {
 }
 
 fn cumulative(cases: &[JudgedCase]) -> Chart {
-    let frames =
-        cases.iter().filter(|case| !matches!(case.purpose, Use::Slew | Use::Stress | Use::Bandwidth)).flat_map(|case| &case.frames);
+    let frames = cases
+        .iter()
+        .filter(|case| !matches!(case.purpose, Use::Slew | Use::Stress | Use::Bandwidth))
+        .flat_map(|case| &case.frames);
     let errors: Vec<_> = frames.filter_map(|frame| frame.error_rad()).collect();
     let of = |measure: fn(&glam::DVec3) -> f64| {
         let mut values: Vec<f64> = errors.iter().map(|error| measure(error) / ARCSEC).collect();
@@ -112,9 +114,8 @@ fn acquisition(cases: &[JudgedCase]) -> Option<Chart> {
 /// The amplitude ratio over the frequency, and that of the exposure alone.
 fn ratios(report: &Report, cases: &[JudgedCase]) -> Option<Chart> {
     let swept = cases.iter().filter(|case| case.purpose == Use::Bandwidth);
-    let point = |case: &JudgedCase| {
-        Some([*case.conditions.get(SINE)?, metric(report, "amplitude_ratio", &case.name)?.value])
-    };
+    let point =
+        |case: &JudgedCase| Some([*case.conditions.get(SINE)?, metric(report, "amplitude_ratio", &case.name)?.value]);
     let mut measured: Vec<[f64; 2]> = swept.filter_map(point).collect();
     measured.sort_by(|a, b| a[0].total_cmp(&b[0]));
     let last = measured.last()?[0];

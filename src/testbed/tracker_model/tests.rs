@@ -264,7 +264,8 @@ fn the_earth_blinds_it_near_its_limb_once_it_is_known() {
         model.measure(0, at(0), &sensor_from_ra_dec_roll(off_deg * DEG, 0.0, 0.0), DVec3::ZERO)
     };
     assert_eq!(outcome(86.9, Some(earth), params), Outcome::NoSolution(Reason::StrayLight));
-    for (off_deg, earth, params) in [(87.1, Some(earth), params), (10.0, None, params), (10.0, Some(earth), figures())] {
+    for (off_deg, earth, params) in [(87.1, Some(earth), params), (10.0, None, params), (10.0, Some(earth), figures())]
+    {
         assert!(matches!(outcome(off_deg, earth, params), Outcome::Solved(_)), "{off_deg} {earth:?}");
     }
 }
