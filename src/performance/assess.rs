@@ -31,13 +31,15 @@ pub struct Settings {
     pub probability: f64,
     /// Beyond it a solution is false.
     pub false_limit: FalseLimit,
+    /// Largest temporal noise per axis across the boresight at which the performance is met, arcsec; `None`: not asked for.
+    pub exclusion_noise_arcsec: Option<f64>,
 }
 
 impl Default for Settings {
     /// The usual numbers; a false solution is off by more than 0.1 deg across the boresight or 1 deg about it.
     fn default() -> Self {
         let false_limit = FalseLimit { directional_arcsec: 360.0, rotational_arcsec: 3600.0 };
-        Self { confidence: 0.95, probability: 0.997, false_limit }
+        Self { confidence: 0.95, probability: 0.997, false_limit, exclusion_noise_arcsec: None }
     }
 }
 
@@ -55,7 +57,7 @@ pub struct Assessment {
 /// Returns everything that the cases say.
 #[must_use]
 pub fn assess(cases: &[Case], settings: &Settings) -> Assessment {
-    let Settings { confidence, probability, false_limit } = *settings;
+    let Settings { confidence, probability, false_limit, .. } = *settings;
     let judged: Vec<JudgedCase> = cases.iter().map(|case| case.judged(&false_limit)).collect();
     let mut metrics = bias(&judged, confidence);
     metrics.extend(spatial_errors(&judged, confidence));

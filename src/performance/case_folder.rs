@@ -53,6 +53,9 @@ pub struct PlanFile {
     pub false_directional_arcsec: f64,
     /// The same about the boresight.
     pub false_rotational_arcsec: f64,
+    /// Largest temporal noise that exclusion angles allow.
+    #[serde(default)]
+    pub exclusion_noise_arcsec: Option<f64>,
     /// Folders of the cases.
     pub cases: Vec<String>,
 }
@@ -78,7 +81,8 @@ impl PlanFile {
             directional_arcsec: self.false_directional_arcsec,
             rotational_arcsec: self.false_rotational_arcsec,
         };
-        Settings { confidence: self.confidence, probability: self.probability, false_limit }
+        let exclusion_noise_arcsec = self.exclusion_noise_arcsec;
+        Settings { confidence: self.confidence, probability: self.probability, false_limit, exclusion_noise_arcsec }
     }
 }
 

@@ -1,8 +1,8 @@
 //! Exclusion angles of Sun, Moon and Earth: the smallest swept angle from which on the performance is met.
 //!
 //! Met at an angle: attitudes are acquired and kept with the report's probability, none is false, and the temporal noise
-//! across the boresight is at most [`MOST_NOISE`] times that at the largest swept angle. The angle itself is between the
-//! largest one at which that is not so and the next: these two are the interval.
+//! per axis across the boresight is at most the one that the plan allows. The angle itself is between the largest one at
+//! which that is not so and the next: these two are the interval.
 
 use crate::assess::Settings;
 use crate::availability::tracked;
@@ -18,13 +18,11 @@ pub const MOON_ANGLE: &str = "moon_angle_deg";
 /// Key of the angle from the boresight to the Earth's limb.
 pub const EARTH_LIMB_ANGLE: &str = "earth_limb_angle_deg";
 
-/// Largest temporal noise at which the performance is met, in that at the largest swept angle.
-const MOST_NOISE: f64 = 2.0;
 /// Fewest angles of a sweep.
 const FEWEST: usize = 2;
 
 const HOW: &str = "smallest swept angle from which on attitudes are acquired and kept with the report's probability, none is false, \
-                   and the noise is at most twice that at the largest angle; from the largest angle that fails";
+                   and the noise is at most the plan's; the interval begins at the largest angle that fails";
 
 const fn kind(id: &'static str) -> Kind {
     Kind { id, unit: "deg", reading: Reading::Mixed, how: HOW }
@@ -53,9 +51,8 @@ pub fn exclusion_angles(cases: &[JudgedCase], settings: &Settings) -> Vec<Metric
 
 /// The smallest angle from which on all are met; no upper end where the largest is not.
 fn smallest(swept: &[(f64, &JudgedCase)], settings: &Settings) -> Option<Estimate> {
-    let (largest, undisturbed) = swept.last().filter(|_| swept.len() >= FEWEST)?;
-    let usual = noise(undisturbed, settings);
-    let failing = swept.iter().rposition(|(_, case)| !is_met(case, usual, settings));
+    let (largest, _) = swept.last().filter(|_| swept.len() >= FEWEST)?;
+    let failing = swept.iter().rposition(|(_, case)| !is_met(case, settings));
     let low = failing.map_or(0.0, |place| swept[place].0);
     let from = swept.get(failing.map_or(0, |place| place + 1)).map(|(angle, _)| *angle);
     let count = swept.len() as f64;
@@ -65,11 +62,12 @@ fn smallest(swept: &[(f64, &JudgedCase)], settings: &Settings) -> Option<Estimat
     })
 }
 
-fn is_met(case: &JudgedCase, usual: Option<f64>, settings: &Settings) -> bool {
+fn is_met(case: &JudgedCase, settings: &Settings) -> bool {
     let (right, all) = tracked(case);
     let is_kept = all > 0 && right as f64 >= settings.probability * all as f64;
     let has_false = case.frames.iter().any(|frame| matches!(frame.fate, Fate::False(_)));
-    let is_quiet = noise(case, settings).zip(usual).is_some_and(|(noise, usual)| noise <= MOST_NOISE * usual);
+    let is_quiet =
+        settings.exclusion_noise_arcsec.is_none_or(|most| noise(case, settings).is_some_and(|it| it <= most));
     is_kept && !has_false && is_quiet
 }
 
@@ -96,7 +94,8 @@ mod tests {
     }
 
     fn angle(cases: &[JudgedCase], id: &str) -> Option<[Option<f64>; 3]> {
-        let found = exclusion_angles(cases, &Settings::default());
+        let settings = Settings { exclusion_noise_arcsec: Some(2.0), ..Settings::default() };
+        let found = exclusion_angles(cases, &settings);
         found.iter().find(|m| m.id == id).map(|m| [Some(m.low), Some(m.value), m.high])
     }
 
@@ -114,6 +113,8 @@ mod tests {
         assert_eq!(angle(&noisy, "moon_exclusion_angle"), wanted, "a smaller angle that passes does not count");
         let never = sweep(EARTH_LIMB_ANGLE, [(1.0, 9), good, good, good]);
         assert_eq!(angle(&never, "earth_exclusion_angle"), Some([Some(40.0), Some(40.0), None]), "not bounded");
+        let unlimited = exclusion_angles(&noisy, &Settings::default());
+        assert_eq!(unlimited[0].low, 0.0, "without a limit noise does not count");
         let always = sweep(SUN_ANGLE, [good; 4]);
         assert_eq!(angle(&always, "sun_exclusion_angle"), Some([Some(0.0), Some(10.0), Some(10.0)]));
         // Controls: another body, another use, and one angle only.

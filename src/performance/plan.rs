@@ -41,6 +41,8 @@ pub struct Plan {
     /// The same about the boresight.
     #[serde(default = "usual_rotational")]
     pub false_rotational_arcsec: f64,
+    /// Largest temporal noise per axis across the boresight that exclusion angles allow, arcsec.
+    pub exclusion_noise_arcsec: Option<f64>,
     /// File of requirements, relative to the plan.
     pub requirements: Option<PathBuf>,
     /// Values that are changed in the run file of every case, as `KEY=VALUE`.
@@ -252,6 +254,9 @@ impl Plan {
         range("frame_rate_hz", self.frame_rate_hz, 0.001, 1000.0)?;
         range("false_directional_arcsec", self.false_directional_arcsec, 1e-3, 648_000.0)?;
         range("false_rotational_arcsec", self.false_rotational_arcsec, 1e-3, 648_000.0)?;
+        if let Some(noise_arcsec) = self.exclusion_noise_arcsec {
+            range("exclusion_noise_arcsec", noise_arcsec, 1e-6, 648_000.0)?;
+        }
         range("tracker.tag_error_ms", self.tracker.tag_error_ms, -1000.0, 1000.0)?;
         range("tracker.delay_ms", self.tracker.delay_ms, 0.0, 10_000.0)?;
         let has_program = !self.tracker.command.is_empty();
@@ -292,7 +297,8 @@ impl Plan {
     pub fn settings(&self) -> Settings {
         let (directional_arcsec, rotational_arcsec) = (self.false_directional_arcsec, self.false_rotational_arcsec);
         let false_limit = FalseLimit { directional_arcsec, rotational_arcsec };
-        Settings { confidence: self.confidence, probability: self.probability, false_limit }
+        let exclusion_noise_arcsec = self.exclusion_noise_arcsec;
+        Settings { confidence: self.confidence, probability: self.probability, false_limit, exclusion_noise_arcsec }
     }
 }
 
@@ -446,6 +452,7 @@ mod tests {
         assert!(refused(BEGIN).contains("case"));
         assert!(refused(&format!("{BEGIN}{CASE}{CASE}")).contains("names that differ"));
         assert!(refused(&format!("{BEGIN}confidence = 2\n{CASE}")).contains("confidence: got 2"));
+        assert!(refused(&format!("{BEGIN}exclusion_noise_arcsec = 0\n{CASE}")).contains("exclusion_noise_arcsec"));
         assert!(refused(&format!("{BEGIN}{CASE}set = [\"a={{value}}\"]\n")).contains("without a sweep"));
         assert!(refused(&format!("{BEGIN}{CASE}acceleration_deg_s2 = [1, 0, 0]\n")).contains("along the axis"));
         assert!(refused(&format!("{BEGIN}{CASE}[tracker]\nsource = \"program\"\n")).contains("command"));
