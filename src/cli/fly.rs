@@ -117,6 +117,7 @@ fn plan_file(plan: &Plan, flown: &[Flown]) -> PlanFile {
         probability: settings.probability,
         false_directional_arcsec: settings.false_limit.directional_arcsec,
         false_rotational_arcsec: settings.false_limit.rotational_arcsec,
+        exclusion_noise_arcsec: settings.exclusion_noise_arcsec,
         cases: flown.iter().map(|flown| flown.folder.clone()).collect(),
     }
 }

@@ -513,6 +513,8 @@ impl TrackerOutKeys {
             lost_above_rad_s: lost_above_deg_s * DEG,
             sun_exclusion_rad: sun_exclusion_deg * DEG,
             moon_exclusion_rad: moon_exclusion_deg * DEG,
+            // A run does not say where the Earth is.
+            earth_exclusion_rad: 0.0,
             stars,
         })
     }

@@ -2,13 +2,16 @@
 
 use crate::attitude_error::directional;
 use crate::availability::{acquisition, tracking, tracking_of_case};
+use crate::bandwidth::{bandwidth, ratio_of_case};
 use crate::bias::bias;
+use crate::exclusion::exclusion_angles;
 use crate::metric::{Kind, Metric, Reading};
 use crate::noise::{noise_of_case, temporal_noise};
 use crate::record::{Case, FalseLimit, JudgedCase, Use};
 use crate::slopes::{aberration_residual, date_error, drift};
 use crate::spatial::spatial_errors;
 use crate::statistics::quantile;
+use crate::thermo_elastic::thermo_elastic;
 use base::units::ARCSEC;
 use serde::Serialize;
 
@@ -28,13 +31,15 @@ pub struct Settings {
     pub probability: f64,
     /// Beyond it a solution is false.
     pub false_limit: FalseLimit,
+    /// Largest temporal noise per axis across the boresight at which the performance is met, arcsec; `None`: not asked for.
+    pub exclusion_noise_arcsec: Option<f64>,
 }
 
 impl Default for Settings {
     /// The usual numbers; a false solution is off by more than 0.1 deg across the boresight or 1 deg about it.
     fn default() -> Self {
         let false_limit = FalseLimit { directional_arcsec: 360.0, rotational_arcsec: 3600.0 };
-        Self { confidence: 0.95, probability: 0.997, false_limit }
+        Self { confidence: 0.95, probability: 0.997, false_limit, exclusion_noise_arcsec: None }
     }
 }
 
@@ -52,7 +57,7 @@ pub struct Assessment {
 /// Returns everything that the cases say.
 #[must_use]
 pub fn assess(cases: &[Case], settings: &Settings) -> Assessment {
-    let Settings { confidence, probability, false_limit } = *settings;
+    let Settings { confidence, probability, false_limit, .. } = *settings;
     let judged: Vec<JudgedCase> = cases.iter().map(|case| case.judged(&false_limit)).collect();
     let mut metrics = bias(&judged, confidence);
     metrics.extend(spatial_errors(&judged, confidence));
@@ -61,12 +66,16 @@ pub fn assess(cases: &[Case], settings: &Settings) -> Assessment {
     metrics.extend(date_error(&judged, confidence));
     metrics.extend(aberration_residual(&judged, confidence));
     metrics.extend(drift(&judged, confidence));
+    metrics.extend(thermo_elastic(&judged, confidence));
+    metrics.extend(bandwidth(&judged, confidence));
+    metrics.extend(exclusion_angles(&judged, settings));
     metrics.extend(acquisition(&judged, confidence, probability));
     metrics.extend(tracking(&judged, confidence));
     for case in judged.iter().filter(|case| matches!(case.purpose, Use::Run | Use::Slew | Use::Stress)) {
         metrics.extend(tracking_of_case(case, confidence));
         metrics.extend(noise_of_case(case, confidence));
     }
+    metrics.extend(judged.iter().filter_map(|case| ratio_of_case(case, confidence)));
     Assessment { settings: *settings, cases: judged, metrics }
 }
 

@@ -1,8 +1,10 @@
-//! Attitudes of a test plan: one, a grid over the field, shifts by parts of a pixel, uniform over all, away from the
-//! Sun.
+//! Attitudes of a test plan: one, a grid over the field, shifts by parts of a pixel, uniform over all, away from Sun,
+//! Moon or Earth.
 
 use crate::attitude_error::turned;
-use anyhow::{Result, bail};
+use crate::bright_bodies::BrightBodies;
+use crate::exclusion::{EARTH_LIMB_ANGLE, MOON_ANGLE, SUN_ANGLE};
+use anyhow::{Context, Result, bail};
 use base::axes::sensor_from_ra_dec_roll;
 use base::time::Tai;
 use glam::{DQuat, DVec3};
@@ -65,14 +67,40 @@ pub enum Attitudes {
         /// Directions about the Sun.
         count: u32,
     },
+    /// At an angle from the Moon's centre, as the observer sees it: the sweep's value.
+    FromMoon {
+        /// Directions about the Moon.
+        count: u32,
+    },
+    /// At an angle from the Earth's limb, as an observer in orbit sees it: the sweep's value.
+    FromEarth {
+        /// Directions about the Earth.
+        count: u32,
+    },
+}
+
+/// What attitudes of a case depend on, besides their own numbers.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Circumstances<'a> {
+    /// Seed of random ones.
+    pub(crate) seed: u64,
+    /// Angle of a pixel, rad.
+    pub(crate) pixel_rad: f64,
+    /// Start of the case.
+    pub(crate) at: Tai,
+    /// Value of the sweep.
+    pub(crate) value: Option<f64>,
+    /// Moon and Earth, where attitudes are about them.
+    pub(crate) bodies: Option<&'a BrightBodies>,
 }
 
 impl Attitudes {
-    /// Returns the attitudes, `sensor_from_icrf`. `pixel_rad` is the angle of a pixel, `value` that of the sweep.
+    /// Returns the attitudes, `sensor_from_icrf`.
     ///
     /// # Errors
     /// With what is out of range.
-    pub fn list(&self, seed: u64, pixel_rad: f64, at: Tai, value: Option<f64>) -> Result<Vec<DQuat>> {
+    pub(crate) fn list(&self, given: &Circumstances<'_>) -> Result<Vec<DQuat>> {
+        let Circumstances { seed, pixel_rad, at, value, .. } = *given;
         match *self {
             Self::Fixed { ra_deg, dec_deg, roll_deg } => Ok(vec![pointing(ra_deg, dec_deg, roll_deg)?]),
             Self::Grid { ra_deg, dec_deg, roll_deg, steps, span_deg } => {
@@ -87,14 +115,66 @@ impl Attitudes {
                 Ok((0..count).map(|number| uniform(seed, number)).collect())
             }
             Self::FromSun { count } => {
-                check(count)?;
-                let Some(angle_deg) = value.filter(|angle| (0.0..=180.0).contains(angle)) else {
-                    bail!("attitudes of kind \"from_sun\": wanted a sweep of angles from 0 to 180 deg");
+                let (angle_rad, sun) = (swept("from_sun", count, value)?, sun_direction_icrf(at).normalize());
+                Ok((0..count).map(|number| off(sun, angle_rad, number, count)).collect())
+            }
+            Self::FromMoon { count } => {
+                let (angle_rad, bodies) = (swept("from_moon", count, value)?, seen("from_moon", given)?);
+                (0..count).map(|number| Ok(off(bodies.moon(number)?, angle_rad, number, count))).collect()
+            }
+            Self::FromEarth { count } => {
+                let (angle_rad, bodies) = (swept("from_earth", count, value)?, seen("from_earth", given)?);
+                let one = |number: u32| {
+                    let earth = bodies.earth_of_attitude(number)?;
+                    Ok(off(earth.direction_icrf, angle_rad + earth.radius_rad, number, count))
                 };
-                Ok((0..count).map(|number| from_sun(angle_deg.to_radians(), number, count, at)).collect())
+                (0..count).map(one).collect()
             }
         }
     }
+
+    /// Returns the number of attitudes.
+    #[must_use]
+    pub fn count(&self) -> u32 {
+        match *self {
+            Self::Fixed { .. } => 1,
+            Self::Grid { steps, .. } | Self::Shifts { steps, .. } => steps.saturating_mul(steps),
+            Self::Uniform { count }
+            | Self::FromSun { count }
+            | Self::FromMoon { count }
+            | Self::FromEarth { count } => count,
+        }
+    }
+
+    /// Returns the condition that the sweep of angles from a body is.
+    #[must_use]
+    pub fn angle_key(&self) -> Option<&'static str> {
+        match self {
+            Self::FromSun { .. } => Some(SUN_ANGLE),
+            Self::FromMoon { .. } => Some(MOON_ANGLE),
+            Self::FromEarth { .. } => Some(EARTH_LIMB_ANGLE),
+            Self::Fixed { .. } | Self::Grid { .. } | Self::Shifts { .. } | Self::Uniform { .. } => None,
+        }
+    }
+
+    /// Returns true where the places of Moon or Earth are needed.
+    #[must_use]
+    pub(crate) fn is_about_moon_or_earth(&self) -> bool {
+        matches!(self, Self::FromMoon { .. } | Self::FromEarth { .. })
+    }
+}
+
+/// The sweep's angle from a body, rad.
+fn swept(kind: &str, count: u32, value: Option<f64>) -> Result<f64> {
+    check(count)?;
+    match value.filter(|angle| (0.0..=180.0).contains(angle)) {
+        Some(angle_deg) => Ok(angle_deg.to_radians()),
+        None => bail!("attitudes of kind \"{kind}\": wanted a sweep of angles from 0 to 180 deg"),
+    }
+}
+
+fn seen<'a>(kind: &str, given: &Circumstances<'a>) -> Result<&'a BrightBodies> {
+    given.bodies.with_context(|| format!("attitudes of kind \"{kind}\": the places of Moon and Earth are not known"))
 }
 
 fn check(count: u32) -> Result<()> {
@@ -135,13 +215,12 @@ fn uniform(seed: u64, number: u32) -> DQuat {
     DQuat::from_xyzw(a * s2, a * c2, b * s3, b * c3)
 }
 
-/// A boresight at an angle from the Sun, one of `count` directions about it.
-fn from_sun(angle_rad: f64, number: u32, count: u32, at: Tai) -> DQuat {
-    let sun = sun_direction_icrf(at).normalize();
-    let side = sun.any_orthonormal_vector();
+/// A boresight at an angle from a body, one of `count` directions about it.
+fn off(body: DVec3, angle_rad: f64, number: u32, count: u32) -> DQuat {
+    let side = body.any_orthonormal_vector();
     let about = core::f64::consts::TAU * f64::from(number) / f64::from(count);
-    let axis = DQuat::from_axis_angle(sun, about) * side;
-    let boresight = DQuat::from_axis_angle(axis, angle_rad) * sun;
+    let axis = DQuat::from_axis_angle(body, about) * side;
+    let boresight = DQuat::from_axis_angle(axis, angle_rad) * body;
     // v_sensor = q v_icrf q*: the rotation that takes the boresight to +z.
     DQuat::from_rotation_arc(boresight, DVec3::Z)
 }
@@ -149,14 +228,20 @@ fn from_sun(angle_rad: f64, number: u32, count: u32, at: Tai) -> DQuat {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use sky::observer::{Observer, ObserverTrack};
+    use sky::orbit::CircularOrbit;
 
     fn at() -> Tai {
         Tai::from_rfc3339("2026-03-01T00:00:00Z").unwrap()
     }
 
+    fn given(seed: u64, pixel_rad: f64, value: Option<f64>) -> Circumstances<'static> {
+        Circumstances { seed, pixel_rad, at: at(), value, bodies: None }
+    }
+
     #[test]
     fn uniform_attitudes_are_uniform() {
-        let all = Attitudes::Uniform { count: 4000 }.list(1, 0.0, at(), None).unwrap();
+        let all = Attitudes::Uniform { count: 4000 }.list(&given(1, 0.0, None)).unwrap();
         // Of a uniform attitude every coordinate of a turned axis has the mean 0 and the variance 1/3.
         for axis in [DVec3::X, DVec3::Z] {
             let seen: Vec<DVec3> = all.iter().map(|q| *q * axis).collect();
@@ -165,14 +250,14 @@ mod tests {
             assert!(mean.length() < 0.05, "{mean}");
             assert!((square - DVec3::splat(1.0 / 3.0)).length() < 0.03, "{square}");
         }
-        let other = Attitudes::Uniform { count: 1 }.list(2, 0.0, at(), None).unwrap();
+        let other = Attitudes::Uniform { count: 1 }.list(&given(2, 0.0, None)).unwrap();
         assert_ne!(all[0], other[0], "the seed counts");
     }
 
     #[test]
     fn shifts_are_parts_of_a_pixel() {
         let shifts = Attitudes::Shifts { ra_deg: 10.0, dec_deg: 20.0, roll_deg: 30.0, steps: 4, step_px: 0.25 };
-        let all = shifts.list(1, 1e-3, at(), None).unwrap();
+        let all = shifts.list(&given(1, 1e-3, None)).unwrap();
         assert_eq!(all.len(), 16);
         let turn = crate::attitude_error::attitude_error(all[1], all[0]);
         // Small turns do not commute: the rest is of second order.
@@ -181,14 +266,53 @@ mod tests {
 
     #[test]
     fn boresights_are_at_the_angle_from_the_sun() {
-        let all = Attitudes::FromSun { count: 3 }.list(1, 0.0, at(), Some(40.0)).unwrap();
+        let all = Attitudes::FromSun { count: 3 }.list(&given(1, 0.0, Some(40.0))).unwrap();
         for q in &all {
             let boresight = q.conjugate() * DVec3::Z;
             let angle = boresight.angle_between(sun_direction_icrf(at())).to_degrees();
             assert!((angle - 40.0).abs() < 1e-9, "{angle}");
         }
         assert!((all[0] * all[1].conjugate()).w.abs() < 0.999, "they differ");
-        assert!(Attitudes::FromSun { count: 3 }.list(1, 0.0, at(), None).is_err());
-        assert!(Attitudes::Uniform { count: 0 }.list(1, 0.0, at(), None).is_err());
+        assert!(Attitudes::FromSun { count: 3 }.list(&given(1, 0.0, None)).is_err());
+        assert!(Attitudes::Uniform { count: 0 }.list(&given(1, 0.0, None)).is_err());
+    }
+
+    /// An observer 550 km above the Earth; an attitude lasts 100 s.
+    fn in_orbit() -> BrightBodies {
+        BrightBodies::of(in_orbit_observer(), at(), 100.0)
+    }
+
+    fn in_orbit_observer() -> Observer {
+        Observer::Circular(CircularOrbit::new(550.0, 97.6, 340.0, -10.0, at()).unwrap())
+    }
+
+    #[test]
+    fn boresights_follow_moon_and_limb_of_an_observer_in_orbit() {
+        let bodies = in_orbit();
+        let given = Circumstances { bodies: Some(&bodies), ..given(1, 0.0, Some(25.0)) };
+        let from_moon = Attitudes::FromMoon { count: 4 }.list(&given).unwrap();
+        let from_earth = Attitudes::FromEarth { count: 4 }.list(&given).unwrap();
+        let track = ObserverTrack::new(in_orbit_observer(), at());
+        for (number, (moon, earth)) in from_moon.iter().zip(&from_earth).enumerate() {
+            // Written afresh: the middle of the attitude's time, and the disc's radius from the height.
+            let there = track.bodies(at() + base::time::Span::from_s(100.0 * number as f64 + 50.0)).unwrap();
+            let angle = |q: &DQuat, km: DVec3| (q.conjugate() * DVec3::Z).angle_between(km).to_degrees();
+            assert!((angle(moon, there.moon_km) - 25.0).abs() < 1e-6);
+            let limb_deg = (6378.137_f64 / 6928.137).asin().to_degrees();
+            assert!((angle(earth, there.earth_km.unwrap()) - limb_deg - 25.0).abs() < 1e-3, "from the limb");
+        }
+        let nadir = |number: u32| bodies.earth_of_attitude(number).unwrap().direction_icrf;
+        assert!((nadir(0).angle_between(nadir(1)).to_degrees() - 6.28).abs() < 0.1, "100 s of an orbit of 95.6 min");
+    }
+
+    #[test]
+    fn from_the_centre_of_the_earth_there_is_no_limb() {
+        let bodies = BrightBodies::of(Observer::Geocentre, at(), 1.0);
+        let given = Circumstances { bodies: Some(&bodies), ..given(1, 0.0, Some(25.0)) };
+        let refused = Attitudes::FromEarth { count: 1 }.list(&given).unwrap_err().to_string();
+        assert!(refused.contains("observer.kind"), "{refused}");
+        assert!(Attitudes::FromMoon { count: 1 }.list(&given).is_ok());
+        assert!(Attitudes::FromMoon { count: 1 }.list(&Circumstances { value: None, ..given }).is_err());
+        assert!(Attitudes::FromEarth { count: 1 }.list(&Circumstances { bodies: None, ..given }).is_err());
     }
 }

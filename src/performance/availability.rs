@@ -97,8 +97,8 @@ fn since_start_s(first: &Judged, solved: &Judged) -> f64 {
 #[must_use]
 pub fn tracking(cases: &[JudgedCase], confidence: f64) -> Vec<Metric> {
     let calm = |case: &&JudgedCase| match case.purpose {
-        Use::Run | Use::Inertial | Use::Drift | Use::FovGrid | Use::PixelGrid => true,
-        Use::Slew | Use::LostInSpace | Use::Stress => false,
+        Use::Run | Use::Inertial | Use::Drift | Use::FovGrid | Use::PixelGrid | Use::ThermoElastic => true,
+        Use::Slew | Use::LostInSpace | Use::Stress | Use::Bandwidth => false,
     };
     let counts = cases.iter().filter(calm).map(tracked);
     let (right, all) = counts.fold((0, 0), |sum, part| (sum.0 + part.0, sum.1 + part.1));
@@ -133,7 +133,7 @@ fn exactly(count: u64) -> Estimate {
 }
 
 /// Right attitudes and frames from the first right one of each attitude on; all frames where there is none.
-fn tracked(case: &JudgedCase) -> (u64, u64) {
+pub(crate) fn tracked(case: &JudgedCase) -> (u64, u64) {
     let mut sum = (0, 0);
     for group in attitudes(case) {
         let first = group.iter().position(Judged::is_right);

@@ -55,7 +55,7 @@ fn of_axis(kind: &Kind, name: &str, axis: Estimate) -> Metric {
 
 /// The length of a vector of two estimates; no length inside the box of both intervals is farther from it than its
 /// diagonal.
-fn across(x: Estimate, y: Estimate) -> Estimate {
+pub(crate) fn across(x: Estimate, y: Estimate) -> Estimate {
     let value = directional(DVec3::new(x.value, y.value, 0.0));
     let half = |axis: Estimate| 0.5 * (axis.high - axis.low);
     let diagonal = half(x).hypot(half(y));

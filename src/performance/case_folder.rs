@@ -3,6 +3,7 @@
 
 use crate::assess::Settings;
 use crate::log::read_log;
+use crate::mounting::MountingDrift;
 use crate::record::{Case, FalseLimit, TruthRow, Use};
 use anyhow::{Context, Result, bail};
 use frames::sink::frame_log::{FrameRow, path_in, read_frame_log};
@@ -30,6 +31,9 @@ pub struct CaseFile {
     pub conditions: BTreeMap<String, f64>,
     /// Frames that show one attitude.
     pub frames_per_attitude: u32,
+    /// Drift of the mounting: the truth is that of the axes the sensor is aligned to.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mounting_drift: Option<MountingDrift>,
 }
 
 /// Description of a flown plan.
@@ -49,6 +53,9 @@ pub struct PlanFile {
     pub false_directional_arcsec: f64,
     /// The same about the boresight.
     pub false_rotational_arcsec: f64,
+    /// Largest temporal noise that exclusion angles allow.
+    #[serde(default)]
+    pub exclusion_noise_arcsec: Option<f64>,
     /// Folders of the cases.
     pub cases: Vec<String>,
 }
@@ -74,7 +81,8 @@ impl PlanFile {
             directional_arcsec: self.false_directional_arcsec,
             rotational_arcsec: self.false_rotational_arcsec,
         };
-        Settings { confidence: self.confidence, probability: self.probability, false_limit }
+        let exclusion_noise_arcsec = self.exclusion_noise_arcsec;
+        Settings { confidence: self.confidence, probability: self.probability, false_limit, exclusion_noise_arcsec }
     }
 }
 
@@ -89,9 +97,18 @@ pub fn read_case(folder: &Path, log: Option<&Path>) -> Result<Case> {
         serde_json::from_str::<CaseFile>(&text).with_context(|| path.display().to_string())?
     } else {
         let name = folder.file_name().map_or_else(|| "run".to_owned(), |name| name.to_string_lossy().into_owned());
-        CaseFile { name, purpose: Use::Run, conditions: BTreeMap::new(), frames_per_attitude: u32::MAX }
+        CaseFile {
+            name,
+            purpose: Use::Run,
+            conditions: BTreeMap::new(),
+            frames_per_attitude: u32::MAX,
+            mounting_drift: None,
+        }
     };
-    let truth = read_truth(folder, described.frames_per_attitude)?;
+    let mut truth = read_truth(folder, described.frames_per_attitude)?;
+    if let Some(drift) = described.mounting_drift {
+        align(&mut truth, &drift);
+    }
     let log = log.map_or_else(|| folder.join(LOG), PathBuf::from);
     let rows = read_log(&log)?;
     if rows.is_empty() {
@@ -99,6 +116,14 @@ pub fn read_case(folder: &Path, log: Option<&Path>) -> Result<Case> {
     }
     let CaseFile { name, purpose, conditions, .. } = described;
     Ok(Case { name, purpose, conditions, truth, log: rows })
+}
+
+/// Turns the sensor's attitudes to those of the axes that it is aligned to; the drift begins with the first frame.
+fn align(truth: &mut [TruthRow], drift: &MountingDrift) {
+    let zero_ns = truth.first().map_or(0, |row| row.mid_ns);
+    for row in truth {
+        row.attitude = drift.aligned(row.attitude, (row.mid_ns - zero_ns) as f64 * 1e-9);
+    }
 }
 
 fn read_truth(folder: &Path, frames_per_attitude: u32) -> Result<Vec<TruthRow>> {

@@ -4,37 +4,34 @@
 //! same frames. The built-in tracker sees pixels and time tags, and is lost in space again at each attitude; a program
 //! outside gets the folder of images.
 
-use crate::attitude_error::{attitude_error, turned};
+use crate::attitude_error::attitude_error;
+use crate::attitudes::Circumstances;
+use crate::bandwidth::SINE;
+use crate::bright_bodies::BrightBodies;
 use crate::case_folder::{CASE, CaseFile, LOG};
 use crate::plan::{Plan, PlanCase, Source, folder_name};
+use crate::poses::{MARGIN_S, Pose, margin_s, poses};
 use crate::provenance::FileHash;
+use crate::tracker_inside::{Inside, TrackerLog};
 use anyhow::{Context, Result, bail};
-use base::axes::Rotation;
-use base::time::{Span, Tai};
+use base::time::Span;
 use config::{Camera, Document, Scenario, Setting};
 use frames::sink::{Recorder, RecorderOptions, SentFrame, Sink, SinkError, SinkSummary};
-use glam::{DQuat, DVec3};
-use run::runtime::{PlantAttitude, PlantSample, RunRecord};
+use glam::DQuat;
+use run::runtime::{PlantSample, RunRecord};
 use run::wiring::assemble::{Outputs, Run, RunOptions};
 use run::wiring::stepped::SteppedRun;
-use run::wiring::vehicle_parts::{exposed_light, tracker_params};
-use stars::catalog::Catalog;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::Arc;
-use testbed::tracker::{Exposed, GuideStars, Outcome, StarNoise, Tracker, TrackerParams, earth_beta};
-use testbed::tracker_model::{ModelParams, NoiseMethod, TrackerModel};
 
-/// From the edges of an exposure to the samples of attitude around it, at most, s.
-const MARGIN_S: f64 = 0.02;
 /// Fastest turn from one attitude to the next, rad/s: receivers take no faster one.
 const FASTEST_RAD_S: f64 = 15.0;
 /// Farthest that a frame may be from its attitude, rad: 0.2 arcsec.
 const MOST_OFF_RAD: f64 = 1e-6;
 /// Frames whose samples of attitude are handed over at once.
-const FRAMES_AHEAD: usize = 5_000;
+const FRAMES_AHEAD: usize = 2_000;
 
 /// A flown case.
 #[derive(Debug, Clone, PartialEq)]
@@ -45,20 +42,6 @@ pub struct Flown {
     pub run_file: FileHash,
     /// Frames.
     pub frames: u64,
-}
-
-/// A tracker inside, made once for a plan.
-struct Inside {
-    eyes: InsideEyes,
-    delay: Span,
-    tag_error: Span,
-}
-
-enum InsideEyes {
-    /// The built-in one, with its guide stars.
-    Pixels(Box<TrackerParams>, Arc<GuideStars>),
-    /// A statistical one, with the stars that its noise follows.
-    Model(Box<ModelParams>, Option<StarNoise>),
 }
 
 /// Flies the cases of a plan.
@@ -82,31 +65,7 @@ impl<'a> Flight<'a> {
         let camera_path = plan_folder.join(&plan.camera);
         let camera = Camera::from_document(&Document::open(&camera_path)?)?;
         let pixel_rad = camera.detector.pixel_pitch_um * 1e-3 / camera.optics.focal_length_mm;
-        // Its attitude comes after the readout and its own time.
-        let delay = Span::from_s(camera.exposure.readout_s + plan.tracker.delay_ms * 1e-3);
-        let tag_error = Span::from_s(plan.tracker.tag_error_ms * 1e-3);
-        let eyes = match (plan.tracker.source, &plan.tracker.model) {
-            (Source::BuiltIn, _) => {
-                let params = tracker_params(&camera, plan.tracker.stars);
-                let guide = Arc::new(GuideStars::new(&Catalog::built_in()?, &params, plan.start()?)?);
-                Some(InsideEyes::Pixels(Box::new(params), guide))
-            }
-            (Source::Model, Some(figures)) => {
-                let field_rad = pixel_rad * f64::from(camera.detector.width_px);
-                let params = figures.params(field_rad, pixel_rad);
-                let stars = match params.noise_method {
-                    NoiseMethod::Even => None,
-                    NoiseMethod::Stars => {
-                        let tracker = tracker_params(&camera, params.stars as usize);
-                        let guide = Arc::new(GuideStars::new(&Catalog::built_in()?, &tracker, plan.start()?)?);
-                        Some(StarNoise::new(&tracker, guide, &exposed_light(&camera, &tracker)))
-                    }
-                };
-                Some(InsideEyes::Model(Box::new(params), stars))
-            }
-            (Source::Model, None) | (Source::Program, _) => None,
-        };
-        let inside = eyes.map(|eyes| Inside { eyes, delay, tag_error });
+        let inside = Inside::of_plan(plan, &camera, pixel_rad)?;
         let [camera_path, plan_folder] =
             [camera_path.as_path(), plan_folder].map(|path| std::path::absolute(path).unwrap_or_else(|_| path.into()));
         Ok(Self { plan, camera_path, plan_folder, out: out.into(), pixel_rad, inside, keeps_images: false })
@@ -119,19 +78,25 @@ impl<'a> Flight<'a> {
     pub fn fly(&self, case: &PlanCase, (name, value): (&str, Option<f64>), number: u64) -> Result<Flown> {
         let folder = self.out.join(folder_name(name));
         std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
-        let attitudes =
-            case.attitudes.list(self.plan.seed.wrapping_add(number), self.pixel_rad, self.plan.start()?, value)?;
-        let frames = attitudes.len() as u64 * u64::from(case.frames);
+        let frames = u64::from(case.attitudes.count()) * u64::from(case.frames);
         let frames_in_run = u32::try_from(frames).context("frames of a case")?;
         let rate_hz = case.frame_rate_hz.unwrap_or(self.plan.frame_rate_hz);
         let text = self.run_file(name, rate_hz, frames_in_run, number);
         let scenario = self.scenario(&text, &folder, case, value)?;
+        let bodies = self.bodies(&scenario, case, f64::from(case.frames) / rate_hz)?;
+        let attitudes = case.attitudes.list(&Circumstances {
+            seed: self.plan.seed.wrapping_add(number),
+            pixel_rad: self.pixel_rad,
+            at: self.plan.start()?,
+            value,
+            bodies: bodies.as_ref(),
+        })?;
         self.describe(&folder, case, name, value)?;
         let log = folder.join(LOG);
         let is_seen_outside = self.plan.tracker.source == Source::Program;
         let options = RecorderOptions { fits: is_seen_outside, truth: false, png_every: 0, ser: false };
         let recorder = Recorder::create(&folder, options)?;
-        let written = self.draw(&scenario, recorder, (case, value), &attitudes)?;
+        let written = self.draw(&scenario, recorder, (case, value), (&attitudes, bodies.as_ref()))?;
         if let Some(written) = written {
             std::fs::write(&log, written).with_context(|| log.display().to_string())?;
         }
@@ -143,6 +108,13 @@ impl<'a> Flight<'a> {
         }
         let run_file = FileHash::of_text(&format!("{}/run.toml", folder_name(name)), &text);
         Ok(Flown { folder: folder_name(name), run_file, frames })
+    }
+
+    /// Moon and Earth of a case that is about them, or whose tracker is blinded by the Earth.
+    fn bodies(&self, scenario: &Scenario, case: &PlanCase, each_s: f64) -> Result<Option<BrightBodies>> {
+        let is_needed =
+            case.attitudes.is_about_moon_or_earth() || self.inside.as_ref().is_some_and(Inside::looks_for_earth);
+        is_needed.then(|| BrightBodies::of_run(scenario, each_s)).transpose()
     }
 
     /// The run file of a case.
@@ -182,7 +154,19 @@ impl<'a> Flight<'a> {
         if let (Some(sweep), Some(value)) = (&case.sweep, value) {
             conditions.insert(sweep.key.clone(), value);
         }
-        let file = CaseFile { name: name.into(), purpose: case.purpose, conditions, frames_per_attitude: case.frames };
+        if let (Some(key), Some(angle)) = (case.attitudes.angle_key(), value) {
+            conditions.insert(key.into(), angle);
+        }
+        if let Some(sine) = case.sine(value) {
+            conditions.insert(SINE.into(), sine.hz);
+        }
+        let file = CaseFile {
+            name: name.into(),
+            purpose: case.purpose,
+            conditions,
+            frames_per_attitude: case.frames,
+            mounting_drift: case.mounting_drift,
+        };
         let path = folder.join(CASE);
         std::fs::write(&path, serde_json::to_string_pretty(&file)?).with_context(|| path.display().to_string())
     }
@@ -193,7 +177,7 @@ impl<'a> Flight<'a> {
         scenario: &Scenario,
         recorder: Recorder,
         (case, value): (&PlanCase, Option<f64>),
-        attitudes: &[DQuat],
+        (attitudes, bodies): (&[DQuat], Option<&BrightBodies>),
     ) -> Result<Option<String>> {
         let mut made = Some(recorder);
         let mut sink = |_: usize| match made.take() {
@@ -203,10 +187,11 @@ impl<'a> Flight<'a> {
         let options = RunOptions::stepped(Outputs::Made(&mut sink));
         let mut run = SteppedRun::of(Run::assemble(scenario, RunOptions { is_controlled: true, ..options })?)?;
         let noise_seed = scenario.bench.noise_seed();
-        let mut log = self.inside.as_ref().map(|inside| TrackerLog::new(inside, case.frames, (noise_seed, run.zero())));
-        let (zero, period, motion) = (run.zero(), run.frame_period(), case.motion(value));
+        let start = (noise_seed, run.zero());
+        let mut log = self.inside.as_ref().map(|inside| TrackerLog::new(inside, case.frames, start, bodies));
+        let (zero, period) = (run.zero(), run.frame_period());
         let exposure_s = scenario.bench.camera.exposure.exposure_s;
-        let poses: Vec<Pose> = poses(attitudes, case.frames, period, motion);
+        let poses: Vec<Pose> = poses(attitudes, case.frames, period, &case.whole_motion(value));
         check_jumps(attitudes, period, exposure_s)?;
         let mut failure = None;
         for (part, some) in poses.chunks(FRAMES_AHEAD).enumerate() {
@@ -217,8 +202,9 @@ impl<'a> Flight<'a> {
             run.take_plant(&samples)?;
             let until = if first + some.len() == poses.len() { run.end_at() } else { start(some.len()) };
             let mut on_frame = |_: usize, frame: &mut SentFrame, _: &RunRecord| {
+                let pose = poses.get(frame.meta.number as usize);
                 let taken =
-                    check_attitude(frame, &poses).and_then(|()| log.as_mut().map_or(Ok(()), |log| log.take(frame)));
+                    check_attitude(frame, pose).and_then(|()| log.as_mut().map_or(Ok(()), |log| log.take(frame, pose)));
                 failure = failure.take().or(taken.err());
                 failure.is_none()
             };
@@ -275,10 +261,9 @@ fn check_jumps(attitudes: &[DQuat], period: Span, exposure_s: f64) -> Result<()>
 }
 
 /// Refuses a frame that was not drawn at its attitude.
-fn check_attitude(frame: &SentFrame, poses: &[Pose]) -> Result<()> {
-    let Some(pose) = poses.get(frame.meta.number as usize) else { return Ok(()) };
-    let half_s = 0.5 * frame.meta.exposure_s;
-    let wanted = turned(pose.attitude, pose.rate_rad_s * half_s + pose.acceleration_rad_s2 * (0.5 * half_s * half_s));
+fn check_attitude(frame: &SentFrame, pose: Option<&Pose>) -> Result<()> {
+    let Some(pose) = pose else { return Ok(()) };
+    let wanted = pose.at(0.5 * frame.meta.exposure_s);
     let [w, x, y, z] = frame.meta.attitude_wxyz;
     let off_rad = attitude_error(DQuat::from_xyzw(x, y, z, w), wanted).length();
     // Not so (also where it is not a number): held, stale or predicted.
@@ -287,10 +272,6 @@ fn check_attitude(frame: &SentFrame, poses: &[Pose]) -> Result<()> {
         bail!("frame {}: drawn {off_rad:.3e} rad off its attitude ({})", frame.meta.number, frame.meta.origin);
     }
     Ok(())
-}
-
-fn margin_s(period: Span, exposure_s: f64) -> f64 {
-    MARGIN_S.min(0.2 * (period.s() - exposure_s).max(0.0))
 }
 
 /// A place for frames of heads that a plan has not.
@@ -318,104 +299,4 @@ fn remove_images(folder: &Path) -> Result<()> {
         }
     }
     Ok(())
-}
-
-/// The attitude at the start of a frame's period, and its motion.
-#[derive(Debug, Clone, Copy)]
-struct Pose {
-    attitude: DQuat,
-    rate_rad_s: DVec3,
-    acceleration_rad_s2: DVec3,
-}
-
-/// The poses of all frames: at each attitude the motion begins afresh.
-fn poses(attitudes: &[DQuat], frames: u32, period: Span, [rate, acceleration]: [DVec3; 2]) -> Vec<Pose> {
-    let of_frame = |attitude: DQuat, number: u32| {
-        let t_s = f64::from(number) * period.s();
-        let attitude = turned(attitude, rate * t_s + acceleration * (0.5 * t_s * t_s));
-        Pose { attitude, rate_rad_s: rate + acceleration * t_s, acceleration_rad_s2: acceleration }
-    };
-    attitudes.iter().flat_map(|attitude| (0..frames).map(move |number| of_frame(*attitude, number))).collect()
-}
-
-impl Pose {
-    /// Samples around an exposure that begins at `start`, where the pose is.
-    fn samples(&self, start: Tai, exposure_s: f64, period: Span) -> impl Iterator<Item = PlantSample> + use<> {
-        let margin_s = margin_s(period, exposure_s);
-        let pose = *self;
-        [-margin_s, 0.5 * exposure_s, exposure_s + margin_s].into_iter().map(move |t_s| {
-            let turn = pose.rate_rad_s * t_s + pose.acceleration_rad_s2 * (0.5 * t_s * t_s);
-            let attitude = PlantAttitude {
-                body_from_icrf: Rotation::from_quat(turned(pose.attitude, turn)),
-                rate_rad_s: pose.rate_rad_s + pose.acceleration_rad_s2 * t_s,
-                acceleration_rad_s2: pose.acceleration_rad_s2,
-            };
-            PlantSample { attitude: Some(attitude), ..PlantSample::at(start + Span::from_s(t_s)) }
-        })
-    }
-}
-
-/// A tracker inside and its log.
-struct TrackerLog {
-    eyes: Eyes,
-    delay: Span,
-    tag_error: Span,
-    frames_per_attitude: u32,
-    last_group: Option<u32>,
-    text: String,
-}
-
-enum Eyes {
-    Pixels(Box<Tracker>),
-    Model(Box<TrackerModel>),
-}
-
-impl TrackerLog {
-    fn new(inside: &Inside, frames_per_attitude: u32, (seed, start): (u64, Tai)) -> Self {
-        let eyes = match &inside.eyes {
-            InsideEyes::Pixels(params, guide) => Eyes::Pixels(Box::new(Tracker::new(**params, Arc::clone(guide)))),
-            InsideEyes::Model(params, stars) => {
-                Eyes::Model(Box::new(TrackerModel::new(**params, stars.clone(), seed, start)))
-            }
-        };
-        let text = "frame,tai_ns,q_w,q_x,q_y,q_z,latency_ms,stars,why\n".to_owned();
-        Self { eyes, delay: inside.delay, tag_error: inside.tag_error, frames_per_attitude, last_group: None, text }
-    }
-
-    fn take(&mut self, frame: &SentFrame) -> Result<()> {
-        let meta = &frame.meta;
-        let group = meta.number / self.frames_per_attitude;
-        let begins = self.last_group != Some(group);
-        self.last_group = Some(group);
-        let outcome = match &mut self.eyes {
-            Eyes::Pixels(tracker) => {
-                if begins {
-                    tracker.forget();
-                }
-                tracker.expose(&Exposed { exposure_s: meta.exposure_s, regions: meta.regions });
-                tracker.measure(&frame.image, meta.mid_exposure, earth_beta(meta.mid_exposure), None)
-            }
-            Eyes::Model(model) => {
-                if begins {
-                    model.forget();
-                }
-                let [w, x, y, z] = meta.attitude_wxyz;
-                let rate_rad_s = DVec3::from_array(meta.rate_deg_s.map(f64::to_radians));
-                let truth = Rotation::from_quat(DQuat::from_xyzw(x, y, z, w));
-                model.measure(meta.number, meta.mid_exposure, &truth, rate_rad_s)
-            }
-        };
-        match outcome {
-            Outcome::Solved(solution) => {
-                let [w, x, y, z] = solution.sensor_from_icrf.wxyz();
-                let latency_ms = (0.5 * meta.exposure_s) * 1e3 + self.delay.ms() - self.tag_error.ms();
-                let (number, at_ns, stars) = (meta.number, (solution.at + self.tag_error).ns(), solution.stars);
-                writeln!(self.text, "{number},{at_ns},{w:.15},{x:.15},{y:.15},{z:.15},{latency_ms},{stars},")?;
-            }
-            Outcome::NoSolution(reason) => {
-                writeln!(self.text, "{},{},,,,,,,{reason}", meta.number, meta.mid_exposure.ns())?;
-            }
-        }
-        Ok(())
-    }
 }

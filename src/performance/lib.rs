@@ -8,8 +8,8 @@
 //! ```
 //!
 //! Tour: `attitude_error` (one solution) -> `log`, `captured` (a tracker's answers) -> `record` (truth and log, matched) -> `statistics` (intervals) -> `metric` ->
-//! `bias`, `noise`, `spatial`, `slopes`, `availability` (the metrics) -> `assess` (all of them) -> `requirements` ->
-//! `report`; `plan`, `attitudes`, `fly` (test plans).
+//! `bias`, `noise`, `spatial`, `slopes`, `availability`, `thermo_elastic`, `bandwidth`, `exclusion` (the metrics) -> `assess` (all of them) -> `requirements` ->
+//! `report`; `plan`, `attitudes`, `bright_bodies`, `mounting`, `poses`, `tracker_inside`, `fly` (test plans).
 //!
 //! Conventions: sensor axes; the error is the small turn of the measured frame from the true one, rad, about x, y
 //! (across the boresight: directional) and z (about it: rotational).
@@ -18,15 +18,20 @@ pub mod assess;
 pub mod attitude_error;
 pub mod attitudes;
 pub mod availability;
+pub mod bandwidth;
 pub mod bias;
+mod bright_bodies;
 mod captured;
 pub mod case_folder;
+pub mod exclusion;
 pub mod fly;
 pub mod log;
 pub mod metric;
 pub mod model_figures;
+pub mod mounting;
 pub mod noise;
 pub mod plan;
+mod poses;
 pub mod provenance;
 pub mod record;
 pub mod report;
@@ -36,3 +41,5 @@ pub mod spatial;
 pub mod statistics;
 #[cfg(test)]
 mod synthetic;
+pub mod thermo_elastic;
+mod tracker_inside;

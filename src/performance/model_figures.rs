@@ -53,6 +53,8 @@ pub struct ModelFigures {
     pub sun_exclusion_deg: f64,
     /// Half-angle of the Moon's cone.
     pub moon_exclusion_deg: f64,
+    /// Angle from the boresight to the Earth's limb; a figure of plans only.
+    pub earth_exclusion_deg: f64,
 }
 
 impl Default for ModelFigures {
@@ -74,6 +76,7 @@ impl Default for ModelFigures {
             lost_above_deg_s: 5.0,
             sun_exclusion_deg: 0.0,
             moon_exclusion_deg: 0.0,
+            earth_exclusion_deg: 0.0,
         }
     }
 }
@@ -108,6 +111,7 @@ impl ModelFigures {
             ("lost_above_deg_s", self.lost_above_deg_s, 1e3),
             ("sun_exclusion_deg", self.sun_exclusion_deg, 180.0),
             ("moon_exclusion_deg", self.moon_exclusion_deg, 180.0),
+            ("earth_exclusion_deg", self.earth_exclusion_deg, 180.0),
         ];
         if !(4..=200).contains(&self.stars) {
             bail!("tracker.model.stars: got {}, wanted 4 to 200", self.stars);
@@ -143,6 +147,7 @@ impl ModelFigures {
             lost_above_rad_s: self.lost_above_deg_s * DEG,
             sun_exclusion_rad: self.sun_exclusion_deg * DEG,
             moon_exclusion_rad: self.moon_exclusion_deg * DEG,
+            earth_exclusion_rad: self.earth_exclusion_deg * DEG,
             stars: self.stars,
         }
     }

@@ -3,9 +3,12 @@
 use crate::assess::Settings;
 use crate::attitudes::Attitudes;
 use crate::model_figures::ModelFigures;
+use crate::mounting::MountingDrift;
+use crate::poses::{CaseMotion, Sine};
 use crate::record::{FalseLimit, Use};
 use anyhow::{Context, Result, bail};
 use base::time::Tai;
+use base::units::ARCSEC;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
@@ -38,6 +41,8 @@ pub struct Plan {
     /// The same about the boresight.
     #[serde(default = "usual_rotational")]
     pub false_rotational_arcsec: f64,
+    /// Largest temporal noise per axis across the boresight that exclusion angles allow, arcsec.
+    pub exclusion_noise_arcsec: Option<f64>,
     /// File of requirements, relative to the plan.
     pub requirements: Option<PathBuf>,
     /// Values that are changed in the run file of every case, as `KEY=VALUE`.
@@ -126,6 +131,14 @@ pub struct PlanCase {
     /// Acceleration along the same axis, deg/s^2.
     #[serde(default)]
     pub acceleration_deg_s2: [f64; 3],
+    /// Amplitude of a sine of the line of sight about the sensor's axes, arcsec.
+    #[serde(default)]
+    pub sine_arcsec: [f64; 3],
+    /// Its frequency.
+    #[serde(default = "usual_sine")]
+    pub sine_hz: f64,
+    /// Drift of the mounting with the temperatures of an orbit.
+    pub mounting_drift: Option<MountingDrift>,
     /// Values that are changed in the run file, as `KEY=VALUE`; `{value}` is that of the sweep.
     #[serde(default)]
     pub set: Vec<String>,
@@ -157,6 +170,8 @@ pub enum Scales {
     Rate,
     /// The acceleration.
     Acceleration,
+    /// The frequency of the sine.
+    Frequency,
 }
 
 fn one() -> u64 {
@@ -169,6 +184,10 @@ fn usual_start() -> String {
 
 fn usual_rate() -> f64 {
     5.0
+}
+
+fn usual_sine() -> f64 {
+    1.0
 }
 
 fn usual_stars() -> usize {
@@ -195,6 +214,12 @@ fn usual_rotational() -> f64 {
     Settings::default().false_limit.rotational_arcsec
 }
 
+/// Largest amplitude of a sine of the line of sight.
+const MOST_SINE_ARCSEC: f64 = 3600.0;
+/// Nearest that twice a sine's frequency may be to a multiple of the frame rate, in frame rates.
+const NEAREST_FOLD: f64 = 0.01;
+/// Largest drift of a mounting.
+const MOST_DRIFT_ARCSEC: f64 = 3600.0;
 /// Most frames of a plan.
 const MOST_FRAMES: u64 = 10_000_000;
 
@@ -229,6 +254,9 @@ impl Plan {
         range("frame_rate_hz", self.frame_rate_hz, 0.001, 1000.0)?;
         range("false_directional_arcsec", self.false_directional_arcsec, 1e-3, 648_000.0)?;
         range("false_rotational_arcsec", self.false_rotational_arcsec, 1e-3, 648_000.0)?;
+        if let Some(noise_arcsec) = self.exclusion_noise_arcsec {
+            range("exclusion_noise_arcsec", noise_arcsec, 1e-6, 648_000.0)?;
+        }
         range("tracker.tag_error_ms", self.tracker.tag_error_ms, -1000.0, 1000.0)?;
         range("tracker.delay_ms", self.tracker.delay_ms, 0.0, 10_000.0)?;
         let has_program = !self.tracker.command.is_empty();
@@ -245,7 +273,7 @@ impl Plan {
             bail!("got no [[case]], wanted one at least");
         }
         for case in &self.cases {
-            case.check().with_context(|| format!("case \"{}\"", case.name))?;
+            case.check(self.frame_rate_hz).with_context(|| format!("case \"{}\"", case.name))?;
         }
         let mut names: Vec<String> =
             self.cases.iter().flat_map(PlanCase::each).map(|(name, _)| folder_name(&name)).collect();
@@ -269,12 +297,13 @@ impl Plan {
     pub fn settings(&self) -> Settings {
         let (directional_arcsec, rotational_arcsec) = (self.false_directional_arcsec, self.false_rotational_arcsec);
         let false_limit = FalseLimit { directional_arcsec, rotational_arcsec };
-        Settings { confidence: self.confidence, probability: self.probability, false_limit }
+        let exclusion_noise_arcsec = self.exclusion_noise_arcsec;
+        Settings { confidence: self.confidence, probability: self.probability, false_limit, exclusion_noise_arcsec }
     }
 }
 
 impl PlanCase {
-    fn check(&self) -> Result<()> {
+    fn check(&self, plan_rate_hz: f64) -> Result<()> {
         if folder_name(&self.name).trim_matches('_').is_empty() {
             bail!("name: got \"{}\", wanted letters or digits", self.name);
         }
@@ -289,6 +318,8 @@ impl PlanCase {
         if rate.cross(acceleration).length() > 1e-9 * rate.length() * acceleration.length() {
             bail!("acceleration_deg_s2: wanted one along the axis of rate_deg_s");
         }
+        self.check_sine(self.frame_rate_hz.unwrap_or(plan_rate_hz))?;
+        self.check_drift()?;
         match &self.sweep {
             Some(sweep) if sweep.values.is_empty() || sweep.values.iter().any(|value| !value.is_finite()) => {
                 bail!("sweep.values: wanted finite numbers")
@@ -296,6 +327,43 @@ impl PlanCase {
             None if self.set.iter().any(|set| set.contains(VALUE)) => bail!("set: got {VALUE} without a sweep"),
             Some(_) | None => Ok(()),
         }
+    }
+
+    fn check_sine(&self, rate_hz: f64) -> Result<()> {
+        let amplitude = glam::DVec3::from_array(self.sine_arcsec);
+        let is_good = amplitude.is_finite() && amplitude.length() <= MOST_SINE_ARCSEC;
+        if !is_good {
+            bail!("sine_arcsec: got {:?}, wanted up to {MOST_SINE_ARCSEC} arcsec", self.sine_arcsec);
+        }
+        if (self.purpose == Use::Bandwidth) != (amplitude.length() > 0.0) {
+            bail!("sine_arcsec: wanted one with use = \"bandwidth\", and only with it");
+        }
+        let others = [self.rate_deg_s, self.acceleration_deg_s2].map(glam::DVec3::from_array);
+        if amplitude.length() > 0.0 && others.iter().any(|vector| vector.length() > 0.0) {
+            bail!("sine_arcsec: wanted no rate_deg_s and no acceleration_deg_s2 beside it");
+        }
+        for (_, value) in self.each() {
+            let Some(Sine { hz, .. }) = self.sine(value) else { continue };
+            let is_good = (1e-3..=1e3).contains(&hz);
+            if !is_good {
+                bail!("sine_hz: got {hz} with the sweep, wanted 0.001 to 1000");
+            }
+            let folds = 2.0 * hz / rate_hz;
+            if (folds - folds.round()).abs() < NEAREST_FOLD {
+                bail!("sine_hz: got {hz} at {rate_hz} frames per second, wanted no multiple of half of that rate");
+            }
+        }
+        Ok(())
+    }
+
+    fn check_drift(&self) -> Result<()> {
+        let Some(drift) = &self.mounting_drift else { return Ok(()) };
+        let is_good =
+            drift.arcsec.iter().all(|angle| angle.abs() <= MOST_DRIFT_ARCSEC) && (1.0..=1e9).contains(&drift.period_s);
+        if is_good {
+            return Ok(());
+        }
+        bail!("mounting_drift: got {drift:?}, wanted arcsec up to {MOST_DRIFT_ARCSEC} and period_s from 1 to 1e9")
     }
 
     /// Returns names and values of the cases of this entry.
@@ -317,6 +385,22 @@ impl PlanCase {
             radians(self.rate_deg_s, factor(Scales::Rate)),
             radians(self.acceleration_deg_s2, factor(Scales::Acceleration)),
         ]
+    }
+
+    /// Returns the sine of the line of sight with the sweep's value; `None` without one.
+    #[must_use]
+    pub(crate) fn sine(&self, value: Option<f64>) -> Option<Sine> {
+        let scales = self.sweep.as_ref().map_or(Scales::Nothing, |sweep| sweep.scales);
+        let factor = value.filter(|_| scales == Scales::Frequency).unwrap_or(1.0);
+        let turn_rad = glam::DVec3::from_array(self.sine_arcsec) * ARCSEC;
+        (turn_rad.length() > 0.0).then_some(Sine { turn_rad, hz: self.sine_hz * factor })
+    }
+
+    /// Returns all motion of the sensor with the sweep's value.
+    #[must_use]
+    pub(crate) fn whole_motion(&self, value: Option<f64>) -> CaseMotion {
+        let [rate_rad_s, acceleration_rad_s2] = self.motion(value);
+        CaseMotion { rate_rad_s, acceleration_rad_s2, sine: self.sine(value), drift: self.mounting_drift }
     }
 
     /// Returns the changed values of a run file, with the sweep's value in its place.
@@ -368,8 +452,29 @@ mod tests {
         assert!(refused(BEGIN).contains("case"));
         assert!(refused(&format!("{BEGIN}{CASE}{CASE}")).contains("names that differ"));
         assert!(refused(&format!("{BEGIN}confidence = 2\n{CASE}")).contains("confidence: got 2"));
+        assert!(refused(&format!("{BEGIN}exclusion_noise_arcsec = 0\n{CASE}")).contains("exclusion_noise_arcsec"));
         assert!(refused(&format!("{BEGIN}{CASE}set = [\"a={{value}}\"]\n")).contains("without a sweep"));
         assert!(refused(&format!("{BEGIN}{CASE}acceleration_deg_s2 = [1, 0, 0]\n")).contains("along the axis"));
         assert!(refused(&format!("{BEGIN}{CASE}[tracker]\nsource = \"program\"\n")).contains("command"));
+        assert!(refused(&format!("{BEGIN}{CASE}sine_arcsec = [9, 0, 0]\n")).contains("bandwidth"));
+        let sine = CASE.replace("use = \"slew\"", "use = \"bandwidth\"");
+        assert!(refused(&format!("{BEGIN}{sine}")).contains("sine_arcsec: wanted one"));
+        assert!(refused(&format!("{BEGIN}{sine}sine_arcsec = [9, 0, 0]\n")).contains("no rate_deg_s"));
+        let sine = sine.replace("rate_deg_s = [0, 1, 0]", "sine_arcsec = [9, 0, 0]");
+        assert!(refused(&format!("{BEGIN}{sine}sine_hz = 7.5\n")).contains("multiple of half"));
+        assert!(refused(&format!("{BEGIN}{sine}sine_hz = -1\n")).contains("got -1"));
+        let drift = "mounting_drift = { arcsec = [1, 2, 3], period_s = 0 }\n";
+        assert!(refused(&format!("{BEGIN}{CASE}{drift}")).contains("period_s"));
+    }
+
+    #[test]
+    fn a_sweep_may_be_of_the_sines_frequency() {
+        let case = CASE.replace("use = \"slew\"", "use = \"bandwidth\"");
+        let case = case.replace("rate_deg_s = [0, 1, 0]", "sine_arcsec = [30, 40, 0]");
+        let sweep = "sweep = { key = \"sine_hz\", scales = \"frequency\", values = [0.7, 2.3] }\n";
+        let plan = Plan::parse(&format!("{BEGIN}{case}{sweep}")).unwrap();
+        let sine = plan.cases[0].sine(Some(2.3)).unwrap();
+        assert!((sine.hz - 2.3).abs() < 1e-12 && (sine.turn_rad.length() - 50.0 * ARCSEC).abs() < 1e-15);
+        assert!(Plan::parse(&format!("{BEGIN}{CASE}")).unwrap().cases[0].sine(None).is_none());
     }
 }

@@ -28,6 +28,10 @@ pub enum Use {
     LostInSpace,
     /// A long time: drift.
     Drift,
+    /// A mounting that drifts with the orbit: thermo-elastic error.
+    ThermoElastic,
+    /// A sine of the line of sight: how much of it the output follows.
+    Bandwidth,
     /// Something that disturbs: noise, tracking, loss and recovery against its size.
     Stress,
 }

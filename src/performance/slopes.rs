@@ -144,7 +144,7 @@ pub fn drift(cases: &[JudgedCase], confidence: f64) -> Vec<Metric> {
 }
 
 /// A difference of two independent estimates.
-fn difference(a: Estimate, b: Estimate) -> Estimate {
+pub(crate) fn difference(a: Estimate, b: Estimate) -> Estimate {
     let half = (0.5 * (a.high - a.low)).hypot(0.5 * (b.high - b.low));
     let value = a.value - b.value;
     Estimate { value, low: value - half, high: value + half, count: a.count + b.count }

@@ -16,11 +16,12 @@
 //! counted by frame: the same frames give the same bits, in whatever order.
 //!
 //! Limits: the covers of Sun and Moon are cones about directions from the Earth's centre, good to 0.02 deg and 0.6 deg;
-//! an observer in a low orbit sees the Moon up to 1 deg from there. False attitudes, a background that grows near a
-//! body, and faults of stars (protons, bad pixels) are left out: the tracker on pixels has them. Tests: below.
+//! an observer in a low orbit sees the Moon up to 1 deg from there. The Earth's is about its limb, where the caller says
+//! where it is. A dimmer sky and a brighter background are the caller's too ([`TrackerModel::expose`]). False attitudes
+//! and faults of stars (protons, bad pixels) are left out: the tracker on pixels has them. Tests: below.
 
 use crate::spacecraft::sun_direction_icrf;
-use crate::tracker::{FieldNoise, Mode, Outcome, Reason, Solution, StarNoise};
+use crate::tracker::{ExposedLight, FieldNoise, Mode, Outcome, Reason, Solution, StarNoise};
 use base::axes::{Icrf, Rotation, Sensor};
 use base::random::{Stage, counter, key, philox};
 use base::time::{Span, Tai};
@@ -81,8 +82,20 @@ pub struct ModelParams {
     pub sun_exclusion_rad: f64,
     /// The same of the Moon.
     pub moon_exclusion_rad: f64,
+    /// Angle from the boresight to the Earth's limb below which it is blinded, where it sees the Earth
+    /// ([`TrackerModel::see_earth`]).
+    pub earth_exclusion_rad: f64,
     /// Stars that it says it used; by [`NoiseMethod::Stars`] the most that it uses.
     pub stars: u32,
+}
+
+/// The Earth as the tracker sees it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EarthDisc {
+    /// Unit vector to its centre, ICRF.
+    pub direction_icrf: DVec3,
+    /// Its angular radius.
+    pub radius_rad: f64,
 }
 
 /// One wave of a spatial error.
@@ -102,6 +115,7 @@ pub struct TrackerModel {
     start: Tai,
     fov: [[Wave; WAVES]; 3],
     pixel: [[Wave; WAVES]; 3],
+    earth: Option<EarthDisc>,
     is_tracking: bool,
     /// Since when its conditions hold.
     good_since: Option<Tai>,
@@ -114,12 +128,26 @@ impl TrackerModel {
     pub fn new(params: ModelParams, stars: Option<StarNoise>, seed: u64, start: Tai) -> Self {
         let seed = key(seed);
         let (fov, pixel) = (waves(seed, 0, params.field_rad), waves(seed, 1000, params.pixel_rad));
-        Self { params, stars: stars.map(Box::new), seed, start, fov, pixel, is_tracking: false, good_since: None }
+        let (stars, earth) = (stars.map(Box::new), None);
+        Self { params, stars, seed, start, fov, pixel, earth, is_tracking: false, good_since: None }
     }
 
     /// Forgets the attitude: the next frame is lost in space.
     pub fn forget(&mut self) {
         (self.is_tracking, self.good_since) = (false, None);
+    }
+
+    /// Sets where the Earth is from the next frame on.
+    pub fn see_earth(&mut self, earth: Option<EarthDisc>) {
+        self.earth = earth;
+    }
+
+    /// Sets the light of the next frame: fainter stars or a brighter background than those that its noise is given in. No
+    /// effect on even noise.
+    pub fn expose(&mut self, light: &ExposedLight) {
+        if let Some(stars) = &mut self.stars {
+            stars.expose(light);
+        }
     }
 
     /// Returns what it says of a frame at `at`, with this true attitude and rate (sensor axes, rad/s).
@@ -200,8 +228,12 @@ impl TrackerModel {
         let is_near = |half_angle_rad: f64, direction: &dyn Fn(Tai) -> DVec3| {
             half_angle_rad > 0.0 && boresight.angle_between(direction(at)) < half_angle_rad
         };
+        let is_near_limb = self.earth.is_some_and(|earth| {
+            boresight.angle_between(earth.direction_icrf) - earth.radius_rad < self.params.earth_exclusion_rad
+        });
         is_near(self.params.sun_exclusion_rad, &sun_direction_icrf)
             || is_near(self.params.moon_exclusion_rad, &moon_direction_icrf)
+            || (self.params.earth_exclusion_rad > 0.0 && is_near_limb)
     }
 
     fn uniforms(&self, frame: u32, block: u32) -> [f64; 4] {

@@ -2,6 +2,7 @@
 
 use super::Report;
 use crate::assess::Assessment;
+use crate::bandwidth::SINE;
 use crate::metric::Metric;
 use crate::record::{JudgedCase, Use};
 use base::units::ARCSEC;
@@ -10,6 +11,8 @@ use frames::report::{Chart, to_svg};
 
 /// Most points of one series: a report stays small.
 const MOST_POINTS: usize = 1500;
+/// Points of a curve.
+const CURVE_POINTS: u32 = 60;
 /// Most plots of errors in time.
 const MOST_IN_TIME: usize = 4;
 
@@ -20,6 +23,7 @@ pub(super) fn plots(report: &Report, assessment: &Assessment) -> Vec<String> {
     charts.extend(acquisition(cases));
     let in_time = cases.iter().filter(|case| matches!(case.purpose, Use::Run | Use::Drift));
     charts.extend(in_time.take(MOST_IN_TIME).map(errors_in_time));
+    charts.extend(ratios(report, cases));
     charts.extend(sweeps(report));
     charts.iter().filter(|chart| chart.series.iter().any(|series| !series.points.is_empty())).map(to_svg).collect()
 }
@@ -74,8 +78,10 @@ fn across(cases: &[JudgedCase]) -> Chart {
 }
 
 fn cumulative(cases: &[JudgedCase]) -> Chart {
-    let frames =
-        cases.iter().filter(|case| !matches!(case.purpose, Use::Slew | Use::Stress)).flat_map(|case| &case.frames);
+    let frames = cases
+        .iter()
+        .filter(|case| !matches!(case.purpose, Use::Slew | Use::Stress | Use::Bandwidth))
+        .flat_map(|case| &case.frames);
     let errors: Vec<_> = frames.filter_map(|frame| frame.error_rad()).collect();
     let of = |measure: fn(&glam::DVec3) -> f64| {
         let mut values: Vec<f64> = errors.iter().map(|error| measure(error) / ARCSEC).collect();
@@ -105,10 +111,32 @@ fn acquisition(cases: &[JudgedCase]) -> Option<Chart> {
     Some(chart("Acquisition from lost in space", x, y, all))
 }
 
+/// The amplitude ratio over the frequency, and that of the exposure alone.
+fn ratios(report: &Report, cases: &[JudgedCase]) -> Option<Chart> {
+    let swept = cases.iter().filter(|case| case.purpose == Use::Bandwidth);
+    let point =
+        |case: &JudgedCase| Some([*case.conditions.get(SINE)?, metric(report, "amplitude_ratio", &case.name)?.value]);
+    let mut measured: Vec<[f64; 2]> = swept.filter_map(point).collect();
+    measured.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let last = measured.last()?[0];
+    let exposure_s = cases.iter().find(|case| case.purpose == Use::Bandwidth)?.frames.first()?.truth.exposure_s;
+    let sinc = |hz: f64| {
+        let x = core::f64::consts::PI * hz * exposure_s;
+        if x == 0.0 { 1.0 } else { (x.sin() / x).abs() }
+    };
+    let exposure = (0..=CURVE_POINTS).map(|i| last * f64::from(i) / f64::from(CURVE_POINTS)).map(|hz| [hz, sinc(hz)]);
+    let all = vec![
+        series("measured", Style::Points, 0, measured),
+        series("exposure alone", Style::Line, 1, exposure.collect()),
+    ];
+    let (x, y) = (Axis::linear("frequency, Hz"), Axis::linear("output over line of sight"));
+    Some(chart("Amplitude ratio", x, y, all))
+}
+
 /// A sweep: cases that share what their names begin with and the key of a value.
 fn sweeps(report: &Report) -> Vec<Chart> {
     let mut stems: Vec<(&str, String)> = Vec::new();
-    for case in &report.cases {
+    for case in report.cases.iter().filter(|case| case.purpose != Use::Bandwidth) {
         if let Some((stem, key, _)) = swept(case) {
             let known = (stem, key.to_owned());
             if !stems.contains(&known) {

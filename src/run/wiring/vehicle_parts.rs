@@ -211,6 +211,7 @@ pub fn exposed_light(camera: &Camera, params: &TrackerParams) -> ExposedLight {
     ExposedLight {
         zero_magnitude_e: camera.zero_point_e_per_s() * exposure_s,
         background_sigma_e: (params.detector.read_noise_e_rms.powi(2) + dark_e + rounding_e2).sqrt(),
+        background_e: 0.0,
     }
 }
 

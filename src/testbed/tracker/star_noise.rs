@@ -38,6 +38,8 @@ pub struct ExposedLight {
     pub zero_magnitude_e: f64,
     /// Noise of a pixel without stars, electrons rms.
     pub background_sigma_e: f64,
+    /// Mean light of a pixel without stars beyond the usual, electrons: it takes of the full well.
+    pub background_e: f64,
 }
 
 /// Weight and variance of a star's place, per axis.
@@ -64,6 +66,8 @@ pub struct StarNoise {
     geometry: Geometry,
     most_stars: usize,
     fewest_stars: usize,
+    spot: SpotLight,
+    light: ExposedLight,
     /// Of the guide stars that are bright enough.
     places: Vec<Place>,
     sky_sigma_rad: DVec3,
@@ -75,18 +79,18 @@ impl StarNoise {
     #[must_use]
     pub fn new(params: &TrackerParams, guide: Arc<GuideStars>, light: &ExposedLight) -> Self {
         let spot = SpotLight::new(params, light);
-        let fluxes_e = guide.stars().iter().map(|star| light.zero_magnitude_e * 10_f64.powf(-0.4 * star.mag_g));
-        let least_e = spot.least_flux_e();
-        let places = fluxes_e.take_while(|flux_e| *flux_e > least_e).map(|flux_e| spot.place(flux_e)).collect();
         let mut noise = Self {
             guide,
             geometry: params.geometry,
             most_stars: params.most_stars,
             fewest_stars: params.fewest_stars,
-            places,
+            spot,
+            light: *light,
+            places: Vec::new(),
             sky_sigma_rad: DVec3::ONE,
             expected: Vec::with_capacity(params.most_stars),
         };
+        noise.find_places();
         let attitudes = (0..SKY_ATTITUDES).map(spread_attitude);
         let seen: Vec<DMat3> = attitudes.filter_map(|attitude| Some(noise.covariance_rad2(&attitude)?.0)).collect();
         let sum: DVec3 = seen.iter().map(diagonal).sum();
@@ -94,6 +98,28 @@ impl StarNoise {
             noise.sky_sigma_rad = (sum / seen.len() as f64).map(f64::sqrt);
         }
         noise
+    }
+
+    /// Changes the light: fainter stars, a brighter background. The root mean square over the sky stays that of the light
+    /// before, in which noise is given.
+    pub fn expose(&mut self, light: &ExposedLight) {
+        if *light != self.light {
+            self.light = *light;
+            self.find_places();
+        }
+    }
+
+    /// Finds the stars that are bright enough, and the noise of their places.
+    fn find_places(&mut self) {
+        let Self { guide, spot, light, places, .. } = self;
+        let spot = spot.under(light);
+        places.clear();
+        if spot.saturation_e <= 0.0 {
+            return;
+        }
+        let fluxes_e = guide.stars().iter().map(|star| light.zero_magnitude_e * 10_f64.powf(-0.4 * star.mag_g));
+        let least_e = spot.least_flux_e();
+        places.extend(fluxes_e.take_while(|flux_e| *flux_e > least_e).map(|flux_e| spot.place(flux_e)));
     }
 
     /// Returns the root mean square over the sky, about x, y and z, rad.
@@ -176,10 +202,14 @@ fn radical_inverse(mut number: u32, base: u32) -> f64 {
 }
 
 /// Spot, background and detector, which decide the noise of a place besides the star's flux.
+#[derive(Debug, Clone, Copy, PartialEq)]
 struct SpotLight {
     variance_px2: f64,
     background_e2: f64,
     prnu: f64,
+    /// Electrons of a pixel that is full.
+    full_e: f64,
+    /// Those that a star may add.
     saturation_e: f64,
     floor_px2: f64,
     /// Edge of the window, in units of `r^2 / (2 s^2)`.
@@ -195,10 +225,18 @@ impl SpotLight {
             variance_px2,
             background_e2: light.background_sigma_e.powi(2),
             prnu: params.prnu,
-            saturation_e: (f64::from(d.saturation_dn) - d.black_level_dn) * d.gain_e_per_dn,
+            full_e: (f64::from(d.saturation_dn) - d.black_level_dn) * d.gain_e_per_dn,
+            saturation_e: 0.0,
             floor_px2: params.centroid_floor_px.powi(2),
             edge: 0.5 * half_px * half_px / variance_px2,
         }
+        .under(light)
+    }
+
+    /// Returns the same spot in other light.
+    fn under(&self, light: &ExposedLight) -> Self {
+        let (background_e2, saturation_e) = (light.background_sigma_e.powi(2), self.full_e - light.background_e);
+        Self { background_e2, saturation_e, ..*self }
     }
 
     /// Returns the flux of a star that just counts: `F^2 = n^2 (F + 4 pi s^2 b)`, for the effective area of the spot.

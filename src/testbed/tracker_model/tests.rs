@@ -35,6 +35,7 @@ fn figures() -> ModelParams {
         lost_above_rad_s: 3.0 * DEG,
         sun_exclusion_rad: 0.0,
         moon_exclusion_rad: 0.0,
+        earth_exclusion_rad: 0.0,
         stars: 20,
     }
 }
@@ -157,7 +158,7 @@ fn noise_by_stars_is_that_of_the_field() {
         DetectorFigures { gain_e_per_dn: 25.1, black_level_dn: 100.0, read_noise_e_rms: 61.5, saturation_dn: 4095 };
     let tracker = TrackerParams { most_stars: 40, ..TrackerParams::new(geometry(), detector, 0.65) };
     let guide = Arc::new(GuideStars::new(&Catalog::built_in().unwrap(), &tracker, at(0)).unwrap());
-    let light = ExposedLight { zero_magnitude_e: 1.12e6, background_sigma_e: 62.5 };
+    let light = ExposedLight { zero_magnitude_e: 1.12e6, background_sigma_e: 62.5, background_e: 0.0 };
     let mut stars = StarNoise::new(&tracker, guide, &light);
     let params = ModelParams {
         bias_rad: DVec3::ZERO,
@@ -250,6 +251,22 @@ fn sun_and_moon_blind_it_inside_their_cones_only() {
         };
         assert_eq!(outcome(half_angle_deg - 0.1), Outcome::NoSolution(Reason::StrayLight));
         assert!(matches!(outcome(half_angle_deg + 0.1), Outcome::Solved(_)));
+    }
+}
+
+#[test]
+fn the_earth_blinds_it_near_its_limb_once_it_is_known() {
+    let params = ModelParams { earth_exclusion_rad: 20.0 * DEG, ..figures() };
+    let earth = EarthDisc { direction_icrf: DVec3::X, radius_rad: 67.0 * DEG };
+    let outcome = |off_deg: f64, earth: Option<EarthDisc>, params: ModelParams| {
+        let mut model = TrackerModel::new(params, None, 1, at(0));
+        model.see_earth(earth);
+        model.measure(0, at(0), &sensor_from_ra_dec_roll(off_deg * DEG, 0.0, 0.0), DVec3::ZERO)
+    };
+    assert_eq!(outcome(86.9, Some(earth), params), Outcome::NoSolution(Reason::StrayLight));
+    for (off_deg, earth, params) in [(87.1, Some(earth), params), (10.0, None, params), (10.0, Some(earth), figures())]
+    {
+        assert!(matches!(outcome(off_deg, earth, params), Outcome::Solved(_)), "{off_deg} {earth:?}");
     }
 }
 

@@ -22,7 +22,7 @@ const PLACE_BOUND: f64 = 0.05;
 const ATTITUDE_BOUND: f64 = 0.2;
 
 fn light() -> ExposedLight {
-    ExposedLight { zero_magnitude_e: 1.12e6, background_sigma_e: BACKGROUND_SIGMA_E }
+    ExposedLight { zero_magnitude_e: 1.12e6, background_sigma_e: BACKGROUND_SIGMA_E, background_e: 0.0 }
 }
 
 /// Returns the mean standard deviation of a place that the fit states, over 200 pixel phases, px.
@@ -127,4 +127,28 @@ fn noise_over_the_sky_has_the_root_mean_square_of_its_figures() {
     // Fields without as many stars as it needs.
     let few = TrackerParams { limiting_mag: 7.0, fewest_stars: 200, most_stars: 300, ..camera.params };
     assert_eq!(StarNoise::new(&few, coarse_guide(), &light()).at(&random_attitude(&mut random)), None);
+}
+
+/// Fainter stars and a brighter background against the same light from the start; a full well leaves nothing.
+#[test]
+fn other_light_is_as_if_it_had_been_there_from_the_start() {
+    let camera = Camera::coarse();
+    let mut noise = StarNoise::new(&camera.params, coarse_guide(), &light());
+    let usual_rad = noise.sky_sigma_rad();
+    let attitude = random_attitude(&mut StdRng::seed_from_u64(50));
+    let before = noise.covariance_rad2(&attitude).expect("enough stars");
+    let brighter = ExposedLight { background_sigma_e: 2.0 * BACKGROUND_SIGMA_E, background_e: 1e4, ..light() };
+    let fainter = ExposedLight { zero_magnitude_e: 0.3 * light().zero_magnitude_e, ..light() };
+    for other in [brighter, fainter] {
+        noise.expose(&other);
+        let mut made = StarNoise::new(&camera.params, coarse_guide(), &other);
+        assert_eq!(noise.covariance_rad2(&attitude), made.covariance_rad2(&attitude));
+        assert_eq!(noise.sky_sigma_rad(), usual_rad, "noise is given in that of the usual light");
+        let ratio = noise.covariance_rad2(&attitude).expect("enough stars").0.x_axis.x / before.0.x_axis.x;
+        assert!(ratio > 1.5, "{ratio}");
+    }
+    noise.expose(&ExposedLight { background_e: 1e9, ..light() });
+    assert_eq!(noise.at(&attitude), None, "saturated all over");
+    noise.expose(&light());
+    assert_eq!(noise.covariance_rad2(&attitude).expect("enough stars"), before, "control: the usual light again");
 }
