@@ -16,6 +16,7 @@ WARM_UP_SHARE = 0.2
 #: Standard errors by which growth must be beyond the limit, or below it.
 SIGMAS = 2.0
 #: Faults that make frames late or drop them, because they were commanded to.
+SINK_EVENTS = ("sink_dropped", "sink_refused", "sink_busy")
 DROPPING, DELAYING = ("frame_drop",), ("frame_late",)
 
 
@@ -85,27 +86,42 @@ def lost_slots(slots, found, period_s):
     return causes, lost
 
 
-def recorder_gaps(sent, recorded, sink):
-    """Returns frames that were sent and not recorded, more than the sink counts, and recorded ones that were never sent."""
-    missing = sorted(sent - recorded)
-    return {"sent": len(sent), "recorded": len(recorded), "missing": len(missing), "counted": sink["dropped"] + sink["refused"],
-            "lost": missing if len(missing) > sink["dropped"] + sink["refused"] else [], "never_sent": sorted(recorded - sent)}  # fmt: skip
+def named_losses(folder, found):
+    """Returns the frames that events of sinks name, and how many such events are counted and not known one by one."""
+    head, *lines = (Path(folder) / "run/events.jsonl").read_text().splitlines()
+    listed = [json.loads(line) for line in lines] + found["monitor"]["events"]
+    named = {event["frame"] for event in listed if event["kind"] in SINK_EVENTS and event["frame"] is not None}
+    kept = sum(json.loads(line)["kind"] in SINK_EVENTS for line in lines)
+    counted = sum(json.loads(head)["counts"].get(kind, 0) for kind in SINK_EVENTS)
+    return named, counted - kept
 
 
-def camera_gaps(sessions, sent, crc32s, sink):
-    """Follows the frames of each session of the network camera; gaps must be frames that came in part, or counted by the camera."""
-    rows, lost, wrong, out_of_order = [], 0, [], 0
+def recorder_gaps(sent, recorded, sink, losses):
+    """Returns frames that were sent and not recorded, where no event names them or the sink counts another number of them."""
+    named, unlisted = losses
+    missing, counted = sorted(sent - recorded), sink["dropped"] + sink["refused"]
+    without = [number for number in missing if number not in named]
+    lost = missing if len(missing) != counted else without if len(without) > unlisted else []
+    return {"sent": len(sent), "recorded": len(recorded), "missing": len(missing), "counted": counted, "lost": lost,
+            "never_sent": sorted(recorded - sent)}  # fmt: skip
+
+
+def camera_gaps(sessions, sent, crc32s, sink, losses):
+    """Follows the frames of each session of the network camera; gaps must be frames that came in part, or named by an event."""
+    named, unlisted = losses
+    rows, lost, wrong, out_of_order = [], [], [], 0
     for session in sessions:
         numbers = [number for number, _ in session["whole"]]
         wrong += [number for number, crc32 in session["whole"] if crc32s.get(number, crc32) != crc32]
         out_of_order += sum(later <= earlier for earlier, later in zip(numbers, numbers[1:]))
         span = {number for number in sent if numbers and numbers[0] <= number <= numbers[-1]}
         missing = sorted(span - set(numbers))
-        lost += max(0, len(missing) - session["parts"])
+        without = [number for number in missing if number not in named]
+        lost += without if len(without) > session["parts"] + unlisted else []
         rows.append({"received": len(numbers), "missing": missing, "parts": session["parts"], "end": session["end"]})
     counted = sink["dropped"] + sink["refused"] + sum(count for name, count in sink["counts"].items() if "dropped" in name)
     return {"sessions": len(rows), "received": sum(row["received"] for row in rows), "in_part": sum(row["parts"] for row in rows),
-            "missing": sum(len(row["missing"]) for row in rows), "counted": counted, "lost": max(0, lost - counted),
+            "missing": sum(len(row["missing"]) for row in rows), "counted": counted, "lost": lost,
             "wrong_bits": wrong, "out_of_order": out_of_order, "rows": rows}  # fmt: skip
 
 
@@ -120,9 +136,10 @@ def account(folder):
     recorded = dict(found["recorder"]["frames"])
     causes, without_cause = lost_slots(slots, found, period_s)
     sent = {number for number, row in slots.items() if row["fate"] != "dropped"}
-    recorder = recorder_gaps(sent, set(recorded), summary["sinks"][0])
+    losses = named_losses(folder, found)
+    recorder = recorder_gaps(sent, set(recorded), summary["sinks"][0], losses)
     sessions = camera_sessions(folder, found["camera"]["files"])
-    camera = camera_gaps(sessions, sent, recorded, summary["sinks"][1])
+    camera = camera_gaps(sessions, sent, recorded, summary["sinks"][1], losses)
     fates = {}
     for row in slots.values():
         fates[row["fate"]] = fates.get(row["fate"], 0) + 1
@@ -133,7 +150,7 @@ def account(folder):
         "sent, neither recorded nor counted": recorder["lost"],
         "recorded, never sent": recorder["never_sent"],
         "recorded with other pixels than its row": found["recorder"]["wrong"],
-        "of the network camera, neither received nor counted": [camera["lost"]] if camera["lost"] else [],
+        "of the network camera, neither received nor counted": camera["lost"],
         "received with other pixels than recorded": camera["wrong_bits"],
         "received out of order": [camera["out_of_order"]] if camera["out_of_order"] else [],
     }

@@ -14,10 +14,14 @@ CONFIGS = ROOT / "configs"
 BIT_RATES = (125_000.0, 500_000.0)
 #: Seconds from one fault of the bench to the next.
 GAPS_S = (5.0, 25.0)
+#: The same in a run of less than two minutes.
+SHORT_GAPS_S = (0.5, 2.0)
 #: Every so many faults come through the control socket instead of the bench file.
 INJECTED_EACH = 4
 #: Seconds at the start and at the end without a fault.
 QUIET_S = (4.0, 4.0)
+#: Seconds from one slew to the next: half a turn at 0.5 deg/s, and settling.
+SLEW_GAP_S = 480.0
 
 BENCH = """
 name = "soak"
@@ -70,6 +74,9 @@ backend = "cpu"
 
 [budget]
 ring_frames = {ring_frames}
+
+[expect]                                   # pointing is not judged: faults come before the loop is on target again
+recovery_s = {recovery_s}
 {sinks}
 {events}
 """
@@ -100,7 +107,7 @@ def bench_text(seed, seconds, events=(), *, rate_hz=20.0, camera=None, sinks="",
         extra_link=f'[[extra_link]]\nkind = "serial"\nport = "{serial_port}"\n' if serial_port else "",
         rate_hz=rate_hz, seconds=seconds, start_utc=start_utc, attitude_hz=attitude_hz,
         jitter='jitter_source = "samples"\njitter_sample_hz = 1000.0' if jitter else "",
-        ring_frames=min(int(seconds * rate_hz) + 100, 1_000_000), sinks=sinks or '\n[sink]\nkind = "null"\n',
+        ring_frames=min(int(seconds * rate_hz) + 100, 1_000_000), recovery_s=max(2.0 * seconds, 120.0), sinks=sinks or '\n[sink]\nkind = "null"\n',
         events="".join(event_text(event) for event in events),
     )  # fmt: skip
 
@@ -155,12 +162,16 @@ def drawn_fault(dice):
     return keys, None if most_s is None else round(dice.uniform(1.0, most_s), 3)
 
 
-def fault_schedule(seed, seconds, gaps_s=GAPS_S):
-    """Returns the events of a seed: those of the bench file, and those to inject at their time."""
-    dice, events, injected, at_s, number = random.Random(seed), [], [], QUIET_S[0], 0
+def fault_schedule(seed, seconds, gaps_s=GAPS_S, without=()):
+    """Returns the events of a seed except some words: those of the bench file, and those to inject at their time."""
+    gaps_s = gaps_s if seconds >= 120.0 else SHORT_GAPS_S
+    dice, events, injected, at_s, number, slewed_s = random.Random(seed), [], [], QUIET_S[0], 0, -SLEW_GAP_S
     while True:
         at_s += dice.uniform(*gaps_s)
         keys, for_s = drawn_fault(dice)
+        while keys["do"] in without or keys["do"] == "slew" and at_s - slewed_s < SLEW_GAP_S:
+            keys, for_s = drawn_fault(dice)
+        slewed_s = at_s if keys["do"] == "slew" else slewed_s
         if at_s + (for_s or 0.0) > seconds - QUIET_S[1]:
             return events, injected
         number += 1

@@ -32,6 +32,8 @@ RESTARTS = (
     (0.55, {"do": "resume"}),
     (0.70, {"do": "gyro_dropout", "for_s": 4.0}),
     (0.85, {"do": "clock_step", "step_ms": 40.0, "for_s": 10.0}),
+    # Longer than a period: those behind the last late frame must wait for it.
+    (0.93, {"do": "frame_late", "late_ms": 1200.0, "for_s": 3.0}),
 )
 SINK = '\n[sink]\nkind = "recorder"\nfits = true\n'
 
@@ -57,7 +59,7 @@ class MemoryByFrames(Worker):
 
 def leg_events(seed, seconds):
     """Returns the events of a leg: its restarts and the faults of its seed."""
-    planned, injected = fault_schedule(seed, seconds, GAPS_S)
+    planned, injected = fault_schedule(seed, seconds, GAPS_S, without=("slew",))
     return [{**event, "at_s": round(share * seconds, 3)} for share, event in RESTARTS] + planned + injected
 
 
