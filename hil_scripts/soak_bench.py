@@ -171,6 +171,7 @@ def fault_schedule(seed, seconds, gaps_s=GAPS_S, without=()):
         keys, for_s = drawn_fault(dice)
         while keys["do"] in without or keys["do"] == "slew" and at_s - slewed_s < SLEW_GAP_S:
             keys, for_s = drawn_fault(dice)
+        for_s = None if for_s is None else round(min(for_s, 0.15 * seconds), 3)
         slewed_s = at_s if keys["do"] == "slew" else slewed_s
         if at_s + (for_s or 0.0) > seconds - QUIET_S[1]:
             return events, injected

@@ -16,8 +16,8 @@ from soak_account import commanded_spans, is_within, line_fit
 from soak_bench import CONFIGS, bench_text, fault_schedule
 from soak_clients import RecorderReader, Worker
 
-#: Frames and attitudes per second; at 20 Hz a simulated day would take more than an hour of a core.
-RATE_HZ, ATTITUDE_HZ = 4.0, 20.0
+#: Frames and attitudes per second; at 20 Hz a simulated day would take more than an hour of a core, at 2 Hz eight minutes.
+RATE_HZ, ATTITUDE_HZ = 2.0, 10.0
 #: Simulated seconds from one fault to the next.
 GAPS_S = (60.0, 300.0)
 #: Simulated seconds of a leg, and how much of it warms up.
