@@ -63,7 +63,7 @@ def judged_real(folder, binary):
         "memory": memory_slope(samples, end_s), "latency": latency(folder), "bus": bus_load(folder, found["bus"]["files"]),
         "load_average": (min(loads), sum(loads) / len(loads), max(loads)),
         "cpu_share": (samples[-1][4] - samples[0][4]) / (samples[-1][0] - samples[0][0]),
-        "recorded_bytes": found["recorder"]["bytes"], "not_wanted": summary["sinks"][1]["counts"].get("frames_not_wanted", 0),
+        "recorded_bytes": found["recorder"]["bytes"], "cut": summary["sinks"][1]["counts"].get("frames_cut", 0), "not_wanted": summary["sinks"][1]["counts"].get("frames_not_wanted", 0),
         "monitor": {name: found["monitor"][name] for name in ("asked", "failed", "pictures")},
         "faults": {"planned": len(found["planned_events"]), "injected": len(found["injected"]), "words": words, "outside": outside},
         "worker_errors": found["worker_errors"], "camera_errors": found["camera"]["errors"],
@@ -74,9 +74,9 @@ def problems(found):
     """Returns what ends the soak with 1."""
     said = []
     if real := found.get("real"):
-        said += [f"real: lost {real['frames']['lost']}"] if real["frames"]["lost"] else []
+        said += [f"real: {what}: {len(which)} frames" for what, which in real["frames"]["lost"].items()] if real["frames"]["lost"] else []
         said += [f"real: counts differ of {real['frames']['counts_that_differ']}"] if real["frames"]["counts_that_differ"] else []
-        said += [f"real: the memory grows: {real['memory']['bytes_per_hour']:.0f} bytes per hour"] if real["memory"]["verdict"] == "grows" else []
+        said += [f"real: the memory is not flat but {real['memory']['verdict']}"] if real["memory"]["verdict"] != "flat" else []
         said += [f"real: {name} ended: {error}" for name, error in real["worker_errors"].items()]
     if day := found.get("virtual"):
         said += [f"virtual: lost {day['lost']}"] if day["lost"] else []

@@ -117,8 +117,11 @@ def camera_gaps(sessions, sent, crc32s, sink, losses):
         span = {number for number in sent if numbers and numbers[0] <= number <= numbers[-1]}
         missing = sorted(span - set(numbers))
         without = [number for number in missing if number not in named]
-        lost += without if len(without) > session["parts"] + unlisted else []
+        # The last ones are the frames that came in part: which ones they were is not known.
+        lost += without[: max(0, len(without) - session["parts"])]
         rows.append({"received": len(numbers), "missing": missing, "parts": session["parts"], "end": session["end"]})
+    # Events that are only counted explain as many frames, once for all sessions.
+    lost = lost[: max(0, len(lost) - unlisted)]
     counted = sink["dropped"] + sink["refused"] + sum(count for name, count in sink["counts"].items() if "dropped" in name)
     return {"sessions": len(rows), "received": sum(row["received"] for row in rows), "in_part": sum(row["parts"] for row in rows),
             "missing": sum(len(row["missing"]) for row in rows), "counted": counted, "lost": lost,
@@ -179,11 +182,11 @@ def memory_slope(samples, end_s):
     slope, error, rms = line_fit(points)
     mean = sum(y for _, y in points) / len(points)
     limit = FLAT_SHARE_PER_H * mean
-    grows = slope - SIGMAS * error > limit
+    verdict = "grows" if slope - SIGMAS * error > limit else "flat" if slope + SIGMAS * error < limit else "undecided"
     return {"bytes_per_hour": slope, "standard_error": error, "rms_bytes": rms, "mean_bytes": mean, "samples": len(points),
             "limit_bytes_per_hour": limit, "first_bytes": points[0][1], "last_bytes": points[-1][1],
             "most_threads": max(row[2] for row in samples), "most_descriptors": max(row[3] for row in samples),
-            "verdict": "grows" if grows else "flat"}  # fmt: skip
+            "verdict": verdict}  # fmt: skip
 
 
 # --- times ------------------------------------------------------------------------------------------------------------

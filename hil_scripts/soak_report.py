@@ -17,7 +17,7 @@ def per_hour(memory):
 
 
 def nothing_lost(lost):
-    return "none" if not lost else "; ".join(f"{what}: {which}" for what, which in lost.items())
+    return "none" if not lost else "; ".join(f"{what}: {len(which)}" for what, which in lost.items())
 
 
 def quantile_rows(latency):
@@ -49,7 +49,7 @@ def real_text(real):
         f"| slots | {frames['slots']:,}: {counted(frames['fates'])} |",
         f"| causes of those not sent | {counted(frames['causes_of_dropped'])} |",
         f"| recorder | {recorder['recorded']:,} of {recorder['sent']:,} frames, {recorder['counted']} counted as lost; {real['recorded_bytes'] / 1e9:.1f} GB, each file read back with the CRC-32 of its row |",
-        f"| network camera | {camera['received']:,} frames in {camera['sessions']} sessions of a client, with the recorder's pixels; {camera['missing']} missing within sessions, {camera['in_part']} of them came in part, {camera['counted']} counted; {real['not_wanted']:,} while no client was there |",
+        f"| network camera | {camera['received']:,} frames in {camera['sessions']} sessions of a client, with the recorder's pixels; {camera['missing']} missing within sessions, {camera['in_part']} of them came in part, {camera['counted']} dropped by the camera's own counts, {real['cut']} cut short; {real['not_wanted']:,} while no client was there |",
         f"| live view | asked {real['monitor']['asked']:,} times, {real['monitor']['failed']} without an answer, {real['monitor']['pictures']:,} pictures |",
         f"| faults | {real['faults']['planned']} from the file, {real['faults']['injected']} injected; {counted(real['faults']['words'])} |",
         f"| from outside | {counted(real['faults']['outside'])} |",
