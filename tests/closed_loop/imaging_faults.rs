@@ -190,6 +190,20 @@ fn fault_waiting_for_a_trigger_does_not_start_without_it() {
     assert_eq!((count(EventKind::Fault), count(EventKind::FaultOver)), (2, 2));
 }
 
+/// Tests that frames behind a late one wait for it, as on the real clock: a recorder refuses frames out of order.
+#[test]
+fn no_frame_overtakes_a_late_one() {
+    let mut scenario = scenario("imaging_faults");
+    scenario.bench.timing.duration_s = 10.0;
+    // Frames are 0.5 s apart: the last late one comes after the next two would have gone out.
+    scenario.events = vec![event(3.0, 2.0, FrameFault::Late(Span::from_ms(1_200)))];
+    let (seen, _, outcome) = fly(&scenario);
+    let numbers: Vec<u32> = seen.iter().map(|seen| seen.meta.number).collect();
+    assert_eq!(numbers, (0..20).collect::<Vec<_>>(), "in their order");
+    let late = seen.iter().filter(|seen| seen.meta.faults.contains(FaultFlags::FRAME_LATE)).count();
+    assert_eq!((late, outcome.faults[0].hits), (4, 4), "control: only the frames of the fault are marked");
+}
+
 #[test]
 fn a_pixel_beyond_the_detector_is_refused_with_its_size() {
     let mut scenario = scenario("imaging_faults");
