@@ -407,7 +407,8 @@ impl VirtualLoop {
         }
         let own = slot.due.max(slot.release) + fate.delay;
         // No frame overtakes one of its own head that is late, as in the queue of sinks on the real clock.
-        let in_front = self.pending.iter().filter(|pending| pending.head == head).map(|pending| pending.deliver_at).max();
+        let in_front =
+            self.pending.iter().filter(|pending| pending.head == head).map(|pending| pending.deliver_at).max();
         let deliver_at = in_front.map_or(own, |in_front| own.max(in_front));
         self.pending.push_back(Pending { deliver_at, head, frame, drawn });
     }
