@@ -302,7 +302,7 @@ mod tests {
             assert!((angle(earth, there.earth_km.unwrap()) - limb_deg - 25.0).abs() < 1e-3, "from the limb");
         }
         let nadir = |number: u32| bodies.earth_of_attitude(number).unwrap().direction_icrf;
-        assert!((nadir(0).angle_between(nadir(1)).to_degrees() - 6.28).abs() < 0.1, "100 s of an orbit of 95.6 min");
+        assert!((nadir(0).angle_between(nadir(1)).to_degrees() - 36_000.0 / 5_736.0).abs() < 0.1, "100 s of 95.6 min");
     }
 
     #[test]

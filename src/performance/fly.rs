@@ -10,7 +10,7 @@ use crate::bandwidth::SINE;
 use crate::bright_bodies::BrightBodies;
 use crate::case_folder::{CASE, CaseFile, LOG};
 use crate::plan::{Plan, PlanCase, Source, folder_name};
-use crate::poses::{MARGIN_S, Pose, margin_s, poses};
+use crate::poses::{MARGIN_S, Pose, before_samples, margin_s, poses};
 use crate::provenance::FileHash;
 use crate::tracker_inside::{Inside, TrackerLog};
 use anyhow::{Context, Result, bail};
@@ -187,8 +187,8 @@ impl<'a> Flight<'a> {
         let options = RunOptions::stepped(Outputs::Made(&mut sink));
         let mut run = SteppedRun::of(Run::assemble(scenario, RunOptions { is_controlled: true, ..options })?)?;
         let noise_seed = scenario.bench.noise_seed();
-        let start = (noise_seed, run.zero());
-        let mut log = self.inside.as_ref().map(|inside| TrackerLog::new(inside, case.frames, start, bodies));
+        let (start, camera) = ((noise_seed, run.zero()), &scenario.bench.camera);
+        let mut log = self.inside.as_ref().map(|inside| TrackerLog::new(inside, case.frames, start, (camera, bodies)));
         let (zero, period) = (run.zero(), run.frame_period());
         let exposure_s = scenario.bench.camera.exposure.exposure_s;
         let poses: Vec<Pose> = poses(attitudes, case.frames, period, &case.whole_motion(value));
@@ -200,7 +200,8 @@ impl<'a> Flight<'a> {
             let samples: Vec<PlantSample> =
                 some.iter().enumerate().flat_map(|(i, pose)| pose.samples(start(i), exposure_s, period)).collect();
             run.take_plant(&samples)?;
-            let until = if first + some.len() == poses.len() { run.end_at() } else { start(some.len()) };
+            let next = before_samples(start(some.len()), period, exposure_s);
+            let until = if first + some.len() == poses.len() { run.end_at() } else { next };
             let mut on_frame = |_: usize, frame: &mut SentFrame, _: &RunRecord| {
                 let pose = poses.get(frame.meta.number as usize);
                 let taken =

@@ -65,6 +65,12 @@ pub(crate) fn margin_s(period: Span, exposure_s: f64) -> f64 {
     MARGIN_S.min(0.2 * (period.s() - exposure_s).max(0.0))
 }
 
+/// Returns the instant up to which a run may go before it gets the samples of a frame that begins at `next`: after all of
+/// the frame before, and before the first of these.
+pub(crate) fn before_samples(next: Tai, period: Span, exposure_s: f64) -> Tai {
+    next - Span::from_s(2.0 * margin_s(period, exposure_s))
+}
+
 impl Pose {
     /// Returns the attitude a time after the start of the exposure.
     pub(crate) fn at(&self, t_s: f64) -> DQuat {
@@ -144,6 +150,21 @@ mod tests {
         assert!(without[0].mean(0.1).is_none());
         let samples = |pose: &Pose| pose.samples(Tai::from_ns(0), 0.1, Span::from_s(0.2)).count();
         assert_eq!([samples(&without[0]), samples(&all[0])], [3, 33]);
+    }
+
+    #[test]
+    fn a_run_stops_between_the_samples_of_two_frames() {
+        for (period_s, exposure_s) in [(0.5, 0.1), (0.2, 0.1), (0.11, 0.1), (10.0, 0.1)] {
+            let (period, zero) = (Span::from_s(period_s), Tai::from_ns(0));
+            let all = poses(&[DQuat::IDENTITY], 2, period, &CaseMotion::default());
+            let times = |number: usize| -> Vec<Tai> {
+                let start = zero + Span::from_s(period_s * number as f64);
+                all[number].samples(start, exposure_s, period).map(|sample| sample.at).collect()
+            };
+            let stop = before_samples(zero + period, period, exposure_s);
+            assert!(times(0).iter().all(|at| *at < stop), "{period_s}");
+            assert!(times(1).iter().all(|at| *at > stop), "{period_s}");
+        }
     }
 
     #[test]

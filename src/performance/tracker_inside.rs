@@ -122,19 +122,20 @@ struct ModelLight {
 }
 
 impl<'a> TrackerLog<'a> {
-    /// Returns an empty log of a tracker that is lost in space.
+    /// Returns an empty log of a tracker that is lost in space. Bodies blind a statistical one where their light falls on
+    /// the detector of the case's camera.
     pub(crate) fn new(
         inside: &Inside,
         frames_per_attitude: u32,
         (seed, start): (u64, Tai),
-        bodies: Option<&'a BrightBodies>,
+        (camera, bodies): (&Camera, Option<&'a BrightBodies>),
     ) -> Self {
         let eyes = match &inside.eyes {
             InsideEyes::Pixels(params, guide) => Eyes::Pixels(Box::new(Tracker::new(**params, Arc::clone(guide)))),
             InsideEyes::Model(params, sky) => {
                 let stars = sky.as_ref().map(|sky| sky.stars.clone());
                 let light = sky.as_ref().map(|sky| ModelLight { usual: sky.usual, dark_e: sky.dark_e });
-                Eyes::Model(Box::new(TrackerModel::new(**params, stars, seed, start)), light)
+                Eyes::Model(Box::new(TrackerModel::new(blinded(params, camera), stars, seed, start)), light)
             }
         };
         let text = "frame,tai_ns,q_w,q_x,q_y,q_z,latency_ms,stars,why\n".to_owned();
@@ -191,6 +192,18 @@ impl<'a> TrackerLog<'a> {
             }
         }
         Ok(())
+    }
+}
+
+/// Returns figures without the exclusion of bodies whose light does not fall on this camera's detector.
+fn blinded(params: &ModelParams, camera: &Camera) -> ModelParams {
+    let [sun, moon, earth] = camera.baffle.as_ref().map_or([false; 3], |baffle| baffle.shade.shines);
+    let angle = |shines: bool, angle_rad: f64| if shines { angle_rad } else { 0.0 };
+    ModelParams {
+        sun_exclusion_rad: angle(sun, params.sun_exclusion_rad),
+        moon_exclusion_rad: angle(moon, params.moon_exclusion_rad),
+        earth_exclusion_rad: angle(earth, params.earth_exclusion_rad),
+        ..*params
     }
 }
 
