@@ -75,6 +75,8 @@ def problems(found):
     said = []
     if real := found.get("real"):
         said += [f"real: {what}: {len(which)} frames" for what, which in real["frames"]["lost"].items()] if real["frames"]["lost"] else []
+        unnamed = len(real["frames"]["camera"]["unnamed"])
+        said += [f"real: {unnamed} frames that the network camera counts are named by no event"] if unnamed else []
         said += [f"real: counts differ of {real['frames']['counts_that_differ']}"] if real["frames"]["counts_that_differ"] else []
         said += [f"real: the memory is not flat but {real['memory']['verdict']}"] if real["memory"]["verdict"] != "flat" else []
         said += [f"real: {name} ended: {error}" for name, error in real["worker_errors"].items()]

@@ -107,7 +107,9 @@ def recorder_gaps(sent, recorded, sink, losses):
 
 
 def camera_gaps(sessions, sent, crc32s, sink, losses):
-    """Follows the frames of each session of the network camera; gaps must be frames that came in part, or named by an event."""
+    """Follows the frames of each session of the network camera; gaps must be frames that came in part, or counted by the camera.
+
+    `unnamed` has those that no event names."""
     named, unlisted = losses
     rows, lost, wrong, out_of_order = [], [], [], 0
     for session in sessions:
@@ -121,15 +123,18 @@ def camera_gaps(sessions, sent, crc32s, sink, losses):
         lost += without[: max(0, len(without) - session["parts"])]
         rows.append({"received": len(numbers), "missing": missing, "parts": session["parts"], "end": session["end"]})
     # Events that are only counted explain as many frames, once for all sessions.
-    lost = lost[: max(0, len(lost) - unlisted)]
-    counted = sink["dropped"] + sink["refused"] + sum(count for name, count in sink["counts"].items() if "dropped" in name)
+    unnamed = lost[: max(0, len(lost) - unlisted)]
+    own = [count for name, count in sink["counts"].items() if "dropped" in name or "cut" in name]
+    counted = sink["dropped"] + sink["refused"] + sum(own)
+    # The camera counts what it gives up without an event: as many frames are counted, and not named.
+    lost = unnamed[: max(0, len(unnamed) - sum(own))]
     return {"sessions": len(rows), "received": sum(row["received"] for row in rows), "in_part": sum(row["parts"] for row in rows),
-            "missing": sum(len(row["missing"]) for row in rows), "counted": counted, "lost": lost,
+            "missing": sum(len(row["missing"]) for row in rows), "counted": counted, "lost": lost, "unnamed": unnamed,
             "wrong_bits": wrong, "out_of_order": out_of_order, "rows": rows}  # fmt: skip
 
 
 def account(folder):
-    """Returns where every frame of a flight went, and `lost`: descriptions of frames without an event. It must be empty."""
+    """Returns where every frame of a flight went, and `lost`: descriptions of frames that nothing counts. It must be empty."""
     folder = Path(folder)
     found = json.loads((folder / "found.json").read_text())
     summary = json.loads((folder / "run/summary.json").read_text())
