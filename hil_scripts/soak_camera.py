@@ -16,7 +16,7 @@ WHOLE = "success"
 
 
 def connected(address):
-    """Returns a camera of which this client has control, after the client before it is forgotten."""
+    """Returns a camera that this client controls, after the client before it is forgotten."""
     import gi
 
     gi.require_version("Aravis", "0.8")

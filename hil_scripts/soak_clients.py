@@ -1,4 +1,4 @@
-"""What runs beside the program in soak.py: readers of its frames, its page, its cable and its bus, and a look at its memory.
+"""Everything that runs beside the program in soak.py: readers of its frames, its page, its cable and its bus, and a look at its memory.
 
 Each is a thread with `begin`, `end` and a list of what it found. The node of the bus is a process of its own:
 
@@ -94,10 +94,11 @@ class RecorderReader(Worker):
         path = self.folder / "frames.csv"
         if not path.exists():
             return
-        with open(path, newline="") as file:
+        with open(path, "rb") as file:
             file.seek(self.place)
-            text = file.read()
-            self.place = file.tell()
+            data = file.read()
+        self.place += len(data)
+        text = data.decode()
         *lines, self.rest = (self.rest + text).split("\n")
         for row in csv.reader(lines):
             if self.header is None:

@@ -126,7 +126,7 @@ def steer(control, injected, outside, planned, say):
         try:
             state = control.state()
         except StarloopError as error:
-            # After the last frame there is no state, and soon no connection.
+            # After the last frame the run has ended, and soon the connection ends.
             if "the run is over" in str(error) or "the connection ended" in str(error):
                 return taken, refused
             raise

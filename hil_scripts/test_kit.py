@@ -278,7 +278,7 @@ class AgainstTheVectors(unittest.TestCase):
             self.assertEqual(described.frame_id, int(vector["fd"]["id"], 16), vector["name"])
             self.assertEqual({message.is_extended_frame for message in db.messages}, {vector["id_bits"] == 29})
             self.assertEqual(differences(db, vector, vector["fd"]), [], vector["name"])
-        # What is asked for without a change is the file itself; what does not exist is refused.
+        # Without a change the file itself comes out; an address that does not exist is refused.
         same = subprocess.run([sys.executable, KIT / "dbc/readdress.py"], capture_output=True, text=True, check=True)
         self.assertEqual(same.stdout, (KIT / "dbc/starloop.dbc").read_text())
         for options in (["--id-base", "0x100"], ["--id-base", "0x1FFFF900", "--id-bits", "29"], ["--id-base", "8"], ["--node", "16"]):

@@ -52,7 +52,7 @@ class Flight(unittest.TestCase):
             return soak_account.account(copy)
 
     def spoilt(self, change):
-        """What is lost after a change and was not before it."""
+        """Returns the frames that are lost after a change and were not before it."""
         before = soak_account.account(self.folder)["lost"]
         return {what: which for what, which in self.account_of_spoilt(change)["lost"].items() if which != before.get(what)}
 

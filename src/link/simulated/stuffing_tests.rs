@@ -161,7 +161,7 @@ fn exact_frames_are_shorter_on_the_wire() {
     // 44 bits, 6 stuff bits and 3 of interframe space, of 2 us each.
     assert_eq!(bus.duration_with(&frame, Stuffing::Exact), Some(Span::from_ns(53 * 2000)));
     assert_eq!(bus.duration_with(&frame, Stuffing::Worst), bus.duration(&frame));
-    // An identifier of 29 bits has 20 more, of which SRR and IDE change the CRC: counted as text.
+    // An identifier of 29 bits has 20 more; SRR and IDE among them change the CRC: counted as text.
     let long = CanFrame::classic(CanId::extended(0).unwrap(), &[]).unwrap();
     let bits = 64 + i64::try_from(classic_by_text(&long)).unwrap() + 3;
     assert_eq!(bus.duration_with(&Packet::Can(long), Stuffing::Exact), Some(Span::from_ns(bits * 2000)));
