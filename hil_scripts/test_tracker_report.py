@@ -330,7 +330,7 @@ date_error_ms = {flown.metric("measurement_date_error")["value"]}
         noise = self.calibrated_noise("stars")
         agrees = self.compared(self.fly_model("model", noise))
         self.assertEqual((agrees.different, agrees.exact), (set(), set()))
-        self.assertGreater(agrees.chance, 0.001, "so many outside their own intervals are no accident")
+        self.assertGreater(agrees.chance, 0.001, "so many outside their own intervals do not occur by chance")
         # Another detector of the same kind and other attitudes, with figures of its own.
         other_plan = plan_text().replace("seed = 1\n", "seed = 2\n")
         path = Path(self.folder.name) / "pixels_2.toml"

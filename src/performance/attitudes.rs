@@ -79,7 +79,7 @@ pub enum Attitudes {
     },
 }
 
-/// What attitudes of a case depend on, besides their own numbers.
+/// Conditions that the attitudes of a case depend on, besides their own numbers.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Circumstances<'a> {
     /// Seed of random ones.

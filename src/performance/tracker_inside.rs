@@ -52,7 +52,7 @@ impl Inside {
     /// Makes the tracker of a plan; `None` for a program outside.
     ///
     /// # Errors
-    /// When there are no stars for it.
+    /// When its guide stars cannot be read.
     pub(crate) fn of_plan(plan: &Plan, camera: &Camera, pixel_rad: f64) -> Result<Option<Self>> {
         // Its attitude comes after the readout and its own time.
         let delay = Span::from_s(camera.exposure.readout_s + plan.tracker.delay_ms * 1e-3);

@@ -131,7 +131,7 @@ fn noise_over_the_sky_has_the_root_mean_square_of_its_figures() {
 
 /// Fainter stars and a brighter background against the same light from the start; a full well leaves nothing.
 #[test]
-fn other_light_is_as_if_it_had_been_there_from_the_start() {
+fn other_light_equals_the_same_light_from_the_start() {
     let camera = Camera::coarse();
     let mut noise = StarNoise::new(&camera.params, coarse_guide(), &light());
     let usual_rad = noise.sky_sigma_rad();
