@@ -18,7 +18,6 @@ import dataclasses
 import json
 import os
 import pathlib
-import re
 import statistics
 import subprocess
 import sys
@@ -26,6 +25,7 @@ import tempfile
 import time
 
 import numpy as np
+from guide_page import machine, put_between
 from peers import PEERS, Cannot, version
 from peers_report import markdown, svg
 
@@ -304,12 +304,6 @@ class Contest:
         self.rows.append(row)
 
 
-def machine():
-    text = pathlib.Path("/proc/cpuinfo").read_text() if pathlib.Path("/proc/cpuinfo").exists() else ""
-    names = re.findall(r"model name\s*:\s*(.*)", text) or ["unknown processor"]
-    return f"{len(os.sched_getaffinity(0))} cores of {names[0]}"
-
-
 def install(folder):
     """Makes the environment of the peers, where it is not there yet, and runs this script in it."""
     python = folder / "bin" / "python"
@@ -358,10 +352,7 @@ def main():
     (chosen.out / "peers.md").write_text(text)
     (chosen.out / "peers.svg").write_text(svg(contest.rows))
     if chosen.guide:
-        page = PAGE.read_text()
-        before, rest = page.split(MARKS[0])
-        after = rest.split(MARKS[1])[1]
-        PAGE.write_text(f"{before}{MARKS[0]}\n\n{text}\n{MARKS[1]}{after}")
+        put_between(PAGE, MARKS, text)
         (PAGE.parent / "speed_beside_others.svg").write_text(svg(contest.rows))
     others = [row for row in contest.rows if row.reason.startswith("another scene")]
     return 1 if others else 0

@@ -11,7 +11,6 @@ import argparse
 import json
 import os
 import pathlib
-import re
 import resource
 import socket
 import subprocess
@@ -25,14 +24,14 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 import numpy as np
 
 import starloop_client
-from scale_report import guide_text
+from guide_page import machine, put_between
+from scale_report import STAGES, guide_text
 from starloop_client import Starloop
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 BINARY = pathlib.Path(os.environ.get("STARLOOP_BINARY", ROOT / "target/release/starloop")).resolve()
 PAGE = ROOT / "src/guide/scale.md"
 MARKS = ("<!-- tables of scale.py -->", "<!-- end of the tables -->")
-STAGES = ("sky", "plan", "render", "detector")
 CAMERA = """
 name = "scale"
 [detector]
@@ -164,11 +163,6 @@ PARTS = {"stars": by_stars, "pixels": by_pixels, "path": by_path, "heads": by_he
          "largest": largest, "windows": windows}  # fmt: skip
 
 
-def machine():
-    names = re.findall(r"model name\s*:\s*(.*)", pathlib.Path("/proc/cpuinfo").read_text()) or ["unknown processor"]
-    return f"{len(os.sched_getaffinity(0))} cores of {names[0]}"
-
-
 def measure(name, tiny):
     """Returns a part with the machine's load before it."""
     load = os.getloadavg()[0]
@@ -177,12 +171,6 @@ def measure(name, tiny):
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return {"rows": rows, "load_before": load, "cpu_s": used.ru_utime + used.ru_stime, "machine": machine(),
             "measured_utc": time.strftime("%Y-%m-%d %H:%M", time.gmtime())}  # fmt: skip
-
-
-def write_guide(parts):
-    before, rest = PAGE.read_text().split(MARKS[0])
-    after = rest.split(MARKS[1])[1]
-    PAGE.write_text(f"{before}{MARKS[0]}\n\n{guide_text(parts)}\n{MARKS[1]}{after}")
 
 
 def main():
@@ -204,7 +192,7 @@ def main():
     (chosen.out / "scale.md").write_text(text)
     print(text)
     if chosen.guide:
-        write_guide(parts)
+        put_between(PAGE, MARKS, text)
 
 
 if __name__ == "__main__":

@@ -14,13 +14,13 @@ import argparse
 import json
 import os
 import pathlib
-import re
 import subprocess
 import sys
 
 sys.dont_write_bytecode = True
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 
+from guide_page import machine, put_between
 from soak_account import account, bus_load, latency, memory_slope
 from soak_flight import fly
 from soak_report import latency_svg, memory_svg, real_text, virtual_text
@@ -31,11 +31,6 @@ BINARY = pathlib.Path(os.environ.get("STARLOOP_BINARY", ROOT / "target/release/s
 PAGE = ROOT / "src/guide/soak.md"
 MARKS = {"real": ("<!-- the real hour, by soak.py -->", "<!-- end of the real hour -->"),
          "virtual": ("<!-- the simulated hours, by soak.py -->", "<!-- end of the simulated hours -->")}  # fmt: skip
-
-
-def machine():
-    names = re.findall(r"model name\s*:\s*(.*)", pathlib.Path("/proc/cpuinfo").read_text()) or ["unknown processor"]
-    return f"{len(os.sched_getaffinity(0))} cores of {names[0]}"
 
 
 def version(binary):
@@ -88,13 +83,9 @@ def problems(found):
 
 def write_guide(found, charts):
     """Writes the parts that were flown between their marks, and the charts beside the page."""
-    page = PAGE.read_text()
     for name, text in (("real", real_text), ("virtual", virtual_text)):
         if name in found:
-            before, rest = page.split(MARKS[name][0])
-            after = rest.split(MARKS[name][1])[1]
-            page = f"{before}{MARKS[name][0]}\n\n{text(found[name])}\n{MARKS[name][1]}{after}"
-    PAGE.write_text(page)
+            put_between(PAGE, MARKS[name], text(found[name]))
     for name, text in charts.items():
         (PAGE.parent / name).write_text(text)
 

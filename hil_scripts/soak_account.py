@@ -15,8 +15,9 @@ FLAT_SHARE_PER_H = 0.01
 WARM_UP_SHARE = 0.2
 #: Standard errors by which growth must be beyond the limit, or below it.
 SIGMAS = 2.0
-#: Faults that make frames late or drop them, because they were commanded to.
+#: Events by which a sink names a frame that it gave up.
 SINK_EVENTS = ("sink_dropped", "sink_refused", "sink_busy")
+#: Faults that drop frames, or make them late, because they were commanded to.
 DROPPING, DELAYING = ("frame_drop",), ("frame_late",)
 
 

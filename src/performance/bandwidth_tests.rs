@@ -59,7 +59,7 @@ fn an_exposure_alone_gives_its_sinc() {
     assert!(found(&flown(|_| 1.0, 1.0, &FREQUENCIES)).high.is_none());
 }
 
-/// Straight lines between the frequencies: without noise what is left is their error.
+/// Error of straight lines between the frequencies, which remains without noise.
 #[test]
 fn a_straight_line_between_frequencies_is_good_to_a_hundredth() {
     let metric = found(&flown(|hz| sinc(hz * EXPOSURE_S), 1e-6, &FREQUENCIES));

@@ -2,8 +2,8 @@
 
 use core::fmt;
 
-const STANDARD_MAX: u16 = 0x7FF;
-const EXTENDED_MAX: u32 = 0x1FFF_FFFF;
+pub(super) const STANDARD_MAX: u16 = 0x7FF;
+pub(super) const EXTENDED_MAX: u32 = 0x1FFF_FFFF;
 /// Bits of an extended identifier after its first 11.
 const EXTENSION_BITS: u32 = 18;
 const EXTENSION: u32 = (1 << EXTENSION_BITS) - 1;

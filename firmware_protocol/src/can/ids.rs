@@ -1,12 +1,11 @@
 //! Message number and node <-> identifier.
 
+use super::id::{EXTENDED_MAX, STANDARD_MAX};
 use super::{CanId, ToCanId};
 use crate::{MessageId, Reject};
 
 const NODE_BITS: u32 = 4;
 const NODE_MAX: u8 = 0xF;
-const STANDARD_MAX: u32 = 0x7FF;
-const EXTENDED_MAX: u32 = 0x1FFF_FFFF;
 /// Highest identifier at base 0.
 const HIGHEST: u32 = ((MessageId::Heartbeat.number() as u32) << NODE_BITS) | NODE_MAX as u32;
 
@@ -21,7 +20,7 @@ pub struct IdMap {
 
 impl IdMap {
     /// Highest base of identifiers with 11 bits.
-    pub const BASE_MAX: u32 = (STANDARD_MAX - HIGHEST) & !0xF;
+    pub const BASE_MAX: u32 = (STANDARD_MAX as u32 - HIGHEST) & !0xF;
     /// Highest base of identifiers with 29 bits.
     pub const EXTENDED_BASE_MAX: u32 = (EXTENDED_MAX - HIGHEST) & !0xF;
 
