@@ -120,6 +120,8 @@ def main():
     if (day / "virtual.json").exists() and (chosen.kept or chosen.virtual_hours > 0.0):
         found["virtual"] = json.loads((day / "virtual.json").read_text())
         print(virtual_text(found["virtual"]))
+    if not found:
+        sys.exit(f"{out} has no flight to judge: fly one without --kept, or name its folder with --out")
     (out / "soak.json").write_text(json.dumps(found))
     for name, text in charts.items():
         (out / name).write_text(text)
