@@ -16,7 +16,7 @@ WARM_UP_SHARE = 0.2
 #: Standard errors by which growth must be beyond the limit, or below it.
 SIGMAS = 2.0
 #: Events by which a sink names a frame that it gave up.
-SINK_EVENTS = ("sink_dropped", "sink_refused", "sink_busy")
+SINK_EVENTS = ("sink_dropped", "sink_refused", "sink_cut", "sink_busy")
 #: Faults that drop frames, or make them late, because they were commanded to.
 DROPPING, DELAYING = ("frame_drop",), ("frame_late",)
 

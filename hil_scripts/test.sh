@@ -173,13 +173,19 @@ as_libtest() {
         }'
 }
 
+# The seconds that one script may take. What takes longer is stuck: it is ended with its processes, and Python says where it was.
+readonly script_limit_s=600
+
 # One script against the program: its output and exit status into files, its seconds behind them.
 run_python_script() {
     local script=$1 folder=$2 name begin=$SECONDS status=0
     name=$(basename "$script")
     STARLOOP_NO_VCAN="$no_vcan" STARLOOP_BINARY="$(realpath "$target/release/starloop")" \
-        "$python/bin/python" "$script" >"$folder/$name.output" 2>&1 || status=$?
+        timeout --signal=ABRT --kill-after=30 "$script_limit_s" \
+        "$python/bin/python" -X faulthandler "$script" >"$folder/$name.output" 2>&1 </dev/null || status=$?
+    [[ $((SECONDS - begin)) -lt $script_limit_s ]] || echo "$name took more than $script_limit_s s and was ended" >>"$folder/$name.output"
     echo "$status $((SECONDS - begin))" >"$folder/$name.status"
+    echo "     Running $script ($((SECONDS - begin)) s, exit status $status)"
 }
 
 # The scripts against the program: client, campaigns on a cluster of two workers, gateways, flights, the kit, cameras on
@@ -205,7 +211,7 @@ run_python_tests() {
             read -r result seconds <"$folder/$name.status"
             [[ $result -eq 0 ]] || { status=1 && cat "$folder/$name.output"; }
         fi
-        echo "     Running $script ($seconds s)"
+        echo "     Result of $script ($seconds s)"
         cat "$folder/$name.output" >>"$log"
         as_libtest <"$folder/$name.output" | tee -a "$log"
     done

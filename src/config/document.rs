@@ -285,7 +285,7 @@ impl Document {
                     wrong_type_of(self, &error, place.clone(), &setting.key(), setting.value_text())
                         .unwrap_or_else(|| refusal(&error, place, setting.value_text()))
                 };
-                read = table.clone().try_into().map_err(refuse)?;
+                read = from_table(&table).map_err(refuse)?;
             }
         }
         Ok(read)
@@ -299,14 +299,14 @@ impl Document {
         name: &str,
         which: &str,
     ) -> Result<S, ConfigError> {
-        let whole = match table.clone().try_into() {
+        let whole = match from_table(table) {
             Ok(read) => return Ok(read),
             Err(error) => error,
         };
         // Every key is optional: the first that cannot be read by itself is the one to blame.
         let bad = table.iter().find_map(|(key, value)| {
             let alone = toml::Table::from_iter([(key.clone(), value.clone())]);
-            Some((format!("{name}.{key}"), format!("{key} = {value}"), alone.try_into::<S>().err()?))
+            Some((format!("{name}.{key}"), format!("{key} = {value}"), from_table::<S>(&alone).err()?))
         });
         let (key, text, error) = bad.unwrap_or_else(|| (name.to_owned(), name.to_owned(), whole));
         let value = text.split_once(" = ").map_or("", |(_, value)| value);
@@ -393,6 +393,11 @@ impl Document {
     fn line_of_offset(&self, offset: usize) -> usize {
         1 + self.text.bytes().take(offset).filter(|byte| *byte == b'\n').count()
     }
+}
+
+/// Reads a table as `S`, through its text: a second reader, of tables, would be compiled for every type of the configuration.
+fn from_table<S: DeserializeOwned>(table: &toml::Table) -> Result<S, toml::de::Error> {
+    toml::from_str(&table.to_string())
 }
 
 /// Returns the error of a reader of `text`, which is at `place`.

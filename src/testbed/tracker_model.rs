@@ -17,7 +17,7 @@
 //!
 //! Limits: the covers of Sun and Moon are cones about directions from the Earth's centre, good to 0.02 deg and 0.6 deg;
 //! an observer in a low orbit sees the Moon up to 1 deg from there. The Earth's is about its limb, where the caller says
-//! where it is. A dimmer sky and a brighter background are the caller's too ([`TrackerModel::expose`]). False attitudes
+//! where it is. A dimmer sky and a brighter background are the caller's too (`TrackerModel::expose`). False attitudes
 //! and faults of stars (protons, bad pixels) are left out: the tracker on pixels has them. Tests: below.
 
 use crate::spacecraft::sun_direction_icrf;

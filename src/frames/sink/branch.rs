@@ -50,6 +50,8 @@ pub(super) struct Branch {
     line: SinkLine,
     full: Option<Sender<Held>>,
     back: Receiver<Held>,
+    /// Losses that the sink itself reports, also of frames that it took before.
+    reported: Receiver<Loss>,
     free: Vec<Held>,
     thread: Option<JoinHandle<Ended>>,
     /// Frames that were offered.
@@ -78,6 +80,7 @@ impl Branch {
         let buffers = buffers.max(1);
         let (full, to_send) = bounded(buffers);
         let (sent, back) = bounded(buffers);
+        let (report, reported) = bounded(LOSSES_KEPT);
         let held = || {
             let frame = prototype.touched_copy();
             Held { frame, since: Stopwatch::start(), failure: None, broke_down: false }
@@ -85,7 +88,7 @@ impl Branch {
         let free = core::iter::repeat_with(held).take(buffers).collect();
         let name = sink.name();
         let line = SinkLine { place, kind: name, ..SinkLine::default() };
-        let carrier = Carrier { sink: Some(sink), line: line.clone(), delays: Span::ZERO };
+        let carrier = Carrier { sink: Some(sink), line: line.clone(), delays: Span::ZERO, report };
         let thread = std::thread::Builder::new()
             .name(name.into())
             .spawn(move || carrier.carry(&to_send, &sent))
@@ -95,7 +98,21 @@ impl Branch {
         let slow_frame = Span::from_s(bytes / SLOW_BYTES_PER_S);
         let (offered, returned, newest, losses) = (0, [0; 2], 0, Vec::new());
         let is_given_up = false;
-        Ok(Self { name, line, full, back, free, thread, offered, returned, newest, slow_frame, is_given_up, losses })
+        Ok(Self {
+            name,
+            line,
+            full,
+            back,
+            reported,
+            free,
+            thread,
+            offered,
+            returned,
+            newest,
+            slow_frame,
+            is_given_up,
+            losses,
+        })
     }
 
     /// Hands a copy of a frame over when a buffer is free now; else the branch goes without it, which is counted.
@@ -152,10 +169,13 @@ impl Branch {
         is_put
     }
 
-    /// Takes back the buffers that have come.
+    /// Takes back the buffers that have come, and the losses that the sink reports.
     fn collect(&mut self) {
         while let Ok(held) = self.back.try_recv() {
             let _ = self.take_back(held); // a failure is kept as a loss
+        }
+        while let Ok(Loss { kind, frame }) = self.reported.try_recv() {
+            self.lose(kind, frame);
         }
     }
 
@@ -279,6 +299,7 @@ struct Carrier {
     sink: Option<Box<dyn Sink>>,
     line: SinkLine,
     delays: Span,
+    report: Sender<Loss>,
 }
 
 impl Carrier {
@@ -295,7 +316,13 @@ impl Carrier {
             held.failure = Some(SinkError::Lost { sink: self.line.kind });
             return;
         };
-        match catch_unwind(AssertUnwindSafe(|| sink.send(&held.frame))) {
+        let report = &self.report;
+        let send = || {
+            let outcome = sink.send(&held.frame);
+            pass_on_losses(&mut **sink, report);
+            outcome
+        };
+        match catch_unwind(AssertUnwindSafe(send)) {
             Ok(outcome) => self.count(outcome, held),
             Err(panic) => {
                 self.line.is_lost = true;
@@ -330,8 +357,10 @@ impl Carrier {
             self.line.mean_delay = Span::from_ns(self.delays.ns() / taken);
         }
         let Some(mut sink) = self.sink.take() else { return Ended { line: self.line, finished: None } };
+        let report = self.report;
         let finished = catch_unwind(AssertUnwindSafe(|| {
             let finished = sink.finish();
+            pass_on_losses(&mut *sink, &report);
             (finished, sink.counts())
         }));
         let finished = match finished {
@@ -351,6 +380,13 @@ impl Carrier {
         (self.line.frames, self.line.refused) = (frames, refused);
         Ended { line: self.line, finished: Some(finished) }
     }
+}
+
+/// Passes on the losses that a sink itself reports; those that find no place are only counted by it.
+fn pass_on_losses(sink: &mut dyn Sink, report: &Sender<Loss>) {
+    sink.take_losses(&mut |loss| {
+        let _ = report.try_send(loss); // full: the sink counts it
+    });
 }
 
 /// Returns the text of a panic.

@@ -86,6 +86,34 @@ impl Sink for BlocksAtEnd {
     }
 }
 
+/// Takes every frame, and reports a frame before as lost: the sixth with the seventh, the last when it is finished.
+struct LosesLater {
+    inner: NullSink,
+    lost: Vec<u32>,
+}
+
+impl Sink for LosesLater {
+    fn name(&self) -> &'static str {
+        "loses_later"
+    }
+
+    fn send(&mut self, frame: &SentFrame) -> Result<(), SinkError> {
+        if frame.meta.number == 7 {
+            self.lost.push(6);
+        }
+        self.inner.send(frame)
+    }
+
+    fn finish(&mut self) -> Result<SinkSummary, SinkError> {
+        self.lost.push(9);
+        self.inner.finish()
+    }
+
+    fn take_losses(&mut self, announce: &mut dyn FnMut(Loss)) {
+        self.lost.drain(..).for_each(|frame| announce(Loss { kind: LossKind::Cut, frame }));
+    }
+}
+
 /// Lets a gate go once, when its sink has come to it.
 fn let_go_soon(gate: Sender<()>) {
     let go = move || gate.send(()).is_ok();
@@ -146,6 +174,19 @@ fn a_slow_sink_loses_frames_and_the_others_none() {
     assert_eq!(lines[1].run_crc32, Some(summary.run_crc32), "all frames");
     assert_ne!(lines[0].run_crc32, Some(summary.run_crc32), "and not all");
     assert!(!lines[0].has_failed(), "slow is not a failure");
+}
+
+#[test]
+fn losses_that_a_sink_reports_later_come_through_with_their_own_numbers() {
+    for on_full in [OnFull::Wait, OnFull::Drop] {
+        let mut fan = fan(vec![Box::new(LosesLater { inner: NullSink::new(), lost: Vec::new() })], 16, on_full);
+        for number in 0..10 {
+            fan.send(&sample_frame(number)).unwrap();
+        }
+        fan.finish().unwrap();
+        assert_eq!(losses(&mut fan), [(LossKind::Cut, 6), (LossKind::Cut, 9)], "{on_full:?}");
+        assert_eq!(counts(&fan.lines()[0]), [10, 0, 0], "it took them all");
+    }
 }
 
 #[test]

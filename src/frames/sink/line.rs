@@ -83,6 +83,8 @@ pub enum LossKind {
     Dropped,
     /// A sink failed on it.
     Refused,
+    /// A sink gave it up after taking it: its receiver stopped or is gone, or the run ended.
+    Cut,
     /// The telemetry of a tracker lost it, or a packet after it.
     TelemetryLost,
     /// A sink broke down on it; that the frame was dropped is a loss of its own.

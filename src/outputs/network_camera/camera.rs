@@ -16,7 +16,7 @@ use base::clock::{Clock, Monotonic};
 use base::time::Span;
 use crossbeam_channel::{Receiver, Sender, bounded};
 use frames::sink::crc32::{RunCrc32, pixel_crc32};
-use frames::sink::{SentFrame, Sink, SinkError, SinkSummary};
+use frames::sink::{Loss, LossKind, SentFrame, Sink, SinkError, SinkSummary};
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -174,7 +174,7 @@ impl NetworkCamera {
             return tally.frames_of_another_size.one();
         }
         let slot = self.spare.take().or_else(|| self.free.try_recv().ok());
-        let Some(mut slot) = slot else { return tally.frames_dropped.one() };
+        let Some(mut slot) = slot else { return self.shared.lose(LossKind::Dropped, frame.meta.number) };
         // The copy comes before the count: a frame that is counted out will be sent.
         slot.take_in(frame);
         let Some(acquisition) = wanted.take() else {
@@ -184,7 +184,7 @@ impl NetworkCamera {
         slot.acquisition = acquisition;
         // As many places as slots: the queue has space unless the stream is gone.
         if self.full.as_ref().is_none_or(|full| full.try_send(slot).is_err()) {
-            tally.frames_dropped.one();
+            self.shared.lose(LossKind::Dropped, frame.meta.number);
         }
     }
 
@@ -235,6 +235,10 @@ impl Sink for NetworkCamera {
 
     fn counts(&self) -> Vec<(&'static str, u64)> {
         self.counters().named()
+    }
+
+    fn take_losses(&mut self, announce: &mut dyn FnMut(Loss)) {
+        self.shared.take_losses(announce);
     }
 
     fn finish(&mut self) -> Result<SinkSummary, SinkError> {

@@ -6,7 +6,12 @@ use crate::network_camera::counters::Tally;
 use crate::network_camera::gvsp::StreamSettings;
 use base::time::Tai;
 use core::sync::atomic::{AtomicBool, AtomicI64, AtomicU32, AtomicU64, Ordering};
+use crossbeam_channel::{Receiver, Sender, bounded};
+use frames::sink::{Loss, LossKind};
 use std::sync::{Arc, Mutex, PoisonError};
+
+/// Losses that are kept until the run asks for them; further ones are only counted.
+const LOSSES_KEPT: usize = 4096;
 
 /// Shared by reference from the start to the end of a camera.
 #[derive(Debug)]
@@ -20,6 +25,7 @@ pub(super) struct Shared {
     ended: AtomicBool,
     /// Temperature of the detector in the newest frame, degrees Celsius, by its bits.
     temperature_c: AtomicU64,
+    losses: (Sender<Loss>, Receiver<Loss>),
     pub(super) wanted: Arc<Wanted>,
     pub(super) tally: Arc<Tally>,
 }
@@ -33,6 +39,7 @@ impl Shared {
             deadline_ns: AtomicI64::new(i64::MAX),
             ended: AtomicBool::new(false),
             temperature_c: AtomicU64::new(0),
+            losses: bounded(LOSSES_KEPT),
             wanted: Arc::default(),
             tally: Arc::default(),
         }
@@ -64,6 +71,21 @@ impl Shared {
     /// Returns the last acquisition whose receiver was found gone.
     pub(super) fn gone(&self) -> u32 {
         self.gone.load(Ordering::Acquire)
+    }
+
+    /// Counts a frame that the client does not receive, and keeps its number for the run.
+    pub(super) fn lose(&self, kind: LossKind, frame: u32) {
+        match kind {
+            LossKind::Cut => self.tally.frames_cut.one(),
+            LossKind::Refused => self.tally.frames_refused.one(),
+            LossKind::Dropped | LossKind::TelemetryLost | LossKind::SinkLost => self.tally.frames_dropped.one(),
+        }
+        let _ = self.losses.0.try_send(Loss { kind, frame }); // counted already
+    }
+
+    /// Reports the losses since the last call.
+    pub(super) fn take_losses(&self, announce: &mut dyn FnMut(Loss)) {
+        self.losses.1.try_iter().for_each(announce);
     }
 
     /// Records that the sink has no more frames; those that wait may be sent until `deadline`.

@@ -19,6 +19,7 @@ use crate::network_camera::slots::Slot;
 use crate::network_camera::test_pattern::TestPattern;
 use base::time::Span;
 use crossbeam_channel::{Receiver, RecvError, Select, Sender, TryRecvError};
+use frames::sink::LossKind;
 use std::net::SocketAddrV4;
 use std::sync::Arc;
 use std::time::Duration;
@@ -128,7 +129,7 @@ impl Stream {
 
     fn count_what_is_left(&mut self) {
         let tally = &self.shared.tally;
-        tally.frames_cut.add(self.frames.try_iter().count() as u64);
+        self.frames.try_iter().for_each(|slot| self.shared.lose(LossKind::Cut, slot.meta.number));
         let asks = self.pending.take().into_iter().chain(self.asks.try_iter());
         tally.resends_refused.add(asks.map(|resend| resend.packets()).sum());
     }
@@ -142,11 +143,12 @@ impl Stream {
         if destination.is_some() {
             self.write_block(&mut slot, settings);
         }
+        let number = slot.meta.number;
         // Before its packets leave: the sink may want it.
         let _ = self.free.try_send(slot); // the queue has space for all buffers
-        match destination {
-            Some(to) => self.send_block(to),
-            None => self.shared.tally.frames_cut.one(),
+        match destination.map_or(Some(LossKind::Cut), |to| self.send_block(to)) {
+            Some(kind) => self.shared.lose(kind, number),
+            None => self.shared.tally.frames_sent.one(),
         }
     }
 
@@ -167,25 +169,25 @@ impl Stream {
         self.kept.blocks[self.kept.newest].seal(id, time_ns);
     }
 
-    fn send_block(&mut self, to: SocketAddrV4) {
+    /// Sends the newest block; returns the kind of its loss if it did not get out whole.
+    fn send_block(&mut self, to: SocketAddrV4) -> Option<LossKind> {
         let packets = self.kept.blocks[self.kept.newest].packets();
         let acquisition = self.kept.acquisition;
         self.kept.allowance = RESENT_PER_SENT * u64::from(packets);
         let (mut next, mut refused) = (0, 0);
         while next < packets {
             if self.shared.acquisition() != acquisition || self.shared.is_overdue(self.outlet.now()) {
-                return self.shared.tally.frames_cut.one();
+                return Some(LossKind::Cut);
             }
             let sent = self.outlet.send(to, &self.kept.blocks[self.kept.newest], next..packets);
             (next, refused) = (sent.next, refused + sent.refused);
             if sent.is_gone {
                 self.shared.receiver_is_gone(acquisition);
-                return self.shared.tally.frames_cut.one();
+                return Some(LossKind::Cut);
             }
             let _ = self.serve(); // an error means that the control side is gone
         }
-        let tally = &self.shared.tally;
-        if refused == 0 { tally.frames_sent.one() } else { tally.frames_refused.one() }
+        (refused > 0).then_some(LossKind::Refused)
     }
 
     /// Serves one batch of the requests; false when none waits. `Err` when the control side is gone.

@@ -6,10 +6,9 @@ use base::clock::Monotonic;
 use base::image::DnImage;
 use core::cell::Cell;
 use core::sync::atomic::{AtomicBool, Ordering};
-use frames::sink::SentFrame;
-use frames::sink::Sink;
 use frames::sink::compliance::check_sink;
 use frames::sink::sample::sample_frame;
+use frames::sink::{Loss, LossKind, SentFrame, Sink};
 use std::net::{Ipv4Addr, UdpSocket};
 use std::sync::Arc;
 use std::time::Duration;
@@ -31,6 +30,16 @@ fn accounted(counters: &Counters) -> u64 {
     let Counters { frames_not_wanted, frames_of_another_size, frames_dropped, .. } = counters;
     let Counters { frames_sent, frames_refused, frames_cut, .. } = counters;
     frames_not_wanted + frames_of_another_size + frames_dropped + frames_sent + frames_refused + frames_cut
+}
+
+/// Returns the numbers of the frames of each kind of loss that the camera reports.
+fn lost(camera: &mut NetworkCamera, wanted: LossKind) -> Vec<u32> {
+    let mut numbers = Vec::new();
+    camera.take_losses(&mut |Loss { kind, frame }| {
+        assert_eq!(kind, wanted, "frame {frame}");
+        numbers.push(frame);
+    });
+    numbers
 }
 
 fn camera(params: &Params) -> NetworkCamera {
@@ -176,6 +185,9 @@ fn a_frame_that_finds_no_slot_is_dropped_and_counted_at_once() {
     let counters = camera.counters();
     assert!(counters.frames_dropped > 0 && counters.frames_sent > 0, "{counters:?}");
     assert_eq!(counters.frames_sent + counters.frames_dropped, 200, "{counters:?}");
+    let lost = lost(&mut camera, LossKind::Dropped);
+    assert_eq!(lost.len() as u64, counters.frames_dropped, "each is named once: {lost:?}");
+    assert!(lost.is_sorted_by(|a, b| a < b) && !lost.contains(&1), "the first found a slot: {lost:?}");
 }
 
 #[test]
@@ -247,6 +259,8 @@ fn end_of_a_run_ignores_a_slow_pace_and_counts_unsent_frames() {
     assert_eq!((counters.frames_offered, accounted(&counters), counters.frames_dropped), (16, 16, 0), "{counters:?}");
     // The pace alone needs 8 s for them.
     assert!(counters.frames_cut > 8, "{counters:?}");
+    let last: Vec<u32> = (1..=16).skip(16 - usize::try_from(counters.frames_cut).unwrap()).collect();
+    assert_eq!(lost(&mut camera, LossKind::Cut), last, "those that came last, each once");
 }
 
 #[test]

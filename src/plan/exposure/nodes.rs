@@ -6,7 +6,7 @@ use crate::exposure::line::{self, Merged};
 use crate::exposure::motion::Motion;
 use crate::exposure::pixel_path::PixelPath;
 use crate::exposure::pose::{PathNode, Pose, SHIFT, recentre};
-use crate::optics::quadrature::{Node, gauss_legendre_node};
+use crate::optics::quadrature::{MOST_KEPT_NODES, Node, gauss_legendre_node, with_gauss_legendre};
 use base::time::Tai;
 
 /// Mean distance of dense nodes, share of the PSF's sigma. They come in Gauss-Legendre pairs: variance along a straight
@@ -18,7 +18,7 @@ const DENSE_PER_PERIOD: f64 = 24.0;
 pub const MOST_DENSE_NODES: usize = 4096;
 /// Largest number of Gauss-Legendre nodes of one rule over a whole exposure, which costs the square of its nodes: 512
 /// of a method, and the few more of the list that it is compared with.
-pub const ONE_RULE_NODES: usize = 520;
+pub const ONE_RULE_NODES: usize = MOST_KEPT_NODES;
 /// Number of nodes of a panel, when more are needed.
 pub const PANEL_NODES: usize = 16;
 /// Largest number of nodes of a smooth path, a whole number of panels.
@@ -48,11 +48,11 @@ pub fn samples(motion: &Motion, k: usize, delay_s: f64, mean: &Pose, out: &mut V
 /// [`ONE_RULE_NODES`] come in panels of equal time, of at most [`PANEL_NODES`] each.
 pub fn gauss_legendre_in_time(motion: &Motion, n: usize, delay_s: f64, out: &mut Vec<PathNode>) {
     if n <= ONE_RULE_NODES {
-        out.extend((0..n).map(|i| {
-            let node = gauss_legendre_node(n, i);
-            PathNode { weight: node.weight, pose: motion.pose_at(node.x, delay_s) }
-        }));
-        return;
+        return with_gauss_legendre(n, |nodes| {
+            out.extend(
+                nodes.iter().map(|node| PathNode { weight: node.weight, pose: motion.pose_at(node.x, delay_s) }),
+            );
+        });
     }
     let panels = n.div_ceil(PANEL_NODES);
     let (each, longer, share) = (n / panels, n % panels, 1.0 / panels as f64);

@@ -7,11 +7,12 @@
 //! (sigma). They are samples, not bounds; the chooser multiplies them by [`SAFETY`]. A PSF that is not a Gaussian is
 //! replaced by a Gaussian of its core. Test: `tests/physics/streaks`.
 
+use crate::exposure::correction::Correction;
 use crate::exposure::lists::{band_delay_s, band_of, correction, fill_nodes};
 use crate::exposure::method::Method;
 use crate::exposure::motion::Shutter;
 use crate::exposure::plan::{ExposurePlan, PlannedStar};
-use crate::exposure::pose::{PathNode, mean_pose};
+use crate::exposure::pose::{PathNode, Pose, mean_pose};
 use crate::exposure::probes::Probes;
 use crate::exposure::track::StarTrack;
 
@@ -73,11 +74,22 @@ struct Tried {
     windows: [Option<Window>; WINDOWS],
 }
 
+/// The list of a method for one band of rows: all stars of the band share it.
+#[derive(Debug, Clone, Copy)]
+struct Listed {
+    method: Method,
+    band: usize,
+    mean: Pose,
+    correction: Correction,
+}
+
 /// The stars on which methods are tried; keeps its buffers.
 #[derive(Debug, Default)]
 pub(super) struct Trial {
     stars: Vec<Tried>,
     nodes: Vec<PathNode>,
+    /// Whose list `nodes` has.
+    listed: Option<Listed>,
     lit: Vec<Lit>,
 }
 
@@ -85,6 +97,7 @@ impl Trial {
     /// Selects the brightest stars of the zones, at most `most` of them, and follows their true paths.
     pub(super) fn prepare(&mut self, plan: &ExposurePlan, probes: &Probes, sigma_px: f64, most: usize) {
         self.stars.clear();
+        self.listed = None;
         let mut brightest = brightest_of_zones(plan);
         brightest.sort_by(|a, b| brightness(b).total_cmp(&brightness(a)));
         for star in brightest.into_iter().flatten().take(most) {
@@ -106,7 +119,11 @@ impl Trial {
         });
         for (i, first_px) in places.into_iter().enumerate() {
             if let Some(first_px) = first_px.filter(|_| !places[..i].contains(&first_px)) {
-                let truth = self.true_light(plan, probes, sigma_px, &tried.track, first_px);
+                // Under a global shutter the path is that of every row, and followed already.
+                let truth = match plan.shutter {
+                    Shutter::Global => light_of(&self.lit, first_px, sigma_px),
+                    Shutter::Rolling { .. } => self.true_light(plan, probes, sigma_px, &tried.track, first_px),
+                };
                 tried.windows[i] = Some(Window { first_px, truth });
             }
         }
@@ -114,11 +131,16 @@ impl Trial {
 
     /// Computes the true path of a star while the row at `row_px` is exposed.
     fn follow(&mut self, plan: &ExposurePlan, probes: &Probes, sigma_px: f64, track: &StarTrack, row_px: f64) {
+        let seen = |node: &PathNode| track.seen_px(&plan.camera, &node.pose).map(|[x, y]| [node.weight, x, y]);
+        self.lit.clear();
+        if plan.shutter == Shutter::Global {
+            // The nodes of all rows are known.
+            return self.lit.extend(probes.dense().iter().filter_map(seen));
+        }
         let delay_s = plan.shutter.delay_s(row_px, plan.camera.height_px());
+        self.listed = None;
         self.nodes.clear();
         probes.true_nodes(&plan.motion, sigma_px, delay_s, &mut self.nodes);
-        self.lit.clear();
-        let seen = |node: &PathNode| track.seen_px(&plan.camera, &node.pose).map(|[x, y]| [node.weight, x, y]);
         self.lit.extend(self.nodes.iter().filter_map(seen));
     }
 
@@ -131,19 +153,14 @@ impl Trial {
         track: &StarTrack,
         first_px: [i32; 2],
     ) -> Shares {
-        let mut shares = Shares::default();
         if plan.shutter == Shutter::Global {
             self.follow(plan, probes, sigma_px, track, 0.0);
-            add_light(&self.lit, first_px, sigma_px, &mut shares);
-            return shares;
+            return light_of(&self.lit, first_px, sigma_px);
         }
-        for (row, out) in shares.iter_mut().enumerate() {
+        core::array::from_fn(|row| {
             self.follow(plan, probes, sigma_px, track, f64::from(first_px[1]) + row as f64);
-            let mut all = Shares::default();
-            add_light(&self.lit, first_px, sigma_px, &mut all);
-            *out = all[row];
-        }
-        shares
+            light_of(&self.lit, first_px, sigma_px)[row]
+        })
     }
 
     /// Returns the error of `method`; `None` as soon as `is_hopeless` returns true for the errors found so far.
@@ -163,8 +180,7 @@ impl Trial {
             let windows = || tried.windows.iter().flatten();
             let brightest = windows().map(|window| sum(&window.truth)).fold(0.0, f64::max);
             for window in windows() {
-                let mut drawn = Shares::default();
-                add_light(&self.lit, window.first_px, noise.sigma_px, &mut drawn);
+                let drawn = light_of(&self.lit, window.first_px, noise.sigma_px);
                 let has_centroid = sum(&window.truth) >= CENTROID_LIGHT * brightest;
                 worst = worst.worst(window_error(plan, &tried.star, window, &drawn, noise, has_centroid));
                 if is_hopeless(&worst) {
@@ -176,8 +192,7 @@ impl Trial {
             if let Some([_, x, y]) = dot.filter(|_| shows_dots) {
                 // The path may pass between the windows that were placed on it.
                 let first_px = window_about([x, y]);
-                let mut drawn = Shares::default();
-                add_light(&self.lit, first_px, noise.sigma_px, &mut drawn);
+                let drawn = light_of(&self.lit, first_px, noise.sigma_px);
                 let truth = self.true_light(plan, probes, noise.sigma_px, &tried.track, first_px);
                 let window = Window { first_px, truth };
                 worst = worst.worst(window_error(plan, &tried.star, &window, &drawn, noise, false));
@@ -197,9 +212,8 @@ impl Trial {
             self.lit.push([gain, mx, my]);
             return;
         }
-        let band = band_of(my, height as f64, bands);
-        self.nodes.clear();
-        fill_nodes(&plan.motion, method, band_delay_s(plan.shutter, height, [band, bands]), probes, &mut self.nodes);
+        let Listed { mean, correction, .. } =
+            self.list(plan, probes, method, [band_of(my, height as f64, bands), bands]);
         if let (true, Some(centre)) = (method.kernels() > 0, probes.centre()) {
             let place = |node: &PathNode| centre.track.exact_px(&plan.camera, &node.pose);
             let mean = self.nodes.iter().fold([0.0; 2], |[x, y], node| {
@@ -212,14 +226,27 @@ impl Trial {
             }));
             return;
         }
-        let mean = mean_pose(&self.nodes);
-        let ([dx, dy], [cx, cy]) =
-            (track.displacement_px(&mean), correction(&self.nodes, &mean, probes).at(star.place.mid_px));
+        let ([dx, dy], [cx, cy]) = (track.displacement_px(&mean), correction.at(star.place.mid_px));
         let (x, y) = (mx - dx - cx, my - dy - cy);
         self.lit.extend(self.nodes.iter().map(|node| {
             let [dx, dy] = track.displacement_px(&node.pose);
             [gain * node.weight, x + dx, y + dy]
         }));
+    }
+
+    /// Fills `nodes` with the list of a method for a band of rows, unless they are that list.
+    fn list(&mut self, plan: &ExposurePlan, probes: &Probes, method: Method, [band, bands]: [usize; 2]) -> Listed {
+        if let Some(listed) = self.listed.filter(|listed| listed.method == method && listed.band == band) {
+            return listed;
+        }
+        let delay_s = band_delay_s(plan.shutter, plan.camera.height_px(), [band, bands]);
+        self.nodes.clear();
+        fill_nodes(&plan.motion, method, delay_s, probes, &mut self.nodes);
+        let mean = mean_pose(&self.nodes);
+        // A kernel is drawn about the mean of the centre's path.
+        let own = method.kernels() == 0;
+        let correction = if own { correction(&self.nodes, &mean, probes) } else { Correction::none() };
+        *self.listed.insert(Listed { method, band, mean, correction })
     }
 }
 
@@ -274,8 +301,9 @@ fn sum(shares: &Shares) -> f64 {
     shares.iter().flatten().sum()
 }
 
-/// Adds the light of all instants to a window.
-fn add_light(lit: &[Lit], first_px: [i32; 2], sigma_px: f64, out: &mut Shares) {
+/// Returns the light of all instants in a window.
+fn light_of(lit: &[Lit], first_px: [i32; 2], sigma_px: f64) -> Shares {
+    let mut out = Shares::default();
     let [left, top] = first_px.map(|v| f64::from(v) - 0.5);
     let (reach, side) = (REACH_SIGMA * sigma_px, SIDE as f64);
     let is_near = |v: f64, start: f64| v > start - reach && v < start + side + reach;
@@ -294,6 +322,7 @@ fn add_light(lit: &[Lit], first_px: [i32; 2], sigma_px: f64, out: &mut Shares) {
             }
         }
     }
+    out
 }
 
 /// Computes the errors of one window.

@@ -3,6 +3,8 @@
 //! Source: Abramowitz and Stegun, section 25.4.29. Exact for polynomials of degree `2 n - 1`; the tests below integrate
 //! such polynomials. Integrals and half widths of profiles that depend on the distance alone use them.
 
+use core::cell::RefCell;
+
 /// One node: position in [-1/2, 1/2] and weight; weights sum to 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Node {
@@ -37,6 +39,47 @@ pub fn gauss_legendre_node(n: usize, i: usize) -> Node {
 #[must_use]
 pub fn gauss_legendre(n: usize) -> Vec<Node> {
     (0..n).map(|i| gauss_legendre_node(n, i)).collect()
+}
+
+/// Largest rule that a thread keeps.
+pub const MOST_KEPT_NODES: usize = 520;
+/// Number of rules that a thread keeps: a method's and that of the denser list it is compared with.
+const KEPT: usize = 2;
+
+/// The rules that a thread used last: a plan uses the same two many times, and a rule costs the square of its nodes.
+struct KeptRules {
+    lengths: [usize; KEPT],
+    nodes: [[Node; MOST_KEPT_NODES]; KEPT],
+    /// The one to replace next.
+    oldest: usize,
+}
+
+thread_local! {
+    // Without a heap: the frame path may be the first to use it.
+    static KEPT_RULES: RefCell<KeptRules> = const {
+        RefCell::new(KeptRules {
+            lengths: [0; KEPT],
+            nodes: [[Node { x: 0.0, weight: 0.0 }; MOST_KEPT_NODES]; KEPT],
+            oldest: 0,
+        })
+    };
+}
+
+/// Calls `with` with all `n` nodes, ascending, `n` at most [`MOST_KEPT_NODES`]: the same as [`gauss_legendre`], without memory
+/// from the heap, and at once when the thread used this `n` a moment ago. `with` must not ask for another rule.
+pub fn with_gauss_legendre<T>(n: usize, with: impl FnOnce(&[Node]) -> T) -> T {
+    KEPT_RULES.with_borrow_mut(|kept| {
+        let at = kept.lengths.iter().position(|length| *length == n).unwrap_or_else(|| {
+            let at = kept.oldest;
+            kept.oldest = (at + 1) % KEPT;
+            kept.lengths[at] = n;
+            for (i, node) in kept.nodes[at][..n].iter_mut().enumerate() {
+                *node = gauss_legendre_node(n, i);
+            }
+            at
+        });
+        with(&kept.nodes[at][..n])
+    })
 }
 
 /// Returns the integral over a pixel whose centre lies (`x_px`, `y_px`) from the star, of an irradiance that depends on
@@ -99,6 +142,13 @@ pub(super) fn bisected(between: [f64; 2], f: impl Fn(f64) -> f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn kept_rules_are_the_rules() {
+        for n in [1, 2, 7, MOST_KEPT_NODES, 7, 8, 9, 7] {
+            with_gauss_legendre(n, |nodes| assert_eq!(nodes, gauss_legendre(n), "n {n}"));
+        }
+    }
 
     #[test]
     fn integrates_polynomials_up_to_degree_2n_minus_1_and_no_further() {

@@ -78,6 +78,8 @@ events! {
     SinkDropped = "sink_dropped",
     /// A sink failed on a frame, such as on a full disk.
     SinkRefused = "sink_refused",
+    /// A network camera gave a frame up: its client stopped the acquisition or is gone, or the run ended.
+    SinkCut = "sink_cut",
     /// A sink failed: it takes no more frames, and the others go on.
     SinkLost = "sink_lost",
     /// The telemetry of a star tracker lost a frame or a packet.

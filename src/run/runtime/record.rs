@@ -88,6 +88,7 @@ impl RunRecord {
             let kind = match loss.kind {
                 LossKind::Dropped => EventKind::SinkDropped,
                 LossKind::Refused => EventKind::SinkRefused,
+                LossKind::Cut => EventKind::SinkCut,
                 LossKind::TelemetryLost => EventKind::TelemetryLost,
                 LossKind::SinkLost => EventKind::SinkLost,
             };
