@@ -88,7 +88,7 @@ struct Listed {
 pub(super) struct Trial {
     stars: Vec<Tried>,
     nodes: Vec<PathNode>,
-    /// Whose list `nodes` has.
+    /// The list that `nodes` holds, if it is one of a method.
     listed: Option<Listed>,
     lit: Vec<Lit>,
 }

@@ -238,6 +238,10 @@ impl Chooser {
     /// Weighs grids of zones, coarse to fine, until one is fine enough for the brightest star.
     fn weigh_zones(&mut self, nodes: usize, motion: &Motion, brightest_e: f64, probes: &Probes) {
         let one = Method::EffectivePsf { nodes };
+        // Where one kernel cannot be made, no more can: their errors are worth the work in reports alone.
+        if !self.is_thorough && !self.is_fixed() && self.kernel_verdict(one, probes).is_some() {
+            return;
+        }
         self.fill_lists(one, motion, probes);
         let rolling = self.instrument.shutter != Shutter::Global;
         let lists = if rolling { &self.lists[..] } else { &self.lists[..1] };
