@@ -35,6 +35,8 @@ CEDAR_SOLVE = "cedar-solve==0.5.1"
 TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
 ENVIRONMENT = Path(os.environ.get("STARLOOP_CEDAR_ENVIRONMENT", TARGET / "cedar_environment"))
 AXES = ("x", "y", "rotational")
+#: Metrics that a model by the stars takes as the root mean square over the sky.
+CALIBRATED = ("temporal_noise", "fov_spatial_error", "pixel_spatial_error")
 QUATERNION_OF_FRAMES = ("qw", "qx", "qy", "qz")
 ARCSEC = math.pi / 180 / 3600
 MOST_BYTES = 2_000_000
@@ -275,8 +277,8 @@ class Reports(unittest.TestCase):
         starloop("report", conjugate.folder, status=(0,))
         self.assertTrue(conjugate.report["is_met"])
 
-    def fly_model(self, name, noise, method="stars", more_bias=0.0, plan=None, flown=None):
-        """Flies a plan with the statistical tracker, by the figures of the built-in tracker's report."""
+    def fly_model(self, name, calibrated, method="stars", more_bias=0.0, plan=None, flown=None):
+        """Flies a plan with the statistical tracker, by the figures of the built-in tracker's report; some are `calibrated`."""
         flown = flown or self.flown
 
         def figures(identifier):
@@ -290,9 +292,10 @@ class Reports(unittest.TestCase):
 
 [tracker.model]
 bias_arcsec = {[value + more_bias for value in figures("bias")]}
-fov_spatial_arcsec = {figures("fov_spatial_error")}
-pixel_spatial_arcsec = {figures("pixel_spatial_error")}
-noise_arcsec = {noise}
+fov_spatial_arcsec = {calibrated["fov_spatial_error"]}
+pixel_spatial_arcsec = {calibrated["pixel_spatial_error"]}
+aberration_residual_arcsec = {flown.metric("aberration_residual")["value"]}
+noise_arcsec = {calibrated["temporal_noise"]}
 noise_over_sky = "{method}"
 stars = 40
 noise_arcsec_per_deg_s = {at_rate}
@@ -306,13 +309,18 @@ date_error_ms = {flown.metric("measurement_date_error")["value"]}
         starloop("fly", path, "--out", out, "--quiet")
         return Flown(out)
 
-    def calibrated_noise(self, method, plan=None, flown=None):
-        """Figures with which the model has the built-in tracker's noise over the attitudes of the plan."""
+    def calibrated(self, method, plan=None, flown=None):
+        """Figures with which the model has the built-in tracker's noise and spatial errors over the attitudes of the plan.
+
+        By the stars they are given as the root mean square over the sky, and the plan sees a part of it."""
         flown = flown or self.flown
-        wanted = [flown.metric(f"temporal_noise.{axis}")["value"] for axis in AXES]
-        first = self.fly_model(f"first_{method}_{flown.folder.name}", wanted, method, plan=plan, flown=flown)
-        got = [first.metric(f"temporal_noise.{axis}")["value"] for axis in AXES]
-        return [w * w / g for w, g in zip(wanted, got)]
+
+        def figures(of):
+            return {name: [of.metric(f"{name}.{axis}")["value"] for axis in AXES] for name in CALIBRATED}
+
+        wanted = figures(flown)
+        got = figures(self.fly_model(f"first_{method}_{flown.folder.name}", wanted, method, plan=plan, flown=flown))
+        return {name: [w * w / g if g > 0.0 else w for w, g in zip(wanted[name], got[name])] for name in CALIBRATED}
 
     def compared(self, other, one=None, with_cases=False):
         """A tracker on pixels beside the model; prints the metrics one by one."""
@@ -327,8 +335,8 @@ date_error_ms = {flown.metric("measurement_date_error")["value"]}
         return {identifier for identifier, _ in self.compared(other).different}
 
     def test_the_statistical_tracker_agrees_with_the_one_on_pixels_in_every_metric(self):
-        noise = self.calibrated_noise("stars")
-        agrees = self.compared(self.fly_model("model", noise))
+        figures = self.calibrated("stars")
+        agrees = self.compared(self.fly_model("model", figures))
         self.assertEqual((agrees.different, agrees.exact), (set(), set()))
         self.assertGreater(agrees.chance, 0.001, "chance does not put so many outside their own intervals")
         # Another detector of the same kind and other attitudes, with figures of its own.
@@ -337,18 +345,19 @@ date_error_ms = {flown.metric("measurement_date_error")["value"]}
         path.write_text(other_plan)
         starloop("fly", path, "--out", path.with_suffix(""), "--quiet")
         other = Flown(path.with_suffix(""))
-        own = self.calibrated_noise("stars", other_plan, other)
+        own = self.calibrated("stars", other_plan, other)
         model = self.fly_model("model_2", own, plan=other_plan, flown=other)
         agrees = self.compared(model, other)
         self.assertEqual((agrees.different, agrees.exact), (set(), set()))
-        for axis in AXES:
-            self.assertLess(abs(own[AXES.index(axis)] / noise[AXES.index(axis)] - 1.0), 0.1, "noise is not of one detector")
+        for one, another in zip(own["temporal_noise"], figures["temporal_noise"]):
+            self.assertLess(abs(one / another - 1.0), 0.1, "noise is not of one detector")
         # Controls: a noise that is the same all over the sky lacks the tail of the absolute error; one that is 20 % too
         # high; a bias of 1 arcsec.
-        even = self.different(self.fly_model("even", self.calibrated_noise("even"), "even"))
+        even = self.different(self.fly_model("even", self.calibrated("even"), "even"))
         self.assertIn("absolute_measurement_error.directional", even)
-        self.assertIn("temporal_noise.x", self.different(self.fly_model("noisier", [1.2 * value for value in noise])))
-        self.assertIn("bias.x", self.different(self.fly_model("off", noise, more_bias=1.0)))
+        noisier = {**figures, "temporal_noise": [1.2 * value for value in figures["temporal_noise"]]}
+        self.assertIn("temporal_noise.x", self.different(self.fly_model("noisier", noisier)))
+        self.assertIn("bias.x", self.different(self.fly_model("off", figures, more_bias=1.0)))
 
     def test_a_drift_of_the_mounting_comes_back(self):
         case = self.flown.folder / "thermo-elastic"

@@ -300,10 +300,12 @@ section! {
         fov_spatial_arcsec: [f64; 3] = Numbers([1.0, 1.0, 6.0]), Within(0.0, 36_000.0);
         /// Error that is slow over a pixel, arcsec.
         pixel_spatial_arcsec: [f64; 3] = Numbers([1.0, 1.0, 8.0]), Within(0.0, 36_000.0);
+        /// Part of the largest displacement by aberration that an attitude keeps, arcsec.
+        aberration_residual_arcsec: f64 = 0.0, Within(-36_000.0, 36_000.0);
         /// Temporal noise at rest, arcsec.
         noise_arcsec: [f64; 3] = Numbers([2.0, 2.0, 16.0]), Within(0.0, 36_000.0);
-        /// Temporal noise over the sky: even, the same everywhere; stars, by those that the field offers, with the root
-        /// mean square over the sky as given.
+        /// Temporal noise and spatial errors over the sky: even, the same everywhere; stars, by those that the field offers,
+        /// with the root mean square over the sky as given.
         noise_over_sky: Word<NoiseMethod> = "even", [("even", NoiseMethod::Even), ("stars", NoiseMethod::Stars)];
         /// Stars that it says it used; of noise_over_sky = "stars" the most that it uses, brightest first.
         stars: Whole<u32> = 20, 4..=200;
@@ -485,7 +487,7 @@ impl TrackerOutKeys {
     fn figures(&self, head: usize, bench: &Bench, check: &mut Checker<'_>) -> Result<ModelParams, ConfigError> {
         let keys = self.model.clone().unwrap_or_default().at(&format!("{}.model", self.table()));
         taken!(check, keys => bias_arcsec, drift_arcsec_per_h, fov_spatial_arcsec, pixel_spatial_arcsec, noise_arcsec);
-        taken!(check, keys => noise_over_sky, stars, noise_arcsec_per_deg_s, date_error_ms, acquisition_s);
+        taken!(check, keys => aberration_residual_arcsec, noise_over_sky, stars, noise_arcsec_per_deg_s, date_error_ms, acquisition_s);
         taken!(check, keys => acquisition_probability, tracking_probability, acquires_below_deg_s, lost_above_deg_s, sun_exclusion_deg, moon_exclusion_deg);
         if lost_above_deg_s < acquires_below_deg_s {
             let wanted = format!("at least acquires_below_deg_s, {acquires_below_deg_s}");
@@ -500,6 +502,7 @@ impl TrackerOutKeys {
             drift_rad_h: arcsec(drift_arcsec_per_h),
             fov_spatial_rad: arcsec(fov_spatial_arcsec),
             field_rad,
+            aberration_residual_rad: aberration_residual_arcsec * ARCSEC,
             pixel_spatial_rad: arcsec(pixel_spatial_arcsec),
             pixel_rad,
             noise_rad: arcsec(noise_arcsec),

@@ -27,6 +27,8 @@ pub struct ModelFigures {
     pub drift_arcsec_per_h: [f64; 3],
     /// Error of the period of the field.
     pub fov_spatial_arcsec: [f64; 3],
+    /// Part of the largest displacement by aberration that is left.
+    pub aberration_residual_arcsec: f64,
     /// Error of the period of a pixel.
     pub pixel_spatial_arcsec: [f64; 3],
     /// Temporal noise at rest.
@@ -63,6 +65,7 @@ impl Default for ModelFigures {
             bias_arcsec: [0.0; 3],
             drift_arcsec_per_h: [0.0; 3],
             fov_spatial_arcsec: [0.0; 3],
+            aberration_residual_arcsec: 0.0,
             pixel_spatial_arcsec: [0.0; 3],
             noise_arcsec: [1.0, 1.0, 8.0],
             noise_over_sky: NoiseOverSky::Even,
@@ -87,12 +90,14 @@ impl ModelFigures {
     /// # Errors
     /// With the first of them.
     pub fn check(&self) -> Result<()> {
+        let aberration = [self.aberration_residual_arcsec, 0.0, 0.0];
         let vectors = [
             ("bias_arcsec", self.bias_arcsec),
             ("drift_arcsec_per_h", self.drift_arcsec_per_h),
             ("fov_spatial_arcsec", self.fov_spatial_arcsec),
             ("pixel_spatial_arcsec", self.pixel_spatial_arcsec),
             ("noise_arcsec", self.noise_arcsec),
+            ("aberration_residual_arcsec", aberration),
         ];
         for (name, vector) in vectors {
             if !vector.iter().all(|value| value.abs() <= 1e5) {
@@ -131,6 +136,7 @@ impl ModelFigures {
             drift_rad_h: radians(self.drift_arcsec_per_h),
             fov_spatial_rad: radians(self.fov_spatial_arcsec),
             field_rad,
+            aberration_residual_rad: self.aberration_residual_arcsec * ARCSEC,
             pixel_spatial_rad: radians(self.pixel_spatial_arcsec),
             pixel_rad,
             noise_rad: radians(self.noise_arcsec),

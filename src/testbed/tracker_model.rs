@@ -6,8 +6,10 @@
 //! * FOV spatial error: a sum of six waves over the attitude with the period of the field, so that it is constant while
 //!   the tracker is inertial and slow while it turns;
 //! * pixel spatial error: the same with the period of a pixel;
+//! * aberration residual: a part of the displacement by the Earth's velocity;
 //! * temporal noise: Gaussian, new in each frame, with a part that grows with the rate; the same all over the sky
-//!   (`NoiseMethod::Even`), or by the stars that the field offers (`NoiseMethod::Stars`, `tracker::star_noise`);
+//!   (`NoiseMethod::Even`), or by the stars that the field offers (`NoiseMethod::Stars`, `tracker::star_noise`), which
+//!   spatial errors then follow too;
 //! * measurement date error: the attitude is of an earlier instant than it says. (A wrong time tag is the caller's.)
 //!
 //! Life: an attitude is found when the rate has been below its limit and no bright body near the boresight for
@@ -21,7 +23,7 @@
 //! and faults of stars (protons, bad pixels) are left out: the tracker on pixels has them. Tests: below.
 
 use crate::spacecraft::sun_direction_icrf;
-use crate::tracker::{ExposedLight, FieldNoise, Mode, Outcome, Reason, Solution, StarNoise};
+use crate::tracker::{ExposedLight, FieldNoise, Mode, Outcome, Reason, Solution, StarNoise, earth_beta};
 use base::axes::{Icrf, Rotation, Sensor};
 use base::random::{Stage, counter, key, philox};
 use base::time::{Span, Tai};
@@ -56,6 +58,8 @@ pub struct ModelParams {
     pub fov_spatial_rad: DVec3,
     /// Side of the field: the period of the FOV spatial error.
     pub field_rad: f64,
+    /// Part of the largest displacement by aberration that is left in an attitude.
+    pub aberration_residual_rad: f64,
     /// Error of the place on a pixel.
     pub pixel_spatial_rad: DVec3,
     /// Angle of a pixel: its period.
@@ -181,7 +185,7 @@ impl TrackerModel {
         let lag_rad = rate_rad_s * -self.params.date_error.s();
         Outcome::Solved(Solution {
             at,
-            sensor_from_icrf: truth.rotated_by(self.error_rad(frame, at, truth, (sigma_rad, &field.factor)) + lag_rad),
+            sensor_from_icrf: truth.rotated_by(self.error_rad(frame, at, truth, (sigma_rad, &field)) + lag_rad),
             covariance_rad2: covariance(sigma_rad, &field.factor),
             mode,
             stars: u32::try_from(field.stars).unwrap_or(u32::MAX),
@@ -195,7 +199,10 @@ impl TrackerModel {
     fn field_noise(&mut self, truth: &Rotation<Sensor, Icrf>) -> Option<FieldNoise> {
         match &mut self.stars {
             Some(stars) => stars.at(truth),
-            None => Some(FieldNoise { factor: DMat3::IDENTITY, stars: self.params.stars as usize }),
+            None => {
+                let (factor, spatial) = (DMat3::IDENTITY, DMat3::IDENTITY);
+                Some(FieldNoise { factor, spatial, stars: self.params.stars as usize })
+            }
         }
     }
 
@@ -213,14 +220,15 @@ impl TrackerModel {
         frame: u32,
         at: Tai,
         truth: &Rotation<Sensor, Icrf>,
-        (sigma_rad, factor): (DVec3, &DMat3),
+        (sigma_rad, field): (DVec3, &FieldNoise),
     ) -> DVec3 {
         let [a, b, c, _] = self.gaussians(frame);
         let params = &self.params;
         let drift = params.drift_rad_h * ((at - self.start).s() / HOUR_S);
-        let fov = params.fov_spatial_rad * spatial(&self.fov, truth);
-        let pixel = params.pixel_spatial_rad * spatial(&self.pixel, truth);
-        params.bias_rad + drift + fov + pixel + sigma_rad * (*factor * DVec3::new(a, b, c))
+        let fov = params.fov_spatial_rad * (field.spatial * spatial(&self.fov, truth));
+        let pixel = params.pixel_spatial_rad * (field.spatial * spatial(&self.pixel, truth));
+        let aberration = params.aberration_residual_rad * displacement_by_aberration(at, truth);
+        params.bias_rad + drift + fov + pixel + aberration + sigma_rad * (field.factor * DVec3::new(a, b, c))
     }
 
     fn is_blinded(&self, at: Tai, truth: &Rotation<Sensor, Icrf>) -> bool {
@@ -250,6 +258,13 @@ impl TrackerModel {
         let ([x, y], [z, w]) = (pair(a, b), pair(c, d));
         [x, y, z, w]
     }
+}
+
+/// Returns the error about x and y of an attitude that knows nothing of aberration, as a share of the largest one:
+/// directions near the boresight move with the Earth's velocity, and the frame that holds them fixed turns the other way.
+fn displacement_by_aberration(at: Tai, truth: &Rotation<Sensor, Icrf>) -> DVec3 {
+    let direction = truth.apply(earth_beta(at).normalize());
+    DVec3::new(direction.y, -direction.x, 0.0)
 }
 
 /// Returns the covariance of noise of these figures, turned by a field's factor.

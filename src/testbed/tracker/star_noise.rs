@@ -8,8 +8,11 @@
 //! * Attitude: the covariance of weighted least squares over all stars (Shuster and Oh, J. Guidance and Control 4
 //!   (1981), 70), with the slopes of the places as the camera has them.
 //!
+//! * Errors that are the same in each frame (the pattern of responses, the floor of places) have the same weights and a
+//!   variance of their own, which does not fall with the light of a star: spatial errors follow the field by it.
+//!
 //! Domain: spots of 0.6 px and wider (below, the phase of the pixel decides), nothing else in the window, at rest; light
-//! of sky, streaks and bodies, and errors that are the same in each frame are left out. Saturated pixels count as a
+//! of sky, streaks and bodies is left out. Saturated pixels count as a
 //! disc that is left out. Stars below five standard deviations of their flux do not count. Bound: a place's standard
 //! deviation within 5 % of that of `gaussian_fit`, an attitude's within 20 % of the built-in tracker's own estimate.
 //! Tests: `tests/star_noise.rs`, on both sides of the edge.
@@ -47,6 +50,8 @@ pub struct ExposedLight {
 struct Place {
     weight_px2: f64,
     variance_px2: f64,
+    /// Variance over detectors of what is the same in each frame.
+    spatial_px2: f64,
 }
 
 /// Noise of an attitude, in units of the mean over the sky.
@@ -55,6 +60,8 @@ pub struct FieldNoise {
     /// Turns three independent numbers of variance 1 into the noise about x, y and z, in units of the root mean square
     /// over the sky.
     pub factor: DMat3,
+    /// The same for errors that are the same in each frame.
+    pub spatial: DMat3,
     /// Stars.
     pub stars: usize,
 }
@@ -71,7 +78,15 @@ pub struct StarNoise {
     /// Of the guide stars that are bright enough.
     places: Vec<Place>,
     sky_sigma_rad: DVec3,
+    sky_spatial_rad: DVec3,
     expected: Vec<Expected>,
+}
+
+/// Covariances of an attitude, rad^2.
+struct Covariances {
+    noise: DMat3,
+    spatial: DMat3,
+    stars: usize,
 }
 
 impl StarNoise {
@@ -88,14 +103,19 @@ impl StarNoise {
             light: *light,
             places: Vec::new(),
             sky_sigma_rad: DVec3::ONE,
+            sky_spatial_rad: DVec3::ONE,
             expected: Vec::with_capacity(params.most_stars),
         };
         noise.find_places();
         let attitudes = (0..SKY_ATTITUDES).map(spread_attitude);
-        let seen: Vec<DMat3> = attitudes.filter_map(|attitude| Some(noise.covariance_rad2(&attitude)?.0)).collect();
-        let sum: DVec3 = seen.iter().map(diagonal).sum();
+        let seen: Vec<Covariances> = attitudes.filter_map(|attitude| noise.covariances(&attitude)).collect();
+        let rms = |of: fn(&Covariances) -> &DMat3| {
+            let sum: DVec3 = seen.iter().map(|seen| diagonal(of(seen))).sum();
+            (sum / seen.len() as f64).map(f64::sqrt)
+        };
         if !seen.is_empty() {
-            noise.sky_sigma_rad = (sum / seen.len() as f64).map(f64::sqrt);
+            noise.sky_sigma_rad = rms(|seen| &seen.noise);
+            noise.sky_spatial_rad = rms(|seen| &seen.spatial);
         }
         noise
     }
@@ -130,33 +150,44 @@ impl StarNoise {
 
     /// Returns the noise at an attitude; `None` where too few stars are.
     pub fn at(&mut self, attitude: &Rotation<Sensor, Icrf>) -> Option<FieldNoise> {
-        let (covariance_rad2, stars) = self.covariance_rad2(attitude)?;
-        let scale = DMat3::from_diagonal(self.sky_sigma_rad.recip());
-        Some(FieldNoise { factor: lower_root(&(scale * covariance_rad2 * scale))?, stars })
+        let Covariances { noise, spatial, stars } = self.covariances(attitude)?;
+        let root = |covariance_rad2: DMat3, sky_rad: DVec3| {
+            let scale = DMat3::from_diagonal(sky_rad.recip());
+            lower_root(&(scale * covariance_rad2 * scale))
+        };
+        // A detector without a pattern has no errors that follow it.
+        let spatial = root(spatial, self.sky_spatial_rad).unwrap_or(DMat3::IDENTITY);
+        Some(FieldNoise { factor: root(noise, self.sky_sigma_rad)?, spatial, stars })
     }
 
-    /// Returns the covariance of an attitude, rad^2, and the number of its stars.
+    /// Returns the covariance of an attitude's noise, rad^2, and the number of its stars.
     pub fn covariance_rad2(&mut self, attitude: &Rotation<Sensor, Icrf>) -> Option<(DMat3, usize)> {
+        self.covariances(attitude).map(|Covariances { noise, stars, .. }| (noise, stars))
+    }
+
+    fn covariances(&mut self, attitude: &Rotation<Sensor, Icrf>) -> Option<Covariances> {
         // Aberration shifts all stars by less than a pixel: it decides nothing here.
         let (most, geometry) = (self.most_stars, &self.geometry);
         self.guide.in_field(self.places.len(), most, attitude, DVec3::ZERO, geometry, &mut self.expected);
         if self.expected.len() < self.fewest_stars {
             return None;
         }
-        let (mut information, mut noise) = (DMat3::ZERO, DMat3::ZERO);
+        let (mut information, mut noise, mut spatial) = (DMat3::ZERO, DMat3::ZERO, DMat3::ZERO);
         for expected in &self.expected {
             let Some((_, turn)) = geometry.pixel_and_turn(attitude.apply(expected.apparent_icrf)) else { continue };
-            let Place { weight_px2, variance_px2 } = self.places[expected.star];
+            let Place { weight_px2, variance_px2, spatial_px2 } = self.places[expected.star];
             let slopes = squares(turn) * weight_px2;
             information += slopes;
             noise += slopes * (weight_px2 * variance_px2);
+            spatial += slopes * (weight_px2 * spatial_px2);
         }
         let size = diagonal(&information);
         if information.determinant() < LEAST_DETERMINANT * size.x * size.y * size.z {
             return None;
         }
         let inverse = information.inverse();
-        Some((inverse * noise * inverse, self.expected.len()))
+        let [noise, spatial] = [noise, spatial].map(|sum| inverse * sum * inverse);
+        Some(Covariances { noise, spatial, stars: self.expected.len() })
     }
 }
 
@@ -255,19 +286,25 @@ impl SpotLight {
         let peak_e = flux_e / (TAU * self.variance_px2);
         let from = (peak_e / self.saturation_e).ln().clamp(0.0, self.edge);
         let step = (self.edge - from) / POINTS as f64;
-        let (mut stiffness, mut noise) = (0.0, 0.0);
+        let (mut stiffness, mut noise, mut spatial) = (0.0, 0.0, 0.0);
         for point in 0..POINTS {
             let u = from + (point as f64 + 0.5) * step;
             let mean_e = peak_e * (-u).exp();
             let variance_e2 = mean_e + self.background_e2;
-            let assumed_e2 = variance_e2 + (self.prnu * mean_e).powi(2);
+            let pattern_e2 = (self.prnu * mean_e).powi(2);
+            let assumed_e2 = variance_e2 + pattern_e2;
             let slope = 2.0 * PI * mean_e * mean_e * u * step / assumed_e2;
             stiffness += slope;
             noise += slope * variance_e2 / assumed_e2;
+            spatial += slope * pattern_e2 / assumed_e2;
         }
         // Nothing is left of a spot that saturates its window.
         let stiffness = stiffness.max(f64::MIN_POSITIVE);
-        Place { weight_px2: 1.0 / (1.0 / stiffness + self.floor_px2), variance_px2: noise / stiffness / stiffness }
+        Place {
+            weight_px2: 1.0 / (1.0 / stiffness + self.floor_px2),
+            variance_px2: noise / stiffness / stiffness,
+            spatial_px2: spatial / stiffness / stiffness + self.floor_px2,
+        }
     }
 }
 

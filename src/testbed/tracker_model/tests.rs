@@ -22,6 +22,7 @@ fn figures() -> ModelParams {
         drift_rad_h: DVec3::ZERO,
         fov_spatial_rad: DVec3::new(2.0, 2.0, 8.0) * ARCSEC,
         field_rad: 20.0 * DEG,
+        aberration_residual_rad: 0.0,
         pixel_spatial_rad: DVec3::new(1.0, 1.0, 5.0) * ARCSEC,
         pixel_rad: 70.0 * ARCSEC,
         noise_rad: DVec3::new(1.5, 1.5, 12.0) * ARCSEC,
@@ -131,6 +132,35 @@ fn drift_grows_and_noise_follows_the_rate() {
     let at_rate = model.noise_rad(DVec3::new(1.0 * DEG, 0.0, 0.0));
     let wanted = (1.5_f64).hypot(1e-3 * DEG / ARCSEC * 1.5 / 12.0);
     assert!((at_rate.x / ARCSEC - wanted).abs() < 1e-9, "{}", at_rate.x / ARCSEC);
+}
+
+#[test]
+fn aberration_that_is_left_is_along_the_velocity_and_largest_across_it() {
+    let silent = ModelParams {
+        bias_rad: DVec3::ZERO,
+        fov_spatial_rad: DVec3::ZERO,
+        pixel_spatial_rad: DVec3::ZERO,
+        noise_rad: DVec3::splat(1e-12),
+        ..figures()
+    };
+    let params = ModelParams { aberration_residual_rad: 2.0 * ARCSEC, ..silent };
+    let velocity = earth_beta(at(0)).normalize();
+    let mut largest = 0.0_f64;
+    for number in 0..200 {
+        let truth = station(number);
+        let error = |params: ModelParams| {
+            let mut model = TrackerModel::new(params, None, 3, at(0));
+            let Outcome::Solved(solution) = model.measure(1, at(0), &truth, DVec3::ZERO) else { unreachable!() };
+            truth.rotation_vector_to(&solution.sensor_from_icrf) / ARCSEC
+        };
+        assert!(error(silent).length() < 1e-4, "control: none");
+        let (error, boresight) = (error(params), truth.inverse().apply(DVec3::Z));
+        // The attitude that sees the stars where aberration puts them: its boresight lags behind by so much.
+        let wanted = 2.0 * boresight.angle_between(velocity).sin();
+        assert!((error.length() - wanted).abs() < 1e-3, "{} {wanted}", error.length());
+        largest = largest.max(wanted);
+    }
+    assert!(largest > 1.8, "some look across the velocity: {largest}");
 }
 
 #[test]

@@ -115,15 +115,22 @@ fn noise_over_the_sky_has_the_root_mean_square_of_its_figures() {
     let camera = Camera::coarse();
     let mut noise = StarNoise::new(&camera.params, coarse_guide(), &light());
     let mut random = StdRng::seed_from_u64(49);
-    let (mut sum, mut count) = (DVec3::ZERO, 0.0);
+    let (mut sums, mut count, mut differ) = ([DVec3::ZERO; 2], 0.0, 0.0_f64);
     for _ in 0..1000 {
         let Some(field) = noise.at(&random_attitude(&mut random)) else { continue };
-        let covariance = field.factor * field.factor.transpose();
-        sum += DVec3::new(covariance.x_axis.x, covariance.y_axis.y, covariance.z_axis.z);
+        let variances = [field.factor, field.spatial].map(|root| {
+            let covariance = root * root.transpose();
+            DVec3::new(covariance.x_axis.x, covariance.y_axis.y, covariance.z_axis.z)
+        });
+        sums = [sums[0] + variances[0], sums[1] + variances[1]];
+        differ = differ.max((variances[0] / variances[1]).map(|ratio| ratio.ln().abs()).max_element());
         count += 1.0;
     }
-    let rms = (sum / count).map(f64::sqrt);
-    assert!((rms - DVec3::ONE).abs().max_element() < 0.1, "{rms} of {count} attitudes");
+    for sum in sums {
+        let rms = (sum / count).map(f64::sqrt);
+        assert!((rms - DVec3::ONE).abs().max_element() < 0.1, "{rms} of {count} attitudes");
+    }
+    assert!(differ > 0.2, "control: spatial errors follow the field by their own law: {differ}");
     // Fields without as many stars as it needs.
     let few = TrackerParams { limiting_mag: 7.0, fewest_stars: 200, most_stars: 300, ..camera.params };
     assert_eq!(StarNoise::new(&few, coarse_guide(), &light()).at(&random_attitude(&mut random)), None);
