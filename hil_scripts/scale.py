@@ -148,7 +148,7 @@ def windows(renderer, tiny):
     words = [str(BINARY), "run", str(ROOT / "configs/benches/loopback.toml"), "--quiet", "--sink", "null", "--control", "127.0.0.1:0"]
     for key, value in settings.items():
         words += ["--set", f"{key}={starloop_client.toml_value(value)}"]
-    program = starloop_client._Program(words, 60.0)
+    program = starloop_client.Program(words, 60.0)
     with Starloop(socket.create_connection(program.address, timeout=60.0), program, token=program.token) as loop:
         loop.camera(regions=regions, frame_rate_hz=rate_hz)
         until = time.monotonic() + seconds + 30.0

@@ -117,7 +117,7 @@ def mrp_of_wxyz(q_wxyz: Row) -> List[float]:
 class Starloop:
     """One run under control. Make it with `start` or `connect`; it is a context manager that ends the run."""
 
-    def __init__(self, connection: socket.socket, program: Optional[_Program] = None, *, token: Optional[str] = None):
+    def __init__(self, connection: socket.socket, program: Optional[Program] = None, *, token: Optional[str] = None):
         self._connection = connection
         self._lines = connection.makefile("rb")
         self._program = program
@@ -158,7 +158,7 @@ class Starloop:
             command += ["--seed", str(seed)]
         for key, value in (settings or {}).items():
             command += ["--set", f"{key}={toml_value(value)}"]
-        program = _Program(command + list(arguments), timeout_s)
+        program = Program(command + list(arguments), timeout_s)
         try:
             assert program.address is not None, "it listens"
             connection = socket.create_connection(program.address, timeout=timeout_s)
@@ -456,7 +456,7 @@ class Starloop:
         return ConnectionLost(f"{what}{'; the program said: ' + said if said else ''}")
 
 
-class _Program:
+class Program:
     """The program, its output drained so that it never waits for a reader."""
 
     def __init__(self, command: List[str], timeout_s: float):

@@ -227,7 +227,7 @@ class Rate(unittest.TestCase):
         }
         for key, value in settings.items():
             command += ["--set", f"{key}={starloop_client.toml_value(value)}"]
-        program = starloop_client._Program(command, 60.0)
+        program = starloop_client.Program(command, 60.0)
         connection = socket.create_connection(program.address, timeout=60.0)
         with Starloop(connection, program, token=program.token) as loop:
             if windows:

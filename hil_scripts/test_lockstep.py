@@ -193,7 +193,7 @@ class ControlOutside(unittest.TestCase):
         command = [BINARY, "run", str(ROOT / "configs/scenarios/acquisition.toml"), "--clock", "real", "--quiet"]
         command += ["--control", "127.0.0.1:0", "--set", "duration_s=20.0"]
         command += [word for key, value in SMALL.items() if key != "duration_s" for word in ("--set", f"{key}={value}")]
-        program = starloop_client._Program(command, 60.0)
+        program = starloop_client.Program(command, 60.0)
         connection = socket.create_connection(program.address, timeout=60.0)
         with Starloop(connection, program, token=program.token) as loop:
             self.assertEqual(loop.hello["clock"], "real")
