@@ -136,7 +136,10 @@ fn bounds_of_one_kernel_hold_and_their_median_is_known() {
         ratios.sort_by(f64::total_cmp);
         assert!(ratios.len() >= least, "only {} errors from {from_px:e} px on", ratios.len());
         let quantiles = [10, 50, 90].map(|q| ratios[(ratios.len() - 1) * q / 100]);
-        println!("errors from {from_px:e} px: {} kernels, bound / error at q10, q50, q90 {quantiles:.1?}", ratios.len());
+        println!(
+            "errors from {from_px:e} px: {} kernels, bound / error at q10, q50, q90 {quantiles:.1?}",
+            ratios.len()
+        );
         assert!(quantiles[1] < most, "errors from {from_px:e} px on: {quantiles:?}");
     }
     for (name, shares) in [("centroid", centroid), ("pixel", pixel)] {

@@ -62,6 +62,17 @@ fn station(number: u32) -> Rotation<Sensor, Icrf> {
     sensor_from_ra_dec_roll(0.37 * DEG * s, 0.9 * (0.011 * s).sin(), 0.004 * s)
 }
 
+/// Returns figures without any error.
+fn silent() -> ModelParams {
+    ModelParams {
+        bias_rad: DVec3::ZERO,
+        fov_spatial_rad: DVec3::ZERO,
+        pixel_spatial_rad: DVec3::ZERO,
+        noise_rad: DVec3::splat(1e-12),
+        ..figures()
+    }
+}
+
 fn terms(params: ModelParams, seed: u64) -> ErrorTerms {
     let mut model = TrackerModel::new(params, None, seed, at(0));
     let mut series = Vec::new();
@@ -114,14 +125,7 @@ fn a_figure_that_is_off_is_seen() {
 
 #[test]
 fn drift_grows_and_noise_follows_the_rate() {
-    let quiet = ModelParams {
-        bias_rad: DVec3::ZERO,
-        fov_spatial_rad: DVec3::ZERO,
-        pixel_spatial_rad: DVec3::ZERO,
-        noise_rad: DVec3::splat(1e-12),
-        drift_rad_h: DVec3::new(3.0, 0.0, -6.0) * ARCSEC,
-        ..figures()
-    };
+    let quiet = ModelParams { drift_rad_h: DVec3::new(3.0, 0.0, -6.0) * ARCSEC, ..silent() };
     let mut model = TrackerModel::new(quiet, None, 3, at(0));
     let truth = station(5);
     let Outcome::Solved(late) = model.measure(9, at(1_800_000), &truth, DVec3::ZERO) else { unreachable!() };
@@ -136,14 +140,7 @@ fn drift_grows_and_noise_follows_the_rate() {
 
 #[test]
 fn aberration_that_is_left_is_along_the_velocity_and_largest_across_it() {
-    let silent = ModelParams {
-        bias_rad: DVec3::ZERO,
-        fov_spatial_rad: DVec3::ZERO,
-        pixel_spatial_rad: DVec3::ZERO,
-        noise_rad: DVec3::splat(1e-12),
-        ..figures()
-    };
-    let params = ModelParams { aberration_residual_rad: 2.0 * ARCSEC, ..silent };
+    let params = ModelParams { aberration_residual_rad: 2.0 * ARCSEC, ..silent() };
     let velocity = earth_beta(at(0)).normalize();
     let mut largest = 0.0_f64;
     for number in 0..200 {
@@ -153,7 +150,7 @@ fn aberration_that_is_left_is_along_the_velocity_and_largest_across_it() {
             let Outcome::Solved(solution) = model.measure(1, at(0), &truth, DVec3::ZERO) else { unreachable!() };
             truth.rotation_vector_to(&solution.sensor_from_icrf) / ARCSEC
         };
-        assert!(error(silent).length() < 1e-4, "control: none");
+        assert!(error(silent()).length() < 1e-4, "control: none");
         let (error, boresight) = (error(params), truth.inverse().apply(DVec3::Z));
         // The attitude that sees the stars where aberration puts them: its boresight lags behind by so much.
         let wanted = 2.0 * boresight.angle_between(velocity).sin();
@@ -165,14 +162,7 @@ fn aberration_that_is_left_is_along_the_velocity_and_largest_across_it() {
 
 #[test]
 fn a_late_date_is_an_error_against_the_motion() {
-    let params = ModelParams {
-        bias_rad: DVec3::ZERO,
-        fov_spatial_rad: DVec3::ZERO,
-        pixel_spatial_rad: DVec3::ZERO,
-        noise_rad: DVec3::splat(1e-12),
-        date_error: Span::from_ms(20),
-        ..figures()
-    };
+    let params = ModelParams { date_error: Span::from_ms(20), ..silent() };
     let truth = station(5);
     let rate = DVec3::new(0.3, -0.2, 0.1) * DEG;
     let mut model = TrackerModel::new(params, None, 3, at(0));
