@@ -98,7 +98,7 @@ fn brief(numbers: &[f64]) -> String {
 
 #[test]
 fn bounds_hold_over_random_scenes() {
-    let Tally { accepted, split, mut centroid, mut pixel, broken } = tally(SCENES);
+    let Tally { accepted, split, mut centroid, mut pixel, broken, .. } = tally(SCENES);
     centroid.sort_by(f64::total_cmp);
     pixel.sort_by(f64::total_cmp);
     let quantiles = |sorted: &[f64]| [50, 90, 99, 100].map(|q| sorted[(sorted.len() - 1) * q / 100]);
