@@ -75,6 +75,7 @@ def problems(found):
         said += [f"real: counts differ of {real['frames']['counts_that_differ']}"] if real["frames"]["counts_that_differ"] else []
         said += [f"real: the memory is not flat but {real['memory']['verdict']}"] if real["memory"]["verdict"] != "flat" else []
         said += [f"real: {name} ended: {error}" for name, error in real["worker_errors"].items()]
+        said += [] if real["bus"]["seconds"] else ["real: the load of the bus was not measured: bus_*.log says why"]
     if day := found.get("virtual"):
         said += [f"virtual: lost {day['lost']}"] if day["lost"] else []
         said += [f"virtual: counts differ in legs {day['legs_whose_counts_differ']}"] if day["legs_whose_counts_differ"] else []

@@ -72,6 +72,8 @@ class Flight(unittest.TestCase):
         self.assertEqual(frames["counts_that_differ"], [])
         self.assertEqual(sum(frames["fates"].values()), round(SECONDS * 20.0))
         self.assertEqual(found["worker_errors"], {})
+        self.assertGreater(found["bus"]["seconds"], 0, "the load of the bus was measured")
+        self.assertGreater(found["bus"]["mean"], 0.5, "and it was filled")
         self.assertGreater(frames["recorder"]["recorded"], 0)
         self.assertGreater(frames["camera"]["received"], 0)
         self.assertGreater(found["monitor"]["pictures"], 0)
