@@ -305,7 +305,7 @@ class Filler:
 
     def __init__(self, bus, message, share, bit_rates):
         self.bus, self.message, self.share, self.bit_rates = bus, message, share, bit_rates
-        self.own_s, self.rate_hz, self.ended_by = fd_s(BACKGROUND_BYTES, False, *bit_rates), 0.0, ""
+        self.own_s, self.rate_hz, self.ended_by = fd_s(BACKGROUND_BYTES, message.is_extended_id, *bit_rates), 0.0, ""
         self.loads, self.sent, self.received = [], 0, 0
         self.begun = self.second = self.last = time.monotonic()
         self.busy_s, self.owed, self.own = 0.0, 0.0, 0
@@ -313,8 +313,8 @@ class Filler:
     def step(self):
         received = self.bus.recv(0.005)
         while received is not None:
-            length = len(received.data)
-            self.busy_s += fd_s(length, False, *self.bit_rates) if received.is_fd else classic_s(length, False, self.bit_rates[0])
+            size = (len(received.data), received.is_extended_id)
+            self.busy_s += fd_s(*size, *self.bit_rates) if received.is_fd else classic_s(*size, self.bit_rates[0])
             self.received += 1
             received = self.bus.recv(0.0)
         now = time.monotonic()

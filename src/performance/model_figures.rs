@@ -90,22 +90,26 @@ impl ModelFigures {
     /// # Errors
     /// With the first of them.
     pub fn check(&self) -> Result<()> {
-        let aberration = [self.aberration_residual_arcsec, 0.0, 0.0];
         let vectors = [
             ("bias_arcsec", self.bias_arcsec),
             ("drift_arcsec_per_h", self.drift_arcsec_per_h),
             ("fov_spatial_arcsec", self.fov_spatial_arcsec),
             ("pixel_spatial_arcsec", self.pixel_spatial_arcsec),
             ("noise_arcsec", self.noise_arcsec),
-            ("aberration_residual_arcsec", aberration),
         ];
         for (name, vector) in vectors {
             if !vector.iter().all(|value| value.abs() <= 1e5) {
                 bail!("tracker.model.{name}: got {vector:?}, wanted numbers up to 1e5");
             }
         }
-        if self.date_error_ms.is_nan() || self.date_error_ms.abs() > 1e3 {
-            bail!("tracker.model.date_error_ms: got {}, wanted -1000 to 1000", self.date_error_ms);
+        let signed = [
+            ("date_error_ms", self.date_error_ms, 1e3),
+            ("aberration_residual_arcsec", self.aberration_residual_arcsec, 1e5),
+        ];
+        for (name, got, most) in signed {
+            if got.is_nan() || got.abs() > most {
+                bail!("tracker.model.{name}: got {got}, wanted -{most} to {most}");
+            }
         }
         let ranges = [
             ("noise_arcsec_per_deg_s", self.noise_arcsec_per_deg_s, 1e5),

@@ -8,7 +8,7 @@ use crate::statistics::{Estimate, line, mean};
 use base::time::Tai;
 use base::units::ARCSEC;
 use glam::DVec3;
-use testbed::tracker::earth_beta;
+use testbed::tracker::{earth_beta, uncorrected_turn};
 
 const DATE: Kind = Kind {
     id: "measurement_date_error",
@@ -86,9 +86,7 @@ pub fn aberration_residual(cases: &[JudgedCase], confidence: f64) -> Vec<Metric>
 
 /// The error of a tracker that knows nothing of aberration, rad, about x and y of the sensor.
 fn uncorrected(frame: &Judged) -> DVec3 {
-    let beta = frame.truth.attitude * earth_beta(Tai::from_ns(frame.truth.mid_ns));
-    // Directions near the boresight move by beta across it; the frame that holds them fixed turns the other way.
-    DVec3::new(beta.y, -beta.x, 0.0)
+    uncorrected_turn(frame.truth.attitude * earth_beta(Tai::from_ns(frame.truth.mid_ns)))
 }
 
 /// Points of both axes across the boresight, without the mean of each axis. Errors of one attitude, or of a short

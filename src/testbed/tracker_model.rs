@@ -23,7 +23,9 @@
 //! and faults of stars (protons, bad pixels) are left out: the tracker on pixels has them. Tests: below.
 
 use crate::spacecraft::sun_direction_icrf;
-use crate::tracker::{ExposedLight, FieldNoise, Mode, Outcome, Reason, Solution, StarNoise, earth_beta};
+use crate::tracker::{
+    ExposedLight, FieldNoise, Mode, Outcome, Reason, Solution, StarNoise, earth_beta, uncorrected_turn,
+};
 use base::axes::{Icrf, Rotation, Sensor};
 use base::random::{Stage, counter, key, philox};
 use base::time::{Span, Tai};
@@ -227,7 +229,7 @@ impl TrackerModel {
         let drift = params.drift_rad_h * ((at - self.start).s() / HOUR_S);
         let fov = params.fov_spatial_rad * (field.spatial * spatial(&self.fov, truth));
         let pixel = params.pixel_spatial_rad * (field.spatial * spatial(&self.pixel, truth));
-        let aberration = params.aberration_residual_rad * displacement_by_aberration(at, truth);
+        let aberration = params.aberration_residual_rad * uncorrected_turn(truth.apply(earth_beta(at).normalize()));
         params.bias_rad + drift + fov + pixel + aberration + sigma_rad * (field.factor * DVec3::new(a, b, c))
     }
 
@@ -258,13 +260,6 @@ impl TrackerModel {
         let ([x, y], [z, w]) = (pair(a, b), pair(c, d));
         [x, y, z, w]
     }
-}
-
-/// Returns the error about x and y of an attitude that knows nothing of aberration, as a share of the largest one:
-/// directions near the boresight move with the Earth's velocity, and the frame that holds them fixed turns the other way.
-fn displacement_by_aberration(at: Tai, truth: &Rotation<Sensor, Icrf>) -> DVec3 {
-    let direction = truth.apply(earth_beta(at).normalize());
-    DVec3::new(direction.y, -direction.x, 0.0)
 }
 
 /// Returns the covariance of noise of these figures, turned by a field's factor.

@@ -26,6 +26,13 @@ pub fn apparent(direction: DVec3, beta: DVec3) -> DVec3 {
     (sum / (1.0 + along)).normalize()
 }
 
+/// Returns the error, about x and y of the sensor, of an attitude that knows nothing of aberration; `beta` in sensor axes.
+/// Directions near the boresight move by `beta` across it, and the frame that holds them fixed turns the other way.
+#[must_use]
+pub fn uncorrected_turn(beta: DVec3) -> DVec3 {
+    DVec3::new(beta.y, -beta.x, 0.0)
+}
+
 /// Returns the velocity of the Earth's centre about the Sun over the speed of light, ICRF axes; error below 0.1 arcsec
 /// (5e-7).
 #[must_use]

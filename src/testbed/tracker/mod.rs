@@ -34,7 +34,7 @@ mod star_noise;
 mod track;
 mod wahba;
 
-pub use aberration::{apparent, earth_beta};
+pub use aberration::{apparent, earth_beta, uncorrected_turn};
 pub use adjust::MatchedStar;
 pub use centroid::Spot;
 pub use command::{CameraOrders, CameraWish, Exposed};

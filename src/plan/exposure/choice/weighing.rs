@@ -55,7 +55,10 @@ impl Chooser {
                 (Some((MethodName::EffectivePsf | MethodName::ZonalPsf, None)), MethodName::Samples) => false,
                 (Some((wanted, _)), _) => wanted != name,
                 (None, MethodName::Segments) => listed,
-                (None, MethodName::ZonalPsf) => is_enough(self),
+                // The last one weighed is one kernel: where it is enough, or cannot be made, several are not wanted.
+                (None, MethodName::ZonalPsf) => {
+                    is_enough(self) || self.weighed.last().is_some_and(|one| one.verdict.is_some())
+                }
                 (None, _) => false,
             };
             if needless && !self.is_thorough {
@@ -238,10 +241,6 @@ impl Chooser {
     /// Weighs grids of zones, coarse to fine, until one is fine enough for the brightest star.
     fn weigh_zones(&mut self, nodes: usize, motion: &Motion, brightest_e: f64, probes: &Probes) {
         let one = Method::EffectivePsf { nodes };
-        // Where one kernel cannot be made, no more can: their errors are worth the work in reports alone.
-        if !self.is_thorough && !self.is_fixed() && self.kernel_verdict(one, probes).is_some() {
-            return;
-        }
         self.fill_lists(one, motion, probes);
         let rolling = self.instrument.shutter != Shutter::Global;
         let lists = if rolling { &self.lists[..] } else { &self.lists[..1] };
