@@ -25,6 +25,7 @@ use starloop_image::render::Backend;
 use starloop_image::render::cpu::Cpu;
 use starloop_image::render::gpu::Gpu;
 use starloop_image::render::reference::Reference;
+use std::time::{Duration, Instant};
 
 /// Motion of a scene during the exposure.
 #[derive(Clone, Copy)]
@@ -194,7 +195,7 @@ fn cpu(c: &mut Criterion) {
     group.finish();
 }
 
-/// Measures the GPU, whichever is installed; drawing is waited for.
+/// Measures the GPU, whichever is installed; drawing is waited for. "prepare and hand over" is the host's share of drawing.
 fn gpu(c: &mut Criterion) {
     let device = match GpuDevice::open(&AdapterChoice::Best) {
         Ok(device) => device,
@@ -216,8 +217,27 @@ fn gpu(c: &mut Criterion) {
                 device.wait().expect("finishes");
             });
         });
-        let chosen = planner.latest().chosen;
-        println!("{}: {}, predicted {:.3} ms", scene.name, chosen.method, chosen.cost_ms);
+        let plan = planner.plan(&sources).clone();
+        println!("{}: {}, predicted {:.3} ms", scene.name, plan.chosen.method, plan.chosen.cost_ms);
+        group.bench_function(BenchmarkId::new("plan", scene.name), |b| b.iter(|| planner.plan(&sources).stars.len()));
+        group.bench_function(BenchmarkId::new("draw", scene.name), |b| {
+            b.iter(|| {
+                backend.render(&plan).expect("draws");
+                device.wait().expect("finishes");
+            });
+        });
+        group.bench_function(BenchmarkId::new("prepare and hand over", scene.name), |b| {
+            b.iter_custom(|rounds| {
+                let mut host = Duration::ZERO;
+                for _ in 0..rounds {
+                    let begin = Instant::now();
+                    backend.render(&plan).expect("draws");
+                    host += begin.elapsed();
+                    device.wait().expect("finishes");
+                }
+                host
+            });
+        });
     }
     group.finish();
 }

@@ -3,6 +3,7 @@
 use crate::gpu::device::GpuDevice;
 use crate::gpu::error::GpuError;
 use bytemuck::Pod;
+use core::num::NonZeroU64;
 use wgpu::BufferUsages;
 
 /// A buffer that can grow.
@@ -60,10 +61,29 @@ impl GrowableBuffer {
     /// # Errors
     /// When the device takes no buffer of this size.
     pub fn write<T: Pod>(&mut self, gpu: &GpuDevice, values: &[T]) -> Result<bool, GpuError> {
-        let bytes: &[u8] = bytemuck::cast_slice(values);
-        let grew = self.reserve(gpu, bytes.len() as u64)?;
-        if !bytes.is_empty() {
-            gpu.queue().write_buffer(&self.buffer, 0, bytes);
+        self.write_slices(gpu, core::iter::once(values))
+    }
+
+    /// Writes slices one behind the other from the start, in a larger buffer if necessary, and returns true when the buffer
+    /// is a new one.
+    ///
+    /// # Errors
+    /// When the device takes no buffer of this size.
+    pub fn write_slices<'a, T: Pod>(
+        &mut self,
+        gpu: &GpuDevice,
+        slices: impl Iterator<Item = &'a [T]> + Clone,
+    ) -> Result<bool, GpuError> {
+        let bytes: u64 = slices.clone().map(|slice| size_of_val(slice) as u64).sum();
+        let grew = self.reserve(gpu, bytes)?;
+        let view = NonZeroU64::new(bytes).and_then(|bytes| gpu.queue().write_buffer_with(&self.buffer, 0, bytes));
+        if let Some(mut view) = view {
+            let mut first = 0;
+            for slice in slices {
+                let end = first + size_of_val(slice);
+                view.slice(first..end).copy_from_slice(bytemuck::cast_slice(slice));
+                first = end;
+            }
         }
         Ok(grew)
     }

@@ -13,6 +13,7 @@
 //! half a unit (3e-5 e-) per star and pixel. `tests/gpu` holds all of this.
 
 pub mod brighter;
+mod chunks;
 pub mod scale;
 mod stars;
 
@@ -27,18 +28,14 @@ use crate::render::table::{Form, PsfTable};
 use crate::render::{Backend, RenderError, check_kernel, check_sampling};
 use base::image::Image;
 use bytemuck::{Pod, Zeroable};
+use chunks::Chunks;
 use core::ops::Range;
 use plan::exposure::ExposurePlan;
-use scale::TileBounds;
-use stars::{NodeRecord, Source, StarRecord, fill_nodes, fill_stars};
+use stars::{NodeRecord, Source, StarRecord, fill_nodes};
 use std::sync::Arc;
 
 /// Widest footprint that is drawn analytically; wider Gaussians come from a table, whose cost per pixel is lower.
 const ANALYTIC_HALF_PX: usize = 15;
-/// Block of one invocation of the splat pass.
-const SPLAT_BLOCK_PX: [usize; 2] = [16, 8];
-/// Block of one invocation of the table pass.
-const TABLE_BLOCK_PX: [usize; 2] = [8, 1];
 /// Stars on the device at a time; those beyond follow in further blocks: 80 MiB, which every device takes.
 const MOST_STARS_A_BLOCK: usize = 1 << 20;
 /// Nodes one invocation takes: enough work to hide its set-up, and long paths spread over the device.
@@ -81,10 +78,9 @@ pub struct Gpu {
     resources: Resources,
     image: DeviceElectrons,
     readback: Option<ReadbackRing>,
-    stars: Vec<StarRecord>,
+    stars: Chunks,
     stars_a_block: usize,
     nodes: Vec<NodeRecord>,
-    bounds: TileBounds,
     tables: PlanTables,
     /// The first layers of the texture hold the PSF's own tables.
     bases_are_loaded: bool,
@@ -100,10 +96,9 @@ impl Gpu {
             resources: Resources::new(&gpu)?,
             image: DeviceElectrons::new(&gpu, width_px, height_px)?,
             readback: None,
-            stars: Vec::new(),
+            stars: Chunks::new([width_px, height_px]),
             stars_a_block: MOST_STARS_A_BLOCK,
             nodes: Vec::new(),
-            bounds: TileBounds::new([width_px, height_px]),
             tables: PlanTables::new(ANALYTIC_HALF_PX, Form::Images),
             bases_are_loaded: false,
             gpu,
@@ -178,28 +173,11 @@ impl Gpu {
     /// Returns the number of nodes that one invocation takes.
     fn nodes_per_slice(&self) -> usize {
         let most_slices = (MOST_ADDITIONS / self.stars.len().max(1)).clamp(1, MOST_WORKGROUPS as usize);
-        self.most_nodes().div_ceil(most_slices).max(NODES_PER_SLICE)
+        self.stars.most_nodes().div_ceil(most_slices).max(NODES_PER_SLICE)
     }
 
-    /// Returns the number of nodes of the longest list of any star.
-    fn most_nodes(&self) -> usize {
-        self.stars.iter().map(|star| star.nodes as usize).max().unwrap_or(1)
-    }
-
-    /// Returns the scale of the frame when no pixel of a star receives more than `peak` of its electrons.
-    fn choose_scale(&mut self, peak: f64, slices: usize) -> f32 {
-        self.bounds.clear();
-        for star in &self.stars {
-            self.bounds.add(star.box_px(), f64::from(star.electrons.abs()) * peak);
-        }
-        self.bounds.scale((self.stars.len() * slices) as f64)
-    }
-
-    #[allow(clippy::cast_possible_truncation, reason = "a block has fewer than 2^32 stars")]
-    fn submit(&mut self, plan: &ExposurePlan) -> Result<(), GpuError> {
-        self.prepare_tables(plan)?;
-        let size = [self.image.width(), self.image.height()];
-        fill_nodes(plan, &mut self.nodes);
+    /// Prepares the stars of a plan whose tables are prepared.
+    fn fill_stars(&mut self, plan: &ExposurePlan) {
         let (tables, bases) = (&self.tables, self.tables.bases(plan));
         let source = |list: usize| match tables.kernel_of(list).and_then(|i| tables.kernels().get(i).map(|k| (i, k))) {
             Some((i, kernel)) => Source { layer: u32::try_from(first_kernel(plan) + i).ok(), half_px: kernel.half_px },
@@ -208,13 +186,19 @@ impl Gpu {
                 Source { layer, half_px: [plan.half_px; 2] }
             }
         };
-        let analytic = fill_stars(plan, source, size, &mut self.stars);
         let own = if bases.is_empty() { plan.psf.peak() } else { 0.0 };
-        let tabled = bases.iter().chain(self.tables.kernels());
-        let peak = tabled.map(largest_coefficient).fold(own, f64::max);
+        let peak = bases.iter().chain(tables.kernels()).map(largest_coefficient).fold(own, f64::max);
+        self.stars.fill(plan, source, peak);
+    }
+
+    #[allow(clippy::cast_possible_truncation, reason = "a block has fewer than 2^32 stars")]
+    fn submit(&mut self, plan: &ExposurePlan) -> Result<(), GpuError> {
+        self.prepare_tables(plan)?;
+        fill_nodes(plan, &mut self.nodes);
+        self.fill_stars(plan);
         let nodes_per_slice = self.nodes_per_slice();
-        let slices = self.most_nodes().div_ceil(nodes_per_slice);
-        let scale = self.choose_scale(peak, slices);
+        let slices = self.stars.most_nodes().div_ceil(nodes_per_slice);
+        let scale = self.stars.scale(slices);
         let params = self.params(plan, nodes_per_slice, scale);
         let slices = u32::try_from(slices).unwrap_or(MOST_WORKGROUPS);
         let mut encoder = self.gpu.encoder("draw");
@@ -223,7 +207,7 @@ impl Gpu {
         let mut first = 0;
         loop {
             let end = self.stars.len().min(first + self.stars_a_block);
-            let analytic = analytic.clamp(first, end) - first;
+            let analytic = self.stars.analytic().clamp(first, end) - first;
             let params = FrameParams { stars: (end - first) as u32, analytic: analytic as u32, ..params };
             self.record_block(first..end, &params, slices, &mut encoder)?;
             self.gpu.submit(encoder)?;
@@ -244,10 +228,13 @@ impl Gpu {
         encoder: &mut wgpu::CommandEncoder,
     ) -> Result<(), GpuError> {
         let Self { gpu, resources, image, stars: all, .. } = self;
-        let stars = &all[stars];
-        let (splat, tabulated) = stars.split_at(params.analytic as usize);
-        let [splat, tabulated] = [workgroups(splat, SPLAT_BLOCK_PX), workgroups(tabulated, TABLE_BLOCK_PX)];
-        resources.write(gpu, params, stars)?;
+        resources.params.write(gpu, core::slice::from_ref(params))?;
+        if all.write(gpu, stars, &mut resources.stars)? {
+            resources.groups = None;
+        }
+        let [splat, tabulated] = all.most_blocks();
+        let splat = workgroups(params.analytic, splat);
+        let tabulated = workgroups(params.stars - params.analytic, tabulated);
         let [splat_group, table_group] = resources.bind(gpu, image.buffer());
         for (pass, group, [x, y]) in
             [(&resources.splat, splat_group, splat), (&resources.tabulated, table_group, tabulated)]
@@ -292,15 +279,10 @@ fn readback<'a>(
     }
 }
 
-/// Workgroups along x (stars) and y (parts of the largest box).
+/// Returns workgroups along x (stars) and y (blocks of the largest box).
 #[allow(clippy::cast_possible_truncation, reason = "clamped first")]
-fn workgroups(stars: &[StarRecord], [block_columns, block_rows]: [usize; 2]) -> [u32; 2] {
-    let parts = |star: &StarRecord| {
-        let (_, [columns, rows]) = star.box_px();
-        columns.div_ceil(block_columns) * rows.div_ceil(block_rows)
-    };
-    let most_parts = stars.iter().map(parts).max().unwrap_or(0).min(MOST_BLOCK_GROUPS);
-    [stars.len().div_ceil(WORKGROUP as usize) as u32, most_parts as u32]
+fn workgroups(stars: u32, most_blocks: usize) -> [u32; 2] {
+    [stars.div_ceil(WORKGROUP), most_blocks.min(MOST_BLOCK_GROUPS) as u32]
 }
 
 /// Texels along x and y of a table on the device.
@@ -359,14 +341,6 @@ impl Resources {
             }
         }
         self.table.write(gpu, layer, (phases - 3) * columns, &self.texels);
-    }
-
-    fn write(&mut self, gpu: &GpuDevice, params: &FrameParams, stars: &[StarRecord]) -> Result<(), GpuError> {
-        self.params.write(gpu, core::slice::from_ref(params))?;
-        if self.stars.write(gpu, stars)? {
-            self.groups = None;
-        }
-        Ok(())
     }
 
     fn write_nodes(&mut self, gpu: &GpuDevice, nodes: &[NodeRecord]) -> Result<(), GpuError> {

@@ -39,6 +39,11 @@ impl TileBounds {
         }
     }
 
+    /// Adds the stars of another image of the same size.
+    pub(super) fn join(&mut self, other: &Self) {
+        self.tiles.iter_mut().zip(&other.tiles).for_each(|(tile, more_e)| *tile += more_e);
+    }
+
     /// Returns the scale when any pixel receives at most `additions` additions.
     pub(super) fn scale(&self, additions: f64) -> f32 {
         let most_e = self.tiles.iter().copied().fold(0.0, f64::max) * (1.0 + ROUNDING_SHARE);

@@ -70,30 +70,10 @@ pub(super) fn fill_nodes(plan: &ExposurePlan, nodes: &mut Vec<NodeRecord>) {
     nodes.extend(plan.nodes.iter().map(NodeRecord::new));
 }
 
-/// Returns stars of a plan that touch an image of `size` px, those without a table layer first; how many those are.
-pub(super) fn fill_stars(
-    plan: &ExposurePlan,
-    source: impl Fn(usize) -> Source,
-    size: [usize; 2],
-    stars: &mut Vec<StarRecord>,
-) -> usize {
-    stars.clear();
-    let of_kind = |analytic: bool, stars: &mut Vec<StarRecord>| {
-        let parts = plan.stars.iter().flat_map(|star| plan.parts(star).map(move |part| (star, part)));
-        let members = parts.filter_map(|(star, (list, share))| {
-            let source = source(list);
-            if source.layer.is_none() == analytic { record(plan, star, (list, share), source, size) } else { None }
-        });
-        stars.extend(members);
-    };
-    of_kind(true, stars);
-    let analytic = stars.len();
-    of_kind(false, stars);
-    analytic
-}
-
+/// Returns a star as a list draws it, with its share of the light; `None` where it does not reach an image of `size` px.
 #[allow(clippy::cast_possible_truncation, reason = "the planner keeps positions within a few detectors of the origin")]
-fn record(
+#[inline(always)]
+pub(super) fn record(
     plan: &ExposurePlan,
     star: &PlannedStar,
     (list, share): (usize, f64),
@@ -101,9 +81,9 @@ fn record(
     size: [usize; 2],
 ) -> Option<StarRecord> {
     let list = plan.lists.get(list)?;
-    let track = StarTrack::new(&plan.camera, star.place);
-    let by_nodes = matches!(list.drawing, Drawing::Nodes);
-    let px = if by_nodes { plan.origin_px(star, &track) } else { star.mean_px };
+    let track = matches!(list.drawing, Drawing::Nodes).then(|| StarTrack::new(&plan.camera, star.place));
+    let by_nodes = track.is_some();
+    let px = track.map_or(star.mean_px, |track| plan.origin_px(star, &track));
     let whole = px.map(|v| (v + 0.5).floor());
     let path = if by_nodes { plan.extent_px.ceil() as i64 + SLACK_PX } else { 0 };
     let mut start = [0; 2];
@@ -117,7 +97,9 @@ fn record(
         box_size |= u32::from(u16::try_from(last - first + 1).ok().filter(|n| *n > 0)?) << (16 * axis);
     }
     let (first_node, nodes) = if by_nodes { node_range(list) } else { (0, 1) };
-    let [[xu, xv], [yu, yv]] = track.px_per_tangent.map(|row| row.map(|v| v as f32));
+    // The node of a star that is drawn once does not turn: it needs no track.
+    let [[xu, xv], [yu, yv]] =
+        track.map_or([[0.0; 2]; 2], |track| track.px_per_tangent.map(|row| row.map(|v| v as f32)));
     Some(StarRecord {
         origin: whole.map(|v| v as i32),
         fraction: [(px[0] - whole[0]) as f32, (px[1] - whole[1]) as f32],
@@ -126,7 +108,7 @@ fn record(
         electrons: (share * star.drawn_e) as f32,
         px_per_tangent: [xu, xv, yu, yv],
         tangent: star.place.tangent.to_array().map(|v| v as f32),
-        from_principal_px: track.from_principal_px.map(|v| v as f32),
+        from_principal_px: track.map_or([0.0; 2], |track| track.from_principal_px.map(|v| v as f32)),
         first_node,
         nodes,
         layer: source.layer.unwrap_or(0),

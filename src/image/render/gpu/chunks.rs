@@ -1,0 +1,193 @@
+//! All stars of a frame as the device takes them, prepared in chunks on all cores.
+//!
+//! Chunks depend on the number of stars alone, and sums over them are taken in their order: the image is the same whatever
+//! the number of threads. Stars without a table layer come first: the pass that draws them takes the first of a block.
+
+use crate::gpu::GpuError;
+use crate::gpu::buffers::GrowableBuffer;
+use crate::gpu::device::GpuDevice;
+use crate::render::gpu::scale::TileBounds;
+use crate::render::gpu::stars::{Source, StarRecord, record};
+use core::ops::Range;
+use plan::exposure::{ExposurePlan, PlannedStar};
+use pulp::{Arch, NullaryFnOnce};
+use rayon::prelude::*;
+
+/// Chunks at most.
+const MOST_CHUNKS: usize = 16;
+/// Stars of a chunk at least: fewer are not worth a thread.
+const LEAST_STARS: usize = 1024;
+/// Block of one invocation of the splat pass.
+const SPLAT_BLOCK_PX: [usize; 2] = [16, 8];
+/// Block of one invocation of the table pass.
+const TABLE_BLOCK_PX: [usize; 2] = [8, 1];
+
+/// Stars that one pass draws.
+#[derive(Debug, Default)]
+struct Group {
+    stars: Vec<StarRecord>,
+    /// Blocks of the largest box.
+    most_blocks: usize,
+}
+
+/// The stars that one thread prepared.
+#[derive(Debug)]
+struct Chunk {
+    analytic: Group,
+    tabled: Group,
+    bounds: TileBounds,
+    most_nodes: usize,
+}
+
+/// The stars of a frame.
+#[derive(Debug)]
+pub(super) struct Chunks {
+    arch: Arch,
+    size: [usize; 2],
+    chunks: Vec<Chunk>,
+    used: usize,
+    bounds: TileBounds,
+}
+
+impl Group {
+    #[inline(always)]
+    fn push(&mut self, star: StarRecord, [block_columns, block_rows]: [usize; 2]) {
+        let (_, [columns, rows]) = star.box_px();
+        self.most_blocks = self.most_blocks.max(columns.div_ceil(block_columns) * rows.div_ceil(block_rows));
+        self.stars.push(star);
+    }
+
+    fn clear(&mut self) {
+        self.stars.clear();
+        self.most_blocks = 0;
+    }
+}
+
+impl Chunk {
+    fn new(size: [usize; 2]) -> Self {
+        let [analytic, tabled] = core::array::from_fn(|_| Group::default());
+        Self { analytic, tabled, bounds: TileBounds::new(size), most_nodes: 1 }
+    }
+
+    fn clear(&mut self) {
+        self.analytic.clear();
+        self.tabled.clear();
+        self.bounds.clear();
+        self.most_nodes = 1;
+    }
+}
+
+impl Chunks {
+    /// Returns no stars, for an image of this size.
+    pub(super) fn new(size: [usize; 2]) -> Self {
+        Self { arch: Arch::new(), size, chunks: Vec::new(), used: 0, bounds: TileBounds::new(size) }
+    }
+
+    /// Takes the stars of a plan that touch the image. `source`: the image of the stars of a list; `peak`: the largest
+    /// share of a star's electrons that any pixel receives.
+    pub(super) fn fill(&mut self, plan: &ExposurePlan, source: impl Fn(usize) -> Source + Sync, peak: f64) {
+        let Self { arch, size, chunks, used, bounds } = self;
+        let stars_a_chunk = plan.stars.len().div_ceil(MOST_CHUNKS).max(LEAST_STARS);
+        *used = plan.stars.len().div_ceil(stars_a_chunk);
+        if chunks.len() < *used {
+            chunks.resize_with(*used, || Chunk::new(*size));
+        }
+        let (chunks, size) = (&mut chunks[..*used], *size);
+        let fill = |(chunk, stars): (&mut Chunk, &[PlannedStar])| {
+            arch.dispatch(FillChunk { plan, stars, source: &source, peak, size, chunk });
+        };
+        match &mut *chunks {
+            [] => {}
+            [chunk] => fill((chunk, &plan.stars)),
+            chunks => chunks.par_iter_mut().zip(plan.stars.par_chunks(stars_a_chunk)).for_each(fill),
+        }
+        bounds.clear();
+        chunks.iter().for_each(|chunk| bounds.join(&chunk.bounds));
+    }
+
+    /// Returns the number of stars.
+    pub(super) fn len(&self) -> usize {
+        self.groups().map(|group| group.stars.len()).sum()
+    }
+
+    /// Returns the number of stars that are drawn analytically.
+    pub(super) fn analytic(&self) -> usize {
+        self.used().iter().map(|chunk| chunk.analytic.stars.len()).sum()
+    }
+
+    /// Returns the number of nodes of the longest list of any star, at least one.
+    pub(super) fn most_nodes(&self) -> usize {
+        self.used().iter().map(|chunk| chunk.most_nodes).max().unwrap_or(1)
+    }
+
+    /// Returns the blocks of the largest box: of stars that are drawn analytically, and of the others.
+    pub(super) fn most_blocks(&self) -> [usize; 2] {
+        let most = |group: fn(&Chunk) -> &Group| self.used().iter().map(|chunk| group(chunk).most_blocks).max();
+        [most(|chunk| &chunk.analytic), most(|chunk| &chunk.tabled)].map(Option::unwrap_or_default)
+    }
+
+    /// Returns the largest scale of the sums when a star is added in up to `slices` parts.
+    pub(super) fn scale(&self, slices: usize) -> f32 {
+        self.bounds.scale((self.len() * slices) as f64)
+    }
+
+    /// Writes some of the stars to the start of a buffer and returns true when the buffer is a new one.
+    ///
+    /// # Errors
+    /// When the device takes no buffer of this size.
+    pub(super) fn write(
+        &self,
+        gpu: &GpuDevice,
+        stars: Range<usize>,
+        to: &mut GrowableBuffer,
+    ) -> Result<bool, GpuError> {
+        let mut first = 0;
+        let slices = self.groups().map(move |group| {
+            let (begin, end) = (first, first + group.stars.len());
+            first = end;
+            &group.stars[stars.start.clamp(begin, end) - begin..stars.end.clamp(begin, end) - begin]
+        });
+        to.write_slices(gpu, slices)
+    }
+
+    fn used(&self) -> &[Chunk] {
+        &self.chunks[..self.used]
+    }
+
+    /// Returns the groups in the order of the device.
+    fn groups(&self) -> impl Iterator<Item = &Group> + Clone {
+        let used = self.used();
+        used.iter().map(|chunk| &chunk.analytic).chain(used.iter().map(|chunk| &chunk.tabled))
+    }
+}
+
+/// One chunk's work, in the shape `pulp` compiles once per vector level.
+struct FillChunk<'a, S> {
+    plan: &'a ExposurePlan,
+    stars: &'a [PlannedStar],
+    source: &'a S,
+    peak: f64,
+    size: [usize; 2],
+    chunk: &'a mut Chunk,
+}
+
+impl<S: Fn(usize) -> Source> NullaryFnOnce for FillChunk<'_, S> {
+    type Output = ();
+    #[inline(always)]
+    fn call(self) {
+        let Self { plan, stars, source, peak, size, chunk } = self;
+        chunk.clear();
+        for star in stars {
+            for part in plan.parts(star) {
+                let source = source(part.0);
+                let Some(record) = record(plan, star, part, source, size) else { continue };
+                chunk.bounds.add(record.box_px(), f64::from(record.electrons.abs()) * peak);
+                chunk.most_nodes = chunk.most_nodes.max(record.nodes as usize);
+                match source.layer {
+                    None => chunk.analytic.push(record, SPLAT_BLOCK_PX),
+                    Some(_) => chunk.tabled.push(record, TABLE_BLOCK_PX),
+                }
+            }
+        }
+    }
+}
