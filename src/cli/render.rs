@@ -87,8 +87,8 @@ pub struct RenderArgs {
     /// Backend
     #[arg(long, value_enum, default_value_t = BackendName::Auto)]
     backend: BackendName,
-    /// Method for motion: auto, static, gaussian, gauss-legendre[:N], segments[:N], samples[:N], effective-psf[:N],
-    /// zonal-psf[:N]
+    /// Method for motion: auto, static, gaussian, gauss-legendre[:N], segments[:N], corners[:N], samples[:N],
+    /// effective-psf[:N], zonal-psf[:N]
     #[arg(long, value_name = "NAME", default_value = "auto")]
     method: MethodChoice,
     /// Seed of the sensor: its fixed patterns and the places of its defects (default: 1, or that of --bench)

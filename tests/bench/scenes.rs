@@ -10,6 +10,7 @@
 
 use base::accuracy::AccuracyBudget;
 use base::axes::Rotation;
+use base::clock::Stopwatch;
 use base::random::philox;
 use base::time::Tai;
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
@@ -25,7 +26,7 @@ use starloop_image::render::Backend;
 use starloop_image::render::cpu::Cpu;
 use starloop_image::render::gpu::Gpu;
 use starloop_image::render::reference::Reference;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Motion of a scene during the exposure.
 #[derive(Clone, Copy)]
@@ -230,9 +231,9 @@ fn gpu(c: &mut Criterion) {
             b.iter_custom(|rounds| {
                 let mut host = Duration::ZERO;
                 for _ in 0..rounds {
-                    let begin = Instant::now();
+                    let mut watch = Stopwatch::start();
                     backend.render(&plan).expect("draws");
-                    host += begin.elapsed();
+                    host += Duration::from_secs_f64(watch.lap().s());
                     device.wait().expect("finishes");
                 }
                 host

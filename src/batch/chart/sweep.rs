@@ -18,11 +18,12 @@ const SPEED_EFFORT: usize = 4;
 /// A method with its parameters.
 type Trial = (MethodName, &'static [Option<usize>]);
 
-const WHOLE: [Trial; 7] = [
+const WHOLE: [Trial; 8] = [
     (MethodName::Static, &[None]),
     (MethodName::Gaussian, &[None]),
     (MethodName::GaussLegendre, &[Some(2), Some(4), Some(8), Some(16), Some(32), Some(64)]),
     (MethodName::Segments, &[Some(1), Some(4), Some(16), Some(64), Some(256)]),
+    (MethodName::Corners, &[None, Some(2), Some(4), Some(8)]),
     (
         MethodName::Samples,
         &[Some(4), Some(8), Some(16), Some(32), Some(64), Some(128), Some(256), Some(512), Some(1024)],
@@ -30,11 +31,12 @@ const WHOLE: [Trial; 7] = [
     (MethodName::EffectivePsf, &[None, Some(16), Some(64), Some(256), Some(1024)]),
     (MethodName::ZonalPsf, &[None, Some(16), Some(64), Some(256)]),
 ];
-const QUICK: [Trial; 7] = [
+const QUICK: [Trial; 8] = [
     (MethodName::Static, &[None]),
     (MethodName::Gaussian, &[None]),
     (MethodName::GaussLegendre, &[Some(4), Some(8), Some(16)]),
     (MethodName::Segments, &[Some(4), Some(16), Some(64)]),
+    (MethodName::Corners, &[None, Some(4)]),
     (MethodName::Samples, &[Some(4), Some(16), Some(64), Some(256)]),
     (MethodName::EffectivePsf, &[None, Some(64)]),
     (MethodName::ZonalPsf, &[None]),

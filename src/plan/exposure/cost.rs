@@ -194,6 +194,7 @@ pub fn kernel_count(method: Method, psf: &PsfModel) -> usize {
         | Method::Gaussian
         | Method::GaussLegendre { .. }
         | Method::Segments { .. }
+        | Method::Corners { .. }
         | Method::Samples { .. }
         | Method::EffectivePsf { .. } => method.kernels() * psf.nodes().len(),
     }

@@ -122,9 +122,9 @@ mod tests {
             (1 << 20, Method::Samples { nodes: 2 }, 20),
             (1 << 20, Method::Samples { nodes: 16 }, 5_000),
             (1 << 20, Method::Samples { nodes: 64 }, 5_000),
-            (1 << 20, Method::EffectivePsf { nodes: 16 }, 16),
-            (1 << 20, Method::EffectivePsf { nodes: 256 }, 16),
-            (1 << 20, Method::EffectivePsf { nodes: 16 }, 20_000),
+            (1 << 20, Method::EffectivePsf { nodes: 16, stretches: 0 }, 16),
+            (1 << 20, Method::EffectivePsf { nodes: 256, stretches: 0 }, 16),
+            (1 << 20, Method::EffectivePsf { nodes: 16, stretches: 0 }, 20_000),
         ];
         let timing = |(pixels, method, stars)| {
             let load = Load { psf, half_px: 5, extent_px: 1.5, stars, moves: method != Method::Static };

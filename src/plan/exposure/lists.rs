@@ -67,6 +67,7 @@ pub fn fill(plan: &mut ExposurePlan, probes: &Probes, camera: &CameraGeometry, b
             | Method::Gaussian
             | Method::GaussLegendre { .. }
             | Method::Segments { .. }
+            | Method::Corners { .. }
             | Method::Samples { .. }
             | Method::EffectivePsf { .. } => {
                 let bands = bands.max(1);
@@ -132,9 +133,11 @@ fn push_band(
         Method::Gaussian | Method::EffectivePsf { .. } => {
             probes.centre().map_or(Drawing::Nodes, |centre| Drawing::Kernel(centre.track))
         }
-        Method::GaussLegendre { .. } | Method::Segments { .. } | Method::Samples { .. } | Method::ZonalPsf { .. } => {
-            Drawing::Nodes
-        }
+        Method::GaussLegendre { .. }
+        | Method::Segments { .. }
+        | Method::Corners { .. }
+        | Method::Samples { .. }
+        | Method::ZonalPsf { .. } => Drawing::Nodes,
     };
     push_list(plan, probes, first, drawing);
 }
@@ -186,10 +189,14 @@ pub fn fill_nodes(motion: &Motion, method: Method, delay_s: f64, probes: &Probes
         Method::Segments { segments, per_segment } => {
             nodes::segments(motion, segments, per_segment, delay_s, &mean, out);
         }
-        Method::EffectivePsf { nodes } | Method::ZonalPsf { nodes, .. } if motion.is_smooth() => {
+        Method::Corners { per_stretch, .. } => nodes::between_corners(motion, per_stretch, delay_s, &mean, out),
+        Method::EffectivePsf { nodes, .. } | Method::ZonalPsf { nodes, .. } if motion.is_smooth() => {
             nodes::gauss_legendre_in_time(motion, nodes, delay_s, out);
         }
-        Method::EffectivePsf { nodes } | Method::Samples { nodes } | Method::ZonalPsf { nodes, .. } => {
+        Method::EffectivePsf { nodes, stretches } | Method::ZonalPsf { nodes, stretches, .. } if stretches > 0 => {
+            nodes::between_corners(motion, nodes / stretches, delay_s, &mean, out);
+        }
+        Method::EffectivePsf { nodes, .. } | Method::Samples { nodes } | Method::ZonalPsf { nodes, .. } => {
             nodes::samples(motion, nodes, delay_s, &mean, out);
         }
     }

@@ -22,6 +22,14 @@ pub enum Method {
         /// Number of Gauss-Legendre nodes along each segment.
         per_segment: usize,
     },
+    /// Gauss-Legendre nodes in time between the corners of a path, per star. Domain: jitter or a path given by few points,
+    /// smooth in between.
+    Corners {
+        /// Number of stretches between corners.
+        stretches: usize,
+        /// Number of Gauss-Legendre nodes of each stretch.
+        per_stretch: usize,
+    },
     /// Samples in time, per star. Domain: any path, if there are enough of them.
     Samples {
         /// Number of nodes.
@@ -31,6 +39,9 @@ pub enum Method {
     EffectivePsf {
         /// Number of nodes from which the kernel is built.
         nodes: usize,
+        /// Number of stretches between the path's corners that share the nodes, as in [`Self::Corners`]; 0: the nodes are
+        /// those of [`Self::Samples`], or of [`Self::GaussLegendre`] where motion is smooth.
+        stretches: usize,
     },
     /// PSF convolved with the path at the corners of a grid of zones, blended between them. Domain: any path; roll,
     /// distortion and a rolling shutter change it little, and evenly, within a zone.
@@ -39,6 +50,8 @@ pub enum Method {
         zones: [u16; 2],
         /// Number of nodes from which each kernel is built.
         nodes: usize,
+        /// As in [`Self::EffectivePsf`].
+        stretches: usize,
     },
 }
 
@@ -63,6 +76,8 @@ pub enum MethodName {
     GaussLegendre,
     /// See [`Method::Segments`].
     Segments,
+    /// See [`Method::Corners`].
+    Corners,
     /// See [`Method::Samples`].
     Samples,
     /// See [`Method::EffectivePsf`].
@@ -73,11 +88,12 @@ pub enum MethodName {
 
 impl MethodName {
     /// All methods.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Static,
         Self::Gaussian,
         Self::GaussLegendre,
         Self::Segments,
+        Self::Corners,
         Self::Samples,
         Self::EffectivePsf,
         Self::ZonalPsf,
@@ -91,6 +107,7 @@ impl MethodName {
             Self::Gaussian => "gaussian",
             Self::GaussLegendre => "gauss-legendre",
             Self::Segments => "segments",
+            Self::Corners => "corners",
             Self::Samples => "samples",
             Self::EffectivePsf => "effective-psf",
             Self::ZonalPsf => "zonal-psf",
@@ -113,6 +130,7 @@ impl Method {
             Self::Gaussian => MethodName::Gaussian,
             Self::GaussLegendre { .. } => MethodName::GaussLegendre,
             Self::Segments { .. } => MethodName::Segments,
+            Self::Corners { .. } => MethodName::Corners,
             Self::Samples { .. } => MethodName::Samples,
             Self::EffectivePsf { .. } => MethodName::EffectivePsf,
             Self::ZonalPsf { .. } => MethodName::ZonalPsf,
@@ -126,10 +144,11 @@ impl Method {
             Self::Static => 1,
             Self::Gaussian => 9,
             Self::GaussLegendre { nodes }
-            | Self::EffectivePsf { nodes }
+            | Self::EffectivePsf { nodes, .. }
             | Self::Samples { nodes }
             | Self::ZonalPsf { nodes, .. } => nodes,
             Self::Segments { segments, per_segment } => segments * per_segment,
+            Self::Corners { stretches, per_stretch } => stretches * per_stretch,
         }
     }
 
@@ -145,7 +164,11 @@ impl Method {
         match self {
             Self::Gaussian | Self::EffectivePsf { .. } => 1,
             Self::ZonalPsf { zones: [columns, rows], .. } => (usize::from(columns) + 1) * (usize::from(rows) + 1),
-            Self::Static | Self::GaussLegendre { .. } | Self::Segments { .. } | Self::Samples { .. } => 0,
+            Self::Static
+            | Self::GaussLegendre { .. }
+            | Self::Segments { .. }
+            | Self::Corners { .. }
+            | Self::Samples { .. } => 0,
         }
     }
 }
@@ -155,10 +178,13 @@ impl fmt::Display for Method {
         let name = self.name().name();
         match self {
             Self::Static | Self::Gaussian => f.write_str(name),
-            Self::ZonalPsf { zones: [columns, rows], nodes } => {
+            Self::ZonalPsf { zones: [columns, rows], nodes, .. } => {
                 write!(f, "{name} ({columns} x {rows}, {nodes} nodes)")
             }
             Self::Segments { segments, per_segment } => write!(f, "{name} ({segments} of {per_segment} nodes)"),
+            Self::Corners { stretches, per_stretch } => {
+                write!(f, "{name} ({stretches} stretches of {per_stretch} nodes)")
+            }
             Self::GaussLegendre { .. } | Self::Samples { .. } | Self::EffectivePsf { .. } => {
                 write!(f, "{name} ({} nodes)", self.nodes())
             }
@@ -169,8 +195,8 @@ impl fmt::Display for Method {
 /// The text is not the name of a method.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "method \"{got}\": wanted auto, static, gaussian, gauss-legendre[:N], segments[:N], samples[:N], effective-psf[:N] or \
-     zonal-psf[:N] with N from 1 to 65536"
+    "method \"{got}\": wanted auto, static, gaussian, gauss-legendre[:N], segments[:N], corners[:N], samples[:N], \
+     effective-psf[:N] or zonal-psf[:N] with N from 1 to 65536"
 )]
 pub struct MethodError {
     got: String,

@@ -84,6 +84,40 @@ impl Motion {
         }
     }
 
+    /// Returns the instants at which the path has corners, in order, as shares of an exposure that is `delay_s` later than
+    /// the frame's own (-1/2 to 1/2 inside it): jitter's points, or the rows of a path in time.
+    pub fn corners(&self, delay_s: f64) -> impl Iterator<Item = f64> {
+        let (exposure_s, mid) = (self.los.exposure_s, self.los.mid_exposure());
+        let (jitter, rows) = match &self.image_path {
+            None => (&self.los.jitter.points[..], &[][..]),
+            Some(PixelPath::Line(rows)) => (&[][..], &rows[..]),
+            Some(PixelPath::Samples(_)) => (&[][..], &[][..]),
+        };
+        let of_jitter = jitter.iter().map(move |point| (point.at - mid).s());
+        let of_rows = rows.iter().map(move |row| row.t_s - 0.5 * exposure_s);
+        of_jitter.chain(of_rows).map(move |t_s| (t_s - delay_s) / exposure_s)
+    }
+
+    /// Calls `stretch` with the start and the length of each stretch between corners, as shares of the exposure.
+    pub fn for_each_stretch(&self, delay_s: f64, mut stretch: impl FnMut(f64, f64)) {
+        let mut from = -0.5;
+        for to in self.corners(delay_s).chain([0.5]) {
+            let to = to.clamp(from, 0.5);
+            if to > from {
+                stretch(from, to - from);
+            }
+            from = to;
+        }
+    }
+
+    /// Returns the number of stretches of the frame's exposure: 1 where it has no corner inside.
+    #[must_use]
+    pub fn stretches(&self) -> usize {
+        let mut count = 0;
+        self.for_each_stretch(0.0, |_, _| count += 1);
+        count
+    }
+
     /// Returns the pose `t_s` after mid-exposure at a given point of the image path.
     #[must_use]
     pub fn pose_on_path(&self, t_s: f64, point: &PixelPoint) -> Pose {

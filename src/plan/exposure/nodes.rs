@@ -7,7 +7,6 @@ use crate::exposure::motion::Motion;
 use crate::exposure::pixel_path::PixelPath;
 use crate::exposure::pose::{PathNode, Pose, SHIFT, recentre};
 use crate::optics::quadrature::{MOST_KEPT_NODES, Node, gauss_legendre_node, with_gauss_legendre};
-use base::time::Tai;
 
 /// Mean distance of dense nodes, share of the PSF's sigma. They come in Gauss-Legendre pairs: variance along a straight
 /// piece is exact, and the characteristic function errs by `(k h)^4 / 270`.
@@ -75,14 +74,29 @@ pub fn gauss_legendre_in_time(motion: &Motion, n: usize, delay_s: f64, out: &mut
 pub fn segments(motion: &Motion, count: usize, per_segment: usize, delay_s: f64, mean: &Pose, out: &mut Vec<PathNode>) {
     let (share, first) = (1.0 / count as f64, out.len());
     let mut from = motion.pose_at(-0.5, delay_s);
-    for segment in 1..=count {
-        let to = motion.pose_at(segment as f64 * share - 0.5, delay_s);
-        out.extend((0..per_segment).map(|i| {
-            let node = gauss_legendre_node(per_segment, i);
-            PathNode { weight: node.weight * share, pose: from.towards(&to, node.x + 0.5) }
-        }));
-        from = to;
-    }
+    with_gauss_legendre(per_segment.clamp(1, MOST_KEPT_NODES), |rule| {
+        for segment in 1..=count {
+            let to = motion.pose_at(segment as f64 * share - 0.5, delay_s);
+            let node = |node: &Node| PathNode { weight: node.weight * share, pose: from.towards(&to, node.x + 0.5) };
+            out.extend(rule.iter().map(node));
+            from = to;
+        }
+    });
+    recentre(&mut out[first..], mean);
+}
+
+/// Appends `per_stretch` Gauss-Legendre nodes in time between every two corners of the path, shifted together to `mean`.
+/// Domain: points of jitter or rows of a path, between which it is smooth.
+pub fn between_corners(motion: &Motion, per_stretch: usize, delay_s: f64, mean: &Pose, out: &mut Vec<PathNode>) {
+    let first = out.len();
+    with_gauss_legendre(per_stretch.clamp(1, MOST_KEPT_NODES), |rule| {
+        motion.for_each_stretch(delay_s, |from, share| {
+            out.extend(rule.iter().map(|node| {
+                let pose = motion.pose_at(from + (node.x + 0.5) * share, delay_s);
+                PathNode { weight: node.weight * share, pose }
+            }));
+        });
+    });
     recentre(&mut out[first..], mean);
 }
 
@@ -142,20 +156,12 @@ pub fn dense(
             let wanted = (reach_px / step_px).max(by_period).max(by_samples);
             let panels = clamped(0.5 * wanted, 8, MOST_DENSE_NODES / 2) as f64;
             // Panels end at the samples, where the track has corners.
-            let (mut from, mid) = (-0.5, motion.los.mid_exposure());
-            let tau = |at: Tai| ((at - mid).s() - delay_s) / exposure_s;
-            let corners = motion.los.jitter.points.iter().map(|point| tau(point.at));
-            for to in corners.chain([0.5]) {
-                let to = to.clamp(from, 0.5);
-                let share = to - from;
-                if share > 0.0 {
-                    let count = clamped(panels * share, 1, MOST_DENSE_NODES / 2);
-                    let step = share / count as f64;
-                    let taus = (0..count).flat_map(|panel| pair().map(|at| from + (panel as f64 + at) * step));
-                    out.extend(taus.map(|tau| PathNode { weight: 0.5 * step, pose: motion.pose_at(tau, delay_s) }));
-                }
-                from = to;
-            }
+            motion.for_each_stretch(delay_s, |from, share| {
+                let count = clamped(panels * share, 1, MOST_DENSE_NODES / 2);
+                let step = share / count as f64;
+                let taus = (0..count).flat_map(|panel| pair().map(|at| from + (panel as f64 + at) * step));
+                out.extend(taus.map(|tau| PathNode { weight: 0.5 * step, pose: motion.pose_at(tau, delay_s) }));
+            });
         }
         Some(PixelPath::Samples(points)) => {
             let weight = 1.0 / points.len() as f64;

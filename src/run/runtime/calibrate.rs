@@ -305,7 +305,7 @@ mod tests {
         let CostModel { frame_ms, pixel_ns, readout_pixel_ns, .. } = found.cost;
         assert!(frame_ms + pixel_ns > 0.0 && readout_pixel_ns > 0.0, "{:?}", found.cost);
         let kernel = found.scenes.iter().find(|scene| scene.name == "kernel, 256 nodes").unwrap();
-        assert_eq!(kernel.method, Method::EffectivePsf { nodes: 256 }, "the scene is drawn as asked");
+        assert_eq!(kernel.method, Method::EffectivePsf { nodes: 256, stretches: 0 }, "the scene is drawn as asked");
         assert!(found.scenes.iter().all(|scene| scene.predicted_ms(&found.cost, false) > 0.0));
     }
 }

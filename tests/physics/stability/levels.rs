@@ -43,7 +43,8 @@ fn stars() -> Vec<Source> {
 
 fn planner(cost: CostModel) -> Planner {
     let instrument = instrument(camera(SIDE), &PsfModel::gaussian(0.8));
-    let scene = zigzag(0.8, 9, 1.5);
+    // As many legs as leave a choice of numbers of nodes for every level.
+    let scene = zigzag(0.8, 24, 1.5);
     let mut planner = Planner::new(instrument, AccuracyBudget::default(), cost, MethodChoice::Auto, scene.los);
     planner.motion_mut().image_path = scene.path;
     planner

@@ -3,9 +3,10 @@
 
 use crate::scene::{Dice, EXPOSURE_S, FOCAL_PX};
 use crate::stability::{Scene, assert_inside, assert_replaced, point};
+use base::time::Span;
 use core::f64::consts::TAU;
 use glam::DVec3;
-use plan::attitude::JitterLine;
+use plan::attitude::{JitterLine, JitterPoint};
 use plan::exposure::PixelPath;
 use plan::exposure::method::MethodName;
 use sky::astrometry::CameraGeometry;
@@ -73,6 +74,7 @@ fn every_method_has_a_scene_it_draws_and_one_it_is_refused() {
         ("gaussian", Scene::straight(SIGMA_PX, 0.5), "gaussian", Scene::straight(SIGMA_PX, 6.0)),
         ("gauss-legendre", Scene::drifting(SIGMA_PX, 3.0), "gauss-legendre:4", Scene::drifting(SIGMA_PX, 20.0)),
         ("segments:64", zigzag(SIGMA_PX, 8, 2.0), "segments:16", shaken.clone()),
+        ("corners", zigzag(SIGMA_PX, 9, 2.0), "corners:2", zigzag(SIGMA_PX, 9, 4.0)),
         ("samples", shaken.clone(), "samples:16", shaken.clone()),
         ("effective-psf", narrow_field(&shaken), "effective-psf", Scene::rolled(SIGMA_PX, 0.1)),
         ("zonal-psf", Scene::rolled(SIGMA_PX, 0.0018), "zonal-psf", Scene::rolled(SIGMA_PX, 0.8)),
@@ -82,6 +84,36 @@ fn every_method_has_a_scene_it_draws_and_one_it_is_refused() {
         assert_inside("its own", inside, method);
         assert_replaced("beyond", outside, beyond);
     }
+}
+
+/// Returns the scene of a bench's jitter samples: rotations at even steps, straight in between, the same power all over the
+/// band.
+fn sampled_jitter(sigma_px: f64, points: u32, size_px: f64) -> Scene {
+    let mut dice = Dice::new(11);
+    let mut scene = Scene::still(sigma_px);
+    let first = scene.los.exposure_start;
+    scene.los.jitter.points = (0..points)
+        .map(|i| JitterPoint {
+            at: first + Span::from_s(EXPOSURE_S * f64::from(i) / f64::from(points - 1)),
+            rotation_rad: DVec3::new(dice.between(-size_px, size_px), dice.between(-size_px, size_px), 0.0) / FOCAL_PX,
+        })
+        .collect();
+    scene
+}
+
+#[test]
+fn nodes_between_corners_are_fewer_than_samples_that_miss_them() {
+    // Pixels wide apart from sample to sample, all over a wide field: the planner takes the corners, and fits the budget.
+    let scene = sampled_jitter(SIGMA_PX, 64, 1.5);
+    let plan = assert_inside("jitter samples", &scene, "auto");
+    assert_eq!(plan.chosen.method.name(), MethodName::Corners, "{}", plan.chosen.method);
+    assert_inside("jitter samples", &scene, "corners:6");
+    // Control: as many nodes at even times are over it.
+    assert_replaced("jitter samples", &scene, "samples:128");
+    // A sinusoid between the corners needs more nodes, and is seen.
+    let mut shaken = scene;
+    shaken.los.jitter.lines = Scene::shaken(SIGMA_PX, 2.0, 40.3).los.jitter.lines;
+    assert_replaced("a sinusoid between the samples", &shaken, "corners:2");
 }
 
 #[test]

@@ -10,14 +10,16 @@ fn main(
     if (index >= end_star()) {
         return;
     }
-    let star = stars[index];
-    let size = box_of(star);
+    let spot = spots[index];
+    let track = track_of(spot);
+    let star = Star(spot, track);
+    let size = unpacked(track.box_size);
     let columns = (size.x + BLOCK_COLUMNS - 1) / BLOCK_COLUMNS;
     let blocks = columns * ((size.y + BLOCK_ROWS - 1) / BLOCK_ROWS);
-    let first = star.first_node + group.z * frame.nodes_per_slice;
-    let end = min(first + frame.nodes_per_slice, star.first_node + star.nodes);
+    let first = track.first_node + group.z * frame.nodes_per_slice;
+    let end = min(first + frame.nodes_per_slice, track.first_node + track.nodes);
     for (var block = i32(group.y); block < blocks; block += i32(groups.y)) {
         let corner = vec2<i32>(BLOCK_COLUMNS * (block % columns), BLOCK_ROWS * (block / columns));
-        draw_block(star, star.box_start + corner, first, end);
+        draw_block(star, track.box_start + corner, first, end);
     }
 }

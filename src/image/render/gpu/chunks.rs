@@ -7,7 +7,7 @@ use crate::gpu::GpuError;
 use crate::gpu::buffers::GrowableBuffer;
 use crate::gpu::device::GpuDevice;
 use crate::render::gpu::scale::TileBounds;
-use crate::render::gpu::stars::{Source, StarRecord, record};
+use crate::render::gpu::stars::{BoxPx, NO_TRACK, Source, SpotRecord, TrackRecord, record};
 use core::ops::Range;
 use plan::exposure::{ExposurePlan, PlannedStar};
 use pulp::{Arch, NullaryFnOnce};
@@ -25,7 +25,9 @@ const TABLE_BLOCK_PX: [usize; 2] = [8, 1];
 /// Stars that one pass draws.
 #[derive(Debug, Default)]
 struct Group {
-    stars: Vec<StarRecord>,
+    spots: Vec<SpotRecord>,
+    /// Tracks of those that have one, in their order.
+    tracks: Vec<TrackRecord>,
     /// Blocks of the largest box.
     most_blocks: usize,
 }
@@ -51,15 +53,37 @@ pub(super) struct Chunks {
 
 impl Group {
     #[inline(always)]
-    fn push(&mut self, star: StarRecord, [block_columns, block_rows]: [usize; 2]) {
-        let (_, [columns, rows]) = star.box_px();
-        self.most_blocks = self.most_blocks.max(columns.div_ceil(block_columns) * rows.div_ceil(block_rows));
-        self.stars.push(star);
+    fn push(&mut self, spot: SpotRecord, track: Option<TrackRecord>, (_, size): BoxPx, block: [usize; 2]) {
+        self.most_blocks = self.most_blocks.max(size[0].div_ceil(block[0]) * size[1].div_ceil(block[1]));
+        self.tracks.extend(track);
+        self.spots.push(spot);
     }
 
     fn clear(&mut self) {
-        self.stars.clear();
+        self.spots.clear();
+        self.tracks.clear();
         self.most_blocks = 0;
+    }
+
+    /// Numbers the tracks, from `first` on, and returns the next number.
+    fn number_tracks(&mut self, first: u32) -> u32 {
+        let mut next = first;
+        if !self.tracks.is_empty() {
+            for spot in self.spots.iter_mut().filter(|spot| spot.track != NO_TRACK) {
+                spot.track = next;
+                next += 1;
+            }
+        }
+        next
+    }
+
+    /// Returns the number of tracks of the first `spots`.
+    fn tracks_before(&self, spots: usize) -> usize {
+        match &self.spots[..spots] {
+            _ if self.tracks.is_empty() => 0,
+            all if all.len() == self.spots.len() => self.tracks.len(),
+            some => some.iter().filter(|spot| spot.track != NO_TRACK).count(),
+        }
     }
 }
 
@@ -103,16 +127,18 @@ impl Chunks {
         }
         bounds.clear();
         chunks.iter().for_each(|chunk| bounds.join(&chunk.bounds));
+        let first = chunks.iter_mut().fold(0, |next, chunk| chunk.analytic.number_tracks(next));
+        chunks.iter_mut().fold(first, |next, chunk| chunk.tabled.number_tracks(next));
     }
 
     /// Returns the number of stars.
     pub(super) fn len(&self) -> usize {
-        self.groups().map(|group| group.stars.len()).sum()
+        self.groups().map(|group| group.spots.len()).sum()
     }
 
     /// Returns the number of stars that are drawn analytically.
     pub(super) fn analytic(&self) -> usize {
-        self.used().iter().map(|chunk| chunk.analytic.stars.len()).sum()
+        self.used().iter().map(|chunk| chunk.analytic.spots.len()).sum()
     }
 
     /// Returns the number of nodes of the longest list of any star, at least one.
@@ -131,7 +157,23 @@ impl Chunks {
         self.bounds.scale((self.len() * slices) as f64)
     }
 
-    /// Writes some of the stars to the start of a buffer and returns true when the buffer is a new one.
+    /// Returns the part of every group that belongs to the stars in a range of all.
+    fn parts(&self, stars: Range<usize>) -> impl Iterator<Item = (&Group, Range<usize>)> + Clone {
+        let mut first = 0;
+        self.groups().map(move |group| {
+            let (begin, end) = (first, first + group.spots.len());
+            first = end;
+            (group, stars.start.clamp(begin, end) - begin..stars.end.clamp(begin, end) - begin)
+        })
+    }
+
+    /// Returns the number of tracks of all stars before this one.
+    #[allow(clippy::cast_possible_truncation, reason = "a frame has fewer than 2^32 stars")]
+    pub(super) fn tracks_before(&self, star: usize) -> u32 {
+        self.parts(0..star).map(|(group, part)| group.tracks_before(part.end)).sum::<usize>() as u32
+    }
+
+    /// Writes some of the stars, and their tracks, to the start of two buffers and returns true when one of these is new.
     ///
     /// # Errors
     /// When the device takes no buffer of this size.
@@ -139,15 +181,13 @@ impl Chunks {
         &self,
         gpu: &GpuDevice,
         stars: Range<usize>,
-        to: &mut GrowableBuffer,
+        [spots, tracks]: [&mut GrowableBuffer; 2],
     ) -> Result<bool, GpuError> {
-        let mut first = 0;
-        let slices = self.groups().map(move |group| {
-            let (begin, end) = (first, first + group.stars.len());
-            first = end;
-            &group.stars[stars.start.clamp(begin, end) - begin..stars.end.clamp(begin, end) - begin]
-        });
-        to.write_slices(gpu, slices)
+        let spots_grew = spots.write_slices(gpu, self.parts(stars.clone()).map(|(group, part)| &group.spots[part]))?;
+        let own = self
+            .parts(stars)
+            .map(|(group, part)| &group.tracks[group.tracks_before(part.start)..group.tracks_before(part.end)]);
+        Ok(tracks.write_slices(gpu, own)? || spots_grew)
     }
 
     fn used(&self) -> &[Chunk] {
@@ -180,12 +220,15 @@ impl<S: Fn(usize) -> Source> NullaryFnOnce for FillChunk<'_, S> {
         for star in stars {
             for part in plan.parts(star) {
                 let source = source(part.0);
-                let Some(record) = record(plan, star, part, source, size) else { continue };
-                chunk.bounds.add(record.box_px(), f64::from(record.electrons.abs()) * peak);
-                chunk.most_nodes = chunk.most_nodes.max(record.nodes as usize);
+                let Some((mut spot, track, box_px)) = record(plan, star, part, source, size) else { continue };
+                chunk.bounds.add(box_px, f64::from(spot.electrons.abs()) * peak);
+                if let Some(track) = &track {
+                    chunk.most_nodes = chunk.most_nodes.max(track.nodes as usize);
+                    spot.track = 0; // until all are numbered
+                }
                 match source.layer {
-                    None => chunk.analytic.push(record, SPLAT_BLOCK_PX),
-                    Some(_) => chunk.tabled.push(record, TABLE_BLOCK_PX),
+                    None => chunk.analytic.push(spot, track, box_px, SPLAT_BLOCK_PX),
+                    Some(_) => chunk.tabled.push(spot, track, box_px, TABLE_BLOCK_PX),
                 }
             }
         }

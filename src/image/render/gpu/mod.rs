@@ -31,12 +31,12 @@ use bytemuck::{Pod, Zeroable};
 use chunks::Chunks;
 use core::ops::Range;
 use plan::exposure::ExposurePlan;
-use stars::{NodeRecord, Source, StarRecord, fill_nodes};
+use stars::{NodeRecord, Source, SpotRecord, TrackRecord, fill_nodes};
 use std::sync::Arc;
 
 /// Widest footprint that is drawn analytically; wider Gaussians come from a table, whose cost per pixel is lower.
 const ANALYTIC_HALF_PX: usize = 15;
-/// Stars on the device at a time; those beyond follow in further blocks: 80 MiB, which every device takes.
+/// Stars on the device at a time; those beyond follow in further blocks: 64 MiB of tracks, which every device takes.
 const MOST_STARS_A_BLOCK: usize = 1 << 20;
 /// Nodes one invocation takes: enough work to hide its set-up, and long paths spread over the device.
 const NODES_PER_SLICE: usize = 128;
@@ -56,13 +56,16 @@ struct FrameParams {
     scale: f32,
     edge_scale: f32,
     oversampling: i32,
+    first_track: u32,
+    padding: u32,
 }
 
 /// Device buffers and their bind groups.
 #[derive(Debug)]
 struct Resources {
     params: GrowableBuffer,
-    stars: GrowableBuffer,
+    spots: GrowableBuffer,
+    tracks: GrowableBuffer,
     nodes: GrowableBuffer,
     table: TableTexture,
     texels: Vec<[f32; 4]>,
@@ -208,7 +211,8 @@ impl Gpu {
         loop {
             let end = self.stars.len().min(first + self.stars_a_block);
             let analytic = self.stars.analytic().clamp(first, end) - first;
-            let params = FrameParams { stars: (end - first) as u32, analytic: analytic as u32, ..params };
+            let first_track = self.stars.tracks_before(first);
+            let params = FrameParams { stars: (end - first) as u32, analytic: analytic as u32, first_track, ..params };
             self.record_block(first..end, &params, slices, &mut encoder)?;
             self.gpu.submit(encoder)?;
             if end == self.stars.len() {
@@ -229,7 +233,7 @@ impl Gpu {
     ) -> Result<(), GpuError> {
         let Self { gpu, resources, image, stars: all, .. } = self;
         resources.params.write(gpu, core::slice::from_ref(params))?;
-        if all.write(gpu, stars, &mut resources.stars)? {
+        if all.write(gpu, stars, [&mut resources.spots, &mut resources.tracks])? {
             resources.groups = None;
         }
         let [splat, tabulated] = all.most_blocks();
@@ -258,6 +262,8 @@ impl Gpu {
             scale,
             edge_scale: core::f32::consts::FRAC_1_SQRT_2 / plan.psf.core_sigma_px() as f32,
             oversampling: table.map_or(0, |table| table.oversampling as i32),
+            first_track: 0,
+            padding: 0,
         }
     }
 }
@@ -320,7 +326,8 @@ impl Resources {
             + &shader::constant("ERF_CLAMP", ERF_CLAMP);
         Ok(Self {
             params: GrowableBuffer::uniform(gpu, "frame parameters", size_of::<FrameParams>() as u64)?,
-            stars: GrowableBuffer::storage(gpu, "stars", 4096 * size_of::<StarRecord>() as u64)?,
+            spots: GrowableBuffer::storage(gpu, "stars", 4096 * size_of::<SpotRecord>() as u64)?,
+            tracks: GrowableBuffer::storage(gpu, "tracks of stars", 1024 * size_of::<TrackRecord>() as u64)?,
             nodes: GrowableBuffer::storage(gpu, "path nodes", 256 * size_of::<NodeRecord>() as u64)?,
             table: TableTexture::new(gpu, "PSF table")?,
             texels: Vec::new(),
@@ -352,12 +359,14 @@ impl Resources {
 
     /// Returns the bind groups of both passes; new ones are made only after a buffer has grown.
     fn bind(&mut self, gpu: &GpuDevice, sums: &wgpu::Buffer) -> [wgpu::BindGroup; 2] {
-        let Self { params, stars, nodes, table, splat, tabulated, groups, .. } = self;
+        let Self { params, spots, tracks, nodes, table, splat, tabulated, groups, .. } = self;
         let make = || {
-            let common =
-                || [params.buffer(), stars.buffer(), nodes.buffer(), sums].map(wgpu::Buffer::as_entire_binding);
-            let [a, b, c, d] = common();
-            [splat.bind(gpu, common()), tabulated.bind(gpu, [a, b, c, d, table.binding()])]
+            let common = || {
+                [params.buffer(), spots.buffer(), nodes.buffer(), sums, tracks.buffer()]
+                    .map(wgpu::Buffer::as_entire_binding)
+            };
+            let [a, b, c, d, e] = common();
+            [splat.bind(gpu, common()), tabulated.bind(gpu, [a, b, c, d, e, table.binding()])]
         };
         groups.get_or_insert_with(make).clone()
     }

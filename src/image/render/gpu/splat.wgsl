@@ -64,8 +64,8 @@ fn end_star() -> u32 {
 }
 
 fn draw_block(star: Star, corner: vec2<i32>, first: u32, end: u32) {
-    let to_origin = vec2<f32>(star.origin - corner);
-    let half = f32(half_of(star).x);
+    let to_origin = vec2<f32>(star.spot.origin - corner);
+    let half = f32(half_of(star.spot).x);
     var a0 = vec4<f32>(); var a1 = vec4<f32>(); var a2 = vec4<f32>(); var a3 = vec4<f32>();
     var b0 = vec4<f32>(); var b1 = vec4<f32>(); var b2 = vec4<f32>(); var b3 = vec4<f32>();
     var c0 = vec4<f32>(); var c1 = vec4<f32>(); var c2 = vec4<f32>(); var c3 = vec4<f32>();
@@ -105,7 +105,7 @@ fn draw_block(star: Star, corner: vec2<i32>, first: u32, end: u32) {
         r0 += lower.z * x0; r1 += lower.z * x1; r2 += lower.z * x2; r3 += lower.z * x3;
         s0 += lower.w * x0; s1 += lower.w * x1; s2 += lower.w * x2; s3 += lower.w * x3;
     }
-    let gain = 0.25 * star.electrons;
+    let gain = 0.25 * star.spot.electrons;
     let x = corner.x;
     let y = corner.y;
     put16(x, y + 0, gain * a0, gain * a1, gain * a2, gain * a3);

@@ -6,23 +6,38 @@ use plan::exposure::pose::{PathNode, ROLL, SHIFT};
 use plan::exposure::track::StarTrack;
 use plan::exposure::{Drawing, ExposurePlan, PlannedStar};
 
-/// `Star` of `place.wgsl`.
+/// `Spot` of `place.wgsl`: all there is of a star that is drawn once.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub(super) struct StarRecord {
+pub(super) struct SpotRecord {
     origin: [i32; 2],
     fraction: [f32; 2],
-    box_start: [i32; 2],
-    box_size: u32,
     pub(super) electrons: f32,
+    layer: u32,
+    half_px: u32,
+    /// Number of its track, or [`NO_TRACK`].
+    pub(super) track: u32,
+}
+
+/// `Track` of `place.wgsl`: the motion of a star that is drawn node by node.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct TrackRecord {
     px_per_tangent: [f32; 4],
     tangent: [f32; 2],
     from_principal_px: [f32; 2],
+    box_start: [i32; 2],
+    box_size: u32,
     first_node: u32,
     pub(super) nodes: u32,
-    pub(super) layer: u32,
-    half_px: u32,
+    padding: [u32; 3],
 }
+
+/// Marks a star that is drawn once.
+pub(super) const NO_TRACK: u32 = u32::MAX;
+
+/// The part of the image that a star's light stays in: first pixel and size.
+pub(super) type BoxPx = ([usize; 2], [usize; 2]);
 
 /// `Node` of `place.wgsl`: rows of the turn with sine, cosine less one and shift x; then weight and shift y.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
@@ -41,14 +56,6 @@ pub(super) struct Source {
 
 /// Rows and columns beyond the probes' extent of the path that a star may be led, px.
 const SLACK_PX: i64 = 2;
-
-impl StarRecord {
-    /// Returns the first pixel and size of the star's box.
-    pub(super) fn box_px(&self) -> ([usize; 2], [usize; 2]) {
-        let start = self.box_start.map(|v| usize::try_from(v).unwrap_or(0));
-        (start, [(self.box_size & 0xffff) as usize, (self.box_size >> 16) as usize])
-    }
-}
 
 impl NodeRecord {
     /// The node of a star that is drawn once.
@@ -70,7 +77,8 @@ pub(super) fn fill_nodes(plan: &ExposurePlan, nodes: &mut Vec<NodeRecord>) {
     nodes.extend(plan.nodes.iter().map(NodeRecord::new));
 }
 
-/// Returns a star as a list draws it, with its share of the light; `None` where it does not reach an image of `size` px.
+/// Returns a star as a list draws it, with its share of the light, its track if it has one, and its box; `None` where it does
+/// not reach an image of `size` px.
 #[allow(clippy::cast_possible_truncation, reason = "the planner keeps positions within a few detectors of the origin")]
 #[inline(always)]
 pub(super) fn record(
@@ -79,41 +87,52 @@ pub(super) fn record(
     (list, share): (usize, f64),
     source: Source,
     size: [usize; 2],
-) -> Option<StarRecord> {
+) -> Option<(SpotRecord, Option<TrackRecord>, BoxPx)> {
     let list = plan.lists.get(list)?;
     let track = matches!(list.drawing, Drawing::Nodes).then(|| StarTrack::new(&plan.camera, star.place));
-    let by_nodes = track.is_some();
     let px = track.map_or(star.mean_px, |track| plan.origin_px(star, &track));
     let whole = px.map(|v| (v + 0.5).floor());
-    let path = if by_nodes { plan.extent_px.ceil() as i64 + SLACK_PX } else { 0 };
-    let mut start = [0; 2];
-    let mut box_size = 0;
+    let (middle, path) = match track {
+        Some(_) => (star.mean_px.map(|v| (v + 0.5).floor()), plan.extent_px.ceil() as i64 + SLACK_PX),
+        None => (whole, 0),
+    };
+    let (mut start, mut sides) = ([0; 2], [0; 2]);
     for axis in 0..2 {
-        let middle = if by_nodes { (star.mean_px[axis] + 0.5).floor() } else { whole[axis] } as i64;
         let reach = path + source.half_px[axis] as i64;
-        let (first, last) = ((middle - reach).max(0), (middle + reach).min(size[axis] as i64 - 1));
-        start[axis] = i32::try_from(first).ok()?;
+        let (first, last) =
+            ((middle[axis] as i64 - reach).max(0), (middle[axis] as i64 + reach).min(size[axis] as i64 - 1));
+        start[axis] = usize::try_from(first).ok()?;
         // Empty boxes end here; 16 bits hold the longest side of an image the device takes.
-        box_size |= u32::from(u16::try_from(last - first + 1).ok().filter(|n| *n > 0)?) << (16 * axis);
+        sides[axis] = u16::try_from(last - first + 1).ok().filter(|n| *n > 0)?;
     }
-    let (first_node, nodes) = if by_nodes { node_range(list) } else { (0, 1) };
-    // The node of a star that is drawn once does not turn: it needs no track.
-    let [[xu, xv], [yu, yv]] =
-        track.map_or([[0.0; 2]; 2], |track| track.px_per_tangent.map(|row| row.map(|v| v as f32)));
-    Some(StarRecord {
+    let spot = SpotRecord {
         origin: whole.map(|v| v as i32),
         fraction: [(px[0] - whole[0]) as f32, (px[1] - whole[1]) as f32],
-        box_start: start,
-        box_size,
         electrons: (share * star.drawn_e) as f32,
-        px_per_tangent: [xu, xv, yu, yv],
-        tangent: star.place.tangent.to_array().map(|v| v as f32),
-        from_principal_px: track.map_or([0.0; 2], |track| track.from_principal_px.map(|v| v as f32)),
-        first_node,
-        nodes,
         layer: source.layer.unwrap_or(0),
-        half_px: (source.half_px[0] as u32) | (source.half_px[1] as u32) << 16,
-    })
+        half_px: packed(source.half_px.map(|half| half as u32)),
+        track: NO_TRACK,
+    };
+    let own = track.map(|track| {
+        let ([[xu, xv], [yu, yv]], (first_node, nodes)) =
+            (track.px_per_tangent.map(|row| row.map(|v| v as f32)), node_range(list));
+        TrackRecord {
+            px_per_tangent: [xu, xv, yu, yv],
+            tangent: star.place.tangent.to_array().map(|v| v as f32),
+            from_principal_px: track.from_principal_px.map(|v| v as f32),
+            box_start: start.map(|first| first as i32),
+            box_size: packed(sides.map(u32::from)),
+            first_node,
+            nodes,
+            padding: [0; 3],
+        }
+    });
+    Some((spot, own, (start, sides.map(usize::from))))
+}
+
+/// Returns two numbers of 16 bits in one.
+fn packed([x, y]: [u32; 2]) -> u32 {
+    x | y << 16
 }
 
 /// Returns the first node and number of nodes of a list; the node of stars drawn once comes before all.

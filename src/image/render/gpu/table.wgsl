@@ -5,7 +5,7 @@ const BLOCK_COLUMNS: i32 = 8;
 const BLOCK_ROWS: i32 = 1;
 
 // Texel (first phase along x, column; phase along y, row): the taps of four phases along x. A layer per table.
-@group(0) @binding(4) var table: texture_2d_array<f32>;
+@group(0) @binding(5) var table: texture_2d_array<f32>;
 
 fn first_star() -> u32 {
     return frame.analytic;
@@ -57,8 +57,8 @@ fn shares(column: i32, row: i32, half: vec2<i32>, layer: u32, x: Taps, y: Taps) 
 }
 
 fn draw_block(star: Star, corner: vec2<i32>, first: u32, end: u32) {
-    let half = half_of(star);
-    let from_origin = corner - star.origin + half;
+    let half = half_of(star.spot);
+    let from_origin = corner - star.spot.origin + half;
     let last = 2 * half;
     var a = vec4<f32>();
     var b = vec4<f32>();
@@ -71,9 +71,9 @@ fn draw_block(star: Star, corner: vec2<i32>, first: u32, end: u32) {
         }
         let x = taps(at.fraction.x);
         let y = taps(at.fraction.y);
-        a += node.rest.x * shares(in_image.x, in_image.y, half, star.layer, x, y);
-        b += node.rest.x * shares(in_image.x + 4, in_image.y, half, star.layer, x, y);
+        a += node.rest.x * shares(in_image.x, in_image.y, half, star.spot.layer, x, y);
+        b += node.rest.x * shares(in_image.x + 4, in_image.y, half, star.spot.layer, x, y);
     }
-    put4(corner.x, corner.y, star.electrons * a);
-    put4(corner.x + 4, corner.y, star.electrons * b);
+    put4(corner.x, corner.y, star.spot.electrons * a);
+    put4(corner.x + 4, corner.y, star.spot.electrons * b);
 }

@@ -11,9 +11,10 @@ use crate::exposure::probes::{Probes, SIDE, gauss_legendre_count};
 use crate::exposure::weigh::{NodeError, ShapeOf};
 
 /// Order of weighing: methods whose number of nodes is needed for others come first.
-const ORDER: [MethodName; 6] = [
+const ORDER: [MethodName; 7] = [
     MethodName::Gaussian,
     MethodName::GaussLegendre,
+    MethodName::Corners,
     MethodName::Samples,
     MethodName::Segments,
     MethodName::EffectivePsf,
@@ -25,6 +26,8 @@ const MOST_NODES: usize = 16_384;
 const NODES_PER_SIGMA: f64 = 4.0;
 /// Gauss-Legendre nodes along a straight segment.
 const PER_SEGMENT: usize = 2;
+/// Numbers of Gauss-Legendre nodes between two corners of a path that are tried.
+const PER_STRETCH: [usize; 6] = [2, 3, 4, 5, 6, 8];
 /// Numbers of zones along each side that are tried.
 const ZONES: [u16; 4] = [1, 2, 4, 8];
 /// Share of the budget's centroid error allowed for a finite number of nodes.
@@ -52,7 +55,10 @@ impl Chooser {
         for name in ORDER {
             // Methods that cannot win, or were not requested, are not weighed on the frame path.
             let needless = match (wanted, name) {
-                (Some((MethodName::EffectivePsf | MethodName::ZonalPsf, None)), MethodName::Samples) => false,
+                (
+                    Some((MethodName::EffectivePsf | MethodName::ZonalPsf, None)),
+                    MethodName::Samples | MethodName::Corners,
+                ) => false,
                 (Some((wanted, _)), _) => wanted != name,
                 (None, MethodName::Segments) => listed,
                 // The last one weighed is one kernel: where it is enough, or cannot be made, several are not wanted.
@@ -77,7 +83,6 @@ impl Chooser {
         brightest_e: f64,
         probes: &Probes,
     ) {
-        let smooth_count = gauss_legendre_count(probes.reach_px, self.instrument.psf.core_sigma_px());
         match name {
             MethodName::Static => {}
             MethodName::Gaussian => self.weigh_method(Method::Gaussian, ShapeOf::Centre, motion, probes),
@@ -95,26 +100,54 @@ impl Chooser {
                 }
             }
             MethodName::GaussLegendre => {
-                let nodes = fixed.unwrap_or(smooth_count);
+                let nodes = fixed.unwrap_or_else(|| self.smooth_count(probes));
                 self.weigh_method(Method::GaussLegendre { nodes }, ShapeOf::EachStar, motion, probes);
             }
             MethodName::Segments => {
                 let method = |segments| Method::Segments { segments, per_segment: PER_SEGMENT };
                 self.weigh_growing(method, ShapeOf::EachStar, fixed, 1, motion, brightest_e, probes);
             }
+            MethodName::Corners => self.weigh_corners(fixed, motion, brightest_e, probes),
             MethodName::Samples => {
                 let method = |nodes| Method::Samples { nodes };
                 self.weigh_growing(method, ShapeOf::EachStar, fixed, 2, motion, brightest_e, probes);
             }
             MethodName::EffectivePsf => {
-                let nodes = fixed.unwrap_or_else(|| self.kernel_nodes(motion, smooth_count, brightest_e, probes));
-                self.weigh_method(Method::EffectivePsf { nodes }, ShapeOf::Centre, motion, probes);
+                let [nodes, stretches] = self.kernel_nodes(fixed, motion, brightest_e, probes);
+                self.weigh_method(Method::EffectivePsf { nodes, stretches }, ShapeOf::Centre, motion, probes);
             }
             MethodName::ZonalPsf => {
-                let nodes = fixed.unwrap_or_else(|| self.kernel_nodes(motion, smooth_count, brightest_e, probes));
-                self.weigh_zones(nodes, motion, brightest_e, probes);
+                let list = self.kernel_nodes(fixed, motion, brightest_e, probes);
+                self.weigh_zones(list, motion, brightest_e, probes);
             }
         }
+    }
+
+    /// Weighs nodes between the corners of a path, more and more, until their error is small enough for the brightest star;
+    /// none where the path has no corners, or too many, unless the user fixed the method.
+    fn weigh_corners(&mut self, fixed: Option<usize>, motion: &Motion, brightest_e: f64, probes: &Probes) {
+        let stretches = motion.stretches();
+        let wanted = match &fixed {
+            Some(per_stretch) => core::slice::from_ref(per_stretch),
+            None if stretches < 2 && !self.is_fixed() => &[],
+            None => &PER_STRETCH,
+        };
+        for &per_stretch in wanted {
+            let method = Method::Corners { stretches, per_stretch };
+            if method.nodes() > MOST_JITTER_NODES && !self.is_fixed() {
+                return;
+            }
+            self.weigh_method(method, ShapeOf::EachStar, motion, probes);
+            let error = self.weighed.last().map_or(NodeError::default(), |weighed| weighed.error);
+            if self.is_enough(error, brightest_e, probes) {
+                return;
+            }
+        }
+    }
+
+    /// Returns the number of Gauss-Legendre nodes of smooth motion.
+    fn smooth_count(&self, probes: &Probes) -> usize {
+        gauss_legendre_count(probes.reach_px, self.instrument.psf.core_sigma_px())
     }
 
     /// Weighs a method with 1, 2, 4 ... nodes until its error is small enough for the brightest star.
@@ -176,25 +209,36 @@ impl Chooser {
             && self.pixel_sigma(error.peak.min(1.0), brightest_e, probes) <= NODE_PIXEL_SHARE * left
     }
 
-    /// Returns the number of nodes of a kernel: as many as samples need, or Gauss-Legendre's for smooth motion.
-    fn kernel_nodes(&self, motion: &Motion, smooth_count: usize, brightest_e: f64, probes: &Probes) -> usize {
+    /// Returns the number of nodes of a kernel and the stretches that share them: Gauss-Legendre's for smooth motion, as many as
+    /// samples need, or those between corners where samples are not enough.
+    fn kernel_nodes(&self, fixed: Option<usize>, motion: &Motion, brightest_e: f64, probes: &Probes) -> [usize; 2] {
         const USUAL: usize = 64;
-        if motion.is_smooth() {
-            return smooth_count;
+        if let Some(nodes) = fixed {
+            return [nodes, 0];
         }
-        let samples = self.weighed.iter().rev().find(|weighed| weighed.method.name() == MethodName::Samples);
-        match samples {
-            Some(samples) if self.is_enough(samples.error, brightest_e, probes) => {
+        if motion.is_smooth() {
+            return [self.smooth_count(probes), 0];
+        }
+        let last = |name| self.weighed.iter().rev().find(|weighed| weighed.method.name() == name);
+        let is_enough = |weighed: &&Weighed| self.is_enough(weighed.error, brightest_e, probes);
+        let corners = last(MethodName::Corners).filter(is_enough).map(|weighed| weighed.method);
+        let nodes = match last(MethodName::Samples) {
+            Some(samples) if is_enough(&samples) => {
                 // Twice the nodes have a sixteenth of the error, and cost little beside many stars.
                 let listed = matches!(motion.image_path, Some(PixelPath::Samples(_)));
                 let nodes = samples.method.nodes();
                 let more = (2 * nodes).min(MOST_JITTER_NODES).max(nodes);
-                let ms = |nodes| self.stars_ms(Method::EffectivePsf { nodes }, probes);
+                let ms = |nodes| self.stars_ms(Method::EffectivePsf { nodes, stretches: 0 }, probes);
                 if !listed && ms(more) < DEARER * ms(nodes) { more } else { nodes }
             }
-            Some(samples) => USUAL.max(2 * samples.method.nodes()),
-            None => USUAL,
-        }
+            samples => {
+                if let Some(method @ Method::Corners { stretches, .. }) = corners {
+                    return [method.nodes(), stretches];
+                }
+                samples.map_or(USUAL, |samples| USUAL.max(2 * samples.method.nodes()))
+            }
+        };
+        [nodes, 0]
     }
 
     fn weigh_method(&mut self, method: Method, shape: ShapeOf, motion: &Motion, probes: &Probes) {
@@ -239,8 +283,8 @@ impl Chooser {
     }
 
     /// Weighs grids of zones, coarse to fine, until one is fine enough for the brightest star.
-    fn weigh_zones(&mut self, nodes: usize, motion: &Motion, brightest_e: f64, probes: &Probes) {
-        let one = Method::EffectivePsf { nodes };
+    fn weigh_zones(&mut self, [nodes, stretches]: [usize; 2], motion: &Motion, brightest_e: f64, probes: &Probes) {
+        let one = Method::EffectivePsf { nodes, stretches };
         self.fill_lists(one, motion, probes);
         let rolling = self.instrument.shutter != Shutter::Global;
         let lists = if rolling { &self.lists[..] } else { &self.lists[..1] };
@@ -258,7 +302,7 @@ impl Chooser {
             let bands = if rolling { u16::try_from(self.bands).unwrap_or(u16::MAX) } else { 1 };
             // At least as fine as the bands, with corners where the field of PSFs has its own.
             let rows = rows.max(bands.next_multiple_of(field[1]));
-            let method = Method::ZonalPsf { zones: [columns, rows], nodes };
+            let method = Method::ZonalPsf { zones: [columns, rows], nodes, stretches };
             if !self.is_thorough && !self.is_fixed() && self.stars_ms(method, probes) >= cheapest_ms {
                 return;
             }
