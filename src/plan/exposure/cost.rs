@@ -86,20 +86,21 @@ impl CostModel {
         threads: 2.0,
         readout_pixel_ns: 10.0,
     };
-    /// Constants of the GPU backend on a hardware adapter (an estimate until measured there).
+    /// Constants of the GPU backend on a hardware adapter: means of what `calibrate` found on an NVIDIA H200 beside 16
+    /// threads.
     pub const GPU: Self = Self {
-        frame_ms: 0.3,
-        pixel_ns: 0.001,
-        star_ns: 30.0,
-        motion_ms: 0.2,
-        motion_star_ns: 40.0,
-        splat_ns: 1.0,
-        table_pixel_ns: 0.02,
-        base_pixel_ns: 0.02,
-        kernel_node_ns: 0.05,
-        kernel_entry_ns: 1.0,
-        threads: 2.0,
-        readout_pixel_ns: 0.05,
+        frame_ms: 0.25,
+        pixel_ns: 0.005,
+        star_ns: 42.0,
+        motion_ms: 0.5,
+        motion_star_ns: 5.0,
+        splat_ns: 1.2,
+        table_pixel_ns: 0.01,
+        base_pixel_ns: 0.2,
+        kernel_node_ns: 0.33,
+        kernel_entry_ns: 0.6,
+        threads: 16.0,
+        readout_pixel_ns: 0.22,
     };
     /// Constants of the reference backend.
     pub const REFERENCE: Self = Self {
