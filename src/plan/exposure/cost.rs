@@ -86,8 +86,8 @@ impl CostModel {
         threads: 2.0,
         readout_pixel_ns: 10.0,
     };
-    /// Constants of the GPU backend on a hardware adapter: means of what `calibrate` found on an NVIDIA H200 beside 16
-    /// threads.
+    /// Constants of the GPU backend on a hardware adapter: about the mean of the two quieter of three runs of `calibrate` on an
+    /// NVIDIA H200 beside 16 threads; the third found twice as much for a star and a splat.
     pub const GPU: Self = Self {
         frame_ms: 0.25,
         pixel_ns: 0.005,
