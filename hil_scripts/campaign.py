@@ -39,6 +39,7 @@ from pathlib import Path
 import pyarrow
 import pyarrow.parquet
 
+import campaign_page
 import campaign_report
 
 STDERR_TAIL = 2000
@@ -500,6 +501,17 @@ def parse_arguments() -> argparse.Namespace:
     return given
 
 
+def write_report(report: dict, out: Path) -> None:
+    """Writes report.html, report.json and report.xml."""
+    page, most = campaign_page.html_of(report), campaign_report.MOST_HTML_BYTES
+    if len(page.encode()) > most:
+        raise SystemExit(f"campaign: the report has {len(page)} bytes; wanted at most {most}: fewer values")
+    junit = campaign_report.junit_of(report)
+    texts = {"report.json": json.dumps(report, indent=1) + "\n", "report.xml": junit, "report.html": page}
+    for name, text in texts.items():
+        write_whole(out / name, lambda beside, text=text: beside.write_text(text))
+
+
 def report(rows: list[dict], planned: int, grid: dict[str, list[str]], given: argparse.Namespace, requirements) -> dict:
     """Writes the report about all rows, and says where it is."""
     about = {
@@ -508,7 +520,7 @@ def report(rows: list[dict], planned: int, grid: dict[str, list[str]], given: ar
         "provenance": campaign_report.provenance_of(given.out, given.binary, given.requirements, rows),
     }
     found = campaign_report.report_of(rows, grid, requirements, about, number, given.confidence)
-    campaign_report.write_report(found, given.out, write_whole)
+    write_report(found, given.out)
     print(f"{found['verdict']}; {given.out / 'report.html'}")
     return found
 

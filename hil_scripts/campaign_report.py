@@ -349,15 +349,3 @@ def complaint(judgement: dict) -> str:
     got = f"{100 * share['value']:.2f} % ({100 * share['low']:.2f} to {100 * share['high']:.2f} %) of {runs}"
     missing = judgement["without_number"]
     return f"{wanted}; got {got}" + (f", {missing} without this number" if missing else "")
-
-
-def write_report(report: dict, out: Path, write_whole) -> None:
-    """Writes report.html, report.json and report.xml."""
-    from campaign_page import html_of
-
-    page = html_of(report)
-    if len(page.encode()) > MOST_HTML_BYTES:
-        raise SystemExit(f"campaign: the report has {len(page)} bytes; wanted at most {MOST_HTML_BYTES}: fewer values")
-    texts = {"report.json": json.dumps(report, indent=1) + "\n", "report.xml": junit_of(report), "report.html": page}
-    for name, text in texts.items():
-        write_whole(out / name, lambda beside, text=text: beside.write_text(text))

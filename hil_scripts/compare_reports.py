@@ -3,7 +3,8 @@
 Two intervals of 95 % do not make 95 % of all metrics agree: of N equal metrics about N/20 lie outside by chance. Each
 difference has a p-value from both intervals; Holm's procedure (Scandinavian J. Statistics 6 (1979), 65) finds those that
 differ with a family-wise chance of a false alarm of 5 %, whatever the dependence between metrics. The number of metrics
-that lie outside one by one is printed beside the number expected. Metrics without an interval are listed where they differ.
+that lie outside one by one is printed beside the number expected. Counts are compared as counts of rare events from equally
+many frames: given their sum, one of them is binomial. Other metrics without an interval are listed where they differ.
 --cases: metrics of single cases too. Exit status 4: something differs. Standard library only.
 """
 
@@ -16,6 +17,8 @@ from pathlib import Path
 from statistics import NormalDist
 
 FAMILY_WISE = 0.05
+COUNTS = ("false_solutions", "losses")
+"""Numbers of rare events."""
 COPIES = ("noise_equivalent_angle", "acquisition_confidence")
 """Functions of another metric: they would be counted twice."""
 STEPPED = ("exclusion_angle",)
@@ -71,6 +74,13 @@ def p_value(a, b, confidence):
     return 2 * (1 - NormalDist().cdf(factor * apart / size))
 
 
+def count_p_value(one, other):
+    """The chance of two counts as far apart, from equally many frames with one and the same rate."""
+    least, total = int(min(one, other)), int(one + other)
+    tail = sum(math.comb(total, i) for i in range(least + 1)) / 2**total
+    return min(1.0, 2 * tail)
+
+
 def overlap(a, b):
     """True where two steps of a sweep, open at their lower ends, have an angle in common."""
     high = [math.inf if m["high"] is None else m["high"] for m in (a, b)]
@@ -93,7 +103,7 @@ def compare(one, other, with_cases=False):
             if not overlap(a, b):
                 found.exact.add(key)
             continue
-        p = p_value(a, b, confidence)
+        p = count_p_value(a["value"], b["value"]) if key[0] in COUNTS else p_value(a, b, confidence)
         if p is None:
             if not math.isclose(a["value"], b["value"], rel_tol=1e-9, abs_tol=1e-12):
                 found.exact.add(key)

@@ -1,7 +1,9 @@
-"""Table and chart of bench_peers.py: from peers_report import markdown, svg."""
+"""Tables and chart of bench_peers.py: from peers_report import markdown, svg."""
 
 import html
 import math
+
+from peers_loop import CLoop
 
 COLOURS = ["#d62728", "#7f7f7f", "#1f77b4", "#2ca02c", "#9467bd", "#ff7f0e", "#8c564b", "#17becf"]
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 860, 520, 70, 150, 20, 50
@@ -9,6 +11,11 @@ WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 860, 520, 70, 150, 20, 50
 
 def programs(rows):
     return list(dict.fromkeys(row.program for row in rows))
+
+
+def peer_times(rows, scene):
+    """Returns the rows of a scene by program, without the bound."""
+    return {row.program: row for row in rows if row.scene == scene and row.ms is not None and row.program != CLoop.name}
 
 
 def scenes(rows):
@@ -28,9 +35,9 @@ def behind(rows):
     """Scenes in which a peer is faster than starloop at an error that is equal or smaller."""
     found = []
     for name in scenes(rows):
-        of_scene = [row for row in rows if row.scene == name and row.ms is not None]
-        ours = [row for row in of_scene if row.program == "starloop"]
-        better = [row.program for row in of_scene if ours and row.ms < ours[0].ms and row.l1 <= ours[0].l1]
+        of_scene = peer_times(rows, name)
+        ours = of_scene.get("starloop")
+        better = [row.program for row in of_scene.values() if ours and row.ms < ours.ms and row.l1 <= ours.l1]
         if not ours or better:
             found.append(f"{name} ({', '.join(better) or 'starloop did not draw it'})")
     return found
@@ -40,15 +47,28 @@ def faster(rows):
     """Scenes in which a peer is faster than starloop, at any error."""
     found = []
     for name in scenes(rows):
-        of_scene = {row.program: row for row in rows if row.scene == name and row.ms is not None}
+        of_scene = peer_times(rows, name)
         ours = of_scene.get("starloop")
         found += [f"{name}: {row.program}, {ours.ms / row.ms:.2g} times as fast at L1 {row.l1:.0e}, starloop at {ours.l1:.0e}"
                   for row in of_scene.values() if ours and row.ms < ours.ms]  # fmt: skip
     return found
 
 
+def ratios(rows):
+    """A table of how many times as long the compiled loops take."""
+    loops = ("numba", CLoop.name)
+    lines = ["| scene | starloop, ms | " + " | ".join(f"{name} / starloop" for name in loops) + " |", "|---" * 4 + "|"]
+    by = {(row.scene, row.program): row.ms for row in rows if row.ms is not None}
+    for scene in scenes(rows):
+        ours = by.get((scene, "starloop"))
+        others = [by.get((scene, name)) for name in loops]
+        cells = [f"{other / ours:.2g}" if ours and other else "-" for other in others]
+        lines.append(f"| {scene} | " + " | ".join([f"{ours:.3g}" if ours else "-", *cells]) + " |")
+    return lines
+
+
 def markdown(rows, facts):
-    """The table, with notes on blank cells, and what it was measured with."""
+    """The tables, with notes on blank cells, and what they were measured with."""
     notes, names = [], programs(rows)
     by = {(row.scene, row.program): row for row in rows}
     lines = [f"Machine: {facts['machine']}. Peers: {facts['peers']}.", f"Threads: {facts['threads']}.", ""]
@@ -59,6 +79,7 @@ def markdown(rows, facts):
     at_equal = behind(rows)
     lines += ["", "A peer is faster at an equal or smaller error in: " + ("; ".join(at_equal) if at_equal else "none") + "."]
     lines += ["A peer is faster at any error in: " + ("; ".join(faster(rows)) or "none") + "."]
+    lines += ["", "The compiled loops, as ratios of times (above 1: starloop is faster):", "", *ratios(rows)]
     return "\n".join(lines) + "\n"
 
 

@@ -87,10 +87,23 @@ has_vulkan() {
 
 # --- the steps -------------------------------------------------------------------------------------------------------
 
+# Packages outside the workspace.
+readonly outside=(firmware_protocol/staticlib/Cargo.toml tests/fuzz/Cargo.toml)
+
 format() {
+    local manifest
     cargo fmt --all --check
-    cargo fmt --check --manifest-path firmware_protocol/staticlib/Cargo.toml
-    cargo fmt --check --manifest-path tests/fuzz/Cargo.toml
+    for manifest in "${outside[@]}"; do
+        cargo fmt --check --manifest-path "$manifest"
+    done
+}
+
+# Reads the lock file of each package: one that is behind its manifest fails here, not after an hour.
+read_locks() {
+    local manifest
+    for manifest in Cargo.toml "${outside[@]}"; do
+        cargo metadata --quiet --locked --format-version 1 --manifest-path "$manifest" >/dev/null
+    done
 }
 
 # One build has all there is: what is off by default is tested too.
@@ -389,6 +402,7 @@ main() {
     step "system packages" install_missing
     begin_python_environment
     step "cargo fmt" format
+    step "lock files" read_locks
     step "build" build
     begin_beside
     step "python environment" await_python_environment

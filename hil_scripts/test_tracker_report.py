@@ -25,7 +25,8 @@ from pathlib import Path
 sys.dont_write_bytecode = True
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from compare_reports import compare, show
+from compare_reports import compare, count_p_value, show
+from statistical_tracker import AXES, Pair, Report, noise_of_motion, with_absolute_paths
 
 ROOT = Path(__file__).resolve().parent.parent
 BINARY = os.environ.get("STARLOOP_BINARY", str(ROOT / "target/release/starloop"))
@@ -34,9 +35,6 @@ CEDAR = ROOT / "hil_scripts/cedar_tracker.py"
 CEDAR_SOLVE = "cedar-solve==0.5.1"
 TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
 ENVIRONMENT = Path(os.environ.get("STARLOOP_CEDAR_ENVIRONMENT", TARGET / "cedar_environment"))
-AXES = ("x", "y", "rotational")
-#: Metrics that a model by the stars takes as the root mean square over the sky.
-CALIBRATED = ("temporal_noise", "fov_spatial_error", "pixel_spatial_error")
 QUATERNION_OF_FRAMES = ("qw", "qx", "qy", "qz")
 ARCSEC = math.pi / 180 / 3600
 MOST_BYTES = 2_000_000
@@ -75,12 +73,6 @@ def turned(quaternion, turn_rad):
     small = (1.0, *(-0.5 * angle for angle in turn_rad))
     norm = math.sqrt(sum(part * part for part in small))
     return product(tuple(part / norm for part in small), quaternion)
-
-
-def plan_text():
-    """The short plan with paths that hold from any folder."""
-    text = PLAN.read_text().replace("../cameras", str(ROOT / "configs/cameras"))
-    return text.replace('requirements = "', f'requirements = "{PLAN.parent}/')
 
 
 def table(path):
@@ -277,87 +269,84 @@ class Reports(unittest.TestCase):
         starloop("report", conjugate.folder, status=(0,))
         self.assertTrue(conjugate.report["is_met"])
 
-    def fly_model(self, name, calibrated, method="stars", more_bias=0.0, plan=None, flown=None):
-        """Flies a plan with the statistical tracker, by the figures of the built-in tracker's report; some are `calibrated`."""
-        flown = flown or self.flown
+    def pair(self, flown, text):
+        """A plan and the statistical tracker by its flight."""
+        folder = Path(self.folder.name) / f"model_of_{flown.folder.name}"
+        folder.mkdir(exist_ok=True)
+        return Pair(text, Report(flown.report), folder)
 
-        def figures(identifier):
-            return [flown.metric(f"{identifier}.{axis}")["value"] for axis in AXES]
-
-        angles = {body: flown.metric(f"{body}_exclusion_angle") for body in ("sun", "moon", "earth")}
-        exclusion = "\n".join(f"{body}_exclusion_deg = {(m['low'] + m['value']) / 2}" for body, m in angles.items() if m["low"])
-        fast = flown.metric("temporal_noise.rotational", "slew 1")["value"]
-        at_rate = math.sqrt(max(fast**2 - figures("temporal_noise")[2] ** 2, 0.0)) / math.hypot(0.3, 1.0)
-        model = f"""source = "model"
-
-[tracker.model]
-bias_arcsec = {[value + more_bias for value in figures("bias")]}
-fov_spatial_arcsec = {calibrated["fov_spatial_error"]}
-pixel_spatial_arcsec = {calibrated["pixel_spatial_error"]}
-aberration_residual_arcsec = {flown.metric("aberration_residual")["value"]}
-noise_arcsec = {calibrated["temporal_noise"]}
-noise_over_sky = "{method}"
-stars = 40
-noise_arcsec_per_deg_s = {at_rate}
-date_error_ms = {flown.metric("measurement_date_error")["value"]}
-{exclusion}
-"""
-        text = plan or plan_text()
-        path = Path(self.folder.name) / f"{name}.toml"
-        path.write_text(text.replace('source = "built_in"\n', model))
-        out = Path(self.folder.name) / name
-        starloop("fly", path, "--out", out, "--quiet")
-        return Flown(out)
-
-    def calibrated(self, method, plan=None, flown=None):
-        """Figures with which the model has the built-in tracker's noise and spatial errors over the attitudes of the plan.
-
-        By the stars they are given as the root mean square over the sky, and the plan sees a part of it."""
-        flown = flown or self.flown
-
-        def figures(of):
-            return {name: [of.metric(f"{name}.{axis}")["value"] for axis in AXES] for name in CALIBRATED}
-
-        wanted = figures(flown)
-        got = figures(self.fly_model(f"first_{method}_{flown.folder.name}", wanted, method, plan=plan, flown=flown))
-        return {name: [w * w / g if g > 0.0 else w for w, g in zip(wanted[name], got[name])] for name in CALIBRATED}
-
-    def compared(self, other, one=None, with_cases=False):
+    def compared(self, name, model, own):
         """A tracker on pixels beside the model; prints the metrics one by one."""
-        found = compare((one or self.flown).report, other.report, with_cases)
-        print(f"\n{other.folder.name}: metric | pixels | model | p | differs")
+        found = compare(own.report, model.report)
+        print(f"\n{name}: metric | pixels | model | p | differs")
         show(found)
         self.assertEqual(found.missing, set())
         return found
 
-    def different(self, other):
+    def assert_agrees(self, name, model, own):
+        found = self.compared(name, model, own)
+        self.assertEqual((found.different, found.exact), (set(), set()))
+        self.assertGreater(found.chance, 0.001, "chance does not put so many outside their own intervals")
+
+    def different(self, name, model, own):
         """Metrics of the whole plan that differ."""
-        return {identifier for identifier, _ in self.compared(other).different}
+        return {identifier for identifier, _ in self.compared(name, model, own).different}
 
     def test_the_statistical_tracker_agrees_with_the_one_on_pixels_in_every_metric(self):
-        figures = self.calibrated("stars")
-        agrees = self.compared(self.fly_model("model", figures))
-        self.assertEqual((agrees.different, agrees.exact), (set(), set()))
-        self.assertGreater(agrees.chance, 0.001, "chance does not put so many outside their own intervals")
+        text = with_absolute_paths(PLAN)
+        pair = self.pair(self.flown, text)
+        noise, motion = pair.fit()
+        self.assertGreater(motion[0], 1.5 * motion[1], "smeared stars are less certain along their motion")
+        self.assert_agrees("model", pair.fly("model", noise, motion), pair.own)
         # Another detector of the same kind and other attitudes, with figures of its own.
-        other_plan = plan_text().replace("seed = 1\n", "seed = 2\n")
+        other_text = text.replace("seed = 1\n", "seed = 2\n")
         path = Path(self.folder.name) / "pixels_2.toml"
-        path.write_text(other_plan)
+        path.write_text(other_text)
         starloop("fly", path, "--out", path.with_suffix(""), "--quiet")
-        other = Flown(path.with_suffix(""))
-        own = self.calibrated("stars", other_plan, other)
-        model = self.fly_model("model_2", own, plan=other_plan, flown=other)
-        agrees = self.compared(model, other)
-        self.assertEqual((agrees.different, agrees.exact), (set(), set()))
-        for one, another in zip(own["temporal_noise"], figures["temporal_noise"]):
+        other = self.pair(Flown(path.with_suffix("")), other_text)
+        own_noise, own_motion = other.fit()
+        self.assert_agrees("model_2", other.fly("model_2", own_noise, own_motion), other.own)
+        for one, another in zip(own_noise["temporal_noise"], noise["temporal_noise"]):
             self.assertLess(abs(one / another - 1.0), 0.1, "noise is not of one detector")
         # Controls: a noise that is the same all over the sky lacks the tail of the absolute error; one that is 20 % too
         # high; a bias of 1 arcsec.
-        even = self.different(self.fly_model("even", self.calibrated("even"), "even"))
-        self.assertIn("absolute_measurement_error.directional", even)
-        noisier = {**figures, "temporal_noise": [1.2 * value for value in figures["temporal_noise"]]}
-        self.assertIn("temporal_noise.x", self.different(self.fly_model("noisier", noisier)))
-        self.assertIn("bias.x", self.different(self.fly_model("off", figures, more_bias=1.0)))
+        even = pair.fly("even", *pair.fit("even"), "even")
+        self.assertIn("absolute_measurement_error.directional", self.different("even", even, pair.own))
+        noisier = {**noise, "temporal_noise": [1.2 * value for value in noise["temporal_noise"]]}
+        self.assertIn("temporal_noise.x", self.different("noisier", pair.fly("noisier", noisier, motion), pair.own))
+        biased = Report(json.loads(json.dumps(self.flown.report)))
+        for axis in AXES:
+            biased.metrics[f"bias.{axis}", None]["value"] += 1.0
+        off = Pair(text, biased, pair.folder).fly("off", noise, motion)
+        self.assertIn("bias.x", self.different("off", off, pair.own))
+
+    def test_noise_of_motion_is_found_from_slews(self):
+        noise, field, wanted = (1.0, 1.0, 8.0), 1.3, (6.0, 2.0, 30.0)
+        rates = {"slew 1": (0.3, 1.0, 0.1), "slew 2": (0.6, 2.0, 0.2), "slew -1": (-0.3, -1.0, -0.1)}
+
+        def metrics(case, values):
+            return [{"id": f"temporal_noise.{axis}", "case": case, "value": v} for axis, v in zip(AXES, values)]
+
+        own, rest = [], []
+        for case, (x, y, z) in rates.items():
+            roll = 0.5 * math.radians(20.0) * z
+            middle = math.hypot(wanted[0], wanted[1]) / math.sqrt(2.0) * roll
+            added = (math.hypot(wanted[0] * x, wanted[1] * y, middle), math.hypot(wanted[0] * y, wanted[1] * x, middle),
+                     wanted[2] * math.hypot(x, y, roll))
+            rest += metrics(case, [field * n for n in noise])
+            own += metrics(case, [field * math.hypot(n, a) for n, a in zip(noise, added)])
+        got = noise_of_motion(Report({"metrics": own}), Report({"metrics": rest}), noise, rates, 20.0)
+        for one, another in zip(got, wanted):
+            self.assertAlmostEqual(one, another, places=9)
+        still = noise_of_motion(Report({"metrics": rest}), Report({"metrics": rest}), noise, rates, 20.0)
+        self.assertEqual(still, [0.0, 0.0, 0.0], "control: no noise of motion")
+
+    def test_counts_are_compared_as_counts(self):
+        self.assertEqual(count_p_value(1.0, 0.0), 1.0)
+        self.assertEqual(count_p_value(0.0, 0.0), 1.0)
+        self.assertAlmostEqual(count_p_value(0.0, 6.0), 2 / 64)
+        self.assertAlmostEqual(count_p_value(2.0, 7.0), 2 * (1 + 9 + 36) / 512)
+        self.assertLess(count_p_value(0.0, 20.0), 1e-5, "control: so many are not chance")
 
     def test_a_drift_of_the_mounting_comes_back(self):
         case = self.flown.folder / "thermo-elastic"

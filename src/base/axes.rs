@@ -18,6 +18,7 @@
 //! let wrong = a * b;
 //! ```
 
+use core::f64::consts::TAU;
 use core::marker::PhantomData;
 use core::ops::Mul;
 use glam::{DMat3, DQuat, DVec3};
@@ -172,6 +173,15 @@ pub fn sensor_from_ra_dec_roll(ra_rad: f64, dec_rad: f64, roll_rad: f64) -> Rota
     Rotation::from_axes(down.cross(boresight), down, boresight)
 }
 
+/// Returns the attitude that belongs to three numbers from 0 to 1; where these are uniform, all attitudes are equally
+/// likely (K. Shoemake, "Uniform random rotations", Graphics Gems III, 1992). The bits are the same on every machine.
+#[must_use]
+pub fn attitude_of_uniforms<To, From>([u, v, w]: [f64; 3]) -> Rotation<To, From> {
+    let (near, far) = ((1.0 - u).sqrt(), u.sqrt());
+    let ((sin_v, cos_v), (sin_w, cos_w)) = (libm::sincos(TAU * v), libm::sincos(TAU * w));
+    Rotation::from_quat(DQuat::from_xyzw(near * sin_v, near * cos_v, far * sin_w, far * cos_w))
+}
+
 /// Returns the right ascension in `0..2 pi`, declination and roll (rad) of an attitude: the inverse of
 /// [`sensor_from_ra_dec_roll`]. At a pole the right ascension is the one `atan2` gives and roll follows it.
 #[must_use]
@@ -183,7 +193,7 @@ pub fn ra_dec_roll(sensor_from_icrf: &Rotation<Sensor, Icrf>) -> [f64; 3] {
     let dec = boresight.z.atan2(boresight.x.hypot(boresight.y));
     let north = DVec3::new(-dec.sin() * ra.cos(), -dec.sin() * ra.sin(), dec.cos());
     let east = DVec3::new(-ra.sin(), ra.cos(), 0.0);
-    [ra.rem_euclid(core::f64::consts::TAU), dec, up.dot(east).atan2(up.dot(north))]
+    [ra.rem_euclid(TAU), dec, up.dot(east).atan2(up.dot(north))]
 }
 
 #[cfg(test)]
@@ -229,6 +239,25 @@ mod tests {
         let flipped = Rotation { q: -b.q, axes: PhantomData };
         assert!((a.rotation_vector_to(&b) - v).length() < 1e-15, "{}", a.rotation_vector_to(&b));
         assert_eq!(a.rotation_vector_to(&flipped), a.rotation_vector_to(&b), "q and -q are one attitude");
+    }
+
+    #[test]
+    fn attitudes_of_uniform_numbers_prefer_no_axis() {
+        let sides = 12_u32;
+        let middle = |i: u32| (f64::from(i) + 0.5) / f64::from(sides);
+        let mut squares = [[0.0; 3]; 3];
+        let numbers = (0..sides.pow(3)).map(|n| [n % sides, n / sides % sides, n / sides.pow(2)].map(middle));
+        for q in numbers.map(attitude_of_uniforms::<Sensor, Icrf>) {
+            for (row, axis) in squares.iter_mut().zip([DVec3::X, DVec3::Y, DVec3::Z]) {
+                for (sum, component) in row.iter_mut().zip(q.apply(axis).to_array()) {
+                    *sum += component * component / f64::from(sides.pow(3));
+                }
+            }
+        }
+        // A square of a direction's component is 1/3 on average; the grid's own error is below 1 %.
+        for mean in squares.iter().flatten() {
+            assert!((mean - 1.0 / 3.0).abs() < 0.01, "{squares:?}");
+        }
     }
 
     #[test]

@@ -5,7 +5,7 @@
 //! changes drawing only; other stages are reported as beyond it.
 
 use crate::cli::frame_plan::FramePlans;
-use crate::cli::run_end::Finished;
+use crate::cli::run_finished::Finished;
 use anyhow::Result;
 use frames::report::{BudgetLine, LineVerdict, Stage};
 use plan::exposure::{Degradation, ExposurePlan};

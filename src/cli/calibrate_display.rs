@@ -5,34 +5,26 @@
 //! file says, and whether it may be used; `beat` compares a shutter with a refresh rate; `simulate` does all of it on a
 //! simulated bench.
 
+use crate::cli::calibrate_display_output::{PLAN, REPORTED_CYCLE, announce, now, write_pattern, write_plan};
 use crate::cli::calibrate_display_simulate::{SimulateArgs, simulate};
 use crate::cli::display_latency::CornerWord;
 use crate::cli::display_measurements::{Measurements, date_of, earlier, measurements_of_folder, sights_of_table};
 use crate::cli::named_camera::named_camera;
 use anyhow::{Context, Result, bail};
-use base::clock::{Clock, Monotonic};
 use base::time::{Span, Tai};
 use clap::{Args, Subcommand};
 use config::Camera;
-use frames::sink::{png, write_file_atomically};
 use outputs::display::beat::BeatInput;
 use outputs::display::calibration::fit::FitOptions;
 use outputs::display::calibration::report::reported;
-use outputs::display::calibration::{
-    Calibration, DisplayIdentity, Fitted, Grid, Pattern, Plan, Tracker, TrackerIdentity, fit,
-};
+use outputs::display::calibration::{Calibration, DisplayIdentity, Grid, Pattern, Plan, Tracker, TrackerIdentity, fit};
 use outputs::display::dither::Dither;
 use outputs::display::latency::Latency;
 use run::wiring::camera_parts::camera_params;
 use run::wiring::display_parts::SPOT_SIGMA_PX;
 use sky::astrometry::CameraGeometry;
 use std::fs::File;
-use std::path::{Path, PathBuf};
-
-/// Name of the plan in its folder.
-const PLAN: &str = "plan.toml";
-/// Refreshes of a dither cycle for which magnitudes are printed.
-const REPORTED_CYCLE: u32 = 16;
+use std::path::PathBuf;
 
 /// Command line of `calibrate display`.
 #[derive(Debug, Args)]
@@ -194,10 +186,6 @@ pub(super) fn run(arguments: &DisplayArgs) -> Result<()> {
     }
 }
 
-pub(super) fn now() -> Tai {
-    Monotonic::start().now()
-}
-
 fn geometry_of(camera: &Camera) -> Result<CameraGeometry> {
     Ok(camera_params(camera)?.geometry)
 }
@@ -222,26 +210,6 @@ fn plan(arguments: &PlanArgs) -> Result<()> {
         "tracker's frame of each image under its name (dots.png: dots.fits), and dark.fits with the display off; then"
     );
     println!("`starloop calibrate display fit {folder}/{PLAN} --measurements FRAMES`, with the same --camera as here");
-    Ok(())
-}
-
-/// Writes the plan and all images, except for a display that is off.
-pub(super) fn write_plan(plan: &Plan, folder: &Path) -> Result<()> {
-    std::fs::create_dir_all(folder).with_context(|| format!("the folder {}", folder.display()))?;
-    let text = plan.to_toml()?;
-    write_file_atomically(&folder.join(PLAN), |out| out.write_all(text.as_bytes()))?;
-    for pattern in plan.patterns().into_iter().filter(|pattern| *pattern != Pattern::Dark) {
-        write_pattern(plan, pattern, &folder.join(format!("{}.png", pattern.name())))?;
-    }
-    Ok(())
-}
-
-/// Writes greys of 8 bits unchanged; deeper ones as luminances of 16 bits, from which `display show` makes these greys.
-fn write_pattern(plan: &Plan, pattern: Pattern, path: &Path) -> Result<()> {
-    write_file_atomically(path, |out| match plan.display.bits {
-        8 => png::write_greys(out, &plan.draw(pattern)),
-        _ => png::write_dn_raw(out, &plan.luminances(pattern)),
-    })?;
     Ok(())
 }
 
@@ -335,17 +303,6 @@ fn latency(arguments: &FitArgs) -> Result<Option<Latency>> {
     }
 }
 
-pub(super) fn announce(fitted: &Fitted) -> Result<()> {
-    print!("{}", reported(&fitted.calibration, &fitted.calibration.calibrated()?, Dither::over(REPORTED_CYCLE)?));
-    if fitted.saturated_levels > 0 {
-        println!("  note             {} measured levels were left out as saturated", fitted.saturated_levels);
-    }
-    if !fitted.has_dark {
-        println!("  note             no level of `dark` was measured: darkness was taken for nothing");
-    }
-    Ok(())
-}
-
 fn check(arguments: &CheckArgs) -> Result<()> {
     let calibration = Calibration::read(&arguments.file)?;
     let plan = arguments.plan.as_deref().map(Plan::read).transpose()?;
@@ -389,6 +346,7 @@ fn beat(arguments: &BeatArgs) -> Result<()> {
 mod tests {
     use super::*;
     use crate::cli::display;
+    use frames::sink::{png, write_file_atomically};
     use outputs::display::GreyTable;
 
     fn plan(bits: u32) -> Plan {

@@ -1,7 +1,7 @@
 //! `starloop calibrate display simulate`: the whole procedure on a simulated display, collimator and camera, and the
 //! result against the truth.
 
-use crate::cli::calibrate_display::{announce, now, write_plan};
+use crate::cli::calibrate_display_output::{announce, now, write_plan};
 use anyhow::Result;
 use base::time::Span;
 use clap::Args;

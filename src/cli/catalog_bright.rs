@@ -1,6 +1,7 @@
 //! `--bright` of `starloop catalog import`: Hipparcos and Tycho-2 files, the last input of an import.
 
-use crate::cli::catalog_layers::{ProgressLine, mark, name_of};
+use crate::cli::catalog_file::{mark, name_of};
+use crate::cli::catalog_progress::ProgressLine;
 use anyhow::ensure;
 use imports::published::add_bright;
 use imports::published::bright::BrightStars;

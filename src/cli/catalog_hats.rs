@@ -2,7 +2,8 @@
 //!
 //! What opens Parquet files is in `with_hats`, and in `without_hats` for a program built without the feature `hats`.
 
-use crate::cli::catalog_layers::{ProgressLine, name_of};
+use crate::cli::catalog_file::name_of;
+use crate::cli::catalog_progress::ProgressLine;
 #[cfg(feature = "hats")]
 use crate::cli::with_hats as hats;
 #[cfg(not(feature = "hats"))]

@@ -1,7 +1,9 @@
 //! `starloop catalog import` and `verify`: published catalogs -> layers on disk, and whether they are whole.
 
 use crate::cli::catalog_bright::{self, BrightInput};
+use crate::cli::catalog_file::mark;
 use crate::cli::catalog_hats::{Input, inputs};
+use crate::cli::catalog_progress::ProgressLine;
 use crate::cli::folder;
 use crate::cli::report_json::json_line;
 use anyhow::{Context, bail, ensure};
@@ -11,12 +13,10 @@ use stars::catalog::Catalog;
 use stars::credits;
 use stars::layer::{LEAST_MEMORY_BYTES, Layer, LayerReport, MEMORY_BYTES, Sorting, is_layer, layer_name};
 use std::collections::BTreeMap;
-use std::io::{IsTerminal, Read, Seek, SeekFrom, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 const MIB: usize = 1 << 20;
-/// Bytes at each end of a file by which it is known again.
-const END_BYTES: u64 = 64 << 10;
 
 /// Arguments of `starloop catalog import`.
 #[derive(Debug, Args)]
@@ -209,26 +209,6 @@ fn names(columns: &[String]) -> anyhow::Result<Names> {
     Ok(names)
 }
 
-/// Returns the name of a file without its folder: it may be moved between two tries.
-pub(super) fn name_of(path: &Path) -> anyhow::Result<String> {
-    let name = path.file_name().and_then(|name| name.to_str());
-    name.map(str::to_owned).with_context(|| format!("{}: wanted a file with a readable name", path.display()))
-}
-
-/// Returns the fingerprint of a file: its length, and the checksum of its two ends.
-pub(super) fn mark(path: &Path) -> anyhow::Result<String> {
-    let read = || {
-        let mut file = std::fs::File::open(path)?;
-        let bytes = file.metadata()?.len();
-        let mut ends = Vec::new();
-        (&mut file).take(END_BYTES).read_to_end(&mut ends)?;
-        file.seek(SeekFrom::Start(bytes.saturating_sub(END_BYTES)))?;
-        file.take(END_BYTES).read_to_end(&mut ends)?;
-        std::io::Result::Ok(format!("{bytes} bytes, CRC-32 of its ends {:08x}", crc32fast::hash(&ends)))
-    };
-    read().with_context(|| format!("cannot read {}", path.display()))
-}
-
 /// Reads catalogs and layers to their end.
 pub(super) fn verify(args: &VerifyArgs, out: &mut impl Write) -> anyhow::Result<()> {
     let line = ProgressLine::new();
@@ -286,30 +266,6 @@ pub(super) fn layer_info(path: &Path, is_json: bool, out: &mut impl Write) -> an
     writeln!(out, "crc32    {:08x}", facts.crc32)?;
     writeln!(out, "credits  {}", credits::shown(&facts.credits))?;
     Ok(())
-}
-
-/// One line on a terminal that is drawn over; silent elsewhere.
-pub(super) struct ProgressLine {
-    is_on: bool,
-}
-
-impl ProgressLine {
-    pub(super) fn new() -> Self {
-        Self { is_on: std::io::stderr().is_terminal() }
-    }
-
-    pub(super) fn show(&self, text: &str) {
-        if self.is_on {
-            let _a_closed_terminal_is_no_error = write!(std::io::stderr(), "\r{text:<79}");
-        }
-    }
-
-    pub(super) fn clear(&self) {
-        self.show("");
-        if self.is_on {
-            let _a_closed_terminal_is_no_error = write!(std::io::stderr(), "\r");
-        }
-    }
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! `starloop catalog synthesize`: layers of stars that are not real, in the numbers of the real sky.
 
-use crate::cli::catalog_layers::{ProgressLine, print_layer, refuse_layers_that_are_there};
+use crate::cli::catalog_layers::{print_layer, refuse_layers_that_are_there};
+use crate::cli::catalog_progress::ProgressLine;
 use crate::cli::degrees::{declination_deg, right_ascension_deg};
 use crate::cli::folder;
 use anyhow::ensure;

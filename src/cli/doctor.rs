@@ -1,12 +1,13 @@
 //! `starloop doctor`: what this machine can do for a bench, and what to do where something is missing.
 
+use crate::cli::doctor_finding::{Finding, State};
+use crate::cli::doctor_host::Host;
 use crate::cli::report_json::print_json;
 use crate::cli::version;
 use crate::cli::{doctor_devices, doctor_host, doctor_system};
 use anyhow::Result;
 use clap::Args;
 use serde::Serialize;
-use std::path::PathBuf;
 
 /// Command line of `doctor`.
 #[derive(Debug, Args)]
@@ -17,58 +18,6 @@ pub struct DoctorArgs {
     json: bool,
 }
 
-/// Whether something is there.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub(super) enum State {
-    /// It is there and may be used.
-    Ready,
-    /// It is there, but not as good as it could be.
-    Limited,
-    /// It is not there.
-    Missing,
-}
-
-impl State {
-    /// Returns its word in the report.
-    fn word(self) -> &'static str {
-        match self {
-            Self::Ready => "ready",
-            Self::Limited => "limited",
-            Self::Missing => "missing",
-        }
-    }
-}
-
-/// One thing that was looked for.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub(super) struct Finding {
-    /// Short name, the same in every report.
-    pub(super) name: &'static str,
-    pub(super) state: State,
-    /// The things that were found, in words.
-    pub(super) found: String,
-    /// The step that makes it ready; `None` where it is.
-    pub(super) advice: Option<String>,
-}
-
-impl Finding {
-    /// Returns something that is there.
-    pub(super) fn ready(name: &'static str, found: impl Into<String>) -> Self {
-        Self { name, state: State::Ready, found: found.into(), advice: None }
-    }
-
-    /// Returns something that is there in part.
-    pub(super) fn limited(name: &'static str, found: impl Into<String>, advice: impl Into<String>) -> Self {
-        Self { name, state: State::Limited, found: found.into(), advice: Some(advice.into()) }
-    }
-
-    /// Returns something that is not there.
-    pub(super) fn missing(name: &'static str, found: impl Into<String>, advice: impl Into<String>) -> Self {
-        Self { name, state: State::Missing, found: found.into(), advice: Some(advice.into()) }
-    }
-}
-
 /// Everything that was found.
 #[derive(Debug, Serialize)]
 struct Report {
@@ -77,19 +26,6 @@ struct Report {
     target: &'static str,
     features: Vec<&'static str>,
     findings: Vec<Finding>,
-}
-
-/// The machine's files, below a root.
-#[derive(Debug, Clone)]
-pub(super) struct Host {
-    pub(super) root: PathBuf,
-}
-
-impl Host {
-    /// Returns the machine that the program runs on; `STARLOOP_HOST_ROOT` names another root, for tests.
-    fn here() -> Self {
-        Self { root: std::env::var_os("STARLOOP_HOST_ROOT").map_or_else(|| "/".into(), PathBuf::from) }
-    }
 }
 
 /// Runs the command.

@@ -1,6 +1,6 @@
 //! `starloop doctor`, devices that a library must ask for: GPU adapters and monitors.
 
-use crate::cli::doctor::Finding;
+use crate::cli::doctor_finding::Finding;
 use image::gpu::GpuDevice;
 
 const ADVICE_NO_GPU: &str =
@@ -46,7 +46,7 @@ fn display() -> Finding {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::doctor::State;
+    use crate::cli::doctor_finding::State;
 
     #[test]
     fn hardware_is_ready_and_software_alone_is_limited() {

@@ -1,6 +1,6 @@
 //! `starloop doctor`, the hardware that the kernel's files list: CAN interfaces, serial ports, clocks, pulses, lines.
 
-use crate::cli::doctor::{Finding, Host};
+use crate::cli::doctor_finding::Finding;
 use std::path::{Path, PathBuf};
 
 /// Type of a network interface that is CAN, as the kernel numbers them.
@@ -20,6 +20,19 @@ const ADVICE_NO_PTP: &str =
 const ADVICE_NO_PPS: &str = "modprobe pps-gpio, or pps-ldisc with ldattach pps; without one: time marks on the bus";
 const ADVICE_NO_GPIO: &str = "a board with GPIO lines; without one: triggers as messages on the bus";
 const ADVICE_RIGHTS: &str = "the rules of the package give these to the group dialout; see src/guide/installing.md";
+
+/// The machine's files, below a root.
+#[derive(Debug, Clone)]
+pub(super) struct Host {
+    pub(super) root: PathBuf,
+}
+
+impl Host {
+    /// Returns the machine that the program runs on; `STARLOOP_HOST_ROOT` names another root, for tests.
+    pub(super) fn here() -> Self {
+        Self { root: std::env::var_os("STARLOOP_HOST_ROOT").map_or_else(|| "/".into(), PathBuf::from) }
+    }
+}
 
 /// Returns what the kernel's files list.
 pub(super) fn findings(host: &Host) -> Vec<Finding> {
@@ -136,7 +149,7 @@ fn may_use(path: &Path) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::doctor::State;
+    use crate::cli::doctor_finding::State;
 
     fn host(files: &[(&str, &str)]) -> (tempfile::TempDir, Host) {
         let folder = tempfile::tempdir().unwrap();

@@ -1,8 +1,8 @@
 //! `starloop doctor`, the system: processors, memory, real-time rights, buffers, other programs, this program's own
 //! cache.
 
-use crate::cli::doctor::{Finding, Host};
-use crate::cli::doctor_host::word;
+use crate::cli::doctor_finding::Finding;
+use crate::cli::doctor_host::{Host, word};
 use frames::report::Machine;
 use run::runtime::cost_cache;
 use rustix::process::{Resource, getrlimit};
@@ -166,7 +166,7 @@ fn costs() -> Finding {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::doctor::State;
+    use crate::cli::doctor_finding::State;
 
     #[test]
     fn limits_are_judged_by_what_a_run_asks_for() {

@@ -1,6 +1,6 @@
 //! The plots of `starloop psf`: the chain over frequency, and the star over distance.
 
-use crate::cli::psf::{NYQUIST, Star};
+use crate::cli::psf_star::{NYQUIST, Star};
 use frames::report::plot::{Axis, Chart, Series, Style};
 use frames::report::to_svg;
 use plan::optics::energy;

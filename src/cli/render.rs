@@ -8,7 +8,7 @@ use crate::cli::render_files::WrittenImage;
 use crate::cli::render_input::{four, read_los, read_los_samples, read_sources, three};
 use crate::cli::render_notes::notes;
 use crate::cli::render_output::{Format, format_of, write_dn, write_electrons, write_truth};
-use crate::cli::render_series::{Series, draw_all};
+use crate::cli::render_series::{Series, numbered};
 use crate::cli::report_json::print_json;
 use crate::cli::run_args::BackendName;
 use crate::cli::wcs_warning::warn_of_wcs;
@@ -117,7 +117,7 @@ pub struct RenderArgs {
 
 /// A stage of the chain, by name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(super) enum StageName {
+enum StageName {
     /// Mean electrons before the detector: f32, f64 from the reference
     Electrons,
     /// Digital numbers
@@ -163,6 +163,24 @@ pub fn run(arguments: &RenderArgs) -> Result<()> {
     Ok(())
 }
 
+/// Draws and writes every image: `name_000000.fits` and `name_000000.truth.csv` for `name.fits`.
+fn draw_all(arguments: &RenderArgs, scene: &mut Scene, series: &Series, format: Format) -> Result<()> {
+    for number in 0..series.len() {
+        scene.aim(series, number)?;
+        scene.draw(arguments.stage())?;
+        scene.warn_of_error();
+        let path = numbered(arguments.out(), number)?;
+        scene.write(&path, arguments.stage(), format)?;
+        write_truth(&path.with_extension("truth.csv"), scene.frame())?;
+    }
+    println!(
+        "{} images, the last {}",
+        series.len(),
+        numbered(arguments.out(), series.len().saturating_sub(1))?.display()
+    );
+    Ok(())
+}
+
 impl RenderArgs {
     /// Returns the bench whose sky, observer, bodies and targets are drawn: the one that was named, or the built-in one
     /// without any of these, with the camera that was named.
@@ -196,12 +214,12 @@ impl RenderArgs {
     }
 
     /// Returns what is written.
-    pub(super) fn stage(&self) -> StageName {
+    fn stage(&self) -> StageName {
         self.stage
     }
 
     /// Returns the image to write.
-    pub(super) fn out(&self) -> &Path {
+    fn out(&self) -> &Path {
         &self.out
     }
 }
@@ -213,7 +231,7 @@ fn step_s(text: &str) -> Result<f64, String> {
 }
 
 /// Everything one image needs.
-pub(super) struct Scene {
+struct Scene {
     still: Still,
     motion: Motion,
     /// In place of those of the sky.
@@ -244,19 +262,19 @@ impl Scene {
     }
 
     /// Points the camera as image `number` of a series, whose noise it has.
-    pub(super) fn aim(&mut self, series: &Series, number: usize) -> Result<()> {
+    fn aim(&mut self, series: &Series, number: usize) -> Result<()> {
         self.motion.los = series.los(number, self.still.params().camera.exposure_s)?.0;
         self.number = u32::try_from(number)?;
         Ok(())
     }
 
     /// Returns the latest image with its truth.
-    pub(super) fn frame(&self) -> &SentFrame {
+    fn frame(&self) -> &SentFrame {
         self.still.frame()
     }
 
     /// Draws up to `stage`; returns the wall times of sky, plan, render, detector.
-    pub(super) fn draw(&mut self, stage: StageName) -> Result<[Span; 4]> {
+    fn draw(&mut self, stage: StageName) -> Result<[Span; 4]> {
         let is_on_sky = self.has_attitude;
         let light = match &self.sources {
             Some(sources) => Light::Sources { sources, is_on_sky },
@@ -272,7 +290,7 @@ impl Scene {
     }
 
     /// Prints what is over the budget, and by how much.
-    pub(super) fn warn_of_error(&self) {
+    fn warn_of_error(&self) {
         let plan = self.still.plan();
         if let Some(words) = over_budget_text(plan, &self.still.params().budget) {
             let who =
@@ -287,7 +305,7 @@ impl Scene {
     }
 
     /// Writes the latest image.
-    pub(super) fn write(&self, path: &Path, stage: StageName, format: Format) -> Result<()> {
+    fn write(&self, path: &Path, stage: StageName, format: Format) -> Result<()> {
         match stage {
             StageName::Dn => write_dn(path, format, self.frame())?,
             StageName::Electrons => write_electrons(path, format, &self.still.mean(), &self.frame().meta)?,

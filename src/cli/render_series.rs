@@ -1,8 +1,6 @@
-//! `starloop render --attitudes`: the images of a whole file of attitudes, numbered, each with its truth beside it.
+//! The attitudes of `starloop render --attitudes`: those of a whole file, one for each image, and the names of the images.
 
 use crate::cli::attitude_file::{KernelArgs, attitudes};
-use crate::cli::render::{RenderArgs, Scene};
-use crate::cli::render_output::{Format, write_truth};
 use anyhow::{Context, Result, bail};
 use base::axes::Rotation;
 use base::time::{Span, Tai};
@@ -82,25 +80,8 @@ impl Series {
     }
 }
 
-/// Draws and writes every image: `name_000000.fits` and `name_000000.truth.csv` for `name.fits`.
-pub(super) fn draw_all(arguments: &RenderArgs, scene: &mut Scene, series: &Series, format: Format) -> Result<()> {
-    for number in 0..series.len() {
-        scene.aim(series, number)?;
-        scene.draw(arguments.stage())?;
-        scene.warn_of_error();
-        let path = numbered(arguments.out(), number)?;
-        scene.write(&path, arguments.stage(), format)?;
-        write_truth(&path.with_extension("truth.csv"), scene.frame())?;
-    }
-    println!(
-        "{} images, the last {}",
-        series.len(),
-        numbered(arguments.out(), series.len().saturating_sub(1))?.display()
-    );
-    Ok(())
-}
-
-fn numbered(out: &Path, number: usize) -> Result<PathBuf> {
+/// Returns the path of one image of a series: `name_000012.fits` for `name.fits`.
+pub(super) fn numbered(out: &Path, number: usize) -> Result<PathBuf> {
     let [stem, ending] = [out.file_stem(), out.extension()].map(|part| part.and_then(|part| part.to_str()));
     let (stem, ending) = stem.zip(ending).with_context(|| format!("--out {}: wanted a name", out.display()))?;
     Ok(out.with_file_name(format!("{stem}_{number:06}.{ending}")))

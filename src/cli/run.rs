@@ -1,14 +1,14 @@
 //! `starloop run`: a bench or a scenario from its first frame to its summary.
 
-use crate::cli::budget::budget_report;
 use crate::cli::budget_files;
+use crate::cli::budget_report::budget_report;
 use crate::cli::calibrate::costs_here;
 use crate::cli::folder;
 use crate::cli::monitor::Monitor;
 use crate::cli::provenance;
 use crate::cli::run_args::{CaptureFormatName, ClockKind, RunArgs};
 use crate::cli::run_control::{Controlled, control_steered, control_stepped, listen, steering};
-use crate::cli::run_end::Finished;
+use crate::cli::run_finished::Finished;
 use crate::cli::run_input::{RunInput, input};
 use crate::cli::run_progress::sender;
 use crate::cli::signals;

@@ -5,17 +5,14 @@ use crate::cli::report_json::print_json;
 use crate::cli::run_args::{ClockKind, RunArgs};
 use crate::cli::run_control::Client;
 use crate::cli::run_events;
+use crate::cli::run_finished::Finished;
 use crate::cli::run_page;
 use crate::cli::run_verdict::{first_failure, verdict_line};
 use crate::cli::scenario_report::{ScenarioReport, table};
 use crate::cli::{EXIT_DONE, EXIT_FAILED, EXIT_LOST, EXIT_NOT_MET, signals};
 use anyhow::{Context, Result};
-use config::{Bench, Scenario};
 use frames::report::{Losses, RunSummary, short_table, summary_table};
 use frames::sink::replace_own_file;
-use run::runtime::FrameEngine;
-use run::wiring::run_end::RunEnd;
-use std::path::PathBuf;
 
 /// Results of a run, as printed and sent.
 pub(super) struct Reports {
@@ -24,37 +21,7 @@ pub(super) struct Reports {
     summary: RunSummary,
 }
 
-/// A run that has ended, and everything it ran with.
-pub(super) struct Finished {
-    pub(super) scenario: Scenario,
-    pub(super) end: RunEnd,
-    /// The client that steered it.
-    pub(super) client: Option<Client>,
-    pub(super) wall_s: f64,
-    pub(super) was_interrupted: bool,
-    pub(super) directory: Option<PathBuf>,
-}
-
 impl Finished {
-    /// Returns the bench.
-    pub(super) fn bench(&self) -> &Bench {
-        &self.scenario.bench
-    }
-
-    /// Returns what drew the frames of the first head.
-    pub(super) fn engine(&self) -> &FrameEngine {
-        &self.end.heads[0].engine
-    }
-
-    /// Returns counts, times and events.
-    pub(super) fn summary(&self, clock: ClockKind) -> RunSummary {
-        let mut summary = self.end.summary();
-        summary.bench.clone_from(&self.scenario.name);
-        summary.wall_s = self.wall_s;
-        summary.clock = clock.summary_name().into();
-        summary
-    }
-
     /// Returns what is printed and sent; made once, when no file of the run can be lost any more.
     pub(super) fn reports(&self, clock: ClockKind) -> Reports {
         Reports { scenario: self.report(), summary: self.summary(clock) }

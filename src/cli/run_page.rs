@@ -1,10 +1,10 @@
 //! `report.html`: a run on one page that needs no other file, written after the run has ended.
 
-use crate::cli::budget::limits;
+use crate::cli::budget_report::limits;
 use crate::cli::provenance;
 use crate::cli::run_args::ClockKind;
-use crate::cli::run_end::Finished;
 use crate::cli::run_events;
+use crate::cli::run_finished::Finished;
 use crate::cli::run_page_parts::{Page, chart_of_pointing};
 use crate::cli::run_samples::{Recording, Sample, recording};
 use crate::cli::run_timeline::timeline;

@@ -1,6 +1,6 @@
 //! Recorded frames of a run for its report: boresight of each, and three of them as small pictures.
 
-use crate::cli::run_end::Finished;
+use crate::cli::run_finished::Finished;
 use base::image::DnImage;
 use frames::sink::fits::FitsImage;
 use frames::sink::png::write_dn_for_people;

@@ -1,7 +1,7 @@
 //! The first line of a run's output: whether it went well, in one sentence.
 
 use crate::cli::run_args::ClockKind;
-use crate::cli::run_end::Finished;
+use crate::cli::run_finished::Finished;
 use crate::cli::scenario_report::ScenarioReport;
 use frames::report::{FrameCounts, Stage};
 use run::runtime::DeadlinePolicy;

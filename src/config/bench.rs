@@ -8,7 +8,7 @@ use crate::error::ConfigError;
 use crate::event_word::EventKeys;
 use crate::expect::ExpectKeys;
 use crate::flight_computer::{FlightComputer, FlightComputerKeys, JitterSource};
-use crate::head::{HEADS_MAX, Head, HeadKeys, check_heads};
+use crate::head::{HEADS_MAX, Head, HeadKeys, check_heads, quaternion};
 use crate::jitter::{JitterInput, JitterKeys};
 use crate::key::{Section, section};
 use crate::key_type::{Any, Numbers, Raw, Shape, Whole, Word};
@@ -17,7 +17,6 @@ use crate::link_keys::LinkKeys;
 use crate::observer::{Observer, ObserverKeys};
 use crate::plain_link;
 use crate::plant::{PlantKeys, PlantKind};
-use crate::scenario::Scenario;
 use crate::session::{Session, SessionKeys};
 use crate::sink::{Sink, SinkKeys, SinkSettings};
 use crate::stages::{AccuracyKeys, AttitudeKeys, AttitudeSettings, Render, RenderKeys, check_accuracy};
@@ -26,7 +25,7 @@ use crate::timing::{Timing, TimingKeys};
 use crate::tracker_out::{TrackerOut, TrackerOutKeys, check_tracker_outs};
 use crate::trigger_line::{TriggerLine, TriggerLineKeys, check_trigger_lines};
 use base::accuracy::AccuracyBudget;
-use base::axes::{Body, Rotation, Sensor, WRITTEN_NORM_TOLERANCE};
+use base::axes::{Body, Rotation, Sensor};
 use std::path::{Path, PathBuf};
 
 const BUILT_IN_BENCH: &str = "benches/loopback.toml";
@@ -325,14 +324,6 @@ impl Bench {
         Document::built_in(BUILT_IN_BENCH)
     }
 
-    /// Checks a bench that is already text, and all else that is in it: the bench of [`Scenario::from_document`].
-    ///
-    /// # Errors
-    /// Everything that is wrong, as far as one error does not hide another.
-    pub fn from_document(document: &Document) -> Result<Self, ConfigError> {
-        Scenario::from_document(document).map(|scenario| scenario.bench)
-    }
-
     /// Checks the bench of a document; what else is in it is returned as it was read.
     pub(super) fn checked(document: &Document) -> Result<(Self, BesideBench), ConfigError> {
         let keys: BenchKeys = document.read_as()?;
@@ -520,19 +511,6 @@ fn mounting(keys: &MountingKeys, check: &mut Checker<'_>) -> Result<Rotation<Sen
         Some(wxyz) => quaternion(&given.key(), *wxyz, check),
         None => given.check(check).map(|_| Rotation::IDENTITY),
     }
-}
-
-/// Returns a quaternion of numbers from a file.
-pub(super) fn quaternion(
-    key: &str,
-    wxyz: [f64; 4],
-    check: &Checker<'_>,
-) -> Result<Rotation<Sensor, Body>, ConfigError> {
-    Rotation::from_wxyz(wxyz, WRITTEN_NORM_TOLERANCE).ok_or_else(|| {
-        let wanted = "a unit quaternion [w, x, y, z], norm within 0.001 of 1";
-        let advice = "scalar first; [1.0, 0.0, 0.0, 0.0] when sensor and body axes are the same";
-        check.invalid(key, format!("{wxyz:?}"), wanted, advice)
-    })
 }
 
 /// Returns the targets of a bench, and the rule for pixels where they cover stars.

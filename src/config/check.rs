@@ -1,7 +1,8 @@
 //! The rules a value must meet, with one form of message, and the list of defaults that were taken.
 
-use crate::document::{Document, nearest};
+use crate::document::Document;
 use crate::error::ConfigError;
+use crate::nearest::nearest;
 use core::fmt;
 use std::ops::RangeInclusive;
 

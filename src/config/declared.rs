@@ -1,7 +1,6 @@
 //! Declarations of keys and tables: reference, schema and templates read them.
 
-use crate::key::{Preset, Section, plain};
-use crate::key_type::{KeyType, Shape};
+use crate::key_type::{KeyType, Numbers, Shape, TextDefault};
 
 /// How often a table may be there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -18,35 +17,42 @@ pub(super) enum Presence {
     OrFile,
 }
 
-/// A table within a table.
-pub(super) trait Inner {
-    /// How often.
-    const PRESENCE: Presence;
-    /// Returns its forms: one, or one for each kind of it.
-    fn forms() -> Vec<Declared>;
+/// The meaning of a key that the file does not give.
+#[derive(Debug, Clone)]
+pub(super) enum Preset<T> {
+    /// It must be given.
+    Needed,
+    /// This, and the list of defaults says so.
+    Noted(T),
+    /// This: nothing that anybody would ask about, mostly "off".
+    Silent(T),
+    /// The reference prints this text; where the key is checked, `or` has the value.
+    Computed(&'static str),
+    /// Nothing.
+    Optional,
 }
 
-impl<S: Section> Inner for S {
-    const PRESENCE: Presence = Presence::Once;
-    fn forms() -> Vec<Declared> {
-        vec![S::declared()]
-    }
-}
-
-impl<S: Section> Inner for Option<S> {
-    const PRESENCE: Presence = Presence::Optional;
-    fn forms() -> Vec<Declared> {
-        vec![S::declared()]
-    }
-}
-
-impl<I: Inner> Inner for Vec<I> {
-    const PRESENCE: Presence = match I::PRESENCE {
-        Presence::OrFile => Presence::ListOrFiles,
-        Presence::Once | Presence::Optional | Presence::List | Presence::ListOrFiles => Presence::List,
+macro_rules! noted {
+    ($($type:ty),*) => {
+        $(impl From<$type> for Preset<$type> {
+            fn from(default: $type) -> Self {
+                Self::Noted(default)
+            }
+        })*
     };
-    fn forms() -> Vec<Declared> {
-        I::forms()
+}
+
+noted!(f64, i64, bool, &'static str);
+
+impl<const N: usize> From<Numbers<N>> for Preset<Numbers<N>> {
+    fn from(default: Numbers<N>) -> Self {
+        Self::Noted(default)
+    }
+}
+
+impl From<&'static str> for Preset<TextDefault> {
+    fn from(default: &'static str) -> Self {
+        Self::Noted(default.into())
     }
 }
 
@@ -146,4 +152,9 @@ impl Key {
         }
         format!("{sentence}: {advice}.")
     }
+}
+
+/// Returns a name without the mark that lets Rust take it where it is a word of its own: `do`.
+pub(super) fn plain(name: &'static str) -> &'static str {
+    name.trim_start_matches("r#")
 }

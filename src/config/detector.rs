@@ -2,8 +2,7 @@
 
 use crate::check::{Checker, Rule};
 use crate::detector_dark::DarkCurrent;
-pub(super) use crate::detector_effects::DetectorKeys;
-use crate::detector_effects::{Fits, check_effects};
+use crate::detector_effects::{DetectorKeys, Fits, check_effects};
 use crate::detector_pattern::FixedPatterns;
 use crate::detector_readout::{Converter, Readout};
 use crate::error::ConfigError;

@@ -1,7 +1,7 @@
 //! Dark current of `[detector]`: rate or density, temperatures, doubling, non-uniformity.
 
 use crate::check::{Checker, Rule};
-use crate::detector::DetectorKeys;
+use crate::detector_effects::DetectorKeys;
 use crate::error::ConfigError;
 use image::detector::DarkLaw;
 

@@ -1,7 +1,7 @@
 //! Readout of `[detector]`: gain, rounding, amplifier and row noise, response.
 
 use crate::check::Checker;
-use crate::detector::DetectorKeys;
+use crate::detector_effects::DetectorKeys;
 use crate::error::ConfigError;
 use crate::key::section;
 use crate::key_type::{Raw, Shape};

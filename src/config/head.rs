@@ -1,12 +1,11 @@
 //! `[[head]]` and `[[extra_head]]`: camera heads, each with its mounting, camera, frame rate and phase.
 
-use crate::bench::quaternion;
 use crate::camera::Camera;
 use crate::check::Checker;
 use crate::error::ConfigError;
 use crate::key::{listed, section};
 use crate::timing::{PHASE_MAX_MS, check_frame_rate};
-use base::axes::{Body, Rotation, Sensor};
+use base::axes::{Body, Rotation, Sensor, WRITTEN_NORM_TOLERANCE};
 use base::time::Span;
 
 /// Most camera heads of one bench or spacecraft.
@@ -67,4 +66,17 @@ impl HeadKeys {
         let phase = if self.phase_ms().is_given() { self.phase_ms().ms(check)? } else { usual.phase };
         Ok(Head { sensor_from_body, camera, frame_rate_hz, phase })
     }
+}
+
+/// Returns a quaternion of numbers from a file.
+pub(super) fn quaternion(
+    key: &str,
+    wxyz: [f64; 4],
+    check: &Checker<'_>,
+) -> Result<Rotation<Sensor, Body>, ConfigError> {
+    Rotation::from_wxyz(wxyz, WRITTEN_NORM_TOLERANCE).ok_or_else(|| {
+        let wanted = "a unit quaternion [w, x, y, z], norm within 0.001 of 1";
+        let advice = "scalar first; [1.0, 0.0, 0.0, 0.0] when sensor and body axes are the same";
+        check.invalid(key, format!("{wxyz:?}"), wanted, advice)
+    })
 }

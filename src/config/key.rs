@@ -13,52 +13,13 @@
 //! compiler reports; a key that is not declared cannot be read.
 
 use crate::check::Checker;
-use crate::declared::Declared;
+use crate::declared::{Declared, Presence, Preset};
 use crate::error::ConfigError;
-use crate::key_type::{KeyType, Numbers, TextDefault};
+use crate::key_type::KeyType;
 use base::time::Span;
 use core::fmt;
 use serde::de::DeserializeOwned;
 use std::borrow::Cow;
-
-/// The meaning of a key that the file does not give.
-#[derive(Debug, Clone)]
-pub(super) enum Preset<T> {
-    /// It must be given.
-    Needed,
-    /// This, and the list of defaults says so.
-    Noted(T),
-    /// This: nothing that anybody would ask about, mostly "off".
-    Silent(T),
-    /// The reference prints this text; where the key is checked, `or` has the value.
-    Computed(&'static str),
-    /// Nothing.
-    Optional,
-}
-
-macro_rules! noted {
-    ($($type:ty),*) => {
-        $(impl From<$type> for Preset<$type> {
-            fn from(default: $type) -> Self {
-                Self::Noted(default)
-            }
-        })*
-    };
-}
-
-noted!(f64, i64, bool, &'static str);
-
-impl<const N: usize> From<Numbers<N>> for Preset<Numbers<N>> {
-    fn from(default: Numbers<N>) -> Self {
-        Self::Noted(default)
-    }
-}
-
-impl From<&'static str> for Preset<TextDefault> {
-    fn from(default: &'static str) -> Self {
-        Self::Noted(default.into())
-    }
-}
 
 /// A key as a file gives it, with its declaration.
 #[derive(Debug)]
@@ -190,14 +151,41 @@ pub(super) trait Section: Clone + Default + DeserializeOwned {
     }
 }
 
+/// A table within a table.
+pub(super) trait Inner {
+    /// How often.
+    const PRESENCE: Presence;
+    /// Returns its forms: one, or one for each kind of it.
+    fn forms() -> Vec<Declared>;
+}
+
+impl<S: Section> Inner for S {
+    const PRESENCE: Presence = Presence::Once;
+    fn forms() -> Vec<Declared> {
+        vec![S::declared()]
+    }
+}
+
+impl<S: Section> Inner for Option<S> {
+    const PRESENCE: Presence = Presence::Optional;
+    fn forms() -> Vec<Declared> {
+        vec![S::declared()]
+    }
+}
+
+impl<I: Inner> Inner for Vec<I> {
+    const PRESENCE: Presence = match I::PRESENCE {
+        Presence::OrFile => Presence::ListOrFiles,
+        Presence::Once | Presence::Optional | Presence::List | Presence::ListOrFiles => Presence::List,
+    };
+    fn forms() -> Vec<Declared> {
+        I::forms()
+    }
+}
+
 /// Returns the tables of a list, each at its place.
 pub(super) fn listed<S: Section>(tables: &[S], name: &str) -> Vec<S> {
     tables.iter().enumerate().map(|(place, table)| table.at(&format!("{name}[{place}]"))).collect()
-}
-
-/// Returns a name without the mark that lets Rust take it where it is a word of its own: `do`.
-pub(super) fn plain(name: &'static str) -> &'static str {
-    name.trim_start_matches("r#")
 }
 
 /// Returns the advice of a key: a text of its own, or its sentence as a clause.
@@ -244,10 +232,10 @@ macro_rules! section {
                 $(#[doc = $sentence])+
                 pub(super) fn $key(&self) -> $crate::key::Given<'_, $type> {
                     use $crate::check::Rule::*;
-                    use $crate::key::Preset::*;
+                    use $crate::declared::Preset::*;
                     $crate::key::Given {
                         table: $crate::key::Section::table(self),
-                        name: $crate::key::plain(stringify!($key)),
+                        name: $crate::declared::plain(stringify!($key)),
                         raw: self.$key.as_ref(),
                         preset: ($preset).into(),
                         limit: ($limit).into(),
@@ -261,7 +249,7 @@ macro_rules! section {
         impl $crate::key::Section for $keys {
             fn declared() -> $crate::declared::Declared {
                 use $crate::check::Rule::*;
-                use $crate::key::Preset::*;
+                use $crate::declared::Preset::*;
                 $crate::declared::Declared {
                     keys: vec![$( $crate::declared::Key::of::<$type>(
                         [stringify!($key), concat!($($sentence),+)],
@@ -272,8 +260,8 @@ macro_rules! section {
                     tables: vec![$($( $crate::declared::Table {
                         name: stringify!($inner),
                         sentence: concat!($($what),+).trim_ascii(),
-                        presence: <$nested as $crate::declared::Inner>::PRESENCE,
-                        forms: <$nested as $crate::declared::Inner>::forms(),
+                        presence: <$nested as $crate::key::Inner>::PRESENCE,
+                        forms: <$nested as $crate::key::Inner>::forms(),
                     }, )+)?],
                 }
             }
@@ -288,7 +276,7 @@ macro_rules! section {
             }
 
             fn given(&self) -> Vec<(&'static str, bool)> {
-                vec![$( ($crate::key::plain(stringify!($key)), self.$key.is_some()), )*]
+                vec![$( ($crate::declared::plain(stringify!($key)), self.$key.is_some()), )*]
             }
         }
     )+ };

@@ -1,7 +1,7 @@
 //! The types of values that keys may have, each with its limit.
 
 use crate::check::Rule;
-use crate::document::nearest;
+use crate::nearest::nearest;
 use core::fmt;
 use core::marker::PhantomData;
 use core::ops::RangeInclusive;

@@ -1,7 +1,7 @@
 //! The keys of a link as serde reads them.
 
-use crate::declared::{Declared, Inner, Presence};
-use crate::key::section;
+use crate::declared::{Declared, Presence};
+use crate::key::{Inner, section};
 use crate::key_type::{Raw, Shape, Whole, Word};
 use crate::link::{FlowControl, Parity, Wire};
 use crate::plain_link::{Form, SENSES, TIMES};

@@ -2,7 +2,6 @@
 //!
 //! A scenario file that names a bench has the same tables at its top level. Tests: `plant_tests`.
 
-use crate::bench::Bench;
 use crate::check::Checker;
 use crate::error::ConfigError;
 use crate::event::Pointing;
@@ -28,19 +27,6 @@ pub enum Plant {
     Vehicle(Box<Vehicle>),
 }
 
-/// The built-in star trackers beside a plant outside, one for each head.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct OutsideTrackers {
-    /// How long a tracker thinks: end of readout to attitude.
-    pub delay: Span,
-    /// Error of the trackers' time tags, unknown to their readers.
-    pub tag_error: Span,
-    /// Most stars a tracker measures in a frame.
-    pub most_stars: usize,
-    /// Commands of the trackers to their cameras.
-    pub commands: TrackerCommands,
-}
-
 /// Commands of a tracker to its camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct TrackerCommands {
@@ -51,7 +37,7 @@ pub struct TrackerCommands {
 }
 
 impl TrackerCommands {
-    fn check(keys: &TrackerKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    pub(super) fn check(keys: &TrackerKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
         Ok(Self { windows: keys.commands_windows().check(check)?, exposure: keys.commands_exposure().check(check)? })
     }
 
@@ -59,13 +45,6 @@ impl TrackerCommands {
     #[must_use]
     pub fn any(self) -> bool {
         self.windows || self.exposure
-    }
-}
-
-impl Default for OutsideTrackers {
-    /// Returns the values of a `[plant.tracker]` without keys.
-    fn default() -> Self {
-        Self { delay: Span::from_ms(50), tag_error: Span::ZERO, most_stars: 40, commands: TrackerCommands::default() }
     }
 }
 
@@ -260,33 +239,6 @@ impl PlantKeys {
             }
         }
         Ok(kind)
-    }
-
-    /// Reads the trackers beside a plant outside, if it has any.
-    pub(super) fn outside_trackers(
-        &self,
-        bench: &Bench,
-        check: &mut Checker<'_>,
-    ) -> Result<Option<OutsideTrackers>, ConfigError> {
-        let Some(tracker) = self.tracker.as_ref() else { return Ok(None) };
-        check.unused(
-            "plant.tracker",
-            !bench.is_lockstep(),
-            "a plant outside in lockstep, without a bus that leads out",
-        )?;
-        let heads = || (0..bench.head_count()).map(|number| bench.of_head(number));
-        if heads().any(|head| head.camera.distortion.polynomial.is_some()) {
-            let advice =
-                "the built-in tracker knows no other distortion: leave plant.tracker out, or choose another camera";
-            let wanted = "a camera whose distortion.model is \"brown-conrady\"";
-            return Err(check.invalid("plant.tracker", "given", wanted, advice));
-        }
-        let tracker = tracker.at("plant.tracker");
-        let delay = tracker.delay_ms().ms(check)?;
-        let tag_error = tracker.tag_error_ms().ms(check)?;
-        let most_stars = tracker.stars().check(check)?;
-        let commands = TrackerCommands::check(&tracker, check)?;
-        Ok(Some(OutsideTrackers { delay, tag_error, most_stars, commands }))
     }
 
     /// Returns the tables of the flight.

@@ -1,6 +1,7 @@
 //! Source of the spacecraft's motion: every form of file, and the keys that each kind refuses.
 
 use super::*;
+use crate::outside_trackers::OutsideTrackers;
 use crate::{Begins, Bench, Document, FilePlant, Scenario};
 use std::path::Path;
 

@@ -1,9 +1,8 @@
 //! The Markdown reference of every key.
 
-use crate::declared::{Declared, Key, Presence, Table};
+use crate::declared::{Declared, Key, Presence, Preset, Table};
 use crate::file_keys::declared;
 use crate::file_kind::FileKind;
-use crate::key::Preset;
 use crate::key_type::Shape;
 use core::fmt::Write;
 

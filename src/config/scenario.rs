@@ -16,9 +16,10 @@ use crate::head::{HEADS_MAX, HeadKeys, check_heads};
 use crate::key::{Given, section};
 use crate::key_type::Whole;
 use crate::observer::Observer;
+use crate::outside_trackers::OutsideTrackers;
 use crate::plant::{
-    ControlKeys, FlightKeys, IN_BENCH, IN_SCENARIO, InitialKeys, OutsideTrackers, Plant, PlantKind, PointingKeys,
-    TelemetryKeys, TrackerKeys, Vehicle,
+    ControlKeys, FlightKeys, IN_BENCH, IN_SCENARIO, InitialKeys, Plant, PlantKind, PointingKeys, TelemetryKeys,
+    TrackerKeys, Vehicle,
 };
 use crate::plant_file::FilePlant;
 use crate::session::SessionStart;
@@ -92,6 +93,16 @@ pub fn is_scenario(document: &Document) -> bool {
 /// Returns whether a file names a bench, or has tables that only such a file has at its top.
 fn is_over_bench(document: &Document) -> bool {
     ["bench", "initial", "tracker", "control", "telemetry", "duration_s"].iter().any(|key| document.has_key(key))
+}
+
+impl Bench {
+    /// Checks a bench that is already text, and all else that is in it: the bench of [`Scenario::from_document`].
+    ///
+    /// # Errors
+    /// Everything that is wrong, as far as one error does not hide another.
+    pub fn from_document(document: &Document) -> Result<Self, ConfigError> {
+        Scenario::from_document(document).map(|scenario| scenario.bench)
+    }
 }
 
 impl Scenario {

@@ -3,10 +3,10 @@
 //! A new kind is an arm of [`Sink`], a line in [`KINDS`] and a reader in [`read_kind`]; `run::wiring::sinks` makes it.
 
 use crate::check::Checker;
-use crate::declared::{Declared, Inner, Presence};
+use crate::declared::{Declared, Presence, Preset};
 use crate::display::{DisplayKeys, DisplaySettings};
 use crate::error::ConfigError;
-use crate::key::{Preset, Section, section, taken};
+use crate::key::{Inner, Section, section, taken};
 use crate::key_type::{Any, Shape, Whole, Word};
 use crate::network_camera as network_camera_keys;
 use outputs::network_camera::Params as NetworkCameraParams;

@@ -1,10 +1,9 @@
 //! Templates of files: every key with what it means, commented out.
 
 use crate::check::Rule;
-use crate::declared::{Declared, Key, Presence, Table};
+use crate::declared::{Declared, Key, Presence, Preset, Table};
 use crate::file_keys::declared;
 use crate::file_kind::FileKind;
-use crate::key::Preset;
 use crate::key_type::Shape;
 use core::fmt::Write;
 

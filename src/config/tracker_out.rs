@@ -309,8 +309,9 @@ section! {
         noise_over_sky: Word<NoiseMethod> = "even", [("even", NoiseMethod::Even), ("stars", NoiseMethod::Stars)];
         /// Stars that it says it used; of noise_over_sky = "stars" the most that it uses, brightest first.
         stars: Whole<u32> = 20, 4..=200;
-        /// Temporal noise that is added, in squares, for each degree per second across the boresight, arcsec.
-        noise_arcsec_per_deg_s: f64 = 0.0, Within(0.0, 36_000.0);
+        /// Temporal noise that is added, in squares, for each degree per second across the boresight, arcsec: about the
+        /// axis of the rate (along the motion of the stars), about the axis across it, about the boresight.
+        noise_arcsec_per_deg_s: [f64; 3] = Numbers([0.0; 3]), Within(0.0, 36_000.0);
         /// Milliseconds by which the instant of an attitude is before the time that it states: a measurement date error
         /// whose time tags are right.
         date_error_ms: f64 = 0.0, Within(-1000.0, 1000.0);
@@ -320,6 +321,8 @@ section! {
         acquisition_probability: f64 = 1.0, Within(0.0, 1.0);
         /// Chance that a frame gives an attitude while it tracks.
         tracking_probability: f64 = 1.0, Within(0.0, 1.0);
+        /// Chance that an attitude is false: any attitude, all equally likely.
+        false_probability: f64 = 0.0, Within(0.0, 1.0);
         /// Degrees per second up to which an attitude is found.
         acquires_below_deg_s: f64 = 1.0, PositiveUpTo(360.0);
         /// Degrees per second from which it is lost.
@@ -488,7 +491,7 @@ impl TrackerOutKeys {
         let keys = self.model.clone().unwrap_or_default().at(&format!("{}.model", self.table()));
         taken!(check, keys => bias_arcsec, drift_arcsec_per_h, fov_spatial_arcsec, pixel_spatial_arcsec, noise_arcsec);
         taken!(check, keys => aberration_residual_arcsec, noise_over_sky, stars, noise_arcsec_per_deg_s, date_error_ms, acquisition_s);
-        taken!(check, keys => acquisition_probability, tracking_probability, acquires_below_deg_s, lost_above_deg_s, sun_exclusion_deg, moon_exclusion_deg);
+        taken!(check, keys => acquisition_probability, tracking_probability, false_probability, acquires_below_deg_s, lost_above_deg_s, sun_exclusion_deg, moon_exclusion_deg);
         if lost_above_deg_s < acquires_below_deg_s {
             let wanted = format!("at least acquires_below_deg_s, {acquires_below_deg_s}");
             return Err(keys.lost_above_deg_s().invalid(lost_above_deg_s, wanted, check));
@@ -507,11 +510,12 @@ impl TrackerOutKeys {
             pixel_rad,
             noise_rad: arcsec(noise_arcsec),
             noise_method: noise_over_sky,
-            noise_rate_s: noise_arcsec_per_deg_s * ARCSEC / DEG,
+            noise_rate_s: arcsec(noise_arcsec_per_deg_s) / DEG,
             date_error: Span::from_s(date_error_ms * 1e-3),
             acquisition: Span::from_s(acquisition_s),
             acquisition_probability,
             tracking_probability,
+            false_probability,
             acquires_below_rad_s: acquires_below_deg_s * DEG,
             lost_above_rad_s: lost_above_deg_s * DEG,
             sun_exclusion_rad: sun_exclusion_deg * DEG,

@@ -3,12 +3,11 @@
 //! In: the table `[attitude]` of a description. Out: an attitude for each item, `sensor_from_icrf`. Kinds: `uniform` (every
 //! rotation as likely), `cap` (boresights evenly over a cap, any roll), `list` (rows of right ascension, declination,
 //! roll), `file` (attitudes as `starloop render --attitudes` takes them). The last two are taken row by row, from the
-//! first again after the last. Source of uniform rotations: K. Shoemake, "Uniform random rotations", Graphics Gems III
-//! (1992). Tests: below.
+//! first again after the last. Tests: below.
 
 use crate::draws::Draws;
 use anyhow::{Context, Result, bail};
-use base::axes::{Icrf, Rotation, Sensor, sensor_from_ra_dec_roll};
+use base::axes::{Icrf, Rotation, Sensor, attitude_of_uniforms, sensor_from_ra_dec_roll};
 use core::f64::consts::TAU;
 use glam::{DQuat, DVec3};
 use histories::read;
@@ -112,7 +111,7 @@ impl Attitudes {
     #[must_use]
     pub fn of_item(&self, item: u32, draws: &mut Draws) -> (Rotation<Sensor, Icrf>, Option<DVec3>) {
         match self {
-            Self::Uniform => (Rotation::from_quat(uniform_rotation(draws)), None),
+            Self::Uniform => (attitude_of_uniforms(core::array::from_fn(|_| draws.unit())), None),
             Self::Cap { cap_from_icrf, cos_radius } => {
                 let cosine = draws.between(*cos_radius, 1.0);
                 let [angle, roll] = [draws.between(0.0, TAU), draws.between(0.0, TAU)];
@@ -125,19 +124,6 @@ impl Attitudes {
             Self::Rows(rows) => rows[item as usize % rows.len()],
         }
     }
-}
-
-fn uniform_rotation(draws: &mut Draws) -> DQuat {
-    let share = draws.unit();
-    let [first, second] = [TAU * draws.unit(), TAU * draws.unit()];
-    let [short, long] = [libm::sqrt(1.0 - share), libm::sqrt(share)];
-    DQuat::from_xyzw(
-        short * libm::sin(first),
-        short * libm::cos(first),
-        long * libm::sin(second),
-        long * libm::cos(second),
-    )
-    .normalize()
 }
 
 #[cfg(test)]

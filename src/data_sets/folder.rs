@@ -13,6 +13,7 @@ use anyhow::{Context, Result, bail};
 use core::fmt::Write;
 use serde::{Deserialize, Serialize};
 use stars::credits;
+use std::fs::File;
 use std::path::Path;
 
 /// Name of the file that says what the folder is about.
@@ -70,6 +71,9 @@ impl About {
 /// # Errors
 /// When the folder is about something else, has more items, or cannot be written.
 pub fn begin(folder: &Path, spec: &Spec, about: &About) -> Result<()> {
+    let _mine = alone(folder)?;
+    // Looked into before the file is read: where a folder cannot be locked, a worker beside this one may write that file.
+    let has_files = has_finished_files(folder);
     let path = folder.join(ABOUT);
     match std::fs::read_to_string(&path) {
         Ok(text) => {
@@ -77,8 +81,7 @@ pub fn begin(folder: &Path, spec: &Spec, about: &About) -> Result<()> {
             check_same(&there, about).with_context(|| folder.display().to_string())?;
         }
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-            let is_empty = std::fs::read_dir(folder).map_or(true, |mut entries| entries.next().is_none());
-            if !is_empty {
+            if has_files {
                 bail!("{}: a folder with other files; wanted a new one, or one of a data set", folder.display());
             }
         }
@@ -86,6 +89,26 @@ pub fn begin(folder: &Path, spec: &Spec, about: &About) -> Result<()> {
     }
     write_below(folder, ABOUT, format!("{:#}\n", serde_json::to_value(about)?).as_bytes())?;
     write_below(folder, "spec.toml", spec.text.as_bytes())
+}
+
+/// Waits until no other worker begins or finishes the folder; they wait until the result is dropped. Makes the folder. A file system
+/// without locks gives `None`.
+fn alone(folder: &Path) -> Result<Option<File>> {
+    std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    let opened = File::open(folder).with_context(|| folder.display().to_string())?;
+    Ok(opened.lock().is_ok().then_some(opened))
+}
+
+/// Reports whether a folder has an entry that is not an unfinished file.
+fn has_finished_files(folder: &Path) -> bool {
+    std::fs::read_dir(folder).is_ok_and(|mut entries| {
+        entries.any(|entry| entry.map_or(true, |entry| !is_unfinished(&entry.file_name().to_string_lossy())))
+    })
+}
+
+/// Reports whether a file name is that of a file that is being written.
+fn is_unfinished(name: &str) -> bool {
+    name.starts_with('.') && name.ends_with(".part")
 }
 
 fn check_same(there: &About, wanted: &About) -> Result<()> {
@@ -117,6 +140,8 @@ pub fn all_records(folder: &Path, spec: &Spec, count: u32) -> Result<Option<Vec<
 /// # Errors
 /// When a file cannot be written.
 pub fn finish(folder: &Path, spec: &Spec, about: &About, records: &[Record]) -> Result<()> {
+    // Temporary files of another worker that finishes the folder are not unfinished.
+    let _mine = alone(folder)?;
     remove_unfinished(folder)?;
     let mut more = vec![("README.md".to_owned(), card(spec, about, records).into_bytes())];
     let size_px = records.first().map_or([0; 2], |record| record.size_px);
@@ -152,7 +177,7 @@ fn remove_unfinished(folder: &Path) -> Result<()> {
         let name = name.to_string_lossy();
         if entry.file_type()?.is_dir() {
             remove_unfinished(&entry.path())?;
-        } else if name.starts_with('.') && name.ends_with(".part") {
+        } else if is_unfinished(&name) {
             std::fs::remove_file(entry.path())?;
         }
     }
@@ -243,6 +268,31 @@ mod tests {
         let spec = spec(1);
         let error = begin(other.path(), &spec, &About::new(&spec, 1, "p")).unwrap_err().to_string();
         assert!(error.contains("other files"), "{error}");
+    }
+
+    #[test]
+    fn workers_begin_and_finish_a_folder_at_the_same_time() {
+        for _ in 0..40 {
+            let folder = tempfile::tempdir().unwrap();
+            let spec = spec(1);
+            let about = About::new(&spec, 10, "p");
+            let start = std::sync::Barrier::new(4);
+            std::thread::scope(|scope| {
+                let workers: Vec<_> = (0..4)
+                    .map(|_| {
+                        scope.spawn(|| {
+                            start.wait();
+                            begin(folder.path(), &spec, &about)?;
+                            finish(folder.path(), &spec, &about, &[])
+                        })
+                    })
+                    .collect();
+                for worker in workers {
+                    worker.join().unwrap().unwrap();
+                }
+            });
+            assert_eq!(damaged(folder.path()).unwrap(), Vec::<String>::new());
+        }
     }
 
     #[test]

@@ -4,32 +4,10 @@
 //! segment's usable interval, it is not available.
 
 use crate::attitude_methods::{AttitudeInterpolation, MOST_TURN_RAD, s_between};
+use crate::attitude_state::{AttitudeMotion, AttitudeState};
 use crate::segments;
-use base::axes::{Body, Icrf, Rotation};
 use base::time::Tai;
 use glam::DVec3;
-
-/// One row of a file.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct AttitudeState {
-    /// Nanoseconds: of TAI since 1970, or since a zero of the file's own ([`Times`]).
-    pub t_ns: i64,
-    /// Attitude.
-    pub body_from_icrf: Rotation<Body, Icrf>,
-    /// Rate of the body with respect to ICRF, body axes.
-    pub rate_rad_s: Option<DVec3>,
-}
-
-/// Attitude, rate and acceleration at one instant.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct AttitudeMotion {
-    /// Attitude.
-    pub body_from_icrf: Rotation<Body, Icrf>,
-    /// Rate of the body with respect to ICRF, body axes.
-    pub rate_rad_s: DVec3,
-    /// Derivative of the rate.
-    pub acceleration_rad_s2: DVec3,
-}
 
 /// Origin of the times of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -9,7 +9,7 @@
 //! Rates of rotation vectors: `w = J(theta) dtheta/dt` with the right Jacobian of SO(3) (Sola et al. 2018, "A micro Lie
 //! theory", eq. 143, 144). Rates of quaternions: `w = -2 dq/dt q^-1`. Tests: `tests::attitude`.
 
-use crate::attitude::{AttitudeMotion, AttitudeState};
+use crate::attitude_state::{AttitudeMotion, AttitudeState};
 use crate::newton::{MOST_NODES, Newton};
 use base::axes::{Body, Icrf, Rotation};
 use base::units::NS_PER_S;

@@ -10,8 +10,9 @@
 //! Remarks before the rows: `# sense: body_from_icrf` (which is the default: this program's quaternion) or
 //! `icrf_from_body`, its conjugate; `# axes: ICRF`, `EME2000`. Other columns are not used.
 
-use crate::attitude::{AttitudeHistory, AttitudeSegment, AttitudeState, Times, Unfit};
+use crate::attitude::{AttitudeHistory, AttitudeSegment, Times, Unfit};
 use crate::attitude_methods::AttitudeInterpolation;
+use crate::attitude_state::AttitudeState;
 use crate::csv_table::{Table, TimeColumn};
 use crate::error::{HistoryError, Source};
 use crate::reference_axes::{ReferenceAxes, WANTED_AXES};

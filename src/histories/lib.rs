@@ -11,8 +11,8 @@
 //! | module | subject |
 //! |---|---|
 //! | [`read`] | which reader a file needs; bounds of its size |
-//! | `message` | CCSDS KVN and XML to one form |
-//! | `aem`, `aem_row`, `oem` | that form to attitudes and orbits |
+//! | `message`, `message_read` | one form of CCSDS messages; KVN and XML to it |
+//! | `aem`, `aem_frames`, `aem_row`, `oem` | that form to attitudes and orbits |
 //! | `stk` | STK's attitude and ephemeris files |
 //! | `csv_attitude`, `csv_orbit` | tables with a header, and rows without one |
 //! | `parquet_table` | tables in Parquet files (feature `parquet`) |
@@ -22,9 +22,11 @@
 //! | [mod@write] | all formats out |
 
 mod aem;
+mod aem_frames;
 mod aem_row;
 pub mod attitude;
 mod attitude_methods;
+mod attitude_state;
 mod csv_attitude;
 mod csv_orbit;
 mod csv_table;
@@ -32,6 +34,7 @@ mod epoch;
 mod error;
 mod message;
 mod message_kvn;
+mod message_read;
 mod message_xml;
 mod metadata;
 mod newton;
@@ -55,8 +58,9 @@ mod write_csv;
 mod write_header;
 mod write_stk;
 
-pub use attitude::{AttitudeHistory, AttitudeMotion, AttitudeSegment, AttitudeState, Times};
+pub use attitude::{AttitudeHistory, AttitudeSegment, Times};
 pub use attitude_methods::AttitudeInterpolation;
+pub use attitude_state::{AttitudeMotion, AttitudeState};
 pub use csv_attitude::Sense;
 pub use error::HistoryError;
 pub use orbit::{Centre, OrbitHistory, OrbitInterpolation, OrbitSegment, OrbitState};

@@ -3,9 +3,6 @@
 //! CCSDS 504.0-B (AEM), 502.0-B (OEM), 505.0-B (XML). A message is a version, and segments of metadata and rows of
 //! text.
 
-use crate::error::{HistoryError, Source};
-use crate::message_kvn;
-use crate::message_xml;
 use std::borrow::Cow;
 
 /// `KEY = VALUE` of a header or of metadata.
@@ -75,21 +72,6 @@ impl Kind {
 }
 
 impl Message<'_> {
-    /// Takes a message apart and hands it to `read`; a text that begins with `<` is XML.
-    pub(crate) fn with<T>(
-        source: &Source<'_>,
-        kind: Kind,
-        read: impl FnOnce(&Message<'_>) -> Result<T, HistoryError>,
-    ) -> Result<T, HistoryError> {
-        if source.text.trim_start_matches('\u{feff}').trim_start().starts_with('<') {
-            message_xml::with_message(source, kind, |message| check(source, message).and_then(|()| read(message)))
-        } else {
-            let message = message_kvn::message(source, kind)?;
-            check(source, &message)?;
-            read(&message)
-        }
-    }
-
     /// Returns the name of its format, for people.
     pub(crate) fn format(&self, kind: Kind) -> String {
         let encoding = match self.encoding {
@@ -98,11 +80,4 @@ impl Message<'_> {
         };
         format!("CCSDS {} {} ({encoding})", kind.name()[0], self.version)
     }
-}
-
-fn check(source: &Source<'_>, message: &Message<'_>) -> Result<(), HistoryError> {
-    if message.segments.is_empty() {
-        return Err(source.whole("no segment; wanted META_START ... META_STOP and rows of data, or <segment> in XML"));
-    }
-    Ok(())
 }

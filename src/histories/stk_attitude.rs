@@ -1,8 +1,9 @@
 //! STK attitude files (`.a`): quaternions from the reference axes to the body's, scalar last or first, with or without
 //! rates (deg/s, body axes).
 
-use crate::attitude::{AttitudeHistory, AttitudeSegment, AttitudeState, Times, Unfit};
+use crate::attitude::{AttitudeHistory, AttitudeSegment, Times, Unfit};
 use crate::attitude_methods::AttitudeInterpolation;
+use crate::attitude_state::AttitudeState;
 use crate::error::{HistoryError, Source};
 use crate::stk::Block;
 use base::axes::{Rotation, WRITTEN_NORM_TOLERANCE};

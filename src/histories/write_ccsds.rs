@@ -1,8 +1,9 @@
 //! CCSDS AEM and OEM as text. Times are UTC with nanoseconds, axes GCRF (parallel to ICRF), numbers as short as they
 //! read back.
 
-use crate::attitude::{AttitudeHistory, AttitudeSegment, AttitudeState};
+use crate::attitude::{AttitudeHistory, AttitudeSegment};
 use crate::attitude_methods::AttitudeInterpolation;
+use crate::attitude_state::AttitudeState;
 use crate::epoch::utc_text;
 use crate::orbit::{OrbitHistory, OrbitInterpolation, OrbitSegment, OrbitState};
 use crate::write_header::Header;

@@ -10,11 +10,12 @@ use crate::draw::{Drawn, draw};
 use crate::error::CompareError;
 use crate::field::{FieldStar, TIE_SNR, clipped, on_image, rms_of, ties_of_detections, ties_of_spots};
 use crate::figures::{self, Pair};
+use crate::fitted::Fitted;
 use crate::geometry::{Freedom, Geometry, Tie};
-use crate::light_fit::{self, FittedBackground, FittedLight, LitStar};
+use crate::light_fit::{self, FittedLight, LitStar};
 use crate::measure::{PixelNoise, Plate, Spot, measure};
 use crate::picture::Picture;
-use crate::psf_fit::{self, FittedPsf};
+use crate::psf_fit;
 use crate::read;
 use crate::result::{Comparison, conclude};
 use crate::sky_stars::{SkyStar, When, of_field, seen};
@@ -25,7 +26,6 @@ use base::time::Tai;
 use config::{Camera, Document};
 use glam::{DVec2, DVec3};
 use plan::optics::Illumination;
-use plan::optics::illumination::Vignetting;
 use run::wiring::camera_parts::camera_params;
 use sky::astrometry::{ApparentPlaces, BrownConrady};
 use stars::Sky;
@@ -64,21 +64,6 @@ pub struct Comparer {
     when: When,
     places: ApparentPlaces,
     bright: BrightSky,
-}
-
-/// All that was fitted to a frame.
-pub(crate) struct Fitted {
-    pub geometry: Geometry,
-    pub focal_error_px: f64,
-    pub stretch_error: f64,
-    /// Rms distance of the stars above the SNR of ties along an axis without the stretch, px.
-    pub rms_without_air_px: f64,
-    pub psf: Option<FittedPsf>,
-    pub light: Option<FittedLight>,
-    pub vignetting: Option<Vignetting>,
-    pub background: FittedBackground,
-    pub noise: PixelNoise,
-    pub transfer: Option<[f64; 2]>,
 }
 
 /// Everything about one frame, for reports.

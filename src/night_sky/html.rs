@@ -3,8 +3,8 @@
 use crate::compare::Compared;
 use crate::figures::ring_px;
 use crate::pictures::side_by_side;
-use crate::report::verdict;
 use crate::result::{Comparison, MOST_CENTROID_PX, MOST_ENERGY, MOST_MAG, MOST_NOISE};
+use crate::verdict::verdict;
 use core::fmt::Write;
 use frames::report::plot::{Axis, Chart, Series, Style, to_svg};
 use run::wiring::control::base64;

@@ -5,7 +5,7 @@
 //!
 //! Tour: [`read`] (TIFF, PNG, FITS) -> [`detect`] -> [`solve`] (attitude from nothing) -> [`geometry`], [`psf_fit`], [`light_fit`]
 //! (the camera), with places and light of stars by [`measure`] -> [`camera_text`] (the fitted file) -> [`draw`] -> [`figures`] ->
-//! [`result`] (limits, verdict) -> [`report`], [`html`] [`compare`] puts them together.
+//! [`result`] (limits, what one frame fails) -> [`verdict`] -> [`report`], [`html`] [`compare`] puts them together.
 //!
 //! *Limits.* One PSF for all stars and colours; no planets; the air's refraction as a linear stretch; exposures at rest.
 //! *Validation.* `tests`: drawn fields with known attitude and camera come back.
@@ -17,6 +17,7 @@ pub mod draw;
 mod error;
 mod field;
 pub mod figures;
+mod fitted;
 pub mod geometry;
 pub mod html;
 pub mod light_fit;
@@ -31,6 +32,7 @@ pub mod result;
 pub mod sky_stars;
 pub mod solve;
 pub mod stamp;
+pub mod verdict;
 
 pub use compare::{Compared, Comparer, Options};
 pub use error::CompareError;

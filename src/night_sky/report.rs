@@ -4,6 +4,7 @@ use crate::compare::Compared;
 use crate::html::page;
 use crate::pictures::side_by_side;
 use crate::result::{Comparison, SCHEMA_VERSION};
+use crate::verdict::verdict;
 use core::fmt::Write;
 use std::io;
 use std::path::Path;
@@ -18,27 +19,6 @@ pub fn json(compared: &[Compared]) -> serde_json::Result<String> {
     serde_json::to_string_pretty(
         &serde_json::json!({ "schema_version": SCHEMA_VERSION, "agrees": agrees, "images": images }),
     )
-}
-
-/// Returns the verdict: one line.
-#[must_use]
-pub fn verdict(compared: &[Compared]) -> String {
-    let good = compared.iter().filter(|one| one.result.agrees).count();
-    if good == compared.len() {
-        let worst = |of: fn(&Comparison) -> f64| compared.iter().map(|one| of(&one.result)).fold(0.0, f64::max);
-        format!(
-            "AGREES: {good} of {good} images: centroids within {:.3} px rms, magnitudes {:.3}, noise {:.1} %, energy {:.1} %",
-            worst(|one| one.centroid_rms_px),
-            worst(|one| one.mag_rms),
-            100.0 * worst(|one| (one.background_noise_ratio - 1.0).abs()),
-            100.0 * worst(|one| one.ensquared_energy_difference.abs())
-        )
-    } else {
-        let first = compared.iter().find(|one| !one.result.agrees);
-        let why =
-            first.map_or_else(String::new, |one| format!("{}: {}", one.result.image, one.result.failures.join("; ")));
-        format!("DOES NOT AGREE: {} of {} images; {why}", compared.len() - good, compared.len())
-    }
 }
 
 /// Returns the figures as text; the first line is the verdict.

@@ -1,7 +1,7 @@
 //! Figures of one frame, what they may be, and whether they are.
 
-use crate::compare::Fitted;
 use crate::figures::{BackgroundFigures, EnergyFigures, Pair, SnrRow};
+use crate::fitted::Fitted;
 use crate::geometry::stretch_axis;
 use crate::picture::{mean, rms};
 use crate::psf_fit::Shape;

@@ -5,7 +5,7 @@ use crate::attitude_error::turned;
 use crate::bright_bodies::BrightBodies;
 use crate::exclusion::{EARTH_LIMB_ANGLE, MOON_ANGLE, SUN_ANGLE};
 use anyhow::{Context, Result, bail};
-use base::axes::sensor_from_ra_dec_roll;
+use base::axes::{Icrf, Sensor, attitude_of_uniforms, sensor_from_ra_dec_roll};
 use base::time::Tai;
 use glam::{DQuat, DVec3};
 use run::wiring::seeded::uniforms;
@@ -205,14 +205,10 @@ fn grid(middle: DQuat, steps: u32, step_rad: f64) -> Result<Vec<DQuat>> {
     Ok(places.map(|(x, y)| turned(middle, DVec3::new(x, y, 0.0))).collect())
 }
 
-/// Uniform over all attitudes (Shoemake 1992).
+/// Returns one of the attitudes of a seed; all attitudes are equally likely.
 fn uniform(seed: u64, number: u32) -> DQuat {
-    use core::f64::consts::TAU;
     let mixed = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(u64::from(number));
-    let [u1, u2, u3] = uniforms(mixed);
-    let (a, b) = ((1.0 - u1).sqrt(), u1.sqrt());
-    let ((s2, c2), (s3, c3)) = ((TAU * u2).sin_cos(), (TAU * u3).sin_cos());
-    DQuat::from_xyzw(a * s2, a * c2, b * s3, b * c3)
+    attitude_of_uniforms::<Sensor, Icrf>(uniforms(mixed)).quat()
 }
 
 /// A boresight at an angle from a body, one of `count` directions about it.

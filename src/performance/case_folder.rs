@@ -1,10 +1,10 @@
 //! The folder of one case: `frames.csv` with the truth, `tracker_log.csv`, `case.json`; and that of a plan, with
 //! `plan.json`.
 
-use crate::assess::Settings;
 use crate::log::read_log;
 use crate::mounting::MountingDrift;
 use crate::record::{Case, FalseLimit, TruthRow, Use};
+use crate::settings::Settings;
 use anyhow::{Context, Result, bail};
 use frames::sink::frame_log::{FrameRow, path_in, read_frame_log};
 use glam::{DQuat, DVec3};

@@ -4,11 +4,11 @@
 //! per axis across the boresight is at most the one that the plan allows. The angle itself is between the largest one at
 //! which that is not so and the next: these two are the interval.
 
-use crate::assess::Settings;
 use crate::availability::tracked;
 use crate::metric::{Kind, Metric, Reading};
 use crate::noise::noise_of_case;
 use crate::record::{Fate, JudgedCase, Use};
+use crate::settings::Settings;
 use crate::statistics::Estimate;
 
 /// Key of the angle from the boresight to the Sun's centre among the conditions of a case.

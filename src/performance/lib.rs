@@ -36,6 +36,7 @@ pub mod provenance;
 pub mod record;
 pub mod report;
 pub mod requirements;
+pub mod settings;
 pub mod slopes;
 pub mod spatial;
 pub mod statistics;

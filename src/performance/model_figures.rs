@@ -37,8 +37,8 @@ pub struct ModelFigures {
     pub noise_over_sky: NoiseOverSky,
     /// Stars that it says it used; by the stars of the field the most that it uses.
     pub stars: u32,
-    /// Temporal noise that a rate adds, in squares.
-    pub noise_arcsec_per_deg_s: f64,
+    /// Temporal noise that a rate adds, in squares: about its axis, about the axis across it, about the boresight.
+    pub noise_arcsec_per_deg_s: [f64; 3],
     /// By how much the instant of an attitude is before the time that it states.
     pub date_error_ms: f64,
     /// How long conditions must hold before an attitude is found.
@@ -47,6 +47,8 @@ pub struct ModelFigures {
     pub acquisition_probability: f64,
     /// Chance of a frame while it tracks.
     pub tracking_probability: f64,
+    /// Chance that an attitude is false.
+    pub false_probability: f64,
     /// Rate up to which it finds an attitude.
     pub acquires_below_deg_s: f64,
     /// Rate from which it loses it.
@@ -70,11 +72,12 @@ impl Default for ModelFigures {
             noise_arcsec: [1.0, 1.0, 8.0],
             noise_over_sky: NoiseOverSky::Even,
             stars: 20,
-            noise_arcsec_per_deg_s: 0.0,
+            noise_arcsec_per_deg_s: [0.0; 3],
             date_error_ms: 0.0,
             acquisition_s: 0.0,
             acquisition_probability: 1.0,
             tracking_probability: 1.0,
+            false_probability: 0.0,
             acquires_below_deg_s: 3.0,
             lost_above_deg_s: 5.0,
             sun_exclusion_deg: 0.0,
@@ -96,6 +99,7 @@ impl ModelFigures {
             ("fov_spatial_arcsec", self.fov_spatial_arcsec),
             ("pixel_spatial_arcsec", self.pixel_spatial_arcsec),
             ("noise_arcsec", self.noise_arcsec),
+            ("noise_arcsec_per_deg_s", self.noise_arcsec_per_deg_s),
         ];
         for (name, vector) in vectors {
             if !vector.iter().all(|value| value.abs() <= 1e5) {
@@ -112,10 +116,10 @@ impl ModelFigures {
             }
         }
         let ranges = [
-            ("noise_arcsec_per_deg_s", self.noise_arcsec_per_deg_s, 1e5),
             ("acquisition_s", self.acquisition_s, 1e5),
             ("acquisition_probability", self.acquisition_probability, 1.0),
             ("tracking_probability", self.tracking_probability, 1.0),
+            ("false_probability", self.false_probability, 1.0),
             ("acquires_below_deg_s", self.acquires_below_deg_s, 1e3),
             ("lost_above_deg_s", self.lost_above_deg_s, 1e3),
             ("sun_exclusion_deg", self.sun_exclusion_deg, 180.0),
@@ -148,11 +152,12 @@ impl ModelFigures {
                 NoiseOverSky::Even => NoiseMethod::Even,
                 NoiseOverSky::Stars => NoiseMethod::Stars,
             },
-            noise_rate_s: self.noise_arcsec_per_deg_s * ARCSEC / DEG,
+            noise_rate_s: radians(self.noise_arcsec_per_deg_s) / DEG,
             date_error: Span::from_s(self.date_error_ms * 1e-3),
             acquisition: Span::from_s(self.acquisition_s),
             acquisition_probability: self.acquisition_probability,
             tracking_probability: self.tracking_probability,
+            false_probability: self.false_probability,
             acquires_below_rad_s: self.acquires_below_deg_s * DEG,
             lost_above_rad_s: self.lost_above_deg_s * DEG,
             sun_exclusion_rad: self.sun_exclusion_deg * DEG,

@@ -1,11 +1,11 @@
 //! A test plan: what is flown, with which tracker, and how numbers are said.
 
-use crate::assess::Settings;
 use crate::attitudes::Attitudes;
 use crate::model_figures::ModelFigures;
 use crate::mounting::MountingDrift;
 use crate::poses::{CaseMotion, Sine};
 use crate::record::{FalseLimit, Use};
+use crate::settings::Settings;
 use anyhow::{Context, Result, bail};
 use base::time::Tai;
 use base::units::ARCSEC;

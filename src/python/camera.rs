@@ -1,7 +1,7 @@
 //! `Camera`: single images.
 
+use crate::errors::refused;
 use crate::frame::{Drawn, Frame, Pixels};
-use crate::refused;
 use crate::request::{Request, SceneKeys, Stage};
 use base::time::Tai;
 use batch::still::{Still, StillParams, still_fault_of};

@@ -1,7 +1,7 @@
 //! `DataSet`: items of a data set one by one, and whole folders.
 
+use crate::errors::refused;
 use crate::frame::{Drawn, Frame};
-use crate::refused;
 use core::sync::atomic::{AtomicBool, Ordering};
 use data_sets::image_files::ImageFiles;
 use data_sets::labels::{Filed, json_of};

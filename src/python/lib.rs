@@ -7,17 +7,12 @@
 mod camera;
 mod columns;
 mod data_set;
+mod errors;
 mod frame;
 mod request;
 mod session;
 
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-
-/// Returns an error of this package as the `ValueError` of Python, with all its causes.
-fn refused(error: impl core::fmt::Display) -> PyErr {
-    PyValueError::new_err(format!("{error:#}"))
-}
 
 /// Cameras and runs of starloop in process.
 #[pymodule]
@@ -43,6 +38,6 @@ mod _native {
     /// Returns the files of a data set whose bytes are not those that were written.
     #[pyfunction]
     fn damaged_files(py: Python<'_>, folder: PathBuf) -> PyResult<Vec<String>> {
-        py.detach(|| data_sets::folder::damaged(&folder)).map_err(super::refused)
+        py.detach(|| data_sets::folder::damaged(&folder)).map_err(super::errors::refused)
     }
 }

@@ -1,7 +1,7 @@
 //! `Session`: a run in process, under the requests of the control socket.
 
+use crate::errors::refused;
 use crate::frame::{Drawn, Frame};
-use crate::refused;
 use config::{Document, Scenario, Setting};
 use frames::sink::{NullSink, Sink};
 use pyo3::prelude::*;

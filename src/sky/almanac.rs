@@ -15,8 +15,8 @@
 //! only, whether its day was prepared or not. Nothing allocates after construction. The Moon's own series costs
 //! microseconds and is not here. Tests: below; `tests/physics/almanac.rs`.
 
-use crate::observer::BarycentricState;
 use crate::planets::{self, Planet};
+use crate::state::BarycentricState;
 use crate::{earth, ephemeris, sun};
 use base::time::Tai;
 use base::units::DAY_S;

@@ -8,9 +8,10 @@
 //! the geocentre the Earth is left out. Tests: below; `tests/physics/bodies.rs`; the Moon in [`crate::moon`].
 
 use crate::ObserverError;
-use crate::observer::{BarycentricState, ObserverTrack};
+use crate::observer::ObserverTrack;
 use crate::planets::Planet;
 use crate::spheroid::Spheroid;
+use crate::state::BarycentricState;
 use crate::{ephemeris, moon, orbit};
 use base::time::Tai;
 use glam::DVec3;

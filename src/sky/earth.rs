@@ -12,7 +12,7 @@
 //!
 //! Test: `agrees_with_a_numerical_ephemeris` against literals from `erfa.epv00`.
 
-use crate::observer::BarycentricState;
+use crate::state::BarycentricState;
 use base::time::Tai;
 use base::units::{AU_KM, DAY_S};
 use glam::{DMat3, DVec3};

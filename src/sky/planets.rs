@@ -12,7 +12,7 @@
 
 use crate::earth::{self, HALF_STEP_D, state_by_difference};
 use crate::ephemeris::Method;
-use crate::observer::BarycentricState;
+use crate::state::BarycentricState;
 use base::time::Tai;
 use glam::DVec3;
 

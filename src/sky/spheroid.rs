@@ -8,7 +8,7 @@
 //! is left out, b^2 / 2, is 1 mas at 30 km/s). Limits: no atmosphere, so no refraction (at the Earth's limb up to 70
 //! arcmin, a few seconds of an orbit) and no dimming; no mountains. Tests: below.
 
-use crate::observer::BarycentricState;
+use crate::state::BarycentricState;
 use base::units::SPEED_OF_LIGHT_KM_S;
 use glam::DVec3;
 

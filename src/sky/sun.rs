@@ -5,7 +5,7 @@
 //! km/s. Test: `agrees_with_a_numerical_ephemeris`.
 
 use crate::earth::{state_by_difference, sun_position_km};
-use crate::observer::BarycentricState;
+use crate::state::BarycentricState;
 use base::time::Tai;
 
 /// Half of the interval over which positions are differenced, days.

@@ -7,9 +7,11 @@
 //!   the tracker is inertial and slow while it turns;
 //! * pixel spatial error: the same with the period of a pixel;
 //! * aberration residual: a part of the displacement by the Earth's velocity;
-//! * temporal noise: Gaussian, new in each frame, with a part that grows with the rate; the same all over the sky
-//!   (`NoiseMethod::Even`), or by the stars that the field offers (`NoiseMethod::Stars`, `tracker::star_noise`), which
-//!   spatial errors then follow too;
+//! * temporal noise: Gaussian, new in each frame; the same all over the sky (`NoiseMethod::Even`), or by the stars that
+//!   the field offers (`NoiseMethod::Stars`, `tracker::star_noise`), which spatial errors then follow too;
+//! * noise of motion: Gaussian, grows with the rate; smeared stars are less certain along their motion, which is about
+//!   the axis of the rate, than across it;
+//! * false attitudes: any attitude at all, by chance;
 //! * measurement date error: the attitude is of an earlier instant than it says. (A wrong time tag is the caller's.)
 //!
 //! Life: an attitude is found when the rate has been below its limit and no bright body near the boresight for
@@ -19,19 +21,19 @@
 //!
 //! Limits: the covers of Sun and Moon are cones about directions from the Earth's centre, good to 0.02 deg and 0.6 deg;
 //! an observer in a low orbit sees the Moon up to 1 deg from there. The Earth's is about its limb, where the caller says
-//! where it is. A dimmer sky and a brighter background are the caller's too (`TrackerModel::expose`). False attitudes
-//! and faults of stars (protons, bad pixels) are left out: the tracker on pixels has them. Tests: below.
+//! where it is. A dimmer sky and a brighter background are the caller's too (`TrackerModel::expose`). Faults of stars
+//! (protons, bad pixels, false stars) are left out: the tracker on pixels has them. Tests: below.
 
 use crate::spacecraft::sun_direction_icrf;
 use crate::tracker::{
     ExposedLight, FieldNoise, Mode, Outcome, Reason, Solution, StarNoise, earth_beta, uncorrected_turn,
 };
-use base::axes::{Icrf, Rotation, Sensor};
+use base::axes::{Icrf, Rotation, Sensor, attitude_of_uniforms};
 use base::random::{Stage, counter, key, philox};
 use base::time::{Span, Tai};
 use base::units::DEG;
-use core::f64::consts::TAU;
-use glam::{DMat3, DVec3};
+use core::f64::consts::{FRAC_1_SQRT_2, TAU};
+use glam::{DMat3, DVec2, DVec3};
 
 /// Waves of each spatial error.
 const WAVES: usize = 6;
@@ -70,8 +72,9 @@ pub struct ModelParams {
     pub noise_rad: DVec3,
     /// How it depends on where the tracker looks.
     pub noise_method: NoiseMethod,
-    /// Temporal noise that a rate adds, in squares: seconds, to be multiplied by the rate across the boresight.
-    pub noise_rate_s: f64,
+    /// Temporal noise that a rate adds, in squares: seconds, to be multiplied by the rate across the boresight; about
+    /// the axis of the rate, about the axis across it, about the boresight.
+    pub noise_rate_s: DVec3,
     /// By how much the instant of the attitude is before the middle of the exposure.
     pub date_error: Span,
     /// How long conditions must hold before an attitude is found.
@@ -80,6 +83,8 @@ pub struct ModelParams {
     pub acquisition_probability: f64,
     /// Chance that a frame gives an attitude while it tracks.
     pub tracking_probability: f64,
+    /// Chance that an attitude is false: any attitude, all equally likely.
+    pub false_probability: f64,
     /// Rate up to which it finds an attitude, rad/s.
     pub acquires_below_rad_s: f64,
     /// Rate from which it loses it, rad/s.
@@ -102,6 +107,13 @@ pub struct EarthDisc {
     pub direction_icrf: DVec3,
     /// Its angular radius.
     pub radius_rad: f64,
+}
+
+/// Roots of the covariances of temporal noise, rad: to be multiplied by numbers of standard deviation 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Noise {
+    at_rest: DMat3,
+    of_motion: Option<DMat3>,
 }
 
 /// One wave of a spatial error.
@@ -183,12 +195,14 @@ impl TrackerModel {
         if !self.is_tracking {
             return Outcome::NoSolution(Reason::NoMatch);
         }
-        let sigma_rad = self.noise_rad(rate_rad_s);
+        let noise = self.noise(&field, rate_rad_s);
         let lag_rad = rate_rad_s * -self.params.date_error.s();
+        let is_false = draws[1] < self.params.false_probability;
+        let near_truth = || truth.rotated_by(self.error_rad(frame, at, truth, (&noise, &field)) + lag_rad);
         Outcome::Solved(Solution {
             at,
-            sensor_from_icrf: truth.rotated_by(self.error_rad(frame, at, truth, (sigma_rad, &field)) + lag_rad),
-            covariance_rad2: covariance(sigma_rad, &field.factor),
+            sensor_from_icrf: if is_false { self.any_attitude(frame) } else { near_truth() },
+            covariance_rad2: covariance(&noise),
             mode,
             stars: u32::try_from(field.stars).unwrap_or(u32::MAX),
             residual_rms_px: 0.0,
@@ -208,13 +222,27 @@ impl TrackerModel {
         }
     }
 
-    /// Returns the temporal noise at a rate. A turn about the boresight moves stars by the field's radius at most.
-    fn noise_rad(&self, rate_rad_s: DVec3) -> DVec3 {
-        let across = rate_rad_s.truncate().length().hypot(0.5 * self.params.field_rad * rate_rad_s.z);
-        let added = self.params.noise_rate_s * across;
-        let ratio = self.params.noise_rad / self.params.noise_rad.max_element().max(f64::MIN_POSITIVE);
-        let noise = self.params.noise_rad;
-        DVec3::new(noise.x.hypot(added * ratio.x), noise.y.hypot(added * ratio.y), noise.z.hypot(added * ratio.z))
+    /// Returns the temporal noise in a field, at rest and of motion. A turn about the boresight moves stars by the field's
+    /// radius at most, in all directions.
+    fn noise(&self, field: &FieldNoise, rate_rad_s: DVec3) -> Noise {
+        let at_rest = DMat3::from_diagonal(self.params.noise_rad) * field.factor;
+        let [along, across, about] = self.params.noise_rate_s.to_array();
+        let (across_rate, roll_rate) = (rate_rad_s.truncate(), 0.5 * self.params.field_rad * rate_rad_s.z);
+        let (rate, direction) = (across_rate.length(), across_rate.normalize_or(DVec2::X));
+        let roll = roll_rate * along.hypot(across) * FRAC_1_SQRT_2;
+        let sigma = DVec3::new((along * rate).hypot(roll), (across * rate).hypot(roll), about * rate.hypot(roll_rate));
+        if sigma == DVec3::ZERO {
+            return Noise { at_rest, of_motion: None };
+        }
+        let axes = DMat3::from_cols(direction.extend(0.0), direction.perp().extend(0.0), DVec3::Z);
+        let of_motion = axes * DMat3::from_diagonal(sigma) * axes.transpose() * field.factor;
+        Noise { at_rest, of_motion: Some(of_motion) }
+    }
+
+    /// Returns a random attitude; all are equally likely.
+    fn any_attitude(&self, frame: u32) -> Rotation<Sensor, Icrf> {
+        let [u, v, w, _] = self.uniforms(frame, 3);
+        attitude_of_uniforms([u, v, w])
     }
 
     fn error_rad(
@@ -222,15 +250,20 @@ impl TrackerModel {
         frame: u32,
         at: Tai,
         truth: &Rotation<Sensor, Icrf>,
-        (sigma_rad, field): (DVec3, &FieldNoise),
+        (noise, field): (&Noise, &FieldNoise),
     ) -> DVec3 {
-        let [a, b, c, _] = self.gaussians(frame);
         let params = &self.params;
         let drift = params.drift_rad_h * ((at - self.start).s() / HOUR_S);
         let fov = params.fov_spatial_rad * (field.spatial * spatial(&self.fov, truth));
         let pixel = params.pixel_spatial_rad * (field.spatial * spatial(&self.pixel, truth));
         let aberration = params.aberration_residual_rad * uncorrected_turn(truth.apply(earth_beta(at).normalize()));
-        params.bias_rad + drift + fov + pixel + aberration + sigma_rad * (field.factor * DVec3::new(a, b, c))
+        params.bias_rad + drift + fov + pixel + aberration + self.drawn_rad(frame, noise)
+    }
+
+    /// Returns the noise of a frame.
+    fn drawn_rad(&self, frame: u32, noise: &Noise) -> DVec3 {
+        let of_motion = noise.of_motion.map_or(DVec3::ZERO, |root| root * self.gaussians(frame, 2));
+        noise.at_rest * self.gaussians(frame, 1) + of_motion
     }
 
     fn is_blinded(&self, at: Tai, truth: &Rotation<Sensor, Icrf>) -> bool {
@@ -250,22 +283,22 @@ impl TrackerModel {
         uniforms(self.seed, frame, block)
     }
 
-    /// Returns four independent numbers of standard deviation 1 (Box and Muller 1958).
-    fn gaussians(&self, frame: u32) -> [f64; 4] {
-        let [a, b, c, d] = self.uniforms(frame, 1);
+    /// Returns independent numbers of standard deviation 1 (Box and Muller 1958).
+    fn gaussians(&self, frame: u32, block: u32) -> DVec3 {
+        let [a, b, c, d] = self.uniforms(frame, block);
         let pair = |u: f64, v: f64| {
             let radius = (-2.0 * libm::log(u)).sqrt();
             [radius * libm::cos(TAU * v), radius * libm::sin(TAU * v)]
         };
-        let ([x, y], [z, w]) = (pair(a, b), pair(c, d));
-        [x, y, z, w]
+        let ([x, y], [z, _]) = (pair(a, b), pair(c, d));
+        DVec3::new(x, y, z)
     }
 }
 
-/// Returns the covariance of noise of these figures, turned by a field's factor.
-fn covariance(sigma_rad: DVec3, factor: &DMat3) -> DMat3 {
-    let root = DMat3::from_diagonal(sigma_rad) * *factor;
-    root * root.transpose()
+/// Returns the covariance of noise.
+fn covariance(noise: &Noise) -> DMat3 {
+    let square = |root: DMat3| root * root.transpose();
+    square(noise.at_rest) + noise.of_motion.map_or(DMat3::ZERO, square)
 }
 
 /// Numbers above 0 and below 1.

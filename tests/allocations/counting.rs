@@ -31,15 +31,19 @@ pub(crate) struct Found {
 impl Found {
     /// Returns true when a line of this repository is on the stack and the block does not belong to rayon's queue of
     /// jobs from threads outside its pool, which allocates one for every 63 of them: it does not grow with what we
-    /// draw, and cannot be reserved. (The test harness's own thread may print a line while a test runs.)
+    /// draw, and cannot be reserved. The test harness's own thread prints a line while a test takes long.
     pub(crate) fn is_ours(&self) -> bool {
-        self.stack.contains("at ./") && !self.stack.contains("crossbeam_deque::deque::Injector")
+        let is_the_harness = ["get_timed_out_tests", "write_timeout"].iter().any(|name| self.stack.contains(name));
+        self.stack.contains("at ./") && !self.stack.contains("crossbeam_deque::deque::Injector") && !is_the_harness
     }
 
-    /// Returns the innermost calls of starloop.
+    /// Returns the innermost calls of starloop; the whole stack where they have no name.
     pub(crate) fn place(&self) -> String {
-        let ours = self.stack.lines().map(str::trim).filter(|line| line.starts_with("at ./src/"));
-        ours.take(4).collect::<Vec<_>>().join(" < ")
+        // Where crates have no lines of their own in the debug information, their functions have names.
+        let is_ours = |line: &&str| line.starts_with("at ./src/") || line.contains("starloop_");
+        let ours = self.stack.lines().map(str::trim).filter(is_ours);
+        let place = ours.take(4).collect::<Vec<_>>().join(" < ");
+        if place.is_empty() { self.stack.clone() } else { place }
     }
 }
 

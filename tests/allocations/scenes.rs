@@ -4,7 +4,8 @@ use base::accuracy::AccuracyBudget;
 use base::axes::Rotation;
 use base::image::DnImage;
 use base::random::philox;
-use base::time::Tai;
+use base::time::{Span, Tai};
+use glam::DVec3;
 use image::detector::blooming::Blooming;
 use image::detector::charge_transfer::ChargeTransfer;
 use image::detector::defects::{Defect, DefectKind, DefectPlace, DefectPopulation, Rates};
@@ -16,7 +17,7 @@ use image::detector::{
 use image::gpu::Electrons;
 use image::render::Backend;
 use image::render::cpu::Cpu;
-use plan::attitude::LosPath;
+use plan::attitude::{JitterPoint, LosPath};
 use plan::exposure::cost::CostModel;
 use plan::exposure::{Degradation, MethodChoice, PsfSampling, Shutter};
 use plan::exposure::{Instrument, Planner, Source, SourcePlace};
@@ -28,6 +29,8 @@ pub(crate) const WARM_UP: u32 = 10;
 /// Number of all frames.
 pub(crate) const FRAMES: u32 = 40;
 const SIZE: usize = 256;
+/// Largest error of a jitter sample.
+const FURTHEST_PX: f64 = 3_000.0;
 const EXPOSURE_S: f64 = 0.1;
 
 /// One scene, its method and its shutter.
@@ -42,6 +45,8 @@ pub(crate) struct Scene {
     keep_charge: bool,
     /// True when defects, protons and the effects of neighbours are on, and defects change.
     is_disturbed: bool,
+    /// True when a jitter sample of a frame is wrong, by more in some frames than in any before.
+    is_damaged: bool,
 }
 
 /// Returns all scenes.
@@ -55,9 +60,12 @@ pub(crate) fn all() -> Vec<Scene> {
         time_budget_ms: None,
         keep_charge: false,
         is_disturbed: false,
+        is_damaged: false,
     };
+    let damaged = |name| Scene { is_damaged: true, time_budget_ms: Some(20.0), ..scene(name, "auto") };
     let rolling = Shutter::Rolling { line_s: 2e-4 };
     let airy = PsfModel::airy(1.2, 0.0);
+    let airy_again = airy.clone();
     vec![
         Scene { rate_rad_s: [0.0; 3], ..scene("still", "auto") },
         scene("slewing", "auto"),
@@ -72,6 +80,9 @@ pub(crate) fn all() -> Vec<Scene> {
         Scene { psf: airy, ..scene("Airy, effective PSF", "effective-psf:16") },
         Scene { keep_charge: true, ..scene("detector in two passes", "auto") },
         Scene { is_disturbed: true, ..scene("defects, protons, neighbours", "auto") },
+        damaged("damaged jitter"),
+        Scene { psf: airy_again, ..damaged("damaged jitter, Airy") },
+        Scene { shutter: rolling, ..damaged("damaged jitter, rolling shutter") },
         Scene { time_budget_ms: Some(0.1), ..scene("little time", "auto") },
         Scene { time_budget_ms: Some(0.0), ..scene("no time", "auto") },
     ]
@@ -83,6 +94,7 @@ pub(crate) struct Drawn {
     backend: Cpu,
     detector: Detector,
     is_disturbed: bool,
+    is_damaged: bool,
     sources: Vec<Source>,
     image: DnImage,
 }
@@ -107,7 +119,7 @@ impl Drawn {
             read_noise_e_rms: 10.0,
         };
         let mut los = LosPath::commanded(Rotation::IDENTITY, Tai::from_ns(0), EXPOSURE_S);
-        los.rate_rad_s = glam::DVec3::from_array(scene.rate_rad_s);
+        los.rate_rad_s = DVec3::from_array(scene.rate_rad_s);
         let method: MethodChoice = scene.method.parse().unwrap();
         let mut planner = Planner::new(instrument, AccuracyBudget::default(), CostModel::CPU, method, los);
         if let Some(time_budget_ms) = scene.time_budget_ms {
@@ -139,6 +151,7 @@ impl Drawn {
             backend: Cpu::new(SIZE, SIZE),
             detector,
             is_disturbed: scene.is_disturbed,
+            is_damaged: scene.is_damaged,
             sources: (0..20_000).map(source).collect(),
             image: DnImage::new(SIZE, SIZE),
         }
@@ -156,10 +169,28 @@ impl Drawn {
         if self.is_disturbed {
             self.change_defects(number);
         }
+        if self.is_damaged {
+            self.damage_jitter(number);
+        }
         let plan = self.planner.plan(&self.sources[..stars]);
         self.backend.render(plan).unwrap();
         let Electrons::Host(mean) = self.backend.electrons() else { panic!("the CPU draws in memory") };
         self.detector.collect(mean, number, &DetectorConditions::dark(EXPOSURE_S), &mut self.image);
+    }
+
+    /// Replaces the jitter: 50 samples of half a pixel, one of them wrong by up to [`FURTHEST_PX`].
+    fn damage_jitter(&mut self, number: u32) {
+        let points = &mut self.planner.motion_mut().los.jitter.points;
+        points.clear();
+        let off_px = FURTHEST_PX * (-0.3 * f64::from(FRAMES - 1 - number)).exp2();
+        for i in 0..50_u32 {
+            let [x, y] = [0, 1].map(|axis| place(1000 * number + i, axis) / 400.0);
+            let size_px = if i == number % 50 { off_px } else { 0.5 };
+            points.push(JitterPoint {
+                at: Tai::from_ns(0) + Span::from_s(EXPOSURE_S * f64::from(i) / 49.0),
+                rotation_rad: DVec3::new(x, y, 0.0) * (size_px / 800.0),
+            });
+        }
     }
 
     /// Adds a column, and removes the oldest commanded defect.

@@ -14,7 +14,7 @@ use link::simulated::simulated_pair;
 use plan::attitude::MotionScale;
 use run::runtime::receiver::Receiver;
 use run::runtime::virtual_time::{Head, VirtualLoop, World};
-use run::runtime::{EventKind, FrameEngine, Ledger, real_time};
+use run::runtime::{EventKind, FrameEngine, Ledger, real_parts, real_time};
 use run::wiring::bench_parts;
 use std::path::Path;
 use std::process::{Command, Output};
@@ -147,9 +147,9 @@ fn alone(bench: &Bench, ring_frames: usize) -> (Vec<FrameRecord>, run::runtime::
     let clock: Arc<dyn Clock> = Arc::new(Monotonic::start_at(start));
     let [near, _far] = ports(bench, &clock);
     let stop = Arc::new(AtomicBool::new(false));
-    let setting = real_time::Setting { clock: &clock, stop: &stop, hygiene: None, ring_frames, orders: None };
+    let setting = real_parts::Setting { clock: &clock, stop: &stop, hygiene: None, ring_frames, orders: None };
     let sink = Box::new(NullSink::new());
-    let heads = vec![real_time::Head { engine: &mut engine, receiver: &mut receiver, sink, faults: None }];
+    let heads = vec![real_parts::Head { engine: &mut engine, receiver: &mut receiver, sink, faults: None }];
     let outcome = real_time::run_in(&setting, heads, near.into(), &mut |_, _, _| {});
     (outcome.record.ring.last().copied().collect(), outcome)
 }

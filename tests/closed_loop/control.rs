@@ -252,6 +252,29 @@ fn an_injected_fault_shows_in_frames_and_report() {
     assert_eq!(bits(&report(&output)), bits(&last["report"]));
 }
 
+/// The optics of a defocus that is over are replaced for the next one, in the same memory.
+#[test]
+fn a_second_injected_defocus_is_that_of_the_file() {
+    let defocus = |sigma_px: f64| json!({ "do": "defocus_step", "sigma_px": sigma_px, "for_s": 0.4 });
+    let pixels = |arguments: &[&str], second: Option<f64>| {
+        let mut stepped = Stepped::start(arguments);
+        stepped.answered(json!({ "request": "step", "until_s": 1.05 }));
+        stepped.answered(json!({ "request": "inject", "event": defocus(3.0) }));
+        stepped.answered(json!({ "request": "step", "until_s": 2.0 }));
+        if let Some(sigma_px) = second {
+            stepped.answered(json!({ "request": "inject", "event": defocus(sigma_px) }));
+        }
+        stepped.answered(json!({ "request": "step", "until_s": 2.3 }));
+        let seen = stepped.answered(json!({ "request": "frame" }));
+        let _ = stepped.finish();
+        seen["pixels_base64_u16_le"].as_str().unwrap().to_owned()
+    };
+    let in_file = ["--set", "event=[{ do = \"defocus_step\", sigma_px = 1.5, at_s = 2.0, for_s = 0.4 }]"];
+    let of_file = pixels(&in_file, None);
+    assert!(pixels(&[], Some(1.5)) == of_file, "other optics than those made before the run");
+    assert!(pixels(&[], Some(1.6)) != of_file && pixels(&[], None) != of_file, "control: another defocus, and none");
+}
+
 #[test]
 fn a_client_without_the_token_changes_nothing_and_is_counted() {
     let through = report(&command(&[]).output().unwrap());

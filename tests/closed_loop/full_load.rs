@@ -12,7 +12,8 @@ use firmware_protocol::message::{JitterBurst, Scet, Sync as TimeMark, TimeFollow
 use frames::sink::NullSink;
 use link::simulated::{BusParams, BusTiming, SimulatedBus};
 use link::{Port, WireFormat};
-use run::runtime::real_time::{self, Head, Setting, Sources};
+use run::runtime::real_parts::{Head, Setting, Sources};
+use run::runtime::real_time;
 use run::runtime::receiver::Receiver;
 use run::runtime::{FrameEngine, RunParams};
 use run::wiring::bench_parts;

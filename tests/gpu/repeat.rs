@@ -44,7 +44,8 @@ fn frames_repeat_bit_for_bit() {
 #[test]
 fn a_field_in_blocks_is_the_field_at_once() {
     let Some(device) = device() else { return };
-    // Analytic, from a table, and by kernels: both passes, and blocks with a part of each.
+    // Analytic, from a table, and by kernels: both passes, blocks with a part of each, and with several of the chunks that
+    // threads prepare.
     for (psf, method) in [
         (PsfModel::gaussian(0.8), "samples:8"),
         (PsfModel::airy(0.98, 0.3), "samples:8"),
@@ -54,13 +55,13 @@ fn a_field_in_blocks_is_the_field_at_once() {
         let [width, height] = scene.size;
         let mut gpu = Gpu::new(device.clone(), width, height).expect("a backend");
         let mut planner = scene.planner();
-        let plan = planner.plan(&scene.stars(1000)).clone();
+        let plan = planner.plan(&scene.stars(3000)).clone();
         let at_once = draw_gpu(&mut gpu, &plan, scene.size);
-        for block in [999, 64] {
+        for block in [2999, 640] {
             gpu.limit_block(block);
             assert_eq!(at_once, draw_gpu(&mut gpu, &plan, scene.size), "{method}, blocks of {block}");
         }
-        let fewer = planner.plan(&scene.stars(999)).clone();
+        let fewer = planner.plan(&scene.stars(2999)).clone();
         assert_ne!(at_once, draw_gpu(&mut gpu, &fewer, scene.size), "control: one star less is seen");
     }
 }

@@ -45,7 +45,7 @@ pub fn still_fault_of(mut keys: Map<String, Value>) -> Result<FrameFault, StillF
     keys.entry("for_s").or_insert_with(|| Value::from(1.0));
     let event = Event::from_json(&keys, 0.0, Span::from_s(1.0))?;
     match event.action {
-        Action::Frame { fault, .. } if !needs_a_run(&fault) => Ok(fault),
+        Action::Frame { fault, .. } if changes(&fault) != Changes::Sending => Ok(fault),
         Action::Frame { .. }
         | Action::Slew(_)
         | Action::Safe
@@ -57,47 +57,39 @@ pub fn still_fault_of(mut keys: Map<String, Value>) -> Result<FrameFault, StillF
     }
 }
 
-/// Returns whether a fault is about an image before, or about when an image is sent.
-fn needs_a_run(fault: &FrameFault) -> bool {
+/// Kinds of faults, by the thing that they change.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Changes {
+    /// When or how often an image is sent, or which one: that needs a run.
+    Sending,
+    /// One image.
+    Image,
+    /// Detector or optics, for all images after it, until it is taken back.
+    Camera,
+}
+
+fn changes(fault: &FrameFault) -> Changes {
     match fault {
-        FrameFault::Drop | FrameFault::Duplicate | FrameFault::Late(_) | FrameFault::Torn => true,
+        FrameFault::Drop | FrameFault::Duplicate | FrameFault::Late(_) | FrameFault::Torn => Changes::Sending,
         FrameFault::Blank
         | FrameFault::BitFlip { .. }
         | FrameFault::StrayLight { .. }
         | FrameFault::StrayLightRamp { .. }
-        | FrameFault::Defocus { .. }
         | FrameFault::Contamination { .. }
         | FrameFault::TemperatureStep { .. }
         | FrameFault::Saturation { .. }
         | FrameFault::FalseStars { .. }
         | FrameFault::MissingStars { .. }
         | FrameFault::MissingBrightStars { .. }
-        | FrameFault::Pixels { .. }
-        | FrameFault::Protons(_) => false,
+        | FrameFault::Protons(_) => Changes::Image,
+        FrameFault::Defocus { .. } | FrameFault::Pixels { .. } => Changes::Camera,
     }
 }
 
 /// Returns whether a fault changes the detector or the optics for all images after it, until it is taken back.
 #[must_use]
 pub fn stays(fault: &FrameFault) -> bool {
-    match fault {
-        FrameFault::Defocus { .. } | FrameFault::Pixels { .. } => true,
-        FrameFault::Drop
-        | FrameFault::Duplicate
-        | FrameFault::Late(_)
-        | FrameFault::Torn
-        | FrameFault::Blank
-        | FrameFault::BitFlip { .. }
-        | FrameFault::StrayLight { .. }
-        | FrameFault::StrayLightRamp { .. }
-        | FrameFault::Contamination { .. }
-        | FrameFault::TemperatureStep { .. }
-        | FrameFault::Saturation { .. }
-        | FrameFault::FalseStars { .. }
-        | FrameFault::MissingStars { .. }
-        | FrameFault::MissingBrightStars { .. }
-        | FrameFault::Protons(_) => false,
-    }
+    changes(fault) == Changes::Camera
 }
 
 #[cfg(test)]

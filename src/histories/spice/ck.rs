@@ -8,8 +8,9 @@
 use super::clock::SpacecraftClock;
 use super::daf::{Daf, Summary, whole};
 use super::{check_axes, chosen};
-use crate::attitude::{AttitudeHistory, AttitudeSegment, AttitudeState, Times, is_slow_enough};
+use crate::attitude::{AttitudeHistory, AttitudeSegment, Times, is_slow_enough};
 use crate::attitude_methods::{AttitudeInterpolation, s_between};
+use crate::attitude_state::AttitudeState;
 use crate::error::{HistoryError, Source};
 use base::axes::{Body, COMPUTED_NORM_TOLERANCE, Icrf, Rotation};
 use glam::DVec3;

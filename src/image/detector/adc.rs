@@ -8,27 +8,6 @@ use crate::detector::block::BLOCK;
 use crate::detector::params::Constants;
 use base::fused::{mul_add, whole_bits};
 
-/// Rounding of digital numbers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Rounding {
-    /// The nearest.
-    #[default]
-    Nearest,
-    /// The next below.
-    Truncate,
-}
-
-impl Rounding {
-    /// Returns the number that is added before the fraction is cut off, DN.
-    #[must_use]
-    pub const fn dn(self) -> f32 {
-        match self {
-            Self::Nearest => 0.5,
-            Self::Truncate => 0.0,
-        }
-    }
-}
-
 /// Converts a block.
 #[inline(always)]
 pub fn convert<const FUSED: bool>(electrons: &[f32; BLOCK], constants: &Constants, out: &mut [u16; BLOCK]) {

@@ -10,7 +10,7 @@
 //! same along rows and columns and divides both sides of the image. Tests: below and
 //! `tests/physics/detector_spatial.rs`.
 
-use crate::detector::neighbours::{FrameAt, NeighbourStage};
+use crate::detector::neighbour_stage::{FrameAt, NeighbourStage};
 use crate::detector::{DetectorConditions, DetectorParams, Effect};
 use base::image::{DnImage, Image};
 use rayon::prelude::*;

@@ -4,6 +4,9 @@ use base::random::{Stage, counter, philox_wide};
 
 /// Pixels of a block: small enough for the first-level cache, long enough for any vector.
 pub const BLOCK: usize = 256;
+/// Pixels of a block whose shot noise is drawn together: few enough to stay in registers, and one bright star slows down
+/// only its own group.
+pub const GROUP: usize = 32;
 /// Philox blocks that serve it: one for two pixels.
 pub const PAIRS: usize = BLOCK / 2;
 

@@ -11,7 +11,7 @@
 //! Tests below compare it with a simulation of all transfers, one by one.
 
 use crate::detector::Effect;
-use crate::detector::neighbours::{FrameAt, NeighbourStage};
+use crate::detector::neighbour_stage::{FrameAt, NeighbourStage};
 use base::image::Image;
 use rayon::prelude::*;
 

@@ -8,33 +8,9 @@ use crate::detector::binning::{Binning, BinningKind, ChargeBinningStage};
 use crate::detector::blooming::BloomingStage;
 use crate::detector::charge_transfer::ChargeTransferStage;
 use crate::detector::image_lag::ImageLagStage;
+use crate::detector::neighbour_stage::{FrameAt, NeighbourStage};
 use crate::detector::{DetectorParams, Effect, full_well};
 use base::image::Image;
-use core::fmt::Debug;
-
-/// The frame to which the charge belongs.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FrameAt {
-    /// Number of the frame: random words are counted by it.
-    pub frame: u32,
-    /// Exposure time, s.
-    pub exposure_s: f64,
-    /// Key of the seed.
-    pub key: [u32; 2],
-}
-
-/// One stage.
-pub trait NeighbourStage: Debug + Send + Sync {
-    /// Returns which effect it is: stages run in the order of [`crate::detector::ORDER`].
-    fn effect(&self) -> Effect;
-
-    /// Changes the charge, e- per pixel, and returns the image that the next stage goes on with: the same one, or one
-    /// of the stage's own where the size changes.
-    fn apply<'a>(&'a mut self, charge: &'a mut Image<f32>, at: &FrameAt) -> &'a mut Image<f32>;
-
-    /// Clears its state from frame to frame.
-    fn reset(&mut self) {}
-}
 
 /// Returns the stages that are on, in order; with `keep_charge` at least the full well, so that there is a charge
 /// image.

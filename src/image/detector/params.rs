@@ -1,11 +1,11 @@
 //! Detector parameters in the terms of EMVA 1288 and ECSS.
 
-use crate::detector::adc::Rounding;
 use crate::detector::conditions::DetectorConditions;
 use crate::detector::dark_current::DarkLaw;
 use crate::detector::line_pattern::LinePattern;
 use crate::detector::nonlinearity::{Nonlinearity, Pieces};
 use crate::detector::poisson::PoissonMethod;
+use crate::detector::rounding::Rounding;
 use crate::detector::row_noise::RowNoise;
 use crate::detector::spatial::SpatialParams;
 

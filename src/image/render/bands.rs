@@ -17,9 +17,10 @@ pub(super) const BAND_ROWS: usize = 64;
 const CHUNK: usize = 4096;
 /// Number of chunks that are allocated from the start.
 const CHUNKS_RESERVED: usize = 4;
-/// Number of lists of nodes that are allocated from the start, and nodes in each.
-const LISTS_RESERVED: usize = 16;
-const NODES_RESERVED: usize = 256;
+/// Number of lists of nodes that are allocated from the start, and nodes in each: those of the bands of a rolling shutter, in a
+/// path with jitter.
+const LISTS_RESERVED: usize = 64;
+const NODES_RESERVED: usize = 1024;
 /// Capacity of a band of a chunk, as a multiple of its share of the stars.
 const SPACE: usize = 8;
 /// A star that is drawn from the PSF itself: this, less the PSF's number where it is one of several.
@@ -164,10 +165,10 @@ fn chunk(bands: usize) -> Vec<Members> {
     (0..bands).map(members).collect()
 }
 
-/// Reserves capacity for half as many again, so that a slowly changing field does not allocate in every frame.
+/// Reserves capacity for all stars of a chunk before a slowly changing field needs it.
 fn reserve<T>(members: &mut Vec<T>) {
-    if members.len() + members.len() / 4 > members.capacity() {
-        members.reserve(members.len() + 16);
+    if (members.len() + members.len() / 4).min(CHUNK) > members.capacity() {
+        members.reserve_exact(CHUNK - members.len());
     }
 }
 

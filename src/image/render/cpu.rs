@@ -6,11 +6,13 @@
 //! effective PSFs come from tables. Error: f32, < 2e-7 of the peak (Gaussian), `TABLE_ERROR` (tables); `tests/physics`.
 
 use crate::gpu::Electrons;
+use crate::render::band_pixels::{Band, add_clipped, add_lanes};
 use crate::render::bands::{BAND_ROWS, BLOCK, Bands, NO_KERNEL, NodeColumns, Spot, Trail};
+use crate::render::grid::LANES;
 use crate::render::plan_tables::PlanTables;
 use crate::render::profile::Profile;
 use crate::render::stamp::{Stamped, stamp};
-use crate::render::table::{Form, LANES, PsfTable};
+use crate::render::table::{Form, PsfTable};
 use crate::render::taps::Taps;
 use crate::render::{Backend, RenderError, check_kernel, check_sampling};
 use base::fused::{mul_add, whole_bits};
@@ -98,21 +100,6 @@ impl Backend for Cpu {
 
     fn electrons(&self) -> Electrons<'_> {
         Electrons::Host(&self.image)
-    }
-}
-
-/// Rows of the image that one thread draws.
-pub(super) struct Band<'a> {
-    pub(super) pixels: &'a mut [f32],
-    pub(super) width: usize,
-    pub(super) first_row: i32,
-}
-
-impl Band<'_> {
-    /// Returns rows in the band.
-    #[inline(always)]
-    pub(super) fn rows(&self) -> i32 {
-        (self.pixels.len() / self.width) as i32
     }
 }
 
@@ -358,16 +345,6 @@ fn add_separable<const FUSED: bool>(
     }
 }
 
-/// Adds `gain * values` to `target`, through a copy: the compiler need not check whether the two overlap.
-#[inline(always)]
-pub(super) fn add_lanes<const FUSED: bool>(target: &mut [f32; LANES], values: &[f32; LANES], gain: f32) {
-    let mut sum = *target;
-    for lane in 0..LANES {
-        sum[lane] = mul_add::<FUSED>(gain, values[lane], sum[lane]);
-    }
-    *target = sum;
-}
-
 /// Places of a star at the nodes from `first` (see [`plan::exposure::track`]).
 #[inline(always)]
 fn steps<const FUSED: bool>(nodes: &NodeColumns, first: usize, trail: &Trail, splats: &mut Splats) {
@@ -404,30 +381,6 @@ fn steps<const FUSED: bool>(nodes: &NodeColumns, first: usize, trail: &Trail, sp
 fn whole_i32(whole: f32) -> i32 {
     const FAR: f32 = 2_097_152.0;
     (whole_bits(whole.clamp(-FAR, FAR)).wrapping_sub(0x4b40_0000)).cast_signed()
-}
-
-/// Adds `gain * values[i]` to `line[first + i]` for the used lanes that lie on the line, through a whole vector: code
-/// that reads `values` lane by lane makes the compiler take the loops that sum them up apart into single lanes.
-#[inline(always)]
-pub(super) fn add_clipped<const FUSED: bool>(
-    line: &mut [f32],
-    first: i32,
-    used: usize,
-    values: &[f32; LANES],
-    gain: f32,
-) {
-    let (skipped, start) = ((-first).max(0) as usize, first.max(0) as usize);
-    let used = used.min(LANES);
-    if skipped >= used || start >= line.len() {
-        return;
-    }
-    let pixels = &mut line[start..];
-    let count = (used - skipped).min(pixels.len());
-    let (pixels, lanes) = (&mut pixels[..count], skipped..skipped + count);
-    let mut target = [0.0_f32; LANES];
-    target[lanes.clone()].copy_from_slice(pixels);
-    add_lanes::<FUSED>(&mut target, values, gain);
-    pixels.copy_from_slice(&target[lanes]);
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@
 //! tests and the agreement tests of both backends.
 
 use crate::render::erf::erf;
-use crate::render::table::{Grid, LANES, reserve_as};
+use crate::render::grid::{Grid, LANES, reserve_as};
 use base::fused::mul_add;
 use plan::exposure::moments::TracePoint;
 use pulp::{Arch, NullaryFnOnce};

@@ -8,7 +8,7 @@
 //! term, one that moves along a line three to eight. Where the terms would cost more than the images, the images are
 //! drawn. Tests in `stamp`, and the agreement tests of the backend.
 
-use crate::render::table::{Grid, LANES, flush};
+use crate::render::grid::{Grid, LANES, flush};
 use base::fused::mul_add;
 use plan::exposure::sampling::PRODUCTS_ERROR;
 use pulp::{Arch, NullaryFnOnce};
@@ -86,7 +86,7 @@ impl Products {
 
     /// Reserves capacity for the terms of a table like `other`.
     pub(super) fn reserve_as(&mut self, other: &Self) {
-        use crate::render::table::reserve_as;
+        use crate::render::grid::reserve_as;
         reserve_as(&mut self.across, &other.across);
         reserve_as(&mut self.down, &other.down);
         reserve_as(&mut self.rest, &other.rest);

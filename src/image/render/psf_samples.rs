@@ -6,7 +6,7 @@
 //! precision. A grid whose knots are among the table's is refined exactly, by the two-scale relation of the cubic
 //! B-spline (Unser, IEEE Signal Processing Magazine 16 (1999), 22). Tests: the table's.
 
-use crate::render::table::Grid;
+use crate::render::grid::Grid;
 use plan::optics::RoundPsf;
 use plan::optics::psf_grid::PsfGrid;
 use plan::optics::quadrature::gauss_legendre;

@@ -2,9 +2,10 @@
 //!
 //! Tests: the agreement tests of the CPU backend; `products_and_images_are_one_star` below.
 
-use crate::render::cpu::{Band, add_clipped, add_lanes};
+use crate::render::band_pixels::{Band, add_clipped, add_lanes};
+use crate::render::grid::LANES;
 use crate::render::products::MOST_TERMS;
-use crate::render::table::{LANES, PsfTable};
+use crate::render::table::PsfTable;
 use base::fused::mul_add;
 
 /// A star that is drawn from a table.

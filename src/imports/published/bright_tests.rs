@@ -2,7 +2,8 @@
 //! have each of them once; rules that lack a part, which must lose or double stars.
 
 use super::add_bright::add_by;
-use super::bright::{BrightStar, BrightStars, LONGEST_LINE, moved};
+use super::bright::{BrightStars, LONGEST_LINE};
+use super::bright_star::{BrightStar, moved};
 use super::crossmatch::{Crossmatch, REACH_ARCSEC, ReferenceStar, Rule};
 use super::{add_bright, gaia};
 use base::source::{CatalogSource, direction_from_ra_dec, ra_dec_rad};

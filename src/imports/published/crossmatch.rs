@@ -20,7 +20,7 @@
 //! What it gets wrong, and how often, is in `bright_tests` (a made sky) and `hil_scripts/test_catalog.py` (the real
 //! one).
 
-use super::bright::{BrightStar, moved};
+use super::bright_star::{BrightStar, moved};
 use base::source::{direction_from_ra_dec, ra_dec_rad};
 use base::units::ARCSEC;
 use glam::DVec3;

@@ -7,9 +7,10 @@
 //! instrument: its Hp is 0.37 mag too faint, and [`SIRIUS`] has its magnitude. Tests: `super::bright_tests`.
 
 use super::bands::of_hipparcos;
-use super::bright::{BrightStar, Line};
+use super::bright_star::BrightStar;
 use super::crossmatch::tolerance_mag;
 use super::error::ImportError;
+use super::star_line::Line;
 use base::source::direction_from_ra_dec;
 use core::f64::consts::{FRAC_PI_2, TAU};
 

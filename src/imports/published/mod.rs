@@ -15,11 +15,13 @@
 mod add_bright;
 mod bands;
 pub mod bright;
+pub mod bright_star;
 mod crossmatch;
 mod error;
 pub mod gaia;
 mod hipparcos;
 mod lines;
+mod star_line;
 mod tycho;
 
 pub use add_bright::add_bright;

@@ -8,9 +8,10 @@
 //! `super::bright_tests`.
 
 use super::bands::of_tycho;
-use super::bright::{BrightStar, Line};
+use super::bright_star::BrightStar;
 use super::crossmatch::tolerance_mag;
 use super::error::ImportError;
+use super::star_line::Line;
 use base::source::direction_from_ra_dec;
 use base::units::DEG;
 use stars::numbering::TYCHO_NUMBERS;

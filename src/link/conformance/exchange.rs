@@ -1,6 +1,6 @@
 //! Packets made from numbers; sending them and comparing the received packets.
 
-use super::{PATIENCE, Suite};
+use super::suite::{PATIENCE, Suite};
 use crate::{CHUNK_MAX, DATAGRAM_MAX, Datagram, Link, Packet, SerialChunk, Stamped, WireFormat};
 use base::time::Tai;
 use firmware_protocol::can::{CanFrame, CanId};

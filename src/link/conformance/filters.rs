@@ -1,7 +1,7 @@
 //! Check of the filters: each end of a bus receives only the messages of the other side of its node.
 
 use super::Check;
-use crate::conformance::PATIENCE;
+use super::suite::PATIENCE;
 use crate::socketcan::Receives;
 use crate::{Link, LinkError, Packet};
 use base::clock::Clock;

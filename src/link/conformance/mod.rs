@@ -10,21 +10,15 @@ mod filters;
 mod plain;
 mod protocol;
 mod raw;
+mod suite;
 
-use super::{Link, LinkError, WireFormat};
+use super::{LinkError, WireFormat};
 use base::clock::Clock;
-use base::time::Span;
 use std::sync::Arc;
+use suite::Suite;
 
 pub use filters::check_filters;
-
-/// Two connected ends.
-pub type Ends = (Box<dyn Link>, Box<dyn Link>);
-
-/// A packet that has not arrived after this long is lost.
-const PATIENCE: Span = Span::from_ms(3000);
-/// Packets sent without a pause.
-pub const BURST: usize = 1000;
+pub use suite::Ends;
 
 /// The result of the suite when every promise is kept.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,15 +38,6 @@ pub struct Check {
     pub promise: &'static str,
     /// Measurements that show it.
     pub seen: String,
-}
-
-/// The inputs of every check.
-struct Suite<'a> {
-    format: WireFormat,
-    /// Lengths of packets that the link carries, shortest first.
-    lengths: Vec<usize>,
-    clock: &'a Arc<dyn Clock>,
-    make: &'a mut dyn FnMut() -> Result<Ends, LinkError>,
 }
 
 /// Checks everything; `make` gives a fresh pair each time, `clock` is the one that the links have.
@@ -110,19 +95,4 @@ fn check_lengths(
         checks.push(Check { promise, seen });
     }
     Ok(Report { link: link.into(), format, checks })
-}
-
-impl Suite<'_> {
-    /// Returns a length of some eight bytes, or the nearest that the link carries.
-    fn usual_length(&self) -> usize {
-        self.lengths.iter().copied().min_by_key(|length| length.abs_diff(8)).unwrap_or(8)
-    }
-
-    fn longest(&self) -> usize {
-        self.lengths.last().copied().unwrap_or(0)
-    }
-
-    fn pair(&mut self) -> Result<Ends, String> {
-        (self.make)().map_err(|error| error.to_string())
-    }
 }

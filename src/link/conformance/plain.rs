@@ -1,6 +1,6 @@
 //! Plain messages through ports over the link, and damaged ones: eight little-endian doubles, the default layout.
 
-use super::{PATIENCE, Suite};
+use super::suite::{PATIENCE, Suite};
 use crate::plain::{PlainRecord, PlainReject};
 use crate::{Datagram, Input, Packet, Port, WireFormat};
 use firmware_protocol::Message;

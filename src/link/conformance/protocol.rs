@@ -1,6 +1,7 @@
 //! Messages through ports over the link, and damaged ones.
 
-use super::{PATIENCE, Suite, plain};
+use super::plain;
+use super::suite::{PATIENCE, Suite};
 use crate::{Packet, Port, SerialChunk, WireFormat};
 use firmware_protocol::can::{CanFrame, CanId, Format, IdMap, encode};
 use firmware_protocol::message::{

@@ -1,13 +1,15 @@
 //! Packets: order, bytes, stamps, limits, counters.
 
 use super::exchange::packet;
-use super::{BURST, PATIENCE, Suite};
+use super::suite::{PATIENCE, Suite};
 use crate::{Datagram, Link, LinkCounters, LinkError, Packet, SerialChunk, WireFormat};
 use base::time::{Span, Tai};
 use firmware_protocol::can::CanFrame;
 
 /// Longest time by which a stamp may precede the sending: the kernel's stamps come over a paired reading of two clocks.
 const STAMP_UNCERTAINTY: Span = Span::from_ns(100_000);
+/// Packets sent without a pause.
+const BURST: usize = 1000;
 const STAMPED: usize = 100;
 const ECHOES: usize = 300;
 

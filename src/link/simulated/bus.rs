@@ -1,10 +1,9 @@
 //! The bus, its ends, and the waiting of their threads.
 
-use super::control::BusControl;
 use super::error_counters::ErrorCounters;
 use super::medium::Medium;
+use super::params::{BusModel, BusParams};
 use super::statistics::BusStatistics;
-use super::{BusTiming, Stuffing};
 use crate::{Departure, Link, LinkCounters, LinkError, Packet, Stamped};
 use base::clock::Clock;
 use base::time::{Span, Tai};
@@ -12,40 +11,10 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// Parameters of a simulated bus.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct BusParams {
-    /// Name in messages.
-    pub name: String,
-    /// Kind and speed of the wire.
-    pub timing: BusTiming,
-    /// Time from the last bit on the wire to the receiver's stamp.
-    pub latency: Span,
-    /// Packets an end holds until they are received; more are lost and counted.
-    pub queue_packets: usize,
-}
-
-/// Options of the model of the controllers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct BusModel {
-    /// Stuff bits of each frame.
-    pub stuffing: Stuffing,
-    /// Packets an end holds until they are on the wire; more are given up and counted as unsent.
-    pub transmit_packets: usize,
-    /// Seed of the places of bit errors.
-    pub seed: u64,
-}
-
-impl Default for BusModel {
-    fn default() -> Self {
-        Self { stuffing: Stuffing::Worst, transmit_packets: 256, seed: 0 }
-    }
-}
-
 /// A bus in memory. Clones are the same bus.
 #[derive(Clone)]
 pub struct SimulatedBus {
-    bus: Arc<Bus>,
+    pub(super) bus: Arc<Bus>,
 }
 
 /// One end of a simulated bus. Packets of one end reach every other end. Dropped, it leaves the bus: packets that it
@@ -103,12 +72,6 @@ impl SimulatedBus {
     #[must_use]
     pub fn params(&self) -> &BusParams {
         &self.bus.params
-    }
-
-    /// Commands its faults.
-    #[must_use]
-    pub fn control(&self) -> BusControl {
-        BusControl { bus: Arc::clone(&self.bus) }
     }
 
     /// Returns the statistics of the bus so far.

@@ -4,9 +4,9 @@
 //! before anything is asked or changed. A start is decided only when its instant has passed, so that a frame that is
 //! queued before then still takes part in the arbitration; the result does not depend on when the bus is read.
 
-use super::bus::{BusModel, BusParams};
-use super::control::{BusFault, TimedBusFault};
 use super::end::{End, Queued};
+use super::fault::{BusFault, TimedBusFault};
+use super::params::{BusModel, BusParams};
 use super::statistics::BusStatistics;
 use crate::{Packet, Stamped};
 use base::time::{Span, Tai};

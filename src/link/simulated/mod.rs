@@ -18,18 +18,22 @@ mod bus;
 mod control;
 mod end;
 mod error_counters;
+mod fault;
 #[cfg(test)]
 mod fault_tests;
 mod medium;
+mod params;
 mod statistics;
 mod stuffing;
 #[cfg(test)]
 mod tests;
 mod timing;
 
-pub use bus::{BusModel, BusParams, SimulatedBus, SimulatedLink, simulated_bus, simulated_pair};
-pub use control::{BusControl, BusFault, TimedBusFault};
+pub use bus::{SimulatedBus, SimulatedLink, simulated_bus, simulated_pair};
+pub use control::BusControl;
 pub use error_counters::{ErrorCounters, ErrorState};
+pub use fault::{BusFault, TimedBusFault};
+pub use params::{BusModel, BusParams};
 pub use statistics::BusStatistics;
 pub use stuffing::Stuffing;
 pub use timing::BusTiming;

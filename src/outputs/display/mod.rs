@@ -22,9 +22,9 @@
 //! the program; so does a client that is killed from outside (`xkill`).
 //!
 //! Tour: `params` (parameters) -> `monitor` (choice of the screen) -> `screen` (the sink): `refresh` (how often),
-//! `window`, `placement`, `plug` (a window that fills it) or `direct_scanout`, `mode` (a monitor without a server),
-//! `panel`, `surface`, `format`, `painter` (what can be shown on), `hand_over` (the newest frame whose time has come),
-//! `presenter` (each refresh) -> `grey`, `marker`, `picture` (the picture) -> `counters`, `submitted`, `submit_log`
+//! `window`, `placement`, `plug` (a window that fills it) or `connector`, `mode`, `direct_scanout` (a monitor without a
+//! server), `panel`, `surface`, `format`, `painter` (what can be shown on), `hand_over` (the newest frame whose time has
+//! come), `presenter` (each refresh) -> `grey`, `marker`, `picture` (the picture) -> `counters`, `submitted`, `submit_log`
 //! (results).
 //!
 //! Calibration: `geometry` and `response` say where and how bright, `drive` and `dither` make greys of luminance,

@@ -18,13 +18,14 @@
 //!
 //! Tour: `latest` and `sink` (frames in), `numbers` (counts in) -> `head` and `kept` (state of one head) and `board`
 //! (state of the run)
-//! -> `picture`, `truth`, `pixel`, `state`, `metrics` (its forms) -> `route` (request to answer) -> `server` (clients) and `page/`.
+//! -> `picture`, `frame`, `truth`, `pixel`, `state`, `metrics` (its forms) -> `route` (request to answer) -> `server` (clients) and `page/`.
 //!
 //! Tests: beside the code; `http_tests` with raw requests; `hil_scripts/test_live.py` with a browser and Prometheus's
 //! parser.
 
 mod board;
 mod error;
+mod frame;
 mod head;
 #[cfg(test)]
 mod http_tests;

@@ -5,11 +5,11 @@
 //! are UTC: of the frame by the run's clock, of its arrival by the view's. Test: below.
 
 use crate::live::board::Board;
+use crate::live::frame::frame_of;
 use crate::live::head::Head;
 use crate::live::latest::Picture;
 use base::time::Tai;
 use frames::report::{NamedCounts, NewestEvent, RunNumbers, Stage, TimeTally};
-use frames::sink::facts::{FactSource, json_keys};
 use serde_json::{Map, Value, json};
 
 /// Returns the state now, with head `chosen` at the top; `None` when the head does not exist.
@@ -52,15 +52,6 @@ fn head_of(number: usize, head: &mut Head, now: Tai) -> Map<String, Value> {
         ("kept_at_most", json!(head.kept.most())),
     ];
     facts.map(|(key, value)| (key.to_owned(), value)).into_iter().collect()
-}
-
-/// Returns the facts of a frame, and when it came.
-pub(super) fn frame_of(picture: &Picture, age_s: f64) -> Map<String, Value> {
-    let of_view =
-        [("count", json!(picture.count)), ("taken_utc", json!(picture.taken.to_rfc3339())), ("age_s", json!(age_s))];
-    let mut frame = json_keys(&FactSource::of_frame(&picture.frame, None), |row| row.live);
-    frame.extend(of_view.map(|(key, value)| (key.to_owned(), value)));
-    frame
 }
 
 fn lateness_of(picture: &Picture) -> Value {

@@ -2,12 +2,12 @@
 
 use crate::network_camera::acquisition::Turn;
 use crate::network_camera::counters::Counters;
-use crate::network_camera::device::{Device, DeviceParams};
+use crate::network_camera::device::Device;
 use crate::network_camera::error::NetworkCameraError;
 use crate::network_camera::interface::{self, Interface};
 use crate::network_camera::listener::Listener;
 use crate::network_camera::packets::{Outlet, TestOutlet};
-use crate::network_camera::params::{CommandParams, Params, SensorParams};
+use crate::network_camera::params::{CommandParams, DeviceParams, Params, SensorParams};
 use crate::network_camera::ptp::PtpClient;
 use crate::network_camera::shared::Shared;
 use crate::network_camera::slots::Slot;

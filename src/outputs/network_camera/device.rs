@@ -33,7 +33,7 @@ use crate::network_camera::first_values::{
 use crate::network_camera::gvcp::{self, Action, Command, Malformed, Resend, Status};
 use crate::network_camera::gvsp::{IP_UDP_BYTES, StreamSettings};
 use crate::network_camera::messages::Messages;
-use crate::network_camera::params::{CommandParams, PACKET_BYTES_MIN, Params, SensorParams, XmlForm};
+use crate::network_camera::params::{CommandParams, DeviceParams, PACKET_BYTES_MIN, Params, SensorParams, XmlForm};
 use crate::network_camera::pixel_format::PixelFormat;
 use crate::network_camera::proof::Proof;
 use crate::network_camera::ptp::{DISABLED, PtpData};
@@ -45,7 +45,6 @@ use crate::network_camera::user_sets::UserSet;
 use crate::network_camera::{chunk, xml};
 use base::bayer::BayerPattern;
 use base::time::{Span, Tai};
-pub(super) use commanded::{OVERLAPS, SOURCES};
 use frames::camera_control::Regions;
 use std::net::{Ipv4Addr, SocketAddrV4};
 use std::sync::Arc;
@@ -75,23 +74,6 @@ const ALL_CHUNKS: u32 = (1 << chunk::FIELDS.len()) - 1;
 /// Sources of triggers.
 const SOURCE_SOFTWARE: u32 = 0;
 const SOURCE_ACTION: u32 = 1;
-
-/// The data of the device beside [`Params`]: found on the machine when it starts.
-#[derive(Debug, Clone, PartialEq)]
-pub struct DeviceParams {
-    /// The camera's own address.
-    pub address: Ipv4Addr,
-    /// Mask of its subnet.
-    pub mask: Ipv4Addr,
-    /// Hardware address.
-    pub mac: [u8; 6],
-    /// Most bytes of one packet, IP and UDP headers included.
-    pub packet_bytes_max: u32,
-    /// Port that packets come from.
-    pub stream_source_port: u16,
-    /// Port that messages come from.
-    pub message_source_port: u16,
-}
 
 /// The actions after one datagram. Made once, used again.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]

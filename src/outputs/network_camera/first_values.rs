@@ -1,9 +1,8 @@
 //! The first contents of the device's memory: addresses of the XML, bootstrap registers, features.
 
-use crate::network_camera::device::{DeviceParams, OVERLAPS, SOURCES};
-use crate::network_camera::params::{CommandParams, Identity, SensorParams, XmlForm};
+use crate::network_camera::params::{CommandParams, DeviceParams, Identity, SensorParams, XmlForm};
 use crate::network_camera::pixel_format::PixelFormat;
-use crate::network_camera::registers::{FIRST_XML, Memory, SECOND_XML, at, own};
+use crate::network_camera::registers::{FIRST_XML, Memory, OVERLAPS, SECOND_XML, SOURCES, at, own};
 use frames::camera_control::ExposureMode;
 
 /// Specification version reported to clients: 1.2, the first with all features in use here.

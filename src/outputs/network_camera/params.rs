@@ -129,6 +129,23 @@ pub struct SensorParams {
     pub temperature_c: f64,
 }
 
+/// The data of the device beside [`Params`]: found on the machine when it starts.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DeviceParams {
+    /// The camera's own address.
+    pub address: Ipv4Addr,
+    /// Mask of its subnet.
+    pub mask: Ipv4Addr,
+    /// Hardware address.
+    pub mac: [u8; 6],
+    /// Most bytes of one packet, IP and UDP headers included.
+    pub packet_bytes_max: u32,
+    /// Port that packets come from.
+    pub stream_source_port: u16,
+    /// Port that messages come from.
+    pub message_source_port: u16,
+}
+
 /// The connections with which a client commands the camera that makes the frames.
 #[derive(Clone)]
 pub struct CommandParams {

@@ -4,6 +4,7 @@
 //! words inside a block read as zero. The device writes: it knows the effect of a value.
 
 use crate::network_camera::gvcp::Status;
+use frames::camera_control::{TriggerOverlap, TriggerSource};
 
 /// Addresses of bootstrap registers.
 pub(super) mod at {
@@ -114,6 +115,13 @@ pub(super) mod own {
     /// The first address behind them.
     pub(in crate::network_camera) const END: u32 = 0xA110;
 }
+
+/// Trigger sources by their number in the register.
+pub(super) const SOURCES: [TriggerSource; 5] =
+    [TriggerSource::Software, TriggerSource::Action, TriggerSource::Line, TriggerSource::Bus, TriggerSource::Control];
+/// Overlaps by their number in the register.
+pub(super) const OVERLAPS: [TriggerOverlap; 3] =
+    [TriggerOverlap::Off, TriggerOverlap::ReadOut, TriggerOverlap::PreviousFrame];
 
 /// Where the XML of the first URL lies; the second one follows at [`SECOND_XML`].
 pub(super) const FIRST_XML: u32 = 0x2_0000;

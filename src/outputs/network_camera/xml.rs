@@ -5,8 +5,7 @@
 //! memory, and `hil_scripts/test_network_camera.py` loads the whole with the reference GenApi.
 
 use crate::network_camera::chunk::{self, Field};
-use crate::network_camera::device::DeviceParams;
-use crate::network_camera::params::{CommandParams, Identity, PACKET_BYTES_MIN};
+use crate::network_camera::params::{CommandParams, DeviceParams, Identity, PACKET_BYTES_MIN};
 use crate::network_camera::xml_features;
 use base::bayer::BayerPattern;
 use core::fmt::Write;

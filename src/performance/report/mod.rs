@@ -11,11 +11,12 @@ mod tests;
 pub use html::to_html;
 pub use junit::to_junit;
 
-use crate::assess::{Assessment, Settings};
+use crate::assess::Assessment;
 use crate::metric::Metric;
 use crate::provenance::Provenance;
 use crate::record::{Fate, JudgedCase, Use};
 use crate::requirements::{Judgement, Verdict, all_met};
+use crate::settings::Settings;
 use anyhow::Result;
 use serde::Serialize;
 use std::collections::BTreeMap;

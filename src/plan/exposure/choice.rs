@@ -3,20 +3,21 @@
 mod weighing;
 
 use crate::exposure::cost::{CostModel, Load};
+use crate::exposure::dense::DENSE_RESERVED;
 use crate::exposure::instrument::Instrument;
 use crate::exposure::levels::Degradation;
 use crate::exposure::lists::fill_nodes;
 use crate::exposure::mean_field::MeanField;
 use crate::exposure::method::{Method, MethodChoice, MethodName};
 use crate::exposure::motion::{Motion, Shutter};
-use crate::exposure::nodes::MOST_DENSE_NODES;
+use crate::exposure::node_error::NodeError;
 use crate::exposure::pixel_path::PixelPath;
 use crate::exposure::plan::{Assessment, ExposurePlan, MOTION_SHARE, PlannedStar, StarClass, Verdict};
 use crate::exposure::pose::PathNode;
 use crate::exposure::probes::{Probes, SIDE};
 use crate::exposure::sampling::{ANALYTIC_HALF_PX, SamplingError, drawn_table_error, sampling_error};
 use crate::exposure::trial::{Noise, Trial, TriedError};
-use crate::exposure::weigh::{NodeError, Scales, ShapeOf, WINDOW_PX, light_share, shear_error, stretch_error};
+use crate::exposure::weigh::{Scales, ShapeOf, WINDOW_PX, light_share, shear_error, stretch_error};
 use crate::optics::PsfModel;
 use base::accuracy::AccuracyBudget;
 use rayon::prelude::*;
@@ -135,7 +136,7 @@ impl Chooser {
             choice,
             half_px,
             lists: (0..SIDE).map(|_| Vec::with_capacity(MOST_JITTER_NODES)).collect(),
-            dense: Vec::with_capacity(MOST_DENSE_NODES),
+            dense: Vec::with_capacity(DENSE_RESERVED),
             weighed: Vec::with_capacity(64),
             common: NodeError::default(),
             rolling_flux: 0.0,
@@ -143,7 +144,7 @@ impl Chooser {
             one_band: NodeError::default(),
             stars: 0,
             moves: false,
-            trial: Trial::default(),
+            trial: Trial::new(),
             order: Vec::with_capacity(64),
             is_tried: false,
             accepts_tried: false,

@@ -9,6 +9,9 @@ use crate::exposure::sampling::{oversampling, table_images};
 use crate::optics::PsfModel;
 use serde::{Deserialize, Serialize};
 
+/// Furthest that a path is counted to lead from its middle, px: damaged jitter may turn a star behind the camera.
+const FURTHEST_PX: f64 = 1e6;
+
 /// Cost constants of one backend.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -201,11 +204,11 @@ pub fn kernel_count(method: Method, psf: &PsfModel) -> usize {
     }
 }
 
-/// Returns the half-width of a kernel's footprint, px.
+/// Returns the half-width of a kernel's footprint, px; a path that leads further than `FURTHEST_PX` counts as that far.
 #[must_use]
 pub fn kernel_half_px(half_px: usize, extent_px: f64) -> usize {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a path on a detector, px")]
-    let extent = extent_px.ceil().max(0.0) as usize;
+    let extent = extent_px.ceil().clamp(0.0, FURTHEST_PX) as usize;
     half_px + extent
 }
 
@@ -213,4 +216,21 @@ pub fn kernel_half_px(half_px: usize, extent_px: f64) -> usize {
 fn padded_pixels(half_px: usize) -> f64 {
     let side = 2 * half_px + 1;
     (side * side.next_multiple_of(16)) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_path_that_turns_a_star_behind_the_camera_has_a_finite_cost() {
+        let psf = PsfModel::gaussian(0.8);
+        let method = Method::EffectivePsf { nodes: 64, stretches: 0 };
+        let cost = |extent_px: f64| {
+            let load = Load { psf: &psf, half_px: 5, extent_px, stars: 1000, moves: true };
+            CostModel::CPU.stars_ms(method, &load)
+        };
+        assert!(cost(1e18).is_finite() && cost(f64::INFINITY).is_finite());
+        assert!(cost(1e18) > cost(100.0) && cost(100.0) > cost(1.0), "control: a longer path costs more");
+    }
 }

@@ -6,9 +6,12 @@
 //! and returned: the planner adds it to its errors. Tests below.
 
 use crate::exposure::motion::Motion;
-use crate::exposure::nodes::{MOST_PATH_NODES, clamped, pair};
+use crate::exposure::nodes::{clamped, pair};
 use crate::exposure::pixel_path::PixelPoint;
 use crate::exposure::pose::PathNode;
+
+/// Largest number of dense nodes of a commanded image path.
+pub const MOST_PATH_NODES: usize = 1 << 18;
 
 /// Rows of a path that were merged.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -98,24 +98,15 @@ impl Motion {
         of_jitter.chain(of_rows).map(move |t_s| (t_s - delay_s) / exposure_s)
     }
 
-    /// Calls `stretch` with the start and the length of each stretch between corners, as shares of the exposure.
-    pub fn for_each_stretch(&self, delay_s: f64, mut stretch: impl FnMut(f64, f64)) {
-        let mut from = -0.5;
-        for to in self.corners(delay_s).chain([0.5]) {
-            let to = to.clamp(from, 0.5);
-            if to > from {
-                stretch(from, to - from);
-            }
-            from = to;
-        }
-    }
-
-    /// Returns the number of stretches of the frame's exposure: 1 where it has no corner inside.
-    #[must_use]
-    pub fn stretches(&self) -> usize {
-        let mut count = 0;
-        self.for_each_stretch(0.0, |_, _| count += 1);
-        count
+    /// Returns the start and the length of each stretch between corners, as shares of the exposure; one where it has no
+    /// corner inside.
+    pub fn stretches(&self, delay_s: f64) -> impl Iterator<Item = (f64, f64)> {
+        let between = |from: &mut f64, to: f64| {
+            let begin = *from;
+            *from = to.clamp(begin, 0.5);
+            Some((begin, *from - begin))
+        };
+        self.corners(delay_s).chain([0.5]).scan(-0.5, between).filter(|(_, length)| *length > 0.0)
     }
 
     /// Returns the pose `t_s` after mid-exposure at a given point of the image path.

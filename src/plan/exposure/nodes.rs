@@ -1,20 +1,13 @@
-//! Lists of path nodes: samples in time, Gauss-Legendre in time, straight segments, a Gaussian of the path's
-//! covariance, and the dense list that serves as truth. Every function appends to `out`; `delay_s` is the delay of the
-//! rows after the frame's exposure.
+//! Lists of path nodes: samples in time, Gauss-Legendre in time, straight segments, and a Gaussian of
+//! the path's covariance. Every function appends to `out`; `delay_s` is the delay of the rows after the frame's exposure.
 
-use crate::exposure::line::{self, Merged};
 use crate::exposure::motion::Motion;
 use crate::exposure::pixel_path::PixelPath;
 use crate::exposure::pose::{PathNode, Pose, SHIFT, recentre};
 use crate::optics::quadrature::{MOST_KEPT_NODES, Node, gauss_legendre_node, with_gauss_legendre};
 
-/// Mean distance of dense nodes, share of the PSF's sigma. They come in Gauss-Legendre pairs: variance along a straight
-/// piece is exact, and the characteristic function errs by `(k h)^4 / 270`.
-const DENSE_STEP_SIGMA: f64 = 0.1;
-/// Dense nodes per period of the fastest jitter line.
-const DENSE_PER_PERIOD: f64 = 24.0;
-/// Largest number of dense nodes of a path with jitter (the frame path's buffers hold this many).
-pub const MOST_DENSE_NODES: usize = 4096;
+/// Capacity of a plan's nodes under a rolling shutter: 64 bands with a list of 1,024 nodes each.
+pub const ROLLING_RESERVED: usize = 1 << 16;
 /// Largest number of Gauss-Legendre nodes of one rule over a whole exposure, which costs the square of its nodes: 512
 /// of a method, and the few more of the list that it is compared with.
 pub const ONE_RULE_NODES: usize = MOST_KEPT_NODES;
@@ -22,8 +15,6 @@ pub const ONE_RULE_NODES: usize = MOST_KEPT_NODES;
 pub const PANEL_NODES: usize = 16;
 /// Largest number of nodes of a smooth path, a whole number of panels.
 pub const MOST_SMOOTH_NODES: usize = 1 << 14;
-/// Largest number of dense nodes of a commanded image path.
-pub const MOST_PATH_NODES: usize = 1 << 18;
 /// Ratio of the axes of a Gaussian below which the thin one gets a single node.
 const THIN_AXIS: f64 = 1e-3;
 
@@ -89,14 +80,21 @@ pub fn segments(motion: &Motion, count: usize, per_segment: usize, delay_s: f64,
 /// Domain: points of jitter or rows of a path, between which it is smooth.
 pub fn between_corners(motion: &Motion, per_stretch: usize, delay_s: f64, mean: &Pose, out: &mut Vec<PathNode>) {
     let first = out.len();
-    with_gauss_legendre(per_stretch.clamp(1, MOST_KEPT_NODES), |rule| {
-        motion.for_each_stretch(delay_s, |from, share| {
-            out.extend(rule.iter().map(|node| {
-                let pose = motion.pose_at(from + (node.x + 0.5) * share, delay_s);
-                PathNode { weight: node.weight * share, pose }
-            }));
+    // A rule has so many nodes at most: where more are wanted, each stretch is cut into equal pieces.
+    let pieces = per_stretch.div_ceil(MOST_KEPT_NODES).max(1);
+    for piece in 0..pieces {
+        let count = per_stretch / pieces + usize::from(piece < per_stretch % pieces);
+        with_gauss_legendre(count.max(1), |rule| {
+            for (start, length) in motion.stretches(delay_s) {
+                let share = length / pieces as f64;
+                let from = start + piece as f64 * share;
+                out.extend(rule.iter().map(|node| {
+                    let pose = motion.pose_at(from + (node.x + 0.5) * share, delay_s);
+                    PathNode { weight: node.weight * share, pose }
+                }));
+            }
         });
-    });
+    }
     recentre(&mut out[first..], mean);
 }
 
@@ -134,47 +132,6 @@ fn hermite(deviation: f64, widest: f64) -> [(f64, f64); 3] {
 /// Appends one node at the mean of the path.
 pub fn single(mean: &Pose, out: &mut Vec<PathNode>) {
     out.push(PathNode { weight: 1.0, pose: *mean });
-}
-
-/// Appends the list with which the planner compares other lists; returns the rows that it merged. `reach_px`: length of
-/// the jittered path on the detector, `radius_px`: furthest star from the principal point. `ends_s` gets the ends of a
-/// path's stretches, in seconds since the exposure started.
-pub fn dense(
-    motion: &Motion,
-    sigma_px: f64,
-    [reach_px, radius_px]: [f64; 2],
-    delay_s: f64,
-    ends_s: &mut Vec<f64>,
-    out: &mut Vec<PathNode>,
-) -> Merged {
-    let step_px = DENSE_STEP_SIGMA * sigma_px;
-    let exposure_s = motion.los.exposure_s;
-    match &motion.image_path {
-        None => {
-            let by_period = motion.los.jitter.highest_line_hz() * exposure_s * DENSE_PER_PERIOD;
-            let by_samples = 4.0 * motion.los.jitter.points.len() as f64;
-            let wanted = (reach_px / step_px).max(by_period).max(by_samples);
-            let panels = clamped(0.5 * wanted, 8, MOST_DENSE_NODES / 2) as f64;
-            // Panels end at the samples, where the track has corners.
-            motion.for_each_stretch(delay_s, |from, share| {
-                let count = clamped(panels * share, 1, MOST_DENSE_NODES / 2);
-                let step = share / count as f64;
-                let taus = (0..count).flat_map(|panel| pair().map(|at| from + (panel as f64 + at) * step));
-                out.extend(taus.map(|tau| PathNode { weight: 0.5 * step, pose: motion.pose_at(tau, delay_s) }));
-            });
-        }
-        Some(PixelPath::Samples(points)) => {
-            let weight = 1.0 / points.len() as f64;
-            out.extend(points.iter().enumerate().map(|(i, point)| {
-                let t_s = ((i as f64 + 0.5) * weight - 0.5) * exposure_s + delay_s;
-                PathNode { weight, pose: motion.pose_on_path(t_s, point) }
-            }));
-        }
-        Some(PixelPath::Line(points)) => {
-            return line::along(motion, points, [step_px, radius_px], delay_s, ends_s, out);
-        }
-    }
-    Merged::default()
 }
 
 /// Returns the two Gauss-Legendre nodes of a piece, as shares of it.

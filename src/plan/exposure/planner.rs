@@ -7,12 +7,13 @@ use crate::attitude::LosPath;
 use crate::exposure::choice::Chooser;
 use crate::exposure::cost::CostModel;
 use crate::exposure::cut_off::CutOffCells;
+use crate::exposure::dense;
 use crate::exposure::instrument::Instrument;
 use crate::exposure::levels::Degradation;
 use crate::exposure::lists;
 use crate::exposure::mean_field::MeanField;
 use crate::exposure::method::{Method, MethodChoice};
-use crate::exposure::motion::Motion;
+use crate::exposure::motion::{Motion, Shutter};
 use crate::exposure::nodes;
 use crate::exposure::place::{Brightness, Lit, place_stars};
 use crate::exposure::plan::{Assessment, CutOff, ExposurePlan, Verdict};
@@ -78,7 +79,10 @@ impl Planner {
             classes: Vec::with_capacity(4),
             cut_off: CutOff::default(),
             degradation: Degradation::Full,
-            nodes: Vec::with_capacity(nodes::MOST_DENSE_NODES),
+            nodes: Vec::with_capacity(match instrument.shutter {
+                Shutter::Global => dense::DENSE_RESERVED,
+                Shutter::Rolling { .. } => nodes::ROLLING_RESERVED,
+            }),
             lists: Vec::with_capacity(256),
             reach_px: 0.0,
             extent_px: 0.0,

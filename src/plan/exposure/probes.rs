@@ -4,6 +4,7 @@
 //! dense list of poses; for four more, between them, the mean. The nodes of a method are compared with these before any
 //! pixel is drawn. Limits: the motion between probes must be smooth in the field (perspective, a lens).
 
+use crate::exposure::dense;
 use crate::exposure::line::Merged;
 use crate::exposure::moments::{Moments, TracePoint, trace};
 use crate::exposure::motion::{Motion, Shutter};
@@ -75,13 +76,14 @@ impl Probes {
         let grid = |i: usize| i as f64 / (SIDE - 1) as f64;
         let probes = (0..SIDE * SIDE).filter_map(|i| place([grid(i % SIDE), grid(i / SIDE)])).collect();
         let checks = [[0.25, 0.25], [0.75, 0.25], [0.25, 0.75], [0.75, 0.75]].into_iter().filter_map(place).collect();
+        let lists = if shutter == Shutter::Global { 1 } else { SIDE };
         Self {
             camera: *camera,
             shutter,
             probes,
             checks,
-            dense: Vec::with_capacity(nodes::MOST_DENSE_NODES),
-            ends_s: Vec::with_capacity(nodes::MOST_DENSE_NODES),
+            dense: Vec::with_capacity(lists * dense::DENSE_RESERVED),
+            ends_s: Vec::with_capacity(dense::DENSE_RESERVED),
             rows: Default::default(),
             reach_px: 0.0,
             extent_px: 0.0,
@@ -217,7 +219,7 @@ impl Probe {
             let [x, y] = track.displacement_px(&turn);
             x.hypot(y) / SMALL_RAD
         });
-        let trace = Vec::with_capacity(nodes::MOST_DENSE_NODES);
+        let trace = Vec::with_capacity(dense::DENSE_RESERVED);
         Some(Self { track, px_per_rad, trace, mean_px: [0.0; 2], moments: Moments::default() })
     }
 
@@ -258,7 +260,7 @@ impl Probe {
     }
 }
 
-/// Appends the dense list of one row's exposure; see [`nodes::dense`].
+/// Appends the dense list of one row's exposure; see [`dense::append`].
 fn dense_nodes(
     motion: &Motion,
     sigma_px: f64,
@@ -272,7 +274,7 @@ fn dense_nodes(
     } else if motion.is_smooth() {
         nodes::gauss_legendre_in_time(motion, gauss_legendre_count(reach_px, sigma_px) + DENSER, delay_s, out);
     } else {
-        return nodes::dense(motion, sigma_px, [reach_px, radius_px], delay_s, ends_s, out);
+        return dense::append(motion, sigma_px, [reach_px, radius_px], delay_s, ends_s, out);
     }
     Merged::default()
 }

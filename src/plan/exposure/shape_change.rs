@@ -11,7 +11,7 @@
 //! `tests/physics/bounds.rs`.
 
 use crate::exposure::moments::TracePoint;
-use crate::exposure::weigh::NodeError;
+use crate::exposure::node_error::NodeError;
 use crate::optics::gaussian;
 use pulp::{Arch, NullaryFnOnce};
 

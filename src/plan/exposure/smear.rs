@@ -4,7 +4,7 @@
 //! Both are exact at the nine probes and quadratic between them; of the length, its square: for a constant rate that is
 //! a polynomial of the place, and a roll about a star leaves it a length of zero. A path is the polyline through the
 //! dense nodes of its probe, its two ends and its corners (samples of jitter). Limits: 24 nodes per period of the
-//! fastest jitter line, fewer where [`nodes::MOST_DENSE_NODES`](crate::exposure::nodes::MOST_DENSE_NODES) are too few
+//! fastest jitter line, fewer where [`dense::MOST_DENSE_NODES`](crate::exposure::dense::MOST_DENSE_NODES) are too few
 //! (8 per period leave out 3 % of the length); under a rolling shutter the exposure is that of the row where the star
 //! is. Tests: below, by brute force.
 

@@ -8,6 +8,7 @@
 //! replaced by a Gaussian of its core. Test: `tests/physics/streaks`.
 
 use crate::exposure::correction::Correction;
+use crate::exposure::dense::DENSE_RESERVED;
 use crate::exposure::lists::{band_delay_s, band_of, correction, fill_nodes};
 use crate::exposure::method::Method;
 use crate::exposure::motion::Shutter;
@@ -94,6 +95,16 @@ pub(super) struct Trial {
 }
 
 impl Trial {
+    /// Returns a trial whose buffers hold the longest list of a path with jitter.
+    pub(super) fn new() -> Self {
+        Self {
+            stars: Vec::with_capacity(ZONES * ZONES),
+            nodes: Vec::with_capacity(DENSE_RESERVED),
+            listed: None,
+            lit: Vec::with_capacity(DENSE_RESERVED),
+        }
+    }
+
     /// Selects the brightest stars of the zones, at most `most` of them, and follows their true paths.
     pub(super) fn prepare(&mut self, plan: &ExposurePlan, probes: &Probes, sigma_px: f64, most: usize) {
         self.stars.clear();

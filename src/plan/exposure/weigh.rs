@@ -4,8 +4,9 @@
 //! star is drawn about its own exact mean, so the lists only have errors in the shape of the path: moments show them
 //! for short paths, characteristic functions for long ones.
 
+use crate::exposure::dense::DENSE_RESERVED;
 use crate::exposure::moments::{Moments, TracePoint, trace};
-use crate::exposure::nodes::MOST_DENSE_NODES;
+use crate::exposure::node_error::NodeError;
 use crate::exposure::pose::PathNode;
 use crate::exposure::probes::{Probe, Probes, SIDE};
 use crate::exposure::shape_change::ShapeChange;
@@ -20,35 +21,6 @@ pub const WINDOW_PX: f64 = 5.0;
 const SAME_PX: f64 = 1e-9;
 /// Nodes may lie this far outside the path that the probes follow, px.
 const EXTENT_MARGIN_PX: f64 = 0.25;
-
-/// Errors of a node list.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct NodeError {
-    /// 5 x 5 centroid, px.
-    pub centroid_px: f64,
-    /// Largest pixel error relative to the star's peak.
-    pub peak: f64,
-}
-
-impl NodeError {
-    /// Returns the larger of each error.
-    #[must_use]
-    pub fn worst(self, other: Self) -> Self {
-        Self { centroid_px: self.centroid_px.max(other.centroid_px), peak: self.peak.max(other.peak) }
-    }
-
-    /// Returns the smaller of each error: of two bounds of the same error, each is one.
-    #[must_use]
-    pub fn least(self, other: Self) -> Self {
-        Self { centroid_px: self.centroid_px.min(other.centroid_px), peak: self.peak.min(other.peak) }
-    }
-
-    /// Returns the sum of each error.
-    #[must_use]
-    pub fn plus(self, other: Self) -> Self {
-        Self { centroid_px: self.centroid_px + other.centroid_px, peak: self.peak + other.peak }
-    }
-}
 
 /// Origin of the shape in which a list is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -79,7 +51,7 @@ impl Scales {
             sensitivity: Sensitivity::new(sigma_px),
             change: ShapeChange::new(sigma_px),
             sigma_px,
-            scratch: [(); 2].map(|()| Vec::with_capacity(MOST_DENSE_NODES)),
+            scratch: [(); 2].map(|()| Vec::with_capacity(DENSE_RESERVED)),
             watched: [(0, NOTHING); 2],
         }
     }

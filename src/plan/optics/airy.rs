@@ -92,8 +92,8 @@ mod tests {
 
     #[test]
     fn its_answers_agree_with_its_irradiance() {
-        crate::optics::round_psf::checks::agrees(&Airy::new(0.9789, 0.0));
-        crate::optics::round_psf::checks::agrees(&Airy::new(1.9, 0.3));
+        crate::optics::round_psf_checks::agrees(&Airy::new(0.9789, 0.0));
+        crate::optics::round_psf_checks::agrees(&Airy::new(1.9, 0.3));
     }
 
     #[test]

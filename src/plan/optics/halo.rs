@@ -71,12 +71,12 @@ impl RoundPsf for Halo {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::optics::round_psf::checks;
+    use crate::optics::round_psf_checks::agrees;
 
     #[test]
     fn its_answers_agree_with_its_irradiance() {
-        checks::agrees(&Halo::new(0.7, 3.0, 0.15));
-        checks::agrees(&Halo::new(1.2, 2.0, 0.4));
+        agrees(&Halo::new(0.7, 3.0, 0.15));
+        agrees(&Halo::new(1.2, 2.0, 0.4));
     }
 
     #[test]

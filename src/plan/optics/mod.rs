@@ -26,6 +26,8 @@ pub mod psf_grid;
 pub mod quadrature;
 pub mod radiometry;
 pub mod round_psf;
+#[cfg(test)]
+pub(crate) mod round_psf_checks;
 pub mod sky_brightness;
 pub mod snr;
 pub mod spectral_weight;

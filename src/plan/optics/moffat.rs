@@ -102,8 +102,8 @@ mod tests {
 
     #[test]
     fn its_answers_agree_with_its_irradiance() {
-        crate::optics::round_psf::checks::agrees(&Moffat::new(0.7, 2.5));
-        crate::optics::round_psf::checks::agrees(&Moffat::new(1.5, 4.765));
+        crate::optics::round_psf_checks::agrees(&Moffat::new(0.7, 2.5));
+        crate::optics::round_psf_checks::agrees(&Moffat::new(1.5, 4.765));
     }
 
     #[test]

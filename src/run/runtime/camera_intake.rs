@@ -3,21 +3,16 @@
 //!
 //! In: CAMERA and CAMERA_TRIGGER with their arrivals, what each head can do ([`CameraView`]). Out: commands by head, a
 //! refusal with its reason, whether CAMERA_STATUS is wanted. A command for all heads is taken by all or by none. The
-//! loop shows the heads (`show`) before a command is taken in, and passes them accepted commands right after (`give`).
+//! loop shows the heads before a command is taken in, and passes them accepted commands right after (`camera_heads`).
 //! Allocates nothing after the start. Tests: below, and `tests/closed_loop/camera_bus.rs`.
 
-use crate::runtime::exposing::Exposing;
-use crate::runtime::ledger::Ledger;
-use crate::runtime::receiver::Receiver;
 use base::time::{Span, Tai};
 use core::ops::Range;
-use firmware_protocol::Message;
-use firmware_protocol::message::{ALL_HEADS, CameraKind, CameraSetting, Refusal, Request};
+use firmware_protocol::message::{ALL_HEADS, CameraKind, CameraSetting, Refusal};
 use frames::camera_control::{
     AutoMode, CameraCommand, CameraRange, CommandSource, Commanded, ExposureMode, SettingRefusal, TriggerOverlap,
     TriggerSource,
 };
-use link::Input;
 use std::collections::VecDeque;
 
 /// Heads that a command on the bus can name.
@@ -164,39 +159,6 @@ fn micros(value: u32) -> Span {
 fn choice<T: Copy, const N: usize>(value: u32, choices: [T; N]) -> Result<T, Refusal> {
     let place = usize::try_from(value).unwrap_or(usize::MAX);
     choices.get(place).copied().ok_or(Refusal::CameraRange)
-}
-
-/// Common interface of the camera heads of both loops.
-pub(super) trait CameraHead {
-    /// Returns the exposures of the head.
-    fn exposing_mut(&mut self) -> &mut Exposing;
-    /// Returns the receiver of the head.
-    fn receiver_mut(&mut self) -> &mut Receiver;
-}
-
-/// Passes the capabilities of every head to the first head's receiver, which answers, if the message concerns cameras.
-pub(super) fn show(heads: &mut [impl CameraHead], input: &Input) {
-    let Input::Message(Message::Command(command)) = input else { return };
-    if !matches!(command.request, Request::Camera(_) | Request::CameraTrigger(_)) {
-        return;
-    }
-    for number in 0..heads.len() {
-        let view = heads[number].exposing_mut().view();
-        if let Some(first) = heads.first_mut() {
-            first.receiver_mut().cameras_mut().see(number, view);
-        }
-    }
-}
-
-/// Passes the commands that the first head's receiver accepted to their heads.
-pub(super) fn give(heads: &mut [impl CameraHead], ledger: &mut Ledger) {
-    while let Some((number, commanded)) = heads.first_mut().and_then(|first| first.receiver_mut().cameras_mut().take())
-    {
-        if let Some(head) = heads.get_mut(number) {
-            // The same range was checked before; a refusal here is still recorded as an event.
-            let _noted = head.exposing_mut().take(&commanded, ledger);
-        }
-    }
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@
 
 use crate::runtime::error::RunError;
 use crate::runtime::hygiene::{Hygiene, Role};
-use crate::runtime::link_thread::Received;
+use crate::runtime::received::Received;
 use base::clock::Clock;
 use base::time::Span;
 use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};

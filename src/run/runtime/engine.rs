@@ -133,23 +133,44 @@ impl FrameEngine {
     /// # Errors
     /// When the backend cannot build another set of tables.
     pub fn add_optics(&mut self, psf: PsfModel) -> Result<usize, RunError> {
+        self.imager.add_tables()?;
+        match self.make_optics(self.optics.len(), psf) {
+            Ok(planner) => {
+                self.optics.push(Some(planner));
+                Ok(self.optics.len() - 1)
+            }
+            Err(error) => {
+                // Tables and optics have the same indices: remove both or none.
+                self.imager.remove_last_tables();
+                Err(error)
+            }
+        }
+    }
+
+    /// Replaces other optics that are not in use and will not be again. The old ones are freed first, so that the new ones take
+    /// their memory.
+    ///
+    /// # Errors
+    /// When the backend cannot build the tables.
+    pub fn replace_optics(&mut self, number: usize, psf: PsfModel) -> Result<(), RunError> {
+        self.optics[number] = None;
+        self.optics[number] = Some(self.make_optics(number, psf)?);
+        Ok(())
+    }
+
+    /// Returns a planner for other optics, whose tables are built at `number`.
+    fn make_optics(&mut self, number: usize, psf: PsfModel) -> Result<Planner, RunError> {
         let los = self.planner.latest().motion.los.clone();
         let mut planner = new_planner(&self.params, &self.imager, los, Some(psf));
         // Drawing one star once builds all tables.
         let camera = &self.params.camera.geometry;
         let middle = [0.5 * camera.width_px() as f64, 0.5 * camera.height_px() as f64];
         let star = Source { id: 0, electrons: 1e4, mag: f32::NAN, place: SourcePlace::Pixel(middle) };
-        self.imager.add_tables()?;
-        let before = self.imager.use_tables(self.optics.len());
+        let before = self.imager.use_tables(number);
         let drawn = self.imager.render(planner.plan(&[star])).map(|_| ());
         self.imager.use_tables(before);
-        if let Err(error) = drawn {
-            // Tables and optics have the same indices: remove both or none.
-            self.imager.remove_last_tables();
-            return Err(error.into());
-        }
-        self.optics.push(Some(planner));
-        Ok(self.optics.len() - 1)
+        drawn?;
+        Ok(planner)
     }
 
     /// Returns the conditions of the next exposure.

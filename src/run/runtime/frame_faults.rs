@@ -114,6 +114,8 @@ pub struct FrameFaults {
     false_stars: Vec<Source>,
     defects: Vec<Commanded>,
     previous: Vec<u16>,
+    /// Other optics of the engine that no fault uses any more.
+    spare_optics: Vec<usize>,
 }
 
 /// A defect of the detector, and its handle while it is active.
@@ -181,9 +183,20 @@ impl FrameFaults {
             // A fault may need the image before its first frame.
             self.previous.reserve(size[0] * size[1]);
         }
+        // Optics of a defocus that is over serve the next one, so that memory does not grow with injected faults. A trigger
+        // may bring a fault again.
+        for timed in &mut self.timed {
+            let is_over = timed.hits > 0 && !timed.is_on && matches!(timed.begin, Begin::At(_));
+            if let (Made::Optics(number), true) = (timed.made, is_over) {
+                self.spare_optics.push(number);
+                timed.made = Made::Nothing;
+            }
+        }
         for timed in self.timed.iter_mut().filter(|timed| timed.made == Made::NotYet) {
             timed.made = match timed.fault {
-                FrameFault::Defocus { sigma_px } => Made::Optics(engine.add_optics(PsfModel::gaussian(sigma_px))?),
+                FrameFault::Defocus { sigma_px } => {
+                    Made::Optics(new_optics(engine, self.spare_optics.pop(), PsfModel::gaussian(sigma_px))?)
+                }
                 FrameFault::FalseStars { pixels, mag } => {
                     let first = self.false_stars.len();
                     let electrons = radiometry.electrons(mag, 0.0, exposure_s);
@@ -426,6 +439,14 @@ fn defect_places(spots: DefectSpots, size: [usize; 2], stream: u32, seed: u64) -
         DefectPlace::Pixel(scaled(a, size[0]) as u32, scaled(b, size[1]) as u32)
     });
     given.into_iter().chain(lines).chain(random)
+}
+
+/// Makes optics in place of spare ones, or more of them; returns their index.
+fn new_optics(engine: &mut FrameEngine, spare: Option<usize>, psf: PsfModel) -> Result<usize, RunError> {
+    match spare {
+        Some(number) => engine.replace_optics(number, psf).map(|()| number),
+        None => engine.add_optics(psf),
+    }
 }
 
 /// Adds the false stars of one fault: at the given places, and at random places of the detector.

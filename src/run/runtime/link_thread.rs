@@ -9,13 +9,14 @@ use crate::runtime::error::RunError;
 use crate::runtime::hygiene::{Hygiene, Role};
 use crate::runtime::plant_sample::PlantSample;
 use crate::runtime::port_reading::{PortReading, SharedReading};
+use crate::runtime::received::Received;
 use base::clock::{Clock, PairedReading};
-use base::time::{Span, Tai};
+use base::time::Span;
 use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use crossbeam_channel::{Receiver as Queue, RecvTimeoutError, Sender, bounded, select};
 use firmware_protocol::Message;
 use link::pps::Pps;
-use link::{Input, Polled, Port, Stamped};
+use link::{Polled, Port, Stamped};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -29,31 +30,6 @@ const SEND_POLL: Span = Span::from_ms(2);
 
 /// Interval at which the pulse thread looks for pulses, which come once a second.
 const PULSE_POLL: Span = Span::from_ms(100);
-
-/// Items that the receiving threads deliver.
-#[derive(Debug, Clone, Copy)]
-pub(super) enum Received {
-    /// A message.
-    Message {
-        /// Number of the port by which it came, from 0.
-        port: usize,
-        /// The message.
-        message: Stamped<Input>,
-    },
-    /// A pulse of the flight computer's clock at one of its whole seconds.
-    Pulse(Tai),
-    /// A sample that an external program sent over the control socket, and its arrival time.
-    Sample(Stamped<PlantSample>),
-    /// An edge of a trigger line.
-    Edge {
-        /// Number of the addressed head; `None`: all of them.
-        head: Option<usize>,
-        /// Time of the edge.
-        at: Tai,
-        /// True when the line became active.
-        is_active: bool,
-    },
-}
 
 /// Threads that receive, and their queues.
 pub(super) struct LinkThreads {

@@ -4,7 +4,7 @@
 //! the record of the slot. The frame thread takes the heads in turn; each has its own sink thread. Tests: as for
 //! `real_time`.
 
-use crate::runtime::camera_intake::CameraHead;
+use crate::runtime::camera_heads::CameraHead;
 use crate::runtime::delivery::{Delivery, FramePacket};
 use crate::runtime::engine::{FrameEngine, origin_name};
 use crate::runtime::error::RunError;
@@ -13,7 +13,8 @@ use crate::runtime::frame_faults::{Fate as Spoiling, FrameFaults};
 use crate::runtime::head_step::HeadStep;
 use crate::runtime::ledger::EventKind;
 use crate::runtime::params::DeadlinePolicy;
-use crate::runtime::real_time::{Head, HeadParts, Setting, Shared, take_back};
+use crate::runtime::real_parts::{Head, HeadParts, Setting};
+use crate::runtime::real_shared::{Shared, take_back};
 use crate::runtime::receiver::Receiver;
 use crate::runtime::record::RunRecord;
 use crate::runtime::reply::camera_pages;

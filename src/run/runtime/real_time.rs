@@ -7,22 +7,21 @@
 //! starts at the release and not before; late frames are judged when finished, not when delivered (`[budget]` total is
 //! compared with delivery). Tests: `tests/closed_loop/{deadline,budget}.rs`, which assert no wall time.
 
-use crate::runtime::camera_intake;
-use crate::runtime::delivery::FramePacket;
-use crate::runtime::edge_thread::TriggerChip;
+use crate::runtime::camera_heads;
 use crate::runtime::engine::FrameEngine;
 use crate::runtime::error::RunError;
-use crate::runtime::frame_faults::FrameFaults;
-use crate::runtime::hygiene::{Hygiene, Role};
+use crate::runtime::hygiene::Role;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
-use crate::runtime::link_thread::{LinkThreads, Received};
+use crate::runtime::link_thread::LinkThreads;
 use crate::runtime::outcome::{RunOutcome, lines_of_head};
-use crate::runtime::plant_sample::PlantSample;
 use crate::runtime::port_reading::PortReading;
 use crate::runtime::real_head::RealHead;
+use crate::runtime::real_parts::{FrameOrder, Head, HeadParts, Setting, Sources};
+use crate::runtime::real_shared::{Shared, take_back};
+use crate::runtime::received::Received;
 use crate::runtime::receiver::Receiver;
 use crate::runtime::record::RunRecord;
-use crate::runtime::reply::{Reply, ReportedFrame};
+use crate::runtime::reply::Reply;
 use crate::runtime::shutter::NextSlot;
 use crate::runtime::slot::Slot;
 use base::clock::Clock;
@@ -31,9 +30,8 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use crossbeam_channel::Receiver as Queue;
 use frames::camera_control::{CameraCommand, CommandSource, Commanded, TriggerSource};
 use frames::report::{FrameRecord, Stage};
-use frames::sink::{FrameMeta, SentFrame, Sink};
-use link::pps::Pps;
-use link::{Port, Stamped};
+use frames::sink::{SentFrame, Sink};
+use link::Port;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -46,64 +44,6 @@ const JITTER_POLL: Span = Span::from_ms(1);
 
 /// Initial capacity for the stars of a frame: more stars make its buffers grow, once.
 pub const STARS_AT_FIRST: usize = 16_384;
-
-/// Environment of a run on the bench clock.
-pub struct Setting<'a> {
-    /// The bench clock.
-    pub clock: &'a Arc<dyn Clock>,
-    /// Set to true when the run is to end.
-    pub stop: &'a Arc<AtomicBool>,
-    /// Requests to the operating system; `None`: no requests.
-    pub hygiene: Option<&'a Arc<Hygiene>>,
-    /// Number of frames whose times are kept individually.
-    pub ring_frames: usize,
-    /// Orders for the frame thread, which executes them between two slots; `None`: no orders.
-    pub orders: Option<&'a Queue<FrameOrder>>,
-}
-
-/// An order that the frame thread executes before the slot that is released at the given instant, with all heads. It
-/// may take long and allocate: frames that it delays are counted as late.
-pub type FrameOrder = Box<dyn FnOnce(&mut [HeadParts<'_>], &mut RunRecord, Tai) + Send>;
-
-/// The parts of a head that an order may change.
-pub struct HeadParts<'a> {
-    /// Draws frames.
-    pub engine: &'a mut FrameEngine,
-    /// Receives messages.
-    pub receiver: &'a mut Receiver,
-    /// Damages frames; `None` without faults.
-    pub faults: Option<&'a mut FrameFaults>,
-}
-
-/// Sources of a run on the bench clock: everything that brings input.
-pub struct Sources {
-    /// Ports of the bench; frames are reported on the first one.
-    pub ports: Vec<Port>,
-    /// Pulses of the flight computer's clock.
-    pub pulses: Option<Pps>,
-    /// Samples that an external program sends over the control socket; `None` without them.
-    pub samples: Option<Queue<Stamped<PlantSample>>>,
-    /// Chips with lines that trigger cameras.
-    pub chips: Vec<TriggerChip>,
-}
-
-impl From<Port> for Sources {
-    fn from(port: Port) -> Self {
-        Self { ports: vec![port], pulses: None, samples: None, chips: Vec::new() }
-    }
-}
-
-/// One camera head: what draws its frames, its receiver, the sink of its frames, and its faults.
-pub struct Head<'a> {
-    /// Draws frames.
-    pub engine: &'a mut FrameEngine,
-    /// Receives messages.
-    pub receiver: &'a mut Receiver,
-    /// Takes the frames, in a thread of its own.
-    pub sink: Box<dyn Sink>,
-    /// Damages frames; `None` without faults.
-    pub faults: Option<&'a mut FrameFaults>,
-}
 
 /// Runs every slot of the engine until the end, an error, or `stop`. `progress` is called after each frame and must
 /// not block.
@@ -203,31 +143,6 @@ fn start<'a>(
         hygiene.enter(Role::Frame);
     }
     Ok((started, link_thread))
-}
-
-/// State shared by all heads.
-pub(super) struct Shared<'a> {
-    pub(super) clock: &'a dyn Clock,
-    pub(super) link_thread: &'a LinkThreads,
-    /// Readings of each port at the previous frame.
-    readings: Vec<PortReading>,
-    /// Number of lost edges of trigger lines at the previous frame.
-    lost_edges: u64,
-    pub(super) reply: Reply,
-    /// Receives the notes of further heads about messages that the first head has already noted.
-    pub(super) said_already: Ledger,
-}
-
-impl Shared<'_> {
-    /// Reports the contents of a frame to the flight computer.
-    pub(super) fn announce(&mut self, meta: &FrameMeta, pointing_bound_rad: Option<f64>, receiver: &Receiver) {
-        let now = self.clock.now();
-        let rejects = PortReading::rejects_of_all(&self.readings);
-        let reported = ReportedFrame { meta, pointing_bound_rad, rejects: &rejects, now };
-        for message in self.reply.messages(&reported, receiver) {
-            self.link_thread.send(0, message);
-        }
-    }
 }
 
 /// The frame thread's own state.
@@ -406,7 +321,7 @@ impl Bench<'_> {
     /// Passes an input to every head; the first one answers and records events.
     fn take_in(&mut self, got: &Received, record: &mut RunRecord) {
         if let Received::Message { message, .. } = got {
-            camera_intake::show(&mut self.heads, &message.value);
+            camera_heads::show(&mut self.heads, &message.value);
         }
         for head in &mut self.heads {
             let ledger = if head.number == 0 { &mut record.ledger } else { &mut self.shared.said_already };
@@ -429,17 +344,9 @@ impl Bench<'_> {
                 }
             }
         }
-        camera_intake::give(&mut self.heads, &mut record.ledger);
+        camera_heads::give(&mut self.heads, &mut record.ledger);
         if let Received::Message { message, .. } = got {
             record.count_intake(self.shared.clock.now() - message.at);
         }
     }
-}
-
-/// Records the sink thread's results for a frame whose buffer comes back.
-pub(super) fn take_back(record: &mut RunRecord, frame_packet: &FramePacket) {
-    if frame_packet.delivered {
-        record.complete(&frame_packet.record);
-    }
-    record.note_losses(&frame_packet.losses, frame_packet.record.due);
 }

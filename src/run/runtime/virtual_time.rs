@@ -6,7 +6,7 @@
 //! is late; wall times per stage are still measured. [`VirtualLoop`] can be advanced step by step; [`run`] runs it to
 //! the end.
 
-use crate::runtime::camera_intake::{self, CameraHead};
+use crate::runtime::camera_heads::{self, CameraHead};
 use crate::runtime::engine::FrameEngine;
 use crate::runtime::error::{FarEndError, RunError};
 use crate::runtime::exposing::Exposing;
@@ -267,7 +267,7 @@ impl VirtualLoop {
     /// Accepts what has arrived by `now`: every head receives everything; the first one answers and records events.
     fn receive(&mut self, now: Tai, heads: &mut [Head<'_>], port: &mut Port) -> Result<(), RunError> {
         while let Some(message) = port.receive_any(now)? {
-            camera_intake::show(heads, &message.value);
+            camera_heads::show(heads, &message.value);
             for (i, head) in heads.iter_mut().enumerate() {
                 let ledger = if i == 0 { &mut self.record.ledger } else { &mut self.said_already };
                 let answer = head.receiver.accept_input(0, &message, ledger);
@@ -275,7 +275,7 @@ impl VirtualLoop {
                     port.send(&answer)?;
                 }
             }
-            camera_intake::give(heads, &mut self.record.ledger);
+            camera_heads::give(heads, &mut self.record.ledger);
         }
         Ok(())
     }

@@ -21,22 +21,19 @@ use crate::wiring::heads::{CostsHere, HeadSetting, RunHead, make_heads, take_sin
 use crate::wiring::live_tap::{LiveOptions, LiveTap};
 use crate::wiring::memory::{RunForm, RunMemory};
 use crate::wiring::ports::{is_unreachable, needs_real_clock};
-use crate::wiring::real;
-use crate::wiring::run_end::RunEnd;
+use crate::wiring::run_clock::{RunClock, RunClockKind};
 use crate::wiring::run_times::RunTimes;
-use crate::wiring::sinks::{SinkSetting, directory_of_head, make_sinks};
+use crate::wiring::sink_setting::SinkSetting;
+use crate::wiring::sinks::{directory_of_head, make_sinks};
 use crate::wiring::start;
 use crate::wiring::steering::Steering;
-use crate::wiring::stepped::SteppedRun;
 use crate::wiring::taps::Taps;
 use crate::wiring::tracker_outs::{TrackerOuts, WaitingOut, tap_heads};
 use crate::wiring::trigger_lines::arm;
 use anyhow::Context;
-use base::clock::{Clock, Monotonic, Virtual};
 use base::time::{Span, Tai};
 use config::{Scenario, SinkSettings};
 use core::cell::RefCell;
-use core::sync::atomic::AtomicBool;
 use frames::camera_control::{CameraDesk, desk};
 use frames::sink::{NullSink, SentFrame, Sink};
 use link::tap::FaultControl;
@@ -44,15 +41,6 @@ use outputs::live::Numbers;
 use std::path::PathBuf;
 use std::sync::Arc;
 use testbed::vehicle::TelemetryRow;
-
-/// Clock of a run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum RunClockKind {
-    /// The bench clock.
-    Real,
-    /// Simulated time: the run repeats bit for bit.
-    Virtual,
-}
 
 /// Destination of the frames.
 pub enum Outputs<'a> {
@@ -101,33 +89,6 @@ impl<'a> RunOptions<'a> {
     #[must_use]
     pub fn real(outputs: Outputs<'a>) -> Self {
         Self { clock: RunClockKind::Real, ..Self::stepped(outputs) }
-    }
-}
-
-/// The clock of a run, which its sinks also read.
-#[derive(Debug, Clone)]
-pub enum RunClock {
-    /// The bench clock.
-    Real(Arc<Monotonic>),
-    /// Simulated time.
-    Virtual(Arc<Virtual>),
-}
-
-impl RunClock {
-    fn new(kind: RunClockKind, start: Tai) -> Self {
-        match kind {
-            RunClockKind::Real => Self::Real(Arc::new(Monotonic::start_at(start))),
-            RunClockKind::Virtual => Self::Virtual(Arc::new(Virtual::new(start))),
-        }
-    }
-
-    /// Returns the clock for callers that only read it.
-    #[must_use]
-    pub fn shared(&self) -> Arc<dyn Clock> {
-        match self {
-            Self::Real(clock) => clock.clone(),
-            Self::Virtual(clock) => clock.clone(),
-        }
     }
 }
 
@@ -260,29 +221,6 @@ impl Run {
     /// Sets a callback for every row of telemetry, if a spacecraft is flown.
     pub fn on_row(&mut self, on_row: OnRow) {
         self.on_row = Some(on_row);
-    }
-
-    /// Flies the run to its end, or until `stop` is set. `progress` is called after each frame with the number of its
-    /// head, and must not block.
-    ///
-    /// # Errors
-    /// When the run cannot start; the result states why a started run ended early.
-    pub fn fly(
-        self,
-        stop: &Arc<AtomicBool>,
-        progress: &mut dyn FnMut(usize, &SentFrame, &crate::runtime::RunRecord),
-    ) -> Result<RunEnd, LoopError> {
-        match self.clock.clone() {
-            RunClock::Real(clock) => real::fly(self, &clock, stop, progress),
-            RunClock::Virtual(_) => {
-                let mut run = SteppedRun::of(self)?;
-                let error = run.run_to_end(&mut |head, frame, record| {
-                    progress(head, frame, record);
-                    !stop.load(core::sync::atomic::Ordering::Relaxed)
-                });
-                Ok(run.end(error.err()))
-            }
-        }
     }
 
     /// Returns the far end, with the events of the file placed.

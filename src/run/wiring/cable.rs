@@ -4,11 +4,11 @@
 //! A capture contains what the stimulator's ports receive: faults act before it.
 
 use crate::runtime::edge_thread::TriggerChip;
-use crate::wiring::assemble::RunClock;
 use crate::wiring::bench_parts;
 use crate::wiring::error::LoopError;
 use crate::wiring::ports::{End, Ports, open_ports};
 use crate::wiring::replay::Recording;
+use crate::wiring::run_clock::RunClock;
 use config::{Action, Plant, Scenario};
 use frames::report::GatewayRow;
 use link::gateway::{GatewayAddress, GatewayCounters, GatewayKind, Gateways};

@@ -26,7 +26,7 @@
 //! below 2.5e-5 of the full luminance. Tests: `tests/closed_loop/display.rs` over a simulated flight computer.
 
 use crate::runtime::params::RunParams;
-use crate::wiring::sinks::SinkSetting;
+use crate::wiring::sink_setting::SinkSetting;
 use anyhow::{Context, Result, bail};
 use base::time::{Span, Tai};
 use config::{Bench, DisplaySettings, Sink, SinkSettings};

@@ -7,7 +7,8 @@
 
 use crate::runtime::error::FarEndError;
 use crate::runtime::hygiene::{Hygiene, Role};
-use crate::runtime::real_time::{FrameOrder, Head, Setting, Sources, run_in};
+use crate::runtime::real_parts::{FrameOrder, Head, Setting, Sources};
+use crate::runtime::real_time::run_in;
 use crate::runtime::{RunError, RunOutcome, RunRecord};
 use crate::wiring::assemble::Run;
 use crate::wiring::cable::Cable;
@@ -15,7 +16,7 @@ use crate::wiring::error::LoopError;
 use crate::wiring::far_side::FarSide;
 use crate::wiring::replay::Recording;
 use crate::wiring::run_end::{Flown, RunEnd, keep_first, losses};
-use crate::wiring::steering::Orders;
+use crate::wiring::steering::{FarOrder, Orders};
 use base::clock::{Clock, Monotonic};
 use base::time::Span;
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -28,9 +29,6 @@ use std::thread::JoinHandle;
 const POLL: Span = Span::from_ms(2);
 /// Capacity for frames whose attitude waits to be compared with the truth.
 const SEEN_FRAMES: usize = 64;
-
-/// An order that the far end's thread executes between two steps.
-pub(super) type FarOrder = Box<dyn FnOnce(&mut FarSide) + Send>;
 
 /// Flies a run to its end, or until `stop` is set.
 pub(super) fn fly(

@@ -4,46 +4,18 @@
 //! longer than a frame. On the virtual clock they run in step ([`OnFull::Wait`]), also with a thread, so that a sink
 //! that blocks can be abandoned. Only the null sink needs no thread and is called directly ([`Alone`]).
 
-use crate::runtime::exposing::Exposing;
 use crate::wiring::display_parts::open_display;
+use crate::wiring::sink_setting::SinkSetting;
 use anyhow::{Context, Result};
-use base::clock::Clock;
 use base::streams::say;
-use base::time::Span;
 use config::{DisplaySettings, Sink as Kind, SinkSettings};
-use core::cell::RefCell;
-use frames::camera_control::{DeskEnd, desk};
+use frames::camera_control::desk;
 use frames::sink::shared_memory::SharedMemory;
-use frames::sink::{Alone, BranchParams, Fan, NullSink, OnFull, Recorder, RecorderOptions, SentFrame, Sink};
+use frames::sink::{Alone, BranchParams, Fan, NullSink, OnFull, Recorder, RecorderOptions, Sink};
 use outputs::display::MonitorChoice;
-use outputs::display::calibration::Calibration;
 use outputs::network_camera::{self, CommandParams, NetworkCamera, SensorParams};
-use scene::camera::CameraParams;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
-
-/// Parameters of the sinks of one camera head.
-pub struct SinkSetting<'a> {
-    /// Directory of the run, for sinks that write files; each of several heads has its own in it. `None`: no sink
-    /// writes files.
-    pub directory: Option<&'a Path>,
-    /// A frame with the size, star capacity and camera of the frames to come.
-    pub prototype: &'a SentFrame,
-    /// Which camera head, when there are several.
-    pub head: Option<usize>,
-    /// True when the run must not wait for sinks.
-    pub is_real: bool,
-    /// The camera that makes the frames.
-    pub camera: &'a CameraParams,
-    /// Time from one exposure's start to the next.
-    pub frame_period: Span,
-    /// The calibration of the display that the run is drawn for, if it is drawn for one.
-    pub calibration: Option<&'a Calibration>,
-    /// The run's clock.
-    pub clock: &'a Arc<dyn Clock>,
-    /// Exposures that clients of network cameras command, and where their queues are put; `None`: clients only read.
-    pub commands: Option<(&'a Exposing, &'a RefCell<Vec<DeskEnd>>)>,
-}
 
 /// Returns the directory of a run: `out` if given, which then contains at least the summary, else a `stamp` below the
 /// first directory that a sink names. `None` without either.
@@ -247,7 +219,11 @@ pub fn described_lines(sinks: &[SinkSettings]) -> impl Iterator<Item = (String, 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use base::clock::Clock;
+    use base::time::Span;
     use config::{Bench, Document};
+    use frames::sink::SentFrame;
+    use scene::camera::CameraParams;
 
     fn sinks(text: &str) -> Vec<SinkSettings> {
         Bench::from_document(&Document::from_text(text, Path::new("b.toml"))).unwrap().sinks

@@ -4,7 +4,7 @@
 //! which takes a while: on the real clock the plan leaves [`SET_UP`] for it, and the bench's clock then starts when the
 //! machine's clock has come to the planned instant. A longer set-up leaves a lag, which the run reports. Tests: below.
 
-use crate::wiring::assemble::RunClockKind;
+use crate::wiring::run_clock::RunClockKind;
 use base::clock::{Clock, Monotonic};
 use base::time::{Span, Tai};
 use config::StartTime;

@@ -7,14 +7,13 @@
 //! this delays is counted as late. Tests: `tests/closed_loop/control.rs`.
 
 use crate::runtime::ledger::{Event as LedgerEvent, EventKind};
-use crate::runtime::real_time::{FrameOrder, HeadParts};
+use crate::runtime::real_parts::{FrameOrder, HeadParts};
 use crate::runtime::{PlantSample, RunError, RunRecord};
 use crate::wiring::control::NewestFrames;
 use crate::wiring::error::LoopError;
 use crate::wiring::far_side::FarSide;
 use crate::wiring::fault_desk::{FaultDesk, make_ready};
 use crate::wiring::heads::RunHead;
-use crate::wiring::real::FarOrder;
 use crate::wiring::replay::SampleTap;
 use crate::wiring::run_times::RunTimes;
 use base::clock::Clock;
@@ -54,6 +53,9 @@ struct Attached {
     clock: Arc<dyn Clock>,
     times: RunTimes,
 }
+
+/// An order that the far end's thread executes between two steps.
+pub(super) type FarOrder = Box<dyn FnOnce(&mut FarSide) + Send>;
 
 /// Queues by which a run receives orders.
 pub(super) struct Orders {

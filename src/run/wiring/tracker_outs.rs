@@ -7,9 +7,9 @@ use crate::runtime::tracker_out::{
     Damage, DamageKind, OutShared, OutThread, Outlet, OutletError, TapParts, Telemeter, TelemeterParams, TrackerEyes,
     UdpParams, tracker_tap,
 };
-use crate::wiring::assemble::RunClock;
 use crate::wiring::error::LoopError;
 use crate::wiring::heads::RunHead;
+use crate::wiring::run_clock::RunClock;
 use crate::wiring::run_times::RunTimes;
 use crate::wiring::vehicle_parts::{exposed_light, tracker_params};
 use base::clock::Clock;

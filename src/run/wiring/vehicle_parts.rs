@@ -3,7 +3,8 @@
 //! Data that a flight computer and a tracker would find in data sheets come from the scenario's files; the limits of
 //! the mode logic are set here, from the camera and the control's bandwidths.
 
-use base::axes::{Body, Icrf, Rotation, sensor_from_ra_dec_roll};
+use crate::wiring::seeded::uniforms;
+use base::axes::{Icrf, Rotation, attitude_of_uniforms, sensor_from_ra_dec_roll};
 use base::time::{Span, Tai};
 use base::units::{ARCSEC, DEG};
 use config::{self, Bench, Camera, JitterSource, Observer, Pointing, Scenario, TrackerCommands, Vehicle};
@@ -39,7 +40,7 @@ pub fn vehicle_params(scenario: &Scenario, flown: &Vehicle, first_exposure: Tai)
     let samples = scenario.bench.flight_computer.jitter_source == JitterSource::Samples;
     let hz = scenario.bench.flight_computer.jitter_sample_hz;
     VehicleParams {
-        initial: flown.initial.as_ref().map_or_else(|| random_attitude(scenario.bench.seed), body),
+        initial: flown.initial.as_ref().map_or_else(|| attitude_of_uniforms(uniforms(scenario.bench.seed)), body),
         initial_rate_rad_s: flown.initial_rate_rad_s,
         gyro: craft.gyro,
         sun_sensor_noise_rad: craft.sun_sensor_noise_rad,
@@ -79,16 +80,6 @@ fn spacecraft_params(scenario: &Scenario, craft: &config::Spacecraft, epoch: Tai
         };
     }
     params
-}
-
-/// Returns a random attitude, uniform over all attitudes (Shoemake, "Uniform random rotations", Graphics Gems III,
-/// 1992).
-fn random_attitude(seed: u64) -> Rotation<Body, Icrf> {
-    use core::f64::consts::TAU;
-    let [u1, u2, u3] = crate::wiring::seeded::uniforms(seed);
-    let (a, b) = ((1.0 - u1).sqrt(), u1.sqrt());
-    let ((s2, c2), (s3, c3)) = ((TAU * u2).sin_cos(), (TAU * u3).sin_cos());
-    Rotation::from_quat(glam::DQuat::from_xyzw(a * s2, a * c2, b * s3, b * c3))
 }
 
 fn estimator_params(scenario: &Scenario, flown: &Vehicle) -> MekfParams {

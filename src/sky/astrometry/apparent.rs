@@ -74,7 +74,7 @@ pub fn years_since(epoch_yr: f64, at: Tai) -> f64 {
 mod tests {
     use super::*;
     use crate::earth;
-    use crate::observer::BarycentricState;
+    use crate::state::BarycentricState;
     use base::source::direction_from_ra_dec;
     use base::units::{ARCSEC, DEG};
     use stars::catalog::Catalog;

@@ -13,7 +13,7 @@
 
 mod table;
 
-use crate::observer::BarycentricState;
+use crate::state::BarycentricState;
 use std::sync::OnceLock;
 use table::Table;
 pub use table::TableError;

@@ -15,7 +15,7 @@
 //! A granule covers its days from -1 to 1. Everything that reading relies on is checked when the table is opened.
 //! Source of the numbers: `hil_scripts/make_ephemeris_table.py`. Tests: `sky::ephemeris`.
 
-use crate::observer::BarycentricState;
+use crate::state::BarycentricState;
 use base::units::DAY_S;
 
 const MAGIC: &[u8; 8] = b"STAREPH1";

@@ -4,8 +4,8 @@
 //! 8 degrees per day in low orbit) and no drag: a stand-in for an orbit's geometry, not for a given spacecraft.
 
 use crate::ObserverError;
-use crate::observer::BarycentricState;
 use crate::orbit::EARTH_GM_KM3_S2;
+use crate::state::BarycentricState;
 use base::time::Tai;
 use base::units::DEG;
 use core::f64::consts::TAU;

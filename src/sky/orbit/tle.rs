@@ -7,7 +7,7 @@
 
 use super::precession::icrf_from_teme;
 use crate::ObserverError;
-use crate::observer::BarycentricState;
+use crate::state::BarycentricState;
 use base::time::Tai;
 use base::units::DAY_S;
 use core::ops::RangeInclusive;

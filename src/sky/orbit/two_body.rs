@@ -24,7 +24,7 @@
 //! So give a state near the time it is used at. Tests: below, against 40-digit arithmetic and a published case.
 
 use crate::ObserverError;
-use crate::observer::BarycentricState;
+use crate::state::BarycentricState;
 use base::time::Tai;
 use core::f64::consts::TAU;
 use glam::DVec3;

@@ -11,8 +11,8 @@
 //! mas, left out. Tests: below against a fixed point of its own; `hil_scripts/test_targets.py` against another program.
 
 use crate::ObserverError;
-use crate::observer::BarycentricState;
 use crate::orbit::{CircularOrbit, TleOrbit, TwoBodyOrbit};
+use crate::state::BarycentricState;
 use base::time::{Span, Tai};
 use base::units::SPEED_OF_LIGHT_KM_S;
 use glam::DVec3;

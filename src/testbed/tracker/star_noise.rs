@@ -20,9 +20,9 @@
 use super::geometry::Geometry;
 use super::guide::{Expected, GuideStars};
 use super::params::TrackerParams;
-use base::axes::{Icrf, Rotation, Sensor};
+use base::axes::{Icrf, Rotation, Sensor, attitude_of_uniforms};
 use core::f64::consts::{PI, TAU};
-use glam::{DMat3, DQuat, DVec2, DVec3};
+use glam::{DMat3, DVec2, DVec3};
 use std::sync::Arc;
 
 /// Least flux of a star that counts, in its standard deviations, as in tracking.
@@ -212,13 +212,9 @@ fn lower_root(matrix: &DMat3) -> Option<DMat3> {
     root.is_finite().then_some(root)
 }
 
-/// Returns one of a row of attitudes that fill all attitudes evenly: Shoemake's map ("Uniform random rotations", Graphics
-/// Gems III, 1992) of Halton's sequence (Numer. Math. 2 (1960), 84).
+/// Returns one of a row of attitudes that fill all attitudes evenly, from Halton's sequence (Numer. Math. 2 (1960), 84).
 fn spread_attitude(number: u32) -> Rotation<Sensor, Icrf> {
-    let [u, v, w] = [2, 3, 5].map(|base| radical_inverse(number + 1, base));
-    let (near, far) = ((1.0 - u).sqrt(), u.sqrt());
-    let ((sin_v, cos_v), (sin_w, cos_w)) = (libm::sincos(TAU * v), libm::sincos(TAU * w));
-    Rotation::from_quat(DQuat::from_xyzw(near * sin_v, near * cos_v, far * sin_w, far * cos_w))
+    attitude_of_uniforms([2, 3, 5].map(|base| radical_inverse(number + 1, base)))
 }
 
 /// Returns the digits of a number in a base, mirrored at the point.

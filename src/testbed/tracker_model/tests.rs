@@ -27,11 +27,12 @@ fn figures() -> ModelParams {
         pixel_rad: 70.0 * ARCSEC,
         noise_rad: DVec3::new(1.5, 1.5, 12.0) * ARCSEC,
         noise_method: NoiseMethod::Even,
-        noise_rate_s: 0.0,
+        noise_rate_s: DVec3::ZERO,
         date_error: Span::ZERO,
         acquisition: Span::ZERO,
         acquisition_probability: 1.0,
         tracking_probability: 1.0,
+        false_probability: 0.0,
         acquires_below_rad_s: 1.0 * DEG,
         lost_above_rad_s: 3.0 * DEG,
         sun_exclusion_rad: 0.0,
@@ -124,18 +125,78 @@ fn a_figure_that_is_off_is_seen() {
 }
 
 #[test]
-fn drift_grows_and_noise_follows_the_rate() {
+fn drift_grows() {
     let quiet = ModelParams { drift_rad_h: DVec3::new(3.0, 0.0, -6.0) * ARCSEC, ..silent() };
     let mut model = TrackerModel::new(quiet, None, 3, at(0));
     let truth = station(5);
     let Outcome::Solved(late) = model.measure(9, at(1_800_000), &truth, DVec3::ZERO) else { unreachable!() };
     let error = truth.rotation_vector_to(&late.sensor_from_icrf) / ARCSEC;
     assert!((error - DVec3::new(1.5, 0.0, -3.0)).length() < 1e-4, "half an hour: {error:?}");
-    let blurred = ModelParams { noise_rate_s: 1e-3, ..figures() };
-    let model = TrackerModel::new(blurred, None, 3, at(0));
-    let at_rate = model.noise_rad(DVec3::new(1.0 * DEG, 0.0, 0.0));
-    let wanted = (1.5_f64).hypot(1e-3 * DEG / ARCSEC * 1.5 / 12.0);
-    assert!((at_rate.x / ARCSEC - wanted).abs() < 1e-9, "{}", at_rate.x / ARCSEC);
+}
+
+/// Standard deviation of the errors about the sensor's axes at a rate, arcsec.
+fn scatter_arcsec(params: ModelParams, rate_rad_s: DVec3) -> (DVec3, DMat3) {
+    let frames = 4000_u32;
+    let (truth, mut sum, mut stated) = (station(5), DVec3::ZERO, DMat3::ZERO);
+    let mut model = TrackerModel::new(params, None, 3, at(0));
+    for frame in 0..frames {
+        let Outcome::Solved(solution) = model.measure(frame, at(0), &truth, rate_rad_s) else { unreachable!() };
+        let error = truth.rotation_vector_to(&solution.sensor_from_icrf) / ARCSEC;
+        (sum, stated) = (sum + error * error, solution.covariance_rad2);
+    }
+    ((sum / f64::from(frames)).map(f64::sqrt), stated)
+}
+
+#[test]
+fn noise_of_motion_is_larger_along_it() {
+    let [along, across, about] = [6.0, 2.0, 30.0];
+    let noise_rate_s = DVec3::new(along, across, about) * ARCSEC / DEG;
+    let (noise_rad, limit) = (figures().noise_rad, 20.0 * DEG);
+    let params =
+        ModelParams { noise_rad, noise_rate_s, acquires_below_rad_s: limit, lost_above_rad_s: limit, ..silent() };
+    let rest = figures().noise_rad / ARCSEC;
+    let expect = |x: f64, y: f64, z: f64| DVec3::new(rest.x.hypot(x), rest.y.hypot(y), rest.z.hypot(z));
+    let diagonal = (along.hypot(across) / 2.0_f64.sqrt(), 0.5_f64.sqrt() * DEG);
+    let half_field = 0.5 * params.field_rad;
+    for (rate, wanted) in [
+        (DVec3::ZERO, rest),
+        (DVec3::X * DEG, expect(along, across, about)),
+        (DVec3::Y * DEG, expect(across, along, about)),
+        (DVec3::new(diagonal.1, diagonal.1, 0.0), expect(diagonal.0, diagonal.0, about)),
+        (DVec3::Z * (DEG / half_field), expect(diagonal.0, diagonal.0, about)),
+    ] {
+        let (got, stated) = scatter_arcsec(params, rate);
+        let error = wanted / (2.0 * 4000.0_f64).sqrt();
+        assert!(is_near(got, wanted, error), "{rate:?}: {got:?}, wanted {wanted:?}");
+        let said = DVec3::new(stated.x_axis.x, stated.y_axis.y, stated.z_axis.z).map(f64::sqrt) / ARCSEC;
+        assert!((said - wanted).abs().max_element() < 1e-9, "{rate:?}: its covariance says {said:?}");
+    }
+    let (control, _) = scatter_arcsec(params, DVec3::X * DEG);
+    let wanted = expect(across, along, about);
+    assert!(!is_near(control, wanted, wanted / (2.0 * 4000.0_f64).sqrt()), "control: the axes of another motion");
+}
+
+#[test]
+fn false_attitudes_come_by_chance_and_from_all_over_the_sky() {
+    let frames = 20_000_u32;
+    let run = |false_probability: f64| {
+        let params = ModelParams { false_probability, ..silent() };
+        let mut model = TrackerModel::new(params, None, 5, at(0));
+        let (truth, mut found, mut mean) = (station(0), 0_u32, DVec3::ZERO);
+        for frame in 0..frames {
+            let Outcome::Solved(solution) = model.measure(frame, at(0), &truth, DVec3::ZERO) else { unreachable!() };
+            if truth.rotation_vector_to(&solution.sensor_from_icrf).length() > 1e-3 {
+                (found, mean) = (found + 1, mean + solution.sensor_from_icrf.inverse().apply(DVec3::Z));
+            }
+        }
+        (f64::from(found), mean / f64::from(found.max(1)))
+    };
+    let (found, mean) = run(0.05);
+    let wanted = 0.05 * f64::from(frames);
+    assert!((found - wanted).abs() < SIGMAS * wanted.sqrt(), "{found}");
+    // The mean of unit vectors from all directions: 1 / sqrt(3 n) about each axis.
+    assert!(mean.abs().max_element() < SIGMAS / (3.0 * found).sqrt(), "{mean:?}");
+    assert_eq!(run(0.0).0, 0.0, "control: none");
 }
 
 #[test]
@@ -200,7 +261,8 @@ fn noise_by_stars_is_that_of_the_field() {
             let e = truth.rotation_vector_to(&solution.sensor_from_icrf);
             sum += DMat3::from_cols(e * e.x, e * e.y, e * e.z) * (1.0 / f64::from(frames));
         }
-        let wanted = covariance(params.noise_rad, &stars.at(&truth).unwrap().factor);
+        let root = DMat3::from_diagonal(params.noise_rad) * stars.at(&truth).unwrap().factor;
+        let wanted = root * root.transpose();
         let error = (2.0 / f64::from(frames)).sqrt();
         for axis in 0..3 {
             let ratio = sum.col(axis)[axis] / wanted.col(axis)[axis];

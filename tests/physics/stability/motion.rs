@@ -2,7 +2,7 @@
 //! a method that samples.
 
 use crate::scene::{Dice, EXPOSURE_S, FOCAL_PX};
-use crate::stability::{Scene, assert_inside, assert_replaced, point};
+use crate::stability::{Scene, assert_inside, assert_replaced, is_over_budget, measure, point};
 use base::time::Span;
 use core::f64::consts::TAU;
 use glam::DVec3;
@@ -114,6 +114,21 @@ fn nodes_between_corners_are_fewer_than_samples_that_miss_them() {
     let mut shaken = scene;
     shaken.los.jitter.lines = Scene::shaken(SIGMA_PX, 2.0, 40.3).los.jitter.lines;
     assert_replaced("a sinusoid between the samples", &shaken, "corners:2");
+}
+
+#[test]
+fn a_long_stretch_has_the_nodes_that_were_asked_for() {
+    // More nodes than one rule has: the stretch is cut into pieces. A fast sinusoid needs several nodes for each cycle.
+    let mut scene = sampled_jitter(SIGMA_PX, 3, 1.5);
+    scene.los.jitter.lines = Scene::shaken(SIGMA_PX, 2.0, 100.3).los.jitter.lines;
+    let plan = scene.plan("corners:600");
+    let measured = measure(&plan);
+    assert!(measured.is_within(&plan.chosen) && !is_over_budget(&measured), "{measured:?}, promised {:?}", plan.chosen);
+    assert_eq!(plan.nodes.len(), plan.chosen.method.nodes(), "{}", plan.chosen.method);
+    let total: f64 = plan.nodes.iter().map(|node| node.weight).sum();
+    assert!((total - 1.0).abs() < 1e-12, "{total}");
+    // Control: one node for each cycle is too few.
+    assert_replaced("a fast sinusoid between corners", &scene, "corners:50");
 }
 
 #[test]

@@ -2,8 +2,8 @@
 
 use crate::detector::Effect;
 use crate::detector::blooming::Blooming;
-use crate::detector::gpu::neighbours::GpuNeighbourStage;
-use crate::detector::neighbours::FrameAt;
+use crate::detector::gpu::neighbour_stage::GpuNeighbourStage;
+use crate::detector::neighbour_stage::FrameAt;
 use crate::gpu::buffers::GrowableBuffer;
 use crate::gpu::passes::{ComputePass, WORKGROUP, grid};
 use crate::gpu::{GpuDevice, GpuError, shader};

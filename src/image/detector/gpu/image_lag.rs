@@ -1,9 +1,9 @@
 //! [`crate::detector::image_lag`] on a device; the rest is a buffer there.
 
 use crate::detector::Effect;
-use crate::detector::gpu::neighbours::GpuNeighbourStage;
+use crate::detector::gpu::neighbour_stage::GpuNeighbourStage;
 use crate::detector::image_lag::{ImageLag, LEAST_E, Memory};
-use crate::detector::neighbours::FrameAt;
+use crate::detector::neighbour_stage::FrameAt;
 use crate::gpu::buffers::GrowableBuffer;
 use crate::gpu::passes::{ComputePass, WORKGROUP, grid};
 use crate::gpu::{GpuDevice, GpuError, shader};

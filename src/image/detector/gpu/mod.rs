@@ -15,13 +15,14 @@ mod blooming;
 mod charge_binning;
 mod charge_transfer;
 mod image_lag;
+pub mod neighbour_stage;
 pub mod neighbours;
 mod passes;
 
 use crate::detector::background::normalisation;
 use crate::detector::conditions::DetectorConditions;
 use crate::detector::disturbances::Disturbances;
-use crate::detector::neighbours::FrameAt;
+use crate::detector::neighbour_stage::FrameAt;
 use crate::detector::output::Output;
 use crate::detector::params::Constants;
 use crate::detector::{Detector, DetectorParams, PoissonMethod};
@@ -33,7 +34,7 @@ use base::clock::Stopwatch;
 use base::image::DnImage;
 use base::random::key;
 use bytemuck::{Pod, Zeroable};
-use neighbours::GpuNeighbourStage;
+use neighbour_stage::GpuNeighbourStage;
 use passes::{ImagePass, Maps};
 use std::sync::Arc;
 

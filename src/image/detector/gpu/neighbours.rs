@@ -6,26 +6,11 @@ use crate::detector::gpu::blooming::GpuBlooming;
 use crate::detector::gpu::charge_binning::GpuChargeBinning;
 use crate::detector::gpu::charge_transfer::GpuChargeTransfer;
 use crate::detector::gpu::image_lag::GpuImageLag;
-use crate::detector::neighbours::FrameAt;
+use crate::detector::gpu::neighbour_stage::GpuNeighbourStage;
+use crate::detector::neighbour_stage::FrameAt;
 use crate::detector::{Detector, Effect, full_well};
 use crate::gpu::passes::{ComputePass, WORKGROUP, grid};
 use crate::gpu::{GpuDevice, GpuError, shader};
-use core::fmt::Debug;
-
-/// One stage. Its pipeline, buffers and bind groups are made once, in [`stages`].
-pub trait GpuNeighbourStage: Debug + Send + Sync {
-    /// Returns which effect it is.
-    fn effect(&self) -> Effect;
-
-    /// Records the stage's work on the charge it was made for.
-    ///
-    /// # Errors
-    /// When the device failed.
-    fn record(&mut self, gpu: &GpuDevice, encoder: &mut wgpu::CommandEncoder, at: &FrameAt) -> Result<(), GpuError>;
-
-    /// Clears its state from frame to frame.
-    fn reset(&mut self) {}
-}
 
 /// The stages that are on, in order, and the buffer that the readout reads: `charge`, or the last stage's own.
 pub type Stages = (Vec<Box<dyn GpuNeighbourStage>>, wgpu::Buffer);

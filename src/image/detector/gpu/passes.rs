@@ -1,6 +1,6 @@
 //! The passes of the detector on a device: one for all stages, or one before and one after the neighbours.
 
-use crate::detector::neighbours::FrameAt;
+use crate::detector::neighbour_stage::FrameAt;
 use crate::detector::outliers::{Outlier, Outliers};
 use crate::detector::poisson::INVERSION_LIMIT;
 use crate::detector::{Detector, DetectorParams, Nonlinearity};

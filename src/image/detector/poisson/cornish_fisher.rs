@@ -7,8 +7,8 @@
 //! Domain: means from 20, where the bound falls below its promise, to 1e6, where rounding in f32 takes it up again.
 //! The tails end at 5.2 sigma. Tests: below, `tests/physics/poisson_methods.rs`, `tests/physics/noise.rs`.
 
+use crate::detector::block::GROUP;
 use crate::detector::elementary::{normal_quantile, open_unit};
-use crate::detector::poisson::GROUP;
 use base::fused::mul_add;
 
 /// Largest of `|-8/405 + 7 z^2/810 + z^4/270| phi(z)`, at `z = 0`: Giles's next term, electrons times mean, met by the

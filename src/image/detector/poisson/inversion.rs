@@ -2,11 +2,11 @@
 //!
 //! The function is summed term by term, `p(k) = p(k - 1) mean / k` from `p(0) = exp(-mean)`, in single precision.
 //! Domain: 0 to [`INVERSION_LIMIT`], beyond which the steps cost more than Cornish-Fisher (and from 87 on `exp(-mean)`
-//! is a subnormal f32); a mean above the limit is drawn as the limit. The tail ends at 4.8 sigma. Tests: below,
-//! `tests/physics/poisson_methods.rs` and `tests/physics/noise.rs`.
+//! is a subnormal f32). The tail ends at 4.8 sigma. Tests: below, `tests/physics/poisson_methods.rs` and
+//! `tests/physics/noise.rs`.
 
+use crate::detector::block::GROUP;
 use crate::detector::elementary::{exp_negative, unit};
-use crate::detector::poisson::GROUP;
 
 /// Mean from which Cornish-Fisher takes over (12 already fails a chi-square test; 20 passes).
 pub const INVERSION_LIMIT: f32 = 20.0;
@@ -37,7 +37,8 @@ const RECIPROCALS: [f32; MOST_STEPS] = {
 /// Relative error of `exp_negative`, by its own test.
 const EXP_REL: f64 = 4e-7;
 
-/// Draws the counts of a group; means at or above the limit are drawn as the limit.
+/// Draws the counts of a group; a mean above the limit is drawn as no light: another method draws its pixel, which then adds
+/// no steps to the group.
 #[inline(always)]
 pub fn invert<const FUSED: bool>(electrons: &mut [f32; GROUP], words: &[u32; GROUP]) {
     let mut mean = [0.0_f32; GROUP];
@@ -46,8 +47,8 @@ pub fn invert<const FUSED: bool>(electrons: &mut [f32; GROUP], words: &[u32; GRO
     for i in 0..GROUP {
         let uniform = unit(words[i]);
         u[i] = if uniform < LARGEST_UNIFORM { uniform } else { LARGEST_UNIFORM };
-        let most = if electrons[i] < INVERSION_LIMIT { electrons[i] } else { INVERSION_LIMIT };
-        mean[i] = not_below(most, LEAST_MEAN);
+        let own = if electrons[i] <= INVERSION_LIMIT { electrons[i] } else { 0.0 };
+        mean[i] = not_below(own, LEAST_MEAN);
         term[i] = exp_negative::<FUSED>(mean[i]);
     }
     let mut sum = term;
@@ -152,12 +153,15 @@ mod tests {
     }
 
     #[test]
-    fn a_mean_beyond_the_limit_is_drawn_as_the_limit() {
+    fn a_mean_above_the_limit_is_drawn_as_no_light() {
         let words = core::array::from_fn(|i| (i as u32) << 27);
-        let (mut at, mut beyond) = ([INVERSION_LIMIT; GROUP], [90.0; GROUP]);
-        invert::<false>(&mut at, &words);
-        invert::<false>(&mut beyond, &words);
-        assert_eq!(at, beyond);
+        let drawn = |mean: f32| {
+            let mut counts = [mean; GROUP];
+            invert::<false>(&mut counts, &words);
+            counts
+        };
+        assert_eq!(drawn(90.0), [0.0; GROUP]);
+        assert!(drawn(INVERSION_LIMIT).iter().sum::<f32>() > 19.0 * GROUP as f32, "the limit itself is drawn");
         assert!(error_bound(20.0) < 1e-5 && error_bound(20.1) >= 1.0);
     }
 }

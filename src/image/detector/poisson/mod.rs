@@ -26,10 +26,8 @@ pub mod rounded_normal;
 pub use inversion::INVERSION_LIMIT;
 pub use method::{PoissonMethod, PoissonMethodError};
 
-use crate::detector::block::BLOCK;
+use crate::detector::block::{BLOCK, GROUP};
 
-/// Pixels drawn together: few enough to stay in registers, and one bright star slows down only its own group.
-pub const GROUP: usize = 32;
 /// Largest mean that the methods by name draw.
 const MOST_MEAN: f32 = 1e6;
 

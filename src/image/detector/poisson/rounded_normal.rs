@@ -5,8 +5,8 @@
 //! density. Domain: means from 1000, where the bound falls below its promise, to 1e6; negative counts become 0. Tests:
 //! below and `tests/physics/poisson_methods.rs`.
 
+use crate::detector::block::GROUP;
 use crate::detector::elementary::{normal_quantile, open_unit};
-use crate::detector::poisson::GROUP;
 use crate::detector::poisson::cornish_fisher::{HALF_UNIT, NORMAL_PEAK, QUANTILE_SIGMA, QUANTILE_WORD};
 use base::fused::mul_add;
 

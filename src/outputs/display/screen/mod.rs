@@ -1,6 +1,8 @@
 //! The sink: frames in, a monitor that shows them.
 
 #[cfg(feature = "direct_scanout")]
+mod connector;
+#[cfg(feature = "direct_scanout")]
 mod direct_scanout;
 mod format;
 mod panel;
@@ -24,7 +26,9 @@ use crate::display::grey::GreyMaker;
 use crate::display::params::{CardChoice, Params};
 use crate::display::picture::Picture;
 #[cfg(feature = "direct_scanout")]
-use crate::display::screen::direct_scanout::{Connector, ScanOut};
+use crate::display::screen::connector::Connector;
+#[cfg(feature = "direct_scanout")]
+use crate::display::screen::direct_scanout::ScanOut;
 use crate::display::screen::hand_over::{Outgoing, hand_over};
 use crate::display::screen::panel::Panel;
 use crate::display::screen::presenter::{Pace, Presenter, Showing};

@@ -7,7 +7,7 @@ use crate::display::error::DisplayError;
 use crate::display::params::Bits;
 use crate::display::picture::Picture;
 #[cfg(feature = "direct_scanout")]
-use crate::display::screen::direct_scanout::Connector;
+use crate::display::screen::connector::Connector;
 use crate::display::screen::format;
 use crate::display::screen::painter::GreyPainter;
 use crate::display::screen::panel::{Panel, Turn};

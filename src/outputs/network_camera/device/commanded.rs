@@ -5,19 +5,12 @@
 
 use super::{Device, SOURCE_ACTION};
 use crate::network_camera::gvcp::Status;
-use crate::network_camera::registers::own;
+use crate::network_camera::registers::{OVERLAPS, SOURCES, own};
 use base::time::{Span, Tai};
 use frames::camera_control::{
-    AutoMode, CameraCommand, CameraEventKind, CameraRange, CommandSource, Commanded, ExposureMode, TriggerOverlap,
-    TriggerSource, TriggerSources,
+    AutoMode, CameraCommand, CameraEventKind, CameraRange, CommandSource, Commanded, ExposureMode, TriggerSources,
 };
 
-/// Trigger sources by their number in the register.
-pub(in crate::network_camera) const SOURCES: [TriggerSource; 5] =
-    [TriggerSource::Software, TriggerSource::Action, TriggerSource::Line, TriggerSource::Bus, TriggerSource::Control];
-/// Overlaps by their number in the register.
-pub(in crate::network_camera) const OVERLAPS: [TriggerOverlap; 3] =
-    [TriggerOverlap::Off, TriggerOverlap::ReadOut, TriggerOverlap::PreviousFrame];
 const AUTO_MODES: [AutoMode; 3] = [AutoMode::Off, AutoMode::Once, AutoMode::Continuous];
 
 /// Numbers of double precision that are written in two halves.

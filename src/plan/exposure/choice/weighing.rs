@@ -5,10 +5,11 @@ use crate::exposure::cost::{kernel_bytes, kernel_count};
 use crate::exposure::lists::fill_nodes;
 use crate::exposure::method::{Method, MethodChoice, MethodName};
 use crate::exposure::motion::{Motion, Shutter};
+use crate::exposure::node_error::NodeError;
 use crate::exposure::pixel_path::PixelPath;
 use crate::exposure::plan::{LONGEST_KERNEL_PX, MOST_KERNEL_BYTES, MOST_KERNELS, Verdict};
 use crate::exposure::probes::{Probes, SIDE, gauss_legendre_count};
-use crate::exposure::weigh::{NodeError, ShapeOf};
+use crate::exposure::weigh::ShapeOf;
 
 /// Order of weighing: methods whose number of nodes is needed for others come first.
 const ORDER: [MethodName; 7] = [
@@ -126,7 +127,9 @@ impl Chooser {
     /// Weighs nodes between the corners of a path, more and more, until their error is small enough for the brightest star;
     /// none where the path has no corners, or too many, unless the user fixed the method.
     fn weigh_corners(&mut self, fixed: Option<usize>, motion: &Motion, brightest_e: f64, probes: &Probes) {
-        let stretches = motion.stretches();
+        // A long path is not counted to its end: it has too many.
+        let most = if self.is_fixed() { usize::MAX } else { MOST_JITTER_NODES };
+        let stretches = motion.stretches(0.0).take(most).count();
         let wanted = match &fixed {
             Some(per_stretch) => core::slice::from_ref(per_stretch),
             None if stretches < 2 && !self.is_fixed() => &[],
@@ -134,15 +137,28 @@ impl Chooser {
         };
         for &per_stretch in wanted {
             let method = Method::Corners { stretches, per_stretch };
-            if method.nodes() > MOST_JITTER_NODES && !self.is_fixed() {
+            // Rows of a rolling shutter that are exposed later may see one stretch more.
+            if method.nodes() + per_stretch > MOST_JITTER_NODES && !self.is_fixed() {
                 return;
             }
-            self.weigh_method(method, ShapeOf::EachStar, motion, probes);
-            let error = self.weighed.last().map_or(NodeError::default(), |weighed| weighed.error);
-            if self.is_enough(error, brightest_e, probes) {
+            if self.weigh_as_enough(method, ShapeOf::EachStar, motion, brightest_e, probes) {
                 return;
             }
         }
+    }
+
+    /// Weighs a method, and returns true when its error is small enough for the brightest star.
+    fn weigh_as_enough(
+        &mut self,
+        method: Method,
+        shape: ShapeOf,
+        motion: &Motion,
+        brightest_e: f64,
+        probes: &Probes,
+    ) -> bool {
+        self.weigh_method(method, shape, motion, probes);
+        let error = self.weighed.last().map_or(NodeError::default(), |weighed| weighed.error);
+        self.is_enough(error, brightest_e, probes)
     }
 
     /// Returns the number of Gauss-Legendre nodes of smooth motion.
@@ -177,9 +193,10 @@ impl Chooser {
             if method(count).nodes() > most && fixed.is_none() && !self.is_thorough {
                 return;
             }
-            self.weigh_method(method(count), shape, motion, probes);
-            let error = self.weighed.last().map_or(NodeError::default(), |weighed| weighed.error);
-            if self.is_enough(error, brightest_e, probes) || fixed.is_some() || count >= own {
+            if self.weigh_as_enough(method(count), shape, motion, brightest_e, probes)
+                || fixed.is_some()
+                || count >= own
+            {
                 return;
             }
             count = (2 * count).min(own);

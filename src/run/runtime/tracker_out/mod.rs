@@ -12,6 +12,7 @@
 
 mod damage;
 mod outlet;
+mod shared;
 mod source;
 mod tap;
 mod telemeter;
@@ -19,7 +20,7 @@ mod thread;
 
 pub use damage::{Damage, DamageKind};
 pub use outlet::{Outlet, OutletError, UdpParams};
+pub use shared::{OutCounts, OutShared, OutThread};
 pub use source::TrackerEyes;
 pub use tap::{FRAMES_WAITING, Seen, TapParts, TrackerTap, tracker_tap};
 pub use telemeter::{Telemeter, TelemeterParams};
-pub use thread::{OutCounts, OutShared, OutThread};

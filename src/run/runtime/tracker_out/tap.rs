@@ -1,7 +1,7 @@
 //! The end of a tracker at the sinks of its head: takes a copy of each frame and what a camera and its maker know of
 //! it.
 
-use crate::runtime::tracker_out::thread::OutShared;
+use crate::runtime::tracker_out::shared::OutShared;
 use base::image::DnImage;
 use base::region::Regions;
 use base::time::{Span, Tai};

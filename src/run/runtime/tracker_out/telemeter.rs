@@ -5,9 +5,9 @@
 
 use crate::runtime::tracker_out::damage::{Damage, Damages, Fate};
 use crate::runtime::tracker_out::outlet::{Outlet, OutletError};
+use crate::runtime::tracker_out::shared::{OutCounts, OutShared};
 use crate::runtime::tracker_out::source::{Source, TrackerEyes, unknown};
 use crate::runtime::tracker_out::tap::{Seen, TapParts};
-use crate::runtime::tracker_out::thread::{OutCounts, OutShared};
 use base::clock::Clock;
 use base::time::{Span, Tai};
 use frames::camera_control::{CameraCommand, CameraDesk, CommandSource, Commanded};

@@ -4,7 +4,7 @@
 //! run ends: it comes with the answer to `finish`.
 
 use crate::runtime::RunRecord;
-use crate::runtime::real_time::HeadParts;
+use crate::runtime::real_parts::HeadParts;
 use crate::wiring::control::answers::{self, Instants};
 use crate::wiring::control::protocol::Request;
 use crate::wiring::control::samples::SampleList;

@@ -5,7 +5,7 @@
 //! places an injected event when it came, not before.
 
 use super::ReplayError;
-use super::session::{exact, number};
+use super::exact_numbers::{exact, number};
 use base::time::Span;
 use config::Event;
 use serde::{Deserialize, Serialize};

@@ -21,6 +21,7 @@
 mod captured_links;
 mod completeness;
 mod error;
+mod exact_numbers;
 mod exposed;
 mod head_faults;
 mod head_playback;

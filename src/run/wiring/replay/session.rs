@@ -5,6 +5,7 @@
 //! without `end` the run was cut off. Form 1 is that of versions that captured one head of a bench; both forms are
 //! read.
 
+use super::exact_numbers::{exact, number, wrong};
 use super::injected::{Injected, KeptEvent};
 use super::{ReplayError, RowCounts, SESSION_FILE};
 use base::time::Tai;
@@ -281,19 +282,6 @@ impl Session {
 }
 
 /// Returns the fewest digits that give the same bits again.
-pub(super) fn exact(value: f64) -> String {
-    format!("{value:?}")
-}
-
-pub(super) fn number(name: &str, text: &str) -> Result<f64, ReplayError> {
-    let value = text.parse().ok().filter(|value: &f64| value.is_finite());
-    value.ok_or_else(|| wrong(name, text, "a finite number"))
-}
-
-fn wrong(name: &str, got: &str, wanted: &str) -> ReplayError {
-    ReplayError::Session { path: SESSION_FILE.into(), why: format!("{name} is \"{got}\", wanted {wanted}") }
-}
-
 fn cost_texts(cost: &CostModel) -> BTreeMap<String, String> {
     let value = serde_json::to_value(cost).unwrap_or_default();
     let fields = value.as_object().into_iter().flatten();

@@ -1,0 +1,11 @@
+//! The known name that was meant by an unknown one.
+
+/// Names nearer than this (Jaro-Winkler, 0 to 1) are offered as what was meant.
+const NEAR_ENOUGH: f64 = 0.75;
+
+/// Returns the name of `known` most like `name`, when any is like it.
+pub(super) fn nearest<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+    let name = name.to_lowercase();
+    let scored = known.map(|candidate| (strsim::jaro_winkler(&name, &candidate.to_lowercase()), candidate));
+    scored.filter(|(score, _)| *score >= NEAR_ENOUGH).max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, name)| name)
+}

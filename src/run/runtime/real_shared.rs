@@ -1,0 +1,45 @@
+//! Parts that the camera heads of a run on the bench clock share: clock, receiving threads and answers; and how the results
+//! of a sink thread are recorded.
+
+use crate::runtime::delivery::FramePacket;
+use crate::runtime::ledger::Ledger;
+use crate::runtime::link_thread::LinkThreads;
+use crate::runtime::port_reading::PortReading;
+use crate::runtime::receiver::Receiver;
+use crate::runtime::record::RunRecord;
+use crate::runtime::reply::{Reply, ReportedFrame};
+use base::clock::Clock;
+use frames::sink::FrameMeta;
+
+/// State shared by all heads.
+pub(super) struct Shared<'a> {
+    pub(super) clock: &'a dyn Clock,
+    pub(super) link_thread: &'a LinkThreads,
+    /// Readings of each port at the previous frame.
+    pub(super) readings: Vec<PortReading>,
+    /// Number of lost edges of trigger lines at the previous frame.
+    pub(super) lost_edges: u64,
+    pub(super) reply: Reply,
+    /// Receives the notes of further heads about messages that the first head has already noted.
+    pub(super) said_already: Ledger,
+}
+
+impl Shared<'_> {
+    /// Reports the contents of a frame to the flight computer.
+    pub(super) fn announce(&mut self, meta: &FrameMeta, pointing_bound_rad: Option<f64>, receiver: &Receiver) {
+        let now = self.clock.now();
+        let rejects = PortReading::rejects_of_all(&self.readings);
+        let reported = ReportedFrame { meta, pointing_bound_rad, rejects: &rejects, now };
+        for message in self.reply.messages(&reported, receiver) {
+            self.link_thread.send(0, message);
+        }
+    }
+}
+
+/// Records the sink thread's results for a frame whose buffer comes back.
+pub(super) fn take_back(record: &mut RunRecord, frame_packet: &FramePacket) {
+    if frame_packet.delivered {
+        record.complete(&frame_packet.record);
+    }
+    record.note_losses(&frame_packet.losses, frame_packet.record.due);
+}
