@@ -4,6 +4,7 @@
     hil_scripts/build_times.py               every crate, then the means
     hil_scripts/build_times.py --cold        first the program from nothing, in a folder of its own
     hil_scripts/build_times.py --only link   one crate; may be repeated
+    hil_scripts/build_times.py --profile dev another profile of cargo than release
 
 The machine should be idle. Each command runs once before it is measured; then a function is added to the crate's lib.rs, the
 command is timed, and the file is put back with its old time, so that cargo does not build the crates above it again. At the end each
@@ -56,20 +57,22 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--cold", action="store_true", help="measure a build from nothing first")
     parser.add_argument("--only", action="append", help="only this crate; may be repeated")
+    parser.add_argument("--profile", default="release", help="profile of cargo, default release")
     options = parser.parse_args()
     chosen = {name: path for name, path in crates().items() if not options.only or name in options.only}
     if not chosen:
         sys.exit(f"no such crate: wanted one of {', '.join(crates())}")
+    chosen_profile = ["--locked", "--profile", options.profile]
     if options.cold:
         with tempfile.TemporaryDirectory(dir=ROOT) as folder:
-            print(f"cold build of the program: {cargo('build', '--locked', '--release', target=folder):.0f} s", flush=True)
+            print(f"cold build of the program: {cargo('build', *chosen_profile, target=folder):.0f} s", flush=True)
     print("| crate | unit tests after an edit, s | of that running, s | program after an edit, s |\n|---|---|---|---|")
     rows = []
-    build = ["build", "--locked", "--release"]
+    build = ["build", *chosen_profile]
     cargo(*build)
     try:
         for name, path in chosen.items():
-            test = ["test", "--locked", "--release", "-p", name if name == "starloop" else f"starloop_{name}", "--lib"]
+            test = ["test", *chosen_profile, "-p", name if name == "starloop" else f"starloop_{name}", "--lib"]
             cargo(*test)
             running = cargo(*test)
             unit = after_edit(path, 1, *test)

@@ -8,7 +8,7 @@
 //! [`result`] (limits, what one frame fails) -> [`verdict`] -> [`report`], [`html`] [`compare`] puts them together.
 //!
 //! *Limits.* One PSF for all stars and colours; no planets; the air's refraction as a linear stretch; exposures at rest.
-//! *Validation.* `tests`: drawn fields with known attitude and camera come back.
+//! *Validation.* `tests/night_sky`: drawn fields with known attitude and camera come back.
 
 pub mod camera_text;
 pub mod compare;
@@ -38,14 +38,3 @@ pub use compare::{Compared, Comparer, Options};
 pub use error::CompareError;
 pub use picture::Picture;
 pub use result::Comparison;
-
-#[cfg(test)]
-#[allow(
-    clippy::unwrap_used,
-    clippy::panic,
-    clippy::float_cmp,
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "a test may stop at the first surprise and compares exact values where exactness is the claim"
-)]
-mod tests;

@@ -3,7 +3,8 @@
 use base::region::Regions;
 use frames::sink::CameraFacts;
 use image::detector;
-use image::detector::binning::{Binning, BinningKind, Levels};
+use image::detector::binning::{Binning, BinningKind};
+use image::detector::levels::Levels;
 use image::detector::pattern::PatternSizeError;
 use image::detector::window::OutputGeometry;
 use image::detector::{Detector, DetectorParams, Patterns, Seeds};

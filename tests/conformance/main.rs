@@ -9,6 +9,7 @@ mod crates;
 mod english;
 mod events_document;
 mod excerpts;
+mod file_circles;
 mod file_length;
 mod frames_document;
 mod pages;

@@ -60,7 +60,8 @@ impl Token {
     }
 }
 
-fn is_word_character(c: char) -> bool {
+/// Returns true for a character of an identifier, a keyword or a number.
+pub(crate) fn is_word_character(c: char) -> bool {
     c.is_alphanumeric() || c == '_'
 }
 

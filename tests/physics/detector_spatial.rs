@@ -2,11 +2,12 @@
 //! the parameters say. Formulae are written afresh here.
 
 use base::image::{DnImage, Image};
-use image::detector::binning::{Binning, BinningKind, Levels};
+use image::detector::binning::{Binning, BinningKind};
 use image::detector::blooming::Blooming;
 use image::detector::charge_transfer::{ChargeTransfer, OutputCorner};
 use image::detector::defects::{Defect, DefectKind, DefectPlace, Rates};
 use image::detector::image_lag::ImageLag;
+use image::detector::levels::Levels;
 use image::detector::protons::{ProtonDirection, ProtonFlux};
 use image::detector::tdi::Tdi;
 use image::detector::window::Window;

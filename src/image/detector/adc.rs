@@ -5,7 +5,7 @@
 //! 2.5). A converter matched to the pixel has `gain = full well / 2^bits` (one LSB).
 
 use crate::detector::block::BLOCK;
-use crate::detector::params::Constants;
+use crate::detector::constants::Constants;
 use base::fused::{mul_add, whole_bits};
 
 /// Converts a block.

@@ -58,7 +58,8 @@ impl DetectorConditions {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::detector::binning::{Binning, BinningKind, Levels};
+    use crate::detector::binning::{Binning, BinningKind};
+    use crate::detector::levels::Levels;
     use crate::detector::{Detector, PoissonMethod, SpatialParams};
     use base::image::{DnImage, Image};
 

@@ -4,6 +4,7 @@
 
 use crate::detector::background::Shape;
 use crate::detector::conditions::DetectorConditions;
+use crate::detector::constants::Constants;
 use crate::detector::disturbances::Disturbances;
 use crate::detector::effect::{ORDER, Part, effects_of};
 use crate::detector::ends::{ChargeToDn, Mean, MeanToCharge, MeanToDn};
@@ -11,7 +12,6 @@ use crate::detector::line_pattern::Lines;
 use crate::detector::neighbour_stage::{FrameAt, NeighbourStage};
 use crate::detector::neighbours;
 use crate::detector::output::Output;
-use crate::detector::params::Constants;
 use crate::detector::pattern::{PatternSizeError, Patterns};
 use crate::detector::seeds::Seeds;
 use crate::detector::stages::Stages;

@@ -6,9 +6,9 @@
 
 use crate::detector::background::Shape;
 use crate::detector::block::{BLOCK, Words};
+use crate::detector::constants::Constants;
 use crate::detector::line_pattern::Lines;
 use crate::detector::outliers::Outliers;
-use crate::detector::params::Constants;
 use crate::detector::pattern::Patterns;
 use crate::detector::{Effect, PoissonMethod};
 use base::region::Regions;

@@ -7,7 +7,7 @@ use base::time::Span;
 use frames::camera_control::CameraSettings;
 use frames::sink::{ActiveFaults, FaultFlags, FrameMeta};
 use image::detector::Seeds;
-use image::detector::binning::Levels;
+use image::detector::levels::Levels;
 use plan::attitude::{LosPath, PathOrigin};
 use plan::exposure::ExposurePlan;
 

@@ -21,10 +21,10 @@ mod passes;
 
 use crate::detector::background::normalisation;
 use crate::detector::conditions::DetectorConditions;
+use crate::detector::constants::Constants;
 use crate::detector::disturbances::Disturbances;
 use crate::detector::neighbour_stage::FrameAt;
 use crate::detector::output::Output;
-use crate::detector::params::Constants;
 use crate::detector::{Detector, DetectorParams, PoissonMethod};
 use crate::gpu::buffers::GrowableBuffer;
 use crate::gpu::readback::ReadbackRing;

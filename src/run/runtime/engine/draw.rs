@@ -12,7 +12,7 @@ use base::time::Span;
 use frames::report::{Stage, StageTimes};
 use frames::sink::{FaultFlags, SentFrame};
 use image::detector::DetectorConditions;
-use image::detector::binning::Levels;
+use image::detector::levels::Levels;
 use plan::attitude::PathOrigin;
 use plan::exposure::{Degradation, Motion, Source};
 use scene::SceneReport;

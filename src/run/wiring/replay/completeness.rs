@@ -6,32 +6,10 @@
 //! of rows. Both are replayed with a note ([`Session::doubts`]). Tests: `tests/closed_loop/replay.rs`.
 
 use super::sample_table::SAMPLES_FILE;
-use super::{FRAMES_FILE, FrameRow, ReplayError, RowReader, Session, SessionEnd, sample_table};
+use super::{FRAMES_FILE, ReplayError, RowCounts, RowReader, Session, SessionEnd, sample_table};
 use link::capture::{CaptureError, CaptureReader};
-use serde::{Deserialize, Serialize};
 use std::fs::File;
 use std::path::Path;
-
-/// Sums over the rows of `frames.csv`.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct RowCounts {
-    /// Rows.
-    pub rows: u64,
-    /// Frames that went out: rows with a checksum.
-    pub frames: u64,
-    /// Number of the last row's frame; absent without rows.
-    pub last_frame: Option<u32>,
-}
-
-impl RowCounts {
-    /// Counts one more row.
-    pub(super) fn add(&mut self, row: &FrameRow) {
-        self.rows += 1;
-        self.frames += u64::from(row.crc32.is_some());
-        self.last_frame = Some(row.frame);
-    }
-}
 
 /// Refuses a capture whose content differs from its end record.
 ///

@@ -28,10 +28,12 @@ mod head_playback;
 mod injected;
 #[cfg(test)]
 mod mutation_tests;
+mod outcome;
 mod playback;
 mod recording;
 #[cfg(test)]
 mod replay_tests;
+mod row_counts;
 mod row_reader;
 mod row_writer;
 mod rows;
@@ -41,11 +43,12 @@ mod sample_table;
 mod session;
 mod table_lines;
 
-pub use completeness::RowCounts;
 pub use error::ReplayError;
 pub use injected::{Injected, KeptEvent};
-pub use playback::{Difference, HeadOutcome, ReplayOptions, ReplayOutcome, SinkOfHead, replay_bus, replay_session};
+pub use outcome::{Difference, HeadOutcome};
+pub use playback::{ReplayOptions, ReplayOutcome, SinkOfHead, replay_bus, replay_session};
 pub use recording::{Recording, SampleTap};
+pub use row_counts::RowCounts;
 pub use row_reader::RowReader;
 pub use rows::{CapturedFate, DrawnFrom, FrameRow, RowForm};
 pub use sample_table::{CapturedSample, SampleReader};
