@@ -7,12 +7,14 @@ use crate::numbering::stored_number;
 use base::source::{CatalogSource, direction_from_ra_dec, ra_dec_rad};
 use base::units::{DEG, MAS};
 use glam::DVec3;
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
-/// Layers of the built-in catalog's stars, to magnitude 5 and 7, at an epoch.
-fn layers(folder: &Path, epoch_yr: f64) -> Vec<PathBuf> {
-    let mut sorting = Sorting::start(&folder.join("work"), &[5.0, 7.0]).unwrap();
+/// Returns the names and bytes of layers of the built-in catalog's stars, to magnitude 5 and 7, at an epoch.
+fn built(epoch_yr: f64) -> Vec<(OsString, Vec<u8>)> {
+    let folder = tempfile::tempdir().unwrap();
+    let mut sorting = Sorting::start(&folder.path().join("work"), &[5.0, 7.0]).unwrap();
     for star in Catalog::built_in().unwrap().sources() {
         let [ra_rad, dec_rad] = ra_dec_rad(star.direction_icrf);
         let motion = star.proper_motion.map(|m| [m.pm_ra_cosdec_mas_yr, m.pm_dec_mas_yr].map(f64::from));
@@ -27,8 +29,25 @@ fn layers(folder: &Path, epoch_yr: f64) -> Vec<PathBuf> {
         };
         sorting.add(&new).unwrap();
     }
-    let reports = sorting.finish(folder, epoch_yr, "credits", &mut |_| {}).unwrap();
-    reports.into_iter().map(|report| report.path).collect()
+    let reports = sorting.finish(folder.path(), epoch_yr, "credits", &mut |_| {}).unwrap();
+    let read = |path: &Path| (path.file_name().unwrap().to_owned(), std::fs::read(path).unwrap());
+    reports.iter().map(|report| read(&report.path)).collect()
+}
+
+/// Writes the layers at epoch 2016.0 into a folder, and returns their paths. They are built once for all tests.
+fn layers(folder: &Path) -> Vec<PathBuf> {
+    static BUILT: OnceLock<Vec<(OsString, Vec<u8>)>> = OnceLock::new();
+    written(folder, BUILT.get_or_init(|| built(2016.0)))
+}
+
+fn written(folder: &Path, layers: &[(OsString, Vec<u8>)]) -> Vec<PathBuf> {
+    std::fs::create_dir_all(folder).unwrap();
+    let write = |(name, bytes): &(OsString, Vec<u8>)| {
+        let path = folder.join(name);
+        std::fs::write(&path, bytes).unwrap();
+        path
+    };
+    layers.iter().map(write).collect()
 }
 
 /// Returns electrons that encode magnitude and colour.
@@ -53,7 +72,7 @@ fn towards(ra_deg: f64, dec_deg: f64) -> DVec3 {
 #[test]
 fn a_field_has_the_stars_of_the_catalog() {
     let folder = tempfile::tempdir().unwrap();
-    let mut sky = sky(&layers(folder.path(), 2016.0), 6.5, 1_000_000);
+    let mut sky = sky(&layers(folder.path()), 6.5, 1_000_000);
     let built_in = Catalog::built_in().unwrap();
     let (mut wanted, mut total): (Vec<CatalogSource>, usize) = (Vec::new(), 0);
     for (ra_deg, dec_deg, radius_deg) in
@@ -91,7 +110,7 @@ fn a_field_has_the_stars_of_the_catalog() {
 #[test]
 fn a_field_depends_on_where_it_is_and_not_on_what_was_seen_before() {
     let folder = tempfile::tempdir().unwrap();
-    let paths = layers(folder.path(), 2016.0);
+    let paths = layers(folder.path());
     // The whole sky to 6.5 has 8,000 stars: a memory of 3,000 is full after a few fields.
     let mut small = sky(&paths, 6.5, 3000);
     for step in 0..60 {
@@ -108,7 +127,7 @@ fn a_field_depends_on_where_it_is_and_not_on_what_was_seen_before() {
 #[test]
 fn a_crowded_field_goes_without_its_faintest_layer() {
     let folder = tempfile::tempdir().unwrap();
-    let paths = layers(folder.path(), 2016.0);
+    let paths = layers(folder.path());
     let count = |path: &PathBuf| crate::layer::Layer::open(path).unwrap().index().stars();
     let [bright, faint] = [count(&paths[0]), count(&paths[1])];
     for (most, fits) in [(bright + faint, true), (bright + faint - 1, false), (bright, false)] {
@@ -140,7 +159,7 @@ fn settle(sky: &mut TileSky, axis: DVec3, radius_rad: f64) -> u32 {
 #[test]
 fn late_tiles_are_missing_and_counted() {
     let folder = tempfile::tempdir().unwrap();
-    let paths = layers(folder.path(), 2016.0);
+    let paths = layers(folder.path());
     let (axis, radius_rad) = (towards(84.0, -1.2), 12.0 * DEG);
     let mut in_line = sky(&paths, 6.5, 100_000);
     in_line.take_field(axis, radius_rad).unwrap();
@@ -159,7 +178,7 @@ fn late_tiles_are_missing_and_counted() {
 #[test]
 fn a_crowded_field_goes_without_its_faintest_layer_also_when_a_thread_reads() {
     let folder = tempfile::tempdir().unwrap();
-    let paths = layers(folder.path(), 2016.0);
+    let paths = layers(folder.path());
     let count = |path: &PathBuf| crate::layer::Layer::open(path).unwrap().index().stars();
     let [bright, faint] = [count(&paths[0]), count(&paths[1])];
     let mut crowded = sky(&paths, 7.0, bright + faint / 2);
@@ -186,7 +205,7 @@ fn a_crowded_field_goes_without_its_faintest_layer_also_when_a_thread_reads() {
 #[test]
 fn a_tile_that_was_asked_for_ahead_and_then_lacking_comes_once() {
     let folder = tempfile::tempdir().unwrap();
-    let paths = layers(folder.path(), 2016.0);
+    let paths = layers(folder.path());
     let mut sky = sky(&paths, 6.5, 100_000);
     sky.read_ahead().unwrap();
     let (there, radius_rad) = (towards(100.0, 0.0), 5.0 * DEG);
@@ -203,7 +222,7 @@ fn a_tile_that_was_asked_for_ahead_and_then_lacking_comes_once() {
 #[test]
 fn an_announced_field_is_there() {
     let folder = tempfile::tempdir().unwrap();
-    let paths = layers(folder.path(), 2016.0);
+    let paths = layers(folder.path());
     let mut sky = sky(&paths, 6.5, 100_000);
     sky.read_ahead().unwrap();
     let (here, there, radius_rad) = (towards(84.0, 0.0), towards(100.0, 0.0), 5.0 * DEG);
@@ -224,7 +243,7 @@ fn an_announced_field_is_there() {
 #[test]
 fn a_damaged_tile_is_reported_by_either_way_of_reading() {
     let folder = tempfile::tempdir().unwrap();
-    let paths = layers(folder.path(), 2016.0);
+    let paths = layers(folder.path());
     let mut bytes = std::fs::read(&paths[0]).unwrap();
     *bytes.last_mut().unwrap() ^= 1;
     std::fs::write(&paths[0], bytes).unwrap();
@@ -243,7 +262,7 @@ fn a_damaged_tile_is_reported_by_either_way_of_reading() {
 #[test]
 fn reader_that_breaks_down_is_known_and_its_tiles_stay_missing() {
     let folder = tempfile::tempdir().unwrap();
-    let layers = Arc::new(LayerSet::open(&layers(folder.path(), 2016.0), 6.5).unwrap());
+    let layers = Arc::new(LayerSet::open(&layers(folder.path()), 6.5).unwrap());
     let broken = Light::new(|_, _| panic!("as the test wants it"));
     for (light, is_lost) in [(light(), false), (broken, true)] {
         let mut sky = TileSky::new(Arc::clone(&layers), light, 100_000);
@@ -262,7 +281,7 @@ fn reader_that_breaks_down_is_known_and_its_tiles_stay_missing() {
 #[test]
 fn a_sky_reports_where_its_stars_begin_and_end() {
     let folder = tempfile::tempdir().unwrap();
-    let paths = layers(folder.path(), 2016.0);
+    let paths = layers(folder.path());
     let limits = |paths: &[PathBuf]| LayerSet::open(paths, 10.0).map(|set| set.magnitudes()).unwrap();
     assert_eq!(limits(&paths), [f32::NEG_INFINITY, 7.0]);
     assert_eq!(limits(&paths[1..]), [5.0, 7.0], "the bright layer was left out");
@@ -271,9 +290,9 @@ fn a_sky_reports_where_its_stars_begin_and_end() {
 #[test]
 fn layers_that_are_no_one_sky_are_refused() {
     let folder = tempfile::tempdir().unwrap();
-    let paths = layers(&folder.path().join("a"), 2016.0);
+    let paths = layers(&folder.path().join("a"));
     let refused = |paths: &[PathBuf], limit| LayerSet::open(paths, limit).unwrap_err().to_string();
-    let others = layers(&folder.path().join("b"), 2000.0);
+    let others = written(&folder.path().join("b"), &built(2000.0));
     let reported = refused(&[paths[0].clone(), others[1].clone()], 9.0);
     assert!(
         reported.contains("g7.starlayer") && reported.contains("wanted J2016") && reported.contains("J2000"),
