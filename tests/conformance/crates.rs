@@ -7,8 +7,8 @@ use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::process::Command;
 
-/// Crate -> everything of its `[dependencies]`, without the prefix `starloop_`.
-type Graph = BTreeMap<String, BTreeSet<String>>;
+/// Crate -> everything of its `[dependencies]`, without the prefix `starloop_`; or file -> the files that it refers to.
+pub(crate) type Graph = BTreeMap<String, BTreeSet<String>>;
 
 /// Crates that a run needs none of: imports, charts, studies, real frames.
 const BATCH_WORK: &[&str] = &["imports", "batch", "performance", "night_sky"];
@@ -45,8 +45,8 @@ fn inside(graph: &Graph) -> Graph {
     graph.iter().map(|(name, all)| (name.clone(), own(all))).collect()
 }
 
-/// Returns every crate that `name` reaches through its dependencies.
-fn reached_from(name: &str, graph: &Graph) -> BTreeSet<String> {
+/// Returns every crate, or file, that `name` reaches through what it depends on.
+pub(crate) fn reached_from(name: &str, graph: &Graph) -> BTreeSet<String> {
     let mut reached = BTreeSet::new();
     let mut waiting = vec![name.to_owned()];
     while let Some(next) = waiting.pop() {

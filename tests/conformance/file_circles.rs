@@ -5,6 +5,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use crate::crates::{Graph, reached_from};
 use crate::source::{SourceFile, Token, files, is_word_character, tokens};
 
 /// Circles whose cut would be worse: a folder, its files, and why.
@@ -211,7 +212,7 @@ fn definer(modules: &Modules, path: &[String], seen: &mut BTreeSet<Path>) -> Opt
 }
 
 /// Returns, for each file, the files that its code refers to. Those of its own folder are parts of it, and are left out.
-fn references(modules: &Modules) -> BTreeMap<&str, BTreeSet<&str>> {
+fn references(modules: &Modules) -> Graph {
     // An item that a macro makes is in no list: its path leads to the file that has the macro.
     let found =
         |path: &Path| definer(modules, path, &mut BTreeSet::new()).unwrap_or_else(|| deepest(modules, path).to_vec());
@@ -219,18 +220,9 @@ fn references(modules: &Modules) -> BTreeMap<&str, BTreeSet<&str>> {
         let is_used = |import: &&Import| import.name == "*" || module.words.contains(&import.name);
         let imports = module.imports.iter().filter(is_used).map(|import| &import.path);
         let others = imports.chain(&module.paths).map(found).filter(|found| !found.starts_with(at));
-        others.filter_map(|found| modules.get(&found)).map(|other| other.file.as_str()).collect()
+        others.filter_map(|found| modules.get(&found)).map(|other| other.file.clone()).collect()
     };
-    modules.iter().map(|module| (module.1.file.as_str(), of(module))).collect()
-}
-
-/// Returns all that can be reached from a file.
-fn reached<'a>(graph: &BTreeMap<&'a str, BTreeSet<&'a str>>, from: &'a str) -> BTreeSet<&'a str> {
-    let (mut found, mut open) = (BTreeSet::new(), vec![from]);
-    while let Some(file) = open.pop() {
-        open.extend(graph[file].iter().filter(|next| found.insert(**next)));
-    }
-    found
+    modules.iter().map(|module| (module.1.file.clone(), of(module))).collect()
 }
 
 /// Returns the circles of one crate, files sorted.
@@ -241,13 +233,11 @@ fn circles(files: &[SourceFile], folder: &str) -> Vec<Vec<String>> {
     let in_code = files.iter().filter(|file| paths.contains(&path(file)));
     let modules: Modules = in_code.map(|file| (path(file), read_module(file, &path(file), &paths))).collect();
     let graph = references(&modules);
-    let reach: BTreeMap<&str, BTreeSet<&str>> = graph.keys().map(|file| (*file, reached(&graph, file))).collect();
+    let reach: Graph = graph.keys().map(|file| (file.clone(), reached_from(file, &graph))).collect();
     let mut found = BTreeSet::new();
     for (file, others) in &reach {
         if others.contains(file) {
-            found.insert(
-                others.iter().filter(|other| reach[*other].contains(file)).map(|other| (*other).to_owned()).collect(),
-            );
+            found.insert(others.iter().filter(|other| reach[*other].contains(file)).cloned().collect());
         }
     }
     found.into_iter().collect()
