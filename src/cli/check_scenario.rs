@@ -27,10 +27,17 @@ fn make_once(scenario: &Scenario) -> Result<()> {
 }
 
 fn write_frames_expected(text: &mut String, expect: &ExpectFrames) -> Result<(), Error> {
+    let limits = &expect.limits;
     let limits = [
-        ("late frames, at most", expect.late_at_most),
-        ("dropped frames, at most", expect.dropped_at_most),
-        ("blank frames, at most", expect.blank_at_most),
+        ("late frames, at most", limits.late),
+        ("dropped frames, at most", limits.dropped),
+        ("blank frames, at most", limits.blank),
+        ("blank frames at the start, at most", limits.blank_at_start),
+        ("frames with a held attitude, at most", limits.attitude_held),
+        ("frames not exposed, at most", limits.not_exposed),
+        ("losses of a link, at most", limits.links_lost),
+        ("times packets are lost, at most", limits.packets_lost),
+        ("frames without all jitter, at most", limits.jitter_missing),
         ("triggers, at least", expect.triggers_at_least),
     ];
     for (what, limit) in limits {

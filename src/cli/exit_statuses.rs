@@ -1,6 +1,8 @@
 //! The exit statuses: what each means, which commands end with it, and the help text made of both.
 
-use crate::cli::{EXIT_DONE, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_LOST, EXIT_NOT_MET, EXIT_OVER_BUDGET, EXIT_USAGE};
+use crate::cli::{
+    EXIT_DONE, EXIT_FAILED, EXIT_INCOMPLETE, EXIT_INTERRUPTED, EXIT_LOST, EXIT_NOT_MET, EXIT_OVER_BUDGET, EXIT_USAGE,
+};
 use base::streams::EXIT_BROKEN_PIPE;
 
 /// One exit status.
@@ -35,6 +37,12 @@ pub const EXIT_STATUSES: &[ExitStatus] = &[
         meaning: "it reached its end, but something was lost (frames that a sink did not take, a file, a capture, a \
                   thread); one line on standard error names it, also with --quiet",
         commands: &["run", "budget", "bus"],
+    },
+    ExitStatus {
+        numbers: &[EXIT_INCOMPLETE],
+        meaning: "a run reached its end, but frames are missing, late, blank or lit by a held attitude, a link was lost, \
+                  or input contradicts itself; the first line says what",
+        commands: &["run", "budget"],
     },
     ExitStatus {
         numbers: &[EXIT_INTERRUPTED, 143, 129],
@@ -84,9 +92,12 @@ mod tests {
 
     #[test]
     fn the_table_names_every_command_that_ends_with_a_status() {
-        for (constant, number) in
-            [("EXIT_OVER_BUDGET", EXIT_OVER_BUDGET), ("EXIT_NOT_MET", EXIT_NOT_MET), ("EXIT_LOST", EXIT_LOST)]
-        {
+        for (constant, number) in [
+            ("EXIT_OVER_BUDGET", EXIT_OVER_BUDGET),
+            ("EXIT_NOT_MET", EXIT_NOT_MET),
+            ("EXIT_LOST", EXIT_LOST),
+            ("EXIT_INCOMPLETE", EXIT_INCOMPLETE),
+        ] {
             let row = EXIT_STATUSES.iter().find(|row| row.numbers == [number]).unwrap();
             let users = users(constant);
             assert!(!users.is_empty(), "control: {constant} is used");

@@ -131,6 +131,9 @@ pub const EXIT_NOT_MET: u8 = 4;
 /// Exit status: it reached its end, but something was lost: frames, a file, a capture, a thread. One line on standard
 /// error says what, also when the command is quiet. It comes before every other status except [`EXIT_FAILED`].
 pub const EXIT_LOST: u8 = 5;
+/// Exit status: a run reached its end, but frames are missing, late, blank or lit by a held attitude, a link was lost, or
+/// input contradicts itself. The first line of its output says what.
+pub const EXIT_INCOMPLETE: u8 = 6;
 /// Exit status: stopped by Ctrl-C (SIGINT); everything finished by then is written. SIGTERM gives 143, SIGHUP 129: 128
 /// and the signal's number.
 pub const EXIT_INTERRUPTED: u8 = 130;

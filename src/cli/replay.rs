@@ -18,10 +18,12 @@ use std::path::PathBuf;
 
 /// Command line of `replay`.
 #[derive(Debug, Args)]
-#[command(after_help = "Exit status: 0 every image that could be compared is bit-identical; 4 one is not; 1 it could \
+#[command(
+    after_help = "Exit status: 0 every image that went out is bit-identical; 4 one is not, or could not be compared; 1 it could \
                         not be done.\n\n\
                         Bits repeat on the backend and vector level of the captured run. A capture without its session \
-                        (a candump log, a pcapng file) is drawn with --bench, and there is nothing to compare.")]
+                        (a candump log, a pcapng file) is drawn with --bench, and there is nothing to compare."
+)]
 pub struct ReplayArgs {
     /// Directory of `starloop run --capture`, or a capture of a bus (candump log or pcapng)
     capture: PathBuf,
@@ -100,7 +102,8 @@ pub fn run(arguments: &ReplayArgs) -> Result<u8> {
     } else {
         announce(&outcome, is_session);
     }
-    Ok(if is_session && (outcome.compared() == 0 || outcome.differing() > 0) { EXIT_NOT_MET } else { EXIT_DONE })
+    let is_whole = outcome.compared() > 0 && outcome.uncompared() == 0 && outcome.differing() == 0;
+    Ok(if is_session && !is_whole { EXIT_NOT_MET } else { EXIT_DONE })
 }
 
 /// Returns the recorder of a head's frames, when they are to be recorded.
@@ -135,6 +138,7 @@ fn facts(outcome: &ReplayOutcome, is_session: bool) -> serde_json::Value {
         "is_session": is_session,
         "drawn": outcome.drawn(),
         "compared": outcome.compared(),
+        "uncompared": outcome.uncompared(),
         "differing": outcome.differing(),
         "skipped_packets": outcome.skipped_packets,
         "doubts": outcome.doubts,
@@ -156,7 +160,9 @@ fn announce(outcome: &ReplayOutcome, is_session: bool) {
         println!("no frame could be compared");
         return;
     }
-    println!("{heads}{} of {compared} frames bit-identical", compared - differing);
+    let left = Some(outcome.uncompared()).filter(|left| *left > 0);
+    let left = left.map_or_else(String::new, |left| format!("; {left} could not be compared"));
+    println!("{heads}{} of {compared} frames bit-identical{left}", compared - differing);
     if let Some(first) = outcome.first() {
         println!(
             "the first that is not: {}frame {}, CRC-32 {:08x} captured, {:08x} replayed",

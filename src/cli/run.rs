@@ -7,7 +7,7 @@ use crate::cli::folder;
 use crate::cli::monitor::Monitor;
 use crate::cli::provenance;
 use crate::cli::run_args::{CaptureFormatName, ClockKind, RunArgs};
-use crate::cli::run_control::{Controlled, control_steered, control_stepped, listen, steering};
+use crate::cli::run_control::{Client, Controlled, control_steered, control_stepped, listen, steering};
 use crate::cli::run_finished::Finished;
 use crate::cli::run_input::{RunInput, input};
 use crate::cli::run_progress::sender;
@@ -26,6 +26,7 @@ use run::wiring::capture_tap::CaptureOptions;
 use run::wiring::live_tap::LiveOptions;
 use run::wiring::memory::{RunForm, RunMemory};
 use run::wiring::sinks::run_directory;
+use run::wiring::verdict::CutShort;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -127,6 +128,13 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
     }
     let asked_to_finish = client.as_ref().is_some_and(|client| client.asked_to_finish());
     let was_interrupted = stop.load(Ordering::SeqCst) && !asked_to_finish;
+    let is_gone = client.as_ref().is_some_and(Client::is_gone) && !is_real;
+    end.cut_short = match (asked_to_finish, was_interrupted, is_gone) {
+        (true, _, _) => Some(CutShort::Finished),
+        (false, true, _) => Some(CutShort::Interrupted),
+        (false, false, true) => Some(CutShort::ClientGone),
+        (false, false, false) => None,
+    };
     let telemetry = telemetry.map(|file| file.finish(&title(&scenario))).transpose();
     telemetry.unwrap_or_else(|error| {
         end.losses.note_file("telemetry.csv", format!("{error:#}"));

@@ -95,6 +95,13 @@ pub(super) fn control_stepped(
     let served =
         session.serve(&mut Stage { scenario: &scenario, going: &mut going, report: &mut report, progress, stop });
     let (client, error) = match served {
+        Ok(end @ SessionEnd::Finish(_)) => {
+            let error = going.finish_early(&mut |head, frame, record| {
+                progress(head, frame, record);
+                true
+            });
+            (Client { session, end }, error.err())
+        }
         Ok(end) => (Client { session, end }, None),
         Err(error) => (Client { session, end: SessionEnd::Interrupted }, Some(error)),
     };

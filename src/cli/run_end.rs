@@ -7,11 +7,11 @@ use crate::cli::run_control::Client;
 use crate::cli::run_events;
 use crate::cli::run_finished::Finished;
 use crate::cli::run_page;
-use crate::cli::run_verdict::{first_failure, verdict_line};
+use crate::cli::run_verdict::verdict_line;
 use crate::cli::scenario_report::{ScenarioReport, table};
-use crate::cli::{EXIT_DONE, EXIT_FAILED, EXIT_LOST, EXIT_NOT_MET, signals};
+use crate::cli::{EXIT_DONE, EXIT_FAILED, EXIT_INCOMPLETE, EXIT_LOST, EXIT_NOT_MET, signals};
 use anyhow::{Context, Result};
-use frames::report::{Losses, RunSummary, short_table, summary_table};
+use frames::report::{Losses, RunSummary, RunWord, short_table, summary_table};
 use frames::sink::replace_own_file;
 
 /// Results of a run, as printed and sent.
@@ -87,7 +87,7 @@ impl Finished {
         if arguments.quiet {
             return Ok(());
         }
-        println!("{}", verdict_line(self, scenario.as_ref(), arguments.clock));
+        println!("{}", verdict_line(self, arguments.clock));
         let is_flown = self.scenario.vehicle().is_some();
         if arguments.details && !is_flown {
             println!("{}", summary_table(summary));
@@ -103,17 +103,6 @@ impl Finished {
         Ok(())
     }
 
-    /// Says that a flight computer outside sent no attitude in the whole run.
-    fn warn_of_silence(&self, summary: &RunSummary) {
-        let is_outside = self.scenario.bench.flight_computer.is_external && self.client.is_none();
-        if is_outside && summary.link.counters.get("attitudes_accepted") == Some(&0) {
-            eprintln!(
-                "starloop: no attitude arrived over the link: check that the other end sends, and node, id_bits, id_base, wire and bit rate \
-                 of both ends"
-            );
-        }
-    }
-
     /// Returns the exit status, and prints what was lost, also when the run is quiet. A client that waits for the end
     /// gets it.
     ///
@@ -121,8 +110,11 @@ impl Finished {
     /// With why the run ended early, if it did.
     pub(super) fn status(self, reports: &Reports, arguments: &RunArgs) -> Result<u8> {
         let was_lost = say_losses(&self.end.losses);
-        self.warn_of_silence(&reports.summary);
-        let holds = self.end.holds();
+        let verdict = &reports.summary.verdict;
+        if !arguments.json && arguments.quiet && verdict.word != RunWord::Ok {
+            eprintln!("starloop: {}: {}", verdict.word, plain_text(&verdict.reasons_line()));
+        }
+        let (holds, is_complete) = (self.end.holds(), verdict.word <= RunWord::Ok);
         let (name, seed) = (&self.scenario.name, self.scenario.bench.seed);
         let report = match &reports.scenario {
             Some(report) => serde_json::to_value(report)?,
@@ -133,7 +125,8 @@ impl Finished {
             (true, _, _) => EXIT_LOST,
             (false, true, _) => signals::exit_status(),
             (false, false, false) => EXIT_NOT_MET,
-            (false, false, true) => EXIT_DONE,
+            (false, false, true) if is_complete => EXIT_DONE,
+            (false, false, true) => EXIT_INCOMPLETE,
         };
         if let Some(client) = self.client {
             if client.is_gone() && arguments.clock == ClockKind::Virtual && !self.was_interrupted {
@@ -150,8 +143,8 @@ impl Finished {
         if self.was_interrupted {
             eprintln!("starloop: stopped by {}; everything finished before is kept", signals::cause());
         } else if !holds {
-            let failure = reports.scenario.as_ref().and_then(first_failure);
-            let failure = failure.unwrap_or_else(|| "an expectation was not met".into());
+            let failed = verdict.reasons.iter().find(|reason| reason.word == RunWord::Failed);
+            let failure = failed.map_or("an expectation was not met", |reason| reason.text.as_str());
             eprintln!("starloop: \"{name}\" failed: {failure}; seed {seed} repeats it");
         }
         Ok(status)

@@ -10,7 +10,7 @@ use crate::cli::run_samples::{Recording, Sample, recording};
 use crate::cli::run_timeline::timeline;
 use crate::cli::run_verdict::verdict_line;
 use crate::cli::scenario_report::ScenarioReport;
-use frames::report::{BudgetLine, budget_lines};
+use frames::report::{BudgetLine, FrameEnd, budget_lines};
 use performance::provenance::Provenance;
 use run::wiring::control::base64;
 
@@ -39,7 +39,7 @@ fn with_samples(
     recording: Option<&Recording>,
     samples: Option<&[Sample]>,
 ) -> String {
-    let verdict = verdict_line(finished, report, clock);
+    let verdict = verdict_line(finished, clock);
     let mut page = Page::begun(&verdict, verdict.starts_with("ok"));
     if finished.was_interrupted {
         page.paragraph("The run was stopped by a signal; everything finished before is kept.");
@@ -106,10 +106,13 @@ fn write_verdicts(page: &mut Page, report: Option<&ScenarioReport>) {
 }
 
 fn write_frames(page: &mut Page, finished: &Finished) {
-    let frames = &finished.end.record.frames;
+    let (frames, account) = (&finished.end.record.frames, finished.end.account());
     page.heading("Frames");
+    page.table(&["what became of the promised frames", "frames"]);
+    FrameEnd::ALL.iter().for_each(|end| page.row(&[end.words().into(), account.of(*end).count.to_string()]));
+    page.row(&["all".into(), account.scheduled().to_string()]);
+    page.end_table();
     let counts = [
-        ("scheduled", frames.scheduled),
         ("rendered", frames.rendered),
         ("delivered", frames.delivered),
         ("late", frames.late),

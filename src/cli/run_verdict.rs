@@ -1,55 +1,50 @@
-//! The first line of a run's output: whether it went well, in one sentence.
+//! The first line of a run's output: its verdict with every reason, in one sentence.
 
 use crate::cli::run_args::ClockKind;
 use crate::cli::run_finished::Finished;
-use crate::cli::scenario_report::ScenarioReport;
-use frames::report::{FrameCounts, Stage};
-use run::runtime::DeadlinePolicy;
+use frames::report::{FrameAccount, FrameEnd, RunVerdict, Stage};
 
-/// Returns the verdict: `ok`, `LOST` or `FAILED`, frames on time, frames lost, latency against its limit, and where
+/// Returns the verdict: its word, frames on time, frames lost by sinks, the reasons, latency against its limit, and where
 /// files are.
-pub(super) fn verdict_line(finished: &Finished, report: Option<&ScenarioReport>, clock: ClockKind) -> String {
-    let (end, record) = (&finished.end, &finished.end.record);
-    let word = match (end.error.is_some() || !end.holds(), end.losses.is_empty()) {
-        (true, _) => "FAILED",
-        (false, false) => "LOST",
-        (false, true) => "ok",
-    };
-    let lost: u64 = end.sink_lines.iter().map(|line| line.dropped + line.refused).sum();
-    let on_time = frames_on_time(&record.frames, finished.engine().params().deadline_policy);
-    let mut line = match clock {
+pub(super) fn verdict_line(finished: &Finished, clock: ClockKind) -> String {
+    let end = &finished.end;
+    let (verdict, lost) = (end.verdict(), end.sink_lines.iter().map(|line| line.dropped + line.refused).sum());
+    let mut line = counted(&verdict, &end.account(), lost, clock);
+    match clock {
         ClockKind::Real => {
-            let p99_ms = record.p99_ms();
             let limit = release_limit_ms(finished).map(|ms| format!(" of {ms}")).unwrap_or_default();
-            let frames = record.frames.scheduled;
-            format!("{word}: {on_time} of {frames} frames on time, {lost} lost; p99 latency {p99_ms:.1} ms{limit}")
+            line += &format!("; p99 latency {:.1} ms{limit}", end.record.p99_ms());
         }
         ClockKind::Virtual => {
-            let (frames, simulated_s, wall_s) = (record.frames, end.simulated_s, finished.wall_s);
-            format!(
-                "{word}: {} of {} frames, {lost} lost; {simulated_s:.1} s simulated in {wall_s:.1} s",
-                frames.delivered, frames.scheduled
-            )
+            line += &format!("; {:.1} s simulated in {:.1} s", end.simulated_s, finished.wall_s);
         }
-    };
-    if let Some(failure) = report.and_then(first_failure) {
-        line.push_str("; ");
-        line.push_str(&failure);
+    }
+    if !verdict.limits_used.is_empty() {
+        line += &format!("; allowed: {}", verdict.limits_used.join(", "));
     }
     if let Some(directory) = &finished.directory {
-        line.push_str(&format!("; {}", directory.display()));
+        line += &format!("; {}", directory.display());
     }
     line
 }
 
-/// Returns frames that went out when they were due. A late frame is dropped, or goes out late or is replaced, by
-/// policy.
-fn frames_on_time(frames: &FrameCounts, policy: DeadlinePolicy) -> u64 {
-    let missed = match policy {
-        DeadlinePolicy::Drop => frames.dropped.max(frames.late),
-        DeadlinePolicy::Hold | DeadlinePolicy::Late => frames.dropped + frames.late,
+/// Returns the word, the counts and the reasons.
+fn counted(verdict: &RunVerdict, account: &FrameAccount, lost: u64, clock: ClockKind) -> String {
+    let on_time = account.of(FrameEnd::OnTime).count;
+    let word = verdict.word;
+    let time = match clock {
+        ClockKind::Real => " on time",
+        ClockKind::Virtual => "",
     };
-    frames.scheduled.saturating_sub(missed)
+    let mut line = format!("{word}: {on_time} of {} frames{time}, {lost} lost", account.scheduled());
+    let commanded = account.of(FrameEnd::Commanded).count;
+    if commanded > 0 {
+        line += &format!(", {commanded} {}", FrameEnd::Commanded.words());
+    }
+    if !verdict.reasons.is_empty() {
+        line += &format!("; {}", verdict.reasons_line());
+    }
+    line
 }
 
 /// Returns the bench's limit from release to delivery, ms.
@@ -58,22 +53,25 @@ fn release_limit_ms(finished: &Finished) -> Option<f64> {
     limits.iter().find(|(name, _)| Stage::named(name) == Some(Stage::ReleaseToDelivered)).map(|(_, ms)| *ms)
 }
 
-/// Returns the first expectation or invariant that does not hold, in words.
-pub(super) fn first_failure(report: &ScenarioReport) -> Option<String> {
-    let failed = report.verdicts.iter().find(|verdict| !verdict.passed);
-    let failed = failed.map(|verdict| format!("{}: wanted {}, got {}", verdict.name, verdict.wanted, verdict.got));
-    failed.or_else(|| report.violation_lines.first().cloned())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use base::time::Tai;
+    use frames::report::RunLimits;
 
     #[test]
-    fn frames_on_time_are_neither_late_nor_dropped_and_none_is_counted_twice() {
-        let frames = FrameCounts { scheduled: 100, late: 3, dropped: 5, ..FrameCounts::default() };
-        assert_eq!(frames_on_time(&frames, DeadlinePolicy::Drop), 95, "late frames are among the dropped ones");
-        assert_eq!(frames_on_time(&frames, DeadlinePolicy::Hold), 92);
-        assert_eq!(frames_on_time(&FrameCounts { scheduled: 7, ..FrameCounts::default() }, DeadlinePolicy::Late), 7);
+    fn verdict_line_has_counts_that_add_up_and_the_reasons() {
+        let mut account = FrameAccount::NONE;
+        (0..7).for_each(|i| account.add(FrameEnd::OnTime, Tai::from_ns(i * 100_000_000)));
+        account.add(FrameEnd::Commanded, Tai::from_ns(700_000_000));
+        let judge = |account: &FrameAccount| {
+            RunVerdict::of_frames(account, &RunLimits::default(), Tai::from_ns(0), &|_| "no attitude yet".into())
+        };
+        let line = |account: &FrameAccount| counted(&judge(account), account, 0, ClockKind::Real);
+        assert_eq!(line(&account), "ok: 7 of 8 frames on time, 0 lost, 1 missing as commanded");
+        account.add(FrameEnd::BlankAtStart, Tai::from_ns(0));
+        let wanted = "INCOMPLETE: 7 of 9 frames on time, 0 lost, 1 missing as commanded; \
+                      1 blank at the start: no attitude yet at 0.0 s";
+        assert_eq!(line(&account), wanted);
     }
 }

@@ -2,7 +2,7 @@
 
 use config::Scenario;
 use core::fmt::Write;
-use frames::report::{FrameCounts, Losses, Machine, SinkRow};
+use frames::report::{FrameAccount, FrameCounts, Losses, Machine, RunVerdict, RunWord, SinkRow};
 use frames::sink::SinkLine;
 use run::runtime::{note_lost_reader, sink_rows};
 use run::wiring::assessment::{ModeLine, Verdict, WindowErrors};
@@ -14,6 +14,9 @@ use serde::Serialize;
 /// The report of one scenario run.
 #[derive(Debug, Clone, Serialize)]
 pub struct ScenarioReport {
+    /// The verdict and its reasons.
+    #[serde(flatten)]
+    pub verdict: RunVerdict,
     /// Scenario.
     pub scenario: String,
     /// Seed.
@@ -32,6 +35,8 @@ pub struct ScenarioReport {
     pub telemetry_crc32: String,
     /// Frame counts, all heads together.
     pub frames: FrameCounts,
+    /// Frames by what became of them.
+    pub account: FrameAccount,
     /// Seconds from the first exposure to fine pointing.
     pub fine_after_s: Option<f64>,
     /// Pointing errors at the end.
@@ -78,7 +83,7 @@ pub struct ScenarioReport {
     pub violations: u64,
     /// The first of them, in words.
     pub violation_lines: Vec<String>,
-    /// Everything held.
+    /// The verdict is `ok`.
     pub passed: bool,
     /// Counters of each sink; empty before the end.
     pub sinks: Vec<SinkRow>,
@@ -105,6 +110,7 @@ impl ScenarioReport {
         let events =
             run::runtime::EventKind::ALL.iter().map(|kind| (kind.name().to_owned(), record.ledger.count(*kind)));
         Self {
+            verdict: outcome.verdict.clone(),
             scenario: scenario.name.clone(),
             seed: scenario.bench.seed,
             machine: Machine::read(),
@@ -113,7 +119,8 @@ impl ScenarioReport {
             speed: simulated_s / wall_s.max(1e-9),
             frames_crc32: outcome.frames_crc32.iter().map(|crc32| format!("{crc32:08x}")).collect(),
             telemetry_crc32: format!("{:08x}", assessment.telemetry_crc32()),
-            frames: record.frames,
+            frames: FrameCounts { scheduled: outcome.account.scheduled(), ..record.frames },
+            account: outcome.account,
             fine_after_s: assessment.fine_after_s(),
             pointing: assessment.pointing(),
             knowledge: assessment.knowledge(),
@@ -134,7 +141,7 @@ impl ScenarioReport {
             faults: outcome.faults.clone(),
             refusals: assessment.refusals().to_vec(),
             events: events.filter(|(_, count)| *count > 0).collect(),
-            passed: assessment.holds(&verdicts),
+            passed: outcome.verdict.word == RunWord::Ok,
             verdicts,
             violations,
             violation_lines: lines.to_vec(),

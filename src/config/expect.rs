@@ -5,6 +5,7 @@ use crate::error::ConfigError;
 use crate::key::{Section, section, taken};
 use crate::key_type::{Any, Whole, Word};
 use core::ops::RangeInclusive;
+use frames::report::RunLimits;
 
 /// Expectations, checked. What is `None` is not expected.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,15 +36,11 @@ pub struct Expect {
     pub frames: ExpectFrames,
 }
 
-/// Expectations of the frames of a run; `None`: anything.
+/// Expectations of the frames of a run.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct ExpectFrames {
-    /// Most frames that are late.
-    pub late_at_most: Option<u32>,
-    /// Most frames that are dropped.
-    pub dropped_at_most: Option<u32>,
-    /// Most frames that are blank.
-    pub blank_at_most: Option<u32>,
+    /// Most frames that may be late, missing, blank or held, and losses of links.
+    pub limits: RunLimits,
     /// Fewest triggers that are fired.
     pub triggers_at_least: Option<u32>,
 }
@@ -74,12 +71,24 @@ section! {
         ];
         /// The control must fail: at the end it points nowhere near its target.
         diverges: bool = Silent(false), Any;
-        /// Most late frames of all heads together.
+        /// Most late frames of all heads together. Without this limit and those below, a run with any such frame is not ok.
         late_frames_at_most: Whole = Optional, COUNT;
         /// Most dropped frames of all heads together, those that a fault drops included.
         dropped_frames_at_most: Whole = Optional, COUNT;
-        /// Most blank frames of all heads together.
+        /// Most blank frames of all heads together; with blank_frames_at_start_at_most, without those at the start.
         blank_frames_at_most: Whole = Optional, COUNT;
+        /// Most frames that are blank at the start, before the first attitude or RUN comes.
+        blank_frames_at_start_at_most: Whole = Optional, COUNT;
+        /// Most frames that show a held attitude: no new one came in time.
+        held_attitude_frames_at_most: Whole = Optional, COUNT;
+        /// Most frames that are never exposed, such as when a client slows the camera down or it waits for triggers.
+        not_exposed_frames_at_most: Whole = Optional, COUNT;
+        /// Most frames without a part of their jitter samples.
+        jitter_missing_frames_at_most: Whole = Optional, COUNT;
+        /// Most losses of a link, such as an unplugged adapter.
+        links_lost_at_most: Whole = Optional, COUNT;
+        /// Most times that packets are lost on a link, in a full queue or unsent.
+        packets_lost_at_most: Whole = Optional, COUNT;
         /// Fewest triggers that are fired.
         triggers_at_least: Whole = Optional, COUNT;
     }
@@ -104,9 +113,17 @@ const OF_VEHICLE: [&str; 10] = [
 impl ExpectFrames {
     fn check(keys: &ExpectKeys, check: &Checker<'_>) -> Result<Self, ConfigError> {
         Ok(Self {
-            late_at_most: keys.late_frames_at_most().optional(check)?,
-            dropped_at_most: keys.dropped_frames_at_most().optional(check)?,
-            blank_at_most: keys.blank_frames_at_most().optional(check)?,
+            limits: RunLimits {
+                late: keys.late_frames_at_most().optional(check)?,
+                dropped: keys.dropped_frames_at_most().optional(check)?,
+                blank_at_start: keys.blank_frames_at_start_at_most().optional(check)?,
+                blank: keys.blank_frames_at_most().optional(check)?,
+                attitude_held: keys.held_attitude_frames_at_most().optional(check)?,
+                not_exposed: keys.not_exposed_frames_at_most().optional(check)?,
+                links_lost: keys.links_lost_at_most().optional(check)?,
+                packets_lost: keys.packets_lost_at_most().optional(check)?,
+                jitter_missing: keys.jitter_missing_frames_at_most().optional(check)?,
+            },
             triggers_at_least: keys.triggers_at_least().optional(check)?,
         })
     }

@@ -137,8 +137,8 @@ fn a_bench_takes_faults_of_bus_and_frames_and_refuses_those_aboard() {
 #[test]
 fn a_bench_expects_frames_and_refuses_to_expect_pointing() {
     let scenario = run_file("[expect]\nlate_frames_at_most = 0\ntriggers_at_least = 2\n").unwrap();
-    assert_eq!((scenario.expect.frames.late_at_most, scenario.expect.frames.triggers_at_least), (Some(0), Some(2)));
-    assert_eq!(scenario.expect.frames.dropped_at_most, None);
+    assert_eq!((scenario.expect.frames.limits.late, scenario.expect.frames.triggers_at_least), (Some(0), Some(2)));
+    assert_eq!(scenario.expect.frames.limits.dropped, None);
     assert!(refused("[expect]\npointing_arcsec = 5.0\n").contains("expect.pointing_arcsec is given"));
     assert!(refused("[expect]\nlate_frames_at_most = -1\n").contains("late_frames_at_most is -1"));
 }

@@ -21,6 +21,19 @@ pub enum LostPart {
     Thread,
 }
 
+impl LostPart {
+    /// Returns the name in files.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Sink => "sink",
+            Self::File => "file",
+            Self::Capture => "capture",
+            Self::Thread => "thread",
+        }
+    }
+}
+
 /// One thing that was lost.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct LossLine {

@@ -4,12 +4,13 @@
 //! (`summary::RunSummary`). Output: text. Nothing here reads a clock or uses the other modules.
 //!
 //! Tour: `stages` (where the time of a frame goes) -> `histogram` (quantiles, without allocation while running)
-//! -> `summary`, `losses` and `machine` (JSON) -> `table` (the same for people), `progress`, `progress_numbers` and `newest_events` (while it runs). Apart from a run:
+//! -> `account` and `verdict` (one word with its reasons), `summary`, `losses` and `machine` (JSON) -> `table` (the same for people), `progress`, `progress_numbers` and `newest_events` (while it runs). Apart from a run:
 //! `plot` (charts as SVG).
 //!
 //! Frame by frame: `frame_record` (one frame's times, fate and cause) -> `frame_ring` (the last frames, counts of all)
 //! -> `budget` (verdict per line) -> `budget_table`, `junit`, `frames_csv`, `timeline`.
 
+pub mod account;
 pub mod budget;
 pub mod budget_table;
 pub mod frame_record;
@@ -30,8 +31,10 @@ pub mod summary;
 pub mod table;
 pub mod time_tally;
 pub mod timeline;
+pub mod verdict;
 pub mod xml;
 
+pub use account::{FrameAccount, FrameEnd, Tally};
 pub use budget::{BudgetLimits, BudgetLine, BudgetReport, HygieneLine, LineVerdict, budget_lines};
 pub use budget_table::budget_table;
 pub use frame_record::{Fate, FrameRecord, MissCause};
@@ -52,6 +55,7 @@ pub use summary::{EventLine, FrameCounts, LinkCounts, RunSummary};
 pub use table::{short_table, summary_table};
 pub use time_tally::TimeTally;
 pub use timeline::timeline_svg;
+pub use verdict::{Reason, RunLimits, RunVerdict, RunWord};
 
 /// A report that could not be made.
 #[derive(Debug, thiserror::Error)]

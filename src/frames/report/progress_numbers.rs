@@ -5,10 +5,12 @@
 //! Limits: [`PORTS_MAX`] ports and [`NAMES_MAX`] names each, [`EVENTS_MAX`] kinds of events; what does not fit is
 //! counted. Tests: below.
 
+use crate::report::account::FrameAccount;
 use crate::report::newest_events::NewestEvents;
 use crate::report::stages::Stage;
 use crate::report::summary::FrameCounts;
 use crate::report::time_tally::TimeTally;
+use crate::report::verdict::RunWord;
 
 /// Number of ports whose counts are reported.
 pub const PORTS_MAX: usize = 4;
@@ -81,6 +83,10 @@ pub struct RunNumbers {
     pub frames_in_run: Option<u64>,
     /// Frames by outcome.
     pub frames: FrameCounts,
+    /// Frames by what became of them.
+    pub account: FrameAccount,
+    /// First word of the verdict so far.
+    pub word: RunWord,
     /// Wall time per stage, in the order of [`Stage::ALL`].
     pub stages: [TimeTally; Stage::COUNT],
     /// Events of the ledger by kind, zeros included.
@@ -109,6 +115,8 @@ impl RunNumbers {
             jitter_missing: 0,
             blank: 0,
         },
+        account: FrameAccount::NONE,
+        word: RunWord::Ok,
         stages: [TimeTally::EMPTY; Stage::COUNT],
         events: NamedCounts::NONE,
         newest: NewestEvents::NONE,

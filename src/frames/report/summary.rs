@@ -4,6 +4,7 @@
 //! The caller writes the text, whole or not at all.
 
 use crate::report::ReportError;
+use crate::report::account::FrameAccount;
 use crate::report::frame_ring::Latency;
 use crate::report::gateway_row::GatewayRow;
 use crate::report::histogram::{CountSpread, Quantiles};
@@ -11,12 +12,16 @@ use crate::report::losses::Losses;
 use crate::report::machine::Machine;
 use crate::report::sink_row::SinkRow;
 use crate::report::stages::Stage;
+use crate::report::verdict::{RunVerdict, RunWord};
 use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;
 
 /// One run.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RunSummary {
+    /// The verdict and its reasons.
+    #[serde(flatten)]
+    pub verdict: RunVerdict,
     /// Version of starloop.
     pub starloop_version: String,
     /// Name of the bench.
@@ -45,6 +50,8 @@ pub struct RunSummary {
     pub noise_seed: u64,
     /// Frames by outcome.
     pub frames: FrameCounts,
+    /// Frames by what became of them: each of those that the bench promised is counted once.
+    pub account: FrameAccount,
     /// Wall time per stage, in the order of [`Stage::ALL`].
     #[serde(serialize_with = "by_stage_name")]
     pub stages: [Quantiles; Stage::COUNT],
@@ -91,7 +98,7 @@ pub struct RunSummary {
 /// Frames of a run by outcome.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub struct FrameCounts {
-    /// Slots that came up.
+    /// Frames that the bench promised, or exposures where a camera made more.
     pub scheduled: u64,
     /// Frames drawn.
     pub rendered: u64,
@@ -140,6 +147,7 @@ impl RunSummary {
     #[must_use]
     pub fn empty(machine: Machine) -> Self {
         Self {
+            verdict: RunVerdict { word: RunWord::Ok, reasons: Vec::new(), limits_used: Vec::new() },
             starloop_version: env!("CARGO_PKG_VERSION").into(),
             bench: String::new(),
             camera: String::new(),
@@ -154,6 +162,7 @@ impl RunSummary {
             seed: 0,
             noise_seed: 0,
             frames: FrameCounts::default(),
+            account: FrameAccount::NONE,
             stages: [Quantiles::default(); Stage::COUNT],
             lateness: Quantiles::default(),
             attitude_age: Quantiles::default(),

@@ -72,6 +72,8 @@ fn run_of(numbers: &RunNumbers, limits_ms: &[Option<f64>; Stage::COUNT]) -> Valu
         .map(|port| json!({ "counters": counts(&port.counters, 0), "rejects": counts(&port.rejects, 1) }))
         .collect();
     json!({
+        "verdict": numbers.word,
+        "account": numbers.account,
         "frames_in_run": numbers.frames_in_run,
         "frames": numbers.frames,
         "stages": stages,

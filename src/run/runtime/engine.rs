@@ -22,7 +22,7 @@ use base::region::Regions;
 use base::time::{Span, Tai};
 use base::units::SPEED_OF_LIGHT_KM_S;
 pub use draw::Light;
-use frames::report::{Stage, StageTimes};
+use frames::report::{FrameEnd, Stage, StageTimes};
 use frames::sink::SentFrame;
 use glam::DVec3;
 use image::detector::DetectorConditions;
@@ -69,6 +69,10 @@ pub struct FrameEngine {
     /// Largest expected motion of the body, if known.
     motion: Option<MotionScale>,
     pointing_bound_rad: Option<f64>,
+    /// What the latest frame counts as if it goes out on time.
+    end_on_time: FrameEnd,
+    /// True once a frame had an attitude.
+    has_been_lit: bool,
     /// Facts about the latest frame's line of sight.
     path: PathFacts,
     /// Where the engine reports what each frame was drawn from, when a run is captured.
@@ -123,6 +127,8 @@ impl FrameEngine {
             load: None,
             motion: None,
             pointing_bound_rad: None,
+            end_on_time: FrameEnd::OnTime,
+            has_been_lit: false,
             path: PathFacts::default(),
             marks: None,
         })
@@ -273,6 +279,12 @@ impl FrameEngine {
     #[must_use]
     pub fn pointing_bound_rad(&self) -> Option<f64> {
         self.pointing_bound_rad
+    }
+
+    /// Returns what the latest frame counts as if it goes out on time.
+    #[must_use]
+    pub fn end_on_time(&self) -> FrameEnd {
+        self.end_on_time
     }
 
     /// Returns the largest error that the lens contributes to the sky map in frame headers, px; `None` where frames
@@ -453,7 +465,7 @@ impl FrameEngine {
         let los = &mut self.planner.motion_mut().los;
         if !receiver.session().is_rendering() {
             note(ledger, EventKind::NotRunning, slot, Span::ZERO);
-            self.pointing_bound_rad = None;
+            (self.pointing_bound_rad, self.end_on_time) = (None, receiver.session().end_while_dark());
             show_nothing(los, slot.exposure_start, self.exposing.exposure_s());
             return Ok(Shown::Dark);
         }
@@ -472,6 +484,14 @@ impl FrameEngine {
             (Ok(PathOutcome::Show(report)), Some(motion)) => bound_rad(los.origin, report, motion, &params.estimate),
             _ => None,
         };
+        self.end_on_time = match (&outcome, los.origin) {
+            (Ok(PathOutcome::Show(_)), PathOrigin::Held) => FrameEnd::AttitudeHeld,
+            (Ok(PathOutcome::Show(_)), _) => FrameEnd::OnTime,
+            (Ok(_), _) => FrameEnd::Blank,
+            (Err(_forgotten), _) if self.has_been_lit => FrameEnd::Blank,
+            (Err(_nothing_received_yet), _) => FrameEnd::BlankAtStart,
+        };
+        self.has_been_lit |= outcome.is_ok();
         match outcome {
             Ok(PathOutcome::Show(report)) => {
                 let age = receiver.age_at(slot.release).unwrap_or(Span::ZERO);

@@ -40,6 +40,7 @@ mod received;
 pub mod receiver;
 pub mod record;
 pub mod reply;
+pub mod run_word;
 mod scene_events;
 pub mod session;
 pub mod shutter;

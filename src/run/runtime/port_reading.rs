@@ -111,6 +111,12 @@ impl PortReading {
         rejects + self.counters.foreign + self.counters.oversize
     }
 
+    /// Returns the number of messages that were refused, for whatever reason.
+    #[must_use]
+    pub fn refused_messages(&self) -> u64 {
+        self.refused() + self.rejects.iter().map(|count| u64::from(*count)).sum::<u64>()
+    }
+
     /// Returns names and counts for a report; most only when they are not zero.
     pub fn reported(&self) -> impl Iterator<Item = (&'static str, u64)> {
         let named = ALL.into_iter().zip(self.counts());

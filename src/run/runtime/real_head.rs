@@ -20,7 +20,7 @@ use crate::runtime::record::RunRecord;
 use crate::runtime::reply::camera_pages;
 use crate::runtime::slot::Slot;
 use base::time::{Span, Tai};
-use frames::report::{Fate, FrameRecord, MissCause, Stage, StageTimes};
+use frames::report::{Fate, FrameEnd, FrameRecord, MissCause, Stage, StageTimes};
 use frames::sink::{FaultFlags, FrameMeta, SentFrame};
 use plan::attitude::PathOrigin;
 
@@ -159,6 +159,7 @@ impl<'a> RealHead<'a> {
             shared.link_thread.send(0, shared.reply.stopped(self.receiver, shared.clock.now()));
         }
         record.frames.dropped += 1;
+        record.account.add(FrameEnd::Dropped, timed.exposure_start);
         (timed.fate, timed.cause) = (Fate::Dropped, Some(MissCause::AwaitingAttitude));
         record.ring.push(timed);
         self.spare = Some(frame_packet);
@@ -214,6 +215,7 @@ impl<'a> RealHead<'a> {
             faults.spoil(&self.spoiling, &mut frame_packet.frame);
         }
         record.frames.dropped += 1;
+        record.account.add(FrameEnd::Commanded, frame_packet.record.exposure_start);
         frame_packet.record.fate = Fate::Dropped;
         record.ring.push(frame_packet.record);
         self.spare = Some(frame_packet);
@@ -238,6 +240,8 @@ impl<'a> RealHead<'a> {
             record.note(EventKind::Late, slot.due + lateness, slot.number, lateness);
             frame_packet.record.fate = Fate::Late;
         }
+        let end = end_of(self.engine.end_on_time(), self.spoiling.delay, lateness);
+        record.account.add(end, slot.exposure_start);
         self.spoil_and_send(frame_packet, shared, record)
     }
 
@@ -254,6 +258,7 @@ impl<'a> RealHead<'a> {
         record.frames.late += 1;
         if self.engine.params().deadline_policy == DeadlinePolicy::Hold && self.has_previous {
             record.frames.held += 1;
+            record.account.add(FrameEnd::Late, slot.exposure_start);
             record.note(EventKind::Held, at, slot.number, lateness);
             frame_packet.frame.copy_from(&self.previous);
             frame_packet.frame.meta.number = slot.number;
@@ -315,10 +320,20 @@ impl<'a> RealHead<'a> {
 /// Records a slot for which nothing goes out.
 fn drop_slot(slot: Slot, timed: &mut FrameRecord, kind: EventKind, cause: MissCause, record: &mut RunRecord) {
     record.frames.dropped += 1;
+    record.account.add(FrameEnd::Dropped, slot.exposure_start);
     record.note(kind, slot.due + timed.lateness, slot.number, timed.lateness);
     timed.fate = Fate::Dropped;
     timed.cause = timed.cause.or(Some(cause));
     record.ring.push(*timed);
+}
+
+/// Returns what became of a frame that goes out: a delay that was commanded is no lateness.
+pub(super) fn end_of(on_time: FrameEnd, commanded_delay: Span, lateness: Span) -> FrameEnd {
+    match on_time {
+        FrameEnd::OnTime | FrameEnd::AttitudeHeld if lateness > Span::ZERO => FrameEnd::Late,
+        FrameEnd::OnTime if commanded_delay > Span::ZERO => FrameEnd::Commanded,
+        _ => on_time,
+    }
 }
 
 /// Returns the time of drawing and detector together, on CPU or GPU.

@@ -11,6 +11,7 @@ use base::clock::Clock;
 use base::time::Tai;
 use core::sync::atomic::AtomicBool;
 use crossbeam_channel::Receiver as Queue;
+use frames::report::RunLimits;
 use frames::sink::Sink;
 use link::pps::Pps;
 use link::{Port, Stamped};
@@ -26,6 +27,8 @@ pub struct Setting<'a> {
     pub hygiene: Option<&'a Arc<Hygiene>>,
     /// Number of frames whose times are kept individually.
     pub ring_frames: usize,
+    /// Limits of `[expect]`.
+    pub limits: RunLimits,
     /// Orders for the frame thread, which executes them between two slots; `None`: no orders.
     pub orders: Option<&'a Queue<FrameOrder>>,
 }

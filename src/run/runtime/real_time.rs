@@ -29,7 +29,7 @@ use base::time::{Span, Tai};
 use core::sync::atomic::{AtomicBool, Ordering};
 use crossbeam_channel::Receiver as Queue;
 use frames::camera_control::{CameraCommand, CommandSource, Commanded, TriggerSource};
-use frames::report::{FrameRecord, Stage};
+use frames::report::{FrameRecord, RunLimits, Stage};
 use frames::sink::{SentFrame, Sink};
 use link::Port;
 use std::sync::Arc;
@@ -56,7 +56,7 @@ pub fn run(
     stop: &Arc<AtomicBool>,
     progress: &mut dyn FnMut(&SentFrame, &RunRecord),
 ) -> RunOutcome {
-    let setting = Setting { clock, stop, hygiene: None, ring_frames: 0, orders: None };
+    let setting = Setting { clock, stop, hygiene: None, ring_frames: 0, limits: RunLimits::default(), orders: None };
     let heads = vec![Head { engine, receiver, sink, faults: None }];
     run_in(&setting, heads, port.into(), &mut |_head, frame, record| progress(frame, record))
 }
@@ -71,6 +71,7 @@ pub fn run_in(
     progress: &mut dyn FnMut(usize, &SentFrame, &RunRecord),
 ) -> RunOutcome {
     let mut record = RunRecord::with_ring(setting.ring_frames, heads.len());
+    record.limits = setting.limits;
     match start(setting, heads, sources) {
         Err(error) => {
             let (ports, summaries, sinks, lost_threads) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());

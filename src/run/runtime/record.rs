@@ -4,11 +4,12 @@ use crate::runtime::engine::FrameEngine;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::port_reading::PortReading;
 use crate::runtime::receiver::Receiver;
+use crate::runtime::run_word::word_so_far;
 use base::time::{Span, Tai};
 use firmware_protocol::Reject;
 use frames::report::{
-    CountHistogram, EVENTS_MAX, EventLine, FrameCounts, FrameRecord, FrameRing, LinkCounts, Machine, NewestEvent,
-    RunNumbers, RunSummary, SinkRow, Stage, StageHistogram, StageHistograms, StageTimes,
+    CountHistogram, EVENTS_MAX, EventLine, FrameAccount, FrameCounts, FrameRecord, FrameRing, LinkCounts, Machine,
+    NewestEvent, RunLimits, RunNumbers, RunSummary, SinkRow, Stage, StageHistogram, StageHistograms, StageTimes,
 };
 use frames::sink::{FaultFlags, FrameMeta, Loss, LossKind, SentFrame, SinkLine, SinkSummary};
 use plan::exposure::Degradation;
@@ -19,6 +20,10 @@ use std::collections::BTreeMap;
 pub struct RunRecord {
     /// Frame counts.
     pub frames: FrameCounts,
+    /// What became of each slot that came up.
+    pub account: FrameAccount,
+    /// Limits of `[expect]`.
+    pub limits: RunLimits,
     /// Events.
     pub ledger: Ledger,
     /// Wall time per stage.
@@ -45,6 +50,8 @@ impl Default for RunRecord {
     fn default() -> Self {
         Self {
             frames: FrameCounts::default(),
+            account: FrameAccount::NONE,
+            limits: RunLimits::default(),
             ledger: Ledger::default(),
             stages: StageHistograms::default(),
             ring: FrameRing::default(),
@@ -149,7 +156,16 @@ impl RunRecord {
         // On the real clock delivered frames are counted at the end; until then the count of sink times is used.
         let sent = stages[Stage::Sink as usize].count();
         let frames = FrameCounts { delivered: self.frames.delivered.max(sent), ..self.frames };
-        let mut numbers = RunNumbers { frames_in_run, frames, stages, events, newest, ..RunNumbers::NONE };
+        let mut numbers = RunNumbers {
+            frames_in_run,
+            frames,
+            account: self.account,
+            word: word_so_far(self),
+            stages,
+            events,
+            newest,
+            ..RunNumbers::NONE
+        };
         self.ports.iter().for_each(|port| numbers.push_port(port.named()));
         numbers
     }

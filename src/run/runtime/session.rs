@@ -17,6 +17,7 @@ use firmware_protocol::message::{
 };
 use firmware_protocol::tables::TableStore;
 use firmware_protocol::{DBC_CRC32, version};
+use frames::report::FrameEnd;
 use plan::attitude::ClockEstimate;
 
 /// Rates that are guaranteed to be accepted; faster records are accepted too.
@@ -63,6 +64,10 @@ pub struct Session {
     cameras: CameraIntake,
     /// True when stopped or refused since the last RUN.
     is_halted: bool,
+    /// True when it was a STOP.
+    is_halted_by_stop: bool,
+    /// True when frames have shown stars.
+    has_rendered: bool,
     /// Arrival of the last heartbeat.
     last_heartbeat: Option<Tai>,
     is_silent: bool,
@@ -82,6 +87,8 @@ impl Session {
             triggers: Triggers::default(),
             cameras: CameraIntake::default(),
             is_halted: false,
+            is_halted_by_stop: false,
+            has_rendered: params.start == SessionStart::AtOnce,
             last_heartbeat: None,
             is_silent: false,
             is_foreign: false,
@@ -135,6 +142,16 @@ impl Session {
         }
     }
 
+    /// Returns what a frame counts as while the session is not running.
+    #[must_use]
+    pub fn end_while_dark(&self) -> FrameEnd {
+        match (self.has_rendered, self.is_halted_by_stop) {
+            (false, _) => FrameEnd::BlankAtStart,
+            (true, true) => FrameEnd::Commanded,
+            (true, false) => FrameEnd::Blank,
+        }
+    }
+
     /// Returns the single answer to a command that arrived at `at`; `clock` is the estimate of the flight computer's
     /// clock.
     pub fn answer(&mut self, command: &Command, at: Tai, clock: Option<&ClockEstimate>, ledger: &mut Ledger) -> Answer {
@@ -151,15 +168,15 @@ impl Session {
         }
         match (command.request, answer.response.reply) {
             (Request::Hello(_), Reply::Refused { .. }) => {
-                self.is_halted = true;
+                (self.is_halted, self.is_halted_by_stop) = (true, false);
                 self.forget_triggers(at, ledger);
                 ledger.note(Event::new(EventKind::VersionRefused, at, None, Span::ZERO));
             }
             (Request::Stop, Reply::Stop) => {
-                self.is_halted = true;
+                (self.is_halted, self.is_halted_by_stop) = (true, true);
                 self.forget_triggers(at, ledger);
             }
-            (Request::Run, Reply::Run) => self.is_halted = false,
+            (Request::Run, Reply::Run) => (self.is_halted, self.has_rendered) = (false, true),
             (_, Reply::Triggered(_)) => self.note_trigger(taken, at, ledger),
             (Request::Trigger(_), Reply::Refused { reason, .. }) if reason != Refusal::NoHandshake => {
                 self.note_trigger(taken, at, ledger);

@@ -18,6 +18,7 @@ use crate::runtime::outside_tracker::OutsideTracker;
 use crate::runtime::plant_queue::{PlantQueue, PlantRefusal};
 use crate::runtime::plant_sample::PlantSample;
 use crate::runtime::port_reading::PortReading;
+use crate::runtime::real_head::end_of;
 use crate::runtime::receiver::Receiver;
 use crate::runtime::record::RunRecord;
 use crate::runtime::reply::{Reply, ReportedFrame, camera_pages};
@@ -26,7 +27,7 @@ use crate::runtime::slot::Slot;
 use crate::runtime::tracker_orders::commands_of;
 use base::clock::{Clock, Stopwatch, Virtual};
 use base::time::{Span, Tai};
-use frames::report::Stage;
+use frames::report::{FrameEnd, Stage};
 use frames::sink::{SentFrame, Sink, sink_lines};
 use link::Port;
 use std::collections::VecDeque;
@@ -74,6 +75,8 @@ struct Pending {
     head: usize,
     frame: SentFrame,
     drawn: Span,
+    exposure_start: Tai,
+    end: FrameEnd,
 }
 
 /// The loop's own state.
@@ -247,9 +250,13 @@ impl VirtualLoop {
         }
     }
 
-    /// Returns the record, when the run is over.
+    /// Returns the record, when the run is over; frames that are still on the way are dropped.
     #[must_use]
-    pub fn into_record(self) -> RunRecord {
+    pub fn into_record(mut self) -> RunRecord {
+        for pending in &self.pending {
+            self.record.frames.dropped += 1;
+            self.record.account.add(FrameEnd::Dropped, pending.exposure_start);
+        }
         self.record
     }
 
@@ -346,7 +353,8 @@ impl VirtualLoop {
         if let Some(faults) = head.faults.as_mut() {
             faults.spoil(&fate, &mut frame);
         }
-        self.queue(i, slot, frame, fate, drawn);
+        let end = end_of(head.engine.end_on_time(), fate.delay, Span::ZERO);
+        self.queue((i, slot), frame, fate, (drawn, end));
         Ok(())
     }
 
@@ -374,6 +382,7 @@ impl VirtualLoop {
             port.send(&self.reply.stopped(head.receiver, slot.due))?;
         }
         self.record.frames.dropped += 1;
+        self.record.account.add(FrameEnd::Dropped, slot.exposure_start);
         self.spare.push(frame);
         Ok(())
     }
@@ -399,9 +408,10 @@ impl VirtualLoop {
         reading
     }
 
-    fn queue(&mut self, head: usize, slot: Slot, frame: SentFrame, fate: Fate, drawn: Span) {
+    fn queue(&mut self, (head, slot): (usize, Slot), frame: SentFrame, fate: Fate, (drawn, end): (Span, FrameEnd)) {
         if fate.is_dropped {
             self.record.frames.dropped += 1;
+            self.record.account.add(FrameEnd::Commanded, slot.exposure_start);
             self.spare.push(frame);
             return;
         }
@@ -410,7 +420,8 @@ impl VirtualLoop {
         let in_front =
             self.pending.iter().filter(|pending| pending.head == head).map(|pending| pending.deliver_at).max();
         let deliver_at = in_front.map_or(own, |in_front| own.max(in_front));
-        self.pending.push_back(Pending { deliver_at, head, frame, drawn });
+        let exposure_start = slot.exposure_start;
+        self.pending.push_back(Pending { deliver_at, head, frame, drawn, exposure_start, end });
     }
 
     fn deliver(&mut self, at: Tai, heads: &mut [Head<'_>], world: &mut World<'_>) -> Result<(), RunError> {
@@ -431,6 +442,7 @@ impl VirtualLoop {
             }
             self.record.count_outgoing(&pending.frame.meta);
             self.record.frames.delivered += 1;
+            self.record.account.add(pending.end, pending.exposure_start);
             let sending = watch.lap();
             self.record.stages.record_stage(Stage::Sink, sending);
             self.record.stages.record_stage(Stage::ReleaseToDelivered, pending.drawn + sending);

@@ -7,6 +7,7 @@ use crate::runtime::{EventKind, RunRecord};
 use base::time::{Span, Tai};
 use base::units::ARCSEC;
 use config::{Expect, ExpectFrames};
+use frames::report::{FrameEnd, RunLimits};
 use frames::sink::crc32::Crc32;
 use serde::Serialize;
 use testbed::acs::{Mode, ModeEvent};
@@ -225,6 +226,14 @@ impl Assessment {
         self.frames_unchecked += 1;
     }
 
+    /// Returns the first expectation or invariant that is not met, in words.
+    #[must_use]
+    pub fn first_failure(&self, predicted_arcsec: Option<f64>, record: &RunRecord) -> Option<String> {
+        let failed = self.verdicts(predicted_arcsec, record).into_iter().find(|verdict| !verdict.passed);
+        let failed = failed.map(|verdict| format!("{}: wanted {}, got {}", verdict.name, verdict.wanted, verdict.got));
+        failed.or_else(|| self.violation_lines.first().cloned())
+    }
+
     /// Returns the number of frames that could not be compared with the truth.
     #[must_use]
     pub fn frames_unchecked(&self) -> u64 {
@@ -397,6 +406,8 @@ impl Assessment {
 /// Returns the results of the expectations about frames.
 fn frame_verdicts(expect: &ExpectFrames, record: &RunRecord) -> impl Iterator<Item = Verdict> {
     let (frames, fired) = (record.frames, record.ledger.count(EventKind::TriggerFired));
+    let RunLimits { late, dropped, blank, blank_at_start, .. } = expect.limits;
+    let at_start = blank_at_start.map_or(0, |_| record.account.of(FrameEnd::BlankAtStart).count);
     let at_most = |name, limit: Option<u32>, got: u64| {
         let verdict = |limit: u32| {
             let (wanted, passed) = (format!("at most {limit}"), got <= u64::from(limit));
@@ -409,9 +420,9 @@ fn frame_verdicts(expect: &ExpectFrames, record: &RunRecord) -> impl Iterator<It
         Verdict { name: "triggers fired", wanted, got: fired.to_string(), passed }
     });
     let counted = [
-        at_most("late frames", expect.late_at_most, frames.late),
-        at_most("dropped frames", expect.dropped_at_most, frames.dropped),
-        at_most("blank frames", expect.blank_at_most, frames.blank),
+        at_most("late frames", late, frames.late),
+        at_most("dropped frames", dropped, frames.dropped),
+        at_most("blank frames", blank, frames.blank.saturating_sub(at_start)),
         triggers,
     ];
     counted.into_iter().flatten()

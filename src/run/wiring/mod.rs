@@ -41,4 +41,5 @@ mod taps;
 pub mod tracker_outs;
 mod trigger_lines;
 pub mod vehicle_parts;
+pub mod verdict;
 pub mod witness;

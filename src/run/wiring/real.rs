@@ -17,6 +17,7 @@ use crate::wiring::far_side::FarSide;
 use crate::wiring::replay::Recording;
 use crate::wiring::run_end::{Flown, RunEnd, keep_first, losses};
 use crate::wiring::steering::{FarOrder, Orders};
+use crate::wiring::verdict::Promise;
 use base::clock::{Clock, Monotonic};
 use base::time::Span;
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -56,7 +57,9 @@ pub(super) fn fly(
     let thread = flight.start(hygiene.clone())?;
     let ring_frames = usize::try_from(scenario.bench.budget.ring_frames).unwrap_or(0);
     let orders: Option<&Queue<FrameOrder>> = frame_orders.as_ref();
-    let setting = Setting { clock: &clock, stop, hygiene: hygiene.as_ref(), ring_frames, orders };
+    let promise = Promise::of(&scenario, &heads);
+    let (hygienic, limits) = (hygiene.as_ref(), promise.limits);
+    let setting = Setting { clock: &clock, stop, hygiene: hygienic, ring_frames, limits, orders };
     let mut seen_and_reported = |head: usize, frame: &SentFrame, record: &RunRecord| {
         let _the_witness_may_be_busy = seen.try_send((head, frame.meta.clone()));
         progress(head, frame, record);
@@ -93,7 +96,7 @@ pub(super) fn fly(
     let desk = desk.lock().unwrap_or_else(PoisonError::into_inner);
     let faults = desk.lines(heads.iter().map(|head| &head.faults).collect(), &|number| far.hits_aboard(number));
     let flown = Flown::of(far.vehicle(), far.witness.assessment(), heads[0].engine.params());
-    let assessment = far.witness.finish(&record, &faults, now, 0);
+    let assessment = far.witness.finish(&record, &faults, now);
     let mut end = RunEnd {
         times,
         losses: losses(&sink_lines, &record),
@@ -108,6 +111,8 @@ pub(super) fn fly(
         faults,
         flown,
         simulated_s: (now - times.zero).s().max(0.0),
+        promise,
+        cut_short: None,
         error,
     };
     lost_threads.into_iter().for_each(|name| end.note_lost_thread(name, now));

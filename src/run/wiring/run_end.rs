@@ -6,9 +6,10 @@ use crate::wiring::error::LoopError;
 use crate::wiring::faults::FaultLine;
 use crate::wiring::heads::RunHead;
 use crate::wiring::run_times::RunTimes;
+use crate::wiring::verdict::{CutShort, Facts, Promise, verdict};
 use base::time::{Span, Tai};
 use base::units::ARCSEC;
-use frames::report::{GatewayRow, HygieneLine, Losses, RunSummary};
+use frames::report::{FrameAccount, GatewayRow, HygieneLine, Losses, RunSummary, RunVerdict};
 use frames::sink::{SinkLine, SinkSummary};
 use testbed::acs::linear::PointingLoop;
 use testbed::acs::pointing_error::PointingNoise;
@@ -72,6 +73,10 @@ pub struct RunEnd {
     pub flown: Flown,
     /// Time since the first exposure, s; the run's duration when it ran to its end.
     pub simulated_s: f64,
+    /// What its bench promised.
+    pub promise: Promise,
+    /// How it ended before its last frame, other than by an error.
+    pub cut_short: Option<CutShort>,
     /// Why the run ended early, if it did.
     pub error: Option<LoopError>,
 }
@@ -80,6 +85,10 @@ pub struct RunEnd {
 pub struct LoopView<'a> {
     /// Counts, times and events of the stimulator.
     pub record: &'a RunRecord,
+    /// What became of each frame.
+    pub account: FrameAccount,
+    /// The verdict so far.
+    pub verdict: RunVerdict,
     /// CRC-32 over each head's frames.
     pub frames_crc32: Vec<u32>,
     /// Telemetry summed up, invariants.
@@ -98,6 +107,8 @@ impl RunEnd {
     pub fn view(&self) -> LoopView<'_> {
         LoopView {
             record: &self.record,
+            account: self.account(),
+            verdict: self.verdict(),
             frames_crc32: self.summaries.iter().map(|sink| sink.as_ref().map_or(0, |sink| sink.run_crc32)).collect(),
             assessment: &self.assessment,
             faults: self.faults.clone(),
@@ -113,10 +124,39 @@ impl RunEnd {
         let shown = self.heads.iter().position(|head| head.is_shown).unwrap_or(0);
         let sink = self.summaries.get(shown).and_then(Option::as_ref);
         let mut summary = self.record.summary(&first.engine, &first.receiver, &self.ports, sink);
+        (summary.verdict, summary.account) = (self.verdict(), self.account());
+        summary.frames.scheduled = summary.account.scheduled();
         summary.sinks = sink_rows(&self.sink_lines);
         summary.losses = self.losses.clone();
         summary.gateways.clone_from(&self.gateways);
         summary
+    }
+
+    /// Returns what became of each frame that the bench promised.
+    #[must_use]
+    pub fn account(&self) -> FrameAccount {
+        self.promise.account(&self.record, self.cut_short)
+    }
+
+    /// Returns the verdict: one word, and every reason for it.
+    #[must_use]
+    pub fn verdict(&self) -> RunVerdict {
+        let error = self.error.as_ref().map(|error| format!("{:#}", anyhow::anyhow!("{error}")));
+        let facts = Facts {
+            record: &self.record,
+            heads: &self.heads,
+            ports: &self.ports,
+            losses: &self.losses,
+            zero: self.times.zero,
+            cut_short: self.cut_short,
+            failure: error.or_else(|| self.first_failure()),
+        };
+        verdict(&self.promise, &facts)
+    }
+
+    /// Returns the first expectation or invariant that is not met, in words.
+    fn first_failure(&self) -> Option<String> {
+        self.assessment.first_failure(self.flown.predicted_pointing_arcsec(), &self.record)
     }
 
     /// Records a thread that ended before the run did; `at` is when this was noticed.

@@ -22,11 +22,13 @@ use crate::wiring::run_end::{Flown, LoopView, RunEnd, keep_first, losses};
 use crate::wiring::run_times::RunTimes;
 use crate::wiring::taps::Taps;
 use crate::wiring::tracker_outs::TrackerOuts;
+use crate::wiring::verdict::{CutShort, Facts, Promise, verdict};
 use base::axes::{Body, Rotation, Sensor};
 use base::clock::{Clock, Virtual};
 use base::time::{Span, Tai};
 use config::{Event, Plant, Scenario};
 use core::cell::RefCell;
+use frames::report::Losses;
 use frames::sink::{SentFrame, Sink};
 use plan::attitude::{EstimatedAttitude, state_at};
 use std::sync::Arc;
@@ -45,6 +47,8 @@ pub struct SteppedRun {
     mounting: Rotation<Sensor, Body>,
     times: RunTimes,
     is_outside: bool,
+    promise: Promise,
+    cut_short: Option<CutShort>,
 }
 
 impl SteppedRun {
@@ -74,7 +78,9 @@ impl SteppedRun {
         let cable = cable.ok_or_else(|| anyhow::anyhow!("a run without a cable"))?;
         let (mounting, is_outside) = (scenario.bench.sensor_from_body, scenario.plant == Plant::Outside);
         let (far, outs) = (RefCell::new(far), RefCell::new(outs));
-        Ok(Self { clock, going, heads, cable, far, outs, desk, taps, mounting, times, is_outside })
+        let (promise, cut_short) = (Promise::of(&scenario, &heads), None);
+        going.record_mut().limits = promise.limits;
+        Ok(Self { clock, going, heads, cable, far, outs, desk, taps, mounting, times, is_outside, promise, cut_short })
     }
 
     /// Calls `on_row` with every row of telemetry from here on.
@@ -333,8 +339,20 @@ impl SteppedRun {
     pub fn look<T>(&self, frames_crc32: Vec<u32>, look: impl FnOnce(&LoopView<'_>) -> T) -> T {
         let far = self.far.borrow();
         let assessment = far.witness.assessment();
+        let facts = Facts {
+            record: self.record(),
+            heads: &self.heads,
+            ports: &self.readings(),
+            losses: &Losses::default(),
+            zero: self.times.zero,
+            // Until it ends, nothing is missing that has not come up.
+            cut_short: (!self.is_finished()).then_some(CutShort::Finished),
+            failure: None,
+        };
         look(&LoopView {
             record: self.record(),
+            account: self.promise.account(self.record(), facts.cut_short),
+            verdict: verdict(&self.promise, &facts),
             frames_crc32,
             assessment,
             faults: self.faults(),
@@ -366,6 +384,29 @@ impl SteppedRun {
         self.go(on_frame, VirtualLoop::finish)
     }
 
+    /// Sends the frames that are drawn and wait for the end of their readout, and notes that a client asked for the end:
+    /// the frames still to come are missing as commanded.
+    ///
+    /// # Errors
+    /// When a part of the loop failed.
+    pub fn finish_early(
+        &mut self,
+        on_frame: &mut dyn FnMut(usize, &mut SentFrame, &RunRecord) -> bool,
+    ) -> Result<(), LoopError> {
+        if self.is_finished() {
+            return Ok(());
+        }
+        self.cut_short = Some(CutShort::Finished);
+        match self.going.on_the_way() {
+            (_, Some(last_out)) => self.go(on_frame, |going, heads, world| going.advance_to(last_out, heads, world)),
+            (_, None) => Ok(()),
+        }
+    }
+
+    fn readings(&self) -> Vec<PortReading> {
+        self.cable.near.iter().map(|port| PortReading::of(port, 0)).collect()
+    }
+
     /// Ends the run, which `error` cut short if there is one: finishes the sinks, and sums up telemetry and invariants.
     #[must_use]
     pub fn end(mut self, mut error: Option<LoopError>) -> RunEnd {
@@ -387,15 +428,14 @@ impl SteppedRun {
             summaries.push(summary);
         }
         let (now, simulated_s) = (self.now(), self.simulated_s());
-        let (on_the_way, _) = self.going.on_the_way();
         let flown = {
             let far = self.far.borrow();
             Flown::of(far.vehicle(), far.witness.assessment(), self.params())
         };
-        let ports = self.cable.near.iter().map(|port| PortReading::of(port, 0)).collect();
+        let ports = self.readings();
         let record = self.going.into_record();
         let far = self.far.into_inner();
-        let assessment = far.witness.finish(&record, &faults, now, on_the_way);
+        let assessment = far.witness.finish(&record, &faults, now);
         let mut end = RunEnd {
             times: self.times,
             heads: self.heads,
@@ -410,6 +450,8 @@ impl SteppedRun {
             faults,
             flown,
             simulated_s,
+            promise: self.promise,
+            cut_short: self.cut_short,
             error,
         };
         self.taps.finish(&mut end, now);

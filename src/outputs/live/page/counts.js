@@ -2,6 +2,7 @@
 
 const FRAME_COUNTS = ["scheduled", "rendered", "delivered", "late", "held", "dropped", "extrapolated", "blank"];
 const FRAME_MEANING = { delivered: "handed to the sinks' queues" };
+const WORD_TONE = { ok: "", LATE: "warn", INCOMPLETE: "bad", LOST: "bad", FAILED: "bad" };
 const FRAME_TONE = { late: "warn", held: "warn", dropped: "bad", blank: "warn" };
 
 // Fills a list with [name, value, tone, meaning]; without a value it is a heading.
@@ -27,8 +28,11 @@ const spaced = (name) => name.replaceAll("_", " ");
 
 function showCounts(run) {
   const tone = (name) => (run.frames[name] > 0 ? FRAME_TONE[name] : "");
-  fillList("counts", FRAME_COUNTS.map((name) => [name, run.frames[name], tone(name), FRAME_MEANING[name]]));
-  fillList("events", Object.entries(run.events).map(([name, n]) => [spaced(name), n]));
+  const verdict = ["verdict so far", run.verdict, WORD_TONE[run.verdict], "first word of the verdict if the run ended now"];
+  const frames = FRAME_COUNTS.map((name) => [name, run.frames[name], tone(name), FRAME_MEANING[name]]);
+  fillList("counts", [verdict, ...frames]);
+  const eventTone = (name) => (/lost|dropped|refused|overflow|busy/.test(name) ? "bad" : "");
+  fillList("events", Object.entries(run.events).map(([name, n]) => [spaced(name), n, eventTone(name)]));
   const always = ["packets_received", "packets_sent"];
   const ports = run.ports.flatMap((port, i) => [
     ...(run.ports.length > 1 ? [["port " + i]] : []),

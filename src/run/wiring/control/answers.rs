@@ -84,6 +84,7 @@ pub(super) fn state(numbers: &RunNumbers, instants: &Instants, mode: Option<Mode
     json!({
         "now_s": instants.now_s(),
         "finished": is_finished,
+        "verdict": numbers.word,
         "mode": mode.map(mode_name),
         "frames": {
             "scheduled": frames.scheduled,

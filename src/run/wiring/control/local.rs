@@ -68,8 +68,9 @@ impl LocalSession {
 
     /// Ends the run where it is.
     #[must_use]
-    pub fn end(self) -> (Scenario, RunEnd) {
-        (self.scenario, self.going.end(None))
+    pub fn end(mut self) -> (Scenario, RunEnd) {
+        let error = self.going.finish_early(&mut |_, _, _| true);
+        (self.scenario, self.going.end(error.err()))
     }
 }
 

@@ -164,6 +164,10 @@ impl HeadPlayback {
             CapturedFate::Held => (row.crc32, self.previous.filter(|_| self.frames.contains(&row.frame))),
             CapturedFate::Dropped => (None, None),
         };
+        let is_to_compare = row.crc32.is_some() && self.frames.contains(&row.frame);
+        if is_to_compare && (wanted.is_none() || got.is_none()) {
+            self.outcome.uncompared += 1;
+        }
         if let (Some(wanted), Some(got)) = (wanted, got) {
             self.compare(Difference { head: self.outcome.head, frame: row.frame, wanted, got });
         }

@@ -22,6 +22,8 @@ pub struct HeadOutcome {
     pub drawn: u64,
     /// Frames compared with the capture.
     pub compared: u64,
+    /// Frames that went out and could not be compared.
+    pub uncompared: u64,
     /// Number of compared frames that are not bit-identical.
     pub differing: u64,
     /// The first of them.

@@ -34,6 +34,12 @@ impl ReplayOutcome {
         self.heads.iter().map(|head| head.compared).sum()
     }
 
+    /// Returns the number of frames that went out and could not be compared.
+    #[must_use]
+    pub fn uncompared(&self) -> u64 {
+        self.heads.iter().map(|head| head.uncompared).sum()
+    }
+
     /// Returns the number of compared frames that are not bit-identical.
     #[must_use]
     pub fn differing(&self) -> u64 {
@@ -115,7 +121,7 @@ pub fn replay_session(
     if samples.is_cut_off {
         outcome.doubt("samples.csv is cut off: the samples before are used".into());
     }
-    let has_several = heads.len() > 1;
+    let (has_several, count) = (heads.len() > 1, heads.len());
     for (number, head) in options.wanted(heads)? {
         let mut playback = HeadPlayback::new(&replayed, (number, head), sink(has_several.then_some(number))?)?;
         playback.take_samples(&samples.samples);
@@ -124,7 +130,7 @@ pub fn replay_session(
             let (came, event) = injected.event()?;
             playback.inject(came, event);
         }
-        let mut rows = RowsOfHead::new(RowReader::open(&directory.join(FRAMES_FILE))?, number);
+        let mut rows = RowsOfHead::new(RowReader::open(&directory.join(FRAMES_FILE))?, number, count);
         while let Some(row) = rows.read()? {
             playback.row(&row)?;
         }

@@ -64,6 +64,8 @@ impl<R: BufRead> RowReader<R> {
 pub(super) struct RowsOfHead<R> {
     reader: RowReader<R>,
     head: usize,
+    /// Number of heads of the bench.
+    heads: usize,
     /// Waiting rows by frame and line: two rows of one frame keep the order of the file.
     waiting: BTreeMap<(u32, u64), FrameRow>,
     newest: u32,
@@ -71,8 +73,8 @@ pub(super) struct RowsOfHead<R> {
 }
 
 impl<R: BufRead> RowsOfHead<R> {
-    pub(super) fn new(reader: RowReader<R>, head: usize) -> Self {
-        Self { reader, head, waiting: BTreeMap::new(), newest: 0, is_over: false }
+    pub(super) fn new(reader: RowReader<R>, head: usize, heads: usize) -> Self {
+        Self { reader, head, heads, waiting: BTreeMap::new(), newest: 0, is_over: false }
     }
 
     /// Returns the same as [`RowReader::is_cut_off`], at the end.
@@ -89,6 +91,10 @@ impl<R: BufRead> RowsOfHead<R> {
             }
             match self.reader.read()? {
                 None => self.is_over = true,
+                Some(row) if row.head >= self.heads => {
+                    let text = format!("frame {}, head {}", row.frame, row.head);
+                    return Err(self.reader.lines.refuse("wanted a head of the bench, counted from 0", &text));
+                }
                 Some(row) if row.head != self.head => {}
                 Some(row) => {
                     self.newest = self.newest.max(row.frame);

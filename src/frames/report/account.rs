@@ -1,0 +1,135 @@
+//! What became of each frame that a bench promised: every frame has one end, and the counts add up.
+//!
+//! In: the end of each slot, as it is decided. Out: counts with their first and last instants. No allocation, so that
+//! the frame thread can count. Tests: below, and `tests/closed_loop/verdicts.rs`.
+
+use base::time::Tai;
+use serde::ser::{Serialize, SerializeMap, Serializer};
+
+macro_rules! ends {
+    ($($(#[doc = $doc:literal])+ $end:ident = $name:literal, $words:literal,)*) => {
+        /// What became of a frame.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub enum FrameEnd {
+            $($(#[doc = $doc])+ $end,)*
+        }
+
+        impl FrameEnd {
+            /// Every end.
+            pub const ALL: [Self; [$($name),*].len()] = [$(Self::$end),*];
+
+            /// Returns the name in files.
+            #[must_use]
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $(Self::$end => $name,)*
+                }
+            }
+
+            /// Returns the words that follow a count.
+            #[must_use]
+            pub const fn words(self) -> &'static str {
+                match self {
+                    $(Self::$end => $words,)*
+                }
+            }
+        }
+    };
+}
+
+ends! {
+    /// It went out on time, lit by an attitude that was neither held nor missing.
+    OnTime = "on_time", "on time",
+    /// It went out after its deadline, or an older image went out in its place.
+    Late = "late", "late",
+    /// It did not go out.
+    Dropped = "dropped", "dropped",
+    /// It is blank because nothing had arrived yet to light it: no attitude, or no RUN.
+    BlankAtStart = "blank_at_start", "blank at the start",
+    /// It is blank because the attitudes stopped, or a peer of another version stopped the session.
+    Blank = "blank", "blank",
+    /// The attitudes had stopped, and it shows the last one.
+    AttitudeHeld = "attitude_held", "with a held attitude",
+    /// A fault or a client that the bench obeys wanted it so: dropped, delayed, blank or not exposed.
+    Commanded = "commanded", "missing as commanded",
+    /// The bench promised it, and it was never exposed.
+    NotExposed = "not_exposed", "not exposed",
+}
+
+/// A count with its first and last instants.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Tally {
+    /// Number of frames.
+    pub count: u64,
+    /// First and last instant; `None` where no frame has one.
+    pub span: Option<(Tai, Tai)>,
+}
+
+/// Frames of a run by what became of them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct FrameAccount {
+    tallies: [Tally; FrameEnd::ALL.len()],
+}
+
+impl FrameAccount {
+    /// Nothing counted.
+    pub const NONE: Self = Self { tallies: [Tally { count: 0, span: None }; FrameEnd::ALL.len()] };
+
+    /// Counts a frame; `at` is the start of its exposure.
+    pub fn add(&mut self, end: FrameEnd, at: Tai) {
+        let tally = &mut self.tallies[end as usize];
+        tally.count += 1;
+        tally.span = Some(tally.span.map_or((at, at), |(first, last)| (first.min(at), last.max(at))));
+    }
+
+    /// Counts frames that have no instant.
+    pub fn add_many(&mut self, end: FrameEnd, count: u64) {
+        self.tallies[end as usize].count += count;
+    }
+
+    /// Returns the frames with this end.
+    #[must_use]
+    pub fn of(&self, end: FrameEnd) -> Tally {
+        self.tallies[end as usize]
+    }
+
+    /// Returns the number of all frames: those that the bench promised, once its run has ended.
+    #[must_use]
+    pub fn scheduled(&self) -> u64 {
+        self.tallies.iter().map(|tally| tally.count).sum()
+    }
+}
+
+/// Writes `scheduled` and the count of each end.
+impl Serialize for FrameAccount {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(Some(FrameEnd::ALL.len() + 1))?;
+        map.serialize_entry("scheduled", &self.scheduled())?;
+        for end in FrameEnd::ALL {
+            map.serialize_entry(end.name(), &self.of(end).count)?;
+        }
+        map.end()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_add_up_and_know_their_first_and_last_instant() {
+        let mut account = FrameAccount::NONE;
+        for (i, end) in FrameEnd::ALL.into_iter().enumerate() {
+            account.add(end, Tai::from_ns(i as i64));
+        }
+        account.add(FrameEnd::Blank, Tai::from_ns(90));
+        account.add(FrameEnd::Blank, Tai::from_ns(70));
+        account.add_many(FrameEnd::NotExposed, 5);
+        assert_eq!(account.scheduled(), 8 + 2 + 5);
+        let blank = account.of(FrameEnd::Blank);
+        assert_eq!(blank, Tally { count: 3, span: Some((Tai::from_ns(4), Tai::from_ns(90))) });
+        let json = serde_json::to_value(account).unwrap();
+        let sum: u64 = FrameEnd::ALL.iter().map(|end| json[end.name()].as_u64().unwrap()).sum();
+        assert_eq!(json["scheduled"], sum, "what is written adds up too");
+    }
+}

@@ -1,0 +1,224 @@
+//! What a bench promises, and the verdict on its run.
+//!
+//! In: the scenario before the run, record and losses after it. Out: every promised frame counted once
+//! ([`FrameAccount`]), and one word with its reasons ([`RunVerdict`]). The same on both clocks and in a run's replay.
+//! Tests: `tests/closed_loop/verdicts.rs`, `hil_scripts/test_broken_benches.py`.
+
+use crate::runtime::exposing::Exposing;
+use crate::runtime::run_word::{Missing, missing};
+use crate::runtime::{EventKind, PortReading, RunRecord};
+use crate::wiring::heads::RunHead;
+use base::time::Tai;
+use config::{Bench, Carrier, GatewayPorts, Link, Scenario, SessionStart, Wire};
+use frames::report::{FrameAccount, FrameEnd, Losses, Reason, RunLimits, RunVerdict, RunWord};
+
+/// How a run ended before its last frame, other than by an error.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CutShort {
+    /// A signal stopped it.
+    Interrupted,
+    /// Its client asked it to finish: frames that were still to come are missing as commanded.
+    Finished,
+    /// Its client went away.
+    ClientGone,
+}
+
+/// What a bench promises.
+#[derive(Debug, Clone)]
+pub struct Promise {
+    /// Limits of `[expect]`.
+    pub(super) limits: RunLimits,
+    /// Promised frames of each head; `None` where triggers decide.
+    frames: Vec<Option<u64>>,
+    /// Names of the links, in the order of the ports.
+    links: Vec<String>,
+    /// Attitudes come from outside over the link.
+    is_external: bool,
+    /// Frames show stars only after a RUN.
+    starts_on_run: bool,
+    /// Advice for a link on which nothing arrives.
+    advice: &'static str,
+}
+
+impl Promise {
+    /// Returns what a scenario promises of its heads.
+    pub(super) fn of(scenario: &Scenario, heads: &[RunHead]) -> Self {
+        let bench = &scenario.bench;
+        let frames = heads.iter().enumerate().map(|(number, head)| {
+            let is_triggered =
+                bench.trigger_lines.iter().any(|line| line.is_armed && line.head.is_none_or(|of| of == number));
+            (!is_triggered).then_some(u64::from(head.engine.params().frames))
+        });
+        let links = core::iter::once(&bench.link).chain(&bench.extra_links);
+        Self {
+            limits: scenario.expect.frames.limits,
+            frames: frames.collect(),
+            links: links.map(link_name).collect(),
+            is_external: bench.flight_computer.is_external,
+            starts_on_run: bench.session.start == SessionStart::OnRun,
+            advice: advice(bench),
+        }
+    }
+
+    /// Returns what became of every frame: those that the bench promised and that never came up are added.
+    pub(super) fn account(&self, record: &RunRecord, cut_short: Option<CutShort>) -> FrameAccount {
+        let mut account = record.account;
+        let triggers_missed = record.ledger.count(EventKind::CameraTriggerMissed);
+        let missing = match self.frames.iter().copied().collect::<Option<Vec<u64>>>() {
+            Some(promised) => promised.iter().sum::<u64>().saturating_sub(account.scheduled()),
+            None => triggers_missed,
+        };
+        let end = if cut_short == Some(CutShort::Finished) { FrameEnd::Commanded } else { FrameEnd::NotExposed };
+        account.add_many(end, missing);
+        account
+    }
+}
+
+/// Returns the name of a link, for people.
+fn link_name(link: &Link) -> String {
+    match &link.carrier {
+        Carrier::Simulated(_) => "the simulated bus".into(),
+        Carrier::SocketCan { interface } => interface.clone(),
+        Carrier::SerialPort(port) => port.port.display().to_string(),
+        Carrier::Udp { listen } => format!("udp {listen}"),
+        Carrier::Tcp { address, .. } => format!("tcp {address}"),
+    }
+}
+
+/// Returns what to check where nothing arrives over a link.
+fn advice(bench: &Bench) -> &'static str {
+    match (&bench.link.wire, &bench.link.carrier) {
+        (Wire::Plain, _) => {
+            "check that the other end sends to this address, and encoding, order of values and sender of both ends"
+        }
+        (Wire::Serial, _) => "check that the other end sends, and baud rate, parity and node of both ends",
+        (Wire::CanFd | Wire::CanClassic, Carrier::Simulated(ports)) if *ports == GatewayPorts::default() => {
+            "send samples over the control socket, or name a link of the machine"
+        }
+        (Wire::CanFd | Wire::CanClassic, _) => {
+            "check that the other end sends, and node, id_bits, id_base, wire and bit rate of both ends"
+        }
+    }
+}
+
+/// What a verdict is made of, beside the promise.
+pub(super) struct Facts<'a> {
+    pub(super) record: &'a RunRecord,
+    pub(super) heads: &'a [RunHead],
+    pub(super) ports: &'a [PortReading],
+    pub(super) losses: &'a Losses,
+    pub(super) zero: Tai,
+    pub(super) cut_short: Option<CutShort>,
+    /// Why an error ended the run, or which expectation is not met.
+    pub(super) failure: Option<String>,
+}
+
+/// Returns the verdict on a run.
+pub(super) fn verdict(promise: &Promise, facts: &Facts<'_>) -> RunVerdict {
+    let account = promise.account(facts.record, facts.cut_short);
+    let cause = |end| cause(end, promise, facts);
+    let mut verdict = RunVerdict::of_frames(&account, &promise.limits, facts.zero, &cause);
+    add_silence(&mut verdict, promise, facts);
+    add_links(&mut verdict, promise, facts);
+    for Missing { kind, words, key, limit } in missing(&promise.limits) {
+        let (count, limit) = (facts.record.ledger.count(kind), limit.unwrap_or(0));
+        let text = format!("{count} {words}");
+        if count > u64::from(limit) {
+            verdict.add(Reason { word: RunWord::Incomplete, kind: kind.name(), count, text });
+        } else if count > 0 {
+            verdict.limits_used.push(format!("{text} ({key} = {limit})"));
+        }
+    }
+    for line in facts.losses.lines() {
+        let text = format!("{}: {}", line.name, line.detail);
+        verdict.add(Reason { word: RunWord::Lost, kind: line.part.name(), count: line.count, text });
+    }
+    match facts.cut_short {
+        Some(CutShort::Interrupted) => {
+            let text = "stopped before its end".into();
+            verdict.add(Reason { word: RunWord::Incomplete, kind: "interrupted", count: 1, text });
+        }
+        Some(CutShort::ClientGone) => {
+            let text = "the control client went away".into();
+            verdict.add(Reason { word: RunWord::Failed, kind: "client_gone", count: 1, text });
+        }
+        Some(CutShort::Finished) | None => {}
+    }
+    if let Some(failure) = &facts.failure {
+        verdict.add(Reason { word: RunWord::Failed, kind: "failed", count: 1, text: failure.clone() });
+    }
+    verdict
+}
+
+/// A run without a single attitude from outside is never `ok`, whatever its limits.
+fn add_silence(verdict: &mut RunVerdict, promise: &Promise, facts: &Facts<'_>) {
+    let accepted: u64 = facts.heads.first().map_or(0, |head| head.receiver.history().counts().accepted);
+    let was_due = facts.record.account.scheduled() > 0;
+    if promise.is_external && accepted == 0 && was_due {
+        let refused: u64 = facts.ports.iter().map(PortReading::refused_messages).sum();
+        let text = if refused > 0 {
+            format!("no attitude was accepted: {refused} messages were refused")
+        } else {
+            format!("no attitude arrived: {}", promise.advice)
+        };
+        verdict.add(Reason { word: RunWord::Incomplete, kind: "no_attitude", count: 1, text });
+    }
+}
+
+fn add_links(verdict: &mut RunVerdict, promise: &Promise, facts: &Facts<'_>) {
+    let limit = u64::from(promise.limits.links_lost.unwrap_or(0));
+    let total: u64 = facts.ports.iter().map(|port| port.counters.lost).sum();
+    if total == 0 {
+        return;
+    }
+    if total <= limit {
+        verdict.limits_used.push(format!("{total} losses of a link (links_lost_at_most = {limit})"));
+        return;
+    }
+    let first_at = |kind| facts.record.ledger.kept().find(|event| event.kind == kind).map(|event| event.at);
+    for (number, port) in facts.ports.iter().enumerate().filter(|(_, port)| port.counters.lost > 0) {
+        let name = promise.links.get(number).map_or("a link", String::as_str);
+        let mut text = format!("link {name} lost");
+        if port.counters.lost > 1 {
+            text += &format!(" {} times", port.counters.lost);
+        }
+        if let Some(at) = first_at(EventKind::LinkLost) {
+            text += &format!(" at {:.1} s", (at - facts.zero).s());
+        }
+        let (word, kind) = (RunWord::Incomplete, EventKind::LinkLost.name());
+        verdict.add(Reason { word, kind, count: port.counters.lost, text });
+    }
+}
+
+/// Returns why frames ended as they did, in words.
+fn cause(end: FrameEnd, promise: &Promise, facts: &Facts<'_>) -> String {
+    match end {
+        FrameEnd::OnTime | FrameEnd::Commanded => String::new(),
+        FrameEnd::BlankAtStart if promise.starts_on_run => "no HELLO and RUN came".into(),
+        FrameEnd::BlankAtStart => "no attitude yet".into(),
+        FrameEnd::Blank | FrameEnd::AttitudeHeld => "no new attitude".into(),
+        FrameEnd::NotExposed => not_exposed(facts),
+        FrameEnd::Late | FrameEnd::Dropped => {
+            let misses = facts.record.ring.misses();
+            let mut causes: Vec<_> = misses.into_iter().filter(|(_, count)| *count > 0).collect();
+            causes.sort_by_key(|(_, count)| core::cmp::Reverse(*count));
+            causes.first().map_or_else(String::new, |(name, _)| name.replace('_', " "))
+        }
+    }
+}
+
+/// Returns why exposures that the bench promised did not come.
+fn not_exposed(facts: &Facts<'_>) -> String {
+    if facts.cut_short.is_some() || facts.failure.is_some() {
+        return "the run ended early".into();
+    }
+    let commanded = |exposing: &&Exposing| exposing.is_commanded();
+    let Some(exposing) = facts.heads.iter().map(|head| head.engine.exposing()).find(commanded) else {
+        return String::new();
+    };
+    if exposing.start().is_triggered {
+        return "the camera waited for triggers".into();
+    }
+    let rate_hz = exposing.start().period.map(|period| 1.0 / period.s());
+    rate_hz.map_or_else(String::new, |rate_hz| format!("a client set the frame rate to {rate_hz} Hz"))
+}
