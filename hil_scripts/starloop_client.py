@@ -423,7 +423,7 @@ class Starloop:
         return report
 
     def finish(self) -> Dict[str, Any]:
-        """Ends the run at its present time and returns the final report; `exit_status` is known then."""
+        """Ends the run once the frames that are drawn have gone out; returns the final report. `exit_status` is known then."""
         reply = self.request("finish")
         self._is_over = True
         self.exit_status = reply["exit_status"]

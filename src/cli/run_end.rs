@@ -111,7 +111,7 @@ impl Finished {
     pub(super) fn status(self, reports: &Reports, arguments: &RunArgs) -> Result<u8> {
         let was_lost = say_losses(&self.end.losses);
         let verdict = &reports.summary.verdict;
-        if !arguments.json && arguments.quiet && verdict.word != RunWord::Ok {
+        if arguments.quiet && !arguments.json && verdict.word > RunWord::Ok && verdict.word < RunWord::Lost {
             eprintln!("starloop: {}: {}", verdict.word, plain_text(&verdict.reasons_line()));
         }
         let (holds, is_complete) = (self.end.holds(), verdict.word <= RunWord::Ok);

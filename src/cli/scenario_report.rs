@@ -35,7 +35,7 @@ pub struct ScenarioReport {
     pub telemetry_crc32: String,
     /// Frame counts, all heads together.
     pub frames: FrameCounts,
-    /// Frames by what became of them.
+    /// Frames by their ends.
     pub account: FrameAccount,
     /// Seconds from the first exposure to fine pointing.
     pub fine_after_s: Option<f64>,

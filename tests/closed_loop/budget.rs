@@ -7,7 +7,7 @@ use crate::bench::{built_in, start};
 use base::clock::{Clock, Monotonic, Virtual};
 use base::time::{Span, Tai};
 use config::{Bench, Degrade};
-use frames::report::{Fate, FrameRecord};
+use frames::report::{Fate, FrameRecord, RunLimits};
 use frames::sink::{NullSink, SentFrame};
 use link::Port;
 use link::simulated::simulated_pair;
@@ -147,7 +147,14 @@ fn alone(bench: &Bench, ring_frames: usize) -> (Vec<FrameRecord>, run::runtime::
     let clock: Arc<dyn Clock> = Arc::new(Monotonic::start_at(start));
     let [near, _far] = ports(bench, &clock);
     let stop = Arc::new(AtomicBool::new(false));
-    let setting = real_parts::Setting { clock: &clock, stop: &stop, hygiene: None, ring_frames, orders: None };
+    let setting = real_parts::Setting {
+        clock: &clock,
+        stop: &stop,
+        hygiene: None,
+        ring_frames,
+        limits: RunLimits::default(),
+        orders: None,
+    };
     let sink = Box::new(NullSink::new());
     let heads = vec![real_parts::Head { engine: &mut engine, receiver: &mut receiver, sink, faults: None }];
     let outcome = real_time::run_in(&setting, heads, near.into(), &mut |_, _, _| {});

@@ -9,6 +9,7 @@ use base::time::{Span, Tai};
 use firmware_protocol::Message;
 use firmware_protocol::can::IdMap;
 use firmware_protocol::message::{JitterBurst, Scet, Sync as TimeMark, TimeFollowUp, Wheels};
+use frames::report::RunLimits;
 use frames::sink::NullSink;
 use link::simulated::{BusParams, BusTiming, SimulatedBus};
 use link::{Port, WireFormat};
@@ -109,7 +110,14 @@ fn a_full_bus_and_a_full_line_lose_nothing() {
             over.store(true, Ordering::Relaxed);
         })
     };
-    let setting = Setting { clock: &clock, stop: &stop, hygiene: None, ring_frames: 64, orders: None };
+    let setting = Setting {
+        clock: &clock,
+        stop: &stop,
+        hygiene: None,
+        ring_frames: 64,
+        limits: RunLimits::default(),
+        orders: None,
+    };
     let sources = Sources { ports: vec![bus_port, line_port], pulses: None, samples: None, chips: Vec::new() };
     let sink = Box::new(NullSink::new());
     let heads = vec![Head { engine: &mut engine, receiver: &mut receiver, sink, faults: None }];

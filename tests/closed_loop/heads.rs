@@ -8,7 +8,7 @@ use base::clock::{Clock, Monotonic};
 use base::time::Span;
 use config::{Bench, Document};
 use crossbeam_channel::bounded;
-use frames::report::{Fate, MissCause};
+use frames::report::{Fate, MissCause, RunLimits};
 use frames::sink::{NullSink, Sink};
 use glam::DQuat;
 use link::Port;
@@ -130,7 +130,14 @@ fn a_head_whose_sink_is_stuck_costs_the_others_nothing() {
     let (near, _far) = simulated_pair(bus, &clock);
     let port = Port::new(Box::new(near), format, firmware_protocol::can::IdMap::new(0, 0).unwrap());
     let stop = Arc::new(AtomicBool::new(false));
-    let setting = Setting { clock: &clock, stop: &stop, hygiene: None, ring_frames: FRAMES as usize, orders: None };
+    let setting = Setting {
+        clock: &clock,
+        stop: &stop,
+        hygiene: None,
+        ring_frames: FRAMES as usize,
+        limits: RunLimits::default(),
+        orders: None,
+    };
     let mut gate = Some(gate);
     let parts = heads.iter_mut().enumerate().map(|(number, (engine, receiver))| {
         let trouble = (number == 1).then(|| gate.take()).flatten();

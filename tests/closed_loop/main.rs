@@ -31,3 +31,4 @@ mod session;
 mod sinks;
 mod study;
 mod triggers;
+mod verdicts;

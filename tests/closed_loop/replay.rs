@@ -30,7 +30,8 @@ fn capture(folder: &Path, name: &str, extra: &[&str]) -> PathBuf {
     let target = directory.to_str().unwrap();
     let fixed = ["run", &bench, "--set", &camera, "--duration", "2", "--backend", "cpu", "--sink", "null", "--quiet"];
     let (status, text) = starloop(&[&fixed, extra, &["--capture", target][..]].concat());
-    assert_eq!(status, 0, "{text}");
+    // A run that is late by its own settings, or on a busy machine, is captured all the same.
+    assert!(status == 0 || status == 6 && text.contains("LATE"), "{status} {text}");
     directory
 }
 

@@ -1,4 +1,4 @@
-//! What became of each frame that a bench promised: every frame has one end, and the counts add up.
+//! The end of each frame that a bench promised: every frame has one, and the counts add up.
 //!
 //! In: the end of each slot, as it is decided. Out: counts with their first and last instants. No allocation, so that
 //! the frame thread can count. Tests: below, and `tests/closed_loop/verdicts.rs`.
@@ -8,7 +8,7 @@ use serde::ser::{Serialize, SerializeMap, Serializer};
 
 macro_rules! ends {
     ($($(#[doc = $doc:literal])+ $end:ident = $name:literal, $words:literal,)*) => {
-        /// What became of a frame.
+        /// The end of a frame.
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
         pub enum FrameEnd {
             $($(#[doc = $doc])+ $end,)*
@@ -44,11 +44,11 @@ ends! {
     Late = "late", "late",
     /// It did not go out.
     Dropped = "dropped", "dropped",
-    /// It is blank because nothing had arrived yet to light it: no attitude, or no RUN.
+    /// It is blank because nothing has arrived yet to light it: no attitude, or no RUN.
     BlankAtStart = "blank_at_start", "blank at the start",
     /// It is blank because the attitudes stopped, or a peer of another version stopped the session.
     Blank = "blank", "blank",
-    /// The attitudes had stopped, and it shows the last one.
+    /// It shows the last attitude: no newer one came in time.
     AttitudeHeld = "attitude_held", "with a held attitude",
     /// A fault or a client that the bench obeys wanted it so: dropped, delayed, blank or not exposed.
     Commanded = "commanded", "missing as commanded",
@@ -65,7 +65,7 @@ pub struct Tally {
     pub span: Option<(Tai, Tai)>,
 }
 
-/// Frames of a run by what became of them.
+/// Frames of a run, counted by their ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct FrameAccount {
     tallies: [Tally; FrameEnd::ALL.len()],

@@ -83,7 +83,7 @@ pub struct RunNumbers {
     pub frames_in_run: Option<u64>,
     /// Frames by outcome.
     pub frames: FrameCounts,
-    /// Frames by what became of them.
+    /// Frames by their ends.
     pub account: FrameAccount,
     /// First word of the verdict so far.
     pub word: RunWord,

@@ -50,7 +50,7 @@ pub struct RunSummary {
     pub noise_seed: u64,
     /// Frames by outcome.
     pub frames: FrameCounts,
-    /// Frames by what became of them: each of those that the bench promised is counted once.
+    /// Frames by their ends: each of those that the bench promised is counted once.
     pub account: FrameAccount,
     /// Wall time per stage, in the order of [`Stage::ALL`].
     #[serde(serialize_with = "by_stage_name")]

@@ -8,7 +8,7 @@
 //! | `LOST` | a sink, a file, a capture or a thread lost data |
 //! | `FAILED` | an expectation or an invariant is not met, or an error ended the run |
 //!
-//! What was commanded, by a fault of the bench or by its client, is no reason: it is counted. Limits of `[expect]` allow
+//! Faults that the bench or its client commands are counted, and do not change the word. Limits of `[expect]` allow
 //! some frames; those that were used are named. Tests: below, and `tests/closed_loop/verdicts.rs`.
 
 use crate::report::account::{FrameAccount, FrameEnd};
@@ -106,7 +106,7 @@ pub struct RunLimits {
 }
 
 impl RunLimits {
-    /// Returns the word that an end leads to, the key of its limit, and the limit; `None` for ends that are no reason.
+    /// Returns the word that an end leads to, the key of its limit, and the limit; `None` for ends that change no word.
     fn of(&self, end: FrameEnd) -> Option<(RunWord, &'static str, u32)> {
         let (word, key, limit) = match end {
             FrameEnd::OnTime | FrameEnd::Commanded => return None,

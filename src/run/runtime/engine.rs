@@ -69,9 +69,9 @@ pub struct FrameEngine {
     /// Largest expected motion of the body, if known.
     motion: Option<MotionScale>,
     pointing_bound_rad: Option<f64>,
-    /// What the latest frame counts as if it goes out on time.
+    /// End of the latest frame if it goes out on time.
     end_on_time: FrameEnd,
-    /// True once a frame had an attitude.
+    /// True once a frame has shown an attitude.
     has_been_lit: bool,
     /// Facts about the latest frame's line of sight.
     path: PathFacts,
@@ -281,7 +281,7 @@ impl FrameEngine {
         self.pointing_bound_rad
     }
 
-    /// Returns what the latest frame counts as if it goes out on time.
+    /// Returns the end of the latest frame if it goes out on time.
     #[must_use]
     pub fn end_on_time(&self) -> FrameEnd {
         self.end_on_time

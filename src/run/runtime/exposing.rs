@@ -135,6 +135,12 @@ impl Exposing {
         self.is_commanded
     }
 
+    /// Returns the number of exposures of a run without commands.
+    #[must_use]
+    pub fn own_exposures(&self) -> u64 {
+        self.shutter.own_exposures()
+    }
+
     /// Returns the next slot according to the commands so far.
     #[must_use]
     pub fn next(&self) -> NextSlot {

@@ -327,7 +327,7 @@ fn drop_slot(slot: Slot, timed: &mut FrameRecord, kind: EventKind, cause: MissCa
     record.ring.push(*timed);
 }
 
-/// Returns what became of a frame that goes out: a delay that was commanded is no lateness.
+/// Returns the end of a frame that goes out; a commanded delay does not make it late.
 pub(super) fn end_of(on_time: FrameEnd, commanded_delay: Span, lateness: Span) -> FrameEnd {
     match on_time {
         FrameEnd::OnTime | FrameEnd::AttitudeHeld if lateness > Span::ZERO => FrameEnd::Late,

@@ -20,7 +20,7 @@ use std::collections::BTreeMap;
 pub struct RunRecord {
     /// Frame counts.
     pub frames: FrameCounts,
-    /// What became of each slot that came up.
+    /// Frames of the slots so far by their ends.
     pub account: FrameAccount,
     /// Limits of `[expect]`.
     pub limits: RunLimits,
@@ -160,7 +160,7 @@ impl RunRecord {
             frames_in_run,
             frames,
             account: self.account,
-            word: word_so_far(self),
+            word: word_so_far(&self.limits, &self.ledger, &self.account),
             stages,
             events,
             newest,

@@ -3,9 +3,8 @@
 //! In: the record so far, with the limits of `[expect]`. Out: a word that is never better than the final one, except that
 //! what the bench promised and has not come up yet is not missing. Tests: `tests/closed_loop/verdicts.rs`.
 
-use crate::runtime::ledger::EventKind;
-use crate::runtime::record::RunRecord;
-use frames::report::{RunLimits, RunWord};
+use crate::runtime::ledger::{EventKind, Ledger};
+use frames::report::{FrameAccount, RunLimits, RunWord};
 
 /// An event that means that something is missing.
 #[derive(Debug, Clone, Copy)]
@@ -48,8 +47,7 @@ pub fn missing(limits: &RunLimits) -> [Missing; 9] {
 }
 
 /// Returns the word so far.
-pub(super) fn word_so_far(record: &RunRecord) -> RunWord {
-    let (limits, ledger) = (&record.limits, &record.ledger);
+pub(super) fn word_so_far(limits: &RunLimits, ledger: &Ledger, account: &FrameAccount) -> RunWord {
     let is_above = |kind, limit: Option<u32>| ledger.count(kind) > u64::from(limit.unwrap_or(0));
     let lost = [EventKind::SinkDropped, EventKind::SinkRefused, EventKind::SinkLost, EventKind::ThreadLost];
     if lost.iter().any(|kind| ledger.count(*kind) > 0) {
@@ -58,5 +56,5 @@ pub(super) fn word_so_far(record: &RunRecord) -> RunWord {
     let is_incomplete = is_above(EventKind::LinkLost, limits.links_lost)
         || missing(limits).iter().any(|missing| is_above(missing.kind, missing.limit));
     let word = if is_incomplete { RunWord::Incomplete } else { RunWord::Ok };
-    word.max(limits.word(&record.account))
+    word.max(limits.word(account))
 }

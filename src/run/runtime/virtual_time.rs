@@ -250,12 +250,12 @@ impl VirtualLoop {
         }
     }
 
-    /// Returns the record, when the run is over; frames that are still on the way are dropped.
+    /// Returns the record, when the run is over; frames that are still on the way do not go out and end like this.
     #[must_use]
-    pub fn into_record(mut self) -> RunRecord {
+    pub fn into_record(mut self, on_the_way: FrameEnd) -> RunRecord {
         for pending in &self.pending {
             self.record.frames.dropped += 1;
-            self.record.account.add(FrameEnd::Dropped, pending.exposure_start);
+            self.record.account.add(on_the_way, pending.exposure_start);
         }
         self.record
     }
@@ -523,5 +523,12 @@ pub fn run_in(clock: &Arc<Virtual>, mut heads: Vec<Head<'_>>, world: &mut World<
         summaries.push(summary);
     }
     let ports = vec![PortReading::of(world.port, 0)];
-    RunOutcome { record: going.into_record(), ports, summaries, sinks, lost_threads: Vec::new(), error }
+    RunOutcome {
+        record: going.into_record(FrameEnd::Dropped),
+        ports,
+        summaries,
+        sinks,
+        lost_threads: Vec::new(),
+        error,
+    }
 }

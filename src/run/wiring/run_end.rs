@@ -73,7 +73,7 @@ pub struct RunEnd {
     pub flown: Flown,
     /// Time since the first exposure, s; the run's duration when it ran to its end.
     pub simulated_s: f64,
-    /// What its bench promised.
+    /// Promise of its bench.
     pub promise: Promise,
     /// How it ended before its last frame, other than by an error.
     pub cut_short: Option<CutShort>,
@@ -85,7 +85,7 @@ pub struct RunEnd {
 pub struct LoopView<'a> {
     /// Counts, times and events of the stimulator.
     pub record: &'a RunRecord,
-    /// What became of each frame.
+    /// Frames by their ends.
     pub account: FrameAccount,
     /// The verdict so far.
     pub verdict: RunVerdict,
@@ -132,7 +132,7 @@ impl RunEnd {
         summary
     }
 
-    /// Returns what became of each frame that the bench promised.
+    /// Returns the end of each frame that the bench promised.
     #[must_use]
     pub fn account(&self) -> FrameAccount {
         self.promise.account(&self.record, self.cut_short)

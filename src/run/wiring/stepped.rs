@@ -28,7 +28,7 @@ use base::clock::{Clock, Virtual};
 use base::time::{Span, Tai};
 use config::{Event, Plant, Scenario};
 use core::cell::RefCell;
-use frames::report::Losses;
+use frames::report::{FrameEnd, Losses};
 use frames::sink::{SentFrame, Sink};
 use plan::attitude::{EstimatedAttitude, state_at};
 use std::sync::Arc;
@@ -433,7 +433,8 @@ impl SteppedRun {
             Flown::of(far.vehicle(), far.witness.assessment(), self.params())
         };
         let ports = self.readings();
-        let record = self.going.into_record();
+        let is_asked = self.cut_short == Some(CutShort::Finished);
+        let record = self.going.into_record(if is_asked { FrameEnd::Commanded } else { FrameEnd::Dropped });
         let far = self.far.into_inner();
         let assessment = far.witness.finish(&record, &faults, now);
         let mut end = RunEnd {

@@ -1,4 +1,4 @@
-//! What a bench promises, and the verdict on its run.
+//! Compares the promise of a bench with its run: the verdict.
 //!
 //! In: the scenario before the run, record and losses after it. Out: every promised frame counted once
 //! ([`FrameAccount`]), and one word with its reasons ([`RunVerdict`]). The same on both clocks and in a run's replay.
@@ -23,7 +23,7 @@ pub enum CutShort {
     ClientGone,
 }
 
-/// What a bench promises.
+/// Promise of a bench.
 #[derive(Debug, Clone)]
 pub struct Promise {
     /// Limits of `[expect]`.
@@ -41,13 +41,13 @@ pub struct Promise {
 }
 
 impl Promise {
-    /// Returns what a scenario promises of its heads.
+    /// Returns the promise of a scenario with these heads.
     pub(super) fn of(scenario: &Scenario, heads: &[RunHead]) -> Self {
         let bench = &scenario.bench;
         let frames = heads.iter().enumerate().map(|(number, head)| {
             let is_triggered =
                 bench.trigger_lines.iter().any(|line| line.is_armed && line.head.is_none_or(|of| of == number));
-            (!is_triggered).then_some(u64::from(head.engine.params().frames))
+            (!is_triggered).then(|| head.engine.exposing().own_exposures())
         });
         let links = core::iter::once(&bench.link).chain(&bench.extra_links);
         Self {
@@ -60,7 +60,7 @@ impl Promise {
         }
     }
 
-    /// Returns what became of every frame: those that the bench promised and that never came up are added.
+    /// Returns the end of every frame: those that the bench promised and that never came up are added.
     pub(super) fn account(&self, record: &RunRecord, cut_short: Option<CutShort>) -> FrameAccount {
         let mut account = record.account;
         let triggers_missed = record.ledger.count(EventKind::CameraTriggerMissed);
@@ -101,7 +101,7 @@ fn advice(bench: &Bench) -> &'static str {
     }
 }
 
-/// What a verdict is made of, beside the promise.
+/// Inputs of a verdict beside the promise.
 pub(super) struct Facts<'a> {
     pub(super) record: &'a RunRecord,
     pub(super) heads: &'a [RunHead],

@@ -217,6 +217,19 @@ impl Shutter {
         self.slot(number, start, &self.params.settings, Started::Rate)
     }
 
+    /// Returns the number of exposures of a run without commands: fewer than its periods where exposures, or their
+    /// readouts, last longer than a period.
+    #[must_use]
+    pub fn own_exposures(&self) -> u64 {
+        let mut alone = Self::new(self.params, self.whole_range);
+        let mut count = 0;
+        while alone.next.slot().is_some() {
+            alone.advance();
+            count += 1;
+        }
+        count
+    }
+
     /// Returns the settings of exposures without commands.
     #[must_use]
     pub fn nominal_settings(&self) -> &CameraSettings {
