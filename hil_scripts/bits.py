@@ -93,7 +93,7 @@ def fly_in(folder, binary, name, *options):
     done = subprocess.run(command, capture_output=True, text=True, cwd=folder)
     row = {"file": name, "duration_s": duration, "subset": "yes" if name in SUBSET else ""}
     tables = sorted((folder / "out").rglob("frames.csv")) if (folder / "out").exists() else []
-    if done.returncode not in (0, 3) or not (tables or is_scenario):
+    if done.returncode not in (0, 3, 6) or not (tables or is_scenario):
         why = [line for line in done.stderr.splitlines() if line.startswith("starloop: ")] or ["no message"]
         words = re.sub(r"\S*/\S*", "FILE", why[-1].removeprefix("starloop: ")).replace(",", "").split()
         return row | {"frames": "refused", "records": " ".join(words[:12]), "telemetry": f"exit {done.returncode}"}

@@ -45,7 +45,7 @@ import campaign_report
 STDERR_TAIL = 2000
 """Characters of standard error that are kept."""
 
-RESULTS = (0, 4)
+RESULTS = (0, 4, 6)
 """Exit statuses of a run that came to its end: it held, or it did not."""
 
 INTERRUPTED = 130
@@ -174,6 +174,7 @@ def row_of(task: dict, result: dict, command: list[str]) -> dict:
         "exit_status": result["exit_status"],
         "has_report": result["report"] is not None,
         "passed": bool(result["report"] and result["report"]["passed"]),
+        "reasons": "; ".join(reason["text"] for reason in (result["report"] or {}).get("reasons", [])),
         "error": result["error"],
         "stderr_tail": result["stderr_tail"],
         "task_wall_s": result["task_wall_s"],
@@ -206,7 +207,7 @@ def why_not(row: dict) -> str:
         return "; ".join([row["error"], *row["stderr_tail"].strip().splitlines()[-1:]])
     verdicts = [name[len("verdict.") : -len(".passed")] for name in row if name.endswith(".passed") and not row[name]]
     reported = [f"{v.replace('_', ' ')}: wanted {row[f'verdict.{v}.wanted']}, got {row[f'verdict.{v}.got']}" for v in verdicts]
-    return "; ".join(reported + json.loads(row["violation_lines"] or "[]")[:3]) or "did not hold"
+    return "; ".join(reported + json.loads(row["violation_lines"] or "[]")[:3]) or row["reasons"] or "did not hold"
 
 
 def real(value: float | None) -> float | None:

@@ -8,8 +8,9 @@ use crate::cli::budget_report::budget_report;
 use crate::cli::load_threads::LoadThreads;
 use crate::cli::report_json::print_json;
 use crate::cli::run;
+use crate::cli::run_verdict::verdict_line;
 use crate::cli::run_args::{BackendName, CaptureFormatName, ClockKind, RunArgs, SinkKind};
-use crate::cli::{EXIT_DONE, EXIT_OVER_BUDGET, budget_files};
+use crate::cli::{EXIT_DONE, EXIT_INCOMPLETE, EXIT_OVER_BUDGET, budget_files};
 use anyhow::Result;
 use clap::Args;
 use frames::report::budget_table;
@@ -80,6 +81,7 @@ pub fn run(arguments: &BudgetArgs) -> Result<u8> {
         print_json("budget", &report)?;
     } else {
         print!("{}", budget_table(&report));
+        println!("{}", verdict_line(&finished, arguments_of_run.clock));
     }
     if let Some(directory) = arguments.report.as_ref().filter(|_| !arguments.json) {
         println!("report in {}", directory.display());
@@ -87,7 +89,7 @@ pub fn run(arguments: &BudgetArgs) -> Result<u8> {
     let is_broken = report.culprit().is_some();
     let reports = finished.reports(arguments_of_run.clock);
     let status = finished.status(&reports, &arguments_of_run)?;
-    Ok(if status == EXIT_DONE && is_broken { EXIT_OVER_BUDGET } else { status })
+    Ok(if matches!(status, EXIT_DONE | EXIT_INCOMPLETE) && is_broken { EXIT_OVER_BUDGET } else { status })
 }
 
 fn run_arguments(arguments: &BudgetArgs) -> RunArgs {

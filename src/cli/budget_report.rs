@@ -20,6 +20,7 @@ pub(super) fn budget_report(finished: &Finished, load_threads: usize) -> Result<
     let render_limit_ms = limits.stage_p99_ms[Stage::Render as usize].unwrap_or(0.0);
     let advice = advice(finished, &lines, render_limit_ms)?;
     Ok(BudgetReport {
+        verdict: summary.verdict,
         starloop_version: summary.starloop_version,
         bench: summary.bench,
         camera: summary.camera,

@@ -3,6 +3,7 @@
 use crate::errors::refused;
 use crate::frame::{Drawn, Frame};
 use config::{Document, Scenario, Setting};
+use frames::report::RunWord;
 use frames::sink::{NullSink, Sink};
 use pyo3::prelude::*;
 use run::wiring::assemble::{Outputs, Run, RunOptions};
@@ -48,13 +49,13 @@ impl Session {
         py.detach(newest).map(|drawn| Frame::new(py, drawn)).transpose()
     }
 
-    /// Ends the run where it is and returns its report as JSON, and whether its expectations were met.
+    /// Ends the run where it is and returns its report as JSON, and whether its verdict is `ok`.
     fn finish(&self, py: Python<'_>) -> PyResult<(String, bool)> {
         let end = || {
             let session = self.going.lock().unwrap_or_else(PoisonError::into_inner).take().ok_or("the run is over")?;
             let (scenario, end) = session.end();
             let report = ScenarioReport::of(&scenario, &end.view(), 0.0);
-            Ok::<_, String>((json!(report).to_string(), end.holds()))
+            Ok::<_, String>((json!(report).to_string(), end.verdict().word == RunWord::Ok))
         };
         py.detach(end).map_err(refused)
     }

@@ -9,6 +9,7 @@ use crate::report::frame_ring::{FrameRing, Latency};
 use crate::report::histogram::Quantiles;
 use crate::report::machine::Machine;
 use crate::report::stages::{Stage, StageHistograms};
+use crate::report::verdict::RunVerdict;
 use crate::report::summary::FrameCounts;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -142,6 +143,9 @@ pub struct HygieneLine {
 /// Everything a run on the real clock says about its time.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BudgetReport {
+    /// The verdict on the run, whatever its times.
+    #[serde(flatten)]
+    pub verdict: RunVerdict,
     /// Version of starloop.
     pub starloop_version: String,
     /// Name of the bench.

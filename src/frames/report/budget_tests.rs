@@ -3,6 +3,7 @@
 use super::*;
 use crate::report::frame_record::{Fate, FrameRecord, MissCause, sample_record};
 use crate::report::{budget_table, to_junit};
+use crate::report::verdict::{RunVerdict, RunWord};
 use base::time::Span;
 
 const FRAMES: u32 = 200;
@@ -30,6 +31,7 @@ fn limits() -> BudgetLimits {
 
 fn report(lines: Vec<BudgetLine>, ring: &FrameRing) -> BudgetReport {
     BudgetReport {
+        verdict: RunVerdict { word: RunWord::Ok, reasons: Vec::new(), limits_used: Vec::new() },
         starloop_version: "0".into(),
         bench: "a <bench> & \"more\"".into(),
         camera: "camera".into(),

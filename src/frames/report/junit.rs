@@ -4,6 +4,7 @@
 //! whose stage did not run.
 
 use crate::report::budget::{BudgetLine, BudgetReport, LineVerdict};
+use crate::report::verdict::{RunVerdict, RunWord};
 use crate::report::xml::escaped;
 use core::fmt::Write;
 
@@ -17,13 +18,25 @@ pub fn to_junit(report: &BudgetReport) -> String {
         text,
         "<testsuites>\n<testsuite name=\"{}\" tests=\"{}\" failures=\"{}\" errors=\"0\" skipped=\"{}\" time=\"{:.3}\">",
         escaped(&format!("timing budget of {}", report.bench)),
-        report.lines.len(),
-        count(&[LineVerdict::Broken]),
+        report.lines.len() + 1,
+        count(&[LineVerdict::Broken]) + usize::from(report.verdict.word != RunWord::Ok),
         count(&[LineVerdict::NoLimit, LineVerdict::NotRun]),
         report.duration_s
     );
+    write_verdict(&mut text, &report.verdict);
     report.lines.iter().for_each(|line| write_case(&mut text, line, &report.advice));
     text + "</testsuite>\n</testsuites>\n"
+}
+
+/// Writes the case of the run itself, whatever its times.
+fn write_verdict(text: &mut String, verdict: &RunVerdict) {
+    let head = "<testcase classname=\"run\" name=\"verdict\" time=\"0\"";
+    let reasons = escaped(&verdict.reasons_line());
+    // Writing to a string cannot fail.
+    let _ = match verdict.word {
+        RunWord::Ok => writeln!(text, "{head}/>"),
+        word => writeln!(text, "{head}><failure type=\"{word}\" message=\"{reasons}\">{word}: {reasons}</failure></testcase>"),
+    };
 }
 
 fn write_case(text: &mut String, line: &BudgetLine, advice: &[String]) {

@@ -106,6 +106,19 @@ pub struct RunLimits {
 }
 
 impl RunLimits {
+    /// Limits that allow anything, as for a run of random faults.
+    pub const ANYTHING: Self = Self {
+        late: Some(u32::MAX),
+        dropped: Some(u32::MAX),
+        blank_at_start: Some(u32::MAX),
+        blank: Some(u32::MAX),
+        attitude_held: Some(u32::MAX),
+        not_exposed: Some(u32::MAX),
+        links_lost: Some(u32::MAX),
+        packets_lost: Some(u32::MAX),
+        jitter_missing: Some(u32::MAX),
+    };
+
     /// Returns the word that an end leads to, the key of its limit, and the limit; `None` for ends that change no word.
     fn of(&self, end: FrameEnd) -> Option<(RunWord, &'static str, u32)> {
         let (word, key, limit) = match end {
@@ -149,7 +162,7 @@ impl RunVerdict {
             let tally = account.of(end);
             let Some((word, key, limit)) = limits.of(end).filter(|_| tally.count > 0) else { continue };
             if tally.count <= u64::from(limit) {
-                verdict.limits_used.push(format!("{} {} ({key} = {limit})", tally.count, end.words()));
+                verdict.use_limit(&format!("{} {}", tally.count, end.words()), key, limit);
                 continue;
             }
             let mut text = format!("{} {}", tally.count, end.words());
@@ -166,6 +179,14 @@ impl RunVerdict {
             verdict.add(Reason { word, kind: end.name(), count: tally.count, text });
         }
         verdict
+    }
+
+    /// Notes that a limit was used.
+    pub fn use_limit(&mut self, what: &str, key: &str, limit: u32) {
+        self.limits_used.push(match limit {
+            u32::MAX => format!("{what} (any number)"),
+            limit => format!("{what} ({key} = {limit})"),
+        });
     }
 
     /// Adds a reason; the worst come first.

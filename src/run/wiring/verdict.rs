@@ -49,9 +49,14 @@ impl Promise {
                 bench.trigger_lines.iter().any(|line| line.is_armed && line.head.is_none_or(|of| of == number));
             (!is_triggered).then(|| head.engine.exposing().own_exposures())
         });
+        // Frames that the timing budget lets be missed may be late, or dropped because they were.
+        let missed = Some(bench.budget.missed_frames).filter(|missed| *missed > 0);
+        let stated = scenario.expect.frames.limits;
+        // Random faults are commanded, and so is what they cost.
+        let limits = if scenario.expect.allows_refusals { RunLimits::ANYTHING } else { stated };
         let links = core::iter::once(&bench.link).chain(&bench.extra_links);
         Self {
-            limits: scenario.expect.frames.limits,
+            limits: RunLimits { late: limits.late.or(missed), dropped: limits.dropped.or(missed), ..limits },
             frames: frames.collect(),
             links: links.map(link_name).collect(),
             is_external: bench.flight_computer.is_external,
@@ -126,7 +131,7 @@ pub(super) fn verdict(promise: &Promise, facts: &Facts<'_>) -> RunVerdict {
         if count > u64::from(limit) {
             verdict.add(Reason { word: RunWord::Incomplete, kind: kind.name(), count, text });
         } else if count > 0 {
-            verdict.limits_used.push(format!("{text} ({key} = {limit})"));
+            verdict.use_limit(&text, key, limit);
         }
     }
     for line in facts.losses.lines() {
@@ -166,13 +171,13 @@ fn add_silence(verdict: &mut RunVerdict, promise: &Promise, facts: &Facts<'_>) {
 }
 
 fn add_links(verdict: &mut RunVerdict, promise: &Promise, facts: &Facts<'_>) {
-    let limit = u64::from(promise.limits.links_lost.unwrap_or(0));
+    let limit = promise.limits.links_lost.unwrap_or(0);
     let total: u64 = facts.ports.iter().map(|port| port.counters.lost).sum();
     if total == 0 {
         return;
     }
-    if total <= limit {
-        verdict.limits_used.push(format!("{total} losses of a link (links_lost_at_most = {limit})"));
+    if total <= u64::from(limit) {
+        verdict.use_limit(&format!("{total} losses of a link"), "links_lost_at_most", limit);
         return;
     }
     let first_at = |kind| facts.record.ledger.kept().find(|event| event.kind == kind).map(|event| event.at);
