@@ -95,7 +95,7 @@ impl DensityMap {
 
     fn cell_of(&self, direction_icrf: DVec3) -> usize {
         let [ra, dec] = ra_dec_rad(direction_icrf);
-        usize::try_from(cdshealpix::nested::hash(self.order, ra, dec)).unwrap_or(usize::MAX)
+        usize::try_from(stars::healpix::cell(self.order, ra, dec)).unwrap_or(usize::MAX)
     }
 
     fn per_deg2(&self, count: u64) -> f64 {
@@ -111,7 +111,7 @@ impl DensityMap {
     /// Returns the right ascension and declination of its cells, rad, with the stars in each and per square degree.
     pub fn cells(&self) -> impl Iterator<Item = ([f64; 2], u64, f64)> {
         (0..).zip(&self.counts).map(|(cell, count)| {
-            let (ra, dec) = cdshealpix::nested::center(self.order, cell);
+            let (ra, dec) = stars::healpix::centre(self.order, cell);
             ([ra, dec], *count, self.per_deg2(*count))
         })
     }

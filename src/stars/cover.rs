@@ -37,7 +37,7 @@ pub(crate) fn cells_of_cone(order: u8, axis: DVec3, radius_rad: f64, mut take: i
         count -= 1;
         let (at_order, cell) = waiting[count];
         let reach_rad = CIRCLE / f64::from(1_u32 << at_order);
-        let (lon_rad, lat_rad) = cdshealpix::nested::center(at_order, cell);
+        let (lon_rad, lat_rad) = crate::healpix::centre(at_order, cell);
         let off_rad = axis.angle_between(direction_from_ra_dec(lon_rad, lat_rad));
         if off_rad > radius_rad + reach_rad {
             continue;
@@ -81,16 +81,17 @@ mod tests {
         for order in 0..=10 {
             for direction in directions(200_000) {
                 let [ra, dec] = ra_dec_rad(direction);
-                let (lon, lat) = cdshealpix::nested::center(order, cdshealpix::nested::hash(order, ra, dec));
+                let (lon, lat) = crate::healpix::centre(order, crate::healpix::cell(order, ra, dec));
                 let off = direction.angle_between(direction_from_ra_dec(lon, lat)) * f64::from(1_u32 << order);
                 worst = worst.max(off);
             }
             // The corners themselves, of cells all over.
             let cells = 12_u64 << (2 * order);
             for cell in (0..cells).step_by((cells / 5000).max(1) as usize) {
-                let (lon, lat) = cdshealpix::nested::center(order, cell);
+                let (lon, lat) = crate::healpix::centre(order, cell);
                 let centre = direction_from_ra_dec(lon, lat);
-                for (ra, dec) in cdshealpix::nested::vertices(order, cell) {
+                for share in [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]] {
+                    let (ra, dec) = crate::healpix::point(order, cell, share);
                     let off = direction_from_ra_dec(ra, dec).angle_between(centre) * f64::from(1_u32 << order);
                     worst = worst.max(off);
                 }
@@ -113,7 +114,7 @@ mod tests {
                 let reach_rad = 2.0 * CIRCLE / f64::from(1_u32 << order);
                 for direction in directions(30_000) {
                     let [ra, dec] = ra_dec_rad(direction);
-                    let is_found = found.binary_search(&cdshealpix::nested::hash(order, ra, dec)).is_ok();
+                    let is_found = found.binary_search(&crate::healpix::cell(order, ra, dec)).is_ok();
                     let off_rad = direction.angle_between(axis);
                     assert!(is_found || off_rad > radius_rad, "order {order}, {radius_deg} deg: missed at {off_rad}");
                     assert!(!is_found || off_rad <= radius_rad + reach_rad, "taken in vain at {off_rad}");

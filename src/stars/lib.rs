@@ -6,7 +6,7 @@
 //! * [`layer`]: star layers on disk, of any number of stars, and their cone query; several as one sky;
 //! * [`StarIndex`]: facts and tiles of either; [`cover`]: cones and the tiles that they touch;
 //! * [`tiles`]: the tiles of a field, decoded, in bounded memory, read ahead; [`Sky`]: the stars of a run;
-//! * [`galactic`]: galactic longitude and latitude;
+//! * [`galactic`]: galactic longitude and latitude; [`healpix`]: cells of the sphere;
 //! * [`credits`]: acknowledgements that the sources of stars ask for;
 //! * [`numbering`]: stored numbers -> names in source catalogs; [`hipparcos`]: of Gaia stars in Hipparcos;
 //! * [`radial_velocity`]: of the fastest stars.
@@ -15,6 +15,7 @@ pub mod catalog;
 pub mod cover;
 pub mod credits;
 pub mod galactic;
+pub mod healpix;
 pub mod hipparcos;
 mod index;
 pub mod layer;

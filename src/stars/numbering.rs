@@ -38,7 +38,7 @@ pub fn is_gaia_number(number: i64, ra_rad: f64, dec_rad: f64) -> bool {
     if number == 0 || cell >= 12 << (2 * GAIA_CELL_ORDER) {
         return false;
     }
-    let (ra, dec) = cdshealpix::nested::center(GAIA_CELL_ORDER, cell);
+    let (ra, dec) = crate::healpix::centre(GAIA_CELL_ORDER, cell);
     let apart2 = direction_from_ra_dec(ra, dec).distance_squared(direction_from_ra_dec(ra_rad, dec_rad));
     apart2 <= chord_squared(GAIA_REACH_RAD)
 }

@@ -181,7 +181,7 @@ impl<'a> Export<'a> {
                 layer.restore_tile(tile, &mut bytes, &mut stars)?;
                 let places = first + layer.index().places(tile).start.cast_signed()..;
                 rows.extend(places.zip(stars.drain(..)).map(|(starloop_id, star): (i64, NewStar)| CatalogRow {
-                    healpix: cdshealpix::nested::hash(MOST_ORDER, star.ra_rad, star.dec_rad),
+                    healpix: stars::healpix::cell(MOST_ORDER, star.ra_rad, star.dec_rad),
                     starloop_id,
                     star,
                 }));

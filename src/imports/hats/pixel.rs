@@ -33,7 +33,7 @@ impl Pixel {
     /// Returns the pixel of a place; `None` when the angles are out of range or not finite.
     pub(super) fn of(order: u8, ra_rad: f64, dec_rad: f64) -> Option<Self> {
         let is_place = (0.0..=TAU).contains(&ra_rad) && (-FRAC_PI_2..=FRAC_PI_2).contains(&dec_rad);
-        is_place.then(|| Self { order, number: cdshealpix::nested::hash(order, ra_rad, dec_rad) })
+        is_place.then(|| Self { order, number: stars::healpix::cell(order, ra_rad, dec_rad) })
     }
 
     /// Returns its first number at the finest order, and the first beyond.

@@ -538,6 +538,6 @@ fn other_lays_of_a_catalog_are_read() {
         let done = import(&pole, Pixel::new(0, 0), &names, &mut sorting, &mut |_| {});
         assert_eq!(done.is_ok(), is_in, "{dec_deg}: {done:?}");
     }
-    let (ra, dec) = (cdshealpix::nested::center(0, 4).0, 0.0 * DEG);
+    let (ra, dec) = (stars::healpix::centre(0, 4).0, 0.0 * DEG);
     assert!(Pixel { order: 0, number: 4 }.has(ra, dec, false));
 }

@@ -106,7 +106,7 @@ impl<'a> Crossmatch<'a> {
     pub(super) fn new(stars: &'a [BrightStar], epoch_yr: f64, rule: Rule) -> Self {
         let cell = |star: &BrightStar| {
             let at = star.at(epoch_yr);
-            cdshealpix::nested::hash(CELL_ORDER, at.ra_rad, at.dec_rad)
+            stars::healpix::cell(CELL_ORDER, at.ra_rad, at.dec_rad)
         };
         let mut cells: Vec<(u64, u32)> = stars.iter().map(cell).zip(0..).collect();
         cells.sort_unstable();
@@ -122,7 +122,7 @@ impl<'a> Crossmatch<'a> {
     /// Takes note of a reference star.
     pub(super) fn offer(&mut self, reference: &ReferenceStar) {
         let [ra, dec] = ra_dec_rad(reference.direction_icrf);
-        let cell = cdshealpix::nested::hash(CELL_ORDER, ra, dec);
+        let cell = stars::healpix::cell(CELL_ORDER, ra, dec);
         if self.near[place(cell)] & (1 << (cell % 64)) == 0 {
             return;
         }
@@ -183,7 +183,7 @@ impl<'a> Crossmatch<'a> {
 /// Returns a cell and those that touch it.
 fn around(cell: u64) -> impl Iterator<Item = u64> {
     // Cells at the corners of the base cells have one neighbour less.
-    cdshealpix::nested::neighbours(CELL_ORDER, cell, true).values_vec().into_iter()
+    stars::healpix::with_neighbours(CELL_ORDER, cell)
 }
 
 /// Returns the word of the bits that has a cell's.

@@ -150,6 +150,6 @@ fn measured_between([from, below]: [f64; 2]) -> f64 {
 }
 
 fn centre(order: u8, cell: u64) -> DVec3 {
-    let (ra, dec) = cdshealpix::nested::center(order, cell);
+    let (ra, dec) = stars::healpix::centre(order, cell);
     direction_from_ra_dec(ra, dec)
 }

@@ -81,7 +81,7 @@ impl LayerDraw {
     }
 
     fn star(&self, tile: u64, number: u32, mag_g: f64, [x, y, kind, e, f, g, h]: [u32; 7]) -> NewStar {
-        let (ra_rad, dec_rad) = cdshealpix::nested::sph_coo(self.order, tile, unit(x), unit(y));
+        let (ra_rad, dec_rad) = stars::healpix::point(self.order, tile, [unit(x), unit(y)]);
         let [normal, _] = normals([e, f]);
         let bp_rp = (median_colour(mag_g) + COLOUR_SPREAD_MAG * normal).clamp(COLOURS_MAG[0], COLOURS_MAG[1]);
         let parallax_mas = parallax_mas(mag_g, bp_rp, unit(kind));

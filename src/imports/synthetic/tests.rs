@@ -75,7 +75,7 @@ fn numbers_of_tiles_spread_as_poisson_numbers_do() {
     // Squared deviations over the expected numbers: one each on average.
     let mut sum = 0.0;
     for (tile, stars) in (0..).zip(layer.index().stars_of_tiles()) {
-        let (ra, dec) = cdshealpix::nested::center(6, tile);
+        let (ra, dec) = stars::healpix::centre(6, tile);
         let density = Density::towards(base::source::direction_from_ra_dec(ra, dec));
         let expected = density.brighter_than(11.0) * area_deg2 * scale;
         sum += (stars as f64 - expected).powi(2) / expected;
@@ -92,7 +92,7 @@ fn places_are_even_over_a_tile() {
     let mut quarters = [0_usize; 4];
     for star in &stars {
         let [ra, dec] = base::source::ra_dec_rad(star.direction_icrf);
-        quarters[usize::try_from(cdshealpix::nested::hash(7, ra, dec) % 4).unwrap()] += 1;
+        quarters[usize::try_from(stars::healpix::cell(7, ra, dec) % 4).unwrap()] += 1;
     }
     assert!(quarters.iter().all(|count| is_near(*count, stars.len() as f64 / 4.0, 0.0)), "{quarters:?}");
 }

@@ -113,7 +113,7 @@ fn star(row: &Row<'_>, report: &mut PackReport) -> Result<Star, CatalogError> {
         bp_rp: colour(row, report)?,
         parallax: parallax(row, report)?,
     };
-    let tile = cdshealpix::nested::hash(TILE_ORDER, ra_rad, dec_rad);
+    let tile = crate::healpix::cell(TILE_ORDER, ra_rad, dec_rad);
     let source_id = row.source_id()?;
     report.origins.see(source_id, ra_rad, dec_rad);
     report.origins.see_words(row.origin());

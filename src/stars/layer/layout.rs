@@ -211,7 +211,7 @@ pub(super) struct TileFrame {
 
 impl TileFrame {
     pub(super) fn new(order: u8, tile: u64) -> Self {
-        let (lon_rad, lat_rad) = cdshealpix::nested::center(order, tile);
+        let (lon_rad, lat_rad) = crate::healpix::centre(order, tile);
         let centre = direction_from_ra_dec(lon_rad, lat_rad);
         let east = direction_from_ra_dec(lon_rad + FRAC_PI_2, 0.0);
         Self { centre, east, north: centre.cross(east), reach: REACH / f64::from(1_u32 << order) }
@@ -306,7 +306,7 @@ mod tests {
             let mut furthest: f64 = 0.0;
             for direction in directions() {
                 let [ra, dec] = ra_dec_rad(direction);
-                let frame = TileFrame::new(order, cdshealpix::nested::hash(order, ra, dec));
+                let frame = TileFrame::new(order, crate::healpix::cell(order, ra, dec));
                 let ahead = direction.dot(frame.centre);
                 for axis in [frame.east, frame.north] {
                     furthest = furthest.max((direction.dot(axis) / ahead).abs() / frame.reach);

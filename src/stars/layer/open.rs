@@ -231,7 +231,7 @@ impl Layer {
         let at = usize::try_from(tile).unwrap_or(usize::MAX);
         let wanted = self.crcs[at];
         if wanted != got {
-            let (ra, dec) = cdshealpix::nested::center(self.index.order, tile);
+            let (ra, dec) = crate::healpix::centre(self.index.order, tile);
             let (path, order, ra_deg, dec_deg) = (self.path.clone(), self.index.order, ra / DEG, dec / DEG);
             return Err(LayerError::Tile { path, tile, order, ra_deg, dec_deg, wanted, got });
         }

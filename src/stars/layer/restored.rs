@@ -64,7 +64,7 @@ fn inside(frame: &TileFrame, order: u8, tile: u64, place: [u32; 2]) -> [f64; 2] 
             .flat_map(move |eastward| SIGNS.iter().map(move |northward| [offset * eastward, offset * northward]))
     });
     let mut places = about.map(|[eastward, northward]| ra_dec_rad(direction + eastward * east + northward * north));
-    let is_in = |place: &[f64; 2]| cdshealpix::nested::hash(order, place[0], place[1]) == tile;
+    let is_in = |place: &[f64; 2]| crate::healpix::cell(order, place[0], place[1]) == tile;
     places.find(is_in).unwrap_or_else(|| ra_dec_rad(direction))
 }
 
@@ -88,16 +88,16 @@ mod tests {
         for i in 0..100_000_u32 {
             // Points along the meridian of RA 0, near the edges that pixels have there.
             let dec_rad = f64::from(i) * 1.5e-5;
-            let edge = cdshealpix::nested::hash(order, 0.0, dec_rad);
+            let edge = crate::healpix::cell(order, 0.0, dec_rad);
             let ra_rad = f64::from(i % 7) * 0.1 * MAS;
-            let tile = cdshealpix::nested::hash(order, ra_rad, dec_rad);
+            let tile = crate::healpix::cell(order, ra_rad, dec_rad);
             let frame = TileFrame::new(order, tile);
             let steps = frame.steps(direction_from_ra_dec(ra_rad, dec_rad));
             let [ra, dec] = inside(&frame, order, tile, steps);
-            assert_eq!(cdshealpix::nested::hash(order, ra, dec), tile, "{i}, beside {edge}");
+            assert_eq!(crate::healpix::cell(order, ra, dec), tile, "{i}, beside {edge}");
             assert_eq!(frame.steps(direction_from_ra_dec(ra, dec)), steps, "{i}: rounds to where it was");
             let there = ra_dec_rad(frame.direction(steps));
-            moved += u32::from(cdshealpix::nested::hash(order, there[0], there[1]) != tile);
+            moved += u32::from(crate::healpix::cell(order, there[0], there[1]) != tile);
         }
         assert!(moved > 100, "control: {moved} were beyond the edge");
     }

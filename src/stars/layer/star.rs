@@ -131,7 +131,7 @@ impl WaitingRow {
 
     /// Returns the tile it belongs to.
     pub(super) fn tile(&self, order: u8) -> u64 {
-        cdshealpix::nested::hash(order, self.ra_rad, self.dec_rad)
+        crate::healpix::cell(order, self.ra_rad, self.dec_rad)
     }
 
     /// Returns the star as it will be read.
