@@ -29,7 +29,7 @@ pub struct InputFile {
 }
 
 impl InputFile {
-    /// Opens a file of which at most `most_bytes` can be read.
+    /// Opens a file to read at most `most_bytes`.
     ///
     /// # Errors
     /// When it cannot be opened, is a device, or is larger.
@@ -46,7 +46,7 @@ impl InputFile {
         if kind.is_file() && about.len() > most_bytes {
             return Err(too_large(most_bytes));
         }
-        // A pipe that nobody writes to opens at once; files do not look at the flag.
+        // A pipe without a writer opens at once; files do not look at the flag.
         let nonblocking = rustix::fs::OFlags::NONBLOCK.bits().cast_signed();
         let file = OpenOptions::new().read(true).custom_flags(nonblocking).open(path)?;
         let patience = kind.is_fifo().then(|| Timespec::try_from(patience).ok()).flatten();
@@ -130,16 +130,16 @@ mod tests {
         let path = folder.path().join("pipe");
         mknodat(CWD, &path, FileType::Fifo, Mode::RUSR | Mode::WUSR, 0).expect("a pipe");
         let mut silent = InputFile::open_within(&path, 9, Duration::from_millis(20)).expect("opens at once");
-        assert_eq!(silent.read_to_end(&mut Vec::new()).expect_err("nobody writes").kind(), ErrorKind::TimedOut);
+        assert_eq!(silent.read_to_end(&mut Vec::new()).expect_err("no writer").kind(), ErrorKind::TimedOut);
         let mut pipe = InputFile::open(&path, 9).expect("opens");
         let mut writer = OpenOptions::new().write(true).open(&path).expect("has a reader");
-        writer.write_all(b"nine byte").expect("room");
+        writer.write_all(b"nine byte").expect("space");
         drop(writer);
         let mut bytes = Vec::new();
         assert_eq!(pipe.read_to_end(&mut bytes).expect("as many as the bound"), 9);
         let mut pipe = InputFile::open(&path, 8).expect("opens");
         let mut writer = OpenOptions::new().write(true).open(&path).expect("has a reader");
-        writer.write_all(b"nine byte").expect("room");
+        writer.write_all(b"nine byte").expect("space");
         assert_eq!(pipe.read_to_end(&mut bytes).expect_err("one too many").kind(), ErrorKind::FileTooLarge);
     }
 }

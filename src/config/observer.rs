@@ -200,7 +200,7 @@ fn file(keys: &ObserverKeys, check: &mut Checker<'_>) -> Result<Observer, Config
     states(keys, history, check)
 }
 
-/// Returns an orbit by its states, each of which some orbit must have.
+/// Returns an orbit by its states, after a check of each.
 fn states(keys: &ObserverKeys, history: OrbitHistory, check: &Checker<'_>) -> Result<Observer, ConfigError> {
     keys.refuse(&["norad_id", "max_age_days"], "a file of elements", check)?;
     let wanted = "states of an orbit, in km and km/s from the centre that the file names";

@@ -11,7 +11,7 @@
 //! | `# node: 96` | the CANopen node |
 //! | `# latency_ms: 120` | from mid-exposure to the packet, for nos3, which has no time tag |
 //!
-//! Packets that are damaged, and lines that are no packet, are rows without frame and time: a report counts them.
+//! Packets that are damaged, and lines without a packet, are rows without frame and time: a report counts them.
 
 use crate::record::LogRow;
 use anyhow::{Context, Result, bail};

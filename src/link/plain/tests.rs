@@ -218,7 +218,7 @@ fn messages_of_42_before_2024_are_read_too() {
 fn a_line_that_42_does_not_send_is_counted_and_quoted_and_the_message_is_whole() {
     let text = MESSAGE.replace("SC[0].svb = [ 1 0 0 ]", "hello\tworld");
     let (record, rejects) = take_42(&text, TimeMeaning::Tag);
-    assert!(record.is_some(), "other lines are no damage");
+    assert!(record.is_some(), "other lines do no damage");
     assert_eq!((rejects.get(PlainReject::Unread), rejects.total()), (1, 1));
     let mut codec = PlainCodec::new(PlainLayout { encoding: Encoding::FortyTwo(0), ..PlainLayout::default() });
     text.lines().chain(["more"]).for_each(|line| drop(codec.read(line.as_bytes())));

@@ -432,7 +432,7 @@ mod tests {
             assert!(reported.contains("decayed") || reported.contains("semi-major axis"), "{days}: {reported}");
         }
         let reported = state(-10.0).expect_err("far out").to_string();
-        assert!(reported.contains("wanted one near 6708 km") && reported.contains("(-10.0 days"), "{reported}");
+        assert!(reported.contains("wanted one near 6709 km") && reported.contains("(-10.0 days"), "{reported}");
     }
 
     const FALLING: &str = "1 99901U 26001A   26060.50000000  .09400000  12000-4  45000-1 0  9996\n\
@@ -448,7 +448,7 @@ mod tests {
         let [position_km, _] = orbit.teme_state(0.0).expect("at its epoch");
         assert!(position_km.distance(DVec3::new(7_473.37102491, 428.94748312, 5_828.74846783)) < 1e-3, "{position_km}");
         let marked = format!("\u{feff}{FIRST}\n{SECOND}\n");
-        assert_eq!(read(&marked, None).expect("a mark is no damage").norad_id(), 5);
+        assert_eq!(read(&marked, None).expect("a mark does no damage").norad_id(), 5);
         assert!(super::super::is_elements(&marked));
         let no_break =
             read(&format!("{}\n{SECOND}", FIRST.replacen("U 58", "U\u{a0}58", 1)), None).expect_err("damaged");

@@ -1,6 +1,6 @@
 //! Rows of a tile in the order of a layer -> those whose number a brighter row of the tile has, at the same place.
 //!
-//! A star that two files have, or one file twice with other values, is one star: a number stands for one. Only the
+//! A star that two files have, or one file twice with other values, is one star. Only the
 //! [`MOST_KEPT`] brightest stars of a tile are compared, and a pair that lies across the edge of two tiles is not found.
 //! Tests: [`super::tests`].
 
