@@ -1,6 +1,6 @@
 //! Types and functions for every crate: axes and rotations, time, clocks, images, colours of pixels, counter-based
-//! random numbers, the accuracy budget, sources on the sky, standard output and standard error, names of unfinished
-//! files, queues to writing threads and the limit of waiting for them.
+//! random numbers, the accuracy budget, sources on the sky, standard output and standard error, files that are read
+//! as a whole, names of unfinished files, queues to writing threads and the limit of waiting for them.
 
 pub mod accuracy;
 pub mod axes;
@@ -8,6 +8,7 @@ pub mod bayer;
 pub mod clock;
 pub mod fused;
 pub mod image;
+pub mod input_file;
 mod leap;
 pub mod least_squares;
 pub mod memory;

@@ -1,6 +1,7 @@
 //! A file of attitudes that the command line names: any that a bench takes, also a SPICE CK with its text kernels.
 
 use anyhow::{Result, bail};
+use base::input_file::{DATA_BYTES, read_bytes};
 use clap::Args;
 use histories::{AttitudeHistory, read};
 use std::path::{Path, PathBuf};
@@ -37,7 +38,8 @@ pub(super) fn attitudes(path: &Path, kernels: &KernelArgs) -> Result<AttitudeHis
 fn of_kernel(path: &Path, kernels: &KernelArgs) -> Result<AttitudeHistory> {
     use anyhow::Context;
     use histories::spice::{self, KernelFile};
-    let bytes_of = |path: &Path| std::fs::read(path).with_context(|| format!("{}: cannot be read", path.display()));
+    let bytes_of =
+        |path: &Path| read_bytes(path, DATA_BYTES).with_context(|| format!("{}: cannot be read", path.display()));
     let bytes = bytes_of(path)?;
     let texts = kernels.kernels.iter().map(|path| anyhow::Ok((path.display().to_string(), bytes_of(path)?)));
     let texts = texts.collect::<Result<Vec<_>>>()?;

@@ -11,6 +11,7 @@ use crate::cli::display_latency::CornerWord;
 use crate::cli::display_measurements::{Measurements, date_of, earlier, measurements_of_folder, sights_of_table};
 use crate::cli::named_camera::named_camera;
 use anyhow::{Context, Result, bail};
+use base::input_file::{DATA_BYTES, InputFile};
 use base::time::{Span, Tai};
 use clap::{Args, Subcommand};
 use config::Camera;
@@ -23,7 +24,6 @@ use outputs::display::latency::Latency;
 use run::wiring::camera_parts::camera_params;
 use run::wiring::display_parts::SPOT_SIGMA_PX;
 use sky::astrometry::CameraGeometry;
-use std::fs::File;
 use std::path::PathBuf;
 
 /// Command line of `calibrate display`.
@@ -291,7 +291,7 @@ fn measured(arguments: &FitArgs, first: Option<Result<Tai>>) -> Result<Tai> {
 fn latency(arguments: &FitArgs) -> Result<Option<Latency>> {
     match (&arguments.latency, arguments.given_latency) {
         (Some(path), _) => {
-            let file = File::open(path).with_context(|| path.display().to_string())?;
+            let file = InputFile::open(path, DATA_BYTES).with_context(|| path.display().to_string())?;
             if !(0.0..=1000.0).contains(&arguments.scan_ms) {
                 bail!("--scan-ms: wanted 0 to 1000, got {}", arguments.scan_ms);
             }

@@ -7,6 +7,7 @@ use crate::cli::catalog_synthetic::{SynthesizeArgs, synthesize};
 use crate::cli::degrees::{declination_deg, right_ascension_deg};
 use crate::cli::report_json::json_line;
 use anyhow::{Context, ensure};
+use base::input_file::{DATA_BYTES, InputFile};
 use base::source::{CatalogSource, direction_from_ra_dec, ra_dec_rad};
 use base::streams::Output;
 use base::time::Tai;
@@ -132,7 +133,7 @@ fn pack_file(args: &PackArgs, out: &mut impl Write) -> anyhow::Result<()> {
     let input: Box<dyn Read> = if args.input == Path::new("-") {
         Box::new(std::io::stdin().lock())
     } else {
-        let file = std::fs::File::open(&args.input);
+        let file = InputFile::open(&args.input, DATA_BYTES);
         Box::new(file.with_context(|| format!("cannot read {}", args.input.display()))?)
     };
     let packed = pack(input, args.epoch, args.credits.as_deref());

@@ -22,7 +22,7 @@ const MIB: usize = 1 << 20;
 #[derive(Debug, Args)]
 #[command(
     after_help = "Reads Gaia's bulk files (GaiaSource_*.csv.gz) and any CSV with Gaia's column names: source_id, ra, dec, \
-    pmra, pmdec, parallax, phot_g_mean_mag, and bp_rp or phot_bp_mean_mag and phot_rp_mean_mag; --column says where a \
+    pmra, pmdec, parallax, phot_g_mean_mag, and bp_rp or phot_bp_mean_mag and phot_rp_mean_mag, and ref_epoch where there is one; --column says where a \
     file has another name, or that it has none. Stars of --bright are matched with theirs by place \
     and magnitude: none comes twice.\n\nA build with \
     --features hats reads Parquet files of the same columns too, and HATS catalogs (folders with \
@@ -47,7 +47,8 @@ pub(super) struct ImportArgs {
     /// Write layers in the place of those that are in --out already
     #[arg(long)]
     replace: bool,
-    /// Epoch of the positions, Julian year
+    /// Epoch of the layers and of the positions, Julian year; rows that state another in ref_epoch are moved to it by
+    /// their proper motions
     #[arg(long, default_value_t = EPOCH_YR)]
     epoch: f64,
     /// Column names of the files where they are not Gaia's, such as phot_g_mean_mag=G; pmra= says that a file has no
@@ -87,7 +88,7 @@ pub(super) fn import(args: &ImportArgs, out: &mut impl Write) -> anyhow::Result<
     ensure!((1900.0..=2100.0).contains(&args.epoch), "--epoch: wanted a Julian year in 1900..2100, got {}", args.epoch);
     let are_rising = args.layers.is_sorted_by(|a, b| a < b);
     ensure!(are_rising && !args.layers.is_empty(), "--layers: wanted rising magnitudes, got {:?}", args.layers);
-    let names = names(&args.columns)?;
+    let names = names(&args.columns)?.at_epoch(args.epoch);
     let work = args.work.clone().unwrap_or_else(|| args.out.join("import"));
     let inputs = inputs(&args.files, &names, args.epoch)?;
     // Nothing is made before it is known that there is something to do.
@@ -139,6 +140,9 @@ pub(super) fn import(args: &ImportArgs, out: &mut impl Write) -> anyhow::Result<
         (reports.iter().map(|report| report.doubled).sum(), "stars that came twice, taken once"),
     ] {
         writeln!(out, "{count:>12} {what}")?;
+    }
+    if let Some(number) = reports.iter().find_map(|report| report.doubled_number) {
+        writeln!(out, "source_id {number} is on two rows with different values: the brighter one was taken")?;
     }
     reports.iter().try_for_each(|report| print_layer(report, out))
 }

@@ -3,11 +3,15 @@
 use anyhow::Result;
 use base::time::{Span, Tai};
 use base::units::{ARCSEC, DAY_S, SPEED_OF_LIGHT_KM_S};
-use core::fmt::Write;
+use core::fmt::{self, Write};
 use histories::OrbitHistory;
 use run::runtime::RunParams;
 use sky::astrometry::{PROVEN_YEARS, Vantage};
 use sky::observer::{Observer, ObserverTrack};
+use sky::orbit::{CentralBody, TleOrbit, USUAL_DAYS};
+
+/// Distance of the Moon at its furthest, km.
+const MOON_KM: f64 = 406_700.0;
 
 /// Writes place, speed, size of the aberration; a warning outside the years for which places are proven.
 pub(super) fn write_observer(text: &mut String, params: &RunParams) -> Result<()> {
@@ -23,6 +27,7 @@ pub(super) fn write_observer(text: &mut String, params: &RunParams) -> Result<()
          light is {bent}",
         place(&params.observer, at)?
     )?;
+    write_doubts(text, &params.observer, at)?;
     let last = at + Span::from_s(params.frame_period.s() * f64::from(params.frames));
     if [at, last].into_iter().any(|at| !is_proven(at)) {
         let [first_yr, last_yr] = PROVEN_YEARS;
@@ -33,6 +38,51 @@ pub(super) fn write_observer(text: &mut String, params: &RunParams) -> Result<()
         )?;
     }
     Ok(())
+}
+
+/// Writes what speaks against the observer's orbit at its first exposure: elements that are old, and a place or speed that
+/// few orbits about the Earth have.
+fn write_doubts(text: &mut String, observer: &Observer, at: Tai) -> Result<()> {
+    if let Observer::Tle(orbit) = observer {
+        write_age(text, "observer", orbit, at)?;
+    }
+    let (true, Some(about @ CentralBody::Earth)) = (matches!(observer, Observer::Table(_)), observer.about()) else {
+        return Ok(());
+    };
+    let state = observer.relative_state(at)?;
+    let (distance_km, speed_km_s) = (state.position_km.length(), state.velocity_km_s.length());
+    let escape_km_s = (2.0 * about.gm_km3_s2() / distance_km).sqrt();
+    if distance_km > MOON_KM {
+        writeln!(
+            text,
+            "  WARNING      the observer is {distance_km:.0} km from {about}: wanted less than {MOON_KM:.0} km, beyond which \
+             is the Moon: check unit and centre of the file"
+        )?;
+    }
+    if speed_km_s > escape_km_s {
+        writeln!(
+            text,
+            "  WARNING      the observer has {speed_km_s:.3} km/s: {about} holds at {distance_km:.0} km what has less than \
+             {escape_km_s:.3} km/s: check units and centre of the file"
+        )?;
+    }
+    Ok(())
+}
+
+/// Writes a warning about elements that are older than they should be.
+pub(super) fn write_age(text: &mut String, what: &str, orbit: &TleOrbit, at: Tai) -> Result<(), fmt::Error> {
+    let days = orbit.days_from_epoch(at);
+    if days.abs() <= USUAL_DAYS {
+        return Ok(());
+    }
+    let [error_km, error_km_s] = orbit.usual_error(at);
+    let arcsec = error_km_s / SPEED_OF_LIGHT_KM_S / ARCSEC;
+    writeln!(
+        text,
+        "  WARNING      the elements of {what} are used {days:.1} days from their epoch: SGP4 errs there by some \
+         {error_km:.0} km and {error_km_s:.3} km/s in a low orbit, {arcsec:.3} arcsec of aberration; wanted {USUAL_DAYS} days \
+         at most"
+    )
 }
 
 /// Returns the description of a file of states, and its error between rows.
@@ -93,6 +143,44 @@ mod tests {
         let orbit = sky::orbit::CircularOrbit::new(500.0, 97.4, 30.0, 10.0, at).unwrap();
         let reported = place(&Observer::Circular(orbit), at).unwrap();
         assert_eq!(reported, "6878 km from the centre of the Earth, 7.613 km/s");
+    }
+
+    fn doubts(observer: &Observer, at: Tai) -> String {
+        let mut text = String::new();
+        write_doubts(&mut text, observer, at).unwrap();
+        text
+    }
+
+    #[test]
+    fn old_elements_are_warned_of_with_their_error() {
+        let lines = "1 00005U 58002B   00179.78495062  .00000023  00000-0  28098-4 0  4753\n\
+            2 00005  34.2682 348.7242 1859667 331.7664  19.3264 10.82419157413667";
+        let observer = Observer::Tle(Box::new(TleOrbit::parse(lines).unwrap()));
+        let at = |text: &str| Tai::from_rfc3339(text).unwrap();
+        assert_eq!(doubts(&observer, at("2000-07-04T00:00:00Z")), "", "within a week");
+        let reported = doubts(&observer, at("2000-07-07T18:50:20Z"));
+        for part in
+            ["  WARNING      the elements of observer are used 10.0 days", "30 km and 0.024 km/s", "0.016 arcsec"]
+        {
+            assert!(reported.contains(part), "no \"{part}\" in {reported}");
+        }
+    }
+
+    #[test]
+    fn a_file_beyond_the_moon_or_faster_than_escape_is_warned_of() {
+        let table = |x_km: f64, vy_km_s: f64| {
+            let row = |t: f64| format!("{},{x_km},{},0,0,{vy_km_s},0\n", 1_772_323_200.0 + t, vy_km_s * t);
+            let text = format!("unix_s,x_km,y_km,z_km,vx_km_s,vy_km_s,vz_km_s\n{}{}", row(0.0), row(1.0));
+            let history = histories::read::orbit("rows.csv", &text).unwrap();
+            let at = Tai::from_ns(history.span_ns()[0]);
+            doubts(&Observer::Table(std::sync::Arc::new(history)), at)
+        };
+        assert_eq!(table(7_000.0, 7.5), "");
+        assert_eq!(table(400_000.0, 1.0), "");
+        let far = table(500_000.0, 1.0);
+        assert!(far.contains("WARNING") && far.contains("500000 km") && far.contains("406700"), "{far}");
+        let fast = table(7_000.0, 11.0);
+        assert!(fast.contains("WARNING") && fast.contains("11.000 km/s") && fast.contains("10.672"), "{fast}");
     }
 
     #[test]

@@ -5,6 +5,7 @@
 //! and time it is in the field, at the instant when it is nearest to the boresight; a target that stays outside is
 //! listed with its smallest distance. Steps of a frame, of long runs 4000 in all: a shorter pass may go unseen.
 
+use crate::cli::check_observer::write_age;
 use base::time::Tai;
 use core::fmt::{Error, Write};
 use glam::DVec3;
@@ -96,8 +97,11 @@ fn write_target(
         write!(text, "  {name:<10} {:>15} ", "never in field")?;
         write_moment(text, params, &nearest)?;
     }
+    if let Orbit::Sgp4(orbit) = &params.sky_targets[place].orbit {
+        write_age(text, &format!("target {name}"), orbit, params.first_exposure)?;
+    }
     match lost {
-        Some(error) => writeln!(text, "  {name:<10}  WARNING missing from then on: {error}"),
+        Some(error) => writeln!(text, "  WARNING      target {name} is missing from then on: {error}"),
         None => Ok(()),
     }
 }

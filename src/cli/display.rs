@@ -6,6 +6,7 @@ use crate::cli::report_json::print_json;
 use anyhow::{Context, Result, bail};
 use base::clock::{Clock, Monotonic};
 use base::image::DnImage;
+use base::input_file::{DATA_BYTES, read_bytes};
 use clap::{Args, Subcommand};
 use crossbeam_channel::{Receiver, RecvTimeoutError, bounded};
 use frames::sink::{SentFrame, Sink};
@@ -183,8 +184,8 @@ fn lines() -> Result<Receiver<()>> {
 /// Returns a grey PNG as luminances.
 pub(super) fn read(path: &Path) -> Result<DnImage> {
     let place = || format!("image {}", path.display());
-    let file = std::fs::File::open(path).with_context(place)?;
-    let mut reader = png::Decoder::new(std::io::BufReader::new(file)).read_info().with_context(place)?;
+    let bytes = std::io::Cursor::new(read_bytes(path, DATA_BYTES).with_context(place)?);
+    let mut reader = png::Decoder::new(bytes).read_info().with_context(place)?;
     let size = reader.output_buffer_size().with_context(place)?;
     let mut bytes = vec![0; size];
     let info = reader.next_frame(&mut bytes).with_context(place)?;

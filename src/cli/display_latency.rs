@@ -6,6 +6,7 @@
 
 use anyhow::{Context, Result, bail};
 use base::clock::{Clock, Monotonic};
+use base::input_file::{DATA_BYTES, InputFile};
 use base::time::Span;
 use clap::{Args, ValueEnum};
 use frames::sink::{SentFrame, Sink, write_file_atomically};
@@ -171,7 +172,8 @@ struct Edge {
 
 fn rows<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>> {
     let place = || path.display().to_string();
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path).with_context(place)?;
+    let file = InputFile::open(path, DATA_BYTES).with_context(place)?;
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(file);
     reader.deserialize().collect::<Result<_, _>>().with_context(place)
 }
 

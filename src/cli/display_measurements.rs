@@ -6,6 +6,7 @@
 
 use anyhow::{Context, Result, bail};
 use base::image::{DnImage, Image};
+use base::input_file::{DATA_BYTES, InputFile};
 use base::time::Tai;
 use config::Camera;
 use frames::sink::fits::FitsImage;
@@ -13,7 +14,6 @@ use frames::sink::fits::read::OwnedPixels;
 use outputs::display::calibration::measurement::read_csv;
 use outputs::display::calibration::spots::{FrameScale, sights_of_frame};
 use outputs::display::calibration::{Pattern, Plan, Sight};
-use std::fs::File;
 use std::path::Path;
 
 /// Measurements of a display, with the time of the first.
@@ -29,7 +29,7 @@ pub(super) struct Measurements {
 
 /// Returns the rows of a table.
 pub(super) fn sights_of_table(path: &Path) -> Result<Vec<Sight>> {
-    let file = File::open(path).with_context(|| path.display().to_string())?;
+    let file = InputFile::open(path, DATA_BYTES).with_context(|| path.display().to_string())?;
     Ok(read_csv(file, path)?)
 }
 
@@ -74,7 +74,7 @@ struct Frame {
 
 fn frame_of(path: &Path, camera: &Camera) -> Result<Frame> {
     let place = || path.display().to_string();
-    let file = File::open(path).with_context(place)?;
+    let file = InputFile::open(path, DATA_BYTES).with_context(place)?;
     let fits = FitsImage::read(std::io::BufReader::new(file)).with_context(place)?;
     let Some(exposure_s) = fits.header.real("EXPTIME").filter(|s| *s > 0.0) else {
         bail!(
@@ -146,7 +146,7 @@ mod tests {
     fn write(folder: &Path, name: &str, level_e: f32, change: impl Fn(&mut Header)) {
         let mut header = Header::default();
         change(&mut header);
-        let file = File::create(folder.join(format!("{name}.fits"))).unwrap();
+        let file = std::fs::File::create(folder.join(format!("{name}.fits"))).unwrap();
         write_image(file, 64, 48, Pixels::F32(&[level_e; 64 * 48]), &header).unwrap();
     }
 
@@ -177,7 +177,7 @@ mod tests {
             let mut header = Header::default();
             header.push("EXPTIME", 1.0, "");
             header.push("ROWORDER", order, "");
-            let file = File::create(&path).unwrap();
+            let file = std::fs::File::create(&path).unwrap();
             write_image(file, 64, 48, Pixels::F32(values), &header).unwrap();
             frame_of(&path, &camera()).unwrap().image
         };

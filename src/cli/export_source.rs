@@ -2,6 +2,7 @@
 
 use anyhow::{Context, Result, bail};
 use base::axes::Rotation;
+use base::input_file::{DATA_BYTES, InputFile};
 use base::time::{Span, Tai};
 use config::{Bench, Document, Plant, Scenario, StartTime};
 use core::fmt::Write;
@@ -11,7 +12,6 @@ use histories::{AttitudeHistory, AttitudeState, Centre, OrbitHistory, OrbitState
 use run::wiring::bench_parts;
 use run::wiring::sinks::directory_of_head;
 use sky::orbit::CentralBody;
-use std::fs::File;
 use std::path::{Path, PathBuf};
 use testbed::flight_computer::FlightComputer;
 
@@ -144,7 +144,7 @@ impl ExportSource {
             text,
             "mid_exposure_utc,id,source_id,kind,apparent_ra_deg,apparent_dec_deg,catalog_ra_deg,catalog_dec_deg,mag,x_px,y_px"
         )?;
-        let frames = File::open(path_in(folder))?;
+        let frames = InputFile::open(&path_in(folder), DATA_BYTES)?;
         let mut reader = csv::Reader::from_reader(frames);
         let header = reader.headers()?.clone();
         let column =
@@ -155,7 +155,8 @@ impl ExportSource {
             let record = record?;
             let frame: u32 = record.get(number).unwrap_or_default().parse().context("frames.csv: column frame")?;
             let path = folder.join(format!("frame_{frame:06}.truth.csv"));
-            let file = File::open(&path).with_context(|| format!("{}: no truth table", path.display()))?;
+            let file =
+                InputFile::open(&path, DATA_BYTES).with_context(|| format!("{}: no truth table", path.display()))?;
             let stars = read_truth(file).with_context(|| path.display().to_string())?;
             for star in stars {
                 let [[a, b], [c, d]] = [star.apparent_deg, star.catalog_deg];

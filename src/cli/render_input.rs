@@ -1,6 +1,7 @@
 //! Input files of `render`: numbers from the command line, tables from CSV files. Errors say file, row, wanted, got.
 
 use anyhow::{Context, Result, bail};
+use base::input_file::{DATA_BYTES, InputFile};
 use base::units::ARCSEC;
 use batch::still::MOST_ELECTRONS;
 use plan::exposure::{PixelPath, PixelPoint, Source, SourcePlace};
@@ -35,8 +36,7 @@ fn read_columns<const N: usize>(path: &Path, columns: [&str; N]) -> Result<Vec<[
     let mut reader = csv::ReaderBuilder::new()
         .trim(csv::Trim::All)
         .comment(Some(b'#'))
-        .from_path(path)
-        .with_context(|| format!("cannot read {}", path.display()))?;
+        .from_reader(InputFile::open(path, DATA_BYTES).with_context(|| format!("cannot read {}", path.display()))?);
     let header = reader.headers().with_context(|| format!("{}: the header line", path.display()))?.clone();
     let mut places = [0; N];
     for (place, column) in places.iter_mut().zip(columns) {

@@ -4,6 +4,7 @@ use crate::cli::provenance;
 use crate::cli::report_json::json_line;
 use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
 use anyhow::{Context, Result, bail};
+use base::input_file::{SETTINGS_BYTES, read_text};
 use clap::Args;
 use frames::sink::write_file_atomically;
 use performance::assess::{Assessment, assess};
@@ -108,7 +109,7 @@ pub fn run(arguments: &ReportArgs) -> Result<u8> {
 /// Reads a file of requirements.
 pub(super) fn read_requirements(path: &Path) -> Result<Requirements> {
     let name = path.display().to_string();
-    let text = std::fs::read_to_string(path).with_context(|| name.clone())?;
+    let text = read_text(path, SETTINGS_BYTES).with_context(|| name.clone())?;
     Requirements::parse(&text, &name)
 }
 
@@ -153,7 +154,7 @@ fn hashes(files: &[PathBuf], folder: &Path) -> Result<Vec<FileHash>> {
 
 /// Where the folder's own results come from.
 fn earlier(folder: &Path) -> Option<Provenance> {
-    serde_json::from_str(&std::fs::read_to_string(folder.join(provenance::FILE)).ok()?).ok()
+    serde_json::from_str(&read_text(&folder.join(provenance::FILE), SETTINGS_BYTES).ok()?).ok()
 }
 
 /// Reads one recorded run.
@@ -181,7 +182,7 @@ fn of_run(arguments: &ReportArgs) -> Result<Parts> {
 
 /// The conditions of a run, from its summary.
 fn conditions_of_run(folder: &Path) -> Vec<(String, String)> {
-    let text = std::fs::read_to_string(folder.join("summary.json")).unwrap_or_default();
+    let text = read_text(&folder.join("summary.json"), SETTINGS_BYTES).unwrap_or_default();
     let summary: serde_json::Value = serde_json::from_str(&text).unwrap_or_default();
     let wanted =
         ["bench", "camera", "backend", "clock", "start_utc", "duration_s", "frame_period_s", "seed", "noise_seed"];

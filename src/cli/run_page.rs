@@ -10,6 +10,7 @@ use crate::cli::run_samples::{Recording, Sample, recording};
 use crate::cli::run_timeline::timeline;
 use crate::cli::run_verdict::verdict_line;
 use crate::cli::scenario_report::ScenarioReport;
+use base::input_file::{DATA_BYTES, read_bytes, read_text};
 use frames::report::{BudgetLine, FrameEnd, budget_lines};
 use performance::provenance::Provenance;
 use run::wiring::control::base64;
@@ -201,7 +202,7 @@ fn write_events(page: &mut Page, finished: &Finished) {
 /// Writes the picture of the telemetry of a flight; of a run without a spacecraft the boresight of its recorded frames.
 fn write_pointing(page: &mut Page, finished: &Finished, recording: Option<&Recording>) {
     let flown = finished.scenario.vehicle().and(finished.directory.as_ref());
-    let flown = flown.and_then(|folder| std::fs::read_to_string(folder.join("telemetry.svg")).ok());
+    let flown = flown.and_then(|folder| read_text(&folder.join("telemetry.svg"), DATA_BYTES).ok());
     let picture = flown.or_else(|| chart_of_pointing(&recording?.rows));
     page.heading("Pointing");
     match picture {
@@ -235,7 +236,8 @@ fn write_samples(page: &mut Page, samples: Option<&[Sample]>) {
 
 fn write_provenance(page: &mut Page, finished: &Finished) {
     page.heading("Provenance");
-    let text = finished.directory.as_ref().and_then(|folder| std::fs::read(folder.join(provenance::FILE)).ok());
+    let text =
+        finished.directory.as_ref().and_then(|folder| read_bytes(&folder.join(provenance::FILE), DATA_BYTES).ok());
     let Some(from) = text.and_then(|text| serde_json::from_slice::<Provenance>(&text).ok()) else {
         page.paragraph("provenance.json could not be read.");
         return;

@@ -2,11 +2,11 @@
 
 use crate::cli::run_finished::Finished;
 use base::image::DnImage;
+use base::input_file::{DATA_BYTES, InputFile};
 use frames::sink::fits::FitsImage;
 use frames::sink::png::write_dn_for_people;
 use frames::sink::recorder::frame_path;
 use serde::Deserialize;
-use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
@@ -48,7 +48,7 @@ pub(super) struct Sample {
 pub(super) fn recording(finished: &Finished) -> Option<Recording> {
     let recorder = finished.end.sink_lines.iter().find(|line| line.kind == "recorder")?;
     let folder = PathBuf::from(recorder.output.as_ref()?);
-    let mut table = csv::Reader::from_path(folder.join("frames.csv")).ok()?;
+    let mut table = csv::Reader::from_reader(InputFile::open(&folder.join("frames.csv"), DATA_BYTES).ok()?);
     // A last line that was cut is not a frame.
     let rows = table.deserialize().filter_map(Result::ok).collect();
     Some(Recording { folder, rows })
@@ -65,7 +65,7 @@ impl Recording {
 }
 
 fn sample(folder: &Path, row: &Row) -> Option<Sample> {
-    let file = File::open(frame_path(folder, row.frame, "fits")).ok()?;
+    let file = InputFile::open(&frame_path(folder, row.frame, "fits"), DATA_BYTES).ok()?;
     let image = FitsImage::read(BufReader::new(file)).ok()?;
     let longest = image.width.max(image.height);
     let mut shrink = longest.div_ceil(SIDE_PX).max(1);

@@ -4,6 +4,7 @@ use crate::blame::without_the_blamed;
 use crate::error::ConfigError;
 use crate::packed::{PackedDocuments, joined};
 use crate::setting::Setting;
+use base::input_file::{DATA_BYTES, SETTINGS_BYTES, read_bytes, read_text};
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 use toml::de::{DeTable, DeValue};
@@ -114,7 +115,7 @@ impl Document {
             why: reason(&error),
             named_by,
         };
-        let text = std::fs::read_to_string(path).map_err(refuse)?;
+        let text = read_text(path, SETTINGS_BYTES).map_err(refuse)?;
         Ok(Self { origin: Origin::File(path.into()), text, settings: Vec::new() })
     }
 
@@ -216,7 +217,7 @@ impl Document {
             why: error.to_string(),
             named_by,
         };
-        std::fs::read(&path).map_err(why)
+        read_bytes(&path, DATA_BYTES).map_err(why)
     }
 
     /// Returns how messages call it.

@@ -2,8 +2,8 @@
 
 use crate::check::Checker;
 use crate::error::ConfigError;
+use base::input_file::{DATA_BYTES, InputFile};
 use frames::sink::fits::FitsImage;
-use std::fs::File;
 use std::io::BufReader;
 
 /// Reads the FITS image that `key` names and holds it to the wanted size; row by row from the top, as floats.
@@ -18,7 +18,7 @@ pub(super) fn read(check: &Checker<'_>, key: &str, path: &str, size_px: [u32; 2]
             check.document.name()
         ),
     };
-    let input = File::open(&file).map_err(|error| refuse(error.to_string()))?;
+    let input = InputFile::open(&file, DATA_BYTES).map_err(|error| refuse(error.to_string()))?;
     let image = FitsImage::read(BufReader::new(input)).map_err(|error| refuse(error.to_string()))?;
     let [width, height] = size_px.map(|side| side as usize);
     if [image.width, image.height] != [width, height] {

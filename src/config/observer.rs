@@ -9,7 +9,8 @@ use crate::plant_file::{refused, text_of};
 use base::time::Tai;
 use base::units::DEG;
 use histories::{OrbitHistory, read};
-use sky::orbit::{CentralBody, KeplerElements, TleOrbit};
+use sky::observer::check_states;
+use sky::orbit::{CentralBody, KeplerElements, TleOrbit, USUAL_MOST_DAYS, is_elements};
 use std::sync::Arc;
 
 /// Place and motion of the sensor, checked.
@@ -23,6 +24,8 @@ pub enum Observer {
         line1: String,
         /// Second line, 69 characters.
         line2: String,
+        /// Furthest from their epoch that they are used, days.
+        max_age_days: f64,
     },
     /// A circular orbit about the Earth.
     CircularOrbit {
@@ -46,10 +49,14 @@ pub enum Observer {
     },
     /// On the states of a file.
     Table(Arc<OrbitHistory>),
-    /// By the elements of a file: two-line elements, or an OMM as JSON, of one object.
+    /// By the elements of a file: two-line elements, or an OMM.
     Elements {
         /// The file's text.
         text: String,
+        /// Catalog number of the object, where the file has several.
+        norad_id: Option<u64>,
+        /// Furthest from their epoch that they are used, days.
+        max_age_days: f64,
     },
 }
 
@@ -78,12 +85,16 @@ section! {
             argument_of_latitude_deg; two_body takes about, epoch, and position_km and velocity_km_s or \
             semi_major_axis_km and further elements";
         /// File of states or elements, for kind = "file": CCSDS OEM (KVN, XML), STK .e, a table, two-line elements, OMM
-        /// as JSON.
+        /// (JSON, KVN, XML, CSV).
         file: String = Optional, "path";
         /// Text kernels (LSK) of a SPICE SPK file, relative to this file.
         kernels: Raw<Vec<String>> = Optional, Shape::list(Shape::Text("path"));
         /// Number of the target in a SPICE SPK file, where it has several.
         naif_id: Whole<i32> = Optional, -2_000_000_000..=2_000_000_000;
+        /// Catalog number of one object of a file of elements, where it has several.
+        norad_id: Whole<u64> = Optional, 1..=999_999_999;
+        /// Days from their epoch beyond which elements are refused; check warns from 7 days on.
+        max_age_days: f64 = USUAL_MOST_DAYS, PositiveUpTo(36_525.0);
         /// First line of an element set; copy both lines of the element set unchanged.
         line1: String = Optional, "text of 69 characters";
         /// Second line of an element set; copy both lines of the element set unchanged.
@@ -148,7 +159,10 @@ impl Observer {
 impl ObserverKeys {
     fn refuse_strangers(&self, kind: Kind, check: &Checker<'_>) -> Result<(), ConfigError> {
         if kind != Kind::File {
-            self.refuse(&["file", "kernels", "naif_id"], "kind = \"file\"", check)?;
+            self.refuse(&["file", "kernels", "naif_id", "norad_id"], "kind = \"file\"", check)?;
+        }
+        if !matches!(kind, Kind::File | Kind::Tle) {
+            self.refuse(&["max_age_days"], "kind = \"file\" or \"tle\"", check)?;
         }
         if kind != Kind::Tle {
             self.refuse(&["line1", "line2"], "kind = \"tle\"", check)?;
@@ -168,27 +182,30 @@ impl ObserverKeys {
     }
 }
 
-/// Returns whether a text is a set of elements: lines that begin with 1 and 2, or JSON.
-fn is_elements(text: &str) -> bool {
-    let has_line = |number: char| text.lines().any(|line| is_tle_line(line.trim_end(), number));
-    text.trim_start().starts_with(['[', '{']) || (has_line('1') && has_line('2'))
-}
-
-fn file(keys: &ObserverKeys, check: &Checker<'_>) -> Result<Observer, ConfigError> {
+fn file(keys: &ObserverKeys, check: &mut Checker<'_>) -> Result<Observer, ConfigError> {
     let given = keys.file();
     let kernels = Kernels { file: keys.file(), texts: keys.kernels(), naif_id: keys.naif_id() };
     if let Some(history) = kernels.orbit(check)? {
-        return Ok(Observer::Table(Arc::new(history)));
+        return states(keys, history, check);
     }
     let (text, path) = text_of(&given, check)?;
     if is_elements(&text) {
-        let is_json = text.trim_start().starts_with(['[', '{']);
-        let read = if is_json { TleOrbit::parse_omm(&text, None) } else { TleOrbit::parse_one_of(&text, None) };
-        let wanted = "JSON of one object, or two element lines";
+        let (norad_id, max_age_days) = (keys.norad_id().optional(check)?, keys.max_age_days().check(check)?);
+        let wanted = "two element lines, or an OMM, of one object";
+        let read = TleOrbit::read(&text, norad_id, Tai::from_ns(0));
         read.map_err(|error| given.invalid(format!("{path}: {error}"), wanted, check))?;
-        return Ok(Observer::Elements { text });
+        return Ok(Observer::Elements { text, norad_id, max_age_days });
     }
     let history = read::orbit(&path, &text).map_err(|error| refused(&given, &error, check))?;
+    states(keys, history, check)
+}
+
+/// Returns an orbit by its states, after a check of each.
+fn states(keys: &ObserverKeys, history: OrbitHistory, check: &Checker<'_>) -> Result<Observer, ConfigError> {
+    keys.refuse(&["norad_id", "max_age_days"], "a file of elements", check)?;
+    let wanted = "states of an orbit, in km and km/s from the centre that the file names";
+    check_states(&history)
+        .map_err(|(at, error)| keys.file().invalid(format!("a file with a state at {at}: {error}"), wanted, check))?;
     Ok(Observer::Table(Arc::new(history)))
 }
 
@@ -250,7 +267,7 @@ fn circular_orbit(keys: &ObserverKeys, check: &mut Checker<'_>) -> Result<Observ
     Ok(Observer::CircularOrbit { altitude_km, inclination_deg, raan_deg, argument_of_latitude_deg })
 }
 
-fn tle(keys: &ObserverKeys, check: &Checker<'_>) -> Result<Observer, ConfigError> {
+fn tle(keys: &ObserverKeys, check: &mut Checker<'_>) -> Result<Observer, ConfigError> {
     let line = |given: Given<'_, String>, number: char| {
         let wanted = format!("69 characters that begin with \"{number} \" and end with their checksum");
         let text = given.raw().ok_or_else(|| given.missing(&wanted, check))?.trim_end();
@@ -262,7 +279,7 @@ fn tle(keys: &ObserverKeys, check: &Checker<'_>) -> Result<Observer, ConfigError
         let given = keys.line2().advised("both lines must be of one satellite (columns 3 to 7)");
         return Err(given.invalid(format!("\"{line2}\""), "the catalogue number of line1", check));
     }
-    Ok(Observer::Tle { line1, line2 })
+    Ok(Observer::Tle { line1, line2, max_age_days: keys.max_age_days().check(check)? })
 }
 
 /// Returns whether a text has the form of every element line: length, line number, and the checksum modulo 10 (digits

@@ -118,9 +118,49 @@ const OBJECT: &str = r#"{"OBJECT_NAME": "ISS", "OBJECT_ID": "1998-067A", "EPOCH"
 fn a_file_is_states_or_elements_by_what_is_in_it() {
     let Ok(Observer::Table(history)) = of_file(TABLE, "") else { unreachable!("a table of states") };
     assert_eq!((history.rows(), history.centre), (2, histories::Centre::Earth));
-    for text in [LINES, OBJECT] {
-        let Ok(Observer::Elements { text: kept }) = of_file(text, "") else { unreachable!("elements: {text}") };
-        assert_eq!(kept, text);
+    for (keys, id, days) in [("", None, 30.0), ("norad_id = 25544\nmax_age_days = 365", Some(25_544), 365.0)] {
+        for text in [LINES, OBJECT, &format!("\u{feff}{LINES}"), &format!("{LINES}{LINES}")] {
+            let wanted = Observer::Elements { text: text.to_owned(), norad_id: id, max_age_days: days };
+            assert_eq!(of_file(text, keys).expect("elements"), wanted, "{text}");
+        }
+    }
+}
+
+#[test]
+fn damaged_elements_are_refused_as_elements() {
+    let checksum = LINES.replace("2927", "2920");
+    let short = LINES.replace("-11606-4 0  2927", "-11606-4");
+    let no_break = LINES.replacen("U 98067A", "U\u{a0}98067A", 1);
+    let other = LINES.replace("25544", "25545").replace("2927", "2928").replace("563537", "563538");
+    for (text, keys, part) in [
+        (checksum.clone(), "", "wanted checksum 7 in column 69, got \"0\""),
+        (checksum.replace("ISS\n", ""), "", "wanted checksum 7 in column 69"),
+        (short, "", "wanted 69 ASCII characters"),
+        (no_break, "", "wanted 69 ASCII characters, got 69 with '\\u{a0}'"),
+        (format!("{LINES}{other}"), "", "got 2 objects, wanted one, or the norad_id of one of them"),
+        (LINES.into(), "norad_id = 7", "the object with number 7, got none among 1"),
+        (TABLE.into(), "norad_id = 7", "observer.norad_id is given"),
+        (TABLE.into(), "max_age_days = 7", "observer.max_age_days is given"),
+        (OBJECT.replace("\"EPHEMERIS_TYPE\": 0", "\"CENTER_NAME\": \"MOON\""), "", "CENTER_NAME: wanted EARTH"),
+    ] {
+        let error = of_file(&text, keys).expect_err(part).to_string();
+        assert!(error.contains("observer.") && error.contains(part), "{part}: {error}");
+    }
+    assert!(of_file(&format!("{LINES}{other}"), "norad_id = 25545").is_ok(), "control: the number chooses");
+}
+
+#[test]
+fn states_that_no_orbit_has_are_refused() {
+    for (from, to, part) in [
+        ("0,7.5,0\n", "299793,7.5,0\n", "length of velocity_km_s wanted 0..2998"),
+        ("0,7.5,0\n", "0,1e300,0\n", "wanted"),
+        ("0,7.5,0\n", "0,750,0\n", "750.0 km/s at 2026-03-01T00:00:00.000000Z: wanted at most 100 km/s"),
+        ("7000,0,0", "6000,0,0", "6000.0 km from its centre"),
+        ("6985,450", "3000,450", "a file with a state at 2026-03-01T00:01:00"),
+    ] {
+        assert!(TABLE.contains(from), "control: {from}");
+        let error = of_file(&TABLE.replacen(from, to, 1), "").expect_err(part).to_string();
+        assert!(error.contains("observer.file") && error.contains(part), "{part}: {error}");
     }
 }
 

@@ -8,9 +8,9 @@
 use crate::document::{Document, beside};
 use crate::error::ConfigError;
 use crate::setting::NAMES_A_FILE;
+use base::input_file::{DATA_BYTES, InputFile};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::Read;
 use std::path::{Component, Path, PathBuf};
 
@@ -217,7 +217,7 @@ fn unread(place: &Path, error: &std::io::Error, named_by: String) -> ConfigError
 
 /// Returns the length and CRC-32 of a file.
 fn sum_of(path: &Path) -> std::io::Result<(u64, u32)> {
-    let (mut file, mut hasher, mut bytes) = (File::open(path)?, crc32fast::Hasher::new(), 0);
+    let (mut file, mut hasher, mut bytes) = (InputFile::open(path, DATA_BYTES)?, crc32fast::Hasher::new(), 0);
     let mut buffer = vec![0; 1 << 16];
     loop {
         let count = file.read(&mut buffer)?;

@@ -8,6 +8,7 @@ use crate::key::{Section, section, taken};
 use crate::key_type::{Numbers, Raw, Shape, Whole, Word};
 use crate::target_orbit::{KINDS, Kind, OrbitSettings, USUAL_ALBEDO, check_brightness};
 use plan::exposure::{TargetCurve, TargetPath};
+use sky::orbit::USUAL_MOST_DAYS;
 use sky::target::Brightness;
 use std::path::Path;
 
@@ -103,10 +104,12 @@ section! {
         line1: String = Optional, "text of 69 characters";
         /// Second line of an element set.
         line2: String = Optional, "text of 69 characters";
-        /// File of element lines, or of orbit mean-elements messages in JSON, an object or a list of them.
+        /// File of element lines, or of orbit mean-elements messages in JSON, KVN, XML or CSV.
         file: String = Optional, "path";
         /// The catalog number of one object of the file.
         norad_id: Whole<u64> = Optional, 1..=999_999_999;
+        /// Days from their epoch beyond which elements are refused; check warns from 7 days on.
+        max_age_days: f64 = Silent(USUAL_MOST_DAYS), PositiveUpTo(36_525.0);
         /// Instant of the elements or the state, such as "2026-03-01T12:00:00Z".
         epoch_utc: String = Optional, "time";
         /// Kilometres from the centre: 6878 for a low orbit; negative for a hyperbola.

@@ -18,19 +18,14 @@ pub(super) const USUAL_ALBEDO: f64 = 0.175;
 /// Where a target flies, checked as far as its form goes.
 #[derive(Debug, Clone, PartialEq)]
 pub enum OrbitSettings {
-    /// Two-line elements: the one pair of lines, or the object with the number.
-    Tle {
-        /// Lines.
+    /// Mean elements: the one set, or the object with the number.
+    Mean {
+        /// Lines, or an orbit mean-elements message.
         text: String,
         /// Catalog number.
         norad_id: Option<u64>,
-    },
-    /// An orbit mean-elements message in JSON.
-    Omm {
-        /// JSON.
-        text: String,
-        /// Catalog number.
-        norad_id: Option<u64>,
+        /// Furthest from their epoch that they are used, days.
+        max_age_days: f64,
     },
     /// Elements of a conic about the Earth's centre, ICRF axes.
     TwoBody {
@@ -81,11 +76,12 @@ pub(super) const KINDS: [(&str, Kind); 5] = [
 ];
 
 /// Keys of orbits, with the kinds they belong to.
-const ORBIT_KEYS: [(&str, &[Kind]); 16] = [
+const ORBIT_KEYS: [(&str, &[Kind]); 17] = [
     ("line1", &[Kind::Tle]),
     ("line2", &[Kind::Tle]),
     ("file", &[Kind::Tle, Kind::Omm]),
     ("norad_id", &[Kind::Tle, Kind::Omm]),
+    ("max_age_days", &[Kind::Tle, Kind::Omm]),
     ("epoch_utc", &[Kind::TwoBody, Kind::StateVector]),
     ("semi_major_axis_km", &[Kind::TwoBody]),
     ("eccentricity", &[Kind::TwoBody]),
@@ -181,11 +177,11 @@ fn text_of(file: &Given<'_, String>, path: &str, check: &Checker<'_>) -> Result<
         let (got, wanted) = (format!("{} bytes", bytes.len()), format!("at most {LARGEST_FILE} bytes"));
         return Err(check.invalid(&file.key(), got, wanted, "name a file of fewer objects"));
     }
-    String::from_utf8(bytes).map_err(|error| check.invalid(&file.key(), error, "text", "two-line elements, or JSON"))
+    String::from_utf8(bytes).map_err(|error| check.invalid(&file.key(), error, "text", "two-line elements, or an OMM"))
 }
 
 impl TargetKeys {
-    fn tle(&self, check: &Checker<'_>) -> Result<OrbitSettings, ConfigError> {
+    fn tle(&self, check: &mut Checker<'_>) -> Result<OrbitSettings, ConfigError> {
         let text = match (self.line1().raw(), self.line2().raw(), self.file().raw()) {
             (Some(line1), Some(line2), None) => {
                 self.refuse(&["norad_id"], "a file", check)?;
@@ -194,13 +190,18 @@ impl TargetKeys {
             (None, None, Some(path)) => text_of(&self.file(), path, check)?,
             _ => return Err(self.line1().missing("line1 and line2, or file", check)),
         };
-        Ok(OrbitSettings::Tle { text, norad_id: self.norad_id().optional(check)? })
+        self.mean(text, check)
     }
 
-    fn omm(&self, check: &Checker<'_>) -> Result<OrbitSettings, ConfigError> {
-        let path = self.file().raw().ok_or_else(|| self.file().missing("a file in JSON", check))?;
+    fn omm(&self, check: &mut Checker<'_>) -> Result<OrbitSettings, ConfigError> {
+        let path = self.file().raw().ok_or_else(|| self.file().missing("a file in JSON, KVN, XML or CSV", check))?;
         let text = text_of(&self.file(), path, check)?;
-        Ok(OrbitSettings::Omm { text, norad_id: self.norad_id().optional(check)? })
+        self.mean(text, check)
+    }
+
+    fn mean(&self, text: String, check: &mut Checker<'_>) -> Result<OrbitSettings, ConfigError> {
+        let norad_id = self.norad_id().optional(check)?;
+        Ok(OrbitSettings::Mean { text, norad_id, max_age_days: self.max_age_days().check(check)? })
     }
 
     fn epoch(&self, check: &Checker<'_>) -> Result<Tai, ConfigError> {

@@ -343,7 +343,7 @@ fn element_sets_are_checked_by_their_checksums() {
     ];
     let text = |a: &str, b: &str| format!("[observer]\nkind = \"tle\"\nline1 = \"{a}\"\nline2 = \"{b}\"\n");
     let observer = bench(&text(lines[0], lines[1])).expect("a valid set").observer;
-    assert_eq!(observer, Observer::Tle { line1: lines[0].into(), line2: lines[1].into() });
+    assert_eq!(observer, Observer::Tle { line1: lines[0].into(), line2: lines[1].into(), max_age_days: 30.0 });
     let typo = lines[1].replace("51.6416", "51.6417");
     assert_refused(bench(&text(lines[0], &typo)), "observer.line2", &["checksum", "bench.toml:4"]);
     let other = lines[1].replace("25544", "25553");
@@ -546,4 +546,31 @@ fn an_event_after_the_end_is_refused_unless_a_setting_cut_the_run_short() {
     assert_eq!(scenario("stray_light.toml", of_bench, &[]).expect("600 s").events_left_out, 0);
     let short = ["bench.timing.duration_s=180.0"];
     assert_eq!(scenario("stray_light.toml", of_bench, &short).expect("cut short").events_left_out, 1);
+}
+
+#[test]
+fn files_without_an_end_are_refused() {
+    let orbit = "[[target]]\norbit = \"tle\"\nmag = 1.0\nfile = \"/dev/zero\"\n";
+    for text in [
+        "camera = \"/dev/zero\"\n",
+        "link = \"/dev/zero\"\n",
+        "spacecraft = \"/dev/zero\"\n",
+        "[jitter]\nseries = \"/dev/zero\"\n",
+        "[jitter]\ndensity = \"/dev/zero\"\n",
+        "[observer]\nkind = \"file\"\nfile = \"/dev/zero\"\n",
+        "[plant]\nkind = \"file\"\nattitude = \"/dev/zero\"\n",
+        orbit,
+    ] {
+        let error = bench(text).expect_err(text).to_string();
+        assert!(error.contains("it is a device; wanted a file"), "{text}: {error}");
+    }
+    for (section, line) in [
+        ("band", "qe_file = \"/dev/zero\""),
+        ("psf", "kind = \"measured\"\nfile = \"/dev/zero\"\nsamples_per_px = 1.0\nholds = \"optics\""),
+    ] {
+        let error = camera_with(section, line).expect_err(section).to_string();
+        assert!(error.contains("it is a device; wanted a file"), "{section}: {error}");
+    }
+    let error = Document::open(Path::new("/dev/zero")).expect_err("a device").to_string();
+    assert!(error.contains("/dev/zero: cannot be read (it is a device; wanted a file)"), "{error}");
 }

@@ -10,6 +10,7 @@ use crate::labels::{ITEM_COLUMNS, STAR_COLUMNS};
 use crate::shard::{Record, read_record};
 use crate::spec::{ImageForm, Spec};
 use anyhow::{Context, Result, bail};
+use base::input_file::{DATA_BYTES, read_bytes, read_text};
 use core::fmt::Write;
 use serde::{Deserialize, Serialize};
 use stars::credits;
@@ -75,7 +76,7 @@ pub fn begin(folder: &Path, spec: &Spec, about: &About) -> Result<()> {
     // Looked into before the file is read: where a folder cannot be locked, a worker beside this one may write that file.
     let has_files = has_finished_files(folder);
     let path = folder.join(ABOUT);
-    match std::fs::read_to_string(&path) {
+    match read_text(&path, DATA_BYTES) {
         Ok(text) => {
             let there: About = serde_json::from_str(&text).with_context(|| path.display().to_string())?;
             check_same(&there, about).with_context(|| folder.display().to_string())?;
@@ -161,7 +162,7 @@ pub fn finish(folder: &Path, spec: &Spec, about: &About, records: &[Record]) -> 
         writeln!(sums, "{}  {path}", sha256_of(bytes))?;
     }
     for path in [ABOUT, "spec.toml"] {
-        writeln!(sums, "{}  {path}", sha256_of(&std::fs::read(folder.join(path))?))?;
+        writeln!(sums, "{}  {path}", sha256_of(&read_bytes(&folder.join(path), DATA_BYTES)?))?;
     }
     for row in records.iter().flat_map(|record| &record.files) {
         writeln!(sums, "{}  {}", row.sha256, row.path)?;
@@ -190,12 +191,11 @@ fn remove_unfinished(folder: &Path) -> Result<()> {
 /// When the list of checksums cannot be read.
 pub fn damaged(folder: &Path) -> Result<Vec<String>> {
     let path = folder.join(CHECKSUMS);
-    let text =
-        std::fs::read_to_string(&path).with_context(|| format!("{}: not a finished data set", path.display()))?;
+    let text = read_text(&path, DATA_BYTES).with_context(|| format!("{}: not a finished data set", path.display()))?;
     let mut wrong = Vec::new();
     for line in text.lines() {
         let Some((sum, name)) = line.split_once("  ") else { bail!("{}: got \"{line}\"", path.display()) };
-        match std::fs::read(folder.join(name)) {
+        match read_bytes(&folder.join(name), u64::MAX) {
             Ok(bytes) if sha256_of(&bytes) == sum => {}
             Ok(_) => wrong.push(format!("{name}: other bytes than were written")),
             Err(error) => wrong.push(format!("{name}: {error}")),

@@ -11,6 +11,7 @@ use crate::spec::Spec;
 use crate::studio::Studio;
 use anyhow::{Context, Result};
 use base::clock::Stopwatch;
+use base::input_file::{DATA_BYTES, read_text};
 use core::ops::Range;
 use frames::sink::crc32::pixel_crc32;
 use serde::{Deserialize, Serialize};
@@ -66,7 +67,7 @@ pub fn record_path(shard: u32) -> String {
 /// When a record is there and cannot be read.
 pub fn read_record(folder: &Path, shard: u32, items: &Range<u32>) -> Result<Option<Record>> {
     let path = folder.join(record_path(shard));
-    let Ok(text) = std::fs::read_to_string(&path) else { return Ok(None) };
+    let Ok(text) = read_text(&path, DATA_BYTES) else { return Ok(None) };
     let record: Record = serde_json::from_str(&text).with_context(|| path.display().to_string())?;
     let is_there =
         |row: &FileRow| std::fs::metadata(folder.join(&row.path)).is_ok_and(|found| found.len() == row.bytes);

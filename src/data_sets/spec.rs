@@ -6,6 +6,7 @@
 use crate::attitudes::{AttitudeKeys, Attitudes};
 use crate::distribution;
 use anyhow::{Context, Result, bail};
+use base::input_file::{SETTINGS_BYTES, read_text};
 use base::time::Tai;
 use batch::still::{DEFAULT_TIME, MOST_DEG_PER_S};
 use serde::Deserialize;
@@ -210,7 +211,7 @@ impl Spec {
             return Self::parse(text, Path::new(".")).with_context(name);
         }
         let known = || format!("{}; built in are {}", name(), BUILT_IN.map(|(known, _)| known).join(", "));
-        let text = std::fs::read_to_string(path).with_context(known)?;
+        let text = read_text(path, SETTINGS_BYTES).with_context(known)?;
         Self::parse(&text, path.parent().unwrap_or(Path::new("."))).with_context(name)
     }
 

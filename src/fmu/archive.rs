@@ -13,6 +13,7 @@
 use crate::description::{MODEL_IDENTIFIER, Model, description};
 use crate::error::FmuError;
 use crate::variables::variables;
+use base::input_file::{DATA_BYTES, read_bytes};
 use config::{Document, Plant, Scenario};
 use frames::sink::replace_own_file;
 use frames::zip_archive::archive;
@@ -57,13 +58,13 @@ pub fn write_unit(document: &Document, library: &Path, out: &Path) -> Result<u64
         step_s: 1.0 / timing.frame_rate_hz,
     };
     let unread = |source| FmuError::File { path: library.to_path_buf(), doing: "read the library", source };
-    let binary = std::fs::read(library).map_err(unread)?;
+    let binary = read_bytes(library, DATA_BYTES).map_err(unread)?;
     let xml = description(&model, &variables(heads));
     let (of_library, of_run) = (format!("binaries/{PLATFORM}/{MODEL_IDENTIFIER}.so"), format!("resources/{RUN_FILE}"));
     let data = packed.data().map(|(path, kept)| {
         let unread =
             |source| FmuError::File { path: path.clone(), doing: "read a file that the run file names", source };
-        std::fs::read(&path).map(|bytes| (format!("resources/{kept}"), bytes)).map_err(unread)
+        read_bytes(&path, DATA_BYTES).map(|bytes| (format!("resources/{kept}"), bytes)).map_err(unread)
     });
     let data = data.collect::<Result<Vec<_>, _>>()?;
     let mut files: Vec<(&str, &[u8])> = vec![

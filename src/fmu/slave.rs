@@ -9,6 +9,7 @@ use crate::error::FmuError;
 use crate::inputs::Inputs;
 use crate::outputs::HeadOutputs;
 use crate::state::State;
+use base::input_file::{DATA_BYTES, read_text};
 use base::time::Span;
 use config::{Action, Camera, Carrier, Document, Event, GatewayPorts, PackedDocuments, Plant, Scenario, SessionStart};
 use run::runtime::EventKind;
@@ -41,7 +42,7 @@ impl Slave {
     pub fn new(resources: &Path, given_token: &str) -> Result<Self, FmuError> {
         let path = resources.join(RUN_FILE);
         let read = |source| FmuError::File { path: path.clone(), doing: "read the run file", source };
-        let text = std::fs::read_to_string(&path).map_err(read)?;
+        let text = read_text(&path, DATA_BYTES).map_err(read)?;
         let damaged = |why: String| FmuError::Resource { path: path.clone(), why };
         let packed: PackedDocuments = serde_json::from_str(&text).map_err(|error| damaged(error.to_string()))?;
         let packed = packed.kept_in(resources);

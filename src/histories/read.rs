@@ -5,6 +5,7 @@ use crate::csv_attitude::{self, Sense};
 use crate::error::{HistoryError, Source};
 use crate::orbit::OrbitHistory;
 use crate::{aem, csv_orbit, oem, stk_attitude, stk_ephemeris};
+use base::input_file::read_bytes;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -41,13 +42,7 @@ pub fn text_of(path: &Path) -> Result<String, HistoryError> {
     }
     let file = path.display().to_string();
     let refuse = |why: String| HistoryError { file: file.clone(), line: None, why };
-    let opened = File::open(path).map_err(|error| refuse(format!("cannot be opened: {error}")))?;
-    let mut bytes = Vec::new();
-    let read = opened.take(MOST_BYTES + 1).read_to_end(&mut bytes);
-    read.map_err(|error| refuse(format!("cannot be read: {error}")))?;
-    if bytes.len() as u64 > MOST_BYTES {
-        return Err(refuse(format!("more than {MOST_BYTES} bytes; wanted a smaller file: split it")));
-    }
+    let bytes = read_bytes(path, MOST_BYTES).map_err(|error| refuse(format!("cannot be opened: {error}")))?;
     String::from_utf8(bytes).map_err(|error| {
         let line = 1 + error.as_bytes()[..error.utf8_error().valid_up_to()].iter().filter(|b| **b == b'\n').count();
         HistoryError { file: file.clone(), line: Some(line), why: "got bytes that are not UTF-8, wanted text".into() }
@@ -57,7 +52,9 @@ pub fn text_of(path: &Path) -> Result<String, HistoryError> {
 /// Returns the first bytes of a file; `None` where it has fewer or cannot be read.
 fn beginning<const N: usize>(path: &Path) -> Option<[u8; N]> {
     let mut begin = [0; N];
-    File::open(path).and_then(|mut file| file.read_exact(&mut begin)).ok().map(|()| begin)
+    // A pipe gives its bytes once.
+    let file = path.is_file().then(|| File::open(path))?;
+    file.and_then(|mut file| file.read_exact(&mut begin)).ok().map(|()| begin)
 }
 
 #[cfg(feature = "parquet")]

@@ -1,6 +1,8 @@
 //! A link with a codec: packets <-> messages, rejections counted.
 
-use super::plain::{PlainAttitude, PlainCodec, PlainLayout, PlainRecord, PlainRejectCounters, PlainTime};
+use super::plain::{
+    PlainAttitude, PlainCodec, PlainLayout, PlainRecord, PlainRejectCounters, PlainTime, RefusedMessage,
+};
 use super::{CHUNK_MAX, Datagram, Departure, Link, LinkCounters, LinkError, Packet, SerialChunk, Stamped};
 use base::time::{Span, Tai};
 use firmware_protocol::can::{self, CanFrame, Format, IdMap};
@@ -69,6 +71,8 @@ struct SerialCodec {
     decoder: serial::Decoder,
     chunk: Stamped<SerialChunk>,
     taken: usize,
+    /// Bytes since the last delimiter.
+    open_bytes: usize,
 }
 
 impl Port {
@@ -121,6 +125,12 @@ impl Port {
     #[must_use]
     pub fn plain_rejects(&self) -> &PlainRejectCounters {
         self.plain.rejects()
+    }
+
+    /// Returns the first plain message that was refused.
+    #[must_use]
+    pub fn first_refused(&self) -> Option<RefusedMessage> {
+        self.plain.first_refused()
     }
 
     /// Returns the counters of the link.
@@ -241,7 +251,7 @@ impl Port {
         match packet.value {
             Packet::Can(frame) => self.read_frame(packet.at, &frame),
             Packet::Serial(chunk) => {
-                self.serial.put(Stamped { at: packet.at, value: chunk });
+                self.serial.put(Stamped { at: packet.at, value: chunk }, &mut self.rejects);
                 None
             }
             Packet::Datagram(datagram) => {
@@ -283,10 +293,18 @@ impl PlainClock {
 impl SerialCodec {
     fn new() -> Self {
         let chunk = Stamped { at: Tai::from_ns(0), value: SerialChunk::EMPTY };
-        Self { encoder: serial::Encoder::new(), decoder: serial::Decoder::new(), chunk, taken: 0 }
+        Self { encoder: serial::Encoder::new(), decoder: serial::Decoder::new(), chunk, taken: 0, open_bytes: 0 }
     }
 
-    fn put(&mut self, chunk: Stamped<SerialChunk>) {
+    /// Takes a chunk; bytes that go on without a delimiter for longer than any packet are counted.
+    fn put(&mut self, chunk: Stamped<SerialChunk>, rejects: &mut RejectCounters) {
+        for byte in chunk.value.as_slice() {
+            self.open_bytes = if *byte == 0 { 0 } else { self.open_bytes + 1 };
+            if self.open_bytes > serial::ENCODED_MAX {
+                rejects.count(Reject::Oversize);
+                self.open_bytes = 0;
+            }
+        }
         self.chunk = chunk;
         self.taken = 0;
     }

@@ -5,8 +5,9 @@
 
 use crate::error::CompareError;
 use crate::picture::Picture;
+use base::input_file::read_bytes;
 use frames::sink::fits::FitsImage;
-use std::io::{Cursor, Read};
+use std::io::Cursor;
 use std::path::Path;
 use tiff::ColorType;
 use tiff::decoder::{Decoder, DecodingResult, Limits};
@@ -39,16 +40,11 @@ pub fn read_raw(path: &Path) -> Result<Picture, CompareError> {
     let refuse =
         |what, wanted: &str, got: String| CompareError::Image { path: path.into(), what, wanted: wanted.into(), got };
     let unreadable = |error: std::io::Error| refuse("the file cannot be read", "an image file", error.to_string());
-    let file = std::fs::File::open(path).map_err(unreadable)?;
-    let about = file.metadata().map_err(unreadable)?;
+    let about = std::fs::metadata(path).map_err(unreadable)?;
     if !about.is_file() {
         return Err(refuse("this is not a file", "a TIFF, PNG or FITS file", "a folder, a pipe or a device".into()));
     }
-    let mut bytes = Vec::new();
-    file.take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
-    if bytes.len() as u64 > MOST_BYTES {
-        return Err(refuse("the file is too large", &format!("at most {MOST_BYTES} bytes"), "more".into()));
-    }
+    let bytes = read_bytes(path, MOST_BYTES).map_err(unreadable)?;
     let picture = of_bytes(&bytes).map_err(|(what, wanted, got)| refuse(what, &wanted, got))?;
     if picture.dn.iter().any(|dn| !dn.is_finite()) {
         return Err(refuse("a pixel is not a number", "finite values", "NaN or infinity".into()));

@@ -11,7 +11,7 @@
 //! | `# node: 96` | the CANopen node |
 //! | `# latency_ms: 120` | from mid-exposure to the packet, for nos3, which has no time tag |
 //!
-//! Packets that are damaged are rows without frame and time: a report counts them.
+//! Packets that are damaged, and lines without a packet, are rows without frame and time: a report counts them.
 
 use crate::record::LogRow;
 use anyhow::{Context, Result, bail};
@@ -118,13 +118,20 @@ pub(crate) enum Captured {
 pub(crate) fn read(name: &str, text: &str) -> Result<Captured> {
     let remarks = Remarks::of(text).with_context(|| name.to_owned())?;
     let mut packets = Vec::new();
+    let mut damaged_lines = Vec::new();
     for (number, line) in lines(text) {
-        let Some(packet) = packet(line) else {
-            bail!(
-                "{name}, line {number}: wanted UTC, TAI ns, identifier or -, and bytes in hexadecimal, or a line of candump -l"
-            );
-        };
-        packets.push(packet);
+        match packet(line) {
+            Some(packet) => packets.push(packet),
+            None => damaged_lines.push(number),
+        }
+    }
+    if let Some(first) = damaged_lines.first().filter(|_| damaged_lines.len() >= packets.len()) {
+        bail!(
+            "{name}, line {first}: wanted UTC, TAI ns, identifier or -, and bytes in hexadecimal, or a line of candump -l; \
+             {} lines of {} are damaged",
+            damaged_lines.len(),
+            damaged_lines.len() + packets.len()
+        );
     }
     let protocol = remarks.protocol(&packets).with_context(|| name.to_owned())?;
     let Some(mut reader) = remarks.reader(protocol).with_context(|| name.to_owned())? else {
@@ -147,7 +154,7 @@ pub(crate) fn read(name: &str, text: &str) -> Result<Captured> {
     }
     let latency = remarks.latency(protocol).with_context(|| name.to_owned())?;
     let rows = measured.iter().map(|measured| row(measured, latency));
-    let damaged = (0..reader.damaged()).map(|_| LogRow::default());
+    let damaged = (0..reader.damaged() + damaged_lines.len() as u64).map(|_| LogRow::default());
     Ok(Captured::Rows(rows.chain(damaged).collect()))
 }
 

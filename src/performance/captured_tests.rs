@@ -133,6 +133,17 @@ fn damaged_packets_are_rows_of_their_own() {
 }
 
 #[test]
+fn a_line_that_is_no_packet_is_a_row_of_its_own() {
+    let text = capture("sagitta", false);
+    let lines: Vec<&str> = text.lines().collect();
+    let damaged = format!("{}\n{}0\n{}\n", lines[0], lines[1], lines[2..].join("\n"));
+    let (whole, got) = (rows(&text).unwrap(), rows(&damaged).unwrap());
+    assert!(got.contains(&LogRow::default()) && !whole[..2].contains(&LogRow::default()), "half a byte more");
+    let all_damaged = text.replace(" - ", " ? ");
+    assert!(format!("{:#}", rows(&format!("{}\n{all_damaged}", lines[0])).unwrap_err()).contains("line 2"));
+}
+
+#[test]
 fn anything_else_is_refused_in_words() {
     let refused = |text: &str| format!("{:#}", rows(text).unwrap_err());
     assert!(refused(&capture("nos3", false)).contains("# latency_ms: 120"));

@@ -6,11 +6,11 @@ use crate::mounting::MountingDrift;
 use crate::record::{Case, FalseLimit, TruthRow, Use};
 use crate::settings::Settings;
 use anyhow::{Context, Result, bail};
+use base::input_file::{DATA_BYTES, InputFile, SETTINGS_BYTES, read_text};
 use frames::sink::frame_log::{FrameRow, path_in, read_frame_log};
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::path::{Path, PathBuf};
 
 /// Name of a tracker's log in the folder of a case.
@@ -70,7 +70,7 @@ impl PlanFile {
         if !path.exists() {
             return Ok(None);
         }
-        let text = std::fs::read_to_string(&path).with_context(|| path.display().to_string())?;
+        let text = read_text(&path, SETTINGS_BYTES).with_context(|| path.display().to_string())?;
         serde_json::from_str(&text).with_context(|| path.display().to_string()).map(Some)
     }
 
@@ -93,7 +93,7 @@ impl PlanFile {
 pub fn read_case(folder: &Path, log: Option<&Path>) -> Result<Case> {
     let path = folder.join(CASE);
     let described = if path.exists() {
-        let text = std::fs::read_to_string(&path).with_context(|| path.display().to_string())?;
+        let text = read_text(&path, SETTINGS_BYTES).with_context(|| path.display().to_string())?;
         serde_json::from_str::<CaseFile>(&text).with_context(|| path.display().to_string())?
     } else {
         let name = folder.file_name().map_or_else(|| "run".to_owned(), |name| name.to_string_lossy().into_owned());
@@ -128,7 +128,7 @@ fn align(truth: &mut [TruthRow], drift: &MountingDrift) {
 
 fn read_truth(folder: &Path, frames_per_attitude: u32) -> Result<Vec<TruthRow>> {
     let path = path_in(folder);
-    let file = File::open(&path).with_context(|| {
+    let file = InputFile::open(&path, DATA_BYTES).with_context(|| {
         format!("{}: wanted the folder of a recorded run, with frames.csv (--sink recorder)", folder.display())
     })?;
     let rows = read_frame_log(file).with_context(|| path.display().to_string())?;

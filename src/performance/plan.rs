@@ -7,6 +7,7 @@ use crate::poses::{CaseMotion, Sine};
 use crate::record::{FalseLimit, Use};
 use crate::settings::Settings;
 use anyhow::{Context, Result, bail};
+use base::input_file::{SETTINGS_BYTES, read_text};
 use base::time::Tai;
 use base::units::ARCSEC;
 use serde::Deserialize;
@@ -230,7 +231,7 @@ impl Plan {
     /// With the file, what was got and what was wanted.
     pub fn read(path: &Path) -> Result<Self> {
         let file = path.display().to_string();
-        let text = std::fs::read_to_string(path).with_context(|| file.clone())?;
+        let text = read_text(path, SETTINGS_BYTES).with_context(|| file.clone())?;
         Self::parse(&text).with_context(|| file)
     }
 

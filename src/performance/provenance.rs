@@ -1,10 +1,10 @@
 //! Where results come from: SHA-256 of files, versions, command line, machine.
 
 use anyhow::{Context, Result};
+use base::input_file::InputFile;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::fmt::Write as _;
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
@@ -56,7 +56,7 @@ impl FileHash {
     /// When it cannot be read.
     pub fn of_file(path: &Path, name: &str) -> Result<Self> {
         let refuse = || format!("cannot read {}", path.display());
-        let mut file = File::open(path).with_context(refuse)?;
+        let mut file = InputFile::open(path, u64::MAX).with_context(refuse)?;
         let (mut hash, mut bytes, mut part) = (Sha256::new(), 0, vec![0; 1 << 16]);
         loop {
             let read = file.read(&mut part).with_context(refuse)?;

@@ -37,14 +37,14 @@ pub enum ObserverError {
         /// SGP4's reason.
         why: String,
     },
-    /// An orbit mean-elements message is not valid JSON.
+    /// A file of orbit mean-elements messages is not valid JSON, XML or CSV.
     #[error("orbit mean-elements message, line {line}, column {column}: {why}")]
     OmmText {
         /// Line, from 1.
         line: usize,
         /// Column, from 1.
         column: usize,
-        /// The error of the JSON reader.
+        /// The error of the reader.
         why: String,
     },
     /// An orbit mean-elements message lacks the object, or the object a key, or a value is impossible for an orbit.
@@ -70,20 +70,9 @@ pub enum ObserverError {
         /// Objects in the file.
         objects: usize,
     },
-    /// A file has several sets of elements of the object.
-    #[error(
-        "object {norad_id}: got {sets} sets of elements, wanted one: keep the set whose epoch is nearest to the run, others \
-         may be hundreds of kilometres off"
-    )]
-    WhichSet {
-        /// Catalog number of the object.
-        norad_id: u64,
-        /// Sets of it in the file.
-        sets: usize,
-    },
     /// A file from which the only object was to be taken has other lines.
     #[error(
-        "two-line elements, line {line} of the file: wanted one object with at most a title before it, got \"{got}\" besides; \
+        "two-line elements, line {line} of the file: wanted pairs of lines of one object with at most a title before each, got \"{got}\" besides; \
          give the norad_id of the one that is wanted"
     )]
     TleOther {
@@ -137,6 +126,18 @@ pub enum ObserverError {
         distance_km: f64,
         /// Radius of the body.
         surface_km: f64,
+    },
+    /// The orbit is faster than anything that passes the body.
+    #[error("the orbit about {about} has {speed_km_s:.1} km/s at {at}: wanted at most {most_km_s} km/s; check units")]
+    TooFast {
+        /// The body it is about.
+        about: CentralBody,
+        /// The time asked for.
+        at: Tai,
+        /// Its speed.
+        speed_km_s: f64,
+        /// The largest speed that is accepted.
+        most_km_s: f64,
     },
     /// A file of states ends before, or has a gap.
     #[error(

@@ -65,8 +65,7 @@ impl FollowedStates {
             let (parameter, wanted) = ("position_km and velocity_km_s", "finite numbers");
             return if got.is_finite() { Ok(()) } else { Err(ObserverError::TwoBody { parameter, wanted, got }) };
         };
-        TwoBodyOrbit::from_state(at, state.position_km, state.velocity_km_s, about.gm_km3_s2()).map(drop)?;
-        above_surface(about, at, *state).map(drop)
+        check_state(about, at, *state)
     }
 
     /// Returns the state at an instant, relative to the body; `None` while no state has come. Does not allocate.
@@ -125,6 +124,17 @@ fn hermite(earlier: (Tai, BarycentricState), later: (Tai, BarycentricState), at:
         position_km: a.position_km + x * (va + x * (second + x * third)),
         velocity_km_s: (va + x * (2.0 * second + 3.0 * x * third)) / step_s,
     }
+}
+
+/// Refuses a state that no orbit about the body has: not finite, faster than anything that passes the body, or below its
+/// surface.
+pub(crate) fn check_state(about: CentralBody, at: Tai, state: BarycentricState) -> Result<(), ObserverError> {
+    TwoBodyOrbit::from_state(at, state.position_km, state.velocity_km_s, about.gm_km3_s2())?;
+    let (speed_km_s, most_km_s) = (state.velocity_km_s.length(), about.fastest_km_s());
+    if speed_km_s > most_km_s {
+        return Err(ObserverError::TooFast { about, at, speed_km_s, most_km_s });
+    }
+    above_surface(about, at, state).map(drop)
 }
 
 /// Returns a state about a body, unless it is below its surface.

@@ -85,6 +85,20 @@ fn tabulated(history: &OrbitHistory, at: Tai) -> Result<BarycentricState, Observ
     body_of(history.centre).map_or(Ok(state), |about| above_surface(about, at, state))
 }
 
+/// Checks that an orbit has every state of a file, as is asked of every state that comes over a link.
+///
+/// # Errors
+/// With the instant of the first state that is not finite, faster than anything that passes the body, or below its
+/// surface.
+pub fn check_states(history: &OrbitHistory) -> Result<(), (Tai, ObserverError)> {
+    let mut states = FollowedStates::new(body_of(history.centre));
+    for state in history.segments().iter().flat_map(|segment| segment.states()) {
+        let (at, position_km, velocity_km_s) = (Tai::from_ns(state.t_ns), state.position_km, state.velocity_km_s);
+        states.take(at, BarycentricState { position_km, velocity_km_s }).map_err(|error| (at, error))?;
+    }
+    Ok(())
+}
+
 /// An observer followed from frame to frame: the orbit at each time, Earth and Sun from an [`Almanac`].
 #[derive(Debug, Clone)]
 pub struct ObserverTrack {

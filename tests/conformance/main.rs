@@ -15,4 +15,5 @@ mod frames_document;
 mod pages;
 mod quoted_messages;
 mod source;
+mod whole_files;
 mod words;

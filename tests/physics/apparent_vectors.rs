@@ -76,7 +76,7 @@ fn observer(name: &str, at: Tai) -> Observer {
         let orbit = TwoBodyOrbit::from_elements(epoch, &elements, about.gm_km3_s2()).unwrap();
         Observer::TwoBody { about, orbit }
     };
-    let tle = |lines: &str| Observer::Tle(Box::new(TleOrbit::parse(lines).unwrap()));
+    let tle = |lines: &str| Observer::Tle(Box::new(TleOrbit::parse(lines).unwrap().within_days(36_525.0)));
     match name {
         "geocentre" => Observer::Geocentre,
         "low" => Observer::Circular(CircularOrbit::new(550.0, 97.6, 30.0, 10.0, epoch).unwrap()),

@@ -127,6 +127,9 @@ pub struct LinkCounts {
     pub counters: BTreeMap<String, u64>,
     /// Messages rejected, by reason.
     pub rejects: BTreeMap<String, u64>,
+    /// The first plain message that was refused, quoted, with its reason.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub first_refused: Option<String>,
 }
 
 /// One event of the ledger.

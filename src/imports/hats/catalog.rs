@@ -9,13 +9,19 @@ use super::file::ParquetFile;
 use super::pixel::{MOST_ORDER, Pixel};
 use super::properties::Properties;
 use crate::published::gaia::Names;
+use base::input_file::{DATA_BYTES, read_text};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// Kind of catalog that is read: one row, one object.
 const OBJECTS: &str = "object";
-/// Epoch of the positions, in catalogs that starloop wrote: HATS has no word for it.
+/// Epoch of the positions, in catalogs that starloop wrote, and in others.
 pub(super) const EPOCH: &str = "starloop_epoch_yr";
+const COORDINATE_EPOCH: &str = "hats_coordinate_epoch";
+/// Axes of the positions.
+const FRAME: &str = "hats_frame";
+/// Names of the axes that are read: those of the ICRS.
+const FRAMES: [&str; 3] = ["icrs", "icrf", "equatorial"];
 /// The property of the credits that a catalog asks for.
 pub(super) const ACKNOWLEDGEMENT: &str = "obs_ack";
 
@@ -49,6 +55,10 @@ impl HatsCatalog {
         if kind != OBJECTS {
             let wanted = format!("\"{OBJECTS}\": one row a star, each in its own partition");
             return Err(properties.refuse("dataproduct_type", &wanted, &format!("\"{kind}\"")));
+        }
+        if let Some(frame) = properties.get(FRAME).filter(|frame| !FRAMES.iter().any(|f| f.eq_ignore_ascii_case(frame)))
+        {
+            return Err(properties.refuse(FRAME, &FRAMES.join(" or "), &format!("\"{frame}\"")));
         }
         let listed = listed(&properties.folder().join("partition_info.csv"))?;
         let mut there = there(properties.folder(), properties.get("hats_npix_suffix").unwrap_or(".parquet"))?;
@@ -100,8 +110,14 @@ impl HatsCatalog {
     /// # Errors
     /// When it is not a number.
     pub fn epoch_yr(&self) -> Result<Option<f64>, HatsError> {
-        let number = |text: &str| text.parse().map_err(|_| self.properties.refuse(EPOCH, "a Julian year", text));
-        self.properties.get(EPOCH).map(number).transpose()
+        let of_key = |key: &'static str| {
+            let number = |text: &str| text.trim_start_matches(['J', 'j']).trim().parse::<f64>().ok();
+            let is_year = |year: &f64| (1900.0..=2100.0).contains(year);
+            let wanted = "a Julian year from 1900 to 2100, such as 2015.5 or J2015.5";
+            let stated = self.properties.get(key);
+            stated.map(|text| number(text).filter(is_year).ok_or_else(|| self.properties.refuse(key, wanted, text)))
+        };
+        of_key(EPOCH).or_else(|| of_key(COORDINATE_EPOCH)).transpose()
     }
 
     /// Credits that the catalog asks for, where it names some.
@@ -126,7 +142,7 @@ impl HatsCatalog {
 
 /// Returns the pixels of `partition_info.csv`, none within another.
 fn listed(path: &Path) -> Result<Vec<Pixel>, HatsError> {
-    let text = std::fs::read_to_string(path).map_err(HatsError::file("cannot read", path))?;
+    let text = read_text(path, DATA_BYTES).map_err(HatsError::file("cannot read", path))?;
     let mut lines = text.lines().enumerate();
     let refuse = |line: usize, got: &str| HatsError::List { path: path.into(), line: line + 1, got: got.into() };
     let (_, head) = lines.next().ok_or_else(|| refuse(0, ""))?;

@@ -44,7 +44,7 @@ pub fn import(
             }
             let number = |column| rows.number(row, column);
             let refuse = |column, wanted, got: f64| rows.refuse(row, column, wanted, got.to_string());
-            if let Some(star) = star_of_row(rows.source_id(row)?, number, refuse, sorting)? {
+            if let Some(star) = star_of_row(rows.source_id(row)?, names.epoch_yr, number, refuse, sorting)? {
                 let refused = |source| HatsError::Star { path: path.into(), row: rows.number_of(row), source };
                 sorting.add(&star).map_err(refused)?;
             }

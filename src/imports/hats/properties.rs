@@ -4,6 +4,7 @@
 
 use super::error::HatsError;
 use crate::hats_folder::{COLLECTION, FILES};
+use base::input_file::{SETTINGS_BYTES, read_text};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -27,7 +28,7 @@ impl Properties {
     }
 
     fn read_file(path: PathBuf) -> Result<Self, HatsError> {
-        let text = std::fs::read_to_string(&path).map_err(HatsError::file("cannot read", &path))?;
+        let text = read_text(&path, SETTINGS_BYTES).map_err(HatsError::file("cannot read", &path))?;
         Ok(Self { values: parse(&text), path })
     }
 

@@ -290,6 +290,9 @@ fn every_form_of_parquet_gives_the_same_stars() {
         ("dictionaries", Form { dictionary: true, ..PLAIN }),
         ("Snappy", Form { compression: Compression::SNAPPY, ..PLAIN }),
         ("Zstandard, dictionaries", Form { compression: zstd, dictionary: true, ..PLAIN }),
+        ("gzip", Form { compression: Compression::GZIP(Default::default()), ..PLAIN }),
+        ("Brotli", Form { compression: Compression::BROTLI(Default::default()), ..PLAIN }),
+        ("LZ4", Form { compression: Compression::LZ4_RAW, dictionary: true, ..PLAIN }),
         ("row groups", Form { group_rows: 777, ..PLAIN }),
         ("version 2", Form { version: second, ..PLAIN }),
         (
@@ -460,6 +463,17 @@ fn catalogs_are_whole_or_refused() {
     }
     write_properties(&path, &[("hats_col_ra", "")]);
     refused("hats_col_ra: wanted the name of a column, got nothing");
+    for frame in ["galactic", "fk5"] {
+        write_properties(&path, &[("hats_frame", frame)]);
+        refused(&format!("hats_frame: wanted icrs or icrf or equatorial, got \"{frame}\""));
+    }
+    write_properties(&path, &[("hats_frame", "ICRS"), ("hats_coordinate_epoch", "J2015.5")]);
+    assert_eq!(HatsCatalog::open(&path).unwrap().epoch_yr().unwrap(), Some(2015.5));
+    write_properties(&path, &[("hats_coordinate_epoch", "2015.5")]);
+    assert_eq!(HatsCatalog::open(&path).unwrap().epoch_yr().unwrap(), Some(2015.5));
+    write_properties(&path, &[("hats_coordinate_epoch", "MJD 57388")]);
+    let reported = HatsCatalog::open(&path).unwrap().epoch_yr().unwrap_err().to_string();
+    assert!(reported.contains("hats_coordinate_epoch: wanted a Julian year from 1900 to 2100"), "{reported}");
     write_properties(&path, &[("hats_col_ra", "dec")]);
     refused("deg: wanted pixel");
     write_properties(&path, &[]);

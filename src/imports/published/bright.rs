@@ -8,9 +8,9 @@ use super::error::ImportError;
 use super::lines::Lines;
 use super::star_line::Line;
 use super::{hipparcos, tycho};
+use base::input_file::InputFile;
 use flate2::read::MultiGzDecoder;
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 
@@ -60,7 +60,7 @@ impl BrightStars {
     /// more stars than memory is meant to hold.
     pub fn read(&mut self, path: &Path) -> Result<(), ImportError> {
         let failed = |source| ImportError::File { path: path.into(), source };
-        let file = File::open(path).map_err(failed)?;
+        let file = InputFile::open(path, u64::MAX).map_err(failed)?;
         let mut file = BufReader::with_capacity(1 << 20, file);
         let is_packed = file.fill_buf().map_err(failed)?.starts_with(&[0x1f, 0x8b]);
         if is_packed {

@@ -1,19 +1,23 @@
 //! Gaia's bulk CSV (`GaiaSource_AAAAAA-BBBBBB.csv.gz`: an ECSV header of `#` lines, `null` for what is blank) -> stars.
 //!
 //! Columns, found by name, others ignored: `source_id`, `ra`, `dec` (deg, ICRS), `pmra` (with cos dec), `pmdec`
-//! (mas/yr), `parallax` (mas), `phot_g_mean_mag`, and `bp_rp` or else `phot_bp_mean_mag` and `phot_rp_mean_mag` (mag).
+//! (mas/yr), `parallax` (mas), `phot_g_mean_mag`, and `bp_rp` or else `phot_bp_mean_mag` and `phot_rp_mean_mag` (mag),
+//! `ref_epoch` (Julian year of the place).
 //! Where a file has other names, [`Names`] says so. A cell may be in quotes; a row is one line all the same, so that a
 //! stray quote cannot swallow the lines after it, and at most [`LONGEST_LINE`]. Blank is an empty cell, `null`, `nan`
 //! or `NaN`. A row without place or magnitude is left out and counted: nothing can be drawn of it; so is a line of `#`
-//! after the header: it may be a row whose first bytes are damaged. Positions are of epoch J2016.0 (Gaia DR3). Tests:
-//! `tests` below, `damage_tests`.
+//! after the header: it may be a row whose first bytes are damaged. Places are of the epoch that the user names, J2016.0
+//! (Gaia DR3) otherwise; one of another `ref_epoch` is moved to it in a straight line, without radial velocity, and
+//! counted. Tests: `tests` below, `damage_tests`.
 
 use super::error::ImportError;
 use super::lines::{Lines, TextLine};
-use base::units::DEG;
+use base::input_file::InputFile;
+use base::source::{direction_from_ra_dec, ra_dec_rad};
+use base::units::{DEG, MAS};
 use flate2::read::MultiGzDecoder;
+use glam::DVec3;
 use stars::layer::{NewStar, Sorting};
-use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 
@@ -29,15 +33,20 @@ const ROWS_A_STEP: u64 = 50_000;
 pub const WITHOUT_PLACE: &str = "rows without a place, left out";
 /// Count of rows left out because they have no G magnitude.
 pub const WITHOUT_MAGNITUDE: &str = "rows without a G magnitude, left out";
+/// Count of rows whose place was moved to the epoch of the layers.
+pub const MOVED: &str = "rows of another ref_epoch, moved to the epoch of the layers";
+/// Count of rows of another epoch that could not be moved.
+pub const NOT_MOVED: &str = "rows of another ref_epoch without a proper motion, taken where they are";
 /// Count of lines after the header that begin as those before it.
 pub const COMMENTS: &str = "lines of # after the header, left out";
 /// Count of last lines that end with the file: of a row that is cut short in its last cell, nothing else is seen.
 pub const WITHOUT_END: &str = "last lines without an end, taken: the file may be cut short";
 
-/// Columns by what they hold, as a file names them.
-#[derive(Debug, Clone, PartialEq, Eq)]
+/// Columns by what they hold, as a file names them, and the epoch of the places in Julian years.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Names {
     columns: [String; COLUMNS],
+    pub(crate) epoch_yr: f64,
 }
 
 pub(crate) const SOURCE_ID: usize = 0;
@@ -50,7 +59,8 @@ pub(crate) const G: usize = 6;
 pub(crate) const BP_RP: usize = 7;
 pub(crate) const BP: usize = 8;
 pub(crate) const RP: usize = 9;
-pub(crate) const COLUMNS: usize = 10;
+pub(crate) const REF_EPOCH: usize = 10;
+pub(crate) const COLUMNS: usize = 11;
 
 /// Names in Gaia's archive.
 const ARCHIVE: [&str; COLUMNS] = [
@@ -64,16 +74,23 @@ const ARCHIVE: [&str; COLUMNS] = [
     "bp_rp",
     "phot_bp_mean_mag",
     "phot_rp_mean_mag",
+    "ref_epoch",
 ];
 
 impl Default for Names {
-    /// Returns the names of Gaia's archive.
+    /// Returns the names of Gaia's archive, and the epoch of DR3.
     fn default() -> Self {
-        Self { columns: ARCHIVE.map(String::from) }
+        Self { columns: ARCHIVE.map(String::from), epoch_yr: EPOCH_YR }
     }
 }
 
 impl Names {
+    /// Returns the same columns, of places at another epoch.
+    #[must_use]
+    pub fn at_epoch(self, epoch_yr: f64) -> Self {
+        Self { epoch_yr, ..self }
+    }
+
     /// Returns the column that Gaia's archive calls `archive` is called `here`; false when the archive has no such
     /// column.
     pub fn rename(&mut self, archive: &str, here: &str) -> bool {
@@ -94,11 +111,11 @@ impl Names {
     }
 
     /// Returns the columns that a file must have and `is_there` says it has not, by their names in the file: all but
-    /// colours, which are complete in one form, and those that are said to be missing (an empty name).
+    /// colours, which are complete in one form, the epoch, and those that are said to be missing (an empty name).
     pub(crate) fn missing(&self, is_there: impl Fn(usize) -> bool) -> Vec<&str> {
         let is_missing = |column: &usize| match *column {
             BP_RP => !(is_there(BP_RP) || is_there(BP) && is_there(RP)),
-            BP | RP => false,
+            BP | RP | REF_EPOCH => false,
             column => !is_there(column),
         };
         let wanted = (0..COLUMNS).filter(|column| !self.here(*column).is_empty()).filter(is_missing);
@@ -109,7 +126,7 @@ impl Names {
     /// values.
     #[must_use]
     pub fn may_be_missing(archive: &str) -> bool {
-        [PM_RA, PM_DEC, PARALLAX, BP_RP].iter().any(|column| ARCHIVE[*column] == archive)
+        [PM_RA, PM_DEC, PARALLAX, BP_RP, REF_EPOCH].iter().any(|column| ARCHIVE[*column] == archive)
     }
 
     /// Returns the columns that may be renamed.
@@ -130,7 +147,7 @@ pub fn import(
     sorting: &mut Sorting,
     progress: &mut dyn FnMut(u64),
 ) -> Result<u64, ImportError> {
-    let file = File::open(path).map_err(|source| ImportError::File { path: path.into(), source })?;
+    let file = InputFile::open(path, u64::MAX).map_err(|source| ImportError::File { path: path.into(), source })?;
     let is_packed = path.extension().is_some_and(|kind| kind.eq_ignore_ascii_case("gz"));
     let file = BufReader::with_capacity(1 << 20, file);
     if is_packed {
@@ -188,9 +205,10 @@ const ANGLES: [CellRange; 2] =
 
 /// Returns a row of Gaia's archive as a star; `None`, counted, when nothing can be drawn of it. `number` gives a cell
 /// by its column, `None` where it is blank; `refuse` makes an error of a cell by its column, what was wanted, and what
-/// it holds.
+/// it holds. The place is moved to `epoch_yr` where the row states another one.
 pub(crate) fn star_of_row<E>(
     source_id: i64,
+    epoch_yr: f64,
     number: impl Fn(usize) -> Result<Option<f64>, E>,
     refuse: impl Fn(usize, &'static str, f64) -> E,
     sorting: &mut Sorting,
@@ -216,7 +234,38 @@ pub(crate) fn star_of_row<E>(
     let motion_mas_yr = number(PM_RA)?.zip(number(PM_DEC)?).map(<[f64; 2]>::from);
     let parallax_mas = number(PARALLAX)?;
     let (ra_rad, dec_rad) = (ra_deg * DEG, dec_deg * DEG);
-    Ok(Some(NewStar { source_id, ra_rad, dec_rad, motion_mas_yr, parallax_mas, mag_g, bp_rp }))
+    let star = NewStar { source_id, ra_rad, dec_rad, motion_mas_yr, parallax_mas, mag_g, bp_rp };
+    let ref_epoch_yr = number(REF_EPOCH)?.unwrap_or(epoch_yr);
+    if !(1900.0..=2100.0).contains(&ref_epoch_yr) {
+        return Err(refuse(REF_EPOCH, "a Julian year from 1900 to 2100", ref_epoch_yr));
+    }
+    let years = epoch_yr - ref_epoch_yr;
+    if years == 0.0 {
+        return Ok(Some(star));
+    }
+    let moved = motion_mas_yr.map(|motion_mas_yr| moved(&star, motion_mas_yr, years));
+    sorting.announce(if moved.is_some() { MOVED } else { NOT_MOVED }, 1);
+    Ok(Some(moved.unwrap_or(star)))
+}
+
+/// Returns a star years later, on a straight line (ESA, The Hipparcos and Tycho Catalogues, vol. 1, section 1.5.5,
+/// without radial velocity).
+fn moved(star: &NewStar, motion_mas_yr: [f64; 2], years: f64) -> NewStar {
+    // The directions of east and north at a place.
+    let axes = |ra_rad: f64, dec_rad: f64| {
+        let ((sin_ra, cos_ra), (sin_dec, cos_dec)) = (ra_rad.sin_cos(), dec_rad.sin_cos());
+        [DVec3::new(-sin_ra, cos_ra, 0.0), DVec3::new(-sin_dec * cos_ra, -sin_dec * sin_ra, cos_dec)]
+    };
+    let place = direction_from_ra_dec(star.ra_rad, star.dec_rad);
+    let [east, north] = axes(star.ra_rad, star.dec_rad);
+    let [pm_ra, pm_dec] = motion_mas_yr.map(|mas_yr| mas_yr * MAS);
+    let per_yr = east * pm_ra + north * pm_dec;
+    let line = place + per_yr * years;
+    let later = line.normalize();
+    let [ra_rad, dec_rad] = ra_dec_rad(later);
+    let turned = (per_yr - later * later.dot(per_yr)) / line.length();
+    let motion = axes(ra_rad, dec_rad).map(|axis| axis.dot(turned) / MAS);
+    NewStar { ra_rad, dec_rad, motion_mas_yr: Some(motion), ..*star }
 }
 
 /// Returns the text of a cell, without blanks and the pair of quotes that may be around it.
@@ -274,7 +323,7 @@ impl<'a> Row<'a> {
         let text = self.text(SOURCE_ID);
         let source_id = text.parse().map_err(|_| self.refuse(SOURCE_ID, "a whole number"))?;
         let refuse = |column, wanted, _| self.refuse(column, wanted);
-        star_of_row(source_id, |column| self.number(column), refuse, sorting)
+        star_of_row(source_id, self.columns.names.epoch_yr, |column| self.number(column), refuse, sorting)
     }
 
     fn text(&self, column: usize) -> &str {
@@ -331,6 +380,44 @@ mod tests {
         let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
         encoder.write_all(text).unwrap();
         encoder.finish().unwrap()
+    }
+
+    /// Returns the stars of a text at an epoch, and the counts that were reported.
+    fn stars_at(text: &str, epoch_yr: f64) -> (Vec<base::source::CatalogSource>, Vec<(String, u64)>) {
+        let (done, sorting, folder) = take(text.as_bytes(), "g.csv", &Names::default().at_epoch(epoch_yr));
+        done.unwrap();
+        let counts = sorting.reported().map(|(what, count)| (what.to_owned(), count)).collect();
+        let reports = sorting.finish(folder.path(), epoch_yr, "", &mut |_| {}).unwrap();
+        let mut found = Vec::new();
+        Layer::open(&reports[0].path).unwrap().cone(DVec3::Z, 4.0, 99.0, &mut found).unwrap();
+        found.sort_by(|a, b| a.mag_g.total_cmp(&b.mag_g));
+        (found, counts)
+    }
+
+    #[test]
+    fn places_of_another_ref_epoch_are_moved_to_that_of_the_layers() {
+        let text = "source_id,ref_epoch,ra,dec,pmra,pmdec,parallax,phot_g_mean_mag,bp_rp\n\
+            11,2015.5,10.0,20.0,8000,-6000,10,5.0,0.8\n12,1991.25,11.0,20.0,8000,-6000,10,6.0,0.8\n\
+            13,1991.25,12.0,20.0,,,10,7.0,0.8\n14,,13.0,20.0,8000,-6000,10,8.0,0.8\n";
+        let (stars, counts) = stars_at(text, 2016.0);
+        // Ten arcseconds a year, for 0.5 and 24.75 years: degrees by hand, with cos 20 deg.
+        let wanted = [(10.001_182, 19.999_167), (11.058_53, 19.958_75), (12.0, 20.0), (13.0, 20.0)];
+        for (star, (ra_deg, dec_deg)) in stars.iter().zip(wanted) {
+            let off = star.direction_icrf.angle_between(direction_from_ra_dec(ra_deg * DEG, dec_deg * DEG)) / MAS;
+            assert!(off < 60.0, "{off} mas at {ra_deg}");
+        }
+        let count = |wanted: &str| counts.iter().find(|(what, _)| what == wanted).map_or(0, |(_, count)| *count);
+        assert_eq!((stars.len(), count(MOVED), count(NOT_MOVED)), (4, 2, 1));
+        let (stars, _) = stars_at(text, 2015.5);
+        let off = stars[0].direction_icrf.angle_between(direction_from_ra_dec(10.0 * DEG, 20.0 * DEG)) / MAS;
+        assert!(off < 1.0, "at its own epoch it stays: {off} mas");
+        let wrong = text.replace("11,2015.5", "11,2.0155");
+        let (done, ..) = take(wrong.as_bytes(), "g.csv", &Names::default());
+        let message = done.unwrap_err().to_string();
+        assert!(message.contains("line 2, column ref_epoch: wanted a Julian year"), "{message}");
+        let mut left_out = Names::default();
+        left_out.rename("ref_epoch", "");
+        assert_eq!(take(wrong.as_bytes(), "g.csv", &left_out).0.unwrap(), 4, "a column that is said to be missing");
     }
 
     #[test]

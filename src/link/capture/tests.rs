@@ -220,8 +220,6 @@ fn a_line_that_is_none_is_refused_with_its_number() {
         ("(1.5) can0 800#11", "more than 11 bits"),
         ("(1.5) can0 123#1", "whole bytes"),
         ("(1.5) can0 123#1G", "not hexadecimal"),
-        ("(1.5) can0 123#112233445566778899", "no CAN frame has this"),
-        ("(1.5) can0 123##1112233445566778899", "no CAN frame has this"),
         ("(1.5) can0 123##", "flags are missing"),
         ("(1.5) can0 123#11 X", "only R or T"),
         ("(1.5) can0 123#11 R R", "follows the direction"),
@@ -234,6 +232,19 @@ fn a_line_that_is_none_is_refused_with_its_number() {
     }
     let error = refusal(format!("{good}(1.5) {}\n", "x".repeat(LINE_MAX)).as_bytes());
     assert!(error.contains("line 2: longer than 1024"), "{error}");
+}
+
+#[test]
+fn a_frame_of_a_length_that_none_has_is_left_out_and_counted() {
+    let good = "(1.5) can0 123#11 R\n";
+    for bytes in
+        ["112233445566778899", "112233445566778899AABB", "#1112233445566778899", "#1112233445566778899AABBCCDD"]
+    {
+        let log = format!("{good}(1.6) can0 123#{bytes} R\n{good}");
+        let mut reader = CaptureReader::new(log.as_bytes()).unwrap();
+        let packets = core::iter::from_fn(|| reader.read().unwrap()).count();
+        assert_eq!((packets, reader.skipped()), (2, 1), "{bytes}");
+    }
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use super::forty_two::FortyTwo;
 use super::layout::{Encoding, PlainLayout};
 use super::sequence::Sequence;
-use super::{PlainRecord, PlainReject, PlainRejectCounters, numbers};
+use super::{PlainRecord, PlainReject, PlainRejectCounters, RefusedMessage, numbers};
 use crate::Datagram;
 
 /// Reads and writes the plain messages of one link.
@@ -13,6 +13,7 @@ pub struct PlainCodec {
     sequence: Sequence,
     forty_two: FortyTwo,
     rejects: PlainRejectCounters,
+    first_refused: Option<RefusedMessage>,
     sent: u32,
 }
 
@@ -21,7 +22,7 @@ impl PlainCodec {
     #[must_use]
     pub fn new(layout: PlainLayout) -> Self {
         let (sequence, rejects) = (Sequence::default(), PlainRejectCounters::default());
-        Self { layout, sequence, forty_two: FortyTwo::default(), rejects, sent: 0 }
+        Self { layout, sequence, forty_two: FortyTwo::default(), rejects, first_refused: None, sent: 0 }
     }
 
     /// Returns which numbers it reads.
@@ -36,6 +37,12 @@ impl PlainCodec {
         &self.rejects
     }
 
+    /// Returns the first message, or line of 42, that was refused.
+    #[must_use]
+    pub fn first_refused(&self) -> Option<RefusedMessage> {
+        self.first_refused
+    }
+
     /// Reads a message; `None` for one that is refused and counted, and for a line of 42 before the last of its
     /// message.
     pub fn read(&mut self, bytes: &[u8]) -> Option<PlainRecord> {
@@ -45,6 +52,7 @@ impl PlainCodec {
         };
         record.unwrap_or_else(|reject| {
             self.rejects.count(reject);
+            self.first_refused.get_or_insert_with(|| RefusedMessage::new(reject, bytes));
             None
         })
     }

@@ -1,11 +1,12 @@
 //! Lines of the simulator 42 (NASA GSFC) -> records.
 //!
 //! In: the lines that 42 sends over a socket, one at a time: `TIME`, then `SC[n].qn = [...]` and others, then
-//! `[ENDMSG]`. Out: a record per message, in starloop's conventions. The attitude is of B in N, scalar last, with the
+//! `[ENDMSG]`; before 2024 `SC[n].B[0].qn = ...` without brackets, and `[EOF]`. Out: a record per message, in starloop's conventions. The attitude is of B in N, scalar last, with the
 //! other sense of the quaternion; the rate is of B with respect to N, in B, rad/s. N is the inertial frame of the
 //! world: of the Earth the J2000 equator, which is taken as ICRF (they differ by 0.02 arcsec). The observer is
-//! `Orb[0]` + `SC[n].PosR`, metres. Times are UTC with 86,400 seconds in each day. Other lines are left unread. Source: 42,
-//! commit 11e3cc3, `Source/AutoCode/TxRxIPC.c`, `Kit/Source/mathkit.c`. Tests: `tests`,
+//! `Orb[0]` + `SC[n].PosR`, metres. Times are UTC with 86,400 seconds in each day. Other values are left unread; a line
+//! that is neither a time nor a value nor an end is counted. Source: 42, commit 11e3cc3,
+//! `Source/AutoCode/TxRxIPC.c`, `Kit/Source/mathkit.c`, and `Source/IPC/SimWriteToSocket.c` of the years before. Tests: `tests`,
 //! `hil_scripts/test_plain_links.py`.
 
 use super::layout::TimeMeaning;
@@ -13,11 +14,16 @@ use super::{PlainAttitude, PlainRecord, PlainReject, PlainState, PlainTime};
 use base::axes::WRITTEN_NORM_TOLERANCE;
 use base::units::METRE_KM;
 
-/// The last line of a message.
-pub(crate) const END_OF_MESSAGE: &[u8] = b"[ENDMSG]";
+/// The last line of a message, and that of a message before 2024.
+const ENDS_OF_MESSAGE: [&[u8]; 2] = [b"[ENDMSG]", b"[EOF]"];
 /// Answer of the receiver to a message.
 pub(crate) const ACKNOWLEDGE: &[u8; 4] = b"Ack\0";
 const NS_PER_S: f64 = 1e9;
+
+/// Returns whether a line is the last one of a message.
+pub(crate) fn is_end_of_message(line: &[u8]) -> bool {
+    ENDS_OF_MESSAGE.contains(&line.trim_ascii())
+}
 
 /// The message so far.
 #[derive(Debug, Clone, Default)]
@@ -43,13 +49,13 @@ impl FortyTwo {
         time: TimeMeaning,
     ) -> Result<Option<PlainRecord>, PlainReject> {
         let line = line.trim_ascii();
-        if line == END_OF_MESSAGE {
+        if is_end_of_message(line) {
             let message = core::mem::take(self);
             // The refused line is counted already.
             return if message.is_refused { Ok(None) } else { message.record(time).map(Some) };
         }
         let taken = self.take_line(line, spacecraft);
-        self.is_refused |= taken.is_err();
+        self.is_refused |= taken.is_err_and(|reject| reject != PlainReject::Unread);
         taken.map(|()| None)
     }
 
@@ -59,11 +65,13 @@ impl FortyTwo {
             self.unix_ns = Some(unix_ns(stamp.trim()).ok_or(PlainReject::Time)?);
             return Ok(());
         }
-        let Some((name, value)) = text.split_once('=') else { return Ok(()) };
+        let Some((name, value)) = text.split_once('=') else {
+            return if text.is_empty() { Ok(()) } else { Err(PlainReject::Unread) };
+        };
         let name = name.trim();
         match (quantity(name, "SC", spacecraft), quantity(name, "Orb", 0)) {
-            (Some("qn"), _) => self.qn = Some(numbers(value)?),
-            (Some("wn"), _) => self.wn = Some(numbers(value)?),
+            (Some("qn" | "B[0].qn"), _) => self.qn = Some(numbers(value)?),
+            (Some("wn" | "B[0].wn"), _) => self.wn = Some(numbers(value)?),
             (Some("PosR"), _) => self.pos_r = Some(numbers(value)?),
             (Some("VelR"), _) => self.vel_r = Some(numbers(value)?),
             (_, Some("PosN")) => self.pos_n = Some(numbers(value)?),

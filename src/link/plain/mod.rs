@@ -10,7 +10,7 @@
 //! text has them in their order between blanks or commas. A wrong byte order or type shows in the quaternion's norm,
 //! which must be 1 within
 //! [`WRITTEN_NORM_TOLERANCE`](base::axes::WRITTEN_NORM_TOLERANCE). Each refusal has a [`PlainReject`], which is counted. Messages of the simulator 42 are lines that end
-//! with `[ENDMSG]` (`forty_two`). Limits: 512 bytes per message, 64 fields; times are `f64`, which resolves Unix
+//! with `[ENDMSG]` or `[EOF]` (`forty_two`). Limits: 512 bytes per message, 64 fields; times are `f64`, which resolves Unix
 //! seconds to
 //! 0.24 us; numbers in JSON are read to the last bit but one. Tests: `tests`, and the fuzz target `plain`.
 
@@ -26,9 +26,9 @@ mod tests;
 
 pub use codec::PlainCodec;
 pub use field::{FIELD_NAMES, Field};
-pub(crate) use forty_two::{ACKNOWLEDGE, END_OF_MESSAGE};
+pub(crate) use forty_two::{ACKNOWLEDGE, is_end_of_message};
 pub use layout::{Encoding, LayoutError, PlainLayout, QuaternionSense, TimeMeaning};
-pub use reject::{PlainReject, PlainRejectCounters};
+pub use reject::{PlainReject, PlainRejectCounters, RefusedMessage};
 
 /// Most fields of a layout.
 pub const FIELDS_MAX: usize = crate::DATAGRAM_MAX / size_of::<f64>();

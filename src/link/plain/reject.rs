@@ -1,5 +1,7 @@
 //! Why a plain message is refused, and how often.
 
+use core::fmt;
+
 macro_rules! rejects {
     ($($(#[doc = $text:literal])+ $kind:ident = $name:literal,)+) => {
         /// Why a plain message is refused.
@@ -40,6 +42,8 @@ rejects! {
     Repeated = "plain_repeated",
     /// A message of 42 ended before its time, attitude and rate were complete.
     Incomplete = "plain_incomplete",
+    /// A line is none of those that the simulator 42 sends.
+    Unread = "plain_unread_line",
 }
 
 /// Number of refused messages by reason.
@@ -69,5 +73,34 @@ impl PlainRejectCounters {
     /// Returns each reason with its count.
     pub fn iter(&self) -> impl Iterator<Item = (PlainReject, u32)> + '_ {
         PlainReject::ALL.into_iter().zip(self.counts)
+    }
+}
+
+/// The beginning of a refused message, with the reason.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct RefusedMessage {
+    /// Why it was refused.
+    pub reason: PlainReject,
+    bytes: [u8; SHOWN_BYTES],
+    length: usize,
+}
+
+/// Bytes of a refused message that are shown.
+const SHOWN_BYTES: usize = 60;
+
+impl RefusedMessage {
+    pub(super) fn new(reason: PlainReject, message: &[u8]) -> Self {
+        let (mut bytes, length) = ([0; SHOWN_BYTES], message.len().min(SHOWN_BYTES));
+        bytes[..length].copy_from_slice(&message[..length]);
+        Self { reason, bytes, length }
+    }
+}
+
+impl fmt::Display for RefusedMessage {
+    /// Writes the text, with a point for each byte that is not printable ASCII, and the reason.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let shown = |byte: &u8| if (b' '..=b'~').contains(byte) { char::from(*byte) } else { '.' };
+        let text: String = self.bytes[..self.length].iter().map(shown).collect();
+        write!(f, "\"{text}\" ({})", self.reason)
     }
 }

@@ -200,6 +200,32 @@ fn lines_of_42_are_read_in_its_conventions() {
 }
 
 #[test]
+fn messages_of_42_before_2024_are_read_too() {
+    let old = "TIME 2025-079-12:00:00.010000000\n\
+        SC[0].B[0].wn =  1.0e-02 -2.0e-02 3.0e-02\n\
+        SC[0].B[0].qn =  4.997916927068e-02 0.000000000000e+00 0.000000000000e+00 9.987502603950e-01\n\
+        SC[0].B[1].qn =  0 0 0 5\nOrb[0].PosN =  6.999e+06 0.0 0.0\nOrb[0].VelN =  0.0 7.5e+03 0.0\n[EOF]\n\n";
+    let (record, rejects) = take_42(old, TimeMeaning::Tag);
+    let new = take_42(MESSAGE, TimeMeaning::Tag).0.unwrap();
+    let record = record.unwrap();
+    assert_eq!((record.time, attitude(record)), (new.time, attitude(new)));
+    assert_eq!(rejects.total(), 0);
+    let turned = old.replace("9.987502603950e-01", "-9.987502603950e-01");
+    assert_ne!(attitude(take_42(&turned, TimeMeaning::Tag).0.unwrap()), attitude(new), "control");
+}
+
+#[test]
+fn a_line_that_42_does_not_send_is_counted_and_quoted_and_the_message_is_whole() {
+    let text = MESSAGE.replace("SC[0].svb = [ 1 0 0 ]", "hello\tworld");
+    let (record, rejects) = take_42(&text, TimeMeaning::Tag);
+    assert!(record.is_some(), "other lines do no damage");
+    assert_eq!((rejects.get(PlainReject::Unread), rejects.total()), (1, 1));
+    let mut codec = PlainCodec::new(PlainLayout { encoding: Encoding::FortyTwo(0), ..PlainLayout::default() });
+    text.lines().chain(["more"]).for_each(|line| drop(codec.read(line.as_bytes())));
+    assert_eq!(codec.first_refused().unwrap().to_string(), "\"hello.world\" (plain_unread_line)");
+}
+
+#[test]
 fn damaged_message_of_42_gives_nothing_and_the_next_one_is_whole() {
     for (from, to, reason) in [
         ("TIME 2025-079", "TIME 2025-400", PlainReject::Time),

@@ -4,7 +4,7 @@ use super::framing::Reassembly;
 use super::stream::{Got, Stream};
 use super::{Framing, RETRY, TcpParams, TcpRole};
 use crate::gateway::screen::{OPENING_BYTES, opens_another_protocol};
-use crate::plain::{ACKNOWLEDGE, END_OF_MESSAGE};
+use crate::plain::{ACKNOWLEDGE, is_end_of_message};
 use crate::readiness::wait_for_any;
 use crate::{Datagram, Link, LinkCounters, LinkError, Packet, Stamped};
 use base::clock::Clock;
@@ -157,7 +157,7 @@ impl TcpLink {
 
     fn acknowledge(&mut self, message: &Datagram) {
         if self.params.acknowledges
-            && message.as_slice().trim_ascii() == END_OF_MESSAGE
+            && is_end_of_message(message.as_slice())
             && let Some(stream) = &mut self.stream
             && !stream.write(ACKNOWLEDGE)
         {

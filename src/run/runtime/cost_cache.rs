@@ -5,6 +5,7 @@
 //! states what, where, wanted and got. Tests below.
 
 use crate::runtime::error::CostCacheError;
+use base::input_file::{SETTINGS_BYTES, read_text};
 use frames::report::Machine;
 use frames::sink::write_file_atomically;
 use plan::exposure::cost::CostModel;
@@ -104,7 +105,7 @@ pub fn write(path: &Path, cached: &CachedCost) -> Result<(), CostCacheError> {
 /// # Errors
 /// When the file is damaged or belongs to something else.
 pub fn read(path: &Path, owner: &CostOwner) -> Result<Option<CachedCost>, CostCacheError> {
-    let text = match std::fs::read_to_string(path) {
+    let text = match read_text(path, SETTINGS_BYTES) {
         Ok(text) => text,
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
         Err(error) => return Err(CostCacheError::Damaged { path: path.into(), reason: error.to_string() }),

@@ -9,8 +9,9 @@ use base::time::{Span, Tai};
 use core::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use firmware_protocol::Reject;
 use frames::report::{NAMES_MAX, PortCounts};
-use link::plain::PlainReject;
+use link::plain::{PlainReject, RefusedMessage};
 use link::{LinkCounters, Port};
+use std::sync::OnceLock;
 
 /// Reasons to refuse input.
 pub const REASONS: usize = Reject::ALL.len();
@@ -68,6 +69,8 @@ pub struct PortReading {
     pub rejects: [u32; REASONS],
     /// Rejections of plain messages, by the reason's place.
     pub plain_rejects: [u32; PLAIN_REASONS],
+    /// The first plain message that was refused.
+    pub first_refused: Option<RefusedMessage>,
     /// Messages lost between the receiving thread and the frame thread.
     pub queue_overflows: u64,
     /// Messages to the flight computer lost between the frame thread and the sending thread.
@@ -86,7 +89,8 @@ impl PortReading {
         for (count, (_, counted)) in plain_rejects.iter_mut().zip(port.plain_rejects().iter()) {
             *count = counted;
         }
-        Self { counters: port.counters(), rejects, plain_rejects, queue_overflows, send_overflows: 0 }
+        let (counters, first_refused) = (port.counters(), port.first_refused());
+        Self { counters, rejects, plain_rejects, first_refused, queue_overflows, send_overflows: 0 }
     }
 
     /// Returns the rejections of several ports together.
@@ -165,6 +169,7 @@ pub struct SharedReading {
     counts: [AtomicU64; COUNTS],
     rejects: [AtomicU32; REASONS],
     plain_rejects: [AtomicU32; PLAIN_REASONS],
+    first_refused: OnceLock<RefusedMessage>,
 }
 
 impl SharedReading {
@@ -177,6 +182,9 @@ impl SharedReading {
         for (shared, count) in rejects.zip(reading.rejects.into_iter().chain(reading.plain_rejects)) {
             shared.store(count, Ordering::Relaxed);
         }
+        if let Some(first) = reading.first_refused.filter(|_| self.first_refused.get().is_none()) {
+            let _ = self.first_refused.set(first); // the first one is kept
+        }
     }
 
     /// Returns the latest published reading.
@@ -184,7 +192,8 @@ impl SharedReading {
     pub fn read(&self) -> PortReading {
         let rejects = self.rejects.each_ref().map(|count| count.load(Ordering::Relaxed));
         let plain_rejects = self.plain_rejects.each_ref().map(|count| count.load(Ordering::Relaxed));
-        let mut reading = PortReading { rejects, plain_rejects, ..PortReading::default() };
+        let first_refused = self.first_refused.get().copied();
+        let mut reading = PortReading { rejects, plain_rejects, first_refused, ..PortReading::default() };
         for (count, shared) in ALL.iter().zip(&self.counts) {
             *(count.place)(&mut reading) = shared.load(Ordering::Relaxed);
         }
@@ -195,6 +204,7 @@ impl SharedReading {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use link::plain::{Encoding, PlainCodec, PlainLayout};
 
     fn reading() -> PortReading {
         let counters = LinkCounters {
@@ -215,7 +225,10 @@ mod tests {
         rejects[Reject::BadCrc as usize] = 9;
         let mut plain_rejects = [0; PLAIN_REASONS];
         plain_rejects[PlainReject::Json as usize] = 16;
-        PortReading { counters, rejects, plain_rejects, queue_overflows: 10, send_overflows: 13 }
+        let mut codec = PlainCodec::new(PlainLayout { encoding: Encoding::Json, ..PlainLayout::default() });
+        assert!(codec.read(b"SC[0].svb").is_none(), "not JSON");
+        let first_refused = codec.first_refused();
+        PortReading { counters, rejects, plain_rejects, first_refused, queue_overflows: 10, send_overflows: 13 }
     }
 
     #[test]

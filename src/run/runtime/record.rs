@@ -241,6 +241,7 @@ fn link_counts(receiver: &Receiver, ports: &[PortReading]) -> LinkCounts {
     for (number, port) in ports.iter().enumerate() {
         count_port(&mut counts, number, port);
     }
+    counts.first_refused = ports.iter().find_map(|port| port.first_refused).map(|first| first.to_string());
     let pulses = receiver.pulses();
     let triggers = receiver.session().triggers().counts();
     let sometimes = [

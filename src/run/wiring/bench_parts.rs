@@ -128,8 +128,9 @@ fn on_sky(bench: &Bench, camera: &CameraParams, first_exposure: Tai) -> Result<V
         else {
             continue;
         };
-        let orbit = orbit_of(orbit, first_exposure).with_context(|| format!("target[{place}]"))?;
         let [begin, end] = seen(settings, first_exposure);
+        let orbit = orbit_of(orbit, first_exposure).with_context(|| format!("target[{place}]"))?;
+        orbit.check_at(begin).with_context(|| format!("target[{place}]"))?;
         found.push(SkyTarget { id, orbit, brightness: brightness.clone(), bp_rp: *bp_rp, begin, end });
     }
     Ok(found)
@@ -137,8 +138,9 @@ fn on_sky(bench: &Bench, camera: &CameraParams, first_exposure: Tai) -> Result<V
 
 fn orbit_of(settings: &OrbitSettings, first_exposure: Tai) -> Result<Orbit, ObserverError> {
     Ok(match settings {
-        OrbitSettings::Tle { text, norad_id } => Orbit::Sgp4(Box::new(TleOrbit::parse_one_of(text, *norad_id)?)),
-        OrbitSettings::Omm { text, norad_id } => Orbit::Sgp4(Box::new(TleOrbit::parse_omm(text, *norad_id)?)),
+        OrbitSettings::Mean { text, norad_id, max_age_days } => {
+            Orbit::Sgp4(Box::new(TleOrbit::read(text, *norad_id, first_exposure)?.within_days(*max_age_days)))
+        }
         OrbitSettings::TwoBody { epoch, elements } => {
             Orbit::TwoBody(TwoBodyOrbit::from_elements(*epoch, elements, EARTH_GM_KM3_S2)?)
         }
@@ -279,8 +281,9 @@ fn jitter_record(bench: &Bench, first_exposure: Tai, exposure_s: f64) -> Result<
 fn observer(observer: &config::Observer, epoch: Tai) -> Result<Observer> {
     Ok(match observer {
         config::Observer::Geocentre => Observer::Geocentre,
-        config::Observer::Tle { line1, line2 } => {
-            Observer::Tle(Box::new(TleOrbit::parse(&format!("{line1}\n{line2}")).context("[observer]")?))
+        config::Observer::Tle { line1, line2, max_age_days } => {
+            let orbit = TleOrbit::parse(&format!("{line1}\n{line2}")).context("[observer]")?;
+            Observer::Tle(Box::new(orbit.within_days(*max_age_days)))
         }
         config::Observer::CircularOrbit { altitude_km, inclination_deg, raan_deg, argument_of_latitude_deg } => {
             let angles = [*inclination_deg, *raan_deg, *argument_of_latitude_deg];
@@ -290,10 +293,9 @@ fn observer(observer: &config::Observer, epoch: Tai) -> Result<Observer> {
             )
         }
         config::Observer::Table(history) => Observer::Table(Arc::clone(history)),
-        config::Observer::Elements { text } => {
-            let is_json = text.trim_start().starts_with(['[', '{']);
-            let read = if is_json { TleOrbit::parse_omm(text, None) } else { TleOrbit::parse_one_of(text, None) };
-            Observer::Tle(Box::new(read.context("observer.file: wanted JSON of one object, or two element lines")?))
+        config::Observer::Elements { text, norad_id, max_age_days } => {
+            let orbit = TleOrbit::read(text, *norad_id, epoch).context("observer.file")?;
+            Observer::Tle(Box::new(orbit.within_days(*max_age_days)))
         }
         config::Observer::TwoBody { about, epoch: given, start } => {
             let (about, epoch) = (*about, given.unwrap_or(epoch));

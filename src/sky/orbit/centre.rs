@@ -44,6 +44,18 @@ impl CentralBody {
     }
 }
 
+impl CentralBody {
+    /// Returns a speed above that of all that passes the body, km/s: of the Earth and the Moon that of the fastest bodies
+    /// of the solar system, 72 km/s, and more; of the Sun the escape from its surface, 618 km/s, and more.
+    #[must_use]
+    pub fn fastest_km_s(self) -> f64 {
+        match self {
+            Self::Earth | Self::Moon => 100.0,
+            Self::Sun => 1_000.0,
+        }
+    }
+}
+
 impl fmt::Display for CentralBody {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {

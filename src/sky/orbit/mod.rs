@@ -6,8 +6,10 @@
 
 mod centre;
 mod circular;
+mod elements_file;
 mod nutation;
 mod omm;
+mod omm_forms;
 mod precession;
 mod tle;
 #[cfg(test)]
@@ -16,6 +18,7 @@ mod two_body;
 
 pub use centre::{CentralBody, EARTH_GM_KM3_S2, MOON_GM_KM3_S2, SUN_GM_KM3_S2};
 pub use circular::CircularOrbit;
+pub use elements_file::is_elements;
 pub(crate) use precession::icrf_from_mean_of_date;
-pub use tle::TleOrbit;
+pub use tle::{TleOrbit, USUAL_DAYS, USUAL_MOST_DAYS};
 pub use two_body::{KeplerElements, TwoBodyOrbit};

@@ -1,55 +1,53 @@
-//! Orbit mean-elements messages (CCSDS 502.0-B) in JSON -> an orbit that SGP4 follows.
+//! Orbit mean-elements messages (CCSDS 502.0-B) -> an orbit that SGP4 follows.
 //!
-//! In: an object or a list of objects with the keys of the standard (`EPOCH`, `MEAN_MOTION`, ..., numbers or numbers in
-//! quotes), as catalogs on the net give them. Out: [`TleOrbit`], of the one object or the one with a catalog number.
-//! The elements are those that two lines carry, with more digits and longer numbers. Limits: JSON alone; the theory
-//! must be SGP4 in TEME, where the message says so. Tests: below; elements in both forms are one orbit.
+//! In: messages in one of the forms of [`super::omm_forms`], numbers with or without quotes. Out: [`TleOrbit`]s, of the
+//! one object or the one with a catalog number. The elements are those that two lines carry, with more digits and longer
+//! numbers. Limits: the theory must be SGP4 about the Earth in TEME, and units those of the standard, where the message
+//! says so. Tests: below; elements in all forms are one orbit.
 
 use super::TleOrbit;
+use super::omm_forms::{Form, Message, messages};
 use crate::ObserverError;
-use serde_json::Value;
+use sgp4::chrono::NaiveDateTime;
 
-/// Most objects of one file.
-const MOST_OBJECTS: usize = 100_000;
-
-/// Keys that are text; all others that are looked at are numbers.
-const THEORY: [(&str, &[&str]); 3] =
-    [("REF_FRAME", &["TEME"]), ("MEAN_ELEMENT_THEORY", &["SGP4", "SGP/SGP4"]), ("TIME_SYSTEM", &["UTC"])];
-/// Numbers that orbits are made of, with their range.
-const RANGES: [(&str, f64, f64); 8] = [
-    ("MEAN_MOTION", 1e-3, 20.0),
-    ("ECCENTRICITY", 0.0, 0.999_999_9),
-    ("INCLINATION", 0.0, 180.0),
-    ("RA_OF_ASC_NODE", -360.0, 360.0),
-    ("ARG_OF_PERICENTER", -360.0, 360.0),
-    ("MEAN_ANOMALY", -360.0, 360.0),
-    ("BSTAR", -10.0, 10.0),
-    // The reader of messages takes it modulo 256.
-    ("EPHEMERIS_TYPE", 0.0, 255.0),
+/// Words that are known, where the message has the key.
+const THEORY: [(&str, &[&str]); 4] = [
+    ("CENTER_NAME", &["EARTH"]),
+    ("REF_FRAME", &["TEME"]),
+    ("MEAN_ELEMENT_THEORY", &["SGP4", "SGP/SGP4"]),
+    ("TIME_SYSTEM", &["UTC"]),
 ];
+/// Numbers that orbits are made of: key, unit of the standard, range.
+const NUMBERS: [(&str, &str, f64, f64); 7] = [
+    ("MEAN_MOTION", "rev/day", 1e-3, 20.0),
+    ("ECCENTRICITY", "", 0.0, 0.999_999_9),
+    ("INCLINATION", "deg", 0.0, 180.0),
+    ("RA_OF_ASC_NODE", "deg", -360.0, 360.0),
+    ("ARG_OF_PERICENTER", "deg", -360.0, 360.0),
+    ("MEAN_ANOMALY", "deg", -360.0, 360.0),
+    ("BSTAR", "1/ER", -10.0, 10.0),
+];
+/// Forms of an instant: day of the month, and day of the year.
+const EPOCHS: [&str; 2] = ["%Y-%m-%dT%H:%M:%S%.f", "%Y-%jT%H:%M:%S%.f"];
 
-impl TleOrbit {
-    /// Reads the object with `norad_id`, or the only one, of an OMM in JSON.
-    ///
-    /// # Errors
-    /// When the text is not JSON (with line and column), lacks that object or has several sets of its elements, or the
-    /// object lacks a key or has a value that no orbit has; or when SGP4 refuses the elements.
-    pub fn parse_omm(text: &str, norad_id: Option<u64>) -> Result<Self, ObserverError> {
-        let whole: Value = serde_json::from_str(text).map_err(|error| ObserverError::OmmText {
-            line: error.line(),
-            column: error.column(),
-            why: error.to_string(),
-        })?;
-        let objects = if let Value::Array(objects) = whole { objects } else { vec![whole] };
-        if objects.len() > MOST_OBJECTS {
-            return Err(refuse(format!("wanted at most {MOST_OBJECTS} objects, got {}", objects.len())));
+/// Returns every set of the object with `norad_id`, or of the only object.
+pub(super) fn sets(text: &str, form: Form, norad_id: Option<u64>) -> Result<Vec<TleOrbit>, ObserverError> {
+    let all = messages(text, form)?;
+    let count = all.len();
+    let numbers = all.iter().map(number_of).collect::<Result<Vec<_>, _>>()?;
+    if norad_id.is_none() && count > 1 {
+        let is_one = numbers[0].is_some() && numbers.iter().all(|number| *number == numbers[0]);
+        if !is_one {
+            return Err(refuse(format!("{count} objects: wanted the norad_id of one of them")));
         }
-        let object = chosen(objects, norad_id)?;
-        check_theory(&object)?;
-        check_ranges(&object)?;
-        let elements: sgp4::Elements =
-            serde_json::from_value(object).map_err(|error| refuse(format!("{error}; keys as in CCSDS 502.0-B")))?;
-        Self::from_elements(&elements)
+    }
+    let is_it = |number: &Option<u64>| norad_id.is_none() || *number == norad_id;
+    let found = all.iter().zip(numbers).filter(|(_, number)| is_it(number));
+    let found = found.map(|(message, number)| orbit_of(message, number)).collect::<Result<Vec<_>, _>>()?;
+    match norad_id {
+        _ if !found.is_empty() => Ok(found),
+        Some(id) => Err(refuse(format!("wanted an object with NORAD_CAT_ID {id} among {count}, got none"))),
+        None => Err(refuse("wanted an object, got an empty list".into())),
     }
 }
 
@@ -57,43 +55,98 @@ fn refuse(why: String) -> ObserverError {
     ObserverError::Omm { why }
 }
 
+impl Message {
+    /// Returns the error of a key.
+    fn refuse(&self, key: &str, wanted: &str) -> ObserverError {
+        let got = self.get(key).map_or_else(|| "nothing".to_owned(), |got| format!("\"{}\"", got.value));
+        let place = self.line.map_or_else(String::new, |line| format!("line {line}: "));
+        refuse(format!("{place}{key}: wanted {wanted}, got {got}"))
+    }
+
+    /// Returns a whole number, or `None` where the message lacks the key.
+    fn whole(&self, key: &str, most: u64) -> Result<Option<u64>, ObserverError> {
+        let Some(got) = self.get(key) else { return Ok(None) };
+        let number = got.value.parse().ok().filter(|number| *number <= most);
+        number.map(Some).ok_or_else(|| self.refuse(key, &format!("a number from 0 to {most}")))
+    }
+
+    /// Returns a number of the table.
+    fn number(&self, (key, unit, least, most): (&str, &str, f64, f64)) -> Result<f64, ObserverError> {
+        let stated = self.get(key);
+        if let Some(got) =
+            stated.and_then(|stated| stated.unit.as_deref()).filter(|got| !got.eq_ignore_ascii_case(unit))
+        {
+            return Err(self.refuse(key, &format!("the unit \"{unit}\" of the standard instead of \"{got}\"")));
+        }
+        let number = stated.and_then(|stated| stated.value.parse().ok());
+        let is_in = |number: &f64| (least..=most).contains(number);
+        number.filter(is_in).ok_or_else(|| self.refuse(key, &format!("a number from {least} to {most}")))
+    }
+
+    fn epoch(&self) -> Result<NaiveDateTime, ObserverError> {
+        let text = self.get("EPOCH").map_or("", |epoch| epoch.value.as_str());
+        let text = text.strip_suffix('Z').unwrap_or(text);
+        let read = EPOCHS.iter().find_map(|form| NaiveDateTime::parse_from_str(text, form).ok());
+        read.ok_or_else(|| {
+            let wanted = "a time in UTC as in CCSDS 502.0-B, such as 2026-03-01T12:00:00.5";
+            self.refuse("EPOCH", wanted)
+        })
+    }
+
+    /// Refuses another theory than SGP4 about the Earth, and two values of one key.
+    fn check_theory(&self) -> Result<(), ObserverError> {
+        let is_read = |key: &str| {
+            ["EPOCH", "NORAD_CAT_ID", "EPHEMERIS_TYPE"].contains(&key)
+                || THEORY.iter().any(|(known, _)| *known == key)
+                || NUMBERS.iter().any(|(known, ..)| *known == key)
+        };
+        if let Some(key) = self.twice.iter().find(|key| is_read(key)) {
+            return Err(self.refuse(key, "one value instead of two"));
+        }
+        for (key, words) in THEORY {
+            let Some(got) = self.get(key) else { continue };
+            if !words.iter().any(|word| got.value.eq_ignore_ascii_case(word)) {
+                return Err(self.refuse(key, &words.join(" or ")));
+            }
+        }
+        Ok(())
+    }
+}
+
 /// Returns the catalog number of an object, where it has one.
-fn number_of(object: &Value) -> Option<u64> {
-    let number = object.get("NORAD_CAT_ID")?;
-    number.as_str().map_or_else(|| number.as_u64(), |text| text.trim().parse().ok())
+fn number_of(message: &Message) -> Result<Option<u64>, ObserverError> {
+    message.whole("NORAD_CAT_ID", u64::MAX)
 }
 
-fn chosen(objects: Vec<Value>, norad_id: Option<u64>) -> Result<Value, ObserverError> {
-    let count = objects.len();
-    let mut found = objects.into_iter().filter(|object| norad_id.is_none() || number_of(object) == norad_id);
-    match (found.next(), found.next(), norad_id) {
-        (Some(object), None, _) => Ok(object),
-        (Some(_), Some(_), Some(norad_id)) => Err(ObserverError::WhichSet { norad_id, sets: 2 + found.count() }),
-        (Some(_), Some(_), None) => Err(refuse(format!("{count} objects: wanted the norad_id of one of them"))),
-        (None, _, Some(id)) => Err(refuse(format!("wanted an object with NORAD_CAT_ID {id} among {count}, got none"))),
-        (None, _, None) => Err(refuse("wanted an object, got an empty list".into())),
+fn orbit_of(message: &Message, norad_id: Option<u64>) -> Result<TleOrbit, ObserverError> {
+    message.check_theory()?;
+    let mut numbers = [0.0; NUMBERS.len()];
+    for (number, range) in numbers.iter_mut().zip(NUMBERS) {
+        *number = message.number(range)?;
     }
-}
-
-fn check_theory(object: &Value) -> Result<(), ObserverError> {
-    for (key, words) in THEORY {
-        let Some(got) = object.get(key) else { continue };
-        if !got.as_str().is_some_and(|got| words.contains(&got)) {
-            return Err(refuse(format!("{key}: wanted {}, got {got}", words.join(" or "))));
-        }
-    }
-    Ok(())
-}
-
-fn check_ranges(object: &Value) -> Result<(), ObserverError> {
-    for (key, least, most) in RANGES {
-        let got = object.get(key).unwrap_or(&Value::Null);
-        let number = got.as_str().map_or_else(|| got.as_f64(), |text| text.trim().parse().ok());
-        if !number.is_some_and(|number| (least..=most).contains(&number)) {
-            return Err(refuse(format!("{key}: wanted a number from {least} to {most}, got {got}")));
-        }
-    }
-    Ok(())
+    let [mean_motion, eccentricity, inclination, right_ascension, argument_of_perigee, mean_anomaly, drag_term] =
+        numbers;
+    let ephemeris_type = message.whole("EPHEMERIS_TYPE", u64::from(u8::MAX))?.and_then(|number| number.try_into().ok());
+    TleOrbit::from_elements(&sgp4::Elements {
+        object_name: None,
+        international_designator: None,
+        norad_id: norad_id.unwrap_or(0),
+        classification: sgp4::Classification::Unclassified,
+        datetime: message.epoch()?,
+        // SGP4 does not use the derivatives.
+        mean_motion_dot: 0.0,
+        mean_motion_ddot: 0.0,
+        drag_term,
+        element_set_number: 0,
+        inclination,
+        right_ascension,
+        eccentricity,
+        argument_of_perigee,
+        mean_anomaly,
+        mean_motion,
+        revolution_number: 0,
+        ephemeris_type: ephemeris_type.unwrap_or(0),
+    })
 }
 
 #[cfg(test)]
@@ -110,9 +163,14 @@ mod tests {
  "NORAD_CAT_ID": 25544, "ELEMENT_SET_NO": 292, "REV_AT_EPOCH": 56353, "BSTAR": -0.000011606,
  "MEAN_MOTION_DOT": -0.00002182, "MEAN_MOTION_DDOT": 0}"#;
 
+    /// Reads the set nearest to the elements' own day.
+    fn read(text: &str, norad_id: Option<u64>) -> Result<TleOrbit, ObserverError> {
+        TleOrbit::read(text, norad_id, Tai::from_rfc3339("2008-09-20T12:00:00Z").unwrap())
+    }
+
     #[test]
     fn both_forms_are_one_orbit() {
-        let (lines, message) = (TleOrbit::parse(LINES).unwrap(), TleOrbit::parse_omm(OBJECT, None).unwrap());
+        let (lines, message) = (TleOrbit::parse(LINES).unwrap(), read(OBJECT, None).unwrap());
         assert_eq!((lines.norad_id(), message.norad_id()), (25_544, 25_544));
         let epoch = Tai::from_rfc3339("2008-09-20T12:25:40.104192Z").unwrap();
         for hours in [0.0, 7.3, 100.0] {
@@ -127,20 +185,93 @@ mod tests {
     fn one_of_many_is_chosen_by_its_number() {
         let other = OBJECT.replace("25544", "\"123456789\"").replace("51.6416", "63.4");
         let list = format!("[{OBJECT}, {other}]");
-        assert_eq!(TleOrbit::parse_omm(&list, Some(123_456_789)).unwrap().norad_id(), 123_456_789);
-        assert_eq!(TleOrbit::parse_omm(&list, Some(25_544)).unwrap().norad_id(), 25_544);
-        let message = |text: &str, id| TleOrbit::parse_omm(text, id).unwrap_err().to_string();
+        assert_eq!(read(&list, Some(123_456_789)).unwrap().norad_id(), 123_456_789);
+        assert_eq!(read(&list, Some(25_544)).unwrap().norad_id(), 25_544);
+        let message = |text: &str, id| read(text, id).unwrap_err().to_string();
         assert!(message(&list, None).contains("2 objects"), "{}", message(&list, None));
         assert!(message(&list, Some(7)).contains("NORAD_CAT_ID 7"), "{}", message(&list, Some(7)));
         assert!(message("[]", None).contains("empty list"));
-        let newer = OBJECT.replace("2008-09-20T12", "2008-09-25T12");
-        let sets = message(&format!("[{OBJECT}, {other}, {newer}, {newer}]"), Some(25_544));
-        assert!(sets.contains("object 25544: got 3 sets of elements, wanted one"), "{sets}");
+        assert!(message("{}", None).contains("MEAN_MOTION: wanted a number from 0.001 to 20, got nothing"));
+    }
+
+    #[test]
+    fn of_several_sets_the_nearest_in_time_is_taken() {
+        let [older, newer] = ["2008-09-10T12", "2008-09-25T12"].map(|day| OBJECT.replace("2008-09-20T12", day));
+        let list = format!("[{older}, {OBJECT}, {newer}]");
+        for (day, wanted) in
+            [("01", &older), ("14", &older), ("16", &OBJECT.to_owned()), ("22", &OBJECT.to_owned()), ("24", &newer)]
+        {
+            let at = Tai::from_rfc3339(&format!("2008-09-{day}T12:25:00Z")).unwrap();
+            for norad_id in [None, Some(25_544)] {
+                let found = TleOrbit::read(&list, norad_id, at).unwrap().days_from_epoch(at);
+                let wanted = TleOrbit::read(wanted, None, at).unwrap().days_from_epoch(at);
+                assert!((found - wanted).abs() < 1e-9, "day {day}: {found} {wanted}");
+            }
+        }
+    }
+
+    /// Returns the object as a message of another form.
+    fn as_form(line: impl Fn(&str, &str) -> String) -> String {
+        let object: serde_json::Value = serde_json::from_str(OBJECT).unwrap();
+        let text = |value: &serde_json::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+        object.as_object().unwrap().iter().map(|(key, value)| line(key, &text(value))).collect()
+    }
+
+    fn kvn() -> String {
+        format!("CCSDS_OMM_VERS = 2.0\nCOMMENT a remark\n{}", as_form(|key, value| format!("{key} = {value}\n")))
+    }
+
+    fn xml() -> String {
+        let keys = as_form(|key, value| format!("<{key}>{value}</{key}>\n"));
+        format!(
+            "<?xml version=\"1.0\"?>\n<ndm><omm id=\"CCSDS_OMM_VERS\" version=\"2.0\"><body>{keys}</body></omm></ndm>"
+        )
+    }
+
+    fn csv() -> String {
+        let row = |part: fn(&str, &str) -> String| as_form(part).trim_end_matches(',').to_owned();
+        format!("{}\n{}\n", row(|key, _| format!("{key},")), row(|_, value| format!("{value},")))
+    }
+
+    #[test]
+    fn every_form_is_the_same_orbit() {
+        let at = Tai::from_rfc3339("2008-09-21T00:00:00Z").unwrap();
+        let position = |text: &str| read(text, None).and_then(|orbit| orbit.geocentric_state(at)).unwrap().position_km;
+        let wanted = position(OBJECT);
+        let by_day_of_year = OBJECT.replace("2008-09-20T", "2008-264T");
+        let zulu = OBJECT.replace("40.104192", "40.104192Z");
+        let marked = format!("\u{feff}{OBJECT}");
+        let with_units = kvn().replace("= 51.6416", "= 51.6416 [deg]");
+        for text in [&kvn(), &xml(), &csv(), &by_day_of_year, &zulu, &marked, &with_units] {
+            assert_eq!(position(text), wanted, "{text}");
+        }
+        let changed = kvn().replace("51.6416", "51.6417");
+        assert!(position(&changed).distance(wanted) > 1e-3, "control: a changed digit is seen");
+    }
+
+    #[test]
+    fn statements_of_other_orbits_are_refused() {
+        let message = |text: &str| read(text, None).unwrap_err().to_string();
+        for (text, wanted) in [
+            (
+                OBJECT.replace("\"EPHEMERIS_TYPE\": 0", "\"CENTER_NAME\": \"MOON\""),
+                "CENTER_NAME: wanted EARTH, got \"MOON\"",
+            ),
+            (kvn().replace("= 51.6416", "= 0.9013 [rad]"), "line 1: INCLINATION: wanted the unit \"deg\""),
+            (xml().replace("<INCLINATION>", "<INCLINATION units=\"rad\">"), "line 2: INCLINATION: wanted the unit"),
+            (csv().replace(",51.6416", ""), "line 2, column 1: wanted"),
+            (xml().replace("</body>", ""), "line"),
+            (format!("{}INCLINATION = 12.5\n", kvn()), "line 1: INCLINATION: wanted one value instead of two"),
+        ] {
+            assert!(message(&text).contains(wanted), "{wanted}: {}", message(&text));
+        }
+        let earth = xml().replace("<INCLINATION>", "<CENTER_NAME>Earth</CENTER_NAME><INCLINATION units=\"deg\">");
+        read(&earth, None).expect("control: what is right is read");
     }
 
     #[test]
     fn errors_name_their_place() {
-        let message = |text: &str| TleOrbit::parse_omm(text, None).unwrap_err().to_string();
+        let message = |text: &str| read(text, None).unwrap_err().to_string();
         let cut = message(&OBJECT[..200]);
         assert!(cut.contains("line 3, column 2"), "{cut}");
         for (from, to, wanted) in [
@@ -160,7 +291,7 @@ mod tests {
             assert!(got.contains(wanted), "{got}");
         }
         for epoch in ["1957-01-01T00", "2099-12-31T23"] {
-            TleOrbit::parse_omm(&OBJECT.replace("2008-09-20T12", epoch), None).expect("the ends of the years");
+            read(&OBJECT.replace("2008-09-20T12", epoch), None).expect("the ends of the years");
         }
     }
 
@@ -176,7 +307,7 @@ mod tests {
                     let mut bytes = text.as_bytes().to_vec();
                     bytes[place] ^= change;
                     let Ok(changed) = core::str::from_utf8(&bytes) else { continue };
-                    let read = if is_omm { TleOrbit::parse_omm(changed, None) } else { TleOrbit::parse(changed) };
+                    let read = if is_omm { read(changed, None) } else { TleOrbit::parse(changed) };
                     match read {
                         Err(error) => refused += usize::from(!error.to_string().is_empty()),
                         Ok(orbit) => {

@@ -5,21 +5,34 @@
 //! elements are made (the mode the crate calls AFSPC-compatible). SGP4's own error is km and m/s near the epoch and
 //! grows by km per day in low orbit: 1 m/s is 0.7 mas of aberration.
 
+use super::CentralBody;
 use super::precession::icrf_from_teme;
 use crate::ObserverError;
 use crate::state::BarycentricState;
 use base::time::Tai;
 use base::units::DAY_S;
+use core::f64::consts::TAU;
 use core::ops::RangeInclusive;
 use glam::DVec3;
 use sgp4::chrono::Datelike;
+use std::collections::BTreeSet;
 
-/// Polar radius of the Earth, km (WGS 84): nothing flies below it.
-const POLAR_RADIUS_KM: f64 = 6_356.752;
+/// Days from the epoch from which elements are said to be old: SGP4 is then some 20 km off in a low orbit.
+pub const USUAL_DAYS: f64 = 7.0;
+/// Days from the epoch beyond which elements are not used unless that is asked for.
+pub const USUAL_MOST_DAYS: f64 = 30.0;
+/// Error of SGP4 in a low orbit, km per day from the epoch (Vallado and Cefola, Two-Line Element Sets: Practice and Use,
+/// IAC-12, 2012: 1 to 3).
+const KM_PER_DAY: f64 = 3.0;
+/// Largest semi-major axis, as a share of that of the mean motion: drag makes it smaller.
+const MOST_AXIS_SHARE: f64 = 1.2;
+/// Revolutions a day from which drag counts: those of 225 minutes.
+const NEAR_EARTH_PER_DAY: f64 = 6.4;
 /// Years of epochs: the first of an object in orbit; the last before the sidereal time of SGP4 takes 2100 to be a leap
 /// year.
 const EPOCH_YEARS: RangeInclusive<i32> = 1957..=2099;
-/// Furthest from the epoch, days: a century. Orbits in resonance take a step of 12 hours after the other.
+/// Furthest from the epoch, days, that may be asked for: a century. Orbits in resonance take a step of 12 hours after the
+/// other.
 const MOST_DAYS: f64 = 36_525.0;
 /// Characters of each line.
 const LINE_LENGTH: usize = 69;
@@ -46,6 +59,12 @@ pub struct TleOrbit {
     norad_id: u64,
     epoch_unix_s: f64,
     constants: sgp4::Constants,
+    /// Revolutions a day.
+    per_day: f64,
+    /// A day after the epoch on which it is below the ground.
+    decay_day: Option<f64>,
+    /// Furthest from the epoch, days.
+    most_days: f64,
 }
 
 impl TleOrbit {
@@ -59,39 +78,32 @@ impl TleOrbit {
         let (second, first) = (lines.next().unwrap_or(""), lines.next().unwrap_or(""));
         check_line(1, first)?;
         check_line(2, second)?;
+        let [first, second] = [filled(1, first), filled(2, second)];
         for field in DECIMAL_FIELDS {
-            check_field(if field.0 == 1 { first } else { second }, field)?;
+            check_field(if field.0 == 1 { &first } else { &second }, field)?;
         }
-        Self::from_checked_lines(first, second)
+        Self::from_checked_lines(&first, &second)
     }
 
-    /// Reads the object with `norad_id`, or the only one, of a file of many: pairs of lines, with or without a title
-    /// before each pair.
-    ///
-    /// # Errors
-    /// When the pair of lines is missing, several have that number, or several are there without a number to choose by,
-    /// or as for [`Self::parse`]. Without a number, also when there are other lines than the pair and its title: they
-    /// may be an object whose lines are damaged.
-    pub fn parse_one_of(text: &str, norad_id: Option<u64>) -> Result<Self, ObserverError> {
-        let lines = || text.lines().map(str::trim_end);
-        let pairs = || lines().zip(lines().skip(1)).filter(|(a, b)| a.starts_with("1 ") && b.starts_with("2 "));
-        let is_it = |first: &str| norad_id.is_none() || first.get(2..7).and_then(number_of) == norad_id;
-        let objects = pairs().count();
-        let mut found = pairs().filter(|(first, _)| is_it(first));
-        let (chosen, others) = (found.next(), found.count());
-        if let (Some(norad_id), 1..) = (norad_id, others) {
-            return Err(ObserverError::WhichSet { norad_id, sets: 1 + others });
-        }
-        match chosen {
-            Some(_) if norad_id.is_none() && objects > 1 => Err(ObserverError::WhichObject { objects }),
-            Some((first, second)) => {
-                if norad_id.is_none() {
-                    check_alone(lines(), first)?;
-                }
-                Self::parse(&format!("{first}\n{second}"))
+    /// Returns every set of the object with `norad_id`, or of the only object, of a file of pairs of lines, with or
+    /// without a title before each pair.
+    pub(super) fn sets_of_lines(text: &str, norad_id: Option<u64>) -> Result<Vec<Self>, ObserverError> {
+        let lines = || (1..).zip(text.lines().map(str::trim_end)).filter(|(_, line)| !line.is_empty());
+        let is_pair = |first: &str, second: &str| first.starts_with("1 ") && second.starts_with("2 ");
+        let pairs: Vec<_> = lines().zip(lines().skip(1)).filter(|((_, a), (_, b))| is_pair(a, b)).collect();
+        let number = |first: &str| first.get(2..7).and_then(number_of);
+        let objects: BTreeSet<_> = pairs.iter().map(|((_, first), _)| number(first)).collect();
+        if norad_id.is_none() {
+            if objects.len() > 1 {
+                return Err(ObserverError::WhichObject { objects: objects.len() });
             }
-            None => Err(ObserverError::NoSuchObject { norad_id, objects }),
+            check_alone(&lines().collect::<Vec<_>>())?;
         }
+        let is_it = |first: &str| norad_id.is_none() || number(first) == norad_id;
+        let found = pairs.iter().filter(|((_, first), _)| is_it(first));
+        let found = found.map(|((_, first), (_, second))| Self::parse(&format!("{first}\n{second}")));
+        let found = found.collect::<Result<Vec<_>, _>>()?;
+        if found.is_empty() { Err(ObserverError::NoSuchObject { norad_id, objects: objects.len() }) } else { Ok(found) }
     }
 
     fn from_checked_lines(first: &str, second: &str) -> Result<Self, ObserverError> {
@@ -118,7 +130,35 @@ impl TleOrbit {
             sgp4::Constants::from_elements_afspc_compatibility_mode(elements).map_err(|e| refuse(e.to_string()))?;
         let epoch = elements.datetime.and_utc();
         let epoch_unix_s = epoch.timestamp() as f64 + f64::from(epoch.timestamp_subsec_nanos()) * 1e-9;
-        Ok(Self { norad_id, epoch_unix_s, constants })
+        let (per_day, decay_day) = (elements.mean_motion, None);
+        let orbit = Self { norad_id, epoch_unix_s, constants, per_day, decay_day, most_days: USUAL_MOST_DAYS };
+        Ok(Self { decay_day: orbit.find_decay(), ..orbit })
+    }
+
+    /// Returns the same elements for instants up to so many days from their epoch, a century at most; otherwise
+    /// [`USUAL_MOST_DAYS`].
+    #[must_use]
+    pub fn within_days(self, most_days: f64) -> Self {
+        Self { most_days: most_days.min(MOST_DAYS), ..self }
+    }
+
+    /// Returns a day on which the orbit is below the ground by SGP4, which may lead it up again: looked for at days that
+    /// rise by a fifth, since a decay takes as long again as the way to it.
+    fn find_decay(&self) -> Option<f64> {
+        let days = core::iter::successors(Some(0.05), |day| Some(1.2 * day)).take_while(|day| *day < MOST_DAYS);
+        let is_down = |day: &f64| {
+            let axis_km = self.teme_state(1440.0 * day).map_or(0.0, |[position, velocity]| axis_km(position, velocity));
+            axis_km < CentralBody::Earth.surface_km()
+        };
+        let mut days = days.take_while(|_| self.per_day > NEAR_EARTH_PER_DAY);
+        days.find(is_down)
+    }
+
+    /// Returns how far SGP4 usually errs at an instant, km and km/s: low orbits, by the days from the epoch.
+    #[must_use]
+    pub fn usual_error(&self, at: Tai) -> [f64; 2] {
+        let error_km = KM_PER_DAY * self.days_from_epoch(at).abs();
+        [error_km, error_km * self.per_day * TAU / DAY_S]
     }
 
     /// Returns the number of the object in the elements.
@@ -140,8 +180,15 @@ impl TleOrbit {
     pub fn geocentric_state(&self, at: Tai) -> Result<BarycentricState, ObserverError> {
         let days_from_epoch = self.days_from_epoch(at);
         let refuse = |why: String| ObserverError::Propagation { at, days_from_epoch, why };
-        if days_from_epoch.abs() > MOST_DAYS {
-            return Err(refuse(format!("wanted a time within {MOST_DAYS} days of their epoch")));
+        if days_from_epoch.abs() > self.most_days {
+            return Err(refuse(format!(
+                "wanted a time within {} days of their epoch, since the error grows by {KM_PER_DAY} km and more a day; \
+                 max_age_days sets another limit",
+                self.most_days
+            )));
+        }
+        if let Some(day) = self.decay_day.filter(|day| days_from_epoch > *day) {
+            return Err(refuse(format!("decayed within {day:.1} days of the epoch")));
         }
         let [position_km, velocity_km_s] = self.teme_state(days_from_epoch * 1440.0).map_err(refuse)?;
         let icrf_from_teme = icrf_from_teme(at);
@@ -154,14 +201,33 @@ impl TleOrbit {
         }
         // SGP4 follows what has decayed underground for weeks without a word.
         let radius_km = state.position_km.length();
-        if radius_km < POLAR_RADIUS_KM {
+        if radius_km < CentralBody::Earth.surface_km() {
             return Err(refuse(format!("decayed: {radius_km:.0} km from the Earth's centre")));
+        }
+        // Before the epoch of a strong drag, or long after a decay, it leads far out.
+        let (got_km, wanted_km) = (axis_km(position_km, velocity_km_s), self.axis_km());
+        if !(0.0..=MOST_AXIS_SHARE * wanted_km).contains(&got_km) {
+            return Err(refuse(format!(
+                "{radius_km:.0} km from the Earth's centre on an orbit of semi-major axis {got_km:.0} km; wanted one near \
+                 {wanted_km:.0} km, as the mean motion says"
+            )));
         }
         Ok(state)
     }
 }
 
+/// Returns the semi-major axis of a state, km; negative faster than escape.
+fn axis_km(position_km: DVec3, velocity_km_s: DVec3) -> f64 {
+    1.0 / (2.0 / position_km.length() - velocity_km_s.length_squared() / CentralBody::Earth.gm_km3_s2())
+}
+
 impl TleOrbit {
+    /// Returns the semi-major axis that the mean motion says, km.
+    fn axis_km(&self) -> f64 {
+        let rate_rad_s = self.per_day * TAU / DAY_S;
+        (CentralBody::Earth.gm_km3_s2() / (rate_rad_s * rate_rad_s)).cbrt()
+    }
+
     /// Returns position, km, and velocity, km/s, in SGP4's own axes.
     pub(super) fn teme_state(&self, minutes_from_epoch: f64) -> Result<[DVec3; 2], String> {
         let minutes = sgp4::MinutesSinceEpoch(minutes_from_epoch);
@@ -178,22 +244,47 @@ fn number_of(text: &str) -> Option<u64> {
     Some(10_000 * tens + text.get(1..)?.parse::<u64>().ok()?)
 }
 
-/// Checks that a file has no other lines than a title, `first` and the line after it.
-fn check_alone<'a>(lines: impl Iterator<Item = &'a str>, first: &str) -> Result<(), ObserverError> {
-    let mut lines = (1..).zip(lines).filter(|(_, line)| !line.is_empty()).peekable();
-    lines.next_if(|(_, line)| *line != first);
-    let pair = [lines.next(), lines.next()];
-    let is_pair = pair[0].is_some_and(|(_, line)| line == first);
-    match if is_pair { lines.next() } else { pair[0] } {
-        Some((line, got)) => Err(ObserverError::TleOther { line, got: got.chars().take(LINE_LENGTH).collect() }),
-        None => Ok(()),
+/// Checks that a file has no other lines than pairs with a title before each at most.
+fn check_alone(lines: &[(usize, &str)]) -> Result<(), ObserverError> {
+    let mut rest = lines;
+    while let [(_, title), after @ ..] = rest {
+        let pair = if title.starts_with("1 ") { rest } else { after };
+        let wanted = ["1 ", "2 "].into_iter().enumerate();
+        let mut wrong =
+            wanted.filter(|(place, start)| !pair.get(*place).is_some_and(|(_, line)| line.starts_with(start)));
+        if let Some((place, _)) = wrong.next() {
+            let (line, got) = pair.get(place).or(lines.last()).copied().unwrap_or_default();
+            return Err(ObserverError::TleOther { line, got: got.chars().take(LINE_LENGTH).collect() });
+        }
+        rest = &pair[2..];
     }
+    Ok(())
+}
+
+/// Fields of numbers that may be blank, as in sets of 1980, with what they then mean: line, first column (from 1), text.
+const MAY_BE_BLANK: [(usize, usize, &str); 6] =
+    [(1, 34, " .00000000"), (1, 45, " 00000-0"), (1, 54, " 00000-0"), (1, 63, "0"), (1, 65, "   0"), (2, 64, "    0")];
+
+/// Returns a checked line with zeros in fields that are blank, and its checksum.
+fn filled(number: usize, line: &str) -> String {
+    let mut text = line.to_owned();
+    for (_, first, zero) in MAY_BE_BLANK.iter().filter(|(line, ..)| *line == number) {
+        let columns = first - 1..first - 1 + zero.len();
+        if text[columns.clone()].trim().is_empty() {
+            text.replace_range(columns, zero);
+        }
+    }
+    let sum = checksum(&text).to_string();
+    text.replace_range(LINE_LENGTH - 1.., &sum);
+    text
 }
 
 fn check_line(line: usize, text: &str) -> Result<(), ObserverError> {
     let refuse = |why: String| Err(ObserverError::TleLine { line, why });
     if !text.is_ascii() || text.len() != LINE_LENGTH {
-        return refuse(format!("wanted {LINE_LENGTH} ASCII characters, got {}: \"{text}\"", text.chars().count()));
+        let foreign = text.chars().find(|c| !c.is_ascii()).map_or_else(String::new, |c| format!(" with {c:?}"));
+        let length = text.chars().count();
+        return refuse(format!("wanted {LINE_LENGTH} ASCII characters, got {length}{foreign}: \"{text}\""));
     }
     if !text.starts_with(if line == 1 { "1 " } else { "2 " }) {
         return refuse(format!("wanted it to begin with \"{line} \", got \"{}\"", &text[..2]));
@@ -231,6 +322,11 @@ mod tests {
 
     fn orbit() -> TleOrbit {
         TleOrbit::parse(&format!("VANGUARD 1\n{FIRST}\n{SECOND}\n")).expect("published elements")
+    }
+
+    /// Reads the set nearest to the epoch of object 5.
+    fn read(text: &str, norad_id: Option<u64>) -> Result<TleOrbit, ObserverError> {
+        TleOrbit::read(text, norad_id, Tai::from_rfc3339("2000-06-27T18:50:19Z").expect("a valid instant"))
     }
 
     #[test]
@@ -282,26 +378,93 @@ mod tests {
         let pair = format!("{FIRST}\n{SECOND}\n");
         for (text, line) in [
             (format!("x{}\n{SECOND}\n{pair}", &FIRST[1..]), 2),
-            (format!("{FIRST}\nx{}\n{pair}", &SECOND[1..]), 3),
+            (format!("{FIRST}\nx{}\n{pair}", &SECOND[1..]), 2),
             (format!("{pair}{FIRST}\n"), 3),
             (format!("{pair}ANOTHER\n"), 3),
             (format!("FILE OF JUNE\nVANGUARD 1\n{pair}"), 2),
         ] {
-            let reported = TleOrbit::parse_one_of(&text, None).expect_err("damaged").to_string();
+            let reported = read(&text, None).expect_err("damaged").to_string();
             assert!(reported.contains(&format!("line {line} of the file")), "{text}: {reported}");
-            assert_eq!(TleOrbit::parse_one_of(&text, Some(5)).expect("asked for").norad_id(), 5);
+            assert_eq!(read(&text, Some(5)).expect("asked for").norad_id(), 5);
         }
     }
 
     #[test]
     fn a_century_is_the_end() {
-        let (orbit, epoch) = (orbit(), Tai::from_rfc3339("2000-06-27T18:50:19.733568Z").expect("a valid instant"));
+        let (orbit, epoch) =
+            (orbit().within_days(1e9), Tai::from_rfc3339("2000-06-27T18:50:19.733568Z").expect("a valid instant"));
         let days_later = |days: f64| orbit.geocentric_state(epoch + Span::from_s(days * DAY_S));
         let reported = |days: f64| days_later(days).err().map(|error| error.to_string()).unwrap_or_default();
         for sign in [-1.0, 1.0] {
             assert!(!reported(sign * (MOST_DAYS - 1.0)).contains("36525"), "SGP4's own word");
             let reported = reported(sign * (MOST_DAYS + 1.0));
             assert!(reported.contains("wanted a time within 36525 days"), "{reported}");
+        }
+    }
+
+    #[test]
+    fn elements_are_used_near_their_epoch_only() {
+        let epoch = Tai::from_rfc3339("2000-06-27T18:50:19.733568Z").expect("a valid instant");
+        let at = |days: f64| epoch + Span::from_s(days * DAY_S);
+        for days in [-29.9, 29.9] {
+            orbit().geocentric_state(at(days)).expect("within a month");
+        }
+        for days in [-30.1, 30.1, 400.0] {
+            let reported = orbit().geocentric_state(at(days)).expect_err("too old").to_string();
+            assert!(reported.contains("within 30 days") && reported.contains("max_age_days"), "{reported}");
+            orbit().within_days(500.0).geocentric_state(at(days)).expect("asked for");
+        }
+        let [km, km_s] = orbit().usual_error(at(-10.0));
+        // 10.82 revolutions a day: 30 km are 0.0236 km/s.
+        assert!((km - 30.0).abs() < 1e-6 && (km_s - 0.0236).abs() < 1e-4, "{km} km, {km_s} km/s");
+    }
+
+    /// Elements invented for an object that falls in two days (B* 0.045), and object 5 of the verification set.
+    #[test]
+    fn an_orbit_far_from_its_mean_motion_is_refused() {
+        let falling = TleOrbit::parse(FALLING).expect("sound elements").within_days(1000.0);
+        let epoch = Tai::from_rfc3339("2026-03-01T12:00:00Z").expect("a valid instant");
+        let state = |days: f64| falling.geocentric_state(epoch + Span::from_s(days * DAY_S));
+        state(0.0).expect("at the epoch");
+        state(-0.5).expect("half a day before");
+        for days in [-100.0, -30.0, -10.0, 3.0, 10.0, 30.0, 100.0, 300.0, 500.0, 700.0] {
+            let reported = state(days).expect_err("no orbit").to_string();
+            assert!(reported.contains("decayed") || reported.contains("semi-major axis"), "{days}: {reported}");
+        }
+        let reported = state(-10.0).expect_err("far out").to_string();
+        assert!(reported.contains("wanted one near 6709 km") && reported.contains("(-10.0 days"), "{reported}");
+    }
+
+    const FALLING: &str = "1 99901U 26001A   26060.50000000  .09400000  12000-4  45000-1 0  9996\n\
+        2 99901  51.6000 120.0000 0010000  60.0000 300.0000 15.80000000    10";
+
+    #[test]
+    fn a_mark_at_the_start_and_blank_fields_are_read() {
+        // Object 11801 of the same verification set: international designator and ephemeris type are blank.
+        const BLANK: &str = "1 11801U          80230.29629788  .01431103  00000-0  14311-1      13\n\
+            2 11801  46.7916 230.4354 7318036  47.4722  10.4117  2.28537848    13";
+        let orbit = TleOrbit::parse(BLANK).expect("published elements");
+        // tcppver.out of the same paper, t = 0: km (TEME).
+        let [position_km, _] = orbit.teme_state(0.0).expect("at its epoch");
+        assert!(position_km.distance(DVec3::new(7_473.37102491, 428.94748312, 5_828.74846783)) < 1e-3, "{position_km}");
+        let marked = format!("\u{feff}{FIRST}\n{SECOND}\n");
+        assert_eq!(read(&marked, None).expect("a mark does no damage").norad_id(), 5);
+        assert!(super::super::is_elements(&marked));
+        let no_break =
+            read(&format!("{}\n{SECOND}", FIRST.replacen("U 58", "U\u{a0}58", 1)), None).expect_err("damaged");
+        assert!(no_break.to_string().contains("69 ASCII characters, got 69 with '\\u{a0}'"), "{no_break}");
+    }
+
+    #[test]
+    fn of_several_sets_the_nearest_in_time_is_taken() {
+        let newer = "1 00005U 58002B   00189.78495062  .00000023  00000-0  28098-4 0  4754";
+        let file = format!("VANGUARD 1\n{FIRST}\n{SECOND}\nVANGUARD 1\n{newer}\n{SECOND}\n");
+        for (day, wanted) in [("06-20", -7.78), ("07-01", 3.22), ("07-04", -3.78), ("07-20", 12.22)] {
+            let at = Tai::from_rfc3339(&format!("2000-{day}T00:00:00Z")).expect("a valid instant");
+            for norad_id in [None, Some(5)] {
+                let days = TleOrbit::read(&file, norad_id, at).expect("two sets of one object").days_from_epoch(at);
+                assert!((days - wanted).abs() < 0.01, "{day}: {days}");
+            }
         }
     }
 
@@ -313,17 +476,17 @@ mod tests {
         ];
         let file = format!("VANGUARD 1\r\n{FIRST}\r\n{SECOND}\r\n0 ISS\n{}\n{}\n", OTHER[0], OTHER[1]);
         for id in [5, 25_544] {
-            assert_eq!(TleOrbit::parse_one_of(&file, Some(id)).expect("in the file").norad_id(), id);
+            assert_eq!(read(&file, Some(id)).expect("in the file").norad_id(), id);
         }
-        let message = |text: &str, id| TleOrbit::parse_one_of(text, id).expect_err("no choice").to_string();
+        let message = |text: &str, id| read(text, id).expect_err("no choice").to_string();
         assert!(
             message(&file, None).contains("2 objects")
                 && message(&file, Some(6)).contains("number 6, got none among 2")
         );
         assert!(message("", None).contains("among 0"), "{}", message("", None));
-        assert_eq!(TleOrbit::parse_one_of(&format!("{FIRST}\n{SECOND}"), None).expect("the only one").norad_id(), 5);
+        assert_eq!(read(&format!("{FIRST}\n{SECOND}"), None).expect("the only one").norad_id(), 5);
         let titled = format!("\nVANGUARD 1\n\n{FIRST}\n{SECOND}\n\n");
-        assert_eq!(TleOrbit::parse_one_of(&titled, None).expect("the only one").norad_id(), 5);
+        assert_eq!(read(&titled, None).expect("the only one").norad_id(), 5);
         let short = message(&file.replace(OTHER[1], &OTHER[1][..60]), Some(25_544));
         assert!(short.contains("line 2") && short.contains("69"), "{short}");
         assert_eq!((number_of("A0001"), number_of("Z9999"), number_of("I0001")), (Some(100_001), Some(339_999), None));

@@ -11,7 +11,8 @@
 //! mas, left out. Tests: below against a fixed point of its own; `hil_scripts/test_targets.py` against another program.
 
 use crate::ObserverError;
-use crate::orbit::{CircularOrbit, TleOrbit, TwoBodyOrbit};
+use crate::followed::check_state;
+use crate::orbit::{CentralBody, CircularOrbit, TleOrbit, TwoBodyOrbit};
 use crate::state::BarycentricState;
 use base::time::{Span, Tai};
 use base::units::SPEED_OF_LIGHT_KM_S;
@@ -39,6 +40,14 @@ impl Orbit {
             Self::Circular(orbit) => Ok(orbit.geocentric_state(at)),
             Self::TwoBody(orbit) => Ok(orbit.state(at)),
         }
+    }
+
+    /// Checks that the target can be where the orbit has it at an instant.
+    ///
+    /// # Errors
+    /// As for [`Self::geocentric_state`], and when it is below the ground or faster than anything about the Earth.
+    pub fn check_at(&self, at: Tai) -> Result<(), ObserverError> {
+        check_state(CentralBody::Earth, at, self.geocentric_state(at)?)
     }
 }
 

@@ -9,6 +9,7 @@ use crate::StarIndex;
 use crate::cover::chord_squared;
 use crate::numbering::Numbering;
 use crate::steps::{MAG_STEP, NO_PARALLAX, mag_of, source, u32_at};
+use base::input_file::read_bytes;
 use base::source::{CatalogSource, direction_from_ra_dec};
 use base::source_id::SourceId;
 use glam::DVec3;
@@ -39,12 +40,7 @@ impl Catalog {
     /// When the file cannot be read, and as [`Self::from_bytes`].
     pub fn open(path: &Path) -> Result<Self, CatalogError> {
         let failed = |source| CatalogError::File { path: path.into(), source };
-        let length = std::fs::metadata(path).map_err(failed)?.len();
-        if length > MOST_BYTES {
-            let count = usize::try_from(length).unwrap_or(usize::MAX);
-            return Err(CatalogError::TooMany { what: "bytes", count, most: MOST_BYTES as usize });
-        }
-        let bytes = std::fs::read(path).map_err(|source| CatalogError::File { path: path.into(), source })?;
+        let bytes = read_bytes(path, MOST_BYTES).map_err(failed)?;
         Self::from_bytes(&bytes)
     }
 

@@ -15,9 +15,11 @@ use super::error::LayerError;
 use super::layout::{TileFrame, order_for, tiles_of};
 use super::runs::{RunSort, SORTED_BYTES, each_row, new_file};
 use super::star::{NewStar, ROW_BYTES, StarCounts, TakenStar, WaitingRow};
+use super::twins::Twins;
 use super::writer::{Head, LayerReport, LayerWriter, UnnamedLayer, sync_folder_of};
 use crate::credits::credits_of;
 use crate::numbering::Origins;
+use base::input_file::{DATA_BYTES, read_bytes};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, OpenOptions};
@@ -91,7 +93,7 @@ impl Sorting {
             return Err(LayerError::Work { path: work.into(), why });
         }
         let refuse = |why: String| LayerError::Work { path: path.clone(), why };
-        let progress = match fs::read(&path) {
+        let progress = match read_bytes(&path, DATA_BYTES) {
             Ok(text) => serde_json::from_slice(&text).map_err(|error| refuse(format!("cannot be read: {error}")))?,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
                 Progress { limits_mag: limits_mag.to_vec(), ..Progress::default() }
@@ -137,8 +139,9 @@ impl Sorting {
     /// are there may be its own, and it goes on.
     #[must_use]
     pub fn is_finishing(work: &Path, out: &Path) -> bool {
-        let progress =
-            fs::read(work.join(PROGRESS)).ok().and_then(|text| serde_json::from_slice::<Progress>(&text).ok());
+        let progress = read_bytes(&work.join(PROGRESS), DATA_BYTES)
+            .ok()
+            .and_then(|text| serde_json::from_slice::<Progress>(&text).ok());
         progress.is_some_and(|progress| progress.finishing.is_some() && progress.finishing == folder_mark(out).ok())
     }
 
@@ -370,11 +373,15 @@ impl Sorting {
         let length = |part: &u64| self.progress.rows.get(&rows_name(layer, *part)).copied().unwrap_or(0);
         let order = order_for(parts.iter().map(length).sum::<u64>() / ROW_BYTES as u64);
         let mut writer = LayerWriter::create(path, order, head.credits, head.numbering.is_some())?;
+        let mut twins = head.numbering.is_some().then(Twins::default);
         let sort = RunSort { order, most_rows: self.memory_bytes / SORTED_BYTES };
         for part in &parts {
             if length(part) > 0 {
                 let mut frame: Option<(u64, TileFrame)> = None;
                 let mut append = |tile, row: &WaitingRow| {
+                    if twins.as_mut().is_some_and(|twins| twins.is_known(tile, row)) {
+                        return Ok(());
+                    }
                     let known = frame.filter(|(of, _)| *of == tile);
                     let (_, axes) = known.unwrap_or_else(|| (tile, TileFrame::new(order, tile)));
                     frame = Some((tile, axes));
@@ -384,6 +391,10 @@ impl Sorting {
                 writer.count_doubled(doubled);
             }
             progress(*part as f64 / parts.len() as f64);
+        }
+        if let (Some(twins), Some(numbering)) = (twins, head.numbering) {
+            writer.count_doubled(twins.count);
+            writer.name_doubled(twins.first.and_then(|number| numbering.source_id(number)));
         }
         writer.complete(head)
     }

@@ -36,7 +36,7 @@ const LEAST_HOLES_BYTES: u64 = 16 << 20;
 #[must_use]
 pub fn is_layer(path: &Path) -> bool {
     let mut magic = [0; MAGIC.len()];
-    File::open(path).and_then(|file| read_at(&file, 0, &mut magic)).is_ok() && magic == MAGIC
+    path.is_file() && File::open(path).and_then(|file| read_at(&file, 0, &mut magic)).is_ok() && magic == MAGIC
 }
 
 /// A layer of stars on disk.

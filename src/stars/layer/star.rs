@@ -91,6 +91,11 @@ pub(super) const ROW_BYTES: usize = 34;
 pub(super) const IDENTITY_BYTES: usize = 26;
 
 impl WaitingRow {
+    /// Returns right ascension and declination.
+    pub(super) fn place_rad(&self) -> [f64; 2] {
+        [self.ra_rad, self.dec_rad]
+    }
+
     /// Returns a star in stored steps, and what was found in it.
     pub(super) fn new(star: &NewStar, counts: &mut StarCounts) -> Result<Self, LayerError> {
         let inside = |what, value: f64, low: f64, high: f64| {

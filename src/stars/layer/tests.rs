@@ -161,7 +161,7 @@ fn stars_that_come_twice_are_taken_once_and_counted() {
 }
 
 #[test]
-fn different_stars_of_one_number_are_both_kept() {
+fn stars_of_one_number_are_one_at_one_place_and_two_far_apart() {
     let folder = tempfile::tempdir().unwrap();
     let [star] = stars(1, 6)[..] else { panic!("one") };
     let star = NewStar { mag_g: 9.0, ..star };
@@ -170,7 +170,12 @@ fn different_stars_of_one_number_are_both_kept() {
     let fainter = NewStar { mag_g: 9.001, ..star };
     let other_motion = NewStar { motion_mas_yr: Some([1.0, 2.0]), ..star };
     let reports = build(folder.path(), &[star, east, north, fainter, star, other_motion]);
-    assert_eq!((reports[0].stars, reports[0].doubled), (4, 2), "the star itself came three times");
+    assert_eq!((reports[0].stars, reports[0].doubled), (1, 5), "one star, the brightest row");
+    assert_eq!(reports[0].doubled_number.map(|number| number.to_string()), Some(star.source_id.to_string()));
+    let far = NewStar { dec_rad: star.dec_rad - 20_000.0 * MAS, ..star };
+    let other = NewStar { source_id: star.source_id + 1, ..east };
+    let reports = build(&folder.path().join("far"), &[star, far, other]);
+    assert_eq!((reports[0].stars, reports[0].doubled, reports[0].doubled_number), (3, 0, None));
 }
 
 #[test]

@@ -11,6 +11,7 @@ use super::layout::{
 };
 use super::runs::new_file;
 use crate::numbering::Numbering;
+use base::source_id::SourceId;
 use base::unfinished;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
@@ -30,6 +31,8 @@ pub struct LayerReport {
     pub stars: u64,
     /// Stars that came twice and were taken once.
     pub doubled: u64,
+    /// Number of one that came with other values.
+    pub doubled_number: Option<SourceId>,
     /// HEALPix order of its tiles.
     pub order: u8,
     /// Bytes of the file.
@@ -112,6 +115,7 @@ pub struct LayerWriter {
     order: u8,
     stars: u64,
     doubled: u64,
+    doubled_number: Option<SourceId>,
     fastest_mas_yr: f64,
     /// First star of each tile up to the one being written.
     firsts: Vec<u64>,
@@ -144,6 +148,7 @@ impl LayerWriter {
             order,
             stars: 0,
             doubled: 0,
+            doubled_number: None,
             fastest_mas_yr: 0.0,
             firsts: Vec::with_capacity(tiles_of(order) + 1),
             crcs: tables(),
@@ -155,6 +160,11 @@ impl LayerWriter {
     /// Counts rows of stars that were there before.
     pub(super) fn count_doubled(&mut self, doubled: u64) {
         self.doubled += doubled;
+    }
+
+    /// Names a star that came twice with other values.
+    pub(super) fn name_doubled(&mut self, number: Option<SourceId>) {
+        self.doubled_number = number;
     }
 
     /// Appends the stars of one tile, brightest first; tiles come in rising order.
@@ -210,6 +220,7 @@ impl LayerWriter {
             magnitudes: head.magnitudes,
             stars: self.stars,
             doubled: self.doubled,
+            doubled_number: self.doubled_number,
             order: self.order,
             bytes: before + self.stars * per_star as u64,
         };

@@ -14,6 +14,7 @@ use crate::display::flat_field::{FlatField, FlatParameters};
 use crate::display::geometry::{DisplayGeometry, GeometryParameters};
 use crate::display::latency::Latency;
 use crate::display::response::{Response, ResponseParameters};
+use base::input_file::{DATA_BYTES, read_text};
 use base::time::Tai;
 use base::units::DAY_S;
 use frames::sink::crc32::Crc32;
@@ -163,7 +164,7 @@ impl Calibration {
             path: path.into(),
             reason: format!("no calibration that can be used: {}", reason.trim().replace('\n', "; ")),
         };
-        let text = std::fs::read_to_string(path).map_err(|error| refuse(&error.to_string()))?;
+        let text = read_text(path, DATA_BYTES).map_err(|error| refuse(&error.to_string()))?;
         let mut table: toml::Table = toml::from_str(&text).map_err(|error| refuse(error.message()))?;
         let sum = table.remove(SUM);
         let got = sum.as_ref().and_then(toml::Value::as_str).unwrap_or("none").to_owned();

@@ -5,6 +5,7 @@ use super::error::CalibrationError;
 use super::identity::{DisplayIdentity, TrackerIdentity};
 use super::pattern::{Grid, Pattern, draw, ramp_greys};
 use base::image::Image;
+use base::input_file::{SETTINGS_BYTES, read_text};
 use frames::sink::crc32::Crc32;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -127,7 +128,7 @@ impl Plan {
     /// The fault of the file.
     pub fn read(path: &Path) -> Result<Self, CalibrationError> {
         let refuse = |reason: String| CalibrationError::File { path: path.into(), reason };
-        let text = std::fs::read_to_string(path).map_err(|error| refuse(error.to_string()))?;
+        let text = read_text(path, SETTINGS_BYTES).map_err(|error| refuse(error.to_string()))?;
         let plan: Self = toml::from_str(&text).map_err(|error| refuse(error.message().to_owned()))?;
         Self::new(plan.display, plan.tracker, plan.grid, plan.ramp_steps)
     }

@@ -8,6 +8,7 @@
 use super::exact_numbers::{exact, number, wrong};
 use super::injected::{Injected, KeptEvent};
 use super::{ReplayError, RowCounts, SESSION_FILE};
+use base::input_file::read_text;
 use base::time::Tai;
 use config::{Backend, Document, Event, PackedDocuments, Scenario, Setting};
 use frames::sink::replace_own_file;
@@ -15,7 +16,6 @@ use link::capture::CaptureFormat;
 use plan::exposure::cost::CostModel;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::io::Read;
 use std::path::Path;
 
 /// Form of the file.
@@ -167,9 +167,7 @@ impl Session {
     pub fn read(directory: &Path) -> Result<Self, ReplayError> {
         let path = directory.join(SESSION_FILE);
         let refuse = |source| ReplayError::File { path: path.clone(), doing: "read the session", source };
-        let mut text = String::new();
-        let file = std::fs::File::open(&path).map_err(refuse)?;
-        file.take(FILE_MAX).read_to_string(&mut text).map_err(refuse)?;
+        let text = read_text(&path, FILE_MAX).map_err(refuse)?;
         let damaged = |why: String| ReplayError::Session { path: path.clone(), why };
         let mut session: Self = serde_json::from_str(&text)
             .map_err(|error| damaged(format!("{error}; wanted the session of a captured run")))?;
