@@ -171,6 +171,95 @@ class Spice(unittest.TestCase):
                     later, _ = spiceypy.spkgeo(SPACECRAFT, self.et(row) + 69.184, "J2000", EARTH)
                     self.assertGreater(abs(numpy.array(got) - later)[:3].max(), 1, "negative control: another time system")
 
+    def assert_attitudes_are_those_of_cspice(self, attitudes, least=1):
+        """Compares the rows with `ckgp`; returns how many it has."""
+        found = 0
+        for row in attitudes:
+            got = numpy.array([float(row[f"q_{axis}"]) for axis in "wxyz"])
+            try:
+                matrix = spiceypy.ckgp(INSTRUMENT, spiceypy.sce2c(SPACECRAFT, self.et(row)), 0, "J2000")[0]
+            except spiceypy.exceptions.NotFoundError:
+                continue
+            wanted = spiceypy.m2q(matrix)
+            self.assertLess(min(abs(got - wanted).max(), abs(got + wanted).max()), 1e-7, row)
+            found += 1
+        self.assertGreaterEqual(found, least)
+
+    def ck(self, write):
+        """Writes a.bc by segments of `write(file)`."""
+        path = self.folder / "a.bc"
+        path.unlink(missing_ok=True)
+        file = spiceypy.ckopn(str(path), "test", 0)
+        write(file)
+        spiceypy.ckcls(file)
+        spiceypy.furnsh(str(path))
+
+    def test_clocks_of_every_form_are_those_of_cspice(self):
+        plain = SCLK.format(system=1)
+        ranges = "\n".join(f"{i * 655360.0:.1f} {825595269.18 + 10 * i:.2f} 1.0" for i in range(12))
+        many = plain[: plain.index("SCLK01_COEFFICIENTS_82")] + "SCLK01_COEFFICIENTS_82 = (\n{}\n)\n\\begintext\n"
+        unsorted = ranges.split("\n")
+        unsorted[4] = unsorted[4].replace("2621440.0", "1310720.0")
+        forms = {
+            "dates": plain.replace("825595269.18", "@2026-MAR-01-00:01:09.18").replace("825595329.18", "@01-MAR-2026-00:02:09.18"),
+            "carriage returns": plain.replace("\n", "\r"),
+            "no word": plain.replace("KPL/SCLK", ""),
+            "a remark in Latin-1": plain + "Stra\xdfe\n",
+            "one record out of order": many.format("\n".join(unsorted)),
+        }
+        for name, text in forms.items():
+            with self.subTest(name):
+                spiceypy.kclear()
+                self.clocks(1)
+                spiceypy.unload(str(self.folder / "clock.tsc"))
+                (self.folder / "clock.tsc").write_bytes(text.encode("latin-1"))
+                spiceypy.furnsh(str(self.folder / "clock.tsc"))
+                self.write_ck(3)
+                attitudes, _ = self.exported(self.write_spk(9))
+                self.assert_attitudes_are_those_of_cspice(attitudes, least=90)
+
+    def test_turns_overlaps_and_frames_of_a_ck_are_those_of_cspice(self):
+        begin, end = 20 / TICK_S, 110 / TICK_S
+        axis = numpy.array([0.3, -0.5, 0.8]) / math.sqrt(0.98)
+        quaternion = lambda angle: spiceypy.m2q(spiceypy.axisar(axis, angle))
+
+        def turns(file):
+            spiceypy.ckw02(file, begin, end, INSTRUMENT, "J2000", "t", 1, [begin], [end], [quaternion(0.4)],
+                           [axis * math.radians(24)], [TICK_S])
+
+        def overlap(file, frame="J2000"):
+            for angle, first, last in ((0.1, begin, end), (0.7, 45 / TICK_S, 75 / TICK_S)):
+                rows = [quaternion(angle), quaternion(angle + 0.2)]
+                spiceypy.ckw03(file, first, last, INSTRUMENT, frame, False, "t", 2, [first, last], rows, [[0, 0, 0]] * 2, 1, [first])
+
+        for name, write in (("turns", turns), ("overlap", overlap), ("ecliptic", lambda file: overlap(file, "ECLIPJ2000")),
+                            ("Mars", lambda file: overlap(file, "MARSIAU")), ("B1950", lambda file: overlap(file, "B1950"))):
+            with self.subTest(name):
+                spiceypy.kclear()
+                self.clocks(1)
+                self.ck(write)
+                attitudes, _ = self.exported(self.write_spk(9))
+                self.assert_attitudes_are_those_of_cspice(attitudes, least=100)
+
+    def test_a_long_record_of_a_high_degree_is_that_of_cspice(self):
+        self.clocks(1)
+        self.write_ck(3)
+        path = self.folder / "long.bsp"
+        file = spiceypy.spkopn(str(path), "test", 0)
+        begin = spiceypy.str2et("2026-02-28T23:50:00")
+        nodes = numpy.cos(numpy.pi * (numpy.arange(60) + 0.5) / 60)
+        values = numpy.array([self.state(3000 * (1 + node)) for node in nodes])[:, :3]
+        series = numpy.polynomial.chebyshev.chebfit(nodes, values, 27).T
+        spiceypy.spkw02(file, SPACECRAFT, EARTH, "J2000", begin, begin + 6000, "s", 6000.0, 1, 27, series.reshape(-1), begin)
+        spiceypy.spkcls(file)
+        spiceypy.furnsh(str(path))
+        _, states = self.exported(path.name)
+        for row in states:
+            wanted, _ = spiceypy.spkgeo(SPACECRAFT, self.et(row), "J2000", EARTH)
+            got = numpy.array([float(row[name]) for name in ("x_km", "y_km", "z_km", "vx_km_s", "vy_km_s", "vz_km_s")])
+            self.assertLess(abs(got - wanted)[:3].max(), 5e-6)
+            self.assertLess(abs(got - wanted)[3:].max(), 1e-8)
+
     def test_images_of_a_ck_are_drawn_at_its_rows(self):
         self.clocks(1)
         self.write_ck(3)
@@ -200,6 +289,8 @@ class Spice(unittest.TestCase):
         done = subprocess.run([BINARY, "check", str(bench)], capture_output=True, text=True, timeout=60)
         self.assertNotEqual(done.returncode, 0)
         self.assertIn("SCLK_DATA_TYPE_82", done.stderr)
+        self.assertIn("plant.kernels is leap.tls", done.stderr)
+        self.assertNotIn("belongs to a binary SPICE kernel", done.stderr)
 
 
 if __name__ == "__main__":

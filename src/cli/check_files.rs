@@ -44,6 +44,9 @@ pub(super) fn write_files(text: &mut String, bench: &Bench, plant: &Plant, param
     for note in &history.notes {
         writeln!(text, "  note         {note}")?;
     }
+    for warning in &history.warnings {
+        writeln!(text, "  WARNING      {warning}")?;
+    }
     write_missing(text, file, params)?;
     text.push('\n');
     Ok(())

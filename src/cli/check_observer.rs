@@ -28,6 +28,11 @@ pub(super) fn write_observer(text: &mut String, params: &RunParams) -> Result<()
         place(&params.observer, at)?
     )?;
     write_doubts(text, &params.observer, at)?;
+    if let Observer::Table(history) = &params.observer {
+        for warning in &history.warnings {
+            writeln!(text, "  WARNING      observer.file: {warning}")?;
+        }
+    }
     let last = at + Span::from_s(params.frame_period.s() * f64::from(params.frames));
     if [at, last].into_iter().any(|at| !is_proven(at)) {
         let [first_yr, last_yr] = PROVEN_YEARS;

@@ -78,7 +78,7 @@ impl ExportSource {
         if left_out > 0 {
             eprintln!("{left_out} frames that show again what an earlier one shows are left out");
         }
-        let history = read::attitudes(&path.display().to_string(), &rising, None)?;
+        let history = read::recorded_attitudes(&path.display().to_string(), &rising)?;
         let states: Vec<AttitudeState> =
             history.segments().iter().flat_map(|segment| segment.states().iter().copied()).collect();
         let scenario = bench.map(|bench| anyhow::Ok(Scenario::from_document(&Document::open(bench)?)?)).transpose()?;

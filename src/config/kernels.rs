@@ -18,6 +18,9 @@ pub(super) struct Kernels<'k> {
 impl Kernels<'_> {
     /// Returns true for a kernel; refuses the keys of one beside another file.
     fn is_kernel(&self, check: &Checker<'_>) -> Result<bool, ConfigError> {
+        if self.file.raw().is_none() {
+            return Ok(false);
+        }
         let is_kernel = self.file.raw().is_some_and(|path| read::is_kernel(&check.document.data_beside(path)));
         if !is_kernel {
             check.unused(&self.texts.key(), self.texts.is_given(), "a binary SPICE kernel")?;
@@ -55,10 +58,10 @@ impl Kernels<'_> {
         let read = |text: &String| check.document.bytes_of(&self.texts.key(), text);
         let contents = texts.iter().map(read).collect::<Result<Vec<_>, _>>()?;
         let files = texts.iter().zip(&contents).map(|(file, bytes)| KernelFile { file, bytes }).collect::<Vec<_>>();
-        let key = self.file.key();
         let naif_id = self.naif_id.optional(check)?;
         reader(KernelFile { file: &path, bytes: &bytes }, &files, naif_id).map_err(|error| {
             let advice = "src/guide/files_in_and_out.md says which kernels are read, and what goes with them";
+            let key = if error.file == path { self.file.key() } else { self.texts.key() };
             check.invalid(&key, error, "a kernel that can be read", advice)
         })
     }

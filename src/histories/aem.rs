@@ -15,8 +15,22 @@ use crate::attitude::{AttitudeHistory, AttitudeSegment, Times};
 use crate::attitude_methods::AttitudeInterpolation;
 use crate::attitude_state::AttitudeState;
 use crate::error::{HistoryError, Source};
+use crate::findings;
 use crate::message::{Kind, Message};
 use crate::metadata::{Metadata, Wanted, numbers};
+
+/// Keywords of a segment that OEM does not have.
+const KEYS: [&str; 9] = [
+    "REF_FRAME_A",
+    "REF_FRAME_B",
+    "ATTITUDE_DIR",
+    "ATTITUDE_TYPE",
+    "QUATERNION_TYPE",
+    "EULER_ROT_SEQ",
+    "RATE_FRAME",
+    "ANGVEL_FRAME",
+    "EULER_DIR",
+];
 
 /// Reads an AEM.
 pub(crate) fn read(source: &Source<'_>) -> Result<AttitudeHistory, HistoryError> {
@@ -29,7 +43,7 @@ pub(crate) fn read(source: &Source<'_>) -> Result<AttitudeHistory, HistoryError>
                 return Err(source.whole(format!("version \"{}\"; wanted {wanted}", message.version)));
             }
         };
-        let mut notes = Vec::new();
+        let (mut notes, mut warnings) = (Vec::new(), Vec::new());
         let mut segments = Vec::new();
         let mut body: Option<(&str, Option<&str>)> = None;
         for segment in &message.segments {
@@ -41,12 +55,14 @@ pub(crate) fn read(source: &Source<'_>) -> Result<AttitudeHistory, HistoryError>
                 return Err(source.refuse(segment.offset, frames.body, wanted));
             }
             body = Some(who);
-            segments.push(attitudes(&metadata, &frames, is_first, &mut notes)?);
+            warnings.extend(metadata.unknown_keys(&KEYS)?);
+            segments.push(attitudes(&metadata, &frames, is_first, (&mut notes, &mut warnings))?);
         }
         let fit = AttitudeHistory::new(&message.format(Kind::Attitude), Times::Absolute, segments);
         let mut history = fit.map_err(|error| source.whole(error.to_string()))?;
         notes.dedup();
-        history.notes = notes;
+        history.notes.extend(notes);
+        history.warnings.extend(findings::first_of(warnings));
         let object = message.segments.first().map(|segment| Metadata { source: *source, segment });
         let object = object.and_then(|metadata| metadata.value("OBJECT_NAME")).unwrap_or("unnamed");
         history.name = body.map(|(body, _)| format!("{object}, {body}"));
@@ -58,7 +74,7 @@ fn attitudes(
     metadata: &Metadata<'_>,
     frames: &Frames<'_>,
     is_first: bool,
-    notes: &mut Vec<String>,
+    (notes, warnings): (&mut Vec<String>, &mut Vec<String>),
 ) -> Result<AttitudeSegment, HistoryError> {
     let (source, segment) = (&metadata.source, metadata.segment);
     let system = metadata.time_system()?;
@@ -72,16 +88,19 @@ fn attitudes(
         state.ok_or_else(|| source.refuse(row.offset, &row.text, "a quaternion whose norm is 1 within 0.001"))
     });
     let states = states.collect::<Result<Vec<AttitudeState>, _>>()?;
-    let (Some(first), Some(last)) = (states.first(), states.last()) else {
+    if states.is_empty() {
         return Err(source.refuse(segment.offset, "a segment without rows", "attitudes after the metadata"));
-    };
-    let at = |state: &AttitudeState| base::time::Tai::from_ns(state.t_ns);
-    metadata.check_times(system, at(first), at(last))?;
+    }
+    let times_ns: Vec<i64> = states.iter().map(|state| state.t_ns).collect();
+    warnings.extend(metadata.check_times(system, &times_ns)?);
     kind.check_steps(metadata, &rows, &segment.rows)?;
     note(notes, [system.note(), frames.axes.note(), kind.note()]);
-    let method = method(metadata, kind.has_rates())?;
+    let method = method(metadata, kind.has_rates(), notes)?;
     let fit = AttitudeSegment::new(states, method, metadata.usable_ns(system)?);
-    fit.map_err(|error| source.refuse(segment.offset, "this segment", &error.to_string()))
+    fit.map_err(|unfit| {
+        let row = unfit.row().and_then(|row| segment.rows.get(row - 1));
+        source.because(row.map_or(segment.offset, |row| row.offset), &unfit.to_string())
+    })
 }
 
 fn note(notes: &mut Vec<String>, said: [Option<&str>; 3]) {
@@ -93,16 +112,28 @@ fn note(notes: &mut Vec<String>, said: [Option<&str>; 3]) {
 }
 
 /// Returns the interpolation that the file asks for.
-fn method(metadata: &Metadata<'_>, has_rates: bool) -> Result<AttitudeInterpolation, HistoryError> {
+fn method(
+    metadata: &Metadata<'_>,
+    has_rates: bool,
+    notes: &mut Vec<String>,
+) -> Result<AttitudeInterpolation, HistoryError> {
     let usual = if has_rates { AttitudeInterpolation::CubicHermite } else { AttitudeInterpolation::Slerp };
     let Some(Wanted { name, degree, entry }) = metadata.interpolation()? else { return Ok(usual) };
     match (name.as_str(), degree) {
         ("LINEAR" | "SLERP", None | Some(1)) => Ok(AttitudeInterpolation::Slerp),
         ("HERMITE", Some(3)) if has_rates => Ok(AttitudeInterpolation::CubicHermite),
+        ("HERMITE", Some(degree)) if !has_rates => {
+            note(
+                notes,
+                [Some("HERMITE without rates is a polynomial of its degree through the quaternions"), None, None],
+            );
+            Ok(AttitudeInterpolation::Lagrange(degree))
+        }
         ("LAGRANGE", Some(degree)) => Ok(AttitudeInterpolation::Lagrange(degree)),
         _ => Err(metadata.refuse(
             entry,
-            "LINEAR, LAGRANGE with a degree, HERMITE of degree 3 in a file with rates, or no INTERPOLATION_METHOD",
+            "LINEAR, LAGRANGE with a degree, HERMITE of degree 3 with rates or of any degree without them, or no \
+             INTERPOLATION_METHOD",
         )),
     }
 }

@@ -3,11 +3,13 @@
 //! Within one segment the attitude is interpolated ([`AttitudeInterpolation`]); outside of all segments, and outside a
 //! segment's usable interval, it is not available.
 
-use crate::attitude_methods::{AttitudeInterpolation, MOST_TURN_RAD, s_between};
+use crate::attitude_methods::{AttitudeInterpolation, MOST_TURN_RAD, s_between, turn_beside_rates, turn_between};
 use crate::attitude_state::{AttitudeMotion, AttitudeState};
-use crate::segments;
+use crate::contradiction::{Comparison, Floor, Names, Step, compare};
+use crate::{findings, segments};
 use base::time::Tai;
 use glam::DVec3;
+use std::sync::Arc;
 
 /// Origin of the times of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,7 +23,7 @@ pub enum Times {
 /// Rows that belong together.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AttitudeSegment {
-    states: Vec<AttitudeState>,
+    states: Arc<[AttitudeState]>,
     method: AttitudeInterpolation,
     /// From when to when it may be used.
     usable_ns: [i64; 2],
@@ -38,8 +40,16 @@ pub struct AttitudeHistory {
     pub times: Times,
     /// Approximations and peculiarities, one sentence each.
     pub notes: Vec<String>,
+    /// Doubts about its contents, one sentence each.
+    pub warnings: Vec<String>,
     segments: Vec<AttitudeSegment>,
+    /// Why its rates, which it is interpolated with, cannot be those of its attitudes.
+    contradiction: Option<String>,
 }
+
+/// Quaternions have six decimals (4e-6 rad in a turn), rates two digits; within a step no more than 6 degrees.
+const FLOOR: Floor = Floor { part: 0.02, value: 2e-5, most: 0.1 };
+const NAMES: Names = Names { derivatives: "rates", values: "attitudes", unit: "deg/s", unit_is: base::units::DEG };
 
 /// Fastest rate of a row, rad/s: far beyond any spacecraft.
 pub(crate) const MOST_RATE_RAD_S: f64 = 1e3;
@@ -71,6 +81,16 @@ pub(crate) enum Unfit {
     NotUsable,
 }
 
+impl Unfit {
+    /// Returns the row that is meant, from 1.
+    pub(crate) fn row(&self) -> Option<usize> {
+        match self {
+            Self::NotRising { row } | Self::TurnsTooFar { row, .. } | Self::TooFast { row } => Some(*row),
+            Self::NoRows | Self::Overlap { .. } | Self::NotUsable => None,
+        }
+    }
+}
+
 impl AttitudeSegment {
     /// Returns the segment of these rows. `usable_ns`: where the file restricts it.
     pub(crate) fn new(
@@ -89,13 +109,45 @@ impl AttitudeSegment {
             if pair[0].t_ns >= pair[1].t_ns {
                 return Err(Unfit::NotRising { row: place + 2 });
             }
-            let turn_rad = pair[0].body_from_icrf.rotation_vector_to(&pair[1].body_from_icrf).length();
-            if method != AttitudeInterpolation::Slerp && turn_rad > MOST_TURN_RAD {
+            let turn_rad = match method {
+                AttitudeInterpolation::Slerp | AttitudeInterpolation::ConstantRate => 0.0,
+                AttitudeInterpolation::CubicHermite => turn_between(&pair[0], &pair[1])[1].length(),
+                AttitudeInterpolation::Lagrange(_) => {
+                    pair[0].body_from_icrf.rotation_vector_to(&pair[1].body_from_icrf).length()
+                }
+            };
+            if turn_rad > MOST_TURN_RAD {
                 return Err(Unfit::TurnsTooFar { row: place + 1, turn_deg: turn_rad.to_degrees() });
             }
         }
         let usable_ns = usable.ok_or(Unfit::NotUsable)?;
-        Ok(Self { states, method, usable_ns })
+        Ok(Self { states: states.into(), method, usable_ns })
+    }
+
+    /// Returns the turn from a row to the next, rad, as the interpolation has it.
+    fn turn(&self, [before, after]: [&AttitudeState; 2]) -> DVec3 {
+        match self.method {
+            AttitudeInterpolation::CubicHermite => turn_between(before, after)[0],
+            AttitudeInterpolation::ConstantRate => {
+                before.rate_rad_s.unwrap_or_default() * s_between(before.t_ns, after.t_ns)
+            }
+            AttitudeInterpolation::Slerp | AttitudeInterpolation::Lagrange(_) => {
+                before.body_from_icrf.rotation_vector_to(&after.body_from_icrf)
+            }
+        }
+    }
+
+    /// Compares the rates of the rows with the differences of their attitudes; `None` where a row has no rate.
+    fn comparison(&self) -> Option<Comparison> {
+        if self.method == AttitudeInterpolation::ConstantRate {
+            return None;
+        }
+        let step = |pair: &[AttitudeState]| {
+            let s = s_between(pair[0].t_ns, pair[1].t_ns);
+            let beside = turn_beside_rates(&pair[0], &pair[1])? / s;
+            Some(Step { s, stated: [pair[0].rate_rad_s?, pair[1].rate_rad_s?], beside })
+        };
+        compare(&self.states.windows(2).map(step).collect::<Option<Vec<_>>>()?, FLOOR)
     }
 
     /// Returns its rows, by rising time.
@@ -132,7 +184,7 @@ impl AttitudeSegment {
     fn left_out_error_rad(&self) -> Option<f64> {
         let missed = |first: usize| {
             let kept: Vec<AttitudeState> = self.states.iter().skip(first).step_by(2).copied().collect();
-            let kept = Self { states: kept, method: self.method, usable_ns: self.usable_ns };
+            let kept = Self { states: kept.into(), method: self.method, usable_ns: self.usable_ns };
             let inside = self.states.iter().skip(first + 1).step_by(2);
             let last_ns = kept.states.last().map_or(i64::MIN, |state| state.t_ns);
             inside.filter(move |state| state.t_ns < last_ns).fold(None, |worst: Option<f64>, state| {
@@ -140,7 +192,10 @@ impl AttitudeSegment {
                 Some(worst.map_or(error, |worst| worst.max(error)))
             })
         };
-        let found = [missed(0), missed(1)];
+        let by_rates = (self.method == AttitudeInterpolation::CubicHermite)
+            .then(|| self.comparison().map(|comparison| comparison.errors[0]).filter(|error| *error > 0.0))
+            .flatten();
+        let found = [missed(0), missed(1), by_rates];
         found.into_iter().flatten().reduce(f64::max)
     }
 }
@@ -154,7 +209,72 @@ impl AttitudeHistory {
         if let Some(segment) = segments::overlapping(&segments, AttitudeSegment::usable_ns) {
             return Err(Unfit::Overlap { segment });
         }
-        Ok(Self { format: format.into(), name: None, times, notes: Vec::new(), segments })
+        let mut history = Self {
+            format: format.into(),
+            name: None,
+            times,
+            notes: Vec::new(),
+            warnings: Vec::new(),
+            segments,
+            contradiction: None,
+        };
+        history.compare_rates();
+        if times == Times::Absolute {
+            history.warnings.extend(findings::early_utc(history.span_ns()[0]));
+        }
+        Ok(history)
+    }
+
+    /// Returns a history of these segments, of which one that is later in the file takes the instants that an earlier one
+    /// has too.
+    #[cfg(feature = "spice")]
+    pub(crate) fn layered(format: &str, times: Times, segments: &[AttitudeSegment]) -> Result<Self, Unfit> {
+        let intervals: Vec<segments::Interval> = segments.iter().map(AttitudeSegment::usable_ns).collect();
+        let parts = segments::later_wins(&intervals).into_iter();
+        let part =
+            |(place, usable_ns): (usize, segments::Interval)| AttitudeSegment { usable_ns, ..segments[place].clone() };
+        Self::new(format, times, parts.map(part).collect())
+    }
+
+    /// Notes rates that contradict the attitudes, and those that decide how far the body turns.
+    fn compare_rates(&mut self) {
+        let (mut doubts, mut farthest_rad) = (Vec::new(), 0.0_f64);
+        for (segment, number) in self.segments.iter().zip(1..) {
+            let Some(found) = segment.comparison() else { continue };
+            if segment.method == AttitudeInterpolation::CubicHermite {
+                let turns = segment.states.windows(2).map(|pair| segment.turn([&pair[0], &pair[1]]).length());
+                farthest_rad = turns.fold(farthest_rad, f64::max);
+            }
+            let Some(words) = found.words(number, NAMES) else { continue };
+            if segment.method == AttitudeInterpolation::CubicHermite && found.is_of_most() {
+                let wanted = "wanted the rates of these attitudes: check their unit, their sign and axes, and where the \
+                              quaternion has its scalar";
+                self.contradiction.get_or_insert_with(|| format!("{words}; {wanted}"));
+            }
+            doubts.push(words);
+        }
+        self.warnings.extend(findings::first_of(doubts));
+        if farthest_rad > MOST_TURN_RAD {
+            self.notes.push(format!(
+                "the body turns by up to {:.0} deg from row to row: the rates say which way round, and how often",
+                farthest_rad.to_degrees()
+            ));
+        }
+    }
+
+    /// Returns why the rates cannot be those of the attitudes, for a file that is interpolated with them.
+    pub(crate) fn contradiction(&self) -> Option<&str> {
+        self.contradiction.as_deref()
+    }
+
+    /// Notes gaps between rows that are otherwise evenly spaced.
+    pub(crate) fn find_gaps(&mut self) {
+        let gaps = self
+            .segments
+            .iter()
+            .zip(1..)
+            .filter_map(|(segment, number)| findings::gaps(number, segment.states.iter().map(|state| state.t_ns)));
+        self.warnings.extend(findings::first_of(gaps.collect()));
     }
 
     /// Returns a history of one segment of computed states, such as the frames of a run; `None` where their times do
@@ -208,7 +328,7 @@ impl AttitudeHistory {
             let (mut last_rate, mut last_acceleration): (Option<DVec3>, Option<DVec3>) = (None, None);
             for pair in segment.states.windows(2) {
                 let step_s = s_between(pair[0].t_ns, pair[1].t_ns);
-                let rate = pair[0].body_from_icrf.rotation_vector_to(&pair[1].body_from_icrf) / step_s;
+                let rate = segment.turn([&pair[0], &pair[1]]) / step_s;
                 let acceleration = last_rate.map(|last| (rate - last) / step_s);
                 let jerk = last_acceleration.zip(acceleration).map(|(last, now)| (now - last) / step_s);
                 let found = [Some(rate), acceleration, jerk].map(|vector| vector.map_or(0.0, DVec3::length));
@@ -222,6 +342,7 @@ impl AttitudeHistory {
     /// Returns the largest error of the interpolation, rad, as the file itself shows it: each row is left out in turn
     /// with every second one, and the others are interpolated to it, over steps twice as long as those of the file.
     /// Between rows the error is less: a quarter of it with slerp, a sixteenth with cubics, where the motion is smooth.
+    /// Where rates contradict the attitudes, it is what this makes of a cubic, if that is more.
     /// `None` with fewer than three rows in each segment.
     #[must_use]
     pub fn interpolation_error_rad(&self) -> Option<f64> {

@@ -98,8 +98,19 @@ impl<'a> Table<'a> {
         self.source.at_line(line, &columns, wanted)
     }
 
+    /// Refuses a header that has a name twice: one of the columns would be passed over.
+    fn check_names(&self) -> Result<(), HistoryError> {
+        let Some((names, line)) = &self.header else { return Ok(()) };
+        let is_second = |(place, name): &(usize, &&str)| {
+            !name.is_empty() && names[..*place].iter().any(|known| known.eq_ignore_ascii_case(name))
+        };
+        let Some((_, name)) = names.iter().enumerate().find(is_second) else { return Ok(()) };
+        Err(self.refuse(*line, name, "each name of a column once"))
+    }
+
     /// Returns the time column that says most.
     pub(crate) fn time_column(&self) -> Result<(TimeColumn, usize), HistoryError> {
+        self.check_names()?;
         let found = TIME_COLUMNS.iter().find_map(|(name, kind)| Some((*kind, self.column(&[name])?)));
         found.ok_or_else(|| self.without(WANTED_TIME))
     }

@@ -25,9 +25,18 @@ const QUOTED: usize = 60;
 impl Source<'_> {
     /// Returns the error of what is at this byte of the text.
     pub(crate) fn refuse(&self, offset: usize, got: &str, wanted: &str) -> HistoryError {
+        self.at_line(self.line(offset), got, wanted)
+    }
+
+    /// Returns the line of a byte, from 1.
+    pub(crate) fn line(&self, offset: usize) -> usize {
         let before = self.text.as_bytes().get(..offset).unwrap_or_default();
-        let line = 1 + before.iter().filter(|byte| **byte == b'\n').count();
-        self.at_line(line, got, wanted)
+        1 + before.iter().filter(|byte| **byte == b'\n').count()
+    }
+
+    /// Returns the error of what is at this byte, in words of its own.
+    pub(crate) fn because(&self, offset: usize, why: &str) -> HistoryError {
+        HistoryError { why: why.to_owned(), ..self.refuse(offset, "", "") }
     }
 
     /// Returns the error of a line.

@@ -16,6 +16,7 @@
 //! | `stk` | STK's attitude and ephemeris files |
 //! | `csv_attitude`, `csv_orbit` | tables with a header, and rows without one |
 //! | `parquet_table` | tables in Parquet files (feature `parquet`) |
+//! | `contradiction`, `findings` | rates and velocities beside differences of rows; gaps, early ends |
 //! | `epoch`, `reference_axes` | time systems; axes, and the frame bias |
 //! | [`attitude`], [`orbit`] | the histories, their interpolation and its error |
 //! | `spice` | SPICE kernels: CK and SPK, with their clocks (feature `spice`) |
@@ -27,11 +28,15 @@ mod aem_row;
 pub mod attitude;
 mod attitude_methods;
 mod attitude_state;
+#[cfg_attr(not(feature = "spice"), allow(dead_code, reason = "only SPICE kernels have series"))]
+mod chebyshev;
+mod contradiction;
 mod csv_attitude;
 mod csv_orbit;
 mod csv_table;
 mod epoch;
 mod error;
+mod findings;
 mod message;
 mod message_kvn;
 mod message_read;

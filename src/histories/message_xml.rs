@@ -1,7 +1,8 @@
 //! CCSDS messages as XML: text -> [`Message`]. Rows are put into the order that KVN has.
 //!
 //! Elements are found by their names without name space; documents with a DTD are refused (`roxmltree`'s default), so
-//! that no entity grows. Units are those of the standard (deg/s, km, km/s), which its schema fixes.
+//! that no entity grows. Units are those of the standard (deg/s, km, km/s), which its schema fixes: an attribute `units` that
+//! says another is refused.
 
 use crate::error::{HistoryError, Source};
 use crate::message::{Encoding, Entry, Kind, Message, Row, Segment};
@@ -99,7 +100,8 @@ fn segment<'a>(
         if segment.metadata.iter().any(|known| known.key == key) {
             return Err(source.refuse(offset, key, "this element once in a segment"));
         }
-        segment.metadata.push(Entry { key, value: entry.text().unwrap_or_default().trim(), offset });
+        let value = value_of(entry).ok_or_else(|| source.refuse(offset, key, WANTED_VALUE))?;
+        segment.metadata.push(Entry { key, value, offset });
     }
     let (state, order): (_, &[&str]) = match kind {
         Kind::Attitude => ("attitudeState", &ATTITUDE_ORDER),
@@ -116,14 +118,17 @@ fn row<'a>(source: &Source<'_>, state: Node<'_, '_>, order: &[&str], skipped: us
     let mut values: [Option<&str>; ATTITUDE_ORDER.len()] = [None; ATTITUDE_ORDER.len()];
     let is_leaf = |node: &Node<'_, '_>| node.is_element() && !node.children().any(|child| child.is_element());
     for leaf in state.descendants().filter(is_leaf) {
-        let (name, offset) = (leaf.tag_name().name(), skipped + leaf.range().start);
+        let offset = skipped + leaf.range().start;
+        let name = angle_of(leaf).unwrap_or(leaf.tag_name().name());
+        check_unit(leaf, name).map_err(|(got, wanted)| source.refuse(offset, &got, &wanted))?;
         if name == "COMMENT" || is_ignored(name) {
             continue;
         }
         let place = order.iter().position(|known| *known == name);
         let value = place.and_then(|place| values.get_mut(place)).filter(|value| value.is_none());
         let wanted = || format!("elements of {}, each once", order.join(", "));
-        *value.ok_or_else(|| source.refuse(offset, name, &wanted()))? = Some(leaf.text().unwrap_or_default().trim());
+        let found = value_of(leaf).ok_or_else(|| source.refuse(offset, name, WANTED_VALUE))?;
+        *value.ok_or_else(|| source.refuse(offset, name, &wanted()))? = Some(found);
     }
     let mut text = String::new();
     for value in values.iter().flatten() {
@@ -131,6 +136,46 @@ fn row<'a>(source: &Source<'_>, state: Node<'_, '_>, order: &[&str], skipped: us
         let _ = write!(text, "{value} ");
     }
     Ok(Row { text: Cow::Owned(text), offset: skipped + state.range().start })
+}
+
+const WANTED_VALUE: &str = "a value without a comment or an element inside";
+
+/// Returns the text of an element; `None` where it has more than a text.
+fn value_of<'a>(node: Node<'a, '_>) -> Option<&'a str> {
+    node.children().all(|child| child.is_text()).then(|| node.text().unwrap_or_default().trim())
+}
+
+/// Returns the name of an angle of version 1: `rotation1` to `rotation3` in `rotationAngles`, about the axis of its own
+/// place.
+fn angle_of(leaf: Node<'_, '_>) -> Option<&'static str> {
+    const NAMES: [(&str, &str, &str); 3] =
+        [("rotation1", "X_ANGLE", "ANGLE_1"), ("rotation2", "Y_ANGLE", "ANGLE_2"), ("rotation3", "Z_ANGLE", "ANGLE_3")];
+    let is_angle = leaf.parent().is_some_and(|parent| parent.tag_name().name() == "rotationAngles");
+    let (_, axis, name) = NAMES.into_iter().find(|(tag, _, _)| is_angle && *tag == leaf.tag_name().name())?;
+    leaf.attribute("angle").is_none_or(|given| given == axis).then_some(name)
+}
+
+/// Refuses a unit that is not that of the standard; an error is what was got and what was wanted.
+fn check_unit(leaf: Node<'_, '_>, name: &str) -> Result<(), (String, String)> {
+    let (Some(given), Some(wanted)) = (leaf.attribute("units"), unit_of(name)) else { return Ok(()) };
+    if given.trim().eq_ignore_ascii_case(wanted) {
+        return Ok(());
+    }
+    Err((format!("{name} with units=\"{given}\""), format!("units=\"{wanted}\"")))
+}
+
+/// Returns the unit of an element of a row; `None` where it has none.
+fn unit_of(name: &str) -> Option<&'static str> {
+    match name {
+        "X" | "Y" | "Z" => Some("km"),
+        "X_DOT" | "Y_DOT" | "Z_DOT" => Some("km/s"),
+        "X_DDOT" | "Y_DDOT" | "Z_DDOT" => Some("km/s**2"),
+        "NUTATION_PER" => Some("s"),
+        "EPOCH" | "COMMENT" | "QC" | "Q1" | "Q2" | "Q3" => None,
+        _ if name.starts_with('Q') => Some("1/s"),
+        _ if name.starts_with("ANGVEL") || name.ends_with("_DOT") || name.ends_with("_VEL") => Some("deg/s"),
+        _ => Some("deg"),
+    }
 }
 
 /// Accelerations of an orbit are optional and not needed.

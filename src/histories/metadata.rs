@@ -3,6 +3,7 @@
 use crate::attitude_methods::MOST_DEGREE;
 use crate::epoch::{TimeSystem, WANTED_EPOCH, WANTED_SYSTEM};
 use crate::error::{HistoryError, Source};
+use crate::findings;
 use crate::message::{Entry, Row, Segment};
 use base::time::Tai;
 
@@ -13,6 +14,24 @@ pub(crate) struct Wanted<'m> {
     pub(crate) degree: Option<usize>,
     pub(crate) entry: &'m Entry<'m>,
 }
+
+/// Keywords of a segment that AEM and OEM share.
+const KEYS: [&str; 14] = [
+    "OBJECT_NAME",
+    "OBJECT_ID",
+    "CENTER_NAME",
+    "TIME_SYSTEM",
+    "START_TIME",
+    "STOP_TIME",
+    "USEABLE_START_TIME",
+    "USEABLE_STOP_TIME",
+    "USABLE_START_TIME",
+    "USABLE_STOP_TIME",
+    "INTERPOLATION",
+    "INTERPOLATION_METHOD",
+    "INTERPOLATION_DEGREE",
+    "COMMENT",
+];
 
 /// The metadata of one segment.
 #[derive(Clone, Copy)]
@@ -55,22 +74,48 @@ impl<'m> Metadata<'m> {
         Ok([begin, time("USEABLE_STOP_TIME")?.or(time("USABLE_STOP_TIME")?)])
     }
 
-    /// Refuses rows outside START_TIME and STOP_TIME: one of them is wrong.
-    pub(crate) fn check_times(&self, system: TimeSystem, first: Tai, last: Tai) -> Result<(), HistoryError> {
-        for (key, is_start) in [("START_TIME", true), ("STOP_TIME", false)] {
+    /// Refuses rows outside START_TIME and STOP_TIME: one of them is wrong. Returns a warning of rows that begin much later
+    /// or end much earlier.
+    pub(crate) fn check_times(&self, system: TimeSystem, rows_ns: &[i64]) -> Result<Option<String>, HistoryError> {
+        let mut stated = [Tai::from_ns(0); 2];
+        let ends = [rows_ns.first(), rows_ns.last()].map(|t_ns| Tai::from_ns(t_ns.copied().unwrap_or_default()));
+        for (place, key) in ["START_TIME", "STOP_TIME"].into_iter().enumerate() {
             let entry = self.needed(key)?;
             let at = system.read(entry.value).ok_or_else(|| self.refuse(entry, WANTED_EPOCH))?;
-            if if is_start { at > first } else { at < last } {
+            if if place == 0 { at > ends[0] } else { at < ends[1] } {
                 return Err(self.refuse(entry, "a time that lets every row of the segment be inside"));
             }
+            stated[place] = at;
         }
-        Ok(())
+        let line = self.source.line(self.segment.offset);
+        Ok(findings::shorter(&format!("the rows of the segment in line {line}"), rows_ns, stated))
+    }
+
+    /// Returns a warning of the keywords that its message does not have; one of a unit is refused.
+    pub(crate) fn unknown_keys(&self, known: &[&str]) -> Result<Option<String>, HistoryError> {
+        let is_known =
+            |entry: &&Entry<'_>| known.iter().chain(&KEYS).any(|known| entry.key.eq_ignore_ascii_case(known));
+        let mut unknown = self.segment.metadata.iter().filter(|entry| !is_known(entry)).peekable();
+        let Some(first) = unknown.peek() else { return Ok(None) };
+        let words = format!("{} = {}", first.key, first.value);
+        let line = self.source.line(first.offset);
+        if let Some(unit) = unknown.find(|entry| entry.key.to_ascii_uppercase().contains("UNIT")) {
+            return Err(
+                self.refuse(unit, "no such keyword: the units of the message are kilometres, seconds and degrees")
+            );
+        }
+        Ok(Some(format!("{words} (line {line}) is no keyword of this message: it is not used")))
     }
 
     /// Reads the optional name and degree of the interpolation, the name in capitals.
     pub(crate) fn interpolation(&self) -> Result<Option<Wanted<'m>>, HistoryError> {
         let Some(method) = self.find("INTERPOLATION_METHOD").or_else(|| self.find("INTERPOLATION")) else {
-            return Ok(None);
+            return match self.find("INTERPOLATION_DEGREE") {
+                None => Ok(None),
+                Some(entry) => {
+                    Err(self.refuse(entry, "the method too: INTERPOLATION (OEM) or INTERPOLATION_METHOD (AEM)"))
+                }
+            };
         };
         let degree = match self.find("INTERPOLATION_DEGREE") {
             None => None,

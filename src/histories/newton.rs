@@ -3,8 +3,8 @@
 //! Equation: divided differences; a node that has a derivative counts twice (Burden and Faires, Numerical Analysis,
 //! section 3.4). Nothing is allocated. Tests: polynomials of the degree are exact.
 
-/// Most nodes, doubled ones counted twice: degree 15.
-pub(crate) const MOST_NODES: usize = 16;
+/// Most nodes, doubled ones counted twice: degree 27, the highest of SPICE kernels (types 9 and 13 of SPK).
+pub(crate) const MOST_NODES: usize = 28;
 
 /// A polynomial in `N` components.
 pub(crate) struct Newton<const N: usize> {

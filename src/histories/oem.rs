@@ -3,11 +3,11 @@
 
 use crate::epoch::TimeSystem;
 use crate::error::{HistoryError, Source};
-use crate::message::{Kind, Message};
+use crate::findings;
+use crate::message::{Encoding, Kind, Message, Row};
 use crate::metadata::{Metadata, Wanted, numbers};
 use crate::orbit::{Centre, OrbitHistory, OrbitInterpolation, OrbitSegment, OrbitState, WANTED_CENTRE};
 use crate::reference_axes::{ReferenceAxes, WANTED_AXES};
-use base::time::Tai;
 use glam::DVec3;
 
 /// Reads an OEM.
@@ -17,6 +17,7 @@ pub(crate) fn read(source: &Source<'_>) -> Result<OrbitHistory, HistoryError> {
             return Err(source.whole(format!("version \"{}\"; wanted OEM version 1.0 to 3.0", message.version)));
         }
         let (mut notes, mut segments): (Vec<String>, Vec<OrbitSegment>) = (Vec::new(), Vec::new());
+        let mut warnings: Vec<String> = Vec::new();
         let mut who: Option<(Centre, Option<&str>)> = None;
         for segment in &message.segments {
             let metadata = Metadata { source: *source, segment };
@@ -27,12 +28,18 @@ pub(crate) fn read(source: &Source<'_>) -> Result<OrbitHistory, HistoryError> {
                 return Err(source.refuse(segment.offset, centre.name(), wanted));
             }
             who = Some(this);
-            segments.push(states(&metadata, &mut notes)?);
+            warnings.extend(metadata.unknown_keys(&["REF_FRAME", "REF_FRAME_EPOCH"])?);
+            segments.push(states(&metadata, &mut notes, &mut warnings)?);
         }
         let centre = who.map_or(Centre::Earth, |(centre, _)| centre);
         let fit = OrbitHistory::new(&message.format(Kind::Orbit), centre, segments);
         let mut history = fit.map_err(|error| source.whole(error.to_string()))?;
-        history.notes = notes;
+        history.notes.extend(notes);
+        if message.encoding == Encoding::Kvn {
+            let rows = message.segments.last().map_or(&[][..], |segment| segment.rows.as_slice());
+            warnings.extend(cut_in_a_number(source.text, rows));
+        }
+        history.warnings.extend(findings::first_of(warnings));
         let first = message.segments.first().map(|segment| Metadata { source: *source, segment });
         history.name = first.and_then(|metadata| metadata.value("OBJECT_NAME")).map(Into::into);
         Ok(history)
@@ -44,7 +51,24 @@ fn centre(metadata: &Metadata<'_>) -> Result<Centre, HistoryError> {
     Centre::of_name(entry.value).ok_or_else(|| metadata.refuse(entry, WANTED_CENTRE))
 }
 
-fn states(metadata: &Metadata<'_>, notes: &mut Vec<String>) -> Result<OrbitSegment, HistoryError> {
+/// Returns a warning of a last row without an end of its line, whose last number is shorter than in any other row: a
+/// message of lines has no mark of its end.
+fn cut_in_a_number(text: &str, rows: &[Row<'_>]) -> Option<String> {
+    let (last, others) = rows.split_last()?;
+    let length =
+        |row: &Row<'_>| row.text.split_whitespace().next_back().map_or(0, |word| word.trim_start_matches('-').len());
+    let shortest = others.iter().map(length).min()?;
+    let is_cut = !text.ends_with(['\n', '\r']) && length(last) < shortest;
+    is_cut.then(|| {
+        format!("the file ends in \"{}\", without an end of the line: it may be cut short in a number", last.text)
+    })
+}
+
+fn states(
+    metadata: &Metadata<'_>,
+    notes: &mut Vec<String>,
+    warnings: &mut Vec<String>,
+) -> Result<OrbitSegment, HistoryError> {
     let (source, segment) = (&metadata.source, metadata.segment);
     let system: TimeSystem = metadata.time_system()?;
     let entry = metadata.needed("REF_FRAME")?;
@@ -61,11 +85,15 @@ fn states(metadata: &Metadata<'_>, notes: &mut Vec<String>) -> Result<OrbitSegme
         Ok(OrbitState { t_ns: at.ns(), position_km, velocity_km_s })
     });
     let states = states.collect::<Result<Vec<OrbitState>, _>>()?;
-    if let (Some(first), Some(last)) = (states.first(), states.last()) {
-        metadata.check_times(system, Tai::from_ns(first.t_ns), Tai::from_ns(last.t_ns))?;
+    let times_ns: Vec<i64> = states.iter().map(|state| state.t_ns).collect();
+    if !times_ns.is_empty() {
+        warnings.extend(metadata.check_times(system, &times_ns)?);
     }
     let fit = OrbitSegment::new(states, method(metadata)?, metadata.usable_ns(system)?);
-    fit.map_err(|error| source.refuse(segment.offset, "this segment", &error.to_string()))
+    fit.map_err(|unfit| {
+        let row = unfit.row().and_then(|row| segment.rows.get(row - 1));
+        source.because(row.map_or(segment.offset, |row| row.offset), &unfit.to_string())
+    })
 }
 
 /// Returns the interpolation that the file asks for.

@@ -43,10 +43,27 @@ pub fn text_of(path: &Path) -> Result<String, HistoryError> {
     let file = path.display().to_string();
     let refuse = |why: String| HistoryError { file: file.clone(), line: None, why };
     let bytes = read_bytes(path, MOST_BYTES).map_err(|error| refuse(format!("cannot be opened: {error}")))?;
+    if let Some((by, unpack)) = packed_by(&bytes) {
+        return Err(refuse(format!("it is packed by {by}; wanted the file itself: unpack it by {unpack}")));
+    }
     String::from_utf8(bytes).map_err(|error| {
         let line = 1 + error.as_bytes()[..error.utf8_error().valid_up_to()].iter().filter(|b| **b == b'\n').count();
         HistoryError { file: file.clone(), line: Some(line), why: "got bytes that are not UTF-8, wanted text".into() }
     })
+}
+
+/// Returns the program that packed a file, and the one that unpacks it; `None` for a file that is not packed.
+fn packed_by(bytes: &[u8]) -> Option<(&'static str, &'static str)> {
+    const BEGINNINGS: [(&[u8], &str, &str); 6] = [
+        (b"\x1f\x8b", "gzip", "gunzip"),
+        (b"BZh", "bzip2", "bunzip2"),
+        (b"\xfd7zXZ", "xz", "unxz"),
+        (b"\x5d\0\0", "lzma", "unlzma"),
+        (b"\x28\xb5\x2f\xfd", "zstd", "unzstd"),
+        (b"PK\x03\x04", "zip", "unzip"),
+    ];
+    let found = BEGINNINGS.into_iter().find(|(begin, _, _)| bytes.starts_with(begin));
+    found.map(|(_, by, unpack)| (by, unpack))
 }
 
 /// Returns the first bytes of a file; `None` where it has fewer or cannot be read.
@@ -86,11 +103,24 @@ pub fn attitudes(file: &str, text: &str, sense: Option<Sense>) -> Result<Attitud
     if sense.is_some() && format != Format::Table {
         return Err(source.whole("a file that states its own frames; wanted no sense given for it: leave it out"));
     }
-    match format {
-        Format::Ccsds => aem::read(&source),
-        Format::Stk => stk_attitude::read(&source),
-        Format::Table => csv_attitude::read(&source, sense),
+    let mut history = match format {
+        Format::Ccsds => aem::read(&source)?,
+        Format::Stk => stk_attitude::read(&source)?,
+        Format::Table => csv_attitude::read(&source, sense)?,
+    };
+    history.find_gaps();
+    match history.contradiction() {
+        Some(why) => Err(source.whole(why)),
+        None => Ok(history),
     }
+}
+
+/// Reads the attitudes of a recorded run, also where its rates contradict them: a fault may have been commanded.
+///
+/// # Errors
+/// With the file, the line, what was got and what was wanted.
+pub fn recorded_attitudes(file: &str, text: &str) -> Result<AttitudeHistory, HistoryError> {
+    csv_attitude::read(&Source { file, text }, None)
 }
 
 /// Reads a text of an orbit: CSV, OEM (KVN or XML), STK `.e`.
@@ -99,9 +129,14 @@ pub fn attitudes(file: &str, text: &str, sense: Option<Sense>) -> Result<Attitud
 /// With the file, the line, what was got and what was wanted.
 pub fn orbit(file: &str, text: &str) -> Result<OrbitHistory, HistoryError> {
     let source = Source { file, text };
-    match format_of(text) {
-        Format::Ccsds => oem::read(&source),
-        Format::Stk => stk_ephemeris::read(&source),
-        Format::Table => csv_orbit::read(&source),
+    let mut history = match format_of(text) {
+        Format::Ccsds => oem::read(&source)?,
+        Format::Stk => stk_ephemeris::read(&source)?,
+        Format::Table => csv_orbit::read(&source)?,
+    };
+    history.find_gaps();
+    match history.contradiction() {
+        Some(why) => Err(source.whole(why)),
+        None => Ok(history),
     }
 }

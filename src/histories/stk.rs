@@ -1,4 +1,7 @@
 //! STK's text files: `stk.v.N`, one block of keywords, then rows up to its end. Remarks begin with `#`.
+//!
+//! A block `SegmentBoundaryTimes` inside says at which seconds nothing is interpolated across; rows of covariances, which
+//! follow those of the ephemeris, are passed over.
 
 use crate::attitude_methods::MOST_DEGREE;
 use crate::csv_table::COUNTED_NS;
@@ -16,45 +19,96 @@ pub(crate) struct Block<'a> {
     /// The keyword after which rows follow.
     pub(crate) rows_are: Entry<'a>,
     pub(crate) rows: Vec<Row<'a>>,
+    /// Seconds at which a segment ends and the next one begins.
+    boundaries_s: Vec<f64>,
+}
+
+/// Where in a file a line is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Place {
+    Outside,
+    Inside,
+    /// Among the seconds of segment boundaries.
+    Boundaries,
+    /// Among the rows of covariances.
+    Covariances,
 }
 
 impl<'a> Block<'a> {
     /// Takes the file's block of this name (`Attitude`, `Ephemeris`) apart; `count` is the keyword of its number of
     /// rows.
     pub(crate) fn read(source: &Source<'a>, name: &str, count: &str) -> Result<Self, HistoryError> {
-        let (mut keys, mut rows): (Vec<Entry<'a>>, Vec<Row<'a>>) = (Vec::new(), Vec::new());
-        let (mut rows_are, mut is_inside, mut is_ended, mut offset): (Option<Entry<'a>>, _, _, _) =
-            (None, false, false, 0);
+        let mut block = Self {
+            source: *source,
+            keys: Vec::new(),
+            rows_are: Entry { key: "", value: "", offset: 0 },
+            rows: Vec::new(),
+            boundaries_s: Vec::new(),
+        };
+        let (mut place, mut is_ended, mut offset) = (Place::Outside, false, 0);
         for whole in source.text.split_inclusive('\n') {
-            let (line, place) = (whole.trim_start_matches('\u{feff}').trim(), offset);
+            let (line, at) = (whole.trim_start_matches('\u{feff}').trim(), offset);
             offset += whole.len();
-            if line.is_empty() || line.starts_with('#') || (!is_inside && starts(line, "stk.")) {
+            if line.is_empty() || line.starts_with('#') || (place == Place::Outside && starts(line, "stk.")) {
                 continue;
             }
-            let (key, value) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
-            let entry = Entry { key, value: value.trim(), offset: place };
-            if starts(key, "BEGIN") || starts(key, "END") {
-                if !starts(entry.value, name) {
-                    return Err(source.refuse(place, line, &format!("one block, BEGIN {name}")));
-                }
-                (is_inside, is_ended) = (starts(key, "BEGIN"), starts(key, "END"));
-            } else if !is_inside {
-                return Err(source.refuse(place, line, &format!("BEGIN {name}")));
-            } else if rows_are.is_some() {
-                rows.push(Row { text: Cow::Borrowed(line), offset: place });
-            } else if starts(key, name) && starts(key.get(name.len()..).unwrap_or_default(), "Time") {
-                rows_are = Some(entry);
-            } else {
-                keys.push(entry);
-            }
+            place = block.take(line, at, place, name)?;
+            is_ended = place == Place::Outside;
         }
-        let rows_are = rows_are.ok_or_else(|| source.whole(format!("no rows; wanted a keyword {name}Time...")))?;
+        if block.rows_are.key.is_empty() {
+            return Err(source.whole(format!("no rows; wanted a keyword {name}Time...")));
+        }
         if !is_ended {
             return Err(source.refuse(offset, "the end of the file", &format!("END {name}: the file is cut short")));
         }
-        let block = Self { source: *source, keys, rows_are, rows };
         block.check_count(count)?;
         Ok(block)
+    }
+
+    /// Takes one line of the block of this name; returns where the next one is.
+    fn take(&mut self, line: &'a str, offset: usize, place: Place, name: &str) -> Result<Place, HistoryError> {
+        let (key, value) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
+        let entry = Entry { key, value: value.trim(), offset };
+        let is_of_boundaries = starts(entry.value, BOUNDARIES);
+        if starts(key, "BEGIN") || starts(key, "END") {
+            let wanted = || format!("one block, BEGIN {name}, with no other inside than BEGIN {BOUNDARIES}");
+            return match (starts(key, "BEGIN"), place) {
+                (true, Place::Outside) if starts(entry.value, name) => Ok(Place::Inside),
+                (true, Place::Inside) if is_of_boundaries => Ok(Place::Boundaries),
+                (false, Place::Boundaries) if is_of_boundaries => Ok(Place::Inside),
+                (false, Place::Inside | Place::Covariances) if starts(entry.value, name) => Ok(Place::Outside),
+                _ => Err(self.source.refuse(offset, line, &wanted())),
+            };
+        }
+        match place {
+            Place::Outside => return Err(self.source.refuse(offset, line, &format!("BEGIN {name}"))),
+            Place::Boundaries => {
+                let seconds = line.parse().map_err(|_| self.source.refuse(offset, line, "seconds of a boundary"))?;
+                self.boundaries_s.push(seconds);
+            }
+            Place::Covariances => {}
+            Place::Inside if starts(key, "Covariance") => return Ok(Place::Covariances),
+            Place::Inside if !self.rows_are.key.is_empty() => self.rows.push(Row { text: Cow::Borrowed(line), offset }),
+            Place::Inside if starts(key, name) && starts(key.get(name.len()..).unwrap_or_default(), "L") => {
+                let wanted = format!("{name}Time...: positions and velocities in inertial axes, no geodetic ones");
+                return Err(self.source.refuse(offset, line, &wanted));
+            }
+            Place::Inside if starts(key, name) && starts(key.get(name.len()..).unwrap_or_default(), "Time") => {
+                self.rows_are = entry;
+            }
+            Place::Inside if self.find(key).is_some() => {
+                return Err(self.source.refuse(offset, line, "each keyword once"));
+            }
+            Place::Inside => self.keys.push(entry),
+        }
+        Ok(place)
+    }
+
+    /// Returns the rows by segments: at a boundary one ends, and the next one begins with a row of the same time.
+    pub(crate) fn segments<S: Copy>(&self, states: &[S], epoch: Tai, time_ns: fn(&S) -> i64) -> Vec<Vec<S>> {
+        let boundaries_ns: Vec<i64> = self.boundaries_s.iter().map(|s| (epoch + Span::from_s(*s)).ns()).collect();
+        let is_same = |a: &S, b: &S| time_ns(a) != time_ns(b) || !boundaries_ns.contains(&time_ns(a));
+        states.chunk_by(is_same).map(<[S]>::to_vec).collect()
     }
 
     fn check_count(&self, count: &str) -> Result<(), HistoryError> {
@@ -112,6 +166,8 @@ impl<'a> Block<'a> {
         Ok((t_ns, values))
     }
 }
+
+const BOUNDARIES: &str = "SegmentBoundaryTimes";
 
 /// Returns whether a line begins so, whatever its capitals.
 fn starts(line: &str, begin: &str) -> bool {

@@ -46,8 +46,9 @@ pub(crate) fn read(source: &Source<'_>) -> Result<AttitudeHistory, HistoryError>
         (Some(_) | None, false) => AttitudeInterpolation::Slerp,
     };
     let unfit = |error: Unfit| source.whole(error.to_string());
-    let segment = AttitudeSegment::new(states, method, [None; 2]).map_err(unfit)?;
-    let mut history = AttitudeHistory::new("STK attitude", Times::Absolute, vec![segment]).map_err(unfit)?;
+    let segments = block.segments(&states, epoch, |state| state.t_ns).into_iter();
+    let segments = segments.map(|states| AttitudeSegment::new(states, method, [None; 2])).collect::<Result<_, _>>();
+    let mut history = AttitudeHistory::new("STK attitude", Times::Absolute, segments.map_err(unfit)?).map_err(unfit)?;
     history.notes.extend(axes.note().map(Into::into));
     Ok(history)
 }

@@ -1,6 +1,7 @@
 //! STK ephemeris files (`.e`): seconds, positions and velocities, in metres unless the file says kilometres.
 
 use crate::error::{HistoryError, Source};
+use crate::newton::MOST_NODES;
 use crate::orbit::{Centre, OrbitHistory, OrbitInterpolation, OrbitSegment, OrbitState, UnfitOrbit};
 use crate::stk::Block;
 use glam::DVec3;
@@ -32,8 +33,10 @@ pub(crate) fn read(source: &Source<'_>) -> Result<OrbitHistory, HistoryError> {
     });
     let states = states.collect::<Result<Vec<_>, HistoryError>>()?;
     let unfit = |error: UnfitOrbit| source.whole(error.to_string());
-    let segment = OrbitSegment::new(states, method(&block)?, [None; 2]).map_err(unfit)?;
-    let mut history = OrbitHistory::new("STK ephemeris", centre, vec![segment]).map_err(unfit)?;
+    let method = method(&block)?;
+    let segments = block.segments(&states, epoch, |state| state.t_ns).into_iter();
+    let segments = segments.map(|states| OrbitSegment::new(states, method, [None; 2])).collect::<Result<_, _>>();
+    let mut history = OrbitHistory::new("STK ephemeris", centre, segments.map_err(unfit)?).map_err(unfit)?;
     history.notes.extend(axes.note().map(Into::into));
     Ok(history)
 }
@@ -45,7 +48,12 @@ fn method(block: &Block<'_>) -> Result<OrbitInterpolation, HistoryError> {
     match (entry.value.to_ascii_lowercase().as_str(), samples_less_1) {
         ("lagrange", Some(degree)) => Ok(OrbitInterpolation::Lagrange(degree)),
         ("lagrange", None) => Ok(OrbitInterpolation::Lagrange(5)),
-        ("hermite", rows) if rows.unwrap_or(1) < 8 => Ok(OrbitInterpolation::Hermite { rows: rows.unwrap_or(1) + 1 }),
-        _ => Err(block.refuse(entry, "Lagrange, or Hermite with InterpolationSamplesM1 below 8")),
+        ("hermite", rows) if rows.unwrap_or(1) < MOST_NODES / 2 => {
+            Ok(OrbitInterpolation::Hermite { rows: rows.unwrap_or(1) + 1 })
+        }
+        _ => {
+            let wanted = format!("Lagrange, or Hermite with InterpolationSamplesM1 below {}", MOST_NODES / 2);
+            Err(block.refuse(entry, &wanted))
+        }
     }
 }

@@ -63,8 +63,8 @@ fn attitude_metadata(segment: &AttitudeSegment, header: &Header, is_first: bool)
     }
     let interpolation = match segment.method() {
         AttitudeInterpolation::Slerp => Some(("LINEAR", 1)),
-        AttitudeInterpolation::CubicHermite if with_rates => Some(("HERMITE", 3)),
-        AttitudeInterpolation::CubicHermite => None,
+        AttitudeInterpolation::CubicHermite | AttitudeInterpolation::ConstantRate if with_rates => Some(("HERMITE", 3)),
+        AttitudeInterpolation::CubicHermite | AttitudeInterpolation::ConstantRate => None,
         AttitudeInterpolation::Lagrange(degree) => Some(("LAGRANGE", degree)),
     };
     if let Some((method, degree)) = interpolation {
@@ -136,6 +136,7 @@ fn orbit_metadata(history: &OrbitHistory, segment: &OrbitSegment, header: &Heade
     let (method, degree) = match segment.method() {
         OrbitInterpolation::Hermite { rows } => ("HERMITE", 2 * rows - 1),
         OrbitInterpolation::Lagrange(degree) => ("LAGRANGE", degree),
+        OrbitInterpolation::Chebyshev => ("HERMITE", 3),
     };
     vec![
         ("OBJECT_NAME", header.object_name.clone()),

@@ -2,18 +2,18 @@
 //!
 //! Quaternions are scalar first and turn vectors of the reference axes into those of the instrument, as ours do;
 //! angular velocities are in the reference axes. Type 3: rows, and intervals within which they are interpolated, about
-//! a fixed axis at a constant rate. Type 2: intervals of constant rate. Type 1 has no attitude between its rows, and is
+//! a fixed axis at a constant rate. Type 2: intervals with the rate of their record, for any number of turns. Type 1 has no attitude between its rows, and is
 //! refused.
 
 use super::clock::SpacecraftClock;
 use super::daf::{Daf, Summary, whole};
-use super::{check_axes, chosen};
-use crate::attitude::{AttitudeHistory, AttitudeSegment, Times, is_slow_enough};
+use super::{axes_from_icrf, chosen};
+use crate::attitude::{AttitudeHistory, AttitudeSegment, Times, Unfit, is_slow_enough};
 use crate::attitude_methods::{AttitudeInterpolation, s_between};
 use crate::attitude_state::AttitudeState;
 use crate::error::{HistoryError, Source};
-use base::axes::{Body, COMPUTED_NORM_TOLERANCE, Icrf, Rotation};
-use glam::DVec3;
+use base::axes::{Body, Icrf, Rotation, WRITTEN_NORM_TOLERANCE};
+use glam::{DQuat, DVec3};
 
 /// Rows of a directory.
 const DIRECTORY: usize = 100;
@@ -28,10 +28,9 @@ pub(super) fn read(
     let numbers: Vec<i32> = daf.segments.iter().map(|segment| segment.integers[0]).collect();
     let instrument = chosen(&numbers, instrument, "instrument", source)?;
     let clock = clock_of(instrument)?;
-    let reader = Reader { clock: &clock, source };
     let mut segments = Vec::new();
     for summary in daf.segments.iter().filter(|summary| summary.integers[0] == instrument) {
-        check_axes(summary.integers[1], source)?;
+        let reader = Reader { clock: &clock, source, axes_from_icrf: axes_from_icrf(summary.integers[1], source)? };
         let words = daf.words(summary, source)?;
         let width = if summary.integers[3] != 0 { 7 } else { 4 };
         let found = match summary.integers[2] {
@@ -44,16 +43,21 @@ pub(super) fn read(
         };
         segments.extend(found);
     }
-    segments.sort_by_key(|segment| segment.usable_ns()[0]);
-    let mut history =
-        AttitudeHistory::new("SPICE CK", Times::Absolute, segments).map_err(|unfit| source.whole(unfit.to_string()))?;
+    let history = AttitudeHistory::layered("SPICE CK", Times::Absolute, &segments);
+    let mut history = history.map_err(|unfit| source.whole(unfit.to_string()))?;
     history.name = Some(instrument.to_string());
+    if clock.falling > 0 {
+        let words = "records of the clock are out of order: they are searched as CSPICE does";
+        history.notes.push(format!("{} {words}", clock.falling));
+    }
     Ok(history)
 }
 
 struct Reader<'a> {
     clock: &'a SpacecraftClock,
     source: &'a Source<'a>,
+    /// Those of the segment; `None` where they are those of ICRF.
+    axes_from_icrf: Option<DQuat>,
 }
 
 impl Reader<'_> {
@@ -85,7 +89,7 @@ impl Reader<'_> {
             let states = (first..last.max(first))
                 .map(|row| self.row(ticks[row], &records[row * width..][..width]))
                 .collect::<Result<_, _>>()?;
-            segments.push(self.segment(states, summary)?);
+            segments.extend(self.segment(states, AttitudeInterpolation::Slerp, summary)?);
         }
         Ok(segments)
     }
@@ -101,37 +105,41 @@ impl Reader<'_> {
         let interval = |place: usize| {
             let record = &records[8 * place..][..8];
             let (begin, end) = (starts[place], rest[place]);
-            let first = self.row(begin, &record[..7])?;
-            // The record's own rate of the clock, s per tick.
-            let turn_s = if record[7] > 0.0 { record[7] } else { self.clock.s_per_tick(begin) } * (end - begin);
+            let mut first = self.row(begin, &record[..7])?;
+            // The record's own rate of the clock, s per tick: with 0 the instrument does not turn (CSPICE's `cke02`).
+            let turn_s = record[7] * (end - begin);
             let last_at = self.instant(end)?;
             let by_clock_s = s_between(first.t_ns, last_at);
-            if last_at > first.t_ns && !(0.5 * by_clock_s..=2.0 * by_clock_s).contains(&turn_s) {
+            let is_still = record[7].abs() <= 0.0;
+            if last_at > first.t_ns && !is_still && !(0.5 * by_clock_s..=2.0 * by_clock_s).contains(&turn_s) {
                 return Err(self.source.whole(format!(
                     "the interval from tick {begin} has {turn_s} s by its own rate of the clock, and {by_clock_s} s by the \
                      clock kernel; wanted the same within a factor of 2: take the kernel that belongs to this file"
                 )));
             }
-            let rate = first.rate_rad_s.unwrap_or_default();
-            let last = AttitudeState {
-                t_ns: last_at,
-                body_from_icrf: first.body_from_icrf.rotated_by(rate * turn_s),
-                rate_rad_s: first.rate_rad_s,
-            };
-            self.segment(if last_at > first.t_ns { vec![first, last] } else { vec![first] }, summary)
+            if last_at <= first.t_ns {
+                return self.segment(vec![first], AttitudeInterpolation::ConstantRate, summary);
+            }
+            first.rate_rad_s = first.rate_rad_s.map(|rate| rate * (turn_s / by_clock_s));
+            let turn = first.rate_rad_s.unwrap_or_default() * by_clock_s;
+            let last = AttitudeState { t_ns: last_at, body_from_icrf: first.body_from_icrf.rotated_by(turn), ..first };
+            self.segment(vec![first, last], AttitudeInterpolation::ConstantRate, summary)
         };
-        (0..count).map(interval).collect()
+        (0..count).filter_map(|place| interval(place).transpose()).collect()
     }
 
     /// Returns one row: a quaternion, and perhaps an angular velocity in reference axes.
     fn row(&self, ticks: f64, record: &[f64]) -> Result<AttitudeState, HistoryError> {
         let quaternion = [record[0], record[1], record[2], record[3]];
-        let Some(body_from_icrf) = Rotation::<Body, Icrf>::from_wxyz(quaternion, COMPUTED_NORM_TOLERANCE) else {
+        let Some(body_from_axes) = Rotation::<Body, Icrf>::from_wxyz(quaternion, WRITTEN_NORM_TOLERANCE) else {
+            let wanted = format!("a unit one, within {WRITTEN_NORM_TOLERANCE}");
             return Err(self
                 .source
-                .whole(format!("the quaternion at tick {ticks} is {quaternion:?}; wanted a unit one")));
+                .whole(format!("the quaternion at tick {ticks} is {quaternion:?}; wanted {wanted}")));
         };
-        let rate_rad_s = record.get(4..7).map(|v| body_from_icrf.apply(DVec3::new(v[0], v[1], v[2])));
+        let rate_rad_s = record.get(4..7).map(|v| body_from_axes.apply(DVec3::new(v[0], v[1], v[2])));
+        let turned = |axes: DQuat| Rotation::from_quat(body_from_axes.quat() * axes);
+        let body_from_icrf = self.axes_from_icrf.map_or(body_from_axes, turned);
         if rate_rad_s.is_some_and(|rate| !is_slow_enough(rate)) {
             return Err(self.source.whole(format!(
                 "the angular velocity at tick {ticks} is above 1000 rad/s or no number; wanted that of a spacecraft"
@@ -146,10 +154,17 @@ impl Reader<'_> {
         self.clock.tai_ns(ticks).ok_or_else(refuse)
     }
 
-    fn segment(&self, states: Vec<AttitudeState>, summary: &Summary) -> Result<AttitudeSegment, HistoryError> {
+    /// Returns the segment of an interval; `None` for one outside of the bounds that the file states.
+    fn segment(
+        &self,
+        states: Vec<AttitudeState>,
+        method: AttitudeInterpolation,
+        summary: &Summary,
+    ) -> Result<Option<AttitudeSegment>, HistoryError> {
         let usable = summary.doubles.map(|ticks| self.clock.tai_ns(ticks));
-        // An interval outside of the segment's own bounds is none.
-        AttitudeSegment::new(states, AttitudeInterpolation::Slerp, usable)
-            .map_err(|unfit| self.source.whole(unfit.to_string()))
+        match AttitudeSegment::new(states, method, usable) {
+            Err(Unfit::NotUsable) => Ok(None),
+            found => found.map(Some).map_err(|unfit| self.source.whole(unfit.to_string())),
+        }
     }
 }

@@ -3,8 +3,8 @@
 //! A clock of type 1 gives for ranges of ticks the parallel time, in s after J2000, and its rate per count of the most
 //! significant field: `p + r (ticks - t) / ticks per count`. TDB - TT is `K sin E`, `E = M + EB sin M` (LSK).
 
-use super::text_kernel::TextKernel;
-use crate::error::{HistoryError, Source};
+use super::text_kernel::{TextKernel, find};
+use crate::error::HistoryError;
 use base::units::NS_PER_S;
 
 /// J2000.0 on the count of TT since 1970.
@@ -13,6 +13,9 @@ const J2000_TT_NS: i64 = (10_957 * 86_400 + 43_200) * NS_PER_S;
 const TT_LESS_TAI_NS: i64 = 32_184_000_000;
 /// Latest instant that is taken, s after J2000: the year 2250.
 const MOST_S: f64 = 7.9e9;
+
+/// One record in so many may be out of order.
+const FALLING_PART: usize = 100;
 
 /// TDB less TT.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,7 +29,7 @@ impl EarthTime {
     /// Returns the constants of a leap-second kernel, or the usual ones.
     pub(super) fn of(texts: &[TextKernel]) -> Self {
         let given = |name: &str, count: usize| {
-            let numbers = texts.iter().rev().find_map(|kernel| kernel.numbers(name));
+            let numbers = find(texts, name).map(|(values, _)| values.numbers.as_slice());
             numbers.filter(|numbers| numbers.len() == count && numbers.iter().all(|number| number.is_finite()))
         };
         Self {
@@ -67,53 +70,72 @@ pub(super) struct SpacecraftClock {
     /// Ticks, parallel time, rate.
     ranges: Vec<[f64; 3]>,
     earth: EarthTime,
+    /// Ranges that begin no later than the one before them.
+    pub(super) falling: usize,
 }
 
 impl SpacecraftClock {
-    /// Returns the clock of an instrument: that of the spacecraft with a thousandth of its number.
-    pub(super) fn of(
-        texts: &[TextKernel],
-        instrument: i32,
-        earth: EarthTime,
-        source: &Source<'_>,
-    ) -> Result<Self, HistoryError> {
+    /// Returns the clock of an instrument: that of the spacecraft with a thousandth of its number. Errors name the text
+    /// kernel at fault, and its line.
+    pub(super) fn of(texts: &[TextKernel], instrument: i32, earth: EarthTime) -> Result<Self, HistoryError> {
         let clock = if instrument <= -1000 { instrument / -1000 } else { -instrument };
-        let numbers = |name: &str| {
-            let name = format!("{name}_{clock}");
-            texts.iter().rev().find_map(|kernel| kernel.numbers(&name)).filter(|n| n.iter().all(|n| n.is_finite()))
+        let all: Vec<&str> = texts.iter().map(|kernel| kernel.file.as_str()).collect();
+        let all = if all.is_empty() { "no text kernel".to_owned() } else { all.join(", ") };
+        let found = |name: &str| find(texts, &format!("{name}_{clock}"));
+        let refuse = |name: &str, why: &str| {
+            let (file, line) = found(name).map_or((all.as_str(), None), |(values, file)| (file, Some(values.line)));
+            let why = format!("{why} {name}_{clock}; wanted the text kernel (SCLK) of this clock, whole");
+            HistoryError { file: file.to_owned(), line, why }
         };
-        let refuse = |why: String| source.whole(format!("{why}; wanted the text kernel (SCLK) of its clock beside it"));
-        let kind = numbers("SCLK_DATA_TYPE").ok_or_else(|| refuse(format!("no SCLK_DATA_TYPE_{clock}")))?;
-        if kind.first().is_none_or(|kind| (kind - 1.0).abs() > 0.0) {
-            return Err(refuse(format!("SCLK_DATA_TYPE_{clock} is not 1")));
+        let numbers = |name: &str| {
+            let (values, _) = found(name).ok_or_else(|| refuse(name, "no"))?;
+            let is_whole = !values.numbers.is_empty() && values.numbers.iter().all(|number| number.is_finite());
+            if is_whole { Ok(values.numbers.as_slice()) } else { Err(refuse(name, "values that are no numbers in")) }
+        };
+        let is_one_of = |value: f64, known: &[f64]| known.iter().any(|known| (value - known).abs() < 1e-9);
+        if !is_one_of(numbers("SCLK_DATA_TYPE")?[0], &[1.0]) {
+            return Err(refuse("SCLK_DATA_TYPE", "another type than 1 in"));
         }
-        let system = numbers("SCLK01_TIME_SYSTEM").and_then(|system| system.first()).copied().unwrap_or(1.0);
-        if ![1.0, 2.0].iter().any(|known| (system - known).abs() < 0.5) {
-            return Err(refuse(format!("SCLK01_TIME_SYSTEM_{clock} is {system}, neither TDB (1) nor TT (2)")));
+        let system = if found("SCLK01_TIME_SYSTEM").is_some() { numbers("SCLK01_TIME_SYSTEM")?[0] } else { 1.0 };
+        if !is_one_of(system, &[1.0, 2.0]) {
+            return Err(refuse("SCLK01_TIME_SYSTEM", "neither TDB (1) nor TT (2) in"));
         }
-        let moduli = numbers("SCLK01_MODULI").filter(|moduli| !moduli.is_empty());
-        let moduli = moduli.ok_or_else(|| refuse(format!("no SCLK01_MODULI_{clock}")))?;
-        let ticks_per_count: f64 = moduli.iter().skip(1).product();
-        let coefficients = numbers("SCLK01_COEFFICIENTS").filter(|c| !c.is_empty() && c.len() % 3 == 0);
-        let coefficients = coefficients.ok_or_else(|| refuse(format!("no SCLK01_COEFFICIENTS_{clock} in threes")))?;
+        let ticks_per_count: f64 = numbers("SCLK01_MODULI")?.iter().skip(1).product();
+        if ticks_per_count < 1.0 {
+            return Err(refuse("SCLK01_MODULI", "less than one tick in a count by"));
+        }
+        let coefficients = numbers("SCLK01_COEFFICIENTS")?;
         let ranges: Vec<[f64; 3]> = coefficients.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect();
-        if ticks_per_count < 1.0 || ranges.windows(2).any(|pair| pair[0][0] >= pair[1][0]) {
-            return Err(refuse(format!("moduli or coefficients of clock {clock} do not rise")));
+        if ranges.is_empty() || coefficients.len() % 3 != 0 {
+            return Err(refuse("SCLK01_COEFFICIENTS", "numbers that are not in threes in"));
         }
-        Ok(Self { ticks_per_count, is_tt: system > 1.5, ranges, earth })
+        let falling = ranges.windows(2).filter(|pair| pair[0][0] >= pair[1][0]).count();
+        if falling > 1 + ranges.len() / FALLING_PART {
+            return Err(refuse("SCLK01_COEFFICIENTS", "ticks that do not rise in"));
+        }
+        Ok(Self { ticks_per_count, is_tt: system > 1.5, ranges, earth, falling })
+    }
+
+    /// Returns the range that an instant is in, by the search of CSPICE, which finds its way past a record out of order.
+    fn range(&self, ticks: f64) -> Option<&[f64; 3]> {
+        let (mut lower, mut upper) = (0, self.ranges.len() - 1);
+        if ticks.is_nan() || ticks < self.ranges[0][0] {
+            return None;
+        }
+        if ticks >= self.ranges[upper][0] {
+            return self.ranges.get(upper);
+        }
+        while upper > lower + 1 {
+            let middle = usize::midpoint(lower, upper);
+            if ticks < self.ranges[middle][0] { upper = middle } else { lower = middle }
+        }
+        self.ranges.get(lower)
     }
 
     /// Returns TAI in ns since 1970; `None` before the clock's first range, and for ticks that are not finite.
     pub(super) fn tai_ns(&self, ticks: f64) -> Option<i64> {
-        let after = self.ranges.partition_point(|range| range[0] <= ticks);
-        let [from, time_s, rate] = *self.ranges.get(after.checked_sub(1)?)?;
+        let [from, time_s, rate] = *self.range(ticks)?;
         let since_s = (ticks - from) / self.ticks_per_count * rate;
         if self.is_tt { tai_ns_of_tt([time_s, since_s, 0.0]) } else { self.earth.tai_ns_of_tdb([time_s, since_s]) }
-    }
-
-    /// Returns the parallel seconds per tick at an instant.
-    pub(super) fn s_per_tick(&self, ticks: f64) -> f64 {
-        let after = self.ranges.partition_point(|range| range[0] <= ticks);
-        self.ranges[after.saturating_sub(1)][2] / self.ticks_per_count
     }
 }

@@ -2,12 +2,13 @@
 //!
 //! | kernel | taken |
 //! |---|---|
-//! | CK | types 2 and 3, relative to J2000; the attitudes of one instrument or spacecraft |
-//! | SPK | types 2, 3, 9 and 13, relative to J2000; one target about the Earth, the Moon, the Sun or the barycentre |
-//! | SCLK | type 1, its parallel time TDB or TT |
+//! | CK | types 2 and 3; the attitudes of one instrument or spacecraft |
+//! | SPK | types 2, 3, 9 and 13; one target about the Earth, the Moon, the Sun or the barycentre |
+//! | SCLK | type 1, its parallel time TDB or TT; dates count as their seconds |
 //! | LSK | the constants of TDB - TT; without one those of every kernel since 1984 |
 //!
-//! J2000 of SPICE is ICRF (NAIF, "Frames required reading"). Own readers, because `anise` has no CK and its licence is
+//! J2000 of SPICE is ICRF (NAIF, "Frames required reading"); B1950, MARSIAU and ECLIPJ2000 (2, 16 and 17) are turned by
+//! their constants. Where segments overlap, the one that is later in the file counts. Own readers, because `anise` has no CK and its licence is
 //! not one of ours, and the bindings of CSPICE need its C library. Formats: NAIF's required reading "DAF", "CK", "SPK",
 //! "SCLK", "Time", toolkit N0067. Kernels of either byte order; transfer files (`.xc`, `.xsp`) are refused. Tests:
 //! below, and `hil_scripts/test_spice.py` with CSPICE. Fuzzed: `tests/fuzz/targets/spice.rs`.
@@ -23,8 +24,10 @@ mod text_kernel;
 use crate::attitude::AttitudeHistory;
 use crate::error::{HistoryError, Source};
 use crate::orbit::OrbitHistory;
+use base::units::ARCSEC;
 use clock::{EarthTime, SpacecraftClock};
 use daf::Daf;
+use glam::{DQuat, DVec3};
 use text_kernel::TextKernel;
 
 /// A file by its name and its bytes.
@@ -56,7 +59,7 @@ pub fn attitudes(
     let daf = Daf::read(ck.bytes, "DAF/CK", &source)?;
     let texts = texts(text_kernels)?;
     let earth = EarthTime::of(&texts);
-    ck::read(&daf, &source, instrument, |instrument| SpacecraftClock::of(&texts, instrument, earth, &source))
+    ck::read(&daf, &source, instrument, |instrument| SpacecraftClock::of(&texts, instrument, earth))
 }
 
 /// Reads the orbit of an SPK file. `text_kernels` may hold leap seconds (LSK); `target` is its number, which may be
@@ -96,11 +99,23 @@ fn chosen(numbers: &[i32], wanted: Option<i32>, what: &str, source: &Source<'_>)
 
 /// Number of SPICE's J2000.
 const J2000: i32 = 1;
+/// Its other inertial frames: turns of the axes of J2000, arcsec about x, y or z, the last one first (CSPICE's `chgirf`).
+const FRAMES: [(i32, [(f64, DVec3); 3]); 3] = [
+    (2, [(1_152.842_485_967_24, DVec3::Z), (-1_002.261_084_391_17, DVec3::Y), (1_153.040_662_003_3, DVec3::Z)]),
+    (16, [(324_000.0, DVec3::Z), (133_610.4, DVec3::Y), (-152_348.4, DVec3::Z)]),
+    (17, [(84_381.448, DVec3::X), (0.0, DVec3::Y), (0.0, DVec3::Z)]),
+];
 
-/// Refuses other axes than ICRF.
-fn check_axes(axes: i32, source: &Source<'_>) -> Result<(), HistoryError> {
-    if axes == J2000 {
-        return Ok(());
+/// Returns the passive rotation from ICRF into the axes of this number; `None` for J2000, which needs none.
+fn axes_from_icrf(number: i32, source: &Source<'_>) -> Result<Option<DQuat>, HistoryError> {
+    if number == J2000 {
+        return Ok(None);
     }
-    Err(source.whole(format!("a segment is relative to frame {axes}; wanted 1, J2000: write it relative to J2000")))
+    let Some((_, turns)) = FRAMES.into_iter().find(|(known, _)| *known == number) else {
+        let known = "1 (J2000), 2 (B1950), 16 (MARSIAU) or 17 (ECLIPJ2000)";
+        return Err(source
+            .whole(format!("a segment is relative to frame {number}; wanted {known}: write it relative to J2000")));
+    };
+    let [a, b, c] = turns.map(|(arcsec, axis)| DQuat::from_axis_angle(axis, -arcsec * ARCSEC));
+    Ok(Some(a * b * c))
 }

@@ -105,7 +105,7 @@ fn an_orbit_is_read() {
     let state = orbit.at_ns(at(15.0)).unwrap();
     assert!((state.position_km - DVec3::new(7105.0, 1.0, 2.0)).length() < 0.02, "{state:?}");
     assert!(state.velocity_km_s.abs_diff_eq(DVec3::X * 7.0, 1e-6) && orbit.centre == crate::orbit::Centre::Earth);
-    for (integers, part) in [([-7, 3, 1, 13], "centre 3"), ([-7, 399, 17, 13], "frame 17"), ([-7, 399, 1, 5], "type 5")]
+    for (integers, part) in [([-7, 3, 1, 13], "centre 3"), ([-7, 399, 13, 13], "frame 13"), ([-7, 399, 1, 5], "type 5")]
     {
         let error = read(&daf("DAF/SPK", &[([1000.0, 1040.0], integers, words.clone())], true)).unwrap_err();
         assert!(error.starts_with("o.bsp: ") && error.contains(part), "{error}");
@@ -147,9 +147,9 @@ fn unreadable_kernels_are_refused_with_a_reason() {
         (changed(1024, 2.0), "list of segments is broken"),
         (changed(1024 + 16, 1e6), "list of segments is broken"),
         (changed(1024 + 16, 0.0), "no segment"),
-        (with(|s| s.1[1] = 17), "frame 17"),
+        (with(|s| s.1[1] = 13), "frame 13"),
         (with(|s| s.1[2] = 1), "type 1"),
-        (with(|s| s.2[0] = 2.0), "unit one"),
+        (with(|s| s.2[0] = 2.0), "a unit one, within 0.001"),
         (with(|s| *s.2.last_mut().unwrap() = 5.0), "counts of a segment"),
         (with(|s| *s.2.last_mut().unwrap() = f64::NAN), "counts of a segment"),
         (with(|s| s.2[16] = -5.0), "rows before the first interval"),
@@ -165,10 +165,11 @@ fn unreadable_kernels_are_refused_with_a_reason() {
         assert!(error.contains("by its own rate of the clock, and 2 s"), "{s_per_tick}: {error}");
     }
     for (texts, part) in [
-        (vec![], "SCLK_DATA_TYPE_7"),
+        (vec![], "no text kernel: no SCLK_DATA_TYPE_7"),
+        (vec![LSK], "a.t: no SCLK_DATA_TYPE_7"),
         (vec!["hello"], "not a text kernel"),
         (vec!["KPL/SCLK\n\\begindata\n5 6\n"], "a.t:3"),
-        (vec!["KPL/SCLK\n\\begindata\nSCLK_DATA_TYPE_7 = 2\n"], "is not 1"),
+        (vec!["KPL/SCLK\n\\begindata\nSCLK_DATA_TYPE_7 = 2\n"], "a.t:3: another type than 1"),
     ] {
         let error = read(&good, &texts).expect_err(part);
         assert!(error.contains(part), "{part}: {error}");
@@ -176,4 +177,158 @@ fn unreadable_kernels_are_refused_with_a_reason() {
     let two = daf("DAF/CK", &[type_3(), ([0.0, 1.0], [-8, 1, 3, 0], type_3().2)], true);
     let error = read(&two, &[SCLK]).expect_err("two instruments");
     assert!(error.contains("[-8, -7]"), "{error}");
+}
+
+#[test]
+fn a_record_of_type_2_turns_by_its_own_rate() {
+    // 24 deg/s for 60 s: four whole turns.
+    let with = |rate_rad_s: f64, s_per_tick: f64| {
+        let mut words = quaternion(0.4).to_vec();
+        words.extend([0.0, 0.0, rate_rad_s, s_per_tick, 0.0, 6000.0]);
+        read(&daf("DAF/CK", &[([0.0, 6000.0], [-7, 1, 2, 1], words)], true), &[SCLK])
+    };
+    let rate_rad_s = 24_f64.to_radians();
+    let history = with(rate_rad_s, 0.01).unwrap();
+    for t_s in [0.0, 10.0, 37.5, 60.0] {
+        let motion = history.at_ns(at(t_s)).unwrap();
+        let wanted = Rotation::IDENTITY.rotated_by(DVec3::Z * (0.4 + rate_rad_s * t_s));
+        assert!(motion.body_from_icrf.rotation_vector_to(&wanted).length() < 1e-9, "{t_s} s");
+        assert!((motion.rate_rad_s - DVec3::Z * rate_rad_s).length() < 1e-12);
+    }
+    assert!((history.motion_limits()[0] - rate_rad_s).abs() < 1e-12);
+    // A clock's rate of 0 is one by which nothing turns.
+    let still = with(rate_rad_s, 0.0).unwrap().at_ns(at(30.0)).unwrap();
+    assert!(still.body_from_icrf.rotation_vector_to(&Rotation::IDENTITY.rotated_by(DVec3::Z * 0.4)).length() < 1e-9);
+    assert!(with(rate_rad_s, 0.03).unwrap_err().contains("by its own rate of the clock"), "control");
+}
+
+#[test]
+fn the_segment_that_is_later_in_the_file_counts() {
+    let rows = |angle_rad: f64, from: f64, until: f64| -> Segment {
+        let mut words: Vec<f64> = [angle_rad; 2].into_iter().flat_map(quaternion).collect();
+        words.extend([from, until, from, 1.0, 2.0]);
+        ([from, until], [-7, 1, 3, 0], words)
+    };
+    let [long, short] = [rows(0.1, 0.0, 10_000.0), rows(0.2, 3000.0, 7000.0)];
+    let angles = |segments: &[Segment]| {
+        let history = read(&daf("DAF/CK", segments, true), &[SCLK]).unwrap();
+        [20.0, 50.0, 80.0].map(|t_s| {
+            let z = history.at_ns(at(t_s)).unwrap().body_from_icrf;
+            (Rotation::IDENTITY.rotation_vector_to(&z).z * 10.0).round()
+        })
+    };
+    assert_eq!(angles(&[long.clone(), short.clone()]), [1.0, 2.0, 1.0]);
+    assert_eq!(angles(&[short, long]), [1.0, 1.0, 1.0], "control: the order counts");
+    let flight = |x_km: f64, from_s: f64, until_s: f64| -> Segment {
+        let mut words = vec![x_km, 0.0, 0.0, 0.0, 0.0, 0.0, x_km, 0.0, 0.0, 0.0, 0.0, 0.0];
+        words.extend([from_s, until_s, 1.0, 2.0]);
+        ([from_s, until_s], [-7, 399, 1, 13], words)
+    };
+    let file = daf("DAF/SPK", &[flight(7000.0, 1000.0, 1100.0), flight(8000.0, 1030.0, 1070.0)], true);
+    let orbit = orbit(KernelFile { file: "o.bsp", bytes: &file }, &[], None).unwrap();
+    let x_km = [20.0, 50.0, 80.0].map(|t_s| orbit.at_ns(at(t_s)).unwrap().position_km.x.round());
+    assert_eq!(x_km, [7000.0, 8000.0, 7000.0]);
+}
+
+#[test]
+fn rounded_quaternions_are_read_and_made_unit_ones() {
+    let mut segment = type_3();
+    segment.2.iter_mut().take(16).for_each(|number| *number = (*number * 1e4).round() * 1e-4);
+    let history = read(&daf("DAF/CK", &[segment], true), &[SCLK]).unwrap();
+    let turned = history.at_ns(at(1.0)).unwrap().body_from_icrf;
+    assert!((turned.quat().length() - 1.0).abs() < 1e-15);
+    assert!(turned.rotation_vector_to(&Rotation::IDENTITY.rotated_by(DVec3::Z * 0.1)).length() < 2e-4);
+}
+
+#[test]
+fn constant_frames_are_those_of_cspice() {
+    /// `spiceypy.pxform("J2000", name, 0)`, CSPICE N0067: first and second row.
+    const ROWS: [(i32, [[f64; 3]; 2]); 3] = [
+        (
+            2,
+            [
+                [0.9999257079523629, 0.01117893812642769, 0.0048590038414544285],
+                [-0.011178938137770135, 0.9999375133499887, -2.7157926258510777e-05],
+            ],
+        ),
+        (
+            16,
+            [[0.673257747460025, 0.739407874914146, 0.0], [-0.5896308378262533, 0.536880310821634, 0.6034028562547383]],
+        ),
+        (17, [[1.0, 0.0, 0.0], [0.0, 0.9174820620691818, 0.3977771559319137]]),
+    ];
+    let source = Source { file: "a.bc", text: "" };
+    for (number, rows) in ROWS {
+        let axes = axes_from_icrf(number, &source).unwrap().unwrap();
+        for (row, axis) in rows.into_iter().zip([DVec3::X, DVec3::Y]) {
+            let got = axes.conjugate() * axis;
+            assert!((got - DVec3::from_array(row)).length() < 1e-15, "frame {number}: {got}");
+        }
+        let mut segment = type_3();
+        segment.1[1] = number;
+        let first = read(&daf("DAF/CK", &[segment], true), &[SCLK]).unwrap().at_ns(at(0.0)).unwrap();
+        assert!(first.body_from_icrf.quat().dot(axes).abs() > 1.0 - 1e-15, "the first attitude is that of the frame");
+    }
+    assert_eq!(axes_from_icrf(1, &source).unwrap(), None);
+}
+
+#[test]
+fn one_record_out_of_order_is_searched_as_cspice_does() {
+    let rows: Vec<[f64; 3]> = (0..8).map(|i| [1e4 * f64::from(i), 1000.0 + 100.0 * f64::from(i), 1.0]).collect();
+    let text = |falls: &[usize]| {
+        let mut rows = rows.clone();
+        falls.iter().for_each(|place| rows[*place][0] -= 1.5e4);
+        let rows: String = rows.iter().map(|[a, b, c]| format!("{a} {b} {c}\n")).collect();
+        format!(
+            "\\begindata\nSCLK_DATA_TYPE_7 = 1\nSCLK01_TIME_SYSTEM_7 = 2\nSCLK01_MODULI_7 = ( 1 100 )\nSCLK01_COEFFICIENTS_7 = ( {rows} )\n"
+        )
+    };
+    let [plain, one, two] =
+        [&[][..], &[5], &[3, 6]].map(|falls| read(&daf("DAF/CK", &[type_3()], true), &[&text(falls)]));
+    let notes = |history: Result<AttitudeHistory, String>| history.unwrap().notes;
+    assert!(notes(plain).is_empty());
+    assert!(notes(one)[0].contains("1 records of the clock are out of order"));
+    assert!(two.unwrap_err().contains("a.t:5: ticks that do not rise"));
+}
+
+#[test]
+fn a_record_of_a_high_degree_is_evaluated_as_it_is() {
+    // x = 7000 + T27(u), over 6000 s: T27(cos a) = cos 27 a.
+    let mut words = vec![4000.0, 3000.0, 7000.0];
+    words.extend([0.0; 26]);
+    words.push(1.0);
+    words.extend([0.0; 56]);
+    words.extend([1000.0, 6000.0, 86.0, 1.0]);
+    let file = daf("DAF/SPK", &[([1000.0, 7000.0], [-7, 399, 1, 2], words)], true);
+    let orbit = orbit(KernelFile { file: "o.bsp", bytes: &file }, &[], None).unwrap();
+    let zero_s = 0.5e-9 * (orbit.span_ns()[0] + orbit.span_ns()[1]) as f64;
+    for step in -49..50 {
+        let u = f64::from(step) / 50.0;
+        let t_ns = ((zero_s + 3000.0 * u) * 1e9) as i64;
+        let state = orbit.at_ns(t_ns).unwrap();
+        let (angle, sin) = (u.acos(), (1.0 - u * u).sqrt());
+        let off_km = state.position_km.x - 7000.0 - (27.0 * angle).cos();
+        let off_km_s = state.velocity_km_s.x - 27.0 * (27.0 * angle).sin() / sin / 3000.0;
+        assert!(off_km.abs() < 1e-6 && off_km_s.abs() < 1e-6, "{u}: {off_km} km, {off_km_s} km/s");
+    }
+    assert_eq!(orbit.interpolation_error(), Some([0.0; 2]));
+}
+
+#[test]
+fn windows_that_are_too_wide_are_refused_with_their_rows() {
+    let with = |kind: i32, number: f64| {
+        let mut words: Vec<f64> =
+            (0..40).flat_map(|i| [7000.0 + 70.0 * f64::from(i), 1.0, 2.0, 7.0, 0.0, 0.0]).collect();
+        words.extend((0..40).map(|i| 1000.0 + 10.0 * f64::from(i)));
+        words.extend([number, 40.0]);
+        let file = daf("DAF/SPK", &[([1000.0, 1390.0], [-7, 399, 1, kind], words)], true);
+        orbit(KernelFile { file: "o.bsp", bytes: &file }, &[], None).map_err(|error| error.to_string())
+    };
+    assert_eq!(
+        with(13, 9.0).unwrap().segments()[0].method().to_string(),
+        "Hermite of degree 19 (positions and velocities)"
+    );
+    assert!(with(13, 14.0).unwrap_err().contains("windows of 15 rows; wanted at most 14 (degree 27)"));
+    assert!(with(9, 27.0).is_ok());
+    assert!(with(9, 28.0).unwrap_err().contains("degree 28; wanted at most 27"));
 }

@@ -61,7 +61,7 @@ fn derivatives_of_angles_and_body_rates_are_the_rate_of_the_attitude() {
     assert!((given - rate).length() < 1e-8 * rate.length(), "{given} and {rate}");
     assert!((given + rate).length() > rate.length(), "control: its sign");
     let [x, y, z] = given.to_array().map(f64::to_degrees);
-    let rows = [format!("30 40 50 {x} {y} {z}"), format!("31 40 50 {x} {y} {z}")];
+    let rows = [format!("30 40 50 {x} {y} {z}"), format!("30 40 50 {} {} {}", -x, -y, -z)];
     let keys = "EULER_ROT_SEQ = ZXZ\nANGVEL_FRAME = SC_BODY_1\n";
     let same = state(&message("EULER_ANGLE/ANGVEL", keys, [&rows[0], &rows[1]])).rate_rad_s.unwrap();
     assert!((same - given).length() < 1e-14, "{same}");

@@ -2,10 +2,12 @@
 
 mod aem_rows;
 mod attitude;
+mod contradictions;
 mod files;
 mod orbit;
 mod refusals;
 mod round_trips;
+mod statements;
 
 use crate::{AttitudeHistory, AttitudeState, OrbitHistory, read};
 use base::axes::{Body, Icrf, Rotation};

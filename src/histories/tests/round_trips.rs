@@ -79,8 +79,8 @@ fn orbits_survive_every_format() {
     let zero = utc("2026-03-01T00:00:00Z").ns();
     let state = |i: i64| OrbitState {
         t_ns: zero + i * 10_000_000_123,
-        position_km: DVec3::new(7000.1 + i as f64, -12.3, 1e-7),
-        velocity_km_s: DVec3::new(0.1, 7.5, -0.3),
+        position_km: DVec3::new(7000.1 + i as f64, 5.0 * i as f64 - 12.3, 1e-7 - 3.0 * i as f64),
+        velocity_km_s: DVec3::new(0.1, 0.5, -0.3),
     };
     for centre in [Centre::Earth, Centre::Moon, Centre::Sun] {
         let history = OrbitHistory::of_states(centre, (0..5).map(state).collect()).unwrap();
