@@ -19,6 +19,7 @@
 //! and `Time(MJD-OBS)` agree to 2 us, `Unit(BUNIT)` parses, and zlib gives the same CRC-32 as `PIXCRC32` and
 //! `frames.csv`.
 
+pub mod array;
 pub mod card;
 mod checksum;
 mod compressed;
@@ -29,11 +30,12 @@ pub mod read;
 mod rice;
 mod wcs_cards;
 
+pub use array::FitsImage;
 pub use card::{Header, Value};
 pub use compressed::write_compressed_frame;
 pub use image::{Pixels, write_image};
 pub use keywords::{write_electrons, write_frame};
-pub use read::{FitsImage, read_image};
+pub use read::read_image;
 
 /// Files are made of blocks of this many bytes.
 const BLOCK_BYTES: usize = 2880;

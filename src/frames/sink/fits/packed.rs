@@ -2,10 +2,10 @@
 //!
 //! In: the header of the table and its bytes. Out: the image as it was before. Files of this program and of `fpack`, `CFITSIO`,
 //! astropy with integers by `RICE_1`, tiles of any shape. Source: FITS standard 4.0, section 10. Tests: below; a file of
-//! astropy in `tests/night_sky`.
+//! astropy in `hil_scripts/test_compare.py`.
 
+use super::array::{FitsImage, OwnedPixels, Scale, axis, bad, ended};
 use super::card::Header;
-use super::read::{FitsImage, OwnedPixels, Scale, axis, bad, ended};
 use super::rice::{Coding, decode};
 use crate::sink::SinkError;
 use std::io::Read;
