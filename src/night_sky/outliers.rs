@@ -12,8 +12,9 @@ use serde::Serialize;
 
 /// Spreads from which a star is an outlier.
 pub const OUTLYING: f64 = 4.0;
-/// Least spreads, px along both axes together and mag: what fits and measurements leave.
-const FLOORS: [f64; 2] = [0.03, 0.03];
+/// Least spreads, px along both axes together and mag: half of the fixed limits. A star that is off by less than four times as
+/// much does not decide alone.
+const FLOORS: [f64; 2] = [0.075, 0.075];
 /// Rms length of a Gaussian's two coordinates over the median length: `1 / sqrt(ln 2)`.
 const RMS_OF_MEDIAN: f64 = 1.2011;
 /// Most stars of the list besides the outliers.

@@ -29,6 +29,8 @@ pub fn verdict(compared: &[Compared]) -> String {
 
 /// Returns what one image fails, and what limits it.
 fn reasons(one: &Comparison) -> String {
-    let limits: Vec<String> = one.limited_by.iter().map(|words| format!("limited by {words}")).collect();
-    one.failures.iter().chain(&limits).map(String::as_str).collect::<Vec<_>>().join("; ")
+    // Noise explains no failure of an image whose places are within their limit.
+    let is_cause = |words: &&String| !words.starts_with("noise") || one.centroid_robust_px > one.centroid_limit_px;
+    let limits = one.limited_by.iter().filter(is_cause).map(|words| format!("limited by {words}"));
+    one.failures.iter().cloned().chain(limits).collect::<Vec<_>>().join("; ")
 }
