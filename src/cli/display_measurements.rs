@@ -10,7 +10,7 @@ use base::input_file::{DATA_BYTES, InputFile};
 use base::time::Tai;
 use config::Camera;
 use frames::sink::fits::FitsImage;
-use frames::sink::fits::read::OwnedPixels;
+use frames::sink::fits::array::OwnedPixels;
 use outputs::display::calibration::measurement::read_csv;
 use outputs::display::calibration::spots::{FrameScale, sights_of_frame};
 use outputs::display::calibration::{Pattern, Plan, Sight};

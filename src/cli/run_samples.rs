@@ -98,7 +98,7 @@ fn shrunk(image: &FitsImage, shrink: usize) -> DnImage {
 mod tests {
     use super::*;
     use frames::sink::fits::Header;
-    use frames::sink::fits::read::OwnedPixels;
+    use frames::sink::fits::array::OwnedPixels;
 
     #[test]
     fn brightest_of_each_block_is_kept_also_at_the_edge() {

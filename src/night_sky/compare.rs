@@ -1,22 +1,20 @@
 //! One real frame and a camera file -> attitude, fitted camera, drawn frame, figures.
 //!
-//! The order of the fits: detections -> attitude -> geometry -> PSF -> geometry again -> noise -> background and
-//! vignetting -> zero point and colour. Then the camera file is written, read again, and drawn: the figures are those
-//! of the file.
+//! Detections -> attitude -> the fits ([`crate::fit`]). Then the camera file is written, read again, and drawn: the figures are
+//! those of the file.
 
 use crate::camera_text;
 use crate::detect::{self, Detection};
 use crate::draw::{Drawn, draw};
 use crate::error::CompareError;
-use crate::field::{FieldStar, TIE_SNR, clipped, on_image, rms_of, ties_of_detections, ties_of_spots};
+use crate::field::{FieldStar, on_image};
 use crate::figures::{self, Pair};
 use crate::fitted::Fitted;
-use crate::geometry::{Freedom, Geometry, Tie};
-use crate::light_fit::{self, FittedLight, LitStar};
+use crate::geometry::Geometry;
+use crate::limiting;
 use crate::measure::{PixelNoise, Plate, Spot, measure};
-use crate::picture::Picture;
-use crate::psf_fit;
-use crate::read;
+use crate::picture::{Flip, Picture};
+use crate::read::{self, ImageFile};
 use crate::result::{Comparison, conclude};
 use crate::sky_stars::{SkyStar, When, of_field, seen};
 use crate::solve::{BrightSky, LEAST_MATCHES, SCALE_TOLERANCES};
@@ -24,8 +22,7 @@ use crate::stamp::Stamp;
 use base::axes::{Icrf, Rotation, Sensor, ra_dec_roll};
 use base::time::Tai;
 use config::{Camera, Document};
-use glam::{DVec2, DVec3};
-use plan::optics::Illumination;
+use glam::DVec3;
 use run::wiring::camera_parts::camera_params;
 use sky::astrometry::{ApparentPlaces, BrownConrady};
 use stars::Sky;
@@ -34,8 +31,6 @@ use std::path::{Path, PathBuf};
 
 /// Seed of the drawn frames.
 const SEED: u64 = 1;
-/// How near a detection must be to a star of the catalog to be it, px, one step after the other.
-const MATCH_PX: [f64; 3] = [4.0, 2.0, 1.5];
 /// Memory of stars, MiB.
 const STAR_MEMORY_MB: u32 = 256;
 
@@ -48,6 +43,8 @@ pub struct Options {
     pub is_ground: bool,
     /// The attitude to draw with, in place of the fitted one: only where it is right do the frames agree.
     pub attitude: Option<Rotation<Sensor, Icrf>>,
+    /// The images are turned over before they are compared.
+    pub flip: Option<Flip>,
     /// Layers of stars in place of the built-in catalog.
     pub layers: Vec<PathBuf>,
 }
@@ -57,13 +54,29 @@ pub struct Comparer {
     pub(crate) camera: Camera,
     text: String,
     path: PathBuf,
-    options: Options,
-    start: Geometry,
-    params: scene::camera::CameraParams,
+    pub(crate) options: Options,
+    pub(crate) start: Geometry,
+    pub(crate) params: scene::camera::CameraParams,
     sky: Sky,
     when: When,
     places: ApparentPlaces,
     bright: BrightSky,
+}
+
+/// An image as it is compared, with its background and its stars.
+struct Frame {
+    real: Picture,
+    surface: Vec<f32>,
+    found: Vec<Detection>,
+    flip: Option<Flip>,
+}
+
+impl Frame {
+    fn of(real: Picture, flip: Option<Flip>) -> Self {
+        let surface = detect::background(&real);
+        let found = detect::detections(&real, &surface);
+        Self { real, surface, found, flip }
+    }
 }
 
 /// Everything about one frame, for reports.
@@ -131,47 +144,65 @@ impl Comparer {
     /// # Errors
     /// When the file cannot be read, no attitude is found, or a fit fails.
     pub fn compare(&self, path: &Path) -> Result<Compared, CompareError> {
-        let detector = &self.params.detector;
-        let real = read::read(path, self.params.output().size_px, detector.bits)?;
-        let surface = detect::background(&real);
-        let found = detect::detections(&real, &surface);
-        if found.len() < LEAST_MATCHES {
-            return Err(CompareError::FewStars { path: path.into(), got: found.len(), wanted: LEAST_MATCHES });
-        }
-        let solved = self.solve(path, &found)?;
-        let fitted = self.fit(path, &real, &surface, &found, solved)?;
-        self.compare_fitted(path, real, &surface, &found, &fitted)
+        let file = read::read(path, self.params.output().size_px, self.params.detector.bits)?;
+        let (frame, solved) = self.recognised(path, &file)?;
+        let fitted = self.fit(path, &frame.real, &frame.surface, &frame.found, solved)?;
+        self.compare_fitted(path, frame, &fitted)
     }
 
-    /// Finds the attitude.
-    fn solve(&self, path: &Path, found: &[Detection]) -> Result<Geometry, CompareError> {
-        let directed = |mirrored: bool| -> Vec<(Detection, DVec3)> {
-            let flip = self.params.geometry.width_px() as f64 - 1.0;
-            let of = |one: &Detection| {
-                let px = if mirrored { [flip - one.px[0], one.px[1]] } else { one.px };
-                self.params.geometry.unproject(px).map(|direction| (Detection { px, ..*one }, direction))
-            };
-            found.iter().filter_map(of).collect()
-        };
-        let stars = directed(false);
+    /// Finds the attitude; an image whose order of rows is open is tried both ways.
+    fn recognised(&self, path: &Path, file: &ImageFile) -> Result<(Frame, Geometry), CompareError> {
+        let flip = self.options.flip;
+        let given = Frame::of(flip.map_or_else(|| file.picture.clone(), |flip| file.picture.flipped(flip)), flip);
+        if given.found.len() < LEAST_MATCHES {
+            return Err(CompareError::FewStars { path: path.into(), got: given.found.len(), wanted: LEAST_MATCHES });
+        }
+        let mut frames = vec![given];
+        if flip.is_none() && file.is_row_order_open {
+            frames.push(Frame::of(file.picture.flipped(Flip::Rows), Some(Flip::Rows)));
+        }
         for tolerance in SCALE_TOLERANCES {
-            if let Some((geometry, _)) = self.bright.solve(&self.start, &stars, tolerance) {
-                return Ok(geometry);
+            for place in 0..frames.len() {
+                if let Some(geometry) = self.solve(&frames[place].found, false, tolerance) {
+                    return Ok((frames.swap_remove(place), geometry));
+                }
             }
         }
-        let is_mirrored = self.bright.solve(&self.start, &directed(true), SCALE_TOLERANCES[0]).is_some();
-        let hint = if is_mirrored { "; mirrored left to right they do: turn the image over" } else { "" };
-        Err(CompareError::NoAttitude {
+        Err(self.without_attitude(path, &frames[0]))
+    }
+
+    /// Finds the attitude; of the detections with left and right exchanged where `is_mirrored`.
+    fn solve(&self, found: &[Detection], is_mirrored: bool, tolerance: f64) -> Option<Geometry> {
+        let last = self.params.geometry.width_px() as f64 - 1.0;
+        let directed = |one: &Detection| {
+            let px = if is_mirrored { [last - one.px[0], one.px[1]] } else { one.px };
+            self.params.geometry.unproject(px).map(|direction| (Detection { px, ..*one }, direction))
+        };
+        let stars: Vec<(Detection, DVec3)> = found.iter().filter_map(directed).collect();
+        self.bright.solve(&self.start, &stars, tolerance).map(|(geometry, _)| geometry)
+    }
+
+    /// Returns why no attitude is found: a mirrored image has another cause than a wrong focal length.
+    fn without_attitude(&self, path: &Path, frame: &Frame) -> CompareError {
+        if SCALE_TOLERANCES.into_iter().any(|tolerance| self.solve(&frame.found, true, tolerance).is_some()) {
+            let advice = match self.options.flip {
+                Some(_) => "leave --flip out",
+                None => {
+                    "give --flip rows where its first row is the bottom one, --flip columns where left and right are exchanged"
+                }
+            };
+            return CompareError::Mirrored { path: path.into(), stars: frame.found.len(), advice };
+        }
+        CompareError::NoAttitude {
             path: path.into(),
-            stars: stars.len(),
+            stars: frame.found.len(),
             focal_mm: self.camera.optics.focal_length_mm,
             tolerance_percent: 100.0 * SCALE_TOLERANCES[1],
-            hint,
-        })
+        }
     }
 
     /// Returns the stars on the image, brightest first; stars that the image cannot separate as one.
-    fn field(&self, path: &Path, geometry: &Geometry) -> Result<Vec<FieldStar>, CompareError> {
+    pub(crate) fn field(&self, path: &Path, geometry: &Geometry) -> Result<Vec<FieldStar>, CompareError> {
         let axis = geometry.attitude.inverse().apply(DVec3::Z);
         let radius = 1.05 * self.params.geometry.half_diagonal_rad() + 0.002;
         let stars = of_field(&self.sky, &self.places, axis, radius).map_err(|error| CompareError::Part {
@@ -183,7 +214,7 @@ impl Comparer {
     }
 
     /// Returns the noise by the camera file.
-    fn noise(&self) -> PixelNoise {
+    pub(crate) fn noise(&self) -> PixelNoise {
         let detector = &self.params.detector;
         PixelNoise {
             gain_e_per_dn: detector.gain_e_per_dn,
@@ -193,125 +224,8 @@ impl Comparer {
         }
     }
 
-    fn fit(
-        &self,
-        path: &Path,
-        real: &Picture,
-        surface: &[f32],
-        found: &[Detection],
-        solved: Geometry,
-    ) -> Result<Fitted, CompareError> {
-        let refuse = |what, why: &str| CompareError::Fit { path: path.into(), what, why: why.into() };
-        let cells = light_fit::photon_transfer(real);
-        let prnu = self.params.detector.prnu;
-        let (noise, transfer) = light_fit::noise(&cells, &self.noise(), prnu);
-        let mut geometry = solved;
-        for radius_px in MATCH_PX {
-            let ties = self.ties_of_detections(path, &geometry, found, radius_px)?;
-            geometry = geometry
-                .fitted(&ties, Freedom::Distortion)
-                .ok_or_else(|| refuse("the geometry", "too few stars"))?
-                .geometry;
-        }
-        let sigma_px = self.params.psf.core_sigma_px();
-        let mut stamp = Stamp::of(&plan::optics::PsfModel::gaussian(sigma_px.clamp(0.4, 3.0)));
-        let plate = Plate { picture: real, background: surface, noise };
-        let mut psf = None;
-        let (mut focal_error_px, mut stretch_error, mut rms_without_air_px) = (0.0, 0.0, f64::NAN);
-        for _ in 0..2 {
-            let field = self.field(path, &geometry)?;
-            let places: Vec<[f64; 2]> = field.iter().map(|one| one.px).collect();
-            let spots = measure(&plate, &stamp, &places);
-            let present: Vec<Spot> = spots.iter().flatten().copied().collect();
-            psf = psf_fit::fit(&plate, &present, sigma_px.clamp(0.4, 3.0));
-            if let Some(fitted) = &psf {
-                stamp = fitted.stamp.clone();
-            }
-            let spots = measure(&plate, &stamp, &places);
-            let ties = ties_of_spots(&field, &spots);
-            let plain = clipped(&geometry, &ties, Freedom::Distortion)
-                .ok_or_else(|| refuse("the geometry", "too few bright stars"))?;
-            rms_without_air_px = rms_of(&plain.geometry, &ties);
-            let full = if self.options.is_ground { clipped(&geometry, &ties, Freedom::Air) } else { Some(plain) };
-            let full = full.ok_or_else(|| refuse("the stretch of the air", "too few bright stars"))?;
-            (geometry, focal_error_px, stretch_error) = (full.geometry, full.focal_error_px, full.stretch_error);
-        }
-        let edge_tangent = self.params.geometry.half_diagonal_rad().tan();
-        let pupil_mm = 0.5 * self.camera.optics.aperture_mm;
-        let noise_dn = detect::noise_dn(real);
-        let vignetting = light_fit::vignetting(real, surface, noise.black_dn, pupil_mm, edge_tangent, noise_dn);
-        let illumination = vignetting.map_or(self.params.illumination, |stops| Illumination {
-            vignetting: Some(stops),
-            cos4: true,
-            unblocked: 1.0,
-        });
-        let background =
-            light_fit::background(real, surface, noise.black_dn, |at: DVec2| illumination.at(at * edge_tangent));
-        let light = self.light(path, &plate, &stamp, &geometry, &illumination)?;
-        Ok(Fitted {
-            geometry,
-            focal_error_px,
-            stretch_error,
-            rms_without_air_px,
-            psf,
-            light,
-            vignetting,
-            background,
-            noise,
-            transfer,
-        })
-    }
-
-    /// Returns the zero point by the stars that are bright, whole and alone.
-    fn light(
-        &self,
-        path: &Path,
-        plate: &Plate<'_>,
-        stamp: &Stamp,
-        geometry: &Geometry,
-        lit: &Illumination,
-    ) -> Result<Option<FittedLight>, CompareError> {
-        let field = self.field(path, geometry)?;
-        let places: Vec<[f64; 2]> = field.iter().map(|one| one.px).collect();
-        let spots = measure(plate, stamp, &places);
-        let star = |(one, spot): (&FieldStar, &Option<Spot>)| {
-            let spot = spot
-                .as_ref()
-                .filter(|spot| spot.is_placed && !spot.is_saturated && spot.snr() > TIE_SNR && !one.is_blended)?;
-            let at = plate.picture.half_diagonals(one.px);
-            let v = geometry.attitude.apply(one.star.direction);
-            Some(LitStar {
-                electrons: spot.flux_dn * plate.noise.gain_e_per_dn / lit.at(DVec2::new(v.x, v.y) / v.z),
-                error_mag: 1.0857 / spot.snr(),
-                mag_g: one.star.mag_g,
-                bp_rp: one.star.bp_rp.clamp(-0.5, 5.0),
-                r2: at.length_squared(),
-            })
-        };
-        let stars: Vec<LitStar> = field.iter().zip(&spots).filter_map(star).collect();
-        Ok(light_fit::light(&stars))
-    }
-
-    /// Returns detections with the stars that a geometry puts near them.
-    fn ties_of_detections(
-        &self,
-        path: &Path,
-        geometry: &Geometry,
-        found: &[Detection],
-        radius_px: f64,
-    ) -> Result<Vec<Tie>, CompareError> {
-        let field = self.field(path, geometry)?;
-        Ok(ties_of_detections(&field, found, radius_px))
-    }
-
-    fn compare_fitted(
-        &self,
-        path: &Path,
-        real: Picture,
-        surface: &[f32],
-        found: &[Detection],
-        fitted: &Fitted,
-    ) -> Result<Compared, CompareError> {
+    fn compare_fitted(&self, path: &Path, frame: Frame, fitted: &Fitted) -> Result<Compared, CompareError> {
+        let Frame { real, surface, found, flip } = frame;
         let part = |doing, why: String| CompareError::Part { path: path.into(), doing, why };
         let name = format!(
             "{}, fitted to {}",
@@ -336,7 +250,7 @@ impl Comparer {
             .map_err(|error| part("drawing the field", format!("{error:#}")))?;
         let drawn_surface = detect::background(&drawn.picture);
         let stamp = fitted.psf.as_ref().map_or_else(|| Stamp::of(&self.params.psf), |psf| psf.stamp.clone());
-        let plate = Plate { picture: &real, background: surface, noise: fitted.noise };
+        let plate = Plate { picture: &real, background: &surface, noise: fitted.noise };
         let drawn_plate = Plate { picture: &drawn.picture, background: &drawn_surface, noise: fitted.noise };
         let field = self.field(path, &fitted.geometry)?;
         let places: Vec<[f64; 2]> = field.iter().map(|one| one.px).collect();
@@ -363,8 +277,10 @@ impl Comparer {
             detections: found.len(),
             is_ground: self.options.is_ground,
             is_given: self.options.attitude.is_some(),
+            flip,
         };
-        let result = conclude(&parts);
+        let mut result = conclude(&parts);
+        result.limited_by = limiting::words(&result, limiting::shape_spread(&plate, &drawn_plate, &pairs));
         Ok(Compared { result, real, drawn: drawn.picture, camera_text: text, pairs })
     }
 }
@@ -405,5 +321,6 @@ fn pair(one: &FieldStar, real: &Option<Spot>, other: &Option<Spot>, drawn: &Draw
         mag_g: one.star.mag_g,
         bp_rp: one.star.bp_rp,
         is_blended: one.is_blended,
+        name: one.star.name,
     })
 }

@@ -66,7 +66,7 @@ pub enum CompareError {
     /// the stars do not belong to the catalog's sky
     #[error(
         "{}: no attitude found: the brightest {stars} stars fit no part of the sky with a focal length of {focal_mm:.2} \
-         mm within {tolerance_percent:.1} %{hint}; check optics.focal_length_mm and detector.pixel_pitch_um",
+         mm within {tolerance_percent:.1} %; check optics.focal_length_mm and detector.pixel_pitch_um",
         path.display()
     )]
     NoAttitude {
@@ -78,8 +78,20 @@ pub enum CompareError {
         focal_mm: f64,
         /// How far the scale may be off.
         tolerance_percent: f64,
-        /// The nearest possible match, as a hint.
-        hint: &'static str,
+    },
+    /// the stars belong to the catalog's sky in a mirror
+    #[error(
+        "{}: no attitude found: the image is mirrored left to right: its brightest {stars} stars fit the sky when it is \
+         turned over; {advice}",
+        path.display()
+    )]
+    Mirrored {
+        /// The file.
+        path: PathBuf,
+        /// Stars that were tried.
+        stars: usize,
+        /// The option that helps.
+        advice: &'static str,
     },
     /// a fit without a solution
     #[error("{}: {what} cannot be fitted: {why}", path.display())]

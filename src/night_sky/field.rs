@@ -87,8 +87,8 @@ pub(crate) fn ties_of_spots(field: &[FieldStar], spots: &[Option<Spot>]) -> Vec<
     field.iter().zip(spots).filter_map(of).collect()
 }
 
-/// Fits a geometry, then again without the ties that are far from it.
-pub(crate) fn clipped(start: &Geometry, ties: &[Tie], freedom: Freedom) -> Option<FittedGeometry> {
+/// Fits a geometry, then again without the ties that are far from it; the ties that were kept.
+pub(crate) fn clipped(start: &Geometry, ties: &[Tie], freedom: Freedom) -> Option<(FittedGeometry, Vec<Tie>)> {
     let mut kept = ties.to_vec();
     let mut fitted = start.fitted(&kept, freedom)?;
     for _ in 0..3 {
@@ -103,7 +103,7 @@ pub(crate) fn clipped(start: &Geometry, ties: &[Tie], freedom: Freedom) -> Optio
         kept = ties.iter().filter(|tie| distance(tie) <= limit).copied().collect();
         fitted = start.fitted(&kept, freedom)?;
     }
-    Some(fitted)
+    Some((fitted, kept))
 }
 
 /// Returns the rms distance of ties from a geometry along an axis, the far ones left out, px.

@@ -3,6 +3,7 @@
 use crate::detect::noise_dn;
 use crate::measure::{Plate, Spot};
 use crate::picture::{Picture, mean, rms, robust, window};
+use base::source_id::SourceId;
 use serde::Serialize;
 
 /// Half-widths of the squares whose light is compared: 3 x 3, 5 x 5, and the whole, 7 x 7.
@@ -37,6 +38,62 @@ pub struct Pair {
     pub bp_rp: f64,
     /// Another star's light is in its pixels.
     pub is_blended: bool,
+    /// Its name in its source catalog.
+    pub name: Option<SourceId>,
+}
+
+/// A star of the comparison.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct StarRow {
+    /// Gaia G.
+    pub mag_g: f64,
+    /// BP - RP.
+    pub bp_rp: f64,
+    /// Place in the real frame, px.
+    pub x_px: f64,
+    /// Row.
+    pub y_px: f64,
+    /// Real less drawn, px.
+    pub dx_px: f64,
+    /// Real less drawn, px.
+    pub dy_px: f64,
+    /// Magnitude of the real star less that of the drawn one.
+    pub dmag: f64,
+    /// SNR of the fit in the real frame.
+    pub snr: f64,
+    /// Measured on the drawn frame, less what was drawn there, px: what noise and method do.
+    pub drawn_dx_px: f64,
+    /// The same.
+    pub drawn_dy_px: f64,
+    /// The same, mag.
+    pub drawn_dmag: f64,
+    /// Name in the source catalog.
+    pub name: Option<String>,
+    /// Its place or its magnitude is far off: it is not in the judged figures.
+    pub is_outlier: bool,
+}
+
+impl StarRow {
+    /// Returns the row of a pair, for now no outlier.
+    #[must_use]
+    pub fn of(pair: &Pair) -> Self {
+        let mag = |flux: f64| -2.5 * (flux / pair.truth_dn).log10();
+        Self {
+            mag_g: pair.mag_g,
+            bp_rp: pair.bp_rp,
+            x_px: pair.real.px[0],
+            y_px: pair.real.px[1],
+            dx_px: pair.real.px[0] - pair.truth_px[0],
+            dy_px: pair.real.px[1] - pair.truth_px[1],
+            dmag: mag(pair.real.flux_dn),
+            snr: pair.real.snr(),
+            drawn_dx_px: pair.drawn.px[0] - pair.truth_px[0],
+            drawn_dy_px: pair.drawn.px[1] - pair.truth_px[1],
+            drawn_dmag: mag(pair.drawn.flux_dn),
+            name: pair.name.map(|name| name.to_string()),
+            is_outlier: false,
+        }
+    }
 }
 
 /// Figures of a bin of magnitudes.

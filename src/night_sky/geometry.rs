@@ -4,6 +4,9 @@
 //! and Conrady's model with a stretch. Refraction of air moves stars by `R tan z` towards the zenith (R = 58 arcsec),
 //! so it shrinks lengths by R along the horizon and by R (1 + tan^2 z) across it: their mean goes into the focal
 //! length, half their difference, `R tan^2 z / 2`, is the stretch. The constant part goes into the attitude.
+//!
+//! The optical axis (principal point) shows by the perspective alone: away from it by `c` px, a star at the tangent `x` moves by
+//! `c x^2`, besides what the attitude takes up. What is fitted is a [`Freedom`]; [`crate::terms`] chooses it.
 
 use crate::newton::{Fitted, first_three, fit};
 use base::axes::{Icrf, Rotation, Sensor};
@@ -37,16 +40,69 @@ pub struct Tie {
 }
 
 /// Parameters that are fitted beside the attitude.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Freedom {
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Freedom {
+    /// Focal length.
+    pub scale: bool,
+    /// First radial and both tangential terms of the distortion.
+    pub distortion: bool,
+    /// Second radial term.
+    pub second_radial: bool,
+    /// Principal point: where the optical axis meets the detector.
+    pub axis: bool,
+    /// The stretch of the atmosphere.
+    pub air: bool,
+}
+
+impl Freedom {
     /// The attitude alone.
-    Attitude,
+    pub const ATTITUDE: Self = Self { scale: false, distortion: false, second_radial: false, axis: false, air: false };
     /// Focal length too.
-    Scale,
+    pub const SCALE: Self = Self { scale: true, ..Self::ATTITUDE };
     /// Radial and tangential distortion too.
-    Distortion,
-    /// The stretch of the atmosphere too.
-    Air,
+    pub const DISTORTION: Self = Self { distortion: true, ..Self::SCALE };
+
+    /// Returns the steps of the differences of all parameters, the rotation's first.
+    fn steps(self) -> Vec<f64> {
+        let groups: [(bool, &[f64]); 5] = [
+            (self.scale, &[1e-4]),
+            (self.distortion, &[1e-3, 1e-5, 1e-5]),
+            (self.second_radial, &[1e-2]),
+            (self.axis, &[1.0, 1.0]),
+            (self.air, &[1e-6, 1e-6]),
+        ];
+        let free = groups.into_iter().filter(|(is_free, _)| *is_free).flat_map(|(_, steps)| steps);
+        [1e-6; 3].iter().chain(free).copied().collect()
+    }
+
+    /// Returns the number of parameters.
+    #[must_use]
+    pub fn parameters(self) -> usize {
+        self.steps().len()
+    }
+
+    /// Returns one number for each of the model's: those of `values` where they are free, 0 elsewhere.
+    fn spread(self, values: &[f64]) -> Moves {
+        let mut rest = values.iter().skip(3).copied();
+        let mut next = |is_free: bool| if is_free { rest.next().unwrap_or(0.0) } else { 0.0 };
+        Moves {
+            scale: next(self.scale),
+            first: [(); 3].map(|()| next(self.distortion)),
+            second_radial: next(self.second_radial),
+            axis_px: [(); 2].map(|()| next(self.axis)),
+            stretch: [(); 2].map(|()| next(self.air)),
+        }
+    }
+}
+
+/// Changes of a geometry's numbers, or their standard errors.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Moves {
+    scale: f64,
+    first: [f64; 3],
+    second_radial: f64,
+    axis_px: [f64; 2],
+    stretch: [f64; 2],
 }
 
 /// A fitted geometry.
@@ -54,10 +110,16 @@ pub enum Freedom {
 pub struct FittedGeometry {
     /// The geometry.
     pub geometry: Geometry,
-    /// Standard error of the focal length, px; 0 where it was kept.
+    /// Standard error of the focal length, px; 0 where it was kept, as the others.
     pub focal_error_px: f64,
-    /// Standard error of the stretch; 0 where it was kept.
+    /// Standard error of the second radial term.
+    pub second_radial_error: f64,
+    /// Standard errors of the principal point, px.
+    pub axis_errors_px: [f64; 2],
+    /// Standard error of the stretch.
     pub stretch_error: f64,
+    /// Sum of squared distances in units of the ties' errors.
+    pub chi2: f64,
 }
 
 impl Geometry {
@@ -78,39 +140,39 @@ impl Geometry {
     /// Returns the geometry nearest to the ties, of `freedom`; `None` when they do not determine it.
     #[must_use]
     pub fn fitted(&self, ties: &[Tie], freedom: Freedom) -> Option<FittedGeometry> {
-        let count = match freedom {
-            Freedom::Attitude => 3,
-            Freedom::Scale => 4,
-            Freedom::Distortion => 7,
-            Freedom::Air => 9,
-        };
+        let steps = freedom.steps();
+        let count = steps.len();
         // Two numbers of each star; a few stars more than needed.
         if 2 * ties.len() < count + 3 {
             return None;
         }
-        let steps = [1e-6, 1e-6, 1e-6, 1e-4, 1e-3, 1e-5, 1e-5, 1e-6, 1e-6];
-        let residuals = |p: &[f64]| self.moved(p).residuals(ties);
-        let Fitted { values, errors, chi2 } = fit(&vec![0.0; count], &steps[..count], residuals)?;
+        let residuals = |p: &[f64]| self.moved(p, freedom).residuals(ties);
+        let Fitted { values, errors, chi2 } = fit(&vec![0.0; count], &steps, residuals)?;
         // The ties may scatter more than their errors say.
         let excess = (chi2 / (2 * ties.len() - count) as f64).max(1.0).sqrt();
-        let error = |i: usize| errors.get(i).map_or(0.0, |error| error * excess);
+        let errors: Vec<f64> = errors.into_iter().map(|error| error * excess).collect();
+        let errors = freedom.spread(&errors);
         Some(FittedGeometry {
-            geometry: self.moved(&values),
-            focal_error_px: error(3) * self.focal_px,
-            stretch_error: error(7).max(error(8)),
+            geometry: self.moved(&values, freedom),
+            focal_error_px: errors.scale * self.focal_px,
+            second_radial_error: errors.second_radial,
+            axis_errors_px: errors.axis_px,
+            stretch_error: errors.stretch[0].max(errors.stretch[1]),
+            chi2,
         })
     }
 
-    /// Returns the geometry with parameters added: rotation, share of the focal length, k1, p1, p2, stretch.
-    fn moved(&self, p: &[f64]) -> Self {
-        let by = |i: usize| p.get(i).copied().unwrap_or(0.0);
+    /// Returns the geometry with the parameters of `freedom` added.
+    fn moved(&self, p: &[f64], freedom: Freedom) -> Self {
+        let by = freedom.spread(p);
         let BrownConrady { k1, k2, k3, p1, p2 } = self.distortion;
+        let [by_k1, by_p1, by_p2] = by.first;
         Self {
             attitude: self.attitude.rotated_by(first_three(p)),
-            focal_px: self.focal_px * (1.0 + by(3)),
-            centre_px: self.centre_px,
-            distortion: BrownConrady { k1: k1 + by(4), k2, k3, p1: p1 + by(5), p2: p2 + by(6) },
-            stretch: [self.stretch[0] + by(7), self.stretch[1] + by(8)],
+            focal_px: self.focal_px * (1.0 + by.scale),
+            centre_px: [0, 1].map(|i| self.centre_px[i] + by.axis_px[i]),
+            distortion: BrownConrady { k1: k1 + by_k1, k2: k2 + by.second_radial, k3, p1: p1 + by_p1, p2: p2 + by_p2 },
+            stretch: [0, 1].map(|i| self.stretch[i] + by.stretch[i]),
         }
     }
 
@@ -136,6 +198,8 @@ pub fn stretch_axis(stretch: [f64; 2]) -> (f64, f64) {
 mod tests {
     use super::*;
     use base::axes::sensor_from_ra_dec_roll;
+
+    const AIR: Freedom = Freedom { air: true, ..Freedom::DISTORTION };
 
     fn truth() -> Geometry {
         Geometry {
@@ -166,14 +230,35 @@ mod tests {
             stretch: [0.0; 2],
             ..truth()
         };
-        let found = start.fitted(&ties(60), Freedom::Air).unwrap();
+        let found = start.fitted(&ties(60), AIR).unwrap();
         assert!((found.geometry.focal_px - 5114.0).abs() < 0.01, "{found:?}");
         assert!((found.geometry.distortion.k1 - 0.11).abs() < 1e-4 && (found.geometry.stretch[0] + 2e-4).abs() < 1e-7);
-        let without = start.fitted(&ties(60), Freedom::Distortion).unwrap().geometry;
+        let without = start.fitted(&ties(60), Freedom::DISTORTION).unwrap().geometry;
         let worst =
             ties(60).iter().map(|tie| (without.place(tie.direction).unwrap()[0] - tie.px[0]).abs()).fold(0.0, f64::max);
         assert!(worst > 0.03, "control: without the stretch {worst} px remain");
-        assert_eq!(start.fitted(&ties(4), Freedom::Air), None, "too few");
+        assert_eq!(start.fitted(&ties(4), AIR), None, "too few");
+    }
+
+    #[test]
+    fn second_radial_term_and_axis_come_back_where_they_are_free() {
+        let truth = Geometry {
+            centre_px: [541.5, 363.5],
+            distortion: BrownConrady { k2: 3.0, ..truth().distortion },
+            stretch: [0.0; 2],
+            ..truth()
+        };
+        let at = |tie: &Tie| Tie { px: truth.place(tie.direction).unwrap(), ..*tie };
+        let ties: Vec<Tie> = ties(60).iter().map(at).collect();
+        let start = Geometry { centre_px: [511.5, 383.5], distortion: BrownConrady::default(), ..truth };
+        let all = Freedom { second_radial: true, axis: true, ..Freedom::DISTORTION };
+        let found = start.fitted(&ties, all).unwrap();
+        assert!((found.geometry.distortion.k2 - 3.0).abs() < 1e-3, "{found:?}");
+        let off = [0, 1].map(|i| found.geometry.centre_px[i] - truth.centre_px[i]);
+        assert!(off[0].hypot(off[1]) < 0.01, "{off:?}");
+        assert!(found.second_radial_error > 0.0 && found.axis_errors_px[0] > 0.0 && found.stretch_error == 0.0);
+        let without = start.fitted(&ties, Freedom::DISTORTION).unwrap();
+        assert!(without.chi2 > 30.0 * (1.0 + found.chi2), "control: {} and {}", without.chi2, found.chi2);
     }
 
     #[test]

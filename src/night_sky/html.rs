@@ -46,23 +46,28 @@ pub fn page(compared: &[Compared], camera: &str) -> io::Result<String> {
 
 /// Returns a table of the figures with their limits.
 fn overview(compared: &[Compared]) -> String {
-    let mut text = "<table><tr><th>image</th><th>RA deg</th><th>Dec deg</th><th>roll deg</th><th>stars</th><th>centroid px rms</th>\
-                    <th>mag rms</th><th>noise, drawn / real</th><th>energy 3 x 3 px</th><th>agrees</th></tr>\n"
+    let mut text = "<table><tr><th>image</th><th>RA deg</th><th>Dec deg</th><th>roll deg</th><th>stars</th><th>outliers</th><th>centroid px rms: without outliers, limit, all</th>\
+                    <th>mag rms: without outliers, limit, all</th><th>noise, drawn / real</th><th>energy 3 x 3 px</th><th>agrees</th></tr>\n"
         .to_owned();
     let _ = writeln!(
         text,
-        "<tr><td>limit</td><td></td><td></td><td></td><td></td><td>{MOST_CENTROID_PX}</td><td>{MOST_MAG}</td><td>1 &plusmn; {MOST_NOISE}</td><td>&plusmn; {MOST_ENERGY}</td><td></td></tr>"
+        "<tr><td>limit</td><td></td><td></td><td></td><td></td><td></td><td>{MOST_CENTROID_PX} and noise</td><td>{MOST_MAG} and noise</td><td>1 &plusmn; {MOST_NOISE}</td><td>&plusmn; {MOST_ENERGY}</td><td></td></tr>"
     );
     for one in compared.iter().map(|one| &one.result) {
         let _ = writeln!(
             text,
-            "<tr><td>{}</td><td>{:.4}</td><td>{:.4}</td><td>{:.4}</td><td>{}</td><td>{:.3}</td><td>{:.3}</td><td>{:.3}</td><td>{:+.3}</td><td class=\"{}</td></tr>",
+            "<tr><td>{}</td><td>{:.4}</td><td>{:.4}</td><td>{:.4}</td><td>{}</td><td>{}</td><td>{:.3}, {:.3}, {:.3}</td><td>{:.3}, {:.3}, {:.3}</td><td>{:.3}</td><td>{:+.3}</td><td class=\"{}</td></tr>",
             escaped(&one.image),
             one.ra_deg,
             one.dec_deg,
             one.roll_deg,
             one.stars,
+            one.outliers,
+            one.centroid_robust_px,
+            one.centroid_limit_px,
             one.centroid_rms_px,
+            one.mag_robust,
+            one.mag_limit,
             one.mag_rms,
             one.background_noise_ratio,
             one.ensquared_energy_difference,
@@ -79,6 +84,12 @@ fn section(page: &mut String, compared: &Compared) -> io::Result<()> {
     for failure in &one.failures {
         let _ = writeln!(page, "<p class=\"no\">{}</p>", escaped(failure));
     }
+    for words in &one.limited_by {
+        let _ = writeln!(page, "<p>Limited by {}.</p>", escaped(words));
+    }
+    if let Some(flipped) = &one.flipped {
+        let _ = writeln!(page, "<p>The image was turned over: its {flipped} are in reverse order.</p>");
+    }
     let picture = side_by_side(&compared.real, &compared.drawn, SHRINK)?;
     let _ = writeln!(
         page,
@@ -92,6 +103,12 @@ fn section(page: &mut String, compared: &Compared) -> io::Result<()> {
         page.push_str(&to_svg(&chart));
         page.push('\n');
     }
+    page.push_str("<h3>The worst stars</h3>\n<ul>\n");
+    for star in &one.worst_stars {
+        let kind = if star.is_outlier { "outlier: " } else { "" };
+        let _ = writeln!(page, "<li>{kind}{}</li>", escaped(&star.words()));
+    }
+    page.push_str("</ul>\n");
     page.push_str(&star_table(one));
     Ok(())
 }
@@ -100,6 +117,15 @@ fn camera_table(one: &Comparison) -> String {
     let mut rows = vec![
         ("focal length", format!("{:.4} &plusmn; {:.4} mm", one.focal_length_mm[0], one.focal_length_mm[1])),
         ("distortion k1", format!("{:+.4}", one.k1)),
+        ("distortion k2", fitted_or_kept(one.k2, one.k2_error)),
+        (
+            "optical axis, column and row",
+            [0, 1]
+                .map(|i| {
+                    fitted_or_kept(one.principal_point_px[i], one.principal_point_errors_px.map(|errors| errors[i]))
+                })
+                .join("; "),
+        ),
         ("PSF", format!("{}; residual {:.2} of the noise squared", escaped(&one.psf), one.psf_chi2)),
         (
             "light of G = 0",
@@ -111,8 +137,11 @@ fn camera_table(one: &Comparison) -> String {
         (
             "illumination at the corner",
             format!(
-                "{:.3} of the middle, from the background; the stars say {:+.3} &plusmn; {:.3} mag besides",
-                one.edge_illumination, one.edge_by_stars_mag[0], one.edge_by_stars_mag[1]
+                "{:.3} of the middle, from the {}; the stars say {:+.3} &plusmn; {:.3} mag besides",
+                one.edge_illumination,
+                if one.edge_is_by_stars { "stars" } else { "background" },
+                one.edge_by_stars_mag[0],
+                one.edge_by_stars_mag[1]
             ),
         ),
         ("gain, read noise", format!("{:.3} e-/DN, {:.2} e- rms", one.gain_e_per_dn, one.read_noise_e)),
@@ -135,6 +164,11 @@ fn camera_table(one: &Comparison) -> String {
     }
     text.push_str("</table>\n");
     text
+}
+
+/// Returns a number with its error, or that it is the camera file's.
+fn fitted_or_kept(value: f64, error: Option<f64>) -> String {
+    error.map_or_else(|| format!("{value:.3}, kept"), |error| format!("{value:.3} &plusmn; {error:.3}"))
 }
 
 /// Returns the four figures by which dense-star-field simulations have been judged in publications.
@@ -195,10 +229,10 @@ fn published_table(one: &Comparison) -> String {
 fn charts(one: &Comparison) -> Vec<Chart> {
     let profile =
         |values: &[f64]| values.iter().enumerate().map(|(ring, value)| [ring_px(ring), *value]).collect::<Vec<_>>();
-    let stars = |of: fn(&crate::result::StarRow) -> [f64; 2]| one.star_rows.iter().map(of).collect::<Vec<_>>();
+    let stars = |of: fn(&crate::figures::StarRow) -> [f64; 2]| one.star_rows.iter().map(of).collect::<Vec<_>>();
     let rows =
         |of: fn(&crate::figures::SnrRow) -> f64| one.snr.iter().map(|row| [row.mag_g, of(row)]).collect::<Vec<_>>();
-    let arrow = |star: &crate::result::StarRow| {
+    let arrow = |star: &crate::figures::StarRow| {
         let from = [star.x_px, -star.y_px];
         Series {
             name: String::new(),

@@ -1,5 +1,5 @@
-//! Frame -> what lights and disturbs it: background with its shape, vignetting, noise; stars -> zero point and colour
-//! term.
+//! Frame -> what lights and disturbs it: background with its shape, vignetting, noise; stars -> zero point, colour term, and
+//! the vignetting where the background, which may be an offset or have a shape of its own, contradicts them.
 
 use crate::measure::PixelNoise;
 use crate::newton::{Fitted, linear};
@@ -8,6 +8,9 @@ use glam::DVec2;
 use plan::optics::Illumination;
 use plan::optics::illumination::Vignetting;
 
+/// Fall towards the edge by the stars beside that by the background, in units of its error and mag, from which the stars decide.
+const EDGE_SIGMA: f64 = 4.0;
+const LEAST_EDGE_MAG: f64 = 0.05;
 /// Step between places of the background that are fitted, px.
 const STEP_PX: usize = 8;
 /// Share by which the edge must be darker than the middle to be vignetted.
@@ -89,6 +92,28 @@ pub fn vignetting(
     if fitted[0] < LEAST_LIGHT * noise_dn || profile(1.0) > 1.0 - LEAST_FALL {
         return None;
     }
+    Some(stops_of(&profile, pupil_mm, edge_tangent))
+}
+
+/// Returns the vignetting that the stars call for beside the illumination `lit`; `None` where they agree with it.
+#[must_use]
+pub fn vignetting_by_stars(
+    light: &FittedLight,
+    lit: &Illumination,
+    pupil_mm: f64,
+    edge_tangent: f64,
+) -> Option<Vignetting> {
+    let [fall, error] = light.edge_mag;
+    if fall.is_nan() || fall.abs() < LEAST_EDGE_MAG || fall.abs() < EDGE_SIGMA * error {
+        return None;
+    }
+    let at = |r: f64| lit.at(DVec2::new(r * edge_tangent, 0.0));
+    let profile = |r: f64| (at(r) / at(0.0) * 10_f64.powf(-0.4 * fall * r * r)).min(1.0);
+    Some(stops_of(&profile, pupil_mm, edge_tangent))
+}
+
+/// Returns the two circles whose fall is nearest to a profile over half a diagonal.
+fn stops_of(profile: &impl Fn(f64) -> f64, pupil_mm: f64, edge_tangent: f64) -> Vignetting {
     let of = |window: f64, distance: f64| Vignetting {
         window_radius_mm: window,
         pupil_radius_mm: pupil_mm,
@@ -117,7 +142,7 @@ pub fn vignetting(
             steps = steps.map(|step| 0.6 * step);
         }
     }
-    Some(of(best[0], best[1]))
+    of(best[0], best[1])
 }
 
 /// Visits places of an image, with their half diagonals.
@@ -233,10 +258,11 @@ pub fn light(stars: &[LitStar]) -> Option<FittedLight> {
     let row = |star: &LitStar| [1.0, star.bp_rp, star.bp_rp * star.bp_rp][..count].to_vec();
     let value = |star: &LitStar| -2.5 * star.electrons.log10() - star.mag_g;
     let (rows, values): (Vec<_>, Vec<_>) = stars.iter().map(|star| (row(star), value(star))).unzip();
-    let fitted = huber(stars, &rows, &values)?;
+    let errors: Vec<f64> = stars.iter().map(|star| star.error_mag).collect();
+    let fitted = huber(&errors, &rows, &values)?;
     let with_edge: Vec<Vec<f64>> =
         rows.iter().zip(stars).map(|(row, star)| row.iter().copied().chain([star.r2]).collect()).collect();
-    let edge = huber(stars, &with_edge, &values);
+    let edge = huber(&errors, &with_edge, &values);
     let at = |i: usize| fitted.values.get(i).copied().unwrap_or(0.0);
     Some(FittedLight {
         zero_e: 10_f64.powf(-0.4 * at(0)),
@@ -248,9 +274,9 @@ pub fn light(stars: &[LitStar]) -> Option<FittedLight> {
 }
 
 /// Least squares in which a star beyond [`HUBER`] spreads counts by its distance, not its square.
-fn huber(stars: &[LitStar], rows: &[Vec<f64>], values: &[f64]) -> Option<Fitted> {
-    let own = |star: &LitStar| 1.0 / (star.error_mag.powi(2) + MAG_FLOOR * MAG_FLOOR);
-    let mut weights: Vec<f64> = stars.iter().map(own).collect();
+pub(crate) fn huber(errors_mag: &[f64], rows: &[Vec<f64>], values: &[f64]) -> Option<Fitted> {
+    let own = |error_mag: &f64| 1.0 / (error_mag * error_mag + MAG_FLOOR * MAG_FLOOR);
+    let mut weights: Vec<f64> = errors_mag.iter().map(own).collect();
     let mut fitted = linear(rows, values, &weights)?;
     for _ in 0..12 {
         let rest: Vec<f64> = rows
@@ -260,8 +286,8 @@ fn huber(stars: &[LitStar], rows: &[Vec<f64>], values: &[f64]) -> Option<Fitted>
             .collect();
         let mut distances: Vec<f64> = rest.iter().map(|value| value.abs()).collect();
         let spread = (1.4826 * median(&mut distances)).max(0.01);
-        for ((weight, star), rest) in weights.iter_mut().zip(stars).zip(&rest) {
-            *weight = own(star) * (HUBER * spread / rest.abs().max(1e-9)).min(1.0);
+        for ((weight, error), rest) in weights.iter_mut().zip(errors_mag).zip(&rest) {
+            *weight = own(error) * (HUBER * spread / rest.abs().max(1e-9)).min(1.0);
         }
         fitted = linear(rows, values, &weights)?;
     }
@@ -269,4 +295,34 @@ fn huber(stars: &[LitStar], rows: &[Vec<f64>], values: &[f64]) -> Option<Fitted>
     let excess = (fitted.chi2 / (values.len() - fitted.values.len()).max(1) as f64).max(1.0).sqrt();
     fitted.errors.iter_mut().for_each(|error| *error *= excess);
     Some(fitted)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn stars(fall_mag: f64) -> Vec<LitStar> {
+        let of = |i: usize| {
+            let r2 = (i * 17 % 40) as f64 / 40.0;
+            let (mag_g, bp_rp) = (5.0 + 0.05 * i as f64, (i * 7 % 20) as f64 * 0.1);
+            let scatter = 0.02 * ((i * 13 % 5) as f64 - 2.0);
+            let electrons = 1e6 * 10_f64.powf(-0.4 * (mag_g + 0.1 * bp_rp + fall_mag * r2 + scatter));
+            LitStar { electrons, error_mag: 0.03, mag_g, bp_rp, r2 }
+        };
+        (0..40).map(of).collect()
+    }
+
+    #[test]
+    fn the_fall_towards_the_edge_is_that_of_the_stars_where_they_contradict_the_background() {
+        const EDGE_TANGENT: f64 = 0.12;
+        let fitted = light(&stars(0.8)).unwrap();
+        assert!((fitted.edge_mag[0] - 0.8).abs() < 4.0 * fitted.edge_mag[1], "{:?}", fitted.edge_mag);
+        let stops = vignetting_by_stars(&fitted, &Illumination::EVEN, 9.0, EDGE_TANGENT).unwrap();
+        let lit = Illumination { vignetting: Some(stops), cos4: true, unblocked: 1.0 };
+        let fall = -2.5 * lit.at(DVec2::X * EDGE_TANGENT).log10();
+        // Two circles do not fall exactly as the square of the distance.
+        assert!((fall - 0.8).abs() < 0.1, "{fall} mag at the edge");
+        let even = light(&stars(0.0)).unwrap();
+        assert_eq!(vignetting_by_stars(&even, &Illumination::EVEN, 9.0, EDGE_TANGENT), None, "control: {even:?}");
+    }
 }

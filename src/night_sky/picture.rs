@@ -11,6 +11,26 @@ pub struct Picture {
     pub dn: Vec<f32>,
 }
 
+/// An image turned over: one that is mirrored becomes right again by either.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Flip {
+    /// Left and right change places.
+    Columns,
+    /// Top and bottom change places.
+    Rows,
+}
+
+impl Flip {
+    /// Returns its word on the command line and in reports.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Columns => "columns",
+            Self::Rows => "rows",
+        }
+    }
+}
+
 impl Picture {
     /// Returns the value of a pixel; 0 outside the image.
     #[must_use]
@@ -28,6 +48,17 @@ impl Picture {
     #[must_use]
     pub fn map(&self, of: impl Fn(usize, f32) -> f32) -> Self {
         Self { size_px: self.size_px, dn: self.dn.iter().enumerate().map(|(i, dn)| of(i, *dn)).collect() }
+    }
+
+    /// Returns the image with its columns or rows in reverse order.
+    #[must_use]
+    pub fn flipped(&self, flip: Flip) -> Self {
+        let rows = self.dn.chunks_exact(self.size_px[0].max(1));
+        let dn = match flip {
+            Flip::Columns => rows.flat_map(|row| row.iter().rev()).copied().collect(),
+            Flip::Rows => rows.rev().flatten().copied().collect(),
+        };
+        Self { size_px: self.size_px, dn }
     }
 
     /// Returns the middle of the image, px.

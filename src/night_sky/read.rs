@@ -1,11 +1,15 @@
 //! Image files -> [`Picture`]: TIFF, PNG and FITS, one grey channel.
 //!
+//! Of a FITS file the first image is read, in an extension or compressed too. Its first row is the top one, unless it says
+//! otherwise; where it says nothing, the order is open: the stars decide.
+//!
 //! Files of more than [`MOST_BYTES`] and images of more than [`MOST_PIXELS`] are refused before their pixels are read.
 //! A damaged file is a message, never a panic: tests cut files at every place and change each byte of their heads.
 
 use crate::error::CompareError;
 use crate::picture::Picture;
 use base::input_file::read_bytes;
+use frames::sink::SinkError;
 use frames::sink::fits::FitsImage;
 use std::io::Cursor;
 use std::path::Path;
@@ -19,24 +23,34 @@ pub const MOST_PIXELS: usize = 1 << 27;
 /// Bits of a pixel of the files.
 const FILE_BITS: u32 = 16;
 
+/// An image and what its file says about it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ImageFile {
+    /// The image, the file's first row at the top unless it says otherwise.
+    pub picture: Picture,
+    /// The file does not say whether its first row is the top one, and its format has no rule that cameras follow.
+    pub is_row_order_open: bool,
+}
+
 /// Reads an image of a camera of `size_px` whose converter has `bits` bits; values in the upper bits of 16 are shifted
 /// down.
 ///
 /// # Errors
 /// When the file cannot be read, is damaged, is not a grey image, or is not of such a camera.
-pub fn read(path: &Path, size_px: [usize; 2], bits: u32) -> Result<Picture, CompareError> {
+pub fn read(path: &Path, size_px: [usize; 2], bits: u32) -> Result<ImageFile, CompareError> {
     let raw = read_raw(path)?;
-    if raw.size_px != size_px {
-        return Err(CompareError::Size { path: path.into(), wanted: size_px, got: raw.size_px });
+    let got = raw.picture.size_px;
+    if got != size_px {
+        return Err(CompareError::Size { path: path.into(), wanted: size_px, got });
     }
-    justified(raw, bits, path)
+    Ok(ImageFile { picture: justified(raw.picture, bits, path)?, ..raw })
 }
 
 /// Reads an image as it is in its file.
 ///
 /// # Errors
 /// When the file cannot be read, is damaged, or is not a grey image.
-pub fn read_raw(path: &Path) -> Result<Picture, CompareError> {
+pub fn read_raw(path: &Path) -> Result<ImageFile, CompareError> {
     let refuse =
         |what, wanted: &str, got: String| CompareError::Image { path: path.into(), what, wanted: wanted.into(), got };
     let unreadable = |error: std::io::Error| refuse("the file cannot be read", "an image file", error.to_string());
@@ -45,23 +59,24 @@ pub fn read_raw(path: &Path) -> Result<Picture, CompareError> {
         return Err(refuse("this is not a file", "a TIFF, PNG or FITS file", "a folder, a pipe or a device".into()));
     }
     let bytes = read_bytes(path, MOST_BYTES).map_err(unreadable)?;
-    let picture = of_bytes(&bytes).map_err(|(what, wanted, got)| refuse(what, &wanted, got))?;
-    if picture.dn.iter().any(|dn| !dn.is_finite()) {
+    let image = of_bytes(&bytes).map_err(|(what, wanted, got)| refuse(what, &wanted, got))?;
+    if image.picture.dn.iter().any(|dn| !dn.is_finite()) {
         return Err(refuse("a pixel is not a number", "finite values", "NaN or infinity".into()));
     }
-    Ok(picture)
+    Ok(image)
 }
 
 /// The problem, the wanted and the given value.
 type Refused = (&'static str, String, String);
 
 /// Reads the bytes of a file by their first ones.
-fn of_bytes(bytes: &[u8]) -> Result<Picture, Refused> {
+fn of_bytes(bytes: &[u8]) -> Result<ImageFile, Refused> {
+    let top_first = |picture| ImageFile { picture, is_row_order_open: false };
     match bytes {
         [b'I', b'I', 42, 0, ..] | [b'M', b'M', 0, 42, ..] | [b'I', b'I', 43, 0, ..] | [b'M', b'M', 0, 43, ..] => {
-            of_tiff(bytes)
+            of_tiff(bytes).map(top_first)
         }
-        [0x89, b'P', b'N', b'G', ..] => of_png(bytes),
+        [0x89, b'P', b'N', b'G', ..] => of_png(bytes).map(top_first),
         [b'S', b'I', b'M', b'P', b'L', b'E', ..] => of_fits(bytes),
         _ => {
             let first: Vec<String> = bytes.iter().take(4).map(|byte| format!("{byte:02x}")).collect();
@@ -93,26 +108,32 @@ fn bounded(width: u32, height: u32) -> Result<[usize; 2], Refused> {
     Ok(size)
 }
 
+/// Returns a refusal that calls a file damaged only where it is.
+#[allow(clippy::wildcard_enum_match_arm, reason = "the kinds of another crate")]
+fn refused_tiff(error: tiff::TiffError) -> Refused {
+    match error {
+        tiff::TiffError::UnsupportedError(kind) => (
+            "the TIFF file is of a kind that is not read",
+            "uncompressed, LZW or deflate, one grey channel".into(),
+            kind.to_string(),
+        ),
+        other => ("the TIFF file is damaged", "a whole TIFF file".into(), other.to_string()),
+    }
+}
+
 fn of_tiff(bytes: &[u8]) -> Result<Picture, Refused> {
-    let damaged = |error: tiff::TiffError| {
-        (
-            "the TIFF file is damaged or of a kind that is not read",
-            "uncompressed, LZW or deflate".to_owned(),
-            error.to_string(),
-        )
-    };
     let mut limits = Limits::default();
     limits.decoding_buffer_size = MOST_PIXELS * size_of::<f32>();
     limits.intermediate_buffer_size = MOST_PIXELS * size_of::<f32>();
-    let mut decoder = Decoder::new(Cursor::new(bytes)).map_err(damaged)?.with_limits(limits);
-    let (width, height) = decoder.dimensions().map_err(damaged)?;
+    let mut decoder = Decoder::new(Cursor::new(bytes)).map_err(refused_tiff)?.with_limits(limits);
+    let (width, height) = decoder.dimensions().map_err(refused_tiff)?;
     let size = bounded(width, height)?;
-    let colours = decoder.colortype().map_err(damaged)?;
+    let colours = decoder.colortype().map_err(refused_tiff)?;
     if !matches!(colours, ColorType::Gray(8 | 16 | 32)) {
         return Err(("the TIFF file's pixels", "one grey channel of 8, 16 or 32 bits".into(), format!("{colours:?}")));
     }
     #[allow(clippy::wildcard_enum_match_arm, reason = "the kinds of another crate")]
-    let dn = match decoder.read_image().map_err(damaged)? {
+    let dn = match decoder.read_image().map_err(refused_tiff)? {
         DecodingResult::U8(values) => values.into_iter().map(f32::from).collect(),
         DecodingResult::U16(values) => values.into_iter().map(f32::from).collect(),
         DecodingResult::F32(values) => values,
@@ -154,13 +175,14 @@ fn of_png(bytes: &[u8]) -> Result<Picture, Refused> {
     checked(size, dn)
 }
 
-fn of_fits(bytes: &[u8]) -> Result<Picture, Refused> {
-    let image = FitsImage::read(bytes).map_err(|error| {
-        (
-            "the FITS file is damaged or of a kind that is not read",
-            "one image of two axes".to_owned(),
-            error.to_string(),
-        )
+fn of_fits(bytes: &[u8]) -> Result<ImageFile, Refused> {
+    #[allow(clippy::wildcard_enum_match_arm, reason = "other errors are of writers")]
+    let image = FitsImage::read(bytes).map_err(|error| match error {
+        SinkError::DamagedFits { what, wanted, got } => ("the FITS file is damaged", format!("{what}: {wanted}"), got),
+        SinkError::BadFits { what, wanted, got } => {
+            ("the FITS file is of a kind that is not read", format!("{what}: {wanted}"), got)
+        }
+        other => ("the FITS file cannot be read", "an image".to_owned(), other.to_string()),
     })?;
     if image.width.saturating_mul(image.height) > MOST_PIXELS {
         return Err((
@@ -171,7 +193,8 @@ fn of_fits(bytes: &[u8]) -> Result<Picture, Refused> {
     }
     #[allow(clippy::cast_possible_truncation, reason = "digital numbers")]
     let dn = image.top_row_first().into_iter().map(|value| value as f32).collect();
-    checked([image.width, image.height], dn)
+    let picture = checked([image.width, image.height], dn)?;
+    Ok(ImageFile { picture, is_row_order_open: !image.states_row_order() })
 }
 
 /// Brings values to the numbers of a converter of `bits` bits.

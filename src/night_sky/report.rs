@@ -3,7 +3,7 @@
 use crate::compare::Compared;
 use crate::html::page;
 use crate::pictures::side_by_side;
-use crate::result::{Comparison, SCHEMA_VERSION};
+use crate::result::{Comparison, SCHEMA_VERSION, most_outliers};
 use crate::verdict::verdict;
 use core::fmt::Write;
 use std::io;
@@ -34,6 +34,9 @@ pub fn text(compared: &[Compared]) -> String {
 
 fn lines(text: &mut String, one: &Comparison) -> core::fmt::Result {
     writeln!(text, "\n{}", one.image)?;
+    if let Some(flipped) = &one.flipped {
+        writeln!(text, "  image        turned over: its {flipped} are in reverse order")?;
+    }
     writeln!(text, "  attitude     RA {:.4}, Dec {:.4}, roll {:.4} deg", one.ra_deg, one.dec_deg, one.roll_deg)?;
     writeln!(
         text,
@@ -42,10 +45,21 @@ fn lines(text: &mut String, one: &Comparison) -> core::fmt::Result {
     )?;
     writeln!(
         text,
-        "  centroids    {:.3} px rms ({:.3} along columns, {:.3} along rows); of the drawn frame {:.3}",
-        one.centroid_rms_px, one.centroid_rms_axes_px[0], one.centroid_rms_axes_px[1], one.drawn_centroid_rms_px
+        "  centroids    {:.3} px rms without outliers (judged, limit {:.3}); all stars {:.3} ({:.3} along columns, {:.3} along rows); \
+         of the drawn frame {:.3}",
+        one.centroid_robust_px,
+        one.centroid_limit_px,
+        one.centroid_rms_px,
+        one.centroid_rms_axes_px[0],
+        one.centroid_rms_axes_px[1],
+        one.drawn_centroid_rms_px
     )?;
-    writeln!(text, "  magnitudes   {:.3} rms; of the drawn frame {:.3}", one.mag_rms, one.drawn_mag_rms)?;
+    writeln!(
+        text,
+        "  magnitudes   {:.3} rms without outliers (judged, limit {:.3}); all stars {:.3}; of the drawn frame {:.3}",
+        one.mag_robust, one.mag_limit, one.mag_rms, one.drawn_mag_rms
+    )?;
+    worst_lines(text, one)?;
     let background = &one.background;
     writeln!(
         text,
@@ -80,6 +94,16 @@ fn lines(text: &mut String, one: &Comparison) -> core::fmt::Result {
         one.edge_by_stars_mag[0],
         one.edge_by_stars_mag[1]
     )?;
+    if let Some(error) = one.k2_error {
+        writeln!(text, "               k2 {:+.3} +- {error:.3}", one.k2)?;
+    }
+    if let Some([across, down]) = one.principal_point_errors_px {
+        let [x, y] = one.principal_point_px;
+        writeln!(text, "               optical axis at column {x:.1} +- {across:.1}, row {y:.1} +- {down:.1}")?;
+    }
+    if one.edge_is_by_stars {
+        writeln!(text, "               illumination by the stars: the background contradicts them")?;
+    }
     writeln!(
         text,
         "  light        {:.3e} e- of G = 0; colour {:+.3}, {:+.3}; gain {:.3} e-/DN, read noise {:.2} e-",
@@ -91,6 +115,27 @@ fn lines(text: &mut String, one: &Comparison) -> core::fmt::Result {
             "  air          stretch {:.2e} +- {:.2e}, vertical at {:.0} deg from right towards down; without it {:.3} px rms along an axis",
             air.stretch, air.stretch_error, air.vertical_deg, air.rms_without_px
         )?;
+    }
+    for words in &one.limited_by {
+        writeln!(text, "  limited by   {words}")?;
+    }
+    Ok(())
+}
+
+/// Stars of the list that are printed.
+const MOST_WORST: usize = 8;
+
+/// Prints the stars that are furthest off.
+fn worst_lines(text: &mut String, one: &Comparison) -> core::fmt::Result {
+    writeln!(
+        text,
+        "  outliers     {} of {} stars (limit {}, known variables aside); the worst stars:",
+        one.outliers,
+        one.stars,
+        most_outliers(one.stars)
+    )?;
+    for star in one.worst_stars.iter().take(MOST_WORST) {
+        writeln!(text, "    {} {}", if star.is_outlier { "outlier" } else { "       " }, star.words())?;
     }
     Ok(())
 }
@@ -120,11 +165,12 @@ fn stem_of(image: &str, taken: &[String]) -> String {
 }
 
 fn table(one: &Comparison) -> String {
-    let mut text = "mag_g,bp_rp,x_px,y_px,dx_px,dy_px,dmag,snr,drawn_dx_px,drawn_dy_px,drawn_dmag\n".to_owned();
+    let mut text =
+        "mag_g,bp_rp,x_px,y_px,dx_px,dy_px,dmag,snr,drawn_dx_px,drawn_dy_px,drawn_dmag,name,outlier\n".to_owned();
     for star in &one.star_rows {
         let _ = writeln!(
             text,
-            "{:.4},{:.4},{:.4},{:.4},{:.4},{:.4},{:.4},{:.2},{:.4},{:.4},{:.4}",
+            "{:.4},{:.4},{:.4},{:.4},{:.4},{:.4},{:.4},{:.2},{:.4},{:.4},{:.4},{},{}",
             star.mag_g,
             star.bp_rp,
             star.x_px,
@@ -135,7 +181,9 @@ fn table(one: &Comparison) -> String {
             star.snr,
             star.drawn_dx_px,
             star.drawn_dy_px,
-            star.drawn_dmag
+            star.drawn_dmag,
+            star.name.as_deref().unwrap_or_default(),
+            u8::from(star.is_outlier)
         );
     }
     text

@@ -1,9 +1,13 @@
-//! Figures of one frame, what they may be, and whether they are.
+//! Figures of one frame, their limits, and whether they are within them.
+//!
+//! Outliers are named and counted, the figures without them are judged ([`crate::outliers`]). Limits of places and magnitudes
+//! are a fixed part and the drawn frame's own distances from its truth (noise and method), added as squares.
 
-use crate::figures::{BackgroundFigures, EnergyFigures, Pair, SnrRow};
+use crate::figures::{BackgroundFigures, EnergyFigures, Pair, SnrRow, StarRow};
 use crate::fitted::Fitted;
 use crate::geometry::stretch_axis;
-use crate::picture::{mean, rms};
+use crate::outliers::{self, Candidate, WorstStar, worst};
+use crate::picture::{Flip, mean, rms};
 use crate::psf_fit::Shape;
 use config::Camera;
 use serde::Serialize;
@@ -15,10 +19,12 @@ pub const SCHEMA_VERSION: u32 = 1;
 pub const COUNTED_SNR: f64 = 20.0;
 /// Least number of them.
 pub const LEAST_STARS: usize = 6;
-/// Most rms distance of real stars from drawn ones, px, along both axes together.
+/// Most rms distance of real stars from drawn ones, px, along both axes together, besides the drawn frame's own.
 pub const MOST_CENTROID_PX: f64 = 0.15;
-/// Most rms difference of magnitudes.
+/// Most rms difference of magnitudes, besides the drawn frame's own.
 pub const MOST_MAG: f64 = 0.15;
+/// Most outliers, a share of the stars, and one; known variables do not count.
+const MOST_OUTLIERS: f64 = 0.05;
 /// How far the ratio of the noises may be from 1.
 pub const MOST_NOISE: f64 = 0.10;
 /// A real star below this share of the drawn one's light is missing.
@@ -27,33 +33,6 @@ const MISSING_SHARE: f64 = 0.4;
 const MOST_MISSING: f64 = 0.05;
 /// Most difference of the energy in 3 x 3 px, a share.
 pub const MOST_ENERGY: f64 = 0.03;
-
-/// A star of the comparison.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct StarRow {
-    /// Gaia G.
-    pub mag_g: f64,
-    /// BP - RP.
-    pub bp_rp: f64,
-    /// Place in the real frame, px.
-    pub x_px: f64,
-    /// Row.
-    pub y_px: f64,
-    /// Real less drawn, px.
-    pub dx_px: f64,
-    /// Real less drawn, px.
-    pub dy_px: f64,
-    /// Magnitude of the real star less that of the drawn one.
-    pub dmag: f64,
-    /// SNR of the fit in the real frame.
-    pub snr: f64,
-    /// Measured on the drawn frame, less what was drawn there, px: what noise and method do.
-    pub drawn_dx_px: f64,
-    /// The same.
-    pub drawn_dy_px: f64,
-    /// The same, mag.
-    pub drawn_dmag: f64,
-}
 
 /// The air's refraction.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -77,6 +56,10 @@ pub struct Comparison {
     pub agrees: bool,
     /// Failed criteria, in words.
     pub failures: Vec<String>,
+    /// Causes of most of the distances and differences, in words, where they show.
+    pub limited_by: Vec<String>,
+    /// The image was turned over before it was compared: "rows" or "columns".
+    pub flipped: Option<String>,
     /// Right ascension of the boresight (image's middle where principal_point_px is there), degrees.
     pub ra_deg: f64,
     /// Declination, degrees.
@@ -91,6 +74,20 @@ pub struct Comparison {
     pub centroid_rms_axes_px: [f64; 2],
     /// Rms difference of magnitudes.
     pub mag_rms: f64,
+    /// `centroid_rms_px` without outliers: this is judged.
+    pub centroid_robust_px: f64,
+    /// `mag_rms` without outliers: this is judged.
+    pub mag_robust: f64,
+    /// Limit of `centroid_robust_px`: 0.15 px and the drawn frame's own, added as squares.
+    pub centroid_limit_px: f64,
+    /// Limit of `mag_robust`: 0.15 mag and the drawn frame's own, added as squares.
+    pub mag_limit: f64,
+    /// Stars whose place or magnitude is far off.
+    pub outliers: usize,
+    /// Outliers that count: all but known variables whose magnitude alone is off.
+    pub unexplained_outliers: usize,
+    /// Outliers, missing stars, and the worst of the others.
+    pub worst_stars: Vec<WorstStar>,
     /// Noise of the drawn background over that of the real one.
     pub background_noise_ratio: f64,
     /// Share of the light within 3 x 3 px of 7 x 7 px, drawn less real.
@@ -111,6 +108,14 @@ pub struct Comparison {
     pub focal_length_mm: [f64; 2],
     /// First radial term.
     pub k1: f64,
+    /// Second radial term.
+    pub k2: f64,
+    /// Its standard error, where the stars call for the term; else the camera file's is kept.
+    pub k2_error: Option<f64>,
+    /// Where the optical axis meets the image, px.
+    pub principal_point_px: [f64; 2],
+    /// Its standard errors, where the stars call for another one than the camera file's.
+    pub principal_point_errors_px: Option<[f64; 2]>,
     /// PSF in words.
     pub psf: String,
     /// Mean squared residual of the PSF's fit in units of noise.
@@ -123,6 +128,13 @@ pub struct Comparison {
     pub edge_illumination: f64,
     /// Further vignetting at half a diagonal from the stars, mag, and its standard error.
     pub edge_by_stars_mag: [f64; 2],
+    /// The illumination follows the stars: the background's fall contradicts them.
+    pub edge_is_by_stars: bool,
+    /// Change of the stars' magnitudes with those of the catalog, mag per mag, and its standard error; negative where bright stars
+    /// are too faint.
+    pub response_slope: [f64; 2],
+    /// Exponent that makes the image linear, and its standard error, where the stars show a response curve.
+    pub response_gamma: Option<[f64; 2]>,
     /// Electrons per DN, taken.
     pub gain_e_per_dn: f64,
     /// The same by the frame's own photon transfer, and its error, where it says anything.
@@ -156,23 +168,7 @@ pub(crate) struct Parts<'a> {
     pub detections: usize,
     pub is_ground: bool,
     pub is_given: bool,
-}
-
-fn row(pair: &Pair) -> StarRow {
-    let mag = |flux: f64| -2.5 * (flux / pair.truth_dn).log10();
-    StarRow {
-        mag_g: pair.mag_g,
-        bp_rp: pair.bp_rp,
-        x_px: pair.real.px[0],
-        y_px: pair.real.px[1],
-        dx_px: pair.real.px[0] - pair.truth_px[0],
-        dy_px: pair.real.px[1] - pair.truth_px[1],
-        dmag: mag(pair.real.flux_dn),
-        snr: pair.real.snr(),
-        drawn_dx_px: pair.drawn.px[0] - pair.truth_px[0],
-        drawn_dy_px: pair.drawn.px[1] - pair.truth_px[1],
-        drawn_dmag: mag(pair.drawn.flux_dn),
-    }
+    pub flip: Option<Flip>,
 }
 
 /// Returns true for a star that should be there and is not.
@@ -191,9 +187,13 @@ pub(crate) fn conclude(parts: &Parts<'_>) -> Comparison {
         parts.pairs.iter().filter(bright).filter(|pair| is_full(pair)).count(),
         parts.pairs.iter().filter(bright).filter(|pair| !is_full(pair) && pair.is_blended).count(),
     ];
-    let rows: Vec<StarRow> =
-        parts.pairs.iter().filter(bright).filter(|pair| !is_full(pair) && !pair.is_blended).map(row).collect();
-    let both = |of: fn(&StarRow) -> [f64; 2]| rms(rows.iter().map(|star| of(star)[0].hypot(of(star)[1])));
+    let counted: Vec<&Pair> =
+        parts.pairs.iter().filter(bright).filter(|pair| !is_full(pair) && !pair.is_blended).collect();
+    let mut rows: Vec<StarRow> = counted.iter().map(|pair| StarRow::of(pair)).collect();
+    let off = outliers::outliers(&rows, &counted);
+    rows.iter_mut().zip(&off).for_each(|(row, off)| row.is_outlier = *off != [false; 2]);
+    let [figures, drawn_figures] = outliers::figures(&rows, &off);
+    let worst_stars = worst(&candidates(parts.pairs, &counted, &rows, &off));
     let axis = |of: fn(&StarRow) -> f64| rms(rows.iter().map(of));
     let [ra, dec, roll] = parts.ra_dec_roll.map(f64::to_degrees);
     let params = run::wiring::camera_parts::camera_params(parts.camera);
@@ -208,29 +208,45 @@ pub(crate) fn conclude(parts: &Parts<'_>) -> Comparison {
         image: parts.path.display().to_string(),
         agrees: true,
         failures: Vec::new(),
+        limited_by: Vec::new(),
+        flipped: parts.flip.map(|flip| flip.word().into()),
         ra_deg: ra,
         dec_deg: dec,
         roll_deg: roll.rem_euclid(360.0),
         stars: rows.len(),
-        centroid_rms_px: both(|star| [star.dx_px, star.dy_px]),
+        centroid_rms_px: figures.px,
         centroid_rms_axes_px: [axis(|star| star.dx_px), axis(|star| star.dy_px)],
-        mag_rms: axis(|star| star.dmag),
+        mag_rms: figures.mag,
+        centroid_robust_px: figures.robust_px,
+        mag_robust: figures.robust_mag,
+        centroid_limit_px: MOST_CENTROID_PX.hypot(drawn_figures.robust_px),
+        mag_limit: MOST_MAG.hypot(drawn_figures.robust_mag),
+        outliers: worst_stars.iter().filter(|star| star.is_outlier).count(),
+        unexplained_outliers: worst_stars.iter().filter(|star| star.is_outlier && !star.is_explained).count(),
+        worst_stars,
         background_noise_ratio: parts.background.noise_ratio,
         ensquared_energy_difference: parts.energy.drawn[0] - parts.energy.real[0],
-        drawn_centroid_rms_px: both(|star| [star.drawn_dx_px, star.drawn_dy_px]),
-        drawn_mag_rms: axis(|star| star.drawn_dmag),
+        drawn_centroid_rms_px: drawn_figures.px,
+        drawn_mag_rms: drawn_figures.mag,
         detections: parts.detections,
         left_out,
         missing: parts.pairs.iter().filter(|pair| is_missing(pair)).count(),
         attitude_given: parts.is_given,
         focal_length_mm: [fitted.geometry.focal_px * pitch_mm, fitted.focal_error_px * pitch_mm],
         k1: fitted.geometry.distortion.k1,
+        k2: fitted.geometry.distortion.k2,
+        k2_error: fitted.freedom.second_radial.then_some(fitted.second_radial_error),
+        principal_point_px: fitted.geometry.centre_px,
+        principal_point_errors_px: fitted.freedom.axis.then_some(fitted.axis_errors_px),
         psf: fitted.psf.as_ref().map_or_else(|| "kept".into(), |psf| words(psf.shape)),
         psf_chi2: fitted.psf.as_ref().map_or(f64::NAN, |psf| psf.chi2_per_pixel),
         zero_point_e: light.map_or(f64::NAN, |light| light.zero_e),
         colour: light.map_or([f64::NAN; 2], |light| light.colour),
         edge_illumination: params.as_ref().map_or(f64::NAN, edge),
         edge_by_stars_mag: light.map_or([f64::NAN; 2], |light| light.edge_mag),
+        edge_is_by_stars: fitted.is_lit_by_stars,
+        response_slope: fitted.response.as_ref().map_or([f64::NAN; 2], |response| response.slope),
+        response_gamma: fitted.response.as_ref().and_then(|response| response.gamma),
         gain_e_per_dn: fitted.noise.gain_e_per_dn,
         transfer_gain: fitted.transfer,
         read_noise_e: fitted.noise.read_dn * fitted.noise.gain_e_per_dn,
@@ -251,6 +267,18 @@ pub(crate) fn conclude(parts: &Parts<'_>) -> Comparison {
     comparison
 }
 
+/// Returns the stars that may be listed: those that count, and those that are missing.
+fn candidates<'p>(pairs: &'p [Pair], counted: &[&'p Pair], rows: &[StarRow], off: &[[bool; 2]]) -> Vec<Candidate<'p>> {
+    let is_counted = |pair: &Pair| counted.iter().any(|one| core::ptr::eq(*one, pair));
+    let listed = counted.iter().zip(rows).zip(off);
+    let listed =
+        listed.map(|((pair, row), off)| Candidate { pair, row: row.clone(), off: *off, is_missing: is_missing(pair) });
+    let missing = pairs.iter().filter(|pair| is_missing(pair) && !is_counted(pair));
+    listed
+        .chain(missing.map(|pair| Candidate { pair, row: StarRow::of(pair), off: [false; 2], is_missing: true }))
+        .collect()
+}
+
 /// Returns what is beyond its limit, in words; a figure that is not a number is.
 fn failures(of: &Comparison) -> Vec<String> {
     let mut found = Vec::new();
@@ -263,14 +291,32 @@ fn failures(of: &Comparison) -> Vec<String> {
         of.stars >= LEAST_STARS,
         format!("{} stars above SNR {COUNTED_SNR}, wanted at least {LEAST_STARS}", of.stars),
     );
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a number of stars")]
-    let most_missing = 1 + (MOST_MISSING * of.stars as f64) as usize;
+    let most_missing = one_and_share(MOST_MISSING, of.stars);
     check(of.missing <= most_missing, format!("{} stars are missing, wanted at most {most_missing}", of.missing));
+    let most_outliers = most_outliers(of.stars);
     check(
-        of.centroid_rms_px <= MOST_CENTROID_PX,
-        format!("centroids {:.3} px rms, wanted at most {MOST_CENTROID_PX}", of.centroid_rms_px),
+        of.unexplained_outliers <= most_outliers,
+        format!("{} stars are outliers, wanted at most {most_outliers}", of.unexplained_outliers),
     );
-    check(of.mag_rms <= MOST_MAG, format!("magnitudes {:.3} rms, wanted at most {MOST_MAG}", of.mag_rms));
+    let own = |limit: f64, fixed: f64| (limit * limit - fixed * fixed).max(0.0).sqrt();
+    check(
+        of.centroid_robust_px <= of.centroid_limit_px,
+        format!(
+            "centroids {:.3} px rms without outliers, wanted at most {:.3} ({MOST_CENTROID_PX} and the drawn frame's {:.3})",
+            of.centroid_robust_px,
+            of.centroid_limit_px,
+            own(of.centroid_limit_px, MOST_CENTROID_PX)
+        ),
+    );
+    check(
+        of.mag_robust <= of.mag_limit,
+        format!(
+            "magnitudes {:.3} rms without outliers, wanted at most {:.3} ({MOST_MAG} and the drawn frame's {:.3})",
+            of.mag_robust,
+            of.mag_limit,
+            own(of.mag_limit, MOST_MAG)
+        ),
+    );
     let noise = of.background_noise_ratio;
     check(
         (noise - 1.0).abs() <= MOST_NOISE,
@@ -282,6 +328,17 @@ fn failures(of: &Comparison) -> Vec<String> {
         format!("energy in 3 x 3 px {:+.1} % of the light, wanted within {:.0} %", 100.0 * energy, 100.0 * MOST_ENERGY),
     );
     found
+}
+
+/// Returns the most outliers among so many stars, known variables aside.
+#[must_use]
+pub fn most_outliers(stars: usize) -> usize {
+    one_and_share(MOST_OUTLIERS, stars)
+}
+
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a number of stars")]
+fn one_and_share(share: f64, stars: usize) -> usize {
+    1 + (share * stars as f64) as usize
 }
 
 fn words(shape: Shape) -> String {

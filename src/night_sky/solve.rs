@@ -162,7 +162,7 @@ impl BrightSky {
         for _ in 0..4 {
             let ties = self.ties(&geometry, counted, radius_px);
             geometry =
-                geometry.fitted(&ties, if ties.len() > 4 { Freedom::Scale } else { Freedom::Attitude })?.geometry;
+                geometry.fitted(&ties, if ties.len() > 4 { Freedom::SCALE } else { Freedom::ATTITUDE })?.geometry;
             radius_px = (0.4 * radius_px).max(MATCH_PX);
         }
         if (geometry.focal_px / start.focal_px - 1.0).abs() > 1.5 * tolerance {

@@ -9,11 +9,14 @@
     reason = "a test may stop at the first surprise and compares exact values where exactness is the claim"
 )]
 
+mod effects;
+
 use base::axes::{Icrf, Rotation, Sensor, sensor_from_ra_dec_roll};
 use base::units::{ARCSEC, DEG};
 use config::{Camera, Document};
 use frames::sink::png::write_dn_raw;
 use starloop_night_sky::draw::draw;
+use starloop_night_sky::picture::Flip;
 use starloop_night_sky::read::{self, MOST_PIXELS};
 use starloop_night_sky::sky_stars::When;
 use starloop_night_sky::{CompareError, Compared, Comparer, Options, Picture};
@@ -73,10 +76,15 @@ fn attitude(off_deg: [f64; 3]) -> Rotation<Sensor, Icrf> {
 }
 
 fn frame(seed: u64) -> Picture {
-    let camera = Camera::from_document(&Document::from_text(&taking(), Path::new("taking.toml"))).unwrap();
+    frame_of(&taking(), attitude([0.0; 3]), seed)
+}
+
+/// Draws a frame of a camera file.
+fn frame_of(camera: &str, attitude: Rotation<Sensor, Icrf>, seed: u64) -> Picture {
+    let camera = Camera::from_document(&Document::from_text(camera, Path::new("taking.toml"))).unwrap();
     let sky = Sky::open(&[], 8.5, 64).unwrap();
     let when = When { at: None, epoch_yr: sky.layers.epoch_yr() };
-    draw(&camera, attitude([0.0; 3]), &sky, &when, seed).unwrap().picture
+    draw(&camera, attitude, &sky, &when, seed).unwrap().picture
 }
 
 /// Writes a picture as a TIFF file of 16 bits, its values times `scale`.
@@ -160,7 +168,17 @@ fn the_wrong_camera_a_mirrored_frame_and_a_blank_one_are_refused() {
     let rows = picture.dn.chunks(width).flat_map(|row| row.iter().rev().copied());
     let mirrored = Picture { size_px: picture.size_px, dn: rows.collect() };
     let error = compared(&mirrored, Options::default()).err().unwrap().to_string();
+    assert!(error.contains("mirrored left to right") && error.contains("--flip columns"), "{error}");
+    assert!(!error.contains("focal_length"), "the scale is right: {error}");
+    // The same of a camera file whose scale is 2.5 % off.
+    let path = file(&folder, "mirrored.tiff", &tiff(&mirrored, 16.0));
+    let near = document().text().replace("focal_length_mm = 35.0", "focal_length_mm = 34.3");
+    let near = Document::from_text(&near, Path::new("near.toml"));
+    let near = Comparer::new(&near, Path::new("near.toml"), Options::default()).unwrap();
+    let error = near.compare(&path).err().unwrap().to_string();
     assert!(error.contains("mirrored left to right"), "{error}");
+    let turned = compared(&mirrored, Options { flip: Some(Flip::Columns), ..Options::default() }).unwrap().result;
+    assert!(turned.agrees && turned.flipped.as_deref() == Some("columns"), "{:?}", turned.failures);
     let blank = picture.map(|_, _| 100.0);
     let error = compared(&blank, Options::default()).err().unwrap().to_string();
     assert!(error.contains("0 stars above"), "{error}");
@@ -194,11 +212,17 @@ fn tiff_png_and_fits_hold_the_same_numbers_left_justified_or_not() {
     let mut sent = frames::sink::SentFrame::with_capacity(40, 30, 0, "camera".into());
     sent.image = image;
     frames::sink::fits::write_frame(&mut fits, &sent).unwrap();
-    for (name, bytes) in
-        [("a.tiff", tiff(&picture, 1.0)), ("b.tiff", tiff(&picture, 16.0)), ("c.png", png), ("d.fits", fits)]
-    {
+    let mut packed = Vec::new();
+    frames::sink::fits::write_compressed_frame(&mut packed, &sent).unwrap();
+    for (name, bytes) in [
+        ("a.tiff", tiff(&picture, 1.0)),
+        ("b.tiff", tiff(&picture, 16.0)),
+        ("c.png", png),
+        ("d.fits", fits),
+        ("e.fits.fz", packed),
+    ] {
         let path = file(&folder, name, &bytes);
-        assert_eq!(read::read(&path, [40, 30], 12).unwrap(), picture, "{name}");
+        assert_eq!(read::read(&path, [40, 30], 12).unwrap().picture, picture, "{name}");
         let error = read::read(&path, [30, 40], 12).unwrap_err().to_string();
         assert!(error.contains("40 x 30 pixels") && error.contains("30 x 40"), "{error}");
         damaged(&folder, name, &bytes);
@@ -217,7 +241,7 @@ fn damaged(folder: &TempDir, name: &str, bytes: &[u8]) {
                 cut + 2880 > bytes.len() || name.ends_with("png"),
                 "{name}: {cut} of {} bytes: {:?}",
                 bytes.len(),
-                picture.size_px
+                picture.picture.size_px
             );
         }
     }

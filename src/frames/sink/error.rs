@@ -165,6 +165,16 @@ pub enum SinkError {
         /// Contents that were found.
         got: String,
     },
+    /// A FITS file that is cut short, or whose bytes contradict each other.
+    #[error("the FITS file is damaged: {what}: wanted {wanted}, got {got}")]
+    DamagedFits {
+        /// Place in the file.
+        what: &'static str,
+        /// Contents that are readable.
+        wanted: &'static str,
+        /// Contents that were found.
+        got: String,
+    },
     /// A table (truth or frame log) that does not have the promised columns or values.
     #[error("{table}, line {line}: wanted {wanted}, got {got}")]
     BadTable {

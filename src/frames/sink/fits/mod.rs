@@ -1,4 +1,4 @@
-//! FITS images: a writer and a reader of the little that frames need.
+//! FITS images: a writer of the little that frames need, and a reader of one image, of other programs too.
 //!
 //! Source: "Definition of the Flexible Image Transport System", version 4.0 (IAU FITS Working Group, 2018). One
 //! primary array of two axes; 16-bit unsigned as `BITPIX = 16` with `BZERO = 32768`, or IEEE floats (`-32`, `-64`).
@@ -9,9 +9,9 @@
 //! The WCS maps pixels to ICRS catalog places at the epoch of the frame (`wcs_cards`); `DATASUM` and `CHECKSUM` as in
 //! the standard (`checksum`).
 //!
-//! Frames of data sets are compressed without loss (`compressed`).
+//! Frames of data sets are compressed without loss (`compressed`); `packed` reads such files, `fpack`'s too.
 //!
-//! Limits: no other extensions, no tables, no `CONTINUE`; long text is cut; compressed files are not read.
+//! Limits: one image of a file, no tables, no `CONTINUE`; long text is cut; of compressed images, integers by `RICE_1`.
 //!
 //! Checked outside the tests with astropy 8.0.2 on files of this writer (u16, f32, f64, odd sizes):
 //! `verify('exception')` is silent with every warning turned into an error, every card's own verification passes, the
@@ -19,20 +19,23 @@
 //! and `Time(MJD-OBS)` agree to 2 us, `Unit(BUNIT)` parses, and zlib gives the same CRC-32 as `PIXCRC32` and
 //! `frames.csv`.
 
+pub mod array;
 pub mod card;
 mod checksum;
 mod compressed;
 pub mod image;
 pub mod keywords;
+mod packed;
 pub mod read;
 mod rice;
 mod wcs_cards;
 
+pub use array::FitsImage;
 pub use card::{Header, Value};
 pub use compressed::write_compressed_frame;
 pub use image::{Pixels, write_image};
 pub use keywords::{write_electrons, write_frame};
-pub use read::{FitsImage, read_image};
+pub use read::read_image;
 
 /// Files are made of blocks of this many bytes.
 const BLOCK_BYTES: usize = 2880;

@@ -1,128 +1,108 @@
-//! Reads the files of the writer: a primary image of two axes, 16-bit unsigned or IEEE floats.
+//! Reads one image of two axes: the first of the file, in its primary array, in an image extension, or compressed in a table
+//! ([`super::packed`]).
+//!
+//! Integers of 8, 16 and 32 bits with `BZERO` and `BSCALE`, IEEE floats of 32 and 64 bits. Parts without an image are
+//! skipped. A file that ends early is [`SinkError::DamagedFits`], one of another kind [`SinkError::BadFits`].
 
-use super::card::{CARD_BYTES, Card, Header, Value, end_card};
-use super::image::BZERO_U16;
-use super::{BLOCK_BYTES, Pixels};
+use super::array::{FitsImage, OwnedPixels, Scale, axis, bad, ended};
+use super::card::{CARD_BYTES, Card, Header, end_card};
+use super::image::{BZERO_U16, fill_bytes};
+use super::{BLOCK_BYTES, packed};
 use crate::sink::SinkError;
 use std::io::Read;
 
 /// Headers longer than this are taken for damage.
-const MAX_HEADER_BLOCKS: usize = 64;
-
-/// An image as read from a file.
-#[derive(Debug, Clone, PartialEq)]
-pub struct FitsImage {
-    /// Columns.
-    pub width: usize,
-    /// Rows.
-    pub height: usize,
-    /// The pixels, in the order of the file.
-    pub pixels: OwnedPixels,
-    /// Every card but `END`.
-    pub header: Header,
-}
-
-/// Pixels of an image that was read, row by row.
-#[derive(Debug, Clone, PartialEq)]
-pub enum OwnedPixels {
-    /// Unsigned 16-bit.
-    U16(Vec<u16>),
-    /// Single precision.
-    F32(Vec<f32>),
-    /// Double precision.
-    F64(Vec<f64>),
-}
-
-impl OwnedPixels {
-    /// Returns the same pixels, borrowed.
-    #[must_use]
-    pub fn as_pixels(&self) -> Pixels<'_> {
-        match self {
-            Self::U16(p) => Pixels::U16(p),
-            Self::F32(p) => Pixels::F32(p),
-            Self::F64(p) => Pixels::F64(p),
-        }
-    }
-}
+const MAX_HEADER_BLOCKS: usize = 256;
+/// Parts of a file among which an image is looked for.
+const MAX_PARTS: usize = 64;
+/// Axes that an array may have (FITS allows 999, programs write a few).
+const MAX_AXES: i128 = 9;
 
 impl FitsImage {
     /// Reads one image; see [`read_image`].
     ///
     /// # Errors
-    /// [`SinkError::BadFits`] when the input ends early or is not an image of a kind listed above.
+    /// As [`read_image`].
     pub fn read(input: impl Read) -> Result<Self, SinkError> {
         read_image(input)
     }
-
-    /// Returns the pixels as numbers, the top row first: that is the first one of the file, unless it says
-    /// `ROWORDER = 'BOTTOM-UP'`.
-    #[must_use]
-    pub fn top_row_first(&self) -> Vec<f64> {
-        let pixels: Vec<f64> = match &self.pixels {
-            OwnedPixels::U16(pixels) => pixels.iter().map(|value| f64::from(*value)).collect(),
-            OwnedPixels::F32(pixels) => pixels.iter().map(|value| f64::from(*value)).collect(),
-            OwnedPixels::F64(pixels) => pixels.clone(),
-        };
-        if self.header.text("ROWORDER").is_some_and(|order| order.trim() == "BOTTOM-UP") {
-            return pixels.rchunks_exact(self.width.max(1)).flatten().copied().collect();
-        }
-        pixels
-    }
 }
 
-/// Reads one image; never allocates more than the input holds.
+/// Reads one image; takes no more memory than the input's size allows for.
 ///
 /// # Errors
-/// [`SinkError::BadFits`] when the input ends early or is not an image of a kind listed above.
+/// [`SinkError::DamagedFits`] when the input ends early, [`SinkError::BadFits`] when it has no image of a kind listed above.
 pub fn read_image(mut input: impl Read) -> Result<FitsImage, SinkError> {
-    let header = read_header(&mut input)?;
+    let mut header = read_header(&mut input)?;
     if header.get("SIMPLE") != Some(true.into()) {
         return Err(bad("SIMPLE", "T", &header));
     }
-    if header.integer("NAXIS") != Some(2) {
+    for part in 1..=MAX_PARTS {
+        if header.get("ZIMAGE") == Some(true.into()) {
+            return packed::read(input, header);
+        }
+        if is_image(&header) {
+            return read_array(input, header);
+        }
+        skip_data(&mut input, &header)?;
+        header = next_header(&mut input)?.ok_or_else(|| without_image(part))?;
+    }
+    Err(without_image(MAX_PARTS))
+}
+
+/// Returns the header of the next part; `None` at the end of the file.
+fn next_header(input: &mut impl Read) -> Result<Option<Header>, SinkError> {
+    let mut first = Vec::new();
+    input.take(1).read_to_end(&mut first).map_err(|e| ended("header", &e))?;
+    if first.is_empty() { Ok(None) } else { read_header(&mut first.as_slice().chain(input)).map(Some) }
+}
+
+fn without_image(parts: usize) -> SinkError {
+    SinkError::BadFits { what: "the file", wanted: "an image of 2 axes", got: format!("{parts} parts without one") }
+}
+
+/// Returns true for an array with pixels, whatever its axes.
+fn is_image(header: &Header) -> bool {
+    let is_table = header.text("XTENSION").is_some_and(|kind| kind.trim() != "IMAGE");
+    !is_table && header.integer("NAXIS") != Some(0)
+}
+
+fn read_array(input: impl Read, header: Header) -> Result<FitsImage, SinkError> {
+    let axes = header.integer("NAXIS").unwrap_or(0);
+    let is_plane = (3..=axes).all(|axis| header.integer(&format!("NAXIS{axis}")) == Some(1));
+    if !(2..=MAX_AXES).contains(&axes) || !is_plane {
         return Err(bad("NAXIS", "2 axes", &header));
     }
     let (width, height) = (axis(&header, "NAXIS1")?, axis(&header, "NAXIS2")?);
+    let size = [width, height];
+    let scale = Scale::of(&header);
     let pixels = match header.integer("BITPIX") {
-        Some(16) => OwnedPixels::U16(read_unsigned(input, width, height, &header)?),
-        Some(-32) => OwnedPixels::F32(read_pixels(input, width, height, f32::from_be_bytes)?),
-        Some(-64) => OwnedPixels::F64(read_pixels(input, width, height, f64::from_be_bytes)?),
-        _ => return Err(bad("BITPIX", "16, -32 or -64", &header)),
+        Some(8) => scale.integers(read_pixels(input, size, |[byte]: [u8; 1]| i32::from(byte))?),
+        Some(16) if scale.is_unsigned_16() => {
+            OwnedPixels::U16(read_pixels(input, size, |bytes| u16::from_be_bytes(bytes) ^ BZERO_U16)?)
+        }
+        Some(16) => scale.integers(read_pixels(input, size, |bytes| i32::from(i16::from_be_bytes(bytes)))?),
+        Some(32) => scale.integers(read_pixels(input, size, i32::from_be_bytes)?),
+        Some(-32) if scale.is_one() => OwnedPixels::F32(read_pixels(input, size, f32::from_be_bytes)?),
+        Some(-32) => scale.reals(read_pixels(input, size, |bytes| f64::from(f32::from_be_bytes(bytes)))?),
+        Some(-64) => scale.reals(read_pixels(input, size, f64::from_be_bytes)?),
+        _ => return Err(bad("BITPIX", "8, 16, 32, -32 or -64", &header)),
     };
     Ok(FitsImage { width, height, pixels, header })
 }
 
-fn bad(keyword: &'static str, wanted: &'static str, header: &Header) -> SinkError {
-    SinkError::BadFits {
-        what: keyword,
-        wanted,
-        got: header.get(keyword).map_or_else(|| "no such card".into(), value_text),
-    }
-}
-
-fn ended(what: &'static str, source: &std::io::Error) -> SinkError {
-    SinkError::BadFits { what, wanted: "more bytes", got: end_or(source) }
-}
-
-/// Returns a card's value as the file has it.
-fn value_text(value: Value<'_>) -> String {
-    match value {
-        Value::Undefined => "no value".into(),
-        Value::Logical(flag) => if flag { "T" } else { "F" }.into(),
-        Value::Integer(number) => number.to_string(),
-        Value::Real(number) => number.to_string(),
-        Value::Text(text) => format!("'{text}'"),
-    }
-}
-
-/// Returns what was found where bytes were wanted.
-fn end_or(source: &std::io::Error) -> String {
-    if source.kind() == std::io::ErrorKind::UnexpectedEof { "the end of the file".into() } else { source.to_string() }
-}
-
-fn axis(header: &Header, keyword: &'static str) -> Result<usize, SinkError> {
-    let length = header.integer(keyword).and_then(|n| usize::try_from(n).ok());
-    length.ok_or_else(|| bad(keyword, "a length in pixels", header))
+/// Passes over the data of a part.
+fn skip_data(input: &mut impl Read, header: &Header) -> Result<(), SinkError> {
+    let axes = header.integer("NAXIS").unwrap_or(0).clamp(0, MAX_AXES);
+    let number = |keyword: &str, without: i128| header.integer(keyword).unwrap_or(without).max(0);
+    let lengths = (1..=axes).map(|axis| number(&format!("NAXIS{axis}"), 0));
+    let array = if axes == 0 { 0 } else { lengths.fold(1, i128::saturating_mul) };
+    let cells = array.saturating_add(number("PCOUNT", 0)).saturating_mul(number("GCOUNT", 1));
+    let bytes = cells.saturating_mul(header.integer("BITPIX").unwrap_or(8).saturating_abs() / 8);
+    let bytes = usize::try_from(bytes).unwrap_or(usize::MAX / 2);
+    let whole = (bytes + fill_bytes(bytes)) as u64;
+    std::io::copy(&mut input.take(whole), &mut std::io::sink()).map_err(|e| ended("a part without an image", &e))?;
+    Ok(())
 }
 
 fn read_header(input: &mut impl Read) -> Result<Header, SinkError> {
@@ -139,20 +119,12 @@ fn read_header(input: &mut impl Read) -> Result<Header, SinkError> {
             header.push_card(card);
         }
     }
-    Err(SinkError::BadFits { what: "header", wanted: "an END card", got: format!("{MAX_HEADER_BLOCKS} blocks") })
-}
-
-fn read_unsigned(input: impl Read, width: usize, height: usize, header: &Header) -> Result<Vec<u16>, SinkError> {
-    if header.real("BZERO") != Some(f64::from(BZERO_U16)) {
-        return Err(bad("BZERO", "32768 (unsigned pixels)", header));
-    }
-    read_pixels(input, width, height, |bytes| u16::from_be_bytes(bytes) ^ BZERO_U16)
+    Err(SinkError::DamagedFits { what: "header", wanted: "an END card", got: format!("{MAX_HEADER_BLOCKS} blocks") })
 }
 
 fn read_pixels<T, const N: usize>(
     input: impl Read,
-    width: usize,
-    height: usize,
+    [width, height]: [usize; 2],
     native: impl Fn([u8; N]) -> T,
 ) -> Result<Vec<T>, SinkError> {
     let size = || SinkError::BadFits { what: "size", wanted: "an image in memory", got: format!("{width} x {height}") };
@@ -161,7 +133,7 @@ fn read_pixels<T, const N: usize>(
     input.take(wanted as u64).read_to_end(&mut bytes).map_err(|e| ended("pixels", &e))?;
     if bytes.len() != wanted {
         let got = format!("{} of {wanted} bytes", bytes.len());
-        return Err(SinkError::BadFits { what: "pixels", wanted: "all rows", got });
+        return Err(SinkError::DamagedFits { what: "pixels", wanted: "all rows", got });
     }
     let mut word = [0; N];
     let pixel = |b: &[u8]| {
@@ -173,7 +145,7 @@ fn read_pixels<T, const N: usize>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::write_image;
+    use super::super::{Pixels, Value, write_image};
     use super::*;
     use proptest::prelude::*;
 
@@ -229,6 +201,64 @@ mod tests {
                 assert_eq!(image.pixels.as_pixels(), pixels, "the file's own order stays");
             }
         }
+    }
+
+    /// Returns a part with this header and data.
+    fn part(cards: &[(&str, Value<'_>)], data: &[u8]) -> Vec<u8> {
+        let mut header = Header::default();
+        cards.iter().for_each(|(keyword, value)| header.push(keyword, value.clone(), ""));
+        let mut bytes: Vec<u8> = header.cards().concat();
+        bytes.extend_from_slice(&end_card());
+        bytes.resize(bytes.len().next_multiple_of(BLOCK_BYTES), b' ');
+        bytes.extend_from_slice(data);
+        bytes.resize(bytes.len().next_multiple_of(BLOCK_BYTES), 0);
+        bytes
+    }
+
+    fn extension(bitpix: i64, more: &[(&str, Value<'_>)], data: &[u8]) -> Vec<u8> {
+        let mut cards = vec![("XTENSION", "IMAGE".into()), ("BITPIX", bitpix.into()), ("NAXIS", 2_u32.into())];
+        cards.extend([("NAXIS1", 2_u32.into()), ("NAXIS2", 1_u32.into())]);
+        cards.extend_from_slice(more);
+        let primary = part(&[("SIMPLE", true.into()), ("BITPIX", 8_u32.into()), ("NAXIS", 0_u32.into())], &[]);
+        let table = [("XTENSION", "TABLE".into()), ("BITPIX", 8_u32.into()), ("NAXIS", 2_u32.into())];
+        let sides = [("NAXIS1", 3_u32.into()), ("NAXIS2", 5_u32.into())];
+        let table = part(&[table.as_slice(), &sides].concat(), &[b'x'; 15]);
+        [primary, table, part(&cards, data)].concat()
+    }
+
+    #[test]
+    fn the_first_image_of_extensions_is_read_whatever_its_numbers() {
+        let scaled = [("BZERO", 10.0.into()), ("BSCALE", 0.5.into())];
+        for (bitpix, more, data, wanted) in [
+            (8, &[][..], &[7, 200][..], [7.0, 200.0]),
+            (16, &[][..], &[0xFF, 0xFE, 1, 0][..], [-2.0, 256.0]),
+            (16, &scaled[..], &[0, 4, 0, 6][..], [12.0, 13.0]),
+            (32, &[][..], &[0, 1, 0, 0, 0xFF, 0xFF, 0xFF, 0xFF][..], [65_536.0, -1.0]),
+            (-32, &scaled[..], &[0x40, 0, 0, 0, 0xC0, 0, 0, 0][..], [11.0, 9.0]),
+        ] {
+            let bytes = extension(bitpix, more, data);
+            assert_eq!(read_image(bytes.as_slice()).unwrap().top_row_first(), wanted, "{bitpix}");
+            let cut = read_image(&bytes[..bytes.len() - BLOCK_BYTES + 1]).unwrap_err().to_string();
+            assert!(cut.contains("damaged"), "{cut}");
+        }
+        let unsigned = extension(16, &[("BZERO", 32_768_u32.into())], &[0x80, 1, 0, 0]);
+        assert_eq!(read_image(unsigned.as_slice()).unwrap().pixels, OwnedPixels::U16(vec![1, 32_768]));
+    }
+
+    #[test]
+    fn a_file_of_another_kind_is_not_called_damaged() {
+        let primary = part(&[("SIMPLE", true.into()), ("BITPIX", 8_u32.into()), ("NAXIS", 0_u32.into())], &[]);
+        let cube = [("SIMPLE", true.into()), ("BITPIX", 8_u32.into()), ("NAXIS", 3_u32.into())];
+        let sides = [("NAXIS1", 2_u32.into()), ("NAXIS2", 1_u32.into()), ("NAXIS3", 3_u32.into())];
+        for (bytes, words) in [
+            (primary.clone(), "1 parts without one"),
+            (part(&[cube.as_slice(), &sides].concat(), &[0; 6]), "NAXIS: wanted 2 axes, got 3"),
+        ] {
+            let message = read_image(bytes.as_slice()).unwrap_err().to_string();
+            assert!(message.contains(words) && !message.contains("damaged"), "{message}");
+        }
+        let cut = read_image(&[primary.as_slice(), b"XTENSION"].concat()[..]).unwrap_err().to_string();
+        assert!(cut.contains("damaged"), "control: {cut}");
     }
 
     #[test]

@@ -1,6 +1,6 @@
-//! Rice coding of 16-bit pixels: `RICE_1` of the tiled image compression of FITS.
+//! Rice coding of pixels: `RICE_1` of the tiled image compression of FITS; written with 16 bits, read with 8, 16 or 32.
 //!
-//! In: pixels of one tile in the order of the file. Out: bytes that hold them without loss. The first pixel is written as
+//! In: pixels of one tile in the order of the file. Out: bytes that hold them without loss, and the way back. The first pixel is written as
 //! it is; the differences to the pixel before go in blocks of [`BLOCK_PX`], each with the number of low bits that suits
 //! it. Source: FITS standard 4.0, section 10.4.1; R. White, P. Greenfield, W. Pence and others, "Tiled image convention
 //! for storing compressed images in FITS binary tables", version 2.3. Tests: below, and astropy reads the files in
@@ -87,6 +87,97 @@ fn folded(difference: u16) -> u32 {
     u32::from(if difference & 0x8000 == 0 { doubled } else { !doubled })
 }
 
+/// How a tile was coded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Coding {
+    /// Pixels of a block.
+    pub block_px: usize,
+    /// Bits of the choice of a block, and the largest number of low bits: beyond it pixels are written as they are.
+    choice_bits: u32,
+    most_low_bits: u32,
+    /// Bits of a pixel before it is coded.
+    pixel_bits: u32,
+}
+
+impl Coding {
+    /// Returns the coding of pixels of 1, 2 or 4 bytes; `None` of others.
+    pub(super) fn of(block_px: usize, pixel_bytes: usize) -> Option<Self> {
+        let (choice_bits, most_low_bits, pixel_bits) = match pixel_bytes {
+            1 => (3, 6, 8),
+            2 => (CHOICE_BITS, MOST_LOW_BITS, PIXEL_BITS),
+            4 => (5, 25, 32),
+            _ => return None,
+        };
+        (1..=BLOCK_PX).contains(&block_px).then_some(Self { block_px, choice_bits, most_low_bits, pixel_bits })
+    }
+
+    /// Returns the fewest bits that `pixels` can take.
+    pub(super) fn least_bits(&self, pixels: usize) -> usize {
+        self.pixel_bits as usize + pixels.div_ceil(self.block_px).saturating_mul(self.choice_bits as usize)
+    }
+
+    /// Returns a pixel as a number: those of one byte are unsigned.
+    fn number(&self, value: u32) -> i32 {
+        if self.pixel_bits == 8 { (value & 0xFF).cast_signed() } else { sign_extended(value, self.pixel_bits) }
+    }
+}
+
+fn sign_extended(value: u32, bits: u32) -> i32 {
+    (value << (u32::BITS - bits)).cast_signed() >> (u32::BITS - bits)
+}
+
+/// Returns the stored numbers of a tile; `None` when its code ends early.
+pub(super) fn decode(code: &[u8], pixels: usize, coding: &Coding) -> Option<Vec<i32>> {
+    if code.len().saturating_mul(8) < coding.least_bits(pixels) {
+        return None;
+    }
+    let mut bits = Taken { code, at: 0 };
+    let mut before = bits.take(coding.pixel_bits)?;
+    let mut out = Vec::with_capacity(pixels);
+    while out.len() < pixels {
+        let choice = bits.take(coding.choice_bits)?;
+        for _ in 0..coding.block_px.min(pixels - out.len()) {
+            let folded = match choice.checked_sub(1) {
+                None => 0,
+                Some(low) if low >= coding.most_low_bits => bits.take(coding.pixel_bits)?,
+                Some(low) => (bits.zeros()?.checked_shl(low)?) | bits.take(low)?,
+            };
+            let half = folded >> 1;
+            before = before.wrapping_add(if folded & 1 == 1 { !half } else { half });
+            out.push(coding.number(before));
+        }
+    }
+    Some(out)
+}
+
+/// Bits on their way in, the highest one of each byte first.
+struct Taken<'c> {
+    code: &'c [u8],
+    at: usize,
+}
+
+impl Taken<'_> {
+    fn bit(&mut self) -> Option<u32> {
+        let byte = self.code.get(self.at / 8)?;
+        let bit = u32::from(byte >> (7 - self.at % 8)) & 1;
+        self.at += 1;
+        Some(bit)
+    }
+
+    fn take(&mut self, count: u32) -> Option<u32> {
+        (0..count).try_fold(0, |number, _| Some((number << 1) | self.bit()?))
+    }
+
+    /// Returns the number of zeros before the next one, which is taken too.
+    fn zeros(&mut self) -> Option<u32> {
+        let mut count = 0;
+        while self.bit()? == 0 {
+            count += 1;
+        }
+        Some(count)
+    }
+}
+
 /// Bits on their way out, the highest one first.
 struct Bits<'o> {
     out: &'o mut Vec<u8>,
@@ -132,8 +223,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Reads a code back: written from the description of the format, apart from the writer.
-    fn decode(code: &[u8], pixels: usize) -> Vec<u16> {
+    /// Reads a code back: written from the description of the format, apart from the writer and the reader.
+    fn read_back(code: &[u8], pixels: usize) -> Vec<u16> {
         let mut at = 0;
         let mut take = |count: usize| {
             let mut number = 0_u32;
@@ -184,10 +275,10 @@ mod tests {
         let pixels: Vec<u16> = (0..4096_u32).map(|i| 100 + (i.wrapping_mul(2_654_435_761) >> 29) as u16).collect();
         let code = coded(&pixels);
         assert!(code.len() < 4096 * 5 / 8, "{} bytes", code.len());
-        assert_eq!(decode(&code, 4096), pixels);
+        assert_eq!(read_back(&code, 4096), pixels);
         let mut damaged = code;
         damaged[100] ^= 1;
-        assert_ne!(decode(&damaged, 4096)[..200], pixels[..200], "control: another bit is another image");
+        assert_ne!(read_back(&damaged, 4096)[..200], pixels[..200], "control: another bit is another image");
     }
 
     proptest! {
@@ -196,7 +287,11 @@ mod tests {
             let pixels: Vec<u16> = pixels.iter().map(|pixel| pixel >> shift).collect();
             let code = coded(&pixels);
             prop_assert!(code.len() <= most_bytes(pixels.len()));
-            prop_assert_eq!(decode(&code, pixels.len()), pixels);
+            let coding = Coding::of(BLOCK_PX, PIXEL_BYTES).unwrap();
+            let numbers = decode(&code, pixels.len(), &coding).unwrap();
+            prop_assert_eq!(numbers, pixels.iter().map(|pixel| i32::from(*pixel) - 0x8000).collect::<Vec<_>>());
+            prop_assert_eq!(decode(&code[..code.len() - 1], pixels.len() + 64, &coding), None, "cut short");
+            prop_assert_eq!(read_back(&code, pixels.len()), pixels);
         }
     }
 }
