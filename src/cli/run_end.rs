@@ -6,6 +6,7 @@ use crate::cli::run_args::{ClockKind, RunArgs};
 use crate::cli::run_control::Client;
 use crate::cli::run_events;
 use crate::cli::run_finished::Finished;
+use crate::cli::run_link_hint::connection_hint;
 use crate::cli::run_page;
 use crate::cli::run_verdict::{first_failure, verdict_line};
 use crate::cli::scenario_report::{ScenarioReport, table};
@@ -122,6 +123,9 @@ impl Finished {
     pub(super) fn status(self, reports: &Reports, arguments: &RunArgs) -> Result<u8> {
         let was_lost = say_losses(&self.end.losses);
         self.warn_of_silence(&reports.summary);
+        if let Some(hint) = connection_hint(&self.scenario.bench.link, &reports.summary) {
+            eprintln!("starloop: {hint}");
+        }
         let holds = self.end.holds();
         let (name, seed) = (&self.scenario.name, self.scenario.bench.seed);
         let report = match &reports.scenario {
