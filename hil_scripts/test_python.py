@@ -124,6 +124,23 @@ class Package(unittest.TestCase):
         for message, part in zip(self.ask(code), wanted):
             self.assertIn(part, message)
 
+    def test_an_image_that_does_not_fit_into_memory_is_a_memory_error(self):
+        camera = (ROOT / "configs/cameras/small_tracker.toml").read_text()
+        big = re.sub(r"(width_px|height_px) = 256", r"\1 = 16384", camera).replace("pitch_um = 72.0", "pitch_um = 1.125")
+        (self.work / "big.toml").write_text(big)
+        code = (
+            "import json, resource, starloop\n"
+            "resource.setrlimit(resource.RLIMIT_AS, (2_000_000_000, 2_000_000_000))\n"
+            "def why(path):\n"
+            "    try: return str(starloop.Camera(path).render(ra=84, dec=-1).image.shape)\n"
+            "    except MemoryError as error: return str(error)\n"
+            f"print(json.dumps([why({str(self.work / 'big.toml')!r}), why('cameras/small_tracker.toml')]))"
+        )
+        refused, drawn = self.ask(code)
+        self.assertIn("needs", refused)
+        self.assertIn("16384 x 16384 px", refused)
+        self.assertEqual(drawn, "(256, 256)", "control: a small one in the same interpreter")
+
     def test_items_are_those_of_the_folder_and_workers_of_ray_draw_the_same(self):
         folder = self.work / "set"
         code = f"""

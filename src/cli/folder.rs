@@ -8,6 +8,9 @@ use std::path::Path;
 /// # Errors
 /// When a file has its name, or it cannot be made.
 pub(super) fn make(option: &str, folder: &Path) -> Result<()> {
+    if folder.to_string_lossy().chars().any(char::is_control) {
+        bail!("{option}: got {folder:?}, wanted a name without control characters: it is printed to terminals");
+    }
     let is_file = |path: &&Path| path.exists() && !path.is_dir();
     if let Some(file) = folder.ancestors().find(is_file) {
         let (folder, file) = (folder.display(), file.display());
@@ -31,5 +34,15 @@ mod tests {
             assert!(error.ends_with("--out") && error.contains("mine is a file; wanted a folder"), "{error}");
         }
         assert!(file.is_file(), "left as it is");
+    }
+
+    #[test]
+    fn name_that_would_change_a_terminal_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a\u{1b}[31mred");
+        let error = make("--out", &path).unwrap_err().to_string();
+        assert!(error.contains("control characters") && !error.contains('\u{1b}'), "{error}");
+        assert!(!path.exists());
+        make("--out", &folder.path().join("gr\u{fc}n")).unwrap();
     }
 }

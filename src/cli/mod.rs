@@ -90,6 +90,7 @@ mod run_end;
 mod run_events;
 mod run_finished;
 mod run_input;
+mod run_link_hint;
 mod run_page;
 mod run_page_parts;
 mod run_progress;
@@ -252,6 +253,9 @@ pub fn command() -> clap::Command {
     command_groups::with_groups(examples::with_examples(plain))
 }
 
+/// Most threads that draw.
+const THREADS_MOST: usize = 1024;
+
 /// Runs the command line; errors are printed with their causes.
 #[must_use]
 pub fn main() -> ExitCode {
@@ -260,6 +264,7 @@ pub fn main() -> ExitCode {
         Ok(arguments) => arguments,
         Err(status) => return ExitCode::from(status),
     };
+    bound_threads();
     let status = match signals::catch().and_then(|()| run_command(arguments.command)) {
         Ok(status) => status,
         // Output that failed is reported below, with the stream.
@@ -270,6 +275,15 @@ pub fn main() -> ExitCode {
         }
     };
     ExitCode::from(streams::status_of_streams(status))
+}
+
+/// Bounds the threads that `RAYON_NUM_THREADS` asks for: starting very many takes minutes before the first line.
+fn bound_threads() {
+    let asked = std::env::var("RAYON_NUM_THREADS").ok().and_then(|text| text.trim().parse::<usize>().ok());
+    if let Some(asked) = asked.filter(|asked| *asked > THREADS_MOST) {
+        eprintln!("starloop: RAYON_NUM_THREADS: got {asked}, wanted {THREADS_MOST} at most, which are used");
+        let _it_is_the_first = rayon::ThreadPoolBuilder::new().num_threads(THREADS_MOST).build_global();
+    }
 }
 
 /// Runs one command; the exit status.

@@ -6,6 +6,7 @@ use crate::cli::run_args::{ClockKind, RunArgs};
 use crate::cli::run_control::Client;
 use crate::cli::run_events;
 use crate::cli::run_finished::Finished;
+use crate::cli::run_link_hint::connection_hint;
 use crate::cli::run_page;
 use crate::cli::run_verdict::verdict_line;
 use crate::cli::scenario_report::{ScenarioReport, table};
@@ -110,6 +111,9 @@ impl Finished {
     /// With why the run ended early, if it did.
     pub(super) fn status(self, reports: &Reports, arguments: &RunArgs) -> Result<u8> {
         let was_lost = say_losses(&self.end.losses);
+        if let Some(hint) = connection_hint(&self.scenario.bench.link, &reports.summary) {
+            eprintln!("starloop: {hint}");
+        }
         let verdict = &reports.summary.verdict;
         if arguments.quiet && !arguments.json && verdict.word > RunWord::Ok && verdict.word < RunWord::Lost {
             eprintln!("starloop: {}: {}", verdict.word, plain_text(&verdict.reasons_line()));

@@ -82,6 +82,11 @@ fn spread(
     }
 }
 
+/// Largest values of maps: more than any pixel's, and small enough for sums of all pixels.
+const MOST_SHARE: f32 = 100.0;
+const MOST_E: f32 = 1e7;
+const MOST_FACTOR: f32 = 1e6;
+
 fn read_maps(keys: &MapKeys, size_px: [u32; 2], check: &Checker<'_>) -> Result<Patterns, ConfigError> {
     let read = |path: Given<'_, String>, is_fine: fn(f32) -> bool, wanted: &str| {
         let key = path.key();
@@ -97,9 +102,13 @@ fn read_maps(keys: &MapKeys, size_px: [u32; 2], check: &Checker<'_>) -> Result<P
         }
     };
     let made = Patterns {
-        prnu: read(keys.prnu(), |share| share > -1.0, "shares above -1: 0.01 is 1 % above the mean response")?,
-        dsnu_e: read(keys.dsnu_e(), |_| true, "electrons")?,
-        dark_factor: read(keys.dark_factor(), |factor| factor >= 0.0, "factors of 0 or more")?,
+        prnu: read(
+            keys.prnu(),
+            |share| share > -1.0 && share < MOST_SHARE,
+            "shares above -1 and below 100: 0.01 is 1 % above the mean response",
+        )?,
+        dsnu_e: read(keys.dsnu_e(), |e| e.abs() <= MOST_E, "electrons, 1e7 at most")?,
+        dark_factor: read(keys.dark_factor(), |factor| (0.0..=MOST_FACTOR).contains(&factor), "factors of 0 to 1e6")?,
     };
     if let (Some(map), Some(path)) = (&made.prnu, keys.prnu().raw()) {
         let mean = map.iter().map(|share| f64::from(*share)).sum::<f64>() / map.len().max(1) as f64;

@@ -156,7 +156,14 @@ fn maps_are_read_from_beside_the_camera_and_held_to_its_size() {
     write_map(&map, [64, 48], |_| 1.01);
     refused(prnu, &["mean is 1.010", "subtract 1"]);
     write_map(&map, [64, 48], |_| -0.1);
-    refused("maps = { dark_factor = \"map.fits\" }", &["factors of 0 or more"]);
+    refused("maps = { dark_factor = \"map.fits\" }", &["factors of 0 to 1e6"]);
+    for value in [3e38, -3e38, 1.1e7] {
+        write_map(&map, [64, 48], |_| value);
+        refused("maps = { dsnu_e = \"map.fits\" }", &["electrons, 1e7 at most"]);
+        refused(prnu, &["detector.maps.prnu"]);
+    }
+    write_map(&map, [64, 48], |_| 9e6);
+    read("maps = { dsnu_e = \"map.fits\" }").expect("control: within the limit");
     std::fs::write(&map, "not an image").expect("a file");
     refused(prnu, &["map.fits", "detector.maps.prnu"]);
 }

@@ -14,8 +14,9 @@ use crate::link_keys::{Address, port_or_address};
 use base::time::Span;
 use base::units::{ARCSEC, DEG};
 use glam::DVec3;
+use std::ffi::OsStr;
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Component, PathBuf};
 use testbed::tracker_model::{ModelParams, NoiseMethod};
 
 /// Most of them in one bench.
@@ -169,6 +170,9 @@ impl TrackerLine {
     }
 }
 
+/// Endings of files that a run writes into its folder itself.
+const OWN_ENDINGS: [&str; 9] = ["json", "jsonl", "html", "csv", "toml", "eds", "fits", "png", "pcapng"];
+
 /// Fault of telemetry for a while.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrackerOutFault {
@@ -256,7 +260,7 @@ section! {
         /// Where a server listens, or commands in datagrams are taken: a port on loopback, or "address:port"; 0 takes a
         /// free one.
         listen: Raw<Address> = Optional, port_or_address();
-        /// Serial port, name of the link to a pseudo-terminal, or file (below the run's directory).
+        /// Serial port, name of the link to a pseudo-terminal, or file (below the run's directory, no name of its own files).
         path: String = Optional, "path";
         /// Bits per second of a serial port.
         baud: Whole = 115_200, 300..=4_000_000;
@@ -482,8 +486,22 @@ impl TrackerOutKeys {
                 bit_rate: self.bit_rate().check(check)?,
             },
             LineWord::Bus => TrackerLine::Bus,
-            LineWord::File => TrackerLine::File { path: path("a file", check)? },
+            LineWord::File => TrackerLine::File { path: self.file(path("a file", check)?, check)? },
         })
+    }
+
+    /// Returns the path of a file below the run's folder which is none of the run's own files.
+    fn file(&self, path: PathBuf, check: &Checker<'_>) -> Result<PathBuf, ConfigError> {
+        let names: Vec<Component<'_>> = path.components().filter(|part| *part != Component::CurDir).collect();
+        let is_below = !names.is_empty() && names.iter().all(|part| matches!(part, Component::Normal(_)));
+        let ending = path.extension().and_then(OsStr::to_str).unwrap_or_default();
+        let is_own = names.len() == 1 && OWN_ENDINGS.iter().any(|own| own.eq_ignore_ascii_case(ending));
+        let wanted = match (is_below, is_own) {
+            (false, _) => "a path below the run's folder: relative, without \"..\"",
+            (true, true) => "another ending, such as .txt: the run's own files have this one",
+            (true, false) => return Ok(path),
+        };
+        Err(self.path().invalid(path.display(), wanted, check))
     }
 
     /// Returns the figures of the model; its periods are those of the head's camera.

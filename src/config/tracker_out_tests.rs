@@ -69,8 +69,21 @@ fn each_rule_has_a_failing_example() {
             ["tracker_out[0].fault[0].late_ms", "late"],
         ),
         ("link = \"socketcan\"\nprotocol = \"canopen\"", ["tracker_out[0].interface", "missing"]),
+        ("link = \"file\"\npath = \"../st.txt\"", ["tracker_out[0].path", "below the run's folder"]),
+        ("link = \"file\"\npath = \"/tmp/st.txt\"", ["tracker_out[0].path", "below the run's folder"]),
+        ("link = \"file\"\npath = \"a/../../st.txt\"", ["tracker_out[0].path", "below the run's folder"]),
+        ("link = \"file\"\npath = \".\"", ["tracker_out[0].path", "below the run's folder"]),
+        ("link = \"file\"\npath = \"summary.json\"", ["tracker_out[0].path", "another ending"]),
+        ("link = \"file\"\npath = \"./events.JSONL\"", ["tracker_out[0].path", "another ending"]),
     ] {
         let error = one(keys).expect_err(keys);
         assert!(parts.iter().all(|part| error.contains(part)), "{keys}: {error}");
+    }
+}
+
+#[test]
+fn a_file_of_telemetry_may_be_anywhere_below_the_folder() {
+    for path in ["st.txt", "a/b/st.txt", "./st", "telemetry/st.json"] {
+        one(&format!("link = \"file\"\npath = \"{path}\"")).expect(path);
     }
 }

@@ -3,8 +3,9 @@
 //! The kernel debounces the lines, stamps each edge with CLOCK_REALTIME in its interrupt (after the debounce period,
 //! where there is one) and numbers the edges of each line. An edge is placed on the bench clock like a packet's stamp,
 //! by its age when it is read; error: the interrupt's latency and half the window of the paired reading. A gap in the
-//! numbers is edges that the kernel dropped because its queue was full: they are counted as lost. Both edges of a line
-//! are reported: the active one starts an exposure, the other one ends those whose length is the pulse's.
+//! numbers is edges that the kernel dropped because its queue was full: they are counted as lost. Numbers that go back
+//! are those of a source that has started again: that is counted once, and no edge as lost. Both edges of a line are
+//! reported: the active one starts an exposure, the other one ends those whose length is the pulse's.
 //!
 //! *A named pipe in place of a chip.* Where the chip is a named pipe, it brings events of the kernel's own form
 //! (`struct gpio_v2_line_event`, 48 bytes): a pulse generator that is a program, for benches without lines, and for
@@ -33,6 +34,8 @@ use std::time::Duration;
 pub const QUEUE: u32 = 256;
 /// Bytes of an event: `struct gpio_v2_line_event`.
 pub const EVENT_BYTES: usize = 48;
+/// A number of an edge that is so far ahead of the one before, modulo 2^32, is behind it.
+const RESTARTED: u32 = 1 << 31;
 /// `GPIO_V2_LINE_EVENT_RISING_EDGE` and `GPIO_V2_LINE_EVENT_FALLING_EDGE`.
 const RISING: u32 = 1;
 const FALLING: u32 = 2;
@@ -103,6 +106,8 @@ pub struct EdgeCounters {
     pub edges: u64,
     /// Edges that the kernel dropped because too many waited.
     pub lost: u64,
+    /// Times the numbers of a line went back: its source started again.
+    pub restarts: u64,
     /// Edges whose stamp was impossible, as across a step of CLOCK_REALTIME: they have the instant at which they were
     /// read.
     pub unstamped: u64,
@@ -247,7 +252,10 @@ impl GpioChip {
             return None;
         };
         let line = &mut self.lines[number];
-        self.counters.lost += u64::from(raw.line_seqno.wrapping_sub(line.newest).saturating_sub(1));
+        match raw.line_seqno.wrapping_sub(line.newest) {
+            0 | RESTARTED.. => self.counters.restarts += 1,
+            ahead => self.counters.lost += u64::from(ahead - 1),
+        }
         line.newest = raw.line_seqno;
         let placed = self.stamps.place(i64::try_from(raw.realtime_ns).ok(), now);
         self.counters.edges += 1;

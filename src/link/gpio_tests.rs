@@ -90,6 +90,25 @@ fn gaps_in_the_numbers_of_a_line_are_lost_edges() {
 }
 
 #[test]
+fn a_number_that_goes_back_is_a_restart_and_no_lost_edges() {
+    let mut pipe = Pipe::new();
+    let mut chip = pipe.open(&[line(0, ActiveEdge::Rising)]);
+    for number in [1, 2, 3, 1, 2, 2, 5, u32::MAX] {
+        pipe.edge(0, true, number, Span::ZERO);
+        assert!(next(&mut chip, &pipe).is_some());
+    }
+    let counters = chip.counters();
+    // After 3 comes 1, after 2 comes 2 again, after 5 comes -1; only 3 and 4 are lost.
+    assert_eq!((counters.edges, counters.restarts, counters.lost), (8, 3, 2));
+    let mut chip = pipe.open(&[line(0, ActiveEdge::Rising)]);
+    for number in [1, 3_000] {
+        pipe.edge(0, true, number, Span::ZERO);
+        assert!(next(&mut chip, &pipe).is_some());
+    }
+    assert_eq!((chip.counters().restarts, chip.counters().lost), (0, 2_998), "control: a long gap is lost edges");
+}
+
+#[test]
 fn foreign_events_are_refused_and_impossible_stamps_are_counted() {
     let mut pipe = Pipe::new();
     let mut chip = pipe.open(&[line(3, ActiveEdge::Rising)]);

@@ -75,6 +75,8 @@ pub struct LinkCounters {
     pub unstamped: u64,
     /// Times the interface or port was lost.
     pub lost: u64,
+    /// Attempts to connect that failed: nobody listened at the address.
+    pub unreached: u64,
     /// Times it came back.
     pub regained: u64,
     /// Packets, or connections, of another sender than the one that came first: refused.

@@ -305,7 +305,7 @@ impl Plan {
 
 impl PlanCase {
     fn check(&self, plan_rate_hz: f64) -> Result<()> {
-        if folder_name(&self.name).trim_matches('_').is_empty() {
+        if folder_name(&self.name).trim_matches(['_', '.']).is_empty() {
             bail!("name: got \"{}\", wanted letters or digits", self.name);
         }
         if self.frames == 0 || u64::from(self.frames) > MOST_FRAMES {
@@ -452,6 +452,11 @@ mod tests {
         let refused = |text: &str| format!("{:#}", Plan::parse(text).unwrap_err());
         assert!(refused(BEGIN).contains("case"));
         assert!(refused(&format!("{BEGIN}{CASE}{CASE}")).contains("names that differ"));
+        for name in ["..", ".", "./.", "...", "_._"] {
+            let case = CASE.replacen("\"slew\"", &format!("\"{name}\""), 1);
+            assert!(refused(&format!("{BEGIN}{case}")).contains("wanted letters or digits"), "{name}");
+        }
+        assert!(Plan::parse(&format!("{BEGIN}{}", CASE.replacen("\"slew\"", "\"..a\"", 1))).is_ok(), "control");
         assert!(refused(&format!("{BEGIN}confidence = 2\n{CASE}")).contains("confidence: got 2"));
         assert!(refused(&format!("{BEGIN}exclusion_noise_arcsec = 0\n{CASE}")).contains("exclusion_noise_arcsec"));
         assert!(refused(&format!("{BEGIN}{CASE}set = [\"a={{value}}\"]\n")).contains("without a sweep"));

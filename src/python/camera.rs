@@ -1,16 +1,17 @@
 //! `Camera`: single images.
 
-use crate::errors::refused;
+use crate::errors::{NotDrawn, refused};
 use crate::frame::{Drawn, Frame, Pixels};
 use crate::request::{Request, SceneKeys, Stage};
 use base::time::Tai;
 use batch::still::{Still, StillParams, still_fault_of};
-use config::{Bench, Document};
+use config::{Backend, Bench, Document};
 use core::time::Duration;
 use frames::report::Stage as TimeStage;
 use image::gpu::Electrons;
 use pyo3::prelude::*;
 use run::runtime::engine::Light;
+use run::wiring::memory::RunMemory;
 use serde_json::{Value, json};
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
@@ -58,14 +59,14 @@ impl Camera {
     /// Draws an image from keywords given as JSON; the interpreter lock is released meanwhile.
     fn render(&self, py: Python<'_>, keywords: &str) -> PyResult<Frame> {
         let request = Request::parse(keywords).map_err(refused)?;
-        let drawn = py.detach(|| self.draw(&request)).map_err(refused)?;
+        let drawn = py.detach(|| self.draw(&request))?;
         Frame::new(py, drawn)
     }
 
     /// Returns the plan of an image as JSON: method, stars, errors that are bounded, predicted cost; draws it first.
     fn plan(&self, py: Python<'_>, keywords: &str) -> PyResult<String> {
         let request = Request::parse(keywords).map_err(refused)?;
-        py.detach(|| self.with(&request, |still| planned(still, &request))).map_err(refused)
+        Ok(py.detach(|| self.with(&request, |still| planned(still, &request)))?)
     }
 }
 
@@ -79,7 +80,7 @@ impl Camera {
         Ok(Self { camera, prepared: Mutex::default() })
     }
 
-    fn draw(&self, request: &Request) -> Result<Drawn, String> {
+    fn draw(&self, request: &Request) -> Result<Drawn, NotDrawn> {
         self.with(request, |still| {
             draw(still, request)?;
             drawn(still, request.stage)
@@ -87,7 +88,7 @@ impl Camera {
     }
 
     /// Calls `act` with what was prepared for the scene of a request, now or for an earlier image.
-    fn with<T>(&self, request: &Request, act: impl FnOnce(&mut Still) -> Result<T, String>) -> Result<T, String> {
+    fn with<T>(&self, request: &Request, act: impl FnOnce(&mut Still) -> Result<T, String>) -> Result<T, NotDrawn> {
         let mut prepared = self.prepared.lock().unwrap_or_else(PoisonError::into_inner);
         match prepared.iter().position(|(keys, _)| *keys == request.scene) {
             // The latest comes first.
@@ -97,10 +98,10 @@ impl Camera {
                 prepared.insert(0, (request.scene.clone(), self.prepare(&request.scene, request.at()?)?));
             }
         }
-        act(&mut prepared[0].1)
+        Ok(act(&mut prepared[0].1)?)
     }
 
-    fn prepare(&self, scene: &SceneKeys, at: Tai) -> Result<Still, String> {
+    fn prepare(&self, scene: &SceneKeys, at: Tai) -> Result<Still, NotDrawn> {
         let text = toml::to_string(&scene.bench).map_err(|error| error.to_string())?;
         let document = Document::from_text(&text, Path::new("keywords.toml"));
         let mut bench = Bench::from_document(&document).map_err(|error| error.to_string())?;
@@ -109,7 +110,12 @@ impl Camera {
         bench.noise_seed_given = Some(scene.noise_seed.unwrap_or(bench.seed));
         let faults = scene.faults.iter().map(|keys| still_fault_of(keys.clone())).collect::<Result<Vec<_>, _>>();
         let faults = faults.map_err(|error| error.to_string())?;
-        Still::new(&StillParams { bench: &bench, span: [at, at], faults: &faults }).map_err(|error| error.to_string())
+        // What is not there must not be asked for: the interpreter would end with all that it holds.
+        let is_reference = bench.render.backend == Backend::Reference;
+        let memory = RunMemory::of_image(&bench.camera, is_reference, None);
+        memory.check().map_err(|error| NotDrawn::TooLarge(error.to_string()))?;
+        let still = Still::new(&StillParams { bench: &bench, span: [at, at], faults: &faults });
+        Ok(still.map_err(|error| error.to_string())?)
     }
 }
 

@@ -14,6 +14,11 @@ const NAME_WIDTH: usize = 22;
 /// Width of a column of numbers.
 const NUMBER_WIDTH: usize = 11;
 
+/// Packets that are not refused messages: they are of other nodes of a shared bus.
+const FOREIGN: [&str; 1] = ["UnknownId"];
+/// Time marks of accepted messages that the clock's estimate leaves out.
+const MARKS: [&str; 2] = ["late_time_mark", "outlier_time_mark"];
+
 /// Lays out a summary; ends in a line break.
 #[must_use]
 pub fn summary_table(summary: &RunSummary) -> String {
@@ -43,13 +48,21 @@ pub fn short_table(s: &RunSummary) -> String {
         ("extrapolated", f.extrapolated),
     ];
     let counts: Vec<String> = counts.iter().filter(|(_, n)| *n > 0).map(|(name, n)| format!(", {n} {name}")).collect();
-    let rejected: u64 = s.link.rejects.values().sum();
+    let named = |names: &[&str]| names.iter().filter_map(|name| s.link.rejects.get(*name)).sum::<u64>();
+    let (foreign, unused) = (named(&FOREIGN), named(&MARKS));
+    let rejected = s.link.rejects.values().sum::<u64>() - foreign - unused;
+    let others = [(foreign, "of other nodes"), (unused, "time marks unused")];
+    let others: Vec<String> = others.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!(", {n} {what}")).collect();
+    let others = others.concat();
     let accepted = s.link.counters.get("attitudes_accepted").copied().unwrap_or(0);
     let mut rows = vec![
         ("bench", format!("{}, camera \"{}\", {} backend", s.bench, s.camera, s.backend)),
         ("frames", format!("{} scheduled, {} delivered{}", f.scheduled, f.delivered, counts.concat())),
         ("release to delivered", times(&s.stages[Stage::ReleaseToDelivered as usize])),
-        ("attitudes", format!("{accepted} accepted, {rejected} messages refused; age {}", times(&s.attitude_age))),
+        (
+            "attitudes",
+            format!("{accepted} accepted, {rejected} messages refused{others}; age {}", times(&s.attitude_age)),
+        ),
     ];
     if !s.faults.is_empty() {
         rows.push(("frames with", joined(&s.faults)));
@@ -63,6 +76,9 @@ pub fn short_table(s: &RunSummary) -> String {
     let in_trouble = |row: &&SinkRow| row.dropped + row.refused > 0 || row.is_lost;
     lines.extend(s.sinks.iter().filter(in_trouble).map(|row| {
         format!("{:<NAME_WIDTH$}{} taken, {} dropped, {} refused", row.place, row.frames, row.dropped, row.refused)
+    }));
+    lines.extend(s.gateways.iter().filter(|row| row.dropped > 0).map(|row| {
+        format!("{:<NAME_WIDTH$}dropped {} frames that its client read too slowly", row.gateway, row.dropped)
     }));
     lines.push("(--details: every stage, counter and event)".into());
     lines.join("\n") + "\n"
@@ -315,6 +331,23 @@ mod tests {
         assert!(text.contains("  refused 3 times: http_request\n") && text.contains("12 FD frames withheld"), "{text}");
         summary.gateways.clear();
         assert!(!summary_table(&summary).contains("gateways"), "a run without any has no such table");
+    }
+
+    #[test]
+    fn foreign_packets_and_unused_marks_are_no_refused_messages() {
+        let mut summary = sample_summary();
+        summary.link.rejects.clear();
+        for (name, count) in [("BadCrc", 4), ("UnknownId", 75_584), ("outlier_time_mark", 2), ("late_time_mark", 1)] {
+            summary.link.rejects.insert(name.into(), count);
+        }
+        let text = short_table(&summary);
+        let line = line_of(&text, "attitudes");
+        assert!(line.contains("4 messages refused, 75584 of other nodes, 3 time marks unused;"), "{line}");
+        assert!(line_of(&text, "socketcand").contains("dropped 9 frames"), "{text}");
+        summary.link.rejects.clear();
+        summary.gateways.clear();
+        let text = short_table(&summary);
+        assert!(line_of(&text, "attitudes").contains("0 messages refused;") && !text.contains("socketcand"), "{text}");
     }
 
     #[test]

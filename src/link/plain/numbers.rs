@@ -4,7 +4,7 @@ use super::PlainReject;
 use super::field::Field;
 use super::layout::{Encoding, PlainLayout, Values};
 use core::fmt::Write;
-use serde_json::Value;
+use serde_json::{Map, Value};
 
 /// Reads the values of a message of packed numbers, JSON or text.
 pub(super) fn read(layout: &PlainLayout, bytes: &[u8]) -> Result<Values, PlainReject> {
@@ -47,9 +47,10 @@ fn json(layout: &PlainLayout, bytes: &[u8]) -> Result<Values, PlainReject> {
         let found = match &value {
             Value::Array(row) if row.len() == layout.fields.len() => row.get(place),
             Value::Array(_) => return Err(PlainReject::Length),
-            Value::Object(table) => {
-                table.get(field.name()).or_else(|| component(table.get(field.vector()?)?, layout, *field))
-            }
+            Value::Object(table) => match table.get(field.name()) {
+                None => component(table, layout, *field)?,
+                number => number,
+            },
             Value::Null | Value::Bool(_) | Value::Number(_) | Value::String(_) => return Err(PlainReject::Json),
         };
         let number = found.ok_or(PlainReject::FieldMissing)?;
@@ -58,11 +59,20 @@ fn json(layout: &PlainLayout, bytes: &[u8]) -> Result<Values, PlainReject> {
     Ok(values)
 }
 
-/// Returns a component from a vector of its name, whose order is that of the layout: `"q": [w, x, y, z]`.
-fn component<'v>(vector: &'v Value, layout: &PlainLayout, field: Field) -> Option<&'v Value> {
-    let mut of_vector = layout.fields.iter().filter(|other| other.vector() == field.vector());
-    let place = of_vector.position(|other| *other == field)?;
-    vector.as_array()?.get(place)
+/// Returns a component from a vector of its name, whose order is that of the layout: `"q": [w, x, y, z]`; a
+/// longer one is another vector.
+fn component<'v>(
+    table: &'v Map<String, Value>,
+    layout: &PlainLayout,
+    field: Field,
+) -> Result<Option<&'v Value>, PlainReject> {
+    let vector = field.vector().and_then(|name| table.get(name)).and_then(Value::as_array);
+    let Some(vector) = vector else { return Ok(None) };
+    let of_vector = || layout.fields.iter().filter(|other| other.vector() == field.vector());
+    if vector.len() > of_vector().count() {
+        return Err(PlainReject::Length);
+    }
+    Ok(of_vector().position(|other| *other == field).and_then(|place| vector.get(place)))
 }
 
 /// Writes the message of values.

@@ -276,3 +276,20 @@ proptest! {
         prop_assert!(record.is_some() || codec.rejects().total() == 1 || encoding == Encoding::FortyTwo(0));
     }
 }
+
+#[test]
+fn a_json_vector_of_another_length_is_refused() {
+    let layout = PlainLayout { encoding: Encoding::Json, ..PlainLayout::default() };
+    for (q, w, wanted) in [
+        ("[1,0,0,0]", "[0,0,0]", None),
+        ("[1,0,0,0,9]", "[0,0,0]", Some(PlainReject::Length)),
+        ("[1,0,0]", "[0,0,0]", Some(PlainReject::FieldMissing)),
+        ("[1,0,0,0]", "[0,0,0,0]", Some(PlainReject::Length)),
+        ("1", "[0,0,0]", Some(PlainReject::FieldMissing)),
+    ] {
+        let mut codec = PlainCodec::new(layout.clone());
+        let line = format!("{{\"t\":1,\"q\":{q},\"w\":{w}}}");
+        assert_eq!(codec.read(line.as_bytes()).is_some(), wanted.is_none(), "{line}");
+        assert!(wanted.is_none_or(|reject| codec.rejects().get(reject) == 1), "{line}: {:?}", codec.rejects());
+    }
+}

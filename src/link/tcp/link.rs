@@ -2,7 +2,7 @@
 
 use super::framing::Reassembly;
 use super::stream::{Got, Stream};
-use super::{Framing, RETRY, TcpParams, TcpRole};
+use super::{Framing, REFUSED_MAX, RETRY, Seat, SeatChange, TcpParams, TcpRole};
 use crate::gateway::screen::{OPENING_BYTES, opens_another_protocol};
 use crate::plain::{ACKNOWLEDGE, is_end_of_message};
 use crate::readiness::wait_for_any;
@@ -20,6 +20,9 @@ const READ_BYTES: usize = 4096;
 /// A server that does not answer is given up after this long.
 const CONNECT_LIMIT: Duration = Duration::from_millis(200);
 
+/// Returns true if bytes are a message of the link's layout.
+pub type IsMessage = Box<dyn Fn(&[u8]) -> bool + Send>;
+
 /// Messages over one connection.
 pub struct TcpLink {
     params: TcpParams,
@@ -27,7 +30,13 @@ pub struct TcpLink {
     listener: Option<TcpListener>,
     address: SocketAddr,
     stream: Option<Stream>,
-    was_connected: bool,
+    /// Who has the connection of a server.
+    seat: Seat,
+    is_message: Option<IsMessage>,
+    /// Records or lines since the last message.
+    refused: u32,
+    /// A connection was lost, and none has taken its place.
+    is_lost: bool,
     retry_at: Tai,
     reassembly: Reassembly,
     /// The bytes that were read last; `read` is their number, `taken` the number of them that were used, `read_at` the
@@ -58,7 +67,10 @@ impl TcpLink {
             listener,
             address,
             stream: None,
-            was_connected: false,
+            seat: Seat::new(true),
+            is_message: None,
+            refused: 0,
+            is_lost: false,
             retry_at: Tai::from_ns(i64::MIN),
             reassembly: Reassembly::new(params.framing),
             bytes: Box::new([0; READ_BYTES]),
@@ -69,6 +81,13 @@ impl TcpLink {
             opened: 0,
             counters: LinkCounters::default(),
         })
+    }
+
+    /// Returns the same with what knows the messages of its layout: a connection that brings none is hung up on.
+    #[must_use]
+    pub fn with_reader(mut self, is_message: IsMessage) -> Self {
+        self.is_message = Some(is_message);
+        self
     }
 
     /// Returns the address at which it listens, or to which it connects.
@@ -85,38 +104,75 @@ impl TcpLink {
 
     /// Takes a client, and refuses all others; or connects when it is time to.
     fn connect(&mut self) -> Result<(), LinkError> {
-        while let Some(listener) = &self.listener {
-            match listener.accept() {
-                Ok((stream, _)) if self.stream.is_none() => self.begin(stream),
-                // Dropped, which closes it.
-                Ok(_) => self.counters.foreign += 1,
-                Err(error) if may_pass(&error) => return Ok(()),
-                Err(error) => return Err(failed(self.address, "accept a client", error, "")),
-            }
-        }
         let now = self.clock.now();
-        if self.stream.is_none() && now >= self.retry_at {
+        if let Some(listener) = &self.listener {
+            let change = self.seat.look(listener, now);
+            self.counters.foreign += self.seat.take_turned_away();
+            self.counters.errors += self.seat.take_starved();
+            match change.map_err(|error| failed(self.address, "accept a client", error, ""))? {
+                SeatChange::Same => {}
+                SeatChange::Goes(stream) => {
+                    self.counters.foreign += u64::from(self.stream.is_some());
+                    self.begin(stream);
+                }
+                SeatChange::Freed => {
+                    self.counters.foreign += 1;
+                    self.lose();
+                }
+            }
+        } else if self.stream.is_none() && now >= self.retry_at {
             self.retry_at = now + RETRY;
-            if let Ok(stream) = TcpStream::connect_timeout(&self.address, CONNECT_LIMIT) {
-                self.begin(stream);
+            match TcpStream::connect_timeout(&self.address, CONNECT_LIMIT) {
+                Ok(stream) => {
+                    self.begin(stream);
+                    self.found();
+                }
+                Err(_tried_again) => self.counters.unreached += 1,
             }
         }
         Ok(())
     }
 
     fn begin(&mut self, stream: TcpStream) {
-        self.opened = 0;
+        (self.opened, self.refused) = (0, 0);
+        self.reassembly.clear();
         // One that cannot be set up is gone already.
         self.stream = Stream::over(stream).ok();
-        self.counters.regained += u64::from(self.was_connected && self.stream.is_some());
-        self.was_connected |= self.stream.is_some();
     }
 
+    /// Records that the other end is there, or there again.
+    fn found(&mut self) {
+        self.counters.regained += u64::from(core::mem::take(&mut self.is_lost));
+    }
+
+    /// Ends the connection. One that never brought a message was not the link, and is none that is lost.
     fn lose(&mut self) {
         self.stream = None;
         self.reassembly.clear();
-        self.counters.lost += 1;
+        if self.listener.is_none() || self.seat.has_spoken() {
+            self.counters.lost += u64::from(!core::mem::replace(&mut self.is_lost, true));
+        }
+        self.seat.leave();
         self.retry_at = self.clock.now() + RETRY;
+    }
+
+    /// Judges what came whole: a message keeps the connection, too many others in a row end it.
+    fn judge(&mut self, message: &Datagram) {
+        let is_message = self.is_message.as_ref().is_none_or(|is_message| is_message(message.as_slice()));
+        if is_message {
+            self.refused = 0;
+            if self.listener.is_some() && !self.seat.has_spoken() {
+                self.seat.speak();
+                self.found();
+            }
+        } else {
+            self.refused += 1;
+            if self.refused >= REFUSED_MAX {
+                self.counters.foreign += 1;
+                (self.read, self.taken) = (0, 0);
+                self.lose();
+            }
+        }
     }
 
     /// Returns the next whole message of the bytes that were read.
@@ -166,10 +222,12 @@ impl TcpLink {
     }
 
     fn wait(&self, now: Tai, until: Tai) -> Result<(), LinkError> {
-        let listener = self.listener.as_ref().map(AsFd::as_fd);
+        let listener = self.listener.as_ref().filter(|_| self.seat.takes_newcomers(now)).map(AsFd::as_fd);
+        let until = self.seat.next_look(now).filter(|_| self.listener.is_some()).map_or(until, |at| until.min(at));
         let fds: Vec<BorrowedFd<'_>> = self.stream.as_ref().map(AsFd::as_fd).into_iter().chain(listener).collect();
         if fds.is_empty() {
-            self.clock.sleep_until(until.min(self.retry_at));
+            let retry = self.listener.is_none().then_some(self.retry_at);
+            self.clock.sleep_until(retry.map_or(until, |retry| until.min(retry)));
             return Ok(());
         }
         wait_for_any(&fds, until - now).map_err(|error| failed(self.address, "wait for bytes", error, ""))
@@ -201,12 +259,6 @@ fn listen(address: SocketAddr) -> Result<(TcpListener, SocketAddr), LinkError> {
     opened.map_err(|error| failed(address, "listen there", error, ADVICE))
 }
 
-/// Returns true if an error of `accept` is temporary: no client waits, or it has gone again.
-fn may_pass(error: &io::Error) -> bool {
-    use io::ErrorKind::{ConnectionAborted, ConnectionReset, Interrupted, WouldBlock};
-    matches!(error.kind(), WouldBlock | Interrupted | ConnectionAborted | ConnectionReset)
-}
-
 fn failed(address: SocketAddr, doing: &'static str, source: io::Error, advice: &'static str) -> LinkError {
     LinkError::System { link: format!("tcp {address}"), doing, source, advice }
 }
@@ -215,6 +267,7 @@ impl Link for TcpLink {
     fn receive(&mut self, until: Tai) -> Result<Option<Stamped<Packet>>, LinkError> {
         loop {
             if let Some(message) = self.take() {
+                self.judge(&message);
                 self.acknowledge(&message);
                 self.counters.received += 1;
                 return Ok(Some(Stamped { at: self.read_at, value: Packet::Datagram(message) }));

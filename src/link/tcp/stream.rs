@@ -32,10 +32,7 @@ impl Stream {
     pub(super) fn over(inner: TcpStream) -> io::Result<Self> {
         inner.set_nonblocking(true)?;
         inner.set_nodelay(true)?;
-        setsockopt(&inner, KeepAlive, &true)?;
-        setsockopt(&inner, TcpKeepIdle, &KEEP_IDLE_S)?;
-        setsockopt(&inner, TcpKeepInterval, &1)?;
-        setsockopt(&inner, TcpKeepCount, &3)?;
+        keep_alive(&inner)?;
         Ok(Self { inner })
     }
 
@@ -69,6 +66,18 @@ impl Stream {
     fn is_writable(&self) -> bool {
         wait_for(self.inner.as_fd(), Readiness::Write, WRITE_LIMIT).is_ok_and(|is_ready| is_ready)
     }
+}
+
+/// Lets the system notice that the other end of a connection is silently gone: after some 8 s its reads fail.
+///
+/// # Errors
+/// When the connection is gone already.
+pub fn keep_alive(stream: &TcpStream) -> io::Result<()> {
+    setsockopt(stream, KeepAlive, &true)?;
+    setsockopt(stream, TcpKeepIdle, &KEEP_IDLE_S)?;
+    setsockopt(stream, TcpKeepInterval, &1)?;
+    setsockopt(stream, TcpKeepCount, &3)?;
+    Ok(())
 }
 
 impl AsFd for Stream {

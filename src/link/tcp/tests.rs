@@ -177,3 +177,63 @@ fn web_page_cannot_send_messages_in_the_body_of_a_request() {
     assert_eq!(next(&mut link, &clock), None);
     assert_eq!(link.counters().foreign, 2);
 }
+
+#[test]
+fn a_silent_client_gives_way_and_is_no_lost_link() {
+    let clock = clock();
+    let mut link = server(Framing::Lines, false, &clock);
+    let silent = client(&link);
+    assert_eq!(next(&mut link, &clock), None);
+    let mut speaks = client(&link);
+    speaks.write_all(b"one\n").unwrap();
+    let until = clock.now() + Span::from_ms(20_000);
+    let mut got = None;
+    while got.is_none() && clock.now() < until {
+        got = next(&mut link, &clock);
+    }
+    assert_eq!(got, Some(b"one".to_vec()), "after the grace");
+    let counters = link.counters();
+    assert_eq!((counters.foreign, counters.lost, counters.regained), (1, 0, 0));
+    drop(silent);
+}
+
+#[test]
+fn records_that_are_no_messages_end_the_connection() {
+    let clock = clock();
+    let reader = |bytes: &[u8]| bytes == b"abc";
+    let mut link = server(Framing::Records(3), false, &clock).with_reader(Box::new(reader));
+    let mut stream = client(&link);
+    // A stray byte shifts all records.
+    stream.write_all(&[b"x".as_slice(), &b"abc".repeat(100)].concat()).unwrap();
+    let refused = core::iter::from_fn(|| next(&mut link, &clock)).count();
+    assert_eq!(refused, REFUSED_MAX as usize);
+    assert!(!link.is_connected());
+    let mut stream = client(&link);
+    stream.write_all(&b"xxx".repeat(REFUSED_MAX as usize - 1)).unwrap();
+    stream.write_all(b"abc").unwrap();
+    stream.write_all(&b"xxx".repeat(REFUSED_MAX as usize - 1)).unwrap();
+    stream.write_all(b"abc").unwrap();
+    let got: Vec<Vec<u8>> = core::iter::from_fn(|| next(&mut link, &clock)).collect();
+    assert_eq!(got.iter().filter(|record| *record == b"abc").count(), 2, "control: one short of the limit");
+    assert!(link.is_connected());
+}
+
+#[test]
+fn tries_to_connect_that_fail_are_counted() {
+    let clock = clock();
+    let address = TcpListener::bind(LOOPBACK).unwrap().local_addr().unwrap();
+    let params = TcpParams { role: TcpRole::Client(address), framing: Framing::Lines, acknowledges: false };
+    let mut link = TcpLink::open(params, &clock).unwrap();
+    let until = clock.now() + RETRY + RETRY + RETRY;
+    while clock.now() < until {
+        assert_eq!(next(&mut link, &clock), None);
+    }
+    let tries = link.counters().unreached;
+    assert!(tries >= 2, "{tries}");
+    let _listener = TcpListener::bind(address).unwrap();
+    let until = clock.now() + Span::from_ms(5000);
+    while !link.is_connected() && clock.now() < until {
+        assert_eq!(next(&mut link, &clock), None);
+    }
+    assert!(link.is_connected() && link.counters().unreached <= tries + 2, "control: somebody listens");
+}

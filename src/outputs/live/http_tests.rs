@@ -232,6 +232,10 @@ fn other_names_are_not_answered() {
         ("localhost.example.org", 421),
         ("192.0.2.1:80", 421),
         ("", 421),
+        ("localhost:80@example.org", 421),
+        ("[::1]example.org", 421),
+        ("[::1", 421),
+        ("localhost\r\nHost: example.org", 421),
     ];
     // Reached from elsewhere, an address cannot be a name that another site gave us.
     let on_a_network = [
@@ -252,6 +256,7 @@ fn other_names_are_not_answered() {
             assert_eq!(status, *wanted, "{host} of {}", view.address());
             assert_eq!(status == 421, String::from_utf8_lossy(&said).contains("--monitor-name"), "{host}");
         }
+        assert_eq!(ask(&view, b"GET / HTTP/1.1\r\n\r\n").0, 421, "no host");
     }
 }
 
@@ -369,6 +374,25 @@ fn half_requests_do_not_keep_others_out() {
         drop(halves);
     }
     assert!(counted(&view, "starloop_live_clients_failed_total") >= 5, "those that made way are counted");
+    assert_eq!(counted(&view, "starloop_live_clients_refused_total"), 0);
+}
+
+#[test]
+fn answers_that_nobody_reads_do_not_keep_others_out() {
+    let (view, mut sink, _numbers) =
+        start_with(Params { heads: vec![HeadParams { size_px: [1024; 2], ..head(0) }], ..params() });
+    sink.send(&large_frame(1024)).unwrap();
+    let unread = |_| {
+        let mut stream = connect(&view);
+        stream.write_all(b"GET /frame.png HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
+        stream
+    };
+    let readers: Vec<TcpStream> = (0..CLIENTS_MAX).map(unread).collect();
+    // Longer than an answer may take while another client waits, shorter than the time of a connection.
+    std::thread::sleep(Duration::from_millis(1_300));
+    assert_eq!(get(&view, "/state.json").0, 200);
+    drop(readers);
+    assert!(counted(&view, "starloop_live_clients_failed_total") >= 1, "the one that made way is counted");
     assert_eq!(counted(&view, "starloop_live_clients_refused_total"), 0);
 }
 

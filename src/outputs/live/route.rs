@@ -162,13 +162,9 @@ fn no_such_head(board: &Board, head: usize) -> Answer {
 /// in its visitors' browsers: so a host is answered by its address, as `localhost`, or by a name that whoever started
 /// the run has given. No site can choose an address as its name; on loopback it must still be one of loopback.
 fn may_ask(params: &Params, request: &Parts) -> Result<(), &'static str> {
-    // Browsers always say whom they ask.
-    let Some(host) = request.headers.get(HOST) else { return Ok(()) };
-    let host = host.to_str().unwrap_or("");
-    let name = match host.strip_prefix('[') {
-        Some(rest) => rest.split(']').next().unwrap_or(""),
-        None => host.split(':').next().unwrap_or(""),
-    };
+    let mut hosts = request.headers.get_all(HOST).iter();
+    let host = hosts.next().filter(|_| hosts.next().is_none()).and_then(|host| host.to_str().ok());
+    let name = host.and_then(name_of).unwrap_or("");
     let is_on_loopback = params.address.ip().is_loopback();
     let is_address = name.parse::<IpAddr>().is_ok_and(|address| address.is_loopback() || !is_on_loopback);
     let mut known = ["localhost"].into_iter().chain(params.names.iter().map(String::as_str));
@@ -180,6 +176,16 @@ fn may_ask(params: &Params, request: &Parts) -> Result<(), &'static str> {
     } else {
         "this view does not know the host's name: wanted its address, or a name given with --monitor-name"
     })
+}
+
+/// Returns the name or address of a host with or without a port; `None` for anything else, such as `localhost:80@site`.
+fn name_of(host: &str) -> Option<&str> {
+    let (name, port) = match host.strip_prefix('[') {
+        Some(rest) => rest.split_once(']')?,
+        None => host.split_at(host.find(':').unwrap_or(host.len())),
+    };
+    let is_port = |port: &str| port.bytes().all(|byte| byte.is_ascii_digit());
+    (port.is_empty() || port.strip_prefix(':').is_some_and(is_port)).then_some(name)
 }
 
 /// Answers with a picture of a head; waits while the encoder rests.

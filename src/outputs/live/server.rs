@@ -1,7 +1,8 @@
 //! Clients come and go, in one thread.
 //!
 //! In: a listener and the board. Limits: [`CLIENTS_MAX`] at once; one more takes the seat of the one that has been
-//! silent for longest, or is hung up on when all have sent a request; one every `PACE`; one request a connection, its
+//! silent for longest, then of the one that has taken longest to read its answer, if that is more than `READS_WITHIN`;
+//! otherwise it is hung up on; one every `PACE`; one request a connection, its
 //! head within `HEAD_MAX` and `HEAD_BYTES`, the whole within `CONNECTION_MAX`. A client that sends garbage, nothing, or
 //! never reads loses its connection and takes nothing from the others but a seat for that long. A picture is shared by
 //! all its clients, so their memory is bounded by seats times one picture. Tests: `http_tests`.
@@ -15,12 +16,12 @@ use hyper_util::rt::{TokioIo, TokioTimer};
 use nix::sys::socket::{setsockopt, sockopt};
 use std::collections::VecDeque;
 use std::convert::Infallible;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{Notify, OwnedSemaphorePermit, Semaphore};
 use tokio::task::AbortHandle;
-use tokio::time::MissedTickBehavior;
+use tokio::time::{Instant, MissedTickBehavior};
 
 /// Clients at once.
 pub const CLIENTS_MAX: usize = 24;
@@ -38,12 +39,14 @@ const HEAD_BYTES: usize = 16 * 1024;
 const HEADERS_MAX: usize = 64;
 /// Time that a connection which loses its seat may take.
 const MAKES_WAY: Duration = Duration::from_millis(100);
+/// Time to read an answer while another client waits for the seat.
+const READS_WITHIN: Duration = Duration::from_secs(1);
 /// Interval at which the numbers are read when no client asks.
 const LISTEN: Duration = Duration::from_millis(100);
 
 /// Serves until the stop is notified.
 pub(super) async fn serve(listener: TcpListener, board: SharedBoard, stop: Arc<Notify>) {
-    let mut seats = Seats { free: Arc::new(Semaphore::new(CLIENTS_MAX)), silent: Silent::default(), arrived: 0 };
+    let mut seats = Seats { free: Arc::new(Semaphore::new(CLIENTS_MAX)), seating: Seating::default(), arrived: 0 };
     let mut listen = tokio::time::interval(LISTEN);
     listen.set_missed_tick_behavior(MissedTickBehavior::Skip);
     loop {
@@ -62,45 +65,61 @@ pub(super) async fn serve(listener: TcpListener, board: SharedBoard, stop: Arc<N
     }
 }
 
-/// Connections that have not sent the head of a request yet, oldest first, each with its number.
-#[derive(Clone, Default)]
-struct Silent {
-    connections: Arc<Mutex<VecDeque<(u64, AbortHandle)>>>,
+/// One connection.
+struct Seated {
+    number: u64,
+    since: Instant,
+    has_asked: bool,
+    connection: AbortHandle,
 }
 
-impl Silent {
+/// The connections, oldest first.
+#[derive(Clone, Default)]
+struct Seating {
+    seated: Arc<Mutex<VecDeque<Seated>>>,
+}
+
+impl Seating {
+    fn lock(&self) -> MutexGuard<'_, VecDeque<Seated>> {
+        let mut seated = self.seated.lock().unwrap_or_else(PoisonError::into_inner);
+        seated.retain(|seated| !seated.connection.is_finished());
+        seated
+    }
+
     fn add(&self, number: u64, connection: AbortHandle) {
-        let mut connections = self.connections.lock().unwrap_or_else(PoisonError::into_inner);
-        connections.retain(|(_, connection)| !connection.is_finished());
-        connections.push_back((number, connection));
+        self.lock().push_back(Seated { number, since: Instant::now(), has_asked: false, connection });
     }
 
-    fn remove(&self, number: u64) {
-        self.connections.lock().unwrap_or_else(PoisonError::into_inner).retain(|(other, _)| *other != number);
+    /// Records that a client has sent the head of its request.
+    fn note_request(&self, number: u64) {
+        self.lock().iter_mut().filter(|seated| seated.number == number).for_each(|seated| seated.has_asked = true);
     }
 
-    /// Ends the oldest; false when there is none.
+    /// Ends the oldest that has sent no request, or else the oldest that does not read its answer; false when there is
+    /// neither.
     fn end_one(&self) -> bool {
-        let mut connections = self.connections.lock().unwrap_or_else(PoisonError::into_inner);
-        connections.retain(|(_, connection)| !connection.is_finished());
-        let oldest = connections.pop_front();
-        oldest.iter().for_each(|(_, connection)| connection.abort());
-        oldest.is_some()
+        let mut seated = self.lock();
+        let is_slow = |seated: &Seated| seated.since.elapsed() >= READS_WITHIN;
+        let silent = seated.iter().position(|seated| !seated.has_asked);
+        let ends = silent.or_else(|| seated.iter().position(is_slow)).and_then(|place| seated.remove(place));
+        ends.iter().for_each(|seated| seated.connection.abort());
+        ends.is_some()
     }
 }
 
 /// The places for clients.
 struct Seats {
     free: Arc<Semaphore>,
-    silent: Silent,
+    seating: Seating,
     arrived: u64,
 }
 
 impl Seats {
-    /// Serves a client, if there is a seat. Half requests cannot keep others out: one of them makes way.
+    /// Serves a client, if there is a seat. Neither half requests nor answers that nobody reads keep others
+    /// out: one of them makes way.
     async fn welcome(&mut self, stream: TcpStream, board: &SharedBoard) {
         let mut seat = Arc::clone(&self.free).try_acquire_owned().ok();
-        if seat.is_none() && self.silent.end_one() {
+        if seat.is_none() && self.seating.end_one() {
             lock(board).served.clients_failed += 1;
             // It goes as soon as this task waits.
             let free = Arc::clone(&self.free).acquire_owned();
@@ -111,17 +130,17 @@ impl Seats {
             return;
         };
         self.arrived += 1;
-        let (number, silent) = (self.arrived, self.silent.clone());
-        let connection = tokio::spawn(attend(stream, Arc::clone(board), seat, (number, silent)));
-        self.silent.add(number, connection.abort_handle());
+        let (number, seating) = (self.arrived, self.seating.clone());
+        let connection = tokio::spawn(attend(stream, Arc::clone(board), seat, (number, seating)));
+        self.seating.add(number, connection.abort_handle());
     }
 }
 
-async fn attend(stream: TcpStream, board: SharedBoard, seat: OwnedSemaphorePermit, (number, silent): (u64, Silent)) {
+async fn attend(stream: TcpStream, board: SharedBoard, seat: OwnedSemaphorePermit, (number, seating): (u64, Seating)) {
     let _ = stream.set_nodelay(true); // without it answers may be slower
     let _ = setsockopt(&stream, sockopt::SndBuf, &KERNEL_BYTES); // without it the system may buffer more
     let answering = service_fn(|request: Request<Incoming>| {
-        silent.remove(number);
+        seating.note_request(number);
         let board = Arc::clone(&board);
         async move { Ok::<_, Infallible>(answer(&board, &request.into_parts().0).await) }
     });

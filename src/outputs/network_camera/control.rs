@@ -2,7 +2,8 @@
 //!
 //! Open access reads; control reads and writes while others still read; exclusive access excludes others. The
 //! controller keeps the control by any command within the heartbeat time, and loses it when silent: a killed client
-//! blocks others no longer than that. Time is an argument.
+//! blocks others no longer than that. A controller whose address is not proven gives way to a client whose address is,
+//! and after [`UNPROVEN_FOR`] to any other: a forged datagram keeps nobody out. Time is an argument.
 
 use crate::network_camera::gvcp::Status;
 use crate::network_camera::proof::Proof;
@@ -13,12 +14,15 @@ use std::net::SocketAddrV4;
 const EXCLUSIVE: u32 = 0x1;
 const CONTROL: u32 = 0x2;
 const SWITCHOVER: u32 = 0x4;
+/// Time that a controller has to prove its address when another unproven client asks for control.
+const UNPROVEN_FOR: Span = Span::from_ms(1_000);
 
 /// The present controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Controller {
     address: SocketAddrV4,
     is_exclusive: bool,
+    since: Tai,
     got: Tai,
 }
 
@@ -33,6 +37,8 @@ pub(super) struct Control {
 pub(super) enum Change {
     /// A new controller.
     Taken,
+    /// A new controller in place of one whose address was not proven.
+    Displaced,
     /// The controller asked for another privilege, or for the same.
     Kept,
     /// The controller let go.
@@ -66,21 +72,32 @@ impl Control {
     }
 
     /// Applies a write to the privilege register.
-    pub(super) fn request(&mut self, from: SocketAddrV4, value: u32, now: Tai) -> Result<Change, Status> {
-        if self.controller.is_some() {
-            self.may_write(from)?;
+    pub(super) fn request(
+        &mut self,
+        from: SocketAddrV4,
+        value: u32,
+        now: Tai,
+        proof: &Proof,
+    ) -> Result<Change, Status> {
+        let wants = value & (EXCLUSIVE | CONTROL) != 0;
+        let other = self.controller.filter(|present| present.address != from);
+        let gives_way = |present: Controller| {
+            !proof.is_proven(present.address) && (proof.is_proven(from) || now - present.since >= UNPROVEN_FOR)
+        };
+        if other.is_some_and(|present| !wants || !gives_way(present)) {
+            return Err(Status::AccessDenied);
         }
         if value & !(EXCLUSIVE | CONTROL | SWITCHOVER) != 0 {
             return Err(Status::InvalidParameter);
         }
-        let obtained = self.controller.is_some();
-        let wants = value & (EXCLUSIVE | CONTROL) != 0;
-        let is_exclusive = value & EXCLUSIVE != 0;
-        self.controller = wants.then_some(Controller { address: from, is_exclusive, got: now });
-        Ok(match (obtained, wants) {
-            (false, true) => Change::Taken,
-            (true, false) => Change::Released,
-            _ => Change::Kept,
+        let own = self.controller.filter(|present| present.address == from);
+        let (is_exclusive, since) = (value & EXCLUSIVE != 0, own.map_or(now, |own| own.since));
+        self.controller = wants.then_some(Controller { address: from, is_exclusive, since, got: now });
+        Ok(match (other.is_some(), own.is_some(), wants) {
+            (true, _, _) => Change::Displaced,
+            (false, false, true) => Change::Taken,
+            (false, true, false) => Change::Released,
+            (false, true, true) | (false, false, false) => Change::Kept,
         })
     }
 
@@ -110,33 +127,52 @@ mod tests {
 
     #[test]
     fn one_application_has_control() {
-        let mut control = Control::default();
+        let (mut control, mut proof) = (Control::default(), Proof::default());
         assert_eq!(control.may_write(A), Err(Status::AccessDenied), "the camera is free");
-        assert_eq!(control.request(A, CONTROL, START), Ok(Change::Taken));
-        assert_eq!(control.request(B, CONTROL, START), Err(Status::AccessDenied));
-        assert_eq!(control.request(B, 0, START), Err(Status::AccessDenied), "nor may it be taken away");
-        let mut proof = Proof::default();
+        assert_eq!(control.request(A, CONTROL, START, &proof), Ok(Change::Taken));
+        assert_eq!(control.request(B, CONTROL, START, &proof), Err(Status::AccessDenied));
+        assert_eq!(control.request(B, 0, START, &proof), Err(Status::AccessDenied), "nor may it be taken away");
         assert_eq!((control.may_read(B, &proof), control.may_write(B)), (Ok(()), Err(Status::AccessDenied)));
-        assert_eq!(control.request(A, EXCLUSIVE, START), Ok(Change::Kept));
+        assert_eq!(control.request(A, EXCLUSIVE, START, &proof), Ok(Change::Kept));
         assert_eq!(control.may_read(B, &proof), Ok(()), "one datagram, perhaps forged, shuts out no reader");
         proof.accept(A, Some(A), START);
         assert_eq!((control.may_read(B, &proof), control.may_read(A, &proof)), (Err(Status::AccessDenied), Ok(())));
-        assert_eq!(control.request(A, 8, START), Err(Status::InvalidParameter));
-        assert_eq!(control.request(A, 0, START), Ok(Change::Released));
-        assert_eq!(control.request(B, CONTROL, START), Ok(Change::Taken));
+        assert_eq!(control.request(A, 8, START, &proof), Err(Status::InvalidParameter));
+        proof.accept(B, Some(A), START);
+        let later = START + UNPROVEN_FOR + UNPROVEN_FOR;
+        assert_eq!(control.request(B, CONTROL, later, &proof), Err(Status::AccessDenied), "its address is proven");
+        assert_eq!(control.request(A, 0, START, &proof), Ok(Change::Released));
+        assert_eq!(control.request(B, CONTROL, START, &proof), Ok(Change::Taken));
+    }
+
+    #[test]
+    fn an_unproven_controller_gives_way_to_a_proven_client_at_once_and_to_others_after_a_second() {
+        let mut proof = Proof::default();
+        let mut control = Control::default();
+        control.request(A, CONTROL, START, &proof).unwrap();
+        let almost = START + UNPROVEN_FOR - Span::from_ns(1);
+        assert_eq!(control.request(A, EXCLUSIVE, almost, &proof), Ok(Change::Kept), "it stays as old as it is");
+        assert_eq!(control.request(B, CONTROL, almost, &proof), Err(Status::AccessDenied));
+        assert_eq!(control.request(B, 0, START + UNPROVEN_FOR, &proof), Err(Status::AccessDenied));
+        assert_eq!(control.request(B, CONTROL, START + UNPROVEN_FOR, &proof), Ok(Change::Displaced));
+        assert_eq!(control.controller(), Some(B));
+        proof.accept(A, Some(B), START);
+        assert_eq!(control.request(A, CONTROL, START + UNPROVEN_FOR, &proof), Ok(Change::Displaced));
+        assert_eq!(control.may_write(B), Err(Status::AccessDenied));
     }
 
     #[test]
     fn silence_ends_control_at_the_timeout_and_not_before() {
         let timeout = Span::from_ms(3000);
         let mut control = Control::default();
-        control.request(A, CONTROL, START).unwrap();
+        let proof = Proof::default();
+        control.request(A, CONTROL, START, &proof).unwrap();
         control.take_in(B, START + Span::from_ms(2000));
         assert!(!control.time_out(START + timeout, timeout));
         control.take_in(A, START + Span::from_ms(2000));
         assert!(!control.time_out(START + Span::from_ms(5000), timeout));
         assert!(control.time_out(START + Span::from_ns(5_000_000_001), timeout));
         assert!(!control.time_out(START + Span::from_ms(9000), timeout), "only once");
-        assert_eq!(control.request(B, CONTROL, START), Ok(Change::Taken));
+        assert_eq!(control.request(B, CONTROL, START, &proof), Ok(Change::Taken));
     }
 }

@@ -270,9 +270,18 @@ impl Device {
         self.control.controller().is_some_and(|controller| self.proof.is_proven(controller))
     }
 
-    /// Refuses actions that send more than was received, as long as the controller's address is not proven.
+    /// Refuses what changes frames or sends more than was received, as long as the controller's address is not proven.
     fn must_be_proven(&self) -> Result<(), Status> {
         if self.is_controller_proven() {
+            return Ok(());
+        }
+        self.tally().unproven_refused.one();
+        Err(Status::AccessDenied)
+    }
+
+    /// Refuses an answer that is longer than its request once a client without a proof has had many.
+    fn may_reply_at_length(&mut self, from: SocketAddrV4, now: Tai) -> Result<(), Status> {
+        if self.proof.may_reply_at_length(from, now) {
             return Ok(());
         }
         self.tally().unproven_refused.one();
@@ -336,7 +345,8 @@ impl Device {
             }
             Command::Discovery => {
                 self.tally().discoveries.one();
-                self.memory.read(0, DISCOVERY_BYTES).map(|bytes| out.reply.extend(bytes))
+                let may_reply = self.may_reply_at_length(from, now);
+                may_reply.and_then(|()| self.memory.read(0, DISCOVERY_BYTES)).map(|bytes| out.reply.extend(bytes))
             }
             Command::Resend(resend) => {
                 out.resend = Some(resend);
@@ -383,6 +393,7 @@ impl Device {
     ) -> Result<(), Status> {
         self.control.may_read(from, &self.proof)?;
         let place = self.place_in_memory(address, from, now)?;
+        self.may_reply_at_length(from, now)?;
         let data = self.memory.read(place, bytes)?;
         reply.extend(address.to_be_bytes());
         reply.extend(data);
@@ -401,7 +412,7 @@ impl Device {
         let place = address.wrapping_sub(view.shift);
         if place < FIRST_XML || self.memory.read(place, 4).is_err() {
             self.tally().xml_misses.one();
-            self.proof.miss(now);
+            self.proof.miss(from, now);
             return Err(Status::InvalidAddress);
         }
         if place == FIRST_XML || place == SECOND_XML {
@@ -472,7 +483,10 @@ impl Device {
             at::GVCP_CONFIGURATION => return self.write_ptp(own::PTP_ENABLE, u32::from(value & PTP_ON != 0)),
             at::MESSAGE_PORT..=at::MESSAGE_SOURCE_PORT => return self.write_message_channel(address, value, from),
             at::STREAM_PORT..=at::STREAM_SOURCE_PORT => return self.write_stream(address, value, from, out),
-            own::SENSOR_WIDTH..own::END => return self.write_feature(address, value, now),
+            own::SENSOR_WIDTH..own::END => {
+                self.must_be_proven()?;
+                return self.write_feature(address, value, now);
+            }
             _ => return self.memory.read(address, 4).and(Err(Status::WriteProtect)),
         }
         Ok(())
@@ -483,9 +497,14 @@ impl Device {
     }
 
     fn write_control(&mut self, value: u32, from: SocketAddrV4, now: Tai) -> Result<(), Status> {
-        let change = self.control.request(from, value, now);
+        let change = self.control.request(from, value, now, &self.proof);
         match change {
             Ok(Change::Taken) => self.tally().controllers_accepted.one(),
+            Ok(Change::Displaced) => {
+                self.tally().controllers_accepted.one();
+                self.last_change.forget();
+                self.release();
+            }
             Ok(Change::Released) => self.release(),
             Ok(Change::Kept) => {}
             Err(Status::AccessDenied) => self.tally().controllers_refused.one(),
@@ -539,7 +558,7 @@ impl Device {
     }
 
     fn act(&mut self, action: Action, now: Tai) -> Result<(), Status> {
-        if !self.is_meant(action) || self.control.controller().is_none() {
+        if !self.is_meant(action) || !self.is_controller_proven() {
             return Ok(());
         }
         let Some(at_ns) = action.at_ns else { return self.trigger(SOURCE_ACTION, self.bench_time(now)) };

@@ -3,11 +3,13 @@
 //! A datagram's source address can be forged. GigE Vision has no handshake against this, but every client fetches the
 //! camera's XML before it does anything else. The camera therefore shows each client (address and port) the XML at a
 //! memory address of its own, drawn from a random key of this run. A client that reads the XML's first bytes there has
-//! received the answer that named the address. Until then no stream starts, no test packet is sent, exclusive access
-//! has no effect, and control lasts no longer than the default heartbeat.
+//! received the answer that named the address. Until then no stream starts, no feature changes, no test packet is sent,
+//! exclusive access has no effect, and control gives way to others (`control`).
 //!
-//! Guessing: the address is one of 4.0e8. After [`MISSES_MAX`] wrong addresses within [`MISSES_FORGOTTEN`], no new
-//! proof is accepted until that time is over: half of the addresses take 36 days.
+//! Before the proof each IP address (on loopback: each client) has a budget for [`FORGOTTEN`]: [`REPLIES_MAX`] answers
+//! that are longer than their requests, and [`MISSES_MAX`] wrong addresses of the XML, after which no proof of it is
+//! accepted. So nobody's guesses keep others out. The address is one of 4.0e8, and no more than [`VISITORS_MAX`] IP
+//! addresses have a budget at once: half of the addresses take 3 days.
 //!
 //! The file name in the XML's URL changes with each run, so that a client that keeps XML files by name reads it again.
 //! Limits are checked by `outputs::network_camera::device_tests` and, with sockets, by
@@ -26,8 +28,21 @@ const SHIFT_LEAST: u32 = 0x1000_0000;
 const SHIFTS: u64 = 0x6000_0000 / 4;
 /// Wrong addresses after which no proof is accepted.
 const MISSES_MAX: u32 = 64;
-/// Time after which wrong addresses are forgotten.
-const MISSES_FORGOTTEN: Span = Span::from_ms(1_000);
+/// Answers longer than their requests that an unproven client gets.
+const REPLIES_MAX: u32 = 64;
+/// Time after which wrong addresses and answers are forgotten.
+const FORGOTTEN: Span = Span::from_ms(1_000);
+/// IP addresses whose wrong addresses and answers are counted at once.
+const VISITORS_MAX: usize = 16;
+
+/// Counts of clients that have proven nothing, for [`FORGOTTEN`].
+#[derive(Debug, Clone, Copy)]
+struct Visitor {
+    address: SocketAddrV4,
+    since: Tai,
+    misses: u32,
+    replies: u32,
+}
 
 /// Which clients have proven their address, and where each of them sees the XML.
 #[derive(Debug, Default)]
@@ -35,8 +50,7 @@ pub(super) struct Proof {
     key: RandomState,
     /// Oldest first.
     proven: Vec<SocketAddrV4>,
-    misses: u32,
-    first_miss: Option<Tai>,
+    visitors: Vec<Visitor>,
 }
 
 impl Proof {
@@ -63,7 +77,7 @@ impl Proof {
 
     /// Records that a client has read the XML's first bytes at its own address.
     pub(super) fn accept(&mut self, client: SocketAddrV4, controller: Option<SocketAddrV4>, now: Tai) {
-        if self.is_proven(client) || self.is_closed(now) {
+        if self.is_proven(client) || self.is_closed(client, now) {
             return;
         }
         if self.proven.len() == PROVEN_MAX {
@@ -74,15 +88,37 @@ impl Proof {
     }
 
     /// Records that a client has tried an address at which it does not see the XML.
-    pub(super) fn miss(&mut self, now: Tai) {
-        if self.first_miss.is_none_or(|first| now - first > MISSES_FORGOTTEN) {
-            (self.first_miss, self.misses) = (Some(now), 0);
+    pub(super) fn miss(&mut self, client: SocketAddrV4, now: Tai) {
+        if let Some(visitor) = self.visitor(client, now) {
+            visitor.misses = visitor.misses.saturating_add(1);
         }
-        self.misses = self.misses.saturating_add(1);
     }
 
-    fn is_closed(&self, now: Tai) -> bool {
-        self.misses >= MISSES_MAX && self.first_miss.is_some_and(|first| now - first <= MISSES_FORGOTTEN)
+    /// Returns true when a client may get an answer that is longer than its request, and counts it.
+    pub(super) fn may_reply_at_length(&mut self, client: SocketAddrV4, now: Tai) -> bool {
+        if self.is_proven(client) {
+            return true;
+        }
+        let Some(visitor) = self.visitor(client, now) else { return client.ip().is_loopback() };
+        visitor.replies = visitor.replies.saturating_add(1);
+        visitor.replies <= REPLIES_MAX
+    }
+
+    fn is_closed(&mut self, client: SocketAddrV4, now: Tai) -> bool {
+        self.visitor(client, now).map_or(!client.ip().is_loopback(), |visitor| visitor.misses >= MISSES_MAX)
+    }
+
+    /// Returns the counts of a client's address; `None` when too many others are counted.
+    fn visitor(&mut self, client: SocketAddrV4, now: Tai) -> Option<&mut Visitor> {
+        let address = if client.ip().is_loopback() { client } else { SocketAddrV4::new(*client.ip(), 0) };
+        self.visitors.retain(|visitor| now - visitor.since <= FORGOTTEN);
+        let place = self.visitors.iter().position(|visitor| visitor.address == address);
+        if place.is_none() && self.visitors.len() < VISITORS_MAX {
+            self.visitors.push(Visitor { address, since: now, misses: 0, replies: 0 });
+        }
+        let newest = self.visitors.len().checked_sub(1);
+        let place = place.or(newest).filter(|place| self.visitors[*place].address == address)?;
+        self.visitors.get_mut(place)
     }
 }
 
@@ -119,15 +155,45 @@ mod tests {
     }
 
     #[test]
-    fn wrong_addresses_are_refused_for_a_second() {
+    fn wrong_addresses_are_refused_for_a_second_and_to_the_guesser_alone() {
         let mut proof = Proof::default();
-        (1..MISSES_MAX).for_each(|_| proof.miss(NOW));
+        (1..MISSES_MAX).for_each(|_| proof.miss(client(9), NOW));
         proof.accept(client(1), None, NOW);
         assert!(proof.is_proven(client(1)), "one miss short of the limit");
-        proof.miss(NOW);
-        proof.accept(client(2), None, NOW + MISSES_FORGOTTEN);
-        assert!(!proof.is_proven(client(2)));
-        proof.accept(client(2), None, NOW + MISSES_FORGOTTEN + Span::from_ns(1));
+        proof.miss(client(9), NOW);
+        proof.accept(client(2), None, NOW + FORGOTTEN);
+        assert!(!proof.is_proven(client(2)), "another port of the same machine");
+        let other = SocketAddrV4::new(Ipv4Addr::new(10, 0, 0, 8), 2);
+        proof.accept(other, None, NOW);
+        assert!(proof.is_proven(other), "another machine is not kept out");
+        proof.accept(client(2), None, NOW + FORGOTTEN + Span::from_ns(1));
         assert!(proof.is_proven(client(2)));
+        let local = |port| SocketAddrV4::new(Ipv4Addr::LOCALHOST, port);
+        (0..10_000).for_each(|guess| proof.miss(local(1 + guess % 100), NOW));
+        proof.accept(local(500), None, NOW);
+        assert!(proof.is_proven(local(500)), "on loopback each client stands for itself");
+        proof.accept(local(1), None, NOW);
+        assert!(!proof.is_proven(local(1)));
+    }
+
+    #[test]
+    fn many_forged_addresses_have_one_budget() {
+        let mut proof = Proof::default();
+        let forged = |last| SocketAddrV4::new(Ipv4Addr::new(10, 0, 0, last), 1);
+        for last in 1..=200 {
+            (0..MISSES_MAX).for_each(|_| proof.miss(forged(last), NOW));
+            proof.accept(forged(last), None, NOW);
+        }
+        assert!(proof.proven.is_empty() && proof.visitors.len() == VISITORS_MAX);
+    }
+
+    #[test]
+    fn long_answers_before_the_proof_are_bounded() {
+        let mut proof = Proof::default();
+        let long = (0..1000).filter(|port| proof.may_reply_at_length(client(*port), NOW)).count();
+        assert_eq!(long, REPLIES_MAX as usize);
+        proof.accept(client(1), None, NOW);
+        assert!((0..1000).all(|_| proof.may_reply_at_length(client(1), NOW)), "control: proven");
+        assert!(proof.may_reply_at_length(client(2), NOW + FORGOTTEN + Span::from_ns(1)));
     }
 }

@@ -18,8 +18,8 @@ pub enum HistoryReject {
     /// A rate, an acceleration or a jitter rotation is NaN or infinite.
     #[error("a component is not finite")]
     NotFinite,
-    /// The rate, the acceleration, or the turn from a neighbouring sample is above the limit.
-    #[error("a rate or a turn above 1000 deg/s, or an acceleration above 10,000 deg/s^2")]
+    /// The rate, the acceleration, the turn from a neighbouring sample, or a jitter rotation is above the limit.
+    #[error("a rate or a turn above 1000 deg/s, an acceleration above 10,000 deg/s^2, or jitter above 1 degree")]
     TooFast,
     /// The history is full of newer samples.
     #[error("the history is full of newer samples")]

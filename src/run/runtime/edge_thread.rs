@@ -31,6 +31,7 @@ pub struct TriggerChip {
 pub(super) struct EdgeThread {
     stop: Arc<AtomicBool>,
     lost: Arc<AtomicU64>,
+    restarts: Arc<AtomicU64>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -41,8 +42,10 @@ impl EdgeThread {
         clock: &Arc<dyn Clock>,
         hygiene: Option<Arc<Hygiene>>,
     ) -> Result<Self, RunError> {
-        let (stop, lost) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicU64::new(0)));
-        let (stopped, counted, clock) = (Arc::clone(&stop), Arc::clone(&lost), Arc::clone(clock));
+        let stop = Arc::new(AtomicBool::new(false));
+        let [lost, restarts] = [0, 0].map(|none| Arc::new(AtomicU64::new(none)));
+        let (stopped, clock) = (Arc::clone(&stop), Arc::clone(clock));
+        let counted = [Arc::clone(&lost), Arc::clone(&restarts)];
         let listen = move || {
             if let Some(hygiene) = hygiene {
                 hygiene.enter(Role::Link);
@@ -51,12 +54,17 @@ impl EdgeThread {
         };
         let thread = std::thread::Builder::new().name("gpio".into()).spawn(listen);
         let thread = Some(thread.map_err(|source| RunError::Thread { name: "gpio", source })?);
-        Ok(Self { stop, lost, thread })
+        Ok(Self { stop, lost, restarts, thread })
     }
 
     /// Returns the number of edges lost so far.
     pub(super) fn lost_edges(&self) -> u64 {
         self.lost.load(Ordering::Relaxed)
+    }
+
+    /// Returns how often the numbers of a line went back so far.
+    pub(super) fn restarts(&self) -> u64 {
+        self.restarts.load(Ordering::Relaxed)
     }
 
     /// Returns true when the thread has ended by itself because its chip is gone.
@@ -80,7 +88,7 @@ fn listen(
     arrived: &Sender<Received>,
     clock: &dyn Clock,
     stop: &AtomicBool,
-    lost: &AtomicU64,
+    [lost, restarts]: &[Arc<AtomicU64>; 2],
 ) {
     let mut overflows = 0;
     while !stop.load(Ordering::Relaxed) {
@@ -90,6 +98,7 @@ fn listen(
             let got = Received::Edge { head, at: edge.at, is_active: edge.is_active };
             overflows += u64::from(arrived.try_send(got).is_err());
             lost.store(chip.counters().lost + overflows, Ordering::Relaxed);
+            restarts.store(chip.counters().restarts, Ordering::Relaxed);
         }
     }
 }

@@ -21,6 +21,8 @@ const AUTO_TARGET: f64 = 0.25;
 const AUTO_NEAR: f64 = 0.02;
 /// Largest factor by which one image changes the exposure or the gain, up or down.
 const AUTO_STEP: f64 = 8.0;
+/// Commands of one client that are taken in one look; the frame loop looks every millisecond.
+const COMMANDS_PER_LOOK: usize = 16;
 
 /// Times and settings of one exposure.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -220,10 +222,12 @@ impl Exposing {
         self.exposure_s() / self.own.1
     }
 
-    /// Accepts the commands that wait in the queues, and reports an exposure that has started.
+    /// Accepts commands that wait in the queues, no more than [`COMMANDS_PER_LOOK`] of each, and reports an exposure
+    /// that has started. A client that sends faster has full queues; frames do not wait for it.
     pub fn poll(&mut self, now: Tai, ledger: &mut Ledger) {
         for number in 0..self.desks.len() {
-            while let Some(commanded) = self.desks[number].commands().next() {
+            for _ in 0..COMMANDS_PER_LOOK {
+                let Some(commanded) = self.desks[number].commands().next() else { break };
                 // A refused command is recorded as an event; the sender has checked the value against the same range.
                 let _noted = self.take(&commanded, ledger);
             }
@@ -317,15 +321,13 @@ impl Exposing {
         let seen = self.shutter.take_seen();
         let number = self.shutter.next().slot().map(|slot| slot.number);
         if let Some(at) = seen.missed_at {
+            ledger.note_many(Event::new(EventKind::CameraTriggerMissed, at, number, Span::ZERO), seen.missed.into());
             for _ in 0..seen.missed {
-                ledger.note(Event::new(EventKind::CameraTriggerMissed, at, number, Span::ZERO));
                 self.report(CameraEventKind::FrameTriggerMissed, at, number.unwrap_or(0));
             }
         }
         if let Some(at) = seen.ignored_at {
-            for _ in 0..seen.ignored {
-                ledger.note(Event::new(EventKind::CameraTriggerIgnored, at, number, Span::ZERO));
-            }
+            ledger.note_many(Event::new(EventKind::CameraTriggerIgnored, at, number, Span::ZERO), seen.ignored.into());
         }
     }
 
@@ -361,5 +363,37 @@ fn range_of(params: &RunParams) -> CameraRange {
         frame_rate_max_hz: 1.0 / least_period_s.max(EXPOSURE_LEAST.s()),
         delay_max: Span::from_ms(10_000),
         size_px: camera.output().size_px,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::wiring::bench_parts::run_params;
+    use config::{Document, Scenario};
+    use frames::camera_control::desk;
+    use std::path::Path;
+
+    #[test]
+    fn a_flood_of_commands_is_taken_in_bounded_pieces() {
+        let document = Document::open(Path::new("benches/loopback.toml")).unwrap();
+        let bench = Scenario::from_document(&document).unwrap().bench;
+        let mut exposing = Exposing::new(&run_params(&bench, Tai::from_ns(0)).unwrap());
+        let (desk, end) = desk();
+        exposing.add_desk(end);
+        let (mut ledger, at) = (Ledger::default(), Tai::from_ns(0));
+        let command = CameraCommand::Exposure(Span::from_ms(1));
+        let mut taken = || {
+            let put = (0..1000).filter(|_| desk.put(Commanded { command, at, from: CommandSource::Control })).count();
+            let before = ledger.total();
+            exposing.poll(at, &mut ledger);
+            (put, ledger.total() - before)
+        };
+        assert_eq!(
+            taken(),
+            (256, COMMANDS_PER_LOOK as u64),
+            "as many as the queue holds, and no more than a look takes"
+        );
+        assert_eq!(taken(), (COMMANDS_PER_LOOK, COMMANDS_PER_LOOK as u64));
     }
 }

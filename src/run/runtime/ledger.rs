@@ -98,10 +98,14 @@ events! {
     SampleRefused = "sample_refused",
     /// The queue from the receiving thread was full.
     QueueOverflow = "queue_overflow",
+    /// Rates contradict the attitudes of the same stream for a second: other units, sign or axes. The span is that time.
+    RatesContradict = "rates_contradict",
     /// The interface or port of the bus was lost.
     LinkLost = "link_lost",
     /// The interface or port of the bus is available again.
     LinkRegained = "link_regained",
+    /// Nobody listened at the address that a TCP link connects to; it is tried again, and the summary counts the tries.
+    LinkUnreached = "link_unreached",
     /// The CAN controller went bus-off.
     BusOff = "bus_off",
     /// The controller or the line reported errors.
@@ -147,6 +151,8 @@ events! {
     CameraTriggerIgnored = "camera_trigger_ignored",
     /// Edges of trigger lines were lost: more came than the kernel, or the queue to the frame thread, could hold.
     TriggerEdgeLost = "trigger_edge_lost",
+    /// The numbers of a trigger line went back: its source started again. Edges that were lost at that are not counted.
+    TriggerLineRestarted = "trigger_line_restarted",
     /// The flight computer's heartbeat has stopped; the span is the silence.
     HeartbeatLost = "heartbeat_lost",
     /// The flight computer's heartbeat is back; the span is the silence.
@@ -206,6 +212,8 @@ pub const EARLY: usize = 4096;
 #[derive(Debug, Clone)]
 pub struct Ledger {
     counts: [u64; EventKind::ALL.len()],
+    /// Events that were added to those that are kept.
+    noted: u64,
     early: Vec<Event>,
     last: Vec<Event>,
     next: usize,
@@ -215,6 +223,7 @@ impl Default for Ledger {
     fn default() -> Self {
         Self {
             counts: [0; EventKind::ALL.len()],
+            noted: 0,
             early: Vec::with_capacity(EARLY),
             last: Vec::with_capacity(KEPT),
             next: 0,
@@ -225,7 +234,17 @@ impl Default for Ledger {
 impl Ledger {
     /// Adds an event.
     pub fn note(&mut self, event: Event) {
-        self.counts[event.kind as usize] += 1;
+        self.note_many(event, 1);
+    }
+
+    /// Adds an event that happened so many times: it is counted as often, and kept once.
+    pub fn note_many(&mut self, event: Event, times: u64) {
+        if times == 0 {
+            return;
+        }
+        let count = &mut self.counts[event.kind as usize];
+        *count = count.saturating_add(times);
+        self.noted += 1;
         if self.early.len() < EARLY {
             self.early.push(event);
         }
@@ -253,12 +272,12 @@ impl Ledger {
     /// Returns the number of all events, kept or not.
     #[must_use]
     pub fn total(&self) -> u64 {
-        self.counts.iter().sum()
+        self.counts.iter().fold(0, |sum, count| sum.saturating_add(*count))
     }
 
     /// Returns every event that is kept, in order: the first [`EARLY`], then the last ones that are not among them.
     pub fn kept(&self) -> impl Iterator<Item = &Event> {
-        let after = self.total().saturating_sub(EARLY as u64);
+        let after = self.noted.saturating_sub(EARLY as u64);
         let among_first = self.last.len() - usize::try_from(after).unwrap_or(usize::MAX).min(self.last.len());
         self.early.iter().chain(self.last().skip(among_first))
     }
@@ -279,6 +298,19 @@ mod tests {
         assert_eq!((ledger.count(EventKind::Late), ledger.count(EventKind::Predicted)), (50, 100));
         let frames: Vec<u32> = ledger.last().filter_map(|event| event.frame).collect();
         assert_eq!(frames, (150 - KEPT as u32..150).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn an_event_of_many_times_is_counted_and_kept_once() {
+        let mut ledger = Ledger::default();
+        let event = |i| Event::new(EventKind::TriggerEdgeLost, Tai::from_ns(i), None, Span::ZERO);
+        ledger.note_many(event(0), 0);
+        ledger.note_many(event(1), u64::MAX);
+        ledger.note_many(event(2), 4_294_967_293);
+        ledger.note(Event::new(EventKind::Late, Tai::from_ns(3), None, Span::ZERO));
+        assert_eq!((ledger.count(EventKind::TriggerEdgeLost), ledger.count(EventKind::Late)), (u64::MAX, 1));
+        let kept: Vec<i64> = ledger.kept().map(|event| event.at.ns()).collect();
+        assert_eq!(kept, [1, 2, 3]);
     }
 
     #[test]

@@ -75,10 +75,10 @@ impl LinkThreads {
         Ok(link_thread)
     }
 
-    /// Returns the items that have arrived, without waiting.
+    /// Returns the items that have arrived, without waiting; of those that come meanwhile no more than the queue holds.
     pub(super) fn arrived(&self) -> impl Iterator<Item = Received> {
         let samples = self.samples.iter().flat_map(Queue::try_iter);
-        self.received.try_iter().chain(samples.map(Received::Sample))
+        self.received.try_iter().take(RECEIVE_QUEUE).chain(samples.map(Received::Sample))
     }
 
     /// Waits for an item, at most this long.
@@ -132,6 +132,11 @@ impl LinkThreads {
     /// Returns edges of trigger lines that were lost so far.
     pub(super) fn lost_edges(&self) -> u64 {
         self.chips.iter().map(EdgeThread::lost_edges).sum()
+    }
+
+    /// Returns how often the numbers of trigger lines went back so far.
+    pub(super) fn line_restarts(&self) -> u64 {
+        self.chips.iter().map(EdgeThread::restarts).sum()
     }
 
     /// Ends the threads; returns the counters of the ports, and why a thread ended early.

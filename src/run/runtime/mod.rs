@@ -37,6 +37,7 @@ pub mod real_parts;
 mod real_shared;
 pub mod real_time;
 mod received;
+mod rate_check;
 pub mod receiver;
 pub mod record;
 pub mod reply;

@@ -116,3 +116,35 @@ fn repeated_message_is_refused_and_its_attitude_stays_as_old_as_it_is() {
     assert_eq!(bench.count(EventKind::ClockStepped), 0, "nothing of it is a mark");
     assert_eq!(bench.newest(), newest);
 }
+
+#[test]
+fn jitter_beyond_a_degree_is_refused_and_counted() {
+    let mut bench = bench();
+    let send = |bench: &mut Bench, ms: i64, jitter_rad: f64| {
+        let time = PlainTime::Arrival;
+        let value = PlainRecord { time, attitude: None, jitter_rad: Some([0.0, jitter_rad, 0.0]), observer: None };
+        let input = Stamped { at: START + Span::from_ms(ms), value: Input::Plain(value) };
+        bench.receiver.accept_input(0, &input, &mut bench.ledger);
+    };
+    for (ms, rad) in [(0, 0.01745), (1, 0.01746), (2, 1e9), (3, 1e300), (4, -0.01745)] {
+        send(&mut bench, ms, rad);
+    }
+    let counts = bench.receiver.jitter().counts();
+    assert_eq!((counts.accepted, counts.too_fast, bench.count(EventKind::SampleRefused)), (2, 3, 3));
+}
+
+#[test]
+fn rates_that_contradict_the_attitudes_are_an_event_a_second() {
+    for (factor, wanted) in [(1.0, 0), (57.3, 5), (-1.0, 5)] {
+        let mut bench = bench();
+        for i in 0..=500 {
+            let arrives = START + Span::from_ms(10 * i);
+            let mut input = record(PlainTime::Arrival, RATE * (arrives - START).s());
+            if let Input::Plain(PlainRecord { attitude: Some(attitude), .. }) = &mut input.value {
+                attitude.rate_rad_s[0] *= factor;
+            }
+            bench.receiver.accept_input(0, &Stamped { at: arrives, ..input }, &mut bench.ledger);
+        }
+        assert_eq!((bench.accepted(), bench.count(EventKind::RatesContradict)), (501, wanted), "{factor}");
+    }
+}

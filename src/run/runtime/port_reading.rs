@@ -17,7 +17,7 @@ use std::sync::OnceLock;
 pub const REASONS: usize = Reject::ALL.len();
 /// Reasons to refuse plain messages.
 pub const PLAIN_REASONS: usize = PlainReject::ALL.len();
-const COUNTS: usize = 14;
+const COUNTS: usize = 15;
 
 /// One count of a reading.
 #[derive(Debug, Clone, Copy)]
@@ -43,6 +43,7 @@ const ALL: [Count; COUNTS] = [
     sometimes("packets_unstamped", |reading| &mut reading.counters.unstamped),
     sometimes("link_lost", |reading| &mut reading.counters.lost),
     sometimes("link_regained", |reading| &mut reading.counters.regained),
+    sometimes("connections_failed", |reading| &mut reading.counters.unreached),
     sometimes("packets_foreign", |reading| &mut reading.counters.foreign),
     sometimes("packets_oversize", |reading| &mut reading.counters.oversize),
 ];
@@ -150,6 +151,8 @@ impl PortReading {
         let risen = [
             (EventKind::LinkLost, now.lost, then.lost),
             (EventKind::LinkRegained, now.regained, then.regained),
+            // Once: tries follow each other until somebody listens.
+            (EventKind::LinkUnreached, now.unreached.min(1), then.unreached.min(1)),
             (EventKind::BusOff, now.bus_off, then.bus_off),
             (EventKind::LinkErrors, now.errors, then.errors),
             (EventKind::LinkOverflow, now.overflows + now.unsent, then.overflows + then.unsent),
@@ -215,6 +218,7 @@ mod tests {
             errors: 5,
             bus_off: 6,
             lost: 7,
+            unreached: 17,
             regained: 8,
             restarted: 11,
             unstamped: 12,
@@ -245,8 +249,8 @@ mod tests {
         let always = ["packets_received", "packets_sent", "packets_overflowed", "queue_overflowed"];
         assert_eq!(reported, always.map(|name| (name, 0)));
         let reported: Vec<_> = reading().reported().map(|(_, count)| count).collect();
-        // Each of the fourteen appears once; 9 and 16 are counts of rejections.
-        assert_eq!(reported, [1, 2, 3, 10, 13, 4, 5, 6, 11, 12, 7, 8, 14, 15]);
+        // Each of the fifteen appears once; 9 and 16 are counts of rejections.
+        assert_eq!(reported, [1, 2, 3, 10, 13, 4, 5, 6, 11, 12, 7, 8, 17, 14, 15]);
         let named = reading().named();
         assert!(named.counters.iter().map(|(_, count)| count).eq(reported), "the same with all names");
         let refused: Vec<_> = named.rejects.iter().filter(|(_, count)| *count > 0).collect();

@@ -84,6 +84,7 @@ pub fn run_in(
                 link_thread: &link_thread,
                 readings,
                 lost_edges: 0,
+                line_restarts: 0,
                 reply: Reply::default(),
                 said_already: Ledger::default(),
             };
@@ -312,11 +313,12 @@ impl Bench<'_> {
             *earlier = reading;
         }
         record.keep_ports(&self.shared.readings);
-        let lost = link_thread.lost_edges();
-        for _ in self.shared.lost_edges..lost {
-            record.ledger.note(Event::new(EventKind::TriggerEdgeLost, now, None, Span::ZERO));
-        }
-        self.shared.lost_edges = lost;
+        let mut note = |kind, earlier: &mut u64, count: u64| {
+            let more = count.saturating_sub(core::mem::replace(earlier, count));
+            record.ledger.note_many(Event::new(kind, now, None, Span::ZERO), more);
+        };
+        note(EventKind::TriggerEdgeLost, &mut self.shared.lost_edges, link_thread.lost_edges());
+        note(EventKind::TriggerLineRestarted, &mut self.shared.line_restarts, link_thread.line_restarts());
     }
 
     /// Passes an input to every head; the first one answers and records events.

@@ -6,6 +6,7 @@ use crate::runtime::jitter_tables;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::params::AttitudeParams;
 use crate::runtime::plant_sample::{PlantAttitude, PlantSample};
+use crate::runtime::rate_check::{RateCheck, WINDOW};
 use crate::runtime::session::{Session, SessionParams};
 use crate::runtime::slot::Slot;
 use crate::runtime::triggers::FiredTrigger;
@@ -74,6 +75,7 @@ pub struct Receiver {
     observers: VecDeque<(Tai, BarycentricState)>,
     /// Sequence number of the latest attitude of an external plant.
     plant_seq: u8,
+    rates: RateCheck,
 }
 
 impl Receiver {
@@ -104,6 +106,7 @@ impl Receiver {
             plain_tags: None,
             observers: VecDeque::with_capacity(OBSERVERS),
             plant_seq: 0,
+            rates: RateCheck::default(),
             params,
         })
     }
@@ -340,6 +343,7 @@ impl Receiver {
         if scet_ns < expected_ns / 2 {
             ledger.note(Event::new(EventKind::ClockRestarted, now, None, step));
             self.history.clear();
+            self.rates.clear();
             self.jitter.clear_points();
             self.newest_epoch = None;
             self.session.forget_dated_triggers(now, ledger);
@@ -374,7 +378,10 @@ impl Receiver {
                 acceleration_rad_s2: vector(record.acceleration_rad_s2),
             }
         });
-        if sample.is_some_and(|sample| self.history.insert(sample, at).is_ok()) {
+        if let Some(sample) = sample.filter(|sample| self.history.insert(*sample, at).is_ok()) {
+            if record.flags.rate {
+                self.check_rate(&sample, ledger);
+            }
             self.keep_tag(record.t_us, epoch);
             self.newest_epoch = self.newest_epoch.max(Some(epoch));
             self.newest_arrival = self.newest_arrival.max(Some(at));
@@ -388,7 +395,7 @@ impl Receiver {
     /// and no frame waits for it. Does not allocate.
     pub fn take_plant(&mut self, sample: &PlantSample, arrived: Tai, ledger: &mut Ledger) -> bool {
         let at = sample.at;
-        let attitude = sample.attitude.is_none_or(|attitude| self.take_plant_attitude(at, &attitude, arrived));
+        let attitude = sample.attitude.is_none_or(|attitude| self.take_plant_attitude(at, &attitude, arrived, ledger));
         let jitter = sample.jitter_rad.is_none_or(|body_rad| {
             let rotation_rad = self.params.sensor_from_body.apply(body_rad);
             let is_taken = self.jitter.insert(JitterPoint { at, rotation_rad }, arrived).is_ok();
@@ -414,13 +421,21 @@ impl Receiver {
         self.take_plant(sample, arrived, ledger);
     }
 
-    fn take_plant_attitude(&mut self, at: Tai, attitude: &PlantAttitude, arrived: Tai) -> bool {
+    /// Compares the rate of an accepted attitude with the attitudes before.
+    fn check_rate(&mut self, sample: &AttitudeSample, ledger: &mut Ledger) {
+        if self.rates.contradicts(sample) {
+            ledger.note(Event::new(EventKind::RatesContradict, sample.at, None, WINDOW));
+        }
+    }
+
+    fn take_plant_attitude(&mut self, at: Tai, attitude: &PlantAttitude, arrived: Tai, ledger: &mut Ledger) -> bool {
         let PlantAttitude { body_from_icrf, rate_rad_s, acceleration_rad_s2 } = *attitude;
         self.plant_seq = self.plant_seq.wrapping_add(1);
         let seq = self.plant_seq;
         let sample = AttitudeSample { at, seq, body_from_icrf, rate_rad_s, acceleration_rad_s2 };
         let is_taken = self.history.insert(sample, arrived).is_ok();
         if is_taken {
+            self.check_rate(&sample, ledger);
             self.newest_epoch = self.newest_epoch.max(Some(at));
             self.newest_arrival = self.newest_arrival.max(Some(arrived));
         }

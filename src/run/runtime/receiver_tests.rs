@@ -268,3 +268,27 @@ fn samples_of_a_plant_outside_keep_double_precision_and_their_instants() {
     assert_eq!(ledger.count(EventKind::SampleRefused), refused + 1);
     assert_eq!(cable.receiver.age_at(now), Some(Span::ZERO));
 }
+
+#[test]
+fn rates_on_the_bus_that_contradict_the_attitudes_are_events_unless_they_are_not_measured() {
+    for (has_rate, rate_rad_s, wanted) in [(true, 0.02, 0), (true, -0.02, 3), (true, 0.0, 3), (false, 0.0, 0)] {
+        let mut cable = Cable::new(1000);
+        (0..4).for_each(|_| cable.send_mark());
+        let start_ns = cable.now_ns;
+        for i in 0..=300_u32 {
+            let half = 0.5 * 0.02 * (cable.now_ns - start_ns) as f64 * 1e-9;
+            let record = AttitudeRecord {
+                t_us: wrapped(cable.scet_ns().div_euclid(1000)),
+                seq: (i % 256) as u8,
+                flags: AttitudeFlags { rate: has_rate, acceleration: false },
+                q_wxyz: [half.cos() as f32, -half.sin() as f32, 0.0, 0.0],
+                rate_rad_s: [rate_rad_s, 0.0, 0.0],
+                acceleration_rad_s2: [0.0; 3],
+            };
+            cable.send(&Message::Attitude(record));
+            cable.now_ns += PERIOD_NS;
+        }
+        assert_eq!(cable.ledger.count(EventKind::RatesContradict), wanted, "{has_rate} {rate_rad_s}");
+        assert!(cable.accepted() > 290, "{}", cable.accepted());
+    }
+}

@@ -266,6 +266,7 @@ fn link_counts(receiver: &Receiver, ports: &[PortReading]) -> LinkCounts {
         ("jitter_stale_time", jitter.stale),
         ("jitter_future_time", jitter.future),
         ("jitter_not_finite", jitter.not_finite),
+        ("jitter_too_large", jitter.too_fast),
         ("jitter_older_than_history", jitter.older_than_history),
         ("duplicate_epoch", history.duplicate_epoch),
         ("stale_time", history.stale),

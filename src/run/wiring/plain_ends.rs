@@ -5,7 +5,7 @@ use base::time::Span;
 use config::{Link, Plain};
 use link::LinkError;
 use link::plain::{Encoding, PlainLayout};
-use link::tcp::{Framing, TcpLink, TcpParams, TcpRole};
+use link::tcp::{Framing, IsMessage, TcpLink, TcpParams, TcpRole};
 use link::udp::{UdpLink, UdpParams};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::sync::Arc;
@@ -30,6 +30,13 @@ pub(super) fn tcp(address: SocketAddr, connects: bool, link: &Link) -> TcpParams
     let framing = layout.record_bytes().map_or(Framing::Lines, Framing::Records);
     let role = if connects { TcpRole::Client(address) } else { TcpRole::Server(address) };
     TcpParams { role, framing, acknowledges: matches!(layout.encoding, Encoding::FortyTwo(_)) }
+}
+
+/// Returns what knows the messages of a link over TCP; `None` for lines of 42, which are no messages one by one.
+pub(super) fn reader(link: &Link) -> Option<IsMessage> {
+    let layout = plain(link).layout;
+    let is_of_lines = matches!(layout.encoding, Encoding::FortyTwo(_));
+    (!is_of_lines).then(|| -> IsMessage { Box::new(move |bytes| layout.is_message(bytes)) })
 }
 
 /// Opens the stimulator's end, and that of a simulated flight computer, which has the other role.

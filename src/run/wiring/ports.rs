@@ -126,7 +126,10 @@ fn open(link: &Link, number: usize, wants_far: bool, clock: &Arc<dyn Clock>, tap
         }
         Carrier::Tcp { address, connects } => {
             let near = plain_ends::tcp(*address, *connects, link);
-            let (end, far) = plain_ends::open_tcp(near, wants_far, clock)?;
+            let (mut end, far) = plain_ends::open_tcp(near, wants_far, clock)?;
+            if let Some(reader) = plain_ends::reader(link) {
+                end = end.with_reader(reader);
+            }
             let notes = if *connects { Vec::new() } else { plain_ends::notes("tcp", end.address()) };
             let far = far.map(|far| port_over(tap(End::Far, Box::new(far)), link));
             Ok(Opened { near: port_over(tap(near_end, Box::new(end)), link), far, bus: None, gateways: None, notes })

@@ -259,6 +259,19 @@ fn write_eds(out: &WaitingOut) -> std::io::Result<()> {
     std::fs::write(folder.join(EDS_FILE), SHIPPED)
 }
 
+/// Refuses a path of a file that leads through a link out of its folder.
+fn refuse_links(folder: &Path, path: &Path) -> Result<(), OutletError> {
+    let parents: Vec<&Path> = path.ancestors().skip(1).filter(|parent| !parent.as_os_str().is_empty()).collect();
+    let is_link = |parent: &&&Path| folder.join(parent).symlink_metadata().is_ok_and(|data| data.is_symlink());
+    match parents.iter().find(is_link) {
+        None => Ok(()),
+        Some(_) => Err(OutletError::Unread {
+            line: format!("file {}", folder.join(path).display()),
+            why: "a folder of its path is a link; wanted folders below the run's",
+        }),
+    }
+}
+
 fn outlet(out: &WaitingOut, bus: Option<&SimulatedBus>, clock: &RunClock) -> Result<Outlet, OutletError> {
     let (is_real, clock) = (matches!(clock, RunClock::Real(_)), clock.shared());
     match &out.settings.line {
@@ -266,7 +279,7 @@ fn outlet(out: &WaitingOut, bus: Option<&SimulatedBus>, clock: &RunClock) -> Res
             let are_lines = out.settings.protocol == TrackerProtocol::Json;
             Outlet::udp(UdpParams { to: *to, listen: *listen, has_clients: is_real, are_lines })
         }
-        TrackerLine::Tcp { listen } => Outlet::tcp(*listen),
+        TrackerLine::Tcp { listen } => Outlet::tcp(*listen, out.device.is_polled()),
         TrackerLine::Serial { path, baud } => Outlet::serial(path, *baud, &clock),
         TrackerLine::Pty { path } => Outlet::terminal(path),
         TrackerLine::SocketCan { interface } => {
@@ -292,8 +305,9 @@ fn outlet(out: &WaitingOut, bus: Option<&SimulatedBus>, clock: &RunClock) -> Res
             why: "the bench's link is not a simulated CAN bus",
         }),
         TrackerLine::File { path } => {
-            let folder = out.folder.as_ref().filter(|_| path.is_relative());
-            Outlet::file(&folder.map_or_else(|| path.clone(), |folder| folder.join(path)))
+            let folder = out.folder.clone().unwrap_or_default();
+            refuse_links(&folder, path)?;
+            Outlet::file(&folder.join(path))
         }
     }
 }

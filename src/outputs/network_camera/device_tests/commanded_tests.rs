@@ -12,6 +12,13 @@ use std::sync::Arc;
 pub(super) const BENCH: Tai = Tai::from_ns(5_000_000_000);
 
 pub(super) fn commanded() -> (Bench, DeskEnd) {
+    let (mut bench, end) = commanded_by_nobody();
+    bench.control();
+    (bench, end)
+}
+
+/// Returns the same camera before any client has control.
+pub(super) fn commanded_by_nobody() -> (Bench, DeskEnd) {
     let (desk, end) = desk();
     let range = CameraRange {
         exposure: [Span::from_ns(20_000), Span::from_ms(500)],
@@ -26,9 +33,7 @@ pub(super) fn commanded() -> (Bench, DeskEnd) {
     let start = StartSettings::free_running(Span::from_ms(200));
     let clock = Arc::new(Virtual::new(BENCH));
     let commands = CommandParams { desk, range, settings, start, has_line: false, clock };
-    let mut bench = Bench::with(&Params::default(), Some(commands));
-    bench.control();
-    (bench, end)
+    (Bench::with(&Params::default(), Some(commands)), end)
 }
 
 impl Bench {

@@ -25,6 +25,53 @@ fn stream_and_test_packet_of_a_client_that_has_not_read_the_xml_are_refused() {
 }
 
 #[test]
+fn features_change_for_a_proven_client_only() {
+    let (mut bench, end) = commanded_tests::commanded_by_nobody();
+    assert_eq!(bench.write(A, at::CONTROL, 2), OK);
+    let numbers = [(own::EXPOSURE_TIME, 50_000.0), (own::GAIN, 6.0), (own::FRAME_RATE, 0.01)];
+    let words = [(own::TRIGGER_MODE, 1), (own::TRIGGER_SOFTWARE, 1), (own::WIDTH, 8), (own::DEVICE_RESET, 1)];
+    let write_all = |bench: &mut Bench| -> Vec<u16> {
+        let numbers: Vec<u16> = numbers.iter().map(|(place, number)| bench.write_number(*place, *number)).collect();
+        let words: Vec<u16> = words.iter().map(|(place, value)| bench.write(A, *place, *value)).collect();
+        [numbers, words].concat()
+    };
+    assert_eq!(write_all(&mut bench), [0x8006; 7]);
+    assert_eq!((end.commands().count(), bench.read(A, own::WIDTH)), (0, Ok(31)));
+    assert_eq!(bench.device.counters().unproven_refused, 7);
+    bench.prove(A);
+    assert_eq!(write_all(&mut bench), [OK; 7], "control");
+    assert!(end.commands().count() > 3);
+}
+
+#[test]
+fn a_forged_controller_keeps_no_client_from_control() {
+    let mut bench = bench();
+    for round in 0..50 {
+        bench.now = bench.now + Span::from_ms(2_000);
+        assert_eq!(bench.write(B, at::CONTROL, 2), OK, "forged, round {round}");
+        bench.write(B, own::WIDTH, 7);
+        bench.control();
+        assert_eq!((bench.read(A, own::WIDTH), bench.write(A, at::CONTROL, 0)), (Ok(31), OK));
+    }
+    assert_eq!(bench.write(B, at::CONTROL, 2), OK);
+    bench.control();
+    assert_eq!(bench.write(B, at::CONTROL, 2), 0x8006, "control: a proven client is not displaced");
+}
+
+#[test]
+fn long_answers_to_a_client_without_a_proof_are_bounded() {
+    let mut bench = bench();
+    let read = [0_u32.to_be_bytes(), 512_u32.to_be_bytes()].concat();
+    let long = (0..1000).filter(|_| bench.ask(A, 0x84, &read).unwrap().0 == OK).count();
+    assert!((16..=100).contains(&long), "{long} of 1000 within an instant");
+    assert_eq!(bench.ask(A, 0x02, &[]).map(|(status, answer)| (status, answer.len())), Some((0x8006, 0)));
+    assert_eq!(bench.ask(B, 0x02, &[]).map(|(_, answer)| answer.len()), Some(248), "others are not kept out");
+    bench.now = bench.now + Span::from_ms(1_001);
+    bench.prove(A);
+    assert!((0..1000).all(|_| bench.ask(A, 0x84, &read).unwrap().0 == OK), "control: proven");
+}
+
+#[test]
 fn blind_datagrams_get_at_most_three_times_their_bytes() {
     /// IP and UDP headers, which both directions have.
     const IP_UDP: usize = 28;

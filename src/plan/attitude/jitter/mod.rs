@@ -45,6 +45,9 @@ use record::{RECORD_LINES, RECORD_POINTS_MAX, RecordReader};
 use stream::Stream;
 use wheels::WheelHarmonics;
 
+/// Largest rotation of a jitter sample, rad: 1 degree. What turns the line of sight further is motion, and belongs into
+/// the attitude.
+const MOST_JITTER_RAD: f64 = core::f64::consts::PI / 180.0;
 /// Largest number of uploaded lines.
 pub const UPLOADED_LINES_MAX: usize = 32;
 /// Largest number of lines that all tables of the bus can add to an exposure.
@@ -208,10 +211,10 @@ impl JitterHistory {
     /// # Errors
     /// The reason of the refusal, which is also counted.
     pub fn insert(&mut self, point: JitterPoint, received_at: Tai) -> Result<(), HistoryReject> {
-        let admitted = if point.rotation_rad.is_finite() {
-            self.ring.admit(point.at, received_at)
-        } else {
-            Err(HistoryReject::NotFinite)
+        let admitted = match point.rotation_rad {
+            rotation_rad if !rotation_rad.is_finite() => Err(HistoryReject::NotFinite),
+            rotation_rad if rotation_rad.length() > MOST_JITTER_RAD => Err(HistoryReject::TooFast),
+            _ => self.ring.admit(point.at, received_at),
         };
         let place = admitted.map_err(|reject| self.counts.count(reject))?;
         if !self.ring.insert(place, point.at, point) {

@@ -9,8 +9,10 @@
 //! * an exposure starts when the one before has ended, and so late that its readout does not meet the readout before;
 //! * free running: one period after the start before, or as soon as the rules allow it;
 //! * a readout lasts as long as its rows: of regions those that have a pixel in any of them;
+//! * a command whose exposures do not fit into the run ends nothing: further commands may come until the end;
 //! * by trigger: `delay` after the trigger. A trigger that comes too early for its overlap mode, or while another one
-//!   waits, is missed: it is counted and reported, with no other effect.
+//!   waits, is missed: it is counted and reported, with no other effect. The first one after a free run is taken while
+//!   the last exposure of that run is under way, and waits until it is over.
 //!
 //! Allocates nothing after construction. Tests: `tests`, and `tests/closed_loop/camera_commands.rs`.
 
@@ -27,6 +29,8 @@ use std::collections::VecDeque;
 
 /// Capacity for commands that wait for the exposure that they act on.
 const PLACES: usize = 256;
+/// No frame is due sooner after its exposure than this, or than the readout of all rows.
+const DUE_LEAST: Span = Span::from_ms(10);
 
 /// Exposures of a head without commands.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -57,6 +61,13 @@ impl ShutterParams {
         }
         Span::from_s(self.readout.s() * (regions.rows(self.size_px) as f64 / rows as f64))
     }
+
+    /// Returns the time from the end of an exposure to the instant at which its frame is due: its readout. That of few
+    /// rows is shorter than drawing takes: such frames are due [`DUE_LEAST`] after the exposure, or with the readout of
+    /// all rows where that is sooner.
+    fn delivery_of(&self, regions: &Regions) -> Span {
+        self.readout_of(regions).max(self.readout.min(DUE_LEAST))
+    }
 }
 
 /// The next slot of a head.
@@ -64,9 +75,9 @@ impl ShutterParams {
 pub enum NextSlot {
     /// An exposure that has started, or will.
     Slot(Slot),
-    /// Waiting for a trigger, until this instant.
+    /// Waiting for a trigger, or for a command after which an exposure fits into the run again, until this instant.
     Waiting(Tai),
-    /// No further exposure fits into the run.
+    /// No further exposure fits into the run, and no client commands the camera.
     Over,
 }
 
@@ -119,6 +130,8 @@ pub struct Shutter {
     state: State,
     /// Commands by rising instant; those of one instant in order of arrival.
     commands: VecDeque<Commanded>,
+    /// True once a command was accepted: its sender may send another one.
+    is_commanded: bool,
     next: NextSlot,
     settings: CameraSettings,
     seen: TriggersSeen,
@@ -134,6 +147,7 @@ impl Shutter {
             range,
             state: State::new(&params),
             commands: VecDeque::with_capacity(PLACES),
+            is_commanded: false,
             next: NextSlot::Over,
             settings: params.settings,
             seen: TriggersSeen::default(),
@@ -189,6 +203,11 @@ impl Shutter {
     /// When the camera cannot do it, or too many wait.
     pub fn take(&mut self, commanded: &Commanded) -> Result<(), SettingRefusal> {
         self.range.as_ref().ok_or(SettingRefusal::Unsupported)?.check(&commanded.command)?;
+        if self.commands.len() >= PLACES && self.next.slot().is_none() {
+            // No exposure is under way that they could act on: they act now, so that the next command has a place.
+            let walk = self.walk();
+            self.use_up(&walk);
+        }
         if self.commands.len() >= PLACES {
             return Err(SettingRefusal::TooMany);
         }
@@ -197,6 +216,7 @@ impl Shutter {
         }
         let place = self.commands.partition_point(|other| other.at <= commanded.at);
         self.commands.insert(place, *commanded);
+        self.is_commanded = true;
         self.forecast();
         Ok(())
     }
@@ -206,7 +226,7 @@ impl Shutter {
         let NextSlot::Slot(slot) = self.next else { return };
         let walk = self.walk();
         self.use_up(&walk);
-        self.state.expose(&slot);
+        self.state.expose(&slot, self.params.readout_of(&self.settings.regions));
         self.forecast();
     }
 
@@ -241,7 +261,7 @@ impl Shutter {
     pub fn slot(&self, number: u32, exposure_start: Tai, settings: &CameraSettings, started: Started) -> Slot {
         let exposure_end = exposure_start + settings.exposure;
         let release = exposure_end - self.params.ahead;
-        let due = release + self.params.readout_of(&settings.regions);
+        let due = release + self.params.delivery_of(&settings.regions);
         Slot { number, exposure_start, exposure_end, release, due, started }
     }
 
@@ -258,7 +278,11 @@ impl Shutter {
         self.settings.exposure = self.exposure(&walk, started);
         let slot = self.slot(self.state.number(), start, &self.settings, started);
         let fits = start < self.params.end && slot.exposure_end <= self.params.end + ROUNDING;
-        self.next = if fits { NextSlot::Slot(slot) } else { NextSlot::Over };
+        self.next = match fits {
+            true => NextSlot::Slot(slot),
+            false if self.is_commanded => NextSlot::Waiting(self.params.end),
+            false => NextSlot::Over,
+        };
     }
 
     /// Applies the commands up to the start of the next exposure.

@@ -27,6 +27,8 @@ struct Previous {
     end: Tai,
     /// End of its readout.
     read: Tai,
+    /// It was one of the free run: no trigger could come before it was over.
+    is_free: bool,
 }
 
 /// An accepted trigger whose exposure has not started.
@@ -45,6 +47,8 @@ pub(super) struct State {
     number: u32,
     /// Earliest start of a free-running exposure.
     free_from: Tai,
+    /// Instant of the latest command: what it changes starts no exposure in its past.
+    not_before: Tai,
     previous: Option<Previous>,
     armed: Option<Armed>,
     /// Remaining exposures of a burst.
@@ -55,7 +59,8 @@ impl State {
     pub(super) fn new(params: &ShutterParams) -> Self {
         let start = StartSettings::free_running(params.period);
         let (settings, free_from) = (params.settings, params.first_exposure);
-        Self { settings, start, number: 0, free_from, previous: None, armed: None, burst_left: 0 }
+        let not_before = Tai::from_ns(i64::MIN);
+        Self { settings, start, number: 0, free_from, not_before, previous: None, armed: None, burst_left: 0 }
     }
 
     pub(super) fn start(&self) -> &StartSettings {
@@ -76,10 +81,10 @@ impl State {
     pub(super) fn candidate(&self, params: &ShutterParams) -> Option<(Tai, Started)> {
         let earliest = self.earliest(params);
         match self.armed {
-            _ if !self.start.is_triggered => Some((self.free_start(earliest), Started::Rate)),
+            _ if !self.start.is_triggered => Some((self.free_start(earliest).max(self.not_before), Started::Rate)),
             Some(Armed { source, at, start }) if self.burst_left > 0 => {
                 let next = if self.is_first_of_burst() { start } else { self.free_from };
-                Some((next.max(earliest), Started::Trigger { source, at }))
+                Some((next.max(earliest).max(self.not_before), Started::Trigger { source, at }))
             }
             _ => None,
         }
@@ -106,6 +111,7 @@ impl State {
 
     /// Applies a command that comes before the next exposure.
     pub(super) fn apply(&mut self, commanded: &Commanded) -> Outcome {
+        self.not_before = self.not_before.max(commanded.at);
         match commanded.command {
             CameraCommand::Exposure(exposure) => self.settings.exposure = exposure,
             CameraCommand::GainDb(gain_db) => self.settings.gain_db = gain_db,
@@ -148,6 +154,8 @@ impl State {
             return Outcome::Ignored;
         }
         let is_ready = match (self.previous, self.start.overlap) {
+            // The free run has ended: the first trigger waits until its last exposure is over.
+            (Some(Previous { is_free: true, .. }), _) => true,
             (None, _) | (Some(_), TriggerOverlap::PreviousFrame) => true,
             (Some(previous), TriggerOverlap::ReadOut) => at >= previous.end,
             (Some(previous), TriggerOverlap::Off) => at >= previous.read,
@@ -161,10 +169,10 @@ impl State {
     }
 
     /// Records an exposure that is over for the shutter.
-    pub(super) fn expose(&mut self, slot: &Slot) {
-        let Slot { exposure_start: start, exposure_end: end, release, due, .. } = *slot;
+    pub(super) fn expose(&mut self, slot: &Slot, readout: Span) {
+        let Slot { exposure_start: start, exposure_end: end, started, .. } = *slot;
         self.number += 1;
-        self.previous = Some(Previous { start, end, read: end + (due - release) });
+        self.previous = Some(Previous { start, end, read: end + readout, is_free: started == Started::Rate });
         self.free_from = start + self.start.period.unwrap_or(Span::ZERO);
         self.burst_left = self.burst_left.saturating_sub(1);
         if self.burst_left == 0 {

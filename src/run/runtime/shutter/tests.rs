@@ -261,3 +261,76 @@ fn regions_are_read_out_as_fast_as_their_rows() {
     command(&mut shutter, 1025.0, CameraCommand::Regions(Regions::WHOLE));
     assert_eq!(rest(&mut shutter)[..4], [1040.0, 1070.0, 1100.0, 1130.0]);
 }
+
+#[test]
+fn a_setting_without_an_exposure_in_the_run_waits_for_the_next_command() {
+    let mut shutter = shutter();
+    assert_eq!(next(&mut shutter), Some((1000.0, 20.0)));
+    command(&mut shutter, 1050.0, CameraCommand::Period(Some(ms(100_000.0))));
+    assert_eq!(shutter.next(), NextSlot::Waiting(at_ms(2000.0)), "the end of the run, not this instant");
+    assert!(!shutter.next().is_over(at_ms(1999.0)) && shutter.next().is_over(at_ms(2000.0)));
+    for number in 0..3 * PLACES as u32 {
+        command(&mut shutter, 1060.0, CameraCommand::Burst(1 + number));
+    }
+    command(&mut shutter, 1500.0, CameraCommand::Period(Some(ms(100.0))));
+    assert_eq!(rest(&mut shutter), [1500.0, 1600.0, 1700.0, 1800.0, 1900.0], "on from the command");
+    let mut alone = Shutter::new(ShutterParams { end: at_ms(1050.0), ..params() }, Some(range()));
+    assert_eq!((next(&mut alone), alone.next()), (Some((1000.0, 20.0)), NextSlot::Over), "control: no client");
+}
+
+#[test]
+fn a_command_starts_no_exposure_before_its_own_instant() {
+    let mut shutter = shutter();
+    command(&mut shutter, 0.0, CameraCommand::Period(Some(ms(900.0))));
+    assert_eq!(next(&mut shutter), Some((1000.0, 20.0)));
+    command(&mut shutter, 1650.0, CameraCommand::Period(Some(ms(100.0))));
+    assert_eq!(rest(&mut shutter), [1650.0, 1750.0, 1850.0, 1950.0]);
+    // The readout of 1,000 ms lasts until 1,050: a longer exposure could have started at once.
+    let mut shutter = self::shutter();
+    command(&mut shutter, 0.0, CameraCommand::Period(None));
+    command(&mut shutter, 0.0, CameraCommand::Exposure(ms(1.0)));
+    assert_eq!(next(&mut shutter), Some((1000.0, 1.0)));
+    command(&mut shutter, 1025.0, CameraCommand::Exposure(ms(25.0)));
+    assert_eq!(next(&mut shutter), Some((1025.0, 25.0)));
+}
+
+#[test]
+fn the_first_trigger_after_a_free_run_is_taken_during_its_last_exposure() {
+    for overlap in [TriggerOverlap::Off, TriggerOverlap::ReadOut] {
+        let mut shutter = shutter();
+        command(&mut shutter, 0.0, CameraCommand::Overlap(overlap));
+        command(&mut shutter, 1005.0, CameraCommand::Triggered(true));
+        trigger(&mut shutter, 1006.0);
+        trigger(&mut shutter, 1007.0);
+        assert_eq!(next(&mut shutter), Some((1000.0, 20.0)), "the free run's last");
+        // Its readout lasts until 1,050 ms.
+        assert_eq!(next(&mut shutter), Some((1030.0, 20.0)));
+        trigger(&mut shutter, 1045.0);
+        assert_eq!(next(&mut shutter), None, "control: too early after a triggered exposure");
+        assert_eq!(shutter.next(), NextSlot::Waiting(at_ms(2000.0)));
+        assert_eq!((shutter.seen.accepted, shutter.seen.missed), (1, 2), "{overlap:?}");
+    }
+}
+
+#[test]
+fn a_frame_of_few_rows_is_due_when_it_can_be_drawn_and_read_out_as_fast_as_its_rows() {
+    let regions = Regions::of(&[Region { left_px: 0, top_px: 0, width_px: 4, height_px: 4 }]).unwrap();
+    let mut shutter = shutter();
+    command(&mut shutter, 0.0, CameraCommand::Exposure(ms(1.0)));
+    command(&mut shutter, 0.0, CameraCommand::Period(None));
+    command(&mut shutter, 0.0, CameraCommand::Regions(regions));
+    for number in 0..3 {
+        let slot = shutter.next().slot().unwrap();
+        assert_eq!(slot.due, slot.exposure_end + ms(10.0));
+        // 4 of 48 rows are read out in 2.5 ms.
+        assert_eq!(next(&mut shutter), Some((1000.0 + 2.5 * f64::from(number), 1.0)));
+    }
+    let quick = ShutterParams { readout: ms(3.0), ..params() };
+    let slot = Shutter::new(quick, Some(range())).slot(
+        0,
+        at_ms(1000.0),
+        &CameraSettings { regions, ..quick.settings },
+        Started::Rate,
+    );
+    assert_eq!(slot.due, slot.exposure_end + ms(3.0), "no later than the whole image");
+}

@@ -12,6 +12,7 @@ use link::gateway::{GatewayParams, Gateways, LinkedTerminal, Screen};
 use link::serial::{SerialLink, SerialParams};
 use link::simulated::{BusParams, BusTiming, SimulatedBus, SimulatedLink};
 use link::socketcan::{Receives, SocketCanLink, SocketCanParams};
+use link::tcp::{Seat, SeatChange, keep_alive};
 use link::{CHUNK_MAX, Link, LinkError, Packet, SerialChunk};
 use std::collections::VecDeque;
 use std::fs::File;
@@ -87,7 +88,7 @@ enum Lines {
     /// Datagrams.
     Udp(UdpSocket, UdpParams),
     /// A server with one client.
-    Tcp(TcpListener, Option<(TcpStream, Screen)>),
+    Tcp(TcpListener, Seat, Option<(TcpStream, Screen)>),
     /// A serial port.
     Serial(SerialLink),
     /// The master of a pseudo-terminal.
@@ -130,16 +131,16 @@ impl Outlet {
         Ok(Self::new(Lines::Udp(socket, params), line + &own))
     }
 
-    /// Opens a server.
+    /// Opens a server; `must_speak`: its client gets nothing before it asks.
     ///
     /// # Errors
     /// When the address is unavailable.
-    pub fn tcp(listen: SocketAddr) -> Result<Self, OutletError> {
+    pub fn tcp(listen: SocketAddr, must_speak: bool) -> Result<Self, OutletError> {
         let line = format!("tcp {listen}");
         let open = TcpListener::bind(listen).and_then(|listener| listener.set_nonblocking(true).map(|()| listener));
         let listener = open.map_err(system(&line, "listen", "; is another program at this port?"))?;
         let name = listener.local_addr().map_or(line, |own| format!("tcp {own}"));
-        Ok(Self::new(Lines::Tcp(listener, None), name))
+        Ok(Self::new(Lines::Tcp(listener, Seat::new(must_speak), None), name))
     }
 
     /// Opens a serial port: 8 data bits, no parity, one stop bit.
@@ -240,11 +241,12 @@ impl Outlet {
                     Err(error) => Err(system(&self.name, "send", "")(error)),
                 }
             }
-            (Lines::Tcp(_, client), Wire::Bytes(bytes)) => {
+            (Lines::Tcp(_, seat, client), Wire::Bytes(bytes)) => {
                 let Some((stream, _)) = client else { return Err(unread("no client is connected")) };
                 if let Err(_error) = stream.write_all(bytes) {
                     // A client that does not read, or is gone: a piece of a packet would spoil all that follow.
                     *client = None;
+                    seat.leave();
                     return Err(unread("the client did not read, and was hung up on"));
                 }
                 Ok(())
@@ -282,6 +284,30 @@ impl Outlet {
         }
     }
 
+    /// Lets clients of a server in and out; call once before packets are received.
+    pub fn welcome(&mut self, now: Tai) {
+        let Lines::Tcp(listener, seat, client) = &mut self.lines else { return };
+        match seat.look(listener, now) {
+            Ok(SeatChange::Goes(stream)) => {
+                let set_up = stream.set_nonblocking(true).and_then(|()| keep_alive(&stream));
+                let _packets_go_out_at_once_where_they_can = stream.set_nodelay(true);
+                *client = set_up.is_ok().then(|| (stream, Screen::default()));
+            }
+            Ok(SeatChange::Freed) => *client = None,
+            Ok(SeatChange::Same) | Err(_) => {}
+        }
+        if client.is_none() {
+            seat.leave();
+        }
+    }
+
+    /// Records that the client has sent a command: it keeps its place.
+    pub fn keep_client(&mut self) {
+        if let Lines::Tcp(_, seat, _) = &mut self.lines {
+            seat.speak();
+        }
+    }
+
     /// Returns the next packet of a client and, of a datagram, who sent it; `None` when nothing waits.
     pub fn receive(&mut self) -> Option<(Wire, Option<SocketAddr>)> {
         if self.read.is_empty() {
@@ -295,8 +321,8 @@ impl Outlet {
         match &mut self.lines {
             Lines::Udp(socket, params) if params.has_clients => {
                 let Ok((length, from)) = socket.recv_from(&mut bytes) else { return };
-                // Commands from other addresses are ignored.
-                if from.ip() == params.to.ip() {
+                // Commands from other addresses and ports are ignored.
+                if from == params.to {
                     let mut datagram = bytes[..length].to_vec();
                     if params.are_lines && datagram.last() != Some(&b'\n') {
                         datagram.push(b'\n');
@@ -304,8 +330,7 @@ impl Outlet {
                     self.read.push_back((Wire::Bytes(datagram), Some(from)));
                 }
             }
-            Lines::Tcp(listener, client) => {
-                accept(listener, client);
+            Lines::Tcp(_, seat, client) => {
                 let Some((stream, screen)) = client else { return };
                 match stream.read(&mut bytes) {
                     Ok(length @ 1..) if screen.look(&bytes[..length]).is_none() => {
@@ -313,7 +338,10 @@ impl Outlet {
                     }
                     Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => {}
                     // The end, an error, or a web page that found the port.
-                    Ok(_) | Err(_) => *client = None,
+                    Ok(_) | Err(_) => {
+                        *client = None;
+                        seat.leave();
+                    }
                 }
             }
             Lines::Terminal(master) => {
@@ -341,16 +369,6 @@ impl Outlet {
             | Lines::Terminal(_)
             | Lines::SocketCan(_)
             | Lines::Bus(_) => Ok(()),
-        }
-    }
-}
-
-/// Lets a client in where there is none; a second one is hung up on.
-fn accept(listener: &TcpListener, client: &mut Option<(TcpStream, Screen)>) {
-    while let Ok((stream, _)) = listener.accept() {
-        if client.is_none() && stream.set_nonblocking(true).is_ok() {
-            let _packets_go_out_at_once_where_they_can = stream.set_nodelay(true);
-            *client = Some((stream, Screen::default()));
         }
     }
 }
@@ -418,17 +436,54 @@ mod tests {
         client.send_to(b"{}", from).unwrap();
         let got = core::iter::repeat_with(|| outlet.receive()).flatten().next().unwrap();
         assert_eq!(got, (Wire::Bytes(b"{}\n".to_vec()), Some(to)));
+        let other = UdpSocket::bind("127.0.0.1:0").unwrap();
+        other.send_to(b"[]", from).unwrap();
+        client.send_to(b"{}", from).unwrap();
+        let got = core::iter::repeat_with(|| outlet.receive()).flatten().next().unwrap();
+        assert_eq!(got, (Wire::Bytes(b"{}\n".to_vec()), Some(to)), "not those of another port");
+    }
+
+    #[test]
+    fn silent_client_of_a_server_gives_way_and_one_that_commands_stays() {
+        let at = |ms: i64| Tai::from_ns(1_000_000 * ms);
+        let mut outlet = Outlet::tcp("127.0.0.1:0".parse().unwrap(), false).unwrap();
+        let address: SocketAddr = outlet.name().trim_start_matches("tcp ").parse().unwrap();
+        let mut connect = |outlet: &mut Outlet, ms| {
+            let client = TcpStream::connect(address).unwrap();
+            outlet.welcome(at(ms));
+            client
+        };
+        let reads = |outlet: &mut Outlet, client: &mut TcpStream| {
+            outlet.send(&Wire::Bytes(vec![7]), at(0), None).unwrap();
+            client.set_read_timeout(Some(std::time::Duration::from_millis(200))).unwrap();
+            client.read_exact(&mut [0]).is_ok()
+        };
+        let mut silent = connect(&mut outlet, 0);
+        assert!(reads(&mut outlet, &mut silent));
+        let mut newcomer = connect(&mut outlet, 999);
+        assert!(!reads(&mut outlet, &mut newcomer), "within the grace");
+        outlet.welcome(at(1000));
+        assert!(reads(&mut outlet, &mut newcomer));
+        outlet.keep_client();
+        let mut third = connect(&mut outlet, 9000);
+        outlet.welcome(at(90_000));
+        assert!(!reads(&mut outlet, &mut third), "control: the client has sent a command");
     }
 
     #[test]
     fn server_has_one_client_and_hangs_up_on_web_pages() {
-        let mut outlet = Outlet::tcp("127.0.0.1:0".parse().unwrap()).unwrap();
+        let now = Tai::from_ns(0);
+        let mut outlet = Outlet::tcp("127.0.0.1:0".parse().unwrap(), false).unwrap();
         let lost = outlet.send(&Wire::Bytes(vec![1]), Tai::from_ns(0), None).unwrap_err().to_string();
         assert!(lost.contains("no client"), "{lost}");
         let address: SocketAddr = outlet.name().trim_start_matches("tcp ").parse().unwrap();
         let mut client = TcpStream::connect(address).unwrap();
         client.write_all(b"abc").unwrap();
-        let got = core::iter::repeat_with(|| outlet.receive()).flatten().next().unwrap();
+        let looked = core::iter::repeat_with(|| {
+            outlet.welcome(now);
+            outlet.receive()
+        });
+        let got = looked.flatten().next().unwrap();
         assert_eq!(got.0, Wire::Bytes(b"abc".to_vec()));
         outlet.send(&Wire::Bytes(vec![7]), Tai::from_ns(0), None).unwrap();
         let mut bytes = [0; 1];
@@ -444,6 +499,7 @@ mod tests {
         let mut rest = Vec::new();
         // It is read, refused and closed: the client sees the end.
         let ended = core::iter::repeat_with(|| {
+            outlet.welcome(now);
             assert!(outlet.receive().is_none());
             page.set_nonblocking(true).unwrap();
             page.read_to_end(&mut rest)

@@ -21,6 +21,10 @@ use telemetry::{Device, Mode, Order, Report, Wire};
 const WAITING_MAX: usize = 1024;
 /// Packets of clients that are taken in one step: the others wait for the next.
 const COMMANDS_PER_STEP: usize = 64;
+/// Answers to one datagram: as many as the longest dialogue of a protocol has. A datagram of many bad lines gets no more.
+const ANSWERS_PER_DATAGRAM: usize = 4;
+/// Answers to datagrams in a second; more commands are obeyed without one, and counted as refused.
+const ANSWERS_PER_S: u32 = 500;
 
 /// Timing of a tracker.
 #[derive(Debug, Clone, PartialEq)]
@@ -59,6 +63,25 @@ pub struct Telemeter {
     crc: Crc32,
     out: Vec<Wire>,
     orders: Vec<Order>,
+    answers: Answers,
+    /// Answers that were left out.
+    unanswered: u64,
+}
+
+/// Answers to datagrams in the present second.
+#[derive(Default)]
+struct Answers {
+    second: Option<(Tai, u32)>,
+}
+
+impl Answers {
+    /// Returns how many of so many answers may go out at `now`, and counts them.
+    fn allow(&mut self, wanted: usize, now: Tai) -> usize {
+        let (since, sent) = self.second.filter(|(since, _)| now - *since < Span::from_ms(1000)).unwrap_or((now, 0));
+        let allowed = u32::try_from(wanted).unwrap_or(u32::MAX).min(ANSWERS_PER_S.saturating_sub(sent));
+        self.second = Some((since, sent + allowed));
+        allowed as usize
+    }
 }
 
 impl Telemeter {
@@ -93,6 +116,8 @@ impl Telemeter {
             crc: Crc32::default(),
             out: Vec::new(),
             orders: Vec::new(),
+            answers: Answers::default(),
+            unanswered: 0,
         };
         let now = telemeter.clock.now();
         telemeter.device.start(now, &mut telemeter.out);
@@ -118,16 +143,22 @@ impl Telemeter {
         let _the_other_end_may_be_gone = self.frames.empty.try_send(seen);
     }
 
-    /// Does everything that is due by `now`: measures frames that have come, obeys clients, sends.
+    /// Does everything that is due by `now`: measures frames that have come, sends, obeys clients. Commands never delay
+    /// a report.
     pub fn step(&mut self, now: Tai) {
         while let Ok(seen) = self.frames.full.try_recv() {
             self.take(seen);
         }
+        self.act_until(now);
         self.listen(now);
+        self.act_until(now);
+        self.publish();
+    }
+
+    fn act_until(&mut self, now: Tai) {
         while let Some(due) = self.next_due().filter(|due| *due <= now) {
             self.act(due);
         }
-        self.publish();
     }
 
     /// When it next has something to do without being asked.
@@ -231,11 +262,24 @@ impl Telemeter {
         self.counts.first_error.get_or_insert_with(|| why.into());
     }
 
-    /// Takes what clients have sent.
+    /// Takes what clients have sent, until a report is due.
     fn listen(&mut self, now: Tai) {
+        self.outlet.welcome(now);
         for _ in 0..COMMANDS_PER_STEP {
+            if self.clock.is_real() && self.next_due().is_some_and(|due| due <= self.clock.now()) {
+                return;
+            }
             let Some((wire, from)) = self.outlet.receive() else { return };
+            let obeyed = self.device.answered().commands;
             self.device.take(&wire, now, &mut self.out, &mut self.orders);
+            if self.device.answered().commands > obeyed {
+                self.outlet.keep_client();
+            }
+            if from.is_some() {
+                let allowed = self.answers.allow(self.out.len().min(ANSWERS_PER_DATAGRAM), now);
+                self.unanswered += self.out.len().saturating_sub(allowed) as u64;
+                self.out.truncate(allowed);
+            }
             for order in core::mem::take(&mut self.orders) {
                 self.obey(order, now);
             }
@@ -268,8 +312,23 @@ impl Telemeter {
 
     fn publish(&mut self) {
         let answered = self.device.answered();
-        (self.counts.commands, self.counts.refused) = (answered.commands, answered.refused);
+        (self.counts.commands, self.counts.refused) = (answered.commands, answered.refused + self.unanswered);
         (self.counts.faults, self.counts.crc32) = (self.damages.hits, self.crc.value());
         self.shared.publish(&self.counts);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn answers_are_bounded_by_the_second() {
+        let (mut answers, start) = (Answers::default(), Tai::from_ns(0));
+        let sent = |answers: &mut Answers, now| (0..1000).map(|_| answers.allow(3, now)).sum::<usize>();
+        assert_eq!(sent(&mut answers, start), ANSWERS_PER_S as usize);
+        assert_eq!(sent(&mut answers, start + Span::from_ms(999)), 0);
+        assert_eq!(sent(&mut answers, start + Span::from_ms(1000)), ANSWERS_PER_S as usize);
+        assert_eq!(Answers::default().allow(3, start), 3, "control");
     }
 }

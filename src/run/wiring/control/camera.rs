@@ -154,6 +154,9 @@ fn answer(exposing: &Exposing, zero: Tai) -> Value {
             next["frame"] = slot.number.into();
             next["start_s"] = (slot.exposure_start - zero).s().into();
         }
+        NextSlot::Waiting(_) if !exposing.start().is_triggered => {
+            next["waits_for"] = "command: no exposure fits into the run with these settings".into();
+        }
         NextSlot::Waiting(_) => next["waits_for"] = "trigger".into(),
         NextSlot::Over => next["waits_for"] = "nothing: no exposure fits into the run any more".into(),
     }

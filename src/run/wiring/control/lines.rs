@@ -3,7 +3,6 @@
 use crate::wiring::control::protocol::LINE_BYTES_MAX;
 use core::fmt;
 use core::str::FromStr;
-use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use link::gateway::{Foreign, Screen};
 use serde_json::Value;
@@ -67,7 +66,7 @@ pub(super) enum Incoming {
     Foreign(Foreign),
     /// The client closed the connection.
     Gone,
-    /// Ctrl-C.
+    /// The caller waits no longer: Ctrl-C, or the run is over.
     Stopped,
 }
 
@@ -102,20 +101,22 @@ impl LineSocket {
         })
     }
 
-    /// Returns the next line that is not empty.
-    pub(super) fn read_line(&mut self, stop: &AtomicBool) -> Incoming {
+    /// Returns the next line that is not empty, or [`Incoming::Stopped`] once `is_over` says so.
+    pub(super) fn read_line(&mut self, is_over: &dyn Fn() -> bool) -> Incoming {
         loop {
             match self.look() {
                 Some(incoming) => return incoming,
-                None if stop.load(Ordering::SeqCst) => return Incoming::Stopped,
+                None if is_over() => return Incoming::Stopped,
                 None => {}
             }
         }
     }
 
-    /// Returns the next line that is not empty, if there is one within [`LOOK`].
+    /// Returns the next line that is not empty, if there is one within [`LOOK`]. Reads once at most: a client that sends
+    /// byte after byte and no line does not keep the caller here.
     pub(super) fn look(&mut self) -> Option<Incoming> {
         let mut chunk = [0; 4096];
+        let mut may_read = true;
         loop {
             if let Some(end) = self.received[self.searched..].iter().position(|byte| *byte == b'\n') {
                 let line: Vec<u8> = self.received.drain(..=self.searched + end).collect();
@@ -136,6 +137,9 @@ impl LineSocket {
             }
             if self.is_gone {
                 return Some(Incoming::Gone);
+            }
+            if !core::mem::take(&mut may_read) {
+                return None;
             }
             match self.stream.read(&mut chunk) {
                 Ok(0) => return Some(Incoming::Gone),

@@ -36,6 +36,8 @@ use crate::wiring::steering::Steering;
 use crate::wiring::stepped::SteppedRun;
 use admission::{Admitted, admit, foreign_sentence};
 use answers::Instants;
+use base::clock::{Clock, Monotonic};
+use base::time::Span;
 use config::Scenario;
 use core::sync::atomic::{AtomicBool, Ordering};
 use frames::sink::SentFrame;
@@ -48,10 +50,14 @@ use std::path::Path;
 use testbed::vehicle::Vehicle;
 use token::{Token, TokenFile};
 
+/// A client that is silent for so long after the last frame of a run in steps counts as one that has sent `finish`: the
+/// reports of the run do not wait for it.
+const SILENCE_AT_THE_END: Span = Span::from_ms(30_000);
+
 /// How a session ended.
 #[derive(Debug, Clone, PartialEq)]
 pub enum SessionEnd {
-    /// The client requested the end; the last reply needs its request's id.
+    /// The client requested the end, or is silent after it; the last reply needs its request's id.
     Finish(Option<Value>),
     /// The client closed the connection.
     Gone,
@@ -137,10 +143,16 @@ impl ControlSession {
         if let Some(id) = self.hello.take() {
             self.socket.send(&reported(id, hello(stage)));
         }
+        let clock = Monotonic::start();
         loop {
-            let line = match self.next_line(stage.stop) {
+            let (asked, is_finished) = (clock.now(), stage.going.is_finished());
+            let is_stopped = || stage.stop.load(Ordering::SeqCst);
+            let is_over = || is_stopped() || is_finished && clock.now() - asked >= SILENCE_AT_THE_END;
+            let line = match self.next_line(&is_over) {
                 Next::Line(line) => line,
                 Next::Again => continue,
+                // The run is whole: its end is not put off, and it was not interrupted.
+                Next::End(SessionEnd::Interrupted) if is_finished => return Ok(SessionEnd::Finish(None)),
                 Next::End(end) => return Ok(end),
             };
             let (id, request) = protocol::parse(&line);
@@ -171,7 +183,7 @@ impl ControlSession {
             self.socket.send(&hello.map_or_else(|why| refused(id.clone(), &why), |hello| reported(id.clone(), hello)));
         }
         loop {
-            let line = match self.next_line(over) {
+            let line = match self.next_line(&|| over.load(Ordering::SeqCst)) {
                 Next::Line(line) => line,
                 Next::Again => continue,
                 Next::End(end) => return end,
@@ -191,8 +203,8 @@ impl ControlSession {
     }
 
     /// Reads the next line that may be a request; invalid lines are answered here.
-    fn next_line(&mut self, stop: &AtomicBool) -> Next {
-        match self.socket.read_line(stop) {
+    fn next_line(&mut self, is_over: &dyn Fn() -> bool) -> Next {
+        match self.socket.read_line(is_over) {
             Incoming::Line(line) => Next::Line(line),
             Incoming::Unusable(why) => {
                 self.socket.send(&refused(None, &why));

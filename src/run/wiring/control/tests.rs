@@ -1,9 +1,11 @@
 //! Tests that every line is a request or a refusal in plain words, that lines of any bytes are separated, and base64.
 
+use super::admission::{ControlRefusals, admit};
 use super::base64::encode;
 use super::lines::{ControlAddress, Incoming, LineSocket};
 use super::protocol::{LINE_BYTES_MAX, Request, StepBy, parse};
-use core::sync::atomic::AtomicBool;
+use super::token::Token;
+use core::sync::atomic::{AtomicBool, Ordering};
 use serde_json::json;
 use std::io::Write;
 use std::net::{TcpListener, TcpStream};
@@ -176,7 +178,7 @@ fn lines_of_any_length_and_bytes_are_distinguished() {
     sent.extend_from_slice(b"\nlast\nunfinished");
     let writer = std::thread::Builder::new().name("client".into()).spawn(move || client.write_all(&sent).is_ok());
     let stop = AtomicBool::new(false);
-    let mut next = || socket.read_line(&stop);
+    let mut next = || socket.read_line(&|| stop.load(Ordering::SeqCst));
     assert_eq!(next(), Incoming::Line("one".into()));
     assert_eq!(next(), Incoming::Line("two".into()), "empty lines ask for nothing");
     assert!(matches!(next(), Incoming::Unusable(why) if why.contains("UTF-8")));
@@ -192,5 +194,41 @@ fn lines_of_any_length_and_bytes_are_distinguished() {
 #[test]
 fn ctrl_c_ends_a_wait() {
     let (mut socket, _client) = connected();
-    assert_eq!(socket.read_line(&AtomicBool::new(true)), Incoming::Stopped);
+    assert_eq!(socket.read_line(&|| true), Incoming::Stopped);
+}
+
+/// Sends a byte every few milliseconds, and no line, until `is_over`.
+fn drip(mut client: TcpStream, is_over: std::sync::Arc<AtomicBool>) -> std::thread::JoinHandle<()> {
+    std::thread::spawn(move || {
+        while !is_over.load(Ordering::SeqCst) && client.write_all(b"a").is_ok() {
+            std::thread::sleep(core::time::Duration::from_millis(5));
+        }
+    })
+}
+
+#[test]
+fn bytes_without_a_line_keep_nobody_waiting() {
+    let (mut socket, client) = connected();
+    let is_over = std::sync::Arc::new(AtomicBool::new(false));
+    let dripping = drip(client, is_over.clone());
+    assert_eq!(socket.read_line(&|| true), Incoming::Stopped, "the run has ended");
+    assert_eq!(socket.look(), None);
+    is_over.store(true, Ordering::SeqCst);
+    dripping.join().unwrap();
+}
+
+#[test]
+fn the_owner_is_admitted_beside_a_client_that_sends_bytes_without_a_line() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    listener.set_nonblocking(true).unwrap();
+    let address = listener.local_addr().unwrap();
+    let (token, is_over) = (Token::random().unwrap(), std::sync::Arc::new(AtomicBool::new(false)));
+    let dripping = drip(TcpStream::connect(address).unwrap(), is_over.clone());
+    let mut owner = TcpStream::connect(address).unwrap();
+    owner.write_all(format!("{{\"request\": \"hello\", \"token\": \"{token}\", \"id\": 7}}\n").as_bytes()).unwrap();
+    let mut refusals = ControlRefusals::new();
+    let admitted = admit(&listener, &token, &AtomicBool::new(false), &mut refusals).expect("the owner");
+    assert_eq!((admitted.id, refusals.get("gave_way")), (Some(json!(7)), Some(&1)));
+    is_over.store(true, Ordering::SeqCst);
+    dripping.join().unwrap();
 }
