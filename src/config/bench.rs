@@ -399,7 +399,8 @@ impl Bench {
         check_sinks_of_heads(&bench.sinks, &bench.extra_heads, &check)?;
         bench.defaulted = check.defaulted;
         let BenchKeys { spacecraft, plant, event, expect, .. } = keys;
-        Ok((bench, BesideBench { plant_kind, spacecraft, plant, event, expect }))
+        let named_errors = check.named_errors;
+        Ok((bench, BesideBench { plant_kind, spacecraft, plant, event, expect, named_errors }))
     }
 
     /// Returns the bench with all its heads: those of `[[head]]`, which are all, or the first one and `[[extra_head]]`.
@@ -429,6 +430,8 @@ pub(super) struct BesideBench {
     pub(super) plant: PlantKeys,
     pub(super) event: Vec<EventKeys>,
     pub(super) expect: ExpectKeys,
+    /// What is wrong with files that the bench names.
+    pub(super) named_errors: Vec<ConfigError>,
 }
 
 /// Returns whether the first sink is a display with a calibration.
@@ -494,10 +497,14 @@ impl Bench {
 /// Returns the camera of the first head: its own, that of the bench, or the built-in one.
 fn camera(keys: &BenchKeys, check: &mut Checker<'_>) -> Result<Camera, ConfigError> {
     if let Some(path) = keys.head.first().and_then(|head| head.camera().raw()) {
-        return Camera::from_document(&check.document.named("head[0].camera", path)?);
+        let camera = Camera::partly(&check.document.named("head[0].camera", path)?)?;
+        return Ok(check.take(camera));
     }
     match keys.camera().raw() {
-        Some(path) => Camera::from_document(&check.document.named("camera", path)?),
+        Some(path) => {
+            let camera = Camera::partly(&check.document.named("camera", path)?)?;
+            Ok(check.take(camera))
+        }
         None => {
             check.note("camera", format!("built-in {BUILT_IN_CAMERA}"));
             Camera::from_document(&Document::built_in(BUILT_IN_CAMERA)?)

@@ -10,7 +10,7 @@ pub(super) fn without_the_blamed(text: &str, name: &str, error: &ConfigError) ->
     let parsed = DeTable::parse(text).ok()?;
     let root = parsed.get_ref();
     let range = match error {
-        ConfigError::Invalid { place, key, .. } if place.starts_with(name) => range_of_key(root, key)?,
+        ConfigError::Invalid { place, key, .. } if place.starts_with(name) => range_of_blamed(root, key)?,
         ConfigError::UnknownKey { place, .. } | ConfigError::Syntax { place, .. } => {
             let line: usize = place.strip_prefix(name)?.strip_prefix(':')?.parse().ok()?;
             range_on_line(root, text, line)?
@@ -22,6 +22,14 @@ pub(super) fn without_the_blamed(text: &str, name: &str, error: &ConfigError) ->
     };
     let blanked = blanked(text, with_its_table(text, range))?;
     DeTable::parse(&blanked).is_ok().then_some(blanked)
+}
+
+/// Returns the bytes of a key, with its whole table where the table has no meaning without it.
+fn range_of_blamed(root: &DeTable<'_>, key: &str) -> Option<Range<usize>> {
+    let chooses = key.ends_with(".kind") || key.ends_with(".model");
+    let own = range_of_key(root, key);
+    let table = key.rsplit_once('.').map(|(table, _)| table).filter(|table| !table.ends_with(']'));
+    own.clone().filter(|_| !chooses).or_else(|| range_of_key(root, table?)).or(own)
 }
 
 /// Returns the bytes of a key such as `link.bit_rate` or `event[1].for_s`, with its value.

@@ -8,7 +8,7 @@ use crate::detector::Detector;
 use crate::detector_effects::{DetectorKeys, tdi_exposure};
 use crate::distortion::check_distortion;
 use crate::document::Document;
-use crate::error::ConfigError;
+use crate::error::{ConfigError, Partly};
 use crate::file_kind::{FileKind, must_be};
 use crate::illumination::IlluminationKeys;
 use crate::key::section;
@@ -16,11 +16,14 @@ use crate::mtf::{MtfKeys, belongs_to_chain};
 use crate::optics::{Distortion, DistortionKeys, Optics, OpticsKeys};
 use crate::psf::{Psf, PsfKeys};
 use crate::radiometry::{Exposure, ExposureKeys, Radiometry, RadiometryKeys, RadiometryModel};
-use crate::several::check_all;
+use crate::several::{check_all, check_partly};
 use base::units::{ARCSEC, DEG};
 use plan::exposure::PsfSampling;
 use plan::optics::{Band, BandRadiometry, Illumination, StarLight};
 use std::path::Path;
+
+/// An exposure that fits every frame rate, s.
+const SHORT_S: f64 = 1e-5;
 
 /// A camera, checked. Only the detector's size and the focal length have no default.
 #[derive(Debug, Clone, PartialEq)]
@@ -102,7 +105,18 @@ impl Camera {
         check_all(document, Self::checked)
     }
 
-    fn checked(document: &Document) -> Result<Self, ConfigError> {
+    /// Checks a camera that a bench names: the camera without what is wrong, and what is wrong.
+    pub(super) fn partly(document: &Document) -> Result<Partly<Self>, ConfigError> {
+        must_be(FileKind::Camera, document)?;
+        let (mut camera, errors) = check_partly(document, Self::checked)?;
+        if errors.iter().filter_map(ConfigError::key).any(|key| key.starts_with("exposure.")) {
+            // So that no frame rate is refused for an exposure that nobody asked for.
+            camera.exposure.exposure_s = SHORT_S;
+        }
+        Ok((camera, errors))
+    }
+
+    fn checked(document: &Document) -> Result<Partly<Self>, ConfigError> {
         let keys: CameraKeys = document.read_as()?;
         let mut check = Checker::new(document);
         let name = check.label(keys.name().raw().cloned())?;
@@ -123,8 +137,8 @@ impl Camera {
         if let Psf::Chain(chain) = &mut psf {
             chain.take_light(band.as_ref(), &check)?;
         }
-        let defaulted = check.defaulted;
-        Ok(Self {
+        let Checker { defaulted, named_errors, .. } = check;
+        let camera = Self {
             name,
             detector,
             optics,
@@ -138,7 +152,8 @@ impl Camera {
             band,
             exposure,
             defaulted,
-        })
+        };
+        Ok((camera, named_errors))
     }
 
     /// Returns columns and rows of its images.

@@ -1,8 +1,8 @@
 //! The rules a value must meet, with one form of message, and the list of defaults that were taken.
 
 use crate::document::Document;
-use crate::error::ConfigError;
-use crate::nearest::nearest;
+use crate::error::{ConfigError, Partly};
+use crate::nearest::with_what_was_meant;
 use core::fmt;
 use std::ops::RangeInclusive;
 
@@ -72,11 +72,13 @@ impl fmt::Display for Rule {
 pub(super) struct Checker<'a> {
     pub(super) document: &'a Document,
     pub(super) defaulted: Vec<Defaulted>,
+    /// What is wrong with files that the document names.
+    pub(super) named_errors: Vec<ConfigError>,
 }
 
 impl<'a> Checker<'a> {
     pub(super) fn new(document: &'a Document) -> Self {
-        Self { document, defaulted: Vec::new() }
+        Self { document, defaulted: Vec::new(), named_errors: Vec::new() }
     }
 
     /// Returns the error of a value that breaks a rule.
@@ -94,6 +96,12 @@ impl<'a> Checker<'a> {
             got: got.to_string(),
             advice: advice.into(),
         }
+    }
+
+    /// Takes the value of a file that the document names, and keeps what is wrong with that file for the end.
+    pub(super) fn take<T>(&mut self, (value, errors): Partly<T>) -> T {
+        self.named_errors.extend(errors);
+        value
     }
 
     /// Notes a default that was taken.
@@ -172,9 +180,8 @@ impl<'a> Checker<'a> {
         let found = choices.iter().find(|(known, _)| *known == word).map(|(_, choice)| *choice);
         found.ok_or_else(|| {
             let words: Vec<&str> = choices.iter().map(|(word, _)| *word).collect();
-            let meant = nearest(&word, words.iter().copied()).map(|word| format!("did you mean \"{word}\"? "));
             let wanted = format!("one of \"{}\"", words.join("\", \""));
-            self.invalid(key, format!("\"{word}\""), wanted, &format!("{}{advice}", meant.unwrap_or_default()))
+            self.invalid(key, with_what_was_meant(&word, words.iter().copied()), wanted, advice)
         })
     }
 

@@ -24,6 +24,8 @@ use image::detector::tdi::Tdi;
 use image::detector::window::Window;
 use image::detector::{DarkLaw, PoissonMethod, Rounding};
 
+/// Smallest pitch, um: a fraction of the wavelength of all light that a detector counts.
+const LEAST_PITCH_UM: f64 = 0.1;
 /// Largest share of the pixels that a random population may make defective, of each kind.
 const LARGEST_DEFECT_SHARE: f64 = 0.05;
 
@@ -55,7 +57,7 @@ section! {
         poisson: Word<PoissonMethod> = PoissonMethod::ALL[0].name(),
             PoissonMethod::ALL.map(|method| (method.name(), method));
         /// Pixel pitch in micrometres, such as 5.5.
-        pixel_pitch_um: f64 = 10.0, PositiveUpTo(1000.0);
+        pixel_pitch_um: f64 = 10.0, Within(LEAST_PITCH_UM, 1000.0);
         /// Temporal noise of one read, electrons rms; 0 turns it off.
         read_noise_e_rms: f64 = 10.0, Within(0.0, 1e6);
         /// Mean dark current, electrons per second and pixel, at dark_temperature_c; 0 turns it off.

@@ -109,6 +109,14 @@ impl Document {
         Some(Self { text, ..self.clone() })
     }
 
+    /// Returns the same document without the settings that an error is about; `None` when it is about none.
+    pub(super) fn without_the_blamed_setting(&self, error: &ConfigError) -> Option<Self> {
+        let ConfigError::Invalid { place, .. } = error else { return None };
+        let is_blamed = |setting: &Setting| place.starts_with(setting.reported());
+        let settings: Vec<Setting> = self.settings.iter().filter(|setting| !is_blamed(setting)).cloned().collect();
+        (settings.len() < self.settings.len()).then(|| self.clone().with_settings(settings))
+    }
+
     fn read(path: &Path, named_by: String) -> Result<Self, ConfigError> {
         let refuse = |error: std::io::Error| ConfigError::Read {
             file: path.display().to_string(),

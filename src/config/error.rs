@@ -1,5 +1,11 @@
 //! Errors of a configuration: what is wrong, where, what was wanted, what was given, and what to try.
 
+/// A value, and what is wrong with the files that it was made from, left out of it.
+pub(super) type Partly<T> = (T, Vec<ConfigError>);
+
+/// Value of a key that is not given, in messages.
+pub(super) const MISSING: &str = "missing";
+
 /// A configuration that was refused.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
@@ -73,12 +79,30 @@ pub enum ConfigError {
 
 impl ConfigError {
     /// Returns several errors as one; a single one stays itself.
-    pub(super) fn of(mut errors: Vec<Self>) -> Self {
+    pub(super) fn of(errors: Vec<Self>) -> Self {
+        let mut errors: Vec<Self> = errors.into_iter().flat_map(Self::single).collect();
         if errors.len() == 1 {
             return errors.remove(0);
         }
         let first = Box::new(errors.remove(0));
         Self::Several { first, others: errors }
+    }
+
+    /// Returns it as a list: several errors apart.
+    pub(super) fn single(self) -> Vec<Self> {
+        match self {
+            Self::Several { first, others } => core::iter::once(*first).chain(others).collect(),
+            one @ (Self::Read { .. }
+            | Self::Syntax { .. }
+            | Self::UnknownKey { .. }
+            | Self::WrongKind { .. }
+            | Self::Invalid { .. }) => vec![one],
+        }
+    }
+
+    /// Returns whether it is about a key that is not given.
+    pub(super) fn is_missing(&self) -> bool {
+        matches!(self, Self::Invalid { got, .. } if got == MISSING)
     }
 
     /// Returns the key to blame, when there is one.

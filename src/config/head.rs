@@ -58,7 +58,10 @@ impl HeadKeys {
         let wxyz = mounting.raw().ok_or_else(|| mounting.missing("a unit quaternion [w, x, y, z]", check))?;
         let sensor_from_body = quaternion(&mounting.key(), *wxyz, check)?;
         let camera = match self.camera().raw() {
-            Some(path) => Camera::from_document(&check.document.named(&self.camera().key(), path)?)?,
+            Some(path) => {
+                let camera = Camera::partly(&check.document.named(&self.camera().key(), path)?)?;
+                check.take(camera)
+            }
             None => usual.camera.clone(),
         };
         let frame_rate_hz = self.frame_rate_hz().or_silently(usual.frame_rate_hz);

@@ -14,7 +14,7 @@
 
 use crate::check::Checker;
 use crate::declared::{Declared, Presence, Preset};
-use crate::error::ConfigError;
+use crate::error::{ConfigError, MISSING};
 use crate::key_type::KeyType;
 use base::time::Span;
 use core::fmt;
@@ -91,9 +91,8 @@ impl<'k, T: KeyType> Given<'k, T> {
     }
 
     fn read(&self, raw: &T::Raw, check: &Checker<'_>) -> Result<T::Checked, ConfigError> {
-        T::read(raw, &self.limit).map_err(|refusal| {
-            check.invalid(&self.key(), refusal.got, refusal.wanted, &format!("{}{}", refusal.hint, self.advice))
-        })
+        T::read(raw, &self.limit)
+            .map_err(|refusal| check.invalid(&self.key(), refusal.got, refusal.wanted, &self.advice))
     }
 
     /// Returns the error of a value that breaks a rule of its own, with the key's advice.
@@ -108,7 +107,7 @@ impl<'k, T: KeyType> Given<'k, T> {
 
     /// Returns the error of a key that must be given.
     pub(super) fn missing(&self, wanted: impl fmt::Display, check: &Checker<'_>) -> ConfigError {
-        self.invalid("missing", wanted, check)
+        self.invalid(MISSING, wanted, check)
     }
 }
 

@@ -1,7 +1,7 @@
 //! The types of values that keys may have, each with its limit.
 
 use crate::check::Rule;
-use crate::nearest::nearest;
+use crate::nearest::with_what_was_meant;
 use core::fmt;
 use core::marker::PhantomData;
 use core::ops::RangeInclusive;
@@ -35,13 +35,11 @@ pub(super) trait KeyType {
 pub(super) struct Refusal {
     pub(super) got: String,
     pub(super) wanted: String,
-    /// A clause before the advice, such as what was meant.
-    pub(super) hint: String,
 }
 
 impl Refusal {
     fn new(got: impl fmt::Display, wanted: String) -> Self {
-        Self { got: got.to_string(), wanted, hint: String::new() }
+        Self { got: got.to_string(), wanted }
     }
 }
 
@@ -178,10 +176,9 @@ impl<T: Copy> KeyType for Word<T> {
 
     fn read(raw: &String, words: &Words<T>) -> Result<T, Refusal> {
         let found = words.iter().find(|(known, _)| known == raw).map(|(_, meant)| *meant);
-        found.ok_or_else(|| {
-            let meant = nearest(raw, words.iter().map(|(word, _)| *word));
-            let hint = meant.map(|word| format!("did you mean \"{word}\"? ")).unwrap_or_default();
-            Refusal { got: format!("\"{raw}\""), wanted: Self::wanted(words), hint }
+        found.ok_or_else(|| Refusal {
+            got: with_what_was_meant(raw, words.iter().map(|(word, _)| *word)),
+            wanted: Self::wanted(words),
         })
     }
 

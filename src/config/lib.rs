@@ -72,6 +72,7 @@ mod several;
 mod sink;
 mod spacecraft;
 mod stages;
+mod stand_in;
 mod target;
 mod target_orbit;
 mod template;

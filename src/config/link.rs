@@ -8,6 +8,7 @@ use crate::key::{Given, Section, taken};
 use crate::key_type::Raw;
 use crate::link_keys::{Address, Kind, LinkKeys, LinkTable, WIRES};
 use crate::plain_link::{self, Plain};
+use crate::several::check_partly;
 use core::net::SocketAddr;
 use firmware_protocol::can::{CanId, IdMap};
 use link::gateway::TcpAddress;
@@ -151,10 +152,13 @@ impl Link {
             LinkKeys::File(path) => {
                 let document = check.document.named(name, path)?;
                 must_be(FileKind::Link, &document)?;
-                let mut own_check = Checker::new(&document);
-                let link = Self::check_table(&document.read_as::<LinkTable>()?.at(""), &mut own_check)?;
-                let prefixed =
-                    own_check.defaulted.into_iter().map(|d| Defaulted { key: format!("{name}.{}", d.key), ..d });
+                let checked = check_partly(&document, |document| {
+                    let mut own_check = Checker::new(document);
+                    let link = Self::check_table(&document.read_as::<LinkTable>()?.at(""), &mut own_check)?;
+                    Ok(((link, own_check.defaulted), own_check.named_errors))
+                })?;
+                let (link, defaulted) = check.take(checked);
+                let prefixed = defaulted.into_iter().map(|d| Defaulted { key: format!("{name}.{}", d.key), ..d });
                 check.defaulted.extend(prefixed);
                 Ok(link)
             }

@@ -305,10 +305,11 @@ impl Vehicle {
     }
 }
 
-fn named_spacecraft(path: Option<&str>, check: &Checker<'_>) -> Result<Spacecraft, ConfigError> {
+fn named_spacecraft(path: Option<&str>, check: &mut Checker<'_>) -> Result<Spacecraft, ConfigError> {
     let advice = "the path of a spacecraft file, relative to this one";
     let path = path.ok_or_else(|| check.invalid("spacecraft", "missing", "a path", advice))?;
-    Spacecraft::from_document(&check.document.named("spacecraft", path)?)
+    let spacecraft = Spacecraft::partly(&check.document.named("spacecraft", path)?)?;
+    Ok(check.take(spacecraft))
 }
 
 fn initial(keys: &InitialKeys, check: &mut Checker<'_>) -> Result<Option<Pointing>, ConfigError> {

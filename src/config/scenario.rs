@@ -6,7 +6,7 @@
 use crate::bench::{Bench, BesideBench, check_sinks_of_heads};
 use crate::check::{Checker, Defaulted};
 use crate::document::Document;
-use crate::error::ConfigError;
+use crate::error::{ConfigError, Partly};
 use crate::event::{Action, Event};
 use crate::event_places::check_event_places;
 use crate::event_word::EventKeys;
@@ -24,7 +24,7 @@ use crate::plant::{
 use crate::plant_file::FilePlant;
 use crate::session::SessionStart;
 use crate::setting::Setting;
-use crate::several::check_all;
+use crate::several::{check_all, check_partly};
 use base::time::Span;
 use std::path::Path;
 
@@ -123,6 +123,12 @@ impl Scenario {
         check_all(document, if is_over_bench(document) { Self::over_bench } else { Self::in_one_file })
     }
 
+    /// Checks a run file that another one names: the run without what is wrong, and what is wrong.
+    fn partly(document: &Document) -> Result<Partly<Self>, ConfigError> {
+        must_be_one_of(&[FileKind::Bench, FileKind::Scenario], document)?;
+        check_partly(document, if is_over_bench(document) { Self::over_bench } else { Self::in_one_file })
+    }
+
     /// Checks a run file for a run of this length. Where a spacecraft is flown the duration is set before anything is
     /// checked: the expectations of its pointing depend on it.
     ///
@@ -165,10 +171,11 @@ impl Scenario {
     }
 
     /// Checks a file that holds all.
-    fn in_one_file(document: &Document) -> Result<Self, ConfigError> {
+    fn in_one_file(document: &Document) -> Result<Partly<Self>, ConfigError> {
         let (bench, beside) = Bench::checked(document)?;
         let mut check = Checker::new(document);
-        let BesideBench { plant_kind, spacecraft, plant, event, expect } = beside;
+        let BesideBench { plant_kind, spacecraft, plant, event, expect, named_errors } = beside;
+        check.named_errors = named_errors;
         let is_flown = plant_kind == PlantKind::Vehicle;
         let trackers = match plant_kind {
             PlantKind::Outside => plant.outside_trackers(&bench, &mut check)?,
@@ -191,7 +198,7 @@ impl Scenario {
         let events = events(&event, &bench, wheels, &mut check)?;
         check_trigger_heads(&bench, &check)?;
         let expect = Expect::check(&expect, bench.timing.duration_s, is_flown, &mut check)?;
-        Ok(Self {
+        let scenario = Self {
             name: bench.name.clone(),
             events_left_out: event.len() - events.len(),
             bench,
@@ -200,15 +207,16 @@ impl Scenario {
             events,
             expect,
             defaulted: check.defaulted,
-        })
+        };
+        Ok((scenario, check.named_errors))
     }
 
     /// Checks a scenario that names a bench.
-    fn over_bench(document: &Document) -> Result<Self, ConfigError> {
+    fn over_bench(document: &Document) -> Result<Partly<Self>, ConfigError> {
         let keys: ScenarioKeys = document.read_as()?;
         let mut check = Checker::new(document);
         let name = check.folder_name(keys.name().raw().cloned())?;
-        let mut bench = named_bench(&keys.bench(), &check)?;
+        let mut bench = named_bench(&keys.bench(), &mut check)?;
         override_bench(&mut bench, &keys, &check)?;
         let heads = check_heads("head", &keys.head, HEADS_MAX, &bench.first_head(), &mut check)?;
         let bench = bench.of_heads(heads);
@@ -226,7 +234,7 @@ impl Scenario {
         let wheels = Some(vehicle.spacecraft.params.wheels.len());
         let events = events(&keys.event, &bench, wheels, &mut check)?;
         let expect = Expect::check(&keys.expect, bench.timing.duration_s, true, &mut check)?;
-        Ok(Self {
+        let scenario = Self {
             name,
             events_left_out: keys.event.len() - events.len(),
             bench,
@@ -235,7 +243,8 @@ impl Scenario {
             events,
             expect,
             defaulted: check.defaulted,
-        })
+        };
+        Ok((scenario, check.named_errors))
     }
 }
 
@@ -268,9 +277,10 @@ fn check_can_fly(bench: &Bench, check: &Checker<'_>) -> Result<(), ConfigError> 
     Ok(())
 }
 
-fn named_bench(given: &Given<'_, String>, check: &Checker<'_>) -> Result<Bench, ConfigError> {
+fn named_bench(given: &Given<'_, String>, check: &mut Checker<'_>) -> Result<Bench, ConfigError> {
     let path = given.raw().ok_or_else(|| given.missing("a path", check))?;
-    let bench = Bench::from_document(&check.document.named("bench", path)?)?;
+    let scenario = Scenario::partly(&check.document.named("bench", path)?)?;
+    let bench = check.take(scenario).bench;
     check_can_fly(&bench, check)?;
     Ok(bench)
 }
@@ -347,7 +357,7 @@ fn written_duration_s(document: &Document) -> Option<f64> {
         return Some(Bench::checked(&document).ok()?.0.timing.duration_s);
     }
     let keys: ScenarioKeys = document.read_as().ok()?;
-    let of_bench = || Some(named_bench(&keys.bench(), &Checker::new(&document)).ok()?.timing.duration_s);
+    let of_bench = || Some(named_bench(&keys.bench(), &mut Checker::new(&document)).ok()?.timing.duration_s);
     keys.duration_s().raw().copied().or_else(of_bench)
 }
 

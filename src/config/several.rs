@@ -1,11 +1,12 @@
-//! Everything that is wrong with a document, at once.
+//! Everything that is wrong with a document and with the files that it names, at once.
 //!
-//! Checks stop at the first error. This one then takes the key to blame out of the text and checks again, so that one
-//! reading finds as many errors as there are keys to blame. Errors after the first are found with the bad values at
-//! their defaults, and say so.
+//! Checks stop at the first error. This one then takes the key to blame out of the text, or puts in its place what was
+//! meant, and checks again, so that one reading finds as many errors as there are keys to blame. Errors after the first
+//! are found with the bad values at their defaults. Errors of a file that the document names are kept beside the value
+//! that the rest of that file makes, so that they hide nothing in the document.
 
 use crate::document::Document;
-use crate::error::ConfigError;
+use crate::error::{ConfigError, Partly};
 
 /// Errors after which no more are looked for.
 const ERRORS_MAX: usize = 20;
@@ -13,29 +14,46 @@ const ERRORS_MAX: usize = 20;
 /// Checks a document; all errors when there are several.
 pub(super) fn check_all<T>(
     document: &Document,
-    check: impl Fn(&Document) -> Result<T, ConfigError>,
+    check: impl Fn(&Document) -> Result<Partly<T>, ConfigError>,
 ) -> Result<T, ConfigError> {
-    let mut error = match check(document) {
-        Ok(checked) => return Ok(checked),
-        Err(error) => error,
-    };
+    let (checked, errors) = check_partly(document, check)?;
+    if errors.is_empty() { Ok(checked) } else { Err(ConfigError::of(errors)) }
+}
+
+/// Checks a document as far as that is possible: its value without what is wrong, and the errors; the errors alone when
+/// there is no value without what is wrong.
+pub(super) fn check_partly<T>(
+    document: &Document,
+    check: impl Fn(&Document) -> Result<Partly<T>, ConfigError>,
+) -> Result<Partly<T>, ConfigError> {
     let mut rest = document.clone();
     let mut errors: Vec<ConfigError> = Vec::new();
-    while errors.len() + 1 < ERRORS_MAX {
-        let Some(without) = rest.without_the_blamed(&error) else { break };
-        errors.push(error);
-        match check(&without) {
-            Ok(_) => return Err(ConfigError::of(errors)),
-            Err(next) => error = next,
+    for _ in 0..2 * ERRORS_MAX {
+        let error = match check(&rest) {
+            Ok((checked, named)) => {
+                errors.extend(named);
+                return Ok((checked, errors));
+            }
+            Err(error) => error,
+        };
+        // A key that must be given is missing when its bad value is taken out: not another error.
+        let is_known = errors.iter().any(|known| known.key().is_some() && known.key() == error.key());
+        let without = without(&rest, &error).filter(|_| !is_known || error.is_missing());
+        if !is_known {
+            errors.push(error);
         }
-        rest = without;
-    }
-    // A key that must be given is missing when its bad value is taken out: not another error.
-    let is_known = errors.iter().any(|known| known.key().is_some() && known.key() == error.key());
-    if !is_known {
-        errors.push(error);
+        match without {
+            Some(without) if errors.len() < ERRORS_MAX => rest = without,
+            _ => break,
+        }
     }
     Err(ConfigError::of(errors))
+}
+
+/// Returns the document without what an error is about, or with what stands in for it.
+fn without(document: &Document, error: &ConfigError) -> Option<Document> {
+    let stand_in = document.with_a_stand_in(error);
+    stand_in.or_else(|| document.without_the_blamed(error)).or_else(|| document.without_the_blamed_setting(error))
 }
 
 #[cfg(test)]
@@ -84,6 +102,58 @@ mod tests {
         let errors = errors_of_bench(text);
         assert!(errors.iter().any(|error| error.contains("angle_deg is 1000")), "{errors:#?}");
         assert!(!errors.iter().any(|error| error.contains("missing")), "{errors:#?}");
+    }
+
+    #[test]
+    fn bench_and_camera_with_ten_mistakes_take_one_round() {
+        let folder = tempfile::tempdir().unwrap();
+        let camera = "[detector]\nwidth_px = 512\nheight_px = 512\nquantum_efficiency = 55\npixel_pitch_um = 0.0053\n\
+                      [optics]\nfocal_length_mm = 0.016\n";
+        std::fs::write(folder.path().join("cam.toml"), camera).unwrap();
+        let bench = "camera = \"cam.toml\"\nnonsense = 3\n[timing]\nframe_rate_hz = 100\n[flight_computer]\n\
+                     ra_deg = \"5h30m\"\ndec_deg = 95\n[link]\nkind = \"can\"\n[sink]\ndirectory = 7\n\
+                     [[event]]\nat_s = 1.0\ndo = \"straylight\"\nfor_s = 1.0\n\
+                     [[event]]\nat_s = 2.0\ndo = \"stray_light\"\nfor_s = -1.0\n";
+        let document = Document::from_text(bench, &folder.path().join("bench.toml"));
+        let message = Bench::from_document(&document).unwrap_err().to_string();
+        for part in [
+            "quantum_efficiency is 55",
+            "pixel_pitch_um is 0.0053",
+            "focal_length_mm is 0.016",
+            "unknown key `nonsense`",
+            "frame_rate_hz is 100; wanted at most 20",
+            "ra_deg is \"5h30m\"",
+            "dec_deg is 95",
+            "link.kind is \"can\"",
+            "sink.directory is 7",
+            "event[0].do is \"straylight\" (did you mean \"stray_light\"?)",
+            "event[0].e_per_s is missing",
+            "event[1].e_per_s is missing",
+            "event[1].for_s is -1",
+        ] {
+            assert!(message.contains(part), "no \"{part}\" in:\n{message}");
+        }
+        assert_eq!(message.lines().count(), 13, "{message}");
+    }
+
+    #[test]
+    fn word_without_a_near_one_hides_no_other_event() {
+        let text = "[[event]]\nat_s = 1.0\ndo = \"xyz\"\nshare = 2\n[[event]]\nat_s = -2.0\ndo = \"safe\"\n[[event]]\nat_s = 1\n";
+        let errors = errors_of_bench(text);
+        for part in ["event[0].do is \"xyz\"", "event[1].at_s is -2", "event[2].do is missing"] {
+            assert!(errors.iter().any(|error| error.contains(part)), "{part}: {errors:#?}");
+        }
+        assert!(!errors.iter().any(|error| error.contains("share")), "it belongs to no word: {errors:#?}");
+    }
+
+    #[test]
+    fn settings_are_blamed_all_at_once() {
+        let settings = ["seed=-1", "timing.duration_s=-3"].map(|text| crate::Setting::parse(text).unwrap());
+        let document = Document::from_text("noise_seed = -1\n", Path::new("b.toml")).with_settings(settings.to_vec());
+        let message = Bench::from_document(&document).unwrap_err().to_string();
+        for part in ["--set seed=-1", "--set timing.duration_s=-3", "noise_seed is -1"] {
+            assert!(message.contains(part), "{part}: {message}");
+        }
     }
 
     #[test]

@@ -2,10 +2,11 @@
 
 use crate::check::{Checker, Defaulted, Rule};
 use crate::document::Document;
-use crate::error::ConfigError;
+use crate::error::{ConfigError, Partly};
 use crate::file_kind::{FileKind, must_be};
 use crate::key::{Given, listed, section, taken};
 use crate::key_type::{Any, Numbers, Raw, Shape};
+use crate::several::{check_all, check_partly};
 use base::time::{Span, Tai};
 use base::units::{ARCSEC, DEG, RPM};
 use glam::{DMat3, DVec3};
@@ -211,6 +212,16 @@ impl Spacecraft {
     /// The first thing that is wrong with it.
     pub fn from_document(document: &Document) -> Result<Self, ConfigError> {
         must_be(FileKind::Spacecraft, document)?;
+        check_all(document, Self::checked)
+    }
+
+    /// Checks a spacecraft that a run names: the spacecraft without what is wrong, and what is wrong.
+    pub(super) fn partly(document: &Document) -> Result<Partly<Self>, ConfigError> {
+        must_be(FileKind::Spacecraft, document)?;
+        check_partly(document, Self::checked)
+    }
+
+    fn checked(document: &Document) -> Result<Partly<Self>, ConfigError> {
         let keys: SpacecraftKeys = document.read_as()?;
         let mut check = Checker::new(document);
         let name = check.label(keys.name().raw().cloned())?;
@@ -238,7 +249,7 @@ impl Spacecraft {
             orbit: placeholder_orbit(),
             step,
         };
-        Ok(Self {
+        let spacecraft = Self {
             name,
             params,
             sun_axis: direction(keys.body.sun_axis(), &mut check)?,
@@ -246,7 +257,8 @@ impl Spacecraft {
             sun_sensor_noise_rad: noise_deg * DEG,
             control: control(&keys.control, &mut check)?,
             defaulted: check.defaulted,
-        })
+        };
+        Ok((spacecraft, check.named_errors))
     }
 }
 

@@ -129,7 +129,7 @@ fn advice(wanted: &str) -> &'static str {
 }
 
 /// Returns the declaration of a key such as `event[1].for_s`.
-fn declared_key<'d>(declared: &'d Declared, key: &str) -> Option<&'d Key> {
+pub(super) fn declared_key<'d>(declared: &'d Declared, key: &str) -> Option<&'d Key> {
     match key.split_once('.') {
         None => declared.keys.iter().find(|known| known.name == key),
         Some((table, rest)) => {

@@ -1,0 +1,62 @@
+//! What stands in for a bad value while the rest of a document is checked: the word that was meant, or, for a key that must
+//! be given, any value that its declaration allows.
+
+use crate::declared::Preset;
+use crate::document::Document;
+use crate::error::ConfigError;
+use crate::file_keys::declared;
+use crate::file_kind::FileKind;
+use crate::key_type::Shape;
+use crate::nearest::meant_word;
+use crate::setting::Setting;
+use crate::wrong_type::declared_key;
+
+/// Number of the trigger that stands in for the first event without a word; no file has it by chance.
+const FIRST_TRIGGER: usize = 60_000;
+
+impl Document {
+    /// Returns the same document with something that stands in for what an error is about; `None` when nothing does.
+    pub(super) fn with_a_stand_in(&self, error: &ConfigError) -> Option<Self> {
+        Some(self.clone().with_setting(stand_in(self, error)?))
+    }
+}
+
+fn stand_in(document: &Document, error: &ConfigError) -> Option<Setting> {
+    let ConfigError::Invalid { place, key, got, .. } = error else { return None };
+    if !place.starts_with(&document.name()) {
+        return None;
+    }
+    let change = if let Some(word) = meant_word(got) {
+        format!("{key}=\"{word}\"")
+    } else if let Some(event) = key.strip_suffix(".do") {
+        // Without its word the event's other keys have no meaning.
+        let number: usize = event.split_once('[')?.1.strip_suffix(']')?.parse().ok()?;
+        format!("{event}={{ do = \"trigger\", at_s = 0.0, number = {} }}", FIRST_TRIGGER + number)
+    } else if error.is_missing() {
+        let declared = declared(FileKind::of(document));
+        let known = declared_key(&declared, key)?;
+        // Which keys an event needs follows from its word.
+        let is_needed = matches!(known.preset, Preset::Needed) || key.starts_with("event[");
+        format!("{key}={}", allowed(&known.shape).filter(|_| is_needed)?)
+    } else {
+        return None;
+    };
+    Setting::parse(&change).ok()
+}
+
+/// Returns a value of a form, in TOML; `None` for texts and words.
+fn allowed(shape: &Shape) -> Option<String> {
+    match shape {
+        Shape::Number(rule) => {
+            let number = [1.0, 0.1, 0.0].into_iter().find(|number| rule.is_met_by(*number))?;
+            Some(format!("{number:?}"))
+        }
+        Shape::Whole(range) => Some(1_i64.clamp(*range.start(), *range.end()).to_string()),
+        Shape::Row(count, of) => {
+            let zero = if matches!(**of, Shape::Whole(_)) { "0" } else { "0.0" };
+            let rest = vec![zero; count.saturating_sub(1)];
+            Some(format!("[{}]", [vec![if zero == "0" { "1" } else { "1.0" }], rest].concat().join(", ")))
+        }
+        Shape::Words(_) | Shape::Text(_) | Shape::Flag | Shape::List(_) | Shape::Either(_) => None,
+    }
+}
