@@ -151,8 +151,9 @@ fn a_disc_of_many_bright_cells_is_drawn_as_before() {
     let plan = planner.plan(&cells).clone();
     assert!(plan.lists.iter().all(|list| list.drawing != Drawing::Whole), "{:?}", plan.classes);
     assert!(!plan.chosen.verdict.is_met(), "and its error is named: {:?}", plan.chosen);
-    let with_star: Vec<Source> = cells.into_iter().chain([star(400, 3e9, [80.2, 20.1])]).collect();
-    let plan = planner.plan(&with_star);
+    let with_star: Vec<Source> = cells.into_iter().chain([star(400, 1e10, [80.2, 20.1])]).collect();
+    let plan = planner.plan(&with_star).clone();
+    assert_eq!(plan.whole.from_e, 8e9);
     let whole = plan.stars.iter().filter(|star| plan.list_of(star).drawing == Drawing::Whole).count();
     assert_eq!(whole, 1, "a brighter star beside it");
 }

@@ -248,8 +248,9 @@ impl Planner {
         }
         brightness_e.clear();
         brightness_e.extend(plan.stars.iter().map(|star| star.electrons).filter(|electrons| *electrons >= limit_e));
-        // As bright as the first star that is not drawn whole is not bright enough.
-        plan.whole.from_e = brightness_e.select_nth_unstable_by(most, |a, b| b.total_cmp(a)).1.next_up();
+        // A disc has many cells of similar light: none of them is drawn whole, only stars that are far brighter.
+        let first_left_e = *brightness_e.select_nth_unstable_by(most, |a, b| b.total_cmp(a)).1;
+        plan.whole.from_e = whole::BEYOND_A_DISC * first_left_e;
     }
 
     fn whole_domain(&self) -> WholeDomain {

@@ -6,7 +6,7 @@
 //! their PSF goes, on every backend by the same code (`image::render::whole`), at the nodes of the method of their class.
 //!
 //! Domain: exact PSF sampling, stars that cover at most [`MOST_PX`] pixels together and [`MOST_STARS`] in number, and a
-//! quarter of the frame's time; brighter stars come first. Bound: light beyond the whole footprint, at most
+//! quarter of the frame's time; where there are more, only stars of eight times the light of the first one left out. Bound: light beyond the whole footprint, at most
 //! [`LARGEST_HALF_PX`](crate::optics::psf::LARGEST_HALF_PX) and the PSF's own grid; 1e-13 of a Gaussian. Stars outside the
 //! domain are drawn as ordinary ones, and their error is named. Tests below; `tests/physics/whole.rs`, `tests/gpu/whole.rs`.
 
@@ -24,6 +24,8 @@ const F32_WING: f64 = 5e-7;
 const LIMIT_MARGIN: f64 = 1e-9;
 /// Largest number of stars that are drawn whole; the cells of a disc of the Moon or the Earth are more.
 pub const MOST_STARS: usize = 256;
+/// Where more stars are over the budget, those are drawn whole that have so many times the light of the first one left out.
+pub(super) const BEYOND_A_DISC: f64 = 8.0;
 /// Largest number of pixels that they cover together.
 pub const MOST_PX: usize = 1 << 20;
 /// Number of stars one thread counts at a time.
