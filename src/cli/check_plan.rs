@@ -131,6 +131,14 @@ pub(super) fn write_plan(text: &mut String, number: u32, plan: &ExposurePlan, pl
         text,
         "  footprint    {side_px} x {side_px} px about every node: {lost:.1e} of a star's light is lost at most"
     )?;
+    if let Some(whole) = plan.classes.iter().find(|class| class.is_whole) {
+        let (side_px, lost) = (2 * plan.whole.half_px + 1, plan.psf.lost_flux(plan.whole.half_px));
+        writeln!(
+            text,
+            "  whole        {} stars of {:.2e} e- and more: {side_px} x {side_px} px, {lost:.1e} is lost at most",
+            whole.stars, whole.faintest_e
+        )?;
+    }
     let cut = &plan.cut_off;
     if cut.stars > 0 {
         writeln!(

@@ -179,7 +179,7 @@ pub fn keep_shown(
         return;
     }
     let binning = f64::from(output.binning);
-    let reach_px = (plan.half_px as f64 + 1.0) / binning;
+    let reach_px = (plan.widest_half_px() as f64 + 1.0) / binning;
     let shows = |[x, y]: [f64; 2], reach_px: f64| {
         let [left, top] = [x - reach_px, y - reach_px].map(|px| px.round() as i64);
         regions.show(left, top, [(2.0 * reach_px) as i64 + 1; 2])

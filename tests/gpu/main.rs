@@ -21,3 +21,4 @@ mod psf_models;
 mod repeat;
 mod scene;
 mod spatial;
+mod whole;

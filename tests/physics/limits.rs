@@ -1,10 +1,7 @@
-//! Where the planner cannot keep the budget: wings that are cut, pixels beside overexposed stars, stars below the
-//! cut-off. What it says is compared with light that is worked out here.
+//! Where the planner cannot keep the budget: wings that are cut, stars below the cut-off. What it says
+//! is compared with light that is worked out here. Pixels beside overexposed stars: `whole`.
 
-use crate::scene::{
-    Dice, FULL_WELL_E, Picture, READ_NOISE_E, camera, draw_cpu, draw_reference, instrument, los, planner, planner_of,
-    star,
-};
+use crate::scene::{Dice, Picture, camera, draw_cpu, draw_reference, instrument, los, planner, planner_of, star};
 use glam::DVec3;
 use plan::attitude::LosPath;
 use plan::exposure::plan::Verdict;
@@ -18,8 +15,6 @@ const SIZE: usize = 193;
 const ELECTRONS: f64 = 1e5;
 /// Share of a star's light by which image and truth table may differ.
 const TABLE_REL: f64 = 1e-4;
-/// Factor between the error that is named and the true one.
-const NAMED_WITHIN: f64 = 10.0;
 
 fn middle() -> Vec<Source> {
     vec![star(0, ELECTRONS, [96.2, 95.7])]
@@ -81,39 +76,6 @@ fn the_reference_holds_all_of_a_wide_gaussian() {
     assert!(worst < 1e-9 * ELECTRONS, "{worst:e} e-");
     let (drawn_e, table_e) = (image.sum(), plan.electrons_on_detector());
     assert!((drawn_e / table_e - 1.0).abs() < 1e-6, "{drawn_e} drawn, {table_e} in the truth table");
-}
-
-/// Returns the largest error of an unsaturated pixel, sigma of its noise.
-fn unsaturated_sigma(image: &Picture, truth: &Picture) -> f64 {
-    let errors = image.pixels.iter().zip(&truth.pixels).filter(|(_, truth)| **truth < FULL_WELL_E);
-    errors.map(|(a, b)| (a - b).abs() / b.max(0.0).sqrt().hypot(READ_NOISE_E)).fold(0.0, f64::max)
-}
-
-#[test]
-fn pixels_beside_overexposed_stars_are_inside_the_budget_or_their_error_is_named() {
-    let mut named = 0;
-    for sigma_px in [0.6, 0.9, 1.3] {
-        for electrons in [3e5, 3e6, 3e7, 3e8, 3e9] {
-            let (size, px) = (64, [31.3, 30.8]);
-            let mut planner = planner(size, &PsfModel::gaussian(sigma_px), "auto", los(), None);
-            let plan = planner.plan(&[star(0, electrons, px)]).clone();
-            let found = unsaturated_sigma(&draw_cpu(&plan), &gaussian(px, sigma_px, electrons, size));
-            let reported = plan.chosen;
-            println!("sigma {sigma_px}, {electrons:.0e} e-: {found:.1e} sigma, promised {:.1e}", reported.pixel_sigma);
-            if reported.verdict.is_met() {
-                assert!(found <= 0.1, "sigma {sigma_px}, {electrons:e} e-: {found} sigma, {reported:?}");
-            } else if found > 0.1 {
-                let times = reported.pixel_sigma / found;
-                assert!(
-                    (1.0 / NAMED_WITHIN..=NAMED_WITHIN).contains(&times),
-                    "{electrons:e} e-: {found}, {reported:?}"
-                );
-                named += 1;
-            }
-            assert!(electrons > 1e6 || reported.verdict.is_met(), "control: {reported:?}");
-        }
-    }
-    assert!(named >= 3, "{named} named: the test is idle");
 }
 
 fn rolling(line_s: f64) -> Instrument {

@@ -43,3 +43,4 @@ mod stamps;
 mod streaks;
 mod targets;
 mod time_correlation;
+mod whole;

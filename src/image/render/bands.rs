@@ -21,6 +21,8 @@ const CHUNKS_RESERVED: usize = 4;
 /// path with jitter.
 const LISTS_RESERVED: usize = 64;
 const NODES_RESERVED: usize = 1024;
+/// Capacity of a chunk for whole stars.
+const WHOLE_RESERVED: usize = 64;
 /// Capacity of a band of a chunk, as a multiple of its share of the stars.
 const SPACE: usize = 8;
 /// A star that is drawn from the PSF itself: this, less the PSF's number where it is one of several.
@@ -54,6 +56,13 @@ pub(super) struct Members {
     pub(super) trails: Vec<Trail>,
 }
 
+/// The stars of one chunk by band, and those that are drawn whole.
+#[derive(Debug, Default)]
+struct Chunk {
+    bands: Vec<Members>,
+    whole: Vec<PlannedStar>,
+}
+
 /// Nodes of one list, number by number: weight, then the thirteen of the pose; padded with weight 0.
 #[derive(Debug, Default)]
 pub(super) struct NodeColumns {
@@ -67,7 +76,7 @@ pub(super) struct NodeColumns {
 pub(super) struct Bands {
     rows: usize,
     bands: usize,
-    chunks: Vec<Vec<Members>>,
+    chunks: Vec<Chunk>,
     used: usize,
     pub(super) nodes: Vec<NodeColumns>,
 }
@@ -101,13 +110,14 @@ impl Bands {
             self.chunks.resize_with(self.used, || chunk(bands));
         }
         let (rows, arch) = (self.rows, Arch::new());
-        let fill = |(chunk, stars): (&mut Vec<Members>, &[PlannedStar])| {
-            for members in chunk.iter_mut() {
+        let fill = |(chunk, stars): (&mut Chunk, &[PlannedStar])| {
+            chunk.whole.clear();
+            for members in &mut chunk.bands {
                 members.spots.clear();
                 members.trails.clear();
             }
             arch.dispatch(SortStars { plan, regions, stars, half_px: &half_px, table_of: &table_of, rows, chunk });
-            for members in chunk.iter_mut() {
+            for members in &mut chunk.bands {
                 reserve(&mut members.spots);
                 reserve(&mut members.trails);
             }
@@ -121,7 +131,12 @@ impl Bands {
 
     /// Members of band `band`, chunk by chunk.
     pub(super) fn members(&self, band: usize) -> impl Iterator<Item = &Members> {
-        self.chunks[..self.used].iter().map(move |chunk| &chunk[band])
+        self.chunks[..self.used].iter().map(move |chunk| &chunk.bands[band])
+    }
+
+    /// Stars that are drawn whole, in source order.
+    pub(super) fn whole(&self) -> impl Iterator<Item = &PlannedStar> {
+        self.chunks[..self.used].iter().flat_map(|chunk| &chunk.whole)
     }
 
     fn fill_nodes(&mut self, plan: &ExposurePlan) {
@@ -159,10 +174,10 @@ impl NodeColumns {
 }
 
 /// Returns the empty bands of one chunk; memory that is never written is never taken.
-fn chunk(bands: usize) -> Vec<Members> {
+fn chunk(bands: usize) -> Chunk {
     let space = (SPACE * CHUNK).div_ceil(bands.max(1)).min(CHUNK);
     let members = |_| Members { spots: Vec::with_capacity(space), trails: Vec::with_capacity(space) };
-    (0..bands).map(members).collect()
+    Chunk { bands: (0..bands).map(members).collect(), whole: Vec::with_capacity(WHOLE_RESERVED) }
 }
 
 /// Reserves capacity for all stars of a chunk before a slowly changing field needs it.
@@ -194,7 +209,7 @@ struct SortStars<'a, H, T> {
     half_px: &'a H,
     table_of: &'a T,
     rows: usize,
-    chunk: &'a mut [Members],
+    chunk: &'a mut Chunk,
 }
 
 impl<H: Fn(usize) -> usize, T: Fn(usize) -> u32> NullaryFnOnce for SortStars<'_, H, T> {
@@ -206,14 +221,21 @@ impl<H: Fn(usize) -> usize, T: Fn(usize) -> u32> NullaryFnOnce for SortStars<'_,
             for (list, share) in plan.parts(star) {
                 let half = half_px(list).cast_signed() as i64;
                 let (electrons, table) = (share * star.drawn_e, table_of(list));
-                if matches!(plan.lists[list].drawing, Drawing::Nodes) {
-                    sort_trail((plan, regions), star, (list, electrons, table), half, rows, chunk);
-                    continue;
+                match plan.lists[list].drawing {
+                    Drawing::Nodes => {
+                        sort_trail((plan, regions), star, (list, electrons, table), half, rows, &mut chunk.bands);
+                        continue;
+                    }
+                    Drawing::Whole => {
+                        chunk.whole.push(*star);
+                        continue;
+                    }
+                    Drawing::Once | Drawing::Kernel(_) | Drawing::Blend(_) => {}
                 }
                 let spot = spot(star.mean_px, electrons, table);
                 let row = i64::from(spot.row);
                 for band in bands_of(row - half, row + half, rows) {
-                    chunk[band].spots.push(spot);
+                    chunk.bands[band].spots.push(spot);
                 }
             }
         }

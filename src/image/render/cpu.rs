@@ -14,6 +14,7 @@ use crate::render::profile::Profile;
 use crate::render::stamp::{Stamped, stamp};
 use crate::render::table::{Form, PsfTable};
 use crate::render::taps::Taps;
+use crate::render::whole::{TILE_PX, WholeImage};
 use crate::render::{Backend, RenderError, check_kernel, check_sampling};
 use base::fused::{mul_add, whole_bits};
 use base::image::Image;
@@ -30,6 +31,7 @@ pub struct Cpu {
     image: Image<f32>,
     tables: PlanTables,
     bands: Bands,
+    whole: WholeImage,
     /// Parts of the image that are drawn.
     regions: Regions,
 }
@@ -43,6 +45,7 @@ impl Cpu {
             image: Image::new(width_px, height_px),
             tables: PlanTables::new(ANALYTIC_HALF_PX, Form::Products),
             bands: Bands::new(height_px),
+            whole: WholeImage::new([width_px, height_px]),
             regions: Regions::WHOLE,
         }
     }
@@ -63,7 +66,7 @@ impl Backend for Cpu {
         check_kernel(plan)?;
         check_sampling(plan, self.tables.is_analytic(plan))?;
         self.tables.prepare(plan);
-        let Self { arch, image, tables, bands, regions } = self;
+        let Self { arch, image, tables, bands, whole, regions } = self;
         let kernel_half = tables.kernels().first().map_or(0, |kernel| kernel.half_px[1]);
         let half_px = |list: usize| if tables.kernel_of(list).is_some() { kernel_half } else { plan.half_px };
         let table_of = |list: usize| {
@@ -71,9 +74,11 @@ impl Backend for Cpu {
             tables.kernel_of(list).map_or_else(|| NO_KERNEL - number(tables.psf_of(plan, list)), number)
         };
         bands.sort(plan, regions, half_px, table_of);
+        whole.draw(plan, tables, bands.whole());
         let width = image.width().max(1);
         let draw = Draw {
             bands,
+            whole,
             regions,
             kernels: tables.kernels(),
             bases: tables.bases(plan),
@@ -106,6 +111,7 @@ impl Backend for Cpu {
 /// Inputs of drawing into the bands.
 struct Draw<'a> {
     bands: &'a Bands,
+    whole: &'a WholeImage,
     /// Stars that do not reach these are left out where they would be drawn: the others are added in the same order as
     /// in the whole image, and so to the same bits.
     regions: &'a Regions,
@@ -154,6 +160,7 @@ impl DrawBand<'_> {
                 draw.trail::<FUSED>(&mut target, &mut splats, trail);
             }
         }
+        draw.add_whole(&mut target, index);
     }
 }
 
@@ -226,6 +233,22 @@ impl Draw<'_> {
             if waiting.analytic.count == BLOCK {
                 self.splat::<FUSED>(band, &waiting.analytic);
                 waiting.analytic.count = 0;
+            }
+        }
+    }
+
+    /// Adds the light of whole stars to the band of this number.
+    fn add_whole(&self, band: &mut Band<'_>, index: usize) {
+        for (place, values) in self.whole.tiles() {
+            let ([column, row], [columns, rows]) = self.whole.box_px(place);
+            if row / BAND_ROWS != index {
+                continue;
+            }
+            let lines = band.pixels.chunks_exact_mut(band.width).skip(row % BAND_ROWS).take(rows);
+            for (line, values) in lines.zip(values.chunks_exact(TILE_PX)) {
+                for (pixel, value) in line[column..column + columns].iter_mut().zip(values) {
+                    *pixel += value;
+                }
             }
         }
     }

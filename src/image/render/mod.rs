@@ -21,6 +21,7 @@ pub mod spline;
 mod stamp;
 pub mod table;
 mod taps;
+mod whole;
 
 use crate::gpu::Electrons;
 use base::region::Regions;

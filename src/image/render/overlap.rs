@@ -58,7 +58,7 @@ impl Apart {
         half.camera = plan.camera;
         half.shutter = plan.shutter;
         half.sampling = plan.sampling;
-        half.half_px = plan.half_px;
+        (half.half_px, half.whole) = (plan.half_px, plan.whole);
         half.chosen = plan.chosen;
         half.degradation = plan.degradation;
         half.cut_off = plan.cut_off;

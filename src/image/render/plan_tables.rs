@@ -18,6 +18,8 @@ pub struct PlanTables {
     /// The PSF whose tables there are: one, or one for every node of its field.
     psf: Option<PsfModel>,
     bases: Vec<PsfTable>,
+    /// Grids for whole stars, where these reach further than the tables.
+    wholes: Vec<PsfTable>,
     kernels: Vec<PsfTable>,
     /// Kernels of the latest plan, by list, and the lists they are of.
     kernel_of_list: Vec<Option<usize>>,
@@ -43,6 +45,7 @@ impl PlanTables {
             form,
             psf: None,
             bases: Vec::new(),
+            wholes: Vec::new(),
             kernels: Vec::new(),
             kernel_of_list: Vec::new(),
             list_of_kernel: Vec::new(),
@@ -63,7 +66,11 @@ impl PlanTables {
         let kernels = self.list_of_kernel.len();
         let is_drawn = plan.lists.iter().any(|list| matches!(list.drawing, Drawing::Once | Drawing::Nodes));
         // The kernel of a Gaussian is made of Gaussians.
-        let needs_base = (is_drawn && !self.is_analytic(plan)) || (kernels > 0 && !plan.psf.is_gaussian());
+        // Whole stars need tables too; their wider ones are made with the first frame, before any is seen.
+        let is_whole =
+            plan.whole.half_px > plan.half_px || plan.lists.iter().any(|list| list.drawing == Drawing::Whole);
+        let needs_base =
+            (is_drawn && !self.is_analytic(plan)) || ((kernels > 0 || is_whole) && !plan.psf.is_gaussian());
         let base_rebuilt = needs_base && self.rebuild_base(plan);
         if kernels > 0 {
             self.build_kernels(plan, kernels);
@@ -79,6 +86,9 @@ impl PlanTables {
             self.psf = Some(plan.psf.clone());
             let of_psf = |psf| PsfTable::of_psf(psf, plan.half_px, s, self.form);
             self.bases = plan.psf.nodes().iter().map(of_psf).collect();
+            let wholes = if plan.whole.half_px > plan.half_px { plan.psf.nodes() } else { &[] };
+            let whole_of_psf = |psf| PsfTable::of_psf(psf, plan.whole.half_px, s, Form::Grid);
+            self.wholes = wholes.iter().map(whole_of_psf).collect();
         }
         rebuilt
     }
@@ -115,6 +125,13 @@ impl PlanTables {
     #[must_use]
     pub fn bases(&self, plan: &ExposurePlan) -> &[PsfTable] {
         if self.is_analytic(plan) { &[] } else { &self.bases }
+    }
+
+    /// Returns the table from which whole stars are drawn by the PSF of this number; `None` for a Gaussian.
+    #[must_use]
+    pub(super) fn whole_of(&self, plan: &ExposurePlan, psf: usize) -> Option<&PsfTable> {
+        let tables = if plan.whole.half_px > plan.half_px { &self.wholes } else { &self.bases };
+        tables.get(psf).filter(|_| !plan.psf.is_gaussian())
     }
 
     /// Returns the index of the table of the PSF that a list is drawn with.

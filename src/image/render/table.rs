@@ -42,6 +42,8 @@ pub enum Form {
     Images,
     /// A sum of products where that is cheaper.
     Products,
+    /// The grid alone: for whole stars.
+    Grid,
 }
 
 impl PsfTable {
@@ -213,10 +215,37 @@ impl PsfTable {
 
     fn finish(&mut self) {
         flush(&mut self.grid.values);
+        if self.form == Form::Grid {
+            return;
+        }
         let phases = Phases { oversampling: self.oversampling, count: self.phases(), size_px: self.size_px() };
         if self.form == Form::Images || !self.products.find(&self.grid, phases) {
             self.products.terms = 0;
             self.arrange();
+        }
+    }
+
+    /// Adds `gain` times the shares of pixels in a row, the first of which has its centre at `from_px` from the star: from
+    /// the grid itself, whatever form the table has.
+    pub(super) fn add_line(&self, from_px: [f64; 2], gain: f64, out: &mut [f32]) {
+        let s = self.oversampling;
+        let taps = |axis: usize| {
+            let at = from_px[axis] * s as f64 + self.grid.half[axis] as f64;
+            #[allow(clippy::cast_possible_truncation, reason = "a place on a grid")]
+            (at.floor() as isize - 1, spline::weights((at - at.floor()) as f32))
+        };
+        let ((x, wx), (y, wy)) = (taps(0), taps(1));
+        let lines = (y..).zip(wy).filter_map(|(y, weight)| {
+            let first = usize::try_from(y).ok().filter(|y| *y < self.grid.rows())? * self.grid.stride;
+            Some((weight, self.grid.values.get(first..first + self.grid.columns())?))
+        });
+        for (weight, line) in lines {
+            for (i, value) in out.iter_mut().enumerate() {
+                let first = x + (i * s).cast_signed();
+                let tap = |n: usize| usize::try_from(first + n.cast_signed()).ok().and_then(|at| line.get(at));
+                let sum: f32 = wx.iter().enumerate().filter_map(|(n, weight)| Some(weight * tap(n)?)).sum();
+                *value += (gain * f64::from(weight * sum)) as f32;
+            }
         }
     }
 
@@ -290,6 +319,25 @@ mod tests {
             println!("core {:.2} px: error {worst:.1e}, bound {bound:.1e}", psf.core_sigma_px());
             assert!(worst < TABLE_ERROR && worst < bound, "core {}: {worst:e}", psf.core_sigma_px());
         }
+    }
+
+    #[test]
+    fn lines_of_the_grid_keep_their_digits_in_the_wings() {
+        let (psf, half_px) = (PsfModel::moffat(1.2, 3.0), 30);
+        let table = PsfTable::of_psf(&psf, half_px, oversampling(&psf), Form::Grid);
+        assert!(table.data.is_empty(), "the grid alone");
+        let mut worst = 0.0_f64;
+        for y in [-20.3, -6.1, 0.2, 3.7, 29.9] {
+            let mut line = vec![0.0_f32; 61];
+            table.add_line([-30.2, y], 2.0, &mut line);
+            for (i, value) in line.iter().enumerate() {
+                let x = i as f64 - 30.2;
+                if x.hypot(y) > 5.0 {
+                    worst = worst.max((0.5 * f64::from(*value) / psf.pixel(x, y) - 1.0).abs());
+                }
+            }
+        }
+        assert!(worst < 2e-6, "{worst:e} of a pixel's own light");
     }
 
     #[test]

@@ -18,7 +18,7 @@ use crate::exposure::probes::{Probes, SIDE};
 use crate::exposure::sampling::{ANALYTIC_HALF_PX, SamplingError, drawn_table_error, sampling_error};
 use crate::exposure::trial::{Noise, Trial, TriedError};
 use crate::exposure::weigh::{Scales, ShapeOf, WINDOW_PX, light_share, shear_error, stretch_error};
-use crate::optics::PsfModel;
+use crate::exposure::whole::{self, Wings};
 use base::accuracy::AccuracyBudget;
 use rayon::prelude::*;
 
@@ -56,9 +56,6 @@ const SURELY_OVER: f64 = 1.2;
 const SURELY_INSIDE: f64 = 0.7;
 /// Relative flux error of a tried list of nodes: dots lose light between windows.
 const TRIED_FLUX: f64 = 1e-4;
-/// Error of a pixel in the wings of a star, relative to the star's peak: single-precision error functions near 1
-/// (measured 1e-7 to 3e-7 on the CPU, up to 7e-7 on a GPU).
-const F32_WING: f64 = 5e-7;
 /// Number of stars one thread counts at a time.
 const COUNTED_TOGETHER: usize = 16_384;
 
@@ -108,8 +105,8 @@ pub(super) struct Chooser {
     accepts_tried: bool,
     /// True when the backend integrates the exact path with any method.
     is_exact: bool,
-    /// Share of a star's light in the brightest pixel outside its footprint.
-    rim_share: f64,
+    /// Errors in the wings of stars.
+    pub(super) wings: Wings,
     /// True when every method is weighed.
     pub(super) is_thorough: bool,
     /// Time for drawing, ms (infinite: no limit).
@@ -149,7 +146,7 @@ impl Chooser {
             is_tried: false,
             accepts_tried: false,
             is_exact: false,
-            rim_share: rim_share(&instrument.psf, half_px),
+            wings: Wings::new(instrument, half_px, budget.pixel_sigma),
             is_thorough: false,
             limit_ms: f64::INFINITY,
         }
@@ -159,6 +156,7 @@ impl Chooser {
     pub(super) fn draw_exactly(&mut self, half_px: usize) {
         self.is_exact = true;
         self.half_px = half_px;
+        self.wings = self.wings.all_whole(half_px);
     }
 
     /// Measures the errors common to all methods: of the mean field, of the dense list, of a rolling shutter.
@@ -247,7 +245,8 @@ impl Chooser {
         let pixels = self.instrument.camera.width_px() * self.instrument.camera.height_px();
         let empty_ms = self.cost.empty_frame_ms(pixels, self.moves);
         let limit_ms = self.limit_ms - empty_ms;
-        let all = StarClass { brightest_e, faintest_e: 0.0, stars: plan.stars.len(), bands: 1, chosen: plan.chosen };
+        let all = StarClass { brightest_e, stars: plan.stars.len(), ..StarClass::none(plan.chosen) };
+        let from_e = plan.whole.from_e;
         let mut together = self.best(&all, &budget, degradation, (plan.extent_px, limit_ms), probes);
         let may_help = !self.is_exact && (degradation < Degradation::MotionOut || self.is_fixed());
         if self.moves && may_help && !self.is_tried && !together.chosen.verdict.keeps_shape() {
@@ -257,7 +256,7 @@ impl Chooser {
         plan.assessed.clear();
         plan.assessed.extend(self.weighed.iter().map(|weighed| {
             let (assessment, _) = self.assess(weighed, &all, &budget, plan.extent_px, probes);
-            let assessment = self.with_wings(assessment, all.brightest_e, &budget);
+            let assessment = self.with_wings(assessment, all.brightest_e, from_e, &budget);
             Assessment { cost_ms: assessment.cost_ms + empty_ms, ..assessment }
         }));
         plan.assessed.sort_by(|a, b| a.cost_ms.total_cmp(&b.cost_ms));
@@ -270,8 +269,9 @@ impl Chooser {
             plan.classes.clear();
             plan.classes.push(together);
         }
+        self.split_whole(plan);
         for class in &mut plan.classes {
-            class.chosen = self.with_wings(class.chosen, class.brightest_e, &budget);
+            class.chosen = self.with_wings(class.chosen, class.brightest_e, from_e, &budget);
         }
         let stars_ms: f64 = plan.classes.iter().map(|class| class.chosen.cost_ms).sum();
         plan.chosen = Assessment { cost_ms: empty_ms + stars_ms, ..plan.classes[0].chosen };
@@ -314,15 +314,30 @@ impl Chooser {
         (self.trial, self.order) = (trial, order);
     }
 
+    /// Moves the stars that are drawn whole from the brightest classes to one of their own, which keeps the nodes of the
+    /// first; the methods of the other stars stay as they are.
+    fn split_whole(&self, plan: &mut ExposurePlan) {
+        let (from_e, half_px) = (plan.whole.from_e, plan.whole.half_px);
+        let Some(first) = plan.classes.first().copied().filter(|class| class.brightest_e >= from_e) else { return };
+        let stars = whole::count(&plan.stars, from_e);
+        let mut left = stars;
+        for class in &mut plan.classes {
+            let taken = left.min(class.stars);
+            (class.stars, left) = (class.stars - taken, left - taken);
+            class.brightest_e = class.brightest_e.min(from_e);
+        }
+        plan.classes.retain(|class| class.stars > 0);
+        let cost_ms = whole::cost_ms(half_px, first.chosen.method.nodes(), stars);
+        let chosen = Assessment { cost_ms, ..first.chosen };
+        plan.classes
+            .insert(0, StarClass { faintest_e: from_e, stars, bands: self.bands, chosen, is_whole: true, ..first });
+    }
+
     /// Adds the error in the wings of a star if it is larger. It is the same for all methods: light outside the
     /// footprint, and single precision. Both grow with all of the star's light, though an overexposed star's core
-    /// saturates.
-    fn with_wings(&self, assessment: Assessment, brightest_e: f64, budget: &AccuracyBudget) -> Assessment {
-        let Instrument { psf, full_well_e, read_noise_e_rms, .. } = &self.instrument;
-        let rim_e = (brightest_e * self.rim_share).min(*full_well_e);
-        let rim_sigma = rim_e / rim_e.sqrt().hypot(*read_noise_e_rms).max(1.0);
-        let rounding_sigma = F32_WING * brightest_e * psf.peak() / read_noise_e_rms.max(1.0);
-        let pixel_sigma = assessment.pixel_sigma.max(rim_sigma).max(rounding_sigma);
+    /// saturates; from `from_e` on, stars are drawn whole.
+    fn with_wings(&self, assessment: Assessment, brightest_e: f64, from_e: f64, budget: &AccuracyBudget) -> Assessment {
+        let pixel_sigma = assessment.pixel_sigma.max(self.wings.sigma(brightest_e, from_e));
         let verdict = match assessment.verdict {
             Verdict::Fits | Verdict::FluxOverBudget if pixel_sigma > budget.pixel_sigma => Verdict::PixelOverBudget,
             verdict @ (Verdict::Fits
@@ -350,7 +365,7 @@ impl Chooser {
             core::array::from_fn(|i| if i + 1 == CLASSES { 0.0 } else { begin_e * CLASS_STEP.powi(-(i as i32 + 1)) });
         let counted = count_classes(&plan.stars, faintest_e);
         for ((stars, brightest_e), faintest_e) in counted.into_iter().zip(faintest_e) {
-            let class = StarClass { brightest_e, faintest_e, stars, bands: 1, chosen: plan.chosen };
+            let class = StarClass { brightest_e, faintest_e, stars, ..StarClass::none(plan.chosen) };
             if class.stars == 0 {
                 continue;
             }
@@ -506,12 +521,6 @@ impl Chooser {
         let rim_px = self.half_px as f64 - 0.5 - extent_px;
         if rim_px > 0.5 * WINDOW_PX + 0.5 { 0.0 } else { 0.5 * self.instrument.psf.lost_flux(self.half_px) }
     }
-}
-
-/// Returns the share of a star's light in the brightest pixel outside a footprint of `half_px`, for the worst position
-/// of the star in its pixel.
-fn rim_share(psf: &PsfModel, half_px: usize) -> f64 {
-    psf.nodes().iter().map(|psf| psf.pixel(half_px as f64 + 0.5, 0.0)).fold(0.0, f64::max)
 }
 
 impl Weighed {

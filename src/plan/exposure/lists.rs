@@ -61,20 +61,24 @@ pub fn fill(plan: &mut ExposurePlan, probes: &Probes, camera: &CameraGeometry, b
     for class in 0..plan.classes.len() {
         let (method, bands) = (plan.classes[class].chosen.method, plan.classes[class].bands);
         let first = plan.lists.len();
+        let is_whole = plan.classes[class].is_whole;
         match method {
-            Method::ZonalPsf { zones, .. } => fill_zones(plan, probes, camera, class, zones, buffers),
+            Method::ZonalPsf { zones, .. } if !is_whole => fill_zones(plan, probes, camera, class, zones, buffers),
             Method::Static
             | Method::Gaussian
             | Method::GaussLegendre { .. }
             | Method::Segments { .. }
             | Method::Corners { .. }
             | Method::Samples { .. }
-            | Method::EffectivePsf { .. } => {
+            | Method::EffectivePsf { .. }
+            | Method::ZonalPsf { .. } => {
                 let bands = bands.max(1);
-                let field = plan.psf.as_field().cloned();
+                // A whole star is blended where it is drawn.
+                let field = plan.psf.as_field().filter(|_| !is_whole).cloned();
+                let drawing = if is_whole { Drawing::Whole } else { drawing_of(method, probes) };
                 for band in 0..bands {
                     let own = plan.lists.len();
-                    push_band(plan, probes, camera, method, [band, bands]);
+                    push_band(plan, probes, camera, (method, drawing), [band, bands]);
                     if let Some(field) = &field {
                         push_field(plan, field, camera, own);
                     }
@@ -106,13 +110,17 @@ fn push_field(plan: &mut ExposurePlan, field: &PsfField, camera: &CameraGeometry
 /// Assigns every star its list, and its electrons on the detector.
 pub fn give(plan: &mut ExposurePlan, share: &Share, buffers: &Buffers) {
     let Buffers { used, gives, .. } = buffers;
-    let ExposurePlan { stars, nodes, lists, classes, extent_px, camera, .. } = plan;
+    let ExposurePlan { stars, nodes, lists, classes, extent_px, camera, whole, .. } = plan;
+    let whole_from_e = &whole.from_e;
     let (Some((last, brighter)), extent_px) = (gives.split_last(), *extent_px) else { return };
     for_each_star(stars, |star| {
         let class = brighter.iter().zip(&*classes).find(|(_, class)| star.electrons >= class.faintest_e);
         star.list = class.map_or(last, |(give, _)| give).list(star, camera, used);
         let nodes = lists.get(star.list as usize).map_or(&nodes[..0], |list| &nodes[list.nodes.clone()]);
         star.electrons_on_detector = star.drawn_e * share.on_detector(star, camera, nodes, extent_px);
+        if star.electrons >= *whole_from_e {
+            star.electrons_on_detector *= share.whole_gain(star);
+        }
     });
 }
 
@@ -121,14 +129,19 @@ fn push_band(
     plan: &mut ExposurePlan,
     probes: &Probes,
     camera: &CameraGeometry,
-    method: Method,
+    (method, drawing): (Method, Drawing),
     [band, bands]: [usize; 2],
 ) {
     let height = camera.height_px();
     let delay_s = band_delay_s(plan.shutter, height, [band, bands]);
     let first = plan.nodes.len();
     fill_nodes(&plan.motion, method, delay_s, probes, &mut plan.nodes);
-    let drawing = match method {
+    push_list(plan, probes, first, drawing);
+}
+
+/// Returns how ordinary stars are drawn by a method that is not zonal.
+fn drawing_of(method: Method, probes: &Probes) -> Drawing {
+    match method {
         Method::Static => Drawing::Once,
         Method::Gaussian | Method::EffectivePsf { .. } => {
             probes.centre().map_or(Drawing::Nodes, |centre| Drawing::Kernel(centre.track))
@@ -138,8 +151,7 @@ fn push_band(
         | Method::Corners { .. }
         | Method::Samples { .. }
         | Method::ZonalPsf { .. } => Drawing::Nodes,
-    };
-    push_list(plan, probes, first, drawing);
+    }
 }
 
 /// Returns the delay of a band's middle after the frame's exposure, s; `[band, bands]` of `height` rows.
@@ -157,7 +169,8 @@ fn push_list(plan: &mut ExposurePlan, probes: &Probes, first: usize, drawing: Dr
         node.pose = node.pose.plus(-1.0, &shared);
     }
     let mean = mean_pose(nodes);
-    let correction = if drawing == Drawing::Nodes { correction(nodes, &mean, probes) } else { Correction::none() };
+    let is_by_nodes = matches!(drawing, Drawing::Nodes | Drawing::Whole);
+    let correction = if is_by_nodes { correction(nodes, &mean, probes) } else { Correction::none() };
     plan.lists.push(NodeList { nodes: range, mean, correction, drawing, psf_px: [0.0; 2] });
 }
 

@@ -41,6 +41,7 @@ pub mod target_plan;
 pub mod track;
 mod trial;
 pub mod weigh;
+pub mod whole;
 
 pub use instrument::Instrument;
 pub use levels::Degradation;

@@ -46,7 +46,18 @@ pub(super) struct Lit<'a> {
     pub(super) illumination: &'a Illumination,
 }
 
-/// Replaces `stars` by those of all sources whose light can reach the detector: mean place within `margin_px` of it. A
+/// Distances from the detector within which the light of stars can reach it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Margins {
+    /// For ordinary stars, px.
+    pub(super) ordinary_px: f64,
+    /// For those of `from_e` and more, which may be drawn whole, px.
+    pub(super) whole_px: f64,
+    /// Electrons from which on a star may be drawn whole.
+    pub(super) from_e: f64,
+}
+
+/// Replaces `stars` by those of all sources whose light can reach the detector: mean place within its margin of it. A
 /// star is out of sight when its direction is outside the camera's domain. `seen` is a buffer for the number of stars
 /// of every chunk.
 pub(super) fn place_stars(
@@ -54,13 +65,13 @@ pub(super) fn place_stars(
     lit: Lit<'_>,
     los: &LosPath,
     means: &MeanField,
-    margin_px: f64,
+    margins: Margins,
     (stars, seen): (&mut Vec<PlannedStar>, &mut Vec<usize>),
 ) -> Brightness {
     // Not cleared: every star is overwritten.
     stars.resize(sources.len(), EMPTY);
     seen.resize(sources.len().div_ceil(CHUNK), 0);
-    let (blocks, arch) = (BlockPlacer::new(lit.camera, los, means, margin_px), Arch::new());
+    let (blocks, arch) = (BlockPlacer::new(lit.camera, los, means, margins), Arch::new());
     let chunk = |((stars, seen), sources): ((&mut [PlannedStar], &mut usize), &[Source])| {
         let mut placed = Placed { stars, seen: 0, brightness: Brightness::NONE };
         // Sources with pixel places are few, and are not mixed with others.
@@ -68,10 +79,10 @@ pub(super) fn place_stars(
         let in_blocks = blocks.filter(|_| sources.iter().all(is_icrf));
         let (eights, rest) = sources.as_chunks::<STARS>();
         if let Some(placer) = in_blocks {
-            arch.dispatch(PlaceBlocks { placer, sources: eights, lit, placed: &mut placed });
+            arch.dispatch(PlaceBlocks { placer, sources: eights, lit, from_e: margins.from_e, placed: &mut placed });
         }
         let single = if in_blocks.is_some() { rest } else { sources };
-        single.iter().for_each(|source| placed.push(place(source, lit, los, means, margin_px)));
+        single.iter().for_each(|source| placed.push(place(source, lit, los, means, margins)));
         *seen = placed.seen;
         placed.brightness
     };
@@ -124,6 +135,7 @@ struct PlaceBlocks<'a, 'b> {
     placer: BlockPlacer,
     sources: &'a [[Source; STARS]],
     lit: Lit<'a>,
+    from_e: f64,
     placed: &'a mut Placed<'b>,
 }
 
@@ -142,11 +154,14 @@ impl NullaryFnOnce for PlaceBlocks<'_, '_> {
             }
             let places = self.placer.place(&directions);
             for (k, source) in sources.iter().enumerate() {
-                if places.in_sight[k] {
+                if places.in_reach[k] {
                     let tangent = DVec2::new(places.tangent[0][k], places.tangent[1][k]);
                     let place = StarPlace { mid_px: [places.mid_px[0][k], places.mid_px[1][k]], tangent };
                     let mean_px = [places.mean_px[0][k], places.mean_px[1][k]];
-                    self.placed.push(star_at(source, place, mean_px, self.lit));
+                    let star = star_at(source, place, mean_px, self.lit);
+                    if places.in_sight[k] || star.electrons >= self.from_e {
+                        self.placed.push(star);
+                    }
                 }
             }
         }
@@ -172,25 +187,28 @@ const EMPTY: PlannedStar = PlannedStar {
 };
 
 #[inline(always)]
-fn place(source: &Source, lit: Lit<'_>, los: &LosPath, means: &MeanField, margin_px: f64) -> PlannedStar {
+fn place(source: &Source, lit: Lit<'_>, los: &LosPath, means: &MeanField, margins: Margins) -> PlannedStar {
     let camera = lit.camera;
     let place = match source.place {
         SourcePlace::Icrf(direction) => StarPlace::of_direction(camera, los.mid_sensor_from_icrf.apply(direction)),
         SourcePlace::Pixel(px) => StarPlace::of_pixel(camera, px),
     };
     let Some(place) = place else { return EMPTY };
-    let inside = |v: f64, size: usize| v > -margin_px && v < size as f64 - 1.0 + margin_px;
-    let is_seen = |[x, y]: [f64; 2]| inside(x, camera.width_px()) && inside(y, camera.height_px());
+    let is_within = |[x, y]: [f64; 2], margin_px: f64| {
+        let inside = |v: f64, size: usize| v > -margin_px && v < size as f64 - 1.0 + margin_px;
+        inside(x, camera.width_px()) && inside(y, camera.height_px())
+    };
+    let seen = |mean_px: [f64; 2]| {
+        let star = is_within(mean_px, margins.whole_px).then(|| star_at(source, place, mean_px, lit))?;
+        (star.electrons >= margins.from_e || is_within(mean_px, margins.ordinary_px)).then_some(star)
+    };
     if means.is_still() {
-        return if is_seen(place.mid_px) { star_at(source, place, place.mid_px, lit) } else { EMPTY };
+        return seen(place.mid_px).unwrap_or(EMPTY);
     }
     let track = StarTrack::new(camera, place);
     let [dx, dy] = means.displacement_px(&track);
     let mean_px = [place.mid_px[0] + dx, place.mid_px[1] + dy];
-    if !is_seen(mean_px) {
-        return EMPTY;
-    }
-    let mut star = star_at(source, place, mean_px, lit);
+    let Some(mut star) = seen(mean_px) else { return EMPTY };
     star.drawn_e *= means.rolling_gain(&track);
     star
 }
@@ -207,6 +225,8 @@ mod tests {
 
     /// Rounding of a few operations on tens of thousands of px.
     const ROUNDING_PX: f64 = 1e-10;
+    /// Half of the sources may be drawn whole.
+    const MARGINS: Margins = Margins { ordinary_px: 5.0, whole_px: 30.0, from_e: 2000.0 };
 
     fn camera(k1: f64) -> CameraGeometry {
         CameraGeometry::new(CameraParameters {
@@ -256,11 +276,11 @@ mod tests {
             let mut means = MeanField::new(&camera);
             means.measure(&motion, shutter, &probes);
             let lit = Lit { camera: &camera, illumination: &illumination };
-            assert_eq!(BlockPlacer::new(&camera, &motion.los, &means, 5.0).is_some(), in_blocks, "{moves} {k1}");
+            assert_eq!(BlockPlacer::new(&camera, &motion.los, &means, MARGINS).is_some(), in_blocks, "{moves} {k1}");
             let sources = sources(&motion);
             let (mut stars, mut seen) = (Vec::new(), Vec::new());
-            let found = place_stars(&sources, lit, &motion.los, &means, 5.0, (&mut stars, &mut seen));
-            let single = |source: &Source| place(source, lit, &motion.los, &means, 5.0);
+            let found = place_stars(&sources, lit, &motion.los, &means, MARGINS, (&mut stars, &mut seen));
+            let single = |source: &Source| place(source, lit, &motion.los, &means, MARGINS);
             let wanted: Vec<_> = sources.iter().map(single).filter(|star| !star.mean_px[0].is_nan()).collect();
             let ids = |stars: &[PlannedStar]| stars.iter().map(|star| star.id).collect::<Vec<_>>();
             assert_eq!(ids(&stars), ids(&wanted), "the same stars, in source order");
@@ -272,6 +292,15 @@ mod tests {
                 assert!(star.place.tangent.distance(wanted.place.tangent) < 1e-14);
             }
             let furthest = stars.iter().map(|star| apart(star.mean_px, star.place.mid_px)).fold(0.0, f64::max);
+            let outside_px = |star: &PlannedStar| {
+                let [x, y] = star.mean_px;
+                (-x).max(x - 699.0).max(-y).max(y - 499.0)
+            };
+            let [faint_px, bright_px] = [false, true].map(|is_bright| {
+                let of = stars.iter().filter(|star| (star.electrons >= MARGINS.from_e) == is_bright);
+                of.map(outside_px).fold(0.0, f64::max)
+            });
+            assert!(faint_px < 5.0 && (5.0..30.0).contains(&bright_px), "furthest outside: {faint_px} {bright_px} px");
             assert_eq!(furthest > 1e-3, moves, "control: motion has moved the means by {furthest} px");
             let most_e = stars.iter().map(|star| star.electrons).fold(0.0, f64::max);
             assert_eq!(found.most_e, most_e);

@@ -6,6 +6,7 @@
 use crate::attitude::LosPath;
 use crate::exposure::correction::Correction;
 use crate::exposure::mean_field::MeanField;
+use crate::exposure::place::Margins;
 use crate::exposure::pose::{Pose, ROLL, SHIFT};
 use glam::DVec3;
 use sky::astrometry::CameraGeometry;
@@ -27,14 +28,17 @@ pub(super) struct BlockPlacer {
     domain_squared: f64,
     pose: Pose,
     correction: Correction,
-    /// Limits of visible mean places: above the first and below the second.
+    /// Limits of visible mean places: above the first and below the second; of ordinary stars, and of whole ones.
     sight_px: [[f64; 2]; 2],
+    reach_px: [[f64; 2]; 2],
 }
 
 /// Places of eight stars; values of stars that are not in sight are undefined.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Places {
     pub(super) in_sight: [bool; STARS],
+    /// In sight if they are drawn whole.
+    pub(super) in_reach: [bool; STARS],
     pub(super) tangent: [Eight; 2],
     pub(super) mid_px: [Eight; 2],
     pub(super) mean_px: [Eight; 2],
@@ -42,7 +46,7 @@ pub(super) struct Places {
 
 impl BlockPlacer {
     /// Returns a placer for one exposure; `None` outside the domain.
-    pub(super) fn new(camera: &CameraGeometry, los: &LosPath, means: &MeanField, margin_px: f64) -> Option<Self> {
+    pub(super) fn new(camera: &CameraGeometry, los: &LosPath, means: &MeanField, margins: Margins) -> Option<Self> {
         let (pose, correction) = means.same_for_all_rows()?;
         if camera.is_distorted() {
             return None;
@@ -50,6 +54,7 @@ impl BlockPlacer {
         let parameters = camera.parameters();
         let inverse = los.mid_sensor_from_icrf.inverse();
         let last = [camera.width_px(), camera.height_px()].map(|side| side as f64 - 1.0);
+        let within = |margin_px: f64| [[-margin_px; 2], last.map(|last| last + margin_px)];
         Some(Self {
             rows: [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| inverse.apply(axis)),
             focal_px: parameters.focal_px,
@@ -57,7 +62,8 @@ impl BlockPlacer {
             domain_squared: camera.largest_tangent().powi(2),
             pose,
             correction,
-            sight_px: [[-margin_px; 2], last.map(|last| last + margin_px)],
+            sight_px: within(margins.ordinary_px),
+            reach_px: within(margins.whole_px),
         })
     }
 
@@ -66,6 +72,7 @@ impl BlockPlacer {
     pub(super) fn place(&self, [x, y, z]: &[Eight; 3]) -> Places {
         let mut places = Places {
             in_sight: [false; STARS],
+            in_reach: [false; STARS],
             tangent: [[0.0; STARS]; 2],
             mid_px: [[0.0; STARS]; 2],
             mean_px: [[0.0; STARS]; 2],
@@ -85,10 +92,13 @@ impl BlockPlacer {
             places.in_sight[k] = (forward > 0.0) & (u * u + v * v <= self.domain_squared);
         }
         self.mean(&mut places);
-        let [[left, top], [right, bottom]] = self.sight_px;
+        let is_within = |x: f64, y: f64, [[left, top], [right, bottom]]: [[f64; 2]; 2]| {
+            (x > left) & (x < right) & (y > top) & (y < bottom)
+        };
         for k in 0..STARS {
             let (x, y) = (places.mean_px[0][k], places.mean_px[1][k]);
-            places.in_sight[k] &= (x > left) & (x < right) & (y > top) & (y < bottom);
+            places.in_reach[k] = places.in_sight[k] & is_within(x, y, self.reach_px);
+            places.in_sight[k] &= is_within(x, y, self.sight_px);
         }
         places
     }

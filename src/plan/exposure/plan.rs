@@ -10,6 +10,7 @@ use crate::exposure::pose::{PathNode, Pose};
 use crate::exposure::sampling::PsfSampling;
 use crate::exposure::smear::SmearField;
 use crate::exposure::track::{StarPlace, StarTrack};
+use crate::exposure::whole::WholeStars;
 use crate::optics::PsfModel;
 use core::ops::Range;
 use sky::astrometry::CameraGeometry;
@@ -47,6 +48,9 @@ pub enum Drawing {
     Kernel(StarTrack),
     /// Four lists, made for the corners of a cell of the field, blended by the star's place in it.
     Blend(Cell),
+    /// The PSF at every node, each star by its own displacements, in double precision as far as the PSF goes
+    /// ([`crate::exposure::whole`]).
+    Whole,
 }
 
 /// A cell of the field between four lists.
@@ -114,6 +118,16 @@ pub struct StarClass {
     pub bands: usize,
     /// Its method.
     pub chosen: Assessment,
+    /// Its stars are drawn whole ([`crate::exposure::whole`]), at the nodes of the method.
+    pub is_whole: bool,
+}
+
+impl StarClass {
+    /// Returns a class without stars, ordinary ones in a single band.
+    #[must_use]
+    pub fn none(chosen: Assessment) -> Self {
+        Self { brightest_e: 0.0, faintest_e: 0.0, stars: 0, bands: 1, chosen, is_whole: false }
+    }
 }
 
 /// Largest reach of an effective PSF from a star's mean position, px: its table grows with the square.
@@ -194,6 +208,8 @@ pub struct ExposurePlan {
     pub sampling: PsfSampling,
     /// Footprint half-width, px: a star is drawn in the square of `2 half_px + 1` pixels around each node.
     pub half_px: usize,
+    /// Stars that are drawn whole, in a wider footprint.
+    pub whole: WholeStars,
     /// The method of the brightest stars and its predicted error, with the cost of the whole frame.
     pub chosen: Assessment,
     /// All methods that were weighed for the brightest stars, cheapest first.
@@ -297,11 +313,18 @@ impl ExposurePlan {
                 let shares = cell.shares(star.mean_px);
                 core::array::from_fn(|i| (cell.corners[i] as usize, shares[i]))
             }
-            Drawing::Once | Drawing::Nodes | Drawing::Kernel(_) => {
+            Drawing::Once | Drawing::Nodes | Drawing::Kernel(_) | Drawing::Whole => {
                 [(star.list as usize, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)]
             }
         };
         parts.into_iter().filter(|(_, share)| *share > 0.0)
+    }
+
+    /// Returns the widest footprint's half-width of the plan's stars, px.
+    #[must_use]
+    pub fn widest_half_px(&self) -> usize {
+        let is_any_whole = self.lists.iter().any(|list| list.drawing == Drawing::Whole);
+        if is_any_whole { self.whole.half_px } else { self.half_px }
     }
 
     /// Returns true when any star is drawn from a kernel.

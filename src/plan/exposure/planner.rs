@@ -15,7 +15,7 @@ use crate::exposure::mean_field::MeanField;
 use crate::exposure::method::{Method, MethodChoice};
 use crate::exposure::motion::{Motion, Shutter};
 use crate::exposure::nodes;
-use crate::exposure::place::{Brightness, Lit, place_stars};
+use crate::exposure::place::{Brightness, Lit, Margins, place_stars};
 use crate::exposure::plan::{Assessment, CutOff, ExposurePlan, Verdict};
 use crate::exposure::probes::Probes;
 use crate::exposure::share::Share;
@@ -23,12 +23,16 @@ use crate::exposure::smear::SmearField;
 use crate::exposure::source::Source;
 use crate::exposure::target::Target;
 use crate::exposure::target_plan::TargetPlanner;
+use crate::exposure::whole::{self, WholeDomain, WholeStars};
 use base::accuracy::AccuracyBudget;
 
 /// Share of the budget's flux error that footprint truncation may use.
 const TRUNCATION_SHARE: f64 = 0.05;
 /// Initial capacity of a frame's buffers, stars.
 const STARS_RESERVED: usize = 16_384;
+
+/// Nodes of a star that is drawn whole, at most: for the prediction of its time.
+const MOST_WHOLE_NODES: usize = 1024;
 
 /// Smallest number of stars, drawn even when late: a frame without stars is useless and not much faster.
 const LEAST_STARS: usize = 32;
@@ -68,12 +72,15 @@ impl Planner {
         los: LosPath,
     ) -> Self {
         let half_px = instrument.psf.half_px(budget.flux_rel * TRUNCATION_SHARE);
+        let chooser = Chooser::new(&instrument, budget, cost, choice, half_px);
+        let whole_px = chooser.wings.half_px;
         let plan = ExposurePlan {
             camera: instrument.camera,
             shutter: instrument.shutter,
             psf: instrument.psf.clone(),
             sampling: instrument.sampling,
             half_px,
+            whole: WholeStars { half_px: whole_px, from_e: f64::INFINITY },
             chosen: NOTHING_CHOSEN,
             assessed: Vec::with_capacity(16),
             classes: Vec::with_capacity(4),
@@ -92,11 +99,11 @@ impl Planner {
             motion: Motion { los, image_path: None },
         };
         let camera = &instrument.camera;
-        let share = Share::new(&instrument.psf, half_px, [camera.width_px(), camera.height_px()]);
+        let share = Share::new(&instrument.psf, [half_px, whole_px], [camera.width_px(), camera.height_px()]);
         Self {
             probes: Probes::new(camera, instrument.shutter),
             means: MeanField::new(camera),
-            chooser: Chooser::new(&instrument, budget, cost, choice, half_px),
+            chooser,
             cells: CutOffCells::default(),
             lists: lists::Buffers::default(),
             time_budget_ms: None,
@@ -140,7 +147,8 @@ impl Planner {
         let camera = &self.instrument.camera;
         let half_px = self.plan.half_px.max(self.instrument.psf.whole_half_px());
         self.plan.half_px = half_px;
-        self.share = Share::new(&self.instrument.psf, half_px, [camera.width_px(), camera.height_px()]);
+        self.plan.whole.half_px = half_px;
+        self.share = Share::new(&self.instrument.psf, [half_px; 2], [camera.width_px(), camera.height_px()]);
         self.chooser.draw_exactly(half_px);
         self
     }
@@ -191,12 +199,14 @@ impl Planner {
     pub fn plan(&mut self, sources: &[Source]) -> &ExposurePlan {
         self.measure_path();
         let brightness = self.place(sources);
-        self.targets.place(&self.plan, &self.instrument.illumination);
+        self.targets.place(&self.plan, &self.instrument.illumination, self.chooser.wings.limit_e);
+        self.choose_whole(brightness.most_e);
         self.take_degradations(brightness);
+        let domain = self.whole_domain();
         let Self { plan, probes, lists, instrument, share, targets, .. } = self;
         lists::fill(plan, probes, &instrument.camera, lists);
         lists::give(plan, share, lists);
-        targets.append(plan, share);
+        targets.append(plan, share, &domain);
         &self.plan
     }
 
@@ -212,10 +222,44 @@ impl Planner {
     }
 
     fn place(&mut self, sources: &[Source]) -> Brightness {
-        let Self { plan, means, instrument, seen, .. } = self;
-        let margin_px = light_reach_px(plan);
+        let Self { plan, means, instrument, seen, chooser, .. } = self;
+        let further_px = (plan.whole.half_px - plan.half_px) as f64;
+        let ordinary_px = light_reach_px(plan);
+        let margins = Margins { ordinary_px, whole_px: ordinary_px + further_px, from_e: chooser.wings.limit_e };
         let lit = Lit { camera: &instrument.camera, illumination: &instrument.illumination };
-        place_stars(sources, lit, &plan.motion.los, means, margin_px, (&mut plan.stars, seen))
+        place_stars(sources, lit, &plan.motion.los, means, margins, (&mut plan.stars, seen))
+    }
+
+    /// Chooses the stars of this exposure that are drawn whole: all whose wings would be over the budget, or the brightest
+    /// of them that the domain allows.
+    fn choose_whole(&mut self, most_e: f64) {
+        let domain = self.whole_domain();
+        let Self { plan, probes, brightness_e, .. } = self;
+        let limit_e = domain.limit_e;
+        plan.whole.from_e = f64::INFINITY;
+        if most_e < limit_e {
+            return;
+        }
+        let nodes = if plan.motion.is_still() { 1 } else { probes.dense().len().min(MOST_WHOLE_NODES) };
+        let most = domain.most_stars(plan.reach_px, nodes);
+        if whole::count(&plan.stars, limit_e) <= most {
+            plan.whole.from_e = limit_e;
+            return;
+        }
+        brightness_e.clear();
+        brightness_e.extend(plan.stars.iter().map(|star| star.electrons).filter(|electrons| *electrons >= limit_e));
+        // A disc has many cells of similar light: none of them is drawn whole, only stars that are far brighter.
+        let first_left_e = *brightness_e.select_nth_unstable_by(most, |a, b| b.total_cmp(a)).1;
+        plan.whole.from_e = whole::BEYOND_A_DISC * first_left_e;
+    }
+
+    fn whole_domain(&self) -> WholeDomain {
+        let Self { plan, chooser, time_budget_ms, .. } = self;
+        WholeDomain {
+            half_px: plan.whole.half_px,
+            limit_e: chooser.wings.limit_e,
+            limit_ms: time_budget_ms.unwrap_or(f64::INFINITY),
+        }
     }
 
     /// Raises the degradation level until the frame fits its time.

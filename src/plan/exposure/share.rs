@@ -24,15 +24,30 @@ const GAUSSIAN_STEP: f64 = 1.0 / 320.0;
 pub struct Share {
     /// Shares of the PSF, or of those at the nodes of its field.
     nodes: Vec<NodeShare>,
+    /// Light in a whole footprint over that in an ordinary one, by node.
+    whole_gains: Vec<f64>,
     field: Option<Arc<PsfField>>,
 }
 
 impl Share {
-    /// Returns shares for a PSF drawn in footprints of `half_px` on a detector of `size_px`.
+    /// Returns shares for a PSF drawn in footprints of `half_px`, or of `whole_px` for whole stars, on a detector of
+    /// `size_px`.
     #[must_use]
-    pub fn new(psf: &PsfModel, half_px: usize, size_px: [usize; 2]) -> Self {
+    pub fn new(psf: &PsfModel, [half_px, whole_px]: [usize; 2], size_px: [usize; 2]) -> Self {
         let nodes = psf.nodes().iter().map(|psf| NodeShare::new(psf, half_px, size_px)).collect();
-        Self { nodes, field: psf.as_field().cloned() }
+        let gain = |psf: &PsfModel| within(psf, whole_px) / within(psf, half_px);
+        let whole_gains = psf.nodes().iter().map(gain).collect();
+        Self { nodes, whole_gains, field: psf.as_field().cloned() }
+    }
+
+    /// Returns by how much more light of `star` lies in a whole footprint than in an ordinary one.
+    #[must_use]
+    pub fn whole_gain(&self, star: &PlannedStar) -> f64 {
+        let gain = |node: usize| self.whole_gains.get(node).copied().unwrap_or(1.0);
+        self.field.as_ref().map_or_else(
+            || gain(0),
+            |field| field.around(star.mean_px).into_iter().map(|(node, share)| share * gain(node)).sum(),
+        )
     }
 
     /// Returns the share of `star`'s electrons on the detector.
@@ -142,6 +157,14 @@ impl NodeShare {
     }
 }
 
+/// Returns the share of the light in a footprint: of a Gaussian in its middle, of another PSF at its worst place.
+fn within(psf: &PsfModel, half_px: usize) -> f64 {
+    match psf.form() {
+        PsfForm::Gaussian(sigma_px) => gaussian_within(half_px as f64 + 0.5, sigma_px).powi(2),
+        PsfForm::Round(_) | PsfForm::Grid(_) | PsfForm::Field(_) => 1.0 - psf.lost_flux(half_px),
+    }
+}
+
 /// Returns the share of a Gaussian's light within `px` from its middle, one axis.
 fn gaussian_within(px: f64, sigma_px: f64) -> f64 {
     libm::erf(px / sigma_px * core::f64::consts::FRAC_1_SQRT_2)
@@ -230,7 +253,7 @@ mod tests {
 
     #[test]
     fn a_long_path_across_an_edge_leaves_its_share_on_the_detector() {
-        let share = Share::new(&PsfModel::gaussian(0.8), 4, [100, 100]);
+        let share = Share::new(&PsfModel::gaussian(0.8), [4, 4], [100, 100]);
         let camera = CameraGeometry::new(CameraParameters {
             width_px: 100,
             height_px: 100,

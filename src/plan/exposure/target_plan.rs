@@ -20,6 +20,7 @@ use crate::exposure::pose::{PathNode, Pose};
 use crate::exposure::share::Share;
 use crate::exposure::target::Target;
 use crate::exposure::track::StarTrack;
+use crate::exposure::whole::WholeDomain;
 use crate::optics::Illumination;
 use crate::optics::quadrature::{Node, gauss_legendre};
 use base::time::Span;
@@ -125,7 +126,8 @@ impl TargetPlanner {
     }
 
     /// Computes the nodes of every target that is visible in the plan's exposure.
-    pub(super) fn place(&mut self, plan: &ExposurePlan, illumination: &Illumination) {
+    /// Those of `whole_from_e` electrons and more may be drawn whole.
+    pub(super) fn place(&mut self, plan: &ExposurePlan, illumination: &Illumination, whole_from_e: f64) {
         self.nodes.clear();
         self.planned.clear();
         let Self { targets, rules, nodes, planned, corners, light_share, .. } = self;
@@ -135,38 +137,41 @@ impl TargetPlanner {
         let lacks_corners = fill_corners(&plan.motion, corners);
         for target in targets {
             let dimmed = Target { e_per_s: target.e_per_s * *light_share, ..*target };
-            let found = place(&dimmed, illumination, plan, rules, corners, nodes);
+            let found = place(&dimmed, illumination, (plan, whole_from_e), rules, corners, nodes);
             planned.extend(found.map(|found| PlannedTarget { is_coarse: found.is_coarse || lacks_corners, ..found }));
         }
     }
 
-    /// Adds the nodes to the plan's stars, each drawn once.
-    pub(super) fn append(&self, plan: &mut ExposurePlan, share: &Share) {
+    /// Adds the nodes to the plan's stars, each drawn once, or whole where `domain` takes the target.
+    pub(super) fn append(&self, plan: &mut ExposurePlan, share: &Share, domain: &WholeDomain) {
         plan.targets.clear();
         if self.planned.is_empty() {
             return;
         }
         let first_node = plan.nodes.len();
         plan.nodes.push(PathNode { weight: 1.0, pose: Pose::STILL });
-        let nodes = first_node..first_node + 1;
-        let list = u32::try_from(plan.lists.len()).unwrap_or(u32::MAX);
-        let drawing = Drawing::Once;
-        plan.lists.push(NodeList {
-            nodes,
-            mean: Pose::STILL,
-            correction: Correction::none(),
-            drawing,
-            psf_px: [0.0; 2],
-        });
+        let list = |plan: &mut ExposurePlan, drawing| {
+            let (nodes, mean, correction) = (first_node..first_node + 1, Pose::STILL, Correction::none());
+            plan.lists.push(NodeList { nodes, mean, correction, drawing, psf_px: [0.0; 2] });
+            u32::try_from(plan.lists.len() - 1).unwrap_or(u32::MAX)
+        };
+        let once = list(plan, Drawing::Once);
+        let reach_px = plan.reach_px;
+        let is_whole = |planned: &PlannedTarget| {
+            domain.takes(planned.electrons, planned.smear.length_px + reach_px, planned.nodes.len())
+        };
+        let whole = self.planned.iter().any(is_whole).then(|| list(plan, Drawing::Whole));
         let first_star = plan.stars.len();
         for planned in &self.planned {
+            let whole = whole.filter(|_| is_whole(planned));
             let mut on_detector = 0.0;
             for node in &self.nodes[planned.nodes.clone()] {
                 let still = &plan.nodes[first_node..];
-                let share = share.on_detector(node, &plan.camera, still, plan.extent_px);
+                let gain = if whole.is_some() { share.whole_gain(node) } else { 1.0 };
+                let share = gain * share.on_detector(node, &plan.camera, still, plan.extent_px);
                 let electrons_on_detector = node.electrons * share;
                 on_detector += electrons_on_detector;
-                plan.stars.push(PlannedStar { list, electrons_on_detector, ..*node });
+                plan.stars.push(PlannedStar { list: whole.unwrap_or(once), electrons_on_detector, ..*node });
             }
             let nodes = first_star + planned.nodes.start..first_star + planned.nodes.end;
             plan.targets.push(PlannedTarget { nodes, electrons_on_detector: on_detector, ..planned.clone() });
@@ -233,7 +238,7 @@ pub fn seen_after_mid_s(target: &Target, motion: &Motion, delay_s: f64) -> Optio
 fn place(
     target: &Target,
     illumination: &Illumination,
-    plan: &ExposurePlan,
+    (plan, whole_from_e): (&ExposurePlan, f64),
     rules: &[Vec<Node>],
     corners: &[f64],
     nodes: &mut Vec<PlannedStar>,
@@ -281,7 +286,8 @@ fn place(
         begin_s = end_s;
     }
     let [electrons, x, y] = sum;
-    if !is_near(&nodes[first..], plan) || electrons <= 0.0 {
+    let half_px = if electrons >= whole_from_e { plan.whole.half_px } else { plan.half_px };
+    if !is_near(&nodes[first..], plan, half_px) || electrons <= 0.0 {
         nodes.truncate(first);
         return None;
     }
@@ -314,8 +320,8 @@ pub fn seen_by_row(target: &Target, plan: &ExposurePlan, t_s: f64) -> Option<[f6
 }
 
 /// Returns true when any node leaves light on the detector.
-fn is_near(nodes: &[PlannedStar], plan: &ExposurePlan) -> bool {
-    let margin = plan.half_px as f64 + 1.0;
+fn is_near(nodes: &[PlannedStar], plan: &ExposurePlan, half_px: usize) -> bool {
+    let margin = half_px as f64 + 1.0;
     let inside = |v: f64, size: usize| v > -margin && v < size as f64 - 1.0 + margin;
     let size = [plan.camera.width_px(), plan.camera.height_px()];
     nodes.iter().any(|node| inside(node.mean_px[0], size[0]) && inside(node.mean_px[1], size[1]))

@@ -9,7 +9,7 @@ use crate::gpu::device::GpuDevice;
 use crate::render::gpu::scale::TileBounds;
 use crate::render::gpu::stars::{BoxPx, NO_TRACK, Source, SpotRecord, TrackRecord, record};
 use core::ops::Range;
-use plan::exposure::{ExposurePlan, PlannedStar};
+use plan::exposure::{Drawing, ExposurePlan, PlannedStar};
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
@@ -17,6 +17,8 @@ use rayon::prelude::*;
 const MOST_CHUNKS: usize = 16;
 /// Stars of a chunk at least: fewer are not worth a thread.
 const LEAST_STARS: usize = 1024;
+/// Capacity of a chunk for stars that are drawn whole.
+const WHOLE_RESERVED: usize = 64;
 /// Block of one invocation of the splat pass.
 const SPLAT_BLOCK_PX: [usize; 2] = [16, 8];
 /// Block of one invocation of the table pass.
@@ -39,6 +41,8 @@ struct Chunk {
     tabled: Group,
     bounds: TileBounds,
     most_nodes: usize,
+    /// Stars that are drawn whole, by the host.
+    whole: Vec<PlannedStar>,
 }
 
 /// The stars of a frame.
@@ -90,7 +94,13 @@ impl Group {
 impl Chunk {
     fn new(size: [usize; 2]) -> Self {
         let [analytic, tabled] = core::array::from_fn(|_| Group::default());
-        Self { analytic, tabled, bounds: TileBounds::new(size), most_nodes: 1 }
+        Self {
+            analytic,
+            tabled,
+            bounds: TileBounds::new(size),
+            most_nodes: 1,
+            whole: Vec::with_capacity(WHOLE_RESERVED),
+        }
     }
 
     fn clear(&mut self) {
@@ -98,6 +108,7 @@ impl Chunk {
         self.tabled.clear();
         self.bounds.clear();
         self.most_nodes = 1;
+        self.whole.clear();
     }
 }
 
@@ -131,6 +142,16 @@ impl Chunks {
         chunks.iter_mut().fold(first, |next, chunk| chunk.tabled.number_tracks(next));
     }
 
+    /// Returns the stars that are drawn whole, in source order; the others do not count them.
+    pub(super) fn whole(&self) -> impl Iterator<Item = &PlannedStar> {
+        self.used().iter().flat_map(|chunk| &chunk.whole)
+    }
+
+    /// Returns the bounds of the sums, for light that is added to them.
+    pub(super) fn bounds_mut(&mut self) -> &mut TileBounds {
+        &mut self.bounds
+    }
+
     /// Returns the number of stars.
     pub(super) fn len(&self) -> usize {
         self.groups().map(|group| group.spots.len()).sum()
@@ -154,7 +175,8 @@ impl Chunks {
 
     /// Returns the largest scale of the sums when a star is added in up to `slices` parts.
     pub(super) fn scale(&self, slices: usize) -> f32 {
-        self.bounds.scale((self.len() * slices) as f64)
+        // And the light of whole stars once.
+        self.bounds.scale((self.len() * slices + 1) as f64)
     }
 
     /// Returns the part of every group that belongs to the stars in a range of all.
@@ -218,6 +240,10 @@ impl<S: Fn(usize) -> Source> NullaryFnOnce for FillChunk<'_, S> {
         let Self { plan, stars, source, peak, size, chunk } = self;
         chunk.clear();
         for star in stars {
+            if plan.list_of(star).drawing == Drawing::Whole {
+                chunk.whole.push(*star);
+                continue;
+            }
             for part in plan.parts(star) {
                 let source = source(part.0);
                 let Some((mut spot, track, box_px)) = record(plan, star, part, source, size) else { continue };

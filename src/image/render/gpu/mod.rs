@@ -1,11 +1,13 @@
 //! GPU backend: wgpu compute, the same methods and coefficients as the CPU backend.
 //!
-//! Plan -> electrons per pixel in fixed point on the device ([`crate::gpu::DeviceElectrons`]). Two passes:
+//! Plan -> electrons per pixel in fixed point on the device ([`crate::gpu::DeviceElectrons`]). Three passes:
 //!
 //! * `splat`: Gaussian PSFs, analytically. One invocation per star and block of 16 x 8 pixels of the star's box; it
 //!   sums its nodes in registers and adds the block to the image once.
 //! * `table`: tabulated and effective PSFs, from the tables of [`crate::render::table`]. One
 //!   invocation per star and block of 8 x 1 pixels, 16 taps per pixel and node.
+//!
+//! * `whole`: whole stars, which the host draws in double precision ([`crate::render::whole`]), added last.
 //!
 //! A field of more stars than [`Gpu::limit_block`] allows comes in blocks, one after another into the same image.
 //! Additions are integer, so they commute: a repeated plan gives the same bits. The scale is chosen per frame so that
@@ -16,6 +18,7 @@ pub mod brighter;
 mod chunks;
 pub mod scale;
 mod stars;
+mod whole;
 
 use crate::gpu::buffers::GrowableBuffer;
 use crate::gpu::passes::{ComputePass, MOST_WORKGROUPS, WORKGROUP};
@@ -25,6 +28,7 @@ use crate::gpu::{DeviceElectrons, Electrons, GpuDevice, GpuError, shader};
 use crate::render::erf::{ERF_CLAMP, ERF_P, ERF_Q};
 use crate::render::plan_tables::PlanTables;
 use crate::render::table::{Form, PsfTable};
+use crate::render::whole::WholeImage;
 use crate::render::{Backend, RenderError, check_kernel, check_sampling};
 use base::image::Image;
 use bytemuck::{Pod, Zeroable};
@@ -33,6 +37,7 @@ use core::ops::Range;
 use plan::exposure::ExposurePlan;
 use stars::{NodeRecord, Source, SpotRecord, TrackRecord, fill_nodes};
 use std::sync::Arc;
+use whole::WholePass;
 
 /// Widest footprint that is drawn analytically; wider Gaussians come from a table, whose cost per pixel is lower.
 const ANALYTIC_HALF_PX: usize = 15;
@@ -85,6 +90,8 @@ pub struct Gpu {
     stars_a_block: usize,
     nodes: Vec<NodeRecord>,
     tables: PlanTables,
+    whole: WholeImage,
+    whole_pass: WholePass,
     /// The first layers of the texture hold the PSF's own tables.
     bases_are_loaded: bool,
 }
@@ -103,6 +110,8 @@ impl Gpu {
             stars_a_block: MOST_STARS_A_BLOCK,
             nodes: Vec::new(),
             tables: PlanTables::new(ANALYTIC_HALF_PX, Form::Images),
+            whole: WholeImage::new([width_px, height_px]),
+            whole_pass: WholePass::new(&gpu)?,
             bases_are_loaded: false,
             gpu,
         })
@@ -192,6 +201,8 @@ impl Gpu {
         let own = if bases.is_empty() { plan.psf.peak() } else { 0.0 };
         let peak = bases.iter().chain(tables.kernels()).map(largest_coefficient).fold(own, f64::max);
         self.stars.fill(plan, source, peak);
+        self.whole.draw(plan, tables, self.stars.whole());
+        WholePass::add_bounds(&self.whole, self.stars.bounds_mut());
     }
 
     #[allow(clippy::cast_possible_truncation, reason = "a block has fewer than 2^32 stars")]
@@ -214,8 +225,14 @@ impl Gpu {
             let first_track = self.stars.tracks_before(first);
             let params = FrameParams { stars: (end - first) as u32, analytic: analytic as u32, first_track, ..params };
             self.record_block(first..end, &params, slices, &mut encoder)?;
+            let is_last = end == self.stars.len();
+            if is_last {
+                let image = &self.image;
+                let sums = (image.buffer(), [image.width(), image.height()], scale);
+                self.whole_pass.record(&self.gpu, &self.whole, sums, &mut encoder)?;
+            }
             self.gpu.submit(encoder)?;
-            if end == self.stars.len() {
+            if is_last {
                 return Ok(());
             }
             first = end;
