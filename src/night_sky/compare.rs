@@ -1,6 +1,6 @@
 //! One real frame and a camera file -> attitude, fitted camera, drawn frame, figures.
 //!
-//! Detections -> attitude -> the fits ([`crate::fit`]). Then the camera file is written, read again, and drawn: the figures are
+//! Detections -> attitude -> the fits (`fit`). Then the camera file is written, read again, and drawn: the figures are
 //! those of the file.
 
 use crate::camera_text;

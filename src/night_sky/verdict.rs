@@ -11,7 +11,8 @@ pub fn verdict(compared: &[Compared]) -> String {
         let worst = |of: fn(&Comparison) -> f64| compared.iter().map(|one| of(&one.result)).fold(0.0, f64::max);
         let outliers = match compared.iter().map(|one| one.result.outliers).sum::<usize>() {
             0 => String::new(),
-            count => format!(" (both without {count} outliers)"),
+            1 => " (without 1 outlier)".into(),
+            count => format!(" (without {count} outliers)"),
         };
         format!(
             "AGREES: {good} of {good} images: centroids within {:.3} px rms, magnitudes {:.3}{outliers}, noise {:.1} %, energy {:.1} %",

@@ -1,5 +1,5 @@
 //! Reads one image of two axes: the first of the file, in its primary array, in an image extension, or compressed in a table
-//! ([`super::packed`]).
+//! (`packed`).
 //!
 //! Integers of 8, 16 and 32 bits with `BZERO` and `BSCALE`, IEEE floats of 32 and 64 bits. Parts without an image are
 //! skipped. A file that ends early is [`SinkError::DamagedFits`], one of another kind [`SinkError::BadFits`].
