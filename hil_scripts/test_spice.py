@@ -113,6 +113,7 @@ class Spice(unittest.TestCase):
 
     def write_spk(self, kind):
         path = self.folder / f"o{kind}.bsp"
+        path.unlink(missing_ok=True)
         file = spiceypy.spkopn(str(path), "test", 0)
         begin = spiceypy.str2et("2026-02-28T23:50:00")
         epochs = numpy.array([begin + 20.0 * i for i in range(120)])
@@ -181,7 +182,8 @@ class Spice(unittest.TestCase):
             except spiceypy.exceptions.NotFoundError:
                 continue
             wanted = spiceypy.m2q(matrix)
-            self.assertLess(min(abs(got - wanted).max(), abs(got + wanted).max()), 1e-7, row)
+            # The clock's rate changes by 1e-7 within the record.
+            self.assertLess(min(abs(got - wanted).max(), abs(got + wanted).max()), 1e-6, row)
             found += 1
         self.assertGreaterEqual(found, least)
 
@@ -199,7 +201,7 @@ class Spice(unittest.TestCase):
         ranges = "\n".join(f"{i * 655360.0:.1f} {825595269.18 + 10 * i:.2f} 1.0" for i in range(12))
         many = plain[: plain.index("SCLK01_COEFFICIENTS_82")] + "SCLK01_COEFFICIENTS_82 = (\n{}\n)\n\\begintext\n"
         unsorted = ranges.split("\n")
-        unsorted[4] = unsorted[4].replace("2621440.0", "1310720.0")
+        unsorted[4] = unsorted[2]
         forms = {
             "dates": plain.replace("825595269.18", "@2026-MAR-01-00:01:09.18").replace("825595329.18", "@01-MAR-2026-00:02:09.18"),
             "carriage returns": plain.replace("\n", "\r"),

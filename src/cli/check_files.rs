@@ -96,7 +96,6 @@ mod tests {
 
     /// Returns a turn that accelerates evenly, as rows so many seconds apart.
     fn report(step_s: f64, seconds: f64) -> String {
-        let folder = tempfile::tempdir().unwrap();
         let mut rows = String::from("t_s,q_w,q_x,q_y,q_z\n");
         let count = (seconds / step_s) as u32;
         for t_s in (0..=count).map(|i| f64::from(i) * step_s) {
@@ -104,6 +103,12 @@ mod tests {
             let (sin, cos) = (0.5 * 0.5 * 1e-4 * t_s * t_s).sin_cos();
             rows += &format!("{t_s},{cos},0,{},0\n", -sin);
         }
+        report_of(&rows)
+    }
+
+    /// Returns the section about a table.
+    fn report_of(rows: &str) -> String {
+        let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join("x.csv"), rows).unwrap();
         let text = "[plant]\nkind = \"file\"\nattitude = \"x.csv\"\noutside = \"none\"\n";
         let scenario = Scenario::from_document(&Document::from_text(text, &folder.path().join("lab.toml"))).unwrap();
@@ -123,6 +128,17 @@ mod tests {
             assert!(text.contains("slerp") && text.contains("errs by less than"), "{text}");
             assert_eq!(text.contains("accuracy.los_arcsec"), warns, "{part}: {text}");
         }
+    }
+
+    #[test]
+    fn doubts_of_the_reader_are_warnings() {
+        let rows = |skipped: core::ops::Range<i32>| {
+            let kept = (0..60).filter(|t_s| !skipped.contains(t_s)).map(|t_s| format!("{t_s},1,0,0,0\n"));
+            report_of(&format!("t_s,q_w,q_x,q_y,q_z\n{}", kept.collect::<String>()))
+        };
+        let text = rows(20..47);
+        assert!(text.contains("\n  WARNING      rows are missing after row 20 of segment 1"), "{text}");
+        assert!(!rows(0..0).contains("WARNING"), "control: {}", rows(0..0));
     }
 
     #[test]

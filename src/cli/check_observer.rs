@@ -96,6 +96,9 @@ fn table(history: &OrbitHistory) -> String {
     let bound = history.interpolation_error().map_or_else(
         || "too few rows to see how far it errs".to_owned(),
         |[km, km_s]| {
+            if km <= 0.0 && km_s <= 0.0 {
+                return "exact between rows".to_owned();
+            }
             let arcsec = km_s / SPEED_OF_LIGHT_KM_S / ARCSEC;
             format!("errs by less than {km:.1e} km and {km_s:.1e} km/s, {arcsec:.1e} arcsec of aberration")
         },

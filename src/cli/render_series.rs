@@ -4,7 +4,7 @@ use crate::cli::attitude_file::{KernelArgs, attitudes};
 use anyhow::{Context, Result, bail};
 use base::axes::Rotation;
 use base::time::{Span, Tai};
-use histories::{AttitudeHistory, AttitudeMotion, Times};
+use histories::{AttitudeHistory, AttitudeMotion, AttitudeSegment, Times};
 use plan::attitude::LosPath;
 use std::path::{Path, PathBuf};
 
@@ -27,12 +27,8 @@ impl Series {
         let history = attitudes(path, kernels)?;
         let mids_ns: Vec<i64> = match every_s {
             None => {
-                let states = history.segments().iter().flat_map(|segment| segment.states());
-                states
-                    .map(|state| state.t_ns)
-                    .filter(|t_ns| history.at_ns(*t_ns).is_some())
-                    .take(MOST_IMAGES + 1)
-                    .collect()
+                let usable = history.segments().iter().flat_map(AttitudeSegment::usable_states);
+                usable.map(|state| state.t_ns).take(MOST_IMAGES + 1).collect()
             }
             Some(every_s) => {
                 let [first, last] = history.span_ns();
@@ -46,6 +42,9 @@ impl Series {
         }
         for note in &history.notes {
             eprintln!("{}: {note}", path.display());
+        }
+        for warning in &history.warnings {
+            eprintln!("{}: WARNING: {warning}", path.display());
         }
         let zero = if history.times == Times::Absolute { Tai::from_ns(0) } else { zero };
         Ok(Self { history, zero, mids_ns })

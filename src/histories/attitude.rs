@@ -156,6 +156,12 @@ impl AttitudeSegment {
         &self.states
     }
 
+    /// Returns the rows at which it may be used.
+    pub fn usable_states(&self) -> impl Iterator<Item = &AttitudeState> + '_ {
+        let [from, until] = self.usable_ns;
+        self.states.iter().filter(move |state| (from..=until).contains(&state.t_ns))
+    }
+
     /// Returns how it is interpolated.
     #[must_use]
     pub fn method(&self) -> AttitudeInterpolation {
@@ -225,8 +231,7 @@ impl AttitudeHistory {
         Ok(history)
     }
 
-    /// Returns a history of these segments, of which one that is later in the file takes the instants that an earlier one
-    /// has too.
+    /// Returns a history of these segments; an instant that several of them have is that of the last one in the file.
     #[cfg(feature = "spice")]
     pub(crate) fn layered(format: &str, times: Times, segments: &[AttitudeSegment]) -> Result<Self, Unfit> {
         let intervals: Vec<segments::Interval> = segments.iter().map(AttitudeSegment::usable_ns).collect();
@@ -295,10 +300,10 @@ impl AttitudeHistory {
         &self.segments
     }
 
-    /// Returns the number of rows.
+    /// Returns the number of rows at which it may be used.
     #[must_use]
     pub fn rows(&self) -> usize {
-        self.segments.iter().map(|segment| segment.states.len()).sum()
+        self.segments.iter().map(|segment| segment.usable_states().count()).sum()
     }
 
     /// Returns the first and the last usable instant, ns.

@@ -113,7 +113,7 @@ pub(crate) fn compare(steps: &[Step], floor: Floor) -> Option<Comparison> {
             let mean = (step.stated[0] + step.stated[1]) / 2.0;
             found.first = found.first.or(Some((place, [mean, mean + step.beside])));
         }
-        // At the ends the second derivative is that of the next step: less sharp, and taken only where there is no other.
+        // At the ends the second derivative is that of the next step: less sharp, and taken only where it is the only one.
         if bend.is_inside || steps.len() == 2 {
             let errors = [CUBIC_OF_SLOPES * residual * step.s, residual];
             found.errors = core::array::from_fn(|n| found.errors[n].max(errors[n]));

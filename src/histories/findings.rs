@@ -92,7 +92,7 @@ mod tests {
         let words = even(&[7, 8, 9]).unwrap();
         assert!(words.contains("after row 7 of segment 1") && words.contains("4 usual steps of 1 s"), "{words}");
         let uneven = (0..40_i64).map(|i| i * i * i * S);
-        assert_eq!(gaps(1, uneven), None, "steps that grow are no gaps");
+        assert_eq!(gaps(1, uneven), None, "growing steps have no gap");
         assert_eq!(gaps(1, [0, 1, 2, 50].map(|i| i * S).into_iter()), None, "too few rows to see a usual step");
     }
 

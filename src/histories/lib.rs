@@ -19,6 +19,7 @@
 //! | `contradiction`, `findings` | rates and velocities beside differences of rows; gaps, early ends |
 //! | `epoch`, `reference_axes` | time systems; axes, and the frame bias |
 //! | [`attitude`], [`orbit`] | the histories, their interpolation and its error |
+//! | `chebyshev` | series of SPICE kernels |
 //! | `spice` | SPICE kernels: CK and SPK, with their clocks (feature `spice`) |
 //! | [mod@write] | all formats out |
 

@@ -104,7 +104,7 @@ impl<'m> Metadata<'m> {
                 self.refuse(unit, "no such keyword: the units of the message are kilometres, seconds and degrees")
             );
         }
-        Ok(Some(format!("{words} (line {line}) is no keyword of this message: it is not used")))
+        Ok(Some(format!("{words} (line {line}) is a keyword that this message does not have: it is not used")))
     }
 
     /// Reads the optional name and degree of the interpolation, the name in capitals.

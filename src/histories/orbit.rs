@@ -324,8 +324,7 @@ impl OrbitHistory {
         Ok(history)
     }
 
-    /// Returns an orbit of these segments, of which one that is later in the file takes the instants that an earlier one
-    /// has too.
+    /// Returns an orbit of these segments; an instant that several of them have is that of the last one in the file.
     #[cfg(feature = "spice")]
     pub(crate) fn layered(format: &str, centre: Centre, segments: &[OrbitSegment]) -> Result<Self, UnfitOrbit> {
         let intervals: Vec<segments::Interval> = segments.iter().map(|segment| segment.usable_ns).collect();
@@ -383,10 +382,14 @@ impl OrbitHistory {
         &self.segments
     }
 
-    /// Returns the number of rows.
+    /// Returns the number of rows at which it may be used.
     #[must_use]
     pub fn rows(&self) -> usize {
-        self.segments.iter().map(|segment| segment.states.len()).sum()
+        let usable = |segment: &OrbitSegment| {
+            let [from, until] = segment.usable_ns;
+            segment.states.iter().filter(|state| (from..=until).contains(&state.t_ns)).count()
+        };
+        self.segments.iter().map(usable).sum()
     }
 
     /// Returns the first and the last usable instant, ns of TAI.

@@ -90,7 +90,7 @@ impl SpacecraftClock {
         let numbers = |name: &str| {
             let (values, _) = found(name).ok_or_else(|| refuse(name, "no"))?;
             let is_whole = !values.numbers.is_empty() && values.numbers.iter().all(|number| number.is_finite());
-            if is_whole { Ok(values.numbers.as_slice()) } else { Err(refuse(name, "values that are no numbers in")) }
+            if is_whole { Ok(values.numbers.as_slice()) } else { Err(refuse(name, "values that are not numbers in")) }
         };
         let is_one_of = |value: f64, known: &[f64]| known.iter().any(|known| (value - known).abs() < 1e-9);
         if !is_one_of(numbers("SCLK_DATA_TYPE")?[0], &[1.0]) {

@@ -218,6 +218,8 @@ fn the_segment_that_is_later_in_the_file_counts() {
         })
     };
     assert_eq!(angles(&[long.clone(), short.clone()]), [1.0, 2.0, 1.0]);
+    let rows = read(&daf("DAF/CK", &[long.clone(), short.clone()], true), &[SCLK]).unwrap().rows();
+    assert_eq!(rows, 4, "each row once");
     assert_eq!(angles(&[short, long]), [1.0, 1.0, 1.0], "control: the order counts");
     let flight = |x_km: f64, from_s: f64, until_s: f64| -> Segment {
         let mut words = vec![x_km, 0.0, 0.0, 0.0, 0.0, 0.0, x_km, 0.0, 0.0, 0.0, 0.0, 0.0];

@@ -28,7 +28,7 @@ fn a_degree_without_a_method_is_refused() {
 fn keywords_that_a_message_does_not_have_are_named_and_units_refused() {
     let with = |line: &str| AEM_2.replace("META_STOP", &format!("{line}\nMETA_STOP"));
     let warnings = attitudes(&with("COLOUR = blue")).warnings;
-    assert_eq!(warnings, ["COLOUR = blue (line 14) is no keyword of this message: it is not used"]);
+    assert_eq!(warnings, ["COLOUR = blue (line 14) is a keyword that this message does not have: it is not used"]);
     assert!(refused(&with("RATE_UNIT = rad/s"), false).starts_with("x:14: got \"RATE_UNIT = rad/s\""));
     assert!(refused(&oem(3, 60.0).replace("META_STOP", "POSITION_UNIT = m\nMETA_STOP"), true).contains("kilometres"));
     assert_eq!(attitudes(AEM_2).warnings, Vec::<String>::new(), "control");

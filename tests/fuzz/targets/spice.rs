@@ -7,7 +7,7 @@ use histories::spice::{KernelFile, attitudes, orbit};
 use libfuzzer_sys::fuzz_target;
 use starloop_fuzz::{Input, control};
 
-/// Memory for a byte, and beside: a word of coefficients makes eight rows of 56 bytes at most.
+/// Memory for a byte, and beside: an interval of a CK with one row (48 bytes) makes a segment and its part of the time.
 const MEMORY_PER_BYTE: u64 = 400;
 const MEMORY_BESIDE: u64 = 1 << 17;
 /// A clock of instrument -7 and spacecraft -7.
