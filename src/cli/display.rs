@@ -129,7 +129,7 @@ fn show(arguments: &ShowArgs) -> Result<()> {
         }
     }
     display.finish()?;
-    println!("{:?}", display.counts());
+    println!("{}", display.counts());
     Ok(())
 }
 
