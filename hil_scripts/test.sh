@@ -64,7 +64,7 @@ readonly deny="$tools/bin/cargo-deny"
 readonly checks="$target/checks" # of its own: cargo locks a target folder while it compiles
 readonly cargo_deny_version=0.20.2
 
-# What cargo builds, with which profile: the whole as a release; the quick form in less time, with the same bits, and without
+# The selection and the profile for cargo: the whole as a release; the quick form in less time, with the same bits, and without
 # the features that take long to build.
 selection=(--workspace --all-features)
 profile=release

@@ -1,4 +1,4 @@
-//! What a build lacks is said with the line that installs it, and the documents name every feature.
+//! A missing feature is reported with the line that installs it, and the documents name every feature.
 
 use crate::source::{files, root};
 use std::collections::BTreeSet;

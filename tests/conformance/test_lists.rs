@@ -54,7 +54,7 @@ fn breaches(list: &str, existing: &BTreeSet<(String, String)>) -> Vec<String> {
     for ((kind, name), form, has_reason) in &rows {
         let key = ((*kind).to_owned(), (*name).to_owned());
         if !existing.contains(&key) {
-            found.push(format!("{kind} {name}: there is no such test"));
+            found.push(format!("{kind} {name}: such a test does not exist"));
         }
         if !seen.insert(key) {
             found.push(format!("{kind} {name}: listed twice"));
