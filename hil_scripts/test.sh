@@ -1,45 +1,60 @@
 #!/usr/bin/env bash
-# Every check of the project, in order, timed; works from a clean clone on a Debian machine with Rust installed.
+# The checks of the project, in order, timed; works from a clean clone on a Debian machine with Rust installed.
 #
-#   hil_scripts/test.sh [--no-vcan]
+#   hil_scripts/test.sh                   the quick form: what continuous integration runs for each change
+#   hil_scripts/test.sh --full            everything: every night, and before a release
+#   hil_scripts/test.sh --full --no-vcan  without what needs a kernel with CAN, where user-mode Linux cannot be started
 #
-# Installs what is missing of the software Vulkan driver, of user-mode Linux (a kernel with CAN, run as a program), of
-# other people's programs that read what starloop sends (can-utils, tshark, Aravis, GStreamer, Siril, a browser, an X
-# server), of further compilers for the C kit (clang, GCC for Cortex-M), and a linker and Python's venv if there are none
-# (apt, as root or through sudo), and says so; with these present it needs neither apt nor root. What the Python scripts need comes from PyPI into target/python and is kept
-# there. All steps run, also after one has failed; the last line counts the tests.
+# hil_scripts/tests.txt says which test is in which form, and why. The full form adds to the quick one: all features, all
+# lints, the documentation, fuzzing, the rules for dependencies, GPU tests on a software Vulkan driver, other compilers for
+# the C kit, and other people's programs and clients.
 #
-#   --no-vcan                leave out what needs a kernel with CAN, where user-mode Linux cannot be started
+# Installs what is missing of Debian packages (apt, as root or through sudo), and says so; with these present it needs neither
+# apt nor root. The Python scripts' packages come from PyPI into target/pythons and are kept there. All steps run, also after
+# one has failed; at the end comes where the time went, and a count of the tests.
+#
 #   STARLOOP_ALLOW_SKIPS=n   accept n skipped tests (default 0), for a machine without Vulkan
 #   CARGO_TARGET_DIR         where to build (default target/)
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
+form=quick
 no_vcan=
 for argument in "$@"; do
     case $argument in
+    --full) form=full ;;
     --no-vcan) no_vcan=1 ;;
     *)
-        echo "test.sh: got \"$argument\", wanted --no-vcan or nothing" >&2
+        echo "test.sh: got \"$argument\", wanted --full, --no-vcan or nothing" >&2
         exit 2
         ;;
     esac
 done
-readonly no_vcan
+readonly form no_vcan
+# Tests that take a number of random cases take fewer in the quick form.
+export STARLOOP_TESTS=$form
 
-packages=(mesa-vulkan-drivers libvulkan1)             # software Vulkan, for the GPU tests
+is_full() { [[ $form == full ]]; }
+
+# The names of one kind of tests that this form runs, from hil_scripts/tests.txt.
+listed() { awk -v kind="$1" -v form="$form" '$1 == kind && (form == "full" || $3 ~ /^quick/) { print $2 }' hil_scripts/tests.txt; }
+
+packages=(tshark can-utils curl)                      # other people's readers of captures; a client of the live view
+packages+=(aravis-tools-cli gir1.2-aravis-0.8 python3-gi python3-numpy) # clients of network cameras
+python3 -c 'import ensurepip, venv' 2>/dev/null || packages+=(python3-venv) # for the scripts' packages
 command -v cc >/dev/null || packages+=(gcc libc6-dev) # the linker that Rust calls, and the C kit's compiler
-command -v c++ >/dev/null || packages+=(g++)          # the fuzzer's runtime
-packages+=(clang gcc-arm-none-eabi libnewlib-arm-none-eabi) # the C kit under other compilers
-packages+=(can-utils tshark curl)                     # other people's readers of captures; a client of the live view
-packages+=(aravis-tools-cli gir1.2-aravis-0.8 python3-gi python3-numpy gstreamer1.0-tools) # clients of network cameras
-packages+=(netcat-openbsd)                            # a client of star trackers
-packages+=(linuxptp)                                  # the PTP clock whose state the network camera reports
-packages+=(debootstrap systemd zsh fish)              # a bare Debian for the packages; what checks their unit and completions
-packages+=(openjdk-17-jre-headless)                  # Orekit, another reader of attitudes and orbits
-packages+=(xvfb xdotool evilwm twm x11-xserver-utils libxkbcommon-x11-0 chromium siril)    # screens without a monitor, a browser, a reader of SER files
-[[ -n $no_vcan ]] || packages+=(user-mode-linux iproute2 kmod) # SocketCAN without CAN in this kernel
-python3 -c 'import ensurepip, venv' 2>/dev/null || packages+=(python3-venv) # for campaigns
+if is_full; then
+    packages+=(mesa-vulkan-drivers libvulkan1)        # software Vulkan, for the GPU tests
+    command -v c++ >/dev/null || packages+=(g++)      # the fuzzer's runtime
+    packages+=(clang gcc-arm-none-eabi libnewlib-arm-none-eabi) # the C kit under other compilers
+    packages+=(gstreamer1.0-tools)                    # a client of network cameras
+    packages+=(netcat-openbsd)                        # a client of star trackers
+    packages+=(linuxptp)                              # the PTP clock whose state the network camera reports
+    packages+=(debootstrap systemd zsh fish)          # a bare Debian for the packages; what checks their unit and completions
+    packages+=(openjdk-17-jre-headless)               # Orekit, another reader of attitudes and orbits
+    packages+=(xvfb xdotool evilwm twm x11-xserver-utils libxkbcommon-x11-0 chromium siril) # screens without a monitor, a browser, a reader of SER files
+    [[ -n $no_vcan ]] || packages+=(user-mode-linux iproute2 kmod) # SocketCAN without CAN in this kernel
+fi
 readonly allowed_skips="${STARLOOP_ALLOW_SKIPS:-0}"
 readonly target="${CARGO_TARGET_DIR:-target}"
 readonly log="$target/test.log"
@@ -48,6 +63,21 @@ readonly tools="$target/tools"
 readonly deny="$tools/bin/cargo-deny"
 readonly checks="$target/checks" # of its own: cargo locks a target folder while it compiles
 readonly cargo_deny_version=0.20.2
+
+# The selection and the profile for cargo: the whole as a release; the quick form in less time, with the same bits, and without
+# the features that take long to build.
+selection=(--workspace --all-features)
+profile=release
+tests=(--lib --bins --tests)
+if ! is_full; then
+    profile=quick
+    selection=(--workspace --features starloop/data_sets,starloop/hats,starloop/parquet,starloop/spice --exclude starloop_python)
+    while read -r name; do selection+=(--exclude "$name"); done < <(awk '$1 == "crate" && $3 == "full" { print $2 }' hil_scripts/tests.txt)
+    tests=(--lib --bins)
+    while read -r name; do tests+=(--test "$name"); done < <(listed binary)
+fi
+readonly selection profile tests
+readonly program="$target/$profile/starloop"
 
 step_names=()
 step_seconds=()
@@ -106,47 +136,80 @@ read_locks() {
     done
 }
 
-# One build has all there is: what is off by default is tested too.
+# As most people build it: without what is off by default. In the full form with everything there is and all tests, and the
+# smaller build only compiles.
 lint() {
-    CARGO_TARGET_DIR="$checks" cargo clippy --locked --workspace --all-features --all-targets --release -- -D warnings
-    # As most people build it: without what is off by default.
-    CARGO_TARGET_DIR="$checks" cargo clippy --locked --workspace --release --lib --bins -- -D warnings
+    if is_full; then
+        CARGO_TARGET_DIR="$checks" cargo clippy --locked --workspace --all-features --all-targets --release -- -D warnings
+        CARGO_TARGET_DIR="$checks" cargo check --locked --workspace --release --lib --bins
+    else
+        # The same folder as the tests, for the macros and build scripts that they share: it is locked until the tests run.
+        until grep -q '^ *Running' "$log" 2>/dev/null || [[ -e $log.ended ]]; do sleep 1; done
+        cargo clippy --locked --workspace --profile "$profile" --lib --bins -- -D warnings
+    fi
 }
 
-# The tests, and then what no test is linked with: the module of the Python package. With the tests named again, the features of
-# dependencies stay the same, and nothing is built twice.
+# The tests, and then what no test is linked with: the module of the Python package, the camera that clients read. With the
+# tests named again, the features of dependencies stay the same, and nothing is built twice.
 build() {
-    cargo test --locked --workspace --all-features --release --no-run
-    cargo build --locked --workspace --all-features --release --lib --bins --tests
+    cargo test --locked "${selection[@]}" "${tests[@]}" --profile "$profile" --no-run
+    cargo build --locked "${selection[@]}" "${tests[@]}" --profile "$profile" --example camera_feed
 }
 
 # The whole output goes to the log; the terminal gets its course and what went wrong.
 run_tests() {
-    if has_vulkan; then
-        export STARLOOP_REQUIRE_GPU=1
-    else
-        echo "no Vulkan driver: GPU tests will be skipped"
+    local status=0 times='target."cfg(unix)".runner=["env","RUSTC_BOOTSTRAP=1"]'
+    if is_full; then
+        if has_vulkan; then
+            export STARLOOP_REQUIRE_GPU=1
+        else
+            echo "no Vulkan driver: GPU tests will be skipped"
+        fi
     fi
-    cargo test --locked --workspace --all-features --release --no-fail-fast -- --show-output 2>&1 | tee "$log" |
-        { grep -E '^ +(Running|Doc-tests)|^test result|^SKIPPED:|FAILED' || true; }
+    # libtest prints the seconds of each test to those who ask as a nightly compiler would.
+    cargo test --locked "${selection[@]}" "${tests[@]}" --profile "$profile" --no-fail-fast --config "$times" -- \
+        --show-output -Z unstable-options --report-time 2>&1 | tee "$log" | course || status=1
+    touch "$log.ended"
+    is_full || return $status
+    cargo test --locked "${selection[@]}" --doc --profile "$profile" --no-fail-fast 2>&1 | tee -a "$log" | course || status=1
+    return $status
 }
 
-# Python packages of the scripts, from PyPI, in an environment of its own; created again when the list has changed.
-python_environment() {
-    local lists=() list
+# The lines of cargo's tests that a terminal needs.
+course() { grep -E '^ +(Running|Doc-tests)|^test result|^SKIPPED:|FAILED' || true; }
+
+# The lists of Python packages that this form needs, from PyPI.
+requirements() {
+    local list
     for list in hil_scripts/requirements*.txt; do
+        case $list in
         # The other programs of the benchmark have an environment of their own: hundreds of megabytes.
-        [[ $list == *_peers.txt ]] || lists+=("$list")
+        *_peers.txt) ;;
+        # Other people's readers and simulators: for scripts of the full form.
+        *_data_sets.txt | *_interop.txt) is_full && echo "$list" ;;
+        *) echo "$list" ;;
+        esac
     done
-    if cat "${lists[@]}" | cmp -s - "$python/requirements.txt" && "$python/bin/python" -c ''; then
-        echo "$python has it all"
-        return
+}
+
+# An environment for each content of the lists, so that two forms or two branches do not build it in turn; `$python` is a
+# link to this form's.
+python_environment() {
+    local lists hash folder
+    mapfile -t lists < <(requirements)
+    hash=$(cat "${lists[@]}" <(python3 --version) | sha256sum | cut -c 1-12)
+    folder="$(realpath -m "$target")/pythons/$hash"
+    # It is whole when its mark is there, which comes last.
+    if [[ -e $folder/whole ]] && "$folder/bin/python" -c ''; then
+        echo "$folder has it all"
+    else
+        rm -rf "$folder"
+        python3 -m venv "$folder"
+        "$folder/bin/python" -m pip install -q --disable-pip-version-check "${lists[@]/#/--requirement=}"
+        touch "$folder/whole"
     fi
-    rm -rf "$python"
-    python3 -m venv "$python"
-    "$python/bin/python" -m pip install -q --disable-pip-version-check "${lists[@]/#/--requirement=}"
-    # The lists come last: without them the environment is not whole.
-    cat "${lists[@]}" >"$python/requirements.txt"
+    [[ -L $python ]] || rm -rf "$python"
+    ln -sfn "$folder" "$python"
 }
 
 # It is fetched while others compile: `$python.log` has what it says, `$python.status` how it ended.
@@ -191,30 +254,34 @@ readonly script_limit_s=600
 
 # One script against the program: its output and exit status into files, its seconds behind them.
 run_python_script() {
-    local script=$1 folder=$2 name begin=$SECONDS status=0
+    local script=$1 folder=$2 name begin=$SECONDS status=0 parts=()
     name=$(basename "$script")
-    STARLOOP_NO_VCAN="$no_vcan" STARLOOP_BINARY="$(realpath "$target/release/starloop")" \
+    # In the quick form some scripts run in part.
+    is_full || mapfile -t parts < <(awk -v name="$name" '$2 == name && sub(/^quick:/, "", $3) { gsub(",", "\n", $3); print $3 }' hil_scripts/tests.txt)
+    STARLOOP_NO_VCAN="$no_vcan" STARLOOP_BINARY="$(realpath "$program")" \
         timeout --signal=ABRT --kill-after=30 "$script_limit_s" \
-        "$python/bin/python" -X faulthandler "$script" >"$folder/$name.output" 2>&1 </dev/null || status=$?
+        "$python/bin/python" -X faulthandler "$script" "${parts[@]}" >"$folder/$name.output" 2>&1 </dev/null || status=$?
     [[ $((SECONDS - begin)) -lt $script_limit_s ]] || echo "$name took more than $script_limit_s s and was ended" >>"$folder/$name.output"
     echo "$status $((SECONDS - begin))" >"$folder/$name.status"
     echo "     Running $script ($((SECONDS - begin)) s, exit status $status)"
 }
 
-# The scripts against the program: client, campaigns on a cluster of two workers, gateways, flights, the kit, cameras on
-# the network, displays, recorders, the live view, and CAN in user-mode Linux. Two at a time: most of them wait for a real
+# The scripts of this form against the program. Two at a time: most of them wait for a real
 # clock. A script that fails beside another one is run again alone, and that run counts.
 run_python_tests() {
-    local folder script name result seconds status=0
+    local folder scripts script name result seconds status=0
     folder=$(mktemp -d)
+    mapfile -t scripts < <(listed script)
+    scripts=("${scripts[@]/#/hil_scripts/}")
+    : >"$log.scripts"
     # shellcheck disable=SC2064  # expanded now: the variable is gone when the subshell exits
     trap "rm -rf '$folder'" EXIT
-    for script in hil_scripts/test_*.py; do
+    for script in "${scripts[@]}"; do
         while [[ $(jobs -rp | wc -l) -ge 2 ]]; do wait -n; done
         run_python_script "$script" "$folder" &
     done
     wait
-    for script in hil_scripts/test_*.py; do
+    for script in "${scripts[@]}"; do
         name=$(basename "$script")
         read -r result seconds <"$folder/$name.status"
         if [[ $result -ne 0 ]]; then
@@ -225,6 +292,7 @@ run_python_tests() {
             [[ $result -eq 0 ]] || { status=1 && cat "$folder/$name.output"; }
         fi
         echo "     Result of $script ($seconds s)"
+        echo "$seconds $script" >>"$log.scripts"
         cat "$folder/$name.output" >>"$log"
         as_libtest <"$folder/$name.output" | tee -a "$log"
     done
@@ -256,7 +324,7 @@ run_without_gpu() {
     # shellcheck disable=SC2064  # expanded now: the variable is gone when the subshell exits
     trap "rm -rf '$folder'" EXIT
     VK_DRIVER_FILES=/nonexistent VK_ICD_FILENAMES=/nonexistent VK_LOADER_DRIVERS_DISABLE='*' \
-        "$target/release/starloop" run --clock virtual --duration 1 --out "$folder/run" 2>&1 | tee "$folder/output"
+        "$program" run --clock virtual --duration 1 --out "$folder/run" 2>&1 | tee "$folder/output"
     grep -qi 'cpu' "$folder/output" || {
         echo "no line says that the CPU renders"
         return 1
@@ -336,7 +404,9 @@ step() {
 # --- beside the tests ------------------------------------------------------------------------------------------------
 
 # Many tests wait for a clock. Meanwhile compilers run at idle priority, which gives way to any test at once.
-readonly beside_functions=(lint document build_fuzz_targets install_cargo_deny)
+beside_functions=(lint)
+is_full && beside_functions+=(document build_fuzz_targets install_cargo_deny)
+readonly beside_functions
 
 # For each function: `$checks/NAME.log` has its output, `$checks/NAME.status` its exit status.
 begin_beside() {
@@ -388,7 +458,15 @@ print_table() {
     for i in "${!step_names[@]}"; do
         printf '%-28s %6d s  %s\n' "${step_names[i]}" "${step_seconds[i]}" "${step_results[i]}"
     done
-    printf '%-28s %6d s\n\n' total "$SECONDS"
+    printf '%-28s %6d s\n' total "$SECONDS"
+}
+
+# Where the time of the tests went: the ten slowest of each kind.
+print_slowest() {
+    say "slowest tests, s (several run at a time)"
+    sed -nE 's/^test (.*) \.\.\. .*<([0-9.]+)s>$/\2 \1/p' "$log" 2>/dev/null | sort -rn | awk 'NR <= 10 { printf "%9.1f  %s\n", $1, $2 }'
+    say "slowest scripts, s (two run at a time)"
+    sort -rn "$log.scripts" 2>/dev/null | awk 'NR <= 10 { printf "%9d  %s\n", $1, $2 }'
 }
 
 main() {
@@ -397,7 +475,7 @@ main() {
         exit 1
     }
     mkdir -p "$target"
-    rm -f "$log"
+    rm -f "$log" "$log.scripts" "$log.ended"
     trap end_beside EXIT
     step "system packages" install_missing
     begin_python_environment
@@ -409,16 +487,22 @@ main() {
     step "tests" run_tests
     step "python tests" run_python_tests
     step "cargo clippy" await_lint
-    step "cargo doc" await_document
-    step "build of fuzz targets" await_fuzz_targets
-    step "fuzz targets" fuzz
+    if is_full; then
+        step "cargo doc" await_document
+        step "build of fuzz targets" await_fuzz_targets
+        step "fuzz targets" fuzz
+    fi
     step "no unexpected skip" skips_are_expected
     step "run without a GPU" run_without_gpu
-    step "build of cargo-deny" await_cargo_deny
-    step "dependencies" check_dependencies
+    if is_full; then
+        step "build of cargo-deny" await_cargo_deny
+        step "dependencies" check_dependencies
+    fi
     print_failures
     print_table
-    echo "$(count_results passed) passed, $(count_results failed) failed, $(count_skipped) skipped"
+    print_slowest
+    echo
+    echo "$form form: $(count_results passed) passed, $(count_results failed) failed, $(count_skipped) skipped"
     [[ $failed_steps -eq 0 ]]
 }
 

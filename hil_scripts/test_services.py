@@ -194,7 +194,7 @@ class Gateways(unittest.TestCase):
         self.assertLess(max(errors), LIMIT_ARCSEC)
         self.assertRegex(text, r"session_run 1\b")
         self.assertNotIn("session_halt", text)
-        self.assertEqual(len(re.findall(r"refused [1-9]\d* times: http_request", text)), 2, "counted by both gateways")
+        self.assertEqual(len(re.findall(r"refused [1-9]\d* times: http request", text)), 2, "counted by both gateways")
 
     def test_the_same_body_without_the_head_of_a_request_is_obeyed(self):
         for gateway, body in bodies().items():

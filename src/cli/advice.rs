@@ -1,7 +1,7 @@
 //! Command lines that cannot be read: the parser's message, and below it what to type instead.
 
 use crate::cli::EXIT_USAGE;
-use crate::cli::degrees::degrees_of_hours;
+use crate::cli::degrees::degrees_of_sexagesimal;
 use base::streams;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{ArgAction, Command, FromArgMatches};
@@ -101,7 +101,8 @@ fn advice(error: &clap::Error) -> Option<String> {
 }
 
 fn advice_for_number(option: &str, given: &str) -> Option<String> {
-    if let Some(degrees) = degrees_of_hours(given).filter(|_| option.contains("DEG")) {
+    let degrees = degrees_of_sexagesimal(given, option.starts_with("--ra "));
+    if let Some(degrees) = degrees.filter(|_| option.contains("DEG")) {
         return Some(format!("Angles are decimal degrees: {given} is {degrees}."));
     }
     let point = given.replace(',', ".");
@@ -124,6 +125,8 @@ mod tests {
         duration: Option<f64>,
         #[arg(long, value_name = "DEG")]
         ra: Option<f64>,
+        #[arg(long, value_name = "DEG", allow_hyphen_values = true)]
+        dec: Option<f64>,
         #[arg(long)]
         seed: Option<u64>,
         #[arg(long, value_delimiter = ',')]
@@ -165,6 +168,8 @@ mod tests {
     fn advice_names_what_works() {
         let of = |words: &[&str]| refused(words).1.unwrap_or_else(|| "none".into());
         assert_eq!(of(&["--ra", "5h30m"]), "Angles are decimal degrees: 5h30m is 82.5.");
+        assert_eq!(of(&["--ra", "5:35:00"]), "Angles are decimal degrees: 5:35:00 is 83.75.");
+        assert_eq!(of(&["--dec", "-1:12:00"]), "Angles are decimal degrees: -1:12:00 is -1.2.");
         assert!(of(&["--duration", "10s"]).contains("such as 10;"), "{}", of(&["--duration", "10s"]));
         assert_eq!(of(&["--duration", "0,5"]), "Decimals have a point: 0.5");
         assert!(of(&["a file", "--at", "0.1", "0.2"]).contains("commas"));

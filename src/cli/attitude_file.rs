@@ -51,7 +51,8 @@ fn of_kernel(path: &Path, kernels: &KernelArgs) -> Result<AttitudeHistory> {
 #[cfg(not(feature = "spice"))]
 fn of_kernel(path: &Path, _kernels: &KernelArgs) -> Result<AttitudeHistory> {
     bail!(
-        "{}: a SPICE kernel; this build reads none: build with --features spice, or convert it to AEM",
+        "{}: a SPICE kernel; this build reads none: install one that does with \
+         `cargo install --locked --path . --features spice`, or convert it to AEM",
         path.display()
     )
 }

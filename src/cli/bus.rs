@@ -209,7 +209,7 @@ fn sentence(counters: &GatewayCounters) -> String {
         text += &format!("; {count} {what}");
     }
     for (reason, count) in &counters.rejects {
-        text += &format!("; {count} times {reason}");
+        text += &format!("; {count} times {}", reason.replace('_', " "));
     }
     text
 }

@@ -43,7 +43,7 @@ enum Action {
     Import(ImportArgs),
     /// Make layers of stars that are not real, in the numbers of the real sky: for benches and deep scenes
     Synthesize(SynthesizeArgs),
-    /// Write layers as a HATS catalog: Parquet files partitioned by HEALPix (in a build with --features hats)
+    /// Write layers as a HATS catalog: Parquet files partitioned by HEALPix (in a build with the feature hats)
     Export(ExportArgs),
     /// Read packed catalogs and layers to their end and hold every part against its checksum
     Verify(VerifyArgs),

@@ -25,7 +25,7 @@ const MIB: usize = 1 << 20;
     pmra, pmdec, parallax, phot_g_mean_mag, and bp_rp or phot_bp_mean_mag and phot_rp_mean_mag, and ref_epoch where there is one; --column says where a \
     file has another name, or that it has none. Stars of --bright are matched with theirs by place \
     and magnitude: none comes twice.\n\nA build with \
-    --features hats reads Parquet files of the same columns too, and HATS catalogs (folders with \
+    the feature hats reads Parquet files of the same columns too, and HATS catalogs (folders with \
     hats.properties, as hats-import makes them): each partition is there and listed, has the rows it should, and they lie \
     in its pixel, or the import ends. The catalog says what its columns of right ascension and declination are \
     called.\n\nAn import that was cut short goes on after its last whole file, or partition, when it is started again \

@@ -21,7 +21,7 @@ use clap::Args;
 use config::{Backend, Bench, Document, Event, Plant, Scenario, Setting, StartTime};
 use core::fmt::Write;
 use image::detector::cost::effect_costs;
-use run::runtime::{Imager, RunParams};
+use run::runtime::{DeadlinePolicy, Imager, RunParams};
 use run::wiring::bench_parts;
 use run::wiring::display_parts::take_display;
 use run::wiring::memory::{RunForm, RunMemory};
@@ -169,8 +169,11 @@ fn describe(
     };
     writeln!(
         text,
-        "  frames       {} at {} Hz, exposure {} s, due {due}, policy for late ones: {:?}",
-        params.frames, bench.timing.frame_rate_hz, exposed.exposure_s, params.deadline_policy
+        "  frames       {} at {} Hz, exposure {} s, due {due}, late ones {}",
+        params.frames,
+        bench.timing.frame_rate_hz,
+        exposed.exposure_s,
+        late_frames(params.deadline_policy)
     )?;
     writeln!(text, "  backend      {} ({})", imager.name(), imager.description())?;
     if let Some(note) = imager.note() {
@@ -290,6 +293,15 @@ fn plans(
         }
     }
     Ok(())
+}
+
+/// Returns what happens to frames that are not ready in time, in words.
+fn late_frames(policy: DeadlinePolicy) -> &'static str {
+    match policy {
+        DeadlinePolicy::Hold => "are replaced by the one before",
+        DeadlinePolicy::Drop => "are not sent",
+        DeadlinePolicy::Late => "are sent late",
+    }
 }
 
 #[cfg(test)]

@@ -130,7 +130,7 @@ fn show(arguments: &ShowArgs) -> Result<()> {
         }
     }
     display.finish()?;
-    println!("{:?}", display.counts());
+    println!("{}", display.counts());
     Ok(())
 }
 

@@ -2,11 +2,13 @@
 
 use crate::cli::doctor_finding::Finding;
 use image::gpu::GpuDevice;
+use outputs::display::DisplayError;
 
 const ADVICE_NO_GPU: &str =
     "install a Vulkan driver of the card (mesa-vulkan-drivers for AMD and Intel); until then the CPU draws";
 const ADVICE_SOFTWARE: &str =
     "a card with a Vulkan driver; until then the CPU draws, which is faster than Vulkan in software";
+const ADVICE_NOT_BUILT: &str = "install one with `cargo install --locked --path . --features display`; only displays in front of a tracker need it";
 const ADVICE_DISPLAY: &str =
     "set DISPLAY to an X server, or log in at a desktop; only displays in front of a tracker need it";
 
@@ -39,6 +41,7 @@ fn display() -> Finding {
             Finding::ready(NAME, monitors.iter().map(ToString::to_string).collect::<Vec<_>>().join(", "))
         }
         Ok(_) => Finding::missing(NAME, "an X server without a monitor", ADVICE_DISPLAY),
+        Err(DisplayError::NotBuilt) => Finding::missing(NAME, "not in this build", ADVICE_NOT_BUILT),
         Err(error) => Finding::missing(NAME, error.to_string(), ADVICE_DISPLAY),
     }
 }

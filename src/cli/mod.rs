@@ -170,7 +170,7 @@ enum Command {
     Check(check::CheckArgs),
     /// Measure what frames cost on this machine, for runs on the real clock and `check`; calibrate a display
     Calibrate(calibrate::CalibrateArgs),
-    /// List this machine's monitors, or show images on one (in a build with --features display)
+    /// List this machine's monitors, or show images on one (in a build with the feature display)
     Display(display::DisplayArgs),
     /// Host a simulated CAN bus that programs join over slcan (TCP, PTY) and socketcand
     Bus(bus::BusArgs),

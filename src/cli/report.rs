@@ -224,7 +224,8 @@ pub(super) fn write(parts: &Parts, writing: &Writing<'_>) -> Result<u8> {
 }
 
 fn save(path: &Path, text: &str) -> Result<()> {
-    write_file_atomically(path, |out| out.write_all(text.as_bytes())).with_context(|| path.display().to_string())?;
+    // The error names the file.
+    write_file_atomically(path, |out| out.write_all(text.as_bytes()))?;
     Ok(())
 }
 

@@ -16,5 +16,8 @@ pub struct DataSetArgs {
 /// # Errors
 /// Always.
 pub fn run(_: &DataSetArgs) -> Result<u8> {
-    bail!("dataset: this program was built without data sets; build it with --features data_sets")
+    bail!(
+        "dataset: this program was built without data sets; install one with \
+         `cargo install --locked --path . --features data_sets`"
+    )
 }

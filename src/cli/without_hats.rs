@@ -33,7 +33,8 @@ pub(super) fn export(_: &[Layer], folder: &Path, _: (&str, usize), _: &mut dyn F
 
 fn missing(path: &Path) -> Error {
     anyhow!(
-        "{}: this program was built without HATS catalogs and Parquet files; build it with --features hats",
+        "{}: this program was built without HATS catalogs and Parquet files; install one with \
+         `cargo install --locked --path . --features hats`",
         path.display()
     )
 }

@@ -87,7 +87,7 @@ impl Kernels<'_> {
 
     fn refused(&self, check: &Checker<'_>) -> ConfigError {
         let wanted = "another format: this build lacks SPICE";
-        let advice = "build with --features spice, or convert it to AEM or OEM";
+        let advice = "install one with `cargo install --locked --path . --features spice`, or convert it to AEM or OEM";
         check.invalid(&self.file.key(), "a SPICE kernel", wanted, advice)
     }
 }

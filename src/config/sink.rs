@@ -271,7 +271,7 @@ fn read_kind(kind: Kind, table: &SinkTable<'_>, check: &mut Checker<'_>) -> Resu
         Kind::Display => {
             let keys: DisplayKeys = table.read("display", check)?;
             if !cfg!(feature = "display") {
-                let advice = "build with `cargo build --release --features display`";
+                let advice = "install one with `cargo install --locked --path . --features display`";
                 return Err(not_built(table, "display", advice, check));
             }
             DisplaySettings::check(&keys, table.image_px, check).map(|settings| Sink::Display(Box::new(settings)))
@@ -305,7 +305,8 @@ fn shared_memory(table: &SinkTable<'_>, check: &mut Checker<'_>) -> Result<Sink,
 fn iceoryx(table: &SinkTable<'_>, check: &mut Checker<'_>) -> Result<Sink, ConfigError> {
     let keys: IceoryxKeys = table.read("iceoryx2", check)?;
     if !cfg!(feature = "iceoryx2") {
-        let advice = "build with `cargo build --release --features iceoryx2`, or use kind = \"shared_memory\"";
+        let advice = "install one with `cargo install --locked --path . --features iceoryx2`, or use kind = \
+                      \"shared_memory\"";
         return Err(not_built(table, "iceoryx2", advice, check));
     }
     let service = keys.service().or(format!("starloop/{}", table.bench)).check(check)?;

@@ -81,7 +81,8 @@ fn parquet_text(path: &Path) -> Result<String, HistoryError> {
 
 #[cfg(not(feature = "parquet"))]
 fn parquet_text(path: &Path) -> Result<String, HistoryError> {
-    let why = "a Parquet file; wanted a build with `--features parquet`, or the table as CSV";
+    let why = "a Parquet file, which this build does not read: install one that does with \
+               `cargo install --locked --path . --features parquet`, or give the table as CSV";
     Err(HistoryError { file: path.display().to_string(), line: None, why: why.into() })
 }
 

@@ -1,7 +1,7 @@
 //! HEALPix in the nested numbering: a direction -> its cell; a cell -> its points and its neighbours.
 //!
 //! Gorski et al. 2005, ApJ 622, 759; Calabretta & Roukema 2007, MNRAS 381, 865. The sphere is projected to a plane, x 0 to 8
-//! eastward (pi/4 of longitude each), y -2 to 2 northward, where the twelve base cells are squares that stand on a corner.
+//! eastward (pi/4 of longitude each), y -2 to 2 northward, where the twelve base cells are squares on a corner.
 //! A base cell of order k has 2^k by 2^k cells: i counts from its southern corner towards the eastern one, j towards the
 //! western one, and a cell's number is that of its base cell and, below, the bits of i and j in turn.
 //!

@@ -19,6 +19,8 @@ fn library() -> PathBuf {
         .arg("--target-dir")
         .arg(&target)
         .env_remove("CARGO_BUILD_TARGET")
+        // The test command sets it, so that libtest prints times.
+        .env_remove("RUSTC_BOOTSTRAP")
         .output()
         .unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));

@@ -1,6 +1,7 @@
 //! Frames that the gateways of a run forwarded, lost and refused: rows of the run summary, and their lines in its
 //! table.
 
+use crate::report::plain_names::plain_names;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -45,7 +46,8 @@ impl GatewayRow {
         if self.withheld > 0 {
             lines.push(format!("  {} FD frames withheld", self.withheld));
         }
-        lines.extend(self.rejects.iter().map(|(reason, count)| format!("  refused {count} times: {reason}")));
+        let rejects = plain_names(&self.rejects);
+        lines.extend(rejects.iter().map(|(reason, count)| format!("  refused {count} times: {reason}")));
         lines
     }
 }

@@ -22,6 +22,7 @@ pub mod junit;
 pub mod losses;
 pub mod machine;
 pub mod newest_events;
+mod plain_names;
 pub mod plot;
 pub mod progress;
 pub mod progress_numbers;

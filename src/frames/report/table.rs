@@ -2,6 +2,7 @@
 
 use crate::report::gateway_row::HEADINGS;
 use crate::report::histogram::Quantiles;
+use crate::report::plain_names::plain_names;
 use crate::report::sink_row::SinkRow;
 use crate::report::stages::Stage;
 use crate::report::summary::RunSummary;
@@ -175,7 +176,7 @@ fn push_counts(lines: &mut Vec<String>, s: &RunSummary) {
         ("missed, slots", joined(&s.misses)),
         ("faults, frames", joined(&s.faults)),
         ("link", joined(&s.link.counters)),
-        ("link rejects", joined(&s.link.rejects)),
+        ("link rejects", joined(&plain_names(&s.link.rejects))),
         ("events", joined(&s.event_counts)),
     ];
     lines.push(String::new());
@@ -231,9 +232,10 @@ fn push_events(lines: &mut Vec<String>, s: &RunSummary) {
     }
     lines.push(String::new());
     lines.push(format!("last {} events", s.last_events.len()));
+    let width = s.last_events.iter().map(|event| event.kind.len()).max().unwrap_or(0);
     for event in &s.last_events {
         let frame = event.frame.map_or_else(|| "-".into(), |n| n.to_string());
-        lines.push(format!("  {}  frame {frame:>6}  {:<14}{}", event.at_utc, event.kind, event.detail));
+        lines.push(format!("  {}  frame {frame:>6}  {:<width$} {}", event.at_utc, event.kind, event.detail));
     }
 }
 
@@ -281,6 +283,25 @@ mod tests {
             assert_eq!(end(heading, name), end(render, value), "{name}\n{heading}\n{render}");
         }
         assert_ne!(end(heading, "p99 ms"), end(render, "1.500"), "the comparison can fail");
+    }
+
+    #[test]
+    fn events_have_a_blank_behind_the_longest_name() {
+        let mut summary = sample_summary();
+        let mut event = summary.last_events[0].clone();
+        event.kind = "attitude_missing".into();
+        event.detail = "531.110 ms".into();
+        summary.last_events.push(event);
+        let text = summary_table(&summary);
+        assert!(text.contains("  attitude_missing 531.110 ms"), "{text}");
+    }
+
+    #[test]
+    fn reasons_of_refused_messages_are_plain_words() {
+        let mut summary = sample_summary();
+        summary.link.rejects = [("BadFraming".to_owned(), 2), ("future_time".to_owned(), 5)].into();
+        let text = summary_table(&summary);
+        assert!(line_of(&text, "link rejects").ends_with("bad framing 2, future time 5"), "{text}");
     }
 
     #[test]

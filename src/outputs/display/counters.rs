@@ -1,6 +1,7 @@
 //! Outcomes of frames and refreshes, counted without a lock: written by the presenter and the event loop, read by any
 //! thread.
 
+use core::fmt;
 use core::sync::atomic::{AtomicU64, Ordering};
 
 /// Counts at one instant. Each is read by itself: sums may differ by one while frames are on their way.
@@ -28,6 +29,25 @@ pub struct Counts {
     pub submits_lost: u64,
     /// Pixels of presented frames that wanted more light than the display has there, and show its most.
     pub clipped_px: u64,
+}
+
+impl fmt::Display for Counts {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(out, "frames shown: {}", self.presented)?;
+        let others = [
+            (self.repeated, "refreshes repeated a frame"),
+            (self.replaced, "frames were replaced before they were shown"),
+            (self.late, "refreshes came late"),
+            (self.unseen, "frames were not seen"),
+            (self.lost_surface, "times the surface was lost"),
+            (self.reconfigured, "times the surface was configured again"),
+            (self.monitor_lost, "times the monitor went away"),
+            (self.monitor_regained, "times the monitor came back"),
+            (self.submits_lost, "submit times were not read"),
+            (self.clipped_px, "pixels wanted more light than the display has"),
+        ];
+        others.iter().filter(|(count, _)| *count > 0).try_for_each(|(count, words)| write!(out, "; {count} {words}"))
+    }
 }
 
 /// The same, shared.
@@ -68,5 +88,17 @@ impl Counters {
             submits_lost: of(&self.submits_lost),
             clipped_px: of(&self.clipped_px),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_are_printed_in_words_and_those_of_nothing_are_left_out() {
+        let counts = Counts { presented: 3, late: 2, ..Counts::default() };
+        assert_eq!(counts.to_string(), "frames shown: 3; 2 refreshes came late");
+        assert_eq!(Counts::default().to_string(), "frames shown: 0");
     }
 }

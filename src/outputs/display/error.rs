@@ -6,7 +6,9 @@ use std::path::PathBuf;
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum DisplayError {
     /// This build has no displays.
-    #[error("this program was built without displays; build it with --features display")]
+    #[error(
+        "this program was built without displays; install one with `cargo install --locked --path . --features display`"
+    )]
     NotBuilt,
     /// No X server answers.
     #[error("no window can be opened: {0}; start an X server and set DISPLAY (XAUTHORITY too, for another user's)")]
@@ -120,8 +122,9 @@ pub enum DisplayError {
     },
     /// Direct scan-out was asked for in a build without it.
     #[error(
-        "direct scan-out is not in this build: build it with `--features direct_scanout`, or show through an X server with \
-         nothing else on it, such as `xinit` with no window manager: that adds no compositor either"
+        "direct scan-out is not in this build: install one with `cargo install --locked --path . --features direct_scanout`, \
+         or show through an X server with nothing else on it, such as `xinit` with no window manager: that adds no \
+         compositor either"
     )]
     DirectScanOut,
     /// No card for direct scan-out was found.

@@ -3,7 +3,7 @@
 use crate::network_camera::params::{CommandParams, DeviceParams, Identity, SensorParams, XmlForm};
 use crate::network_camera::pixel_format::PixelFormat;
 use crate::network_camera::registers::{FIRST_XML, Memory, OVERLAPS, SECOND_XML, SOURCES, at, own};
-use frames::camera_control::ExposureMode;
+use frames::camera_control::{ExposureMode, TriggerSource};
 
 /// Specification version reported to clients: 1.2, the first with all features in use here.
 const VERSION: u32 = 0x0001_0002;
@@ -116,7 +116,10 @@ pub(super) fn write_features(memory: &mut Memory, sensor: &SensorParams, format:
 pub(super) fn write_settings(memory: &mut Memory, commands: &CommandParams) {
     let (settings, start, range) = (&commands.settings, &commands.start, &commands.range);
     let place = |found: Option<usize>| found.and_then(|place| u32::try_from(place).ok()).unwrap_or_default();
-    let source = SOURCES.iter().position(|source| start.sources.has(*source));
+    // Of several sources one can be read: the line that a camera is wired to, when it waits for triggers.
+    let is_line = start.is_triggered && commands.has_line && start.sources.has(TriggerSource::Line);
+    let is_named = |source: &TriggerSource| start.sources.has(*source) && (!is_line || *source == TriggerSource::Line);
+    let source = SOURCES.iter().position(is_named);
     let overlap = OVERLAPS.iter().position(|overlap| *overlap == start.overlap);
     for (address, value) in [
         (own::TRIGGER_MODE, start.is_triggered.into()),

@@ -170,7 +170,10 @@ fn iceoryx(service: &str, slots: u32, setting: &SinkSetting<'_>) -> Result<Box<d
 
 #[cfg(not(feature = "iceoryx2"))]
 fn iceoryx(service: &str, _slots: u32, _setting: &SinkSetting<'_>) -> Result<Box<dyn Sink>> {
-    anyhow::bail!("{service}: got a starloop without iceoryx2; wanted `--features iceoryx2`")
+    anyhow::bail!(
+        "{service}: this program was built without iceoryx2; install one with \
+         `cargo install --locked --path . --features iceoryx2`"
+    )
 }
 
 /// Describes a sink in words.

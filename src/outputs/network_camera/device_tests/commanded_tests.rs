@@ -19,6 +19,16 @@ pub(super) fn commanded() -> (Bench, DeskEnd) {
 
 /// Returns the same camera before any client has control.
 pub(super) fn commanded_by_nobody() -> (Bench, DeskEnd) {
+    made(StartSettings::free_running(Span::from_ms(200)), false)
+}
+
+fn commanded_by(start: StartSettings, has_line: bool) -> (Bench, DeskEnd) {
+    let (mut bench, end) = made(start, has_line);
+    bench.control();
+    (bench, end)
+}
+
+fn made(start: StartSettings, has_line: bool) -> (Bench, DeskEnd) {
     let (desk, end) = desk();
     let range = CameraRange {
         exposure: [Span::from_ns(20_000), Span::from_ms(500)],
@@ -30,9 +40,8 @@ pub(super) fn commanded_by_nobody() -> (Bench, DeskEnd) {
     };
     let settings =
         CameraSettings { exposure: Span::from_ms(100), gain_db: 0.0, black_level_dn: 64.0, regions: Regions::WHOLE };
-    let start = StartSettings::free_running(Span::from_ms(200));
     let clock = Arc::new(Virtual::new(BENCH));
-    let commands = CommandParams { desk, range, settings, start, has_line: false, clock };
+    let commands = CommandParams { desk, range, settings, start, has_line, clock };
     (Bench::with(&Params::default(), Some(commands)), end)
 }
 
@@ -51,6 +60,23 @@ pub(super) fn taken(end: &DeskEnd) -> Vec<CameraCommand> {
     let all: Vec<Commanded> = end.commands().collect();
     assert!(all.iter().all(|one| one.from == CommandSource::NetworkCamera && one.at == BENCH), "{all:?}");
     all.into_iter().map(|one| one.command).collect()
+}
+
+#[test]
+fn the_trigger_source_reads_as_the_line_that_a_camera_is_armed_for() {
+    let free = StartSettings::free_running(Span::from_ms(200));
+    let armed = StartSettings { is_triggered: true, ..free };
+    for (start, has_line, wanted) in [
+        (armed, true, TriggerSource::Line),
+        (armed, false, TriggerSource::Software),
+        (free, true, TriggerSource::Software),
+        (StartSettings { sources: TriggerSources::only(TriggerSource::Bus), ..armed }, true, TriggerSource::Bus),
+    ] {
+        let (mut bench, _end) = commanded_by(start, has_line);
+        let register = bench.memory(own::TRIGGER_SOURCE, 4);
+        let number = u32::from_be_bytes(register.try_into().unwrap()) as usize;
+        assert_eq!(super::super::registers::SOURCES[number], wanted, "line: {has_line}, {start:?}");
+    }
 }
 
 #[test]
