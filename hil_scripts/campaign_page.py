@@ -9,13 +9,15 @@ from campaign_report import COLOURS, MOST_CURVES, TAIL, complaint
 STYLE = (
     "body{font:15px/1.45 Helvetica,Arial,'DejaVu Sans',sans-serif;color:#222;background:#fff;max-width:72em;margin:1.5em auto;"
     "padding:0 1em}h1{font-size:1.25em;padding:.6em .8em;border-radius:4px;color:#fff}.met{background:#00694e}"
-    ".broken{background:#a83a00}h2{font-size:1.1em;margin:1.8em 0 .4em;border-bottom:1px solid #ccc}"
+    ".not_shown{background:#7a5a00}.broken{background:#a83a00}h2{font-size:1.1em;margin:1.8em 0 .4em;border-bottom:1px solid #ccc}"
     "table{border-collapse:collapse;font-size:.86em;margin:.4em 0}th,td{text-align:left;padding:.22em .7em;"
     "border-bottom:1px solid #e3e3e3;vertical-align:top}td.n{text-align:right;font-variant-numeric:tabular-nums;"
     "white-space:nowrap}th{background:#f3f3f3}tr.bad td{background:#fff1ea}code{font-size:.92em;word-break:break-all}"
     "svg{max-width:100%;height:auto;margin:.6em .6em .6em 0}p.small{color:#555;font-size:.86em}"
 )
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 430, 230, 44, 14, 24, 34
+CLASSES = {"passed": "met", "not_shown": "not_shown", "failed": "broken"}
+"""Colour of the verdict."""
 
 
 def html_of(report: dict) -> str:
@@ -23,7 +25,7 @@ def html_of(report: dict) -> str:
     verdict = escape(report["verdict"])
     parts = [
         f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{verdict}</title>\n<style>{STYLE}</style></head>',
-        f'<body><h1 class="{"met" if report["is_met"] else "broken"}">{verdict}</h1>',
+        f'<body><h1 class="{CLASSES[report["outcome"]]}">{verdict}</h1>',
         f"<p>Intervals have a confidence of {100 * report['confidence']:g} %: means by Student's t, quantiles by order "
         "statistics, shares by Clopper and Pearson. A run without a report, or without the number that a requirement is "
         f"about, does not meet it. {report['runs']} runs, {report['without_report']} without report.</p>",

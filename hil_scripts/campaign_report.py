@@ -240,6 +240,7 @@ def judged(requirement: Requirement, rows: list[dict], number, confidence: float
         "share_wanted": requirement.share or 1.0,
         "where": requirement.where,
         "verdict": verdict,
+        "by": requirement.by,
         "share": share,
         "runs": len(some),
         "without_number": len(some) - len(measured),
@@ -292,13 +293,19 @@ def report_of(
     not_held = [{**short(row, "passed"), "error": row["error"]} for row in rows if not row["passed"]]
     is_met = all(judgement["verdict"] == "met" for judgement in judgements)
     met = sum(judgement["verdict"] == "met" for judgement in judgements)
-    word = "PASSED" if is_met else "FAILED"
     whole = len(rows) == about["planned"]
+    is_broken = any(judgement["verdict"] == "NOT MET" for judgement in judgements)
+    outcome = "failed" if is_broken else "passed" if is_met and whole else "not_shown"
+    word = outcome.upper().replace("_", " ")
     verdict = f"{word}: {about['title']}, {met} of {len(judgements)} requirements met by {len(rows)} runs"
+    by_value = sum(requirement.by == "value" for requirement in requirements)
+    if by_value:
+        verdict += f", {by_value} compared by value, not by interval"
     return {
         "schema": SCHEMA,
         "title": about["title"],
         "verdict": verdict if whole else f"{verdict} of {about['planned']} planned",
+        "outcome": outcome,
         "is_met": is_met and whole,
         "confidence": confidence,
         "runs": len(rows),
@@ -323,11 +330,12 @@ def report_of(
 def junit_of(report: dict) -> str:
     """JUnit: a test case for each requirement."""
     judgements = report["requirements"]
-    failures = sum(judgement["verdict"] != "met" for judgement in judgements)
+    failures = sum(judgement["verdict"] == "NOT MET" for judgement in judgements)
+    errors = sum(judgement["verdict"] not in ("met", "NOT MET") for judgement in judgements)
     quoted = lambda text: html.escape(str(text), quote=True)  # noqa: E731
     lines = ['<?xml version="1.0" encoding="UTF-8"?>', "<testsuites>"]
     lines.append(
-        f'<testsuite name="{quoted(report["title"])}" tests="{len(judgements)}" failures="{failures}" errors="0" skipped="0">'
+        f'<testsuite name="{quoted(report["title"])}" tests="{len(judgements)}" failures="{failures}" errors="{errors}" skipped="0">'
     )
     for judgement in judgements:
         name = quoted(f"{judgement['id']} {judgement['text']}".strip())
@@ -336,7 +344,8 @@ def junit_of(report: dict) -> str:
             lines.append(f"{head}/>")
         else:
             message = quoted(complaint(judgement))
-            lines.append(f'{head}><failure type="{quoted(judgement["verdict"])}" message="{message}"/></testcase>')
+            element = "failure" if judgement["verdict"] == "NOT MET" else "error"
+            lines.append(f'{head}><{element} type="{quoted(judgement["verdict"])}" message="{message}"/></testcase>')
     return "\n".join([*lines, "</testsuite>", "</testsuites>", ""])
 
 
@@ -348,4 +357,5 @@ def complaint(judgement: dict) -> str:
         return f"{wanted}; got no run"
     got = f"{100 * share['value']:.2f} % ({100 * share['low']:.2f} to {100 * share['high']:.2f} %) of {runs}"
     missing = judgement["without_number"]
-    return f"{wanted}; got {got}" + (f", {missing} without this number" if missing else "")
+    rule = "; the share is compared by value" if judgement["by"] == "value" else ""
+    return f"{wanted}; got {got}" + (f", {missing} without this number" if missing else "") + rule

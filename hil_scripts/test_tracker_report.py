@@ -535,6 +535,141 @@ fits = false
         self.judge(run, capture((1, 0, 2)), status=(4,))
 
 
+SMALL_PLAN = f"""name = "small"
+camera = "{ROOT}/configs/cameras/small_tracker.toml"
+frame_rate_hz = 2.0
+[document]
+unit = "ST <20>"
+serial_number = "003"
+[[case]]
+name = "slew"
+use = "slew"
+attitudes = {{ kind = "fixed", ra_deg = 84.05, dec_deg = -1.2 }}
+rate_deg_s = [0.0, 0.1, 0.0]
+frames = 6
+"""
+"""A plan of six frames."""
+MADE_UP_TRACKER = """import csv, pathlib, sys
+frames, log = map(pathlib.Path, sys.argv[1:3])
+rows = list(csv.DictReader((frames / "frames.csv").open()))
+names = ("frame", "qw", "qx", "qy", "qz")
+lines = [",".join(row[name] for name in names) for row in rows]
+log.write_text("frame,q_w,q_x,q_y,q_z\\n" + "\\n".join(lines) + "\\n")
+print(*sys.argv[3:])
+"""
+"""A program that reads the truth: in the place of any tracker."""
+
+
+class Plans(unittest.TestCase):
+    """What `fly`, `report` and `check` say about plans and requirements."""
+
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory(prefix="plans")
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+        (self.folder / "tracker.py").write_text(MADE_UP_TRACKER)
+
+    def write(self, requirement="", plan=SMALL_PLAN):
+        if requirement:
+            (self.folder / "limits.toml").write_text(requirement)
+            plan = plan.replace('name = "small"', 'name = "small"\nrequirements = "limits.toml"')
+        (self.folder / "plan.toml").write_text(plan)
+
+    def run_here(self, *arguments, status):
+        command = [str(Path(BINARY).resolve()), *map(str, arguments)]
+        done = subprocess.run(command, cwd=self.folder, capture_output=True, text=True, timeout=600)
+        self.assertEqual(done.returncode, status, f"{arguments}\n{done.stdout}\n{done.stderr}")
+        return done
+
+    def fly(self, *arguments, status):
+        command = ["--tracker-command", sys.executable, "tracker.py", "{frames}", "{log}", "--own", *arguments]
+        return self.run_here("fly", "plan.toml", "--out", "flown", *command, status=status)
+
+    def test_a_plan_named_without_a_folder_starts_its_program_and_options_behind_it_are_those_of_fly(self):
+        self.write()
+        done = self.fly("--tracker-name", "SN003", "--quiet", "--keep-images", status=4)
+        self.assertIn("--own\n", done.stdout)
+        self.assertIn("NOT SHOWN: SN003, small: ", done.stdout)
+        self.assertTrue(list((self.folder / "flown/slew").glob("*.fits")), "--keep-images")
+        page = (self.folder / "flown/report.html").read_text()
+        self.assertIn("ST &lt;20&gt;", page)
+        self.assertIn("<td>small tracker for campaigns</td>", page, "the camera's name, not that of its file")
+        digest = hashlib.sha256((self.folder / "flown/report.json").read_bytes()).hexdigest()
+        self.assertIn(digest, page, "the page has the hash of its data")
+
+    def test_a_quoted_command_and_a_program_that_is_not_there(self):
+        self.write()
+        command = f"{sys.executable} tracker.py '{{frames}}' {{log}}"
+        self.run_here("fly", "plan.toml", "--tracker-command", command, "--out", "quoted", "--quiet", status=4)
+        done = self.run_here("fly", "plan.toml", "--tracker-command", "no_such_tracker", "--out", "flown", status=1)
+        self.assertIn(f"cannot find the program no_such_tracker; wanted one on the PATH, or a path relative to {self.folder}", done.stderr)
+        self.assertFalse((self.folder / "flown").exists())
+
+    def test_all_mistakes_are_named_before_anything_flies(self):
+        limits = """[[requirement]]
+id = "A"
+metric = "acquisition_time"
+most = 9
+[[requirement]]
+id = "B"
+metric = "losses"
+case = "slev"
+most = 0
+"""
+        turning = """[[case]]
+name = "grid"
+use = "inertial"
+attitudes = { kind = "uniform", count = 9 }
+frames = 2
+frame_rate_hz = 9.0
+"""
+        self.write(limits, SMALL_PLAN + turning)
+        done = self.fly(status=1)
+        self.assertIn('case "grid": frame_rate_hz: got 9', done.stderr)
+        self.assertIn('did you mean "acquisition_time.at_probability" or "acquisition_time.median"?', done.stderr)
+        self.assertFalse((self.folder / "flown").exists(), "nothing blocks the next try")
+        self.write(limits.replace("acquisition_time", "false_solutions"))
+        done = self.fly(status=1)
+        self.assertIn('unknown case "slev"; did you mean "slew"?; cases are slew', done.stderr)
+        self.assertIn('did you mean "slew"?', self.run_here("check", "plan.toml", status=1).stderr)
+        self.write(limits.replace("acquisition_time", "false_solutions").replace("slev", "slew"))
+        self.assertIn('test plan "small" is sound', self.run_here("check", "plan.toml", status=0).stdout)
+        self.assertTrue(self.fly("--quiet", status=0).stdout.startswith("--own\nPASSED: "))
+
+    def test_a_flight_that_did_not_end_is_flown_again(self):
+        self.write()
+        broken = ["--tracker-command", sys.executable, "-c", "raise SystemExit(3)", "--out", "flown", "--quiet"]
+        self.assertIn("ended with exit status: 3", self.run_here("fly", "plan.toml", *broken, status=1).stderr)
+        self.assertTrue((self.folder / "flown/slew/frames.csv").exists())
+        self.fly("--quiet", status=4)
+
+    def test_a_sink_of_a_plan_and_a_confidence_without_an_interval_are_refused(self):
+        self.write(plan='set = ["sink.png_every=1"]\n' + SMALL_PLAN)
+        self.assertIn('got "sink.png_every=1", wanted no sink', self.fly(status=1).stderr)
+        self.write()
+        self.fly("--quiet", status=4)
+        path = self.folder / "flown/plan.json"
+        kept = path.read_text()
+        for wrong in ("1e308", "1.0", "0", "-1"):
+            path.write_text(kept.replace('"confidence": 0.95', f'"confidence": {wrong}'))
+            self.assertIn("confidence: got", self.run_here("report", "flown", status=1).stderr)
+            self.run_here("report", "flown", f"--confidence={wrong}", status=2)
+        path.write_text(kept)
+        self.run_here("report", "flown", "--serial-number", "004", status=4)
+        self.assertEqual(json.loads((self.folder / "flown/report.json").read_text())["document"]["serial_number"], "004")
+
+    def test_templates_are_printed_and_checked(self):
+        for kind, sound in (("plan", "is sound"), ("requirements", "are sound"), ("dataset", "sound")):
+            text = self.run_here("init", kind, status=0).stdout
+            path = self.folder / f"{kind}.toml"
+            path.write_text(text.replace("../cameras", f"{ROOT}/configs/cameras"))
+            self.assertIn(sound, self.run_here("check", path.name, status=0).stdout)
+            json.loads(self.run_here("schema", kind, status=0).stdout)
+            self.assertIn("| key |", self.run_here("keys", kind, status=0).stdout)
+            path.write_text(path.read_text() + "\nno_such_key = 1\n")
+            self.assertIn("no_such_key", self.run_here("check", path.name, status=1).stderr)
+
+
 class CedarSolve(unittest.TestCase):
     @classmethod
     def setUpClass(cls):

@@ -6,6 +6,7 @@ use crate::cli::check_display;
 use crate::cli::check_display_stars::{self, DisplayLimits, display_limits};
 use crate::cli::check_files;
 use crate::cli::check_json::CheckFacts;
+use crate::cli::check_judged::judged;
 use crate::cli::check_light;
 use crate::cli::check_observer;
 use crate::cli::check_plan::{self, Planned};
@@ -18,7 +19,7 @@ use anyhow::Result;
 use base::clock::{Clock, Monotonic};
 use base::time::{Span, Tai};
 use clap::Args;
-use config::{Backend, Bench, Document, Event, Plant, Scenario, Setting, StartTime};
+use config::{Backend, Bench, Document, Event, FileKind, Plant, Scenario, Setting, StartTime};
 use core::fmt::Write;
 use image::detector::cost::effect_costs;
 use run::runtime::{DeadlinePolicy, Imager, RunParams};
@@ -36,7 +37,7 @@ use testbed::flight_computer::FlightComputer;
 #[derive(Debug, Args)]
 #[command(after_help = event_help())]
 pub struct CheckArgs {
-    /// Bench or scenario file (TOML); without one: the built-in loopback bench
+    /// Bench, scenario, test plan, requirements or data set (TOML); without one: the built-in loopback bench
     bench: Option<PathBuf>,
     /// Predict with the built-in costs, whatever `starloop calibrate` has measured
     #[arg(long)]
@@ -68,6 +69,16 @@ pub fn run(arguments: &CheckArgs) -> Result<()> {
         Some(path) => Document::open(path)?,
         None => Bench::built_in_document()?,
     };
+    if let (Some(path), true) = (&arguments.bench, arguments.settings.is_empty())
+        && let Some(text) = judged(&document, path)?
+    {
+        if arguments.json {
+            let kind = FileKind::of(&document).name();
+            return print_json("check", serde_json::json!({ "kind": kind, "verdict": text.lines().next() }));
+        }
+        print!("{text}");
+        return Ok(());
+    }
     let settings = arguments.settings.iter().map(|text| Setting::parse(text)).collect::<Result<_, _>>()?;
     let document = document.with_settings(settings);
     let mut facts = CheckFacts::default();

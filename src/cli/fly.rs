@@ -1,30 +1,36 @@
 //! `starloop fly`: a test plan flown case by case, and one report of it.
+//!
+//! Everything that can be wrong with the plan is found before the first case flies, and before anything is written.
 
 use crate::cli::provenance;
-use crate::cli::report::{Writing, parts_of_plan, write};
+use crate::cli::report::{Writing, day_of, parts_of_plan, write};
 use anyhow::{Context, Result, bail};
-use clap::Args;
+use clap::error::ErrorKind;
+use clap::{Args, Command, FromArgMatches};
 use core::sync::atomic::{AtomicUsize, Ordering};
 use performance::case_folder::{PLAN, PlanFile};
 use performance::fly::{Flight, Flown};
 use performance::plan::{Plan, PlanCase, Source};
+use performance::requirements::Requirements;
+use performance::settings::refuse_all;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
 /// Command line of `fly`.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 #[command(
     after_help = "One folder for each case (run.toml, case.json, frames.csv, tracker_log.csv), plan.json, requirements.toml \
-                        and report.html, report.json, report.xml (JUnit). Exit status 4 where a requirement is not met."
+                        and report.html, report.json, report.xml (JUnit). Exit status 0: PASSED; 4: FAILED (a requirement is not met) \
+                        or NOT SHOWN (none is broken, more data are needed)."
 )]
 pub struct FlyArgs {
     /// Test plan (TOML), such as configs/test_plans/ecss_star_tracker.toml
     plan: PathBuf,
-    /// Folder to write into: a new one
+    /// Folder to write into: a new one; must be given
     #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    out: Option<PathBuf>,
     /// Program under test in place of the plan's tracker, with its arguments: {frames}, {camera} and {log} are replaced
-    /// by the paths
+    /// by the paths; one quoted text, or word by word up to the next option of `starloop fly`
     #[arg(long, value_name = "WORD", num_args = 1.., allow_hyphen_values = true)]
     tracker_command: Vec<String>,
     /// Name of the tracker in the report
@@ -49,39 +55,123 @@ pub struct FlyArgs {
 /// # Errors
 /// With what could not be done, and why.
 pub fn run(arguments: &FlyArgs) -> Result<u8> {
-    let mut plan = Plan::read(&arguments.plan)?;
+    let arguments = &quoted(options_behind(arguments.clone()).unwrap_or_else(|error| error.exit()))?;
+    let out = arguments.out.as_ref().context("--out is missing; wanted a new folder")?;
+    let (mut plan, errors) = Plan::read(&arguments.plan)?;
     if !arguments.tracker_command.is_empty() {
         plan.tracker.source = Source::Program;
         plan.tracker.command.clone_from(&arguments.tracker_command);
         plan.tracker.model = None;
     }
     plan.tracker.name = arguments.tracker_name.clone().or(plan.tracker.name);
-    if arguments.out.join(PLAN).exists() {
-        bail!("--out: {} has a flown plan already; wanted another folder", arguments.out.display());
+    if out.join(PLAN).exists() {
+        bail!("--out: {} has a flown plan already; wanted another folder", out.display());
     }
-    std::fs::create_dir_all(&arguments.out).with_context(|| arguments.out.display().to_string())?;
     let folder = arguments.plan.parent().map(Path::to_path_buf).unwrap_or_default();
-    let mut flight = Flight::new(&plan, &folder, &arguments.out)?;
+    let mut flight = Flight::new(&plan, &folder, out)?;
     flight.keeps_images = arguments.keep_images;
+    let requirements =
+        sound((&plan, errors), &flight, &folder).with_context(|| arguments.plan.display().to_string())?;
+    std::fs::create_dir_all(out).with_context(|| out.display().to_string())?;
     let flown = fly_all(&plan, &flight, arguments)?;
-    let file = plan_file(&plan, &flown);
-    keep(&plan, &folder, &file, arguments)?;
-    let mut parts = parts_of_plan(&arguments.out, &file)?;
+    let file = plan_file(&plan, &flight, &flown);
+    keep(&file, requirements.as_deref(), out)?;
+    let mut parts = parts_of_plan(out, &file)?;
     parts.provenance.seeds = vec![("plan".into(), plan.seed)];
+    parts.document.date_of_test = parts.document.date_of_test.or_else(|| day_of(Some(&parts.provenance)));
     let names = [Some(arguments.plan.clone()), Some(folder.join(&plan.camera))];
     for path in names.into_iter().flatten().filter(|path| path.exists()) {
         parts.provenance.files.push(provenance::file(&path)?);
     }
     let json = serde_json::to_string_pretty(&parts.provenance)?;
-    std::fs::write(arguments.out.join(provenance::FILE), json).context(provenance::FILE)?;
-    let out = arguments.out.join("report.html");
-    write(&parts, &Writing { out: &out, json: false, pdf: arguments.pdf })
+    std::fs::write(out.join(provenance::FILE), json).context(provenance::FILE)?;
+    let page = out.join("report.html");
+    write(&parts, &Writing { out: &page, json: false, pdf: arguments.pdf })
+}
+
+/// Takes options of `fly` out of the words of the tracker's command.
+fn options_behind(mut arguments: FlyArgs) -> Result<FlyArgs, clap::Error> {
+    let command = FlyArgs::augment_args_for_update(Command::new("starloop fly").no_binary_name(true));
+    let is_own = |word: &String| {
+        let name = word.strip_prefix("--").and_then(|name| name.split('=').next());
+        name.is_some_and(|name| command.get_arguments().any(|known| known.get_long() == Some(name)))
+    };
+    if let Some(place) = arguments.tracker_command.iter().position(is_own) {
+        let behind = arguments.tracker_command.split_off(place);
+        let before = FlyArgs { case: core::mem::take(&mut arguments.case), ..arguments.clone() };
+        arguments.update_from_arg_matches(&command.clone().try_get_matches_from(behind)?)?;
+        arguments.keep_images |= before.keep_images;
+        arguments.pdf |= before.pdf;
+        arguments.quiet |= before.quiet;
+        arguments.case.splice(0..0, before.case);
+    }
+    if arguments.out.is_none() {
+        let mut command = command;
+        return Err(command.error(ErrorKind::MissingRequiredArgument, "--out <DIR> is missing; wanted a new folder"));
+    }
+    Ok(arguments)
+}
+
+/// Takes a quoted command apart.
+fn quoted(mut arguments: FlyArgs) -> Result<FlyArgs> {
+    if let [whole] = arguments.tracker_command.as_slice()
+        && whole.contains(char::is_whitespace)
+    {
+        arguments.tracker_command = words_of(whole)?;
+    }
+    Ok(arguments)
+}
+
+/// Returns the words of a command as a shell has them: parted by blanks, except within quotes.
+fn words_of(text: &str) -> Result<Vec<String>> {
+    let (mut words, mut word, mut quote) = (Vec::new(), None::<String>, None);
+    for letter in text.chars() {
+        match quote {
+            Some(end) if letter == end => quote = None,
+            None if letter == '"' || letter == '\'' => {
+                quote = Some(letter);
+                word.get_or_insert_default();
+            }
+            None if letter.is_whitespace() => words.extend(word.take()),
+            Some(_) | None => word.get_or_insert_default().push(letter),
+        }
+    }
+    if let Some(quote) = quote {
+        bail!("--tracker-command: got {text}, wanted a second {quote}");
+    }
+    words.extend(word);
+    Ok(words)
+}
+
+/// Checks cases and requirements before anything flies, and adds the errors of the plan itself; the text of the
+/// requirements.
+///
+/// # Errors
+/// With everything that is wrong.
+pub(super) fn sound(
+    (plan, mut errors): (&Plan, Vec<anyhow::Error>),
+    flight: &Flight<'_>,
+    folder: &Path,
+) -> Result<Option<String>> {
+    errors.extend(flight.check().err());
+    let mut text = None;
+    if let Some(name) = &plan.requirements {
+        let path = folder.join(name);
+        let checked = std::fs::read_to_string(&path).with_context(|| path.display().to_string()).and_then(|read| {
+            let name = path.display().to_string();
+            Requirements::parse(&read, &name)?.check_cases(&plan.named_cases()).context(name)?;
+            text = Some(read);
+            Ok(())
+        });
+        errors.extend(checked.err());
+    }
+    refuse_all(&errors)?;
+    Ok(text)
 }
 
 /// Flies every case, several at a time.
 fn fly_all(plan: &Plan, flight: &Flight<'_>, arguments: &FlyArgs) -> Result<Vec<Flown>> {
-    let all: Vec<(&PlanCase, (String, Option<f64>))> =
-        plan.cases.iter().flat_map(|case| case.each().into_iter().map(move |each| (case, each))).collect();
+    let all: Vec<(&PlanCase, (String, Option<f64>))> = plan.each().collect();
     let is_wanted =
         |name: &str| arguments.case.is_empty() || arguments.case.iter().any(|begin| name.starts_with(begin));
     // A case has its number whichever others are flown: its frames are the same.
@@ -102,33 +192,60 @@ fn fly_all(plan: &Plan, flight: &Flight<'_>, arguments: &FlyArgs) -> Result<Vec<
     wanted.par_iter().map(fly).collect()
 }
 
-fn plan_file(plan: &Plan, flown: &[Flown]) -> PlanFile {
-    let usual = match plan.tracker.source {
-        Source::BuiltIn => "built-in tracker".to_owned(),
-        Source::Program => plan.tracker.command.join(" "),
-        Source::Model => "statistical tracker".to_owned(),
-    };
+fn plan_file(plan: &Plan, flight: &Flight<'_>, flown: &[Flown]) -> PlanFile {
     let settings = plan.settings();
     PlanFile {
         name: plan.name.clone(),
-        tracker: plan.tracker.name.clone().unwrap_or(usual),
-        camera: plan.camera.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned()),
+        tracker: plan.tracker_name(),
+        camera: flight.camera_name().to_owned(),
         confidence: settings.confidence,
         probability: settings.probability,
         false_directional_arcsec: settings.false_limit.directional_arcsec,
         false_rotational_arcsec: settings.false_limit.rotational_arcsec,
         exclusion_noise_arcsec: settings.exclusion_noise_arcsec,
         cases: flown.iter().map(|flown| flown.folder.clone()).collect(),
+        document: plan.document.clone(),
     }
 }
 
-/// Writes `plan.json` and a copy of the requirements beside the cases.
-fn keep(plan: &Plan, folder: &Path, file: &PlanFile, arguments: &FlyArgs) -> Result<()> {
-    let path = arguments.out.join(PLAN);
-    std::fs::write(&path, serde_json::to_string_pretty(file)?).with_context(|| path.display().to_string())?;
-    if let Some(requirements) = &plan.requirements {
-        let from = folder.join(requirements);
-        std::fs::copy(&from, arguments.out.join("requirements.toml")).with_context(|| from.display().to_string())?;
+/// Writes `plan.json` and the requirements beside the cases.
+fn keep(file: &PlanFile, requirements: Option<&str>, out: &Path) -> Result<()> {
+    if let Some(text) = requirements {
+        std::fs::write(out.join("requirements.toml"), text).context("requirements.toml")?;
     }
-    Ok(())
+    let path = out.join(PLAN);
+    std::fs::write(&path, serde_json::to_string_pretty(file)?).with_context(|| path.display().to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn given(words: &str) -> Result<FlyArgs> {
+        let command = FlyArgs::augment_args(Command::new("fly").no_binary_name(true));
+        let matches = command.try_get_matches_from(words.split(' '))?;
+        quoted(options_behind(FlyArgs::from_arg_matches(&matches)?)?)
+    }
+
+    #[test]
+    fn a_tracker_command_ends_at_the_next_option_of_fly() {
+        let got = given("p.toml --quiet --tracker-command py my.py {log} --own 3 --tracker-name SN003 --out o --pdf")
+            .unwrap();
+        assert_eq!(got.tracker_command, ["py", "my.py", "{log}", "--own", "3"]);
+        assert_eq!((got.tracker_name.as_deref(), got.out), (Some("SN003"), Some("o".into())));
+        assert!(got.pdf && got.quiet && !got.keep_images);
+        let got = given("p.toml --out o --case a --tracker-command py {log} --case=b").unwrap();
+        assert_eq!((got.case, got.tracker_command.len()), (vec!["a".to_owned(), "b".to_owned()], 2));
+        assert!(given("p.toml").is_err(), "without --out");
+        assert!(given("p.toml --tracker-command py --keep-images=3 --out o").is_err(), "a wrong value");
+    }
+
+    #[test]
+    fn a_quoted_command_is_taken_apart() {
+        assert_eq!(
+            words_of("py -u 'my file.py' \"{log}\" --a=\"b c\" ''").unwrap(),
+            ["py", "-u", "my file.py", "{log}", "--a=b c", ""]
+        );
+        assert!(words_of("py 'open").is_err());
+    }
 }

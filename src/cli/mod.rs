@@ -32,6 +32,7 @@ mod check_display;
 mod check_display_stars;
 mod check_files;
 mod check_jitter;
+mod check_judged;
 mod check_json;
 mod check_light;
 mod check_observer;

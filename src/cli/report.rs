@@ -9,11 +9,12 @@ use clap::Args;
 use frames::sink::write_file_atomically;
 use performance::assess::{Assessment, assess};
 use performance::case_folder::{CASE, LOG, PLAN, PlanFile, read_case};
+use performance::paperwork::Paperwork;
 use performance::provenance::{FileHash, Provenance};
 use performance::record::Case;
 use performance::report::{MOST_HTML_BYTES, Report, to_html, to_junit};
 use performance::requirements::Requirements;
-use performance::settings::Settings;
+use performance::settings::{Settings, check_share};
 use run::wiring::sinks::directory_of_head;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -22,11 +23,11 @@ use std::process::Command;
 const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
 
 /// Command line of `report`.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 #[command(
     after_help = "Writes tracker_report.html, .json and .xml (JUnit) into the folder of a run, report.html and so on into that of \
-                  a flown plan, or beside --out. Exit status 4 where a requirement is not met. Columns of logs and keys of \
-                  requirements: src/guide/reports.md."
+                  a flown plan, or beside --out. Exit status 0: PASSED; 4: FAILED (a requirement is not met) or NOT SHOWN (none is \
+                  broken, more data are needed). Columns of logs, metrics and keys of requirements: src/guide/reports.md."
 )]
 pub struct ReportArgs {
     /// Folder of a recorded run (with frames.csv), or of a plan that `starloop fly` has flown
@@ -47,6 +48,18 @@ pub struct ReportArgs {
     /// Probability at which performances are stated [default: 0.997, of a plan its own]
     #[arg(long, value_name = "P", value_parser = share)]
     probability: Option<f64>,
+    /// Name of the unit under test, for the head of the report
+    #[arg(long, value_name = "NAME")]
+    unit: Option<String>,
+    /// Its serial number
+    #[arg(long, value_name = "NUMBER")]
+    serial_number: Option<String>,
+    /// Author of the report
+    #[arg(long, value_name = "NAME")]
+    author: Option<String>,
+    /// Date of the test [default: the day of the run or flight]
+    #[arg(long, value_name = "DATE")]
+    date_of_test: Option<String>,
     /// Report to write; the others have its name with .json, .xml and .pdf [default: tracker_report.html in RUN, report.html in the folder of a flown plan]
     #[arg(long, value_name = "FILE.html")]
     out: Option<PathBuf>,
@@ -59,8 +72,8 @@ pub struct ReportArgs {
 }
 
 fn share(text: &str) -> Result<f64, String> {
-    let share = text.parse::<f64>().ok().filter(|share| (0.5..1.0).contains(share));
-    share.ok_or_else(|| format!("got \"{text}\", wanted a number from 0.5 to below 1"))
+    let share: f64 = text.parse().map_err(|_| format!("got \"{text}\", wanted a number"))?;
+    check_share("share", share).map(|()| share).map_err(|error| error.to_string())
 }
 
 /// Where and how a report is written.
@@ -80,6 +93,7 @@ pub(super) struct Parts {
     pub(super) settings: Settings,
     pub(super) requirements: Requirements,
     pub(super) conditions: Vec<(String, String)>,
+    pub(super) document: Paperwork,
     pub(super) provenance: Provenance,
 }
 
@@ -98,8 +112,12 @@ pub fn run(arguments: &ReportArgs) -> Result<u8> {
     settings.probability = arguments.probability.unwrap_or(settings.probability);
     if let Some(path) = &arguments.requirements {
         parts.requirements = read_requirements(path)?;
+        let cases: Vec<_> = parts.cases.iter().map(|case| (case.name.clone(), case.purpose)).collect();
+        parts.requirements.check_cases(&cases).with_context(|| path.display().to_string())?;
         parts.provenance.files.push(provenance::file(path)?);
     }
+    let ReportArgs { unit, serial_number, author, date_of_test, .. } = arguments.clone();
+    parts.document = Paperwork { unit, serial_number, author, date_of_test }.or(parts.document);
     // A run has a page of its own, report.html.
     let name = if plan.is_some() { "report.html" } else { "tracker_report.html" };
     let out = arguments.out.clone().unwrap_or_else(|| arguments.run.join(name));
@@ -134,15 +152,18 @@ pub(super) fn parts_of_plan(folder: &Path, plan: &PlanFile) -> Result<Parts> {
     provenance.files = hashes(&files, folder)?;
     let kept = folder.join("requirements.toml");
     let requirements = if kept.exists() { read_requirements(&kept)? } else { Requirements::usual() };
+    let earlier = earlier(folder);
+    let document =
+        plan.document.clone().or(Paperwork { date_of_test: day_of(earlier.as_ref()), ..Paperwork::default() });
     let conditions = vec![
         ("plan".to_owned(), plan.name.clone()),
         ("tracker under test".into(), plan.tracker.clone()),
         ("camera".into(), plan.camera.clone()),
         ("cases".into(), plan.cases.len().to_string()),
     ];
-    provenance.seeds = earlier(folder).map(|earlier| earlier.seeds).unwrap_or_default();
+    provenance.seeds = earlier.map(|earlier| earlier.seeds).unwrap_or_default();
     let title = format!("{}, {}", plan.tracker, plan.name);
-    Ok(Parts { title, cases, settings: plan.settings(), requirements, conditions, provenance })
+    Ok(Parts { title, cases, settings: plan.settings(), requirements, conditions, document, provenance })
 }
 
 /// The hashes of files, by their names below the folder.
@@ -155,6 +176,11 @@ fn hashes(files: &[PathBuf], folder: &Path) -> Result<Vec<FileHash>> {
 /// Where the folder's own results come from.
 fn earlier(folder: &Path) -> Option<Provenance> {
     serde_json::from_str(&read_text(&folder.join(provenance::FILE), SETTINGS_BYTES).ok()?).ok()
+}
+
+/// Returns the day on which a run or a flight was made.
+pub(super) fn day_of(earlier: Option<&Provenance>) -> Option<String> {
+    Some(earlier?.made_utc.split('T').next()?.to_owned())
 }
 
 /// Reads one recorded run.
@@ -171,26 +197,31 @@ fn of_run(arguments: &ReportArgs) -> Result<Parts> {
     provenance.files.push(provenance::file(&log)?);
     let mut conditions = conditions_of_run(&arguments.run);
     conditions.push(("tracker's log".into(), log.display().to_string()));
-    if let Some(earlier) = earlier(&arguments.run) {
+    let earlier = earlier(&arguments.run);
+    let document = Paperwork { date_of_test: day_of(earlier.as_ref()), ..Paperwork::default() };
+    if let Some(earlier) = earlier {
         conditions.push(("run made by".into(), earlier.command_line.join(" ")));
         provenance.seeds = earlier.seeds;
         provenance.files.extend(earlier.files);
     }
     let (title, requirements) = (case.name.clone(), Requirements::usual());
-    Ok(Parts { title, cases: vec![case], settings: Settings::default(), requirements, conditions, provenance })
+    let settings = Settings::default();
+    Ok(Parts { title, cases: vec![case], settings, requirements, conditions, document, provenance })
 }
 
 /// The conditions of a run, from its summary.
 fn conditions_of_run(folder: &Path) -> Vec<(String, String)> {
     let text = read_text(&folder.join("summary.json"), SETTINGS_BYTES).unwrap_or_default();
     let summary: serde_json::Value = serde_json::from_str(&text).unwrap_or_default();
-    let wanted =
-        ["bench", "camera", "backend", "clock", "start_utc", "duration_s", "frame_period_s", "seed", "noise_seed"];
+    let wanted = ["bench", "camera", "backend", "clock", "start_utc", "frame_period_s", "seed", "noise_seed"];
     let value = |key: &str| {
         let value = summary.get(key)?;
         Some((key.replace('_', " "), value.as_str().map_or_else(|| value.to_string(), str::to_owned)))
     };
     let mut found: Vec<(String, String)> = wanted.iter().filter_map(|key| value(key)).collect();
+    let counts = summary.get("frames").and_then(serde_json::Value::as_object);
+    let counts = counts.into_iter().flatten().filter(|(_, count)| count.as_u64() != Some(0));
+    found.extend(counts.map(|(name, count)| (format!("frames {}", name.replace('_', " ")), count.to_string())));
     let faults = summary.get("faults").and_then(serde_json::Value::as_object);
     let faults = faults.into_iter().flatten().map(|(name, count)| (format!("frames with {name}"), count.to_string()));
     found.extend(faults);
@@ -200,16 +231,18 @@ fn conditions_of_run(folder: &Path) -> Vec<(String, String)> {
 /// Assesses, writes all files and prints the verdict; the exit status.
 pub(super) fn write(parts: &Parts, writing: &Writing<'_>) -> Result<u8> {
     let assessment: Assessment = assess(&parts.cases, &parts.settings);
-    let judged = parts.requirements.judge(&assessment.metrics);
-    let report =
-        Report::new(parts.title.clone(), &assessment, judged, parts.conditions.clone(), parts.provenance.clone());
-    let html = to_html(&report, &assessment);
+    let judged = parts.requirements.judge(&assessment.metrics, &assessment.settings);
+    let signed = (parts.document.clone(), parts.provenance.clone());
+    let report = Report::new(parts.title.clone(), &assessment, judged, parts.conditions.clone(), signed);
+    let json = report.to_json()?;
+    let beside = writing.out.with_extension("json");
+    let name = beside.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let html = to_html(&report, &assessment, &FileHash::of_text(&name, &json));
     if html.len() > MOST_HTML_BYTES {
         bail!("the report has {} bytes; wanted at most {MOST_HTML_BYTES}: report on fewer cases", html.len());
     }
-    let json = report.to_json()?;
     save(writing.out, &html)?;
-    save(&writing.out.with_extension("json"), &json)?;
+    save(&beside, &json)?;
     save(&writing.out.with_extension("xml"), &to_junit(&report))?;
     if writing.pdf {
         print_pdf(writing.out)?;

@@ -15,6 +15,8 @@ pub(super) enum Presence {
     ListOrFiles,
     /// Once, or the path of a file that holds the same keys.
     OrFile,
+    /// As a list of one at least.
+    NeededList,
 }
 
 /// The meaning of a key that the file does not give.
@@ -93,7 +95,8 @@ impl Declared {
 impl Table {
     /// Returns whether a file must have it.
     pub(super) fn is_needed(&self) -> bool {
-        self.presence == Presence::Once && self.forms.iter().all(Declared::is_needed)
+        let is_one = self.presence == Presence::Once && self.forms.iter().all(Declared::is_needed);
+        is_one || self.presence == Presence::NeededList
     }
 
     /// Returns keys that all forms have.
@@ -136,7 +139,9 @@ impl Key {
         let is_number = match &self.shape {
             Shape::Number(_) | Shape::Whole(_) => true,
             Shape::Row(_, of) => matches!(**of, Shape::Number(_) | Shape::Whole(_)),
-            Shape::Words(_) | Shape::Text(_) | Shape::Flag | Shape::List(_) | Shape::Either(_) => false,
+            Shape::Words(_) | Shape::Text(_) | Shape::Flag | Shape::List(_) | Shape::Either(_) | Shape::Table(_) => {
+                false
+            }
         };
         let name = format!("_{}", self.name);
         let mut units = UNITS.split("; ").filter_map(|pair| pair.split_once(' '));

@@ -2,14 +2,17 @@
 
 use crate::bench::BenchKeys;
 use crate::camera::CameraKeys;
+use crate::data_set_keys::DataSetKeys;
 use crate::declared::{Declared, Key, Presence};
 use crate::file_keys::declared;
 use crate::key_type::Shape;
 use crate::link_keys::LinkTable;
+use crate::requirement_keys::RequirementKeys;
 use crate::scenario::ScenarioKeys;
 use crate::spacecraft::SpacecraftKeys;
 use crate::template::sample;
-use crate::{Camera, Document, FileKind, Scenario, Spacecraft, key_reference, key_schema, key_template};
+use crate::test_plan_keys::PlanKeys;
+use crate::{Camera, Document, FileKind, Scenario, Spacecraft, check_keys, key_reference, key_schema, key_template};
 use std::path::Path;
 
 /// Reads a text as the tables of a kind, without checking it.
@@ -21,6 +24,9 @@ fn read(kind: FileKind, text: &str) -> Result<(), String> {
         FileKind::Camera => document.read_as::<CameraKeys>().map(drop),
         FileKind::Link => document.read_as::<LinkTable>().map(drop),
         FileKind::Spacecraft => document.read_as::<SpacecraftKeys>().map(drop),
+        FileKind::TestPlan => document.read_as::<PlanKeys>().map(drop),
+        FileKind::Requirements => document.read_as::<RequirementKeys>().map(drop),
+        FileKind::DataSet => document.read_as::<DataSetKeys>().map(drop),
     }
     .map_err(|error| error.to_string())
 }
@@ -31,7 +37,7 @@ fn each_table(declared: &Declared, path: &str, around: &str, visit: &mut impl Fn
     for table in &declared.tables {
         let path = if path.is_empty() { table.name.to_owned() } else { format!("{path}.{}", table.name) };
         let header = match table.presence {
-            Presence::List | Presence::ListOrFiles => format!("[[{path}]]\n"),
+            Presence::List | Presence::ListOrFiles | Presence::NeededList => format!("[[{path}]]\n"),
             Presence::Once | Presence::Optional | Presence::OrFile => format!("[{path}]\n"),
         };
         // A table within a list is a part of the last table of that list.
@@ -56,7 +62,10 @@ fn every_declared_key_is_read_where_it_is_declared() {
             for Key { name, shape, .. } in &declared.keys {
                 let text = format!("{header}{name} = {}\n", sample(shape));
                 read(kind, &text).unwrap_or_else(|error| panic!("{text}: {error}"));
-                let wrong = if matches!(shape, Shape::Flag) { "7" } else { "{ no = true }" };
+                let wrong = if matches!(shape, Shape::Flag | Shape::Table(_)) { "7" } else { "{ no = true }" };
+                if matches!(shape, Shape::Either(forms) if matches!(forms[1], Shape::Table(_))) {
+                    continue; // a value that may be drawn: those who draw check it
+                }
                 read(kind, &format!("{header}{name} = {wrong}\n")).expect_err("another type");
                 seen += 1;
             }
@@ -111,6 +120,11 @@ fn templates_check_as_they_are_printed() {
     std::fs::write(folder.path().join("link.toml"), key_template(FileKind::Link)).unwrap();
     let bench = Document::from_text("link = \"link.toml\"\n", &folder.path().join("bench.toml"));
     Scenario::from_document(&bench).unwrap();
+    for kind in [FileKind::TestPlan, FileKind::Requirements, FileKind::DataSet] {
+        let document = Document::from_text(&key_template(kind), &folder.path().join("file.toml"));
+        assert_eq!(FileKind::of(&document), kind);
+        check_keys(kind, &document).unwrap();
+    }
     // Control: a template without what must be given does not check.
     let bare = key_template(FileKind::Camera).replace("focal_length_mm = 50.0", "");
     Camera::from_document(&Document::from_text(&bare, Path::new("bare.toml"))).unwrap_err();

@@ -16,10 +16,19 @@ pub enum FileKind {
     Link,
     /// Inertia, wheels, gyro, tracker.
     Spacecraft,
+    /// Cases that a star tracker flies.
+    TestPlan,
+    /// Limits of a star tracker's metrics.
+    Requirements,
+    /// Images with labels.
+    DataSet,
 }
 
 /// Each kind that is not a bench, with top-level keys that no other kind has. The first match counts.
-const KEYS: [(FileKind, &[&str]); 4] = [
+const KEYS: [(FileKind, &[&str]); 7] = [
+    (FileKind::Requirements, &["requirement"]),
+    (FileKind::TestPlan, &["case", "start_utc", "frame_rate_hz", "probability", "requirements"]),
+    (FileKind::DataSet, &["draw", "output", "licence", "fault", "motion", "time"]),
     (FileKind::Scenario, &["spacecraft"]),
     (FileKind::Camera, &["detector", "optics"]),
     (FileKind::Spacecraft, &["body", "wheel", "gyro"]),
@@ -39,7 +48,16 @@ impl FileKind {
     }
 
     /// Every kind.
-    pub const ALL: [Self; 5] = [Self::Bench, Self::Scenario, Self::Camera, Self::Link, Self::Spacecraft];
+    pub const ALL: [Self; 8] = [
+        Self::Bench,
+        Self::Scenario,
+        Self::Camera,
+        Self::Link,
+        Self::Spacecraft,
+        Self::TestPlan,
+        Self::Requirements,
+        Self::DataSet,
+    ];
 
     /// Returns its word on the command line and in messages.
     #[must_use]
@@ -50,6 +68,9 @@ impl FileKind {
             Self::Camera => "camera",
             Self::Link => "link",
             Self::Spacecraft => "spacecraft",
+            Self::TestPlan => "plan",
+            Self::Requirements => "requirements",
+            Self::DataSet => "dataset",
         }
     }
 
@@ -65,6 +86,11 @@ impl FileKind {
                 "a bench names a link file: link = \"FILE\"; `starloop link-check` tries an interface or a port"
             }
             Self::Spacecraft => "a scenario names a spacecraft file: spacecraft = \"FILE\"",
+            Self::TestPlan => "`starloop fly` and `check` take a test plan",
+            Self::Requirements => {
+                "`starloop report --requirements` and `check` take requirements; a test plan names them: requirements = \"FILE\""
+            }
+            Self::DataSet => "`starloop dataset` and `check` take a description of a data set",
         }
     }
 }

@@ -175,7 +175,9 @@ impl<S: Section> Inner for Option<S> {
 impl<I: Inner> Inner for Vec<I> {
     const PRESENCE: Presence = match I::PRESENCE {
         Presence::OrFile => Presence::ListOrFiles,
-        Presence::Once | Presence::Optional | Presence::List | Presence::ListOrFiles => Presence::List,
+        Presence::Once | Presence::Optional | Presence::List | Presence::ListOrFiles | Presence::NeededList => {
+            Presence::List
+        }
     };
     fn forms() -> Vec<Declared> {
         I::forms()

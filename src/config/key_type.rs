@@ -62,6 +62,8 @@ pub(super) enum Shape {
     List(Box<Shape>),
     /// One of two forms.
     Either(Box<[Shape; 2]>),
+    /// A table: what it has.
+    Table(&'static str),
 }
 
 impl Shape {
@@ -95,6 +97,7 @@ impl fmt::Display for Shape {
             Self::Whole(range) => write!(f, "{}", Whole::<u32>::wanted(range).trim_start_matches("a ")),
             Self::Words(words) => write!(f, "\"{}\"", words.join("\", \"")),
             Self::Text(what) => f.write_str(what),
+            Self::Table(what) => write!(f, "table: {what}"),
             Self::Flag => f.write_str("true or false"),
             Self::Row(count, of) => write!(f, "list of {count}: {of}"),
             Self::List(of) => write!(f, "list of: {of}"),

@@ -336,7 +336,9 @@ mod tests {
     }
 
     /// Keys that are paths and name no file of data: documents, outputs, devices, and what is not kept.
-    const NOT_DATA: [&str; 14] = [
+    const NOT_DATA: [&str; 16] = [
+        "requirements",
+        "path",
         "bench",
         "calibration",
         "camera",

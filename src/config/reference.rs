@@ -11,9 +11,7 @@ use core::fmt::Write;
 pub fn key_reference(kinds: &[FileKind]) -> String {
     let mut page = String::from(HEAD);
     for kind in kinds {
-        let name = kind.name();
-        let capital = name[..1].to_uppercase();
-        page.push_str(&format!("\n## {capital}{} files\n\n{}\n", &name[1..], about(*kind)));
+        page.push_str(&format!("\n## {}\n\n{}\n", heading(*kind), about(*kind)));
         write_table(&mut page, &declared(*kind), "");
     }
     page
@@ -26,6 +24,19 @@ Schema, and `starloop init` as a template. A name ends with the unit of its valu
 names it.
 ";
 
+const fn heading(kind: FileKind) -> &'static str {
+    match kind {
+        FileKind::Bench => "Bench files",
+        FileKind::Scenario => "Scenario files",
+        FileKind::Camera => "Camera files",
+        FileKind::Link => "Link files",
+        FileKind::Spacecraft => "Spacecraft files",
+        FileKind::TestPlan => "Test plans",
+        FileKind::Requirements => "Requirements",
+        FileKind::DataSet => "Data sets",
+    }
+}
+
 const fn about(kind: FileKind) -> &'static str {
     match kind {
         FileKind::Bench => "A run of the stimulator. Every key has a default: an empty file is a bench.",
@@ -33,6 +44,13 @@ const fn about(kind: FileKind) -> &'static str {
         FileKind::Camera => "Optics and detector. Only the detector's size and the focal length have no default.",
         FileKind::Link => "A bus to the flight computer: the keys of a bench's `[link]` in a file of their own.",
         FileKind::Spacecraft => "Body, wheels, modes, disturbances, gyro, Sun sensor, control.",
+        FileKind::TestPlan => {
+            "Cases that `starloop fly` flies with a star tracker, as [reports.md](reports.md) explains."
+        }
+        FileKind::Requirements => "Limits of the metrics that [reports.md](reports.md#metrics) lists.",
+        FileKind::DataSet => {
+            "Images with labels that `starloop dataset` draws, as [data_sets.md](data_sets.md) explains."
+        }
     }
 }
 
@@ -75,7 +93,7 @@ fn words_of(form: &Declared) -> Vec<&'static str> {
 }
 
 const fn is_list(presence: Presence) -> bool {
-    matches!(presence, Presence::List | Presence::ListOrFiles)
+    matches!(presence, Presence::List | Presence::ListOrFiles | Presence::NeededList)
 }
 
 fn presence(table: &Table) -> &'static str {
@@ -84,6 +102,7 @@ fn presence(table: &Table) -> &'static str {
         Presence::Once => "",
         Presence::Optional => " Without the table there is none.",
         Presence::List => " A table for each.",
+        Presence::NeededList => " A table for each, one at least.",
         Presence::OrFile => " A table, or the path of a file that holds the same keys.",
         Presence::ListOrFiles => " A table for each, or a list of paths of files that hold the same keys.",
     }

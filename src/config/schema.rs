@@ -39,6 +39,7 @@ fn of_table(table: &Table) -> Value {
     let mut schema = match table.presence {
         Presence::Once | Presence::Optional => one,
         Presence::List => json!({ "type": "array", "items": one }),
+        Presence::NeededList => json!({ "type": "array", "items": one, "minItems": 1 }),
         Presence::OrFile => json!({ "anyOf": [one, path] }),
         Presence::ListOrFiles => json!({ "type": "array", "items": { "anyOf": [one, path] } }),
     };
@@ -73,6 +74,7 @@ fn of_shape(shape: &Shape) -> Value {
             json!({ "type": "array", "items": of_shape(of), "minItems": count, "maxItems": count })
         }
         Shape::List(of) => json!({ "type": "array", "items": of_shape(of) }),
+        Shape::Table(_) => json!({ "type": "object" }),
         Shape::Either(forms) => json!({ "anyOf": forms.iter().map(of_shape).collect::<Vec<_>>() }),
     }
 }

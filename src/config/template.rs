@@ -11,9 +11,19 @@ use core::fmt::Write;
 const COLUMNS: usize = 100;
 
 /// Values of keys that must be given.
-const EXAMPLES: [(&str, &str); 8] = [
+const EXAMPLES: [(&str, &str); 18] = [
     ("bench", "\"../benches/closed_loop.toml\""),
     ("spacecraft", "\"../spacecraft/smallsat.toml\""),
+    ("name", "\"my name\""),
+    ("camera", "\"../cameras/star_tracker_20deg.toml\""),
+    ("case.name", "\"lost in space\""),
+    ("case.frames", "2"),
+    ("case.attitudes.kind", "\"fixed\""),
+    ("case.attitudes.ra_deg", "84.0"),
+    ("case.attitudes.dec_deg", "-1.2"),
+    ("requirement.id", "\"ST-010\""),
+    ("requirement.metric", "\"false_solutions\""),
+    ("requirement.most", "0.0"),
     ("target.ra_deg", "84.0"),
     ("target.dec_deg", "-1.2"),
     ("detector.width_px", "1024"),
@@ -22,6 +32,9 @@ const EXAMPLES: [(&str, &str); 8] = [
     ("body.inertia_kg_m2", "[[5.0, 0.0, 0.0], [0.0, 5.0, 0.0], [0.0, 0.0, 5.0]]"),
 ];
 
+/// Keys that a template gives although they are needed only beside other values.
+const LIVE: [&str; 4] = ["case.attitudes.ra_deg", "case.attitudes.dec_deg", "requirement.most", "attitude.kind"];
+
 /// Returns a file of this kind with every key commented out but those that must be given.
 #[must_use]
 pub fn key_template(kind: FileKind) -> String {
@@ -29,6 +42,9 @@ pub fn key_template(kind: FileKind) -> String {
     comment(&mut text, &format!("A {} file: remove the # before a key to change its value.", kind.name()));
     if kind == FileKind::Scenario {
         comment(&mut text, "The paths are those of a file in configs/scenarios.");
+    }
+    if kind == FileKind::TestPlan {
+        comment(&mut text, "The paths are those of a file in configs/test_plans.");
     }
     text.push('\n');
     write_table(&mut text, &declared(kind), "", true);
@@ -41,11 +57,11 @@ fn write_table(text: &mut String, declared: &Declared, path: &str, is_live: bool
     }
     for table in &declared.tables {
         let path = if path.is_empty() { table.name.to_owned() } else { format!("{path}.{}", table.name) };
-        let is_live = is_live && matches!(table.presence, Presence::Once | Presence::OrFile);
+        let is_live = is_live && matches!(table.presence, Presence::Once | Presence::OrFile | Presence::NeededList);
         text.push('\n');
         comment(text, table.sentence);
         let header = match table.presence {
-            Presence::List | Presence::ListOrFiles => format!("[[{path}]]"),
+            Presence::List | Presence::ListOrFiles | Presence::NeededList => format!("[[{path}]]"),
             Presence::Once | Presence::Optional | Presence::OrFile => format!("[{path}]"),
         };
         line(text, &header, is_live);
@@ -85,6 +101,7 @@ fn write_key(text: &mut String, key: &Key, path: &str, is_live: bool) {
         (_, Some(example)) => example,
         (_, None) => sample(&key.shape),
     };
+    let is_needed = is_needed || LIVE.contains(&full.as_str());
     line(text, &format!("{} = {value}", key.name), is_live && is_needed);
 }
 
@@ -102,6 +119,7 @@ pub(super) fn sample(shape: &Shape) -> String {
         Shape::Row(count, of) => format!("[{}]", vec![sample(of); *count].join(", ")),
         Shape::List(of) => format!("[{}]", sample(of)),
         Shape::Either(forms) => sample(&forms[0]),
+        Shape::Table(_) => "{}".into(),
     }
 }
 

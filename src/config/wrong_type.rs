@@ -104,17 +104,17 @@ fn key_around(table: &DeTable<'_>, span: &Range<usize>, around: String) -> Optio
 }
 
 /// Returns the form of a declared value, as refusals say it; `None` for texts and lists of any length.
-fn wanted_by(shape: &Shape) -> Option<String> {
+pub(super) fn wanted_by(shape: &Shape) -> Option<String> {
     match shape {
         Shape::Number(_) | Shape::Whole(_) | Shape::Row(..) => Some(format!("a {shape}")),
         Shape::Words(_) => Some(format!("one of {shape}")),
         Shape::Flag => Some(shape.to_string()),
-        Shape::Text(_) | Shape::List(_) | Shape::Either(_) => None,
+        Shape::Text(_) | Shape::List(_) | Shape::Either(_) | Shape::Table(_) => None,
     }
 }
 
 /// Returns a sentence as the end of another one.
-fn as_clause(sentence: &str) -> String {
+pub(super) fn as_clause(sentence: &str) -> String {
     let mut rest = sentence.trim_end_matches('.').chars();
     rest.next().map(|first| format!("{}{}", first.to_lowercase(), rest.as_str())).unwrap_or_default()
 }

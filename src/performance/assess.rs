@@ -5,7 +5,7 @@ use crate::availability::{acquisition, tracking, tracking_of_case};
 use crate::bandwidth::{bandwidth, ratio_of_case};
 use crate::bias::bias;
 use crate::exclusion::exclusion_angles;
-use crate::metric::{Kind, Metric, Reading};
+use crate::metric::{Interval, Kind, Metric, Reading};
 use crate::noise::{noise_of_case, temporal_noise};
 use crate::record::{Case, JudgedCase, Use};
 use crate::settings::Settings;
@@ -15,11 +15,16 @@ use crate::statistics::quantile;
 use crate::thermo_elastic::thermo_elastic;
 use base::units::ARCSEC;
 
-const AME: Kind = Kind {
+pub(crate) const AME: Kind = Kind {
     id: "absolute_measurement_error",
     unit: "arcsec",
     reading: Reading::Mixed,
     how: "AME: quantile of the error at the report's probability; order statistics",
+    parts: &["directional", "rotational"],
+    uses: &[Use::Run, Use::Inertial, Use::FovGrid, Use::Drift],
+    interval: Interval::Quantile,
+    counted: "attitudes",
+    ..Kind::USUAL
 };
 
 /// Cases and what they say together.
@@ -50,7 +55,7 @@ pub fn assess(cases: &[Case], settings: &Settings) -> Assessment {
     metrics.extend(exclusion_angles(&judged, settings));
     metrics.extend(acquisition(&judged, confidence, probability));
     metrics.extend(tracking(&judged, confidence));
-    for case in judged.iter().filter(|case| matches!(case.purpose, Use::Run | Use::Slew | Use::Stress)) {
+    for case in judged.iter().filter(|case| Use::EACH_FOR_ITSELF.contains(&case.purpose)) {
         metrics.extend(tracking_of_case(case, confidence));
         metrics.extend(noise_of_case(case, confidence));
     }

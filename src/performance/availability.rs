@@ -1,56 +1,98 @@
 //! Whether there is an attitude: acquisition, tracking, false solutions, loss and recovery.
 
-use crate::metric::{Kind, Metric, Reading};
+use crate::metric::{Interval, Kind, Metric, Reading};
 use crate::record::{Fate, Judged, JudgedCase, Use};
 use crate::statistics::{Estimate, confidence_of, quantile, share};
 
-const ACQUISITION: Kind = Kind {
+/// Cases in which nothing disturbs.
+const CALM: &[Use] = &[Use::Run, Use::Inertial, Use::Drift, Use::FovGrid, Use::PixelGrid, Use::ThermoElastic];
+
+pub(crate) const ACQUISITION: Kind = Kind {
     id: "acquisition_probability",
     unit: "share",
     reading: Reading::Ensemble,
     how: "attitudes that were found, and rightly at first, over attitudes; Clopper and Pearson",
+    uses: &[Use::LostInSpace, Use::Run],
+    interval: Interval::Share,
+    counted: "attitudes",
+    ..Kind::USUAL
 };
-const ACQUISITION_CONFIDENCE: Kind = Kind {
+pub(crate) const ACQUISITION_CONFIDENCE: Kind = Kind {
     id: "acquisition_confidence",
     unit: "share",
     reading: Reading::Ensemble,
     how: "confidence that the probability of acquisition is at least the report's: L = I_(1-P)(n_fail + 1, n_sim - n_fail + 1)",
+    uses: &[Use::LostInSpace, Use::Run],
+    interval: Interval::Confidence,
+    counted: "attitudes",
+    ..Kind::USUAL
 };
-const ACQUISITION_TIME: Kind = Kind {
+pub(crate) const ACQUISITION_TIME: Kind = Kind {
     id: "acquisition_time",
     unit: "s",
     reading: Reading::Ensemble,
-    how: "start of the first exposure to the first right attitude, where it was found; order statistics",
+    how: "start of the first exposure to the first right attitude, where it was found, at the report's probability; order statistics",
+    parts: &["at_probability"],
+    uses: &[Use::LostInSpace, Use::Run],
+    interval: Interval::Quantile,
+    counted: "attitudes",
+    ..Kind::USUAL
 };
-const TRACKING: Kind = Kind {
+pub(crate) const ACQUISITION_MEDIAN: Kind = Kind {
+    how: "the same time, that half of the attitudes need; order statistics",
+    parts: &["median"],
+    interval: Interval::Median,
+    ..ACQUISITION_TIME
+};
+pub(crate) const TRACKING: Kind = Kind {
     id: "tracking_probability",
     unit: "share",
     reading: Reading::Mixed,
     how: "right attitudes over frames from the first right one on; Clopper and Pearson",
+    uses: CALM,
+    case_uses: Use::EACH_FOR_ITSELF,
+    interval: Interval::Share,
+    counted: "frames",
+    ..Kind::USUAL
 };
-const FALSE: Kind = Kind {
+pub(crate) const FALSE: Kind = Kind {
     id: "false_solution_probability",
     unit: "share",
     reading: Reading::Mixed,
     how: "attitudes beyond the limits of a false one, over frames; Clopper and Pearson",
+    uses: Use::ALL,
+    interval: Interval::Share,
+    counted: "frames",
+    ..Kind::USUAL
 };
-const FALSE_COUNT: Kind = Kind {
+pub(crate) const FALSE_COUNT: Kind = Kind {
     id: "false_solutions",
     unit: "count",
     reading: Reading::Mixed,
     how: "attitudes beyond the limits of a false one",
+    uses: Use::ALL,
+    case_uses: Use::EACH_FOR_ITSELF,
+    interval: Interval::Counted,
+    counted: "frames",
+    ..Kind::USUAL
 };
-const LOSSES: Kind = Kind {
+pub(crate) const LOSSES: Kind = Kind {
     id: "losses",
     unit: "count",
     reading: Reading::Temporal,
     how: "times that attitudes ceased after the first right one",
+    case_uses: Use::EACH_FOR_ITSELF,
+    interval: Interval::Counted,
+    ..Kind::USUAL
 };
-const RECOVERY: Kind = Kind {
+pub(crate) const RECOVERY: Kind = Kind {
     id: "recovery_time",
     unit: "s",
     reading: Reading::Temporal,
-    how: "longest time without a right attitude that ended",
+    how: "length of the longest loss: from the last right attitude before it to the first after it",
+    case_uses: Use::EACH_FOR_ITSELF,
+    interval: Interval::Counted,
+    ..Kind::USUAL
 };
 
 /// Returns acquisition of attitudes lost in space, else of the beginning of a run.
@@ -75,8 +117,8 @@ pub fn acquisition(cases: &[JudgedCase], confidence: f64, probability: f64) -> V
         let exact = Estimate { value, low: value, high: value, count: all as f64 };
         metrics.push(ACQUISITION_CONFIDENCE.of("", None, exact));
     }
-    for (name, p) in [("median", 0.5), ("at_probability", probability)] {
-        metrics.extend(quantile(&times_s, p, confidence).map(|time| ACQUISITION_TIME.of(name, None, time)));
+    for (kind, name, p) in [(ACQUISITION_MEDIAN, "median", 0.5), (ACQUISITION_TIME, "at_probability", probability)] {
+        metrics.extend(quantile(&times_s, p, confidence).map(|time| kind.of(name, None, time)));
     }
     metrics
 }
@@ -96,11 +138,7 @@ fn since_start_s(first: &Judged, solved: &Judged) -> f64 {
 /// Returns tracking of all undisturbed cases together, and false solutions of all cases.
 #[must_use]
 pub fn tracking(cases: &[JudgedCase], confidence: f64) -> Vec<Metric> {
-    let calm = |case: &&JudgedCase| match case.purpose {
-        Use::Run | Use::Inertial | Use::Drift | Use::FovGrid | Use::PixelGrid | Use::ThermoElastic => true,
-        Use::Slew | Use::LostInSpace | Use::Stress | Use::Bandwidth => false,
-    };
-    let counts = cases.iter().filter(calm).map(tracked);
+    let counts = cases.iter().filter(|case| CALM.contains(&case.purpose)).map(tracked);
     let (right, all) = counts.fold((0, 0), |sum, part| (sum.0 + part.0, sum.1 + part.1));
     let mut found: Vec<Metric> =
         share(right, all, confidence).map(|share| TRACKING.of("", None, share)).into_iter().collect();

@@ -7,7 +7,7 @@
 //! `|sin(pi f T) / (pi f T)|`, and a bandwidth of `0.443 / T`.
 
 use crate::attitude_error::attitude_error;
-use crate::metric::{Kind, Metric, Reading};
+use crate::metric::{Interval, Kind, Metric, Reading};
 use crate::record::{JudgedCase, Use};
 use crate::statistics::{Estimate, t_quantile};
 use core::f64::consts::{FRAC_1_SQRT_2, TAU};
@@ -16,17 +16,23 @@ use glam::{DMat3, DVec3};
 /// Key of the frequency among the conditions of a case.
 pub const SINE: &str = "sine_hz";
 
-const RATIO: Kind = Kind {
+pub(crate) const RATIO: Kind = Kind {
     id: "amplitude_ratio",
     unit: "share",
     reading: Reading::Temporal,
     how: "amplitude of the output over that of the line of sight; least squares, Student's t",
+    case_uses: &[Use::Bandwidth],
+    ..Kind::USUAL
 };
-const BANDWIDTH: Kind = Kind {
+pub(crate) const BANDWIDTH: Kind = Kind {
     id: "output_bandwidth",
     unit: "Hz",
     reading: Reading::Temporal,
     how: "frequency at which the amplitude ratio falls below 1/sqrt(2) (-3 dB); a straight line between two frequencies",
+    uses: &[Use::Bandwidth],
+    interval: Interval::Sweep,
+    counted: "frequencies",
+    ..Kind::USUAL
 };
 
 /// Fewest attitudes of a fit.

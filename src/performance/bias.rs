@@ -2,23 +2,29 @@
 //! error and its stability). The mean over attitudes, or, of one run, over stretches of time.
 
 use crate::attitude_error::directional;
-use crate::metric::{AXES, Kind, Metric, Reading};
+use crate::metric::{AXES, AXES_AND_DIRECTIONAL, Kind, Metric, Reading};
 use crate::record::{JudgedCase, Use};
 use crate::statistics::{Estimate, mean};
 use base::units::ARCSEC;
 use glam::DVec3;
 
-const OF_ATTITUDES: Kind = Kind {
+pub(crate) const OF_ATTITUDES: Kind = Kind {
     id: "bias",
     unit: "arcsec",
     reading: Reading::Ensemble,
     how: "mean of the means of attitudes; Student's t over attitudes",
+    parts: AXES_AND_DIRECTIONAL,
+    uses: &[Use::Inertial, Use::FovGrid],
+    ..Kind::USUAL
 };
-const OF_TIME: Kind = Kind {
+pub(crate) const OF_TIME: Kind = Kind {
     id: "bias",
     unit: "arcsec",
     reading: Reading::Temporal,
     how: "mean of the means of stretches of time; Student's t over stretches",
+    parts: AXES_AND_DIRECTIONAL,
+    uses: &[Use::Run],
+    ..Kind::USUAL
 };
 
 /// Stretches into which one run is cut.

@@ -3,8 +3,9 @@
 
 use crate::log::read_log;
 use crate::mounting::MountingDrift;
+use crate::paperwork::Paperwork;
 use crate::record::{Case, FalseLimit, TruthRow, Use};
-use crate::settings::Settings;
+use crate::settings::{Settings, refuse_all};
 use anyhow::{Context, Result, bail};
 use base::input_file::{DATA_BYTES, InputFile, SETTINGS_BYTES, read_text};
 use frames::sink::frame_log::{FrameRow, path_in, read_frame_log};
@@ -58,6 +59,9 @@ pub struct PlanFile {
     pub exclusion_noise_arcsec: Option<f64>,
     /// Folders of the cases.
     pub cases: Vec<String>,
+    /// Unit, author and date in the head of the report.
+    #[serde(default)]
+    pub document: Paperwork,
 }
 
 impl PlanFile {
@@ -71,7 +75,9 @@ impl PlanFile {
             return Ok(None);
         }
         let text = read_text(&path, SETTINGS_BYTES).with_context(|| path.display().to_string())?;
-        serde_json::from_str(&text).with_context(|| path.display().to_string()).map(Some)
+        let read: Self = serde_json::from_str(&text).with_context(|| path.display().to_string())?;
+        refuse_all(&read.settings().errors()).with_context(|| path.display().to_string())?;
+        Ok(Some(read))
     }
 
     /// Returns what numbers are said with.
@@ -107,6 +113,7 @@ pub fn read_case(folder: &Path, log: Option<&Path>) -> Result<Case> {
     };
     let mut truth = read_truth(folder, described.frames_per_attitude)?;
     if let Some(drift) = described.mounting_drift {
+        drift.check().with_context(|| path.display().to_string())?;
         align(&mut truth, &drift);
     }
     let log = log.map_or_else(|| folder.join(LOG), PathBuf::from);
@@ -148,5 +155,33 @@ fn truth_of(row: &FrameRow, frames_per_attitude: u32) -> TruthRow {
         attitude: DQuat::from_xyzw(row.qx, row.qy, row.qz, row.qw).normalize(),
         rate_rad_s: DVec3::new(row.rate_x_deg_s, row.rate_y_deg_s, row.rate_z_deg_s).map(f64::to_radians),
         group: row.frame / frames_per_attitude,
+        has_fault: !matches!(row.faults.as_str(), "none" | ""),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn written(confidence: &str) -> Result<Option<PlanFile>> {
+        let folder = tempfile::tempdir()?;
+        let text = format!(
+            "{{\"name\": \"p\", \"tracker\": \"t\", \"camera\": \"c\", \"confidence\": {confidence}, \"probability\": 0.997, \
+             \"false_directional_arcsec\": 360.0, \"false_rotational_arcsec\": 3600.0, \"cases\": []}}"
+        );
+        std::fs::write(folder.path().join(PLAN), text)?;
+        PlanFile::read(folder.path())
+    }
+
+    #[test]
+    fn a_confidence_that_no_interval_has_is_refused() {
+        assert!(written("0.95").unwrap().is_some(), "control");
+        for wrong in ["1e308", "1.0", "0.0", "-3"] {
+            let refused = format!("{:#}", written(wrong).unwrap_err());
+            assert!(
+                refused.contains("plan.json: confidence: got ") && refused.contains("wanted 0.5 to 0.999999"),
+                "{refused}"
+            );
+        }
     }
 }

@@ -5,7 +5,7 @@
 //! which that is not so and the next: these two are the interval.
 
 use crate::availability::tracked;
-use crate::metric::{Kind, Metric, Reading};
+use crate::metric::{Interval, Kind, Metric};
 use crate::noise::noise_of_case;
 use crate::record::{Fate, JudgedCase, Use};
 use crate::settings::Settings;
@@ -21,15 +21,17 @@ pub const EARTH_LIMB_ANGLE: &str = "earth_limb_angle_deg";
 /// Fewest angles of a sweep.
 const FEWEST: usize = 2;
 
-const HOW: &str = "smallest swept angle from which on attitudes are acquired and kept with the report's probability, none is false, \
-                   and the noise is at most the plan's; the interval begins at the largest angle that fails";
+const HOW: &str = "smallest swept angle from which on the share of frames with an attitude is at least the report's probability, \
+                   none is false, and the noise is at most the plan's: of the frames flown, not by an interval of confidence; \
+                   low is the largest angle that fails";
 
 const fn kind(id: &'static str) -> Kind {
-    Kind { id, unit: "deg", reading: Reading::Mixed, how: HOW }
+    let (interval, counted) = (Interval::Sweep, "angles");
+    Kind { id, unit: "deg", how: HOW, uses: &[Use::Stress], interval, counted, ..Kind::USUAL }
 }
 
 /// Bodies by the key of their angle.
-const KINDS: [(&str, Kind); 3] = [
+pub(crate) const KINDS: [(&str, Kind); 3] = [
     (SUN_ANGLE, kind("sun_exclusion_angle")),
     (MOON_ANGLE, kind("moon_exclusion_angle")),
     (EARTH_LIMB_ANGLE, kind("earth_exclusion_angle")),

@@ -12,6 +12,7 @@ use crate::case_folder::{CASE, CaseFile, LOG};
 use crate::plan::{Plan, PlanCase, Source, folder_name};
 use crate::poses::{MARGIN_S, Pose, before_samples, margin_s, poses};
 use crate::provenance::FileHash;
+use crate::settings::refuse_all;
 use crate::tracker_inside::{Inside, TrackerLog};
 use anyhow::{Context, Result, bail};
 use base::time::Span;
@@ -48,12 +49,22 @@ pub struct Flown {
 pub struct Flight<'a> {
     plan: &'a Plan,
     camera_path: PathBuf,
+    camera_name: String,
     plan_folder: PathBuf,
     out: PathBuf,
     pixel_rad: f64,
     inside: Option<Inside>,
     /// Images are kept after the program outside has seen them.
     pub keeps_images: bool,
+}
+
+/// All that a case is flown with.
+struct Prepared {
+    text: String,
+    scenario: Scenario,
+    bodies: Option<BrightBodies>,
+    attitudes: Vec<DQuat>,
+    frames: u64,
 }
 
 impl<'a> Flight<'a> {
@@ -66,31 +77,54 @@ impl<'a> Flight<'a> {
         let camera = Camera::from_document(&Document::open(&camera_path)?)?;
         let pixel_rad = camera.detector.pixel_pitch_um * 1e-3 / camera.optics.focal_length_mm;
         let inside = Inside::of_plan(plan, &camera, pixel_rad)?;
+        // A plan that is named without a folder is in the working directory.
+        let plan_folder = if plan_folder == Path::new("") { Path::new(".") } else { plan_folder };
         let [camera_path, plan_folder] =
             [camera_path.as_path(), plan_folder].map(|path| std::path::absolute(path).unwrap_or_else(|_| path.into()));
-        Ok(Self { plan, camera_path, plan_folder, out: out.into(), pixel_rad, inside, keeps_images: false })
+        let camera_name = camera.name;
+        Ok(Self {
+            plan,
+            camera_path,
+            camera_name,
+            plan_folder,
+            out: out.into(),
+            pixel_rad,
+            inside,
+            keeps_images: false,
+        })
     }
 
-    /// Flies one case.
+    /// Returns the camera's name.
+    #[must_use]
+    pub fn camera_name(&self) -> &str {
+        &self.camera_name
+    }
+
+    /// Checks all cases without flying them and without writing anything.
+    ///
+    /// # Errors
+    /// With all that is wrong with any of them.
+    pub fn check(&self) -> Result<()> {
+        let mut errors: Vec<anyhow::Error> = self.check_program().err().into_iter().collect();
+        for (number, (case, (name, value))) in (1_u64..).zip(self.plan.each()) {
+            let prepared = self.prepare(case, (&name, value), number);
+            errors.extend(prepared.err().map(|error| error.context(format!("case \"{name}\""))));
+        }
+        refuse_all(&errors)
+    }
+
+    /// Flies one case. What an earlier flight that did not end has left of it is replaced.
     ///
     /// # Errors
     /// With what could not be done.
     pub fn fly(&self, case: &PlanCase, (name, value): (&str, Option<f64>), number: u64) -> Result<Flown> {
+        let Prepared { text, scenario, bodies, attitudes, frames } = self.prepare(case, (name, value), number)?;
         let folder = self.out.join(folder_name(name));
+        if folder.join(CASE).exists() {
+            std::fs::remove_dir_all(&folder).with_context(|| folder.display().to_string())?;
+        }
         std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
-        let frames = u64::from(case.attitudes.count()) * u64::from(case.frames);
-        let frames_in_run = u32::try_from(frames).context("frames of a case")?;
-        let rate_hz = case.frame_rate_hz.unwrap_or(self.plan.frame_rate_hz);
-        let text = self.run_file(name, rate_hz, frames_in_run, number);
-        let scenario = self.scenario(&text, &folder, case, value)?;
-        let bodies = self.bodies(&scenario, case, f64::from(case.frames) / rate_hz)?;
-        let attitudes = case.attitudes.list(&Circumstances {
-            seed: self.plan.seed.wrapping_add(number),
-            pixel_rad: self.pixel_rad,
-            at: self.plan.start()?,
-            value,
-            bodies: bodies.as_ref(),
-        })?;
+        self.keep_run_file(&text, &folder, case, value)?;
         self.describe(&folder, case, name, value)?;
         let log = folder.join(LOG);
         let is_seen_outside = self.plan.tracker.source == Source::Program;
@@ -108,6 +142,26 @@ impl<'a> Flight<'a> {
         }
         let run_file = FileHash::of_text(&format!("{}/run.toml", folder_name(name)), &text);
         Ok(Flown { folder: folder_name(name), run_file, frames })
+    }
+
+    /// Returns all that a case is flown with, checked.
+    fn prepare(&self, case: &PlanCase, (name, value): (&str, Option<f64>), number: u64) -> Result<Prepared> {
+        let frames = u64::from(case.attitudes.count()) * u64::from(case.frames);
+        let frames_in_run = u32::try_from(frames).context("frames of a case")?;
+        let rate_hz = case.frame_rate_hz.unwrap_or(self.plan.frame_rate_hz);
+        let text = self.run_file(name, rate_hz, frames_in_run, number);
+        let scenario = self.scenario((name, &text), case, value)?;
+        let bodies = self.bodies(&scenario, case, f64::from(case.frames) / rate_hz)?;
+        let attitudes = case.attitudes.list(&Circumstances {
+            seed: self.plan.seed.wrapping_add(number),
+            pixel_rad: self.pixel_rad,
+            at: self.plan.start()?,
+            value,
+            bodies: bodies.as_ref(),
+        })?;
+        let period = Span::from_s(1.0 / scenario.bench.timing.frame_rate_hz);
+        check_jumps(&attitudes, period, scenario.bench.camera.exposure.exposure_s)?;
+        Ok(Prepared { text, scenario, bodies, attitudes, frames })
     }
 
     /// Moon and Earth of a case that is about them, or whose tracker is blinded by the Earth.
@@ -133,16 +187,24 @@ impl<'a> Flight<'a> {
         )
     }
 
-    fn scenario(&self, text: &str, folder: &Path, case: &PlanCase, value: Option<f64>) -> Result<Scenario> {
-        let path = folder.join("run.toml");
-        let changed = self.plan.set.iter().cloned().chain(case.settings(value));
-        let settings = changed.map(|text| Setting::parse(&text)).collect::<Result<Vec<_>, _>>()?;
-        let remarks = self.plan.set.iter().cloned().chain(case.settings(value)).fold(String::new(), |mut all, set| {
+    /// Values that are changed in the run file of a case.
+    fn changed(&self, case: &PlanCase, value: Option<f64>) -> impl Iterator<Item = String> {
+        self.plan.set.iter().cloned().chain(case.settings(value))
+    }
+
+    fn scenario(&self, (name, text): (&str, &str), case: &PlanCase, value: Option<f64>) -> Result<Scenario> {
+        let settings = self.changed(case, value).map(|text| Setting::parse(&text)).collect::<Result<Vec<_>, _>>()?;
+        let document = Document::from_text(text, &self.out.join(folder_name(name)).join("run.toml"));
+        Ok(Scenario::from_document(&document.with_settings(settings))?)
+    }
+
+    fn keep_run_file(&self, text: &str, folder: &Path, case: &PlanCase, value: Option<f64>) -> Result<()> {
+        let remarks = self.changed(case, value).fold(String::new(), |mut all, set| {
             let _ = writeln!(all, "# --set '{set}'"); // writing to a string does not fail
             all
         });
-        std::fs::write(&path, format!("{remarks}{text}")).with_context(|| path.display().to_string())?;
-        Ok(Scenario::from_document(&Document::from_text(text, &path).with_settings(settings))?)
+        let path = folder.join("run.toml");
+        std::fs::write(&path, format!("{remarks}{text}")).with_context(|| path.display().to_string())
     }
 
     fn describe(&self, folder: &Path, case: &PlanCase, name: &str, value: Option<f64>) -> Result<()> {
@@ -192,7 +254,6 @@ impl<'a> Flight<'a> {
         let (zero, period) = (run.zero(), run.frame_period());
         let exposure_s = scenario.bench.camera.exposure.exposure_s;
         let poses: Vec<Pose> = poses(attitudes, case.frames, period, &case.whole_motion(value));
-        check_jumps(attitudes, period, exposure_s)?;
         let mut failure = None;
         for (part, some) in poses.chunks(FRAMES_AHEAD).enumerate() {
             let first = part * FRAMES_AHEAD;
@@ -224,6 +285,24 @@ impl<'a> Flight<'a> {
         Ok(log.map(|log| log.text))
     }
 
+    /// Refuses a program that is not there.
+    fn check_program(&self) -> Result<()> {
+        let Some(program) = self.plan.tracker.command.first() else { return Ok(()) };
+        let folders = std::env::var_os("PATH").unwrap_or_default();
+        let is_there = if program.contains('/') {
+            self.plan_folder.join(program).exists()
+        } else {
+            std::env::split_paths(&folders).any(|folder| folder.join(program).exists())
+        };
+        if is_there {
+            return Ok(());
+        }
+        bail!(
+            "tracker.command: cannot find the program {program}; wanted one on the PATH, or a path relative to {}",
+            self.plan_folder.display()
+        )
+    }
+
     fn ask_program(&self, folder: &Path, log: &Path) -> Result<()> {
         let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.into()).display().to_string();
         let places =
@@ -233,7 +312,8 @@ impl<'a> Flight<'a> {
         let program = words.next().context("tracker.command: got nothing, wanted a program")?;
         let mut command = Command::new(&program);
         command.args(words).current_dir(&self.plan_folder);
-        let status = command.status().with_context(|| format!("tracker.command: cannot start {program}"))?;
+        let in_folder = || format!("tracker.command: cannot start {program} in {}", self.plan_folder.display());
+        let status = command.status().with_context(in_folder)?;
         if !status.success() {
             bail!("tracker.command: {program} ended with {status}; wanted 0");
         }

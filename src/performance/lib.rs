@@ -8,8 +8,8 @@
 //! ```
 //!
 //! Tour: `attitude_error` (one solution) -> `log`, `captured` (a tracker's answers) -> `record` (truth and log, matched) -> `statistics` (intervals) -> `metric` ->
-//! `bias`, `noise`, `spatial`, `slopes`, `availability`, `thermo_elastic`, `bandwidth`, `exclusion` (the metrics) -> `assess` (all of them) -> `requirements` ->
-//! `report`; `plan`, `attitudes`, `bright_bodies`, `mounting`, `poses`, `tracker_inside`, `fly` (test plans).
+//! `bias`, `noise`, `spatial`, `slopes`, `availability`, `thermo_elastic`, `bandwidth`, `exclusion` (the metrics) -> `assess` (all of them), `metric_list` (names and units) ->
+//! `requirements`, `evidence` -> `report`; `plan`, `attitudes`, `bright_bodies`, `mounting`, `poses`, `tracker_inside`, `fly` (test plans).
 //!
 //! Conventions: sensor axes; the error is the small turn of the measured frame from the true one, rad, about x, y
 //! (across the boresight: directional) and z (about it: rotational).
@@ -23,13 +23,16 @@ pub mod bias;
 mod bright_bodies;
 mod captured;
 pub mod case_folder;
+pub mod evidence;
 pub mod exclusion;
 pub mod fly;
 pub mod log;
 pub mod metric;
+pub mod metric_list;
 pub mod model_figures;
 pub mod mounting;
 pub mod noise;
+pub mod paperwork;
 pub mod plan;
 mod poses;
 pub mod provenance;

@@ -5,6 +5,7 @@
 //! that of the axes it is aligned to. Tests: below; `thermo_elastic` recovers it.
 
 use crate::attitude_error::turned;
+use anyhow::{Result, bail};
 use base::units::ARCSEC;
 use core::f64::consts::PI;
 use glam::{DQuat, DVec3};
@@ -20,7 +21,27 @@ pub struct MountingDrift {
     pub period_s: f64,
 }
 
+/// Largest drift of a mounting.
+const MOST_DRIFT_ARCSEC: f64 = 3600.0;
+
 impl MountingDrift {
+    /// Refuses a drift that no mounting has.
+    ///
+    /// # Errors
+    /// With the drift and its limits.
+    pub fn check(&self) -> Result<()> {
+        let is_good =
+            self.arcsec.iter().all(|angle| angle.abs() <= MOST_DRIFT_ARCSEC) && (1.0..=1e9).contains(&self.period_s);
+        if is_good {
+            return Ok(());
+        }
+        bail!(
+            "mounting_drift: got arcsec {:?} and period_s {}, wanted arcsec up to {MOST_DRIFT_ARCSEC} and period_s from 1 to 1e9",
+            self.arcsec,
+            self.period_s
+        )
+    }
+
     /// Returns the turn of the sensor a time after the first exposure, rad.
     #[must_use]
     pub fn turn_rad(&self, t_s: f64) -> DVec3 {

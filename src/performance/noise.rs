@@ -10,23 +10,38 @@ use crate::statistics::{Estimate, normal_quantile, sigma};
 use base::units::ARCSEC;
 use glam::DVec3;
 
-const INERTIAL: Kind = Kind {
+/// Parts of the identifiers: the axes, and the root mean square of both across the boresight.
+const PARTS: &[&str] = &["x", "y", "rotational", "directional_per_axis"];
+/// Cases of attitudes at rest, several frames each.
+const STILL: &[Use] = &[Use::Inertial, Use::FovGrid, Use::PixelGrid];
+
+pub(crate) const INERTIAL: Kind = Kind {
     id: "temporal_noise",
     unit: "arcsec",
     reading: Reading::Mixed,
     how: "1 sigma: variance within attitudes, all attitudes together; chi-square",
+    parts: PARTS,
+    uses: STILL,
+    ..Kind::USUAL
 };
-const SUCCESSIVE: Kind = Kind {
+pub(crate) const SUCCESSIVE: Kind = Kind {
     id: "temporal_noise",
     unit: "arcsec",
     reading: Reading::Temporal,
     how: "1 sigma: mean square of successive differences over 2; chi-square",
+    parts: PARTS,
+    uses: &[Use::Run, Use::Drift],
+    case_uses: Use::EACH_FOR_ITSELF,
+    ..Kind::USUAL
 };
-const NEA: Kind = Kind {
+pub(crate) const NEA: Kind = Kind {
     id: "noise_equivalent_angle",
     unit: "arcsec",
     reading: Reading::Mixed,
     how: "temporal noise times the normal distribution's two-sided factor at the report's probability",
+    parts: PARTS,
+    uses: &[Use::Inertial, Use::FovGrid, Use::PixelGrid, Use::Run, Use::Drift],
+    ..Kind::USUAL
 };
 
 /// Sums of squares per axis.
@@ -39,12 +54,11 @@ struct Squares {
 /// Returns the noise of all inertial cases together, else of a run; and the noise equivalent angle.
 #[must_use]
 pub fn temporal_noise(cases: &[JudgedCase], confidence: f64, probability: f64) -> Vec<Metric> {
-    let still = [Use::Inertial, Use::FovGrid, Use::PixelGrid];
     let squares = |of: &[Use], take: fn(&JudgedCase) -> Squares| {
         let parts = cases.iter().filter(|case| of.contains(&case.purpose)).map(take);
         parts.fold(Squares::default(), |all, part| Squares { sum: all.sum + part.sum, dof: all.dof + part.dof })
     };
-    let within = squares(&still, within_groups);
+    let within = squares(STILL, within_groups);
     let (squares, kind) =
         if within.dof >= 4.0 { (within, INERTIAL) } else { (squares(&[Use::Run, Use::Drift], successive), SUCCESSIVE) };
     let mut found = of_squares(squares, &kind, None, confidence);

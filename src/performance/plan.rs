@@ -3,13 +3,15 @@
 use crate::attitudes::Attitudes;
 use crate::model_figures::ModelFigures;
 use crate::mounting::MountingDrift;
+use crate::paperwork::Paperwork;
 use crate::poses::{CaseMotion, Sine};
 use crate::record::{FalseLimit, Use};
-use crate::settings::Settings;
-use anyhow::{Context, Result, bail};
+use crate::settings::{Settings, refuse_all};
+use anyhow::{Context, Result, anyhow, bail};
 use base::input_file::{SETTINGS_BYTES, read_text};
 use base::time::Tai;
 use base::units::ARCSEC;
+use config::{Document, FileKind, check_keys};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
@@ -49,6 +51,9 @@ pub struct Plan {
     /// Values that are changed in the run file of every case, as `KEY=VALUE`.
     #[serde(default)]
     pub set: Vec<String>,
+    /// Unit, author and date for the report.
+    #[serde(default)]
+    pub document: Paperwork,
     /// The tracker under test.
     #[serde(default)]
     pub tracker: TrackerUnderTest,
@@ -219,70 +224,84 @@ fn usual_rotational() -> f64 {
 const MOST_SINE_ARCSEC: f64 = 3600.0;
 /// Nearest that twice a sine's frequency may be to a multiple of the frame rate, in frame rates.
 const NEAREST_FOLD: f64 = 0.01;
-/// Largest drift of a mounting.
-const MOST_DRIFT_ARCSEC: f64 = 3600.0;
-/// Most frames of a plan.
-const MOST_FRAMES: u64 = 10_000_000;
 
 impl Plan {
-    /// Reads a plan.
+    /// Reads a plan, and what its keys say together that cannot be.
     ///
     /// # Errors
-    /// With the file, what was got and what was wanted.
-    pub fn read(path: &Path) -> Result<Self> {
-        let file = path.display().to_string();
-        let text = read_text(path, SETTINGS_BYTES).with_context(|| file.clone())?;
-        Self::parse(&text).with_context(|| file)
+    /// With every key that cannot be read, is missing or out of range.
+    pub fn read(path: &Path) -> Result<(Self, Vec<anyhow::Error>)> {
+        let text = read_text(path, SETTINGS_BYTES).with_context(|| path.display().to_string())?;
+        Self::parse(&text, path)
     }
 
-    /// Reads a plan's text.
+    /// Reads a plan's text; `path` is what errors call it. Keys that contradict each other are returned beside the plan: a
+    /// flight may find more.
     ///
     /// # Errors
-    /// With what was got and what was wanted.
-    pub fn parse(text: &str) -> Result<Self> {
-        let plan: Self = toml::from_str(text)?;
-        plan.check()?;
-        Ok(plan)
+    /// With every key that cannot be read, is missing or out of range.
+    pub fn parse(text: &str, path: &Path) -> Result<(Self, Vec<anyhow::Error>)> {
+        let checked = check_keys(FileKind::TestPlan, &Document::from_text(text, path));
+        let read: Result<Self, _> = toml::from_str(text);
+        match (checked, read) {
+            (Ok(()), Ok(plan)) => {
+                let errors = plan.errors();
+                Ok((plan, errors))
+            }
+            (Ok(()), Err(error)) => Err(error).with_context(|| path.display().to_string()),
+            (Err(error), Err(_)) => Err(error.into()),
+            (Err(error), Ok(plan)) => {
+                let errors: Vec<anyhow::Error> = core::iter::once(error.into()).chain(plan.errors()).collect();
+                Err(refuse_all(&errors).err().unwrap_or_else(|| anyhow!("refused")))
+            }
+        }
     }
 
-    fn check(&self) -> Result<()> {
-        let range = |name: &str, got: f64, low: f64, high: f64| -> Result<()> {
-            let is_good = (low..=high).contains(&got);
-            if is_good { Ok(()) } else { bail!("{name}: got {got}, wanted {low} to {high}") }
-        };
-        range("confidence", self.confidence, 0.5, 0.999_999)?;
-        range("probability", self.probability, 0.5, 0.999_999)?;
-        range("frame_rate_hz", self.frame_rate_hz, 0.001, 1000.0)?;
-        range("false_directional_arcsec", self.false_directional_arcsec, 1e-3, 648_000.0)?;
-        range("false_rotational_arcsec", self.false_rotational_arcsec, 1e-3, 648_000.0)?;
-        if let Some(noise_arcsec) = self.exclusion_noise_arcsec {
-            range("exclusion_noise_arcsec", noise_arcsec, 1e-6, 648_000.0)?;
-        }
-        range("tracker.tag_error_ms", self.tracker.tag_error_ms, -1000.0, 1000.0)?;
-        range("tracker.delay_ms", self.tracker.delay_ms, 0.0, 10_000.0)?;
-        let has_program = !self.tracker.command.is_empty();
-        if (self.tracker.source == Source::Program) != has_program {
-            bail!("tracker: wanted command with source = \"program\", and only with it");
-        }
-        if (self.tracker.source == Source::Model) != self.tracker.model.is_some() {
-            bail!("tracker: wanted [tracker.model] with source = \"model\", and only with it");
-        }
-        if let Some(model) = &self.tracker.model {
-            model.check()?;
-        }
-        if self.cases.is_empty() {
-            bail!("got no [[case]], wanted one at least");
+    /// Returns what keys say together that cannot be.
+    fn errors(&self) -> Vec<anyhow::Error> {
+        let mut errors = Vec::new();
+        let mut note = |checked: Result<()>| errors.extend(checked.err());
+        note(self.start().map(drop));
+        note(check_sinks(&self.set));
+        for checked in self.tracker.checks() {
+            note(checked);
         }
         for case in &self.cases {
-            case.check(self.frame_rate_hz).with_context(|| format!("case \"{}\"", case.name))?;
+            let checks = case.checks(self.frame_rate_hz).into_iter();
+            checks.for_each(|checked| note(checked.with_context(|| format!("case \"{}\"", case.name))));
         }
-        let mut names: Vec<String> =
-            self.cases.iter().flat_map(PlanCase::each).map(|(name, _)| folder_name(&name)).collect();
+        let mut names: Vec<String> = self.named_cases().into_iter().map(|(name, _)| folder_name(&name)).collect();
         names.sort();
         if let Some(pair) = names.windows(2).find(|pair| pair[0] == pair[1]) {
-            bail!("two cases have the folder {}; wanted names that differ", pair[0]);
+            note(Err(anyhow!("two cases have the folder {}; wanted names that differ", pair[0])));
         }
-        Ok(())
+        errors
+    }
+
+    /// Returns every case with its name and the value of its sweep.
+    pub fn each(&self) -> impl Iterator<Item = (&PlanCase, (String, Option<f64>))> {
+        self.cases.iter().flat_map(|case| case.each().into_iter().map(move |each| (case, each)))
+    }
+
+    /// Returns names and purposes of all cases.
+    #[must_use]
+    pub fn named_cases(&self) -> Vec<(String, Use)> {
+        self.each().map(|(case, (name, _))| (name, case.purpose)).collect()
+    }
+
+    /// Returns the tracker's name in the report.
+    #[must_use]
+    pub fn tracker_name(&self) -> String {
+        let file_name = |word: &String| Path::new(word).file_name().map(|name| name.to_string_lossy().into_owned());
+        self.tracker.name.clone().unwrap_or_else(|| match self.tracker.source {
+            Source::BuiltIn => "built-in tracker".to_owned(),
+            Source::Model => "statistical tracker".to_owned(),
+            Source::Program => {
+                // The program and, of an interpreter, its script: no folders, placeholders or options.
+                let words = self.tracker.command.iter().filter(|word| !word.starts_with(['{', '-']));
+                words.filter_map(file_name).take(2).collect::<Vec<_>>().join(" ")
+            }
+        })
     }
 
     /// Returns the start of every case.
@@ -303,14 +322,54 @@ impl Plan {
     }
 }
 
+impl TrackerUnderTest {
+    fn checks(&self) -> Vec<Result<()>> {
+        let (is_program, is_model) = (self.source == Source::Program, self.source == Source::Model);
+        let wanted =
+            |is_good: bool, words: &'static str| if is_good { Ok(()) } else { Err(anyhow!("tracker: {words}")) };
+        vec![
+            wanted(is_program != self.command.is_empty(), "wanted command with source = \"program\", and only with it"),
+            wanted(
+                is_model == self.model.is_some(),
+                "wanted [tracker.model] with source = \"model\", and only with it",
+            ),
+            self.model.as_ref().map_or(Ok(()), ModelFigures::check),
+        ]
+    }
+}
+
+/// Refuses sinks in the run file of a case: its frames go to the tracker.
+fn check_sinks(settings: &[String]) -> Result<()> {
+    let is_sink = |set: &&String| ["sink", "extra_sink"].iter().any(|name| set.trim_start().starts_with(name));
+    match settings.iter().find(is_sink) {
+        None => Ok(()),
+        Some(set) => bail!(
+            "set: got \"{set}\", wanted no sink: the frames of a case go to the tracker, to a program as FITS files (--keep-images \
+             keeps them)"
+        ),
+    }
+}
+
 impl PlanCase {
-    fn check(&self, plan_rate_hz: f64) -> Result<()> {
+    fn checks(&self, plan_rate_hz: f64) -> Vec<Result<()>> {
+        vec![
+            self.check_name(),
+            self.check_motion(),
+            self.check_sine(self.frame_rate_hz.unwrap_or(plan_rate_hz)),
+            self.mounting_drift.map_or(Ok(()), |drift| drift.check()),
+            self.check_sweep(),
+            check_sinks(&self.set),
+        ]
+    }
+
+    fn check_name(&self) -> Result<()> {
         if folder_name(&self.name).trim_matches(['_', '.']).is_empty() {
             bail!("name: got \"{}\", wanted letters or digits", self.name);
         }
-        if self.frames == 0 || u64::from(self.frames) > MOST_FRAMES {
-            bail!("frames: got {}, wanted 1 to {MOST_FRAMES}", self.frames);
-        }
+        Ok(())
+    }
+
+    fn check_motion(&self) -> Result<()> {
         let vectors = [self.rate_deg_s, self.acceleration_deg_s2].map(glam::DVec3::from_array);
         if vectors.iter().any(|vector| !(vector.is_finite() && vector.length() < 100.0)) {
             bail!("rate_deg_s, acceleration_deg_s2: wanted finite numbers below 100");
@@ -319,8 +378,10 @@ impl PlanCase {
         if rate.cross(acceleration).length() > 1e-9 * rate.length() * acceleration.length() {
             bail!("acceleration_deg_s2: wanted one along the axis of rate_deg_s");
         }
-        self.check_sine(self.frame_rate_hz.unwrap_or(plan_rate_hz))?;
-        self.check_drift()?;
+        Ok(())
+    }
+
+    fn check_sweep(&self) -> Result<()> {
         match &self.sweep {
             Some(sweep) if sweep.values.is_empty() || sweep.values.iter().any(|value| !value.is_finite()) => {
                 bail!("sweep.values: wanted finite numbers")
@@ -355,16 +416,6 @@ impl PlanCase {
             }
         }
         Ok(())
-    }
-
-    fn check_drift(&self) -> Result<()> {
-        let Some(drift) = &self.mounting_drift else { return Ok(()) };
-        let is_good =
-            drift.arcsec.iter().all(|angle| angle.abs() <= MOST_DRIFT_ARCSEC) && (1.0..=1e9).contains(&drift.period_s);
-        if is_good {
-            return Ok(());
-        }
-        bail!("mounting_drift: got {drift:?}, wanted arcsec up to {MOST_DRIFT_ARCSEC} and period_s from 1 to 1e9")
     }
 
     /// Returns names and values of the cases of this entry.
@@ -436,10 +487,15 @@ mod tests {
     const CASE: &str = "[[case]]\nname = \"slew\"\nuse = \"slew\"\nframes = 3\n\
                         attitudes = { kind = \"fixed\", ra_deg = 1, dec_deg = 2 }\nrate_deg_s = [0, 1, 0]\n";
 
+    fn parse(text: &str) -> Result<Plan> {
+        let (plan, errors) = Plan::parse(text, Path::new("plan.toml"))?;
+        refuse_all(&errors).map(|()| plan)
+    }
+
     #[test]
     fn a_sweep_is_a_case_for_each_value() {
         let sweep = "set = [\"a.b={value}\"]\nsweep = { key = \"rate_deg_s\", scales = \"rate\", values = [0.5, 2] }\n";
-        let plan = Plan::parse(&format!("{BEGIN}{CASE}{sweep}")).unwrap();
+        let plan = parse(&format!("{BEGIN}{CASE}{sweep}")).unwrap();
         let case = &plan.cases[0];
         let names: Vec<_> = case.each();
         assert_eq!(names, [("slew 0.5".to_owned(), Some(0.5)), ("slew 2".to_owned(), Some(2.0))]);
@@ -449,28 +505,54 @@ mod tests {
 
     #[test]
     fn plans_that_cannot_be_flown_are_refused() {
-        let refused = |text: &str| format!("{:#}", Plan::parse(text).unwrap_err());
+        let refused = |text: &str| format!("{:#}", parse(text).unwrap_err());
         assert!(refused(BEGIN).contains("case"));
         assert!(refused(&format!("{BEGIN}{CASE}{CASE}")).contains("names that differ"));
         for name in ["..", ".", "./.", "...", "_._"] {
             let case = CASE.replacen("\"slew\"", &format!("\"{name}\""), 1);
             assert!(refused(&format!("{BEGIN}{case}")).contains("wanted letters or digits"), "{name}");
         }
-        assert!(Plan::parse(&format!("{BEGIN}{}", CASE.replacen("\"slew\"", "\"..a\"", 1))).is_ok(), "control");
-        assert!(refused(&format!("{BEGIN}confidence = 2\n{CASE}")).contains("confidence: got 2"));
+        assert!(parse(&format!("{BEGIN}{}", CASE.replacen("\"slew\"", "\"..a\"", 1))).is_ok(), "control");
+        assert!(refused(&format!("{BEGIN}confidence = 2\n{CASE}")).contains("confidence is 2"));
         assert!(refused(&format!("{BEGIN}exclusion_noise_arcsec = 0\n{CASE}")).contains("exclusion_noise_arcsec"));
         assert!(refused(&format!("{BEGIN}{CASE}set = [\"a={{value}}\"]\n")).contains("without a sweep"));
         assert!(refused(&format!("{BEGIN}{CASE}acceleration_deg_s2 = [1, 0, 0]\n")).contains("along the axis"));
         assert!(refused(&format!("{BEGIN}{CASE}[tracker]\nsource = \"program\"\n")).contains("command"));
+        let png = format!("{BEGIN}set = [\"sink.png_every=1\"]\n{CASE}");
+        assert!(refused(&png).contains("got \"sink.png_every=1\", wanted no sink"), "{}", refused(&png));
         assert!(refused(&format!("{BEGIN}{CASE}sine_arcsec = [9, 0, 0]\n")).contains("bandwidth"));
         let sine = CASE.replace("use = \"slew\"", "use = \"bandwidth\"");
         assert!(refused(&format!("{BEGIN}{sine}")).contains("sine_arcsec: wanted one"));
         assert!(refused(&format!("{BEGIN}{sine}sine_arcsec = [9, 0, 0]\n")).contains("no rate_deg_s"));
         let sine = sine.replace("rate_deg_s = [0, 1, 0]", "sine_arcsec = [9, 0, 0]");
         assert!(refused(&format!("{BEGIN}{sine}sine_hz = 7.5\n")).contains("multiple of half"));
-        assert!(refused(&format!("{BEGIN}{sine}sine_hz = -1\n")).contains("got -1"));
+        assert!(refused(&format!("{BEGIN}{sine}sine_hz = -1\n")).contains("sine_hz is -1"));
         let drift = "mounting_drift = { arcsec = [1, 2, 3], period_s = 0 }\n";
         assert!(refused(&format!("{BEGIN}{CASE}{drift}")).contains("period_s"));
+    }
+
+    #[test]
+    fn everything_that_is_wrong_is_said_at_once() {
+        let text = format!(
+            "{BEGIN}confidence = 2\nstart_utc = \"soon\"\n{}[tracker]\ndelay_ms = -1\n",
+            CASE.replace("= 3", "= 0")
+        );
+        let refused = format!("{:#}", parse(&text).unwrap_err());
+        for wanted in ["plan.toml:3: confidence is 2", "start_utc", "case[0].frames is 0", "tracker.delay_ms is -1"] {
+            assert!(refused.contains(wanted), "{wanted}: {refused}");
+        }
+        assert_eq!(refused.lines().count(), 4, "{refused}");
+    }
+
+    #[test]
+    fn a_program_is_named_without_folders_and_placeholders() {
+        let name = |keys: &str| {
+            let plan = parse(&format!("{BEGIN}{CASE}[tracker]\nsource = \"program\"\n{keys}\n")).unwrap();
+            plan.tracker_name()
+        };
+        let command = "command = [\"/usr/bin/python3\", \"-u\", \"/lab/my.py\", \"{frames}\", \"{log}\"]\n";
+        assert_eq!(name(command), "python3 my.py");
+        assert_eq!(name(&format!("name = \"ST-20\"\n{command}")), "ST-20");
     }
 
     #[test]
@@ -478,9 +560,9 @@ mod tests {
         let case = CASE.replace("use = \"slew\"", "use = \"bandwidth\"");
         let case = case.replace("rate_deg_s = [0, 1, 0]", "sine_arcsec = [30, 40, 0]");
         let sweep = "sweep = { key = \"sine_hz\", scales = \"frequency\", values = [0.7, 2.3] }\n";
-        let plan = Plan::parse(&format!("{BEGIN}{case}{sweep}")).unwrap();
+        let plan = parse(&format!("{BEGIN}{case}{sweep}")).unwrap();
         let sine = plan.cases[0].sine(Some(2.3)).unwrap();
         assert!((sine.hz - 2.3).abs() < 1e-12 && (sine.turn_rad.length() - 50.0 * ARCSEC).abs() < 1e-15);
-        assert!(Plan::parse(&format!("{BEGIN}{CASE}")).unwrap().cases[0].sine(None).is_none());
+        assert!(parse(&format!("{BEGIN}{CASE}")).unwrap().cases[0].sine(None).is_none());
     }
 }

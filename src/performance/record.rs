@@ -36,6 +36,58 @@ pub enum Use {
     Stress,
 }
 
+impl Use {
+    /// Every purpose.
+    pub const ALL: &[Self] = &[
+        Self::Run,
+        Self::Inertial,
+        Self::FovGrid,
+        Self::PixelGrid,
+        Self::Slew,
+        Self::LostInSpace,
+        Self::Drift,
+        Self::ThermoElastic,
+        Self::Bandwidth,
+        Self::Stress,
+    ];
+    /// Purposes of cases that have metrics of their own.
+    pub const EACH_FOR_ITSELF: &[Self] = &[Self::Run, Self::Slew, Self::Stress];
+
+    /// Returns its word in files.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Run => "run",
+            Self::Inertial => "inertial",
+            Self::FovGrid => "fov_grid",
+            Self::PixelGrid => "pixel_grid",
+            Self::Slew => "slew",
+            Self::LostInSpace => "lost_in_space",
+            Self::Drift => "drift",
+            Self::ThermoElastic => "thermo_elastic",
+            Self::Bandwidth => "bandwidth",
+            Self::Stress => "stress",
+        }
+    }
+
+    /// Returns its name for people.
+    #[must_use]
+    pub const fn words(self) -> &'static str {
+        match self {
+            Self::Run => "run",
+            Self::Inertial => "inertial attitudes",
+            Self::FovGrid => "grid over the field",
+            Self::PixelGrid => "shifts by parts of a pixel",
+            Self::Slew => "slew",
+            Self::LostInSpace => "lost in space",
+            Self::Drift => "drift",
+            Self::ThermoElastic => "thermo-elastic drift",
+            Self::Bandwidth => "sine of the line of sight",
+            Self::Stress => "disturbance",
+        }
+    }
+}
+
 /// The truth of one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TruthRow {
@@ -51,6 +103,8 @@ pub struct TruthRow {
     pub rate_rad_s: DVec3,
     /// Frames of one number show one attitude.
     pub group: u32,
+    /// A commanded fault was active.
+    pub has_fault: bool,
 }
 
 /// Answer of a tracker to one frame.

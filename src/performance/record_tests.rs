@@ -5,7 +5,15 @@ const LIMIT: FalseLimit = FalseLimit { directional_arcsec: 300.0, rotational_arc
 fn truth(frame: u32, rate_rad_s: DVec3) -> TruthRow {
     let t_s = f64::from(frame) * 0.1;
     let attitude = turned(DQuat::from_rotation_x(0.3), rate_rad_s * t_s);
-    TruthRow { frame, mid_ns: i64::from(frame) * 100_000_000, exposure_s: 0.05, attitude, rate_rad_s, group: 0 }
+    TruthRow {
+        frame,
+        mid_ns: i64::from(frame) * 100_000_000,
+        exposure_s: 0.05,
+        attitude,
+        rate_rad_s,
+        group: 0,
+        has_fault: false,
+    }
 }
 
 fn case(log: Vec<LogRow>, rate_rad_s: DVec3) -> Case {

@@ -1,10 +1,17 @@
 //! `requirements.toml`: identifiers with limits -> verdicts.
 //!
-//! A limit is met when the end of the interval that is nearest to it meets it: what is not shown is not met.
+//! A limit is met when all of the interval meets it, not met when none of it does, and not shown in between. With `by =
+//! "value"` the value alone decides. [`Outcome`] is the verdict on all of them.
 
-use crate::metric::Metric;
-use anyhow::{Context, Result, bail};
+use crate::evidence::{Needs, needs};
+use crate::metric::{Interval, Metric};
+use crate::metric_list::{kinds_of, meant, metric_names};
+use crate::record::Use;
+use crate::settings::{Settings, refuse_all};
+use anyhow::{Context, Result, anyhow, bail};
+use config::{Document, FileKind, check_keys, nearest};
 use serde::{Deserialize, Serialize};
+use std::path::Path;
 
 /// A file of requirements.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize)]
@@ -85,30 +92,76 @@ pub struct Judgement {
     pub verdict: Verdict,
     /// The metric, if it was measured.
     pub measured: Option<Metric>,
+    /// Data that are needed to show it, where that is known.
+    pub needs: Option<Needs>,
+}
+
+/// Verdict on all requirements.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Outcome {
+    /// All are met.
+    Passed,
+    /// None is broken, but not all are shown: more data are needed.
+    NotShown,
+    /// One at least is not met.
+    Failed,
+}
+
+impl Outcome {
+    /// Returns the verdict on requirements.
+    #[must_use]
+    pub fn of(judgements: &[Judgement]) -> Self {
+        let has = |verdict: Verdict| judgements.iter().any(|judgement| judgement.verdict == verdict);
+        if has(Verdict::NotMet) {
+            Self::Failed
+        } else if has(Verdict::NotShown) || has(Verdict::NotMeasured) {
+            Self::NotShown
+        } else {
+            Self::Passed
+        }
+    }
+
+    /// Returns its word, with which reports begin.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Passed => "PASSED",
+            Self::NotShown => "NOT SHOWN",
+            Self::Failed => "FAILED",
+        }
+    }
 }
 
 impl Requirements {
     /// Reads a file's text; `file` is what errors call it.
     ///
     /// # Errors
-    /// With the place in the text, and what was wanted.
+    /// With everything that is wrong: the place in the text, or the requirement, and what was wanted.
     pub fn parse(text: &str, file: &str) -> Result<Self> {
+        check_keys(FileKind::Requirements, &Document::from_text(text, Path::new(file)))?;
         let read: Self = toml::from_str(text).with_context(|| file.to_owned())?;
-        for requirement in &read.requirement {
-            let Requirement { id, most, least, .. } = requirement;
-            if most.is_none() == least.is_none() {
-                bail!("{file}: requirement \"{id}\": got {}, wanted most or least, one of them", both(*most));
-            }
-            let limit = most.or(*least).unwrap_or_default();
-            if !limit.is_finite() {
-                bail!("{file}: requirement \"{id}\": got the limit {limit}, wanted a finite number");
-            }
-        }
-        let ids = || read.requirement.iter().map(|requirement| &requirement.id);
+        let all = &read.requirement;
+        let mut errors: Vec<anyhow::Error> = all.iter().flat_map(Requirement::errors).collect();
+        let ids = || all.iter().map(|requirement| &requirement.id);
         if let Some(twice) = ids().enumerate().find(|(i, id)| ids().take(*i).any(|before| before == *id)) {
-            bail!("{file}: requirement \"{}\" is there twice; wanted identifiers that differ", twice.1);
+            errors.push(anyhow!("requirement \"{}\" is there twice; wanted identifiers that differ", twice.1));
         }
+        if all.iter().any(|requirement| kinds_of(&requirement.metric).is_empty()) {
+            errors.push(anyhow!("metrics are {}", metric_names().join(", ")));
+        }
+        refuse_all(&errors).with_context(|| file.to_owned())?;
         Ok(read)
+    }
+
+    /// Refuses requirements that no case of these names and uses can meet.
+    ///
+    /// # Errors
+    /// With each of them, and the cases that there are.
+    pub fn check_cases(&self, cases: &[(String, Use)]) -> Result<()> {
+        let errors: Vec<anyhow::Error> =
+            self.requirement.iter().filter_map(|one| one.check_cases(cases).err()).collect();
+        refuse_all(&errors)
     }
 
     /// Returns those that hold for every tracker: no false solution, some attitude at all.
@@ -133,22 +186,74 @@ impl Requirements {
 
     /// Returns the verdicts.
     #[must_use]
-    pub fn judge(&self, metrics: &[Metric]) -> Vec<Judgement> {
+    pub fn judge(&self, metrics: &[Metric], settings: &Settings) -> Vec<Judgement> {
         let judge = |requirement: &Requirement| {
             let is_meant = |metric: &&Metric| metric.id == requirement.metric && metric.case == requirement.case;
             let measured = metrics.iter().find(is_meant);
             let verdict = measured.map_or(Verdict::NotMeasured, |metric| requirement.verdict(metric));
-            Judgement { requirement: requirement.clone(), verdict, measured: measured.cloned() }
+            let needs = measured.filter(|_| verdict == Verdict::NotShown).and_then(|metric| {
+                needs((metric, metrics), settings, |low, high| requirement.is_met(metric, low, high))
+            });
+            Judgement { requirement: requirement.clone(), verdict, measured: measured.cloned(), needs }
         };
         self.requirement.iter().map(judge).collect()
     }
 }
 
-fn both(most: Option<f64>) -> &'static str {
-    if most.is_some() { "both" } else { "neither" }
-}
-
 impl Requirement {
+    fn errors(&self) -> Vec<anyhow::Error> {
+        let Self { id, metric, most, least, case, .. } = self;
+        let mut errors = Vec::new();
+        match (most, least) {
+            (Some(_), None) | (None, Some(_)) => {}
+            (Some(_), Some(_)) => {
+                errors.push(anyhow!("requirement \"{id}\": got both, wanted most or least, one of them"));
+            }
+            (None, None) => {
+                errors.push(anyhow!("requirement \"{id}\": got neither, wanted most or least, one of them"));
+            }
+        }
+        let kinds = kinds_of(metric);
+        if kinds.is_empty() {
+            errors.push(anyhow!("requirement \"{id}\": unknown metric \"{metric}\"{}", meant(metric)));
+        } else if case.is_some() && kinds.iter().all(|kind| kind.case_uses.is_empty()) {
+            errors.push(anyhow!("requirement \"{id}\": {metric} is measured of all cases together; leave case out"));
+        } else if case.is_none() && kinds.iter().all(|kind| kind.uses.is_empty()) {
+            errors.push(anyhow!("requirement \"{id}\": {metric} is measured of each case; wanted case = \"NAME\""));
+        }
+        errors
+    }
+
+    fn check_cases(&self, cases: &[(String, Use)]) -> Result<()> {
+        let Self { id, metric, case, .. } = self;
+        let kinds = kinds_of(metric);
+        let words = |uses: Vec<&Use>| uses.into_iter().map(|of| of.name()).collect::<Vec<_>>().join(", ");
+        let Some(case) = case else {
+            let uses: Vec<&Use> = kinds.iter().flat_map(|kind| kind.uses).collect();
+            if cases.iter().any(|(_, of)| uses.contains(&of)) {
+                return Ok(());
+            }
+            bail!("requirement \"{id}\": no case measures {metric}; wanted one of use {}", words(uses));
+        };
+        let names = || cases.iter().map(|(name, _)| name.as_str());
+        let Some((_, of)) = cases.iter().find(|(name, _)| name == case) else {
+            let near = nearest(case, names()).map(|name| format!("; did you mean \"{name}\"?")).unwrap_or_default();
+            bail!(
+                "requirement \"{id}\": unknown case \"{case}\"{near}; cases are {}",
+                names().collect::<Vec<_>>().join(", ")
+            );
+        };
+        let uses: Vec<&Use> = kinds.iter().flat_map(|kind| kind.case_uses).collect();
+        if uses.contains(&of) {
+            return Ok(());
+        }
+        bail!("requirement \"{id}\": a case of use {} does not measure {metric}; wanted {}", of.name(), words(uses));
+    }
+
+    fn is_met(&self, metric: &Metric, low: f64, high: f64) -> bool {
+        self.verdict(&Metric { low, high: Some(high), ..metric.clone() }) == Verdict::Met
+    }
+
     fn verdict(&self, metric: &Metric) -> Verdict {
         let [low, high] = match self.by {
             By::Interval => [metric.low, metric.high.unwrap_or(f64::INFINITY)],
@@ -158,6 +263,8 @@ impl Requirement {
         let nearest_zero = if low <= 0.0 && high >= 0.0 { 0.0 } else { low.abs().min(high.abs()) };
         let [is_met, is_broken] = match (self.most, self.least) {
             (Some(most), _) => [low.abs().max(high.abs()) <= most, nearest_zero > most],
+            // Of a confidence, too: little of it shows nothing, unless it is as sure of the contrary.
+            (None, Some(least)) if metric.interval == Interval::Confidence => [low >= least, high <= 1.0 - least],
             (None, Some(least)) => [low >= least, high < least],
             (None, None) => [false, false],
         };
@@ -169,26 +276,21 @@ impl Requirement {
     }
 }
 
-/// Returns true when all are met.
-#[must_use]
-pub fn all_met(judgements: &[Judgement]) -> bool {
-    judgements.iter().all(|judgement| judgement.verdict == Verdict::Met)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::metric::{Kind, Reading};
+    use crate::metric::Kind;
     use crate::statistics::Estimate;
 
     fn metric(value: f64, low: f64, high: f64) -> Metric {
-        let kind = Kind { id: "bias", unit: "arcsec", reading: Reading::Ensemble, how: "" };
+        let kind = Kind { id: "bias", ..Kind::USUAL };
         kind.of("x", None, Estimate { value, low, high, count: 9.0 })
     }
 
     fn verdict(keys: &str, metric: &Metric) -> Verdict {
         let text = format!("[[requirement]]\nid = \"A\"\nmetric = \"bias.x\"\n{keys}");
-        Requirements::parse(&text, "r.toml").unwrap().judge(std::slice::from_ref(metric))[0].verdict
+        Requirements::parse(&text, "r.toml").unwrap().judge(std::slice::from_ref(metric), &Settings::default())[0]
+            .verdict
     }
 
     #[test]
@@ -203,7 +305,48 @@ mod tests {
         assert_eq!(verdict("least = 0", &bias), Verdict::NotMet);
         assert_eq!(verdict("most = 1", &metric(0.0, -2.0, 2.0)), Verdict::NotShown);
         assert_eq!(verdict("most = 9", &metric(1.0, 0.0, f64::INFINITY)), Verdict::NotShown, "no upper end");
-        assert_eq!(verdict("most = 9\ncase = \"slew 1\"", &bias), Verdict::NotMeasured);
+        let other = Metric { id: "bias.y".into(), ..bias };
+        assert_eq!(verdict("most = 9", &other), Verdict::NotMeasured);
+    }
+
+    #[test]
+    fn nothing_that_was_not_broken_is_a_failure() {
+        let outcome = |keys: &[&str], metric: &Metric| {
+            let one =
+                |(i, keys): (usize, &&str)| format!("[[requirement]]\nid = \"{i}\"\nmetric = \"bias.x\"\n{keys}\n");
+            let text: String = keys.iter().enumerate().map(one).collect();
+            let read = Requirements::parse(&text, "r.toml").unwrap();
+            Outcome::of(&read.judge(std::slice::from_ref(metric), &Settings::default()))
+        };
+        let bias = metric(3.0, 2.0, 4.0);
+        assert_eq!(outcome(&["most = 5"], &bias), Outcome::Passed);
+        assert_eq!(outcome(&["most = 5", "most = 3.5"], &bias), Outcome::NotShown);
+        assert_eq!(outcome(&["most = 5", "most = 3.5", "most = 1"], &bias), Outcome::Failed);
+        assert_eq!(outcome(&["most = 5"], &Metric { id: "bias.y".into(), ..bias }), Outcome::NotShown, "not measured");
+    }
+
+    #[test]
+    fn names_are_checked_against_the_cases_before_anything_flies() {
+        let cases = [("slew 1".to_owned(), Use::Slew), ("grid".to_owned(), Use::FovGrid)];
+        let check = |keys: &str| {
+            let text = format!("[[requirement]]\nid = \"A\"\nmost = 1\n{keys}");
+            let read = Requirements::parse(&text, "r.toml").map_err(|error| format!("{error:#}"))?;
+            read.check_cases(&cases).map_err(|error| format!("{error:#}"))
+        };
+        assert_eq!(check("metric = \"losses\"\ncase = \"slew 1\""), Ok(()));
+        assert_eq!(check("metric = \"bias.x\""), Ok(()));
+        for (keys, wanted) in [
+            ("metric = \"losses\"\ncase = \"slew\"", "did you mean \"slew 1\"?; cases are slew 1, grid"),
+            ("metric = \"losses\"\ncase = \"grid\"", "a case of use fov_grid does not measure losses"),
+            ("metric = \"losses\"", "wanted case = "),
+            ("metric = \"bias.x\"\ncase = \"grid\"", "leave case out"),
+            ("metric = \"drift.x\"", "no case measures drift.x; wanted one of use drift, run"),
+            ("metric = \"temporal_nois.x\"", "did you mean \"temporal_noise.x\"?"),
+            ("metric = \"acquisition_time\"", "did you mean \"acquisition_time.at_probability\""),
+        ] {
+            let refused = check(keys).unwrap_err();
+            assert!(refused.contains(wanted), "{keys}: {refused}");
+        }
     }
 
     #[test]
@@ -211,8 +354,11 @@ mod tests {
         let refused = |text: &str| format!("{:#}", Requirements::parse(text, "r.toml").unwrap_err());
         let one = "[[requirement]]\nid = \"A\"\nmetric = \"bias.x\"\n";
         assert!(refused(one).contains("got neither, wanted most or least"), "{}", refused(one));
+        assert!(refused("").contains("requirement is missing"));
+        let two = refused(&format!("{one}\n{}most = 1\nleast = 1", one.replace("bias.x", "bias.z")));
+        assert!(two.contains("neither") && two.contains("bias.z") && two.contains("got both"), "all at once: {two}");
         assert!(refused(&format!("{one}most = 1\nleast = 1")).contains("got both"));
-        assert!(refused(&format!("{one}most = inf")).contains("finite"));
+        assert!(refused(&format!("{one}most = inf")).contains("most is inf"));
         assert!(refused(&format!("{one}most = 1\nmist = 2")).contains("mist"));
         assert!(refused(&format!("{one}most = 1\n{one}most = 2")).contains("twice"));
     }

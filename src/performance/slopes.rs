@@ -10,35 +10,47 @@ use base::units::ARCSEC;
 use glam::DVec3;
 use testbed::tracker::{earth_beta, uncorrected_turn};
 
-const DATE: Kind = Kind {
+pub(crate) const DATE: Kind = Kind {
     id: "measurement_date_error",
     unit: "ms",
     reading: Reading::Mixed,
     how: "stated time less the time at which the attitude was true: slope of the error across the boresight over the rate",
+    uses: &[Use::Slew, Use::Run, Use::Stress],
+    ..Kind::USUAL
 };
-const TAG: Kind = Kind {
+pub(crate) const TAG: Kind = Kind {
     id: "time_tag_error",
     unit: "ms",
     reading: Reading::Temporal,
     how: "mean of stated time less mid-exposure, of right attitudes",
+    uses: &[Use::Slew, Use::Run, Use::Stress],
+    ..Kind::USUAL
 };
-const ABERRATION: Kind = Kind {
+pub(crate) const ABERRATION: Kind = Kind {
     id: "aberration_residual",
     unit: "arcsec",
     reading: Reading::Ensemble,
     how: "part of the largest displacement by the Earth's velocity that is left: slope of the error over the displacement",
+    uses: &[Use::LostInSpace, Use::Inertial, Use::Run],
+    ..Kind::USUAL
 };
-const DRIFT: Kind = Kind {
+pub(crate) const DRIFT: Kind = Kind {
     id: "drift",
     unit: "arcsec/h",
     reading: Reading::Temporal,
     how: "slope of the means of stretches of time over time",
+    parts: &AXES,
+    uses: &[Use::Drift, Use::Run],
+    ..Kind::USUAL
 };
-const MDE: Kind = Kind {
+pub(crate) const MDE: Kind = Kind {
     id: "mean_drift_error",
     unit: "arcsec",
     reading: Reading::Temporal,
     how: "MDE: mean over the last quarter less mean over the first",
+    parts: &AXES,
+    uses: &[Use::Drift, Use::Run],
+    ..Kind::USUAL
 };
 
 /// Stretches of time for slopes over time.

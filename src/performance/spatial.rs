@@ -10,17 +10,23 @@ use crate::statistics::{Estimate, chi_square_quantile, f_quantile};
 use base::units::ARCSEC;
 use glam::DVec3;
 
-const PIXEL: Kind = Kind {
+pub(crate) const PIXEL: Kind = Kind {
     id: "pixel_spatial_error",
     unit: "arcsec",
     reading: Reading::Ensemble,
     how: "1 sigma between shifts by parts of a pixel, less noise; Williams and Tukey",
+    parts: &AXES,
+    uses: &[Use::PixelGrid],
+    ..Kind::USUAL
 };
-const FOV: Kind = Kind {
+pub(crate) const FOV: Kind = Kind {
     id: "fov_spatial_error",
     unit: "arcsec",
     reading: Reading::Ensemble,
     how: "1 sigma between directions over the field, less noise and the pixel's part",
+    parts: &AXES,
+    uses: &[Use::FovGrid],
+    ..Kind::USUAL
 };
 
 /// Returns both spatial errors per axis, of the cases that are flown for them.

@@ -70,6 +70,7 @@ pub(crate) fn case(purpose: Use, frames: &[Frame]) -> Case {
         attitude: attitude(frame),
         rate_rad_s: frame.rate_rad_s,
         group: frame.group,
+        has_fault: false,
     };
     let row = |(number, frame): (usize, &Frame)| LogRow {
         frame: Some(u32::try_from(number).unwrap()),

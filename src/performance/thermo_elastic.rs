@@ -5,18 +5,21 @@
 //! in the interval.
 
 use crate::bias::{across, group_means};
-use crate::metric::{AXES, Kind, Metric, Reading};
+use crate::metric::{AXES, AXES_AND_DIRECTIONAL, Kind, Metric, Reading};
 use crate::record::{JudgedCase, Use};
 use crate::slopes::difference;
 use crate::statistics::{Estimate, mean};
 use base::units::ARCSEC;
 use glam::DVec3;
 
-const THERMO_ELASTIC: Kind = Kind {
+pub(crate) const THERMO_ELASTIC: Kind = Kind {
     id: "thermo_elastic_error",
     unit: "arcsec",
     reading: Reading::Mixed,
     how: "MDE of a drifting mounting: mean over the last fifth of the attitudes less mean over the first; Student's t over attitudes",
+    parts: AXES_AND_DIRECTIONAL,
+    uses: &[Use::ThermoElastic],
+    ..Kind::USUAL
 };
 
 /// Intervals into which the observation is cut; the first and the last are compared.

@@ -1,37 +1,44 @@
 //! A report as one HTML file that needs no other.
 
-use super::junit::complaint;
 use super::plots::plots;
+use super::words::{measured, missing, number, percent, rule};
 use super::{CaseRow, Report};
 use crate::assess::Assessment;
 use crate::metric::Metric;
-use crate::requirements::Verdict;
+use crate::provenance::FileHash;
+use crate::requirements::{Outcome, Verdict};
 use core::fmt::Write;
 use frames::report::xml::escaped;
 
 const STYLE: &str = "body{font:15px/1.45 Helvetica,Arial,'DejaVu Sans',sans-serif;color:#222;background:#fff;max-width:72em;margin:1.5em auto;padding:0 1em}\
-h1{font-size:1.25em;padding:.6em .8em;border-radius:4px;color:#fff}.met{background:#00694e}.broken{background:#a83a00}\
+h1{font-size:1.25em;padding:.6em .8em;border-radius:4px;color:#fff}.met{background:#00694e}.open{background:#7a5a00}.broken{background:#a83a00}\
 h2{font-size:1.1em;margin:1.8em 0 .4em;border-bottom:1px solid #ccc}table{border-collapse:collapse;font-size:.86em;margin:.4em 0}\
 th,td{text-align:left;padding:.22em .7em;border-bottom:1px solid #e3e3e3;vertical-align:top}td.n{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}\
-th{background:#f3f3f3}tr.bad td{background:#fff1ea}code{font-size:.92em;word-break:break-all}.how{color:#555;max-width:30em}\
-svg{max-width:100%;height:auto;margin:.6em 0}p.small{color:#555;font-size:.86em}@media print{body{max-width:none}h2{break-after:avoid}svg{break-inside:avoid}}";
+th{background:#f3f3f3}tr.bad td{background:#fff1ea}tr.open td{background:#fff8dc;color:inherit}code{font-size:.92em;word-break:break-all}.how{display:block;color:#555;min-width:20em;max-width:44em}td.sign{min-width:14em;height:2.2em}\
+svg{max-width:100%;height:auto;margin:.6em 0}p.small{color:#555;font-size:.86em}@media print{body{max-width:none}table{width:100%}h1{print-color-adjust:exact;-webkit-print-color-adjust:exact}h2{break-after:avoid}svg{break-inside:avoid}}";
 
-/// Returns the report as HTML.
+/// Returns the report as HTML; `data` is the hash of the report as JSON beside it.
 #[must_use]
-pub fn to_html(report: &Report, assessment: &Assessment) -> String {
+pub fn to_html(report: &Report, assessment: &Assessment, data: &FileHash) -> String {
     let mut page = Page(String::new());
-    let class = if report.is_met { "met" } else { "broken" };
+    let class = match report.outcome {
+        Outcome::Passed => "met",
+        Outcome::NotShown => "open",
+        Outcome::Failed => "broken",
+    };
     let verdict = escaped(&report.verdict);
     page.add(&format!(
         "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{verdict}</title>\n<style>{STYLE}</style></head>\n\
          <body><h1 class=\"{class}\">{verdict}</h1>"
     ));
+    page.paperwork(report, data);
     page.statement(report);
     page.requirements(report);
     page.metrics("Metrics", report.metrics.iter().filter(|metric| metric.case.is_none()), false);
     page.add("<h2>Plots</h2>");
     plots(report, assessment).iter().for_each(|plot| page.add(plot));
     page.metrics("Metrics of single cases", report.metrics.iter().filter(|metric| metric.case.is_some()), true);
+    page.meanings(report.metrics.iter().filter(|metric| metric.case.is_some()));
     page.conditions(report);
     page.cases(&report.cases);
     page.provenance(report);
@@ -60,16 +67,41 @@ impl Page {
         self.add("</tbody></table>");
     }
 
+    /// Unit, author, date, hash of the data, and the place to sign.
+    fn paperwork(&mut self, report: &Report, data: &FileHash) {
+        let document = &report.document;
+        let given = |text: &Option<String>| text.as_deref().map_or_else(|| "-".to_owned(), escaped);
+        self.add("<table><tbody>");
+        for (what, text) in [
+            ("unit under test", &document.unit),
+            ("serial number", &document.serial_number),
+            ("author", &document.author),
+            ("date of test", &document.date_of_test),
+        ] {
+            self.add(&format!("<tr><td>{what}</td><td>{}</td></tr>", given(text)));
+        }
+        self.add(&format!(
+            "<tr><td>data of this report</td><td>{}, SHA-256 <code>{}</code></td></tr>",
+            escaped(&data.path),
+            data.sha256
+        ));
+        self.add("<tr><td>approved by, date, signature</td><td class=\"sign\"></td></tr>");
+        self.end_table();
+    }
+
     fn statement(&mut self, report: &Report) {
         let settings = &report.settings;
         self.add(&format!(
-            "<p>Metrics by the names and definitions of ECSS-E-ST-60-20C. Intervals have a confidence of {:.4} %; performances are \
-             stated at a probability of {:.4} %. The error of an attitude is the small turn of the measured frame from the true \
+            "<p>Metrics by the names and definitions of ECSS-E-ST-60-20C. Intervals are two-sided and have a confidence of {}; \
+             performances are stated at a probability of {}. The error of an attitude is the small turn of the measured frame from the true \
              one at the time that the tracker states: about x and y (directional) and about the boresight (rotational). A \
-             solution is false where it is off by more than {} arcsec directionally or {} arcsec rotationally. A requirement is \
-             met where the end of the interval nearest to the limit meets it.</p>",
-            100.0 * settings.confidence,
-            100.0 * settings.probability,
+             solution is false where it is off by more than {} arcsec directionally or {} arcsec rotationally. A requirement \
+             that is compared by interval is met where the whole interval meets the limit, not met where none of it does, and \
+             not shown in between; one that is compared by value is met where the measured value meets it, whatever its interval. \
+             The report has failed where a requirement is not met; \
+             where none is broken and not all are shown, more data are needed.</p>",
+            percent(settings.confidence),
+            percent(settings.probability),
             settings.false_limit.directional_arcsec,
             settings.false_limit.rotational_arcsec,
         ));
@@ -77,16 +109,22 @@ impl Page {
 
     fn requirements(&mut self, report: &Report) {
         self.add("<h2>Requirements</h2>");
-        self.table(&["identifier", "requirement", "verdict", "measured"]);
+        self.table(&["identifier", "requirement", "verdict", "compared", "measured", "missing"]);
         for judgement in &report.requirements {
             let requirement = &judgement.requirement;
-            let class = if judgement.verdict == Verdict::Met { "" } else { " class=\"bad\"" };
+            let class = match judgement.verdict {
+                Verdict::Met => "",
+                Verdict::NotMet => " class=\"bad\"",
+                Verdict::NotShown | Verdict::NotMeasured => " class=\"open\"",
+            };
             self.add(&format!(
-                "<tr{class}><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
+                "<tr{class}><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
                 escaped(&requirement.id),
                 escaped(&requirement.text),
                 judgement.verdict.name(),
-                escaped(&complaint(judgement)),
+                rule(judgement),
+                escaped(&measured(judgement)),
+                escaped(&missing(judgement)),
             ));
         }
         self.end_table();
@@ -98,28 +136,45 @@ impl Page {
             return;
         }
         self.add(&format!("<h2>{title}</h2>"));
-        let mut heads = vec!["metric", "value", "low", "high", "unit", "degrees of freedom", "reading", "how"];
+        let mut heads = vec!["metric", "value", "low", "high", "unit", "data", "reading"];
         if with_case {
             heads.insert(0, "case");
-            heads.pop();
         }
         self.table(&heads);
         for metric in metrics {
             let high = metric.high.map_or_else(|| "unbounded".to_owned(), number);
             let case = metric.case.as_deref().map_or_else(String::new, |case| format!("<td>{}</td>", escaped(case)));
-            let how = if with_case { String::new() } else { format!("<td class=\"how\">{}</td>", escaped(metric.how)) };
+            let how =
+                if with_case { String::new() } else { format!("<span class=\"how\">{}</span>", escaped(metric.how)) };
             self.add(&format!(
-                "<tr>{case}<td>{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{high}</td><td>{}</td>\
-                 <td class=\"n\">{:.0}</td><td>{}</td>{how}</tr>",
+                "<tr>{case}<td>{}{how}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{high}</td><td>{}</td>\
+                 <td>{:.0} {}</td><td>{}</td></tr>",
                 escaped(&metric.id),
                 number(metric.value),
                 number(metric.low),
                 metric.unit,
                 metric.count,
+                metric.counted,
                 metric.reading.name(),
             ));
         }
         self.end_table();
+    }
+
+    /// How metrics of single cases are computed, each once.
+    fn meanings<'a>(&mut self, metrics: impl Iterator<Item = &'a Metric>) {
+        let mut known: Vec<&str> = Vec::new();
+        let mut list = String::new();
+        for metric in metrics {
+            let id = metric.id.split('.').next().unwrap_or_default();
+            if !known.contains(&id) {
+                known.push(id);
+                let _ = write!(list, "<li>{}: {}</li>", escaped(id), escaped(metric.how)); // writing to a string does not fail
+            }
+        }
+        if !list.is_empty() {
+            self.add(&format!("<ul>{list}</ul>"));
+        }
     }
 
     fn conditions(&mut self, report: &Report) {
@@ -133,17 +188,30 @@ impl Page {
 
     fn cases(&mut self, cases: &[CaseRow]) {
         self.add("<h2>Cases</h2>");
-        self.table(&["case", "use", "frames", "right", "false", "none", "rows without a frame", "conditions"]);
+        self.table(&[
+            "case",
+            "use",
+            "duration, s",
+            "frames",
+            "missing frames",
+            "right",
+            "false",
+            "none",
+            "rows without a frame",
+            "conditions",
+        ]);
         for case in cases {
             let conditions: Vec<String> =
                 case.conditions.iter().map(|(key, value)| format!("{key} {}", number(*value))).collect();
             let nothing = case.frames - case.right - case.wrong;
             self.add(&format!(
-                "<tr><td>{}</td><td>{:?}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td>\
-                 <td class=\"n\">{nothing}</td><td class=\"n\">{}</td><td>{}</td></tr>",
+                "<tr><td>{}</td><td>{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td>\
+                 <td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{nothing}</td><td class=\"n\">{}</td><td>{}</td></tr>",
                 escaped(&case.name),
-                case.purpose,
+                case.purpose.words(),
+                number(case.duration_s),
                 case.frames,
+                case.missing_frames,
                 case.right,
                 case.wrong,
                 case.stray_rows,
@@ -182,21 +250,5 @@ impl Page {
             ));
         }
         self.end_table();
-    }
-}
-
-/// A number with four digits that count.
-fn number(value: f64) -> String {
-    if value == 0.0 || !value.is_finite() {
-        return if value == 0.0 { "0".into() } else { "-".into() };
-    }
-    let magnitude = value.abs();
-    if (1e-3..1e5).contains(&magnitude) {
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 6")]
-        let digits = (3.0 - magnitude.log10().floor()).clamp(0.0, 6.0) as usize;
-        let text = format!("{value:.digits$}");
-        if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
-    } else {
-        format!("{value:.3e}")
     }
 }

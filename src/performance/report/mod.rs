@@ -1,21 +1,24 @@
 //! The report: verdict, conditions, requirements, metrics, plots, provenance; as HTML, JSON and JUnit.
 //!
-//! Tour: `html` -> `plots`; `junit`.
+//! Tour: `html` -> `plots`; `junit`; `words` (numbers and verdicts in words).
 
 mod html;
 mod junit;
 mod plots;
 #[cfg(test)]
 mod tests;
+mod words;
 
 pub use html::to_html;
 pub use junit::to_junit;
 
+use self::words::counted;
 use crate::assess::Assessment;
 use crate::metric::Metric;
+use crate::paperwork::Paperwork;
 use crate::provenance::Provenance;
 use crate::record::{Fate, JudgedCase, Use};
-use crate::requirements::{Judgement, Verdict, all_met};
+use crate::requirements::{By, Judgement, Outcome, Verdict};
 use crate::settings::Settings;
 use anyhow::Result;
 use serde::Serialize;
@@ -35,8 +38,12 @@ pub struct Report {
     pub title: String,
     /// The verdict in one line.
     pub verdict: String,
+    /// Passed, not shown or failed.
+    pub outcome: Outcome,
     /// All requirements are met.
     pub is_met: bool,
+    /// Unit, author, date.
+    pub document: Paperwork,
     /// With what numbers are said.
     pub settings: Settings,
     /// Conditions of the flight, by name.
@@ -68,6 +75,10 @@ pub struct CaseRow {
     pub wrong: usize,
     /// Rows of the log that belong to no frame.
     pub stray_rows: usize,
+    /// Numbers between the first and the last frame that no frame has: dropped, or not recorded.
+    pub missing_frames: usize,
+    /// From the start of the first exposure to the end of the last one.
+    pub duration_s: f64,
 }
 
 impl CaseRow {
@@ -81,6 +92,8 @@ impl CaseRow {
             right: count(|fate| matches!(fate, Fate::Right(_))),
             wrong: count(|fate| matches!(fate, Fate::False(_))),
             stray_rows: case.stray_rows,
+            missing_frames: missing_frames(case),
+            duration_s: duration_s(case),
         }
     }
 }
@@ -93,14 +106,16 @@ impl Report {
         assessment: &Assessment,
         requirements: Vec<Judgement>,
         conditions: Vec<(String, String)>,
-        provenance: Provenance,
+        (document, provenance): (Paperwork, Provenance),
     ) -> Self {
-        let is_met = all_met(&requirements);
+        let outcome = Outcome::of(&requirements);
         Self {
             schema: SCHEMA,
             verdict: verdict(&title, &requirements, assessment),
             title,
-            is_met,
+            outcome,
+            is_met: outcome == Outcome::Passed,
+            document,
             settings: assessment.settings,
             conditions,
             requirements,
@@ -119,16 +134,35 @@ impl Report {
     }
 }
 
+fn missing_frames(case: &JudgedCase) -> usize {
+    let ends = case.frames.first().zip(case.frames.last());
+    ends.map_or(0, |(first, last)| {
+        let numbers = last.truth.frame.saturating_sub(first.truth.frame) as usize + 1;
+        numbers.saturating_sub(case.frames.len())
+    })
+}
+
+fn duration_s(case: &JudgedCase) -> f64 {
+    case.frames.first().zip(case.frames.last()).map_or(0.0, |(first, last)| {
+        (last.truth.mid_ns - first.truth.mid_ns) as f64 * 1e-9 + 0.5 * (first.truth.exposure_s + last.truth.exposure_s)
+    })
+}
+
 fn verdict(title: &str, requirements: &[Judgement], assessment: &Assessment) -> String {
     let count = |verdict: Verdict| requirements.iter().filter(|judgement| judgement.verdict == verdict).count();
-    let word = if all_met(requirements) { "PASSED" } else { "FAILED" };
-    let mut parts = vec![format!("{} of {} requirements met", count(Verdict::Met), requirements.len())];
+    let word = Outcome::of(requirements).word();
+    let noun = if requirements.len() == 1 { "requirement" } else { "requirements" };
+    let mut parts = vec![format!("{} of {} {noun} met", count(Verdict::Met), requirements.len())];
     for verdict in [Verdict::NotMet, Verdict::NotShown, Verdict::NotMeasured] {
         if count(verdict) > 0 {
             parts.push(format!("{} {}", count(verdict), verdict.name()));
         }
     }
+    let by_value = requirements.iter().filter(|judgement| judgement.requirement.by == By::Value).count();
+    if by_value > 0 {
+        parts.push(format!("{by_value} compared by value, not by interval"));
+    }
     let frames: usize = assessment.cases.iter().map(|case| case.frames.len()).sum();
-    parts.push(format!("{} cases, {frames} frames", assessment.cases.len()));
+    parts.push(format!("{}, {}", counted(assessment.cases.len(), "case"), counted(frames, "frame")));
     format!("{word}: {title}: {}", parts.join(", "))
 }

@@ -4,11 +4,13 @@ use super::Report;
 use crate::assess::Assessment;
 use crate::bandwidth::SINE;
 use crate::metric::Metric;
-use crate::record::{JudgedCase, Use};
+use crate::record::{Judged, JudgedCase, Use};
 use base::units::ARCSEC;
 use frames::report::plot::{Axis, Scale, Series, Style};
 use frames::report::{Chart, to_svg};
 
+/// Interrupts a line.
+const GAP: [f64; 2] = [f64::NAN; 2];
 /// Most points of one series: a report stays small.
 const MOST_POINTS: usize = 1500;
 /// Points of a curve.
@@ -36,23 +38,43 @@ fn chart(title: impl Into<String>, x: Axis, y: Axis, series: Vec<Series>) -> Cha
     Chart { title: title.into(), x, y, series, ring: String::new(), notes: Vec::new() }
 }
 
-/// Every n-th point, so that at most [`MOST_POINTS`] are left.
+/// Every n-th point, so that at most [`MOST_POINTS`] are left, and all gaps.
 fn thinned(points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
     let step = points.len().div_ceil(MOST_POINTS).max(1);
-    points.into_iter().step_by(step).collect()
+    let is_kept = |(i, point): &(usize, [f64; 2])| i.is_multiple_of(step) || point[0].is_nan();
+    points.into_iter().enumerate().filter(is_kept).map(|(_, point)| point).collect()
+}
+
+/// Points of some frames, with a gap where a frame has none, and where frames are missing.
+fn with_gaps(case: &JudgedCase, point: impl Fn(&Judged) -> Option<[f64; 2]>) -> Vec<[f64; 2]> {
+    let mut points: Vec<[f64; 2]> = Vec::new();
+    let mut last: Option<u32> = None;
+    for frame in &case.frames {
+        let is_next = last.is_none_or(|last| frame.truth.frame == last + 1);
+        let found = point(frame);
+        if (!is_next || found.is_none()) && points.last().is_some_and(|point| !point[0].is_nan()) {
+            points.push(GAP);
+        }
+        points.extend(found);
+        last = Some(frame.truth.frame);
+    }
+    points
 }
 
 fn errors_in_time(case: &JudgedCase) -> Chart {
     let zero_ns = case.frames.first().map_or(0, |frame| frame.truth.mid_ns);
-    let of = |axis: usize| {
-        let point = |frame: &crate::record::Judged| {
-            Some([(frame.truth.mid_ns - zero_ns) as f64 * 1e-9, frame.error_rad()?[axis] / ARCSEC])
-        };
-        thinned(case.frames.iter().filter_map(point).collect())
-    };
+    let t_s = |frame: &Judged| (frame.truth.mid_ns - zero_ns) as f64 * 1e-9;
+    let of = |axis: usize| thinned(with_gaps(case, |frame| Some([t_s(frame), frame.error_rad()?[axis] / ARCSEC])));
     let names = ["about x", "about y", "about the boresight"].into_iter().enumerate();
     // The boresight's error is the largest: behind the others.
-    let all = names.rev().map(|(axis, name)| series(name, Style::Line, axis, of(axis))).collect();
+    let mut all: Vec<Series> = names.rev().map(|(axis, name)| series(name, Style::Line, axis, of(axis))).collect();
+    let half_s = case.frames.first().map_or(0.0, |frame| 0.5 * frame.truth.exposure_s);
+    let faults = with_gaps(case, |frame| frame.truth.has_fault.then(|| [t_s(frame), 0.0]));
+    let faults: Vec<[f64; 2]> =
+        faults.into_iter().flat_map(|[t_s, y]| [[t_s - half_s, y], [t_s + half_s, y]]).collect();
+    if !faults.is_empty() {
+        all.push(series("commanded fault", Style::Front, 0, faults));
+    }
     chart(format!("Error in time: {}", case.name), Axis::linear("time, s"), Axis::linear("error, arcsec"), all)
 }
 
@@ -93,7 +115,7 @@ fn cumulative(cases: &[JudgedCase]) -> Chart {
         series("directional", Style::Line, 0, of(|error| error.x.hypot(error.y))),
         series("rotational", Style::Line, 1, of(|error| error.z.abs())),
     ];
-    chart("Share of attitudes with a smaller error", Axis::log("error, arcsec"), Axis::linear("share"), all)
+    chart("Share of attitudes with a smaller error", Axis::log("error, arcsec"), Axis::share("share"), all)
 }
 
 fn acquisition(cases: &[JudgedCase]) -> Option<Chart> {
@@ -107,7 +129,7 @@ fn acquisition(cases: &[JudgedCase]) -> Option<Chart> {
     let share = |frames: usize| found.partition_point(|at| *at < frames) as f64 / groups.len() as f64;
     let points = (0..=longest).map(|frames| [frames as f64, share(frames)]).collect();
     let all = vec![series("found", Style::Line, 2, points)];
-    let (x, y) = (Axis::linear("frames"), Axis::linear("share of attitudes"));
+    let (x, y) = (Axis::linear("frames"), Axis::share("share of attitudes"));
     Some(chart("Acquisition from lost in space", x, y, all))
 }
 
@@ -152,7 +174,7 @@ fn sweeps(report: &Report) -> Vec<Chart> {
             cases.filter_map(value).collect()
         };
         let tracking = vec![series("tracking probability", Style::Line, 0, of("tracking_probability"))];
-        charts.push(chart(format!("{stem}: tracking"), Axis::linear(key), Axis::linear("share of frames"), tracking));
+        charts.push(chart(format!("{stem}: tracking"), Axis::linear(key), Axis::share("share of frames"), tracking));
         let noise = [
             ("across, per axis", "temporal_noise.directional_per_axis"),
             ("about the boresight", "temporal_noise.rotational"),

@@ -37,6 +37,7 @@ impl Ruler {
         let [low, high, step] = match scale {
             Scale::Log => [round_below(low / 1.1), round_above(high * 1.1), 0.0],
             Scale::Linear => linear_ends(low, high),
+            Scale::Share => [0.0, 1.0, 0.2],
         };
         Self { scale, low, high, step, from_px, to_px }
     }
@@ -45,7 +46,7 @@ impl Ruler {
     pub(super) fn px(&self, value: f64) -> f64 {
         let share = match self.scale {
             Scale::Log => (value.log10() - self.low.log10()) / (self.high.log10() - self.low.log10()),
-            Scale::Linear => (value - self.low) / (self.high - self.low),
+            Scale::Linear | Scale::Share => (value - self.low) / (self.high - self.low),
         };
         self.from_px + (self.to_px - self.from_px) * share
     }
@@ -54,7 +55,7 @@ impl Ruler {
     pub(super) fn ticks(&self) -> Vec<Tick> {
         match self.scale {
             Scale::Log => self.decade_ticks(),
-            Scale::Linear => self.linear_ticks(),
+            Scale::Linear | Scale::Share => self.linear_ticks(),
         }
     }
 
@@ -173,6 +174,7 @@ mod tests {
             around_7.len() >= 5 && around_7.contains(&"7.0".to_owned()),
             "one value has space around it: {around_7:?}"
         );
+        assert_eq!(labels(Scale::Share, &[1.0]), ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"], "whatever the values are");
         assert_eq!(labels(Scale::Linear, &[0.0, 2e7]).last().map(String::as_str), Some("2.0e7"), "short");
     }
 

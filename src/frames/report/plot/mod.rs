@@ -28,6 +28,8 @@ pub enum Scale {
     Log,
     /// Equal differences, equal lengths.
     Linear,
+    /// The same from 0 to 1, whatever the values are.
+    Share,
 }
 
 /// One axis.
@@ -97,8 +99,14 @@ impl Axis {
         Self { label: label.into(), scale: Scale::Linear }
     }
 
+    /// Returns an axis of shares, from 0 to 1.
+    #[must_use]
+    pub fn share(label: impl Into<String>) -> Self {
+        Self { label: label.into(), scale: Scale::Share }
+    }
+
     fn has_place_for(&self, value: f64) -> bool {
-        value.is_finite() && (self.scale == Scale::Linear || value > 0.0)
+        value.is_finite() && (self.scale != Scale::Log || value > 0.0)
     }
 }
 
@@ -113,6 +121,8 @@ impl Chart {
     }
 
     fn left_out(&self) -> usize {
-        self.series.iter().map(|series| series.points.len()).sum::<usize>() - self.drawn().count()
+        // A point without any number is a gap in a line.
+        let points = self.series.iter().flat_map(|series| &series.points).filter(|[x, y]| !(x.is_nan() && y.is_nan()));
+        points.count() - self.drawn().count()
     }
 }
