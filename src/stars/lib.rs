@@ -25,4 +25,4 @@ mod steps;
 pub mod tiles;
 
 pub use index::StarIndex;
-pub use stars::Sky;
+pub use stars::{FieldMemory, Sky};
