@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parent.parent
 BINARY = os.environ.get("STARLOOP_BINARY", str(ROOT / "target/release/starloop"))
 EXIT_NOT_MET = 4
 
-# What the warnings of shipped files are about: bright discs, a fast target, a telescope that wants layers of stars.
+# Warnings of shipped files are about bright discs, a fast target, a telescope that wants layers of stars.
 SHIPPED_WARNINGS = {
     "earth_limb": ["over the accuracy budget"],
     "moon": ["over the accuracy budget"],
@@ -74,7 +74,7 @@ def rows(step_s, seconds):
 
 PLANT = '[plant]\nkind = "file"\nattitude = "a.csv"\n'
 
-# What is wrong, the files, and what the warning says.
+# A mistake, the files with it, and texts of its warning.
 WARNED = [
     ("an aperture in metres", with_camera(aperture_mm=0.01143), ["aperture_mm is 0.01143", "0.3 to 40000 mm"]),
     ("an aperture in metres: no star is seen", with_camera(aperture_mm=0.01143), ["sees no star", "brightest star has G = -1.5"]),

@@ -1,7 +1,7 @@
 //! `starloop check`, numbers of cameras that no camera has: most are of another unit.
 //!
-//! What cannot be is refused where a file is read. This is what can be and is not: each limit is that of hardware that
-//! exists, with the smallest and the largest named beside it.
+//! Impossible values are refused where a file is read. These are possible, and no hardware has them: each limit is that of
+//! hardware that exists, which is named beside it.
 
 use anyhow::Result;
 use config::{Bench, Camera};

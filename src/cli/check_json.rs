@@ -82,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn plans_and_warnings_stand_beside_the_bench() {
+    fn plans_and_warnings_are_beside_the_bench() {
         let mut facts = CheckFacts { bench: json!({ "bench": "a" }), plans: Vec::new() };
         facts.plans.push(json!({ "frame": 0 }));
         let all = facts.with_warnings(&["too dark", "late"]);

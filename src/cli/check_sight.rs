@@ -22,7 +22,7 @@ const SAME_MAG: f64 = 0.05;
 /// Steradians of the sky.
 const SKY_SR: f64 = 2.0 * TAU;
 
-/// What the camera of a bench sees.
+/// The sight of a bench's camera.
 pub(super) struct Sight {
     /// `None` for a calibrated display, whose frames have no tracker's noise.
     sensitivity: Option<Sensitivity>,
