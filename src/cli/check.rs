@@ -2,6 +2,7 @@
 
 use crate::cli::calibrate::{Costs, costs_here};
 use crate::cli::check_bodies;
+use crate::cli::check_camera;
 use crate::cli::check_display;
 use crate::cli::check_display_stars::{self, DisplayLimits, display_limits};
 use crate::cli::check_files;
@@ -11,17 +12,21 @@ use crate::cli::check_light;
 use crate::cli::check_observer;
 use crate::cli::check_plan::{self, Planned};
 use crate::cli::check_scenario;
+use crate::cli::check_sight::Sight;
 use crate::cli::check_targets;
+use crate::cli::check_verdict::{verdict, warnings};
 use crate::cli::frame_plan::FramePlans;
-use crate::cli::radiometry_reported::radiometry_text;
+use crate::cli::radiometry_reported::{drawn_text, radiometry_text};
 use crate::cli::report_json::print_json;
+use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
 use anyhow::Result;
 use base::clock::{Clock, Monotonic};
 use base::time::{Span, Tai};
 use clap::Args;
-use config::{Backend, Bench, Document, Event, FileKind, Plant, Scenario, Setting, StartTime};
+use config::{Backend, Bench, Document, Event, FileKind, Plant, Scenario, Setting, Sink, StartTime};
 use core::fmt::Write;
 use image::detector::cost::effect_costs;
+use outputs::display::calibration::Calibration;
 use run::runtime::{DeadlinePolicy, Imager, RunParams};
 use run::wiring::bench_parts;
 use run::wiring::display_parts::take_display;
@@ -49,6 +54,9 @@ pub struct CheckArgs {
     /// Print the facts as one line of JSON: the bench, its camera, defaults, warnings, the plans of three frames
     #[arg(long)]
     json: bool,
+    /// End with status 4 when the file has a warning
+    #[arg(long)]
+    strict: bool,
 }
 
 /// Returns the keys of `[[event]]`, from the list that files are checked by.
@@ -60,11 +68,11 @@ fn event_help() -> String {
     )
 }
 
-/// Runs the command.
+/// Runs the command; the exit status.
 ///
 /// # Errors
 /// With what is wrong with the bench or the scenario.
-pub fn run(arguments: &CheckArgs) -> Result<()> {
+pub fn run(arguments: &CheckArgs) -> Result<u8> {
     let document = match &arguments.bench {
         Some(path) => Document::open(path)?,
         None => Bench::built_in_document()?,
@@ -82,20 +90,29 @@ pub fn run(arguments: &CheckArgs) -> Result<()> {
     let settings = arguments.settings.iter().map(|text| Setting::parse(text)).collect::<Result<_, _>>()?;
     let document = document.with_settings(settings);
     let mut facts = CheckFacts::default();
-    let text = checked(&document, arguments.built_in_costs, &mut facts)?;
+    let scenario = Scenario::from_document(&document)?;
+    let text = checked(&scenario, arguments.built_in_costs, &mut facts)?;
+    let warnings = warnings(&text);
+    let status = if arguments.strict && !warnings.is_empty() { EXIT_NOT_MET } else { EXIT_DONE };
     if arguments.json {
-        return print_json("check", facts.with_warnings(&text));
+        print_json("check", facts.with_warnings(&warnings))?;
+    } else {
+        print!("{}{text}", verdict(&name(&scenario), &warnings));
     }
-    print!("{text}");
-    Ok(())
+    Ok(status)
+}
+
+/// Returns how the verdict calls the file.
+fn name(scenario: &Scenario) -> String {
+    let kind = if scenario.vehicle().is_some() { "scenario" } else { "bench" };
+    format!("{kind} \"{}\"", scenario.name)
 }
 
 /// Returns everything there is to say about the file.
-fn checked(document: &Document, only_built_in: bool, facts: &mut CheckFacts) -> Result<String> {
-    let scenario = Scenario::from_document(document)?;
+fn checked(scenario: &Scenario, only_built_in: bool, facts: &mut CheckFacts) -> Result<String> {
     let bench = report(&scenario.bench, &scenario.plant, only_built_in, facts)?;
     let is_plain = scenario.vehicle().is_none() && scenario.events.is_empty();
-    Ok(if is_plain { bench } else { check_scenario::report(&scenario)? + "\n" + &bench })
+    Ok(if is_plain { bench } else { check_scenario::report(scenario)? + "\n" + &bench })
 }
 
 /// The conventions every number in files and on the wire follows.
@@ -110,24 +127,61 @@ conventions
   truth        x, y: mean place over the exposure; electrons: what lands on the detector
 ";
 
+/// Returns the warnings about a run that `imager` draws, in one line; `None` without any. What cannot be checked is for the
+/// run to refuse.
+pub(super) fn warning_line(scenario: &Scenario, imager: &Imager, only_built_in: bool) -> Option<String> {
+    let mut bench = scenario.bench.clone();
+    // A run opens its displays, and prints what is not known of them.
+    bench.sinks.retain(|settings| !matches!(settings.sink, Sink::Display(_)));
+    let mut facts = CheckFacts::default();
+    let prepared = run_params_of(&bench).ok()?;
+    let text = report_of(&bench, &scenario.plant, (prepared, imager), only_built_in, &mut facts).ok()?;
+    let warnings = warnings(&text);
+    (!warnings.is_empty()).then(|| format!("WARNING: {}: {}", name(scenario), warnings.join("; ")))
+}
+
 /// Returns the whole report.
 fn report(bench: &Bench, plant: &Plant, only_built_in: bool, facts: &mut CheckFacts) -> Result<String> {
     // The check itself makes one detector.
     RunMemory::of_image(&bench.camera, bench.render.backend == Backend::Reference, None).check()?;
+    let prepared = run_params_of(bench)?;
+    let imager = bench_parts::imager(&prepared.params)?;
+    report_of(bench, plant, (prepared, &imager), only_built_in, facts)
+}
+
+/// A run as a bench makes it, drawn for its display where that is calibrated.
+struct Prepared {
+    params: RunParams,
+    start: Tai,
+    calibration: Option<Calibration>,
+}
+
+fn run_params_of(bench: &Bench) -> Result<Prepared> {
     let start = match bench.timing.start {
         StartTime::At(at) => at,
         StartTime::Now => Tai::from_rfc3339("2026-01-01T00:00:00Z")?,
     };
     let mut params = bench_parts::run_params(bench, start)?;
     let calibration = take_display(&mut params, bench, Monotonic::start().now())?;
+    Ok(Prepared { params, start, calibration })
+}
+
+fn report_of(
+    bench: &Bench,
+    plant: &Plant,
+    (prepared, imager): (Prepared, &Imager),
+    only_built_in: bool,
+    facts: &mut CheckFacts,
+) -> Result<String> {
+    let Prepared { mut params, start, calibration } = prepared;
     let limits = calibration.as_ref().map(|calibration| display_limits(calibration, &params)).transpose()?.flatten();
-    let imager = bench_parts::imager(&params)?;
-    let costs = costs_here(&imager, only_built_in);
+    let costs = costs_here(imager, only_built_in);
     bench_parts::take_real_clock(&mut params, bench, costs.measured);
     let mut text = String::new();
     let sky = params.open_sky()?;
-    describe(&mut text, bench, &params, (&imager, &sky), &costs)?;
-    facts.describe(bench, &params, &imager, &costs.origin);
+    let sight = Sight::of(bench, plant, &params);
+    describe(&mut text, bench, &params, (imager, &sky, &sight), &costs)?;
+    facts.describe(bench, &params, imager, &costs.origin);
     write_memory(&mut text, bench)?;
     check_display::write_display(&mut text, bench, &params, calibration.as_ref())?;
     write_defaults(&mut text, bench)?;
@@ -139,7 +193,7 @@ fn report(bench: &Bench, plant: &Plant, only_built_in: bool, facts: &mut CheckFa
     crate::cli::check_jitter::write_jitter(&mut text, bench, &params)?;
     let computer = || FlightComputer::new(bench_parts::flight_computer_of(plant, bench, start, params.first_exposure));
     check_targets::write_targets(&mut text, &params, &computer())?;
-    plans(&mut text, bench, computer(), (&params, limits.as_ref()), (&imager, &sky), facts)?;
+    plans(&mut text, bench, computer(), (&params, limits.as_ref(), &sight), (imager, &sky), facts)?;
     Ok(text)
 }
 
@@ -147,12 +201,12 @@ fn describe(
     text: &mut String,
     bench: &Bench,
     params: &RunParams,
-    (imager, sky): (&Imager, &Sky),
+    (imager, sky, sight): (&Imager, &Sky, &Sight),
     costs: &Costs,
 ) -> Result<()> {
     let camera = &bench.camera;
     let [fov_x, fov_y] = camera.fov_deg();
-    writeln!(text, "bench \"{}\" is sound", bench.name)?;
+    writeln!(text, "bench \"{}\"", bench.name)?;
     writeln!(
         text,
         "  camera       \"{}\": {} x {} px, {fov_x:.2} x {fov_y:.2} deg, {:.2} arcsec/px",
@@ -165,10 +219,12 @@ fn describe(
     let zero_point = camera.star_light().zero_point_e_per_s();
     let light =
         zero_point.map_or_else(|| "no zero point".into(), |e_per_s| format!("{e_per_s:.3e} e-/s at magnitude 0"));
-    writeln!(text, "  light        {light}, drawn down to G = {}", camera.radiometry.limiting_mag)?;
+    writeln!(text, "  light        {light}, {}", drawn_text(camera, params.camera.limiting_mag))?;
+    sight.write(text, bench, params, sky)?;
+    check_camera::write_cameras(text, bench)?;
     check_observer::write_observer(text, params)?;
     check_light::write_light(text, &params.camera)?;
-    write_stars(text, params, camera.radiometry.limiting_mag, sky)?;
+    write_stars(text, params, sky)?;
     let exposed = &params.camera;
     let after_s = exposed.readout_s - params.ahead.s();
     let due = if params.ahead == Span::ZERO {
@@ -230,8 +286,8 @@ fn write_memory(text: &mut String, bench: &Bench) -> Result<()> {
     Ok(())
 }
 
-/// Returns the stars there are, and which of those that the camera sees are not.
-fn write_stars(text: &mut String, params: &RunParams, limiting_mag: f64, sky: &Sky) -> Result<()> {
+/// Returns the stars that layers have, and whether bright ones are missing.
+fn write_stars(text: &mut String, params: &RunParams, sky: &Sky) -> Result<()> {
     let Sky { layers, most_stars } = sky;
     let [from, faintest] = layers.magnitudes();
     if !layers.is_in_memory() {
@@ -248,12 +304,6 @@ fn write_stars(text: &mut String, params: &RunParams, limiting_mag: f64, sky: &S
                 "  WARNING      stars brighter than G = {from} are missing from the frames: no layer has them"
             )?;
         }
-    }
-    if limiting_mag > f64::from(faintest) {
-        writeln!(
-            text,
-            "  WARNING      the catalog ends at G = {faintest:.1}: fainter stars are missing from the frames"
-        )?;
     }
     Ok(())
 }
@@ -272,7 +322,7 @@ fn plans(
     text: &mut String,
     bench: &Bench,
     computer: FlightComputer,
-    (params, limits): (&RunParams, Option<&DisplayLimits>),
+    (params, limits, sight): (&RunParams, Option<&DisplayLimits>, &Sight),
     (imager, sky): (&Imager, &Sky),
     facts: &mut CheckFacts,
 ) -> Result<()> {
@@ -295,6 +345,7 @@ fn plans(
         let plan = frames.plan(number, &mut planner)?;
         check_plan::write_plan(text, number, plan, &planned)?;
         facts.plan(number, plan);
+        sight.write_frame(text, number, plan)?;
         check_light::write_frame(text, &frames.scene().light, &params.camera, plan)?;
         if let Some(bodies) = &frames.scene().bodies {
             check_bodies::write_frame(text, bodies, &params.camera, plan)?;
@@ -327,7 +378,7 @@ mod tests {
     fn the_built_in_bench_is_explained() {
         let text = report(&Bench::built_in().unwrap(), true).unwrap();
         for word in [
-            "is sound",
+            "bench \"",
             "sink         recorder: FITS, ",
             "memory       ",
             "passive",
@@ -344,10 +395,14 @@ mod tests {
 
     #[test]
     fn a_scenario_is_explained_with_its_bench() {
-        let of = |name: &str| checked(&Document::built_in(name).unwrap(), true, &mut CheckFacts::default()).unwrap();
-        let text = of("scenarios/three_heads.toml");
+        let of = |file: &str| {
+            let scenario = Scenario::from_document(&Document::built_in(file).unwrap()).unwrap();
+            (checked(&scenario, true, &mut CheckFacts::default()).unwrap(), name(&scenario))
+        };
+        let (text, name) = of("scenarios/three_heads.toml");
+        assert_eq!(verdict(&name, &warnings(&text)), "scenario \"three heads\" is sound\n");
         for word in [
-            "scenario \"three heads\" is sound",
+            "scenario \"three heads\"\n",
             "bench \"closed loop",
             "3, sensor_from_body",
             "    150.0      60.0  stray_light          5000000 e-/s, head 0",
@@ -359,7 +414,7 @@ mod tests {
         ] {
             assert!(text.contains(word), "no \"{word}\" in:\n{text}");
         }
-        assert!(of("scenarios/acquisition.toml").contains("random"), "attitude at the start");
+        assert!(of("scenarios/acquisition.toml").0.contains("random"), "attitude at the start");
     }
 
     #[test]
@@ -368,7 +423,8 @@ mod tests {
         let binning = "bench.camera.detector.binning.factor=2";
         let settings = [event, binning].map(|text| Setting::parse(text).unwrap()).to_vec();
         let document = Document::built_in("scenarios/campaign.toml").unwrap().with_settings(settings);
-        let error = format!("{:#}", checked(&document, true, &mut CheckFacts::default()).unwrap_err());
+        let scenario = Scenario::from_document(&document).unwrap();
+        let error = format!("{:#}", checked(&scenario, true, &mut CheckFacts::default()).unwrap_err());
         assert!(error.contains("frame_bit_flip") && error.contains("px = [200, 10]"), "{error}");
     }
 

@@ -5,10 +5,12 @@
 use anyhow::Result;
 use base::time::Span;
 use base::units::ARCSEC;
-use config::{Bench, Sink};
+use config::{Bench, DisplaySettings, Sink};
 use core::fmt::Write;
 use outputs::display::calibration::Calibration;
 use outputs::display::latency::LatencySource;
+use outputs::display::monitor::choose;
+use outputs::display::{DisplayError, MonitorChoice, MonitorFacts, monitors};
 use run::runtime::RunParams;
 use run::wiring::display_parts::{CLOCKS_PPM, NO_CALIBRATION, NO_LATENCY, beat, calibrated_display, latency};
 use run::wiring::motion::script_scale;
@@ -32,6 +34,7 @@ pub(super) fn write_display(
         | Sink::Null => None,
     });
     for display in displays {
+        write_size(text, display, params)?;
         if display.calibration.is_none() {
             writeln!(text, "  WARNING      {NO_CALIBRATION}")?;
             if params.ahead == Span::ZERO {
@@ -54,6 +57,28 @@ pub(super) fn write_display(
         writeln!(text, "  {word:<12} {}", beat.advice())?;
     }
     Ok(())
+}
+
+/// Warns of a monitor that cannot be opened here, or is of another size than the frames: a run refuses it.
+fn write_size(text: &mut String, display: &DisplaySettings, params: &RunParams) -> Result<()> {
+    if display.params.window_px.is_some() || display.params.direct_scanout.is_some() {
+        return Ok(());
+    }
+    let frame_px = params.camera.output().size_px.map(|side| u32::try_from(side).unwrap_or(u32::MAX));
+    let fits = monitors().and_then(|found| fits(&found, &display.params.monitor, frame_px));
+    if let Err(error) = fits {
+        writeln!(text, "  WARNING      {error}")?;
+    }
+    Ok(())
+}
+
+/// Refuses a monitor that is not there, or does not show frames of this size pixel by pixel.
+fn fits(found: &[MonitorFacts], choice: &MonitorChoice, image_px: [u32; 2]) -> Result<(), DisplayError> {
+    let monitor = &found[choose(found, choice)?];
+    if monitor.size_px == image_px {
+        return Ok(());
+    }
+    Err(DisplayError::Size { image_px, place: format!("monitor {}", monitor.name), area_px: monitor.size_px })
 }
 
 /// Returns when frames are begun, when their light leaves, and how well that is known.
@@ -115,5 +140,27 @@ mod tests {
         let one = reported("[timing]\nahead_ms = 150.0\n[sink]\nkind = \"display\"\nlatency_ms = 20.0\n");
         assert!(one.contains("no calibration") && !one.contains("ahead_ms") && !one.contains("not known"), "{one}");
         assert_eq!(reported(""), "", "a bench without a display");
+    }
+}
+
+#[cfg(test)]
+mod size_tests {
+    use super::*;
+
+    #[test]
+    fn a_monitor_of_another_size_or_that_is_missing_is_refused() {
+        let monitor = |name: &str, size_px| MonitorFacts {
+            name: name.into(),
+            size_px,
+            origin_px: [0, 0],
+            refresh_mhz: None,
+            is_primary: false,
+        };
+        let found = [monitor("DP-1", [1920, 1080]), monitor("DP-2", [1024, 1024])];
+        let of = |name: &str| fits(&found, &MonitorChoice::Named(name.into()), [1024, 1024]);
+        assert_eq!(of("DP-2"), Ok(()));
+        let [size, missing] = ["DP-1", "DP-3"].map(|name| of(name).unwrap_err().to_string());
+        assert!(size.contains("1024 x 1024") && size.contains("1920 x 1080") && size.contains("DP-1"), "{size}");
+        assert!(missing.contains("DP-3"), "{missing}");
     }
 }

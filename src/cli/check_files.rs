@@ -76,13 +76,26 @@ fn write_missing(text: &mut String, file: &FilePlant, params: &RunParams) -> Res
         let start = params.exposure_start(*number);
         profile.at(start).is_none() || profile.at(start + exposure).is_none()
     };
-    let missing = (0..params.frames.min(MOST_FRAMES)).filter(is_missing).count();
+    let step = params.frames.div_ceil(MOST_FRAMES).max(1) as usize;
+    let frames = || (0..params.frames).step_by(step);
+    let (looked_at, missing) = (frames().count(), frames().filter(is_missing).count());
     if missing > 0 {
         writeln!(
             text,
-            "  WARNING      {missing} of {} frames begin or end where the file has no attitude: attitude.stale_policy says \
-             what becomes of them",
-            params.frames
+            "  WARNING      {missing} of {looked_at} frames begin or end where the file has no attitude: attitude.stale_policy says \
+             what becomes of them"
+        )?;
+    }
+    let rests = frames().filter(|number| {
+        let start = params.exposure_start(*number);
+        profile.rests_at(start) || profile.rests_at(start + exposure)
+    });
+    let rests = if file.outside_is_given { 0 } else { rests.count() };
+    if rests > 0 {
+        writeln!(
+            text,
+            "  WARNING      {rests} of {looked_at} frames begin or end before or after the rows of the file, where the body \
+             rests: give a longer file or a shorter run, or plant.outside = \"rest\""
         )?;
     }
     Ok(())
@@ -96,6 +109,10 @@ mod tests {
 
     /// Returns a turn that accelerates evenly, as rows so many seconds apart.
     fn report(step_s: f64, seconds: f64) -> String {
+        report_with(step_s, seconds, "outside = \"none\"\n")
+    }
+
+    fn report_with(step_s: f64, seconds: f64, outside: &str) -> String {
         let mut rows = String::from("t_s,q_w,q_x,q_y,q_z\n");
         let count = (seconds / step_s) as u32;
         for t_s in (0..=count).map(|i| f64::from(i) * step_s) {
@@ -103,15 +120,15 @@ mod tests {
             let (sin, cos) = (0.5 * 0.5 * 1e-4 * t_s * t_s).sin_cos();
             rows += &format!("{t_s},{cos},0,{},0\n", -sin);
         }
-        report_of(&rows)
+        report_of(&rows, outside)
     }
 
     /// Returns the section about a table.
-    fn report_of(rows: &str) -> String {
+    fn report_of(rows: &str, outside: &str) -> String {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join("x.csv"), rows).unwrap();
-        let text = "[plant]\nkind = \"file\"\nattitude = \"x.csv\"\noutside = \"none\"\n";
-        let scenario = Scenario::from_document(&Document::from_text(text, &folder.path().join("lab.toml"))).unwrap();
+        let text = format!("[plant]\nkind = \"file\"\nattitude = \"x.csv\"\n{outside}");
+        let scenario = Scenario::from_document(&Document::from_text(&text, &folder.path().join("lab.toml"))).unwrap();
         let params = bench_parts::run_params(&scenario.bench, Tai::from_ns(0)).unwrap();
         let mut text = String::new();
         write_files(&mut text, &scenario.bench, &scenario.plant, &params).unwrap();
@@ -134,11 +151,18 @@ mod tests {
     fn doubts_of_the_reader_are_warnings() {
         let rows = |skipped: core::ops::Range<i32>| {
             let kept = (0..60).filter(|t_s| !skipped.contains(t_s)).map(|t_s| format!("{t_s},1,0,0,0\n"));
-            report_of(&format!("t_s,q_w,q_x,q_y,q_z\n{}", kept.collect::<String>()))
+            report_of(&format!("t_s,q_w,q_x,q_y,q_z\n{}", kept.collect::<String>()), "outside = \"none\"\n")
         };
         let text = rows(20..47);
         assert!(text.contains("\n  WARNING      rows are missing after row 20 of segment 1"), "{text}");
         assert!(!rows(0..0).contains("WARNING"), "control: {}", rows(0..0));
+    }
+
+    #[test]
+    fn a_file_that_ends_before_the_run_is_a_warning_unless_its_end_is_stated() {
+        let ends = |outside| report_with(0.05, 5.02, outside).contains("where the body rests");
+        assert!(ends("") && !ends("outside = \"rest\"\n") && !ends("outside = \"none\"\n"));
+        assert!(!report_with(0.05, 20.0, "").contains("where the body rests"), "control");
     }
 
     #[test]

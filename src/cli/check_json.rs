@@ -1,5 +1,6 @@
 //! `starloop check --json`: the facts of a bench and of its plans.
 
+use crate::cli::radiometry_reported::drawn_mag;
 use base::accuracy::AccuracyBudget;
 use config::Bench;
 use plan::exposure::ExposurePlan;
@@ -31,7 +32,7 @@ impl CheckFacts {
                 "height_px": camera.detector.height_px,
                 "fov_deg": camera.fov_deg(),
                 "arcsec_per_px": camera.ifov_arcsec(),
-                "limiting_mag_g": camera.radiometry.limiting_mag,
+                "limiting_mag_g": drawn_mag(camera, params.camera.limiting_mag),
             },
             "frames": params.frames,
             "frame_rate_hz": bench.timing.frame_rate_hz,
@@ -65,16 +66,12 @@ impl CheckFacts {
         }));
     }
 
-    /// Returns everything, with the warnings of the text.
-    pub(super) fn with_warnings(self, text: &str) -> Value {
-        let warnings = text
-            .lines()
-            .filter_map(|line| line.split_once("WARNING"))
-            .map(|(_, words)| words.trim_start_matches([':', ' ']).trim_end());
+    /// Returns everything, with the warnings of the report.
+    pub(super) fn with_warnings(self, warnings: &[&str]) -> Value {
         let mut all = self.bench;
         if let Some(fields) = all.as_object_mut() {
             fields.insert("plans".into(), self.plans.into());
-            fields.insert("warnings".into(), warnings.collect::<Vec<_>>().into());
+            fields.insert("warnings".into(), warnings.into());
         }
         all
     }
@@ -85,11 +82,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn warnings_of_the_text_are_listed_and_nothing_else() {
+    fn plans_and_warnings_are_beside_the_bench() {
         let mut facts = CheckFacts { bench: json!({ "bench": "a" }), plans: Vec::new() };
         facts.plans.push(json!({ "frame": 0 }));
-        let all =
-            facts.with_warnings("  camera       \"b\"\n  WARNING      too dark\n  level        full; WARNING: late\n");
+        let all = facts.with_warnings(&["too dark", "late"]);
         assert_eq!(all["warnings"], json!(["too dark", "late"]));
         assert_eq!((&all["bench"], &all["plans"][0]["frame"]), (&json!("a"), &json!(0)));
     }

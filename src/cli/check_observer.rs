@@ -33,6 +33,7 @@ pub(super) fn write_observer(text: &mut String, params: &RunParams) -> Result<()
             writeln!(text, "  WARNING      observer.file: {warning}")?;
         }
     }
+    write_error(text, params)?;
     let last = at + Span::from_s(params.frame_period.s() * f64::from(params.frames));
     if [at, last].into_iter().any(|at| !is_proven(at)) {
         let [first_yr, last_yr] = PROVEN_YEARS;
@@ -69,6 +70,21 @@ fn write_doubts(text: &mut String, observer: &Observer, at: Tai) -> Result<()> {
             text,
             "  WARNING      the observer has {speed_km_s:.3} km/s: {about} holds at {distance_km:.0} km what has less than \
              {escape_km_s:.3} km/s: check units and centre of the file"
+        )?;
+    }
+    Ok(())
+}
+
+/// Warns of a file of states whose error between rows, as aberration, is over the accuracy of the run.
+fn write_error(text: &mut String, params: &RunParams) -> Result<()> {
+    let Observer::Table(history) = &params.observer else { return Ok(()) };
+    let Some([_, km_s]) = history.interpolation_error() else { return Ok(()) };
+    let (arcsec, most) = (km_s / SPEED_OF_LIGHT_KM_S / ARCSEC, params.budget.los_arcsec);
+    if arcsec > most {
+        writeln!(
+            text,
+            "  WARNING      the observer's states err by up to {arcsec:.1e} arcsec of aberration, more than \
+             accuracy.los_arcsec = {most}: give denser rows, or velocities with them"
         )?;
     }
     Ok(())
@@ -159,6 +175,33 @@ mod tests {
         text
     }
 
+    /// Rows on a circular orbit about the Earth, 6 minutes at least, so many seconds apart.
+    fn warned(step_s: f64) -> String {
+        let mut rows = String::from("unix_s,x_km,y_km,z_km,vx_km_s,vy_km_s,vz_km_s\n");
+        for step in 0..=(400.0 / step_s).ceil().max(6.0) as u32 {
+            let t_s = f64::from(step) * step_s;
+            let (sin, cos) = (1.078e-3 * t_s).sin_cos();
+            rows += &format!(
+                "{},{},{},0,{},{},0\n",
+                1_772_323_200.0 + t_s,
+                7000.0 * cos,
+                7000.0 * sin,
+                -7.546 * sin,
+                7.546 * cos
+            );
+        }
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("o.csv"), rows).unwrap();
+        let text = "[observer]\nkind = \"file\"\nfile = \"o.csv\"\n";
+        let document = config::Document::from_text(text, &folder.path().join("lab.toml"));
+        let bench = config::Bench::from_document(&document).unwrap();
+        let params =
+            run::wiring::bench_parts::run_params(&bench, Tai::from_rfc3339("2026-03-01T00:00:00Z").unwrap()).unwrap();
+        let mut text = String::new();
+        write_error(&mut text, &params).unwrap();
+        text
+    }
+
     #[test]
     fn old_elements_are_warned_of_with_their_error() {
         let lines = "1 00005U 58002B   00179.78495062  .00000023  00000-0  28098-4 0  4753\n\
@@ -189,6 +232,13 @@ mod tests {
         assert!(far.contains("WARNING") && far.contains("500000 km") && far.contains("406700"), "{far}");
         let fast = table(7_000.0, 11.0);
         assert!(fast.contains("WARNING") && fast.contains("11.000 km/s") && fast.contains("10.672"), "{fast}");
+    }
+
+    #[test]
+    fn the_error_of_sparse_states_is_a_warning_and_that_of_dense_ones_is_not() {
+        assert_eq!(warned(10.0), "");
+        let text = warned(1500.0);
+        assert!(text.contains("WARNING") && text.contains("accuracy.los_arcsec"), "{text}");
     }
 
     #[test]

@@ -82,7 +82,7 @@ pub(super) fn report(scenario: &Scenario) -> Result<String> {
 
 fn write_flight(text: &mut String, scenario: &Scenario, vehicle: &Vehicle) -> Result<(), Error> {
     let (bench, spacecraft, heads) = (&scenario.bench, &vehicle.spacecraft, scenario.bench.mountings());
-    writeln!(text, "scenario \"{}\" is sound", scenario.name)?;
+    writeln!(text, "scenario \"{}\"", scenario.name)?;
     writeln!(text, "  bench        \"{}\"", bench.name)?;
     let wheels = spacecraft.params.wheels.len();
     let period_ms = spacecraft.control.period.s() * 1e3;

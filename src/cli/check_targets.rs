@@ -7,13 +7,14 @@
 
 use crate::cli::check_observer::write_age;
 use base::time::Tai;
+use base::units::ARCSEC;
 use core::fmt::{Error, Write};
 use glam::DVec3;
 use run::runtime::RunParams;
 use scene::sky_targets::{SkyTargets, TargetFacts};
 use sky::ObserverError;
 use sky::astrometry::CameraGeometry;
-use sky::observer::ObserverTrack;
+use sky::observer::{Observer, ObserverTrack};
 use sky::target::{Orbit, Sunlight};
 use testbed::flight_computer::FlightComputer;
 
@@ -93,6 +94,7 @@ fn write_target(
         write!(text, "  {name:<10} {from_s:>7.1} {to_s:>7.1} ")?;
         write_moment(text, params, &pass.nearest)?;
     }
+    write_observer_error(text, params, &name, &passes)?;
     if let (true, Some(nearest)) = (passes.is_empty(), nearest) {
         write!(text, "  {name:<10} {:>15} ", "never in field")?;
         write_moment(text, params, &nearest)?;
@@ -104,6 +106,22 @@ fn write_target(
         Some(error) => writeln!(text, "  WARNING      target {name} is missing from then on: {error}"),
         None => Ok(()),
     }
+}
+
+/// Warns of an observer whose file of states errs by more than the accuracy of the run, seen from the target.
+fn write_observer_error(text: &mut String, params: &RunParams, name: &str, passes: &[Pass]) -> Result<(), Error> {
+    let Observer::Table(history) = &params.observer else { return Ok(()) };
+    let nearest_km = passes.iter().map(|pass| pass.nearest.facts.range_km).reduce(f64::min);
+    let (Some([km, _]), Some(range_km)) = (history.interpolation_error(), nearest_km) else { return Ok(()) };
+    let (arcsec, most) = (km / range_km / ARCSEC, params.budget.los_arcsec);
+    if arcsec <= most {
+        return Ok(());
+    }
+    writeln!(
+        text,
+        "  {name:<10}  WARNING the observer's places err by up to {km:.1e} km: {arcsec:.1e} arcsec at {range_km:.1} km, more than \
+         accuracy.los_arcsec = {most}"
+    )
 }
 
 impl Pass {

@@ -29,8 +29,8 @@ pub const EXIT_STATUSES: &[ExitStatus] = &[
     ExitStatus {
         numbers: &[EXIT_NOT_MET],
         meaning: "something that was checked does not hold: an expectation or invariant of a run, a prediction, a camera \
-                  file, a captured frame, a promise of a link",
-        commands: &["run", "replay", "fly", "report", "compare", "verify", "link-check", "study", "campaign"],
+                  file, a captured frame, a promise of a link, a warning of `check --strict`",
+        commands: &["check", "run", "replay", "fly", "report", "compare", "verify", "link-check", "study", "campaign"],
     },
     ExitStatus {
         numbers: &[EXIT_LOST],

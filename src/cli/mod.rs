@@ -28,6 +28,7 @@ pub mod check;
 pub mod compare;
 mod check_attitude;
 mod check_bodies;
+mod check_camera;
 mod check_display;
 mod check_display_stars;
 mod check_files;
@@ -38,7 +39,9 @@ mod check_light;
 mod check_observer;
 mod check_plan;
 mod check_scenario;
+mod check_sight;
 mod check_targets;
+mod check_verdict;
 pub mod completions;
 mod command_groups;
 #[cfg(feature = "data_sets")]
@@ -295,7 +298,7 @@ fn run_command(command: Command) -> anyhow::Result<u8> {
         Command::Replay(arguments) => replay::run(&arguments),
         Command::Render(arguments) => render::run(&arguments).map(|()| EXIT_DONE),
         Command::Dataset(arguments) => data_set::run(&arguments),
-        Command::Check(arguments) => check::run(&arguments).map(|()| EXIT_DONE),
+        Command::Check(arguments) => check::run(&arguments),
         Command::Calibrate(arguments) => calibrate::run(&arguments).map(|()| EXIT_DONE),
         Command::Display(arguments) => display::run(&arguments).map(|()| EXIT_DONE),
         Command::Bus(arguments) => bus::run(&arguments),

@@ -32,3 +32,14 @@ pub(super) fn radiometry_text(camera: &Camera) -> String {
         ),
     }
 }
+
+/// Returns down to which magnitude a camera is drawn, and who chose it.
+pub(super) fn drawn_text(camera: &Camera, limiting_mag: f32) -> String {
+    let chosen = if camera.radiometry.limiting_mag.is_none() { " (limiting_mag = \"auto\")" } else { "" };
+    format!("drawn down to G = {limiting_mag}{chosen}")
+}
+
+/// Returns that magnitude as a number with the digits of the file, or with hundredths.
+pub(super) fn drawn_mag(camera: &Camera, limiting_mag: f32) -> f64 {
+    camera.radiometry.limiting_mag.unwrap_or_else(|| (f64::from(limiting_mag) * 100.0).round() / 100.0)
+}

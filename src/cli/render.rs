@@ -4,6 +4,7 @@ use crate::cli::attitude_file::KernelArgs;
 use crate::cli::degrees::{declination_deg, right_ascension_deg};
 use crate::cli::named_camera::named_camera;
 use crate::cli::over_budget::over_budget_text;
+use crate::cli::radiometry_reported::drawn_text;
 use crate::cli::render_files::WrittenImage;
 use crate::cli::render_input::{four, read_los, read_los_samples, read_sources, three};
 use crate::cli::render_notes::notes;
@@ -256,6 +257,9 @@ impl Scene {
         if sources.is_none() {
             let limiting_mag = still.params().camera.limiting_mag;
             notes(span[0], limiting_mag, still.faintest_mag()).iter().for_each(|note| eprintln!("{note}"));
+            if bench.camera.radiometry.limiting_mag.is_none() {
+                eprintln!("note: {}", drawn_text(&bench.camera, limiting_mag));
+            }
         }
         let has_attitude = arguments.ra.is_some() || arguments.attitude.is_some() || series.is_some();
         Ok(Self { still, motion, sources, has_attitude, number: arguments.frame })

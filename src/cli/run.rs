@@ -3,6 +3,7 @@
 use crate::cli::budget_files;
 use crate::cli::budget_report::budget_report;
 use crate::cli::calibrate::costs_here;
+use crate::cli::check::warning_line;
 use crate::cli::folder;
 use crate::cli::monitor::Monitor;
 use crate::cli::provenance;
@@ -227,6 +228,9 @@ fn announce(run: &Run, arguments: &RunArgs) {
         eprintln!("{note}");
     }
     engine.wcs_error_px().into_iter().for_each(warn_of_wcs);
+    let only_built_in = arguments.built_in_costs || arguments.clock == ClockKind::Virtual;
+    let warnings = warning_line(scenario, engine.imager(), only_built_in);
+    warnings.iter().for_each(|line| eprintln!("starloop: {line}"));
     let is_built_in = scenario.bench.defaulted.iter().any(|value| value.key == "camera");
     let kind = if scenario.vehicle().is_some() { "scenario" } else { "bench" };
     let time = match arguments.clock {

@@ -1,7 +1,7 @@
 //! `starloop snr`: how bright a star must be for a camera to see it, and how bright it may be.
 
 use crate::cli::named_camera::named_camera;
-use crate::cli::radiometry_reported::radiometry_text;
+use crate::cli::radiometry_reported::{drawn_mag, drawn_text, radiometry_text};
 use crate::cli::report_json::print_json;
 use anyhow::{Context, Result, bail};
 use clap::Args;
@@ -11,6 +11,7 @@ use frames::report::plot::{Axis, Chart, Series, Style, to_svg};
 use frames::sink::write_file_atomically;
 use plan::optics::photometry_v::mag_v;
 use plan::optics::star_light::surface_brightness_e_per_s_px;
+use run::wiring::camera_parts::camera_params;
 use run::wiring::sensitivity::{Conditions, Sensitivity};
 use std::path::PathBuf;
 
@@ -79,12 +80,14 @@ pub struct SnrArgs {
 /// When the file is refused, a number makes no sense, or the plot cannot be written.
 pub fn run(arguments: &SnrArgs) -> Result<()> {
     let camera = named_camera(arguments.file.as_deref())?;
-    let sensitivity = Sensitivity::new(&camera, &conditions(arguments, &camera)?)?;
+    let params = camera_params(&camera)?;
+    let sensitivity = Sensitivity::new(&params, &conditions(arguments, &camera)?);
+    let limiting_mag = params.limiting_mag;
     let mags = magnitudes(arguments.mag_range.as_deref(), &sensitivity)?;
     if arguments.json {
-        print_json("snr", facts(&camera, &sensitivity, &mags))?;
+        print_json("snr", facts(&camera, limiting_mag, &sensitivity, &mags))?;
     } else {
-        print!("{}", report(&camera, &sensitivity, &mags)?);
+        print!("{}", report(&camera, limiting_mag, &sensitivity, &mags)?);
     }
     if let Some(path) = &arguments.plot {
         let svg = to_svg(&chart(&camera, &sensitivity, &mags));
@@ -162,7 +165,7 @@ fn parsed_range(text: &str) -> Result<(f64, f64, f64)> {
     Ok(range)
 }
 
-fn report(camera: &Camera, sensitivity: &Sensitivity, mags: &[f64]) -> Result<String> {
+fn report(camera: &Camera, limiting_mag: f32, sensitivity: &Sensitivity, mags: &[f64]) -> Result<String> {
     let mut text = String::new();
     head(&mut text, camera, sensitivity)?;
     writeln!(
@@ -193,6 +196,7 @@ fn report(camera: &Camera, sensitivity: &Sensitivity, mags: &[f64]) -> Result<St
     }
     text.push('\n');
     limits(&mut text, sensitivity)?;
+    writeln!(text, "{}, as far as the catalog of a bench reaches", drawn_text(camera, limiting_mag))?;
     Ok(text)
 }
 
@@ -246,7 +250,7 @@ fn limits(text: &mut String, sensitivity: &Sensitivity) -> Result<()> {
 }
 
 /// Returns the report as JSON.
-fn facts(camera: &Camera, sensitivity: &Sensitivity, mags: &[f64]) -> serde_json::Value {
+fn facts(camera: &Camera, limiting_mag: f32, sensitivity: &Sensitivity, mags: &[f64]) -> serde_json::Value {
     let row = |mag: &f64| {
         let t = sensitivity.terms(*mag);
         let full = t.peak_e + sensitivity.pixel.dark_e + sensitivity.pixel.background_e > sensitivity.full_e;
@@ -269,6 +273,7 @@ fn facts(camera: &Camera, sensitivity: &Sensitivity, mags: &[f64]) -> serde_json
         "zero_point_e_per_s": sensitivity.light.zero_point_e_per_s(),
         "window_px": sensitivity.window.side_px(),
         "window_share": sensitivity.window.share(),
+        "drawn_to_mag_g": drawn_mag(camera, limiting_mag),
         "limits": LIMITS.iter().map(limit).collect::<Vec<_>>(),
         "saturation_mag_g": sensitivity.saturation_mag(),
         "saturation_e": sensitivity.full_e,
@@ -314,7 +319,8 @@ mod tests {
 
     fn built_in(name: &str) -> (Camera, Sensitivity) {
         let camera = named_camera(Some(Path::new(name))).unwrap();
-        let sensitivity = Sensitivity::new(&camera, &Conditions { bp_rp: 0.82, ..Conditions::default() }).unwrap();
+        let params = camera_params(&camera).unwrap();
+        let sensitivity = Sensitivity::new(&params, &Conditions { bp_rp: 0.82, ..Conditions::default() });
         (camera, sensitivity)
     }
 
@@ -333,7 +339,7 @@ mod tests {
         let mags = magnitudes(None, &sensitivity).unwrap();
         assert!(mags[0] < sensitivity.saturation_mag().unwrap());
         assert!(mags[mags.len() - 1] > sensitivity.limiting_mag(3.0).unwrap() && mags.len() <= 20, "{mags:?}");
-        let text = report(&camera, &sensitivity, &mags).unwrap();
+        let text = report(&camera, 7.0, &sensitivity, &mags).unwrap();
         for word in
             ["zero point", "limiting magnitude at SNR 3: G = ", "SNR 5", "saturation magnitude: G = ", "saturated"]
         {
@@ -347,7 +353,7 @@ mod tests {
     fn the_two_published_cases_are_reproduced() {
         for (name, limit) in [("15", "limiting magnitude at SNR 3: G = 15.00"), ("22", "at SNR 3: G = 22.00")] {
             let (camera, sensitivity) = built_in(&format!("cameras/detection_limit_{name}mag.toml"));
-            let text = report(&camera, &sensitivity, &magnitudes(None, &sensitivity).unwrap()).unwrap();
+            let text = report(&camera, 7.0, &sensitivity, &magnitudes(None, &sensitivity).unwrap()).unwrap();
             assert!(text.contains(limit), "{text}");
         }
     }

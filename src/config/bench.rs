@@ -430,7 +430,7 @@ pub(super) struct BesideBench {
     pub(super) plant: PlantKeys,
     pub(super) event: Vec<EventKeys>,
     pub(super) expect: ExpectKeys,
-    /// What is wrong with files that the bench names.
+    /// Errors of files that the bench names.
     pub(super) named_errors: Vec<ConfigError>,
 }
 

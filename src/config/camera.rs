@@ -110,7 +110,7 @@ impl Camera {
         must_be(FileKind::Camera, document)?;
         let (mut camera, errors) = check_partly(document, Self::checked)?;
         if errors.iter().filter_map(ConfigError::key).any(|key| key.starts_with("exposure.")) {
-            // So that no frame rate is refused for an exposure that nobody asked for.
+            // So that no frame rate is refused for an exposure that no file asks for.
             camera.exposure.exposure_s = SHORT_S;
         }
         Ok((camera, errors))

@@ -72,7 +72,7 @@ impl fmt::Display for Rule {
 pub(super) struct Checker<'a> {
     pub(super) document: &'a Document,
     pub(super) defaulted: Vec<Defaulted>,
-    /// What is wrong with files that the document names.
+    /// Errors of files that the document names.
     pub(super) named_errors: Vec<ConfigError>,
 }
 

@@ -75,7 +75,7 @@ mod several;
 mod sink;
 mod spacecraft;
 mod stages;
-mod stand_in;
+mod substitute;
 mod target;
 mod target_orbit;
 mod template;

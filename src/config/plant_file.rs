@@ -20,6 +20,8 @@ pub struct FilePlant {
     pub begins: Begins,
     /// True: the body rests before the first and after the last row; false: no attitude is sent there.
     pub rests_outside: bool,
+    /// Whether the file of the run states what is outside, rather than the format of the attitudes.
+    pub outside_is_given: bool,
 }
 
 /// How the times of a file are placed on the clock of a run.
@@ -59,7 +61,8 @@ impl FilePlant {
         }
         let usual = if history.times == Times::FromZero { "rest" } else { "none" };
         let outside = keys.outside().or_silently(usual).check(check)?;
-        let plant = Self { history: Arc::new(history), begins, rests_outside: outside };
+        let outside_is_given = keys.outside().is_given();
+        let plant = Self { history: Arc::new(history), begins, rests_outside: outside, outside_is_given };
         plant.check_overlap(&given, timing, check)?;
         Ok(plant)
     }

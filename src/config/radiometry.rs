@@ -1,11 +1,13 @@
 //! `[radiometry]` and `[exposure]`.
 
-use crate::check::Checker;
+use crate::check::{Checker, Rule};
 use crate::detector::Detector;
 use crate::error::ConfigError;
 use crate::key::{Section, section};
-use crate::key_type::Word;
+use crate::key_type::{Any, Raw, Shape, Word};
+use core::fmt;
 use plan::optics::{GreyMap, GreyScale};
+use serde::Deserialize;
 
 /// Photons per second and square metre of a star of G = 0 in the band of Gaia G, above the optics.
 ///
@@ -35,8 +37,10 @@ pub struct Radiometry {
     pub color_c1: f64,
     /// See [`Self::color_c1`].
     pub color_c2: f64,
-    /// Stars fainter than this instrument magnitude are not rendered.
-    pub limiting_mag: f64,
+    /// Stars fainter than this G magnitude are not rendered; `None`: as faint as the camera sees.
+    pub limiting_mag: Option<f64>,
+    /// Whether stars that the camera sees are left out on purpose.
+    pub seen_stars_left_out: bool,
 }
 
 /// Exposure, checked.
@@ -58,8 +62,13 @@ section! {
             [("photons", Model::PhotonsG), ("photons_v", Model::PhotonsV), ("linear_grey", Model::LinearGrey)],
             "photons take zero_magnitude_photons_per_s_m2 (of G = 0; photons_v: of V = 0), color_c1, color_c2; \
              linear_grey takes two magnitudes and their greys";
-        /// Faintest G magnitude to render, such as 7.0.
-        limiting_mag: f64 = 7.0, Within(-2.0, 25.0);
+        /// Faintest G magnitude to render, such as 7.0; "auto": half a magnitude beyond what the camera sees at SNR 3, as
+        /// far as the catalog reaches and its stars fit into memory.
+        limiting_mag: Raw<FaintestKey> = Computed("\"auto\""),
+            Shape::either(Shape::Number(LIMITING_MAG), Shape::Words(vec!["auto"]));
+        /// Stars that the camera sees, and that limiting_mag or the catalog leaves out, are left out on purpose: `check` does
+        /// not warn of them.
+        seen_stars_left_out: bool = Silent(false), Any;
         /// Photons per second and square metre of a star of magnitude 0 above the optics, about 3e10 for silicon.
         zero_magnitude_photons_per_s_m2: f64 = GAIA_G_ZERO_PHOTONS_PER_S_M2, Positive;
         /// First colour term: instrument magnitude less magnitude, per magnitude of BP-RP.
@@ -74,7 +83,7 @@ section! {
         /// Magnitude G of the star that gets brightest_grey_dn.
         brightest_mag: f64 = -1.5, Within(-30.0, 30.0);
         /// Magnitude G of the star that gets faintest_grey_dn, fainter than brightest_mag.
-        faintest_mag: f64 = Computed("limiting_mag"), Within(-30.0, 30.0);
+        faintest_mag: f64 = Computed("limiting_mag, 7 where that is \"auto\""), Within(-30.0, 30.0);
         /// Sum of the brightest star's grey above the black level, DN.
         brightest_grey_dn: f64 = Computed("largest DN less black level"), Positive;
         /// Sum of the faintest star's grey above the black level, DN.
@@ -92,6 +101,28 @@ section! {
     }
 }
 
+/// Magnitudes of the faintest star to render.
+const LIMITING_MAG: Rule = Rule::Within(-2.0, 25.0);
+/// Magnitude of the faintest star of a grey mapping for which the file names none.
+const FAINTEST_GREY_MAG: f64 = 7.0;
+
+/// The faintest star to render, as a file gives it: a magnitude, or "auto".
+#[derive(Debug, Clone, Deserialize)]
+#[serde(untagged, expecting = "invalid type: expected a magnitude or \"auto\"")]
+pub(super) enum FaintestKey {
+    Mag(f64),
+    Word(String),
+}
+
+impl fmt::Display for FaintestKey {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Mag(mag) => mag.fmt(f),
+            Self::Word(word) => write!(f, "\"{word}\""),
+        }
+    }
+}
+
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Model {
     PhotonsG,
@@ -106,25 +137,50 @@ impl Radiometry {
         check: &mut Checker<'_>,
     ) -> Result<Self, ConfigError> {
         let model = keys.model().check(check)?;
-        let limiting_mag = keys.limiting_mag().check(check)?;
+        let limiting_mag = keys.faintest(check)?;
+        let seen_stars_left_out = keys.seen_stars_left_out().check(check)?;
         if model == Model::LinearGrey {
-            let model = RadiometryModel::LinearGrey(keys.grey_map(limiting_mag, detector, check)?);
+            let map = keys.grey_map(limiting_mag, detector, check)?;
+            // A mapping of magnitudes to greys has no noise that a star could be lost in.
+            let limiting_mag = limiting_mag.or(Some(map.faintest_mag));
+            let model = RadiometryModel::LinearGrey(map);
             let zero_magnitude_photons_per_s_m2 = GAIA_G_ZERO_PHOTONS_PER_S_M2;
-            return Ok(Self { model, zero_magnitude_photons_per_s_m2, color_c1: 0.0, color_c2: 0.0, limiting_mag });
+            return Ok(Self {
+                model,
+                zero_magnitude_photons_per_s_m2,
+                color_c1: 0.0,
+                color_c2: 0.0,
+                limiting_mag,
+                seen_stars_left_out,
+            });
         }
         let zero_magnitude_photons_per_s_m2 = keys.zero_magnitude_photons_per_s_m2().check(check)?;
         let (color_c1, color_c2) = (keys.color_c1().check(check)?, keys.color_c2().check(check)?);
         let of_grey = ["brightest_mag", "faintest_mag", "brightest_grey_dn", "faintest_grey_dn", "grey_scale"];
         keys.refuse(&of_grey, "model = \"linear_grey\"", check)?;
         let model = if model == Model::PhotonsV { RadiometryModel::PhotonsV } else { RadiometryModel::PhotonsG };
-        Ok(Self { model, zero_magnitude_photons_per_s_m2, color_c1, color_c2, limiting_mag })
+        Ok(Self { model, zero_magnitude_photons_per_s_m2, color_c1, color_c2, limiting_mag, seen_stars_left_out })
     }
 }
 
 impl RadiometryKeys {
+    /// Returns the faintest magnitude to render; `None`: "auto".
+    fn faintest(&self, check: &mut Checker<'_>) -> Result<Option<f64>, ConfigError> {
+        let given = self.limiting_mag();
+        match given.raw() {
+            None => {
+                check.note(&given.key(), "auto");
+                Ok(None)
+            }
+            Some(FaintestKey::Word(word)) if word == "auto" => Ok(None),
+            Some(FaintestKey::Mag(mag)) if LIMITING_MAG.is_met_by(*mag) => Ok(Some(*mag)),
+            Some(other) => Err(given.invalid(other, format!("{LIMITING_MAG}, or \"auto\""), check)),
+        }
+    }
+
     fn grey_map(
         &self,
-        limiting_mag: f64,
+        limiting_mag: Option<f64>,
         detector: &Detector,
         check: &mut Checker<'_>,
     ) -> Result<GreyMap, ConfigError> {
@@ -132,7 +188,7 @@ impl RadiometryKeys {
         self.refuse(&of_photons, "model = \"photons\" or \"photons_v\"", check)?;
         let scale = self.grey_scale().check(check)?;
         let brightest_mag = self.brightest_mag().check(check)?;
-        let faintest_mag = self.faintest_mag().or(limiting_mag).check(check)?;
+        let faintest_mag = self.faintest_mag().or(limiting_mag.unwrap_or(FAINTEST_GREY_MAG)).check(check)?;
         let range_dn = f64::from(detector.params.largest_dn()) - detector.params.black_level_dn;
         let brightest_grey_dn = self.brightest_grey_dn().or(range_dn).check(check)?;
         let faintest_grey_dn = self.faintest_grey_dn().check(check)?;
@@ -183,6 +239,19 @@ mod tests {
         let gain = grey.detector.params.gain_e_per_dn;
         assert!((light.electrons(1.0, 0.0, 0.1) - 1000.0 * gain).abs() < 1e-6);
         assert_eq!(light.electrons(1.0, 0.0, 0.1), light.electrons(1.0, 2.0, 9.0), "no exposure, no colour");
+    }
+
+    #[test]
+    fn faintest_star_is_a_number_or_auto() {
+        let of = |text: &str| camera(text).map(|camera| camera.radiometry.limiting_mag);
+        assert_eq!((of("").unwrap(), of("limiting_mag = \"auto\"").unwrap()), (None, None));
+        assert_eq!(of("limiting_mag = 6.5").unwrap(), Some(6.5));
+        assert_eq!(of("limiting_mag = 7").unwrap(), Some(7.0), "a whole number");
+        assert_eq!(of("model = \"linear_grey\"\nfaintest_mag = 6").unwrap(), Some(6.0), "the mapping's own end");
+        for bad in ["26", "\"all\"", "true"] {
+            let error = of(&format!("limiting_mag = {bad}")).unwrap_err();
+            assert!(error.contains("radiometry.limiting_mag is") && error.contains("auto"), "{bad}: {error}");
+        }
     }
 
     #[test]

@@ -21,7 +21,7 @@ pub(super) fn check_all<T>(
 }
 
 /// Checks a document as far as that is possible: its value without what is wrong, and the errors; the errors alone when
-/// there is no value without what is wrong.
+/// nothing is left without what is wrong.
 pub(super) fn check_partly<T>(
     document: &Document,
     check: impl Fn(&Document) -> Result<Partly<T>, ConfigError>,
@@ -50,10 +50,10 @@ pub(super) fn check_partly<T>(
     Err(ConfigError::of(errors))
 }
 
-/// Returns the document without what an error is about, or with what stands in for it.
+/// Returns the document without what an error is about, or with a substitute for it.
 fn without(document: &Document, error: &ConfigError) -> Option<Document> {
-    let stand_in = document.with_a_stand_in(error);
-    stand_in.or_else(|| document.without_the_blamed(error)).or_else(|| document.without_the_blamed_setting(error))
+    let substitute = document.with_a_substitute(error);
+    substitute.or_else(|| document.without_the_blamed(error)).or_else(|| document.without_the_blamed_setting(error))
 }
 
 #[cfg(test)]

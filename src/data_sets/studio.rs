@@ -70,7 +70,7 @@ impl Studio {
                 bench.camera.name
             );
         }
-        let sensitivity = Sensitivity::new(&bench.camera, &Conditions::default())?;
+        let sensitivity = Sensitivity::new(&still.params().camera, &Conditions::default());
         let ifov_arcsec = bench.camera.ifov_arcsec();
         let own_targets = bench.targets.clone();
         let drawn_keys = serde_json::json!({ "camera": camera_keys, "bench": bench_keys }).to_string();

@@ -26,4 +26,4 @@ mod steps;
 pub mod tiles;
 
 pub use index::StarIndex;
-pub use stars::Sky;
+pub use stars::{FieldMemory, Sky};

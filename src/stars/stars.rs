@@ -15,7 +15,26 @@ pub struct Sky {
     pub most_stars: u64,
 }
 
+/// Fields of a camera, and the memory for their stars.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FieldMemory {
+    /// Half the diagonal of a field, rad.
+    pub radius_rad: f64,
+    /// Memory for stars of layers, MiB.
+    pub memory_mb: u32,
+}
+
 impl Sky {
+    /// Returns the faintest magnitude, `limiting_mag` at most, that `layers` (without any: the built-in catalog) reach
+    /// with the stars of every field in half of the memory; the other half is for fields that may come.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub fn faintest(layers: &[PathBuf], limiting_mag: f32, fields: FieldMemory) -> Result<f32, LayerError> {
+        let sky = Self::open(layers, limiting_mag, fields.memory_mb)?;
+        Ok(limiting_mag.min(sky.layers.faintest_of_fields(fields.radius_rad, sky.most_stars / 2)))
+    }
+
     /// Returns the stars of `layers` not fainter than `limiting_mag` (Gaia G), with at most `memory_mb` MiB in memory
     /// at a time; without layers the built-in catalog, which is in memory whole.
     ///

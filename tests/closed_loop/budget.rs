@@ -69,7 +69,7 @@ fn degradations(bench: &Bench, follow: bool, drawn: impl Fn(u32) -> Span) -> (Ve
 #[test]
 fn load_degrades_frames_at_once_and_they_come_back_when_it_goes() {
     let mut bench = built_in(8.0);
-    bench.camera.radiometry.limiting_mag = 12.0;
+    bench.camera.radiometry.limiting_mag = Some(12.0);
     // Little enough time for the rest of a load to matter some frames later: a whole frame takes a seventh of it.
     bench.camera.exposure.readout_s = 0.03;
     bench.timing.degrade = Degrade::Always;

@@ -25,7 +25,7 @@ const LEAST_STARS: usize = 32;
 /// Returns a bench with all stars of the catalog, and hardly time for any.
 fn without_time(readout_s: f64, degrade: Degrade) -> Bench {
     let mut bench = over(Wire::CanFd, 1.0);
-    bench.camera.radiometry.limiting_mag = 12.0;
+    bench.camera.radiometry.limiting_mag = Some(12.0);
     bench.camera.exposure.readout_s = readout_s;
     bench.timing.degrade = degrade;
     bench.timing.degrade_to = Degradation::BrightStarsOnly;

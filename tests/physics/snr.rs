@@ -8,6 +8,7 @@ use config::{Camera, Document};
 use image::detector::{Detector, DetectorConditions, DetectorParams};
 use plan::optics::PsfModel;
 use plan::optics::snr::{PixelNoise, Window, electrons_for_snr};
+use run::wiring::camera_parts::camera_params;
 use run::wiring::sensitivity::{Conditions, Sensitivity};
 
 /// Largest distance of a limiting magnitude of a camera file from the case that it represents, mag.
@@ -20,7 +21,7 @@ fn camera(name: &str) -> Camera {
 }
 
 fn sensitivity(camera: &Camera, bp_rp: f64) -> Sensitivity {
-    Sensitivity::new(camera, &Conditions { bp_rp, ..Conditions::default() }).unwrap()
+    Sensitivity::new(&camera_params(camera).unwrap(), &Conditions { bp_rp, ..Conditions::default() })
 }
 
 /// Returns the limiting magnitude of the sum over 3 x 3 pixels, from the camera file's numbers and a zero point.

@@ -3,6 +3,7 @@
 use crate::runtime::params::AttitudeParams;
 use crate::runtime::{BackendChoice, DeadlinePolicy, Imager, RunParams, SessionParams, SessionStart};
 use crate::wiring::camera_parts::camera_params;
+use crate::wiring::seen_mag::bound_by_catalog;
 use crate::wiring::sensitivity::{Conditions, Sensitivity};
 use anyhow::{Context, Result, bail};
 use base::axes::{Body, Icrf, Rotation, sensor_from_ra_dec_roll};
@@ -47,7 +48,8 @@ pub fn params_from(bench: &Bench, first_exposure: Tai) -> Result<RunParams> {
 /// # Errors
 /// When the camera or the observer's orbit cannot be used.
 pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
-    let camera = camera_params(&bench.camera)?;
+    let mut camera = camera_params(&bench.camera)?;
+    bound_by_catalog(&mut camera, bench)?;
     let first_exposure = start + LEAD + bench.timing.phase;
     let params = RunParams {
         attitude: AttitudeParams {
@@ -190,9 +192,7 @@ pub fn scripted(bench: &Bench, camera: &CameraParams, first_exposure: Tai) -> Re
     }
     let is_by_snr = |target: &TargetSettings| matches!(target.light, TargetLight::Snr(_));
     // Computes the PSF once for all targets, and only when one needs it.
-    let sensitivity = (bench.targets.iter().any(is_by_snr))
-        .then(|| Sensitivity::new(&bench.camera, &Conditions::default()))
-        .transpose()?;
+    let sensitivity = (bench.targets.iter().any(is_by_snr)).then(|| Sensitivity::new(camera, &Conditions::default()));
     let electrons_of = |snr: f64| {
         let noise = sensitivity.as_ref().map(|Sensitivity { window, pixel, .. }| window.noise(pixel));
         noise.map_or(f64::NAN, |noise| electrons_for_snr(snr, &noise))

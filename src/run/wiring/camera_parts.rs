@@ -1,6 +1,7 @@
 //! A checked camera file -> the parameters of the other crates.
 
 use crate::wiring::light_parts::background_light;
+use crate::wiring::seen_mag::auto_limiting_mag;
 use anyhow::{Context, Result};
 use config;
 use plan::exposure::Shutter;
@@ -43,12 +44,13 @@ pub fn camera_params(camera: &config::Camera) -> Result<CameraParams> {
         patterns: detector.maps.clone(),
         pixel_pitch_um: detector.pixel_pitch_um,
         focal_length_mm: optics.focal_length_mm,
-        limiting_mag: camera.radiometry.limiting_mag as f32,
+        limiting_mag: f32::NAN,
         exposure_s: camera.exposure.exposure_s,
         readout_s: camera.exposure.readout_s,
     };
     let star_e_per_s = |mag_g, bp_rp| params.radiometry.electrons(mag_g, bp_rp, 1.0);
     params.background = background_light(camera, geometry.ifov_rad(), star_e_per_s)?;
+    params.limiting_mag = camera.radiometry.limiting_mag.unwrap_or_else(|| auto_limiting_mag(&params)) as f32;
     Ok(params)
 }
 
@@ -70,4 +72,35 @@ fn psf(camera: &config::Camera) -> Result<PsfModel> {
         }
         config::Psf::Made(psf) => psf.clone(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::wiring::seen_mag::seen_mag;
+    use config::{Camera, Document};
+    use std::path::Path;
+
+    fn drawn(optics: &str) -> (f64, f64) {
+        let text = format!("[detector]\nwidth_px = 640\nheight_px = 480\n[optics]\n{optics}\n");
+        let camera = Camera::from_document(&Document::from_text(&text, Path::new("cam.toml"))).unwrap();
+        let params = camera_params(&camera).unwrap();
+        (seen_mag(&params).unwrap(), f64::from(params.limiting_mag))
+    }
+
+    #[test]
+    fn auto_draws_half_a_magnitude_beyond_what_is_seen_in_tenths() {
+        for optics in ["focal_length_mm = 16", "focal_length_mm = 50", "focal_length_mm = 50\naperture_mm = 5"] {
+            let (seen, drawn) = drawn(optics);
+            let beyond = drawn - seen;
+            assert!((0.5 - 1e-6..0.6 + 1e-6).contains(&beyond), "{optics}: {beyond}");
+            assert!((10.0 * drawn - (10.0 * drawn).round()).abs() < 1e-5, "{optics}: tenths, got {drawn}");
+        }
+    }
+
+    #[test]
+    fn a_larger_aperture_draws_fainter_stars() {
+        let [(_, small), (_, large)] = [5, 50].map(|mm| drawn(&format!("focal_length_mm = 50\naperture_mm = {mm}")));
+        assert!(large > small + 2.0, "{small} {large}");
+    }
 }

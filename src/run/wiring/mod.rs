@@ -31,6 +31,7 @@ pub mod run_clock;
 pub mod run_end;
 pub mod run_times;
 pub mod seeded;
+pub mod seen_mag;
 pub mod sensitivity;
 pub mod sink_setting;
 pub mod sinks;

@@ -1,15 +1,13 @@
 //! A camera's sensitivity: SNR of its stars, limiting magnitudes, saturation.
 //!
-//! Input: a checked camera and its conditions (colour, background). Output: everything `starloop snr` prints. The
+//! Input: a camera's parameters and its conditions (colour, background). Output: everything `starloop snr` prints. The
 //! formulas are those of `plan::optics::snr`. The camera's own uniform background counts; omitted are effects that
 //! depend on the pointing (Galaxy, zodiacal light, Sun, Moon, Earth), motion, defects and effects that depend on
 //! neighbours.
 
-use crate::wiring::camera_parts::camera_params;
-use anyhow::Result;
-use config::Camera;
 use plan::optics::StarLight;
 use plan::optics::snr::{PixelNoise, Terms, Window, electrons_for_snr};
+use scene::camera::CameraParams;
 
 /// Largest window size that is tried, px.
 const MOST_WINDOW_PX: usize = 25;
@@ -50,11 +48,8 @@ pub struct Sensitivity {
 
 impl Sensitivity {
     /// Returns the sensitivity of a camera.
-    ///
-    /// # Errors
-    /// When the camera's parts contradict each other.
-    pub fn new(camera: &Camera, conditions: &Conditions) -> Result<Self> {
-        let params = camera_params(camera)?;
+    #[must_use]
+    pub fn new(params: &CameraParams, conditions: &Conditions) -> Self {
         let detector = &params.detector;
         let exposure_s = conditions.exposure_s.unwrap_or(params.exposure_s);
         let own_e_per_s = params.background.uniform_e_per_s + params.background.sky_e_per_s;
@@ -71,7 +66,7 @@ impl Sensitivity {
             None => Window::best(&params.psf, &pixel, WINDOW_SNR, MOST_WINDOW_PX),
         };
         let full_e = detector.full_well_e.min(detector.converter_full_e());
-        Ok(Self { light: params.radiometry, window, pixel, exposure_s, bp_rp: conditions.bp_rp, full_e })
+        Self { light: params.radiometry.clone(), window, pixel, exposure_s, bp_rp: conditions.bp_rp, full_e }
     }
 
     /// Returns the electrons of a star.

@@ -26,6 +26,8 @@ const RESUME_AFTER: Span = Span::from_ms(20_000);
 const INTEGRAL_RATIO: f64 = 5.0;
 /// Frequency of an Airy pattern's Gaussian core, sigma over wavelength times f-number.
 const AIRY_SIGMA: f64 = 0.42;
+/// Magnitude G of the faintest guide star of a star tracker.
+const GUIDE_STAR_MAG: f64 = 7.0;
 
 /// Longest exposure that a tracker commands, as a share of the frame period, unless the camera's own is longer.
 const LONGEST_SHARE: f64 = 0.9;
@@ -257,7 +259,7 @@ pub fn tracker_params(camera: &Camera, most_stars: usize) -> TrackerParams {
     };
     TrackerParams {
         prnu: detector.params.prnu / levels.pixels.sqrt(),
-        limiting_mag: camera.radiometry.limiting_mag.min(7.0),
+        limiting_mag: camera.radiometry.limiting_mag.map_or(GUIDE_STAR_MAG, |mag| mag.min(GUIDE_STAR_MAG)),
         exposure_s: camera.exposure.exposure_s,
         most_stars,
         ..TrackerParams::new(geometry, figures, (psf_sigma_px / binning).max(0.3))

@@ -9,7 +9,7 @@ use super::layout::tiles_of;
 use super::open::Layer;
 use crate::StarIndex;
 use crate::catalog::Catalog;
-use base::source::CatalogSource;
+use base::source::{CatalogSource, direction_from_ra_dec};
 use base::source_id::SourceId;
 use glam::DVec3;
 use std::path::PathBuf;
@@ -113,6 +113,28 @@ impl LayerSet {
     pub fn magnitudes(&self) -> [f32; 2] {
         let (from, below) = (self.layers().next(), self.layers().last());
         [from.map_or(f32::INFINITY, |index| index.magnitudes[0]), below.map_or(f32::MIN, |index| index.magnitudes[1])]
+    }
+
+    /// Returns the magnitude below which a field of this radius has no more than `most_stars` stars, wherever it is: the
+    /// end of the last layer with which the field about its densest tile has no more. The brightest layer always counts.
+    #[must_use]
+    pub fn faintest_of_fields(&self, radius_rad: f64, most_stars: u64) -> f32 {
+        let fits = |layers: &usize| self.stars_of_densest_field(*layers, radius_rad) <= most_stars;
+        let fitting = (1..=self.parts.len()).rev().find(fits).unwrap_or(1);
+        self.layers().nth(fitting - 1).map_or(f32::MIN, |index| index.magnitudes[1])
+    }
+
+    /// Returns the stars of the first so many layers about the densest tile of the last of them.
+    fn stars_of_densest_field(&self, layers: usize, radius_rad: f64) -> u64 {
+        let Some(last) = self.layers().take(layers).last() else { return 0 };
+        let densest = last.stars_of_tiles().zip(0..).max().map_or(0, |(_, tile)| tile);
+        let (lon_rad, lat_rad) = cdshealpix::nested::center(last.order, densest);
+        let axis = direction_from_ra_dec(lon_rad, lat_rad);
+        let mut stars = 0;
+        for index in self.layers().take(layers) {
+            index.tiles_of_cone(axis, radius_rad, |tile| stars += index.stars_of_tile(tile));
+        }
+        stars
     }
 
     /// Returns the Julian year to which the positions refer.

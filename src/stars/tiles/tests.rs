@@ -70,6 +70,18 @@ fn towards(ra_deg: f64, dec_deg: f64) -> DVec3 {
 }
 
 #[test]
+fn fields_reach_as_deep_as_memory_allows() {
+    let folder = tempfile::tempdir().unwrap();
+    let set = LayerSet::open(&layers(folder.path()), 8.0).unwrap();
+    let deepest = |most_stars| set.faintest_of_fields(10.0 * DEG, most_stars);
+    let whole: u64 = set.layers().map(crate::StarIndex::stars).sum();
+    assert_eq!((deepest(whole), deepest(1)), (7.0, 5.0), "all layers, and the brightest at least");
+    // Somewhere between a field's own stars and those of the sky both layers begin to fit.
+    let least = (1..whole).step_by(50).find(|most_stars| deepest(*most_stars) > 5.0).unwrap();
+    assert!(least > 100 && least < whole / 10, "{least} of {whole}");
+}
+
+#[test]
 fn a_field_has_the_stars_of_the_catalog() {
     let folder = tempfile::tempdir().unwrap();
     let mut sky = sky(&layers(folder.path()), 6.5, 1_000_000);

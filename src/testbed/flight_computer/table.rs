@@ -25,6 +25,14 @@ pub struct FileProfile {
 }
 
 impl FileProfile {
+    /// Returns whether `at` is before the first or after the last row, and the body rests there.
+    #[must_use]
+    pub fn rests_at(&self, at: Tai) -> bool {
+        let t_ns = (at - self.zero).ns().saturating_add(self.zero_ns);
+        let [first_ns, last_ns] = self.history.span_ns();
+        self.rests_outside && !(first_ns..=last_ns).contains(&t_ns)
+    }
+
     /// Returns attitude, rate and acceleration at `at`; `None` where the file has none.
     #[must_use]
     pub fn at(&self, at: Tai) -> Option<AttitudeTruth> {

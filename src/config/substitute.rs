@@ -1,4 +1,4 @@
-//! What stands in for a bad value while the rest of a document is checked: the word that was meant, or, for a key that must
+//! Substitutes for bad values while the rest of a document is checked: the word that was meant, or, for a key that must
 //! be given, any value that its declaration allows.
 
 use crate::declared::Preset;
@@ -11,17 +11,17 @@ use crate::nearest::meant_word;
 use crate::setting::Setting;
 use crate::wrong_type::declared_key;
 
-/// Number of the trigger that stands in for the first event without a word; no file has it by chance.
+/// Number of the trigger that replaces the first event without a word; no file has it by chance.
 const FIRST_TRIGGER: usize = 60_000;
 
 impl Document {
-    /// Returns the same document with something that stands in for what an error is about; `None` when nothing does.
-    pub(super) fn with_a_stand_in(&self, error: &ConfigError) -> Option<Self> {
-        Some(self.clone().with_setting(stand_in(self, error)?))
+    /// Returns the same document with a substitute for the value that an error is about; `None` without one.
+    pub(super) fn with_a_substitute(&self, error: &ConfigError) -> Option<Self> {
+        Some(self.clone().with_setting(substitute(self, error)?))
     }
 }
 
-fn stand_in(document: &Document, error: &ConfigError) -> Option<Setting> {
+fn substitute(document: &Document, error: &ConfigError) -> Option<Setting> {
     let ConfigError::Invalid { place, key, got, .. } = error else { return None };
     if !place.starts_with(&document.name()) {
         return None;
