@@ -31,7 +31,7 @@ pub(crate) struct Step {
     pub(crate) beside: DVec3,
 }
 
-/// What rounding may make of a residual.
+/// Bounds of the part of a residual that rounding makes.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Floor {
     /// Part of the derivative.
