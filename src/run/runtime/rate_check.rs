@@ -189,8 +189,10 @@ mod tests {
         for deg_s in [0.0, 0.06, 2.0] {
             assert_eq!(windows(steady(deg_s), noisy), 0, "noise at {deg_s} deg/s");
             assert_eq!(windows(steady(deg_s), |_, q, w| (q, w + bias)), 0, "bias at {deg_s} deg/s");
-            let jump =
-                |i: usize, q: Rotation<Body, Icrf>, w| (q.rotated_by(DVec3::X * (i / 150) as f64 * 20.0 * DEG), w);
+            let jump = |i: usize, q: Rotation<Body, Icrf>, w| {
+                let turned = DVec3::X * (i / 150) as f64 * 20.0 * DEG;
+                (q.rotated_by(turned), Rotation::<Body, Body>::from_rotation_vector(turned).apply(w))
+            };
             assert_eq!(windows(steady(deg_s), jump), 0, "jumps at {deg_s} deg/s");
         }
         let slew =

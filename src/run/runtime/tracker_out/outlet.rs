@@ -448,7 +448,7 @@ mod tests {
         let at = |ms: i64| Tai::from_ns(1_000_000 * ms);
         let mut outlet = Outlet::tcp("127.0.0.1:0".parse().unwrap(), false).unwrap();
         let address: SocketAddr = outlet.name().trim_start_matches("tcp ").parse().unwrap();
-        let mut connect = |outlet: &mut Outlet, ms| {
+        let connect = |outlet: &mut Outlet, ms| {
             let client = TcpStream::connect(address).unwrap();
             outlet.welcome(at(ms));
             client
