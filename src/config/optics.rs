@@ -55,7 +55,7 @@ section! {
         focal_length_mm: f64 = Needed, Within(LEAST_FOCAL_MM, 1e6),
             "give the focal length in millimetres, such as 50.0; it sets the scale of the image";
         /// Diameter of the entrance pupil in millimetres.
-        aperture_mm: f64 = Computed("half of focal_length_mm"), PositiveUpTo(1e5);
+        aperture_mm: f64 = Computed("half of focal_length_mm"), Within(0.1, 1e5);
         /// Diameter of the central obscuration over that of the aperture, a ratio of diameters; 0 for a lens.
         obscuration: f64 = 0.0, Within(0.0, LARGEST_OBSCURATION);
         /// Fraction of the light that the optics pass, band average: 80 % is 0.8.

@@ -57,6 +57,6 @@ fn allowed(shape: &Shape) -> Option<String> {
             let rest = vec![zero; count.saturating_sub(1)];
             Some(format!("[{}]", [vec![if zero == "0" { "1" } else { "1.0" }], rest].concat().join(", ")))
         }
-        Shape::Words(_) | Shape::Text(_) | Shape::Flag | Shape::List(_) | Shape::Either(_) => None,
+        Shape::Words(_) | Shape::Text(_) | Shape::Flag | Shape::List(_) | Shape::Either(_) | Shape::Table(_) => None,
     }
 }

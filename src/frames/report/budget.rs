@@ -9,8 +9,8 @@ use crate::report::frame_ring::{FrameRing, Latency};
 use crate::report::histogram::Quantiles;
 use crate::report::machine::Machine;
 use crate::report::stages::{Stage, StageHistograms};
-use crate::report::verdict::RunVerdict;
 use crate::report::summary::FrameCounts;
+use crate::report::verdict::RunVerdict;
 use serde::Serialize;
 use std::collections::BTreeMap;
 

@@ -35,7 +35,10 @@ fn write_verdict(text: &mut String, verdict: &RunVerdict) {
     // Writing to a string cannot fail.
     let _ = match verdict.word {
         RunWord::Ok => writeln!(text, "{head}/>"),
-        word => writeln!(text, "{head}><failure type=\"{word}\" message=\"{reasons}\">{word}: {reasons}</failure></testcase>"),
+        word => writeln!(
+            text,
+            "{head}><failure type=\"{word}\" message=\"{reasons}\">{word}: {reasons}</failure></testcase>"
+        ),
     };
 }
 

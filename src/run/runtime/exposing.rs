@@ -155,6 +155,12 @@ impl Exposing {
         self.shutter.start()
     }
 
+    /// Returns the start settings of exposures according to all commands so far.
+    #[must_use]
+    pub fn next_start(&self) -> StartSettings {
+        self.shutter.next_start()
+    }
+
     /// Returns the settings of the next exposure according to the commands so far.
     #[must_use]
     pub fn next_settings(&self) -> &CameraSettings {

@@ -221,9 +221,10 @@ fn not_exposed(facts: &Facts<'_>) -> String {
     let Some(exposing) = facts.heads.iter().map(|head| head.engine.exposing()).find(commanded) else {
         return String::new();
     };
-    if exposing.start().is_triggered {
+    let start = exposing.next_start();
+    if start.is_triggered {
         return "the camera waited for triggers".into();
     }
-    let rate_hz = exposing.start().period.map(|period| 1.0 / period.s());
+    let rate_hz = start.period.map(|period| 1.0 / period.s());
     rate_hz.map_or_else(String::new, |rate_hz| format!("a client set the frame rate to {rate_hz} Hz"))
 }

@@ -128,7 +128,7 @@ impl LayerSet {
     fn stars_of_densest_field(&self, layers: usize, radius_rad: f64) -> u64 {
         let Some(last) = self.layers().take(layers).last() else { return 0 };
         let densest = last.stars_of_tiles().zip(0..).max().map_or(0, |(_, tile)| tile);
-        let (lon_rad, lat_rad) = cdshealpix::nested::center(last.order, densest);
+        let (lon_rad, lat_rad) = crate::healpix::centre(last.order, densest);
         let axis = direction_from_ra_dec(lon_rad, lat_rad);
         let mut stars = 0;
         for index in self.layers().take(layers) {

@@ -79,7 +79,8 @@ fn read(text: &str, at: Tai, parse: impl Fn(&str) -> Result<TleOrbit, ObserverEr
 // --- two-line elements -----------------------------------------------------------------------------------------------
 
 fn read_lines(text: &str, norad_id: u64, at: Tai) {
-    let lines: Vec<&str> = text.trim_start_matches('\u{feff}').lines().map(str::trim_end).filter(|line| !line.is_empty()).collect();
+    let lines: Vec<&str> =
+        text.trim_start_matches('\u{feff}').lines().map(str::trim_end).filter(|line| !line.is_empty()).collect();
     if read(text, at, TleOrbit::parse).is_some() {
         assert!(is_pair(&lines[lines.len() - 2..]), "{text}");
     }

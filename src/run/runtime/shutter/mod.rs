@@ -174,6 +174,12 @@ impl Shutter {
         self.state.start()
     }
 
+    /// Returns the start settings of exposures according to all commands so far.
+    #[must_use]
+    pub fn next_start(&self) -> StartSettings {
+        *self.walk().state.start()
+    }
+
     /// Returns the next slot according to the commands so far.
     #[must_use]
     pub fn next(&self) -> NextSlot {
