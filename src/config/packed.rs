@@ -372,7 +372,12 @@ mod tests {
             let is_word = match &key.shape {
                 Shape::Words(_) | Shape::Either(_) => true,
                 Shape::Text(what) => !what.starts_with("path"),
-                Shape::Number(_) | Shape::Whole(_) | Shape::Flag | Shape::Row(..) | Shape::List(_) => false,
+                Shape::Number(_)
+                | Shape::Whole(_)
+                | Shape::Flag
+                | Shape::Row(..)
+                | Shape::List(_)
+                | Shape::Table(_) => false,
             };
             let key = joined(under, key.name);
             if is_word && names_data(&key) {

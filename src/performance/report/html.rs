@@ -1,7 +1,7 @@
 //! A report as one HTML file that needs no other.
 
 use super::plots::plots;
-use super::words::{measured, missing, number, percent, rule};
+use super::words::{data_of, measured, missing, number, percent, rule};
 use super::{CaseRow, Report};
 use crate::assess::Assessment;
 use crate::metric::Metric;
@@ -148,13 +148,12 @@ impl Page {
                 if with_case { String::new() } else { format!("<span class=\"how\">{}</span>", escaped(metric.how)) };
             self.add(&format!(
                 "<tr>{case}<td>{}{how}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{high}</td><td>{}</td>\
-                 <td>{:.0} {}</td><td>{}</td></tr>",
+                 <td>{}</td><td>{}</td></tr>",
                 escaped(&metric.id),
                 number(metric.value),
                 number(metric.low),
                 metric.unit,
-                metric.count,
-                metric.counted,
+                data_of(metric),
                 metric.reading.name(),
             ));
         }

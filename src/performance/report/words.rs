@@ -1,5 +1,6 @@
 //! Numbers and verdicts in words, the same in every form of a report.
 
+use crate::metric::{Interval, Metric};
 use crate::requirements::{By, Judgement, Verdict};
 
 /// Digits that count.
@@ -46,6 +47,18 @@ pub(super) fn percent(share: f64) -> String {
 /// Returns a count with its noun: one case, two cases.
 pub(super) fn counted(count: usize, noun: &str) -> String {
     if count == 1 { format!("1 {noun}") } else { format!("{count} {noun}s") }
+}
+
+/// Returns the data that a metric is made from; nothing for a count.
+pub(super) fn data_of(metric: &Metric) -> String {
+    if metric.interval == Interval::Counted {
+        return String::new();
+    }
+    let count = format!("{:.0}", metric.count);
+    if count == "1" {
+        return format!("1 {}", metric.counted.replacen("s ", " ", 1).trim_end_matches('s'));
+    }
+    format!("{count} {}", metric.counted)
 }
 
 /// Returns the rule by which a requirement was compared.
