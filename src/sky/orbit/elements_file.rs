@@ -3,6 +3,7 @@
 use super::TleOrbit;
 use super::omm;
 use super::omm_forms::form_of;
+use super::tle::is_line;
 use crate::ObserverError;
 use base::time::Tai;
 
@@ -14,8 +15,8 @@ const BYTE_ORDER_MARK: char = '\u{feff}';
 #[must_use]
 pub fn is_elements(text: &str) -> bool {
     let text = text.trim_start_matches(BYTE_ORDER_MARK);
-    let has_line = |start: &str| text.lines().any(|line| line.starts_with(start) && !line.contains(','));
-    form_of(text).is_some() || (has_line("1 ") && has_line("2 "))
+    let has_line = |number: char| text.lines().any(|line| is_line(number, line) && !line.contains(','));
+    form_of(text).is_some() || (has_line('1') && has_line('2'))
 }
 
 impl TleOrbit {

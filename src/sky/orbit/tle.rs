@@ -89,7 +89,7 @@ impl TleOrbit {
     /// without a title before each pair.
     pub(super) fn sets_of_lines(text: &str, norad_id: Option<u64>) -> Result<Vec<Self>, ObserverError> {
         let lines = || (1..).zip(text.lines().map(str::trim_end)).filter(|(_, line)| !line.is_empty());
-        let is_pair = |first: &str, second: &str| first.starts_with("1 ") && second.starts_with("2 ");
+        let is_pair = |first: &str, second: &str| is_line('1', first) && is_line('2', second);
         let pairs: Vec<_> = lines().zip(lines().skip(1)).filter(|((_, a), (_, b))| is_pair(a, b)).collect();
         let number = |first: &str| first.get(2..7).and_then(number_of);
         let objects: BTreeSet<_> = pairs.iter().map(|((_, first), _)| number(first)).collect();
@@ -244,14 +244,19 @@ fn number_of(text: &str) -> Option<u64> {
     Some(10_000 * tens + text.get(1..)?.parse::<u64>().ok()?)
 }
 
+/// Returns whether a line begins as one of element lines: its number and a blank of any kind.
+pub(super) fn is_line(number: char, line: &str) -> bool {
+    line.strip_prefix(number).is_some_and(|rest| rest.starts_with(char::is_whitespace))
+}
+
 /// Checks that a file has no other lines than pairs with a title before each at most.
 fn check_alone(lines: &[(usize, &str)]) -> Result<(), ObserverError> {
     let mut rest = lines;
     while let [(_, title), after @ ..] = rest {
-        let pair = if title.starts_with("1 ") { rest } else { after };
-        let wanted = ["1 ", "2 "].into_iter().enumerate();
+        let pair = if is_line('1', title) { rest } else { after };
+        let wanted = ['1', '2'].into_iter().enumerate();
         let mut wrong =
-            wanted.filter(|(place, start)| !pair.get(*place).is_some_and(|(_, line)| line.starts_with(start)));
+            wanted.filter(|(place, number)| !pair.get(*place).is_some_and(|(_, line)| is_line(*number, line)));
         if let Some((place, _)) = wrong.next() {
             let (line, got) = pair.get(place).or(lines.last()).copied().unwrap_or_default();
             return Err(ObserverError::TleOther { line, got: got.chars().take(LINE_LENGTH).collect() });
@@ -450,8 +455,8 @@ mod tests {
         let marked = format!("\u{feff}{FIRST}\n{SECOND}\n");
         assert_eq!(read(&marked, None).expect("a mark does no damage").norad_id(), 5);
         assert!(super::super::is_elements(&marked));
-        let no_break =
-            read(&format!("{}\n{SECOND}", FIRST.replacen("U 58", "U\u{a0}58", 1)), None).expect_err("damaged");
+        let no_break = read(&format!("{}\n{SECOND}", FIRST.replacen("1 00005U 58", "1\u{a0}00005U 58", 1)), None)
+            .expect_err("damaged");
         assert!(no_break.to_string().contains("69 ASCII characters, got 69 with '\\u{a0}'"), "{no_break}");
     }
 
