@@ -162,7 +162,7 @@ section! {
 
     /// Stars and bodies.
     SkyKeys at "sky" {
-        /// Layers of stars in place of the built-in catalog, relative to this file.
+        /// Layers of stars in place of the built-in catalog.
         layers: Raw<Vec<String>> = Optional, Shape::list(Shape::Text("path")),
             "as `starloop catalog import` writes them, relative to this file; without the key the built-in catalog";
         /// Memory for the stars of a field and of those that may come, MiB: 18,700 stars each.

@@ -99,11 +99,27 @@ fn every_key_has_a_sentence_and_a_default_within_its_limit() {
                     key.name,
                     key.sentence
                 );
+                let [sentence, advice] =
+                    [key.sentence, key.advice].map(|text| text.trim_end_matches('.').to_lowercase());
+                let parts = advice.split([';', ',', ':']).map(str::trim);
+                let is_said_again = |part: &str| part.split(' ').count() > 2 && sentence.contains(part);
+                let again = parts.filter(|part| is_said_again(part) && !sentence.contains(&advice)).count();
+                assert_eq!(again, 0, "{header}{}: said twice: {}", key.name, key.meaning());
                 page.push_str(key.name);
             }
         });
     }
     assert!(page.contains("exposure_s"));
+}
+
+#[test]
+fn templates_mark_the_values_that_are_no_defaults() {
+    let template = key_template(FileKind::Camera);
+    for line in
+        ["#bits = 12\n", "#gain_e_per_dn = 1.0  # an example, not the default\n", "\nwidth_px = 1024  # an example"]
+    {
+        assert!(template.contains(line), "{line}");
+    }
 }
 
 #[test]

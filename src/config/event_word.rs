@@ -100,9 +100,9 @@ section! {
         per_cm2_s: f64 = Optional, PositiveUpTo(1e9);
         /// Energy of the protons in MeV.
         energy_mev: f64 = Optional, Within(DOMAIN_MEV[0], DOMAIN_MEV[1]);
-        /// Degrees from the detector's normal: a beam from there; from all sides when neither angle is given.
+        /// Angle from the detector's normal.
         incidence_deg: f64 = Silent(0.0), Within(0.0, 89.9), BEAM;
-        /// Degrees on the image from +x: a beam from there; from all sides when neither angle is given.
+        /// Angle on the image from +x.
         azimuth_deg: f64 = Silent(0.0), Within(-360.0, 360.0), BEAM;
     }
 }

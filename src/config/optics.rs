@@ -51,7 +51,7 @@ pub struct Distortion {
 section! {
     /// The lens or telescope.
     OpticsKeys at "optics" {
-        /// Focal length in millimetres.
+        /// Focal length.
         focal_length_mm: f64 = Needed, Within(LEAST_FOCAL_MM, 1e6),
             "give the focal length in millimetres, such as 50.0; it sets the scale of the image";
         /// Diameter of the entrance pupil in millimetres.

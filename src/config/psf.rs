@@ -43,7 +43,7 @@ macro_rules! psf_section {
                 beta: f64 = DEFAULT_BETA, Within(1.2, 5.0);
                 /// FITS image of a measured star, with several samples along each side of a pixel.
                 file: String = Optional, "path";
-                /// Samples of the image along each side of a detector pixel.
+                /// Fineness of the image.
                 samples_per_px: Whole<usize> = Optional, 2..=32,
                     "samples of the image along each side of a detector pixel; fewer than 2 are too coarse to centre a \
                      star within a pixel";

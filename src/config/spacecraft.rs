@@ -94,7 +94,7 @@ section! {
 
     /// A reaction wheel.
     WheelKeys at "wheel" {
-        /// The spin axis, a direction in body axes.
+        /// The spin axis.
         axis: [f64; 3] = Needed, Finite, DIRECTION;
         /// Inertia of the rotor, kg m^2.
         inertia_kg_m2: f64 = 1e-3, Positive;

@@ -78,7 +78,7 @@ section! {
     TargetKeys at "target" {
         /// Seconds after the first exposure at which it is first seen.
         start_s: f64 = 0.0, Within(0.0, 1e7);
-        /// Seconds for which it is seen; left out: to the end.
+        /// How long it is seen.
         for_s: f64 = Optional, PositiveUpTo(1e7), "seconds; left out: to the end";
         /// Column and row where it is first seen, such as [100.0, 200.0].
         position_px: [f64; 2] = Optional, Within(-FAR_PX, FAR_PX);
@@ -124,7 +124,7 @@ section! {
         argument_of_perigee_deg: f64 = 0.0, Within(-360.0, 360.0);
         /// Mean anomaly at the epoch, degrees.
         mean_anomaly_deg: f64 = 0.0, Within(-360.0, 360.0);
-        /// Position from the geocentre in ICRF axes, kilometres.
+        /// Position.
         position_km: [f64; 3] = Optional, Within(-1e7, 1e7), STATE;
         /// Velocity in ICRF axes, kilometres per second.
         velocity_km_s: [f64; 3] = Optional, Within(-100.0, 100.0), STATE;

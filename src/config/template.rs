@@ -10,6 +10,9 @@ use core::fmt::Write;
 /// Columns of a line of comment.
 const COLUMNS: usize = 100;
 
+/// Marks a value that is not the default.
+const EXAMPLE_MARK: &str = "  # an example, not the default";
+
 /// Values of keys that must be given.
 const EXAMPLES: [(&str, &str); 18] = [
     ("bench", "\"../benches/closed_loop.toml\""),
@@ -40,6 +43,7 @@ const LIVE: [&str; 4] = ["case.attitudes.ra_deg", "case.attitudes.dec_deg", "req
 pub fn key_template(kind: FileKind) -> String {
     let mut text = String::new();
     comment(&mut text, &format!("A {} file: remove the # before a key to change its value.", kind.name()));
+    comment(&mut text, "A value is the default, or marked as an example: put your own in its place.");
     if kind == FileKind::Scenario {
         comment(&mut text, "The paths are those of a file in configs/scenarios.");
     }
@@ -96,13 +100,14 @@ fn write_key(text: &mut String, key: &Key, path: &str, is_live: bool) {
     let full = if path.is_empty() { key.name.to_owned() } else { format!("{path}.{}", key.name) };
     let example = EXAMPLES.iter().find(|(known, _)| *known == full).map(|(_, value)| (*value).to_owned());
     let is_needed = matches!(key.preset, Preset::Needed);
-    let value = match (&key.preset, example) {
-        (Preset::Noted(default) | Preset::Silent(default), _) => default.to_string(),
-        (_, Some(example)) => example,
-        (_, None) => sample(&key.shape),
+    // A value that is not the default is marked: without the mark, taking the # away would change the file unnoticed.
+    let (value, mark) = match (&key.preset, example) {
+        (Preset::Noted(default) | Preset::Silent(default), _) => (default.to_string(), ""),
+        (_, Some(example)) => (example, EXAMPLE_MARK),
+        (_, None) => (sample(&key.shape), EXAMPLE_MARK),
     };
     let is_needed = is_needed || LIVE.contains(&full.as_str());
-    line(text, &format!("{} = {value}", key.name), is_live && is_needed);
+    line(text, &format!("{} = {value}{mark}", key.name), is_live && is_needed);
 }
 
 /// Returns a value of this form.
