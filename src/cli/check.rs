@@ -82,10 +82,12 @@ pub fn run(arguments: &CheckArgs) -> Result<u8> {
     {
         if arguments.json {
             let kind = FileKind::of(&document).name();
-            return print_json("check", serde_json::json!({ "kind": kind, "verdict": text.lines().next() }));
+            print_json("check", serde_json::json!({ "kind": kind, "verdict": text.lines().next() }))?;
+        } else {
+            print!("{text}");
         }
-        print!("{text}");
-        return Ok(());
+        let is_warned = arguments.strict && !warnings(&text).is_empty();
+        return Ok(if is_warned { EXIT_NOT_MET } else { EXIT_DONE });
     }
     let settings = arguments.settings.iter().map(|text| Setting::parse(text)).collect::<Result<_, _>>()?;
     let document = document.with_settings(settings);

@@ -29,7 +29,9 @@ pub fn check_keys(kind: FileKind, document: &Document) -> Result<(), ConfigError
         FileKind::TestPlan => document.read_as::<PlanKeys>().map(|_| ((), Vec::new())),
         FileKind::Requirements => document.read_as::<RequirementKeys>().map(|_| ((), Vec::new())),
         FileKind::DataSet => document.read_as::<DataSetKeys>().map(|_| ((), Vec::new())),
-        FileKind::Bench | FileKind::Scenario | FileKind::Camera | FileKind::Link | FileKind::Spacecraft => Ok(((), Vec::new())),
+        FileKind::Bench | FileKind::Scenario | FileKind::Camera | FileKind::Link | FileKind::Spacecraft => {
+            Ok(((), Vec::new()))
+        }
     });
     let mut errors: Vec<ConfigError> = read.err().into_iter().collect();
     if let (FileKind::TestPlan | FileKind::Requirements | FileKind::DataSet, Ok(table)) =
