@@ -23,7 +23,6 @@ EXIT_NOT_MET = 4
 SHIPPED_WARNINGS = {
     "earth_limb": ["over the accuracy budget"],
     "moon": ["over the accuracy budget"],
-    "target_crossing": ["over the accuracy budget"],
     "telescope": ["the catalog ends at G = 8.5", "over the accuracy budget"],
 }
 # Its layers of stars are not shipped.
