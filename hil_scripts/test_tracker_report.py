@@ -561,7 +561,7 @@ print(*sys.argv[3:])
 
 
 class Plans(unittest.TestCase):
-    """What `fly`, `report` and `check` say about plans and requirements."""
+    """Messages of `fly`, `report` and `check` about plans and requirements."""
 
     def setUp(self):
         folder = tempfile.TemporaryDirectory(prefix="plans")
