@@ -66,6 +66,9 @@ struct PlainClock {
     last: Option<(u32, i64)>,
 }
 
+/// Bytes without a delimiter that are counted as refused: ten times as many as a packet has.
+const NOISE_BYTES: usize = 1024;
+
 struct SerialCodec {
     encoder: serial::Encoder,
     decoder: serial::Decoder,
@@ -296,11 +299,11 @@ impl SerialCodec {
         Self { encoder: serial::Encoder::new(), decoder: serial::Decoder::new(), chunk, taken: 0, open_bytes: 0 }
     }
 
-    /// Takes a chunk; bytes that go on without a delimiter for longer than any packet are counted.
+    /// Takes a chunk; noise without a delimiter is counted.
     fn put(&mut self, chunk: Stamped<SerialChunk>, rejects: &mut RejectCounters) {
         for byte in chunk.value.as_slice() {
             self.open_bytes = if *byte == 0 { 0 } else { self.open_bytes + 1 };
-            if self.open_bytes > serial::ENCODED_MAX {
+            if self.open_bytes >= NOISE_BYTES {
                 rejects.count(Reject::Oversize);
                 self.open_bytes = 0;
             }
