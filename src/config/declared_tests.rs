@@ -100,7 +100,7 @@ fn every_key_has_a_sentence_and_a_default_within_its_limit() {
                     key.sentence
                 );
                 let [sentence, advice] =
-                    [key.sentence, key.advice].map(|text| text.trim_end_matches('.').to_lowercase());
+                    [key.sentence, &key.advice].map(|text| text.trim_end_matches('.').to_lowercase());
                 let parts = advice.split([';', ',', ':']).map(str::trim);
                 let is_said_again = |part: &str| part.split(' ').count() > 2 && sentence.contains(part);
                 let again = parts.filter(|part| is_said_again(part) && !sentence.contains(&advice)).count();

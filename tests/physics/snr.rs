@@ -72,7 +72,7 @@ const SIGMA_PX: f64 = 0.7;
 /// Returns a detector of the class of the 15 mag camera, noisy enough that its rounding is one noise among others.
 fn detector() -> DetectorParams {
     let camera = camera("detection_limit_15mag");
-    let params = run::wiring::camera_parts::camera_params(&camera).unwrap().detector;
+    let params = camera_params(&camera).unwrap().detector;
     DetectorParams { gain_e_per_dn: 3.0, dark_e_per_s: 20.0, prnu: 0.0, dsnu_e_rms: 0.0, ..params }
 }
 

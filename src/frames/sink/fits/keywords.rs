@@ -113,7 +113,7 @@ fn push_regions(header: &mut Header, Card(keyword, _, comment): &Card, regions: 
 
 #[cfg(test)]
 mod tests {
-    use super::super::read::OwnedPixels;
+    use super::super::array::OwnedPixels;
     use super::super::read_image;
     use super::*;
     use crate::sink::sample::sample_frame;
