@@ -554,7 +554,7 @@ fn files_without_an_end_are_refused() {
     for text in [
         "camera = \"/dev/zero\"\n",
         "link = \"/dev/zero\"\n",
-        "spacecraft = \"/dev/zero\"\n",
+        "spacecraft = \"/dev/zero\"\n[observer]\nkind = \"circular_orbit\"\n",
         "[jitter]\nseries = \"/dev/zero\"\n",
         "[jitter]\ndensity = \"/dev/zero\"\n",
         "[observer]\nkind = \"file\"\nfile = \"/dev/zero\"\n",
@@ -564,10 +564,9 @@ fn files_without_an_end_are_refused() {
         let error = bench(text).expect_err(text).to_string();
         assert!(error.contains("it is a device; wanted a file"), "{text}: {error}");
     }
-    for (section, line) in [
-        ("band", "qe_file = \"/dev/zero\""),
-        ("psf", "kind = \"measured\"\nfile = \"/dev/zero\"\nsamples_per_px = 1.0\nholds = \"optics\""),
-    ] {
+    for (section, line) in
+        [("band", "qe_file = \"/dev/zero\""), ("psf", "model = \"measured\"\nfile = \"/dev/zero\"\nsamples_per_px = 4")]
+    {
         let error = camera_with(section, line).expect_err(section).to_string();
         assert!(error.contains("it is a device; wanted a file"), "{section}: {error}");
     }
