@@ -5,6 +5,7 @@
 use crate::cli::provenance;
 use crate::cli::report::{Writing, day_of, parts_of_plan, write};
 use anyhow::{Context, Result, bail};
+use base::input_file::{SETTINGS_BYTES, read_text};
 use clap::error::ErrorKind;
 use clap::{Args, Command, FromArgMatches};
 use core::sync::atomic::{AtomicUsize, Ordering};
@@ -157,7 +158,7 @@ pub(super) fn sound(
     let mut text = None;
     if let Some(name) = &plan.requirements {
         let path = folder.join(name);
-        let checked = std::fs::read_to_string(&path).with_context(|| path.display().to_string()).and_then(|read| {
+        let checked = read_text(&path, SETTINGS_BYTES).with_context(|| path.display().to_string()).and_then(|read| {
             let name = path.display().to_string();
             Requirements::parse(&read, &name)?.check_cases(&plan.named_cases()).context(name)?;
             text = Some(read);

@@ -1,4 +1,4 @@
-//! What a run says at its end about a TCP connection that was refused or closed.
+//! The sentence at the end of a run about a TCP connection that was refused or closed.
 
 use config::{Carrier, Link};
 use frames::report::RunSummary;

@@ -75,7 +75,7 @@ pub struct LinkCounters {
     pub unstamped: u64,
     /// Times the interface or port was lost.
     pub lost: u64,
-    /// Attempts to connect that failed: nobody listened at the address.
+    /// Attempts to connect that failed: no program listened at the address.
     pub unreached: u64,
     /// Times it came back.
     pub regained: u64,

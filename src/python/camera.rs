@@ -110,7 +110,7 @@ impl Camera {
         bench.noise_seed_given = Some(scene.noise_seed.unwrap_or(bench.seed));
         let faults = scene.faults.iter().map(|keys| still_fault_of(keys.clone())).collect::<Result<Vec<_>, _>>();
         let faults = faults.map_err(|error| error.to_string())?;
-        // What is not there must not be asked for: the interpreter would end with all that it holds.
+        // More memory than there is must not be asked for: the interpreter would end with all that it holds.
         let is_reference = bench.render.backend == Backend::Reference;
         let memory = RunMemory::of_image(&bench.camera, is_reference, None);
         memory.check().map_err(|error| NotDrawn::TooLarge(error.to_string()))?;

@@ -145,6 +145,8 @@ fn bounds_of_one_kernel_hold_and_their_median_is_known() {
             "errors from {from_px:e} px: {} kernels, bound / error at q10, q50, q90 {quantiles:.1?}",
             ratios.len()
         );
+        // Of a fifth of the scenes the median scatters by a fifth.
+        let most = if count < SCENES[1] { 1.2 * most } else { most };
         assert!(quantiles[1] < most, "errors from {from_px:e} px on: {quantiles:?}");
     }
     for (name, shares) in [("centroid", centroid), ("pixel", pixel)] {

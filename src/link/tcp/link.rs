@@ -30,7 +30,7 @@ pub struct TcpLink {
     listener: Option<TcpListener>,
     address: SocketAddr,
     stream: Option<Stream>,
-    /// Who has the connection of a server.
+    /// The client that has the connection of a server.
     seat: Seat,
     is_message: Option<IsMessage>,
     /// Records or lines since the last message.

@@ -31,7 +31,7 @@ pub use stream::keep_alive;
 /// A lost connection is tried again this often.
 pub const RETRY: Span = Span::from_ms(200);
 
-/// Records or lines in a row that are no message, after which a connection is hung up on.
+/// Records or lines in a row that hold no message, after which a connection is hung up on.
 pub const REFUSED_MAX: u32 = 32;
 
 /// Side that connects.

@@ -1,7 +1,7 @@
 //! The one seat of a TCP server: who has it, and when it goes to somebody else.
 //!
 //! A connection costs nothing to make, so the seat belongs to a client only once it has spoken. Until then it gives way
-//! to a newcomer after [`GRACE`]; where a client must speak first, it also loses the seat to nobody after
+//! to a newcomer after [`GRACE`]; where a client must speak first, its connection is also closed after
 //! [`OPENING_WITHIN`]. Of the newcomers the last one waits; all others are hung up on. A look accepts [`ACCEPTS`]
 //! connections at most, and rests for [`REST`] when the system has no descriptor left for one. The owner has the
 //! stream; time is an argument. Tests: `tests`.
@@ -17,7 +17,7 @@ const ACCEPTS: usize = 16;
 /// Pause after an accept for which the system lacked a descriptor or memory.
 const REST: Span = Span::from_ms(100);
 
-/// What became of the seat.
+/// State of the seat.
 #[derive(Debug)]
 pub enum SeatChange {
     /// Nothing.

@@ -378,7 +378,7 @@ fn half_requests_do_not_keep_others_out() {
 }
 
 #[test]
-fn answers_that_nobody_reads_do_not_keep_others_out() {
+fn answers_without_a_reader_do_not_keep_others_out() {
     let (view, mut sink, _numbers) =
         start_with(Params { heads: vec![HeadParams { size_px: [1024; 2], ..head(0) }], ..params() });
     sink.send(&large_frame(1024)).unwrap();

@@ -115,7 +115,7 @@ struct Seats {
 }
 
 impl Seats {
-    /// Serves a client, if there is a seat. Neither half requests nor answers that nobody reads keep others
+    /// Serves a client, if there is a seat. Neither half requests nor answers without a reader keep others
     /// out: one of them makes way.
     async fn welcome(&mut self, stream: TcpStream, board: &SharedBoard) {
         let mut seat = Arc::clone(&self.free).try_acquire_owned().ok();

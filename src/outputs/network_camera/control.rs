@@ -3,7 +3,7 @@
 //! Open access reads; control reads and writes while others still read; exclusive access excludes others. The
 //! controller keeps the control by any command within the heartbeat time, and loses it when silent: a killed client
 //! blocks others no longer than that. A controller whose address is not proven gives way to a client whose address is,
-//! and after [`UNPROVEN_FOR`] to any other: a forged datagram keeps nobody out. Time is an argument.
+//! and after [`UNPROVEN_FOR`] to any other: a forged datagram keeps no client out. Time is an argument.
 
 use crate::network_camera::gvcp::Status;
 use crate::network_camera::proof::Proof;

@@ -279,7 +279,7 @@ impl Device {
         Err(Status::AccessDenied)
     }
 
-    /// Refuses an answer that is longer than its request once a client without a proof has had many.
+    /// Refuses an answer that is longer than its request once a client without a proof has received many.
     fn may_reply_at_length(&mut self, from: SocketAddrV4, now: Tai) -> Result<(), Status> {
         if self.proof.may_reply_at_length(from, now) {
             return Ok(());

@@ -8,7 +8,7 @@
 //!
 //! Before the proof each IP address (on loopback: each client) has a budget for [`FORGOTTEN`]: [`REPLIES_MAX`] answers
 //! that are longer than their requests, and [`MISSES_MAX`] wrong addresses of the XML, after which no proof of it is
-//! accepted. So nobody's guesses keep others out. The address is one of 4.0e8, and no more than [`VISITORS_MAX`] IP
+//! accepted. So guesses of one client keep no other out. The address is one of 4.0e8, and no more than [`VISITORS_MAX`] IP
 //! addresses have a budget at once: half of the addresses take 3 days.
 //!
 //! The file name in the XML's URL changes with each run, so that a client that keeps XML files by name reads it again.
@@ -171,7 +171,7 @@ mod tests {
         let local = |port| SocketAddrV4::new(Ipv4Addr::LOCALHOST, port);
         (0..10_000).for_each(|guess| proof.miss(local(1 + guess % 100), NOW));
         proof.accept(local(500), None, NOW);
-        assert!(proof.is_proven(local(500)), "on loopback each client stands for itself");
+        assert!(proof.is_proven(local(500)), "on loopback each client is one of its own");
         proof.accept(local(1), None, NOW);
         assert!(!proof.is_proven(local(1)));
     }

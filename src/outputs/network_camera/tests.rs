@@ -397,6 +397,7 @@ fn client_that_never_reads_an_answer_gets_no_stream() {
 fn a_lower_rate_is_each_nth_frame_and_test_packets_are_counted() {
     let mut camera = camera(&Params { frames_queued: 16, ..Params::default() });
     let client = Client::of(&camera);
+    client.prove_address();
     client.write(at::CONTROL, 2);
     let [high, low] = [(2.5_f64.to_bits() >> 32) as u32, 2.5_f64.to_bits() as u32];
     client.write(own::FRAME_RATE, high);

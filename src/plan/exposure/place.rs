@@ -5,8 +5,8 @@
 
 use crate::attitude::LosPath;
 use crate::exposure::mean_field::MeanField;
-use crate::exposure::place_block::{BlockPlacer, STARS};
-use crate::exposure::plan::PlannedStar;
+use crate::exposure::place_block::{BlockPlacer, Margins, STARS};
+use crate::exposure::planned_star::PlannedStar;
 use crate::exposure::source::{Source, SourcePlace};
 use crate::exposure::track::{StarPlace, StarTrack};
 use crate::optics::Illumination;
@@ -44,17 +44,6 @@ pub(super) struct Lit<'a> {
     pub(super) camera: &'a CameraGeometry,
     /// Relative illumination of the image plane.
     pub(super) illumination: &'a Illumination,
-}
-
-/// Distances from the detector within which the light of stars can reach it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Margins {
-    /// For ordinary stars, px.
-    pub(super) ordinary_px: f64,
-    /// For those of `from_e` and more, which may be drawn whole, px.
-    pub(super) whole_px: f64,
-    /// Electrons from which on a star may be drawn whole.
-    pub(super) from_e: f64,
 }
 
 /// Replaces `stars` by those of all sources whose light can reach the detector: mean place within its margin of it. A

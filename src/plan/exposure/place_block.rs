@@ -6,10 +6,20 @@
 use crate::attitude::LosPath;
 use crate::exposure::correction::Correction;
 use crate::exposure::mean_field::MeanField;
-use crate::exposure::place::Margins;
 use crate::exposure::pose::{Pose, ROLL, SHIFT};
 use glam::DVec3;
 use sky::astrometry::CameraGeometry;
+
+/// Distances from the detector within which the light of stars can reach it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Margins {
+    /// For ordinary stars, px.
+    pub(super) ordinary_px: f64,
+    /// For those of `from_e` and more, which may be drawn whole, px.
+    pub(super) whole_px: f64,
+    /// Electrons from which on a star may be drawn whole.
+    pub(super) from_e: f64,
+}
 
 /// Number of stars in a block.
 pub(super) const STARS: usize = 8;

@@ -5,6 +5,7 @@ use crate::exposure::levels::Degradation;
 use crate::exposure::method::Method;
 use crate::exposure::moments::TracePoint;
 use crate::exposure::motion::{Motion, Shutter};
+use crate::exposure::planned_star::PlannedStar;
 use crate::exposure::planned_target::PlannedTarget;
 use crate::exposure::pose::{PathNode, Pose};
 use crate::exposure::sampling::PsfSampling;
@@ -14,28 +15,6 @@ use crate::exposure::whole::WholeStars;
 use crate::optics::PsfModel;
 use core::ops::Range;
 use sky::astrometry::CameraGeometry;
-
-/// One star of a plan.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PlannedStar {
-    /// Identifier of the source.
-    pub id: u32,
-    /// Magnitude in the instrument's band (NaN: not a star of a catalog).
-    pub mag: f32,
-    /// Electrons the star sends into the whole image plane during the exposure.
-    pub electrons: f64,
-    /// Electrons drawn by a backend that gives all rows of a star one exposure: [`Self::electrons`] times the effect of
-    /// a rolling shutter on a star that moves along its rows. The reference exposes row by row instead.
-    pub drawn_e: f64,
-    /// Electrons of it that land on the detector within the footprint.
-    pub electrons_on_detector: f64,
-    /// Place at mid-exposure.
-    pub place: StarPlace,
-    /// Exposure-averaged position: the star's true centroid, px.
-    pub mean_px: [f64; 2],
-    /// Index in [`ExposurePlan::lists`] of the list it is drawn with.
-    pub list: u32,
-}
 
 /// Drawing method of the stars of one list.
 #[derive(Debug, Clone, Copy, PartialEq)]

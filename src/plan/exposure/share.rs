@@ -5,7 +5,7 @@
 //! function's integral, exact at one edge; at a corner the error is the non-separable part of the PSF (Airy: < 3e-3 of
 //! the star; zero for a star on the corner). A grid uses the sums of its own samples, separately for each side.
 
-use crate::exposure::plan::PlannedStar;
+use crate::exposure::planned_star::PlannedStar;
 use crate::exposure::pose::{PathNode, mean_pose};
 use crate::exposure::track::StarTrack;
 use crate::optics::{PsfField, PsfForm, PsfGrid, PsfModel};

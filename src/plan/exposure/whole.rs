@@ -11,7 +11,7 @@
 //! domain are drawn as ordinary ones, and their error is named. Tests below; `tests/physics/whole.rs`, `tests/gpu/whole.rs`.
 
 use crate::exposure::instrument::Instrument;
-use crate::exposure::plan::PlannedStar;
+use crate::exposure::planned_star::PlannedStar;
 use crate::exposure::sampling::PRODUCTS_ERROR;
 use crate::optics::PsfModel;
 use crate::optics::psf::LARGEST_HALF_PX;

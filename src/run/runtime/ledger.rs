@@ -104,7 +104,7 @@ events! {
     LinkLost = "link_lost",
     /// The interface or port of the bus is available again.
     LinkRegained = "link_regained",
-    /// Nobody listened at the address that a TCP link connects to; it is tried again, and the summary counts the tries.
+    /// No program listened at the address that a TCP link connects to; it is tried again, and the summary counts the tries.
     LinkUnreached = "link_unreached",
     /// The CAN controller went bus-off.
     BusOff = "bus_off",

@@ -8,7 +8,7 @@
 //! * their sum is more than [`FLOOR_RAD`], a quarter of the turn, and half of how much the rates change in the steps; and
 //! * it is more than half of the sum of their lengths: they have one direction.
 //!
-//! So one jump of the attitude (a new target, a repaired estimate) is no contradiction, nor is noise of 30 arcsec on
+//! So one jump of the attitude (a new target, a repaired estimate) does not count, nor does noise of 30 arcsec on
 //! attitudes at 100 Hz, a gyro's bias of 50 deg/h, an acceleration, or times that jitter by a step. Radians per second
 //! taken for degrees are found from 0.03 deg/s on, a wrong sign from 0.01 deg/s on. Steps of more than [`STEP_MOST`] are
 //! not judged. Allocates nothing. Tests: below.

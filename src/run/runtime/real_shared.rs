@@ -19,7 +19,7 @@ pub(super) struct Shared<'a> {
     pub(super) readings: Vec<PortReading>,
     /// Number of lost edges of trigger lines at the previous frame.
     pub(super) lost_edges: u64,
-    /// Times the numbers of a trigger line had gone back by the last look.
+    /// Times the numbers of a trigger line went back before the last look.
     pub(super) line_restarts: u64,
     pub(super) reply: Reply,
     /// Receives the notes of further heads about messages that the first head has already noted.

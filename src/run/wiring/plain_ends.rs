@@ -32,7 +32,7 @@ pub(super) fn tcp(address: SocketAddr, connects: bool, link: &Link) -> TcpParams
     TcpParams { role, framing, acknowledges: matches!(layout.encoding, Encoding::FortyTwo(_)) }
 }
 
-/// Returns what knows the messages of a link over TCP; `None` for lines of 42, which are no messages one by one.
+/// Returns what knows the messages of a link over TCP; `None` for lines of 42, where a message has several lines.
 pub(super) fn reader(link: &Link) -> Option<IsMessage> {
     let layout = plain(link).layout;
     let is_of_lines = matches!(layout.encoding, Encoding::FortyTwo(_));

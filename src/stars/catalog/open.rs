@@ -40,7 +40,12 @@ impl Catalog {
     /// When the file cannot be read, and as [`Self::from_bytes`].
     pub fn open(path: &Path) -> Result<Self, CatalogError> {
         let failed = |source| CatalogError::File { path: path.into(), source };
-        let bytes = read_bytes(path, MOST_BYTES).map_err(failed)?;
+        let length = std::fs::metadata(path).map_err(failed)?.len();
+        if length > MOST_BYTES {
+            let count = usize::try_from(length).unwrap_or(usize::MAX);
+            return Err(CatalogError::TooMany { what: "bytes", count, most: MOST_BYTES as usize });
+        }
+        let bytes = read_bytes(path, MOST_BYTES).map_err(|source| CatalogError::File { path: path.into(), source })?;
         Self::from_bytes(&bytes)
     }
 

@@ -1,5 +1,6 @@
 //! A camera that clients command: commands to the frame loop, and refusals.
 
+use super::super::registers::SOURCES;
 use super::*;
 use base::clock::Virtual;
 use frames::camera_control::{
@@ -12,13 +13,13 @@ use std::sync::Arc;
 pub(super) const BENCH: Tai = Tai::from_ns(5_000_000_000);
 
 pub(super) fn commanded() -> (Bench, DeskEnd) {
-    let (mut bench, end) = commanded_by_nobody();
+    let (mut bench, end) = without_control();
     bench.control();
     (bench, end)
 }
 
 /// Returns the same camera before any client has control.
-pub(super) fn commanded_by_nobody() -> (Bench, DeskEnd) {
+pub(super) fn without_control() -> (Bench, DeskEnd) {
     made(StartSettings::free_running(Span::from_ms(200)), false)
 }
 
@@ -75,7 +76,7 @@ fn the_trigger_source_reads_as_the_line_that_a_camera_is_armed_for() {
         let (mut bench, _end) = commanded_by(start, has_line);
         let register = bench.memory(own::TRIGGER_SOURCE, 4);
         let number = u32::from_be_bytes(register.try_into().unwrap()) as usize;
-        assert_eq!(super::super::registers::SOURCES[number], wanted, "line: {has_line}, {start:?}");
+        assert_eq!(SOURCES[number], wanted, "line: {has_line}, {start:?}");
     }
 }
 

@@ -26,7 +26,7 @@ fn stream_and_test_packet_of_a_client_that_has_not_read_the_xml_are_refused() {
 
 #[test]
 fn features_change_for_a_proven_client_only() {
-    let (mut bench, end) = commanded_tests::commanded_by_nobody();
+    let (mut bench, end) = commanded_tests::without_control();
     assert_eq!(bench.write(A, at::CONTROL, 2), OK);
     let numbers = [(own::EXPOSURE_TIME, 50_000.0), (own::GAIN, 6.0), (own::FRAME_RATE, 0.01)];
     let words = [(own::TRIGGER_MODE, 1), (own::TRIGGER_SOFTWARE, 1), (own::WIDTH, 8), (own::DEVICE_RESET, 1)];

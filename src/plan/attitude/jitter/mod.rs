@@ -417,7 +417,7 @@ mod tests {
             epochs.insert(0);
             epochs.insert(19_999);
             let mut history = JitterHistory::new(limits(), Span::from_ms(1000));
-            let point = |&t: &i64| JitterPoint { at: us(t), rotation_rad: DVec3::X * ((t * 7919 % 101) as f64) };
+            let point = |&t: &i64| JitterPoint { at: us(t), rotation_rad: DVec3::X * ((t * 7919 % 101) as f64 / 8192.0) };
             let all = JitterTrack { points: epochs.iter().map(point).collect(), ..JitterTrack::none() };
             for &point in all.points.iter().rev() {
                 prop_assert_eq!(history.insert(point, us(10_000)).is_ok(), true);

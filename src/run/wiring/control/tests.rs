@@ -207,7 +207,7 @@ fn drip(mut client: TcpStream, is_over: std::sync::Arc<AtomicBool>) -> std::thre
 }
 
 #[test]
-fn bytes_without_a_line_keep_nobody_waiting() {
+fn bytes_without_a_line_keep_no_client_waiting() {
     let (mut socket, client) = connected();
     let is_over = std::sync::Arc::new(AtomicBool::new(false));
     let dripping = drip(client, is_over.clone());

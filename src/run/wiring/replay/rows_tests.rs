@@ -27,7 +27,7 @@ fn read(text: &str) -> Result<(Vec<FrameRow>, bool), String> {
 }
 
 fn read_head(text: &str, head: usize) -> Vec<FrameRow> {
-    let mut rows = RowsOfHead::new(RowReader::new(text.as_bytes(), Path::new("frames.csv")).unwrap(), head, 2);
+    let mut rows = RowsOfHead::new(RowReader::new(text.as_bytes(), Path::new("frames.csv")).unwrap(), head, 3);
     core::iter::from_fn(|| rows.read().unwrap()).collect()
 }
 
