@@ -10,7 +10,7 @@ use crate::exposure::planned_target::PlannedTarget;
 use crate::exposure::pose::{PathNode, Pose};
 use crate::exposure::sampling::PsfSampling;
 use crate::exposure::smear::SmearField;
-use crate::exposure::track::{StarPlace, StarTrack};
+use crate::exposure::track::StarTrack;
 use crate::exposure::whole::WholeStars;
 use crate::optics::PsfModel;
 use core::ops::Range;

@@ -57,7 +57,8 @@ fn attitudes(text: &str) {
         let again =
             read::attitudes("file", &out, None).unwrap_or_else(|error| panic!("{format:?}: {error}\n{text}\n{out}"));
         // All rows are written, also those outside the usable times, which CSV does not have.
-        let rows = |history: &AttitudeHistory| history.segments().iter().map(|segment| segment.states().len()).sum::<usize>();
+        let rows =
+            |history: &AttitudeHistory| history.segments().iter().map(|segment| segment.states().len()).sum::<usize>();
         assert_eq!(rows(&again), rows(&history));
         for (a, b) in again.segments().iter().zip(history.segments()) {
             for (a, b) in a.states().iter().zip(b.states()) {
