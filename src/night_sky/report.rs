@@ -83,6 +83,22 @@ fn lines(text: &mut String, one: &Comparison) -> core::fmt::Result {
         one.energy.stars
     )?;
     writeln!(text, "  SNR          drawn less real {:+.1} %", 100.0 * one.snr_difference)?;
+    camera_lines(text, one)?;
+    if let Some(air) = &one.refraction {
+        writeln!(
+            text,
+            "  air          stretch {:.2e} +- {:.2e}, vertical at {:.0} deg from right towards down; without it {:.3} px rms along an axis",
+            air.stretch, air.stretch_error, air.vertical_deg, air.rms_without_px
+        )?;
+    }
+    for words in &one.limited_by {
+        writeln!(text, "  limited by   {words}")?;
+    }
+    Ok(())
+}
+
+/// Prints the fitted camera and its light.
+fn camera_lines(text: &mut String, one: &Comparison) -> core::fmt::Result {
     writeln!(
         text,
         "  camera       f = {:.4} +- {:.4} mm, k1 {:+.4}; {}; edge {:.3} of the middle (by stars {:+.3} +- {:.3} mag more)",
@@ -108,18 +124,7 @@ fn lines(text: &mut String, one: &Comparison) -> core::fmt::Result {
         text,
         "  light        {:.3e} e- of G = 0; colour {:+.3}, {:+.3}; gain {:.3} e-/DN, read noise {:.2} e-",
         one.zero_point_e, one.colour[0], one.colour[1], one.gain_e_per_dn, one.read_noise_e
-    )?;
-    if let Some(air) = &one.refraction {
-        writeln!(
-            text,
-            "  air          stretch {:.2e} +- {:.2e}, vertical at {:.0} deg from right towards down; without it {:.3} px rms along an axis",
-            air.stretch, air.stretch_error, air.vertical_deg, air.rms_without_px
-        )?;
-    }
-    for words in &one.limited_by {
-        writeln!(text, "  limited by   {words}")?;
-    }
-    Ok(())
+    )
 }
 
 /// Stars of the list that are printed.

@@ -177,6 +177,14 @@ fn is_missing(pair: &Pair) -> bool {
     expected && pair.real.flux_dn < MISSING_SHARE * pair.drawn.flux_dn
 }
 
+/// Returns the illumination at the edge of the field, as a share of the middle.
+fn edge_illumination(parts: &Parts<'_>) -> f64 {
+    let edge = |params: &scene::camera::CameraParams| {
+        params.illumination.at(glam::DVec2::X * params.geometry.half_diagonal_rad().tan())
+    };
+    run::wiring::camera_parts::camera_params(parts.camera).as_ref().map_or(f64::NAN, edge)
+}
+
 /// Returns the figures with their verdict.
 pub(crate) fn conclude(parts: &Parts<'_>) -> Comparison {
     let fitted = parts.fitted;
@@ -196,10 +204,6 @@ pub(crate) fn conclude(parts: &Parts<'_>) -> Comparison {
     let worst_stars = worst(&candidates(parts.pairs, &counted, &rows, &off));
     let axis = |of: fn(&StarRow) -> f64| rms(rows.iter().map(of));
     let [ra, dec, roll] = parts.ra_dec_roll.map(f64::to_degrees);
-    let params = run::wiring::camera_parts::camera_params(parts.camera);
-    let edge = |params: &scene::camera::CameraParams| {
-        params.illumination.at(glam::DVec2::X * params.geometry.half_diagonal_rad().tan())
-    };
     let light = fitted.light.as_ref();
     let pitch_mm = parts.camera.detector.pixel_pitch_um * 1e-3;
     let counted_snr = parts.snr.iter().filter(|row| row.real > COUNTED_SNR);
@@ -242,7 +246,7 @@ pub(crate) fn conclude(parts: &Parts<'_>) -> Comparison {
         psf_chi2: fitted.psf.as_ref().map_or(f64::NAN, |psf| psf.chi2_per_pixel),
         zero_point_e: light.map_or(f64::NAN, |light| light.zero_e),
         colour: light.map_or([f64::NAN; 2], |light| light.colour),
-        edge_illumination: params.as_ref().map_or(f64::NAN, edge),
+        edge_illumination: edge_illumination(parts),
         edge_by_stars_mag: light.map_or([f64::NAN; 2], |light| light.edge_mag),
         edge_is_by_stars: fitted.is_lit_by_stars,
         response_slope: fitted.response.as_ref().map_or([f64::NAN; 2], |response| response.slope),

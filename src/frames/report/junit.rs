@@ -35,7 +35,7 @@ fn write_verdict(text: &mut String, verdict: &RunVerdict) {
     // Writing to a string cannot fail.
     let _ = match verdict.word {
         RunWord::Ok => writeln!(text, "{head}/>"),
-        word => writeln!(
+        word @ (RunWord::Late | RunWord::Incomplete | RunWord::Lost | RunWord::Failed) => writeln!(
             text,
             "{head}><failure type=\"{word}\" message=\"{reasons}\">{word}: {reasons}</failure></testcase>"
         ),

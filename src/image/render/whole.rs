@@ -123,7 +123,7 @@ impl WholeImage {
     fn part(&self, px: [f64; 2], half_px: usize) -> Option<Part> {
         let (mut first, mut count) = ([0; 2], [0; 2]);
         for axis in 0..2 {
-            if !(px[axis].abs() < FURTHEST_PX) {
+            if px[axis].is_nan() || px[axis].abs() >= FURTHEST_PX {
                 return None;
             }
             #[allow(clippy::cast_possible_truncation, reason = "within the furthest place")]

@@ -332,7 +332,14 @@ pub(super) fn end_of(on_time: FrameEnd, commanded_delay: Span, lateness: Span) -
     match on_time {
         FrameEnd::OnTime | FrameEnd::AttitudeHeld if lateness > Span::ZERO => FrameEnd::Late,
         FrameEnd::OnTime if commanded_delay > Span::ZERO => FrameEnd::Commanded,
-        _ => on_time,
+        FrameEnd::OnTime
+        | FrameEnd::AttitudeHeld
+        | FrameEnd::Late
+        | FrameEnd::Dropped
+        | FrameEnd::BlankAtStart
+        | FrameEnd::Blank
+        | FrameEnd::Commanded
+        | FrameEnd::NotExposed => on_time,
     }
 }
 

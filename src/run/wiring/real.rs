@@ -56,10 +56,9 @@ pub(super) fn fly(
     let flight = Flight { far, clock: Arc::clone(&clock), ends, seen: queue.clone(), orders: far_orders };
     let thread = flight.start(hygiene.clone())?;
     let ring_frames = usize::try_from(scenario.bench.budget.ring_frames).unwrap_or(0);
-    let orders: Option<&Queue<FrameOrder>> = frame_orders.as_ref();
     let promise = Promise::of(&scenario, &heads);
-    let (hygienic, limits) = (hygiene.as_ref(), promise.limits);
-    let setting = Setting { clock: &clock, stop, hygiene: hygienic, ring_frames, limits, orders };
+    let (hygienic, orders) = (hygiene.as_ref(), frame_orders.as_ref());
+    let setting = Setting { clock: &clock, stop, hygiene: hygienic, ring_frames, limits: promise.limits, orders };
     let mut seen_and_reported = |head: usize, frame: &SentFrame, record: &RunRecord| {
         let _the_witness_may_be_busy = seen.try_send((head, frame.meta.clone()));
         progress(head, frame, record);
