@@ -121,7 +121,9 @@ fn bounds_of_one_kernel_hold_and_their_median_is_known() {
     const LEAST: usize = 300;
     let count = scenes();
     // The fewer scenes, the fewer of each kind.
-    let least_of = |of_all: usize| of_all * count as usize / SCENES[1] as usize;
+    let is_quick = count < SCENES[1];
+    // Of few scenes the numbers scatter: three quarters of their share.
+    let least_of = |of_all: usize| of_all * count as usize / SCENES[1] as usize * if is_quick { 3 } else { 4 } / 4;
     /// The median by the size of the error: from this many px on, at most this (measured: 78, 27, 14, 5.2), over so many
     /// classes. Below 1e-5 px the bound is single precision.
     const BY_SIZE: [(f64, f64, usize); 4] = [(0.0, 90.0, 90), (1e-6, 30.0, 90), (1e-5, 15.0, 90), (1e-4, 10.0, 15)];
@@ -146,7 +148,7 @@ fn bounds_of_one_kernel_hold_and_their_median_is_known() {
             ratios.len()
         );
         // Of a fifth of the scenes the median scatters by a fifth.
-        let most = if count < SCENES[1] { 1.2 * most } else { most };
+        let most = if is_quick { 1.2 * most } else { most };
         assert!(quantiles[1] < most, "errors from {from_px:e} px on: {quantiles:?}");
     }
     for (name, shares) in [("centroid", centroid), ("pixel", pixel)] {
