@@ -7,7 +7,7 @@
 
 use crate::runtime::error::FarEndError;
 use crate::runtime::hygiene::{Hygiene, Role};
-use crate::runtime::real_parts::{FrameOrder, Head, Setting, Sources};
+use crate::runtime::real_parts::{Head, Setting, Sources};
 use crate::runtime::real_time::run_in;
 use crate::runtime::{RunError, RunOutcome, RunRecord};
 use crate::wiring::assemble::Run;
