@@ -11,6 +11,9 @@ use super::{BLOCK_BYTES, packed};
 use crate::sink::SinkError;
 use std::io::Read;
 
+/// First bytes of a FITS file.
+const FIRST: &[u8] = b"SIMPLE";
+
 /// Headers longer than this are taken for damage.
 const MAX_HEADER_BLOCKS: usize = 256;
 /// Parts of a file among which an image is looked for.
@@ -33,6 +36,12 @@ impl FitsImage {
 /// # Errors
 /// [`SinkError::DamagedFits`] when the input ends early, [`SinkError::BadFits`] when it has no image of a kind listed above.
 pub fn read_image(mut input: impl Read) -> Result<FitsImage, SinkError> {
+    let mut first = Vec::new();
+    input.by_ref().take(FIRST.len() as u64).read_to_end(&mut first).map_err(|e| ended("header", &e))?;
+    if !first.is_empty() && !FIRST.starts_with(&first) {
+        return Err(SinkError::BadFits { what: "SIMPLE", wanted: "T", got: "other bytes".into() });
+    }
+    let mut input = first.as_slice().chain(input);
     let mut header = read_header(&mut input)?;
     if header.get("SIMPLE") != Some(true.into()) {
         return Err(bad("SIMPLE", "T", &header));
