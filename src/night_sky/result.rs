@@ -204,8 +204,7 @@ pub(crate) fn conclude(parts: &Parts<'_>) -> Comparison {
     let worst_stars = worst(&candidates(parts.pairs, &counted, &rows, &off));
     let axis = |of: fn(&StarRow) -> f64| rms(rows.iter().map(of));
     let [ra, dec, roll] = parts.ra_dec_roll.map(f64::to_degrees);
-    let light = fitted.light.as_ref();
-    let pitch_mm = parts.camera.detector.pixel_pitch_um * 1e-3;
+    let (light, pitch_mm) = (fitted.light.as_ref(), parts.camera.detector.pixel_pitch_um * 1e-3);
     let counted_snr = parts.snr.iter().filter(|row| row.real > COUNTED_SNR);
     let (vertical_deg, stretch) = stretch_axis(fitted.geometry.stretch);
     let mut comparison = Comparison {
