@@ -1,6 +1,7 @@
 //! A file of attitudes that the command line names: any that a bench takes, also a SPICE CK with its text kernels.
 
 use anyhow::{Result, bail};
+#[cfg(feature = "spice")]
 use base::input_file::{DATA_BYTES, read_bytes};
 use clap::Args;
 use histories::{AttitudeHistory, read};
