@@ -86,8 +86,7 @@ pub fn run(arguments: &CheckArgs) -> Result<u8> {
         } else {
             print!("{text}");
         }
-        let is_warned = arguments.strict && !warnings(&text).is_empty();
-        return Ok(if is_warned { EXIT_NOT_MET } else { EXIT_DONE });
+        return Ok(status(arguments, &warnings(&text)));
     }
     let settings = arguments.settings.iter().map(|text| Setting::parse(text)).collect::<Result<_, _>>()?;
     let document = document.with_settings(settings);
@@ -95,13 +94,17 @@ pub fn run(arguments: &CheckArgs) -> Result<u8> {
     let scenario = Scenario::from_document(&document)?;
     let text = checked(&scenario, arguments.built_in_costs, &mut facts)?;
     let warnings = warnings(&text);
-    let status = if arguments.strict && !warnings.is_empty() { EXIT_NOT_MET } else { EXIT_DONE };
     if arguments.json {
         print_json("check", facts.with_warnings(&warnings))?;
     } else {
         print!("{}{text}", verdict(&name(&scenario), &warnings));
     }
-    Ok(status)
+    Ok(status(arguments, &warnings))
+}
+
+/// Returns the exit status beside these warnings.
+fn status(arguments: &CheckArgs, warnings: &[&str]) -> u8 {
+    if arguments.strict && !warnings.is_empty() { EXIT_NOT_MET } else { EXIT_DONE }
 }
 
 /// Returns how the verdict calls the file.

@@ -118,7 +118,7 @@ impl Finished {
         if arguments.quiet && !arguments.json && verdict.word > RunWord::Ok && verdict.word < RunWord::Lost {
             eprintln!("starloop: {}: {}", verdict.word, plain_text(&verdict.reasons_line()));
         }
-        let (holds, is_complete) = (self.end.holds(), verdict.word <= RunWord::Ok);
+        let (holds, is_complete) = (self.end.holds(), verdict.word == RunWord::Ok);
         let (name, seed) = (&self.scenario.name, self.scenario.bench.seed);
         let report = match &reports.scenario {
             Some(report) => serde_json::to_value(report)?,

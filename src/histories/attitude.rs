@@ -274,12 +274,8 @@ impl AttitudeHistory {
 
     /// Notes gaps between rows that are otherwise evenly spaced.
     pub(crate) fn find_gaps(&mut self) {
-        let gaps = self
-            .segments
-            .iter()
-            .zip(1..)
-            .filter_map(|(segment, number)| findings::gaps(number, segment.states.iter().map(|state| state.t_ns)));
-        self.warnings.extend(findings::first_of(gaps.collect()));
+        let times_ns = self.segments.iter().map(|segment| segment.states.iter().map(|state| state.t_ns));
+        self.warnings.extend(findings::gaps_of_segments(times_ns));
     }
 
     /// Returns a history of one segment of computed states, such as the frames of a run; `None` where their times do

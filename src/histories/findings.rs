@@ -20,8 +20,13 @@ pub(crate) fn early_utc(first_ns: i64) -> Option<String> {
     (first_ns < UTC_BEGIN_NS).then(|| words.into())
 }
 
+/// Returns a warning of the gaps in the rows of segments that are otherwise evenly spaced.
+pub(crate) fn gaps_of_segments<T: Iterator<Item = i64> + Clone>(segments: impl Iterator<Item = T>) -> Option<String> {
+    first_of(segments.zip(1..).filter_map(|(times_ns, number)| gaps(number, times_ns)).collect())
+}
+
 /// Returns a warning of the gaps in rows that are otherwise evenly spaced; `segment` counts from 1.
-pub(crate) fn gaps(segment: usize, times_ns: impl Iterator<Item = i64> + Clone) -> Option<String> {
+fn gaps(segment: usize, times_ns: impl Iterator<Item = i64> + Clone) -> Option<String> {
     let steps_ns: Vec<i64> = times_ns.clone().zip(times_ns.skip(1)).map(|(from, to)| to.saturating_sub(from)).collect();
     let usual_ns = usual(&steps_ns)?;
     let is_usual = |step_ns: &&i64| (**step_ns as f64 / usual_ns as f64 - 1.0).abs() < 0.5;

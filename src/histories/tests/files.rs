@@ -99,18 +99,23 @@ fn rates_are_those_of_the_body_in_its_own_axes() {
     assert!((rate - wanted).length() < 1e-15, "{rate}");
 }
 
-#[test]
-fn xml_has_what_kvn_has() {
-    let state = "<attitudeState><quaternionEphemeris><EPOCH>2026-03-01T00:00:00</EPOCH><quaternion><QC>0.9950041652780258</QC>\
-                 <Q1>0.09983341664682815</Q1><Q2>0</Q2><Q3>0</Q3></quaternion></quaternionEphemeris></attitudeState>";
-    let metadata: String = AEM_2
+/// Returns the metadata of [`AEM_2`] in XML.
+pub(super) fn xml_metadata() -> String {
+    AEM_2
         .lines()
         .skip_while(|line| *line != "META_START")
         .skip(1)
         .take_while(|line| *line != "META_STOP")
         .filter_map(|line| line.split_once(" = "))
         .map(|(key, value)| format!("<{key}>{value}</{key}>"))
-        .collect();
+        .collect()
+}
+
+#[test]
+fn xml_has_what_kvn_has() {
+    let state = "<attitudeState><quaternionEphemeris><EPOCH>2026-03-01T00:00:00</EPOCH><quaternion><QC>0.9950041652780258</QC>\
+                 <Q1>0.09983341664682815</Q1><Q2>0</Q2><Q3>0</Q3></quaternion></quaternionEphemeris></attitudeState>";
+    let metadata = xml_metadata();
     let text = format!(
         "<?xml version=\"1.0\"?>\n<aem id=\"CCSDS_AEM_VERS\" version=\"2.0\"><header/><body><segment><metadata>{metadata}\
          </metadata><data>{state}</data></segment></body></aem>"

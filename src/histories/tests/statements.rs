@@ -1,5 +1,6 @@
 //! Statements of a file are used, refused, or named in a warning: none is passed over.
 
+use super::files::xml_metadata;
 use super::*;
 use crate::{AttitudeInterpolation, OrbitInterpolation};
 
@@ -68,14 +69,7 @@ fn a_message_cut_in_its_last_number_is_a_warning() {
 
 /// Returns a message in XML with one state.
 fn xml(kind: &str, state: &str) -> String {
-    let metadata: String = AEM_2
-        .lines()
-        .skip_while(|line| *line != "META_START")
-        .skip(1)
-        .take_while(|line| *line != "META_STOP")
-        .filter_map(|line| line.split_once(" = "))
-        .map(|(key, value)| format!("<{key}>{}</{key}>", if key == "ATTITUDE_TYPE" { kind } else { value }))
-        .collect();
+    let metadata = xml_metadata().replace("<ATTITUDE_TYPE>QUATERNION<", &format!("<ATTITUDE_TYPE>{kind}<"));
     format!(
         "<aem version=\"2.0\"><body><segment><metadata>{metadata}</metadata><data>\n<attitudeState><a>\
          <EPOCH>2026-03-01T00:00:00</EPOCH>{state}</a></attitudeState></data></segment></body></aem>"

@@ -265,12 +265,6 @@ impl Assessment {
         (self.violations, &self.violation_lines)
     }
 
-    /// Returns true when these verdicts of [`Self::verdicts`] and all invariants are met.
-    #[must_use]
-    pub fn holds(&self, verdicts: &[Verdict]) -> bool {
-        self.violations == 0 && verdicts.iter().all(|verdict| verdict.passed)
-    }
-
     /// Returns the mode changes so far (the first few).
     #[must_use]
     pub fn mode_lines(&self) -> &[ModeLine] {

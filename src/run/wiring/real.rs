@@ -17,7 +17,7 @@ use crate::wiring::far_side::FarSide;
 use crate::wiring::replay::Recording;
 use crate::wiring::run_end::{Flown, RunEnd, keep_first, losses};
 use crate::wiring::steering::{FarOrder, Orders};
-use crate::wiring::verdict::Promise;
+use crate::wiring::verdict::{Promise, limits};
 use base::clock::{Clock, Monotonic};
 use base::time::Span;
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -58,7 +58,7 @@ pub(super) fn fly(
     let ring_frames = usize::try_from(scenario.bench.budget.ring_frames).unwrap_or(0);
     let promise = Promise::of(&scenario, &heads);
     let (hygienic, orders) = (hygiene.as_ref(), frame_orders.as_ref());
-    let setting = Setting { clock: &clock, stop, hygiene: hygienic, ring_frames, limits: promise.limits, orders };
+    let setting = Setting { clock: &clock, stop, hygiene: hygienic, ring_frames, limits: limits(&scenario), orders };
     let mut seen_and_reported = |head: usize, frame: &SentFrame, record: &RunRecord| {
         let _the_witness_may_be_busy = seen.try_send((head, frame.meta.clone()));
         progress(head, frame, record);

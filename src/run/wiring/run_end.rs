@@ -141,7 +141,7 @@ impl RunEnd {
     /// Returns the verdict: one word, and every reason for it.
     #[must_use]
     pub fn verdict(&self) -> RunVerdict {
-        let error = self.error.as_ref().map(|error| format!("{:#}", anyhow::anyhow!("{error}")));
+        let error = self.error.as_ref().map(ToString::to_string);
         let facts = Facts {
             record: &self.record,
             heads: &self.heads,
@@ -169,8 +169,7 @@ impl RunEnd {
     /// Returns true when expectations and invariants are met.
     #[must_use]
     pub fn holds(&self) -> bool {
-        let verdicts = self.assessment.verdicts(self.flown.predicted_pointing_arcsec(), &self.record);
-        self.assessment.holds(&verdicts)
+        self.first_failure().is_none()
     }
 }
 

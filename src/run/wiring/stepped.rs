@@ -22,7 +22,7 @@ use crate::wiring::run_end::{Flown, LoopView, RunEnd, keep_first, losses};
 use crate::wiring::run_times::RunTimes;
 use crate::wiring::taps::Taps;
 use crate::wiring::tracker_outs::TrackerOuts;
-use crate::wiring::verdict::{CutShort, Facts, Promise, verdict};
+use crate::wiring::verdict::{CutShort, Facts, Promise, limits, verdict};
 use base::axes::{Body, Rotation, Sensor};
 use base::clock::{Clock, Virtual};
 use base::time::{Span, Tai};
@@ -79,7 +79,7 @@ impl SteppedRun {
         let (mounting, is_outside) = (scenario.bench.sensor_from_body, scenario.plant == Plant::Outside);
         let (far, outs) = (RefCell::new(far), RefCell::new(outs));
         let (promise, cut_short) = (Promise::of(&scenario, &heads), None);
-        going.record_mut().limits = promise.limits;
+        going.record_mut().limits = limits(&scenario);
         Ok(Self { clock, going, heads, cable, far, outs, desk, taps, mounting, times, is_outside, promise, cut_short })
     }
 
@@ -339,6 +339,7 @@ impl SteppedRun {
     pub fn look<T>(&self, frames_crc32: Vec<u32>, look: impl FnOnce(&LoopView<'_>) -> T) -> T {
         let far = self.far.borrow();
         let assessment = far.witness.assessment();
+        let flown = Flown::of(far.vehicle(), assessment, self.params());
         let facts = Facts {
             record: self.record(),
             heads: &self.heads,
@@ -347,7 +348,7 @@ impl SteppedRun {
             zero: self.times.zero,
             // Until it ends, nothing is missing that has not come up.
             cut_short: (!self.is_finished()).then_some(CutShort::Finished),
-            failure: None,
+            failure: assessment.first_failure(flown.predicted_pointing_arcsec(), self.record()),
         };
         look(&LoopView {
             record: self.record(),
@@ -356,7 +357,7 @@ impl SteppedRun {
             frames_crc32,
             assessment,
             faults: self.faults(),
-            flown: Flown::of(far.vehicle(), assessment, self.params()),
+            flown,
             simulated_s: self.simulated_s(),
         })
     }

@@ -26,8 +26,6 @@ pub enum CutShort {
 /// Promise of a bench.
 #[derive(Debug, Clone)]
 pub struct Promise {
-    /// Limits of `[expect]`.
-    pub(super) limits: RunLimits,
     /// Promised frames of each head; `None` where triggers decide.
     frames: Vec<Option<u64>>,
     /// Names of the links, in the order of the ports.
@@ -49,14 +47,8 @@ impl Promise {
                 bench.trigger_lines.iter().any(|line| line.is_armed && line.head.is_none_or(|of| of == number));
             (!is_triggered).then(|| head.engine.exposing().own_exposures())
         });
-        // Frames that the timing budget lets be missed may be late, or dropped because they were.
-        let missed = Some(bench.budget.missed_frames).filter(|missed| *missed > 0);
-        let stated = scenario.expect.frames.limits;
-        // Random faults are commanded, and so is what they cost.
-        let limits = if scenario.expect.allows_refusals { RunLimits::ANYTHING } else { stated };
         let links = core::iter::once(&bench.link).chain(&bench.extra_links);
         Self {
-            limits: RunLimits { late: limits.late.or(missed), dropped: limits.dropped.or(missed), ..limits },
             frames: frames.collect(),
             links: links.map(link_name).collect(),
             is_external: bench.flight_computer.is_external,
@@ -77,6 +69,18 @@ impl Promise {
         account.add_many(end, missing);
         account
     }
+}
+
+/// Returns the limits within which a run is `ok`.
+pub(super) fn limits(scenario: &Scenario) -> RunLimits {
+    // Random faults are commanded, and so is what they cost.
+    if scenario.expect.allows_refusals {
+        return RunLimits::ANYTHING;
+    }
+    // Frames that the timing budget lets be missed may be late, or dropped because they were.
+    let missed = Some(scenario.bench.budget.missed_frames).filter(|missed| *missed > 0);
+    let stated = scenario.expect.frames.limits;
+    RunLimits { late: stated.late.or(missed), dropped: stated.dropped.or(missed), ..stated }
 }
 
 /// Returns the name of a link, for people.
@@ -122,10 +126,10 @@ pub(super) struct Facts<'a> {
 pub(super) fn verdict(promise: &Promise, facts: &Facts<'_>) -> RunVerdict {
     let account = promise.account(facts.record, facts.cut_short);
     let cause = |end| cause(end, promise, facts);
-    let mut verdict = RunVerdict::of_frames(&account, &promise.limits, facts.zero, &cause);
+    let mut verdict = RunVerdict::of_frames(&account, &facts.record.limits, facts.zero, &cause);
     add_silence(&mut verdict, promise, facts);
     add_links(&mut verdict, promise, facts);
-    for Missing { kind, words, key, limit } in missing(&promise.limits) {
+    for Missing { kind, words, key, limit } in missing(&facts.record.limits) {
         let (count, limit) = (facts.record.ledger.count(kind), limit.unwrap_or(0));
         let text = format!("{count} {words}");
         if count > u64::from(limit) {
@@ -171,7 +175,7 @@ fn add_silence(verdict: &mut RunVerdict, promise: &Promise, facts: &Facts<'_>) {
 }
 
 fn add_links(verdict: &mut RunVerdict, promise: &Promise, facts: &Facts<'_>) {
-    let limit = promise.limits.links_lost.unwrap_or(0);
+    let limit = facts.record.limits.links_lost.unwrap_or(0);
     let total: u64 = facts.ports.iter().map(|port| port.counters.lost).sum();
     if total == 0 {
         return;

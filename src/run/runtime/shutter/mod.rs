@@ -244,16 +244,18 @@ impl Shutter {
     }
 
     /// Returns the number of exposures of a run without commands: fewer than its periods where exposures, or their
-    /// readouts, last longer than a period.
+    /// readouts, last longer than a period. They are evenly spaced: the first two tell the number of all.
     #[must_use]
     pub fn own_exposures(&self) -> u64 {
         let mut alone = Self::new(self.params, self.whole_range);
-        let mut count = 0;
-        while alone.next.slot().is_some() {
-            alone.advance();
-            count += 1;
-        }
-        count
+        let Some(first) = alone.next.slot() else { return 0 };
+        alone.advance();
+        let Some(second) = alone.next.slot() else { return 1 };
+        let step_ns = (second.exposure_start - first.exposure_start).ns();
+        // Each starts before the end, and is over by then.
+        let by_start_ns = (self.params.end - first.exposure_start).ns() - 1;
+        let by_end_ns = (self.params.end + ROUNDING - first.exposure_end).ns();
+        1 + (by_start_ns.min(by_end_ns) / step_ns).unsigned_abs()
     }
 
     /// Returns the settings of exposures without commands.

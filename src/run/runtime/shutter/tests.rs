@@ -334,3 +334,26 @@ fn a_frame_of_few_rows_is_due_when_it_can_be_drawn_and_read_out_as_fast_as_its_r
     );
     assert_eq!(slot.due, slot.exposure_end + ms(3.0), "no later than the whole image");
 }
+
+#[test]
+fn own_exposures_are_as_many_as_the_shutter_makes() {
+    for (period, exposure, readout, lasts) in [
+        (100.0, 20.0, 30.0, 1000.0),
+        (100.0, 99.999_5, 0.0, 1000.0),
+        (100.0, 100.0, 100.0, 1000.0),
+        (16.666_667, 100.0, 5.0, 2000.0),
+        (16.666_667, 3.0, 40.0, 2000.0),
+        (100.0, 20.0, 30.0, 100.0),
+        (100.0, 20.0, 30.0, 950.0),
+        (100.0, 20.0, 30.0, 10.0),
+        (100.0, 60.0, 50.0, 1050.0),
+    ] {
+        let settings = CameraSettings { exposure: ms(exposure), ..params().settings };
+        let end = at_ms(1000.0 + lasts);
+        let params = ShutterParams { period: ms(period), readout: ms(readout), end, settings, ..params() };
+        let mut walked = Shutter::new(params, Some(range()));
+        let own = walked.own_exposures();
+        let count = core::iter::from_fn(|| next(&mut walked)).count() as u64;
+        assert_eq!(own, count, "{period} ms, {exposure} ms, {readout} ms for {lasts} ms");
+    }
+}
