@@ -1,8 +1,8 @@
 //! `starloop check`, what the camera sees: down to which magnitude, whether the frames have those stars, and whether a
 //! frame has any.
 //!
-//! Input: the run that was made of a bench, its stars, plans of some frames. Output: text. What is seen is
-//! `run::wiring::seen_mag`: stars of the Sun's colour at SNR 3, without motion. Frames of a calibrated display are
+//! Input: parameters and stars of a run, plans of some frames. Output: text. `run::wiring::seen_mag` defines the stars that
+//! are seen: stars of the Sun's colour at SNR 3, without motion. Frames of a calibrated display are
 //! drawn in steps of its luminance, without a tracker's noise: of them only their stars are counted.
 
 use anyhow::Result;

@@ -1,7 +1,7 @@
 //! Derivatives that rows state (rates, velocities) beside the differences of their values (attitudes, positions).
 //!
 //! Between two rows `h` apart the difference quotient `d` of a smooth motion is the mean of the stated derivatives less
-//! `h^2 / 12` times their second derivative, which the neighbouring rows show. What is left is the *residual* of the step.
+//! `h^2 / 12` times their second derivative, which the neighbouring rows show. The rest is the *residual* of the step.
 //! A step contradicts itself where its residual is more than
 //!
 //! `2 max(s, m) + floor`

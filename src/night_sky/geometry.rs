@@ -6,7 +6,7 @@
 //! length, half their difference, `R tan^2 z / 2`, is the stretch. The constant part goes into the attitude.
 //!
 //! The optical axis (principal point) shows by the perspective alone: away from it by `c` px, a star at the tangent `x` moves by
-//! `c x^2`, besides what the attitude takes up. What is fitted is a [`Freedom`]; `terms` chooses it.
+//! `c x^2`, beside a constant part, which goes into the attitude. A [`Freedom`] lists the fitted terms; `terms` chooses them.
 
 use crate::newton::{Fitted, first_three, fit};
 use base::axes::{Icrf, Rotation, Sensor};

@@ -266,7 +266,7 @@ mod tests {
             assert!(message(&text).contains(wanted), "{wanted}: {}", message(&text));
         }
         let earth = xml().replace("<INCLINATION>", "<CENTER_NAME>Earth</CENTER_NAME><INCLINATION units=\"deg\">");
-        read(&earth, None).expect("control: what is right is read");
+        read(&earth, None).expect("control: a right message is read");
     }
 
     #[test]

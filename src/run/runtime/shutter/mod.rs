@@ -244,7 +244,7 @@ impl Shutter {
     }
 
     /// Returns the number of exposures of a run without commands: fewer than its periods where exposures, or their
-    /// readouts, last longer than a period. They are evenly spaced: the first two tell the number of all.
+    /// readouts, last longer than a period. They are evenly spaced: the number of all follows from the first two.
     #[must_use]
     pub fn own_exposures(&self) -> u64 {
         let mut alone = Self::new(self.params, self.whole_range);
