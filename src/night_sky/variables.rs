@@ -1,9 +1,10 @@
 //! Hipparcos number -> a bright variable star: stars that a catalog has at one brightness and a photograph at another.
 //!
-//! 85 stars that reach V = 8 and change by half a magnitude or more. Names, types and ranges as in the General Catalogue of Variable
-//! Stars (N. N. Samus and others, Astronomy Reports 61, 80, 2017), rounded. Limits: the best known stars, not all; ranges are in V,
-//! the catalog's magnitudes in Gaia's G. Tests: below; a frame with
-//! one of them changed in `tests/night_sky`.
+//! All stars of the General Catalogue of Variable Stars (N. N. Samus and others, Astronomy Reports 61, 80, 2017; its file of 2016 with
+//! 47,969 stars and its list of Hipparcos numbers) that reach V = 8 and change by half a magnitude or more in V: names, types and
+//! ranges as they stand there. Ranges of five are not from there: U Mon, V Hya, Y CVn and W Hya, which it has in photographic
+//! light, and Betelgeuse, which became fainter in 2020. Limits: ranges are in V, the catalog's magnitudes in Gaia's G. Tests: below; a
+//! frame with one of them changed in `tests/night_sky`.
 
 use base::source_id::{GaiaRelease, SourceId};
 use stars::hipparcos::hipparcos_of_gaia;
