@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Puts a wheel together from the release build: the module, the package's Python files, the client, and the program.
 
-    hil_scripts/make_wheel.py [--target target] [--out target/wheels]
+    hil_scripts/make_wheel.py [--build target/release] [--out target/packages]
 
-Standard library only. The platform tag names the newest version of glibc that a symbol of the module or the program needs
+hil_scripts/package.sh builds and calls it. Standard library only. The platform tag names the newest version of glibc that a symbol of the module or the program needs
 (PEP 600), and the wheel is refused when either needs a library that not every Linux has.
 """
 
@@ -26,6 +26,7 @@ METADATA = """Metadata-Version: 2.4
 Name: starloop
 Version: {version}
 Summary: Star-sensor stimulator: what a star sensor sees, rendered exactly and on time
+Project-URL: Repository, {repository}
 License-Expression: MIT OR Apache-2.0
 License-File: LICENSE-MIT
 License-File: LICENSE-APACHE
@@ -58,17 +59,18 @@ def glibc_of(binary):
     return max((int(major), int(minor)) for major, minor in versions)
 
 
-def files(target, tag, version):
+def files(build, tag, package):
     """Yields (name in the wheel, bytes, is executable)."""
-    yield "starloop/_native.abi3.so", (target / "release" / "lib_native.so").read_bytes(), True
+    yield "starloop/_native.abi3.so", (build / "lib_native.so").read_bytes(), True
     for path in sorted(PACKAGE.iterdir()):
         if path.suffix in (".py", ".pyi", ".typed") or path.name == "py.typed":
             yield f"starloop/{path.name}", path.read_bytes(), False
     yield "starloop/client.py", (ROOT / "hil_scripts" / "starloop_client.py").read_bytes(), False
-    yield f"starloop-{version}.data/scripts/starloop", (target / "release" / "starloop").read_bytes(), True
+    version = package["version"]
+    yield f"starloop-{version}.data/scripts/starloop", (build / "starloop").read_bytes(), True
     info = f"starloop-{version}.dist-info"
     description = (ROOT / "src" / "guide" / "python.md").read_text()
-    yield f"{info}/METADATA", METADATA.format(version=version, description=description).encode(), False
+    yield f"{info}/METADATA", METADATA.format(**package, description=description).encode(), False
     yield f"{info}/WHEEL", WHEEL.format(tag=tag).encode(), False
     for name in ("LICENSE-MIT", "LICENSE-APACHE"):
         yield f"{info}/licenses/{name}", (ROOT / name).read_bytes(), False
@@ -76,11 +78,12 @@ def files(target, tag, version):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--target", type=pathlib.Path, default=ROOT / "target", help="folder of the build")
-    parser.add_argument("--out", type=pathlib.Path, default=ROOT / "target" / "wheels", help="folder for the wheel")
+    parser.add_argument("--build", type=pathlib.Path, default=ROOT / "target/release", help="folder of the built module and program")
+    parser.add_argument("--out", type=pathlib.Path, default=ROOT / "target/packages", help="folder for the wheel")
     options = parser.parse_args()
-    version = tomllib.loads((ROOT / "Cargo.toml").read_text())["workspace"]["package"]["version"]
-    binaries = [options.target / "release" / name for name in ("lib_native.so", "starloop")]
+    package = tomllib.loads((ROOT / "Cargo.toml").read_text())["workspace"]["package"]
+    version = package["version"]
+    binaries = [options.build / name for name in ("lib_native.so", "starloop")]
     major, minor = max(glibc_of(binary) for binary in binaries)
     tag = f"cp39-abi3-manylinux_{major}_{minor}_{platform.machine()}"
     options.out.mkdir(parents=True, exist_ok=True)
@@ -95,7 +98,7 @@ def main():
             entry.external_attr = (0o100755 if is_executable else 0o100644) << 16
             wheel.writestr(entry, data, zipfile.ZIP_DEFLATED)
 
-        for name, data, is_executable in files(options.target, tag, version):
+        for name, data, is_executable in files(options.build, tag, package):
             digest = base64.urlsafe_b64encode(hashlib.sha256(data).digest()).rstrip(b"=").decode()
             record.append(f"{name},sha256={digest},{len(data)}")
             add(name, data, is_executable)

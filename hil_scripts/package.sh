@@ -1,18 +1,19 @@
 #!/usr/bin/env bash
-# Makes the packages of a release from the built program, into target/packages:
+# Builds a release with all features and makes its packages, into target/packages:
 #
 #   hil_scripts/package.sh [--out FOLDER]
 #
 #   starloop_VERSION_ARCH.deb               program, configurations, udev rules, systemd unit, completions, manual pages
 #   starloop-VERSION-linux-ARCH.tar.gz      the same files below bin, lib and share, for any Linux with the glibc it names
+#   starloop-VERSION-*.whl                  the Python package, with the program
 #   Containerfile                           an image from the .deb
 #   starloop-VERSION.cdx.json               the crates inside (CycloneDX)
 #   SHA256SUMS                              of all of these: `sha256sum -c SHA256SUMS`
 #
-# Build first: cargo build --release --all-features, and cargo build --release -p starloop_fmu_library for `starloop fmu`.
 # Needs dpkg-deb, readelf, strip, cargo and Python 3.11. The same sources and program give the same bytes.
 #
-#   STARLOOP_BINARY      the program (default target/release/starloop)
+#   STARLOOP_BINARY      a program that is built already, with the library for FMI units and the Python module beside it:
+#                        nothing is built then
 #   SOURCE_DATE_EPOCH    time of the files, seconds since 1970 (default: that of the last commit)
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -33,19 +34,24 @@ while [[ $# -gt 0 ]]; do
     shift
 done
 readonly out
+[[ -n ${STARLOOP_BINARY:-} ]] || cargo build --locked --workspace --all-features --release --lib --bins
 readonly binary="${STARLOOP_BINARY:-${CARGO_TARGET_DIR:-target}/release/starloop}"
-readonly library="$(dirname "$binary")/libstarloop_fmu_library.so"
+folder=$(dirname "$binary")
+readonly folder library="$folder/libstarloop_fmu_library.so"
 readonly parts=hil_scripts/packaging
-[[ -x $binary ]] || {
-    echo "package.sh: $binary is missing: cargo build --release --all-features" >&2
-    exit 1
-}
+for file in "$binary" "$library" "$folder/lib_native.so"; do
+    [[ -f $file ]] || {
+        echo "package.sh: $file is missing: without STARLOOP_BINARY, package.sh builds it" >&2
+        exit 1
+    }
+done
 version=$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml | head -1)
+repository=$(sed -n 's/^repository = "\(.*\)"/\1/p' Cargo.toml)
 machine=$(uname -m)
 architecture=$(dpkg --print-architecture)
 SOURCE_DATE_EPOCH="${SOURCE_DATE_EPOCH:-$(git log -1 --format=%ct 2>/dev/null || date +%s)}"
 export SOURCE_DATE_EPOCH
-readonly version machine architecture
+readonly version repository machine architecture
 
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
@@ -59,12 +65,8 @@ put() { install -D -m "$1" "$2" "$3"; }
 put_programs() {
     put 755 "$binary" "$tree/bin/starloop"
     strip "$tree/bin/starloop"
-    if [[ -f $library ]]; then
-        put 644 "$library" "$tree/lib/starloop/libstarloop_fmu_library.so"
-        strip --strip-unneeded "$tree/lib/starloop/libstarloop_fmu_library.so"
-    else
-        echo "package.sh: $library is missing: \`starloop fmu\` of these packages will need --library" >&2
-    fi
+    put 644 "$library" "$tree/lib/starloop/libstarloop_fmu_library.so"
+    strip --strip-unneeded "$tree/lib/starloop/libstarloop_fmu_library.so"
 }
 
 put_shared_files() {
@@ -128,6 +130,7 @@ make_deb() {
 	Version: $version-1
 	Architecture: $architecture
 	Maintainer: The starloop authors <starloop@localhost>
+	Homepage: $repository
 	Installed-Size: $(du -k --apparent-size -s "$package/usr" | cut -f1)
 	Depends: libc6 (>= $(glibc)), libgcc-s1
 	Recommends: libvulkan1
@@ -174,6 +177,7 @@ main() {
     newest_glibc=$(glibc)
     make_deb
     make_tarball "$newest_glibc"
+    python3 hil_scripts/make_wheel.py --build "$folder" --out "$out"
     put 644 "$parts/Containerfile" "$out/Containerfile"
     put 644 "$work/sbom.cdx.json" "$out/starloop-$version.cdx.json"
     (cd "$out" && sha256sum starloop* Containerfile >SHA256SUMS)

@@ -19,7 +19,9 @@ import sys
 import tarfile
 import tempfile
 import time
+import tomllib
 import unittest
+import zipfile
 from pathlib import Path
 
 sys.dont_write_bytecode = True
@@ -170,7 +172,17 @@ class Contents(unittest.TestCase):
         words = [str(ROOT / "hil_scripts/package.sh"), "--out", "/nonexistent/out"]
         done = subprocess.run(words, env=environment, capture_output=True, text=True)
         self.assertEqual(done.returncode, 1)
-        self.assertIn("cargo build --release", done.stderr)
+        self.assertIn("/nonexistent/starloop is missing", done.stderr)
+        self.assertIn("package.sh builds it", done.stderr)
+
+    def test_the_wheel_has_the_same_program_and_names_the_project(self):
+        with zipfile.ZipFile(only("*.whl")) as wheel:
+            (program,) = [name for name in wheel.namelist() if name.endswith(".data/scripts/starloop")]
+            self.assertEqual(wheel.read(program), BINARY.read_bytes())
+            (metadata,) = [name for name in wheel.namelist() if name.endswith("/METADATA")]
+            package = tomllib.loads((ROOT / "Cargo.toml").read_text())["workspace"]["package"]
+            self.assertIn(f"Project-URL: Repository, {package['repository']}\n", wheel.read(metadata).decode())
+        self.assertEqual(output("dpkg-deb", "-f", str(only("*.deb")), "Homepage").strip(), package["repository"])
 
     def test_the_first_page_works_with_the_package(self):
         with tempfile.TemporaryDirectory() as scratch:

@@ -13,7 +13,6 @@ import unittest
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 BINARY = pathlib.Path(os.environ.get("STARLOOP_BINARY", ROOT / "target" / "release" / "starloop")).resolve()
-TARGET = BINARY.parent.parent
 
 
 def run(*command, **options):
@@ -28,7 +27,7 @@ class Package(unittest.TestCase):
     def setUpClass(cls):
         cls.folder = tempfile.TemporaryDirectory()
         folder = pathlib.Path(cls.folder.name)
-        run(sys.executable, ROOT / "hil_scripts" / "make_wheel.py", "--target", TARGET, "--out", folder / "wheels")
+        run(sys.executable, ROOT / "hil_scripts" / "make_wheel.py", "--build", BINARY.parent, "--out", folder / "wheels")
         (cls.wheel,) = (folder / "wheels").glob("*.whl")
         run(sys.executable, "-m", "venv", "--system-site-packages", folder / "environment")
         cls.python = folder / "environment" / "bin" / "python"

@@ -73,6 +73,16 @@ fn the_first_page_is_short() {
 }
 
 #[test]
+fn the_address_of_the_project_is_that_of_the_manifest() {
+    let manifest = std::fs::read_to_string(root().join("Cargo.toml")).unwrap();
+    let line = manifest.lines().find_map(|line| line.strip_prefix("repository = \"")).unwrap();
+    let address = line.trim_end_matches('"');
+    let first = &pages()[0].text;
+    assert!(first.contains(&format!("git clone {address}\n")), "README.md clones from {address}");
+    assert!(first.contains(&format!("{address}/issues")), "README.md says where a bug is reported");
+}
+
+#[test]
 fn every_link_leads_somewhere() {
     let mut broken = Vec::new();
     let mut followed = 0;
